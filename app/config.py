@@ -1,0 +1,73 @@
+"""What depends on the site, not on the task: workspace, limits, timing, places on disk.
+
+All numbers are SI; the ranges are read by the command line, the console and `checked`.
+"""
+
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import final
+
+import numpy as np
+
+from app.core.errors import ParameterError
+
+
+@final
+@dataclass(frozen=True, kw_only=True)
+class Workspace:
+    """The box in which the tool tip may be [m, world frame]; the table top is z = 0."""
+
+    low: tuple[float, float, float] = (0.25, -0.35, 0.005)
+    high: tuple[float, float, float] = (0.85, 0.35, 0.45)
+
+    def contains(self, positions: np.ndarray) -> bool:
+        """Whether every position `(..., 3)` lies in the box."""
+        return bool(np.all(positions >= np.asarray(self.low)) and np.all(positions <= np.asarray(self.high)))
+
+
+@final
+@dataclass(frozen=True, kw_only=True)
+class Limits:
+    """What the arm may do; checked by the planner and again in the arm's own process."""
+
+    speed_m_s: float = 0.30
+    acceleration_m_s2: float = 1.5
+    stop_deceleration_m_s2: float = 6.0
+    workspace: Workspace = field(default_factory=Workspace)
+
+
+@final
+@dataclass(frozen=True, kw_only=True)
+class Timing:
+    """Periods and deadlines [s]."""
+
+    arm_period_s: float = 0.010
+    watchdog_s: float = 0.200
+    keepalive_s: float = 0.040
+    camera_period_s: float = 0.25
+    camera_timeout_s: float = 5.0
+    settle_s: float = 0.6
+    plan_max_age_s: float = 300.0
+    plan_max_drift_m: float = 0.008
+    health_period_s: float = 0.5
+
+
+@final
+@dataclass(frozen=True, kw_only=True)
+class Site:
+    """One installation of the program."""
+
+    limits: Limits = field(default_factory=Limits)
+    timing: Timing = field(default_factory=Timing)
+    travel_height_m: float = 0.12
+    recordings: Path = Path("recordings")
+    min_free_bytes: int = 500_000_000
+    console_host: str = "127.0.0.1"
+    console_port: int = 8088
+
+
+def checked(name: str, value: float, low: float, high: float) -> float:
+    """`value`, or a ParameterError that names it and its range where it is non-finite or outside [low, high]."""
+    if not np.isfinite(value) or not low <= value <= high:
+        raise ParameterError(f"{name} = {value:g} is outside its range {low:g} to {high:g}.")
+    return value

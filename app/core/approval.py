@@ -1,0 +1,89 @@
+"""The approval gate: the only place where an `Approved` is made, and an arm executes nothing else.
+
+Exactly the motion that was shown is approved, by its digest; the gate refuses when the plan is old or the object has
+moved since it was planned. (MoveIt learned the same: moveit_ros #709, #710.)
+"""
+
+import secrets
+from dataclasses import dataclass, field
+from typing import final
+
+import numpy as np
+
+from app.core.chamfer import chamfer_m2
+from app.core.errors import ApprovalRefused
+from app.core.messages import Decision, Message, MessageId, Motion, Particles, Proposal, fresh_id
+
+_SEAL = secrets.token_hex(16)
+
+
+@final
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Approved(Message):
+    """Leave to execute one motion once. Made by `ApprovalGate.approve` alone."""
+
+    proposal_id: MessageId
+    motion: Motion
+    digest: str
+    operator: str
+    seal: str = field(repr=False)
+
+    def __post_init__(self) -> None:
+        if self.seal != _SEAL:
+            raise ApprovalRefused("Only the approval gate makes an Approved; send a Decision to it instead.")
+        if self.digest != self.motion.digest():
+            raise ApprovalRefused("The motion is not the one that was approved; plan and approve again.")
+
+
+@final
+class ApprovalGate:
+    """Holds the one proposal that is being shown and turns a decision on it into an `Approved`.
+
+    `max_age_s`: a plan older than this is refused. `max_drift_m`: so is one whose object has moved by more than this
+    (root of half the Chamfer distance between the planned-from and the latest particles).
+    """
+
+    def __init__(self, *, max_age_s: float, max_drift_m: float) -> None:
+        self._max_age_s = max_age_s
+        self._max_drift_m = max_drift_m
+        self._shown: Proposal | None = None
+
+    def show(self, proposal: Proposal | None) -> None:
+        """From now on only `proposal` can be approved (None: nothing can)."""
+        self._shown = proposal
+
+    def approve(self, decision: Decision, *, latest: Particles, now_s: float) -> Approved:
+        """The approved motion of the shown proposal; it is consumed.
+
+        Raises ApprovalRefused with the reason in words.
+        """
+        shown = self._shown
+        if shown is None or decision.proposal_id != shown.id:
+            raise ApprovalRefused("That plan is no longer the one shown; look at the new one and decide on it.")
+        if decision.digest != shown.motion.digest():
+            raise ApprovalRefused("The approved motion is not the motion shown; reload the console and decide again.")
+        age_s = now_s - shown.time_s
+        if age_s > self._max_age_s:
+            raise ApprovalRefused(f"The plan is {age_s:.0f} s old (limit {self._max_age_s:.0f} s); wait for a new one.")
+        drift_m = drift(shown.observed, latest.positions)
+        if drift_m > self._max_drift_m:
+            raise ApprovalRefused(
+                f"The object has moved by {drift_m * 1e3:.0f} mm since this was planned "
+                f"(limit {self._max_drift_m * 1e3:.0f} mm); wait for a new plan."
+            )
+        self._shown = None
+        return Approved(
+            id=fresh_id("approved"),
+            cause=(shown.id, decision.id),
+            time_s=now_s,
+            proposal_id=shown.id,
+            motion=shown.motion,
+            digest=decision.digest,
+            operator=decision.operator,
+            seal=_SEAL,
+        )
+
+
+def drift(a: np.ndarray, b: np.ndarray) -> float:
+    """How far apart two clouds of the same object are [m]: the root of their mean one-way squared distance."""
+    return float(np.sqrt(chamfer_m2(a, b) / 2))

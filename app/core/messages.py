@@ -1,0 +1,309 @@
+"""What flows between the stages of the application: frozen, dated, and each naming its causes.
+
+`cause` holds the ids of the messages this one was made from, so that any executed motion leads back to the frames,
+particles, model version and plan behind it. `time_s` is `time.monotonic()`, which all processes of one machine share.
+"""
+
+import hashlib
+import uuid
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Literal, NewType, TypeAlias, final
+
+import numpy as np
+from jaxtyping import Float32, Float64
+
+from app.core.types import (
+    Cloud,
+    ColourImage,
+    DepthImage,
+    Intrinsics,
+    Path3,
+    Points,
+    Poses,
+    Transform,
+)
+
+MessageId = NewType("MessageId", str)
+
+
+def fresh_id(kind: str) -> MessageId:
+    """A new unique id that says what it names, for example `frame-3f2a9c01d4`."""
+    return MessageId(f"{kind}-{uuid.uuid4().hex[:10]}")
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Message:
+    """What every message carries."""
+
+    id: MessageId
+    cause: tuple[MessageId, ...] = ()
+    time_s: float
+
+
+@final
+@dataclass(frozen=True, kw_only=True, eq=False)
+class CameraModel:
+    """A calibrated RGB-D camera whose depth is aligned to its colour image.
+
+    The optical frame follows OpenCV: x right, y down, z forward.
+    """
+
+    name: str
+    width: int
+    height: int
+    K: Intrinsics
+    T_world_camera: Transform
+    depth_unit_m: float
+
+
+@final
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Frame(Message):
+    """One RGB-D image pair. `time_s` is the moment of exposure."""
+
+    camera: CameraModel
+    color: ColourImage
+    depth: DepthImage
+
+
+@final
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Particles(Message):
+    """The object as particles of equal volume, with the fused surface they were made from.
+
+    `time_s` is that of the oldest frame behind it; `cause` holds the frames' ids.
+    """
+
+    positions: Points
+    surface: Cloud
+    reconstruction_s: float
+
+
+@final
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Goal(Message):
+    """Where the object shall be, as particles."""
+
+    positions: Points
+
+
+@final
+@dataclass(frozen=True, kw_only=True)
+class Parameter:
+    """A physical parameter of the model with its 90 % interval (equal to the value where it was not estimated)."""
+
+    name: str
+    value: float
+    unit: str
+    low: float
+    high: float
+
+
+@final
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Model(Message):
+    """The simulator's physical parameters, version by version. Version 0 is the task's nominal model."""
+
+    version: int
+    task: str
+    parameters: tuple[Parameter, ...]
+    loss_m2: float = float("nan")
+    transition_count: int = 0
+
+    def value(self, name: str) -> float:
+        """The value of the parameter called `name`; KeyError where there is none."""
+        for parameter in self.parameters:
+            if parameter.name == name:
+                return parameter.value
+        raise KeyError(name)
+
+
+@final
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Motion:
+    """A path of the tool tip: straight lines between `positions`, each approached at its own speed.
+
+    The first position is reached from wherever the arm is, by way of the travel height.
+    `positions [m] (W, 3)`, `speeds [m/s] (W,)`.
+    """
+
+    positions: Path3
+    speeds: Float64[np.ndarray, " W"]
+
+    def digest(self) -> str:
+        """SHA-256 over the exact numbers: what the operator saw is what this names."""
+        digest = hashlib.sha256()
+        for array in (self.positions, self.speeds):
+            digest.update(np.ascontiguousarray(array, dtype="<f8").tobytes())
+        return digest.hexdigest()
+
+
+@final
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Branch:
+    """One branch of the search tree, before and after gradient descent on its actions.
+
+    `actions (D, A)`: D steps deep, in the task's action space; `tool_path (W, 3)`: the first action's path;
+    `predicted (N, 3)`: the particles after the first action; `final (N, 3)`: at the end of the branch.
+    A branch that became non-finite is kept for the record with `finite=False` and is never chosen.
+    """
+
+    origin: Literal["policy", "random"]
+    actions: Float32[np.ndarray, "D A"]
+    tool_path: Float32[np.ndarray, "W 3"]
+    predicted: Points
+    final: Points
+    cost_before: float
+    cost_after: float
+    terms: Mapping[str, float]
+    finite: bool
+
+
+@final
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Proposal(Message):
+    """A plan offered for approval. `cause` holds the ids of the particles, the goal and the model behind it."""
+
+    task: str
+    particles_id: MessageId
+    goal_id: MessageId
+    model_id: MessageId
+    model_version: int
+    observed: Points
+    branches: tuple[Branch, ...]
+    best: int
+    motion: Motion
+    chamfer_m2: float
+    predicted_chamfer_m2: float
+    plan_s: float
+
+    @property
+    def chosen(self) -> Branch:
+        """The branch that `motion` executes."""
+        return self.branches[self.best]
+
+    @property
+    def dropped(self) -> int:
+        """How many branches became non-finite."""
+        return sum(not branch.finite for branch in self.branches)
+
+
+@final
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Executed(Message):
+    """What the arm did with an approved motion: commanded and measured tool poses, sampled at `times_s`."""
+
+    approved_id: MessageId
+    outcome: Literal["completed", "stopped", "fault"]
+    reason: str
+    times_s: Float64[np.ndarray, " T"]
+    commanded: Poses
+    measured: Poses
+
+
+@final
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Transition(Message):
+    """The object before a motion, the motion as it was made, and the object after it."""
+
+    before: Points
+    executed: Executed
+    after: Points
+
+
+ArmMode: TypeAlias = Literal["idle", "moving", "stopping", "stopped", "fault"]
+
+
+@final
+@dataclass(frozen=True, kw_only=True, eq=False)
+class ArmState(Message):
+    """The arm as last measured. `period_s` is the longest control period since the previous state was read."""
+
+    pose: Float64[np.ndarray, "7"]
+    velocity: Float64[np.ndarray, "3"]
+    joints: Float64[np.ndarray, "7"]
+    gripper: float
+    mode: ArmMode
+    period_s: float
+    reason: str = ""
+
+
+@final
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Fault(Message):
+    """Something went wrong, in words, and what was done about it."""
+
+    where: str
+    text: str
+    fatal: bool = False
+
+
+@final
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Notice(Message):
+    """Something that the operator should read: a stage that started, a plan that was dropped."""
+
+    where: str
+    text: str
+
+
+@final
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Health(Message):
+    """The health strip: ages and durations [s], the calibration loss, and counted drops by channel."""
+
+    mode: str
+    frame_age_s: Mapping[str, float]
+    particles_age_s: float
+    plan_age_s: float
+    plan_s: float
+    arm_mode: ArmMode
+    arm_period_s: float
+    model_version: int
+    calibration_loss_m2: float
+    drops: Mapping[str, int]
+    faults: int
+    disk_free_bytes: int
+
+
+@final
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Episode(Message):
+    """The start of a recording: what ran, with what, from which code."""
+
+    task: str
+    rig: str
+    seed: int
+    simulated: bool
+    code_version: str
+    config: str
+    """The whole configuration as one JSON document."""
+
+
+@final
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Decision(Message):
+    """What the operator said to a proposal: the digest is that of the motion the console was showing."""
+
+    proposal_id: MessageId
+    digest: str
+    approve: bool
+    operator: str
+    reason: str = ""
+
+
+@final
+@dataclass(frozen=True, kw_only=True, eq=False)
+class ResumeRequest(Message):
+    """The operator wants to go on after a stop."""
+
+    operator: str
+
+
+@final
+@dataclass(frozen=True, kw_only=True, eq=False)
+class StopRequest(Message):
+    """Somebody pressed STOP. The arm has been told already; this is for the record and the flow."""
+
+    operator: str
