@@ -1,0 +1,1 @@
+"""Search over trajectories: sample, roll out, descend, choose."""

@@ -1,0 +1,1 @@
+"""Initial policies that guide the tree."""

@@ -1,0 +1,1 @@
+"""Where frames come from and motions go: simulated, replayed or real."""

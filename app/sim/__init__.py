@@ -1,0 +1,1 @@
+"""The differentiable particle simulator: Warp kernels behind JAX operations."""

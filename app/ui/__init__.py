@@ -1,0 +1,1 @@
+"""The operator console: shows messages, sends decisions, computes nothing."""
