@@ -212,6 +212,25 @@ class Transition(Message):
     after: Points
 
 
+@final
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Outcome(Message):
+    """One push in numbers, once the object has been seen again: what was predicted and what came of it.
+
+    `cause` holds the ids of the proposal, of what was executed and of the particles seen afterwards; `index` counts
+    the pushes of the episode from 1.
+    """
+
+    index: int
+    chamfer_before_m2: float
+    predicted_chamfer_m2: float
+    chamfer_after_m2: float
+    cost_before: float
+    cost_after: float
+    plan_s: float
+    model_version: int
+
+
 ArmMode: TypeAlias = Literal["idle", "moving", "stopping", "stopped", "fault"]
 
 
