@@ -1,0 +1,441 @@
+"""The running application on one page: cameras -> particles -> model -> plan -> approval -> arm, and all begins again.
+
+Every stage runs all the time, in one task group, joined by channels that say what they do when a reader is slow. What
+is heavy runs in worker processes; STOP goes from the console to the arm's process without passing through here.
+"""
+
+import shutil
+from collections.abc import AsyncIterator
+from contextlib import asynccontextmanager
+from dataclasses import dataclass, field
+from typing import TypeVar, final
+
+import anyio
+
+from app.config import Site
+from app.core.approval import ApprovalGate, Approved, drift
+from app.core.chamfer import chamfer_m2
+from app.core.channel import Latest, Lossless
+from app.core.errors import ApprovalRefused, DeviceError, DipacError, MotionRefused, PerceptionError, PlanningError
+from app.core.messages import (
+    Decision,
+    Executed,
+    Fault,
+    Frame,
+    Goal,
+    Health,
+    Message,
+    Model,
+    Notice,
+    Outcome,
+    Particles,
+    Proposal,
+    ResumeRequest,
+    StopRequest,
+    Transition,
+    fresh_id,
+)
+from app.core.ports import Camera, Clock, Operator, Recorder, Rig
+from app.core.worker import Worker
+from app.perception.reconstruct import reconstruct
+from app.tasks import Task, calibrate, plan, warm_up_stage, warm_up_stages
+
+MessageT = TypeVar("MessageT", bound=Message)
+
+_OBSERVE_DEADLINE_S = 30.0
+_FAILURES_IN_A_ROW = 3
+
+
+@final
+@dataclass(frozen=True, kw_only=True)
+class Wish:
+    """What this episode is to do."""
+
+    task: Task
+    preset: str
+    goal: Goal
+    model: Model
+    seed: int
+    pushes: int
+    automatic: bool
+    calibrating: bool
+
+
+@final
+@dataclass(kw_only=True)
+class Summary:
+    """What came of an episode; `chamfer_m2` holds the start and then one value after each push."""
+
+    chamfer_m2: list[float] = field(default_factory=list[float])
+    predicted_chamfer_m2: list[float] = field(default_factory=list[float])
+    decision_s: list[float] = field(default_factory=list[float])
+    cost_before: list[float] = field(default_factory=list[float])
+    cost_after: list[float] = field(default_factory=list[float])
+    reconstruction_latency_s: list[float] = field(default_factory=list[float])
+    faults: list[str] = field(default_factory=list[str])
+    first_push_s: float | None = None
+
+    def began_moving(self, since_start_s: float) -> None:
+        """Note when the first push began."""
+        if self.first_push_s is None:
+            self.first_push_s = since_start_s
+
+    def add(self, outcome: Outcome) -> None:
+        """Append one push."""
+        self.chamfer_m2.append(outcome.chamfer_after_m2)
+        self.predicted_chamfer_m2.append(outcome.predicted_chamfer_m2)
+        self.decision_s.append(outcome.plan_s)
+        self.cost_before.append(outcome.cost_before)
+        self.cost_after.append(outcome.cost_after)
+
+
+@final
+class Flow:
+    """One episode. Build it, `await run()`, read the summary."""
+
+    def __init__(
+        self, wish: Wish, *, site: Site, rig: Rig, operator: Operator, recorder: Recorder, clock: Clock, nice: int = 10
+    ) -> None:
+        if wish.automatic and not rig.simulated:
+            raise MotionRefused("Automatic approval is allowed on the simulated rig alone; use `dipac console`.")
+        self.wish, self.site, self.rig = wish, site, rig
+        self.operator, self.recorder, self.clock = operator, recorder, clock
+        self.summary = Summary()
+        self.gate = ApprovalGate(max_age_s=site.timing.plan_max_age_s, max_drift_m=site.timing.plan_max_drift_m)
+        self.perceiver = Worker("perception")
+        self.planner = Worker("planner", niceness=nice)
+        self.calibrator = Worker("calibrator", niceness=nice + 5)
+        self.frames = {camera.model.name: Latest[Frame](f"frames {camera.model.name}") for camera in rig.cameras}
+        self.particles = Latest[Particles]("particles")
+        self.models = Latest[Model]("models")
+        self.proposals = Latest[Proposal]("proposals")
+        self.transitions = Lossless[Transition]("transitions", bound=100)
+        self.decisions = Lossless[Decision]("decisions", bound=100)
+        self.log = Lossless[Message]("log", bound=5000)
+        self.doing = "starting"
+        self._doing_since_s = clock.now()
+        self._may_move = anyio.Event()
+        self._may_move.set()
+        self._began_s = clock.now()
+        self._pushes = 0
+
+    async def run(self) -> Summary:
+        """Push until the goal is reached or the pushes are used up. Raises the first DipacError of any stage."""
+        try:
+            async with (
+                self._logging(),
+                self.perceiver,
+                self.planner,
+                self.calibrator,
+                anyio.create_task_group() as stages,
+            ):
+                for camera in self.rig.cameras:
+                    stages.start_soon(self._capture, camera)
+                for stage in (self._reconstruct, self._calibrate, self._listen, self._report):
+                    stages.start_soon(stage)
+                self.say(self.wish.goal)
+                self.models.put(self.say(self.wish.model))
+                await self._push_to_the_goal()
+                stages.cancel_scope.cancel()
+        except BaseExceptionGroup as group:
+            raise _first(group) from group
+        return self.summary
+
+    # The stages ---------------------------------------------------------------------------------------------------
+
+    async def _capture(self, camera: Camera) -> None:
+        """Camera -> frames; a camera that fails is reported and tried again."""
+        while True:
+            try:
+                frame = await camera.read()
+            except DeviceError as error:
+                self.fault(f"camera {camera.model.name}", error)
+                await self.clock.sleep(1.0)
+                continue
+            self.frames[camera.model.name].put(frame)
+            self.say(frame)
+
+    async def _reconstruct(self) -> None:
+        """One new frame of every camera -> particles."""
+        changes = [channel.changes() for channel in self.frames.values()]
+        while True:
+            frames = [await anext(change) for change in changes]
+            started_s = self.clock.now()
+            try:
+                seen = await self.perceiver.run(reconstruct, frames, self.wish.task.reconstruction(self.wish.preset))
+            except PerceptionError as error:
+                self.fault("perception", error)
+                continue
+            now_s = self.clock.now()
+            particles = Particles(
+                id=fresh_id("particles"),
+                cause=tuple(frame.id for frame in frames),
+                time_s=min(frame.time_s for frame in frames),
+                positions=seen.positions,
+                surface=seen.surface,
+                reconstruction_s=now_s - started_s,
+            )
+            self.summary.reconstruction_latency_s.append(now_s - max(frame.time_s for frame in frames))
+            self.particles.put(self.say(particles))
+
+    async def _calibrate(self) -> None:
+        """Transitions -> model, in the background and never in the way of planning."""
+        seen: list[Transition] = []
+        async for transition in self.transitions:
+            seen.append(transition)
+            if not self.wish.calibrating or self.models.value is None:
+                continue
+            old = self.models.value
+            new = await self.calibrator.run(calibrate, self.wish.task.name, self.wish.preset, seen, old)
+            self.models.put(self.say(new))
+
+    async def _listen(self) -> None:
+        """The operator's requests. The arm has stopped before a StopRequest gets here."""
+        async for request in self.operator.requests():
+            self.say(request)
+            match request:
+                case Decision():
+                    await self.decisions.put(request)
+                case StopRequest():
+                    self._may_move = anyio.Event()
+                    self.notice("stop", f"Stopped by {request.operator}. Press Resume to go on.")
+                case ResumeRequest():
+                    await self.rig.arm.reset()
+                    self._may_move.set()
+                    self.notice("stop", f"Resumed by {request.operator}.")
+
+    async def _report(self) -> None:
+        """The arm's state and the health strip, at a steady pace."""
+        while True:
+            arm = await self.rig.arm.state()
+            self.say(arm)
+            now_s, model = self.clock.now(), self.models.value
+            proposal, particles = self.proposals.value, self.particles.value
+            self.say(
+                Health(
+                    id=fresh_id("health"),
+                    time_s=now_s,
+                    mode=f"{self.doing} ({now_s - self._doing_since_s:.0f} s)",
+                    frame_age_s={name: now_s - c.value.time_s for name, c in self.frames.items() if c.value},
+                    particles_age_s=now_s - particles.time_s if particles else float("inf"),
+                    plan_age_s=now_s - proposal.time_s if proposal else float("inf"),
+                    plan_s=proposal.plan_s if proposal else float("nan"),
+                    arm_mode=arm.mode,
+                    arm_period_s=arm.period_s,
+                    model_version=model.version if model else 0,
+                    calibration_loss_m2=model.loss_m2 if model else float("nan"),
+                    drops={channel.name: channel.dropped for channel in self.frames.values()},
+                    faults=len(self.summary.faults),
+                    disk_free_bytes=shutil.disk_usage(self.site.recordings).free,
+                )
+            )
+            await self.clock.sleep(self.site.timing.health_period_s)
+
+    # The loop -----------------------------------------------------------------------------------------------------
+
+    async def _push_to_the_goal(self) -> None:
+        """See, plan, ask, act, learn; and again."""
+        await self._warm_up()
+        observed = await self._settled(after_s=self._began_s)
+        self.summary.chamfer_m2.append(self._to_goal(observed))
+        refusals = 0
+        while self._pushes < self.wish.pushes and self._to_goal(observed) > self.wish.task.success_m2:
+            proposal = await self._plan(observed, salt=refusals)
+            approved = await self._approval(proposal)
+            executed = await self._execute(approved) if approved else None
+            if executed is None:
+                refusals += 1
+                observed = await self._settled(after_s=self.clock.now())
+                continue
+            before, observed = observed, await self._settled(after_s=executed.time_s)
+            await self._learn(proposal, before, executed, observed)
+        self._do("done")
+
+    async def _warm_up(self) -> None:
+        """Compile what planning needs, by name, while the cameras already run."""
+        for index, stage in enumerate(warm_up_stages(self.wish.task.name, self.wish.preset)):
+            self._do(f"compiling {stage}")
+            await self.planner.run(warm_up_stage, self.wish.task.name, self.wish.preset, index)
+
+    async def _settled(self, *, after_s: float) -> Particles:
+        """The first particles whose every frame was taken with the arm at rest, `settle_s` after `after_s`."""
+        self._do("looking at the object")
+        await self._may_move.wait()
+        due_s = after_s + self.site.timing.settle_s
+        with anyio.move_on_after(_OBSERVE_DEADLINE_S):
+            async for particles in self.particles.changes():
+                if particles.time_s >= due_s:
+                    return particles
+        raise DeviceError(
+            f"The object has not been seen for {_OBSERVE_DEADLINE_S:.0f} s; look at the camera images in the console, "
+            "uncover the object, and start again."
+        )
+
+    async def _plan(self, observed: Particles, *, salt: int) -> Proposal:
+        """Ask the planner; a plan without a finite branch is tried again with other random branches."""
+        self._do("planning")
+        wish, model = self.wish, self.models.value
+        assert model is not None
+        for attempt in range(_FAILURES_IN_A_ROW):
+            seed = hash((wish.seed, self._pushes, salt, attempt)) % 2**31
+            started_s = self.clock.now()
+            try:
+                found = await self.planner.run(
+                    plan, wish.task.name, wish.preset, observed.positions, wish.goal.positions, model, seed
+                )
+            except PlanningError as error:
+                self.fault("planner", error)
+                continue
+            now_s = self.clock.now()
+            proposal = Proposal(
+                id=fresh_id("proposal"),
+                cause=(observed.id, wish.goal.id, model.id),
+                time_s=now_s,
+                task=wish.task.name,
+                particles_id=observed.id,
+                goal_id=wish.goal.id,
+                model_id=model.id,
+                model_version=model.version,
+                observed=observed.positions,
+                branches=found.branches,
+                best=found.best,
+                motion=found.motion,
+                chamfer_m2=found.chamfer_m2,
+                predicted_chamfer_m2=found.predicted_chamfer_m2,
+                plan_s=now_s - started_s,
+            )
+            return self.say(proposal)
+        raise PlanningError(f"No finite plan in {_FAILURES_IN_A_ROW} attempts; the last states are in the recording.")
+
+    async def _approval(self, proposal: Proposal) -> Approved | None:
+        """Show the proposal and wait for the operator; None where it was rejected, refused or grew old."""
+        latest = self.particles.value
+        assert latest is not None
+        if (moved_m := drift(proposal.observed, latest.positions)) > self.site.timing.plan_max_drift_m:
+            self.notice("plan", f"{proposal.id} dropped: the object moved by {moved_m * 1e3:.0f} mm meanwhile.")
+            return None
+        self._do("waiting for approval")
+        self.gate.show(proposal)
+        self.proposals.put(proposal)
+        self.operator.show(proposal)
+        with anyio.move_on_after(self.site.timing.plan_max_age_s):
+            while True:
+                decision = self._automatic(proposal) if self.wish.automatic else await self.decisions.get()
+                if decision.proposal_id != proposal.id:
+                    self.notice("approval", f"{decision.proposal_id} is not the plan shown; nothing was done.")
+                elif not decision.approve:
+                    self.notice("approval", f"Rejected by {decision.operator}: {decision.reason or 'no reason given'}.")
+                    return None
+                else:
+                    return self._approved(decision)
+        self.notice("plan", f"{proposal.id} grew too old; planning again.")
+        return None
+
+    def _automatic(self, proposal: Proposal) -> Decision:
+        decision = Decision(
+            id=fresh_id("decision"),
+            cause=(proposal.id,),
+            time_s=self.clock.now(),
+            proposal_id=proposal.id,
+            digest=proposal.motion.digest(),
+            approve=True,
+            operator="automatic",
+        )
+        return self.say(decision)
+
+    def _approved(self, decision: Decision) -> Approved | None:
+        latest = self.particles.value
+        assert latest is not None
+        try:
+            return self.say(self.gate.approve(decision, latest=latest, now_s=self.clock.now()))
+        except ApprovalRefused as refusal:
+            self.notice("approval", str(refusal))
+            return None
+
+    async def _execute(self, approved: Approved) -> Executed | None:
+        """Make the motion; None where the arm refused it before anything moved."""
+        self._do("pushing")
+        self.summary.began_moving(self.clock.now() - self._began_s)
+        try:
+            executed = await self.rig.arm.execute(approved)
+        except MotionRefused as refusal:
+            self.fault("arm", refusal)
+            await self.clock.sleep(1.0)
+            return None
+        return self.say(executed)
+
+    async def _learn(self, proposal: Proposal, before: Particles, executed: Executed, after: Particles) -> None:
+        """Score the push and hand the transition to the calibrator."""
+        self._pushes += 1
+        best = proposal.chosen
+        outcome = Outcome(
+            id=fresh_id("outcome"),
+            cause=(proposal.id, executed.id, after.id),
+            time_s=self.clock.now(),
+            index=self._pushes,
+            chamfer_before_m2=proposal.chamfer_m2,
+            predicted_chamfer_m2=proposal.predicted_chamfer_m2,
+            chamfer_after_m2=self._to_goal(after),
+            cost_before=best.cost_before,
+            cost_after=best.cost_after,
+            plan_s=proposal.plan_s,
+            model_version=proposal.model_version,
+        )
+        self.say(outcome)
+        self.summary.add(outcome)
+        transition = Transition(
+            id=fresh_id("transition"),
+            cause=(before.id, executed.id, after.id),
+            time_s=self.clock.now(),
+            before=before.positions,
+            executed=executed,
+            after=after.positions,
+        )
+        await self.transitions.put(self.say(transition))
+
+    # Saying what happens ------------------------------------------------------------------------------------------
+
+    def say(self, message: MessageT) -> MessageT:
+        """To the operator and into the log; returns the message."""
+        self.operator.show(message)
+        self.log.put_nowait(message)
+        return message
+
+    def notice(self, where: str, text: str) -> None:
+        """Something for the operator to read."""
+        self.say(Notice(id=fresh_id("notice"), time_s=self.clock.now(), where=where, text=text))
+
+    def fault(self, where: str, error: DipacError) -> None:
+        """Something that went wrong and did not end the episode."""
+        self.summary.faults.append(f"{where}: {error}")
+        self.say(Fault(id=fresh_id("fault"), time_s=self.clock.now(), where=where, text=str(error)))
+
+    def _do(self, doing: str) -> None:
+        self.doing, self._doing_since_s = doing, self.clock.now()
+
+    def _to_goal(self, particles: Particles) -> float:
+        return float(chamfer_m2(particles.positions, self.wish.goal.positions))
+
+    @asynccontextmanager
+    async def _logging(self) -> AsyncIterator[None]:
+        """Record everything said, until the last message is on disk, whatever ends the episode."""
+        async with anyio.create_task_group() as recording:
+            recording.start_soon(self._record)
+            try:
+                yield
+            finally:
+                self.log.close()
+
+    async def _record(self) -> None:
+        with anyio.CancelScope(shield=True):
+            async for message in self.log:
+                await self.recorder.write(message)
+
+
+def _first(group: BaseExceptionGroup[BaseException]) -> BaseException:
+    """The first error of this program in a group, else the first error."""
+    ours, _ = group.split(DipacError)
+    error: BaseException = ours or group
+    while isinstance(error, BaseExceptionGroup):
+        error = error.exceptions[0]
+    return error

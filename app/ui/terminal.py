@@ -1,0 +1,72 @@
+"""The episode as lines in a terminal: what is being done now, a line a push, notices and faults."""
+
+from types import TracebackType
+from typing import Self, final
+
+from rich.console import Console
+from rich.status import Status
+
+from app.core.messages import Fault, Health, Message, Notice, Outcome
+
+
+@final
+class Terminal:
+    """Prints what an operator without a browser needs. On a terminal the last line shows the stage and its age."""
+
+    def __init__(self, console: Console) -> None:
+        self._console = console
+        self._status: Status | None = None
+        self._stage = ""
+
+    def __enter__(self) -> Self:
+        if self._console.is_terminal:
+            self._status = self._console.status("starting")
+            self._status.start()
+        self._print_header()
+        return self
+
+    def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, _: TracebackType | None) -> None:
+        if self._status is not None:
+            self._status.stop()
+
+    def show(self, message: Message) -> None:
+        """Print the message where it is one that belongs here."""
+        match message:
+            case Health():
+                self._show_stage(message.mode)
+            case Outcome():
+                self._console.print(outcome_line(message), highlight=False)
+            case Notice():
+                self._console.print(f"[cyan]{message.where}[/]: {message.text}", highlight=False)
+            case Fault():
+                self._console.print(f"[red]fault, {message.where}[/]: {message.text}", highlight=False)
+            case _:
+                pass
+
+    def _show_stage(self, mode: str) -> None:
+        """Update the status line; where the output is a file, print each compilation once instead."""
+        if self._status is not None:
+            self._status.update(mode)
+            return
+        stage = mode.rsplit(" (", 1)[0]
+        if stage != self._stage and stage.startswith("compiling"):
+            self._console.print(f"{stage} ...", highlight=False)
+        self._stage = stage
+
+    def _print_header(self) -> None:
+        self._console.print(
+            "[bold]push   Chamfer before ->  after  (predicted)   cost before -> after   plan   model[/]"
+        )
+
+
+def outcome_line(outcome: Outcome) -> str:
+    """One push as a line; distances as the root of half the Chamfer distance, in millimetres."""
+    before, after, predicted = (
+        1e3 * (chamfer_m2 / 2) ** 0.5
+        for chamfer_m2 in (outcome.chamfer_before_m2, outcome.chamfer_after_m2, outcome.predicted_chamfer_m2)
+    )
+    return (
+        f"{outcome.index:4d}   {before:9.1f} mm -> {after:6.1f} mm ({predicted:5.1f} mm)   "
+        f"{outcome.cost_before * 1e3:8.2f} -> {outcome.cost_after * 1e3:6.2f} e-3  {outcome.plan_s:4.1f} s   "
+        f"v{outcome.model_version}"
+    )
