@@ -1,0 +1,107 @@
+"""The command line `dipac`: chooses a command, imports that one alone, and says every error in one line.
+
+A command is a file in `app/commands` that defines a function of its own name; the function's typed parameters become
+the command's options and the first line of the file's docstring its help. So a new command is one new file.
+"""
+
+import ast
+import importlib
+import sys
+from collections.abc import Callable, Iterator, Sequence
+from pathlib import Path
+
+from app import __version__
+from app.core.errors import DipacError, UsageError
+
+COMMANDS = Path(__file__).parent / "commands"
+INTERRUPTED = 130
+"""What a shell reports for a program that Ctrl-C ended: 128 + SIGINT."""
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Run one command line (that of the process by default); returns the exit code."""
+    given = list(sys.argv[1:] if arguments is None else arguments)
+    return exit_code_of(lambda: _run(given))
+
+
+def exit_code_of(action: Callable[[], None]) -> int:
+    """0 when `action` returns; for a deliberate error its own code, said on stderr in one line; 130 for Ctrl-C.
+
+    Tasks that run side by side raise their errors in groups: such a group counts as its first error where all of it
+    was deliberate. Anything else is a defect of the program and keeps its traceback.
+    """
+    try:
+        action()
+    except (DipacError, KeyboardInterrupt, BaseExceptionGroup) as error:
+        leaves = list(_leaves(error))
+        if any(isinstance(leaf, KeyboardInterrupt) for leaf in leaves):
+            _complain("interrupted")
+            return INTERRUPTED
+        deliberate = [leaf for leaf in leaves if isinstance(leaf, DipacError)]
+        if len(deliberate) < len(leaves):
+            raise
+        for leaf in deliberate:
+            _complain(str(leaf))
+        return deliberate[0].exit_code
+    return 0
+
+
+def command_names() -> dict[str, Path]:
+    """Every command by its name on the command line, with its file."""
+    files = (file for file in sorted(COMMANDS.glob("*.py")) if not file.stem.startswith("_"))
+    return {file.stem.replace("_", "-"): file for file in files}
+
+
+def _run(arguments: list[str]) -> None:
+    name, *rest = arguments or ["--help"]
+    if name in ("-h", "--help", "help"):
+        sys.stdout.write(_overview())
+    elif name == "--version":
+        sys.stdout.write(f"dipac {__version__}\n")
+    else:
+        _run_command(name, rest)
+
+
+def _run_command(name: str, arguments: list[str]) -> None:
+    files = command_names()
+    if name not in files:
+        raise UsageError.unknown("command", name, files)
+    import tyro  # Costs more than everything else here together, and `--help` does without it.
+
+    stem = files[name].stem
+    module = importlib.import_module(f"app.commands.{stem}")
+    tyro.cli(getattr(module, stem), prog=f"dipac {name}", args=arguments)
+
+
+def _overview() -> str:
+    files = command_names()
+    width = max(map(len, files), default=0)
+    lines = [f"  {name:<{width}}  {_first_line(file)}" for name, file in files.items()]
+    return "\n".join(
+        ["usage: dipac COMMAND [options]", "", *lines, "", "`dipac COMMAND --help` lists a command's options.", ""]
+    )
+
+
+def _first_line(file: Path) -> str:
+    """The first line of a module's docstring, read without importing the module."""
+    docstring = ast.get_docstring(ast.parse(file.read_text(encoding="utf-8"))) or ""
+    return docstring.partition("\n")[0]
+
+
+def _leaves(error: BaseException) -> Iterator[BaseException]:
+    if isinstance(error, BaseExceptionGroup):
+        for inner in error.exceptions:
+            yield from _leaves(inner)
+    else:
+        yield error
+
+
+def _complain(text: str) -> None:
+    from rich.console import Console  # Only a program that fails pays for it.
+
+    line = " ".join(f"dipac: {text}".splitlines())
+    Console(stderr=True, soft_wrap=True).print(line, style="red", markup=False, highlight=False)
+
+
+if __name__ == "__main__":
+    sys.exit(main())
