@@ -1,0 +1,55 @@
+"""The physical parameters of the simulated world, in one place, so that a world can differ in any of them."""
+
+from dataclasses import dataclass, field
+from typing import final
+
+from jaxtyping import Float64
+from numpy import ndarray
+
+HOME_TOOL_M = (0.30, 0.0, 0.30)
+"""Where the tool tip waits before its first motion: over the near edge of the table, out of the cameras' way."""
+
+
+@final
+@dataclass(frozen=True, kw_only=True)
+class RopePhysics:
+    """How the rope bends: a chain of capsules joined by two hinges, each an elasto-plastic spring.
+
+    Stiffness times segment length is the flexural rigidity EI: 0.006 N m/rad x 10 mm = 6e-5 N m^2, that of a limp
+    16 mm rope (an elastic rod of that thickness would have E of about 19 kPa). Beyond `bend_yield_rad` a segment keeps
+    its bend, as a laid rope does. Across the table plane the hinges are stiffer and elastic, because a soft chain that
+    is squeezed under the finger otherwise locks into an arch that a rope's own skin would not allow.
+    """
+
+    segments: int = 40
+    bend_stiffness_n_m_rad: float = 0.006
+    bend_damping_n_m_s_rad: float = 1e-4
+    bend_yield_rad: float = 0.05
+    lift_stiffness_n_m_rad: float = 0.05
+    lift_damping_n_m_s_rad: float = 5e-4
+    bend_limit_rad: float = 1.0
+
+
+@final
+@dataclass(frozen=True, kw_only=True)
+class WorldPhysics:
+    """Friction, contact and time step. Coulomb coefficients: nylon rope on wood 0.4-0.6; on a smooth finger 0.3.
+
+    `contact_time_s` is the time constant in which contacts push apart; at least twice the time step (MuJoCo's rule).
+    `friction_stiffness` is MuJoCo's `impratio`: above 1 the rope at rest creeps less.
+    """
+
+    rope: RopePhysics = field(default_factory=RopePhysics)
+    table_friction: float = 0.5
+    finger_friction: float = 0.3
+    gravity_m_s2: float = 9.81
+    time_step_s: float = 0.002
+    contact_time_s: float = 0.006
+    friction_stiffness: float = 10.0
+    finger_length_m: float = 0.12
+
+
+Position = Float64[ndarray, "3"]
+"""x y z [m] in the world frame."""
+Centreline = Float64[ndarray, "K 3"]
+"""Points [m] along the middle of the rope, end to end."""

@@ -1,0 +1,98 @@
+"""The rope as MuJoCo bodies: capsules in a chain, bending about the vertical and about the level axis, never twisting.
+
+The chain's root neither rolls nor do the hinges twist. A free root would let the whole rope roll over the table like a
+pencil when it is pushed sideways, which takes the friction away and moves the ends with the middle; a limp rope lies
+flat instead and its ends trail.
+"""
+
+from typing import Any
+
+import mujoco
+import numpy as np
+from jaxtyping import Float64
+
+from app.rig.simulated.physics import Centreline, WorldPhysics
+from app.tasks.base import Rope
+
+TABLE_BIT, FINGER_BIT = 1, 2
+_NEIGHBOURS_APART = 4
+"""Segments closer than this along the chain overlap by construction, so they do not collide."""
+
+
+def resample(centreline: Centreline, points: int) -> Centreline:
+    """`points` places at equal arc length along `centreline`, from its first to its last."""
+    arc = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(centreline, axis=0), axis=1))])
+    at = np.linspace(0.0, arc[-1], points)
+    return np.stack([np.interp(at, arc, centreline[:, axis]) for axis in range(3)], axis=1)
+
+
+def add_rope(spec: Any, rope: Rope, physics: WorldPhysics, nodes: Centreline) -> None:
+    """Add the chain through `nodes` (S + 1, 3) to the MuJoCo `spec`; its bodies are called `rope0`, `rope1`, ...
+
+    The chain starts level: only the heading of each segment is taken from `nodes`.
+    """
+    steps = np.diff(nodes, axis=0)
+    lengths, headings = np.linalg.norm(steps, axis=1), np.unwrap(np.arctan2(steps[:, 1], steps[:, 0]))
+    parent, place, turn = spec.worldbody, nodes[0], headings[0]
+    for index, length in enumerate(lengths):
+        body = parent.add_body(name=f"rope{index}", pos=place, quat=_about_z(turn))
+        _add_joints(body, physics, root=index == 0)
+        _add_shape(body, rope, physics, float(length), mass_kg=rope.mass_kg / len(lengths))
+        for near in range(max(0, index - _NEIGHBOURS_APART), index):
+            spec.add_exclude(bodyname1=f"rope{near}", bodyname2=f"rope{index}")
+        if index + 1 < len(lengths):
+            parent, place, turn = body, [length, 0.0, 0.0], headings[index + 1] - headings[index]
+
+
+def _about_z(angle: float) -> Float64[np.ndarray, "4"]:
+    """The quaternion w x y z of a turn by `angle` [rad] about the vertical."""
+    return np.array([np.cos(angle / 2), 0.0, 0.0, np.sin(angle / 2)])
+
+
+def _add_joints(body: Any, physics: WorldPhysics, *, root: bool) -> None:
+    """Free but for roll at the root; two sprung hinges elsewhere."""
+    if root:
+        for axis in np.eye(3):
+            body.add_joint(type=mujoco.mjtJoint.mjJNT_SLIDE, axis=axis)
+        body.add_joint(axis=[0, 0, 1])
+        body.add_joint(axis=[0, 1, 0])
+        return
+    rope = physics.rope
+    limits = {"limited": True, "range": [-rope.bend_limit_rad, rope.bend_limit_rad]}
+    body.add_joint(
+        axis=[0, 0, 1],
+        stiffness=rope.bend_stiffness_n_m_rad,
+        damping=rope.bend_damping_n_m_s_rad,
+        springyield=rope.bend_yield_rad,
+        **limits,
+    )
+    body.add_joint(axis=[0, 1, 0], stiffness=rope.lift_stiffness_n_m_rad, damping=rope.lift_damping_n_m_s_rad, **limits)
+
+
+def _add_shape(body: Any, rope: Rope, physics: WorldPhysics, length_m: float, *, mass_kg: float) -> None:
+    """A capsule that meets finger and rope, and inside it a sphere that meets the table.
+
+    One sphere is one table contact a segment where a capsule would be two, at half the cost and the same friction.
+    """
+    contact = {"friction": [physics.table_friction, 0.0, 0.0], "solref": [physics.contact_time_s, 1.0], "mass": 0.0}
+    body.add_geom(
+        type=mujoco.mjtGeom.mjGEOM_CAPSULE,
+        size=[rope.radius_m, 0, 0],
+        fromto=[0, 0, 0, length_m, 0, 0],
+        contype=FINGER_BIT,
+        conaffinity=FINGER_BIT,
+        **contact,
+    )
+    body.add_geom(
+        type=mujoco.mjtGeom.mjGEOM_SPHERE,
+        size=[rope.radius_m, 0, 0],
+        pos=[length_m / 2, 0, 0],
+        contype=TABLE_BIT,
+        conaffinity=0,
+        **contact,
+    )
+    across = mass_kg * (3 * rope.radius_m**2 + length_m**2) / 12
+    body.explicitinertial = True
+    body.mass = mass_kg
+    body.ipos = [length_m / 2, 0, 0]
+    body.inertia = [mass_kg * rope.radius_m**2 / 2, across, across]

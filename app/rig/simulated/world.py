@@ -1,0 +1,130 @@
+"""The simulated table: a rope that a finger pushes, in MuJoCo. No clock, no process: it steps when told to."""
+
+from dataclasses import dataclass
+from typing import Any, final
+
+import mujoco
+import numpy as np
+
+from app.rig.simulated.arm_model import Joints, solve_joints
+from app.rig.simulated.physics import HOME_TOOL_M, Centreline, Position, WorldPhysics
+from app.rig.simulated.rope import FINGER_BIT, TABLE_BIT, add_rope, resample
+from app.tasks.base import Finger, Rope
+
+_PRESCRIBED_KG = 1000.0
+"""Inertia of the finger's slides: so large that no contact changes the velocity it is given."""
+
+
+@final
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Snapshot:
+    """The world at one moment: all that a camera needs. `time_s` is the world's own time."""
+
+    time_s: float
+    centreline: Centreline
+    tool: Position
+    joints: Joints
+
+
+@final
+class RopeWorld:
+    """A rope on the table z = 0 and a vertical finger whose tip goes exactly where it is told.
+
+    `centreline (K, 3)` [m] is where the rope lies at first; the world keeps its own `physics.rope.segments + 1` nodes.
+    The same calls give the same numbers, bit for bit.
+    """
+
+    def __init__(
+        self,
+        rope: Rope,
+        finger: Finger,
+        centreline: Centreline,
+        *,
+        physics: WorldPhysics | None = None,
+        tool: tuple[float, float, float] = HOME_TOOL_M,
+    ) -> None:
+        physics = physics or WorldPhysics()
+        nodes = resample(centreline, physics.rope.segments + 1)
+        self._model = _compile(rope, finger, physics, nodes)
+        self._data = mujoco.MjData(self._model)
+        self._links = np.array([self._model.body(f"rope{index}").id for index in range(physics.rope.segments)])
+        self._last_length = float(np.linalg.norm(nodes[-1] - nodes[-2]))
+        self._data.qpos[:3] = tool
+        mujoco.mj_forward(self._model, self._data)
+
+    @property
+    def time_s(self) -> float:
+        """The world's own time [s], from 0."""
+        return float(self._data.time)
+
+    @property
+    def tool(self) -> Position:
+        """The tip of the finger [m]."""
+        return self._data.qpos[:3].copy()
+
+    def step(self, tool_xyz: Position, duration_s: float) -> None:
+        """Move the tip in a straight line to `tool_xyz` while `duration_s` passes (rounded to whole time steps)."""
+        period = self._model.opt.timestep
+        start, steps = self.tool, max(1, round(duration_s / period))
+        for step in range(1, steps + 1):
+            due = start + (tool_xyz - start) * (step / steps)
+            self._data.qvel[:3] = (due - self._data.qpos[:3]) / period
+            mujoco.mj_step(self._model, self._data)
+
+    def centreline(self) -> Centreline:
+        """The rope's nodes [m], shape (segments + 1, 3)."""
+        starts, tail = self._data.xpos[self._links], self._links[-1]
+        along = self._data.xmat[tail].reshape(3, 3)[:, 0]
+        return np.vstack([starts, starts[-1] + along * self._last_length])
+
+    def snapshot(self) -> Snapshot:
+        """The state to draw, with the arm's joints solved for the present tool pose."""
+        tool = self.tool
+        return Snapshot(time_s=self.time_s, centreline=self.centreline(), tool=tool, joints=solve_joints(tool))
+
+
+def _compile(rope: Rope, finger: Finger, physics: WorldPhysics, nodes: Centreline) -> Any:
+    """The MuJoCo model: table, finger (its three slides are the first three coordinates), rope."""
+    spec = mujoco.MjSpec()
+    spec.compiler.degree = False
+    spec.option.timestep = physics.time_step_s
+    spec.option.gravity = [0.0, 0.0, -physics.gravity_m_s2]
+    spec.option.integrator = mujoco.mjtIntegrator.mjINT_DISCRETE
+    spec.option.cone = mujoco.mjtCone.mjCONE_ELLIPTIC
+    spec.option.impratio = physics.friction_stiffness
+    # A rope at rest sleeps: it cannot creep and costs nothing.
+    spec.option.enableflags |= mujoco.mjtEnableBit.mjENBL_SLEEP
+    _add_table(spec, physics)
+    _add_finger(spec, finger, physics)
+    add_rope(spec, rope, physics, nodes)
+    return spec.compile()
+
+
+def _add_table(spec: Any, physics: WorldPhysics) -> None:
+    spec.worldbody.add_geom(
+        type=mujoco.mjtGeom.mjGEOM_PLANE,
+        size=[2.0, 2.0, 0.1],
+        contype=TABLE_BIT,
+        conaffinity=TABLE_BIT,
+        friction=[physics.table_friction, 0.0, 0.0],
+        solref=[physics.contact_time_s, 1.0],
+    )
+
+
+def _add_finger(spec: Any, finger: Finger, physics: WorldPhysics) -> None:
+    """A capsule on three heavy slides, so that contacts see its true velocity (a mocap body's is zero)."""
+    body = spec.worldbody.add_body(name="finger", gravcomp=1.0)
+    for axis in np.eye(3):
+        body.add_joint(type=mujoco.mjtJoint.mjJNT_SLIDE, axis=axis, armature=_PRESCRIBED_KG)
+    body.add_geom(
+        type=mujoco.mjtGeom.mjGEOM_CAPSULE,
+        size=[finger.radius_m, 0, 0],
+        fromto=[0, 0, finger.radius_m, 0, 0, physics.finger_length_m],
+        contype=FINGER_BIT,
+        conaffinity=FINGER_BIT,
+        mass=1.0,
+        friction=[physics.finger_friction, 0.0, 0.0],
+        solref=[physics.contact_time_s, 1.0],
+        # MuJoCo takes the larger friction of two geoms unless one of them has priority.
+        priority=1,
+    )
