@@ -1,15 +1,29 @@
-"""What all tests share: the asynchronous backend, and an event loop that is never blocked.
-
-The shapes and types that the code declares are checked at run time: `app` is imported through jaxtyping's hook.
-"""
+"""What all tests share: declared shapes and types are checked, and the event loop is never blocked."""
 
 from collections.abc import Iterator
+from pathlib import Path
 
 import pytest
 from blockbuster import blockbuster_ctx
 from jaxtyping import install_import_hook
 
-install_import_hook("app", "beartype.beartype")
+from tests.shapes import checked
+
+ROOT = Path(__file__).parent.parent
+
+
+def modules_without_kernels() -> list[str]:
+    """Every module of `app` whose annotations are Python's: those of Warp kernels are read by Warp alone."""
+    files = [file for file in ROOT.glob("app/**/*.py") if file.name != "__init__.py"]
+    return [
+        ".".join(file.relative_to(ROOT).with_suffix("").parts)
+        for file in files
+        if "import warp" not in file.read_text(encoding="utf-8")
+    ]
+
+
+# Calls in these modules are checked at run time against their declared shapes and types.
+install_import_hook(modules_without_kernels(), f"{checked.__module__}.{checked.__name__}")
 
 
 @pytest.fixture
@@ -21,13 +35,14 @@ def anyio_backend() -> str:
 def loop_is_never_blocked(request: pytest.FixtureRequest) -> Iterator[None]:
     """A call from `app` that blocks the event loop (a file, a sleep, a socket, a lock) raises BlockingError.
 
-    Tests without a loop do not pay for it: only those marked `anyio` are watched.
+    Only tests marked `anyio` are watched; the others have no loop to block.
     """
     if request.node.get_closest_marker("anyio") is None:
         yield
         return
     with blockbuster_ctx("app") as watch:
         for function in watch.functions.values():
-            # Starting a worker process is allowed to take its milliseconds.
+            # A worker process may take its milliseconds to start, and a module its own to be imported.
             function.can_block_in("multiprocessing/process.py", "start")
+            function.can_block_in("<frozen importlib._bootstrap>", "_find_and_load")
         yield
