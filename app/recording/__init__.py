@@ -1,1 +1,5 @@
-"""MCAP files: one an episode, crash-safe, in schemas that Foxglove shows as they are."""
+"""MCAP files: one an episode, crash-safe, in schemas that Foxglove shows as they are.
+
+`writer.open_recording` writes one, `reader.read_messages` gives its messages back, `recover.recover` makes a file whole
+that a crash cut off. The format is described in docs/recording-format.md.
+"""

@@ -1,0 +1,28 @@
+"""`dipac recover FILE...`: whole files out of recordings that a crash cut off."""
+
+from pathlib import Path
+
+from rich.console import Console
+from tyro.conf import Positional
+
+from app.core.errors import UsageError
+from app.recording import recover as recording
+
+
+def recover(*, files: Positional[tuple[Path, ...]]) -> None:
+    """Make whole files of recordings that were cut off or damaged; the originals stay as they are.
+
+    Args:
+        files: The recordings. Each gets a NAME.recovered.mcap beside it, unless nothing is wrong with it.
+    """
+    if not files:
+        raise UsageError("Name at least one recording: dipac recover FILE...")
+    terminal = Console(highlight=False, soft_wrap=True)
+    for path in files:
+        result = recording.recover(path)
+        if result.was_whole:
+            terminal.print(f"{path} is whole: {result.messages} messages, nothing to do.")
+        else:
+            terminal.print(
+                f"{result.path}: {result.messages} messages; {result.lost_bytes} bytes of {path} could not be read."
+            )

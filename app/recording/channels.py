@@ -1,0 +1,86 @@
+"""Which message stands on which channel: the one table that the writer and the reader share."""
+
+from collections.abc import Mapping
+from types import MappingProxyType
+from typing import Final
+
+from app.core.approval import Approved
+from app.core.errors import RecordingError
+from app.core.messages import (
+    ArmState,
+    Decision,
+    Episode,
+    Executed,
+    Fault,
+    Frame,
+    Goal,
+    Health,
+    Message,
+    Model,
+    Notice,
+    Outcome,
+    Particles,
+    Proposal,
+    ResumeRequest,
+    StopRequest,
+    Transition,
+)
+from app.recording.records import ApprovalRecord, FrameRecord, ParticlesRecord
+
+SCHEMA_VERSION: Final = 1
+"""Raised whenever a file of the new kind could be misread by the old reader."""
+
+METADATA: Final = "dipac"
+"""The name of the metadata record that makes an MCAP file a recording of this program."""
+
+TOPICS: Final[Mapping[type[Message], str]] = MappingProxyType(
+    {
+        Episode: "/dipac/episode",
+        Model: "/dipac/model",
+        Goal: "/dipac/goal",
+        Frame: "/dipac/frame",
+        Particles: "/dipac/particles",
+        Proposal: "/dipac/proposal",
+        Decision: "/dipac/decision",
+        Approved: "/dipac/approved",
+        Executed: "/dipac/executed",
+        Transition: "/dipac/transition",
+        Outcome: "/dipac/outcome",
+        ArmState: "/dipac/arm_state",
+        StopRequest: "/dipac/stop_request",
+        ResumeRequest: "/dipac/resume_request",
+        Health: "/dipac/health",
+        Notice: "/dipac/notice",
+        Fault: "/dipac/fault",
+    }
+)
+"""The JSON channel of each message type."""
+
+_RECORDS: Final[Mapping[type[Message], type[Message]]] = MappingProxyType(
+    {Frame: FrameRecord, Particles: ParticlesRecord, Approved: ApprovalRecord}
+)
+
+SURFACE_TOPIC: Final = "/object/surface"
+
+
+def topic_of(kind: type[Message]) -> str:
+    """The JSON channel of a message type. Raises RecordingError where it has none."""
+    try:
+        return TOPICS[kind]
+    except KeyError:
+        raise RecordingError(f"Messages of type {kind.__name__} have no channel; add one to TOPICS.") from None
+
+
+def record_of(kind: type[Message]) -> type[Message]:
+    """The type whose fields stand in the file for messages of type `kind`."""
+    return _RECORDS.get(kind, kind)
+
+
+def color_topic(camera: str) -> str:
+    """Where the colour images of a camera are."""
+    return f"/camera/{camera}/color"
+
+
+def depth_topic(camera: str) -> str:
+    """Where the depth images of a camera are."""
+    return f"/camera/{camera}/depth"

@@ -1,0 +1,141 @@
+"""Messages as JSON: bytes, values and schemas, all three derived from the dataclasses.
+
+JSON has neither arrays of a known type nor non-finite numbers, so two things are agreed:
+
+- An array whose shape is fixed by its annotation (a pose, an intrinsic matrix) is nested lists of numbers, which
+  Foxglove can plot. Any other is `{"dtype", "shape", "data"}` with base64 of its little-endian bytes: exact, and 30
+  times cheaper than lists (docs/recording-format.md has the measurement).
+- A non-finite number is the string "nan", "inf" or "-inf".
+"""
+
+import dataclasses
+import functools
+import math
+import types
+from collections.abc import Mapping
+from typing import Any, TypeVar, cast, get_args, get_origin, get_type_hints
+
+import msgspec
+import numpy as np
+from jaxtyping import AbstractArray
+
+from app.core.messages import Message
+
+MessageT = TypeVar("MessageT", bound=Message)
+
+
+def encode(message: Message, kind: type[Message]) -> bytes:
+    """The fields that `kind` has, taken from `message`, as JSON."""
+    return msgspec.json.encode(_plain(message, kind))
+
+
+def decode(data: bytes, kind: type[MessageT]) -> MessageT:
+    """The message of type `kind` in `data`; its arrays are read-only.
+
+    Raises ValueError or KeyError where `data` is not such a message (msgspec's errors are ValueErrors).
+    """
+    return cast(MessageT, _rebuilt(msgspec.json.decode(data), kind))
+
+
+def schema(kind: type[Message]) -> dict[str, Any]:
+    """The JSON schema of `encode(_, kind)`: an object at the top, as Foxglove asks for."""
+    _, components = msgspec.json.schema_components([kind], schema_hook=_array_schema, ref_template="#/$defs/{name}")
+    return components.pop(kind.__name__) | {"$defs": components}
+
+
+def _plain(value: Any, kind: Any) -> Any:
+    """What JSON can hold of `value`, which is annotated as `kind`."""
+    match value:
+        case np.generic():
+            return _plain(value.item(), kind)
+        case float():
+            return value if math.isfinite(value) else str(value)
+        case list() | tuple():
+            return [_plain(item, _item(kind)) for item in cast(list[Any], value)]
+        case Mapping():
+            return {key: _plain(item, _item(kind)) for key, item in cast(Mapping[str, Any], value).items()}
+        case _ if dataclasses.is_dataclass(value):
+            return {name: _plain(getattr(value, name), of) for name, of in _fields(kind).items()}
+        case _ if hasattr(value, "__array__"):
+            array = np.asarray(value)
+            return _plain(array.tolist(), Any) if _is_fixed(kind) else _packed(array)
+        case _:
+            return value
+
+
+def _rebuilt(plain: Any, kind: Any) -> Any:
+    """The value annotated as `kind` that `_plain` made `plain` of."""
+    origin = get_origin(kind)
+    if dataclasses.is_dataclass(kind):
+        return cast(type, kind)(**{name: _rebuilt(plain[name], of) for name, of in _fields(kind).items()})
+    if _is_array(kind):
+        return _listed(plain, kind) if _is_fixed(kind) else _unpacked(plain, kind)
+    if origin is tuple:
+        return tuple(_rebuilt(item, _item(kind)) for item in plain)
+    if isinstance(origin, type) and issubclass(origin, Mapping):
+        return types.MappingProxyType({key: _rebuilt(item, _item(kind)) for key, item in plain.items()})
+    return msgspec.convert(plain, kind, strict=False)
+
+
+@functools.cache
+def _fields(kind: Any) -> dict[str, Any]:
+    """The annotation of each field of a dataclass."""
+    hints = get_type_hints(kind)
+    return {field.name: hints[field.name] for field in dataclasses.fields(kind)}
+
+
+def _item(kind: Any) -> Any:
+    """The annotation of what a tuple or mapping annotated as `kind` holds."""
+    arguments = [argument for argument in get_args(kind) if argument is not Ellipsis]
+    return arguments[-1] if arguments else Any
+
+
+def _is_array(kind: Any) -> bool:
+    return isinstance(kind, type) and issubclass(kind, AbstractArray)
+
+
+def _is_fixed(kind: Any) -> bool:
+    """Whether every axis of an array annotation is a number."""
+    return _is_array(kind) and all(axis.isdigit() for axis in kind.dim_str.split())
+
+
+def _dtype(kind: Any) -> np.dtype[Any]:
+    return np.dtype(kind.dtypes[0]).newbyteorder("<")
+
+
+def _packed(array: np.ndarray) -> dict[str, Any]:
+    little = np.ascontiguousarray(array, dtype=array.dtype.newbyteorder("<"))
+    return {"dtype": array.dtype.name, "shape": list(array.shape), "data": little.tobytes()}
+
+
+def _unpacked(plain: Any, kind: Any) -> np.ndarray:
+    data = msgspec.convert(plain["data"], bytes)
+    array = np.frombuffer(data, np.dtype(plain["dtype"]).newbyteorder("<")).reshape(plain["shape"])
+    return array.astype(_dtype(kind), copy=False)
+
+
+def _listed(plain: Any, kind: Any) -> np.ndarray:
+    # NumPy reads "nan" and "inf" from strings too, but only where it is told the type.
+    array = np.array(plain, dtype=object).astype(_dtype(kind))
+    array.flags.writeable = False
+    return array
+
+
+def _array_schema(kind: Any) -> dict[str, Any]:
+    """The JSON schema of an array, for msgspec, which does not know jaxtyping's annotations."""
+    if not _is_array(kind):
+        raise NotImplementedError(kind)
+    if not _is_fixed(kind):
+        return {
+            "type": "object",
+            "properties": {
+                "dtype": {"type": "string"},
+                "shape": {"type": "array", "items": {"type": "integer"}},
+                "data": {"type": "string", "contentEncoding": "base64"},
+            },
+            "required": ["dtype", "shape", "data"],
+        }
+    lists: dict[str, Any] = {"type": "number"}
+    for axis in reversed(kind.dim_str.split()):
+        lists = {"type": "array", "items": lists, "minItems": int(axis), "maxItems": int(axis)}
+    return lists

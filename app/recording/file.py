@@ -1,0 +1,101 @@
+"""One MCAP file being written. Not for several threads at once; nothing here is asynchronous."""
+
+import json
+import os
+from dataclasses import asdict
+from pathlib import Path
+from typing import Any, final
+
+import foxglove
+from foxglove.mcap import MCAPCompression, MCAPWriteOptions
+
+from app.core.messages import Episode, Message
+from app.recording.channels import METADATA, SCHEMA_VERSION, record_of, topic_of
+from app.recording.codec import encode, schema
+from app.recording.epoch import Epoch
+from app.recording.views import Viewable, views
+
+
+@final
+class EpisodeFile:
+    """Writes messages, each with what Foxglove shows of it, to a new file at `path`."""
+
+    def __init__(self, path: Path, episode: Episode) -> None:
+        self.path = path
+        self.epoch = Epoch.now()
+        self._context = foxglove.Context()
+        self._channels: dict[str, foxglove.Channel] = {}
+        self._log_time_ns = 0
+        self._unflushed = False
+        self._mcap = foxglove.open_mcap(path, context=self._context, writer_options=_options())
+        self._mcap.write_metadata(METADATA, self._metadata(episode))
+        self.flush()
+
+    def write(self, message: Message, *, now_s: float) -> None:
+        """Append `message`, which came at monotonic time `now_s` [s].
+
+        The parts of a message precede it at the same log time, and no two messages share one. Errors of the disk are
+        kept by the SDK until the next `flush`.
+        """
+        self._log_time_ns = max(self._log_time_ns + 1, self.epoch.ns(now_s))
+        for topic, view in views(message, self.epoch):
+            self._view_channel(topic, view).log(view.encode(), log_time=self._log_time_ns)
+        data = encode(message, record_of(type(message)))
+        self._json_channel(type(message)).log(data, log_time=self._log_time_ns)
+        self._unflushed = True
+
+    def flush(self) -> None:
+        """Hand everything written to the operating system, whence a killed process cannot take it back.
+
+        Raises RuntimeError where the disk refuses.
+        """
+        if self._unflushed or not self._channels:
+            self._mcap.flush()
+            self._unflushed = False
+
+    def close(self) -> None:
+        """Finish the file with its index and put it on the disk. Raises RuntimeError or OSError where that fails."""
+        try:
+            self._mcap.close()
+        finally:
+            for channel in self._channels.values():
+                channel.close()
+        descriptor = os.open(self.path, os.O_RDONLY)
+        try:
+            os.fsync(descriptor)
+        finally:
+            os.close(descriptor)
+
+    def _metadata(self, episode: Episode) -> dict[str, str]:
+        """The episode in MCAP's own strings, with what is needed to read the rest."""
+        fields: dict[str, Any] = asdict(episode)
+        written = {key: value if isinstance(value, str) else json.dumps(value) for key, value in fields.items()}
+        return written | {"schema_version": str(SCHEMA_VERSION), "epoch_offset_ns": str(self.epoch.offset_ns)}
+
+    def _view_channel(self, topic: str, view: Viewable) -> foxglove.Channel:
+        if topic not in self._channels:
+            self._channels[topic] = foxglove.Channel(
+                topic, schema=view.get_schema(), message_encoding="protobuf", context=self._context
+            )
+        return self._channels[topic]
+
+    def _json_channel(self, kind: type[Message]) -> foxglove.Channel:
+        topic = topic_of(kind)
+        if topic not in self._channels:
+            self._channels[topic] = foxglove.Channel(
+                topic, schema=_json_schema(kind), message_encoding="json", context=self._context
+            )
+        return self._channels[topic]
+
+
+def _json_schema(kind: type[Message]) -> foxglove.Schema:
+    data = json.dumps(schema(record_of(kind))).encode()
+    return foxglove.Schema(name=f"dipac.{kind.__name__}", encoding="jsonschema", data=data)
+
+
+def _options() -> MCAPWriteOptions:
+    """LZ4 halves depth images for 1 ms, where zstd takes ten times that (docs/recording-format.md).
+
+    Without seeking a chunk reaches the file in one piece, so that what a kill leaves behind ends with a whole one.
+    """
+    return MCAPWriteOptions(compression=MCAPCompression.Lz4, chunk_size=1 << 20, disable_seeking=True)

@@ -1,0 +1,84 @@
+"""What a file is before its messages are read, and the errors that say so."""
+
+import struct
+from pathlib import Path
+from typing import Final
+
+from mcap.exceptions import McapError
+from mcap.reader import make_reader
+
+from app.core.errors import RecordingError, UsageError
+from app.recording.channels import METADATA, SCHEMA_VERSION
+
+MAGIC: Final = b"\x89MCAP0\r\n"
+"""The first and the last bytes of every whole MCAP file (https://mcap.dev/spec)."""
+
+DAMAGE: Final = (
+    McapError,
+    ArithmeticError,
+    AttributeError,
+    EOFError,
+    LookupError,
+    MemoryError,
+    RuntimeError,
+    TypeError,
+    ValueError,
+    struct.error,
+)
+"""What the MCAP and LZ4 packages raise on bytes that make no sense. (LZ4 raises RuntimeError.)"""
+
+
+def inspect(path: Path) -> dict[str, str]:
+    """The metadata of a recording that this version can read.
+
+    Raises UsageError where there is no such file, RecordingError where it is no recording, cut off or of a newer kind.
+    """
+    if not path.is_file():
+        raise UsageError.unknown("recording", str(path), map(str, path.parent.glob("*.mcap")))
+    if not starts_as_mcap(path):
+        raise RecordingError(f"{path} is not an MCAP file; recordings end in .mcap and `dipac run` makes them.")
+    if not ends_as_mcap(path):
+        raise RecordingError(
+            f"{path} is cut off, or still being written; `dipac recover {path}` makes a whole file of what is there."
+        )
+    metadata = _metadata(path)
+    if metadata is None:
+        raise RecordingError(f"{path} is an MCAP file of another program; only recordings of dipac can be read.")
+    version = metadata.get("schema_version", "")
+    if not version.isdecimal() or int(version) > SCHEMA_VERSION:
+        raise RecordingError(
+            f"{path} has recording schema {version or 'unknown'}, newer than the {SCHEMA_VERSION} that this version "
+            "reads; update dipac."
+        )
+    return metadata
+
+
+def damaged(path: Path, error: BaseException) -> RecordingError:
+    """The error to raise where reading `path` failed with `error`."""
+    return RecordingError(
+        f"{path} is damaged ({error or type(error).__name__}); `dipac recover {path}` makes a whole file of what is "
+        "intact."
+    )
+
+
+def starts_as_mcap(path: Path) -> bool:
+    """Whether the first bytes are MCAP's."""
+    with path.open("rb") as stream:
+        return stream.read(len(MAGIC)) == MAGIC
+
+
+def ends_as_mcap(path: Path) -> bool:
+    """Whether the last bytes are MCAP's, and not the same as the first."""
+    size = path.stat().st_size
+    with path.open("rb") as stream:
+        stream.seek(max(0, size - len(MAGIC)))
+        return size > 2 * len(MAGIC) and stream.read() == MAGIC
+
+
+def _metadata(path: Path) -> dict[str, str] | None:
+    with path.open("rb") as stream:
+        try:
+            records = make_reader(stream).iter_metadata()
+            return next((dict(record.metadata) for record in records if record.name == METADATA), None)
+        except DAMAGE as error:
+            raise damaged(path, error) from error

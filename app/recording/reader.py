@@ -1,0 +1,128 @@
+"""A recording as the messages that were written, in their order."""
+
+from collections.abc import Collection, Iterator
+from pathlib import Path
+from typing import Any, Final, NamedTuple
+
+import cv2
+import mcap.records
+import numpy as np
+from mcap.reader import McapReader, make_reader
+
+from app.core.errors import RecordingError
+from app.core.messages import Episode, Frame, Message, Particles, Transition
+from app.recording.channels import SURFACE_TOPIC, TOPICS, color_topic, depth_topic, record_of
+from app.recording.codec import decode
+from app.recording.integrity import DAMAGE, damaged, inspect
+from app.recording.protobuf import bytes_field
+from app.recording.records import FrameRecord, ParticlesRecord
+
+# The numbers of the `data` fields in Foxglove's .proto files.
+_COMPRESSED_IMAGE_DATA: Final = 2
+_RAW_IMAGE_DATA: Final = 6
+_POINT_CLOUD_DATA: Final = 6
+
+_KINDS: Final = {topic: kind for kind, topic in TOPICS.items()}
+
+
+def read_messages(path: Path, kinds: Collection[type[Message]] = tuple(TOPICS)) -> Iterator[Message]:
+    """Every message of the given kinds, in the order in which they were written.
+
+    Arrays are read-only. A frame's colours are those that JPEG kept; everything else is exact. An `Approved` comes
+    back as the `ApprovalRecord` of what it said.
+
+    Raises UsageError where there is no such file, and RecordingError where it is none of ours, cut off, or damaged.
+    """
+    inspect(path)
+    return _messages(path, kinds)
+
+
+def read_transitions(path: Path) -> list[Transition]:
+    """The transitions of an episode. Raises as `read_messages`."""
+    return [message for message in read_messages(path, [Transition]) if isinstance(message, Transition)]
+
+
+def read_episode(path: Path) -> Episode:
+    """The start of an episode. Raises as `read_messages`."""
+    for message in read_messages(path, [Episode]):
+        if isinstance(message, Episode):
+            return message
+    raise RecordingError(f"{path} names no episode; it was cut off before its first message.")
+
+
+class _Part(NamedTuple):
+    """The newest Foxglove message of a channel: it belongs to the record with the same log time."""
+
+    log_time_ns: int
+    data: bytes
+
+
+def _messages(path: Path, kinds: Collection[type[Message]]) -> Iterator[Message]:
+    parts: dict[str, _Part] = {}
+    with path.open("rb") as stream:
+        try:
+            reader = make_reader(stream, validate_crcs=True)
+            for _, channel, written in reader.iter_messages(_topics(reader, kinds), log_time_order=False):
+                kind = _KINDS.get(channel.topic)
+                if kind is None:
+                    parts[channel.topic] = _Part(written.log_time, written.data)
+                elif message := _whole(decode(written.data, record_of(kind)), written, parts):
+                    yield message
+        except DAMAGE as error:
+            raise damaged(path, error) from error
+
+
+def _topics(reader: McapReader, kinds: Collection[type[Message]]) -> list[str]:
+    """The channels to read for messages of `kinds`: images and surfaces only where they are part of one."""
+    summary = reader.get_summary()
+    written = {channel.topic for channel in summary.channels.values()} if summary else set[str]()
+    topics = {TOPICS[kind] for kind in kinds}
+    if Frame in kinds:
+        topics |= {topic for topic in written if topic.startswith("/camera/")}
+    if Particles in kinds:
+        topics |= {SURFACE_TOPIC}
+    return sorted(topics & written)
+
+
+def _whole(record: Message, written: mcap.records.Message, parts: dict[str, _Part]) -> Message | None:
+    """The message that `record` stands for, None where its parts were lost with a chunk that could not be recovered.
+
+    Raises ValueError where a part makes no sense.
+    """
+
+    def part(topic: str, field: int) -> bytes | None:
+        found = parts.get(topic)
+        return bytes_field(found.data, field) if found and found.log_time_ns == written.log_time else None
+
+    match record:
+        case FrameRecord(camera=camera):
+            jpeg = part(color_topic(camera.name), _COMPRESSED_IMAGE_DATA)
+            depth = part(depth_topic(camera.name), _RAW_IMAGE_DATA)
+            return _frame(record, jpeg, depth) if jpeg is not None and depth is not None else None
+        case ParticlesRecord():
+            surface = part(SURFACE_TOPIC, _POINT_CLOUD_DATA)
+            return Particles(**_fields(record), surface=_cloud(surface)) if surface is not None else None
+        case _:
+            return record
+
+
+def _frame(record: FrameRecord, jpeg: bytes, depth: bytes) -> Frame:
+    color = _color(jpeg)
+    return Frame(**_fields(record), color=color, depth=np.frombuffer(depth, "<u2").reshape(color.shape[:2]))
+
+
+def _cloud(data: bytes) -> np.ndarray:
+    """Points `(M, 3)`."""
+    return np.frombuffer(data, "<f4").reshape(-1, 3)
+
+
+def _fields(record: Message) -> dict[str, Any]:
+    return dict(vars(record))
+
+
+def _color(jpeg: bytes) -> np.ndarray:
+    """An RGB image `(height, width, 3)`. Raises ValueError where `jpeg` is none."""
+    image = cv2.imdecode(np.frombuffer(jpeg, np.uint8), cv2.IMREAD_COLOR)
+    if image is None:
+        raise ValueError("a colour image cannot be decoded")
+    return cv2.cvtColor(image, cv2.COLOR_BGR2RGB)

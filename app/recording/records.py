@@ -1,0 +1,38 @@
+"""What stands in a file for the messages that cannot stand there as they are.
+
+Images and surface clouds are stored once, in Foxglove's own messages; leave to move is never made from a file.
+"""
+
+from dataclasses import dataclass
+from typing import final
+
+from app.core.messages import CameraModel, Message, MessageId, Motion
+from app.core.types import Points
+
+
+@final
+@dataclass(frozen=True, kw_only=True, eq=False)
+class FrameRecord(Message):
+    """A `Frame` without its images, which precede it on the camera's own channels at the same log time."""
+
+    camera: CameraModel
+
+
+@final
+@dataclass(frozen=True, kw_only=True, eq=False)
+class ParticlesRecord(Message):
+    """A `Particles` without its surface, which precedes it on the surface channel at the same log time."""
+
+    positions: Points
+    reconstruction_s: float
+
+
+@final
+@dataclass(frozen=True, kw_only=True, eq=False)
+class ApprovalRecord(Message):
+    """What an `Approved` said. It moves nothing: only the approval gate makes an `Approved`."""
+
+    proposal_id: MessageId
+    motion: Motion
+    digest: str
+    operator: str

@@ -1,0 +1,143 @@
+"""A whole file out of one that a crash cut off or a disk damaged."""
+
+import itertools
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import final
+
+from mcap.reader import make_reader
+from mcap.records import Channel, Chunk, DataEnd, McapRecord, Message, Metadata, Schema
+from mcap.stream_reader import StreamReader, breakup_chunk
+from mcap.summary import Summary
+from mcap.writer import CompressionType, Writer
+
+from app.core.errors import RecordingError, UsageError
+from app.recording.integrity import DAMAGE, starts_as_mcap
+
+
+@final
+@dataclass(frozen=True, kw_only=True)
+class Recovered:
+    """What came of a recovery.
+
+    `path` is the new file, or the old one where nothing was wrong with it (`was_whole`); `messages` counts what it
+    holds on all channels; `lost_bytes` of the old file made no sense.
+    """
+
+    path: Path
+    messages: int
+    lost_bytes: int
+    was_whole: bool
+
+
+def recover(path: Path) -> Recovered:
+    """Write all that is intact in the recording at `path` to a new, indexed file `NAME.recovered.mcap` beside it.
+
+    That is everything before the damage, and after a damaged chunk everything from the next one on. The original is
+    left as it is; a file that is whole is not copied.
+
+    Raises UsageError where there is no such file, RecordingError where it is no MCAP file or nothing in it is intact.
+    """
+    if not path.is_file():
+        raise UsageError.unknown("recording", str(path), map(str, path.parent.glob("*.mcap")))
+    if not starts_as_mcap(path):
+        raise RecordingError(f"{path} is not an MCAP file; there is nothing to recover.")
+    goal = path.with_name(f"{path.stem}.recovered.mcap")
+    draft = goal.with_suffix(".draft")
+    try:
+        salvage, summary = _Salvage(path), _summary(path)
+        messages = _copy(itertools.chain(_declared(summary), salvage), draft)
+        if messages == 0:
+            raise RecordingError(f"{path} was cut off before its first message; there is nothing to recover.")
+        if salvage.lost_bytes == 0 and summary is not None:
+            return Recovered(path=path, messages=messages, lost_bytes=0, was_whole=True)
+        draft.replace(goal)
+    finally:
+        draft.unlink(missing_ok=True)
+    return Recovered(path=goal, messages=messages, lost_bytes=salvage.lost_bytes, was_whole=False)
+
+
+@final
+class _Salvage:
+    """The intact records of a file, in order; `lost_bytes` counts the rest once all have been read."""
+
+    def __init__(self, path: Path) -> None:
+        self.lost_bytes = 0
+        self._path = path
+
+    def __iter__(self) -> Iterator[McapRecord]:
+        size = self._path.stat().st_size
+        with self._path.open("rb") as stream:
+            # A garbled length would otherwise be allocated before it is found out.
+            records = iter(StreamReader(stream, emit_chunks=True, record_size_limit=size).records)
+            intact_end = 0
+            while True:
+                try:
+                    record = next(records)
+                except DAMAGE:
+                    self.lost_bytes += size - intact_end
+                    return
+                if isinstance(record, DataEnd):
+                    return
+                yield from self._opened(record, length=stream.tell() - intact_end)
+                intact_end = stream.tell()
+
+    def _opened(self, record: McapRecord, *, length: int) -> Iterator[McapRecord]:
+        """The records in a chunk whose checksum holds; any other record as it is."""
+        if not isinstance(record, Chunk):
+            yield record
+            return
+        try:
+            yield from breakup_chunk(record, validate_crc=True)
+        except DAMAGE:
+            self.lost_bytes += length
+
+
+def _copy(records: Iterable[McapRecord], goal: Path) -> int:
+    """Write `records` to a new file with an index; returns how many messages there were."""
+    messages = 0
+    schemas: dict[int, int] = {0: 0}
+    channels: dict[int, int] = {}
+    with goal.open("wb") as stream:
+        writer = Writer(stream, compression=CompressionType.LZ4)
+        writer.start()
+        for record in records:
+            match record:
+                case Metadata(name=name, metadata=metadata):
+                    writer.add_metadata(name, metadata)
+                case Schema(id=old, name=name, encoding=encoding, data=data) if old not in schemas:
+                    schemas[old] = writer.register_schema(name, encoding, data)
+                case Channel(id=old, schema_id=schema) if old not in channels and schema in schemas:
+                    channels[old] = writer.register_channel(
+                        record.topic, record.message_encoding, schemas[schema], record.metadata
+                    )
+                case Message() if record.channel_id in channels:
+                    writer.add_message(
+                        channels[record.channel_id],
+                        record.log_time,
+                        record.data,
+                        record.publish_time,
+                        record.sequence,
+                    )
+                    messages += 1
+                case _:
+                    continue
+        writer.finish()
+    return messages
+
+
+def _summary(path: Path) -> Summary | None:
+    """What the end of the file says of the rest, None where it cannot be read."""
+    with path.open("rb") as stream:
+        try:
+            return make_reader(stream).get_summary()
+        except DAMAGE:
+            return None
+
+
+def _declared(summary: Summary | None) -> Iterator[McapRecord]:
+    """Schemas and channels of the summary: the chunk that first declared one may be lost."""
+    if summary is not None:
+        yield from summary.schemas.values()
+        yield from summary.channels.values()

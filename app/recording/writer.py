@@ -1,0 +1,158 @@
+"""The log of an episode: messages go into a bounded queue, and one thread encodes and writes them in order."""
+
+import itertools
+import queue
+import re
+import shutil
+import threading
+import time
+from collections.abc import AsyncGenerator, Generator
+from contextlib import asynccontextmanager, contextmanager
+from dataclasses import dataclass
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import Final, Literal, final
+
+import anyio
+from anyio import to_thread
+
+from app.core.errors import PreflightError, RecordingError
+from app.core.messages import Episode, Message
+from app.recording.channels import topic_of
+from app.recording.file import EpisodeFile
+from app.recording.preflight import check_folder
+
+FLUSH_PERIOD_S: Final = 0.25
+"""How long a written message may stay in this process, where a SIGKILL would take it."""
+
+_BOUND: Final = 64
+"""Messages waiting for the writer thread, at most; images make it about 100 MB."""
+
+_END: Final = "end"
+
+
+@asynccontextmanager
+async def open_recording(folder: Path, episode: Episode, *, min_free_bytes: int) -> AsyncGenerator["EpisodeRecorder"]:
+    """A recorder that writes a new file in `folder`, named by the time of day (UTC), the task and the seed.
+
+    The file is whole once the context is left, however it is left. Raises PreflightError before anything is written
+    where the folder cannot take a recording, and RecordingError on leaving where something was lost.
+    """
+    file = await to_thread.run_sync(lambda: _start(folder, episode, min_free_bytes=min_free_bytes))
+    recorder = EpisodeRecorder(file)
+    try:
+        await recorder.write(episode)
+        yield recorder
+    finally:
+        with anyio.CancelScope(shield=True):
+            await to_thread.run_sync(recorder.finish)
+    recorder.raise_failure()
+
+
+@final
+class EpisodeRecorder:
+    """Writes in the order of the calls and loses nothing: `write` waits while the queue is full.
+
+    `peak` is the longest the queue has been, `written` counts the messages in the file.
+    """
+
+    def __init__(self, file: EpisodeFile) -> None:
+        self.path = file.path
+        self.peak = 0
+        self.written = 0
+        self._file = file
+        self._failure: RecordingError | None = None
+        self._queue: queue.SimpleQueue[_Entry | Literal["end"]] = queue.SimpleQueue()
+        self._room = threading.Semaphore(_BOUND)
+        self._in_turn = anyio.Lock()
+        self._thread = threading.Thread(target=self._write_all, name="recording", daemon=True)
+        self._thread.start()
+
+    async def write(self, message: Message) -> None:
+        """Append a message; it is encoded by the writer thread.
+
+        Raises RecordingError where the type has no channel, or an earlier message could not be written.
+        """
+        self.raise_failure()
+        topic_of(type(message))
+        came_s = time.monotonic()
+        async with self._in_turn:
+            if not self._room.acquire(blocking=False):
+                await to_thread.run_sync(self._room.acquire)
+            self._queue.put(_Entry(message=message, came_s=came_s))
+            self.peak = max(self.peak, self._queue.qsize())
+
+    def finish(self) -> None:
+        """Write what is waiting and close the file. Blocks until that is done."""
+        self._queue.put(_END)
+        self._thread.join()
+
+    def raise_failure(self) -> None:
+        """Raises RecordingError where a message could not be written."""
+        if self._failure is not None:
+            raise self._failure
+
+    def _write_all(self) -> None:
+        """The writer thread: message after message, flushed every period, until the end mark."""
+        flush_at_s = time.monotonic() + FLUSH_PERIOD_S
+        while (entry := self._next(flush_at_s)) is not _END:
+            if isinstance(entry, _Entry):
+                with self._noting_failure():
+                    self._file.write(entry.message, now_s=entry.came_s)
+                    self.written += 1
+                self._room.release()
+            if time.monotonic() >= flush_at_s:
+                with self._noting_failure():
+                    self._file.flush()
+                flush_at_s = time.monotonic() + FLUSH_PERIOD_S
+        with self._noting_failure():
+            self._file.close()
+
+    def _next(self, until_s: float) -> "_Entry | Literal['end'] | None":
+        """The next entry, None where none comes in time."""
+        try:
+            return self._queue.get(timeout=max(0.0, until_s - time.monotonic()))
+        except queue.Empty:
+            return None
+
+    @contextmanager
+    def _noting_failure(self) -> Generator[None]:
+        """Keep the first error for whoever writes next: the thread itself goes on, so that nobody waits for ever."""
+        try:
+            yield
+        except Exception as error:  # whatever an encoder or the SDK raises, a thread that died would lose the rest
+            if self._failure is None:
+                free_gb = shutil.disk_usage(self.path.parent).free / 1e9
+                self._failure = RecordingError(
+                    f"The recording {self.path} is incomplete: {error} ({free_gb:.2f} GB free on its disk)."
+                )
+
+
+@final
+@dataclass(frozen=True, kw_only=True, eq=False)
+class _Entry:
+    """A message and the monotonic time [s] at which it came."""
+
+    message: Message
+    came_s: float
+
+
+def _start(folder: Path, episode: Episode, *, min_free_bytes: int) -> EpisodeFile:
+    """A new file in `folder`, which is checked first. Raises PreflightError."""
+    check_folder(folder, min_free_bytes=min_free_bytes)
+    path = _unused(folder, f"{datetime.now(UTC):%Y%m%dT%H%M%SZ}-{_plain(episode.task)}-seed{episode.seed}")
+    try:
+        return EpisodeFile(path, episode)
+    except (OSError, RuntimeError) as error:
+        raise PreflightError(f"Cannot start {path} ({error}); choose another recordings folder.") from error
+
+
+def _unused(folder: Path, stem: str) -> Path:
+    """A path in `folder` that no file has, for the second episode within a second too."""
+    names = (f"{stem}{suffix}.mcap" for suffix in itertools.chain([""], (f"-{n}" for n in itertools.count(2))))
+    return next(path for path in map(folder.joinpath, names) if not path.exists())
+
+
+def _plain(task: str) -> str:
+    """`task` as part of a file name."""
+    return re.sub(r"[^A-Za-z0-9_]+", "-", task)
