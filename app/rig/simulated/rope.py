@@ -7,10 +7,10 @@ flat instead and its ends trail.
 
 from typing import Any
 
-import mujoco
 import numpy as np
 from jaxtyping import Float64
 
+from app.rig.simulated.engine import mujoco
 from app.rig.simulated.physics import Centreline, WorldPhysics
 from app.tasks.base import Rope
 

@@ -3,10 +3,10 @@
 from dataclasses import dataclass
 from typing import Any, final
 
-import mujoco
 import numpy as np
 
 from app.rig.simulated.arm_model import Joints, solve_joints
+from app.rig.simulated.engine import mujoco
 from app.rig.simulated.physics import HOME_TOOL_M, Centreline, Position, WorldPhysics
 from app.rig.simulated.rope import FINGER_BIT, TABLE_BIT, add_rope, resample
 from app.tasks.base import Finger, Rope

@@ -1,0 +1,169 @@
+"""RGB-D images of a snapshot of the world, by ray casting. Pure: the same snapshot, camera and generator, same images.
+
+The table and the floor never move and are planes: they are intersected once a camera. What moves is cast with Open3D,
+and only through the pixels that it can cover.
+"""
+
+from dataclasses import dataclass
+from functools import lru_cache
+from itertools import pairwise
+from typing import TypeAlias, final
+
+import cv2
+import numpy as np
+from jaxtyping import Bool, Float32, Float64, Int32, UInt8
+
+from app.core.messages import CameraModel
+from app.core.native import load_open3d
+from app.core.types import ColourImage, DepthImage
+from app.rig.simulated.cameras import CameraNoise
+from app.rig.simulated.shapes import SIDES, Surface, surfaces
+from app.rig.simulated.world import Snapshot
+from app.tasks.base import Finger, Rope
+
+Image: TypeAlias = Float32[np.ndarray, "height width"]
+Directions: TypeAlias = Float32[np.ndarray, "height width 3"]
+
+_TABLE_LOW_M, _TABLE_HIGH_M = (0.05, -0.62), (1.05, 0.62)
+_FLOOR_M = -0.75
+_TABLE_GREY, _FLOOR_GREY = 0.55, 0.22
+_LIGHT = np.array([0.25, -0.15, 0.956], dtype=np.float32)
+_AMBIENT, _DIFFUSE = 0.42, 0.58
+_NEAREST_M = 0.05
+_SUBPIXEL_BITS = 4
+
+
+@final
+@dataclass(frozen=True, kw_only=True, eq=False)
+class _Layer:
+    """A noiseless image: depth [m], RGB (0..255), and the cosine between view ray and surface normal."""
+
+    depth: Image
+    colour: Float32[np.ndarray, "height width 3"]
+    facing: Image
+
+
+def render(
+    snapshot: Snapshot,
+    camera: CameraModel,
+    rng: np.random.Generator,
+    *,
+    rope: Rope,
+    finger: Finger,
+    noise: CameraNoise | None = None,
+) -> tuple[ColourImage, DepthImage]:
+    """The image pair that `camera` takes of `snapshot`: RGB and aligned depth (in the camera's unit, 0 = none)."""
+    layer = _with_moving(_background(camera), surfaces(snapshot, rope, finger), camera)
+    return _exposed(layer, camera, rng, noise or CameraNoise())
+
+
+def _directions(camera: CameraModel) -> Directions:
+    """A ray per pixel in the world frame, of unit length along the optical axis, so that its parameter is depth."""
+    u, v = np.meshgrid(np.arange(camera.width), np.arange(camera.height))
+    pixels = np.stack([u, v, np.ones_like(u)], axis=-1)
+    turn = camera.T_world_camera[:3, :3] @ np.linalg.inv(camera.K)
+    return (pixels @ turn.T).astype(np.float32)
+
+
+@lru_cache(maxsize=8)
+def _rays(camera: CameraModel) -> Directions:
+    return _directions(camera)
+
+
+@lru_cache(maxsize=8)
+def _background(camera: CameraModel) -> _Layer:
+    """Table top and floor as `camera` sees them."""
+    eye, rays = camera.T_world_camera[:3, 3], _rays(camera)
+    down = np.minimum(rays[..., 2], -1e-6)
+    to_table, to_floor = -eye[2] / down, (_FLOOR_M - eye[2]) / down
+    at = eye[:2] + rays[..., :2] * to_table[..., None]
+    table = np.all((at > _TABLE_LOW_M) & (at < _TABLE_HIGH_M), axis=-1)
+    grey = 255 * np.where(table, _TABLE_GREY, _FLOOR_GREY) * (_AMBIENT + _DIFFUSE * _LIGHT[2])
+    return _Layer(
+        depth=np.where(table, to_table, to_floor).astype(np.float32),
+        colour=np.repeat(grey[..., None], 3, axis=-1).astype(np.float32),
+        facing=(-down / np.linalg.norm(rays, axis=-1)).astype(np.float32),
+    )
+
+
+def _with_moving(behind: _Layer, moving: list[Surface], camera: CameraModel) -> _Layer:
+    """`behind` with the `moving` surfaces drawn where they are nearer."""
+    rows, columns = np.nonzero(_covered(moving, camera))
+    rays = _rays(camera)[rows, columns]
+    depth, normals, albedo = _cast(moving, camera, rays)
+    seen = depth < behind.depth[rows, columns]
+    rows, columns, rays, normals = rows[seen], columns[seen], rays[seen], normals[seen]
+    toward = np.einsum("ij,ij->i", normals, rays)
+    normals *= -np.sign(toward)[:, None]
+    light = _AMBIENT + _DIFFUSE * np.maximum(normals @ _LIGHT, 0.0)
+    layer = _Layer(depth=behind.depth.copy(), colour=behind.colour.copy(), facing=behind.facing.copy())
+    layer.depth[rows, columns] = depth[seen]
+    layer.colour[rows, columns] = 255 * albedo[seen] * light[:, None]
+    layer.facing[rows, columns] = np.abs(toward) / np.linalg.norm(rays, axis=1)
+    return layer
+
+
+def _covered(moving: list[Surface], camera: CameraModel) -> Bool[np.ndarray, "height width"]:
+    """Which pixels the surfaces can cover: the hulls of their projected pieces, grown by a pixel."""
+    mask = np.zeros((camera.height, camera.width), np.uint8)
+    for surface in moving:
+        _cover(mask, surface, camera)
+    return cv2.dilate(mask, np.ones((3, 3), np.uint8)).astype(bool)
+
+
+def _cover(mask: UInt8[np.ndarray, "height width"], surface: Surface, camera: CameraModel) -> None:
+    """Fill the hull of each pair of neighbouring rings; everything, where a ring is too near to be projected."""
+    R, eye = camera.T_world_camera[:3, :3], camera.T_world_camera[:3, 3]
+    seen = (surface.vertices[:-2] - eye) @ R @ camera.K.T
+    if np.all(seen[:, 2] < _NEAREST_M):
+        return
+    if np.any(seen[:, 2] < _NEAREST_M):
+        mask[:] = 1
+        return
+    pixels = (seen[:, :2] / seen[:, 2:] * 2**_SUBPIXEL_BITS).round().astype(np.int32).reshape(-1, SIDES, 2)
+    for near, far in pairwise(pixels):
+        hull: Int32[np.ndarray, "h 1 2"] = cv2.convexHull(np.concatenate([near, far]))
+        cv2.fillConvexPoly(mask, hull, (1,), shift=_SUBPIXEL_BITS)
+
+
+def _cast(
+    moving: list[Surface], camera: CameraModel, rays: Float32[np.ndarray, "P 3"]
+) -> tuple[Float32[np.ndarray, " P"], Float32[np.ndarray, "P 3"], Float64[np.ndarray, "P 3"]]:
+    """Depth [m] (infinite where nothing is hit), normals and albedo of the nearest surface along each ray."""
+    open3d = load_open3d()
+    first = np.cumsum([0] + [len(surface.vertices) for surface in moving])
+    vertices = np.concatenate([surface.vertices for surface in moving])
+    triangles = np.concatenate([s.triangles + np.uint32(at) for s, at in zip(moving, first, strict=False)])
+    owners = np.repeat(np.arange(len(moving)), [len(surface.triangles) for surface in moving])
+    scene = open3d.t.geometry.RaycastingScene(nthreads=1)
+    scene.add_triangles(open3d.core.Tensor(vertices), open3d.core.Tensor(triangles))
+    eye = np.broadcast_to(camera.T_world_camera[:3, 3].astype(np.float32), rays.shape)
+    hits = scene.cast_rays(open3d.core.Tensor(np.concatenate([eye, rays], axis=1)), nthreads=1)
+    colours = np.array([surface.colour for surface in moving])
+    triangle = np.minimum(hits["primitive_ids"].numpy(), len(owners) - 1)
+    return hits["t_hit"].numpy(), hits["primitive_normals"].numpy(), colours[owners[triangle]]
+
+
+def _exposed(
+    layer: _Layer, camera: CameraModel, rng: np.random.Generator, noise: CameraNoise
+) -> tuple[ColourImage, DepthImage]:
+    """The layer as the sensor gives it: noisy, with holes, in whole numbers."""
+    size = layer.depth.shape
+    depth = layer.depth + noise.depth_per_m * layer.depth**2 * rng.standard_normal(size, dtype=np.float32)
+    chance = np.where(_edges(layer.depth, noise.edge_m), np.float32(noise.edge_dropout), np.float32(0.0))
+    chance[layer.facing < np.sin(noise.grazing_rad)] = noise.grazing_dropout
+    units = np.round(depth / camera.depth_unit_m)
+    units[rng.random(size, dtype=np.float32) < chance] = 0
+    levels = layer.colour + noise.colour_levels * rng.standard_normal((*size, 1), dtype=np.float32)
+    return np.clip(levels, 0, 255).astype(np.uint8), np.clip(units, 0, 65535).astype(np.uint16)
+
+
+def _edges(depth: Image, jump_m: float) -> Bool[np.ndarray, "height width"]:
+    """Where depth differs from that of any of the four neighbours by more than `jump_m`."""
+    edges = np.zeros(depth.shape, bool)
+    across, along = np.abs(np.diff(depth, axis=1)) > jump_m, np.abs(np.diff(depth, axis=0)) > jump_m
+    edges[:, 1:] |= across
+    edges[:, :-1] |= across
+    edges[1:] |= along
+    edges[:-1] |= along
+    return edges
