@@ -1,7 +1,25 @@
 """What a task is: data about a scene, an object, a tool and how to plan there. One file a task, named as the task."""
 
+from __future__ import annotations
+
+from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import final
+from typing import TYPE_CHECKING, final
+
+import numpy as np
+
+from app.core.errors import UsageError
+
+if TYPE_CHECKING:  # Rigs need ropes and fingers alone: their processes shall not load JAX and Warp for these names.
+    from jaxtyping import Float64
+
+    from app.core.types import Points
+    from app.planner.actions import ActionSpace
+    from app.planner.cost import Weights
+    from app.planner.optimise import Descent
+    from app.policy.base import Policy
+    from app.sim.scene import Scene
+    from app.tasks.curves import Problems
 
 
 @final
@@ -22,3 +40,56 @@ class Finger:
 
     radius_m: float
     push_height_m: float
+
+
+@final
+@dataclass(frozen=True, kw_only=True)
+class Preset:
+    """How much is computed for one decision: `branches` = k random ones + 1 of the policy, each `depth` actions."""
+
+    branches: int
+    depth: int
+    particle_count: int
+    gradient_steps: int
+
+
+@final
+@dataclass(frozen=True, kw_only=True)
+class Task:
+    """Everything about a task that is not the site's.
+
+    `nominal`: parameters of the simulator, by name, whose nominal value for this task is not the simulator's own;
+    `calibrated`: those that calibration estimates from transitions. `success_m2`: the Chamfer distance to the goal
+    [m^2] at which the task is done.
+    """
+
+    name: str
+    rope: Rope
+    finger: Finger
+    scene: Scene
+    actions: ActionSpace
+    policy: Policy
+    weights: Weights
+    descent: Descent
+    problems: Problems
+    nominal: Mapping[str, float]
+    calibrated: tuple[str, ...]
+    success_m2: float
+    presets: Mapping[str, Preset]
+
+    def preset(self, name: str) -> Preset:
+        """The preset called `name`. Raises UsageError with the known ones."""
+        try:
+            return self.presets[name]
+        except KeyError:
+            raise UsageError.unknown("preset", name, self.presets) from None
+
+    def start(self, seed: int) -> Float64[np.ndarray, "points 3"]:
+        """Centreline of the rope at the start of episode `seed` [m]."""
+        return self.problems.draw(seed, self.rope)[0]
+
+    def goal(self, seed: int, particle_count: int) -> Points:
+        """Where the rope shall be at the end of episode `seed`, as particles [m]."""
+        from app.tasks.curves import fill_tube
+
+        return fill_tube(self.problems.draw(seed, self.rope)[1], self.rope.radius_m, particle_count)

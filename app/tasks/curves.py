@@ -1,11 +1,93 @@
 """Random smooth curves on the table: where a rope starts and where it shall go."""
 
+from dataclasses import dataclass, field
+from typing import final
+
 import numpy as np
 from jaxtyping import Float64
+from scipy.stats import qmc
 
 from app.config import Workspace
+from app.core.chamfer import chamfer_m2
+from app.core.types import Points
+from app.tasks.base import Rope
 
 _TRIES = 1000
+_MIN_GAP_M = 0.04
+
+
+@final
+@dataclass(frozen=True, kw_only=True)
+class Problems:
+    """Where a rope starts and where it shall go: the goal is the start, shifted, turned and bent, all at random.
+
+    `gap_m` bounds how far apart start and goal are as clouds (root of half their Chamfer distance): near enough to be
+    reached with about ten pushes, far enough that the rope has to move.
+    """
+
+    max_shift_m: float = 0.15
+    max_rotation_rad: float = 0.7
+    max_bend_rad: float = 1.0
+    gap_m: tuple[float, float] = (0.04, 0.10)
+    workspace: Workspace = field(default_factory=Workspace)
+    margin_m: float = 0.08
+
+    def draw(self, seed: int, rope: Rope) -> tuple[Float64[np.ndarray, "points 3"], Float64[np.ndarray, "points 3"]]:
+        """Centrelines [m] of the start and the goal of problem `seed`."""
+        rng = np.random.default_rng(seed)
+        for _ in range(_TRIES):
+            start = random_curve(
+                rng,
+                length_m=rope.length_m,
+                height_m=rope.radius_m,
+                workspace=self.workspace,
+                margin_m=self.margin_m,
+            )
+            goal = self._moved(rng, start)
+            gap_m = float(np.sqrt(chamfer_m2(start, goal) / 2))
+            if self._inside(goal) and self.gap_m[0] <= gap_m <= self.gap_m[1]:
+                return start, goal
+        raise ValueError(f"No goal within reach in {_TRIES} tries; widen {self}.")
+
+    def _moved(
+        self, rng: np.random.Generator, start: Float64[np.ndarray, "points 3"]
+    ) -> Float64[np.ndarray, "points 3"]:
+        steps = np.diff(start[:, :2], axis=0)
+        arc = np.linspace(0.0, 1.0, len(steps))
+        bend = rng.uniform(-self.max_bend_rad, self.max_bend_rad, size=2) / np.array([1.0, 2.0])
+        turn = rng.uniform(-1.0, 1.0) * self.max_rotation_rad
+        turn = turn + bend @ np.stack([np.cos(np.pi * arc), np.cos(2 * np.pi * arc)])
+        cos, sin = np.cos(turn), np.sin(turn)
+        steps = np.stack([cos * steps[:, 0] - sin * steps[:, 1], sin * steps[:, 0] + cos * steps[:, 1]], axis=1)
+        goal = np.concatenate([np.zeros((1, 2)), np.cumsum(steps, axis=0)])
+        angle, shift_m = rng.uniform(0, 2 * np.pi), self.max_shift_m * np.sqrt(rng.uniform())
+        goal += start[:, :2].mean(0) - goal.mean(0) + shift_m * np.array([np.cos(angle), np.sin(angle)])
+        return np.concatenate([goal, start[:, 2:]], axis=1)
+
+    def _inside(self, curve: Float64[np.ndarray, "points 3"]) -> bool:
+        low = np.asarray(self.workspace.low[:2]) + self.margin_m
+        high = np.asarray(self.workspace.high[:2]) - self.margin_m
+        length_m = float(np.linalg.norm(np.diff(curve, axis=0), axis=1).sum())
+        gap_ok = _self_gap(curve[:, :2], length_m) >= _MIN_GAP_M
+        return gap_ok and bool(np.all(curve[:, :2] >= low) and np.all(curve[:, :2] <= high))
+
+
+def fill_tube(
+    centreline: Float64[np.ndarray, "points 3"], radius_m: float, particle_count: int, *, seed: int = 0
+) -> Points:
+    """`particle_count` points [m] that fill the tube of `radius_m` about a planar curve evenly (Halton sequence)."""
+    along, across, angle = qmc.Halton(3, rng=seed).random(particle_count).T
+    lengths = np.linalg.norm(np.diff(centreline, axis=0), axis=1)
+    arc = np.concatenate([[0.0], np.cumsum(lengths)])
+    tangent = np.gradient(centreline[:, :2], arc, axis=0)
+    tangent /= np.linalg.norm(tangent, axis=1, keepdims=True)
+    where = along * arc[-1]
+    centre = np.stack([np.interp(where, arc, centreline[:, k]) for k in range(3)], axis=1)
+    normal = np.stack([-np.interp(where, arc, tangent[:, 1]), np.interp(where, arc, tangent[:, 0])], axis=1)
+    radius = radius_m * np.sqrt(across)
+    sideways, up = radius * np.cos(2 * np.pi * angle), radius * np.sin(2 * np.pi * angle)
+    points = centre + np.concatenate([sideways[:, None] * normal, up[:, None]], axis=1)
+    return points.astype(np.float32)
 
 
 def random_curve(
@@ -16,7 +98,7 @@ def random_curve(
     workspace: Workspace,
     margin_m: float = 0.08,
     max_turn_rad: float = 2.4,
-    min_gap_m: float = 0.04,
+    min_gap_m: float = _MIN_GAP_M,
     points: int = 81,
 ) -> Float64[np.ndarray, "points 3"]:
     """A planar curve of exactly `length_m` at z = `height_m`, inside the workspace less `margin_m`.

@@ -1,0 +1,103 @@
+"""Transitions as arrays, and how badly a model predicts each of them: the one-step Chamfer distance."""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from functools import partial
+from typing import Protocol, final
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Float, Float32
+
+from app.core.chamfer import chamfer_m2
+from app.core.messages import Transition
+
+Advance = Callable[[Float[Array, "B P"], Float[Array, "B N 3"], Float[Array, "B S+1 3"]], Float[Array, "B N 3"]]
+"""The simulator from rest to rest: parameters, particles before, tool path -> particles after."""
+
+
+@final
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Evidence:
+    """K transitions: particles before and after [m], and the tool path that was measured between them [m]."""
+
+    before: Float32[np.ndarray, "K N 3"]
+    tool: Float32[np.ndarray, "K S+1 3"]
+    after: Float32[np.ndarray, "K N 3"]
+
+    def __len__(self) -> int:
+        return len(self.before)
+
+
+class ToolPath(Protocol):
+    """Turns measured tool-tip positions into the path to simulate (`app.planner.actions.ActionSpace.measured_path`)."""
+
+    def __call__(self, positions: Float[np.ndarray, "T 3"]) -> Float32[np.ndarray, "S+1 3"]:
+        """The simulated path [m]."""
+        ...
+
+
+def gather(transitions: Sequence[Transition], tool_path: ToolPath) -> Evidence:
+    """What is simulated is the motion as measured, never as commanded. All clouds must have the same size."""
+    return Evidence(
+        before=np.stack([transition.before for transition in transitions]).astype(np.float32),
+        tool=np.stack([tool_path(transition.executed.measured[:, :3]) for transition in transitions]),
+        after=np.stack([transition.after for transition in transitions]).astype(np.float32),
+    )
+
+
+@final
+@dataclass(frozen=True, kw_only=True)
+class Predictor:
+    """Scores models on evidence, `chunk` transitions at a time: one compiled shape for any number of them."""
+
+    advance: Advance
+    chunk: int
+
+    def losses(self, phi: Float32[np.ndarray, " P"], evidence: Evidence) -> Float32[np.ndarray, " K"]:
+        """One-step Chamfer distance [m^2] of every transition; NaN where the simulation left its grid."""
+        return np.concatenate([np.asarray(_losses(self.advance, phi, *part)) for part in self._parts(evidence)])[
+            : len(evidence)
+        ]
+
+    def slopes(
+        self, phi: Float32[np.ndarray, " P"], evidence: Evidence
+    ) -> tuple[Float32[np.ndarray, " K"], Float32[np.ndarray, "K P"]]:
+        """The losses, and the gradient of each with respect to `phi`."""
+        parts = [jax.device_get(_slopes(self.advance, phi, *part)) for part in self._parts(evidence)]
+        losses, gradients = (np.concatenate(pieces)[: len(evidence)] for pieces in zip(*parts, strict=True))
+        return losses, gradients
+
+    def _parts(self, evidence: Evidence) -> list[tuple[np.ndarray, np.ndarray, np.ndarray]]:
+        """Chunks of equal size; the last one is filled up with repetitions, whose results are cut off."""
+        count = len(evidence)
+        rows = np.arange(-(-count // self.chunk) * self.chunk) % count
+        return [
+            (evidence.before[part], evidence.tool[part], evidence.after[part]) for part in rows.reshape(-1, self.chunk)
+        ]
+
+
+def _predicted_losses(
+    advance: Advance,
+    phi: Float[Array, "K P"],
+    before: Float[Array, "K N 3"],
+    tool: Float[Array, "K S+1 3"],
+    after: Float[Array, "K N 3"],
+) -> Float[Array, " K"]:
+    return chamfer_m2(advance(phi, before, tool), after)
+
+
+@partial(jax.jit, static_argnums=0)
+def _losses(advance: Advance, phi: Array, before: Array, tool: Array, after: Array) -> Array:
+    return _predicted_losses(advance, jnp.tile(phi, (len(before), 1)), before, tool, after)
+
+
+@partial(jax.jit, static_argnums=0)
+def _slopes(advance: Advance, phi: Array, before: Array, tool: Array, after: Array) -> tuple[Array, Array]:
+    def summed(phis: Array) -> tuple[Array, Array]:
+        losses = _predicted_losses(advance, phis, before, tool, after)
+        return losses.sum(), losses
+
+    gradients, losses = jax.grad(summed, has_aux=True)(jnp.tile(phi, (len(before), 1)))
+    return losses, gradients

@@ -1,0 +1,215 @@
+"""Actions: flat vectors of numbers and the tool paths they mean, as JAX functions so that gradients reach them."""
+
+from dataclasses import dataclass
+from typing import Protocol, final
+
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Bool, Float, Float32
+
+from app.config import Site
+from app.core.messages import Motion
+from app.core.types import Points
+
+_CLEARING_STEPS = 12
+_SAMPLES_PER_BRANCH = 64
+
+
+class ActionSpace(Protocol):
+    """The actions of a task. Axis letters: B candidates, A numbers of an action, S substeps, N particles."""
+
+    @property
+    def size(self) -> int:
+        """A."""
+        ...
+
+    @property
+    def substeps(self) -> int:
+        """S: simulated substeps an action takes."""
+        ...
+
+    def sample(self, rng: np.random.Generator, x: Points, count: int) -> Float32[np.ndarray, "count A"]:
+        """Random allowed actions for the state `x`, as the paper draws first actions."""
+        ...
+
+    def project(self, actions: Float[Array, "B A"], x: Float[Array, "B N 3"]) -> Float[Array, "B A"]:
+        """The nearest actions, or nearly so, that are allowed in the states `x`."""
+        ...
+
+    def allowed(self, actions: Float[Array, "B A"], x: Float[Array, "B N 3"]) -> Bool[Array, " B"]:
+        """Whether projection succeeded: the arm may start there."""
+        ...
+
+    def scale(self) -> Float32[np.ndarray, " A"]:
+        """What a typical change of each number is: the unit of one step of gradient descent."""
+        ...
+
+    def tool_path(self, actions: Float[Array, "B A"]) -> Float[Array, "B S+1 3"]:
+        """Tool-tip positions [m] at the ends of all substeps."""
+        ...
+
+    def motion(self, action: Float32[np.ndarray, " A"], site: Site) -> Motion:
+        """What the arm shall do to make the action."""
+        ...
+
+    def measured_path(self, positions: Float[np.ndarray, "T 3"]) -> Float32[np.ndarray, "S+1 3"]:
+        """The tool path to simulate for an action that was made along measured tool-tip `positions` [m]."""
+        ...
+
+
+@final
+@dataclass(frozen=True, kw_only=True)
+class Pushes:
+    """Straight down beside the object, a push along 20 short displacements, straight up again.
+
+    An action is 42 numbers: start (x0, y0), then 20 displacements (dx, dy), all in metres (paper, rope pushing).
+    The tool path of the simulator leaves out descent and lift, which touch nothing: a
+    start is allowed only where the finger comes down `clearance_m` or more beside every particle.
+
+    `region`: bounds (x low, y low, x high, y high) [m] of the finger; `rest_substeps`: substeps at rest after the push;
+    `speed_m_s`, `approach_m_s`: of the real arm, along the push and above it; the simulated finger is faster, which a
+    quasi-static object does not mind.
+    """
+
+    region: tuple[float, float, float, float]
+    height_m: float
+    clearance_m: float
+    max_displacement_m: float
+    max_length_m: float
+    random_length_m: tuple[float, float]
+    speed_m_s: float
+    approach_m_s: float
+    push_substeps: int
+    rest_substeps: int
+    start_scale_m: float = 0.004
+    displacement_scale_m: float = 0.001
+    displacements: int = 20
+
+    @property
+    def size(self) -> int:
+        """Two numbers of start and two a displacement."""
+        return 2 + 2 * self.displacements
+
+    @property
+    def substeps(self) -> int:
+        """Pushing and resting."""
+        return self.push_substeps + self.rest_substeps
+
+    def sample(self, rng: np.random.Generator, x: Points, count: int) -> Float32[np.ndarray, "count A"]:
+        """A random particle and a random angle: the push starts beside the object and goes straight through both.
+
+        Starts on top of the object or outside the region are drawn again; where none is left (a rope curled up
+        tightly) the least bad ones are kept, for projection to mend.
+        """
+        tries = _SAMPLES_PER_BRANCH * count
+        through = x[rng.integers(len(x), size=tries), :2].astype(np.float64)
+        angle = rng.uniform(0, 2 * np.pi, tries)
+        direction = np.stack([np.cos(angle), np.sin(angle)], axis=1)
+        start = through - 1.3 * self.clearance_m * direction
+        length = rng.uniform(*self.random_length_m, size=(tries, 1))
+        low, high = self._bounds()
+        outside = np.maximum(low - start, start - high).max(1).clip(min=0)
+        near = np.linalg.norm(start[:, None] - x[None, :, :2], axis=-1).min(1)
+        badness = outside + (self.clearance_m - near).clip(min=0)
+        chosen = np.argsort(badness, kind="stable")[:count]
+        steps = np.repeat((length * direction / self.displacements)[chosen, None], self.displacements, axis=1)
+        return np.concatenate([start[chosen], steps.reshape(count, -1)], axis=1).astype(np.float32)
+
+    def project(self, actions: Float[Array, "B A"], x: Float[Array, "B N 3"]) -> Float[Array, "B A"]:
+        """Bounded displacements and length, a start beside the object, every waypoint inside the region.
+
+        The start moves away from the nearest particle, again and again; between two close parts of a rope that may
+        end nowhere, which `allowed` tells.
+        """
+        start, steps = self._split(actions)
+        start = self._clear(start, x[..., :2])
+        size = _length(steps)
+        steps = steps * jnp.minimum(1.0, self.max_displacement_m / size)[..., None]
+        total = _length(steps).sum(-1)
+        steps = steps * jnp.minimum(1.0, self.max_length_m / total)[:, None, None]
+        low, high = self._bounds()
+        points = jnp.clip(start[:, None] + jnp.cumsum(steps, axis=1), low, high)
+        return self._join(start, jnp.diff(points, axis=1, prepend=start[:, None]))
+
+    def allowed(self, actions: Float[Array, "B A"], x: Float[Array, "B N 3"]) -> Bool[Array, " B"]:
+        """Whether the finger comes down beside the object (within a tenth of a millimetre) and inside the region."""
+        start, _ = self._split(actions)
+        low, high = self._bounds()
+        inside = jnp.all((start >= low - 1e-6) & (start <= high + 1e-6), axis=-1)
+        return inside & (_length(start[:, None] - x[..., :2]).min(-1) >= self.clearance_m - 1e-4)
+
+    def scale(self) -> Float32[np.ndarray, " A"]:
+        """A start may move further in a step than a displacement, as all displacements add up."""
+        return np.repeat(
+            np.array([self.start_scale_m, self.displacement_scale_m], np.float32), [2, 2 * self.displacements]
+        )
+
+    def tool_path(self, actions: Float[Array, "B A"]) -> Float[Array, "B S+1 3"]:
+        """Straight lines between the waypoints, slowly at first and last, then at rest; all at the push height."""
+        path = jnp.asarray(self._interpolation()) @ self._waypoints(actions)
+        height = jnp.full((*path.shape[:2], 1), self.height_m, path.dtype)
+        return jnp.concatenate([path, height], axis=-1)
+
+    def motion(self, action: Float32[np.ndarray, " A"], site: Site) -> Motion:
+        """From above the start down to the push height, along the push, and up."""
+        flat = np.asarray(self._waypoints(jnp.asarray(action)[None])[0], np.float64)
+        push = np.concatenate([flat, np.full((len(flat), 1), self.height_m)], axis=1)
+        above = np.array([0.0, 0.0, site.travel_height_m - self.height_m])
+        speeds = np.full(len(push) + 2, self.speed_m_s)
+        speeds[[0, 1, -1]] = self.approach_m_s
+        return Motion(positions=np.concatenate([push[:1] + above, push, push[-1:] + above]), speeds=speeds)
+
+    def measured_path(self, positions: Float[np.ndarray, "T 3"]) -> Float32[np.ndarray, "S+1 3"]:
+        """The part of the way near push height, resampled to equal steps; without such a part the finger stays put.
+
+        Raises ValueError where nothing was measured.
+        """
+        if not len(positions):
+            raise ValueError("No tool positions were measured; the transition cannot be simulated.")
+        low = positions[positions[:, 2] < self.height_m + _LOW_ENOUGH_M]
+        path = low if len(low) else positions[-1:]
+        arc = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(path[:, :2], axis=0), axis=1))])
+        nodes = np.linspace(0.0, arc[-1], self.displacements + 1)
+        points = np.stack([np.interp(nodes, arc, path[:, k]) for k in range(3)], axis=1)
+        return (self._interpolation() @ points).astype(np.float32)
+
+    def _split(self, actions: Float[Array, "B A"]) -> tuple[Float[Array, "B 2"], Float[Array, "B D 2"]]:
+        return actions[:, :2], actions[:, 2:].reshape(-1, self.displacements, 2)
+
+    def _join(self, start: Float[Array, "B 2"], steps: Float[Array, "B D 2"]) -> Float[Array, "B A"]:
+        return jnp.concatenate([start, steps.reshape(start.shape[0], -1)], axis=-1)
+
+    def _waypoints(self, actions: Float[Array, "B A"]) -> Float[Array, "B D+1 2"]:
+        start, steps = self._split(actions)
+        return jnp.cumsum(jnp.concatenate([start[:, None], steps], axis=1), axis=1)
+
+    def _interpolation(self) -> Float32[np.ndarray, "S+1 D+1"]:
+        """Maps waypoints to tool positions: row s holds the two weights of substep s.
+
+        The speed along the push rises and falls like sin^2, without a jerk that would throw the object.
+        """
+        time = np.minimum(np.arange(self.substeps + 1) / self.push_substeps, 1.0)
+        at = (time - np.sin(2 * np.pi * time) / (2 * np.pi)) * self.displacements
+        return np.maximum(0.0, 1.0 - np.abs(at[:, None] - np.arange(self.displacements + 1))).astype(np.float32)
+
+    def _clear(self, start: Float[Array, "B 2"], x: Float[Array, "B N 2"]) -> Float[Array, "B 2"]:
+        low, high = self._bounds()
+        for _ in range(_CLEARING_STEPS):
+            away = start[:, None] - x
+            nearest = jnp.argmin(_length(away), axis=-1)
+            away = jnp.take_along_axis(away, nearest[:, None, None], axis=1)[:, 0]
+            distance = _length(away)
+            missing = jnp.maximum(0.0, self.clearance_m - distance)
+            start = jnp.clip(start + (missing / distance)[:, None] * away, low, high)
+        return start
+
+    def _bounds(self) -> tuple[Float32[np.ndarray, "2"], Float32[np.ndarray, "2"]]:
+        return np.asarray(self.region[:2], np.float32), np.asarray(self.region[2:], np.float32)
+
+
+_LOW_ENOUGH_M = 0.004
+
+
+def _length(vectors: Float[Array, "*axes 2"]) -> Float[Array, "*axes"]:
+    """Euclidean length [m] that is never zero, with a finite gradient everywhere."""
+    return jnp.sqrt((vectors**2).sum(-1) + 1e-12)

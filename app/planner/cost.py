@@ -1,0 +1,53 @@
+"""The cost of a sequence of actions: eq. 2 of the paper, step by step."""
+
+from dataclasses import dataclass
+from typing import NamedTuple, final
+
+import jax.numpy as jnp
+from jaxtyping import Array, Float
+
+from app.core.chamfer import chamfer_m2
+
+_SMOOTH_M = 1e-4
+
+
+@final
+@dataclass(frozen=True, kw_only=True)
+class Weights:
+    """Weights of eq. 2: `progress` per square metre of Chamfer distance, `contact` per metre of distance."""
+
+    progress: float
+    contact: float
+
+
+class Terms(NamedTuple):
+    """The two unweighted parts of the cost of each candidate, in m^2 and m; each has shape (B,)."""
+
+    progress: Float[Array, " B"]
+    contact: Float[Array, " B"]
+
+    def total(self, weights: Weights) -> Float[Array, " B"]:
+        """The weighted sum that is minimised."""
+        return weights.progress * self.progress + weights.contact * self.contact
+
+    def plus(self, other: "Terms") -> "Terms":
+        """Sum over the steps of a branch."""
+        return Terms(self.progress + other.progress, self.contact + other.contact)
+
+
+def step_terms(
+    x_before: Float[Array, "B N 3"],
+    x_after: Float[Array, "B N 3"],
+    goal: Float[Array, "M 3"],
+    tool_path: Float[Array, "B S+1 3"],
+) -> Terms:
+    """One step's terms: chamfer(x_t, goal) - chamfer(x_{t-1}, goal), and the distance between gripper and object.
+
+    Summed over a branch the first telescopes to the final minus the initial Chamfer distance, so nothing but the end
+    of the horizon and the contact terms steers. The paper's contact term, an L2 distance between gripper and object,
+    is read as the horizontal distance from where the finger ends to the nearest particle then: it draws a finger that
+    misses the object towards it, and a push that touches pays about the finger's radius.
+    """
+    progress = chamfer_m2(x_after, goal[None]) - chamfer_m2(x_before, goal[None])
+    squared = ((x_after[..., :2] - tool_path[:, -1:, :2]) ** 2).sum(-1).min(-1)
+    return Terms(progress, jnp.sqrt(squared + _SMOOTH_M**2))

@@ -1,0 +1,164 @@
+"""One decision, as in the paper: sample, roll out, descend, choose."""
+
+from dataclasses import dataclass
+from functools import partial
+from typing import Protocol, final
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Float, Float32
+
+from app.config import Site
+from app.core.chamfer import chamfer_m2
+from app.core.errors import PlanningError
+from app.core.messages import Branch, Motion
+from app.core.types import Points
+from app.planner.optimise import Descended, Descent, descend
+from app.planner.tree import Search, roll_out, sample, simulate
+
+
+@final
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Plan:
+    """A decision: every branch of the tree, the index of the best, and the motion that executes its first action.
+
+    `predicted (N, 3)`: the particles after that motion; `chamfer_m2` of the observation and `predicted_chamfer_m2` of
+    `predicted` to the goal [m^2].
+    """
+
+    branches: tuple[Branch, ...]
+    best: int
+    motion: Motion
+    predicted: Points
+    chamfer_m2: float
+    predicted_chamfer_m2: float
+
+
+class Planner(Protocol):
+    """What every planner is: the tree with gradients, CEM, and those to come."""
+
+    def __call__(
+        self,
+        observed: Points,
+        goal: Points,
+        phi: Float32[np.ndarray, " P"],
+        *,
+        seed: int,
+        site: Site,
+        previous: Plan | None = None,
+    ) -> Plan:
+        """Decide what to do with the object `observed` (N, 3) [m] under the model `phi`.
+
+        `previous`: the decision before, whose later actions may be a good beginning now.
+        Raises PlanningError where no branch stayed finite.
+        """
+        ...
+
+
+@final
+@dataclass(frozen=True, kw_only=True)
+class TreePlanner:
+    """The paper's planner. What is heavy are two compiled functions, each of all branches at once."""
+
+    search: Search
+    descent: Descent
+    gradient_steps: int
+
+    def __call__(
+        self,
+        observed: Points,
+        goal: Points,
+        phi: Float32[np.ndarray, " P"],
+        *,
+        seed: int,
+        site: Site,
+        previous: Plan | None = None,
+    ) -> Plan:
+        """Sample, roll out, descend, choose."""
+        search = self.search
+        prepared = search.policy.prepare(observed, goal)
+        x = jnp.repeat(jnp.asarray(observed)[None], search.branches, axis=0)
+        parameters = jnp.repeat(jnp.asarray(phi)[None], search.branches, axis=0)
+        first = sample(search, prepared, observed, np.random.default_rng(seed))
+        if previous is not None and search.depth > 1:
+            first[-1] = previous.branches[previous.best].actions[1]
+        actions = _rolled_out(search, prepared, parameters, x, jnp.asarray(first))
+        descended = _descended(self, parameters, x, jnp.asarray(goal), actions)
+        return choose(search, jax.device_get(descended), observed, goal, site)
+
+    def compile(self, example: Points, phi: Float32[np.ndarray, " P"]) -> None:
+        """Compile for states and goals of the size of `example` (N, 3); simulates one action, and descends nowhere."""
+        search = self.search
+        prepared = search.policy.prepare(example, example)
+        x = jnp.repeat(jnp.asarray(example)[None], search.branches, axis=0)
+        parameters = jnp.repeat(jnp.asarray(phi)[None], search.branches, axis=0)
+        first = sample(search, prepared, example, np.random.default_rng(0))
+        actions = _rolled_out(search, prepared, parameters, x, jnp.asarray(first))
+        _descended.lower(self, parameters, x, jnp.asarray(example), actions).compile()
+
+
+_rolled_out = jax.jit(roll_out, static_argnums=0)
+
+
+@partial(jax.jit, static_argnums=0)
+def _descended(
+    planner: TreePlanner,
+    phi: Float[Array, "B P"],
+    x: Float[Array, "B N 3"],
+    goal: Float[Array, "M 3"],
+    actions: Float[Array, "B D A"],
+) -> Descended:
+    return descend(
+        partial(simulate, planner.search, phi, x, goal),
+        actions,
+        steps=planner.gradient_steps,
+        descent=planner.descent,
+        scale=planner.search.space.scale(),
+    )
+
+
+def choose(search: Search, found: Descended, observed: Points, goal: Points, site: Site) -> Plan:
+    """The cheapest branch that is finite and whose pushes may be made.
+
+    Raises PlanningError where there is none.
+    """
+    branches = tuple(_branch(search, found, index) for index in range(search.branches))
+    cost = np.where(found.finite & found.best.allowed, found.best.cost, np.inf)
+    best = int(np.argmin(cost))
+    if not np.isfinite(cost[best]):
+        lost = int((~found.finite).sum())
+        raise PlanningError(
+            f"Of {search.branches} branches {lost} became non-finite and the others start on top of the object; "
+            "plan again with another seed, or straighten the object out by hand."
+        )
+    predicted = branches[best].predicted
+    return Plan(
+        branches=branches,
+        best=best,
+        motion=search.space.motion(branches[best].actions[0], site),
+        predicted=predicted,
+        chamfer_m2=float(chamfer_m2(observed, goal)),
+        predicted_chamfer_m2=float(chamfer_m2(predicted, goal)),
+    )
+
+
+def _branch(search: Search, found: Descended, index: int) -> Branch:
+    best = found.best
+    first = jnp.asarray(best.actions[index, :1])
+    weights = search.weights
+    return Branch(
+        origin="policy" if index == 0 else "random",
+        actions=np.asarray(best.actions[index]),
+        tool_path=np.asarray(search.space.tool_path(first)[0]),
+        predicted=np.asarray(best.first[index]),
+        final=np.asarray(best.final[index]),
+        cost_before=float(found.cost_before[index]),
+        cost_after=float(best.cost[index]),
+        terms={
+            "progress": weights.progress * float(best.terms.progress[index]),
+            "contact": weights.contact * float(best.terms.contact[index]),
+            "last iterate": float(found.iterates[-1, index]),
+        },
+        finite=bool(found.finite[index]),
+    )

@@ -1,0 +1,90 @@
+"""The tree of trajectories: k random first actions and one of the policy, each continued by the policy."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import NamedTuple, final
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Bool, Float, Float32
+
+from app.core.types import Points
+from app.planner.actions import ActionSpace
+from app.planner.cost import Terms, Weights, step_terms
+from app.policy.base import Policy, Prepared
+
+Advance = Callable[[Float[Array, "B P"], Float[Array, "B N 3"], Float[Array, "B S+1 3"]], Float[Array, "B N 3"]]
+"""The simulator from rest to rest: parameters, particles before, tool path -> particles after."""
+
+
+@final
+@dataclass(frozen=True, kw_only=True)
+class Search:
+    """What a decision is searched with; the same for every decision of a task and preset."""
+
+    space: ActionSpace
+    policy: Policy
+    weights: Weights
+    advance: Advance
+    branches: int
+    depth: int
+
+
+class Rollout(NamedTuple):
+    """B branches as simulated. `actions` are those that were simulated: projected onto what is allowed."""
+
+    actions: Float[Array, "B D A"]
+    first: Float[Array, "B N 3"]
+    final: Float[Array, "B N 3"]
+    terms: Terms
+    cost: Float[Array, " B"]
+    allowed: Bool[Array, " B"]
+
+
+def sample(search: Search, prepared: Prepared, x: Points, rng: np.random.Generator) -> Float32[np.ndarray, "B A"]:
+    """First actions: the policy's, then k = branches - 1 random ones."""
+    policy = search.policy.act(prepared, jnp.asarray(x)[None])
+    return np.concatenate([np.asarray(policy), search.space.sample(rng, x, search.branches - 1)])
+
+
+def roll_out(
+    search: Search,
+    prepared: Prepared,
+    phi: Float[Array, "B P"],
+    x: Float[Array, "B N 3"],
+    first_actions: Float[Array, "B A"],
+) -> Float[Array, "B D A"]:
+    """All actions of all branches: after the first, the policy acts on the simulated states."""
+    actions = [search.space.project(first_actions, x)]
+    for _ in range(search.depth - 1):
+        x = search.advance(phi, x, search.space.tool_path(actions[-1]))
+        actions.append(search.space.project(search.policy.act(prepared, x), x))
+    return jnp.stack(actions, axis=1)
+
+
+def simulate(
+    search: Search,
+    phi: Float[Array, "B P"],
+    x: Float[Array, "B N 3"],
+    goal: Float[Array, "M 3"],
+    actions: Float[Array, "B D A"],
+) -> Rollout:
+    """Simulate every branch and cost it. Differentiable in `actions`, `x` and `phi`.
+
+    Actions are projected onto what is allowed in the state they meet; gradients pass the projection straight through
+    (its own derivative would forget how a start that was moved aside got there).
+    """
+    taken: list[Float[Array, "B A"]] = []
+    states = [x]
+    terms = Terms(jnp.zeros(len(x)), jnp.zeros(len(x)))
+    allowed = jnp.ones(len(x), bool)
+    for step in range(search.depth):
+        wanted = actions[:, step]
+        moved = jax.lax.stop_gradient(search.space.project(wanted, states[-1]) - wanted)
+        taken.append(wanted + moved)
+        allowed &= search.space.allowed(taken[-1], states[-1])
+        path = search.space.tool_path(taken[-1])
+        states.append(search.advance(phi, states[-1], path))
+        terms = terms.plus(step_terms(states[-2], states[-1], goal, path))
+    return Rollout(jnp.stack(taken, axis=1), states[1], states[-1], terms, terms.total(search.weights), allowed)

@@ -1,0 +1,42 @@
+"""Which particle of a rope lies where along it: unordered points to labels in 0..1, and to a centreline."""
+
+import numpy as np
+from jaxtyping import Float, Float32
+from scipy.sparse import csr_matrix
+from scipy.sparse.csgraph import dijkstra, minimum_spanning_tree
+from scipy.spatial import KDTree
+from scipy.spatial.distance import cdist
+
+from app.core.types import Points
+
+_NEIGHBOURS = 10
+
+
+def arclength_labels(x: Points) -> Float32[np.ndarray, " N"]:
+    """Where along the rope each particle of `x` (N, 3) [m] lies, in 0..1; which end is 0 is arbitrary.
+
+    The longest geodesic of the neighbour graph runs from end to end. Edges cost their squared length, so that a path
+    keeps to the rope where two parts of it come close. As particles stand for equal volumes, the rank of a particle's
+    distance from the end, not the distance itself, is its share of the length.
+    """
+    graph = _neighbour_graph(np.asarray(x, np.float64))
+    end = int(np.argmax(dijkstra(graph, directed=False, indices=0)))
+    distance = dijkstra(graph, directed=False, indices=end)
+    rank = np.argsort(np.argsort(distance, kind="stable"), kind="stable")
+    return ((rank + 0.5) / len(x)).astype(np.float32)
+
+
+def centreline_weights(labels: Float32[np.ndarray, " N"], nodes: int) -> Float32[np.ndarray, "nodes N"]:
+    """Rows that average particles into the nodes of a centreline: Gaussian in the label, half a node wide."""
+    at = (np.arange(nodes) + 0.5) / nodes
+    weights = np.exp(-0.5 * ((labels[None, :] - at[:, None]) * nodes / 0.5) ** 2)
+    return (weights / weights.sum(1, keepdims=True)).astype(np.float32)
+
+
+def _neighbour_graph(x: Float[np.ndarray, "N 3"]) -> csr_matrix:
+    """Nearest neighbours, and the minimum spanning tree so that no particle is cut off; squared lengths as costs."""
+    near = min(_NEIGHBOURS, len(x) - 1)
+    lengths, columns = KDTree(x).query(x, k=near + 1)
+    rows = np.repeat(np.arange(len(x)), near)
+    local = csr_matrix((lengths[:, 1:].ravel() ** 2, (rows, columns[:, 1:].ravel())), shape=(len(x), len(x)))
+    return csr_matrix(local.maximum(minimum_spanning_tree(cdist(x, x, "sqeuclidean"))))

@@ -1,0 +1,89 @@
+"""The scripted initial policy: push the rope from behind, where most of it has furthest to go the same way."""
+
+from dataclasses import dataclass
+from typing import NamedTuple, final
+
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Float, Float32
+
+from app.core.types import Points
+from app.policy.ordering import arclength_labels, centreline_weights
+
+
+class Matched(NamedTuple):
+    """What is prepared once an observation: how to average particles into nodes, and the goal's nodes both ways."""
+
+    weights: Float32[np.ndarray, "M N"]
+    goals: Float32[np.ndarray, "2 M 2"]
+
+
+@final
+@dataclass(frozen=True, kw_only=True)
+class ScriptedPush:
+    """Chooses where along the rope to push, which way and how far, from the error of each node of its centreline.
+
+    A push at one node carries its neighbours along, over about `reach` of the length. It works best across the rope,
+    so the direction is that of the error but at most `max_tilt_rad` from the normal. The finger starts `start_gap_m`
+    behind the centreline and ends `contact_gap_m` behind where the node shall be; the push is at most `max_length_m`.
+    Returns actions of `displacements` equal displacements (see `app.planner.actions.Pushes`).
+    """
+
+    start_gap_m: float
+    contact_gap_m: float
+    max_length_m: float
+    clearance_m: float
+    reach: float = 0.15
+    max_tilt_rad: float = 0.9
+    nodes: int = 24
+    displacements: int = 20
+
+    def prepare(self, observed: Points, goal: Points) -> Matched:
+        """Order both clouds along the rope; the goal is kept in both directions, for the cheaper one to be chosen."""
+        weights = centreline_weights(arclength_labels(observed), self.nodes)
+        line = (centreline_weights(arclength_labels(goal), self.nodes) @ goal)[:, :2]
+        return Matched(weights, np.stack([line, line[::-1]]))
+
+    def act(self, prepared: Matched, x: Float[Array, "B N 3"]) -> Float[Array, "B A"]:
+        """The push that helps most, for each candidate."""
+        nodes = jnp.einsum("mn,bnk->bmk", prepared.weights, x[..., :2])
+        error = _nearer_goal(jnp.asarray(prepared.goals), nodes) - nodes
+        direction = self._directions(nodes, error)
+        share = self._shares()
+        advance = jnp.einsum("mj,bjk,bmk->bm", share, error, direction)
+        start = nodes - self.start_gap_m * direction
+        near = jnp.sqrt(((start[:, :, None] - x[:, None, :, :2]) ** 2).sum(-1)).min(-1)
+        gain = advance * share.sum(1) - jnp.where(near < self.clearance_m, _BLOCKED_M, 0.0)
+        best = jnp.argmax(gain, axis=1)[:, None]
+        advance = jnp.take_along_axis(advance / share.sum(1), best, axis=1)
+        start, direction = (jnp.take_along_axis(a, best[..., None], axis=1)[:, 0] for a in (start, direction))
+        length = jnp.clip(advance + self.start_gap_m - self.contact_gap_m, 0.0, self.max_length_m)
+        steps = jnp.tile(length * direction / self.displacements, (1, self.displacements))
+        return jnp.concatenate([start, steps], axis=1)
+
+    def _directions(self, nodes: Float[Array, "B M 2"], error: Float[Array, "B M 2"]) -> Float[Array, "B M 2"]:
+        """Unit vectors along the errors, turned towards the normal of the rope where they lean too far."""
+        tangent = _unit(jnp.asarray(jnp.gradient(nodes, axis=1)))
+        normal = jnp.stack([-tangent[..., 1], tangent[..., 0]], axis=-1)
+        along, across = (error * tangent).sum(-1), (error * normal).sum(-1)
+        side = jnp.where(across < 0, -1.0, 1.0)
+        tilt = jnp.clip(jnp.arctan2(along, jnp.abs(across)), -self.max_tilt_rad, self.max_tilt_rad)[..., None]
+        return jnp.cos(tilt) * side[..., None] * normal + jnp.sin(tilt) * tangent
+
+    def _shares(self) -> Float32[np.ndarray, "M M"]:
+        """How much of a push at node m each node j takes part in."""
+        at = np.arange(self.nodes) / self.nodes
+        return np.exp(-0.5 * ((at[:, None] - at) / self.reach) ** 2).astype(np.float32)
+
+
+_BLOCKED_M = 10.0
+"""More than any sum of errors on a table: a start on top of the rope is chosen only where there is no other."""
+
+
+def _nearer_goal(goals: Float[Array, "2 M 2"], nodes: Float[Array, "B M 2"]) -> Float[Array, "B M 2"]:
+    squared = ((goals[None] - nodes[:, None]) ** 2).sum((-1, -2))
+    return goals[jnp.argmin(squared, axis=1)]
+
+
+def _unit(vectors: Float[Array, "*axes 2"]) -> Float[Array, "*axes 2"]:
+    return vectors / jnp.sqrt((vectors**2).sum(-1, keepdims=True) + 1e-12)

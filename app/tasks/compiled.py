@@ -1,0 +1,116 @@
+"""What a task compiles, kept once a process: simulator, planner, calibrator, and the stages of warming them up."""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from functools import lru_cache
+from typing import final
+
+import numpy as np
+from jaxtyping import Array, Float
+
+from app.calibration.calibrate import Calibrator, next_model, phi_of
+from app.calibration.evidence import Evidence, Predictor, gather
+from app.calibration.fit import Settings
+from app.core.messages import MessageId, Model, Parameter, Transition
+from app.planner.plan import TreePlanner
+from app.planner.tree import Advance, Search
+from app.sim.params import PARAMETERS
+from app.sim.rollout import make_rollout
+from app.sim.state import State
+from app.tasks import load
+from app.tasks.base import Task
+
+__all__ = ["advance", "calibrated", "nominal_model", "phi_of", "planner", "stages"]
+
+_CHUNK = 8
+
+
+@lru_cache
+def advance(task: str, particle_count: int) -> Advance:
+    """The task's simulator from rest to rest for objects of `particle_count` particles."""
+    simulate = make_rollout(load(task).scene, particle_count=particle_count)
+
+    def from_rest(
+        phi: Float[Array, "B P"], x: Float[Array, "B N 3"], tool: Float[Array, "B S+1 3"]
+    ) -> Float[Array, "B N 3"]:
+        return simulate(phi, State.at_rest(x), tool).x
+
+    return from_rest
+
+
+@lru_cache
+def planner(task: str, preset: str) -> TreePlanner:
+    """The task's planner, sized by the preset."""
+    data = load(task)
+    size = data.preset(preset)
+    return TreePlanner(
+        search=Search(
+            space=data.actions,
+            policy=data.policy,
+            weights=data.weights,
+            advance=advance(task, size.particle_count),
+            branches=size.branches,
+            depth=size.depth,
+        ),
+        descent=data.descent,
+        gradient_steps=size.gradient_steps,
+    )
+
+
+@lru_cache
+def calibrator(task: str, preset: str, steps: int) -> Calibrator:
+    """The task's calibrator, of at most `steps` trial steps."""
+    data = load(task)
+    predictor = Predictor(advance=advance(task, data.preset(preset).particle_count), chunk=_CHUNK)
+    return Calibrator(predictor=predictor, names=data.calibrated, settings=Settings(steps=steps))
+
+
+def calibrated(task: str, preset: str, transitions: Sequence[Transition], model: Model, steps: int) -> Model:
+    """The next version of `model`, fitted to all the transitions."""
+    fitter = calibrator(task, preset, steps)
+    found = fitter.fit(gather(transitions, load(task).actions.measured_path), phi_of(model))
+    return next_model(model, found, fitter.names, transitions)
+
+
+def nominal_model(task: str) -> Model:
+    """Version 0. Its id says whose it is, and its time is the beginning: it was there before anything was seen."""
+    return Model(
+        id=MessageId(f"model-nominal-{task}"),
+        time_s=0.0,
+        version=0,
+        task=task,
+        parameters=tuple(
+            Parameter(name=spec.name, value=value, unit=spec.unit, low=value, high=value)
+            for spec, value in zip(PARAMETERS, _nominal_values(load(task)), strict=True)
+        ),
+    )
+
+
+def _nominal_values(task: Task) -> list[float]:
+    return [task.nominal.get(spec.name, spec.nominal) for spec in PARAMETERS]
+
+
+@final
+@dataclass(frozen=True)
+class Stage:
+    """Something to compile: what it is called, and how it is done."""
+
+    name: str
+    run: Callable[[], object]
+
+
+def stages(task: str, preset: str) -> list[Stage]:
+    """In order; each one after the first is quick where the first was done."""
+    data, size = load(task), load(task).preset(preset)
+    x = data.goal(0, size.particle_count)
+    still = np.zeros((1, 2, 3), np.float32) + np.array([0, 0, 1], np.float32)
+    phi = phi_of(nominal_model(task))
+
+    def simulator() -> None:
+        predictor = Predictor(advance=advance(task, size.particle_count), chunk=1)
+        predictor.slopes(phi, Evidence(before=x[None], tool=still, after=x[None]))
+
+    return [
+        Stage("the simulator and its adjoint", simulator),
+        Stage("the tree search", lambda: planner(task, preset).compile(x, phi)),
+    ]

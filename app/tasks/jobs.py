@@ -1,0 +1,82 @@
+"""What the application asks of a task: plain functions of picklable arguments, to be run in worker processes.
+
+What they compile is kept in the process that runs them (`app.tasks.compiled`), and loaded there alone: a process that
+only names these functions loads neither JAX nor Warp.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
+
+from app.config import Site
+
+_OFFLINE_STEPS = 10
+_ONLINE_STEPS = 2
+_RECENT = 16
+"""Transitions of one update: about those of the last episode, in about the time of one decision."""
+
+if TYPE_CHECKING:
+    from app.core.messages import Model, Transition
+    from app.core.types import Points
+    from app.planner.plan import Plan
+
+
+def plan(
+    task: str,
+    preset: str,
+    observed: Points,
+    goal: Points,
+    model: Model,
+    seed: int,
+    site: Site | None = None,
+    previous: Plan | None = None,
+) -> Plan:
+    """Decide on the next action for the object `observed` (N, 3) [m].
+
+    The model is what the simulation runs with; `previous` offers the rest of an earlier plan as one more branch's
+    beginning. Raises PlanningError where no branch stays finite, UsageError for an unknown task or preset.
+    """
+    from app.tasks import compiled
+
+    planner = compiled.planner(task, preset)
+    phi = compiled.phi_of(model)
+    return planner(observed, goal, phi, seed=seed, site=site or Site(), previous=previous)
+
+
+def calibrate(task: str, preset: str, transitions: Sequence[Transition], model: Model) -> Model:
+    """The next version of the model, fitted by gradient to all the transitions, from `model` until it settles.
+
+    Raises UsageError where there are no transitions.
+    """
+    from app.tasks import compiled
+
+    return compiled.calibrated(task, preset, transitions, model, steps=_OFFLINE_STEPS)
+
+
+def update(task: str, preset: str, transitions: Sequence[Transition], model: Model) -> Model:
+    """As `calibrate`, in the background of an episode: two trial steps on the newest transitions."""
+    from app.tasks import compiled
+
+    return compiled.calibrated(task, preset, transitions[-_RECENT:], model, steps=_ONLINE_STEPS)
+
+
+def nominal_model(task: str) -> Model:
+    """Version 0: the task's own guess of its parameters."""
+    from app.tasks import compiled
+
+    return compiled.nominal_model(task)
+
+
+def warm_up_stages(task: str, preset: str) -> list[str]:
+    """What has to be compiled before the first decision, in order and in words, for people to read while they wait."""
+    from app.tasks import compiled
+
+    return [stage.name for stage in compiled.stages(task, preset)]
+
+
+def warm_up_stage(task: str, preset: str, index: int) -> None:
+    """Compile stage `index` of `warm_up_stages`, in the process that is going to plan."""
+    from app.tasks import compiled
+
+    compiled.stages(task, preset)[index].run()

@@ -1,0 +1,67 @@
+"""Pushing a rope on a table into a goal shape with one finger (paper, rope task)."""
+
+from math import pi
+from types import MappingProxyType
+
+from app.planner.actions import Pushes
+from app.planner.cost import Weights
+from app.planner.optimise import Descent
+from app.policy.scripted import ScriptedPush
+from app.sim.scene import Scene
+from app.tasks.base import Finger, Preset, Rope, Task
+from app.tasks.curves import Problems
+
+ROPE = Rope(length_m=0.40, radius_m=0.008, mass_kg=0.064, colour=(0.80, 0.24, 0.10))
+FINGER = Finger(radius_m=0.009, push_height_m=0.006)
+
+# Beside the rope by 8 mm: perception errs by up to 3 mm, the arm by about 1 mm.
+CLEARANCE_M = ROPE.radius_m + FINGER.radius_m + 0.008
+TOUCH_M = ROPE.radius_m + FINGER.radius_m
+
+TASK = Task(
+    name="rope_push",
+    rope=ROPE,
+    finger=FINGER,
+    # A real push takes 1 s, a simulated one 0.2 s. Weight and stiffness are ten times the real ones, which leaves their
+    # ratio, and with it every quasi-static shape, as it is, and keeps inertia small beside them.
+    scene=Scene(
+        low=(0.15, -0.45, -0.025),
+        high=(0.95, 0.45, 0.075),
+        cell_m=0.0125,
+        dt_s=7.0e-4,
+        gravity_m_s2=98.1,
+        density_kg_m3=ROPE.mass_kg / (pi * ROPE.radius_m**2 * ROPE.length_m),
+        object_volume_m3=pi * ROPE.radius_m**2 * ROPE.length_m,
+        finger_radius_m=FINGER.radius_m,
+    ),
+    actions=Pushes(
+        region=(0.27, -0.33, 0.83, 0.33),
+        height_m=FINGER.push_height_m,
+        clearance_m=CLEARANCE_M,
+        max_displacement_m=0.010,
+        max_length_m=0.18,
+        random_length_m=(0.06, 0.16),
+        speed_m_s=0.15,
+        approach_m_s=0.20,
+        push_substeps=240,
+        rest_substeps=20,
+    ),
+    policy=ScriptedPush(
+        start_gap_m=CLEARANCE_M + 0.004,
+        contact_gap_m=TOUCH_M,
+        max_length_m=0.18,
+        clearance_m=CLEARANCE_M,
+    ),
+    weights=Weights(progress=1.0, contact=0.002),
+    descent=Descent(learning_rate=1.0, clip=1.0, shrink=0.5),
+    problems=Problems(),
+    nominal=MappingProxyType({"stiffness": 2.0e4, "table_friction": 0.4, "finger_friction": 0.3}),
+    calibrated=("stiffness", "table_friction"),
+    success_m2=2 * 0.010**2,
+    presets=MappingProxyType(
+        {
+            "cpu": Preset(branches=8, depth=2, particle_count=300, gradient_steps=5),
+            "gpu": Preset(branches=16, depth=3, particle_count=2000, gradient_steps=10),
+        }
+    ),
+)
