@@ -1,10 +1,11 @@
 """Channels between stages. Each says what it does when its reader is slow, and counts what it dropped."""
 
+from collections import deque
 from collections.abc import AsyncIterator
 from typing import Generic, TypeVar, final
 
 import anyio
-from anyio.streams.memory import MemoryObjectReceiveStream, MemoryObjectSendStream
+from anyio.lowlevel import checkpoint
 
 from app.core.errors import DipacError
 
@@ -58,51 +59,72 @@ class Latest(Generic[T]):
 class Lossless(Generic[T]):
     """A bounded first-in-first-out queue that loses nothing: a sender waits while it is full.
 
-    `peak` is the longest the queue has been.
+    `peak` is the longest the queue has been. Sending and receiving are cancelled before they take effect or not at
+    all, so a cancelled task neither loses nor repeats a value. The queue holds no resource that must be closed.
     """
 
     def __init__(self, name: str, *, bound: int) -> None:
         self.name = name
         self.bound = bound
         self.peak = 0
-        self._send: MemoryObjectSendStream[T]
-        self._receive: MemoryObjectReceiveStream[T]
-        self._send, self._receive = anyio.create_memory_object_stream[T](bound)
+        self._values: deque[T] = deque()
+        self._closed = False
+        self._changed = anyio.Event()
 
     async def put(self, value: T) -> None:
         """Append, waiting for room."""
-        await self._send.send(value)
-        self._note_length()
+        await checkpoint()
+        while len(self._values) >= self.bound:
+            await self._changed.wait()
+        self.put_nowait(value)
 
     def put_nowait(self, value: T) -> None:
         """Append from code that cannot wait.
 
         Raises ChannelFull where the queue is at its bound: louder than losing a message.
         """
-        try:
-            self._send.send_nowait(value)
-        except anyio.WouldBlock:
-            raise ChannelFull(f"Channel {self.name!r} is full at {self.bound}; its reader has stopped.") from None
-        self._note_length()
+        if self._closed:
+            raise anyio.ClosedResourceError
+        if len(self._values) >= self.bound:
+            raise ChannelFull(f"Channel {self.name!r} is full at {self.bound}; its reader has stopped.")
+        self._values.append(value)
+        self.peak = max(self.peak, len(self._values))
+        self._wake()
 
     async def get(self) -> T:
-        """The oldest value, waiting for one."""
-        return await self._receive.receive()
+        """The oldest value, waiting for one.
+
+        Raises anyio.EndOfStream after the last value of a closed channel.
+        """
+        await checkpoint()
+        while not self._values:
+            if self._closed:
+                raise anyio.EndOfStream
+            await self._changed.wait()
+        return self._take()
 
     def get_nowait(self) -> T | None:
         """The oldest value, or None where there is none."""
-        try:
-            return self._receive.receive_nowait()
-        except anyio.WouldBlock:
-            return None
+        return self._take() if self._values else None
 
     def close(self) -> None:
         """No more values will come; readers end after the last one."""
-        self._send.close()
+        self._closed = True
+        self._wake()
 
     async def __aiter__(self) -> AsyncIterator[T]:
-        async for value in self._receive:
+        while True:
+            try:
+                value = await self.get()
+            except anyio.EndOfStream:
+                return
             yield value
 
-    def _note_length(self) -> None:
-        self.peak = max(self.peak, self._send.statistics().current_buffer_used)
+    def _take(self) -> T:
+        value = self._values.popleft()
+        self._wake()
+        return value
+
+    def _wake(self) -> None:
+        self._changed.set()
+        self._changed = anyio.Event()
