@@ -61,12 +61,15 @@ class Terminal:
 
 def outcome_line(outcome: Outcome) -> str:
     """One push as a line; distances as the root of half the Chamfer distance, in millimetres."""
-    before, after, predicted = (
-        1e3 * (chamfer_m2 / 2) ** 0.5
-        for chamfer_m2 in (outcome.chamfer_before_m2, outcome.chamfer_after_m2, outcome.predicted_chamfer_m2)
-    )
+    chamfers_m2 = (outcome.chamfer_before_m2, outcome.chamfer_after_m2, outcome.predicted_chamfer_m2)
+    before, after, predicted = map(millimetres, chamfers_m2)
     return (
         f"{outcome.index:4d}   {before:9.1f} mm -> {after:6.1f} mm ({predicted:5.1f} mm)   "
         f"{outcome.cost_before * 1e3:8.2f} -> {outcome.cost_after * 1e3:6.2f} e-3  {outcome.plan_s:4.1f} s   "
         f"v{outcome.model_version}"
     )
+
+
+def millimetres(chamfer_m2: float) -> float:
+    """A Chamfer distance as a length people can picture: the root of its mean one-way part [mm]."""
+    return 1e3 * (chamfer_m2 / 2) ** 0.5

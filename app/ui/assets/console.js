@@ -1,0 +1,33 @@
+// STOP does not go through the page's websocket: one request of its own, which either succeeds or says loudly that it
+// did not.
+"use strict";
+
+const button = document.getElementById("dp-stop");
+const says = document.getElementById("dp-stop-says");
+let quiet;
+
+async function stop() {
+  button.classList.add("dp-pressed");
+  try {
+    const reply = await fetch("/stop", { method: "POST", keepalive: true, signal: AbortSignal.timeout(2000) });
+    if (!reply.ok) throw new Error(`status ${reply.status}`);
+    say("Stop delivered", "dp-good");
+  } catch (error) {
+    say("STOP NOT DELIVERED: use the hardware stop", "dp-bad");
+  } finally {
+    button.classList.remove("dp-pressed");
+  }
+}
+
+function say(text, tone) {
+  says.textContent = text;
+  says.className = tone;
+  clearTimeout(quiet);
+  if (tone === "dp-good") quiet = setTimeout(() => (says.textContent = ""), 4000);
+}
+
+button.addEventListener("pointerdown", stop);
+// A click without a pointer comes from the keyboard or from assistive software.
+button.addEventListener("click", (event) => event.detail === 0 && stop());
+// On the way down, so that no text field and no dialog can swallow it.
+window.addEventListener("keydown", (event) => event.key === "Escape" && !event.repeat && stop(), { capture: true });

@@ -1,0 +1,99 @@
+"""Viser, started on a loopback port of its own that serves nobody but our proxy.
+
+Viser has neither authentication nor an Origin check. Its websocket server calls back for each new connection before the
+first byte is sent or read; there a connection without our passphrase, a header that only the proxy knows, is closed.
+What an outsider still gets from this port is viser's public client page.
+
+This is the only module that touches viser's private parts (1.1.1): `ViserServer._websock_server` and
+`WebsockServer._live_connections`. Where a later version renames them, starting fails; the door does not open.
+"""
+
+# pyright: reportPrivateUsage=false
+
+import asyncio
+import hmac
+import sys
+import threading
+from collections.abc import Generator
+from contextlib import contextmanager, redirect_stdout, suppress
+from typing import TextIO, cast, final
+
+import viser
+from viser.infra import WebsockClientConnection
+from websockets.exceptions import ConnectionClosed
+
+PROXY_HEADER = "X-Dipac-Passphrase"
+_POLICY_VIOLATION = 1008
+
+
+@final
+class Backstage:
+    """A running viser server behind a passphrase. Blocks while starting and stopping; use it from a thread."""
+
+    def __init__(self, *, label: str, passphrase: str) -> None:
+        with _muted(threading.get_ident()):
+            self.server = _Unshared(host="127.0.0.1", port=0, label=label, verbose=False)
+        self._passphrase = passphrase
+        websockets = self.server._websock_server
+        self._connections = websockets._live_connections
+        websockets.on_client_connect(self._check)
+        websockets.disconnect_all_clients()
+
+    @property
+    def port(self) -> int:
+        """The loopback port that the operating system gave."""
+        return self.server.get_port()
+
+    def close(self) -> None:
+        """Stop serving."""
+        thread = asyncio.run_coroutine_threadsafe(_current_thread(), self.server.get_event_loop()).result()
+        with _muted(thread):
+            self.server.stop()
+
+    async def _check(self, client: WebsockClientConnection) -> None:
+        """Close a connection that did not come through the proxy, before it sees or says anything."""
+        connection = self._connections[client.client_id]
+        given = connection.request.headers.get(PROXY_HEADER, "") if connection.request else ""
+        if hmac.compare_digest(given.encode(), self._passphrase.encode()):
+            return
+        await connection.close(_POLICY_VIOLATION, "Open the console at its printed URL.")
+        # What came in before the closing is still queued, and viser would read it next.
+        with suppress(ConnectionClosed):
+            while True:
+                await connection.recv()
+
+
+@final
+class _Unshared(viser.ViserServer):
+    """Viser offers every client a public tunnel to itself; hiding the button does not withdraw the offer."""
+
+    def request_share_url(self, verbose: bool = True) -> str | None:  # noqa: ARG002 (viser's signature)
+        """No tunnel."""
+        return None
+
+
+async def _current_thread() -> int:
+    return threading.get_ident()
+
+
+@contextmanager
+def _muted(thread: int) -> Generator[None]:
+    """Drop what one thread prints: viser announces its own port, which is not where the operator is to go."""
+    with redirect_stdout(cast(TextIO, _Without(thread, sys.stdout))):
+        yield
+
+
+@final
+class _Without:
+    """A text stream that drops what one thread writes and passes everything else on."""
+
+    def __init__(self, thread: int, stream: TextIO) -> None:
+        self._thread = thread
+        self._stream = stream
+
+    def write(self, text: str) -> int:
+        """Write, or pretend to."""
+        return len(text) if threading.get_ident() == self._thread else self._stream.write(text)
+
+    def __getattr__(self, name: str) -> object:
+        return getattr(self._stream, name)

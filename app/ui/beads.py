@@ -1,0 +1,55 @@
+"""Particles as little spheres that all share one mesh."""
+
+from typing import final
+
+import numpy as np
+import trimesh
+import viser
+
+from app.core.types import Points
+from app.ui.palette import Colour
+
+_RADIUS_M = 0.006
+_CROWD = 600
+"""Beyond so many particles the beads shrink, so that a crowd still shows its shape."""
+
+
+@final
+class Beads:
+    """One cloud of particles under `name`; made at the first `put`, since viser has no empty batch."""
+
+    def __init__(self, server: viser.ViserServer, name: str, colour: Colour, *, opacity: float | None) -> None:
+        self._scene = server.scene
+        self._name = name
+        self._colour = colour
+        self._opacity = opacity
+        self._visible = True
+        self._handle: viser.BatchedMeshHandle | None = None
+
+    def put(self, positions: Points) -> None:
+        """Show the particles `positions (N, 3)`; N may change from call to call."""
+        count = len(positions)
+        if self._handle is not None and len(self._handle.batched_positions) == count:
+            self._handle.batched_positions = positions
+            return
+        if self._handle is not None:
+            self._handle.remove()
+        ball = trimesh.creation.icosphere(subdivisions=1, radius=_RADIUS_M * min(1.0, (_CROWD / count) ** (1 / 3)))
+        self._handle = self._scene.add_batched_meshes_simple(
+            self._name,
+            vertices=np.asarray(ball.vertices),
+            faces=np.asarray(ball.faces),
+            batched_wxyzs=np.tile([1.0, 0.0, 0.0, 0.0], (count, 1)),
+            batched_positions=positions,
+            batched_colors=self._colour,
+            opacity=self._opacity,
+            lod="off",
+            cast_shadow=self._opacity is None,
+            visible=self._visible,
+        )
+
+    def show(self, visible: bool) -> None:
+        """Draw or hide them."""
+        self._visible = visible
+        if self._handle is not None:
+            self._handle.visible = visible

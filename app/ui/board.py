@@ -1,0 +1,127 @@
+"""What the console knows: one frozen value, folded over the messages. Pure, so that it can be tested without a browser.
+
+Folding is idempotent and tolerates echoes: the console notes its own STOP, Resume and decisions at once, and sees them
+again when the program puts them on record.
+"""
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+from typing import final
+
+from app.core.messages import (
+    ArmMode,
+    ArmState,
+    Decision,
+    Episode,
+    Executed,
+    Fault,
+    Frame,
+    Goal,
+    Health,
+    Message,
+    MessageId,
+    Model,
+    Notice,
+    Outcome,
+    Particles,
+    Proposal,
+    ResumeRequest,
+    StopRequest,
+)
+
+LOG_LENGTH = 8
+_DECIDED_LENGTH = 64
+
+
+@final
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Board:
+    """The latest of everything, and the short histories that the plots and the log show.
+
+    `pending` is the proposal that may be decided on; `shown` is the one that is drawn, which stays to be compared with
+    what came of it. `losses` holds (model version, one-step loss [m^2]).
+    """
+
+    episode: Episode | None = None
+    frames: Mapping[str, Frame] = field(default_factory=dict[str, Frame])
+    particles: Particles | None = None
+    goal: Goal | None = None
+    model: Model | None = None
+    shown: Proposal | None = None
+    pending: Proposal | None = None
+    executed: Executed | None = None
+    arm: ArmState | None = None
+    health: Health | None = None
+    outcomes: tuple[Outcome, ...] = ()
+    losses: tuple[tuple[int, float], ...] = ()
+    log: tuple[Notice | Fault, ...] = ()
+    fatal: Fault | None = None
+    decided: tuple[MessageId, ...] = ()
+    stop_s: float = -math.inf
+    resume_s: float = -math.inf
+
+    @property
+    def arm_mode(self) -> ArmMode | None:
+        """The arm's mode by whichever message is newer."""
+        if self.health is None or (self.arm is not None and self.arm.time_s >= self.health.time_s):
+            return self.arm.mode if self.arm else None
+        return self.health.arm_mode
+
+    @property
+    def stopped(self) -> bool:
+        """Whether a STOP is in force: pressed here and not resumed, or in force at the arm."""
+        return self.stop_s > self.resume_s or self.arm_mode in ("stopping", "stopped", "fault")
+
+    @property
+    def decidable(self) -> bool:
+        """Whether a decision on the pending proposal would mean anything now."""
+        return self.pending is not None and not self.stopped and self.fatal is None
+
+    def after(self, message: Message) -> "Board":
+        """The board once `message` has been seen."""
+        match message:
+            case Frame():
+                return replace(self, frames={**self.frames, message.camera.name: message})
+            case Particles():
+                return replace(self, particles=message)
+            case Goal():
+                return replace(self, goal=message)
+            case ArmState():
+                return replace(self, arm=message)
+            case Health():
+                return replace(self, health=message)
+            case Episode():
+                return Board(episode=message, stop_s=self.stop_s, resume_s=self.resume_s)
+            case Model():
+                known = () if math.isnan(message.loss_m2) else ((message.version, message.loss_m2),)
+                return replace(self, model=message, losses=self.losses + known)
+            case Outcome():
+                return replace(self, outcomes=(*self.outcomes, message))
+            case Proposal():
+                return self if message.id in self.decided else replace(self, shown=message, pending=message)
+            case Executed():
+                return replace(self, executed=message, pending=None)
+            case Decision():
+                return self._without(message.proposal_id)
+            case StopRequest():
+                return replace(self, stop_s=max(self.stop_s, message.time_s))
+            case ResumeRequest():
+                return replace(self, resume_s=max(self.resume_s, message.time_s))
+            case Notice() | Fault():
+                return self._logged(message)
+            case _:
+                return self
+
+    def _without(self, proposal_id: MessageId) -> "Board":
+        """The board on which that proposal can no longer be decided."""
+        decided = (*self.decided, proposal_id)[-_DECIDED_LENGTH:]
+        pending = None if self.pending is not None and self.pending.id == proposal_id else self.pending
+        return replace(self, decided=decided, pending=pending)
+
+    def _logged(self, message: Notice | Fault) -> "Board":
+        """With the message in the log; one that names the pending proposal as its cause withdraws it."""
+        board = replace(self, log=(*self.log, message)[-LOG_LENGTH:])
+        if board.pending is not None and board.pending.id in message.cause:
+            board = board._without(board.pending.id)
+        return replace(board, fatal=message) if isinstance(message, Fault) and message.fatal else board

@@ -1,0 +1,169 @@
+"""The texts of the panel as HTML: board in, string out. Pure. Every word that came from outside is escaped."""
+
+from collections.abc import Iterable
+from html import escape
+from typing import Literal, TypeAlias
+
+from app.core.messages import Fault, Health, Model, Proposal
+from app.ui import palette, words
+from app.ui.board import Board
+
+Tone: TypeAlias = Literal["", "ask", "go", "bad"]
+
+_SILENCE_S = 3.0
+"""Health comes twice a second; after this long without, the program is not well."""
+_FRAME_LATE_S, _FRAME_LOST_S = 1.0, 5.0
+_ARM_PERIOD_LATE_S = 0.030
+_DISK_LOW_BYTES, _DISK_OUT_BYTES = 5e9, 1e9
+
+
+def mode(board: Board, now_s: float) -> str:
+    """What the program is doing now, in words, and what that asks of the operator."""
+    said, detail, tone = _mode(board, now_s)
+    return f'<div class="dp-mode {tone}" role="status"><b>{escape(said)}</b><span>{escape(detail)}</span></div>'
+
+
+def _mode(board: Board, now_s: float) -> tuple[str, str, Tone]:
+    health = board.health
+    doing = words.sentence(health.mode) if health else "Starting"
+    if board.fatal is not None:
+        return "Fault: the program has ended", board.fatal.text, "bad"
+    if board.arm_mode == "fault":
+        return "Fault at the arm", (board.arm.reason if board.arm else "") or "Resume lifts it.", "bad"
+    if board.stopped:
+        return "Stopped", "The arm holds still. Clear the workspace, then press Resume.", "bad"
+    if health is not None and now_s - health.time_s > _SILENCE_S:
+        return f"No news for {words.duration(now_s - health.time_s)}", f"It was: {doing}. STOP still works.", "bad"
+    if board.pending is not None:
+        return "Waiting for your approval", "Look at the plan, then approve or reject it.", "ask"
+    if health is None and not board.frames:
+        return "Waiting for the cameras", "Nothing has come in yet.", ""
+    if board.arm_mode == "moving":
+        return doing, "The arm moves.", "go"
+    return doing, _latest_notice(board), ""
+
+
+def _latest_notice(board: Board) -> str:
+    return board.log[-1].text if board.log else "Nothing to decide."
+
+
+def plan(board: Board, now_s: float) -> str:
+    """The card of the plan that is shown."""
+    proposal = board.shown
+    if proposal is None:
+        return '<div class="dp"><small>No plan yet.</small></div>'
+    state = "waiting for a decision" if board.pending is proposal else "decided"
+    change = words.change(proposal.chamfer_m2, proposal.predicted_chamfer_m2)
+    tone = "dp-good" if proposal.predicted_chamfer_m2 < proposal.chamfer_m2 else "dp-warn"
+    big = (
+        f'<div class="dp-big"><b>{words.distance(proposal.chamfer_m2)}</b><i>→</i>'
+        f"<b>{words.distance(proposal.predicted_chamfer_m2)}</b><em class='{tone}'>{change}</em></div>"
+    )
+    return f'<div class="dp">{big}{_table(_plan_rows(proposal, state, now_s))}</div>'
+
+
+def _plan_rows(proposal: Proposal, state: str, now_s: float) -> Iterable[tuple[str, str]]:
+    best = proposal.chosen
+    squares = f"{words.square(proposal.chamfer_m2)} → {words.square(proposal.predicted_chamfer_m2)}"
+    cost = f"{words.number(best.cost_before)} → {words.number(best.cost_after)}"
+    dropped = f", {proposal.dropped} dropped" if proposal.dropped else ""
+    yield "Chamfer now → predicted", squares
+    yield "Cost before → after descent", f"{cost} <small>{words.change(best.cost_before, best.cost_after)}</small>"
+    for name, value in best.terms.items():
+        yield f"  {escape(name)}", words.number(value)
+    yield "Chosen", f"{words.origin(proposal)}{_bad(dropped)}"
+    yield "Planned in", words.duration(proposal.plan_s)
+    yield "Age", f"{words.duration(now_s - proposal.time_s)} <small>{state}</small>"
+    yield "Model", f"version {proposal.model_version}"
+    yield "Motion", f"<small title='{proposal.motion.digest()}'>{proposal.motion.digest()[:12]}</small>"
+
+
+def health(board: Board, now_s: float) -> str:
+    """The health strip: ages, times, losses and drops, each coloured by whether it is well."""
+    seen = board.health
+    if seen is None:
+        return '<div class="dp"><small>No report yet.</small></div>'
+    silent_s = max(now_s - seen.time_s, 0.0)
+    return f'<div class="dp">{_table(_health_rows(seen, board.model, silent_s))}</div>'
+
+
+def _health_rows(seen: Health, model: Model | None, silent_s: float) -> Iterable[tuple[str, str]]:
+    for name, age_s in seen.frame_age_s.items():
+        age_s += silent_s
+        yield f"Camera {escape(name)}", _toned(words.duration(age_s), age_s > _FRAME_LATE_S, age_s > _FRAME_LOST_S)
+    age_s = seen.particles_age_s + silent_s
+    yield "Particles", _toned(words.duration(age_s), age_s > 2 * _FRAME_LATE_S, age_s > 2 * _FRAME_LOST_S)
+    yield "Plan age, time", f"{words.duration(seen.plan_age_s + silent_s)}, {words.duration(seen.plan_s)}"
+    late = seen.arm_period_s > _ARM_PERIOD_LATE_S
+    mode = _toned(seen.arm_mode, seen.arm_mode in ("stopping", "stopped"), seen.arm_mode == "fault")
+    yield "Arm, longest period", f"{mode}, {_toned(words.duration(seen.arm_period_s), late, False)}"
+    yield "Model, loss", f"v{seen.model_version}, {words.square(seen.calibration_loss_m2)}"
+    for parameter in model.parameters if model else ():
+        interval = (
+            f"<small>{words.number(parameter.low)} to {words.number(parameter.high)} {escape(parameter.unit)}</small>"
+        )
+        shown = interval if parameter.low < parameter.high else f"<small>{escape(parameter.unit)}</small>"
+        yield f"  {escape(parameter.name)}", f"{words.number(parameter.value)} {shown}"
+    drops = sum(seen.drops.values())
+    listed = ", ".join(f"{escape(name)}: {count}" for name, count in seen.drops.items())
+    yield "Dropped", f"<span title='{listed}'>{drops}</span>"
+    yield "Faults", _toned(str(seen.faults), seen.faults > 0, False)
+    free = seen.disk_free_bytes
+    yield "Disk free", _toned(words.size(free), free < _DISK_LOW_BYTES, free < _DISK_OUT_BYTES)
+
+
+def log(board: Board, now_s: float) -> str:
+    """The last notices and faults, the newest first."""
+    if not board.log:
+        return '<div class="dp"><small>No messages.</small></div>'
+    lines = "".join(
+        f"<p><time>{words.duration(max(now_s - entry.time_s, 0.0))}</time>"
+        f"<span class='{'dp-bad' if isinstance(entry, Fault) else ''}'><b>{escape(entry.where)}</b> "
+        f"{escape(entry.text)}</span></p>"
+        for entry in reversed(board.log)
+    )
+    return f'<div class="dp dp-log">{lines}</div>'
+
+
+def episode(board: Board) -> str:
+    """What runs, with what, from which code."""
+    seen = board.episode
+    if seen is None:
+        return '<div class="dp"><small>No episode yet.</small></div>'
+    rows = (
+        ("Task", escape(seen.task)),
+        ("Rig", escape(seen.rig)),
+        ("Seed", str(seen.seed)),
+        ("Code", escape(seen.code_version)),
+        ("Pushes", str(len(board.outcomes))),
+    )
+    return f'<div class="dp">{_table(rows)}</div>'
+
+
+def key() -> str:
+    """What the colours in the scene mean."""
+    entries = (
+        ("", palette.OBSERVED, "observed"),
+        ("", palette.GOAL, "goal"),
+        ("", palette.PREDICTED, "predicted"),
+        ("line", palette.BEST, "plan"),
+        ("line", palette.CHEAP, "cheap branch"),
+        ("line", palette.DEAR, "costly branch"),
+    )
+    spans = "".join(
+        f"<span class='{shape}' style='--c:rgb{colour}'>{meaning}</span>" for shape, colour, meaning in entries
+    )
+    return f'<div class="dp"><div class="dp-key">{spans}</div></div>'
+
+
+def _table(rows: Iterable[tuple[str, str]]) -> str:
+    return "<table>" + "".join(f"<tr><td>{name}</td><td>{value}</td></tr>" for name, value in rows) + "</table>"
+
+
+def _toned(text: str, warn: bool, bad: bool) -> str:
+    tone = "dp-bad" if bad else "dp-warn" if warn else ""
+    return f'<span class="{tone}">{escape(text)}</span>' if tone else escape(text)
+
+
+def _bad(text: str) -> str:
+    return f'<span class="dp-warn">{escape(text)}</span>' if text else ""

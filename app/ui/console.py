@@ -1,0 +1,122 @@
+"""The operator console: shows messages, sends requests, computes nothing."""
+
+import asyncio
+import socket
+from collections.abc import AsyncGenerator, AsyncIterator, Callable, Coroutine
+from contextlib import asynccontextmanager
+from functools import partial
+from typing import final
+
+import anyio
+from anyio import to_thread
+
+from app.config import Workspace
+from app.core.channel import Lossless
+from app.core.errors import PreflightError
+from app.core.messages import Message
+from app.ui import proxy
+from app.ui.access import LOOPBACK, Access
+from app.ui.backstage import Backstage
+from app.ui.board import Board
+from app.ui.desk import Desk, Request
+from app.ui.page import Page
+from app.ui.painter import Painter
+from app.ui.panel import Panel
+from app.ui.scene import Scene
+
+_REQUESTS_BOUND = 1000
+
+
+@final
+class Console:
+    """An `Operator` that is a person at a browser."""
+
+    def __init__(self, *, url: str, desk: Desk, requests: Lossless[Request]) -> None:
+        self.url = url
+        """Where to open it; holds the token, so it is for the operator's eyes."""
+        self._desk = desk
+        self._requests = requests
+
+    def show(self, message: Message) -> None:
+        """Put a message before the operator. Never blocks: the painter picks it up."""
+        self._desk.show(message)
+
+    async def requests(self) -> AsyncIterator[Request]:
+        """What the operator asks for, in order."""
+        async for request in self._requests:
+            yield request
+
+
+@asynccontextmanager
+async def open_console(
+    *,
+    host: str,
+    port: int,
+    title: str,
+    simulated: bool,
+    stop: Callable[[], None],
+    workspace: Workspace | None = None,
+) -> AsyncGenerator[Console]:
+    """A console that serves until the block is left.
+
+    `stop` tells the arm to stop: it is called from other threads than the caller's and must not block. `port` 0 takes
+    a free one. Raises PreflightError where the port is taken or `host` is not a loopback address.
+    """
+    if host not in LOOPBACK:
+        raise PreflightError(
+            f"The console is served on loopback alone, not on {host!r}; to see it from another machine use "
+            f"`ssh -L {port}:127.0.0.1:{port}`."
+        )
+    try:
+        listening = proxy.listen(host, port)
+    except OSError as error:
+        raise PreflightError(
+            f"Port {port} on {host} cannot be had ({error.strerror}); choose another with --port."
+        ) from None
+    requests = Lossless[Request]("operator requests", bound=_REQUESTS_BOUND)
+    post = partial(asyncio.get_running_loop().call_soon_threadsafe, requests.put_nowait)
+    desk = Desk(stop=stop, post=post)
+    with listening:
+        async with _serving(listening, desk, Page(title=title, simulated=simulated), workspace or Workspace()) as url:
+            yield Console(url=url, desk=desk, requests=requests)
+
+
+@asynccontextmanager
+async def _serving(listening: socket.socket, desk: Desk, page: Page, workspace: Workspace) -> AsyncGenerator[str]:
+    """Viser, the painter and the proxy, started in this order and closed in the opposite one; yields the URL."""
+    host, port = listening.getsockname()[:2]
+    access = Access(token=proxy.fresh_secret(), cookie=f"dipac_{port}")
+    passphrase = proxy.fresh_secret()
+    backstage = await to_thread.run_sync(lambda: Backstage(label=page.title, passphrase=passphrase))
+    try:
+        painter = await to_thread.run_sync(_set_scene, backstage, desk, workspace)
+        front = proxy.Proxy(access=access, page=page, viser_port=backstage.port, passphrase=passphrase, stop=desk.stop)
+        try:
+            await _over_there(front.start(listening), backstage)
+            painter.start()
+            yield f"http://{f'[{host}]' if ':' in host else host}:{port}/?token={access.token}"
+        finally:
+            with anyio.CancelScope(shield=True):
+                await to_thread.run_sync(painter.close)
+                await _over_there(front.close(), backstage)
+    finally:
+        with anyio.CancelScope(shield=True):
+            await to_thread.run_sync(backstage.close)
+
+
+def _set_scene(backstage: Backstage, desk: Desk, workspace: Workspace) -> Painter:
+    """Furnish the server, and say who repaints it."""
+    scene = Scene(backstage.server, workspace)
+    panel = Panel(backstage.server, desk, scene)
+
+    def paint(board: Board, now_s: float) -> None:
+        with backstage.server.atomic():
+            scene.paint(board, now_s)
+            panel.paint(board, now_s)
+
+    return Painter(desk, paint)
+
+
+async def _over_there(coroutine: Coroutine[None, None, None], backstage: Backstage) -> None:
+    """Run a coroutine on viser's loop and wait for its end."""
+    await asyncio.wrap_future(asyncio.run_coroutine_threadsafe(coroutine, backstage.server.get_event_loop()))

@@ -1,0 +1,73 @@
+"""Approve, Reject and Resume.
+
+Every proposal gets buttons of its own, made when it appears and removed when it is gone. A press is therefore a
+decision on the plan that was on that browser's screen, however late it arrives: removed buttons have no effect.
+"""
+
+from typing import Any, final
+
+import viser
+
+from app.core.messages import Proposal
+from app.ui.board import Board
+from app.ui.desk import Desk
+
+_ARMING_S = 0.5
+"""New buttons take presses only after this long: the finger may have been on its way to the previous plan's."""
+
+
+@final
+class DecisionForm:
+    """The buttons in the container that is open when this is made. Painted by the painter's thread alone."""
+
+    def __init__(self, gui: viser.GuiApi, desk: Desk) -> None:
+        self._gui = gui
+        self._desk = desk
+        self._resume = gui.add_button("Resume", color="green", icon=viser.Icon.PLAYER_PLAY, visible=False)
+        self._resume.on_click(lambda event: desk.resume(operator(event)))
+        self._place = gui.add_folder(None)
+        self._shown_s = 0.0
+        self._build(None)
+
+    def paint(self, board: Board, now_s: float) -> None:
+        """Buttons for what can be decided now."""
+        if self._resume.visible != board.stopped:
+            self._resume.visible = board.stopped
+        if board.pending is not self._proposal:
+            for widget in (self._approve, self._form):
+                widget.remove()
+            self._shown_s = now_s
+            self._build(board.pending)
+        disabled = not board.decidable or now_s < self._shown_s + _ARMING_S
+        for widget in (self._approve, self._reject, self._reason):
+            if widget.disabled != disabled:
+                widget.disabled = disabled
+
+    def _build(self, proposal: Proposal | None) -> None:
+        self._proposal = proposal
+        with self._place:
+            self._approve = self._gui.add_button(
+                "Approve this push", color="green", icon=viser.Icon.CHECK, disabled=True
+            )
+            self._form = self._gui.add_form(None)
+            with self._form:
+                self._reason = self._gui.add_text(
+                    "Reason", "", disabled=True, hint="Goes into the log with a rejection"
+                )
+                self._reject = self._gui.add_button(
+                    "Reject and plan again", color="gray", icon=viser.Icon.X, disabled=True
+                )
+        if proposal is None:
+            return
+        reason = self._reason
+        self._approve.on_click(lambda event: self._decide(proposal, event, approve=True, reason=""))
+        for pressed in (self._reject.on_click, self._form.on_submit):
+            pressed(lambda event: self._decide(proposal, event, approve=False, reason=reason.value))
+
+    def _decide(self, proposal: Proposal, event: viser.GuiEvent[Any], *, approve: bool, reason: str) -> None:
+        self._desk.decide(proposal, approve=approve, operator=operator(event), reason=reason)
+
+
+def operator(event: viser.GuiEvent[Any]) -> str:
+    """How a decision names whoever made it: the browser's number within this run."""
+    return f"client {event.client_id}"

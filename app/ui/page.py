@@ -1,0 +1,76 @@
+"""The page around viser's own: a bar with the name, the SIMULATED banner and STOP, above everything and never movable.
+
+Viser is told to leave room for a title bar (`theme`), and ours lies there. The bar works without viser: STOP is a
+request of its own, and it says so in red where that request fails.
+"""
+
+from dataclasses import dataclass
+from html import escape
+from importlib.resources import files
+from typing import Final, final
+
+
+@final
+@dataclass(frozen=True, kw_only=True)
+class Asset:
+    """A file served beside the page."""
+
+    body: bytes
+    kind: str
+
+
+def _asset(name: str, kind: str) -> Asset:
+    return Asset(body=files("app.ui").joinpath("assets", name).read_bytes(), kind=kind)
+
+
+ASSETS: Final = {
+    "console.css": _asset("console.css", "text/css"),
+    "console.js": _asset("console.js", "text/javascript"),
+}
+
+ENTERING: Final = """<!doctype html><meta charset="utf-8"><title>dipac</title>
+<script>location.replace("/")</script><a href="/">Open the console</a>"""
+
+
+@final
+@dataclass(frozen=True, kw_only=True)
+class Page:
+    """What the bar says."""
+
+    title: str
+    simulated: bool
+
+    def around(self, viser_html: bytes) -> bytes:
+        """Viser's page with our title, style, script and bar in it."""
+        head = (
+            f"<title>{escape(self.title)}</title>"
+            '<link rel="stylesheet" href="/console.css"><script defer src="/console.js"></script></head>'
+        )
+        html = viser_html.replace(b"<title>Viser</title>", b"", 1).replace(b"</head>", head.encode(), 1)
+        body = html.index(b"<body")
+        end = html.index(b">", body) + 1
+        return html[:end] + self._bar().encode() + html[end:]
+
+    def _bar(self) -> str:
+        banner = (
+            '<span class="dp-simulated" role="status">SIMULATED<small>nothing real moves</small></span>'
+            if self.simulated
+            else '<span class="dp-real" role="status">REAL ARM<small>keep a hand on the hardware stop</small></span>'
+        )
+        return (
+            f'<header class="dp-bar"><span class="dp-brand">dipac</span><span class="dp-title">{escape(self.title)}'
+            f'</span>{banner}<span class="dp-room"></span><span id="dp-stop-says" role="alert"></span>'
+            '<button id="dp-stop" type="button" aria-label="STOP" title="Stop the arm now (Esc)">STOP'
+            "<kbd>Esc</kbd></button></header>"
+        )
+
+
+def refused(reason: str) -> str:
+    """The page for whoever has no token."""
+    return (
+        '<!doctype html><meta charset="utf-8"><title>dipac: not admitted</title>'
+        '<body style="font:16px/1.5 system-ui,sans-serif;max-width:34rem;margin:18vh auto;padding:0 1rem">'
+        "<h1 style='font-size:1.4rem'>This console needs its key</h1>"
+        f"<p>{escape(reason)}</p><p>Open the URL that the program printed when it started "
+        "(it ends in <code>/?token=…</code>). Each run has a new one.</p>"
+    )

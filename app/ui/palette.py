@@ -1,0 +1,28 @@
+"""The colours of the scene, told apart also by colour-blind eyes and on dark and light ground (after Okabe and Ito)."""
+
+from typing import Final, TypeAlias
+
+import numpy as np
+
+Colour: TypeAlias = tuple[int, int, int]
+"""Red, green, blue in 0..255."""
+
+OBSERVED: Final[Colour] = (240, 138, 36)
+GOAL: Final[Colour] = (0, 158, 115)
+PREDICTED: Final[Colour] = (86, 180, 233)
+BEST: Final[Colour] = (232, 62, 140)
+MEASURED: Final[Colour] = (204, 160, 0)
+CHEAP: Final[Colour] = (94, 129, 196)
+DEAR: Final[Colour] = (128, 118, 108)
+TABLE: Final[Colour] = (92, 98, 108)
+OUTLINE: Final[Colour] = (150, 158, 170)
+STEEL: Final[Colour] = (176, 184, 196)
+
+
+def by_cost(costs: np.ndarray) -> np.ndarray:
+    """A muted colour for each cost `(K,)`, from CHEAP to DEAR by rank; shape (K, 3), uint8.
+
+    By rank, because one branch that flew off would make all others look alike.
+    """
+    ranks = np.argsort(np.argsort(costs)) / max(len(costs) - 1, 1)
+    return np.rint((1 - ranks[:, None]) * np.array(CHEAP) + ranks[:, None] * np.array(DEAR)).astype(np.uint8)

@@ -1,0 +1,82 @@
+"""The tool paths: every branch of the tree, the one proposed, and what the arm made of the last one."""
+
+from typing import final
+
+import numpy as np
+import viser
+
+from app.core.messages import Motion, Proposal
+from app.core.types import Path3
+from app.ui import palette
+from app.ui.board import Board
+
+_LIFT_M = 0.004
+"""Lines are drawn this much above themselves, so that the table does not swallow them."""
+_PAUSE_S = 0.8
+_NOTHING = np.zeros((0, 2, 3), dtype=np.float32)
+
+
+@final
+class Paths:
+    """The lines of one server's scene."""
+
+    def __init__(self, server: viser.ViserServer) -> None:
+        self._scene = server.scene
+        self._visible = True
+        self._lines: dict[str, viser.LineSegmentsHandle] = {}
+
+    def paint(self, board: Board, last: Board) -> None:
+        """Branches while they may be decided on, the plan until the next one, the measured path once there is one."""
+        if board.pending is not last.pending:
+            self._draw_branches(board.pending)
+        if board.shown is not last.shown and board.shown is not None:
+            self._draw("plan", segments(board.shown.motion.positions), np.array(palette.BEST), 5.0)
+        if board.executed is not last.executed and board.executed is not None:
+            self._draw("measured", segments(board.executed.measured[:, :3]), np.array(palette.MEASURED), 3.0)
+        if board.pending is not last.pending and board.pending is not None:
+            self._erase("measured")
+
+    def show_branches(self, visible: bool) -> None:
+        """Draw or hide the branches that were not chosen."""
+        self._visible = visible
+        if "branches" in self._lines:
+            self._lines["branches"].visible = visible
+
+    def along(self, motion: Motion, elapsed_s: float) -> Path3:
+        """Where the tool is `elapsed_s` into the motion [m] (3,), which is made again and again with a pause."""
+        steps = np.linalg.norm(np.diff(motion.positions, axis=0), axis=1)
+        times = np.concatenate([[0.0], np.cumsum(steps / np.maximum(motion.speeds[1:], 1e-3))])
+        t = elapsed_s % (times[-1] + _PAUSE_S)
+        return np.array([np.interp(t, times, motion.positions[:, axis]) for axis in range(3)])
+
+    def _draw_branches(self, proposal: Proposal | None) -> None:
+        others = [b for i, b in enumerate(proposal.branches) if i != proposal.best and b.finite] if proposal else []
+        if not others:
+            self._erase("branches")
+            return
+        pieces = [segments(branch.tool_path) for branch in others]
+        colours = palette.by_cost(np.array([branch.cost_after for branch in others]))
+        painted = np.concatenate([np.broadcast_to(c, p.shape) for c, p in zip(colours, pieces, strict=True)])
+        self._draw("branches", np.concatenate(pieces), painted, 2.0)
+        self._lines["branches"].visible = self._visible
+
+    def _draw(self, name: str, points: np.ndarray, colours: np.ndarray, thickness_px: float) -> None:
+        self._erase(name)
+        if len(points):
+            self._lines[name] = self._scene.add_line_segments(
+                f"/paths/{name}", points, colours, thickness=thickness_px, thickness_units="screen"
+            )
+
+    def _erase(self, name: str) -> None:
+        line = self._lines.pop(name, None)
+        if line is not None:
+            line.remove()
+
+
+def segments(path: np.ndarray) -> np.ndarray:
+    """The finite pieces of a path `(W, 3)` as line segments, shape (at most W - 1, 2, 3)."""
+    if len(path) < 2:
+        return _NOTHING
+    lifted = np.asarray(path, dtype=np.float32) + np.array([0, 0, _LIFT_M], dtype=np.float32)
+    pieces = np.stack([lifted[:-1], lifted[1:]], axis=1)
+    return pieces[np.isfinite(pieces).all(axis=(1, 2))]

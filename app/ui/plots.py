@@ -1,0 +1,72 @@
+"""Two small plots: how far the object is from its goal, push by push, and what calibration does to the loss."""
+
+from typing import final
+
+import numpy as np
+import viser
+from viser import uplot
+
+from app.ui import palette
+from app.ui.board import Board
+from app.ui.words import millimetres
+
+_HEIGHT_PX = 170
+
+
+@final
+class Plots:
+    """Drawn into the container that is open when this is made; empty until there is something to draw."""
+
+    def __init__(self, gui: viser.GuiApi) -> None:
+        self._empty = gui.add_html('<div class="dp"><small>After the first push.</small></div>')
+        flat = np.zeros(2)
+        self._distance = gui.add_uplot(
+            (flat, flat, flat),
+            (
+                uplot.Series(label="push"),
+                _line("seen [mm]", palette.OBSERVED),
+                _line("predicted [mm]", palette.PREDICTED),
+            ),
+            title="Distance to the goal",
+            height=_HEIGHT_PX,
+            scales={"x": uplot.Scale(time=False)},
+            visible=False,
+        )
+        self._loss = gui.add_uplot(
+            (flat, flat),
+            (uplot.Series(label="model version"), _line("loss [mm]", palette.BEST)),
+            title="One-step error of the model",
+            height=_HEIGHT_PX,
+            scales={"x": uplot.Scale(time=False)},
+            visible=False,
+        )
+        self._last = Board()
+
+    def paint(self, board: Board) -> None:
+        """Redraw what grew."""
+        last, self._last = self._last, board
+        if board.outcomes is not last.outcomes and board.outcomes:
+            self._distance.data = distances(board)
+            self._distance.visible = True
+            self._empty.visible = False
+        if board.losses is not last.losses and board.losses:
+            versions, losses = zip(*board.losses, strict=True)
+            self._loss.data = (np.array(versions, dtype=float), np.array([millimetres(loss) for loss in losses]))
+            self._loss.visible = True
+            self._empty.visible = False
+
+
+def distances(board: Board) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Push number, seen distance [mm] and predicted distance [mm], each (n + 1,), the start before the first push."""
+    start = board.outcomes[0].chamfer_before_m2
+    seen = [start, *(outcome.chamfer_after_m2 for outcome in board.outcomes)]
+    predicted = [start, *(outcome.predicted_chamfer_m2 for outcome in board.outcomes)]
+    return (
+        np.arange(len(seen), dtype=float),
+        np.array([millimetres(value) for value in seen]),
+        np.array([millimetres(value) for value in predicted]),
+    )
+
+
+def _line(label: str, colour: palette.Colour) -> uplot.Series:
+    return uplot.Series(label=label, stroke=f"rgb{colour}", width=2)

@@ -1,0 +1,172 @@
+"""The console's front door: a reverse proxy that lets the holder of the token through to viser, and nobody else.
+
+It runs on viser's own event loop and thread, so that STOP gets through while the program's loop is busy or blocked.
+"""
+
+import re
+import secrets
+import socket
+from collections.abc import Awaitable, Callable
+from typing import Literal, final
+
+import aiohttp
+import anyio
+from aiohttp import web
+
+from app.ui.access import Access
+from app.ui.backstage import PROXY_HEADER
+from app.ui.page import ASSETS, ENTERING, Page, refused
+
+Handler = Callable[[web.Request], Awaitable[web.StreamResponse]]
+
+_BROWSER_MESSAGE_BYTES = 4 * 2**20
+_HEARTBEAT_S = 20.0
+_RELAY_CHUNK_BYTES = 64 * 1024
+_HEADERS = {
+    "Cache-Control": "no-store",
+    "Content-Security-Policy": "frame-ancestors 'none'; form-action 'none'; base-uri 'none'; "
+    "connect-src 'self' data: blob:",
+    "Referrer-Policy": "no-referrer",
+    "X-Content-Type-Options": "nosniff",
+    "X-Frame-Options": "DENY",
+}
+
+
+@final
+class Proxy:
+    """Serves one viser server on one listening socket. Start and close it on the loop it is to live on.
+
+    `stop` is called with the operator's name in the handler of the STOP request itself; it must not block.
+    """
+
+    def __init__(self, *, access: Access, page: Page, viser_port: int, passphrase: str, stop: Callable[[str], None]):
+        self._access = access
+        self._page = page
+        self._viser = f"127.0.0.1:{viser_port}"
+        self._passphrase = passphrase
+        self._stop = stop
+        self._session: aiohttp.ClientSession | None = None
+        self._runner: web.AppRunner | None = None
+        self._html = b""
+
+    async def start(self, listening: socket.socket) -> None:
+        """Fetch viser's page and serve it, ours around it."""
+        self._session = aiohttp.ClientSession(auto_decompress=False, headers={PROXY_HEADER: self._passphrase})
+        async with self._session.get(f"http://{self._viser}/", headers={"Accept-Encoding": "identity"}) as reply:
+            self._html = self._page.around(await reply.read())
+        application = web.Application(middlewares=[self._admit])
+        application.router.add_get("/", self._enter)
+        application.router.add_post("/stop", self._press_stop)
+        application.router.add_get("/{path:.*}", self._relay_http)
+        self._runner = web.AppRunner(application, access_log=None, shutdown_timeout=1.0)
+        await self._runner.setup()
+        await web.SockSite(self._runner, listening).start()
+
+    async def close(self) -> None:
+        """Stop serving and hang up."""
+        if self._runner is not None:
+            await self._runner.cleanup()
+        if self._session is not None:
+            await self._session.close()
+
+    @web.middleware
+    async def _admit(self, request: web.Request, handler: Handler) -> web.StreamResponse:
+        """Nothing but a 403 page without the token; the token in the URL is turned into a cookie."""
+        cookie = request.cookies.get(self._access.cookie)
+        acts = request.method != "GET" or _upgrades(request)
+        origin = request.headers.get("Origin")
+        if request.method == "GET" and not acts and self._access.knows(request.query.get("token")):
+            cookie = self._access.token
+        refusal = self._access.refusal(host=request.host, origin=origin, cookie=cookie, acts=acts)
+        if refusal is not None:
+            return web.Response(status=403, text=refused(refusal), content_type="text/html", headers=_HEADERS)
+        return await handler(request)
+
+    async def _enter(self, request: web.Request) -> web.StreamResponse:
+        """The page, its websocket, or the step from the printed URL to the page."""
+        if _upgrades(request):
+            return await self._relay_websocket(request)
+        if "token" not in request.query:
+            return web.Response(body=self._html, content_type="text/html", charset="utf-8", headers=_HEADERS)
+        # A page, not a redirect: after a link from elsewhere a redirect would not carry a SameSite=Strict cookie.
+        entering = web.Response(text=ENTERING, content_type="text/html", headers=_HEADERS)
+        entering.set_cookie(self._access.cookie, self._access.token, httponly=True, samesite="Strict", path="/")
+        return entering
+
+    async def _press_stop(self, request: web.Request) -> web.StreamResponse:
+        self._stop(f"browser at {request.remote}")
+        return web.json_response({"stopped": True}, headers=_HEADERS)
+
+    async def _relay_http(self, request: web.Request) -> web.StreamResponse:
+        """Our style sheet and script, else whatever viser has under that path."""
+        name = request.match_info["path"]
+        if name in ASSETS:
+            return web.Response(body=ASSETS[name].body, content_type=ASSETS[name].kind, headers=_HEADERS)
+        assert self._session is not None
+        async with self._session.get(f"http://{self._viser}{request.rel_url.raw_path}") as reply:
+            kept = {k: v for k, v in reply.headers.items() if k in ("Content-Type", "Content-Encoding")}
+            response = web.StreamResponse(status=reply.status, headers={**kept, **_HEADERS})
+            await response.prepare(request)
+            async for chunk in reply.content.iter_chunked(_RELAY_CHUNK_BYTES):
+                await response.write(chunk)
+        return response
+
+    async def _relay_websocket(self, request: web.Request) -> web.StreamResponse:
+        """Both ways until either side hangs up; each direction waits for its receiver."""
+        assert self._session is not None
+        offered = re.split(r",\s*", request.headers.get("Sec-WebSocket-Protocol", ""))
+        async with self._session.ws_connect(f"ws://{self._viser}/", protocols=offered, max_msg_size=0) as viser:
+            browser = web.WebSocketResponse(
+                protocols=offered, max_msg_size=_BROWSER_MESSAGE_BYTES, heartbeat=_HEARTBEAT_S, compress=False
+            )
+            await browser.prepare(request)
+            async with anyio.create_task_group() as directions:
+                directions.start_soon(_pump, viser, browser, directions.cancel_scope)
+                directions.start_soon(_pump, browser, viser, directions.cancel_scope)
+            with anyio.CancelScope(shield=True), anyio.move_on_after(1.0):
+                await browser.close()
+        return browser
+
+
+Socket = aiohttp.ClientWebSocketResponse | web.WebSocketResponse
+
+
+async def _pump(source: Socket, sink: Socket, hang_up: anyio.CancelScope) -> None:
+    """Pass messages on until the source ends or the sink is gone."""
+    try:
+        async for message in source:
+            if message.type is aiohttp.WSMsgType.BINARY:
+                await sink.send_bytes(message.data)
+            elif message.type is aiohttp.WSMsgType.TEXT:
+                await sink.send_str(message.data)
+    except ConnectionError:
+        # The sink hung up in the middle of a message, as a closed tab does.
+        pass
+    hang_up.cancel()
+
+
+def _upgrades(request: web.Request) -> bool:
+    return request.headers.get("Upgrade", "").lower() == "websocket"
+
+
+def fresh_secret() -> str:
+    """256 random bits for a URL or a header."""
+    return secrets.token_urlsafe(32)
+
+
+def listen(host: Literal["127.0.0.1", "localhost", "::1"] | str, port: int) -> socket.socket:
+    """A listening socket on exactly this port.
+
+    Raises OSError where the port is taken: two consoles must not be told apart by luck.
+    """
+    family = socket.AF_INET6 if ":" in host else socket.AF_INET
+    listening = socket.socket(family, socket.SOCK_STREAM)
+    try:
+        listening.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+        listening.bind((host, port))
+        listening.listen()
+        listening.setblocking(False)
+    except OSError:
+        listening.close()
+        raise
+    return listening

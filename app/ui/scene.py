@@ -1,0 +1,131 @@
+"""The three-dimensional picture: table, particles, goal, plan, tool and cameras, redrawn where they changed."""
+
+from typing import final
+
+import numpy as np
+import viser
+from viser import transforms
+
+from app.config import Workspace
+from app.core.messages import Frame
+from app.ui import palette
+from app.ui.beads import Beads
+from app.ui.board import Board
+from app.ui.paths import Paths
+from app.ui.tool import Tool
+
+_FRUSTUM_M = 0.05
+_PICTURE_WIDTH = 320
+
+
+@final
+class Scene:
+    """Everything drawn on the table of one server. Used by the painter's thread alone."""
+
+    def __init__(self, server: viser.ViserServer, workspace: Workspace) -> None:
+        self._scene = server.scene
+        self._last = Board()
+        self._frustums: dict[str, viser.CameraFrustumHandle] = {}
+        self.observed = Beads(server, "/observed", palette.OBSERVED, opacity=None)
+        self.goal = Beads(server, "/goal", palette.GOAL, opacity=0.45)
+        self.predicted = Beads(server, "/predicted", palette.PREDICTED, opacity=0.45)
+        self.paths = Paths(server)
+        self.tool = Tool(server, "/tool", palette.STEEL, opacity=None)
+        self.ghost = Tool(server, "/ghost", palette.BEST, opacity=0.55)
+        _furnish(server, workspace)
+
+    def paint(self, board: Board, now_s: float) -> None:
+        """Bring the picture up to the board."""
+        last, self._last = self._last, board
+        if board.particles is not last.particles and board.particles is not None:
+            self.observed.put(board.particles.positions)
+        if board.goal is not last.goal and board.goal is not None:
+            self.goal.put(board.goal.positions)
+        if board.shown is not last.shown and board.shown is not None:
+            self.predicted.put(board.shown.chosen.final)
+        if board.arm is not last.arm and board.arm is not None:
+            self.tool.put(board.arm.pose[:3], board.arm.gripper)
+        self.paths.paint(board, last)
+        self._play(board, now_s)
+
+    def look(self, frame: Frame, picture: np.ndarray) -> None:
+        """Show a camera where it stands, with what it sees."""
+        camera = frame.camera
+        if camera.name not in self._frustums:
+            pose = transforms.SE3.from_matrix(camera.T_world_camera)
+            self._frustums[camera.name] = self._scene.add_camera_frustum(
+                f"/cameras/{camera.name}",
+                fov=2 * float(np.arctan2(camera.height / 2, camera.K[1, 1])),
+                aspect=camera.width / camera.height,
+                scale=_FRUSTUM_M,
+                thickness=1.5,
+                thickness_units="screen",
+                color=palette.OUTLINE,
+                image=picture,
+                wxyz=pose.rotation().wxyz,
+                position=pose.translation(),
+                cast_shadow=False,
+            )
+        else:
+            self._frustums[camera.name].image = picture
+
+    def show_cameras(self, visible: bool) -> None:
+        """Draw or hide the cameras."""
+        for frustum in self._frustums.values():
+            frustum.visible = visible
+
+    def _play(self, board: Board, now_s: float) -> None:
+        """The ghost makes the pending motion over and over, at the speed at which the arm would."""
+        if board.pending is None:
+            self.ghost.hide()
+            return
+        self.ghost.put(self.paths.along(board.pending.motion, now_s - board.pending.time_s), 1.0)
+
+
+def thumbnail(image: np.ndarray) -> np.ndarray:
+    """The image thinned to about the width that the panel shows."""
+    step = max(image.shape[1] // _PICTURE_WIDTH, 1)
+    return np.ascontiguousarray(image[::step, ::step])
+
+
+def _furnish(server: viser.ViserServer, workspace: Workspace) -> None:
+    """Table, workspace outline, the robot's base, light and the first view."""
+    low, high = np.array(workspace.low), np.array(workspace.high)
+    middle, extent = (low + high) / 2, high - low
+    scene = server.scene
+    scene.set_up_direction("+z")
+    scene.configure_default_lights(False)
+    scene.configure_environment_map(None)
+    scene.add_light_hemisphere("/light/sky", sky_color=(255, 255, 255), ground_color=(150, 150, 160), intensity=1.6)
+    scene.add_light_directional("/light/lamp", intensity=1.8, cast_shadow=True, position=(0.2, -0.5, 1.5))
+    scene.add_box(
+        "/table",
+        color=palette.TABLE,
+        dimensions=(extent[0] + 0.5, extent[1] + 0.3, 0.02),
+        position=(middle[0] - 0.1, middle[1], -0.0105),
+        cast_shadow=False,
+    )
+    scene.add_grid(
+        "/table/grid",
+        width=extent[0],
+        height=extent[1],
+        cell_size=0.05,
+        section_size=0.1,
+        cell_color=(110, 117, 128),
+        section_color=(126, 134, 146),
+        plane_opacity=0.0,
+        position=(0.1, 0.0, 0.0115),
+    )
+    corners = np.array([[low[0], low[1]], [high[0], low[1]], [high[0], high[1]], [low[0], high[1]]])
+    ring = np.column_stack([corners, np.full(4, 0.002)])
+    scene.add_line_segments(
+        "/workspace",
+        np.stack([ring, np.roll(ring, -1, axis=0)], axis=1),
+        palette.OUTLINE,
+        thickness=2.0,
+        thickness_units="screen",
+    )
+    scene.add_cylinder("/base", radius=0.06, height=0.08, color=(70, 76, 86), position=(0.0, 0.0, 0.04))
+    scene.add_frame("/base/axes", axes_length=0.1, axes_radius=0.004, position=(0.0, 0.0, 0.05))
+    server.initial_camera.position = (middle[0] + 0.62, middle[1] - 0.55, 0.72)
+    server.initial_camera.look_at = (middle[0] - 0.04, middle[1], 0.0)

@@ -1,0 +1,66 @@
+"""Numbers as an operator reads them. Pure; every function takes SI and returns a short string."""
+
+import math
+
+from app.core.messages import Proposal
+
+NOTHING = "\N{EN DASH}"
+"""Shown where there is no number yet."""
+
+
+def duration(seconds: float) -> str:
+    """A duration in words, for example `80 ms`, `2.4 s`, `3 min 5 s`."""
+    if not math.isfinite(seconds):
+        return NOTHING
+    if seconds < 0.0995:
+        return f"{seconds * 1e3:.0f} ms"
+    if seconds < 9.95:
+        return f"{seconds:.1f} s"
+    if seconds < 60:
+        return f"{seconds:.0f} s"
+    return f"{int(seconds // 60)} min {int(seconds % 60)} s"
+
+
+def distance(chamfer_m2: float) -> str:
+    """A squared Chamfer distance as the mean distance it stands for: the root of its half, in millimetres."""
+    return f"{millimetres(chamfer_m2):.1f} mm" if math.isfinite(chamfer_m2) else NOTHING
+
+
+def millimetres(chamfer_m2: float) -> float:
+    """The root of half a squared symmetric Chamfer distance [mm], as `core.approval.drift` measures it."""
+    return math.sqrt(max(chamfer_m2, 0.0) / 2) * 1e3
+
+
+def square(chamfer_m2: float) -> str:
+    """A squared distance with its unit, for example `1.23e-04 m²`."""
+    return f"{chamfer_m2:.2e} m²" if math.isfinite(chamfer_m2) else NOTHING
+
+
+def number(value: float) -> str:
+    """Three significant digits."""
+    return f"{value:.3g}" if math.isfinite(value) else NOTHING
+
+
+def size(count: int) -> str:
+    """Bytes in GB or MB."""
+    return f"{count / 1e9:.1f} GB" if count >= 1e9 else f"{count / 1e6:.0f} MB"
+
+
+def sentence(text: str) -> str:
+    """`text` with a capital first letter."""
+    return text[:1].upper() + text[1:]
+
+
+def change(before: float, after: float) -> str:
+    """What became of a positive quantity, in per cent, for example `-38 %`; nothing where there is no base."""
+    if not (math.isfinite(before) and math.isfinite(after)) or before <= 0:
+        return ""
+    percent = 100 * (after / before - 1)
+    sign = "+" if percent >= 0 else "\N{MINUS SIGN}"
+    return f"{sign}{abs(percent):.0f} %"
+
+
+def origin(proposal: Proposal) -> str:
+    """Which kind of branch was chosen, of how many."""
+    kind = {"policy": "policy branch", "random": "random branch"}[proposal.chosen.origin]
+    return f"{kind} {proposal.best + 1} of {len(proposal.branches)}"
