@@ -1,6 +1,6 @@
 """What Foxglove shows of each message: images, clouds, poses, lines and log lines in its own schemas."""
 
-from typing import Protocol, TypeAlias
+from typing import Protocol, TypeAlias, runtime_checkable
 
 import cv2
 import numpy as np
@@ -44,6 +44,7 @@ from app.recording.epoch import Epoch
 from app.recording.scene import branch_lines, path_line
 
 
+@runtime_checkable
 class Viewable(Protocol):
     """A message in one of Foxglove's schemas."""
 

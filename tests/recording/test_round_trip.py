@@ -1,0 +1,89 @@
+"""What is written is what is read."""
+
+import dataclasses
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from app.core.messages import ArmState, Episode, Frame, Message, Model, Motion, Particles, Proposal, Transition
+from app.recording.channels import TOPICS, record_of
+from app.recording.codec import decode, encode
+from app.recording.reader import read_episode, read_messages, read_transitions
+from tests.recording.samples import Maker, all_kinds, record, same, same_as_read
+
+
+def test_every_message_of_the_vocabulary_has_a_channel_of_its_own() -> None:
+    assert set(TOPICS) == set(all_kinds())
+    assert len(set(TOPICS.values())) == len(TOPICS)
+
+
+@pytest.mark.parametrize("kind", all_kinds(), ids=lambda kind: kind.__name__)
+def test_every_kind_of_message_comes_back_as_it_was_written(kind: type[Message], make: Maker, tmp_path: Path) -> None:
+    written = make(kind)
+    read = list(read_messages(record(tmp_path, make(Episode), [written])))[-1]
+    assert same_as_read(written, read)
+
+
+def test_messages_come_back_in_the_order_of_writing(rich_recording: tuple[Path, list[Message]]) -> None:
+    path, written = rich_recording
+    assert [message.id for message in read_messages(path)] == [message.id for message in written]
+
+
+def test_a_choice_of_kinds_is_the_same_as_choosing_afterwards(rich_recording: tuple[Path, list[Message]]) -> None:
+    path, written = rich_recording
+    for kinds in ([Frame], [Particles, Model], [Transition]):
+        chosen = [message.id for message in written if type(message) in kinds]
+        assert [message.id for message in read_messages(path, kinds)] == chosen
+
+
+def test_the_transitions_and_the_episode_are_found_by_name(rich_recording: tuple[Path, list[Message]]) -> None:
+    path, written = rich_recording
+    assert same(read_episode(path), written[0])
+    transitions = [message for message in written if isinstance(message, Transition)]
+    assert transitions
+    assert all(same(a, b) for a, b in zip(transitions, read_transitions(path), strict=True))
+
+
+def test_images_of_several_cameras_are_not_confused(make: Maker, tmp_path: Path) -> None:
+    frames = [make(Frame) for _ in range(4)]
+    cameras = [frames[0].camera, frames[1].camera]
+    frames = [dataclasses.replace(frame, camera=cameras[n % 2]) for n, frame in enumerate(frames)]
+    read = read_messages(record(tmp_path, make(Episode), list(frames)), [Frame])
+    assert all(same_as_read(a, b) for a, b in zip(frames, read, strict=True))
+
+
+@pytest.mark.parametrize("value", [np.nan, np.inf, -np.inf])
+def test_non_finite_numbers_stay_what_they_are(value: float, make: Maker) -> None:
+    motion = Motion(positions=np.full((2, 3), value), speeds=np.full(2, value))
+    for message in (
+        make(Model, loss_m2=float(value)),
+        make(ArmState, joints=np.full(7, value)),
+        make(Proposal, motion=motion, chamfer_m2=float(value)),
+    ):
+        assert same(message, decode(encode(message, type(message)), type(message)))
+
+
+def test_clouds_may_be_empty(make: Maker, tmp_path: Path) -> None:
+    none = np.zeros((0, 3), np.float32)
+    particles = make(Particles, positions=none, surface=none)
+    assert same(particles, list(read_messages(record(tmp_path, make(Episode), [particles])))[-1])
+
+
+def test_paths_of_different_lengths_stand_in_one_proposal(make: Maker) -> None:
+    proposal = make(Proposal)
+    short = dataclasses.replace(proposal.branches[0], tool_path=np.zeros((2, 3), np.float32))
+    proposal = dataclasses.replace(proposal, branches=(short, *proposal.branches[1:]))
+    assert same(proposal, decode(encode(proposal, Proposal), Proposal))
+
+
+def test_numbers_that_numpy_made_are_numbers(make: Maker) -> None:
+    model = make(Model, loss_m2=np.float64(0.25), transition_count=3)
+    assert decode(encode(model, Model), Model).loss_m2 == 0.25
+
+
+def test_a_record_lacks_nothing_but_what_stands_elsewhere() -> None:
+    apart = {"Frame": {"color", "depth"}, "Particles": {"surface"}, "Approved": {"seal"}}
+    for kind in all_kinds():
+        fields = {field.name for field in dataclasses.fields(kind)}
+        assert fields - {field.name for field in dataclasses.fields(record_of(kind))} == apart.get(kind.__name__, set())
