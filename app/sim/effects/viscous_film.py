@@ -1,0 +1,37 @@
+"""A viscous film on the table: near it, matter is slowed in proportion to its velocity, a = -c v.
+
+Unlike Coulomb friction it depends on speed and not on weight: a wet or dusty table, a thin layer of oil.
+"""
+
+from typing import Any
+
+import warp as wp
+
+from app.sim.effects.base import Effect
+from app.sim.parameter import ParameterSpec
+
+FILM_REACH = wp.constant(0.02)
+"""How far above the table it acts [m], about one rope diameter: what is lifted is free of it."""
+
+
+@wp.func
+def film_velocity(v: wp.vec3, x: wp.vec3, dt: float, phi: Any, at: int) -> wp.vec3:
+    """The velocity after one substep of drag, integrated exactly so that no drag can reverse it."""
+    nearness = wp.clamp(1.0 - x[2] / FILM_REACH, 0.0, 1.0)
+    return wp.exp(-phi[at] * nearness * dt) * v
+
+
+EFFECT = Effect(
+    parameters=(
+        ParameterSpec(
+            name="film_drag",
+            unit="1/s",
+            nominal=0.0,
+            low=0.0,
+            high=50.0,
+            scale="linear",
+            about="Rate at which a viscous film slows what touches the table.",
+        ),
+    ),
+    node_velocity=film_velocity,
+)

@@ -1,0 +1,81 @@
+"""The physical parameters phi: what they are, their nominal values, and what makes an array of them valid.
+
+phi has one row a candidate, shape (B, P), float32, in physical units; the columns are those of `PARAMETERS`.
+"""
+
+from collections.abc import Sequence
+
+import numpy as np
+from jaxtyping import Float, Float32
+
+from app.core.errors import ParameterError
+from app.sim.catalogue import EFFECTS
+from app.sim.effects.base import Effect
+from app.sim.parameter import ParameterSpec
+
+NOMINAL_PHYSICS = (
+    ParameterSpec(
+        name="stiffness",
+        unit="Pa",
+        nominal=2.0e4,
+        low=1.0e3,
+        high=5.0e4,
+        scale="log",
+        about="Young's modulus of the object; for a rope it stands for its resistance to bending.",
+    ),
+    ParameterSpec(
+        name="table_friction",
+        unit="1",
+        nominal=0.4,
+        low=0.02,
+        high=1.5,
+        scale="log",
+        about="Coulomb friction coefficient between the object and the table.",
+    ),
+    ParameterSpec(
+        name="finger_friction",
+        unit="1",
+        nominal=0.3,
+        low=0.01,
+        high=1.5,
+        scale="log",
+        about="Coulomb friction coefficient between the object and the finger.",
+    ),
+)
+
+
+def parameters_with(effects: Sequence[Effect]) -> tuple[ParameterSpec, ...]:
+    """The columns of phi for a simulator with these effects."""
+    return NOMINAL_PHYSICS + tuple(spec for effect in effects for spec in effect.parameters)
+
+
+PARAMETERS = parameters_with(EFFECTS)
+
+
+def index(name: str) -> int:
+    """The column of phi that holds `name`; UsageError with the known names where there is none."""
+    names = [spec.name for spec in PARAMETERS]
+    if name not in names:
+        raise ParameterError.unknown("parameter", name, names)
+    return names.index(name)
+
+
+def nominal_phi() -> Float32[np.ndarray, " P"]:
+    """The nominal model: every effect at its null value."""
+    return np.array([spec.nominal for spec in PARAMETERS], np.float32)
+
+
+def validated(phi: Float[np.ndarray, "*batch P"]) -> Float32[np.ndarray, "*batch P"]:
+    """`phi` as float32, or a ParameterError that names the first entry that is non-finite or outside its range."""
+    values = np.asarray(phi, np.float32)
+    if values.shape[-1:] != (len(PARAMETERS),):
+        raise ParameterError(f"phi has shape {values.shape}; its last axis must have {len(PARAMETERS)} entries.")
+    for column, spec in enumerate(PARAMETERS):
+        low, high = np.float32(spec.low), np.float32(spec.high)
+        entries = values[..., column].ravel()
+        wrong = entries[~((entries >= low) & (entries <= high))]
+        if wrong.size:
+            raise ParameterError(
+                f"{spec.name} = {wrong[0]:g} is outside its range {spec.low:g} to {spec.high:g} (unit {spec.unit})."
+            )
+    return values

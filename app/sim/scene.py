@@ -1,0 +1,99 @@
+"""Everything about a simulation that is not a parameter to be estimated: grid, time step, object, finger, smoothing."""
+
+from dataclasses import dataclass
+from typing import final
+
+import numpy as np
+
+from app.core.errors import ParameterError
+from app.sim.params import PARAMETERS, index
+
+CFL = 0.5
+"""Largest stable `dt c / cell` for the elastic wave speed c: explicit MLS-MPM with quadratic splines; measured here,
+random deformations of up to 30 %, see tests/sim/test_scene.py."""
+
+
+@final
+@dataclass(frozen=True, kw_only=True)
+class Scene:
+    """One object on a table (the plane z = 0) and one finger, a vertical capsule whose tip is the tool position.
+
+    Raises ParameterError where a number is not finite or the numbers do not fit together.
+    """
+
+    low: tuple[float, float, float] = (0.17, -0.43, -0.02)
+    """Lower corner of the grid [m]; a particle within half a cell of the grid's boundary makes its candidate NaN."""
+    high: tuple[float, float, float] = (0.93, 0.43, 0.10)
+    cell_m: float = 0.010
+    dt_s: float = 5e-4
+    gravity_m_s2: float = 9.81
+    density_kg_m3: float = 800.0
+    poisson: float = 0.2
+    object_volume_m3: float = 8.0e-5
+    """A rope of 0.4 m and 8 mm radius; the particles share it evenly."""
+    finger_radius_m: float = 0.009
+    finger_length_m: float = 0.20
+    contact_margin_m: float = 0.003
+    """Particles are centres of matter: contact begins at this distance from the finger, half a particle spacing."""
+    contact_width_m: float = 0.002
+    """The sigmoid's width: a fifth of a cell, so that the gradient reaches the particles next to the finger."""
+    contact_time_s: float = 0.01
+    """In which a particle inside the finger is moved out again."""
+    slip_speed_m_s: float = 1e-3
+    """Below it friction fades in linearly: Coulomb's law itself has no derivative at rest."""
+    damping_1_s: float = 0.5
+    """Rate at which all motion decays: air and what the nominal model does not resolve."""
+
+    def __post_init__(self) -> None:
+        for name, value in vars(self).items():
+            if not np.all(np.isfinite(value)):
+                raise ParameterError(f"Scene {name} = {value} is not finite.")
+        self._require_positive()
+        self._require_grid()
+        self._require_stable()
+
+    @property
+    def shape(self) -> tuple[int, int, int]:
+        """Number of grid nodes along x, y and z."""
+        nodes = np.rint((np.asarray(self.high) - np.asarray(self.low)) / self.cell_m).astype(int) + 1
+        return int(nodes[0]), int(nodes[1]), int(nodes[2])
+
+    @property
+    def stable_dt_s(self) -> float:
+        """The largest stable time step for the stiffest material that phi allows."""
+        stiffness = PARAMETERS[index("stiffness")].high
+        modulus = stiffness * (1 - self.poisson) / ((1 + self.poisson) * (1 - 2 * self.poisson))
+        return CFL * self.cell_m / float(np.sqrt(modulus / self.density_kg_m3))
+
+    def _require_positive(self) -> None:
+        names = (
+            *("cell_m", "dt_s", "density_kg_m3", "object_volume_m3", "finger_radius_m", "finger_length_m"),
+            *("contact_width_m", "contact_time_s", "slip_speed_m_s"),
+        )
+        for name in names:
+            if getattr(self, name) <= 0:
+                raise ParameterError(f"Scene {name} = {getattr(self, name):g} must be positive.")
+        for name in ("contact_margin_m", "damping_1_s"):
+            if getattr(self, name) < 0:
+                raise ParameterError(f"Scene {name} = {getattr(self, name):g} must not be negative.")
+        if not 0 <= self.poisson < 0.5:
+            raise ParameterError(f"Scene poisson = {self.poisson:g} is outside its range 0 to 0.5 (exclusive).")
+
+    def _require_grid(self) -> None:
+        if min(self.shape) < 4:
+            raise ParameterError(
+                f"The grid from {self.low} to {self.high} has fewer than 4 nodes a side: {self.shape}."
+            )
+        layers = -self.low[2] / self.cell_m
+        if layers < 1 or abs(layers - round(layers)) > 1e-3:
+            raise ParameterError(
+                f"The grid's lower end z = {self.low[2]:g} m must be a whole number of cells ({self.cell_m:g} m) below "
+                "the table at z = 0."
+            )
+
+    def _require_stable(self) -> None:
+        if self.dt_s > self.stable_dt_s:
+            raise ParameterError(
+                f"dt_s = {self.dt_s:g} s is above the stable limit {self.stable_dt_s:.3g} s for a stiffness of "
+                f"{PARAMETERS[index('stiffness')].high:g} Pa on cells of {self.cell_m:g} m; shorten it."
+            )
