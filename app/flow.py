@@ -5,7 +5,7 @@ is heavy runs in worker processes; STOP goes from the console to the arm's proce
 """
 
 import shutil
-from collections.abc import AsyncIterator
+from collections.abc import AsyncGenerator
 from contextlib import asynccontextmanager
 from dataclasses import dataclass, field
 from typing import TypeVar, final
@@ -38,23 +38,26 @@ from app.core.messages import (
 from app.core.ports import Camera, Clock, Operator, Recorder, Rig
 from app.core.worker import Worker
 from app.perception.reconstruct import reconstruct
-from app.tasks import Task, calibrate, plan, warm_up_stage, warm_up_stages
+from app.tasks.base import Task
+from app.tasks.jobs import nominal_model, plan, update, warm_up_stage, warm_up_stages
 
 MessageT = TypeVar("MessageT", bound=Message)
 
 _OBSERVE_DEADLINE_S = 30.0
 _FAILURES_IN_A_ROW = 3
+_CALIBRATOR_NICENESS = 15
+"""Below the planner, which a decision waits for."""
 
 
 @final
 @dataclass(frozen=True, kw_only=True)
 class Wish:
-    """What this episode is to do."""
+    """What this episode is to do. `model` None starts from the task's nominal one."""
 
     task: Task
     preset: str
     goal: Goal
-    model: Model
+    model: Model | None
     seed: int
     pushes: int
     automatic: bool
@@ -94,7 +97,15 @@ class Flow:
     """One episode. Build it, `await run()`, read the summary."""
 
     def __init__(
-        self, wish: Wish, *, site: Site, rig: Rig, operator: Operator, recorder: Recorder, clock: Clock, nice: int = 10
+        self,
+        wish: Wish,
+        *,
+        site: Site,
+        rig: Rig,
+        operator: Operator,
+        recorder: Recorder,
+        clock: Clock,
+        planner: Worker,
     ) -> None:
         if wish.automatic and not rig.simulated:
             raise MotionRefused("Automatic approval is allowed on the simulated rig alone; use `dipac console`.")
@@ -103,8 +114,8 @@ class Flow:
         self.summary = Summary()
         self.gate = ApprovalGate(max_age_s=site.timing.plan_max_age_s, max_drift_m=site.timing.plan_max_drift_m)
         self.perceiver = Worker("perception")
-        self.planner = Worker("planner", niceness=nice)
-        self.calibrator = Worker("calibrator", niceness=nice + 5)
+        self.planner = planner
+        self.calibrator = Worker("calibrator", niceness=_CALIBRATOR_NICENESS)
         self.frames = {camera.model.name: Latest[Frame](f"frames {camera.model.name}") for camera in rig.cameras}
         self.particles = Latest[Particles]("particles")
         self.models = Latest[Model]("models")
@@ -134,7 +145,6 @@ class Flow:
                 for stage in (self._reconstruct, self._calibrate, self._listen, self._report):
                     stages.start_soon(stage)
                 self.say(self.wish.goal)
-                self.models.put(self.say(self.wish.model))
                 await self._push_to_the_goal()
                 stages.cancel_scope.cancel()
         except BaseExceptionGroup as group:
@@ -157,12 +167,13 @@ class Flow:
 
     async def _reconstruct(self) -> None:
         """One new frame of every camera -> particles."""
+        how = self.wish.task.reconstruction(self.wish.preset)
         changes = [channel.changes() for channel in self.frames.values()]
         while True:
             frames = [await anext(change) for change in changes]
             started_s = self.clock.now()
             try:
-                seen = await self.perceiver.run(reconstruct, frames, self.wish.task.reconstruction(self.wish.preset))
+                seen = await self.perceiver.run(reconstruct, frames, how)
             except PerceptionError as error:
                 self.fault("perception", error)
                 continue
@@ -186,7 +197,7 @@ class Flow:
             if not self.wish.calibrating or self.models.value is None:
                 continue
             old = self.models.value
-            new = await self.calibrator.run(calibrate, self.wish.task.name, self.wish.preset, seen, old)
+            new = await self.calibrator.run(update, self.wish.task.name, self.wish.preset, seen, old)
             self.models.put(self.say(new))
 
     async def _listen(self) -> None:
@@ -253,9 +264,12 @@ class Flow:
 
     async def _warm_up(self) -> None:
         """Compile what planning needs, by name, while the cameras already run."""
-        for index, stage in enumerate(warm_up_stages(self.wish.task.name, self.wish.preset)):
+        task, planner = self.wish.task.name, self.planner
+        self._do("starting the planner")
+        self.models.put(self.say(self.wish.model or await planner.run(nominal_model, task)))
+        for index, stage in enumerate(await planner.run(warm_up_stages, task, self.wish.preset)):
             self._do(f"compiling {stage}")
-            await self.planner.run(warm_up_stage, self.wish.task.name, self.wish.preset, index)
+            await planner.run(warm_up_stage, task, self.wish.preset, index)
 
     async def _settled(self, *, after_s: float) -> Particles:
         """The first particles whose every frame was taken with the arm at rest, `settle_s` after `after_s`."""
@@ -281,7 +295,14 @@ class Flow:
             started_s = self.clock.now()
             try:
                 found = await self.planner.run(
-                    plan, wish.task.name, wish.preset, observed.positions, wish.goal.positions, model, seed
+                    plan,
+                    wish.task.name,
+                    self.wish.preset,
+                    observed.positions,
+                    wish.goal.positions,
+                    model,
+                    seed,
+                    self.site,
                 )
             except PlanningError as error:
                 self.fault("planner", error)
@@ -417,7 +438,7 @@ class Flow:
         return float(chamfer_m2(particles.positions, self.wish.goal.positions))
 
     @asynccontextmanager
-    async def _logging(self) -> AsyncIterator[None]:
+    async def _logging(self) -> AsyncGenerator[None]:
         """Record everything said, until the last message is on disk, whatever ends the episode."""
         async with anyio.create_task_group() as recording:
             recording.start_soon(self._record)

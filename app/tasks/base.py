@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, final
 
 import numpy as np
@@ -14,6 +14,7 @@ if TYPE_CHECKING:  # Rigs need ropes and fingers alone: their processes shall no
     from jaxtyping import Float64
 
     from app.core.types import Points
+    from app.perception.reconstruct import Reconstruction
     from app.planner.actions import ActionSpace
     from app.planner.cost import Weights
     from app.planner.optimise import Descent
@@ -58,6 +59,7 @@ class Preset:
 class Task:
     """Everything about a task that is not the site's.
 
+    `seeing`: how perception finds the object; its particle count is the preset's.
     `nominal`: parameters of the simulator, by name, whose nominal value for this task is not the simulator's own;
     `calibrated`: those that calibration estimates from transitions. `success_m2`: the Chamfer distance to the goal
     [m^2] at which the task is done.
@@ -66,6 +68,7 @@ class Task:
     name: str
     rope: Rope
     finger: Finger
+    seeing: Reconstruction
     scene: Scene
     actions: ActionSpace
     policy: Policy
@@ -83,6 +86,10 @@ class Task:
             return self.presets[name]
         except KeyError:
             raise UsageError.unknown("preset", name, self.presets) from None
+
+    def reconstruction(self, preset: str) -> Reconstruction:
+        """How to see the object as so many particles as the preset plans with."""
+        return replace(self.seeing, particle_count=self.preset(preset).particle_count)
 
     def start(self, seed: int) -> Float64[np.ndarray, "points 3"]:
         """Centreline of the rope at the start of episode `seed` [m]."""

@@ -61,6 +61,13 @@ def update(task: str, preset: str, transitions: Sequence[Transition], model: Mod
     return compiled.calibrated(task, preset, transitions[-_RECENT:], model, steps=_ONLINE_STEPS)
 
 
+def choose_preset() -> str:
+    """The preset for the best device that JAX finds on this machine."""
+    import jax
+
+    return "cpu" if jax.default_backend() == "cpu" else "gpu"
+
+
 def nominal_model(task: str) -> Model:
     """Version 0: the task's own guess of its parameters."""
     from app.tasks import compiled

@@ -3,6 +3,8 @@
 from math import pi
 from types import MappingProxyType
 
+from app.perception.reconstruct import Reconstruction
+from app.perception.segment import ColourRange
 from app.planner.actions import Pushes
 from app.planner.cost import Weights
 from app.planner.optimise import Descent
@@ -22,6 +24,7 @@ TASK = Task(
     name="rope_push",
     rope=ROPE,
     finger=FINGER,
+    seeing=Reconstruction(colour=ColourRange.around(ROPE.colour), particle_count=300, half_width_m=0.010),
     # A real push takes 1 s, a simulated one 0.2 s. Weight and stiffness are ten times the real ones, which leaves their
     # ratio, and with it every quasi-static shape, as it is, and keeps inertia small beside them.
     scene=Scene(

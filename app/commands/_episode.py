@@ -1,0 +1,243 @@
+"""What `run` and `console` share: check, open the rig, the console and the recording, and let the flow run."""
+
+import json
+import subprocess
+import time
+from collections.abc import AsyncIterator
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Literal, final
+
+import anyio
+import numpy as np
+from rich.console import Console as TerminalOutput
+
+from app import __version__
+from app.config import Site, Workspace
+from app.core.errors import DipacError, PreflightError, UsageError
+from app.core.messages import Episode, Goal, Message, fresh_id
+from app.core.ports import Recorder, Rig
+from app.core.worker import Worker
+from app.flow import Flow, Summary, Wish
+from app.recording.model_file import load_model
+from app.recording.writer import open_recording
+from app.rig.simulated.rig import simulated_rig
+from app.tasks import Task, load
+from app.tasks.jobs import choose_preset
+from app.ui.console import Console, open_console
+from app.ui.desk import Request
+from app.ui.terminal import Terminal
+
+Preset = Literal["auto", "cpu", "gpu"]
+
+_LAST_PORT = 65535
+_PLANNER_NICENESS = 10
+"""The planner gives way to the arm and the cameras."""
+
+
+@final
+@dataclass(frozen=True, kw_only=True)
+class Options:
+    """The options that `run` and `console` share."""
+
+    seed: int = 0
+    """draws the start, the goal and the noise"""
+    pushes: int = 10
+    """at most; fewer where the goal is reached before"""
+    preset: Preset = "auto"
+    """how much is computed for a decision; auto asks this machine"""
+    goal: Path | None = None
+    """an .npy file of points (M, 3) [m] instead of a random goal"""
+    model: Path | None = None
+    """a model.toml to start from instead of the nominal model"""
+    calibrate: bool = True
+    """calibrate the model in the background"""
+    recordings: Path = Path("recordings")
+    """folder of the MCAP file"""
+    port: int = 8088
+    """of the console; 0 takes a free one"""
+
+    def site(self) -> Site:
+        """The default site with what the command line may change. Raises PreflightError for an impossible port."""
+        if not 0 <= self.port <= _LAST_PORT:
+            raise PreflightError(f"Port {self.port} does not exist; choose one from 1024 to {_LAST_PORT} with --port.")
+        return Site(recordings=self.recordings, console_port=self.port)
+
+
+@final
+@dataclass(frozen=True, kw_only=True)
+class Order:
+    """What the command line asked for."""
+
+    task: str
+    options: Options
+    automatic: bool
+
+
+@final
+@dataclass(frozen=True, kw_only=True)
+class Report:
+    """What came of it. `failure` is the error that ended the episode before its time, if one did."""
+
+    order: Order
+    rig: str
+    summary: Summary
+    recording: Path
+    failure: DipacError | None
+
+    def to_json(self) -> str:
+        """The keys that `dipac run --json` promises, and the timings behind the results page."""
+        row = asdict(self.summary) | {
+            "task": self.order.task,
+            "seed": self.order.options.seed,
+            "rig": self.rig,
+            "faults": [*self.summary.faults, *([str(self.failure)] if self.failure else [])],
+            "recording": str(self.recording),
+        }
+        return json.dumps(row, indent=2)
+
+
+async def episode(order: Order, output: TerminalOutput) -> Report:
+    """Run one episode to its end.
+
+    What is wrong with the order or the machine is raised before anything moves; what fails later is in the report.
+    """
+    task, options, site = load(order.task), order.options, order.options.site()
+    if options.pushes < 0:
+        raise UsageError(f"--pushes {options.pushes} must not be negative.")
+    async with Worker("planner", niceness=_PLANNER_NICENESS) as planner:
+        with output.status("starting the planner's process"):
+            preset = options.preset if options.preset != "auto" else await planner.run(choose_preset)
+        wish = _wish(task, order, preset)
+        start = _start(order, preset)
+        async with (
+            open_recording(site.recordings, start, min_free_bytes=site.min_free_bytes) as recorder,
+            simulated_rig(
+                rope=task.rope, finger=task.finger, centreline=task.start(options.seed), site=site, seed=options.seed
+            ) as rig,
+            open_console(
+                host=site.console_host,
+                port=site.console_port,
+                title=f"dipac {task.name}",
+                simulated=rig.simulated,
+                stop=rig.arm.stop,
+                workspace=site.limits.workspace,
+            ) as console,
+        ):
+            output.print(f"Operator console: [bold]{console.url}[/]", soft_wrap=True, highlight=False)
+            output.print(f"Recording to {recorder.path}", soft_wrap=True, highlight=False)
+            with Terminal(output) as terminal:
+                audience = Audience(console, terminal)
+                audience.show(start)
+                summary, failure = await _run(wish, site, rig, audience, recorder, planner)
+    return Report(order=order, rig=rig.name, summary=summary, recording=recorder.path, failure=failure)
+
+
+async def _run(
+    wish: Wish, site: Site, rig: Rig, audience: "Audience", recorder: Recorder, planner: Worker
+) -> tuple[Summary, DipacError | None]:
+    flow = Flow(wish, site=site, rig=rig, operator=audience, recorder=recorder, clock=SystemClock(), planner=planner)
+    try:
+        return await flow.run(), None
+    except DipacError as error:
+        return flow.summary, error
+
+
+def _wish(task: Task, order: Order, preset: str) -> Wish:
+    now_s = time.monotonic()
+    particle_count = task.preset(preset).particle_count
+    options = order.options
+    if options.goal:
+        positions = read_goal(options.goal, options.site().limits.workspace)
+    else:
+        positions = task.goal(options.seed, particle_count)
+    model = load_model(options.model, task=task.name, time_s=now_s) if options.model else None
+    return Wish(
+        task=task,
+        preset=preset,
+        goal=Goal(id=fresh_id("goal"), time_s=now_s, positions=positions),
+        model=model,
+        seed=options.seed,
+        pushes=options.pushes,
+        automatic=order.automatic,
+        calibrating=options.calibrate,
+    )
+
+
+def read_goal(path: Path, workspace: Workspace) -> np.ndarray:
+    """Goal points (M, 3) float32 [m] from an .npy file.
+
+    Raises UsageError where the file is not such an array or leaves the workspace.
+    """
+    try:
+        points = np.load(path, allow_pickle=False)
+    except (OSError, ValueError) as error:
+        raise UsageError(
+            f"Cannot read the goal {path}: {error}; give an .npy file of points (M, 3) in metres."
+        ) from None
+    if not isinstance(points, np.ndarray) or points.ndim != 2 or points.shape[1] != 3 or not len(points):
+        raise UsageError(f"The goal {path} has shape {np.shape(points)}; it must be points (M, 3) in metres.")
+    bad = ~np.isfinite(points).all(axis=1) | (points[:, :2] < workspace.low[:2]).any(axis=1)
+    bad |= (points[:, :2] > workspace.high[:2]).any(axis=1)
+    if bad.any():
+        index = int(np.argmax(bad))
+        raise UsageError(
+            f"Goal point {index} of {path}, {np.round(points[index], 3).tolist()} m, is outside the workspace "
+            f"x {workspace.low[0]} to {workspace.high[0]}, y {workspace.low[1]} to {workspace.high[1]} m."
+        )
+    return points.astype(np.float32)
+
+
+def _start(order: Order, preset: str) -> Episode:
+    config = asdict(order) | {"preset": preset}
+    return Episode(
+        id=fresh_id("episode"),
+        time_s=time.monotonic(),
+        task=order.task,
+        rig="simulated",
+        seed=order.options.seed,
+        simulated=True,
+        code_version=_code_version(),
+        config=json.dumps(config, default=str),
+    )
+
+
+def _code_version() -> str:
+    """The program's version with the commit it was started from, where that is known."""
+    command = ["git", "-C", str(Path(__file__).parent), "describe", "--always", "--dirty"]
+    try:
+        commit = subprocess.run(command, capture_output=True, text=True, timeout=5, check=True)  # noqa: S603 - fixed
+    except (OSError, subprocess.SubprocessError):
+        return __version__
+    return f"{__version__}+{commit.stdout.strip()}"
+
+
+@final
+class SystemClock:
+    """The machine's monotonic clock."""
+
+    def now(self) -> float:
+        """Monotonic time [s]."""
+        return time.monotonic()
+
+    async def sleep(self, duration_s: float) -> None:
+        """Wait."""
+        await anyio.sleep(duration_s)
+
+
+@final
+class Audience:
+    """The console in the browser and the terminal as one operator; only the console asks for things."""
+
+    def __init__(self, console: Console, terminal: Terminal) -> None:
+        self._console = console
+        self._terminal = terminal
+
+    def show(self, message: Message) -> None:
+        """Show it on both."""
+        self._console.show(message)
+        self._terminal.show(message)
+
+    def requests(self) -> AsyncIterator[Request]:
+        """What the console asks for."""
+        return self._console.requests()

@@ -1,0 +1,24 @@
+"""Open the operator console on the simulated cell; every push waits for approval by hand."""
+
+from typing import Annotated
+
+import anyio
+import tyro
+from rich.console import Console
+
+from app.commands._episode import Options, Order, episode
+
+
+def console(
+    task: tyro.conf.Positional[str] = "rope_push",
+    /,
+    *,
+    options: Annotated[Options, tyro.conf.arg(name="")] = Options(),
+) -> None:
+    """Serve the console at the printed address until the goal is reached, the pushes are used up, or Ctrl-C."""
+    output = Console()
+    order = Order(task=task, options=options, automatic=False)
+    report = anyio.run(episode, order, output)
+    output.print(f"Recording: {report.recording}", soft_wrap=True, highlight=False)
+    if report.failure is not None:
+        raise report.failure

@@ -1,0 +1,49 @@
+"""Run a task to its end in the simulated cell, every push approved automatically."""
+
+from pathlib import Path
+from typing import Annotated
+
+import anyio
+import tyro
+from rich.console import Console
+
+from app.commands._episode import Options, Order, Report, episode
+from app.core.errors import UsageError
+from app.ui.terminal import millimetres
+
+
+def run(
+    task: tyro.conf.Positional[str] = "rope_push",
+    /,
+    *,
+    options: Annotated[Options, tyro.conf.arg(name="")] = Options(),
+    json: Annotated[Path | None, tyro.conf.arg(help="write the outcome to this file")] = None,
+) -> None:
+    """Push the object to its goal; the console is served meanwhile, and STOP works there."""
+    output = Console()
+    order = Order(task=task, options=options, automatic=True)
+    report = anyio.run(episode, order, output)
+    if json is not None:
+        _write(json, report)
+    _summarise(report, output)
+    if report.failure is not None:
+        raise report.failure
+
+
+def _write(path: Path, report: Report) -> None:
+    try:
+        path.write_text(report.to_json(), encoding="utf-8")
+    except OSError as error:
+        raise UsageError(f"Cannot write {path}: {error.strerror}; choose another place with --json.") from None
+
+
+def _summarise(report: Report, output: Console) -> None:
+    chamfer_m2 = report.summary.chamfer_m2
+    if chamfer_m2:
+        output.print(
+            f"\n[bold]{len(chamfer_m2) - 1} pushes[/]: {millimetres(chamfer_m2[0]):.1f} mm -> "
+            f"{millimetres(chamfer_m2[-1]):.1f} mm from the goal; the Chamfer distance fell to "
+            f"{chamfer_m2[-1] / chamfer_m2[0]:.0%} of its start. Faults: {len(report.summary.faults)}.",
+            highlight=False,
+        )
+    output.print(f"Recording: {report.recording}", soft_wrap=True, highlight=False)
