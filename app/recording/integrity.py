@@ -20,12 +20,16 @@ DAMAGE: Final = (
     EOFError,
     LookupError,
     MemoryError,
+    OSError,
     RuntimeError,
     TypeError,
     ValueError,
     struct.error,
 )
-"""What the MCAP and LZ4 packages raise on bytes that make no sense. (LZ4 raises RuntimeError.)"""
+"""What the MCAP and LZ4 packages raise on bytes that make no sense, and a disk on those it cannot read.
+
+LZ4 raises RuntimeError; a seek to before the start of a file is an OSError.
+"""
 
 
 def inspect(path: Path) -> dict[str, str]:

@@ -13,7 +13,7 @@ from mcap.summary import Summary
 from mcap.writer import CompressionType, Writer
 
 from app.core.errors import RecordingError, UsageError
-from app.recording.integrity import DAMAGE, starts_as_mcap
+from app.recording.integrity import DAMAGE, ends_as_mcap, starts_as_mcap
 
 
 @final
@@ -50,7 +50,7 @@ def recover(path: Path) -> Recovered:
         messages = _copy(itertools.chain(_declared(summary), salvage), draft)
         if messages == 0:
             raise RecordingError(f"{path} was cut off before its first message; there is nothing to recover.")
-        if salvage.lost_bytes == 0 and summary is not None:
+        if salvage.lost_bytes == 0 and ends_as_mcap(path) and _is_whole(path, messages):
             return Recovered(path=path, messages=messages, lost_bytes=0, was_whole=True)
         draft.replace(goal)
     finally:
@@ -134,6 +134,16 @@ def _summary(path: Path) -> Summary | None:
             return make_reader(stream).get_summary()
         except DAMAGE:
             return None
+
+
+def _is_whole(path: Path, messages: int) -> bool:
+    """Whether a reader that trusts the index finds the same number of messages as one that does not."""
+    with path.open("rb") as stream:
+        try:
+            reader = make_reader(stream, validate_crcs=True)
+            return any(True for _ in reader.iter_metadata()) and messages == sum(1 for _ in reader.iter_messages())
+        except DAMAGE:
+            return False
 
 
 def _declared(summary: Summary | None) -> Iterator[McapRecord]:

@@ -1,11 +1,9 @@
 """What the tests of recordings share."""
 
-from pathlib import Path
-
 import pytest
 
-from app.core.messages import Episode, Message
-from tests.recording.samples import Maker, all_kinds, record
+from app.core.messages import Episode
+from tests.recording.samples import Maker, Recording, all_kinds, record
 
 
 @pytest.fixture
@@ -14,9 +12,10 @@ def make() -> Maker:
 
 
 @pytest.fixture(scope="session")
-def rich_recording(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, list[Message]]:
+def recording(tmp_path_factory: pytest.TempPathFactory) -> Recording:
     """A recording of many chunks with all kinds of messages, and what was written to it."""
     make = Maker(seed=1)
     episode = make(Episode)
-    messages = [make(kind) for _ in range(3) for kind in all_kinds() if kind is not Episode]
-    return record(tmp_path_factory.mktemp("rich"), episode, messages), [episode, *messages]
+    messages = [make(kind) for _ in range(7) for kind in all_kinds() if kind is not Episode]
+    path = record(tmp_path_factory.mktemp("whole"), episode, messages)
+    return Recording(path=path, messages=[episode, *messages])

@@ -121,6 +121,14 @@ def same_as_read(written: Message, read: Message) -> bool:
     return same(written, read)
 
 
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class Recording:
+    """A whole file and what was written to it."""
+
+    path: Path
+    messages: list[Message] = dataclasses.field(repr=False)
+
+
 def record(folder: Path, episode: Episode, messages: list[Message]) -> Path:
     """A whole recording of `messages`."""
 

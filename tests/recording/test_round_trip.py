@@ -10,7 +10,7 @@ from app.core.messages import ArmState, Episode, Frame, Message, Model, Motion, 
 from app.recording.channels import TOPICS, record_of
 from app.recording.codec import decode, encode
 from app.recording.reader import read_episode, read_messages, read_transitions
-from tests.recording.samples import Maker, all_kinds, record, same, same_as_read
+from tests.recording.samples import Maker, Recording, all_kinds, record, same, same_as_read
 
 
 def test_every_message_of_the_vocabulary_has_a_channel_of_its_own() -> None:
@@ -25,20 +25,20 @@ def test_every_kind_of_message_comes_back_as_it_was_written(kind: type[Message],
     assert same_as_read(written, read)
 
 
-def test_messages_come_back_in_the_order_of_writing(rich_recording: tuple[Path, list[Message]]) -> None:
-    path, written = rich_recording
+def test_messages_come_back_in_the_order_of_writing(recording: Recording) -> None:
+    path, written = recording.path, recording.messages
     assert [message.id for message in read_messages(path)] == [message.id for message in written]
 
 
-def test_a_choice_of_kinds_is_the_same_as_choosing_afterwards(rich_recording: tuple[Path, list[Message]]) -> None:
-    path, written = rich_recording
+def test_a_choice_of_kinds_is_the_same_as_choosing_afterwards(recording: Recording) -> None:
+    path, written = recording.path, recording.messages
     for kinds in ([Frame], [Particles, Model], [Transition]):
         chosen = [message.id for message in written if type(message) in kinds]
         assert [message.id for message in read_messages(path, kinds)] == chosen
 
 
-def test_the_transitions_and_the_episode_are_found_by_name(rich_recording: tuple[Path, list[Message]]) -> None:
-    path, written = rich_recording
+def test_the_transitions_and_the_episode_are_found_by_name(recording: Recording) -> None:
+    path, written = recording.path, recording.messages
     assert same(read_episode(path), written[0])
     transitions = [message for message in written if isinstance(message, Transition)]
     assert transitions

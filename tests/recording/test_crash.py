@@ -1,0 +1,76 @@
+"""A SIGKILL in the middle of an episode loses at most the last second."""
+
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import pytest
+
+from app.core.errors import RecordingError
+from app.core.messages import Episode, Frame, Notice
+from app.recording.reader import read_messages
+from app.recording.recover import recover
+
+_EPISODE = """
+import sys, time
+from pathlib import Path
+import anyio
+from app.core.messages import Episode, Frame, Notice
+from app.recording.writer import open_recording
+from tests.recording.samples import Maker
+
+async def main():
+    make = Maker(seed=3)
+    async with open_recording(Path(sys.argv[1]), make(Episode), min_free_bytes=0) as recorder:
+        frame = make(Frame)
+        for count in range(100_000):
+            await recorder.write(make(Notice, text=str(count), time_s=time.monotonic()))
+            if count % 10 == 0:
+                await recorder.write(frame)
+            print(count, flush=True)
+            await anyio.sleep(0.02)
+
+anyio.run(main)
+"""
+"""Fifty notices and five image pairs a second, each notice printed once the recorder has it."""
+
+
+@pytest.fixture(scope="module")
+def killed(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, int, float]:
+    """What a killed episode left: its file, the last notice that the recorder took, and the moment of the kill."""
+    folder = tmp_path_factory.mktemp("killed")
+    with subprocess.Popen([sys.executable, "-c", _EPISODE, str(folder)], stdout=subprocess.PIPE, text=True) as child:
+        assert child.stdout is not None
+        for line in child.stdout:
+            if int(line) >= 120:
+                break
+        killed_at_s = time.monotonic()
+        child.send_signal(signal.SIGKILL)
+        last = max([int(line) for line in child.stdout], default=120)
+    (path,) = folder.glob("*.mcap")
+    return path, last, killed_at_s
+
+
+def test_the_reader_names_the_command_that_mends_the_file(killed: tuple[Path, int, float]) -> None:
+    path, _, _ = killed
+    with pytest.raises(RecordingError, match=rf"cut off.*`dipac recover {path}`"):
+        read_messages(path)
+
+
+def test_at_most_the_last_second_is_lost(killed: tuple[Path, int, float]) -> None:
+    path, last, killed_at_s = killed
+    read = list(read_messages(recover(path).path))
+    assert isinstance(read[0], Episode)
+    notices = [message for message in read if isinstance(message, Notice)]
+    # No hole: everything up to the last one that is there.
+    assert [notice.text for notice in notices] == [str(count) for count in range(len(notices))]
+    assert sum(isinstance(message, Frame) for message in read) >= len(notices) // 10
+    assert len(notices) <= last + 1
+    assert killed_at_s - notices[-1].time_s < 1.0
+
+
+def test_what_a_kill_leaves_behind_ends_with_a_whole_chunk(killed: tuple[Path, int, float]) -> None:
+    path, _, _ = killed
+    assert recover(path).lost_bytes == 0
