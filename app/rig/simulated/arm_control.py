@@ -1,0 +1,85 @@
+"""What the arm does with what it is told: modes, limits and the motion itself. No clock, no process."""
+
+from typing import final
+
+import numpy as np
+
+from app.config import Site
+from app.core.errors import MotionRefused
+from app.core.messages import ArmMode, Motion
+from app.rig.simulated.path import PathFollower, route
+from app.rig.simulated.physics import Position
+
+_SERVO_TIME_S = 0.004
+"""Time constant with which the drives follow their command: a stiff position-controlled arm."""
+_ARRIVED_M = 1e-4
+_ROUNDING = 1e-9
+
+
+@final
+class ArmControl:
+    """The arm between two ticks of its control loop.
+
+    `commanded` and `measured` are the tool tip [m], `velocity` the measured one [m/s]. A stop holds until `reset`.
+    """
+
+    def __init__(self, site: Site, tool: Position) -> None:
+        self._site = site
+        self._path: PathFollower | None = None
+        self.mode: ArmMode = "idle"
+        self.reason = ""
+        self.commanded, self.measured, self.velocity = tool, tool, np.zeros(3)
+
+    def begin(self, motion: Motion, digest: str) -> None:
+        """Start `motion`. Raises MotionRefused, with nothing moved, where it was not approved or is not allowed."""
+        if self.mode != "idle":
+            raise MotionRefused(f"The arm is {self.mode}; wait for its end, or reset it after a stop.")
+        check_motion(motion, digest, self._site)
+        points, speeds = route(self.commanded, motion, self._site)
+        if not self._site.limits.workspace.contains(points):
+            raise MotionRefused("The way to the motion leaves the workspace; lower the travel height.")
+        self._path = PathFollower(points, speeds, self._site.limits.acceleration_m_s2)
+        self.mode, self.reason = "moving", ""
+
+    def stop(self, reason: str) -> None:
+        """Brake at the stop deceleration, or stay where it is; the first reason is kept."""
+        if self.mode in ("stopping", "stopped"):
+            return
+        self.reason = reason
+        self.mode = "stopped" if self._path is None else "stopping"
+        if self._path is not None:
+            self._path.brake(self._site.limits.stop_deceleration_m_s2)
+
+    def reset(self) -> None:
+        """Accept motions again after a stop; of no effect while the arm moves."""
+        if self.mode in ("stopped", "fault"):
+            self.mode, self.reason = "idle", ""
+
+    def advance(self, duration_s: float) -> None:
+        """Let `duration_s` pass."""
+        if self._path is not None:
+            self.commanded = self._path.advance(duration_s)
+        before = self.measured
+        self.measured = self.commanded + (before - self.commanded) * np.exp(-duration_s / _SERVO_TIME_S)
+        self.velocity = (self.measured - before) / duration_s
+        arrived = float(np.abs(self.measured - self.commanded).max()) < _ARRIVED_M
+        if self._path is not None and self._path.at_rest and arrived:
+            self._path = None
+            self.mode = "stopped" if self.mode == "stopping" else "idle"
+
+
+def check_motion(motion: Motion, digest: str, site: Site) -> None:
+    """Raise MotionRefused with the reason where `motion` is not the approved one, or outside the limits of `site`."""
+    if motion.digest() != digest:
+        raise MotionRefused("The motion is not the one that was approved (its digest differs); plan and approve again.")
+    positions, speeds, limits = motion.positions, motion.speeds, site.limits
+    if len(positions) == 0 or len(positions) != len(speeds):
+        raise MotionRefused(f"A motion needs a speed for each position; it has {len(positions)} and {len(speeds)}.")
+    if not (np.all(np.isfinite(positions)) and np.all(np.isfinite(speeds))):
+        raise MotionRefused("The motion holds numbers that are not finite; plan again.")
+    if not limits.workspace.contains(positions):
+        box = limits.workspace
+        raise MotionRefused(f"The motion leaves the workspace {box.low} to {box.high} m; plan inside it.")
+    if np.any(speeds <= 0) or np.any(speeds > limits.speed_m_s * (1 + _ROUNDING)):
+        fastest = float(np.max(speeds))
+        raise MotionRefused(f"Speeds must be above 0 and up to {limits.speed_m_s} m/s; the fastest is {fastest:.3f}.")

@@ -1,0 +1,52 @@
+"""The cameras' own process: exposes every camera once a period and leaves the images in shared memory."""
+
+import os
+import signal
+import time
+
+import numpy as np
+
+from app.core.messages import CameraModel
+from app.rig.simulated.arm_process import ArmMemory
+from app.rig.simulated.render import render
+from app.rig.simulated.ring import Ring
+from app.rig.simulated.world_process import newest_snapshot
+from app.tasks.base import Finger, Rope
+
+_NICENESS = 5
+_IMAGES_KEPT = 3
+
+
+def image_ring(camera: CameraModel) -> Ring:
+    """Room for the last images of `camera`."""
+    size = (camera.height, camera.width)
+    return Ring(np.dtype([("time_s", "f8"), ("color", "u1", (*size, 3)), ("depth", "u2", size)]), _IMAGES_KEPT)
+
+
+def run_cameras(
+    arm: ArmMemory,
+    snapshots: Ring,
+    images: dict[str, Ring],
+    cameras: tuple[CameraModel, ...],
+    rope: Rope,
+    finger: Finger,
+    period_s: float,
+    seed: int,
+    parent: int,
+) -> None:
+    """The body of the process: expose until closed or until `parent` is gone.
+
+    Images are dated with the moment of the world that they show. Too slow a machine gives fewer images, never old ones.
+    """
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    os.nice(_NICENESS)
+    rng = np.random.default_rng(seed)
+    due = time.monotonic()
+    while not arm.closing.value and os.getppid() == parent:
+        snapshot = newest_snapshot(snapshots)
+        if snapshot is not None:
+            for camera in cameras:
+                color, depth = render(snapshot, camera, rng, rope=rope, finger=finger)
+                images[camera.name].append(time_s=snapshot.time_s, color=color, depth=depth)
+        due = max(due + period_s, time.monotonic())
+        time.sleep(max(0.0, due - time.monotonic()))

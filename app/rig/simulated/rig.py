@@ -1,0 +1,144 @@
+"""The simulated rig: arm, world and cameras, each in a process of its own, behind the ports of `core`."""
+
+import os
+from collections.abc import AsyncGenerator, Callable, Sequence
+from contextlib import AbstractAsyncContextManager, asynccontextmanager
+from multiprocessing.process import BaseProcess
+from typing import final
+
+import anyio
+import numpy as np
+from anyio import to_thread
+
+from app.config import Site
+from app.core.errors import DeviceError
+from app.core.messages import CameraModel
+from app.core.ports import Arm, Camera
+from app.rig.simulated.arm_process import ArmMemory, run_arm
+from app.rig.simulated.camera import SimulatedCamera
+from app.rig.simulated.camera_process import image_ring, run_cameras
+from app.rig.simulated.cameras import table_cameras
+from app.rig.simulated.physics import HOME_TOOL_M, Centreline, WorldPhysics
+from app.rig.simulated.ring import SPAWN, Ring
+from app.rig.simulated.simulated_arm import SimulatedArm
+from app.rig.simulated.world import Snapshot
+from app.rig.simulated.world_process import newest_snapshot, run_world, snapshot_ring
+from app.tasks.base import Finger, Rope
+
+_START_S = 60.0
+_POLL_S = 0.02
+_CLOSE_S = 3.0
+
+
+@final
+class SimulatedRig:
+    """An arm that pushes a rope in another physics engine than the planner's, and cameras that look at it."""
+
+    def __init__(self, arm: SimulatedArm, cameras: Sequence[SimulatedCamera], snapshots: Ring) -> None:
+        self._arm, self._cameras, self._snapshots = arm, cameras, snapshots
+
+    @property
+    def name(self) -> str:
+        """For the log and the console."""
+        return "simulated"
+
+    @property
+    def simulated(self) -> bool:
+        """Nothing real can move."""
+        return True
+
+    @property
+    def cameras(self) -> Sequence[Camera]:
+        """Views from around the table."""
+        return self._cameras
+
+    @property
+    def arm(self) -> Arm:
+        """The arm."""
+        return self._arm
+
+    def truth(self) -> Snapshot:
+        """The world as it is, dated in monotonic time: for measuring what others make of the images."""
+        snapshot = newest_snapshot(self._snapshots)
+        assert snapshot is not None, "an opened rig has reported its world"
+        return snapshot
+
+
+def simulated_rig(
+    *,
+    rope: Rope,
+    finger: Finger,
+    centreline: Centreline,
+    site: Site,
+    seed: int,
+    physics: WorldPhysics | None = None,
+    cameras: tuple[CameraModel, ...] | None = None,
+) -> AbstractAsyncContextManager[SimulatedRig]:
+    """A rig with `rope` lying along `centreline (K, 3)` [m]; `seed` is that of the cameras' noise.
+
+    Raises DeviceError on entry where a process does not come up. All processes have ended when it is left, and end by
+    themselves when the application is killed.
+    """
+    return _opened(rope, finger, centreline, site, seed, physics or WorldPhysics(), cameras or table_cameras())
+
+
+@asynccontextmanager
+async def _opened(
+    rope: Rope,
+    finger: Finger,
+    centreline: Centreline,
+    site: Site,
+    seed: int,
+    physics: WorldPhysics,
+    models: tuple[CameraModel, ...],
+) -> AsyncGenerator[SimulatedRig]:
+    memory, snapshots, parent, timing = ArmMemory(), snapshot_ring(physics), os.getpid(), site.timing
+    images = {model.name: image_ring(model) for model in models}
+    arm = _process("arm", run_arm, memory, site, np.array(HOME_TOOL_M), parent)
+    world = _process(
+        "world", run_world, memory, snapshots, rope, finger, centreline, physics, timing.arm_period_s, parent
+    )
+    eyes = _process(
+        "cameras", run_cameras, memory, snapshots, images, models, rope, finger, timing.camera_period_s, seed, parent
+    )
+    processes = (arm, world, eyes)
+    try:
+        for process in processes:
+            await to_thread.run_sync(process.start)
+        await _ready(processes, (memory.states, snapshots, *images.values()))
+        cameras = [SimulatedCamera(model, images[model.name], eyes, world, timing) for model in models]
+        yield SimulatedRig(SimulatedArm(memory, arm, site), cameras, snapshots)
+    finally:
+        memory.closing.value = 1
+        with anyio.CancelScope(shield=True):
+            await to_thread.run_sync(_end, processes)
+
+
+def _process(name: str, body: Callable[..., None], *arguments: object) -> BaseProcess:
+    return SPAWN.Process(target=body, args=arguments, name=f"dipac {name}", daemon=True)
+
+
+async def _ready(processes: Sequence[BaseProcess], rings: Sequence[Ring]) -> None:
+    """Wait until every process has reported once."""
+    with anyio.move_on_after(_START_S):
+        while not all(ring.count for ring in rings):
+            for process in processes:
+                if not process.is_alive():
+                    raise DeviceError(
+                        f"The {process.name} process ended with code {process.exitcode} as it started; its error is "
+                        "above. `dipac doctor` checks what it needs."
+                    )
+            await anyio.sleep(_POLL_S)
+        return
+    raise DeviceError(f"The simulated rig did not come up in {_START_S:.0f} s; the machine may be overloaded.")
+
+
+def _end(processes: Sequence[BaseProcess]) -> None:
+    """Wait for the processes, which have been told to close; end those that do not."""
+    for process in processes:
+        if process.pid is None:
+            continue
+        process.join(_CLOSE_S)
+        if process.is_alive():
+            process.kill()
+            process.join()

@@ -1,0 +1,166 @@
+"""The arm of the simulated rig, as the application sees it. Nothing here waits for the arm's process."""
+
+import time
+from multiprocessing.process import BaseProcess
+from typing import Any, Literal, final
+
+import anyio
+import numpy as np
+from jaxtyping import Float64
+
+from app.config import Site
+from app.core.approval import Approved
+from app.core.errors import DeviceError, MotionRefused
+from app.core.messages import ArmState, Executed, MessageId, Motion, fresh_id
+from app.core.types import Poses
+from app.rig.simulated.arm_model import solve_joints
+from app.rig.simulated.arm_process import MAX_WAYPOINTS, MODES, ArmMemory
+
+TOOL_DOWN = (0.0, 1.0, 0.0, 0.0)
+"""The tool's quaternion w x y z: z down, x along the world's."""
+_CLOSED = 1.0
+_SILENCE_S = 2.0
+"""An arm whose process has reported no state for this long is taken for gone."""
+_ANSWER_S = 1.0
+
+
+@final
+class SimulatedArm:
+    """Tells the arm's process what to do through shared memory, and reads its log of states."""
+
+    def __init__(self, memory: ArmMemory, process: BaseProcess, site: Site) -> None:
+        self._memory, self._process, self._site = memory, process, site
+        self._states_read = memory.states.count
+        self._used: set[MessageId] = set()
+        self._busy = False
+
+    async def state(self) -> ArmState:
+        """The newest state. Raises DeviceError where the arm's process is gone."""
+        self._check_alive()
+        states = self._memory.states.since(max(self._states_read - 1, 0))
+        # The newest is kept in case no tick has passed since: then it is the newest still.
+        newest, unread = states[-1], states[1:] if len(states) > 1 else states
+        self._states_read = self._memory.states.count
+        return ArmState(
+            id=fresh_id("state"),
+            time_s=float(newest["time_s"]),
+            pose=_poses(newest["measured"][None])[0],
+            velocity=newest["velocity"].copy(),
+            joints=solve_joints(newest["measured"]),
+            gripper=_CLOSED,
+            mode=MODES[newest["mode"]],
+            period_s=float(unread["period_s"].max()),
+            reason=bytes(newest["reason"]).decode(errors="ignore"),
+        )
+
+    async def execute(self, approved: Approved) -> Executed:
+        """Make the motion and wait for its end, feeding the watchdog from the event loop. Cancelled, it stops the arm.
+
+        Raises MotionRefused, with nothing moved, and DeviceError where the arm's process is gone.
+        """
+        self._check_alive()
+        self._check_leave(approved)
+        self._busy = True
+        try:
+            return _executed(approved, await self._followed(approved.motion, approved.digest))
+        except MotionRefused:
+            raise
+        except BaseException:
+            # Whatever else ends the watching early, the arm shall not go on unwatched.
+            self.stop()
+            raise
+        finally:
+            self._busy = False
+
+    def stop(self) -> None:
+        """Stop now: one number in shared memory, no lock, no wait."""
+        self._memory.stop_ns.value = time.monotonic_ns()
+
+    async def reset(self) -> None:
+        """Lift a stop once the arm is at rest. Raises DeviceError where the arm does not answer."""
+        self._check_alive()
+        request_ns = time.monotonic_ns()
+        self._memory.reset_ns.value = request_ns
+        with anyio.move_on_after(_ANSWER_S):
+            while True:
+                if self._memory.states.newest()["reset_ns"] >= request_ns:
+                    return
+                await anyio.sleep(self._site.timing.arm_period_s)
+        raise DeviceError("The arm did not lift its stop; it may be stopped again: look at its state.")
+
+    def _check_leave(self, approved: Approved) -> None:
+        """Raise MotionRefused where this is no leave for a motion now."""
+        if not isinstance(approved, Approved):  # pyright: ignore[reportUnnecessaryIsInstance]
+            raise MotionRefused("Only a motion approved by the approval gate is executed.")
+        if self._busy:
+            raise MotionRefused("The arm is making another motion; wait for its end.")
+        if approved.id in self._used:
+            raise MotionRefused("This approval has been used; an approval is for one motion.")
+        if len(approved.motion.positions) > MAX_WAYPOINTS:
+            raise MotionRefused(f"A motion has up to {MAX_WAYPOINTS} positions; thin this one out.")
+        self._used.add(approved.id)
+
+    async def _followed(self, motion: Motion, digest: str) -> Any:
+        """Post the motion, keep the watchdog fed until the arm is at rest again, and return its states meanwhile."""
+        memory, seen = self._memory, self._memory.states.count
+        memory.motions.append(
+            waypoints=len(motion.positions),
+            digest=digest.encode(),
+            positions=_padded(motion.positions),
+            speeds=_padded(motion.speeds),
+        )
+        number, log = memory.motions.count, memory.states.since(seen)
+        while not len(log) or MODES[log["mode"][-1]] in ("moving", "stopping"):
+            memory.keepalives.value += 1
+            await anyio.sleep(self._site.timing.keepalive_s)
+            self._check_alive()
+            self._raise_refusal(number)
+            states = memory.states.since(seen)
+            seen += len(states)
+            log = np.concatenate([log, states[states["motion"] == number]])
+        moving = np.isin(log["mode"], [MODES.index("moving"), MODES.index("stopping")])
+        return log[: int(np.argmin(moving)) + 1]
+
+    def _raise_refusal(self, number: int) -> None:
+        refusal = self._memory.refusals.newest()
+        if refusal is not None and refusal["motion"] == number:
+            raise MotionRefused(bytes(refusal["reason"]).decode(errors="ignore"))
+
+    def _check_alive(self) -> None:
+        """Raise DeviceError where the arm's process has ended or gives no sign of life."""
+        if not self._process.is_alive():
+            raise DeviceError(
+                f"The arm's process ended with code {self._process.exitcode}; close the rig and open it again."
+            )
+        silence_s = time.monotonic() - float(self._memory.states.newest()["time_s"])
+        if silence_s > _SILENCE_S:
+            raise DeviceError(
+                f"The arm's process has said nothing for {silence_s:.1f} s; close the rig and open it again."
+            )
+
+
+def _padded(rows: np.ndarray) -> np.ndarray:
+    """`rows (W, ...)` followed by zeros up to the length of a motion record."""
+    return np.concatenate([rows, np.zeros((MAX_WAYPOINTS - len(rows), *rows.shape[1:]))])
+
+
+def _poses(positions: Float64[np.ndarray, "T 3"]) -> Poses:
+    """Tool poses at `positions`, pointing down."""
+    return np.concatenate([positions, np.tile(TOOL_DOWN, (len(positions), 1))], axis=1)
+
+
+def _executed(approved: Approved, log: Any) -> Executed:
+    """What the arm's `log` of one motion says."""
+    outcomes: dict[str, Literal["completed", "stopped"]] = {"idle": "completed", "stopped": "stopped"}
+    last = log[-1]
+    return Executed(
+        id=fresh_id("executed"),
+        cause=(approved.id,),
+        time_s=float(last["time_s"]),
+        approved_id=approved.id,
+        outcome=outcomes.get(MODES[last["mode"]], "fault"),
+        reason=bytes(last["reason"]).decode(errors="ignore"),
+        times_s=log["time_s"].copy(),
+        commanded=_poses(log["commanded"]),
+        measured=_poses(log["measured"]),
+    )

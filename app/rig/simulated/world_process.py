@@ -1,0 +1,82 @@
+"""The world's own process: the rope is pushed by wherever the arm's tool goes, in real time.
+
+It works through the arm's log of states in order. Where it falls behind real time it catches up, tick by tick along
+the same path, and the arm never waits for it; snapshots are dated with the arm's time that they show.
+"""
+
+import os
+import signal
+import time
+from typing import Any, final
+
+import numpy as np
+
+from app.rig.simulated.arm_model import solve_joints
+from app.rig.simulated.arm_process import ArmMemory
+from app.rig.simulated.physics import Centreline, WorldPhysics
+from app.rig.simulated.ring import Ring
+from app.rig.simulated.world import RopeWorld, Snapshot
+from app.tasks.base import Finger, Rope
+
+_CATCH_UP_TICKS = 20
+
+
+def snapshot_ring(physics: WorldPhysics) -> Ring:
+    """Room for the last snapshots of a world with these `physics`."""
+    dtype = np.dtype([("time_s", "f8"), ("tool", "f8", (3,)), ("centreline", "f8", (physics.rope.segments + 1, 3))])
+    return Ring(dtype, 16)
+
+
+def newest_snapshot(snapshots: Ring) -> Snapshot | None:
+    """The world as last reported, None before the first report; `time_s` is monotonic time."""
+    record = snapshots.newest()
+    if record is None:
+        return None
+    tool: np.ndarray = record["tool"]
+    return Snapshot(
+        time_s=float(record["time_s"]), centreline=record["centreline"], tool=tool, joints=solve_joints(tool)
+    )
+
+
+def run_world(
+    arm: ArmMemory,
+    snapshots: Ring,
+    rope: Rope,
+    finger: Finger,
+    centreline: Centreline,
+    physics: WorldPhysics,
+    period_s: float,
+    parent: int,
+) -> None:
+    """The body of the process: follow the arm's states until closed or until `parent` is gone."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    follower: _Follower | None = None
+    while not arm.closing.value and os.getppid() == parent:
+        if follower is None and arm.states.count:
+            state = arm.states.newest()
+            world = RopeWorld(rope, finger, centreline, physics=physics, tool=tuple(state["measured"].tolist()))
+            follower = _Follower(world, arm.states, snapshots, float(state["time_s"]))
+        if follower is None or not follower.follow():
+            time.sleep(period_s)
+
+
+@final
+class _Follower:
+    """A world that repeats what the arm's log says."""
+
+    def __init__(self, world: RopeWorld, states: Ring, snapshots: Ring, start_s: float) -> None:
+        self._world, self._states, self._snapshots, self._start_s = world, states, snapshots, start_s
+        self._done = states.count
+
+    def follow(self) -> bool:
+        """Step through the states that have come, at most some; whether there are more already."""
+        todo: Any = self._states.since(self._done)[:_CATCH_UP_TICKS]
+        for state in todo:
+            due_s = float(state["time_s"]) - self._start_s - self._world.time_s
+            self._world.step(state["measured"], max(due_s, 0.0))
+        self._done += len(todo)
+        if len(todo):
+            self._snapshots.append(
+                time_s=float(todo[-1]["time_s"]), tool=self._world.tool, centreline=self._world.centreline()
+            )
+        return len(todo) == _CATCH_UP_TICKS
