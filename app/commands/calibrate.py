@@ -1,0 +1,86 @@
+"""Estimate stiffness and friction from recorded pushes and write them as a model file."""
+
+from pathlib import Path
+from typing import Annotated
+
+import tyro
+from rich.console import Console
+from rich.table import Table
+
+from app.core.errors import RecordingError, UsageError
+from app.core.messages import Model, Transition
+from app.recording.model_file import load_model, save_model
+from app.recording.reader import read_episode, read_transitions
+from app.tasks import load
+from app.tasks.base import Task
+from app.tasks.jobs import calibrate as fit
+from app.tasks.jobs import nominal_model
+
+
+def calibrate(
+    recordings: tyro.conf.Positional[tuple[Path, ...]],
+    /,
+    *,
+    output: Annotated[Path, tyro.conf.arg(aliases=["-o"], help="the model file to write")] = Path("model.toml"),
+    start: Annotated[Path | None, tyro.conf.arg(help="a model.toml to start from instead of the nominal model")] = None,
+) -> None:
+    """All recordings must be of one task; each push in them is one transition."""
+    terminal = Console()
+    if not recordings:
+        raise UsageError("Name at least one recording: dipac calibrate recordings/FILE.mcap -o model.toml")
+    task = load(_task_of(recordings))
+    transitions = _transitions_of(recordings)
+    preset = _preset_for(task, transitions)
+    with terminal.status("loading the simulator"):
+        old = load_model(start, task=task.name, time_s=0.0) if start else nominal_model(task.name)
+    with terminal.status(f"fitting {', '.join(task.calibrated)} to {len(transitions)} transitions"):
+        new = fit(task.name, preset, transitions, old)
+    save_model(output, new)
+    terminal.print(_table(task, old, new))
+    terminal.print(
+        f"One-step Chamfer distance {new.loss_m2:.3e} m^2 over {len(transitions)} transitions. "
+        f"Written to {output}; use it with `dipac run {task.name} --model {output}`.",
+        soft_wrap=True,
+        highlight=False,
+    )
+
+
+def _task_of(recordings: tuple[Path, ...]) -> str:
+    tasks = {path: read_episode(path).task for path in recordings}
+    if len(set(tasks.values())) > 1:
+        listed = ", ".join(f"{path}: {task}" for path, task in tasks.items())
+        raise UsageError(f"The recordings are of different tasks ({listed}); calibrate one task at a time.")
+    return next(iter(tasks.values()))
+
+
+def _transitions_of(recordings: tuple[Path, ...]) -> list[Transition]:
+    transitions = [transition for path in recordings for transition in read_transitions(path)]
+    if not transitions:
+        raise RecordingError("The recordings hold no finished push to learn from; record at least one.")
+    return transitions
+
+
+def _preset_for(task: Task, transitions: list[Transition]) -> str:
+    """The preset that plans with as many particles as were recorded."""
+    counts = {count for transition in transitions for count in (len(transition.before), len(transition.after))}
+    for name, preset in task.presets.items():
+        if counts == {preset.particle_count}:
+            return name
+    raise RecordingError(
+        f"The recordings hold clouds of {sorted(counts)} particles; they must all have those of one preset of "
+        f"{task.name}: {', '.join(f'{name} {preset.particle_count}' for name, preset in task.presets.items())}."
+    )
+
+
+def _table(task: Task, old: Model, new: Model) -> Table:
+    table = Table("parameter", "unit", "start", "fitted", "90 % interval")
+    for parameter in new.parameters:
+        if parameter.name in task.calibrated:
+            table.add_row(
+                parameter.name,
+                parameter.unit,
+                f"{old.value(parameter.name):.4g}",
+                f"{parameter.value:.4g}",
+                f"{parameter.low:.4g} to {parameter.high:.4g}",
+            )
+    return table
