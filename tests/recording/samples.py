@@ -38,6 +38,7 @@ class Maker:
     def __init__(self, seed: int) -> None:
         self.rng = np.random.default_rng(seed)
         self.count = itertools.count(1)
+        self.shown: list[tuple[Proposal, Decision]] = []
 
     def __call__(self, kind: Any, **given: Any) -> Any:
         if kind is Approved:
@@ -92,7 +93,14 @@ class Maker:
         gate = ApprovalGate(max_age_s=1e9, max_drift_m=1e9)
         proposal = self(Proposal, **proposed)
         gate.show(proposal)
-        decision = self(Decision, proposal_id=proposal.id, digest=proposal.motion.digest(), approve=True)
+        decision = self(
+            Decision,
+            cause=(proposal.id,),
+            proposal_id=proposal.id,
+            digest=proposal.motion.digest(),
+            approve=True,
+        )
+        self.shown.append((proposal, decision))
         return gate.approve(decision, latest=self(Particles), now_s=proposal.time_s)
 
 

@@ -1,0 +1,84 @@
+"""What cannot be read is said in one line."""
+
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+from mcap.writer import Writer
+
+from app.core.errors import DipacError, RecordingError, UsageError
+from app.recording.channels import SCHEMA_VERSION
+from app.recording.reader import read_episode, read_messages, read_transitions
+from tests.recording.samples import Recording
+
+
+def mcap_of(folder: Path, **metadata: dict[str, str]) -> Path:
+    """A whole MCAP file with these metadata records and nothing else."""
+    path = folder / "other.mcap"
+    with path.open("wb") as stream:
+        writer = Writer(stream)
+        writer.start()
+        for name, record in metadata.items():
+            writer.add_metadata(name, record)
+        writer.finish()
+    return path
+
+
+def test_a_recording_that_is_not_there_is_named_with_those_that_are(recording: Recording) -> None:
+    missing = recording.path.with_name(f"{recording.path.stem}-2.mcap")
+    with pytest.raises(UsageError, match=rf"Unknown recording .*Did you mean .*{recording.path.name}"):
+        read_messages(missing)
+
+
+def test_a_folder_is_no_recording(tmp_path: Path) -> None:
+    with pytest.raises(UsageError, match="Unknown recording"):
+        read_messages(tmp_path)
+
+
+@pytest.mark.parametrize("content", [b"", b"\x89PNG\r\n\x1a\n", b"[model]\nstiffness = 1.0\n"])
+def test_a_file_of_another_kind_is_refused(content: bytes, tmp_path: Path) -> None:
+    path = tmp_path / "file.mcap"
+    path.write_bytes(content)
+    with pytest.raises(RecordingError, match="is not an MCAP file"):
+        read_messages(path)
+
+
+def test_an_mcap_file_of_another_program_is_refused(tmp_path: Path) -> None:
+    with pytest.raises(RecordingError, match="another program"):
+        read_messages(mcap_of(tmp_path, rosbag={"version": "5"}))
+
+
+@pytest.mark.parametrize("version", [str(SCHEMA_VERSION + 1), "99", "two", ""])
+def test_a_newer_schema_is_refused_with_the_next_step(version: str, tmp_path: Path) -> None:
+    with pytest.raises(RecordingError, match="update dipac"):
+        read_messages(mcap_of(tmp_path, dipac={"schema_version": version}))
+
+
+def test_a_recording_without_an_episode_is_refused(tmp_path: Path) -> None:
+    path = mcap_of(tmp_path, dipac={"schema_version": str(SCHEMA_VERSION)})
+    assert read_transitions(path) == []
+    with pytest.raises(RecordingError, match="names no episode"):
+        read_episode(path)
+
+
+@pytest.mark.parametrize("read", [read_messages, read_transitions, read_episode])
+def test_a_recording_that_was_cut_off_names_the_command_that_mends_it(
+    read: Callable[[Path], object], recording: Recording, tmp_path: Path
+) -> None:
+    path = tmp_path / "cut.mcap"
+    path.write_bytes(recording.path.read_bytes()[:-1])
+    with pytest.raises(RecordingError, match=rf"`dipac recover {path}`"):
+        read(path)
+
+
+def test_damage_is_found_while_reading_and_names_the_command_that_mends_it(
+    recording: Recording, tmp_path: Path
+) -> None:
+    data = bytearray(recording.path.read_bytes())
+    data[len(data) // 2] ^= 0xFF
+    path = tmp_path / "damaged.mcap"
+    path.write_bytes(data)
+    with pytest.raises(RecordingError, match=rf"`dipac recover {path}`") as caught:
+        list(read_messages(path))
+    assert isinstance(caught.value, DipacError)
+    assert "\n" not in str(caught.value)
