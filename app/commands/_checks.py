@@ -1,0 +1,247 @@
+"""What `doctor` looks at. A check is a function that returns findings; each names the command that mends it."""
+
+import json
+import os
+import platform
+import re
+import shutil
+import signal
+import socket
+import subprocess
+import sys
+from collections.abc import Callable
+from dataclasses import dataclass
+from importlib import metadata
+from pathlib import Path
+from typing import Any, Literal, TypeAlias, final
+
+import psutil
+
+from app import __version__
+from app.config import Site
+
+State: TypeAlias = Literal["ok", "missing", "optional"]
+"""`optional`: not there, and the simulated cell does without it."""
+
+PROBE_TIMEOUT_S = 120.0
+"""Generous: importing JAX or Open3D from a cold disk takes tens of seconds."""
+
+SETUP = "make setup"
+KORTEX = (
+    "only a real arm needs it: take kortex_api (2.6.0 or newer for a Gen3) from Kinova's artifact server, then "
+    ".venv/bin/pip install protobuf==3.20.3 deprecated==1.2.7 and .venv/bin/pip install --no-deps kortex_api-*.whl; "
+    "the protobuf 3.5.1 that its wheel asks for does not run on Python 3.10 or newer"
+)
+
+
+@final
+@dataclass(frozen=True, kw_only=True)
+class Finding:
+    """One row: what was looked at, how it is, what was found, and what mends it where it is not ok."""
+
+    what: str
+    state: State
+    found: str
+    mend: str = ""
+
+
+Check: TypeAlias = Callable[[], list[Finding]]
+
+
+def checks(site: Site) -> tuple[Check, ...]:
+    """Every check of this installation, in the order of the table."""
+    return (
+        _machine,
+        _libraries,
+        _open3d,
+        _realsense,
+        _opencv,
+        _mujoco,
+        _jax,
+        _warp,
+        _kortex,
+        _chromium,
+        lambda: _recordings(site),
+        lambda: _port(site),
+    )
+
+
+def _machine() -> list[Finding]:
+    version = platform.python_version()
+    supported = sys.version_info[:2] in ((3, 11), (3, 12))
+    memory = psutil.virtual_memory()
+    system = " ".join([platform.system(), platform.release(), platform.machine(), *platform.libc_ver()])
+    linux = sys.platform == "linux"
+    return [
+        Finding(what="dipac", state="ok", found=__version__),
+        Finding(
+            what="Python",
+            state="ok" if supported else "missing",
+            found=version,
+            mend="" if supported else "make clean setup PYTHON=python3.11",
+        ),
+        Finding(
+            what="platform",
+            state="ok" if linux else "missing",
+            found=system.strip(),
+            mend="" if linux else "use Linux; nothing else has been tried",
+        ),
+        Finding(what="cores", state="ok", found=f"{len(os.sched_getaffinity(0))} of {os.cpu_count()}"),
+        Finding(what="memory", state="ok", found=f"{_size(memory.available)} available of {_size(memory.total)}"),
+    ]
+
+
+def _libraries() -> list[Finding]:
+    """The versions of what the project declares; whether the native ones load is for the checks below."""
+    try:
+        declared = metadata.requires("dipac") or []
+    except metadata.PackageNotFoundError:
+        return [Finding(what="installation", state="missing", found="dipac is not installed", mend=SETUP)]
+    return [_library(re.split(r"[^\w.-]", requirement)[0]) for requirement in declared]
+
+
+def _library(name: str) -> Finding:
+    try:
+        return Finding(what=name, state="ok", found=metadata.version(name))
+    except metadata.PackageNotFoundError:
+        return Finding(what=name, state="missing", found="not installed", mend=SETUP)
+
+
+def _open3d() -> list[Finding]:
+    return [_loads("open3d loads", "from app.core.native import load_open3d; load_open3d()")]
+
+
+def _realsense() -> list[Finding]:
+    code = "from app.core.native import load_realsense; say(len(load_realsense().context().query_devices()))"
+    probe = _probe(code)
+    loads = Finding(what="pyrealsense2 loads", state="ok", found="yes")
+    if probe.failure:
+        return [Finding(what=loads.what, state="missing", found=probe.failure, mend=SETUP)]
+    count = int(probe.said)
+    mend = "" if count else "plug one into a USB 3 port; not needed for the simulated cell"
+    return [loads, Finding(what="RealSense cameras", state="ok" if count else "optional", found=str(count), mend=mend)]
+
+
+def _opencv() -> list[Finding]:
+    return [_loads("cv2 loads", "import cv2")]
+
+
+def _mujoco() -> list[Finding]:
+    return [_loads("mujoco loads", "import mujoco")]
+
+
+def _jax() -> list[Finding]:
+    code = "import jax; say(', '.join(f'{d.platform}:{d.id} {d.device_kind}' for d in jax.devices()))"
+    return [_loads("JAX devices", code)]
+
+
+def _warp() -> list[Finding]:
+    code = (
+        "import warp; warp.config.quiet = True; warp.init(); say({'cache': warp.config.kernel_cache_dir, "
+        "'devices': ', '.join(f'{d.alias} {d.name}' for d in warp.get_devices())})"
+    )
+    probe = _probe(code)
+    if probe.failure:
+        return [Finding(what="Warp devices", state="missing", found=probe.failure, mend=SETUP)]
+    return [
+        Finding(what="Warp devices", state="ok", found=str(probe.said["devices"])),
+        _kernels(Path(probe.said["cache"])),
+    ]
+
+
+def _kernels(cache: Path) -> Finding:
+    """Warp names a compiled module's folder after the module: ours contain `dipac` or start with `app`."""
+    ours = [folder for folder in cache.glob("wp_*") if re.match(r"wp_(app\.|.*dipac)", folder.name)]
+    if not ours:
+        mend = "the first run compiles them, in a minute or two"
+        return Finding(what="compiled kernels", state="optional", found=f"none in {cache}", mend=mend)
+    size = sum(file.stat().st_size for folder in ours for file in folder.rglob("*") if file.is_file())
+    return Finding(what="compiled kernels", state="ok", found=f"{len(ours)} modules, {_size(size)} in {cache}")
+
+
+def _kortex() -> list[Finding]:
+    """Kinova's client is imported by the real rig alone, and is not on PyPI."""
+    try:
+        return [Finding(what="kortex_api", state="ok", found=metadata.version("kortex_api"))]
+    except metadata.PackageNotFoundError:
+        return [Finding(what="kortex_api", state="optional", found="not installed", mend=KORTEX)]
+
+
+def _chromium() -> list[Finding]:
+    path = next(filter(None, map(shutil.which, ("chromium", "chromium-browser", "google-chrome"))), None)
+    mend = "" if path else "apt-get install chromium; only the browser tests need it"
+    return [Finding(what="Chromium", state="ok" if path else "optional", found=path or "not found", mend=mend)]
+
+
+def _recordings(site: Site) -> list[Finding]:
+    folder = site.recordings.absolute()
+    there = next(place for place in (folder, *folder.parents) if place.exists())
+    writable = there.is_dir() and os.access(there, os.W_OK | os.X_OK)
+    free = shutil.disk_usage(there).free
+    enough = free >= site.min_free_bytes
+    return [
+        Finding(
+            what="recordings",
+            state="ok" if writable else "missing",
+            found=f"{folder} {'is' if writable else 'is not'} writable",
+            mend="" if writable else f"chmod u+w {there}, or choose another folder with --recordings",
+        ),
+        Finding(
+            what="free disk",
+            state="ok" if enough else "missing",
+            found=_size(free),
+            mend="" if enough else f"free {_size(site.min_free_bytes - free)} there, or choose another disk",
+        ),
+    ]
+
+
+def _port(site: Site) -> list[Finding]:
+    address = f"{site.console_host}:{site.console_port}"
+    with socket.socket() as listening:
+        listening.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+        try:
+            listening.bind((site.console_host, site.console_port))
+        except OSError as error:
+            mend = "end what uses it (ss -ltnp shows it), or choose another with --port"
+            return [Finding(what="console port", state="missing", found=f"{address}: {error.strerror}", mend=mend)]
+    return [Finding(what="console port", state="ok", found=f"{address} is free")]
+
+
+@final
+@dataclass(frozen=True, kw_only=True)
+class _Probe:
+    """What a probe said, or why it failed."""
+
+    said: Any = None
+    failure: str = ""
+
+
+def _loads(what: str, code: str) -> Finding:
+    probe = _probe(code)
+    if probe.failure:
+        return Finding(what=what, state="missing", found=probe.failure, mend=SETUP)
+    return Finding(what=what, state="ok", found=str(probe.said or "yes"))
+
+
+def _probe(code: str) -> _Probe:
+    """Run `code` in a process of its own, which a broken native library may take down.
+
+    In the code, `say(value)` reports a value that JSON can carry.
+    """
+    program = f"import json\ndef say(value): print('\\n' + json.dumps(value))\n{code}"
+    try:
+        result = subprocess.run(  # noqa: S603 - the program is one of those above
+            [sys.executable, "-c", program], capture_output=True, text=True, timeout=PROBE_TIMEOUT_S
+        )
+    except subprocess.TimeoutExpired:
+        return _Probe(failure=f"no answer in {PROBE_TIMEOUT_S:.0f} s")
+    if result.returncode < 0:
+        return _Probe(failure=f"crashed with {signal.Signals(-result.returncode).name}")
+    if result.returncode > 0:
+        return _Probe(failure=(result.stderr.strip().splitlines() or ["failed without a word"])[-1])
+    last = (result.stdout.strip().splitlines() or ["null"])[-1]
+    return _Probe(said=json.loads(last) if "say(" in code else None)
+
+
+def _size(count: int) -> str:
+    return f"{count / 1e9:.1f} GB" if count >= 1e9 else f"{count / 1e6:.1f} MB"

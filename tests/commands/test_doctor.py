@@ -1,0 +1,112 @@
+"""The doctor: looks at everything, tells what is required from what is optional, and names what mends it."""
+
+import json
+import os
+import socket
+import sys
+from importlib import metadata
+from pathlib import Path
+
+import pytest
+
+from app.commands import _checks
+from app.commands.doctor import doctor
+from app.config import Site
+from app.core.errors import PreflightError
+
+
+@pytest.fixture
+def free_port() -> int:
+    with socket.socket() as listening:
+        listening.bind(("127.0.0.1", 0))
+        return listening.getsockname()[1]
+
+
+def test_this_installation_is_whole_and_every_row_is_said_as_json(capsys, tmp_path, free_port):
+    doctor(json=True, recordings=tmp_path, port=free_port)
+    report = json.loads(capsys.readouterr().out)
+    assert report["ok"] is True
+    found = {row["what"]: row for row in report["findings"]}
+    assert {row["state"] for row in found.values()} <= {"ok", "optional"}
+    assert found["Python"]["found"] == ".".join(map(str, sys.version_info[:3]))
+    assert found["numpy"]["found"] == metadata.version("numpy")
+    assert "cpu" in found["Warp devices"]["found"]
+    assert found["JAX devices"]["found"]
+    for loaded in ("open3d loads", "pyrealsense2 loads", "cv2 loads", "mujoco loads"):
+        assert found[loaded]["state"] == "ok"
+    for row in found.values():
+        assert row["found"]
+        assert bool(row["mend"]) == (row["state"] != "ok")
+
+
+def test_a_busy_port_is_missing(tmp_path):
+    with socket.socket() as taken:
+        taken.bind(("127.0.0.1", 0))
+        taken.listen()
+        (row,) = _checks._port(Site(recordings=tmp_path, console_port=taken.getsockname()[1]))
+    assert row.state == "missing"
+    assert "in use" in row.found
+    assert "--port" in row.mend
+
+
+def test_a_full_disk_is_missing_room(tmp_path):
+    free = next(row for row in _checks._recordings(Site(recordings=tmp_path)) if row.what == "free disk")
+    assert free.state == "ok"
+    greedy = Site(recordings=tmp_path, min_free_bytes=2**62)
+    full = next(row for row in _checks._recordings(greedy) if row.what == "free disk")
+    assert full.state == "missing"
+    assert full.mend
+
+
+def test_a_folder_that_does_not_exist_yet_is_judged_by_its_parent(tmp_path):
+    row = _checks._recordings(Site(recordings=tmp_path / "new" / "deeper"))[0]
+    assert row.state == "ok"
+    assert not (tmp_path / "new").exists()
+
+
+def test_recordings_below_a_file_are_refused(tmp_path):
+    (tmp_path / "file").touch()
+    row = _checks._recordings(Site(recordings=tmp_path / "file" / "recordings"))[0]
+    assert row.state == "missing"
+    assert "--recordings" in row.mend
+
+
+@pytest.mark.skipif(os.geteuid() == 0, reason="root may write anywhere")
+def test_recordings_in_a_read_only_folder_are_refused(tmp_path):
+    tmp_path.chmod(0o500)
+    row = _checks._recordings(Site(recordings=tmp_path / "recordings"))[0]
+    assert row.state == "missing"
+
+
+def test_a_library_that_is_not_there_is_missing():
+    row = _checks._library("no-such-library-of-dipac")
+    assert (row.state, row.mend) == ("missing", "make setup")
+
+
+def test_a_probe_reports_what_was_said_and_every_way_to_fail():
+    assert _checks._probe("say({'devices': ['cpu']})").said == {"devices": ["cpu"]}
+    assert "no_such_module" in _checks._probe("import no_such_module").failure
+    assert _checks._probe("import os, signal; os.kill(os.getpid(), signal.SIGSEGV)").failure == "crashed with SIGSEGV"
+    assert _checks._probe("raise SystemExit(3)").failure == "failed without a word"
+
+
+def test_kernels_are_counted_by_folder(tmp_path: Path):
+    assert _checks._kernels(tmp_path).state == "optional"
+    for folder in ("wp_dipac_sim_1234", "wp_app.sim.kernels_5678", "wp_another_project_9"):
+        (tmp_path / folder).mkdir()
+        (tmp_path / folder / "module.o").write_bytes(b"x" * 1_000_000)
+    row = _checks._kernels(tmp_path)
+    assert row.state == "ok"
+    assert "2 modules, 2.0 MB" in row.found
+
+
+def test_the_command_fails_where_something_required_is_missing(capsys, tmp_path):
+    (tmp_path / "file").touch()
+    with socket.socket() as taken:
+        taken.bind(("127.0.0.1", 0))
+        taken.listen()
+        with pytest.raises(PreflightError, match="2 required: recordings, console port"):
+            doctor(recordings=tmp_path / "file", port=taken.getsockname()[1])
+    said = capsys.readouterr().out
+    assert "missing" in said
+    assert "--recordings" in said
