@@ -45,13 +45,14 @@ class PathFollower:
         self._points, self._speeds, self._acceleration = points, speeds, acceleration_m_s2
         self._at = np.concatenate([[0.0], np.cumsum(lengths)])
         self._node_speeds = _node_speeds(steps / lengths[:, None], lengths, speeds, acceleration_m_s2)
+        self._length = float(self._at[-1])
         self._distance = self._speed = 0.0
         self._braking_m_s2 = 0.0
 
     @property
     def at_rest(self) -> bool:
         """Whether it has reached the end, or braked to a stop."""
-        return self._distance >= self._at[-1] or (self._braking_m_s2 > 0 and self._speed == 0)
+        return self._distance >= self._length or (self._braking_m_s2 > 0 and self._speed == 0)
 
     def brake(self, deceleration_m_s2: float) -> None:
         """Come to rest on the path as soon as this deceleration allows, for good."""
@@ -65,7 +66,7 @@ class PathFollower:
             self._speed = max(0.0, self._speed - self._braking_m_s2 * duration_s)
         else:
             self._speed = min(self._speed + self._acceleration * duration_s, self._allowed(duration_s))
-        self._distance = min(self._distance + self._speed * duration_s, float(self._at[-1]))
+        self._distance = min(self._distance + self._speed * duration_s, self._length)
         return np.array([np.interp(self._distance, self._at, self._points[:, axis]) for axis in range(3)])
 
     def _allowed(self, duration_s: float) -> float:

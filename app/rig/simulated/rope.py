@@ -19,7 +19,7 @@ _NEIGHBOURS_APART = 4
 """Segments closer than this along the chain overlap by construction, so they do not collide."""
 
 
-def resample(centreline: Centreline, points: int) -> Centreline:
+def resample(centreline: Centreline, points: int) -> Float64[np.ndarray, "points 3"]:
     """`points` places at equal arc length along `centreline`, from its first to its last."""
     arc = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(centreline, axis=0), axis=1))])
     at = np.linspace(0.0, arc[-1], points)

@@ -71,6 +71,12 @@ class RopeWorld:
             self._data.qvel[:3] = (due - self._data.qpos[:3]) / period
             mujoco.mj_step(self._model, self._data)
 
+    def place(self, tool_xyz: Position) -> None:
+        """Put the tip at `tool_xyz` without passing anything on the way; no time passes."""
+        self._data.qpos[:3] = tool_xyz
+        self._data.qvel[:3] = 0.0
+        mujoco.mj_forward(self._model, self._data)
+
     def centreline(self) -> Centreline:
         """The rope's nodes [m], shape (segments + 1, 3)."""
         starts, tail = self._data.xpos[self._links], self._links[-1]

@@ -1,0 +1,87 @@
+"""Along any path the arm keeps its limits, comes to rest at the end, and brakes where it is told to."""
+
+import numpy as np
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from app.config import Site
+from app.core.messages import Motion
+from app.rig.simulated.path import PathFollower, route
+
+TICK_S, ACCELERATION = 0.01, 1.5
+CORNER_JUMP_M_S = 0.06
+
+coordinates = st.floats(-0.3, 0.3)
+places = st.tuples(st.floats(0.3, 0.8), coordinates, st.floats(0.01, 0.3))
+paths = st.lists(places, min_size=2, max_size=5, unique=True).filter(
+    lambda path: min(np.linalg.norm(np.diff(np.array(path), axis=0), axis=1)) > 0.002
+)
+
+
+def run(points: np.ndarray, speeds: np.ndarray) -> np.ndarray:
+    """Where the follower is at every tick, the start included."""
+    follower, seen = PathFollower(points, speeds, ACCELERATION), [points[0]]
+    while not follower.at_rest:
+        seen.append(follower.advance(TICK_S))
+        assert len(seen) < 10_000
+    return np.array(seen)
+
+
+@settings(max_examples=15, deadline=None)
+@given(path=paths, speed=st.floats(0.1, 0.3))
+def test_any_path_is_followed_to_its_end_within_its_limits(
+    path: list[tuple[float, float, float]], speed: float
+) -> None:
+    points = np.array(path)
+    seen = run(points, np.full(len(points) - 1, speed))
+    velocity = np.diff(seen, axis=0, prepend=seen[:1], append=seen[-1:]) / TICK_S
+    assert np.array_equal(seen[-1], points[-1])
+    assert np.linalg.norm(velocity, axis=1).max() <= speed * (1 + 1e-9)
+    jumps = np.linalg.norm(np.diff(velocity, axis=0), axis=1)
+    # Two nodes may fall into one tick, and the last tick may end anywhere in its period.
+    assert jumps.max() <= 2 * ACCELERATION * TICK_S + 2 * CORNER_JUMP_M_S
+
+
+def test_on_a_straight_line_the_acceleration_limit_holds_at_every_tick() -> None:
+    seen = run(np.array([[0.3, 0, 0.1], [0.7, 0.1, 0.1]]), np.array([0.3]))
+    velocity = np.diff(seen, axis=0) / TICK_S
+    change = np.linalg.norm(np.diff(velocity, axis=0), axis=1) / TICK_S
+    assert change[:-3].max() <= ACCELERATION * (1 + 1e-6)
+    # The end of the path lies anywhere within the last tick.
+    assert change.max() <= 1.25 * ACCELERATION
+
+
+def test_each_segment_is_run_at_its_own_speed() -> None:
+    points = np.array([[0.3, 0, 0.1], [0.5, 0, 0.1], [0.7, 0, 0.1]])
+    seen = run(points, np.array([0.3, 0.1]))
+    speed, x = np.linalg.norm(np.diff(seen, axis=0), axis=1) / TICK_S, seen[1:, 0]
+    assert np.isclose(speed[(x > 0.35) & (x < 0.45)].max(), 0.3)
+    assert np.isclose(speed[(x > 0.51) & (x < 0.68)].max(), 0.1)
+
+
+@given(ticks=st.integers(1, 120))
+@settings(max_examples=30, deadline=None)
+def test_braking_comes_to_rest_on_the_path_within_the_stopping_distance(ticks: int) -> None:
+    points = np.array([[0.3, 0, 0.1], [0.5, 0, 0.1], [0.5, 0.2, 0.1]])
+    follower, deceleration = PathFollower(points, np.array([0.3, 0.3]), ACCELERATION), 6.0
+    before = points[0]
+    for _ in range(ticks):
+        before = follower.advance(TICK_S)
+    follower.brake(deceleration)
+    seen = [before]
+    while not follower.at_rest:
+        seen.append(follower.advance(TICK_S))
+    assert len(seen) <= 0.3 / deceleration / TICK_S + 2
+    assert np.linalg.norm(np.diff(seen, axis=0), axis=1).sum() <= 0.3**2 / (2 * deceleration) + 0.3 * TICK_S
+    assert np.array_equal(follower.advance(TICK_S), seen[-1])
+
+
+def test_the_way_to_a_motion_goes_over_the_table_at_travel_height() -> None:
+    site = Site()
+    motion = Motion(positions=np.array([[0.5, 0.1, 0.01], [0.6, 0.1, 0.01]]), speeds=np.array([0.1, 0.2]))
+    points, speeds = route(np.array([0.4, -0.1, 0.02]), motion, site)
+    low = points[:, 2] < site.travel_height_m
+    assert np.array_equal(points[low][1:], motion.positions)
+    assert np.allclose(np.diff(points[:2], axis=0)[0, :2], 0.0), "it first goes straight up"
+    assert points[-1, 2] == site.travel_height_m
+    assert np.array_equal(speeds[2:4], motion.speeds)
