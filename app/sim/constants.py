@@ -26,10 +26,10 @@ class Constants:
     mu_per_stiffness: wp.float32
     lam_per_stiffness: wp.float32
     finger_radius: wp.float32
-    finger_length: wp.float32
     contact_margin: wp.float32
     contact_width: wp.float32
     contact_rate: wp.float32
+    escape_speed: wp.float32
     slip_speed: wp.float32
 
 
@@ -48,9 +48,9 @@ def constants_of(scene: Scene, particle_count: int) -> Constants:
     k.mu_per_stiffness = 0.5 / (1.0 + scene.poisson)
     k.lam_per_stiffness = scene.poisson / ((1.0 + scene.poisson) * (1.0 - 2.0 * scene.poisson))
     k.finger_radius = scene.finger_radius_m
-    k.finger_length = scene.finger_length_m
     k.contact_margin = scene.contact_margin_m
     k.contact_width = scene.contact_width_m
-    k.contact_rate = 1.0 / scene.contact_time_s
+    k.contact_rate = 1.0 / (scene.contact_substeps * scene.dt_s)
+    k.escape_speed = scene.escape_speed_m_s
     k.slip_speed = scene.slip_speed_m_s
     return k

@@ -20,8 +20,23 @@ import warp as wp
 from app.sim.constants import Constants
 from app.sim.effects.base import Effect, NodeFunction
 from app.sim.params import NOMINAL_PHYSICS
-from app.sim.physics import TABLE_FRICTION, particle_forward, particle_work, table_contact
-from app.sim.transfer import gather, gather_adjoint, inside, scatter, scatter_adjoint
+from app.sim.physics import (
+    FINGER_FRICTION,
+    TABLE_FRICTION,
+    finger_contact,
+    particle_forward,
+    particle_work,
+    table_contact,
+)
+from app.sim.transfer import (
+    gather,
+    gather_adjoint,
+    inside,
+    scatter,
+    scatter_adjoint,
+    scatter_touch,
+    scatter_touch_adjoint,
+)
 
 LEAST_MASS = wp.constant(1.0e-8)
 """Nodes with less than this share of a particle's mass do not move: the square of their mass would underflow."""
@@ -72,17 +87,20 @@ def build_kernels(effects: tuple[Effect, ...]) -> Kernels:
     module = wp.get_module(f"dipac_sim_{name}")
 
     @wp.func
-    def node_forward(k: Constants, phi: Phi, node: wp.vec4, x: wp.vec3) -> wp.vec3:
+    def node_forward(k: Constants, phi: Phi, node: wp.vec4, touch: wp.vec4, x: wp.vec3, tip_v: wp.vec3) -> wp.vec3:
         """The grid operation: momentum and mass [kg m/s, kg] of a node at x [m] to its velocity [m/s]."""
         v = wp.vec3()
         if node[3] > LEAST_MASS * k.mass:
             v = k.decay * (wp.vec3(node[0], node[1], node[2]) / node[3]) - wp.vec3(0.0, 0.0, k.gravity * k.dt)
             v = table_contact(k, apply_effects(v, x, k.dt, phi), x, phi[TABLE_FRICTION])
+            v = finger_contact(k, v, node[3], touch, tip_v, phi[FINGER_FRICTION])
         return v
 
     @wp.func
-    def node_work(k: Constants, phi: Phi, node: wp.vec4, x: wp.vec3, v_bar: wp.vec3) -> wp.float32:
-        return wp.dot(v_bar, node_forward(k, phi, node, x))
+    def node_work(
+        k: Constants, phi: Phi, node: wp.vec4, touch: wp.vec4, x: wp.vec3, tip_v: wp.vec3, v_bar: wp.vec3
+    ) -> wp.float32:
+        return wp.dot(v_bar, node_forward(k, phi, node, touch, x, tip_v))
 
     @wp.func
     def node_position(k: Constants, node: int) -> wp.vec3:
@@ -109,6 +127,7 @@ def build_kernels(effects: tuple[Effect, ...]) -> Kernels:
         Fs: wp.array3d[wp.mat33],
         grid: wp.array2d[wp.vec4],
         velocity: wp.array2d[wp.vec4],
+        touches: wp.array2d[wp.vec4],
         active: wp.array2d[wp.int32],
         active_count: wp.array[wp.int32],
     ):
@@ -118,14 +137,15 @@ def build_kernels(effects: tuple[Effect, ...]) -> Kernels:
         for p in range(xs.shape[2]):
             x = xs[b, read, p]
             if inside(k, x):
-                momentum, affine, F_next = particle_forward(
-                    k, phi, x, vs[b, read, p], Cs[b, read, p], Fs[b, read, p], tip, tip_v
+                momentum, affine, touch, F_next = particle_forward(
+                    k, phi, x, vs[b, read, p], Cs[b, read, p], Fs[b, read, p], tip
                 )
                 Fs[b, write, p] = F_next
                 scatter(k, x, momentum, affine, slot, grid, active, active_count)
+                scatter_touch(k, x, touch, slot, touches)
         for n in range(active_count[slot]):
             i = active[slot, n]
-            v = node_forward(k, phi, grid[slot, i], node_position(k, i))
+            v = node_forward(k, phi, grid[slot, i], touches[slot, i], node_position(k, i), tip_v)
             velocity[slot, i] = wp.vec4(v[0], v[1], v[2], 0.0)
 
     @wp.kernel(module=module, enable_backward=False)
@@ -145,6 +165,7 @@ def build_kernels(effects: tuple[Effect, ...]) -> Kernels:
         Cs: wp.array3d[wp.mat33],
         Fs: wp.array3d[wp.mat33],
         grid: wp.array2d[wp.vec4],
+        touches: wp.array2d[wp.vec4],
         active: wp.array2d[wp.int32],
         active_count: wp.array[wp.int32],
     ):
@@ -161,7 +182,7 @@ def build_kernels(effects: tuple[Effect, ...]) -> Kernels:
         for s in range(steps):
             read = s % rows
             write = (s + 1) % rows
-            substep(k, phi, b, s, tool, read, write, slot, xs, vs, Cs, Fs, grid, grid, active, active_count)
+            substep(k, phi, b, s, tool, read, write, slot, xs, vs, Cs, Fs, grid, grid, touches, active, active_count)
             for p in range(xs.shape[2]):
                 x = xs[b, read, p]
                 if inside(k, x):
@@ -173,6 +194,7 @@ def build_kernels(effects: tuple[Effect, ...]) -> Kernels:
                     xs[b, write, p] = wp.vec3(wp.nan, wp.nan, wp.nan)
             for n in range(active_count[slot]):
                 grid[slot, active[slot, n]] = wp.vec4()
+                touches[slot, active[slot, n]] = wp.vec4()
             active_count[slot] = 0
 
     @wp.kernel(module=module, enable_backward=False)
@@ -195,7 +217,9 @@ def build_kernels(effects: tuple[Effect, ...]) -> Kernels:
         tool_bar: wp.array2d[wp.vec3],
         grid: wp.array2d[wp.vec4],
         velocity: wp.array2d[wp.vec4],
+        touches: wp.array2d[wp.vec4],
         grid_bar: wp.array2d[wp.vec4],
+        touches_bar: wp.array2d[wp.vec4],
         active: wp.array2d[wp.int32],
         active_count: wp.array[wp.int32],
     ):
@@ -206,47 +230,51 @@ def build_kernels(effects: tuple[Effect, ...]) -> Kernels:
         phi_sum = Phi()
         for back in range(steps):
             s = steps - 1 - back
-            substep(k, phi, b, s, tool, s, s + 1, slot, xs, vs, Cs, Fs, grid, velocity, active, active_count)
+            substep(k, phi, b, s, tool, s, s + 1, slot, xs, vs, Cs, Fs, grid, velocity, touches, active, active_count)
             for p in range(xs.shape[2]):
                 x = xs[b, s, p]
                 if inside(k, x):
                     v_total = v_bar[b, p] + k.dt * x_bar[b, p]
                     x_bar[b, p] = x_bar[b, p] + gather_adjoint(k, x, v_total, C_bar[b, p], slot, velocity, grid_bar)
-            for n in range(active_count[slot]):
-                i = active[slot, n]
-                u = grid_bar[slot, i]
-                _k, node_phi, node_bar, _x, _v = wp.grad(node_work)(
-                    k, phi, grid[slot, i], node_position(k, i), wp.vec3(u[0], u[1], u[2])
-                )
-                grid_bar[slot, i] = node_bar
-                phi_sum += node_phi
             tip = tool[b, s]
             tip_v = tip_velocity(k, tool, b, s)
             tip_sum = wp.vec3()
             tip_v_sum = wp.vec3()
+            for n in range(active_count[slot]):
+                i = active[slot, n]
+                u = grid_bar[slot, i]
+                _k, node_phi, node_bar, touch_bar, _x, node_tip_v, _v = wp.grad(node_work)(
+                    k, phi, grid[slot, i], touches[slot, i], node_position(k, i), tip_v, wp.vec3(u[0], u[1], u[2])
+                )
+                grid_bar[slot, i] = node_bar
+                touches_bar[slot, i] = touch_bar
+                phi_sum += node_phi
+                tip_v_sum += node_tip_v
             for p in range(xs.shape[2]):
                 x = xs[b, s, p]
                 if inside(k, x):
                     v = vs[b, s, p]
                     C = Cs[b, s, p]
                     F = Fs[b, s, p]
-                    momentum, affine, _F = particle_forward(k, phi, x, v, C, F, tip, tip_v)
-                    momentum_bar, affine_bar, transfer_bar = scatter_adjoint(k, x, momentum, affine, slot, grid_bar)
-                    _k, p_phi, p_x, p_v, p_C, p_F, p_tip, p_tip_v, _m, _a, _f = wp.grad(particle_work)(
-                        k, phi, x, v, C, F, tip, tip_v, momentum_bar, affine_bar, F_bar[b, p]
+                    momentum, affine, touch, _F = particle_forward(k, phi, x, v, C, F, tip)
+                    momentum_bar, affine_bar, mass_x = scatter_adjoint(k, x, momentum, affine, slot, grid_bar)
+                    touch_bar, touch_x = scatter_touch_adjoint(k, x, touch, slot, touches_bar)
+                    _k, p_phi, p_x, p_v, p_C, p_F, p_tip, _m, _a, _t, _f = wp.grad(particle_work)(
+                        k, phi, x, v, C, F, tip, momentum_bar, affine_bar, touch_bar, F_bar[b, p]
                     )
-                    x_bar[b, p] = x_bar[b, p] + transfer_bar + p_x
+                    x_bar[b, p] = x_bar[b, p] + mass_x + touch_x + p_x
                     v_bar[b, p] = p_v
                     C_bar[b, p] = p_C
                     F_bar[b, p] = p_F
                     phi_sum += p_phi
                     tip_sum += p_tip
-                    tip_v_sum += p_tip_v
             tool_bar[b, s] = tool_bar[b, s] + tip_sum - tip_v_sum / k.dt
             tool_bar[b, s + 1] = tool_bar[b, s + 1] + tip_v_sum / k.dt
             for n in range(active_count[slot]):
                 grid[slot, active[slot, n]] = wp.vec4()
                 grid_bar[slot, active[slot, n]] = wp.vec4()
+                touches[slot, active[slot, n]] = wp.vec4()
+                touches_bar[slot, active[slot, n]] = wp.vec4()
             active_count[slot] = 0
         phi_bar[b] = phi_sum
 
@@ -257,6 +285,6 @@ def build_kernels(effects: tuple[Effect, ...]) -> Kernels:
         """Never launched: Warp emits the adjoints of nested functions only where a differentiable kernel calls them."""
         a, A = x[0], C[0]
         node = wp.vec4(a[0], a[1], a[2], 1.0)
-        out[0] = node_work(k, phis[0], node, a, a) + particle_work(k, phis[0], a, a, A, A, a, a, a, A, A)
+        out[0] = node_work(k, phis[0], node, node, a, a, a) + particle_work(k, phis[0], a, a, A, A, a, a, A, node, A)
 
     return Kernels(phi_type=Phi, advance=advance, retreat=retreat)

@@ -66,14 +66,15 @@ def make_operations(scene: Scene, particle_count: int, effects: tuple[Effect, ..
         Cs: wp.array3d(dtype=wp.mat33),
         Fs: wp.array3d(dtype=wp.mat33),
         grid: wp.array2d(dtype=wp.vec4),
+        touches: wp.array2d(dtype=wp.vec4),
         active: wp.array2d(dtype=wp.int32),
         active_count: wp.array(dtype=wp.int32),
     ):
         wp.load_module(kernels.advance.module, phi.device)
-        grid.zero_()
-        active_count.zero_()
+        for scratch in (grid, touches, active_count):
+            scratch.zero_()
         used, steps = grid.shape[0], tool.shape[1] - 1
-        arrays = [phi, tool, x, v, C, F, xs, vs, Cs, Fs, grid, active, active_count]
+        arrays = [phi, tool, x, v, C, F, xs, vs, Cs, Fs, grid, touches, active, active_count]
 
         def launch(first: int) -> None:
             dim = len(range(first, phi.shape[0], used))
@@ -100,18 +101,35 @@ def make_operations(scene: Scene, particle_count: int, effects: tuple[Effect, ..
         tool_bar: wp.array2d(dtype=wp.vec3),
         grid: wp.array2d(dtype=wp.vec4),
         velocity: wp.array2d(dtype=wp.vec4),
+        touches: wp.array2d(dtype=wp.vec4),
         grid_bar: wp.array2d(dtype=wp.vec4),
+        touches_bar: wp.array2d(dtype=wp.vec4),
         active: wp.array2d(dtype=wp.int32),
         active_count: wp.array(dtype=wp.int32),
     ):
         wp.load_module(kernels.advance.module, phi.device)
         for end, bar in ((x_end, x_bar), (v_end, v_bar), (C_end, C_bar), (F_end, F_bar)):
             wp.copy(bar, end)
-        for scratch in (tool_bar, grid, grid_bar, active_count):
+        for scratch in (tool_bar, grid, touches, grid_bar, touches_bar, active_count):
             scratch.zero_()
         used, steps = grid.shape[0], tool.shape[1] - 1
         bars = [x_bar, v_bar, C_bar, F_bar, phi_bar, tool_bar]
-        arrays = [phi, tool, xs, vs, Cs, Fs, *bars, grid, velocity, grid_bar, active, active_count]
+        arrays = [
+            phi,
+            tool,
+            xs,
+            vs,
+            Cs,
+            Fs,
+            *bars,
+            grid,
+            velocity,
+            touches,
+            grid_bar,
+            touches_bar,
+            active,
+            active_count,
+        ]
 
         def launch(first: int) -> None:
             dim = len(range(first, phi.shape[0], used))
@@ -119,12 +137,12 @@ def make_operations(scene: Scene, particle_count: int, effects: tuple[Effect, ..
 
         in_threads(used, launch)
 
-    forward_call = wp.jax_callable(forward, num_outputs=7)
-    backward_call = wp.jax_callable(backward, num_outputs=11)
+    forward_call = wp.jax_callable(forward, num_outputs=8)
+    backward_call = wp.jax_callable(backward, num_outputs=13)
 
     def scratch_dims(candidates: int) -> dict[str, tuple[int, ...]]:
         used = min(threads, candidates)
-        grids = dict.fromkeys(("grid", "velocity", "grid_bar"), (used, nodes))
+        grids = dict.fromkeys(("grid", "velocity", "touches", "grid_bar", "touches_bar"), (used, nodes))
         return grids | {"active": (used, listed), "active_count": (used,)}
 
     def run_forward(phi: jax.Array, state: State, tool: jax.Array, rows: int) -> tuple[jax.Array, ...]:

@@ -19,6 +19,12 @@ TABLE_FRICTION = wp.constant(1)
 FINGER_FRICTION = wp.constant(2)
 """Columns of phi, in the order of `params.NOMINAL_PHYSICS`."""
 
+LEAST_TOUCH = wp.constant(1.0e-6)
+"""Less than this share of a particle's mass is no contact."""
+
+AXIS = wp.constant(1.0e-6)
+"""Distances from the finger's axis are at least this [m]: on the axis there is no normal, and shall be no NaN."""
+
 LEAST_VOLUME = wp.constant(0.1)
 """The pressure stops growing below this relative volume, where a logarithm would end in NaN."""
 
@@ -42,25 +48,44 @@ def coulomb(tangential: wp.vec3, normal_impulse: float, friction: float, slip_sp
 
 
 @wp.func
-def finger_contact(
-    k: Constants, x: wp.vec3, v: wp.vec3, tip: wp.vec3, tip_velocity: wp.vec3, friction: float
-) -> wp.vec3:
-    """A particle's velocity [m/s] after contact with the finger, a vertical capsule above `tip`.
+def finger_touch(k: Constants, x: wp.vec3, tip: wp.vec3) -> wp.vec4:
+    """How a particle touches the finger, a cylinder above `tip`: (n_x, n_y, escape, 1) times the touching mass.
 
-    A sigmoid of the signed distance says how much of the approaching velocity is taken away; what is inside is moved
-    out within `contact_time_s`.
+    n is the finger's horizontal normal, escape the speed [m/s] at which what is inside has to leave. A sigmoid of the
+    distance says which share of the particle's mass touches. Distances are those of particles and not of nodes, where
+    contact would begin a cell too early; the normal is level, because the table bears what a round tip presses down.
     """
-    foot = wp.clamp(x[2], tip[2] + k.finger_radius, tip[2] + k.finger_length)
-    away = x - wp.vec3(tip[0], tip[1], foot)
-    distance = wp.sqrt(wp.dot(away, away) + 1.0e-12)  # [m]; a particle on the axis has no normal, and no NaN
-    n = away / distance
+    away = wp.vec2(x[0] - tip[0], x[1] - tip[1])
+    distance = wp.sqrt(wp.dot(away, away) + AXIS * AXIS)
     gap = distance - k.finger_radius - k.contact_margin
-    touch = 1.0 / (1.0 + wp.exp(wp.clamp(gap / k.contact_width, -30.0, 30.0)))
-    relative = v - tip_velocity
-    approach = wp.dot(relative, n)
-    push = touch * wp.max(0.0, wp.max(0.0, -gap) * k.contact_rate - approach)
-    tangential = relative - approach * n
-    return tip_velocity + (approach + push) * n + coulomb(tangential, push, friction, k.slip_speed)
+    beside = _sigmoid(-gap / k.contact_width)
+    level = _sigmoid((x[2] - tip[2] + k.contact_margin) / k.contact_width)
+    escape = wp.clamp(-gap * k.contact_rate, 0.0, k.escape_speed)
+    return (k.mass * beside * level) * wp.vec4(away[0] / distance, away[1] / distance, escape, 1.0)
+
+
+@wp.func
+def _sigmoid(a: float) -> float:
+    return 1.0 / (1.0 + wp.exp(wp.clamp(-a, -30.0, 30.0)))
+
+
+@wp.func
+def finger_contact(k: Constants, v: wp.vec3, mass: float, touch: wp.vec4, tip_velocity: wp.vec3, friction: float):
+    """A node's velocity after contact with the finger, given the sum of `finger_touch` over its particles.
+
+    Approach is taken away in proportion to 1 - (1 - share)^4 of the touching share of the node's mass: a finger touches
+    few particles, and a plain proportion would let the rest of a soft rope run through it.
+    """
+    result = v
+    if touch[3] > LEAST_TOUCH * k.mass:
+        n = wp.normalize(wp.vec3(touch[0], touch[1], 0.0))
+        spared = 1.0 - wp.min(1.0, touch[3] / mass)
+        relative = v - tip_velocity
+        approach = wp.dot(relative, n)
+        push = (1.0 - spared * spared * spared * spared) * wp.max(0.0, touch[2] / touch[3] - approach)
+        tangential = relative - approach * n
+        result = tip_velocity + (approach + push) * n + coulomb(tangential, push, friction, k.slip_speed)
+    return result
 
 
 @wp.func
@@ -72,19 +97,17 @@ def particle_forward(
     C: wp.mat33,
     F: wp.mat33,
     tip: wp.vec3,
-    tip_velocity: wp.vec3,
 ):
-    """What a particle gives to the grid: momentum [kg m/s], its affine part [kg/s], and its new F.
+    """What a particle gives to the grid: momentum [kg m/s], its affine part [kg/s], its touch; and its new F.
 
     The affine part holds the stress: A = -4 dt / cell^2 volume tau + m C (Hu et al. 2018, eq. 29 and Alg. 1).
     """
-    touched = finger_contact(k, x, v, tip, tip_velocity, phi[FINGER_FRICTION])
     F_next = F + k.dt * (C * F)
     mu = phi[STIFFNESS] * k.mu_per_stiffness
     lam = phi[STIFFNESS] * k.lam_per_stiffness
     tau = kirchhoff_stress(F_next, mu, lam)
     affine = (-4.0 * k.dt * k.per_cell * k.per_cell * k.volume) * tau + k.mass * C
-    return k.mass * touched, affine, F_next
+    return k.mass * v, affine, finger_touch(k, x, tip), F_next
 
 
 @wp.func
@@ -96,14 +119,16 @@ def particle_work(
     C: wp.mat33,
     F: wp.mat33,
     tip: wp.vec3,
-    tip_velocity: wp.vec3,
     momentum_bar: wp.vec3,
     affine_bar: wp.mat33,
+    touch_bar: wp.vec4,
     F_bar: wp.mat33,
 ) -> wp.float32:
     """The outputs of `particle_forward` times their cotangents: the gradient of this number is the adjoint."""
-    momentum, affine, F_next = particle_forward(k, phi, x, v, C, F, tip, tip_velocity)
-    return wp.dot(momentum_bar, momentum) + wp.ddot(affine_bar, affine) + wp.ddot(F_bar, F_next)
+    momentum, affine, touch, F_next = particle_forward(k, phi, x, v, C, F, tip)
+    return (
+        wp.dot(momentum_bar, momentum) + wp.ddot(affine_bar, affine) + wp.dot(touch_bar, touch) + wp.ddot(F_bar, F_next)
+    )
 
 
 @wp.func

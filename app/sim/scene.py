@@ -16,7 +16,7 @@ random deformations of up to 30 %, see tests/sim/test_scene.py."""
 @final
 @dataclass(frozen=True, kw_only=True)
 class Scene:
-    """One object on a table (the plane z = 0) and one finger, a vertical capsule whose tip is the tool position.
+    """One object on a table (the plane z = 0) and one finger, a vertical cylinder whose lower end is the tool position.
 
     Raises ParameterError where a number is not finite or the numbers do not fit together.
     """
@@ -32,13 +32,14 @@ class Scene:
     object_volume_m3: float = 8.0e-5
     """A rope of 0.4 m and 8 mm radius; the particles share it evenly."""
     finger_radius_m: float = 0.009
-    finger_length_m: float = 0.20
     contact_margin_m: float = 0.003
     """Particles are centres of matter: contact begins at this distance from the finger, half a particle spacing."""
     contact_width_m: float = 0.002
     """The sigmoid's width: a fifth of a cell, so that the gradient reaches the particles next to the finger."""
-    contact_time_s: float = 0.01
-    """In which a particle inside the finger is moved out again."""
+    contact_substeps: float = 2.0
+    """In which a particle inside the finger is moved out again: fewer are stiffer, 2 is the edge of stability."""
+    escape_speed_m_s: float = 2.0
+    """The fastest that happens: a finger may start in the middle of the object."""
     slip_speed_m_s: float = 1e-3
     """Below it friction fades in linearly: Coulomb's law itself has no derivative at rest."""
     damping_1_s: float = 0.5
@@ -67,8 +68,8 @@ class Scene:
 
     def _require_positive(self) -> None:
         names = (
-            *("cell_m", "dt_s", "density_kg_m3", "object_volume_m3", "finger_radius_m", "finger_length_m"),
-            *("contact_width_m", "contact_time_s", "slip_speed_m_s"),
+            *("cell_m", "dt_s", "density_kg_m3", "object_volume_m3", "finger_radius_m"),
+            *("contact_width_m", "contact_substeps", "escape_speed_m_s", "slip_speed_m_s"),
         )
         for name in names:
             if getattr(self, name) <= 0:

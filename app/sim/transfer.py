@@ -12,6 +12,7 @@ below; Warp's automatic ones replay the scatter and keep 27 sets of intermediate
 import warp as wp
 
 from app.sim.constants import Constants
+from app.sim.physics import LEAST_TOUCH
 
 
 @wp.func
@@ -197,3 +198,49 @@ def scatter_adjoint(
             f_bar += wp.vec3(sx[i] * wy[j] * along, wx[i] * sy[j] * along, wx[i] * wy[j] * slope)
     x_bar = k.per_cell * f_bar - wp.transpose(affine) * momentum_bar
     return momentum_bar, k.cell * affine_bar, x_bar
+
+
+@wp.func
+def scatter_touch(k: Constants, x: wp.vec3, touch: wp.vec4, slot: int, touches: wp.array2d[wp.vec4]):
+    """Add a particle's touch to the 27 nodes around it, with the weights of its mass."""
+    if touch[3] > LEAST_TOUCH * k.mass:
+        q = (x - k.origin) * k.per_cell
+        i0 = int(q[0] - 0.5)
+        j0 = int(q[1] - 0.5)
+        k0 = int(q[2] - 0.5)
+        wx = spline(q[0] - float(i0))
+        wy = spline(q[1] - float(j0))
+        wz = spline(q[2] - float(k0))
+        for i in range(3):
+            for j in range(3):
+                row = ((i0 + i) * k.ny + j0 + j) * k.nz + k0
+                for n in range(3):
+                    wp.atomic_add(touches, slot, row + n, (wx[i] * wy[j] * wz[n]) * touch)
+
+
+@wp.func
+def scatter_touch_adjoint(k: Constants, x: wp.vec3, touch: wp.vec4, slot: int, touches_bar: wp.array2d[wp.vec4]):
+    """Adjoint of `scatter_touch`: cotangents of touch and x."""
+    touch_bar = wp.vec4()
+    f_bar = wp.vec3()
+    if touch[3] > LEAST_TOUCH * k.mass:
+        q = (x - k.origin) * k.per_cell
+        i0 = int(q[0] - 0.5)
+        j0 = int(q[1] - 0.5)
+        k0 = int(q[2] - 0.5)
+        f = q - wp.vec3(float(i0), float(j0), float(k0))
+        wx = spline(f[0])
+        wy = spline(f[1])
+        wz = spline(f[2])
+        sx = spline_slope(f[0])
+        sy = spline_slope(f[1])
+        sz = spline_slope(f[2])
+        for i in range(3):
+            for j in range(3):
+                row = ((i0 + i) * k.ny + j0 + j) * k.nz + k0
+                for n in range(3):
+                    node_bar = touches_bar[slot, row + n]
+                    work = wp.dot(touch, node_bar)
+                    touch_bar += (wx[i] * wy[j] * wz[n]) * node_bar
+                    f_bar += work * wp.vec3(sx[i] * wy[j] * wz[n], wx[i] * sy[j] * wz[n], wx[i] * wy[j] * sz[n])
+    return touch_bar, k.per_cell * f_bar
