@@ -4,16 +4,28 @@ from collections.abc import Callable
 from typing import Any
 
 from beartype import beartype
-from beartype.roar import BeartypeDecorHintPep673Exception
+from beartype.door import is_bearable
+from beartype.roar import BeartypeException
 
 
 def checked(function: Callable[..., Any]) -> Callable[..., Any]:
-    """`function` with its arguments and result checked by beartype.
+    """`function` with its arguments and result checked by beartype, as far as they can be checked.
 
-    A method that says `Self` stays unchecked: beartype resolves that only where it decorates the whole class, and
-    jaxtyping's import hook decorates methods.
+    Left unchecked: `Self`, which beartype knows only where it decorates a whole class (jaxtyping's import hook
+    decorates methods), names that exist for type checkers alone, and Protocols that are not checkable at run time.
     """
     try:
         return beartype(function)
-    except BeartypeDecorHintPep673Exception:
-        return function
+    except BeartypeException:
+        # This is a stand-in that jaxtyping made for checking, not the program's own function.
+        hints = function.__annotations__
+        function.__annotations__ = {name: hint if _checkable(hint) else Any for name, hint in hints.items()}
+        return beartype(function)
+
+
+def _checkable(hint: Any) -> bool:
+    try:
+        is_bearable(None, hint)
+    except BeartypeException:
+        return False
+    return True

@@ -1,0 +1,89 @@
+"""The structure of the program holds: layers, sizes, one thing a file, nothing of one machine in the sources."""
+
+import ast
+import re
+import subprocess
+from pathlib import Path
+
+import pytest
+from importlinter.cli import lint_imports
+
+from app import tasks
+
+ROOT = Path(__file__).parent.parent
+MODULES = sorted(ROOT.glob("app/**/*.py"))
+COMMANDS = sorted(file for file in ROOT.glob("app/commands/*.py") if not file.stem.startswith("_"))
+MAX_LINES = 400
+MACHINE_SPECIFIC = re.compile(
+    r"(?<![\w.])/(home|root|Users|work|opt|mnt)/\w"  # a folder of one machine
+    r"|https?://[^/\s]*(pypi|pythonhosted|artifactory|nexus)[^/\s]*"  # a package registry
+    r"|^--?(index-url|extra-index-url|find-links|i|f)\b",
+    re.MULTILINE,
+)
+
+
+def name(file: Path) -> str:
+    return str(file.relative_to(ROOT))
+
+
+def tree(file: Path) -> ast.Module:
+    return ast.parse(file.read_text(encoding="utf-8"))
+
+
+def defined(file: Path) -> dict[str, ast.stmt]:
+    """What a module defines at its top, by name."""
+    names: dict[str, ast.stmt] = {}
+    for node in tree(file).body:
+        if isinstance(node, (ast.FunctionDef, ast.AsyncFunctionDef, ast.ClassDef)):
+            names[node.name] = node
+        elif isinstance(node, ast.AnnAssign) and isinstance(node.target, ast.Name):
+            names[node.target.id] = node
+        elif isinstance(node, ast.Assign):
+            names.update({target.id: node for target in node.targets if isinstance(target, ast.Name)})
+    return names
+
+
+def test_imports_keep_to_the_layers(capsys):
+    broken = lint_imports(config_filename=str(ROOT / "pyproject.toml"), cache_dir=None)
+    assert not broken, capsys.readouterr().out
+
+
+@pytest.mark.parametrize("file", MODULES, ids=name)
+def test_a_module_says_what_it_is(file):
+    assert ast.get_docstring(tree(file)), f"{name(file)} has no docstring"
+
+
+@pytest.mark.parametrize("file", MODULES, ids=name)
+def test_a_module_is_short_enough_to_be_read(file):
+    lines = len(file.read_text(encoding="utf-8").splitlines())
+    assert lines <= MAX_LINES, f"{name(file)} has {lines} lines; split it by what it does"
+
+
+@pytest.mark.parametrize("file", COMMANDS, ids=name)
+def test_a_command_file_defines_the_function_of_its_name_alone(file):
+    functions = {key for key, node in defined(file).items() if isinstance(node, ast.FunctionDef)}
+    assert file.stem in functions
+    assert {key for key in functions if not key.startswith("_")} == {file.stem}
+
+
+def test_every_task_file_defines_a_task_named_as_the_file():
+    assert "rope_push" in tasks.names()
+    for task in tasks.names():
+        assert tasks.load(task).name == task
+
+
+def test_no_tracked_file_names_a_machine_s_folder_or_a_package_registry():
+    listed = subprocess.run(["git", "ls-files", "-z"], cwd=ROOT, capture_output=True, text=True)
+    if listed.returncode != 0:
+        pytest.skip("not a git checkout")
+    files = [ROOT / entry for entry in listed.stdout.split("\0") if entry]
+    found = []
+    for file in files:
+        if file == Path(__file__) or not file.is_file():
+            continue
+        content = file.read_bytes()
+        if b"\0" in content:
+            continue
+        text = content.decode("utf-8")
+        found += [f"{name(file)}: {match.group().strip()}" for match in MACHINE_SPECIFIC.finditer(text)]
+    assert not found
