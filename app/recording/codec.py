@@ -3,7 +3,7 @@
 JSON has neither arrays of a known type nor non-finite numbers, so two things are agreed:
 
 - An array whose shape is fixed by its annotation (a pose, an intrinsic matrix) is nested lists of numbers, which
-  Foxglove can plot. Any other is `{"dtype", "shape", "data"}` with base64 of its little-endian bytes: exact, and 30
+  Foxglove can plot. Any other is `{"dtype", "shape", "data"}` with base64 of its little-endian bytes: exact, and 40
   times cheaper than lists (docs/recording-format.md has the measurement).
 - A non-finite number is the string "nan", "inf" or "-inf".
 """
