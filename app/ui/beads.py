@@ -7,7 +7,7 @@ import trimesh
 import viser
 
 from app.core.types import Points
-from app.ui.palette import Colour
+from app.ui import palette
 
 _RADIUS_M = 0.006
 _CROWD = 600
@@ -18,7 +18,7 @@ _CROWD = 600
 class Beads:
     """One cloud of particles under `name`; made at the first `put`, since viser has no empty batch."""
 
-    def __init__(self, server: viser.ViserServer, name: str, colour: Colour, *, opacity: float | None) -> None:
+    def __init__(self, server: viser.ViserServer, name: str, colour: palette.Colour, *, opacity: float | None) -> None:
         self._scene = server.scene
         self._name = name
         self._colour = colour
@@ -41,7 +41,7 @@ class Beads:
             faces=np.asarray(ball.faces),
             batched_wxyzs=np.tile([1.0, 0.0, 0.0, 0.0], (count, 1)),
             batched_positions=positions,
-            batched_colors=self._colour,
+            batched_colors=palette.linear(self._colour),
             opacity=self._opacity,
             lod="off",
             cast_shadow=self._opacity is None,

@@ -64,14 +64,15 @@ def plan(board: Board, now_s: float) -> str:
 
 def _plan_rows(proposal: Proposal, state: str, now_s: float) -> Iterable[tuple[str, str]]:
     best = proposal.chosen
-    squares = f"{words.square(proposal.chamfer_m2)} → {words.square(proposal.predicted_chamfer_m2)}"
+    squares = f"{proposal.chamfer_m2:.2e} → {words.square(proposal.predicted_chamfer_m2)}"
     cost = f"{words.number(best.cost_before)} → {words.number(best.cost_after)}"
-    dropped = f", {proposal.dropped} dropped" if proposal.dropped else ""
-    yield "Chamfer now → predicted", squares
-    yield "Cost before → after descent", f"{cost} <small>{words.change(best.cost_before, best.cost_after)}</small>"
+    yield "Chamfer, squared", squares
+    yield "Cost, before → after descent", f"{cost} <small>{words.change(best.cost_before, best.cost_after)}</small>"
     for name, value in best.terms.items():
         yield f"  {escape(name)}", words.number(value)
-    yield "Chosen", f"{words.origin(proposal)}{_bad(dropped)}"
+    yield "Chosen", words.origin(proposal)
+    if proposal.dropped:
+        yield "Branches dropped", f"<span class='dp-warn'>{proposal.dropped} non-finite</span>"
     yield "Planned in", words.duration(proposal.plan_s)
     yield "Age", f"{words.duration(now_s - proposal.time_s)} <small>{state}</small>"
     yield "Model", f"version {proposal.model_version}"
@@ -163,7 +164,3 @@ def _table(rows: Iterable[tuple[str, str]]) -> str:
 def _toned(text: str, warn: bool, bad: bool) -> str:
     tone = "dp-bad" if bad else "dp-warn" if warn else ""
     return f'<span class="{tone}">{escape(text)}</span>' if tone else escape(text)
-
-
-def _bad(text: str) -> str:
-    return f'<span class="dp-warn">{escape(text)}</span>' if text else ""

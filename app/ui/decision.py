@@ -23,7 +23,7 @@ class DecisionForm:
     def __init__(self, gui: viser.GuiApi, desk: Desk) -> None:
         self._gui = gui
         self._desk = desk
-        self._resume = gui.add_button("Resume", color="green", icon=viser.Icon.PLAYER_PLAY, visible=False)
+        self._resume = gui.add_button("Resume", color="orange", icon=viser.Icon.PLAYER_PLAY, visible=False)
         self._resume.on_click(lambda event: desk.resume(operator(event)))
         self._place = gui.add_folder(None)
         self._shown_s = 0.0
@@ -34,7 +34,7 @@ class DecisionForm:
         if self._resume.visible != board.stopped:
             self._resume.visible = board.stopped
         if board.pending is not self._proposal:
-            for widget in (self._approve, self._form):
+            for widget in (self._mark, self._approve, self._form):
                 widget.remove()
             self._shown_s = now_s
             self._build(board.pending)
@@ -46,6 +46,7 @@ class DecisionForm:
     def _build(self, proposal: Proposal | None) -> None:
         self._proposal = proposal
         with self._place:
+            self._mark = self._gui.add_html('<i class="dp-next-is-large"></i>')
             self._approve = self._gui.add_button(
                 "Approve this push", color="green", icon=viser.Icon.CHECK, disabled=True
             )

@@ -58,8 +58,9 @@ class Page:
             else '<span class="dp-real" role="status">REAL ARM<small>keep a hand on the hardware stop</small></span>'
         )
         return (
-            f'<header class="dp-bar"><span class="dp-brand">dipac</span><span class="dp-title">{escape(self.title)}'
-            f'</span>{banner}<span class="dp-room"></span><span id="dp-stop-says" role="alert"></span>'
+            f'<header class="dp-bar"><span class="dp-brand">{escape(self.title)}</span>{banner}'
+            '<span class="dp-room"></span><span id="dp-stop-says" role="alert"></span>'
+            '<span id="dp-lost" role="alert" hidden>No connection: what you see is old</span>'
             '<button id="dp-stop" type="button" aria-label="STOP" title="Stop the arm now (Esc)">STOP'
             "<kbd>Esc</kbd></button></header>"
         )

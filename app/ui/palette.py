@@ -12,17 +12,26 @@ GOAL: Final[Colour] = (0, 158, 115)
 PREDICTED: Final[Colour] = (86, 180, 233)
 BEST: Final[Colour] = (232, 62, 140)
 MEASURED: Final[Colour] = (204, 160, 0)
-CHEAP: Final[Colour] = (94, 129, 196)
-DEAR: Final[Colour] = (128, 118, 108)
+CHEAP: Final[Colour] = (70, 120, 255)
+DEAR: Final[Colour] = (120, 106, 96)
 TABLE: Final[Colour] = (92, 98, 108)
 OUTLINE: Final[Colour] = (150, 158, 170)
 STEEL: Final[Colour] = (176, 184, 196)
 
 
 def by_cost(costs: np.ndarray) -> np.ndarray:
-    """A muted colour for each cost `(K,)`, from CHEAP to DEAR by rank; shape (K, 3), uint8.
+    """A colour for each cost `(K,)`, from CHEAP to DEAR by rank; shape (K, 3), uint8.
 
     By rank, because one branch that flew off would make all others look alike.
     """
     ranks = np.argsort(np.argsort(costs)) / max(len(costs) - 1, 1)
     return np.rint((1 - ranks[:, None]) * np.array(CHEAP) + ranks[:, None] * np.array(DEAR)).astype(np.uint8)
+
+
+def linear(colours: Colour | np.ndarray) -> np.ndarray:
+    """Screen colours as linear light; uint8, same shape.
+
+    Viser 1.1.1 converts the colour of a whole object, and hands colours given per vertex or per instance to the shader
+    as they are.
+    """
+    return np.rint(255 * (np.asarray(colours) / 255) ** 2.2).astype(np.uint8)

@@ -16,7 +16,7 @@ from app.ui.scene import Scene, thumbnail
 
 _BRAND = (59, 130, 246)
 _SIDE_WIDTH_PX = 330
-_MAIN_WIDTH_PX = 370
+_MAIN_WIDTH_PX = 400
 
 
 @final
@@ -52,16 +52,19 @@ class Panel:
                 self._show_frame(name, frame)
 
     def _place_main(self) -> None:
+        self._choose_theme(dark=True)
+        self._gui.main_panel.dock_right()
+        self._gui.main_panel.set_width(_MAIN_WIDTH_PX)
+
+    def _choose_theme(self, *, dark: bool) -> None:
         self._gui.configure_theme(
             # Room for our own bar, see `page`.
             titlebar_content=theme.TitlebarConfig(buttons=(), image=None),
-            dark_mode=True,
+            dark_mode=dark,
             show_logo=False,
             show_share_button=False,
             brand_color=_BRAND,
         )
-        self._gui.main_panel.dock_right()
-        self._gui.main_panel.set_width(_MAIN_WIDTH_PX)
 
     def _build_side(self) -> None:
         side = self._gui.add_panel()
@@ -89,6 +92,8 @@ class Panel:
         ):
             switch = self._gui.add_checkbox(label, initial_value=True)
             switch.on_update(lambda event, show=show: show(event.target.value))
+        dark = self._gui.add_checkbox("Dark", initial_value=True)
+        dark.on_update(lambda event: self._choose_theme(dark=event.target.value))
 
     def _show_frame(self, name: str, frame: Frame) -> None:
         picture: np.ndarray = thumbnail(frame.color)

@@ -4,15 +4,17 @@ from typing import final
 
 import numpy as np
 import viser
+from jaxtyping import Float64
 
 from app.core.messages import Motion, Proposal
-from app.core.types import Path3
 from app.ui import palette
 from app.ui.board import Board
 
 _LIFT_M = 0.004
 """Lines are drawn this much above themselves, so that the table does not swallow them."""
 _PAUSE_S = 0.8
+_SLOWEST_M_S = 1e-3
+"""Keeps a drawn motion from lasting for ever."""
 _NOTHING = np.zeros((0, 2, 3), dtype=np.float32)
 
 
@@ -42,20 +44,13 @@ class Paths:
         if "branches" in self._lines:
             self._lines["branches"].visible = visible
 
-    def along(self, motion: Motion, elapsed_s: float) -> Path3:
-        """Where the tool is `elapsed_s` into the motion [m] (3,), which is made again and again with a pause."""
-        steps = np.linalg.norm(np.diff(motion.positions, axis=0), axis=1)
-        times = np.concatenate([[0.0], np.cumsum(steps / np.maximum(motion.speeds[1:], 1e-3))])
-        t = elapsed_s % (times[-1] + _PAUSE_S)
-        return np.array([np.interp(t, times, motion.positions[:, axis]) for axis in range(3)])
-
     def _draw_branches(self, proposal: Proposal | None) -> None:
         others = [b for i, b in enumerate(proposal.branches) if i != proposal.best and b.finite] if proposal else []
         if not others:
             self._erase("branches")
             return
         pieces = [segments(branch.tool_path) for branch in others]
-        colours = palette.by_cost(np.array([branch.cost_after for branch in others]))
+        colours = palette.linear(palette.by_cost(np.array([branch.cost_after for branch in others])))
         painted = np.concatenate([np.broadcast_to(c, p.shape) for c, p in zip(colours, pieces, strict=True)])
         self._draw("branches", np.concatenate(pieces), painted, 2.0)
         self._lines["branches"].visible = self._visible
@@ -71,6 +66,14 @@ class Paths:
         line = self._lines.pop(name, None)
         if line is not None:
             line.remove()
+
+
+def along(motion: Motion, elapsed_s: float) -> Float64[np.ndarray, "3"]:
+    """Where the tool is `elapsed_s` into a motion [m] that is made again and again, with a pause at its end."""
+    steps_m = np.linalg.norm(np.diff(motion.positions, axis=0), axis=1)
+    times = np.concatenate([[0.0], np.cumsum(steps_m / np.maximum(motion.speeds[1:], _SLOWEST_M_S))])
+    t = elapsed_s % (times[-1] + _PAUSE_S)
+    return np.array([np.interp(t, times, motion.positions[:, axis]) for axis in range(3)])
 
 
 def segments(path: np.ndarray) -> np.ndarray:

@@ -10,7 +10,8 @@ from app.ui import palette
 from app.ui.board import Board
 from app.ui.words import millimetres
 
-_HEIGHT_PX = 170
+_HEIGHT_PX = 180
+_PADDING_PX = (12, 24, 0, 0)
 
 
 @final
@@ -29,6 +30,7 @@ class Plots:
             ),
             title="Distance to the goal",
             height=_HEIGHT_PX,
+            padding=_PADDING_PX,
             scales={"x": uplot.Scale(time=False)},
             visible=False,
         )
@@ -37,6 +39,7 @@ class Plots:
             (uplot.Series(label="model version"), _line("loss [mm]", palette.BEST)),
             title="One-step error of the model",
             height=_HEIGHT_PX,
+            padding=_PADDING_PX,
             scales={"x": uplot.Scale(time=False)},
             visible=False,
         )

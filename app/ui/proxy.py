@@ -57,6 +57,7 @@ class Proxy:
         application = web.Application(middlewares=[self._admit])
         application.router.add_get("/", self._enter)
         application.router.add_post("/stop", self._press_stop)
+        application.router.add_get("/alive", self._answer)
         application.router.add_get("/{path:.*}", self._relay_http)
         self._runner = web.AppRunner(application, access_log=None, shutdown_timeout=1.0)
         await self._runner.setup()
@@ -96,6 +97,9 @@ class Proxy:
     async def _press_stop(self, request: web.Request) -> web.StreamResponse:
         self._stop(f"browser at {request.remote}")
         return web.json_response({"stopped": True}, headers=_HEADERS)
+
+    async def _answer(self, _: web.Request) -> web.StreamResponse:
+        return web.Response(status=204, headers=_HEADERS)
 
     async def _relay_http(self, request: web.Request) -> web.StreamResponse:
         """Our style sheet and script, else whatever viser has under that path."""

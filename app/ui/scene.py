@@ -11,10 +11,10 @@ from app.core.messages import Frame
 from app.ui import palette
 from app.ui.beads import Beads
 from app.ui.board import Board
-from app.ui.paths import Paths
+from app.ui.paths import Paths, along
 from app.ui.tool import Tool
 
-_FRUSTUM_M = 0.05
+_FRUSTUM_M = 0.035
 _PICTURE_WIDTH = 320
 
 
@@ -79,7 +79,7 @@ class Scene:
         if board.pending is None:
             self.ghost.hide()
             return
-        self.ghost.put(self.paths.along(board.pending.motion, now_s - board.pending.time_s), 1.0)
+        self.ghost.put(along(board.pending.motion, now_s - board.pending.time_s), 1.0)
 
 
 def thumbnail(image: np.ndarray) -> np.ndarray:
@@ -111,8 +111,8 @@ def _furnish(server: viser.ViserServer, workspace: Workspace) -> None:
         height=extent[1],
         cell_size=0.05,
         section_size=0.1,
-        cell_color=(110, 117, 128),
-        section_color=(126, 134, 146),
+        cell_color=(100, 107, 118),
+        section_color=(116, 124, 136),
         plane_opacity=0.0,
         position=(0.1, 0.0, 0.0115),
     )
@@ -127,5 +127,5 @@ def _furnish(server: viser.ViserServer, workspace: Workspace) -> None:
     )
     scene.add_cylinder("/base", radius=0.06, height=0.08, color=(70, 76, 86), position=(0.0, 0.0, 0.04))
     scene.add_frame("/base/axes", axes_length=0.1, axes_radius=0.004, position=(0.0, 0.0, 0.05))
-    server.initial_camera.position = (middle[0] + 0.62, middle[1] - 0.55, 0.72)
-    server.initial_camera.look_at = (middle[0] - 0.04, middle[1], 0.0)
+    server.initial_camera.position = (middle[0] + 0.75, middle[1] - 0.12, 0.66)
+    server.initial_camera.look_at = (middle[0] - 0.02, middle[1], 0.0)

@@ -62,5 +62,4 @@ def change(before: float, after: float) -> str:
 
 def origin(proposal: Proposal) -> str:
     """Which kind of branch was chosen, of how many."""
-    kind = {"policy": "policy branch", "random": "random branch"}[proposal.chosen.origin]
-    return f"{kind} {proposal.best + 1} of {len(proposal.branches)}"
+    return f"{proposal.chosen.origin} branch, {proposal.best + 1} of {len(proposal.branches)}"

@@ -26,6 +26,13 @@ function say(text, tone) {
   if (tone === "dp-good") quiet = setTimeout(() => (says.textContent = ""), 4000);
 }
 
+// A picture that has stopped moving looks like a rope that lies still.
+async function check() {
+  const reply = await fetch("/alive", { signal: AbortSignal.timeout(2000) }).catch(() => null);
+  document.getElementById("dp-lost").hidden = reply !== null && reply.ok;
+}
+
+setInterval(check, 2000);
 button.addEventListener("pointerdown", stop);
 // A click without a pointer comes from the keyboard or from assistive software.
 button.addEventListener("click", (event) => event.detail === 0 && stop());

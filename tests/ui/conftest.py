@@ -1,0 +1,99 @@
+"""A console that is being served, and a browser to look at it with."""
+
+import os
+import shutil
+import threading
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+
+import anyio
+import pytest
+from anyio.from_thread import start_blocking_portal
+from playwright.sync_api import Page, sync_playwright
+
+from app.ui import Console, open_console
+from app.ui.desk import Request
+from tests.ui import synthetic
+
+BROWSERS = ("chromium", "chromium-browser", "google-chrome")
+FLAGS = [
+    "--no-sandbox",
+    "--use-angle=swiftshader",
+    "--enable-unsafe-swiftshader",
+    "--disable-gpu",
+    "--disable-quic",
+    "--no-first-run",
+    "--disable-background-networking",
+    "--disable-component-update",
+    "--disable-sync",
+]
+
+
+@dataclass
+class Served:
+    """A console on a free port, whose program runs in another thread; what was asked of it, and whether it stopped."""
+
+    console: Console
+    stopped: threading.Event = field(default_factory=threading.Event)
+    requests: list[Request] = field(default_factory=list)
+    heard: threading.Semaphore = field(default_factory=lambda: threading.Semaphore(0))
+
+    def next_request(self) -> Request:
+        """The next request that has not been taken yet."""
+        assert self.heard.acquire(timeout=20), "The console sent no request."
+        return self.requests.pop(0)
+
+
+@pytest.fixture
+def served() -> Iterator[Served]:
+    stopped = threading.Event()
+    with start_blocking_portal("asyncio") as portal:
+        opening = open_console(host="127.0.0.1", port=0, title="dipac rope_push", simulated=True, stop=stopped.set)
+        with portal.wrap_async_context_manager(opening) as console:
+            served = Served(console=console, stopped=stopped)
+
+            async def listen() -> None:
+                async for request in console.requests():
+                    served.requests.append(request)
+                    served.heard.release()
+
+            async def report() -> None:
+                while True:
+                    console.show(synthetic.health())
+                    await anyio.sleep(0.5)
+
+            tasks = [portal.start_task_soon(task) for task in (listen, report)]
+            yield served
+            for task in tasks:
+                task.cancel()
+
+
+def chromium() -> str | None:
+    """Where Chromium is: in $DIPAC_CHROMIUM or on the path."""
+    return os.environ.get("DIPAC_CHROMIUM") or next(filter(None, map(shutil.which, BROWSERS)), None)
+
+
+@pytest.fixture
+def browser_page(tmp_path) -> Iterator[Page]:
+    """A page in a fresh headless Chromium. At the end the test fails where the page reported an error or asked any
+    other machine for anything. Name it after the fixture that serves, so that it is closed before the server is.
+    """
+    executable = chromium()
+    if executable is None:
+        pytest.skip("Chromium is missing; install it (`apt-get install chromium`) or set DIPAC_CHROMIUM to its path.")
+    complaints: list[str] = []
+    with sync_playwright() as playwright:
+        context = playwright.chromium.launch_persistent_context(
+            tmp_path / "profile", executable_path=executable, args=FLAGS, viewport={"width": 1600, "height": 900}
+        )
+        page = context.new_page()
+        page.on("pageerror", lambda error: complaints.append(f"error: {error}"))
+        page.on("console", lambda said: complaints.append(said.text) if said.type == "error" else None)
+        page.on("request", lambda request: None if is_local(request.url) else complaints.append(request.url))
+        yield page
+        context.close()
+    assert complaints == []
+
+
+def is_local(url: str) -> bool:
+    return url.startswith(("http://127.0.0.1:", "ws://127.0.0.1:", "data:", "blob:"))

@@ -1,0 +1,101 @@
+"""The console in a real browser: what the operator sees, and what the buttons do."""
+
+import time
+from collections.abc import Callable
+
+import cv2
+import numpy as np
+import pytest
+from playwright.sync_api import Page, expect
+
+from app.core.messages import Decision, ResumeRequest, StopRequest
+from app.ui import palette
+from tests.ui import synthetic
+from tests.ui.conftest import Served
+
+pytestmark = pytest.mark.browser
+
+SECONDS = 1000
+APPROVE, REJECT, RESUME, STOP = "Approve this push", "Reject and plan again", "Resume", "STOP"
+
+
+def pixels(page: Page, colour: palette.Colour) -> int:
+    """How many pixels between the panels have about the hue of `colour`, in whatever light."""
+    image = cv2.imdecode(np.frombuffer(page.screenshot(), np.uint8), cv2.IMREAD_COLOR)[:, 340:1180]
+    hue = cv2.cvtColor(np.uint8([[colour[::-1]]]), cv2.COLOR_BGR2HSV)[0, 0, 0]
+    near = cv2.inRange(cv2.cvtColor(image, cv2.COLOR_BGR2HSV), (int(hue) - 6, 120, 80), (int(hue) + 6, 255, 255))
+    return int(np.count_nonzero(near))
+
+
+def wait_until(holds: Callable[[], bool]) -> None:
+    for _ in range(60):
+        if holds():
+            return
+        time.sleep(0.5)
+    raise AssertionError("It did not come about in 30 s.")
+
+
+def opened(page: Page, served: Served) -> Page:
+    for message in synthetic.scene():
+        served.console.show(message)
+    page.set_default_timeout(30 * SECONDS)
+    expect.set_options(timeout=30 * SECONDS)
+    page.goto(served.console.url)
+    expect(page.get_by_text("Waiting for your approval")).to_be_visible()
+    return page
+
+
+def test_the_operator_sees_the_cell_and_approves_exactly_the_plan_that_is_shown(
+    served: Served, browser_page: Page
+) -> None:
+    page = opened(browser_page, served)
+    expect(page.get_by_text("SIMULATED")).to_be_visible()
+    expect(page.get_by_text("41.3 mm")).to_be_visible()
+    expect(page.get_by_text("25.2 mm")).to_be_visible()
+    expect(page.get_by_text("compiled rollout and gradient in 11 s")).to_be_visible()
+    expect(page.locator("img[src^='blob:']")).to_have_count(2)
+    assert "token" not in page.url
+    wait_until(lambda: pixels(page, palette.OBSERVED) > 300 and pixels(page, palette.GOAL) > 300)
+
+    replacing = synthetic.proposal(synthetic.rope(0.4), seed=9)
+    served.console.show(replacing)
+    digest = replacing.motion.digest()
+    expect(page.get_by_text(digest[:12])).to_be_visible()
+    page.get_by_role("button", name=APPROVE).click()
+    decision = served.next_request()
+    assert isinstance(decision, Decision)
+    assert decision.approve
+    assert decision.digest == digest
+    assert decision.proposal_id == replacing.id
+    assert decision.operator == "client 0"
+    expect(page.get_by_role("button", name=APPROVE)).to_be_disabled()
+
+
+def test_a_rejection_carries_its_reason(served: Served, browser_page: Page) -> None:
+    page = opened(browser_page, served)
+    page.get_by_role("textbox").fill("too close to the edge")
+    page.get_by_role("button", name=REJECT).click()
+    decision = served.next_request()
+    assert isinstance(decision, Decision)
+    assert not decision.approve
+    assert decision.reason == "too close to the edge"
+
+
+def test_stop_reaches_the_arm_by_button_and_by_key_and_resume_asks_to_go_on(served: Served, browser_page: Page) -> None:
+    page = opened(browser_page, served)
+    page.get_by_role("button", name=STOP).click()
+    assert served.stopped.wait(10)
+    assert isinstance(served.next_request(), StopRequest)
+    expect(page.get_by_text("Stop delivered")).to_be_visible()
+    expect(page.get_by_role("button", name=APPROVE)).to_be_disabled()
+
+    page.get_by_role("button", name=RESUME).click()
+    assert isinstance(served.next_request(), ResumeRequest)
+    expect(page.get_by_role("button", name=RESUME)).to_be_hidden()
+    expect(page.get_by_role("button", name=APPROVE)).to_be_enabled()
+
+    served.stopped.clear()
+    page.get_by_role("textbox").focus()
+    page.keyboard.press("Escape")
+    assert served.stopped.wait(10)
+    assert isinstance(served.next_request(), StopRequest)
