@@ -51,7 +51,7 @@ test: setup ## everything that CI runs: lint, types, layering, tests, documentat
 	$(BIN)/ruff format --check .
 	$(BIN)/basedpyright
 	$(BIN)/lint-imports
-	$(BIN)/mkdocs build --strict --quiet
+	NO_MKDOCS_2_WARNING=1 $(BIN)/mkdocs build --strict
 	$(BIN)/pytest -m "not slow"
 
 check: test ## the same as test
