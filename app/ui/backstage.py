@@ -16,7 +16,7 @@ import sys
 import threading
 from collections.abc import Generator
 from contextlib import contextmanager, redirect_stdout, suppress
-from typing import TextIO, cast, final
+from typing import Protocol, TextIO, cast, final
 
 import viser
 from viser.infra import WebsockClientConnection
@@ -83,11 +83,19 @@ def _muted(thread: int) -> Generator[None]:
         yield
 
 
+class _Stream(Protocol):
+    """What is needed of standard output."""
+
+    def write(self, text: str, /) -> int:
+        """Write."""
+        ...
+
+
 @final
 class _Without:
     """A text stream that drops what one thread writes and passes everything else on."""
 
-    def __init__(self, thread: int, stream: TextIO) -> None:
+    def __init__(self, thread: int, stream: _Stream) -> None:
         self._thread = thread
         self._stream = stream
 
