@@ -26,7 +26,7 @@ class Box:
 
     def holds(self, points: Cloud) -> Keep:
         """Which points lie in it."""
-        return np.all((points >= np.float32(self.low)) & (points <= np.float32(self.high)), axis=1)
+        return np.all((points >= np.asarray(self.low)) & (points <= np.asarray(self.high)), axis=1)
 
     def __str__(self) -> str:
         sides = zip("xyz", self.low, self.high, strict=True)

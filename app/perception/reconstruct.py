@@ -18,6 +18,8 @@ from app.perception.segment import ColourRange, colour_mask
 _BODY_POINTS = 6000
 _POINTS_A_PARTICLE = 8
 """The body is that many points, or that many times the particles: more do not spread the particles better."""
+_TABLE = Box(low=(0.20, -0.40, -0.02), high=(0.90, 0.40, 0.20))
+"""What the cameras see of the table: the arm's workspace and 5 cm around it."""
 _NEIGHBOURS = 8
 _SPREAD = 3.0
 """A point of the surface is an outlier beyond so many standard deviations of the distance to so many neighbours."""
@@ -36,7 +38,7 @@ class Reconstruction:
 
     colour: ColourRange
     particle_count: int
-    box: Box = Box(low=(0.20, -0.40, -0.02), high=(0.90, 0.40, 0.20))
+    box: Box = _TABLE
     table_m: float = 0.0
     table_margin_m: float = 0.002
     underside: Underside = "round"

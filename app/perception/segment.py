@@ -3,6 +3,7 @@
 import colorsys
 from collections.abc import Iterator
 from dataclasses import dataclass
+from functools import reduce
 from typing import Self, TypeAlias, final
 
 import cv2
@@ -54,9 +55,7 @@ class ColourRange:
 def colour_mask(color: ColourImage, wanted: ColourRange) -> Mask:
     """The pixels whose colour lies in `wanted`, without single specks and with pinholes closed."""
     hsv = cv2.cvtColor(color, cv2.COLOR_RGB2HSV)
-    mask = np.zeros(color.shape[:2], np.uint8)
-    for low, high in _bounds(wanted):
-        mask |= cv2.inRange(hsv, low, high)
+    mask = reduce(cv2.bitwise_or, (cv2.inRange(hsv, low, high) for low, high in _bounds(wanted)))
     cross = cv2.getStructuringElement(cv2.MORPH_CROSS, (3, 3))
     mask = cv2.morphologyEx(mask, cv2.MORPH_OPEN, cross)
     mask = cv2.morphologyEx(mask, cv2.MORPH_CLOSE, cross)

@@ -2,7 +2,8 @@
 
 import pytest
 
-from tests.perception.scene import Tube, random_tube
+from bench.tube import Tube
+from tests.perception.scene import random_tube
 
 
 @pytest.fixture(scope="package")

@@ -1,11 +1,10 @@
-"""An analytic scene to test perception on, independent of the rig's: a tube on a table, ray-cast, with a sensor's flaws.
+"""An analytic scene to test perception on, independent of the rig's: a tube on a table and a flawed sensor.
 
 The truth is known in closed form: the points within the radius of a polyline.
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
-from typing import final
+from dataclasses import replace
 
 import cv2
 import numpy as np
@@ -14,6 +13,7 @@ from app.config import Workspace
 from app.core.messages import CameraModel, Frame, fresh_id
 from app.core.native import load_open3d
 from app.tasks.curves import random_curve
+from bench.tube import Tube
 
 RADIUS_M = 0.008
 ROPE_RGB = (0.80, 0.25, 0.15)
@@ -22,39 +22,11 @@ FINGER_RGB = (0.15, 0.15, 0.18)
 _TABLE, _ROPE, _FINGER, _NOTHING = 0, 1, 2, 3
 
 
-@final
-@dataclass(frozen=True, kw_only=True, eq=False)
-class Tube:
-    """All points within `radius_m` of the polyline `curve (P, 3)`."""
-
-    curve: np.ndarray
-    radius_m: float = RADIUS_M
-
-    def distance_to_axis(self, points: np.ndarray) -> np.ndarray:
-        """Distance [m] of each point to the polyline, shape (M,)."""
-        start, along = self.curve[:-1], np.diff(self.curve, axis=0)
-        offset = points[:, None] - start
-        share = np.clip((offset * along).sum(-1) / (along**2).sum(-1), 0, 1)
-        return np.linalg.norm(offset - share[..., None] * along, axis=-1).min(axis=1)
-
-    def outside(self, points: np.ndarray) -> np.ndarray:
-        """How far each point lies outside the tube [m]; 0 inside."""
-        return np.maximum(self.distance_to_axis(points) - self.radius_m, 0)
-
-    def samples(self, count: int, rng: np.random.Generator) -> np.ndarray:
-        """Points uniform in the tube's volume (count, 3)."""
-        low, high = self.curve.min(axis=0) - self.radius_m, self.curve.max(axis=0) + self.radius_m
-        found: list[np.ndarray] = []
-        while sum(map(len, found)) < count:
-            points = rng.uniform(low, high, (20 * count, 3))
-            found.append(points[self.distance_to_axis(points) <= self.radius_m])
-        return np.concatenate(found)[:count]
-
-
 def random_tube(seed: int, length_m: float = 0.40) -> Tube:
     """A tube resting on the table along a random curve."""
     rng = np.random.default_rng(seed)
-    return Tube(curve=random_curve(rng, length_m=length_m, height_m=RADIUS_M, workspace=Workspace()))
+    curve = random_curve(rng, length_m=length_m, height_m=RADIUS_M, workspace=Workspace())
+    return Tube(curve=curve, radius_m=RADIUS_M)
 
 
 def camera_at(

@@ -35,9 +35,9 @@ def test_a_tube_is_recovered(radius_m, noise_m):
     assert solid.volume_m3 == pytest.approx(np.pi * radius_m**2 * 0.2, rel=0.12)
     assert body[:, 2].mean() == pytest.approx(radius_m, abs=0.0004)
     assert body[:, 1].mean() == pytest.approx(0, abs=0.0004)
-    # A disc's variance about each diameter is a quarter of its squared radius.
-    assert body[:, 1].std() == pytest.approx(radius_m / 2, rel=0.10)
-    assert body[:, 2].std() == pytest.approx(radius_m / 2, rel=0.10)
+    # A disc's variance about each diameter is a quarter of its squared radius; noise widens the outline.
+    assert body[:, 1].std() == pytest.approx(radius_m / 2, abs=0.05 * radius_m + noise_m)
+    assert body[:, 2].std() == pytest.approx(radius_m / 2, abs=0.05 * radius_m + noise_m)
     outside = np.maximum(np.hypot(body[:, 1], body[:, 2] - radius_m) - radius_m, 0)
     assert outside.mean() < 0.0003
 
@@ -85,14 +85,14 @@ def test_where_the_object_lies_makes_no_difference(angle, x, y, table_m):
     np.testing.assert_allclose(points_inside(there, 0.002).mean(axis=0, keepdims=True), expected, atol=6e-4)
 
 
-@given(spacing_m=st.floats(0.001, 0.006))
+@given(spacing_m=st.floats(0.001, 0.003))
 def test_points_fill_the_solid_evenly(spacing_m):
     solid = round_solid(seen_tube(np.random.default_rng(5), radius_m=0.008, length_m=0.1))
     points = points_inside(solid, spacing_m)
     assert len(points) == pytest.approx(solid.volume_m3 / spacing_m**3, rel=0.12)
     x = points[:, 0]
     left, right = (np.count_nonzero(half) for half in (x < 0.05, x >= 0.05))
-    assert left == pytest.approx(right, rel=0.35 if spacing_m > 0.003 else 0.1)
+    assert left == pytest.approx(right, rel=0.1)
     assert points[:, 2].min() >= 0
     assert points[:, 2].max() <= solid.top.max()
 
