@@ -41,9 +41,10 @@ class Score:
     """One reconstruction against the truth; distances in mm.
 
     `out`: from the particles to the rope, mean and 95th percentile. `back`: from the rope's volume to the nearest
-    particle's centre, and `ideal`: its mean if as many particles filled the true rope evenly, which is the least
-    possible; `uncovered`: to the nearest of the balls that the particles' equal shares of the volume make. `height`: of the particles' centroid
-    over the rope's; `radius`: of the filled body's cross-section over the rope's; `volume`: relative to the rope's.
+    particle's centre, and `ideal`: its mean where as many particles fill the true rope by the same method, so that
+    count alone keeps them apart. `uncovered`: to the nearest of the balls that the particles' equal shares of the
+    volume make. `height`: of the particles' centroid over the rope's; `radius`: of the filled body's cross-section over
+    the rope's; `volume`: relative to the rope's.
     """
 
     out: tuple[float, float]
