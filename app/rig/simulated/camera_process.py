@@ -36,15 +36,17 @@ def run_cameras(
 ) -> None:
     """The body of the process: expose until closed or until `parent` is gone.
 
-    Images are dated with the moment of the world that they show. Too slow a machine gives fewer images, never old ones.
+    Images are dated with the moment of the world that they show. Too slow a machine gives fewer images, never old ones,
+    and a world that stands still in time gives none.
     """
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     os.nice(_NICENESS)
     rng = np.random.default_rng(seed)
-    due = time.monotonic()
+    due, shown_s = time.monotonic(), -np.inf
     while not arm.closing.value and os.getppid() == parent:
         snapshot = newest_snapshot(snapshots)
-        if snapshot is not None:
+        if snapshot is not None and snapshot.time_s > shown_s:
+            shown_s = snapshot.time_s
             for camera in cameras:
                 color, depth = render(snapshot, camera, rng, rope=rope, finger=finger)
                 images[camera.name].append(time_s=snapshot.time_s, color=color, depth=depth)

@@ -3,6 +3,7 @@
 import os
 from collections.abc import AsyncGenerator, Callable, Sequence
 from contextlib import AbstractAsyncContextManager, asynccontextmanager
+from dataclasses import dataclass
 from multiprocessing.process import BaseProcess
 from typing import final
 
@@ -79,39 +80,89 @@ def simulated_rig(
     Raises DeviceError on entry where a process does not come up. All processes have ended when it is left, and end by
     themselves when the application is killed.
     """
-    return _opened(rope, finger, centreline, site, seed, physics or WorldPhysics(), cameras or table_cameras())
+    scene = _Scene(
+        rope=rope,
+        finger=finger,
+        centreline=centreline,
+        physics=physics or WorldPhysics(),
+        cameras=cameras or table_cameras(),
+        seed=seed,
+    )
+    return _opened(scene, site)
+
+
+@final
+@dataclass(frozen=True, kw_only=True, eq=False)
+class _Scene:
+    """What is to be simulated."""
+
+    rope: Rope
+    finger: Finger
+    centreline: Centreline
+    physics: WorldPhysics
+    cameras: tuple[CameraModel, ...]
+    seed: int
+
+
+@final
+class _Processes:
+    """The rig's processes and the memory that they share with the application. Making and ending them blocks."""
+
+    def __init__(self, scene: _Scene, site: Site) -> None:
+        timing, parent = site.timing, os.getpid()
+        self.memory, self.snapshots = ArmMemory(), snapshot_ring(scene.physics)
+        self.images = {camera.name: image_ring(camera) for camera in scene.cameras}
+        self.arm = _process("arm", run_arm, self.memory, site, np.array(HOME_TOOL_M), parent)
+        self.world = _process(
+            "world",
+            run_world,
+            *(self.memory, self.snapshots, scene.rope, scene.finger, scene.centreline, scene.physics),
+            *(timing.arm_period_s, parent),
+        )
+        self.eyes = _process(
+            "cameras",
+            run_cameras,
+            *(self.memory, self.snapshots, self.images, scene.cameras, scene.rope, scene.finger),
+            *(timing.camera_period_s, scene.seed, parent),
+        )
+        self.all = (self.arm, self.world, self.eyes)
+
+    def start(self) -> None:
+        """Start every process."""
+        for process in self.all:
+            process.start()
+
+    def end(self) -> None:
+        """Tell the processes to close and wait for them; end those that do not."""
+        self.memory.closing.value = 1
+        for process in self.all:
+            if process.pid is None:
+                continue
+            process.join(_CLOSE_S)
+            if process.is_alive():
+                process.kill()
+                process.join()
+
+    @property
+    def rings(self) -> Sequence[Ring]:
+        """What has a record each once all is up."""
+        return (self.memory.states, self.snapshots, *self.images.values())
 
 
 @asynccontextmanager
-async def _opened(
-    rope: Rope,
-    finger: Finger,
-    centreline: Centreline,
-    site: Site,
-    seed: int,
-    physics: WorldPhysics,
-    models: tuple[CameraModel, ...],
-) -> AsyncGenerator[SimulatedRig]:
-    memory, snapshots, parent, timing = ArmMemory(), snapshot_ring(physics), os.getpid(), site.timing
-    images = {model.name: image_ring(model) for model in models}
-    arm = _process("arm", run_arm, memory, site, np.array(HOME_TOOL_M), parent)
-    world = _process(
-        "world", run_world, memory, snapshots, rope, finger, centreline, physics, timing.arm_period_s, parent
-    )
-    eyes = _process(
-        "cameras", run_cameras, memory, snapshots, images, models, rope, finger, timing.camera_period_s, seed, parent
-    )
-    processes = (arm, world, eyes)
+async def _opened(scene: _Scene, site: Site) -> AsyncGenerator[SimulatedRig]:
+    processes = await to_thread.run_sync(_Processes, scene, site)
     try:
-        for process in processes:
-            await to_thread.run_sync(process.start)
-        await _ready(processes, (memory.states, snapshots, *images.values()))
-        cameras = [SimulatedCamera(model, images[model.name], eyes, world, timing) for model in models]
-        yield SimulatedRig(SimulatedArm(memory, arm, site), cameras, snapshots)
+        await to_thread.run_sync(processes.start)
+        await _ready(processes.all, processes.rings)
+        cameras = [
+            SimulatedCamera(model, processes.images[model.name], processes.eyes, processes.world, site.timing)
+            for model in scene.cameras
+        ]
+        yield SimulatedRig(SimulatedArm(processes.memory, processes.arm, site), cameras, processes.snapshots)
     finally:
-        memory.closing.value = 1
         with anyio.CancelScope(shield=True):
-            await to_thread.run_sync(_end, processes)
+            await to_thread.run_sync(processes.end)
 
 
 def _process(name: str, body: Callable[..., None], *arguments: object) -> BaseProcess:
@@ -131,14 +182,3 @@ async def _ready(processes: Sequence[BaseProcess], rings: Sequence[Ring]) -> Non
             await anyio.sleep(_POLL_S)
         return
     raise DeviceError(f"The simulated rig did not come up in {_START_S:.0f} s; the machine may be overloaded.")
-
-
-def _end(processes: Sequence[BaseProcess]) -> None:
-    """Wait for the processes, which have been told to close; end those that do not."""
-    for process in processes:
-        if process.pid is None:
-            continue
-        process.join(_CLOSE_S)
-        if process.is_alive():
-            process.kill()
-            process.join()

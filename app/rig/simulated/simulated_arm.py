@@ -1,5 +1,6 @@
 """The arm of the simulated rig, as the application sees it. Nothing here waits for the arm's process."""
 
+import dataclasses
 import time
 from multiprocessing.process import BaseProcess
 from typing import Any, Literal, final
@@ -10,7 +11,7 @@ from jaxtyping import Float64
 
 from app.config import Site
 from app.core.approval import Approved
-from app.core.errors import DeviceError, MotionRefused
+from app.core.errors import ApprovalRefused, DeviceError, MotionRefused
 from app.core.messages import ArmState, Executed, MessageId, Motion, fresh_id
 from app.core.types import Poses
 from app.rig.simulated.arm_model import solve_joints
@@ -90,8 +91,11 @@ class SimulatedArm:
 
     def _check_leave(self, approved: Approved) -> None:
         """Raise MotionRefused where this is no leave for a motion now."""
-        if not isinstance(approved, Approved):  # pyright: ignore[reportUnnecessaryIsInstance]
-            raise MotionRefused("Only a motion approved by the approval gate is executed.")
+        try:
+            # Made anew, it checks its seal and digest again.
+            dataclasses.replace(approved)
+        except ApprovalRefused as refusal:
+            raise MotionRefused(str(refusal)) from None
         if self._busy:
             raise MotionRefused("The arm is making another motion; wait for its end.")
         if approved.id in self._used:

@@ -1,0 +1,228 @@
+"""What every rig does, tested through the ports alone: a new rig is one more entry in `RIGS`.
+
+One rig serves the whole file, as it serves a whole episode; each test leaves the arm ready for the next.
+"""
+
+import copy
+import dataclasses
+import time
+from collections.abc import AsyncIterator, Callable
+from contextlib import AbstractAsyncContextManager
+
+import anyio
+import numpy as np
+import pytest
+
+from app.config import Site
+from app.core.errors import MotionRefused
+from app.core.messages import ArmMode, Executed, Motion
+from app.core.ports import Arm, Rig
+from app.rig.simulated.rig import simulated_rig
+from tests.rig.scene import FINGER, PUSH_Z, ROPE, approved, push, straight_rope
+
+# A low travel height and a short way between motions keep this file quick.
+SITE = dataclasses.replace(Site(), travel_height_m=0.04)
+LONG = push((0.40, -0.25), (0.40, 0.25), 0.25)
+
+pytestmark = pytest.mark.anyio
+
+
+def _simulated() -> AbstractAsyncContextManager[Rig]:
+    return simulated_rig(rope=ROPE, finger=FINGER, centreline=straight_rope(0.6), site=SITE, seed=0)
+
+
+RIGS: dict[str, Callable[[], AbstractAsyncContextManager[Rig]]] = {"simulated": _simulated}
+
+
+@pytest.fixture(scope="module")
+def anyio_backend() -> str:
+    return "asyncio"
+
+
+@pytest.fixture(scope="module", params=RIGS.values(), ids=RIGS.keys())
+async def rig(request: pytest.FixtureRequest, anyio_backend: str) -> AsyncIterator[Rig]:
+    async with request.param() as opened:
+        yield opened
+
+
+@pytest.fixture
+async def arm(rig: Rig) -> Arm:
+    """The arm, lifted of any stop."""
+    await rig.arm.reset()
+    return rig.arm
+
+
+async def moving(arm: Arm, motion: Motion, meanwhile: Callable[[], None], after_s: float = 0.8) -> Executed:
+    """Execute `motion` and call `meanwhile` once it has been under way for `after_s`."""
+    result: list[Executed] = []
+
+    async def execute() -> None:
+        result.append(await arm.execute(approved(motion)))
+
+    async with anyio.create_task_group() as tasks:
+        tasks.start_soon(execute)
+        await anyio.sleep(after_s)
+        assert (await arm.state()).mode == "moving"
+        meanwhile()
+    return result[0]
+
+
+async def until(arm: Arm, *modes: ArmMode) -> np.ndarray:
+    """Where the tool is, once the arm is in one of `modes`."""
+    with anyio.fail_after(5):
+        while True:
+            state = await arm.state()
+            if state.mode in modes:
+                return state.pose[:3]
+            await anyio.sleep(0.01)
+
+
+async def test_it_has_a_name_two_cameras_or_more_and_an_idle_arm(rig: Rig, arm: Arm) -> None:
+    assert rig.name
+    assert len({camera.model.name for camera in rig.cameras}) == len(rig.cameras) >= 2
+    assert (await arm.state()).mode == "idle"
+
+
+async def test_the_state_is_fresh_and_whole(arm: Arm) -> None:
+    before = time.monotonic()
+    await anyio.sleep(5 * SITE.timing.arm_period_s)
+    state = await arm.state()
+    assert before < state.time_s <= time.monotonic()
+    assert np.all(np.isfinite([*state.pose, *state.velocity, *state.joints, state.gripper, state.period_s]))
+    assert np.isclose(np.linalg.norm(state.pose[3:]), 1.0)
+    assert state.period_s > 0
+
+
+async def test_a_motion_is_made_from_its_first_position_to_its_last(arm: Arm) -> None:
+    motion = push((0.36, 0.10), (0.42, 0.12), 0.2)
+    leave = approved(motion)
+    executed = await arm.execute(leave)
+    assert (executed.outcome, executed.approved_id, executed.cause) == ("completed", leave.id, (leave.id,))
+    lowest = executed.measured[executed.measured[:, 2] < PUSH_Z + 5e-4, :3]
+    assert np.linalg.norm(lowest[0] - motion.positions[0]) < 3e-3
+    assert np.linalg.norm(executed.measured[:, :3] - motion.positions[-1], axis=1).min() < 1e-3
+    # It lifts straight up from the last position.
+    assert np.linalg.norm(executed.measured[-1, :2] - motion.positions[-1, :2]) < 1e-3
+    assert np.linalg.norm(await until(arm, "idle", "stopped") - executed.measured[-1, :3]) < 1e-3
+
+
+async def test_the_log_of_a_motion_is_dated_in_order_and_within_the_limits(arm: Arm) -> None:
+    start = time.monotonic()
+    executed = await arm.execute(approved(push((0.40, 0.0), (0.45, 0.05), 0.15)))
+    steps = np.diff(executed.times_s)
+    assert start - SITE.timing.arm_period_s < executed.times_s[0] < executed.times_s[-1] <= time.monotonic()
+    assert np.all(steps > 0)
+    assert executed.commanded.shape == executed.measured.shape == (len(executed.times_s), 7)
+    # A tick that comes late covers its whole time, so speed is judged over ten.
+    gone = np.linalg.norm(executed.measured[10:, :3] - executed.measured[:-10, :3], axis=1)
+    assert np.max(gone / (executed.times_s[10:] - executed.times_s[:-10])) < SITE.limits.speed_m_s * 1.1
+    assert SITE.limits.workspace.contains(executed.commanded[:, :3])
+
+
+@pytest.mark.parametrize(
+    "refused",
+    [
+        push((0.5, 0.0), (0.95, 0.0)),
+        push((0.5, 0.0), (0.6, 0.0), SITE.limits.speed_m_s * 1.2),
+        push((0.5, 0.0), (np.nan, 0.0)),
+    ],
+    ids=["outside the workspace", "over the speed limit", "not finite"],
+)
+async def test_a_motion_beyond_the_limits_is_refused_before_anything_moves(arm: Arm, refused: Motion) -> None:
+    before = (await arm.state()).pose
+    with pytest.raises(MotionRefused) as refusal:
+        await arm.execute(approved(refused))
+    assert len(str(refusal.value)) > 20, "it says why"
+    await anyio.sleep(0.1)
+    state = await arm.state()
+    assert state.mode == "idle"
+    assert np.linalg.norm(state.pose - before) < 1e-4
+
+
+async def test_a_motion_that_was_altered_after_its_approval_is_refused(arm: Arm) -> None:
+    before = (await arm.state()).pose
+    leave = approved(push((0.40, 0.0), (0.50, 0.0)))
+    leave.motion.positions[1, 1] += 0.01
+    with pytest.raises(MotionRefused, match="approved"):
+        await arm.execute(leave)
+    await anyio.sleep(0.1)
+    assert np.linalg.norm((await arm.state()).pose - before) < 1e-4
+
+
+async def test_an_approval_with_a_forged_seal_is_refused(arm: Arm) -> None:
+    forged = copy.copy(approved(LONG))
+    object.__setattr__(forged, "seal", "0" * len(forged.seal))
+    with pytest.raises(MotionRefused, match="gate"):
+        await arm.execute(forged)
+    assert (await arm.state()).mode == "idle"
+
+
+async def test_an_approval_is_good_for_one_motion(arm: Arm) -> None:
+    leave = approved(push((0.40, 0.0), (0.41, 0.0)))
+    assert (await arm.execute(leave)).outcome == "completed"
+    with pytest.raises(MotionRefused, match="used"):
+        await arm.execute(leave)
+
+
+async def test_a_stop_in_the_middle_ends_the_motion_there_and_holds_until_reset(arm: Arm) -> None:
+    executed = await moving(arm, LONG, arm.stop)
+    assert executed.outcome == "stopped"
+    assert "STOP" in executed.reason
+    rest = await until(arm, "idle", "stopped")
+    with pytest.raises(MotionRefused):
+        await arm.execute(approved(LONG))
+    assert (await arm.state()).mode == "stopped"
+    assert np.linalg.norm(await until(arm, "idle", "stopped") - rest) < 1e-4
+    await arm.reset()
+    assert (await arm.state()).mode == "idle"
+    assert (await arm.execute(approved(push(tuple(rest[:2]), (0.40, 0.0))))).outcome == "completed"
+
+
+async def test_a_stop_works_from_any_thread_and_while_idle(arm: Arm) -> None:
+    await anyio.to_thread.run_sync(arm.stop)
+    await until(arm, "stopped")
+    with pytest.raises(MotionRefused):
+        await arm.execute(approved(LONG))
+
+
+async def test_the_watchdog_stops_the_arm_when_the_event_loop_hangs(arm: Arm) -> None:
+    executed = await moving(arm, LONG, lambda: time.sleep(0.5))
+    assert executed.outcome == "stopped"
+    assert "Watchdog" in executed.reason
+    assert (await arm.state()).mode == "stopped"
+    with pytest.raises(MotionRefused):
+        await arm.execute(approved(LONG))
+
+
+async def test_a_motion_whose_watcher_is_cancelled_stops(arm: Arm) -> None:
+    with anyio.move_on_after(0.8) as scope:
+        await arm.execute(approved(LONG))
+    assert scope.cancelled_caught
+    await until(arm, "stopped")
+
+
+async def test_frames_are_dated_and_each_is_newer_than_the_one_before(rig: Rig) -> None:
+    for camera in rig.cameras:
+        frames = [await camera.read() for _ in range(3)]
+        times = [frame.time_s for frame in frames]
+        assert times == sorted(set(times))
+        assert 0 < time.monotonic() - times[-1] < SITE.timing.camera_timeout_s
+        assert len({frame.id for frame in frames}) == 3
+        for frame in frames:
+            assert frame.camera is camera.model
+            assert frame.color.shape == (camera.model.height, camera.model.width, 3)
+            assert frame.depth.shape == (camera.model.height, camera.model.width)
+
+
+async def test_the_table_in_the_depth_image_is_where_the_camera_model_has_it(rig: Rig) -> None:
+    """Most of the image is table: the median pixel's height is that of the table within the noise."""
+    for camera in rig.cameras:
+        frame, model = await camera.read(), camera.model
+        v, u = np.nonzero(frame.depth)
+        rays = np.stack([u, v, np.ones_like(u)], axis=-1) @ np.linalg.inv(model.K).T
+        seen = rays * (frame.depth[v, u] * model.depth_unit_m)[:, None]
+        heights = (seen @ model.T_world_camera[:3, :3].T + model.T_world_camera[:3, 3])[:, 2]
+        on_table = np.abs(heights) < 0.01
+        assert on_table.mean() > 0.5
+        assert abs(np.median(heights[on_table])) < 5e-4
+        assert heights[on_table].std() < 3e-3
