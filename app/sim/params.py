@@ -19,7 +19,7 @@ NOMINAL_PHYSICS = (
         unit="Pa",
         nominal=2.0e4,
         low=1.0e3,
-        high=5.0e4,
+        high=1.0e5,
         scale="log",
         about="Young's modulus of the object; for a rope it stands for its resistance to bending.",
     ),

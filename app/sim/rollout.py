@@ -22,8 +22,8 @@ Kept: TypeAlias = tuple[jax.Array, tuple[jax.Array, ...], jax.Array, jax.Array]
 class Simulate(Protocol):
     """x' = f(x, u; phi) for B candidates, each with its own parameters, state and tool path."""
 
-    def __call__(self, phi: Float[jax.Array, "B P"], state: State, tool: Float[jax.Array, "B S+1 3"]) -> State:
-        """The state after S substeps, with the finger's tip at `tool[:, s]` [m] at the boundaries of the substeps.
+    def __call__(self, phi: Float[jax.Array, "B P"], state: State, tool: Float[jax.Array, "B T 3"]) -> State:
+        """The state after T - 1 substeps, with the finger's tip at `tool[:, s]` [m] at their boundaries.
 
         Differentiable once, in reverse mode, with respect to all three. A candidate with a non-finite input, or a
         particle that leaves the grid, becomes NaN throughout, and so does its gradient; the others are not touched.
@@ -62,7 +62,7 @@ def make_rollout(
 
     rollout.defvjp(rollout_forward, rollout_backward)
 
-    def simulate(phi: Float[jax.Array, "B P"], state: State, tool: Float[jax.Array, "B S+1 3"]) -> State:
+    def simulate(phi: Float[jax.Array, "B P"], state: State, tool: Float[jax.Array, "B T 3"]) -> State:
         _require_shapes(phi, state, tool, (parameter_count, particle_count))
         return rollout(*jax.tree.map(_float32, (phi, state, tool)))
 
