@@ -44,7 +44,7 @@ class Timing:
     arm_period_s: float = 0.010
     watchdog_s: float = 0.200
     keepalive_s: float = 0.040
-    camera_period_s: float = 0.25
+    camera_period_s: float = 0.5
     camera_timeout_s: float = 5.0
     settle_s: float = 0.6
     plan_max_age_s: float = 300.0
@@ -61,7 +61,7 @@ class Site:
     timing: Timing = field(default_factory=Timing)
     travel_height_m: float = 0.12
     recordings: Path = Path("recordings")
-    min_free_bytes: int = 500_000_000
+    min_free_bytes: int = 2_000_000_000
     console_host: str = "127.0.0.1"
     console_port: int = 8088
 

@@ -77,6 +77,7 @@ class Summary:
     reconstruction_latency_s: list[float] = field(default_factory=list[float])
     faults: list[str] = field(default_factory=list[str])
     first_push_s: float | None = None
+    said: int = 0
 
     def began_moving(self, since_start_s: float) -> None:
         """Note when the first push began."""
@@ -122,7 +123,7 @@ class Flow:
         self.proposals = Latest[Proposal]("proposals")
         self.transitions = Lossless[Transition]("transitions", bound=100)
         self.decisions = Lossless[Decision]("decisions", bound=100)
-        self.log = Lossless[Message]("log", bound=5000)
+        self.log = Lossless[Message]("log", bound=500)
         self.doing = "starting"
         self._doing_since_s = clock.now()
         self._may_move = anyio.Event()
@@ -420,6 +421,7 @@ class Flow:
         """To the operator and into the log; returns the message."""
         self.operator.show(message)
         self.log.put_nowait(message)
+        self.summary.said += 1
         return message
 
     def notice(self, where: str, text: str) -> None:

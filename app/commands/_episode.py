@@ -77,12 +77,17 @@ class Order:
 @final
 @dataclass(frozen=True, kw_only=True)
 class Report:
-    """What came of it. `failure` is the error that ended the episode before its time, if one did."""
+    """What came of it.
+
+    `recorded` counts the messages in the recording; `failure` is the error that ended the episode before its time, if
+    one did.
+    """
 
     order: Order
     rig: str
     summary: Summary
     recording: Path
+    recorded: int
     failure: DipacError | None
 
     def to_json(self) -> str:
@@ -93,6 +98,7 @@ class Report:
             "rig": self.rig,
             "faults": [*self.summary.faults, *([str(self.failure)] if self.failure else [])],
             "recording": str(self.recording),
+            "recorded": self.recorded,
         }
         return json.dumps(row, indent=2)
 
@@ -130,7 +136,14 @@ async def episode(order: Order, output: TerminalOutput) -> Report:
                 audience = Audience(console, terminal)
                 audience.show(start)
                 summary, failure = await _run(wish, site, rig, audience, recorder, planner)
-    return Report(order=order, rig=rig.name, summary=summary, recording=recorder.path, failure=failure)
+    return Report(
+        order=order,
+        rig=rig.name,
+        summary=summary,
+        recording=recorder.path,
+        recorded=recorder.written,
+        failure=failure,
+    )
 
 
 async def _run(

@@ -8,6 +8,8 @@ from rich.status import Status
 
 from app.core.messages import Fault, Health, Message, Notice, Outcome
 
+_HEADER = "push   distance to goal    predicted   cost/1e-3 m2, descent     plan   model"
+
 
 @final
 class Terminal:
@@ -64,8 +66,8 @@ def outcome_line(outcome: Outcome) -> str:
     chamfers_m2 = (outcome.chamfer_before_m2, outcome.chamfer_after_m2, outcome.predicted_chamfer_m2)
     before, after, predicted = map(millimetres, chamfers_m2)
     return (
-        f"{outcome.index:4d}   {before:9.1f} mm -> {after:6.1f} mm ({predicted:5.1f} mm)   "
-        f"{outcome.cost_before * 1e3:8.2f} -> {outcome.cost_after * 1e3:6.2f} e-3  {outcome.plan_s:4.1f} s   "
+        f"{outcome.index:4d}   {before:7.1f} -> {after:5.1f} mm   {predicted:6.1f} mm   "
+        f"{1e3 * outcome.cost_before:7.2f} -> {1e3 * outcome.cost_after:6.2f}   {outcome.plan_s:5.1f} s   "
         f"v{outcome.model_version}"
     )
 

@@ -1,0 +1,118 @@
+"""The whole cell, from camera images to executed pushes: ten seeds of `dipac run`, each a process of its own.
+
+`python -m bench.cell --seeds 10 -o DIR` keeps one JSON file and one recording a seed in DIR and goes on where it was
+interrupted.
+"""
+
+import argparse
+import json
+import subprocess
+import sys
+from pathlib import Path
+from statistics import median
+from typing import Any
+
+import numpy as np
+from rich.console import Console
+from rich.table import Table
+
+from app.core.messages import ArmState
+from app.recording.reader import read_messages
+
+_DEADLINE_S = 1800
+_OPENING = 1
+"""The recorder itself writes the episode's opening message."""
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--seeds", type=int, default=10)
+    parser.add_argument("--pushes", type=int, default=10)
+    parser.add_argument("-o", "--output", type=Path, default=Path(".cache/bench-cell"))
+    options, _ = parser.parse_known_args()
+    options.output.mkdir(parents=True, exist_ok=True)
+    rows = [_episode(seed, options.pushes, options.output) for seed in range(options.seeds)]
+    _print(rows)
+
+
+def _episode(seed: int, pushes: int, folder: Path) -> dict[str, Any]:
+    """The outcome of one seed; run unless it is there."""
+    outcome = folder / f"seed{seed}.json"
+    if not outcome.exists():
+        print(f"seed {seed} ...", flush=True)
+        subprocess.run(
+            [
+                *(sys.executable, "-m", "app", "run", "rope_push", "--preset", "cpu", "--port", "0"),
+                *("--seed", str(seed), "--pushes", str(pushes), "--json", str(outcome), "--recordings", str(folder)),
+            ],
+            check=False,
+            timeout=_DEADLINE_S,
+        )
+    return json.loads(outcome.read_text()) | _arm_periods(folder, outcome)
+
+
+def _arm_periods(folder: Path, outcome: Path) -> dict[str, list[float]]:
+    """The longest control period of the arm in every reporting period of the episode [s]."""
+    recording = Path(json.loads(outcome.read_text())["recording"])
+    states = read_messages(recording if recording.exists() else folder / recording.name, [ArmState])
+    return {"arm_period_s": [state.period_s for state in states if isinstance(state, ArmState)]}
+
+
+def _print(rows: list[dict[str, Any]]) -> None:
+    output = Console(width=120)
+    table = Table(
+        "seed", "pushes", "Chamfer start", "end [mm]", "end/start", "decision [s]", "descent", "first push", "faults"
+    )
+    for row in rows:
+        chamfer = row["chamfer_m2"]
+        better = [after < before for before, after in zip(row["cost_before"], row["cost_after"], strict=True)]
+        table.add_row(
+            str(row["seed"]),
+            str(len(chamfer) - 1),
+            f"{_mm(chamfer[0]):.1f}",
+            f"{_mm(chamfer[-1]):.1f}",
+            f"{chamfer[-1] / chamfer[0]:.2f}",
+            f"{median(row['decision_s']):.1f} / {max(row['decision_s']):.1f}",
+            f"{sum(better)}/{len(better)}",
+            f"{row['first_push_s']:.0f} s",
+            str(len(row["faults"])),
+        )
+    output.print(table)
+    ratios = [row["chamfer_m2"][-1] / row["chamfer_m2"][0] for row in rows]
+    decisions = _all(rows, "decision_s")
+    descents = [a < b for row in rows for b, a in zip(row["cost_before"], row["cost_after"], strict=True)]
+    measures = Table("measure", "value")
+    for name, value in (
+        ("median final/initial Chamfer", f"{median(ratios):.3f}"),
+        ("episodes that improved", f"{sum(r < 1 for r in ratios)} of {len(rows)}"),
+        ("episodes without a fault", f"{sum(not row['faults'] for row in rows)} of {len(rows)}"),
+        ("decisions with cost after descent below before", f"{sum(descents)} of {len(descents)}"),
+        ("decision, median / p99 / longest", _spread(decisions, 1.0, "s")),
+        ("first push, longest", f"{max(row['first_push_s'] for row in rows):.0f} s"),
+        ("exposure to particles, median / p99 / longest", _spread(_all(rows, "reconstruction_latency_s"), 1e3, "ms")),
+        (
+            "arm period, longest in each half second: median / p99 / longest",
+            _spread(_all(rows, "arm_period_s"), 1e3, "ms"),
+        ),
+        ("messages said but not recorded", str(sum(row["said"] + _OPENING - row["recorded"] for row in rows))),
+    ):
+        measures.add_row(name, value)
+    output.print(measures)
+
+
+def _all(rows: list[dict[str, Any]], key: str) -> list[float]:
+    return [value for row in rows for value in row[key]]
+
+
+def _spread(values: list[float], scale: float, unit: str) -> str:
+    return (
+        f"{scale * np.median(values):.1f} / {scale * np.quantile(values, 0.99):.1f} / {scale * max(values):.1f} {unit}"
+    )
+
+
+def _mm(chamfer_m2: float) -> float:
+    return 1e3 * (chamfer_m2 / 2) ** 0.5
+
+
+if __name__ == "__main__":
+    main()
