@@ -14,10 +14,16 @@ _SMOOTH_M = 1e-4
 @final
 @dataclass(frozen=True, kw_only=True)
 class Weights:
-    """Weights of eq. 2: `progress` per square metre of Chamfer distance, `contact` per metre of distance."""
+    """Weights of eq. 2: `progress` per square metre of Chamfer distance, `contact` per metre of distance.
+
+    Each step's terms count `discount` times those of the step before. 1 is the paper's equation as printed; with it a
+    branch that does nothing now and everything later costs as little as the reverse, and a planner that executes one
+    action and plans again may put things off for ever.
+    """
 
     progress: float
     contact: float
+    discount: float = 1.0
 
 
 class Terms(NamedTuple):
@@ -30,9 +36,9 @@ class Terms(NamedTuple):
         """The weighted sum that is minimised."""
         return weights.progress * self.progress + weights.contact * self.contact
 
-    def plus(self, other: "Terms") -> "Terms":
-        """Sum over the steps of a branch."""
-        return Terms(self.progress + other.progress, self.contact + other.contact)
+    def plus(self, other: "Terms", share: float) -> "Terms":
+        """The sum of these terms and `share` of a later step's."""
+        return Terms(self.progress + share * other.progress, self.contact + share * other.contact)
 
 
 def step_terms(
@@ -44,7 +50,7 @@ def step_terms(
     """One step's terms: chamfer(x_t, goal) - chamfer(x_{t-1}, goal), and the distance between gripper and object.
 
     Summed over a branch the first telescopes to the final minus the initial Chamfer distance, so nothing but the end
-    of the horizon and the contact terms steers. The paper's contact term, an L2 distance between gripper and object,
+    of the horizon and the contact terms steers, unless later steps are discounted. The paper's contact term, an L2 distance between gripper and object,
     is read as the horizontal distance from where the finger ends to the nearest particle then: it draws a finger that
     misses the object towards it, and a push that touches pays about the finger's radius.
     """

@@ -86,5 +86,5 @@ def simulate(
         allowed &= search.space.allowed(taken[-1], states[-1])
         path = search.space.tool_path(taken[-1])
         states.append(search.advance(phi, states[-1], path))
-        terms = terms.plus(step_terms(states[-2], states[-1], goal, path))
+        terms = terms.plus(step_terms(states[-2], states[-1], goal, path), search.weights.discount**step)
     return Rollout(jnp.stack(taken, axis=1), states[1], states[-1], terms, terms.total(search.weights), allowed)
