@@ -62,7 +62,7 @@ def make_rollout(
 
     rollout.defvjp(rollout_forward, rollout_backward)
 
-    def simulate(phi: Float[jax.Array, "B P"], state: State, tool: Float[jax.Array, "B T 3"]) -> State:
+    def simulate(phi: jax.Array, state: State, tool: jax.Array) -> State:
         _require_shapes(phi, state, tool, (parameter_count, particle_count))
         return rollout(*jax.tree.map(_float32, (phi, state, tool)))
 

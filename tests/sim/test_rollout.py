@@ -1,0 +1,131 @@
+"""Laws of the operation: candidates are independent, actions chain, NaN is a value."""
+
+from collections.abc import Callable
+from functools import cache
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+from app.core.errors import ParameterError
+from app.sim.rollout import Simulate, make_rollout
+from app.sim.state import State
+from tests.sim.scenes import PARTICLES, SCENE, phi_with, rope, straight_tool
+
+STEPS = 40
+CANDIDATES = 5
+SIMULATE = make_rollout(SCENE, particle_count=PARTICLES, threads=1)
+
+
+def problem() -> tuple[jax.Array, State, jax.Array]:
+    """Five different candidates, pushed by the finger."""
+    phi = np.stack([phi_with(stiffness=1e4 * (1 + b), table_friction=0.2 + 0.1 * b) for b in range(CANDIDATES)])
+    x = np.stack([rope(seed=b) for b in range(CANDIDATES)])
+    tools = [straight_tool((0.49 + 0.01 * b, -0.022, 0.005), (0, 0.2 + 0.05 * b, 0), STEPS) for b in range(CANDIDATES)]
+    return jnp.asarray(phi), State.at_rest(jnp.asarray(x)), jnp.asarray(np.stack(tools))
+
+
+@cache
+def gradient_of(simulate: Simulate) -> Callable[..., tuple[jax.Array, State, jax.Array]]:
+    """Of the sum of squared positions and velocities, with respect to phi, state and tool."""
+
+    def value(*at) -> jax.Array:
+        end = simulate(*at)
+        return (end.x**2).sum() + (end.v**2).sum()
+
+    return jax.jit(jax.grad(value, argnums=(0, 1, 2)))
+
+
+def gradients(simulate: Simulate, phi: jax.Array, state: State, tool: jax.Array) -> tuple[jax.Array, State, jax.Array]:
+    return gradient_of(simulate)(phi, state, tool)
+
+
+def assert_same(a: object, b: object) -> None:
+    """Bit by bit, NaN equal to NaN."""
+    jax.tree.map(np.testing.assert_array_equal, a, b)
+
+
+def candidate(tree: object, b: int) -> object:
+    """One candidate as a batch of one."""
+    return jax.tree.map(lambda leaf: leaf[b : b + 1], tree)
+
+
+def without(tree: object, b: int) -> object:
+    """All candidates but one."""
+    return jax.tree.map(lambda leaf: np.delete(np.asarray(leaf), b, axis=0), tree)
+
+
+def test_a_batch_equals_its_candidates_one_by_one():
+    together, slopes = SIMULATE(*problem()), gradients(SIMULATE, *problem())
+    for b in range(CANDIDATES):
+        alone = candidate(problem(), b)
+        assert_same(candidate(together, b), SIMULATE(*alone))
+        assert_same(candidate(slopes, b), gradients(SIMULATE, *alone))
+
+
+def test_threads_change_nothing():
+    threaded = make_rollout(SCENE, particle_count=PARTICLES, threads=2)
+    assert_same(SIMULATE(*problem()), threaded(*problem()))
+    assert_same(gradients(SIMULATE, *problem()), gradients(threaded, *problem()))
+
+
+def test_two_chained_actions_equal_one_long_action_in_value_and_gradient():
+    def chained(phi: jax.Array, state: State, tool: jax.Array) -> State:
+        half = STEPS // 2
+        return SIMULATE(phi, SIMULATE(phi, state, tool[:, : half + 1]), tool[:, half:])
+
+    assert_same(jax.jit(chained)(*problem()), SIMULATE(*problem()))
+    for ours, whole in zip(
+        jax.tree.leaves(gradients(chained, *problem())), jax.tree.leaves(gradients(SIMULATE, *problem())), strict=True
+    ):
+        np.testing.assert_allclose(ours, whole, rtol=1e-4, atol=1e-5 * float(np.abs(whole).max()))
+
+
+@pytest.mark.parametrize("where", ["phi", "x", "v", "C", "F", "tool", "infinite x", "outside x"])
+def test_a_bad_number_spoils_its_own_candidate_and_no_other(where: str):
+    phi, state, tool = problem()
+    bad = 2
+    changes = {
+        "phi": lambda: (phi.at[bad, 0].set(jnp.nan), state, tool),
+        "x": lambda: (phi, state._replace(x=state.x.at[bad, 7, 1].set(jnp.nan)), tool),
+        "v": lambda: (phi, state._replace(v=state.v.at[bad, 7, 1].set(jnp.nan)), tool),
+        "C": lambda: (phi, state._replace(C=state.C.at[bad, 7, 1, 1].set(jnp.nan)), tool),
+        "F": lambda: (phi, state._replace(F=state.F.at[bad, 7, 1, 1].set(jnp.nan)), tool),
+        "tool": lambda: (phi, state, tool.at[bad, 10].set(jnp.nan)),
+        "infinite x": lambda: (phi, state._replace(x=state.x.at[bad, 7, 0].set(jnp.inf)), tool),
+        "outside x": lambda: (phi, state._replace(x=state.x.at[bad, 7, 0].set(1e9)), tool),
+    }
+    arguments = changes[where]()
+    end, slopes = SIMULATE(*arguments), gradients(SIMULATE, *arguments)
+    assert_same(without(end, bad), without(SIMULATE(phi, state, tool), bad))
+    assert_same(without(slopes, bad), without(gradients(SIMULATE, phi, state, tool), bad))
+    for leaf in jax.tree.leaves((candidate(end, bad), candidate(slopes, bad))):
+        assert np.isnan(leaf).all()
+
+
+def test_a_finger_that_starts_in_the_middle_of_the_rope_has_finite_results_and_gradients():
+    phi, state, tool = problem()
+    inside = tool.at[..., 1].add(0.022).at[0, :, :2].set(state.x[0, PARTICLES // 2, :2])
+    for leaf in jax.tree.leaves((SIMULATE(phi, state, inside), gradients(SIMULATE, phi, state, inside))):
+        assert np.isfinite(leaf).all()
+
+
+def test_a_candidate_that_leaves_the_grid_becomes_nan():
+    phi, state, tool = problem()
+    thrown = state._replace(v=state.v.at[1].set(jnp.float32([20.0, 0, 0])))
+    end = SIMULATE(phi, thrown, tool)
+    assert np.isnan(end.x[1]).all()
+    assert_same(without(end, 1), without(SIMULATE(phi, state, tool), 1))
+
+
+def test_arrays_that_do_not_fit_are_refused_by_name():
+    phi, state, tool = problem()
+    with pytest.raises(ParameterError, match=r"phi has shape \(5, 2\)"):
+        SIMULATE(phi[:, :2], state, tool)
+    with pytest.raises(ParameterError, match="tool has shape"):
+        SIMULATE(phi, state, tool[:3])
+    with pytest.raises(ParameterError, match=r"state\.F has shape"):
+        SIMULATE(phi, state._replace(F=state.F[:, :4]), tool)
+    with pytest.raises(ParameterError, match="particle_count"):
+        make_rollout(SCENE, particle_count=0)
