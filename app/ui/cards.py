@@ -4,7 +4,7 @@ from collections.abc import Iterable
 from html import escape
 from typing import Literal, TypeAlias
 
-from app.core.messages import Fault, Health, Model, Proposal
+from app.core.messages import Fault, Health, Model, Parameter, Proposal
 from app.ui import palette, words
 from app.ui.board import Board
 
@@ -69,7 +69,7 @@ def _plan_rows(proposal: Proposal, state: str, now_s: float) -> Iterable[tuple[s
     yield "Chamfer, squared", squares
     yield "Cost, before → after descent", f"{cost} <small>{words.change(best.cost_before, best.cost_after)}</small>"
     for name, value in best.terms.items():
-        yield f"  {escape(name)}", words.number(value)
+        yield f"· {escape(name)}", words.number(value)
     yield "Chosen", words.origin(proposal)
     if proposal.dropped:
         yield "Branches dropped", f"<span class='dp-warn'>{proposal.dropped} non-finite</span>"
@@ -100,17 +100,21 @@ def _health_rows(seen: Health, model: Model | None, silent_s: float) -> Iterable
     yield "Arm, longest period", f"{mode}, {_toned(words.duration(seen.arm_period_s), late, False)}"
     yield "Model, loss", f"v{seen.model_version}, {words.square(seen.calibration_loss_m2)}"
     for parameter in model.parameters if model else ():
-        interval = (
-            f"<small>{words.number(parameter.low)} to {words.number(parameter.high)} {escape(parameter.unit)}</small>"
-        )
-        shown = interval if parameter.low < parameter.high else f"<small>{escape(parameter.unit)}</small>"
-        yield f"  {escape(parameter.name)}", f"{words.number(parameter.value)} {shown}"
+        yield f"· {escape(parameter.name.replace('_', ' '))}", _parameter(parameter)
     drops = sum(seen.drops.values())
     listed = ", ".join(f"{escape(name)}: {count}" for name, count in seen.drops.items())
     yield "Dropped", f"<span title='{listed}'>{drops}</span>"
     yield "Faults", _toned(str(seen.faults), seen.faults > 0, False)
     free = seen.disk_free_bytes
     yield "Disk free", _toned(words.size(free), free < _DISK_LOW_BYTES, free < _DISK_OUT_BYTES)
+
+
+def _parameter(parameter: Parameter) -> str:
+    """Value, 90 % interval where it was estimated, unit where it has one."""
+    interval = f"{words.number(parameter.low)} to {words.number(parameter.high)} "
+    unit = escape(parameter.unit) if parameter.unit != "1" else ""
+    estimated = parameter.low < parameter.high
+    return f"{words.number(parameter.value)} <small>{interval if estimated else ''}{unit}</small>"
 
 
 def log(board: Board, now_s: float) -> str:
