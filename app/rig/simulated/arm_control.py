@@ -12,7 +12,7 @@ from app.rig.simulated.physics import Position
 
 _SERVO_TIME_S = 0.004
 """Time constant with which the drives follow their command: a stiff position-controlled arm."""
-_ARRIVED_M = 1e-4
+_ARRIVED_M, _STILL_M_S = 1e-4, 1e-3
 _ROUNDING = 1e-9
 
 
@@ -62,10 +62,13 @@ class ArmControl:
         before = self.measured
         self.measured = self.commanded + (before - self.commanded) * np.exp(-duration_s / _SERVO_TIME_S)
         self.velocity = (self.measured - before) / duration_s
-        arrived = float(np.abs(self.measured - self.commanded).max()) < _ARRIVED_M
-        if self._path is not None and self._path.at_rest and arrived:
+        if self._path is not None and self._path.at_rest and self._arrived():
             self._path = None
             self.mode = "stopped" if self.mode == "stopping" else "idle"
+
+    def _arrived(self) -> bool:
+        away, speed = np.abs(self.measured - self.commanded).max(), np.linalg.norm(self.velocity)
+        return bool(away < _ARRIVED_M and speed < _STILL_M_S)
 
 
 def check_motion(motion: Motion, digest: str, site: Site) -> None:
