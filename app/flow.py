@@ -5,28 +5,24 @@ is heavy runs in worker processes; STOP goes from the console to the arm's proce
 """
 
 import shutil
-from collections.abc import AsyncGenerator
-from contextlib import asynccontextmanager
-from dataclasses import dataclass, field
-from typing import TypeVar, final
+from dataclasses import dataclass
+from typing import final
 
 import anyio
 
 from app.config import Site
-from app.core.approval import ApprovalGate, Approved, drift
+from app.core.announcer import Announcer
+from app.core.approval import ApprovalGate, Approved, automatic_decision, drift
 from app.core.chamfer import chamfer_m2
 from app.core.channel import Latest, Lossless
-from app.core.errors import ApprovalRefused, DeviceError, DipacError, MotionRefused, PerceptionError, PlanningError
+from app.core.errors import ApprovalRefused, DeviceError, MotionRefused, PerceptionError, PlanningError, first_error
 from app.core.messages import (
     Decision,
     Executed,
-    Fault,
     Frame,
     Goal,
     Health,
-    Message,
     Model,
-    Notice,
     Outcome,
     Particles,
     Proposal,
@@ -36,15 +32,16 @@ from app.core.messages import (
     fresh_id,
 )
 from app.core.ports import Camera, Clock, Operator, Recorder, Rig
+from app.core.summary import Summary
 from app.core.worker import Worker
 from app.perception.reconstruct import reconstruct
 from app.tasks.base import Task
 from app.tasks.jobs import nominal_model, plan, update, warm_up_stage, warm_up_stages
 
-MessageT = TypeVar("MessageT", bound=Message)
-
 _OBSERVE_DEADLINE_S = 30.0
 _FAILURES_IN_A_ROW = 3
+_UNATTENDED_S = 120.0
+"""How long a run with automatic approval waits for somebody to resume it after a stop."""
 _CALIBRATOR_NICENESS = 15
 """Below the planner, which a decision waits for."""
 
@@ -65,35 +62,6 @@ class Wish:
 
 
 @final
-@dataclass(kw_only=True)
-class Summary:
-    """What came of an episode; `chamfer_m2` holds the start and then one value after each push."""
-
-    chamfer_m2: list[float] = field(default_factory=list[float])
-    predicted_chamfer_m2: list[float] = field(default_factory=list[float])
-    decision_s: list[float] = field(default_factory=list[float])
-    cost_before: list[float] = field(default_factory=list[float])
-    cost_after: list[float] = field(default_factory=list[float])
-    reconstruction_latency_s: list[float] = field(default_factory=list[float])
-    faults: list[str] = field(default_factory=list[str])
-    first_push_s: float | None = None
-    said: int = 0
-
-    def began_moving(self, since_start_s: float) -> None:
-        """Note when the first push began."""
-        if self.first_push_s is None:
-            self.first_push_s = since_start_s
-
-    def add(self, outcome: Outcome) -> None:
-        """Append one push."""
-        self.chamfer_m2.append(outcome.chamfer_after_m2)
-        self.predicted_chamfer_m2.append(outcome.predicted_chamfer_m2)
-        self.decision_s.append(outcome.plan_s)
-        self.cost_before.append(outcome.cost_before)
-        self.cost_after.append(outcome.cost_after)
-
-
-@final
 class Flow:
     """One episode. Build it, `await run()`, read the summary."""
 
@@ -111,8 +79,10 @@ class Flow:
         if wish.automatic and not rig.simulated:
             raise MotionRefused("Automatic approval is allowed on the simulated rig alone; use `dipac console`.")
         self.wish, self.site, self.rig = wish, site, rig
-        self.operator, self.recorder, self.clock = operator, recorder, clock
+        self.operator, self.clock = operator, clock
         self.summary = Summary()
+        self.announcer = Announcer(operator=operator, recorder=recorder, clock=clock, summary=self.summary)
+        self.say, self.notice, self.fault = self.announcer.say, self.announcer.notice, self.announcer.fault
         self.gate = ApprovalGate(max_age_s=site.timing.plan_max_age_s, max_drift_m=site.timing.plan_max_drift_m)
         self.perceiver = Worker("perception")
         self.planner = planner
@@ -123,19 +93,17 @@ class Flow:
         self.proposals = Latest[Proposal]("proposals")
         self.transitions = Lossless[Transition]("transitions", bound=100)
         self.decisions = Lossless[Decision]("decisions", bound=100)
-        self.log = Lossless[Message]("log", bound=500)
         self.doing = "starting"
         self._doing_since_s = clock.now()
         self._may_move = anyio.Event()
         self._may_move.set()
         self._began_s = clock.now()
-        self._pushes = 0
 
     async def run(self) -> Summary:
         """Push until the goal is reached or the pushes are used up. Raises the first DipacError of any stage."""
         try:
             async with (
-                self._logging(),
+                self.announcer.recording(),
                 self.perceiver,
                 self.planner,
                 self.calibrator,
@@ -149,7 +117,7 @@ class Flow:
                 await self._push_to_the_goal()
                 stages.cancel_scope.cancel()
         except BaseExceptionGroup as group:
-            raise _first(group) from group
+            raise first_error(group) from group
         return self.summary
 
     # The stages ---------------------------------------------------------------------------------------------------
@@ -209,8 +177,7 @@ class Flow:
                 case Decision():
                     await self.decisions.put(request)
                 case StopRequest():
-                    self._may_move = anyio.Event()
-                    self.notice("stop", f"Stopped by {request.operator}. Press Resume to go on.")
+                    self._hold(f"Stopped by {request.operator}.")
                 case ResumeRequest():
                     await self.rig.arm.reset()
                     self._may_move.set()
@@ -251,7 +218,7 @@ class Flow:
         observed = await self._settled(after_s=self._began_s)
         self.summary.chamfer_m2.append(self._to_goal(observed))
         refusals = 0
-        while self._pushes < self.wish.pushes and self._to_goal(observed) > self.wish.task.success_m2:
+        while self.summary.pushes < self.wish.pushes and self._to_goal(observed) > self.wish.task.success_m2:
             proposal = await self._plan(observed, salt=refusals)
             approved = await self._approval(proposal)
             executed = await self._execute(approved) if approved else None
@@ -274,8 +241,8 @@ class Flow:
 
     async def _settled(self, *, after_s: float) -> Particles:
         """The first particles whose every frame was taken with the arm at rest, `settle_s` after `after_s`."""
+        await self._resumed()
         self._do("looking at the object")
-        await self._may_move.wait()
         due_s = after_s + self.site.timing.settle_s
         with anyio.move_on_after(_OBSERVE_DEADLINE_S):
             async for particles in self.particles.changes():
@@ -292,7 +259,7 @@ class Flow:
         wish, model = self.wish, self.models.value
         assert model is not None
         for attempt in range(_FAILURES_IN_A_ROW):
-            seed = hash((wish.seed, self._pushes, salt, attempt)) % 2**31
+            seed = hash((wish.seed, self.summary.pushes, salt, attempt)) % 2**31
             started_s = self.clock.now()
             try:
                 found = await self.planner.run(
@@ -342,7 +309,7 @@ class Flow:
         self.operator.show(proposal)
         with anyio.move_on_after(self.site.timing.plan_max_age_s):
             while True:
-                decision = self._automatic(proposal) if self.wish.automatic else await self.decisions.get()
+                decision = await self._decision(proposal)
                 if decision.proposal_id != proposal.id:
                     self.notice("approval", f"{decision.proposal_id} is not the plan shown; nothing was done.")
                 elif not decision.approve:
@@ -353,17 +320,10 @@ class Flow:
         self.notice("plan", f"{proposal.id} grew too old; planning again.")
         return None
 
-    def _automatic(self, proposal: Proposal) -> Decision:
-        decision = Decision(
-            id=fresh_id("decision"),
-            cause=(proposal.id,),
-            time_s=self.clock.now(),
-            proposal_id=proposal.id,
-            digest=proposal.motion.digest(),
-            approve=True,
-            operator="automatic",
-        )
-        return self.say(decision)
+    async def _decision(self, proposal: Proposal) -> Decision:
+        if self.wish.automatic:
+            return self.say(automatic_decision(proposal, now_s=self.clock.now()))
+        return await self.decisions.get()
 
     def _approved(self, decision: Decision) -> Approved | None:
         latest = self.particles.value
@@ -384,17 +344,18 @@ class Flow:
             self.fault("arm", refusal)
             await self.clock.sleep(1.0)
             return None
+        if executed.outcome != "completed":
+            self._hold(f"The arm stopped: {executed.reason}.")
         return self.say(executed)
 
     async def _learn(self, proposal: Proposal, before: Particles, executed: Executed, after: Particles) -> None:
         """Score the push and hand the transition to the calibrator."""
-        self._pushes += 1
         best = proposal.chosen
         outcome = Outcome(
             id=fresh_id("outcome"),
             cause=(proposal.id, executed.id, after.id),
             time_s=self.clock.now(),
-            index=self._pushes,
+            index=self.summary.pushes + 1,
             chamfer_before_m2=proposal.chamfer_m2,
             predicted_chamfer_m2=proposal.predicted_chamfer_m2,
             chamfer_after_m2=self._to_goal(after),
@@ -415,50 +376,24 @@ class Flow:
         )
         await self.transitions.put(self.say(transition))
 
-    # Saying what happens ------------------------------------------------------------------------------------------
+    def _hold(self, why: str) -> None:
+        """Nothing moves from now on until the operator resumes."""
+        if self._may_move.is_set():
+            self._may_move = anyio.Event()
+        self.notice("stop", f"{why} Press Resume to go on.")
 
-    def say(self, message: MessageT) -> MessageT:
-        """To the operator and into the log; returns the message."""
-        self.operator.show(message)
-        self.log.put_nowait(message)
-        self.summary.said += 1
-        return message
-
-    def notice(self, where: str, text: str) -> None:
-        """Something for the operator to read."""
-        self.say(Notice(id=fresh_id("notice"), time_s=self.clock.now(), where=where, text=text))
-
-    def fault(self, where: str, error: DipacError) -> None:
-        """Something that went wrong and did not end the episode."""
-        self.summary.faults.append(f"{where}: {error}")
-        self.say(Fault(id=fresh_id("fault"), time_s=self.clock.now(), where=where, text=str(error)))
+    async def _resumed(self) -> None:
+        """Wait until the operator resumes, if something stopped; for ever, unless nobody is expected to be there."""
+        if self._may_move.is_set():
+            return
+        self._do("stopped")
+        with anyio.move_on_after(_UNATTENDED_S if self.wish.automatic else None):
+            await self._may_move.wait()
+            return
+        raise DeviceError(f"The arm was stopped and nobody pressed Resume for {_UNATTENDED_S:.0f} s.")
 
     def _do(self, doing: str) -> None:
         self.doing, self._doing_since_s = doing, self.clock.now()
 
     def _to_goal(self, particles: Particles) -> float:
         return float(chamfer_m2(particles.positions, self.wish.goal.positions))
-
-    @asynccontextmanager
-    async def _logging(self) -> AsyncGenerator[None]:
-        """Record everything said, until the last message is on disk, whatever ends the episode."""
-        async with anyio.create_task_group() as recording:
-            recording.start_soon(self._record)
-            try:
-                yield
-            finally:
-                self.log.close()
-
-    async def _record(self) -> None:
-        with anyio.CancelScope(shield=True):
-            async for message in self.log:
-                await self.recorder.write(message)
-
-
-def _first(group: BaseExceptionGroup[BaseException]) -> BaseException:
-    """The first error of this program in a group, else the first error."""
-    ours, _ = group.split(DipacError)
-    error: BaseException = ours or group
-    while isinstance(error, BaseExceptionGroup):
-        error = error.exceptions[0]
-    return error

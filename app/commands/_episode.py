@@ -17,8 +17,9 @@ from app.config import Site, Workspace
 from app.core.errors import DipacError, PreflightError, UsageError
 from app.core.messages import Episode, Goal, Message, fresh_id
 from app.core.ports import Recorder, Rig
+from app.core.summary import Summary
 from app.core.worker import Worker
-from app.flow import Flow, Summary, Wish
+from app.flow import Flow, Wish
 from app.recording.model_file import load_model
 from app.recording.writer import open_recording
 from app.rig.simulated.rig import simulated_rig

@@ -84,6 +84,19 @@ class ApprovalGate:
         )
 
 
+def automatic_decision(proposal: Proposal, *, now_s: float) -> Decision:
+    """The decision of a run that nobody watches: yes. The flow allows it on a simulated rig alone."""
+    return Decision(
+        id=fresh_id("decision"),
+        cause=(proposal.id,),
+        time_s=now_s,
+        proposal_id=proposal.id,
+        digest=proposal.motion.digest(),
+        approve=True,
+        operator="automatic",
+    )
+
+
 def drift(a: np.ndarray, b: np.ndarray) -> float:
     """How far apart two clouds of the same object are [m]: the root of their mean one-way squared distance."""
     return float(np.sqrt(chamfer_m2(a, b) / 2))

@@ -83,3 +83,12 @@ class WorkerError(DipacError):
     """A worker process died or could not be started."""
 
     exit_code = 10
+
+
+def first_error(group: BaseExceptionGroup[BaseException]) -> BaseException:
+    """The first error of this program in a group that tasks raised together; where there is none, the first of all."""
+    ours, _ = group.split(DipacError)
+    error: BaseException = ours or group
+    while isinstance(error, BaseExceptionGroup):
+        error = error.exceptions[0]
+    return error

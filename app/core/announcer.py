@@ -1,0 +1,61 @@
+"""Saying what happens: every message goes to the operator and into the log, in one order."""
+
+from collections.abc import AsyncGenerator
+from contextlib import asynccontextmanager
+from typing import TypeVar, final
+
+import anyio
+
+from app.core.channel import Lossless
+from app.core.errors import DipacError
+from app.core.messages import Fault, Message, Notice, fresh_id
+from app.core.ports import Clock, Operator, Recorder
+from app.core.summary import Summary
+
+MessageT = TypeVar("MessageT", bound=Message)
+
+_BOUND = 500
+"""Messages waiting for the recorder; with images about 500 MB, and half a minute of a disk that stands still."""
+
+
+@final
+class Announcer:
+    """Shows messages to `operator`, hands them to `recorder`, and counts them and the faults in `summary`."""
+
+    def __init__(self, *, operator: Operator, recorder: Recorder, clock: Clock, summary: Summary) -> None:
+        self._operator = operator
+        self._recorder = recorder
+        self._clock = clock
+        self._summary = summary
+        self._log = Lossless[Message]("log", bound=_BOUND)
+
+    def say(self, message: MessageT) -> MessageT:
+        """To the operator and into the log; returns the message."""
+        self._operator.show(message)
+        self._log.put_nowait(message)
+        self._summary.said += 1
+        return message
+
+    def notice(self, where: str, text: str) -> None:
+        """Something for the operator to read."""
+        self.say(Notice(id=fresh_id("notice"), time_s=self._clock.now(), where=where, text=text))
+
+    def fault(self, where: str, error: DipacError) -> None:
+        """Something that went wrong and did not end the episode."""
+        self._summary.faults.append(f"{where}: {error}")
+        self.say(Fault(id=fresh_id("fault"), time_s=self._clock.now(), where=where, text=str(error)))
+
+    @asynccontextmanager
+    async def recording(self) -> AsyncGenerator[None]:
+        """Record everything said, until the last message is with the recorder, whatever ends the block."""
+        async with anyio.create_task_group() as group:
+            group.start_soon(self._record)
+            try:
+                yield
+            finally:
+                self._log.close()
+
+    async def _record(self) -> None:
+        with anyio.CancelScope(shield=True):
+            async for message in self._log:
+                await self._recorder.write(message)

@@ -1,0 +1,43 @@
+"""What came of an episode, in numbers."""
+
+from dataclasses import dataclass, field
+from typing import final
+
+from app.core.messages import Outcome
+
+
+@final
+@dataclass(kw_only=True)
+class Summary:
+    """Grows while the episode runs. `chamfer_m2` holds the start and then one value after each push.
+
+    `said` counts the messages that were to be recorded; `reconstruction_latency_s` is from exposure to particles.
+    """
+
+    chamfer_m2: list[float] = field(default_factory=list[float])
+    predicted_chamfer_m2: list[float] = field(default_factory=list[float])
+    decision_s: list[float] = field(default_factory=list[float])
+    cost_before: list[float] = field(default_factory=list[float])
+    cost_after: list[float] = field(default_factory=list[float])
+    reconstruction_latency_s: list[float] = field(default_factory=list[float])
+    faults: list[str] = field(default_factory=list[str])
+    first_push_s: float | None = None
+    said: int = 0
+
+    @property
+    def pushes(self) -> int:
+        """How many pushes were finished."""
+        return len(self.decision_s)
+
+    def began_moving(self, since_start_s: float) -> None:
+        """Note when the first push began."""
+        if self.first_push_s is None:
+            self.first_push_s = since_start_s
+
+    def add(self, outcome: Outcome) -> None:
+        """Append one push."""
+        self.chamfer_m2.append(outcome.chamfer_after_m2)
+        self.predicted_chamfer_m2.append(outcome.predicted_chamfer_m2)
+        self.decision_s.append(outcome.plan_s)
+        self.cost_before.append(outcome.cost_before)
+        self.cost_after.append(outcome.cost_after)

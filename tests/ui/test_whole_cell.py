@@ -1,0 +1,92 @@
+"""The whole program in a real browser: the operator sees the rope, approves a push, stops it, and goes on."""
+
+import os
+import signal
+import subprocess
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+from playwright.sync_api import Page, expect
+
+from app.core.approval import Approved
+from app.core.messages import Decision, Executed, Proposal, StopRequest
+from app.recording.channels import record_of
+from app.recording.reader import read_messages
+from app.ui import palette
+from tests.conftest import ROOT
+from tests.ui.test_browser import APPROVE, RESUME, SECONDS, STOP, pixels, wait_until
+
+pytestmark = pytest.mark.browser
+
+
+@pytest.fixture
+def console(tmp_path: Path) -> Iterator["subprocess.Popen[str]"]:
+    """`dipac console` as a user starts it."""
+    process = subprocess.Popen(
+        [
+            sys.executable,
+            "-m",
+            "app",
+            "console",
+            "rope_push",
+            "--seed",
+            "1",
+            "--port",
+            "0",
+            "--preset",
+            "cpu",
+            "--recordings",
+            str(tmp_path),
+        ],
+        cwd=ROOT,
+        env=os.environ | {"PYTHONUNBUFFERED": "1"},
+        stdout=subprocess.PIPE,
+        stderr=subprocess.STDOUT,
+        text=True,
+    )
+    yield process
+    process.send_signal(signal.SIGINT)
+    process.wait(timeout=30)
+
+
+def address(console: "subprocess.Popen[str]") -> str:
+    assert console.stdout is not None
+    for line in console.stdout:
+        if line.startswith("Operator console: "):
+            return line.removeprefix("Operator console: ").strip()
+    raise AssertionError("No address was printed.")
+
+
+def test_a_push_is_approved_stopped_and_resumed(
+    console: "subprocess.Popen[str]", browser_page: Page, tmp_path: Path
+) -> None:
+    page = browser_page
+    page.set_default_timeout(120 * SECONDS)
+    expect.set_options(timeout=120 * SECONDS)
+    page.goto(address(console))
+    expect(page.get_by_text("SIMULATED")).to_be_visible()
+    wait_until(lambda: pixels(page, palette.OBSERVED) > 300)
+
+    expect(page.get_by_role("button", name=APPROVE)).to_be_enabled()
+    page.get_by_role("button", name=APPROVE).click()
+    expect(page.get_by_text("pushing")).to_be_visible()
+    page.get_by_role("button", name=STOP).click()
+    expect(page.get_by_text("stopped").first).to_be_visible()
+    page.get_by_role("button", name=RESUME).click()
+    expect(page.get_by_role("button", name=APPROVE)).to_be_enabled()
+
+    console.send_signal(signal.SIGINT)
+    console.wait(timeout=30)
+    (recording,) = tmp_path.glob("*.mcap")
+    messages = list(read_messages(recording, [Proposal, Decision, Approved, Executed, StopRequest]))
+    (decision,) = [message for message in messages if isinstance(message, Decision)]
+    (executed,) = [message for message in messages if isinstance(message, Executed)]
+    approved = next(message for message in messages if isinstance(message, record_of(Approved)))
+    shown = next(message for message in messages if message.id == decision.proposal_id)
+    assert isinstance(shown, Proposal)
+    assert decision.digest == shown.motion.digest() == approved.digest
+    assert executed.outcome == "stopped"
+    assert any(isinstance(message, StopRequest) for message in messages)
+    assert len([message for message in messages if isinstance(message, Proposal)]) == 2
