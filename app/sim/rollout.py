@@ -9,9 +9,10 @@ from jaxtyping import Bool, Float
 from app.core.errors import ParameterError
 from app.sim.catalogue import EFFECTS
 from app.sim.effects.base import Effect
-from app.sim.launch import cores, make_operations
+from app.sim.launch import make_operations
 from app.sim.params import parameters_with
 from app.sim.scene import Scene
+from app.sim.schedule import Schedule, schedule_for
 from app.sim.state import State
 
 TreeT = TypeVar("TreeT")
@@ -32,18 +33,22 @@ class Simulate(Protocol):
 
 
 def make_rollout(
-    scene: Scene, *, particle_count: int, effects: tuple[Effect, ...] = EFFECTS, threads: int | None = None
+    scene: Scene,
+    *,
+    particle_count: int,
+    effects: tuple[Effect, ...] = EFFECTS,
+    schedule: Schedule | None = None,
 ) -> Simulate:
     """The simulator of one scene for objects of `particle_count` particles, for use inside and outside of `jax.jit`.
 
-    Make it once and keep it: every one made holds its own entry in JAX's compilation cache. On the CPU, candidates are
-    shared among `threads` threads (None: as many as there are cores).
+    Make it once and keep it: every one made holds its own entry in JAX's compilation cache. `schedule`: how
+    to launch kernels made with the same effects; None: as suits JAX's default platform, on the CPU with all cores.
 
     Raises ParameterError where there is no particle.
     """
     if particle_count < 1:
         raise ParameterError(f"particle_count = {particle_count} must be at least 1.")
-    operations = make_operations(scene, particle_count, effects, threads or cores())
+    operations = make_operations(scene, particle_count, schedule or schedule_for(jax.default_backend(), effects))
     parameter_count = len(parameters_with(effects))
 
     @jax.custom_vjp

@@ -12,6 +12,7 @@ below; Warp's automatic ones replay the scatter and keep 27 sets of intermediate
 import warp as wp
 
 from app.sim.constants import Constants
+from app.sim.memory import Grid, GridBars
 from app.sim.physics import LEAST_TOUCH
 
 
@@ -48,9 +49,7 @@ def scatter(
     momentum: wp.vec3,
     affine: wp.mat33,
     slot: int,
-    grid: wp.array2d[wp.vec4],
-    active: wp.array2d[wp.int32],
-    active_count: wp.array[wp.int32],
+    grid: Grid,
 ):
     """P2G: add a particle's momentum and mass to the 27 nodes around it."""
     q = (x - k.origin) * k.per_cell
@@ -70,15 +69,15 @@ def scatter(
             for n in range(3):
                 w = wij * wz[n]
                 m = w * k.mass
-                before = wp.atomic_add(grid, slot, row + n, wp.vec4(w * p[0], w * p[1], w * p[2], m))
+                before = wp.atomic_add(grid.mass, slot, row + n, wp.vec4(w * p[0], w * p[1], w * p[2], m))
                 if before[3] == 0.0 and m > 0.0:
-                    place = wp.atomic_add(active_count, slot, 1)
-                    active[slot, place] = row + n
+                    place = wp.atomic_add(grid.count, slot, 1)
+                    grid.active[slot, place] = row + n
                 p += step_z
 
 
 @wp.func
-def gather(k: Constants, x: wp.vec3, slot: int, grid: wp.array2d[wp.vec4]):
+def gather(k: Constants, x: wp.vec3, slot: int, grid: Grid):
     """G2P: velocity and affine velocity field of a particle from the 27 nodes around it."""
     q = (x - k.origin) * k.per_cell
     i0 = int(q[0] - 0.5)
@@ -96,7 +95,7 @@ def gather(k: Constants, x: wp.vec3, slot: int, grid: wp.array2d[wp.vec4]):
             u = wp.vec3()
             uz = wp.vec3()
             for n in range(3):
-                node = grid[slot, row + n]
+                node = grid.velocity[slot, row + n]
                 part = wz[n] * wp.vec3(node[0], node[1], node[2])
                 u += part
                 uz += (float(n) - f[2]) * part
@@ -114,8 +113,8 @@ def gather_adjoint(
     v_bar: wp.vec3,
     C_bar: wp.mat33,
     slot: int,
-    grid: wp.array2d[wp.vec4],
-    grid_bar: wp.array2d[wp.vec4],
+    grid: Grid,
+    bars: GridBars,
 ) -> wp.vec3:
     """Adjoint of `gather`: adds to the nodes' cotangents and returns that of x."""
     q = (x - k.origin) * k.per_cell
@@ -140,9 +139,9 @@ def gather_adjoint(
             along = wp.float32(0.0)
             slope = wp.float32(0.0)
             for n in range(3):
-                node = grid[slot, row + n]
+                node = grid.velocity[slot, row + n]
                 w = wx[i] * wy[j] * wz[n]
-                wp.atomic_add(grid_bar, slot, row + n, wp.vec4(w * a[0], w * a[1], w * a[2], 0.0))
+                wp.atomic_add(bars.node, slot, row + n, wp.vec4(w * a[0], w * a[1], w * a[2], 0.0))
                 u = wp.vec3(node[0], node[1], node[2])
                 ua = wp.dot(u, a)
                 along += wz[n] * ua
@@ -154,9 +153,7 @@ def gather_adjoint(
 
 
 @wp.func
-def scatter_adjoint(
-    k: Constants, x: wp.vec3, momentum: wp.vec3, affine: wp.mat33, slot: int, grid_bar: wp.array2d[wp.vec4]
-):
+def scatter_adjoint(k: Constants, x: wp.vec3, momentum: wp.vec3, affine: wp.mat33, slot: int, bars: GridBars):
     """Adjoint of `scatter`: cotangents of momentum, affine part and x from those of the nodes."""
     q = (x - k.origin) * k.per_cell
     i0 = int(q[0] - 0.5)
@@ -182,7 +179,7 @@ def scatter_adjoint(
             along = wp.float32(0.0)
             slope = wp.float32(0.0)
             for n in range(3):
-                node = grid_bar[slot, row + n]
+                node = bars.node[slot, row + n]
                 node_bar = wp.vec3(node[0], node[1], node[2])
                 pa = wp.dot(p, node_bar) + k.mass * node[3]
                 along += wz[n] * pa
@@ -201,7 +198,7 @@ def scatter_adjoint(
 
 
 @wp.func
-def scatter_touch(k: Constants, x: wp.vec3, touch: wp.vec4, slot: int, touches: wp.array2d[wp.vec4]):
+def scatter_touch(k: Constants, x: wp.vec3, touch: wp.vec4, slot: int, grid: Grid):
     """Add a particle's touch to the 27 nodes around it, with the weights of its mass."""
     if touch[3] > LEAST_TOUCH * k.mass:
         q = (x - k.origin) * k.per_cell
@@ -215,11 +212,11 @@ def scatter_touch(k: Constants, x: wp.vec3, touch: wp.vec4, slot: int, touches: 
             for j in range(3):
                 row = ((i0 + i) * k.ny + j0 + j) * k.nz + k0
                 for n in range(3):
-                    wp.atomic_add(touches, slot, row + n, (wx[i] * wy[j] * wz[n]) * touch)
+                    wp.atomic_add(grid.touch, slot, row + n, (wx[i] * wy[j] * wz[n]) * touch)
 
 
 @wp.func
-def scatter_touch_adjoint(k: Constants, x: wp.vec3, touch: wp.vec4, slot: int, touches_bar: wp.array2d[wp.vec4]):
+def scatter_touch_adjoint(k: Constants, x: wp.vec3, touch: wp.vec4, slot: int, bars: GridBars):
     """Adjoint of `scatter_touch`: cotangents of touch and x."""
     touch_bar = wp.vec4()
     f_bar = wp.vec3()
@@ -239,7 +236,7 @@ def scatter_touch_adjoint(k: Constants, x: wp.vec3, touch: wp.vec4, slot: int, t
             for j in range(3):
                 row = ((i0 + i) * k.ny + j0 + j) * k.nz + k0
                 for n in range(3):
-                    node_bar = touches_bar[slot, row + n]
+                    node_bar = bars.touch[slot, row + n]
                     work = wp.dot(touch, node_bar)
                     touch_bar += (wx[i] * wy[j] * wz[n]) * node_bar
                     f_bar += work * wp.vec3(sx[i] * wy[j] * wz[n], wx[i] * sy[j] * wz[n], wx[i] * wy[j] * sz[n])

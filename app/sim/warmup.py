@@ -7,14 +7,15 @@ import warp as wp
 
 from app.sim.catalogue import EFFECTS
 from app.sim.effects.base import Effect
-from app.sim.kernels import build_kernels
+from app.sim.schedule import schedule_for
 
 
 def warm_up(announce: Callable[[str], None], effects: tuple[Effect, ...] = EFFECTS) -> None:
-    """Compile the simulator for JAX's default device, or load it from Warp's cache on disk.
+    """Compile the simulator for JAX's default platform, or load it from Warp's cache on disk.
 
     `announce` is told the stage's name before it starts, for example "simulator kernels, CPU".
     """
-    device = wp.device_from_jax(jax.devices()[0])
-    announce(f"simulator kernels, {'CUDA' if device.is_cuda else 'CPU'}")
-    wp.load_module(build_kernels(effects).advance.module, device)
+    wp.config.log_level = wp.LOG_WARNING  # Warp announces itself on stdout, which belongs to the command line.
+    platform = jax.default_backend()
+    announce(f"simulator kernels, {'CPU' if platform == 'cpu' else 'CUDA'}")
+    wp.load_module(schedule_for(platform, effects).kernels.module, wp.device_from_jax(jax.devices()[0]))

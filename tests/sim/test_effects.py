@@ -56,8 +56,8 @@ def mean_y(simulate: Simulate, phi: jax.Array) -> jax.Array:
 
 
 def test_all_effects_at_their_null_values_are_the_nominal_model():
-    nominal = make_rollout(SCENE, particle_count=PARTICLES, effects=(), threads=1)
-    extended = make_rollout(SCENE, particle_count=PARTICLES, threads=1)
+    nominal = make_rollout(SCENE, particle_count=PARTICLES, effects=())
+    extended = make_rollout(SCENE, particle_count=PARTICLES)
     bare = problem(nominal_phi()[: len(NOMINAL_PHYSICS)])
     for ours, theirs in zip(extended(*problem(nominal_phi())), nominal(*bare), strict=True):
         np.testing.assert_allclose(ours, theirs, rtol=0, atol=1e-6 * float(np.abs(theirs).max()))
@@ -65,7 +65,7 @@ def test_all_effects_at_their_null_values_are_the_nominal_model():
 
 @pytest.mark.parametrize("spec", ADDED, ids=lambda spec: spec.name)
 def test_the_gradient_at_the_null_is_finite_and_equals_central_differences(spec):
-    simulate = make_rollout(SCENE, particle_count=PARTICLES, threads=1)
+    simulate = make_rollout(SCENE, particle_count=PARTICLES)
     column = PARAMETERS.index(spec)
     nominal = jnp.asarray(nominal_phi())
     gradient = jax.grad(lambda phi: mean_y(simulate, phi))(nominal)
@@ -78,7 +78,7 @@ def test_the_gradient_at_the_null_is_finite_and_equals_central_differences(spec)
 
 
 def test_a_viscous_film_holds_the_rope_back():
-    simulate = make_rollout(SCENE, particle_count=PARTICLES, threads=1)
+    simulate = make_rollout(SCENE, particle_count=PARTICLES)
     phi = nominal_phi()
     phi[[spec.name for spec in PARAMETERS].index("film_drag")] = 30.0
     assert mean_y(simulate, jnp.asarray(phi)) < mean_y(simulate, jnp.asarray(nominal_phi())) - 0.05
@@ -97,7 +97,7 @@ def test_a_new_effect_is_one_new_file(folder_with_wind: Path):
     found = discover()
     assert sorted(found) == sorted([*(name for name in found if name != "wind"), "wind"])
     assert parameters_with(tuple(found.values()))[-1].name == "wind"
-    simulate = make_rollout(SCENE, particle_count=PARTICLES, effects=tuple(found.values()), threads=1)
+    simulate = make_rollout(SCENE, particle_count=PARTICLES, effects=tuple(found.values()))
     phi = np.append(nominal_phi(), np.float32(0.0))
     gradient = jax.grad(lambda at: mean_y(simulate, at))(jnp.asarray(phi))
     blown = mean_y(simulate, jnp.asarray(phi).at[-1].set(5.0)) - mean_y(simulate, jnp.asarray(phi))

@@ -17,7 +17,7 @@ HIGH = replace(SCENE, high=(0.60, 0.10, 0.30))
 
 def run(scene: Scene, state: State, tool: np.ndarray, **values: float) -> State:
     """The first candidate of a rollout with the nominal parameters but for `values`."""
-    simulate = make_rollout(scene, particle_count=state.x.shape[1], threads=1)
+    simulate = make_rollout(scene, particle_count=state.x.shape[1])
     end = simulate(jnp.asarray(phi_with(**values))[None], state, jnp.asarray(tool)[None])
     return State(*(np.asarray(part[0], np.float64) for part in end))
 

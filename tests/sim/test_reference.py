@@ -14,7 +14,7 @@ from tests.sim import reference
 from tests.sim.scenes import PARTICLES, SCENE, phi_with, rope, straight_tool
 
 STEPS = 50
-SIMULATE = make_rollout(SCENE, particle_count=PARTICLES, threads=1)
+SIMULATE = make_rollout(SCENE, particle_count=PARTICLES)
 
 
 def problem() -> tuple[jax.Array, State, jax.Array]:

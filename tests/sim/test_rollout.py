@@ -9,13 +9,16 @@ import numpy as np
 import pytest
 
 from app.core.errors import ParameterError
+from app.sim.catalogue import EFFECTS
+from app.sim.kernels import candidate_kernels, particle_kernels
 from app.sim.rollout import Simulate, make_rollout
+from app.sim.schedule import LaunchedSubsteps, ThreadedCandidates
 from app.sim.state import State
 from tests.sim.scenes import PARTICLES, SCENE, phi_with, rope, straight_tool
 
 STEPS = 40
 CANDIDATES = 5
-SIMULATE = make_rollout(SCENE, particle_count=PARTICLES, threads=1)
+SIMULATE = make_rollout(SCENE, particle_count=PARTICLES)
 
 
 def problem() -> tuple[jax.Array, State, jax.Array]:
@@ -64,10 +67,24 @@ def test_a_batch_equals_its_candidates_one_by_one():
         assert_same(candidate(slopes, b), gradients(SIMULATE, *alone))
 
 
-def test_threads_change_nothing():
-    threaded = make_rollout(SCENE, particle_count=PARTICLES, threads=2)
-    assert_same(SIMULATE(*problem()), threaded(*problem()))
-    assert_same(gradients(SIMULATE, *problem()), gradients(threaded, *problem()))
+def test_the_number_of_threads_changes_nothing():
+    kernels = candidate_kernels(EFFECTS)
+    one, three = (
+        make_rollout(SCENE, particle_count=PARTICLES, schedule=ThreadedCandidates(kernels=kernels, threads=threads))
+        for threads in (1, 3)
+    )
+    assert_same(one(*problem()), three(*problem()))
+    assert_same(gradients(one, *problem()), gradients(three, *problem()))
+
+
+def test_a_launch_a_substep_as_on_a_gpu_equals_a_launch_an_action():
+    schedule = LaunchedSubsteps(kernels=particle_kernels(EFFECTS), lanes=8)
+    launched = make_rollout(SCENE, particle_count=PARTICLES, schedule=schedule)
+    for ours, theirs in zip(launched(*problem()), SIMULATE(*problem()), strict=True):
+        np.testing.assert_allclose(ours, theirs, rtol=0, atol=1e-5 * float(np.abs(theirs).max()))
+    ours, theirs = (jax.tree.leaves(gradients(simulate, *problem())) for simulate in (launched, SIMULATE))
+    for mine, other in zip(ours, theirs, strict=True):
+        np.testing.assert_allclose(mine, other, rtol=0, atol=1e-3 * float(np.abs(other).max()))
 
 
 def test_two_chained_actions_equal_one_long_action_in_value_and_gradient():

@@ -1,0 +1,47 @@
+"""What the kernels work on: the particles' history, their cotangents, and the grid, as Warp structs of arrays.
+
+Axes: B candidates, R rows of the history, N particles, G nodes, L places on the list of active nodes. A grid has one
+slot for every candidate that is in work at the same time. A node's vec4 is a momentum [kg m/s] and a mass [kg], or a
+velocity [m/s] and nothing, or a sum of touches (see `physics.finger_touch`).
+"""
+
+import warp as wp
+
+
+@wp.struct
+class History:
+    """States at the beginning of substep s in row s modulo R."""
+
+    x: wp.array3d[wp.vec3]
+    v: wp.array3d[wp.vec3]
+    C: wp.array3d[wp.mat33]
+    F: wp.array3d[wp.mat33]
+
+
+@wp.struct
+class Particles:
+    """One number set a particle (B, N): a state, or the cotangents of one."""
+
+    x: wp.array2d[wp.vec3]
+    v: wp.array2d[wp.vec3]
+    C: wp.array2d[wp.mat33]
+    F: wp.array2d[wp.mat33]
+
+
+@wp.struct
+class Grid:
+    """Nodes (slots, G), and which of them matter in this substep: the first `count` on the list `active` (slots, L)."""
+
+    mass: wp.array2d[wp.vec4]
+    touch: wp.array2d[wp.vec4]
+    velocity: wp.array2d[wp.vec4]
+    active: wp.array2d[wp.int32]
+    count: wp.array[wp.int32]
+
+
+@wp.struct
+class GridBars:
+    """Cotangents of the nodes: first of their velocities, then of momentum and mass; and those of their touches."""
+
+    node: wp.array2d[wp.vec4]
+    touch: wp.array2d[wp.vec4]
