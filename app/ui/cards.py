@@ -53,7 +53,7 @@ def plan(board: Board, now_s: float) -> str:
     if proposal is None:
         return '<div class="dp"><small>No plan yet.</small></div>'
     state = "waiting for a decision" if board.pending is proposal else "decided"
-    change = words.change(proposal.chamfer_m2, proposal.predicted_chamfer_m2)
+    change = words.change(words.millimetres(proposal.chamfer_m2), words.millimetres(proposal.predicted_chamfer_m2))
     tone = "dp-good" if proposal.predicted_chamfer_m2 < proposal.chamfer_m2 else "dp-warn"
     big = (
         f'<div class="dp-big"><b>{words.distance(proposal.chamfer_m2)}</b><i>→</i>'
@@ -150,7 +150,8 @@ def key() -> str:
     entries = (
         ("", palette.OBSERVED, "observed"),
         ("", palette.GOAL, "goal"),
-        ("", palette.PREDICTED, "predicted"),
+        ("", palette.PREDICTED, "after this push"),
+        ("", palette.HORIZON, "at the horizon"),
         ("line", palette.BEST, "plan"),
         ("line", palette.CHEAP, "cheap branch"),
         ("line", palette.DEAR, "costly branch"),

@@ -10,6 +10,7 @@ Colour: TypeAlias = tuple[int, int, int]
 OBSERVED: Final[Colour] = (240, 138, 36)
 GOAL: Final[Colour] = (0, 158, 115)
 PREDICTED: Final[Colour] = (86, 180, 233)
+HORIZON: Final[Colour] = (150, 120, 220)
 BEST: Final[Colour] = (232, 62, 140)
 MEASURED: Final[Colour] = (204, 160, 0)
 CHEAP: Final[Colour] = (70, 120, 255)

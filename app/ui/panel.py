@@ -83,14 +83,15 @@ class Panel:
 
     def _add_switches(self) -> None:
         scene = self._scene
-        for label, show in (
-            ("Observed particles", scene.observed.show),
-            ("Goal", scene.goal.show),
-            ("Predicted end state", scene.predicted.show),
-            ("Other branches", scene.paths.show_branches),
-            ("Cameras", scene.show_cameras),
+        for label, show, shown in (
+            ("Observed", scene.observed.show, True),
+            ("Goal", scene.goal.show, True),
+            ("After this push", scene.predicted.show, True),
+            ("At the horizon", scene.horizon.show, False),
+            ("Other branches", scene.paths.show_branches, True),
+            ("Cameras", scene.show_cameras, True),
         ):
-            switch = self._gui.add_checkbox(label, initial_value=True)
+            switch = self._gui.add_checkbox(label, initial_value=shown)
             switch.on_update(lambda event, show=show: show(event.target.value))
         dark = self._gui.add_checkbox("Dark", initial_value=True)
         dark.on_update(lambda event: self._choose_theme(dark=event.target.value))

@@ -29,6 +29,8 @@ class Scene:
         self.observed = Beads(server, "/observed", palette.OBSERVED, opacity=None)
         self.goal = Beads(server, "/goal", palette.GOAL, opacity=0.45)
         self.predicted = Beads(server, "/predicted", palette.PREDICTED, opacity=0.45)
+        self.horizon = Beads(server, "/horizon", palette.HORIZON, opacity=0.3)
+        self.horizon.show(False)
         self.paths = Paths(server)
         self.tool = Tool(server, "/tool", palette.STEEL, opacity=None)
         self.ghost = Tool(server, "/ghost", palette.BEST, opacity=0.55)
@@ -42,7 +44,8 @@ class Scene:
         if board.goal is not last.goal and board.goal is not None:
             self.goal.put(board.goal.positions)
         if board.shown is not last.shown and board.shown is not None:
-            self.predicted.put(board.shown.chosen.final)
+            self.predicted.put(board.shown.chosen.predicted)
+            self.horizon.put(board.shown.chosen.final)
         if board.arm is not last.arm and board.arm is not None:
             self.tool.put(board.arm.pose[:3], board.arm.gripper)
         self.paths.paint(board, last)

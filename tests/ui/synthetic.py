@@ -85,7 +85,7 @@ def branch(rng: np.random.Generator, index: int, observed: np.ndarray) -> Branch
         origin="random" if index else "policy",
         actions=np.zeros((2, 42), np.float32),
         tool_path=np.column_stack([path, np.full(12, 0.012)]).astype(np.float32),
-        predicted=observed,
+        predicted=rope(0.3, 4),
         final=rope(0.22, 3),
         cost_before=before,
         cost_after=before * float(rng.uniform(0.5, 0.9)),
