@@ -6,12 +6,11 @@ and only through the pixels that it can cover.
 
 from dataclasses import dataclass
 from functools import lru_cache
-from itertools import pairwise
 from typing import TypeAlias, final
 
 import cv2
 import numpy as np
-from jaxtyping import Bool, Float32, Float64, Int32, UInt8
+from jaxtyping import Bool, Float32, Float64, UInt8
 
 from app.core.messages import CameraModel
 from app.core.native import load_open3d
@@ -112,18 +111,27 @@ def _covered(moving: list[Surface], camera: CameraModel) -> Bool[np.ndarray, "he
 
 
 def _cover(mask: UInt8[np.ndarray, "height width"], surface: Surface, camera: CameraModel) -> None:
-    """Fill the hull of each pair of neighbouring rings; everything, where a ring is too near to be projected."""
+    """Fill the hulls of the surface's convex pieces, each what lies between two neighbouring rings.
+
+    A piece that reaches behind the camera and is not beside the view covers everything.
+    """
     R, eye = camera.T_world_camera[:3, :3], camera.T_world_camera[:3, 3]
-    seen = (surface.vertices[:-2] - eye) @ R @ camera.K.T
-    if np.all(seen[:, 2] < _NEAREST_M):
-        return
-    if np.any(seen[:, 2] < _NEAREST_M):
+    rings = ((surface.vertices[:-2] - eye) @ R @ camera.K.T).reshape(-1, SIDES, 3)
+    pieces = np.concatenate([rings[:-1], rings[1:]], axis=1)
+    pieces = pieces[~_beside(pieces, camera)]
+    if np.any(pieces[..., 2] < _NEAREST_M):
         mask[:] = 1
         return
-    pixels = (seen[:, :2] / seen[:, 2:] * 2**_SUBPIXEL_BITS).round().astype(np.int32).reshape(-1, SIDES, 2)
-    for near, far in pairwise(pixels):
-        hull: Int32[np.ndarray, "h 1 2"] = cv2.convexHull(np.concatenate([near, far]))
-        cv2.fillConvexPoly(mask, hull, (1,), shift=_SUBPIXEL_BITS)
+    pixels = (pieces[..., :2] / pieces[..., 2:] * 2**_SUBPIXEL_BITS).round().astype(np.int32)
+    for piece in pixels:
+        cv2.fillConvexPoly(mask, cv2.convexHull(piece), (1,), shift=_SUBPIXEL_BITS)
+
+
+def _beside(pieces: Float64[np.ndarray, "P V 3"], camera: CameraModel) -> Bool[np.ndarray, " P"]:
+    """Which pieces of homogeneous pixels `(u z, v z, z)` lie all beyond one side of the image, or behind the camera."""
+    x, y, z = np.moveaxis(pieces, -1, 0)
+    sides = np.stack([x < 0, x > camera.width * z, y < 0, y > camera.height * z, z < 0])
+    return np.logical_or.reduce(sides.all(axis=-1), axis=0)
 
 
 def _cast(
@@ -150,10 +158,11 @@ def _exposed(
     """The layer as the sensor gives it: noisy, with holes, in whole numbers."""
     size = layer.depth.shape
     depth = layer.depth + noise.depth_per_m * layer.depth**2 * rng.standard_normal(size, dtype=np.float32)
-    chance = np.where(_edges(layer.depth, noise.edge_m), np.float32(noise.edge_dropout), np.float32(0.0))
+    chance = np.float32(noise.edge_dropout) * _edges(layer.depth, noise.edge_m)
     chance[layer.facing < np.sin(noise.grazing_rad)] = noise.grazing_dropout
-    units = np.round(depth / camera.depth_unit_m)
-    units[rng.random(size, dtype=np.float32) < chance] = 0
+    units = np.rint(depth / camera.depth_unit_m)
+    doubtful = np.flatnonzero(chance)
+    units.ravel()[doubtful[rng.random(len(doubtful)) < chance.ravel()[doubtful]]] = 0
     levels = layer.colour + noise.colour_levels * rng.standard_normal((*size, 1), dtype=np.float32)
     return np.clip(levels, 0, 255).astype(np.uint8), np.clip(units, 0, 65535).astype(np.uint16)
 
