@@ -5,7 +5,6 @@ is heavy runs in worker processes; STOP goes from the console to the arm's proce
 """
 
 import shutil
-from dataclasses import dataclass
 from typing import final
 
 import anyio
@@ -15,12 +14,20 @@ from app.core.announcer import Announcer
 from app.core.approval import ApprovalGate, Approved, automatic_decision, drift
 from app.core.chamfer import chamfer_m2
 from app.core.channel import Latest, Lossless
-from app.core.errors import ApprovalRefused, DeviceError, MotionRefused, PerceptionError, PlanningError, first_error
+from app.core.errors import (
+    ApprovalRefused,
+    DeviceError,
+    DipacError,
+    MotionRefused,
+    PerceptionError,
+    PlanningError,
+    WorkerError,
+    first_error,
+)
 from app.core.messages import (
     Decision,
     Executed,
     Frame,
-    Goal,
     Health,
     Model,
     Outcome,
@@ -35,7 +42,7 @@ from app.core.ports import Camera, Clock, Operator, Recorder, Rig
 from app.core.summary import Summary
 from app.core.worker import Worker
 from app.perception.reconstruct import reconstruct
-from app.tasks.base import Task
+from app.tasks.base import Wish
 from app.tasks.jobs import nominal_model, plan, update, warm_up_stage, warm_up_stages
 
 _OBSERVE_DEADLINE_S = 30.0
@@ -44,21 +51,6 @@ _UNATTENDED_S = 120.0
 """How long a run with automatic approval waits for somebody to resume it after a stop."""
 _CALIBRATOR_NICENESS = 15
 """Below the planner, which a decision waits for."""
-
-
-@final
-@dataclass(frozen=True, kw_only=True)
-class Wish:
-    """What this episode is to do. `model` None starts from the task's nominal one."""
-
-    task: Task
-    preset: str
-    goal: Goal
-    model: Model | None
-    seed: int
-    pushes: int
-    automatic: bool
-    calibrating: bool
 
 
 @final
@@ -143,7 +135,7 @@ class Flow:
             started_s = self.clock.now()
             try:
                 seen = await self.perceiver.run(reconstruct, frames, how)
-            except PerceptionError as error:
+            except (PerceptionError, WorkerError) as error:
                 self.fault("perception", error)
                 continue
             now_s = self.clock.now()
@@ -165,8 +157,12 @@ class Flow:
             seen.append(transition)
             if not self.wish.calibrating or self.models.value is None:
                 continue
-            old = self.models.value
-            new = await self.calibrator.run(update, self.wish.task.name, self.wish.preset, seen, old)
+            task, old = self.wish.task.name, self.models.value
+            try:
+                new = await self.calibrator.run(update, task, self.wish.preset, seen, old)
+            except DipacError as error:
+                self.fault("calibration", error)
+                continue
             self.models.put(self.say(new))
 
     async def _listen(self) -> None:
@@ -262,17 +258,9 @@ class Flow:
             seed = hash((wish.seed, self.summary.pushes, salt, attempt)) % 2**31
             started_s = self.clock.now()
             try:
-                found = await self.planner.run(
-                    plan,
-                    wish.task.name,
-                    self.wish.preset,
-                    observed.positions,
-                    wish.goal.positions,
-                    model,
-                    seed,
-                    self.site,
-                )
-            except PlanningError as error:
+                x, goal = observed.positions, wish.goal.positions
+                found = await self.planner.run(plan, wish.task.name, wish.preset, x, goal, model, seed, self.site)
+            except (PlanningError, WorkerError) as error:
                 self.fault("planner", error)
                 continue
             now_s = self.clock.now()
@@ -301,23 +289,28 @@ class Flow:
         latest = self.particles.value
         assert latest is not None
         if (moved_m := drift(proposal.observed, latest.positions)) > self.site.timing.plan_max_drift_m:
-            self.notice("plan", f"{proposal.id} dropped: the object moved by {moved_m * 1e3:.0f} mm meanwhile.")
+            self.notice(
+                "plan", f"{proposal.id} dropped: the object moved by {moved_m * 1e3:.0f} mm meanwhile.", proposal.id
+            )
             return None
         self._do("waiting for approval")
         self.gate.show(proposal)
         self.proposals.put(proposal)
-        self.operator.show(proposal)
         with anyio.move_on_after(self.site.timing.plan_max_age_s):
             while True:
                 decision = await self._decision(proposal)
                 if decision.proposal_id != proposal.id:
                     self.notice("approval", f"{decision.proposal_id} is not the plan shown; nothing was done.")
                 elif not decision.approve:
-                    self.notice("approval", f"Rejected by {decision.operator}: {decision.reason or 'no reason given'}.")
+                    self.notice(
+                        "approval",
+                        f"Rejected by {decision.operator}: {decision.reason or 'no reason given'}.",
+                        proposal.id,
+                    )
                     return None
                 else:
                     return self._approved(decision)
-        self.notice("plan", f"{proposal.id} grew too old; planning again.")
+        self.notice("plan", f"{proposal.id} grew too old; planning again.", proposal.id)
         return None
 
     async def _decision(self, proposal: Proposal) -> Decision:
@@ -331,7 +324,7 @@ class Flow:
         try:
             return self.say(self.gate.approve(decision, latest=latest, now_s=self.clock.now()))
         except ApprovalRefused as refusal:
-            self.notice("approval", str(refusal))
+            self.notice("approval", str(refusal), decision.proposal_id)
             return None
 
     async def _execute(self, approved: Approved) -> Executed | None:
@@ -345,7 +338,7 @@ class Flow:
             await self.clock.sleep(1.0)
             return None
         if executed.outcome != "completed":
-            self._hold(f"The arm stopped: {executed.reason}.")
+            self._hold(executed.reason)
         return self.say(executed)
 
     async def _learn(self, proposal: Proposal, before: Particles, executed: Executed, after: Particles) -> None:
@@ -380,7 +373,7 @@ class Flow:
         """Nothing moves from now on until the operator resumes."""
         if self._may_move.is_set():
             self._may_move = anyio.Event()
-        self.notice("stop", f"{why} Press Resume to go on.")
+        self.notice("stop", f"{why.rstrip('.')}. Press Resume to go on.")
 
     async def _resumed(self) -> None:
         """Wait until the operator resumes, if something stopped; for ever, unless nobody is expected to be there."""

@@ -167,7 +167,15 @@ def test_bad_input_is_said_in_one_line_before_anything_moves(
     (tmp_path / "cut.mcap").write_bytes(Path(ran.outcome["recording"]).read_bytes()[:200_000])
     (tmp_path / "bad.toml").write_text(
         'schema = 1\ntask = "rope_push"\nversion = 1\nloss_m2 = 0.0\ntransition_count = 1\n'
-        "[parameters.stiffness]\nvalue = nan\nunit = 'Pa'\nlow = 1.0\nhigh = 2.0\n"
+        + "".join(
+            f"[parameters.{name}]\nvalue = {value}\nunit = '1'\nlow = 0.0\nhigh = 1.0\n"
+            for name, value in (
+                ("stiffness", "nan"),
+                ("table_friction", 0.4),
+                ("finger_friction", 0.3),
+                ("film_drag", 0.0),
+            )
+        )
     )
     said = dipac(*arguments, cwd=tmp_path)
     assert said.returncode not in (0, 1), said.stdout + said.stderr

@@ -19,12 +19,13 @@ from app.core.messages import Episode, Goal, Message, fresh_id
 from app.core.ports import Recorder, Rig
 from app.core.summary import Summary
 from app.core.worker import Worker
-from app.flow import Flow, Wish
+from app.flow import Flow
 from app.recording.model_file import load_model
 from app.recording.writer import open_recording
 from app.rig.simulated.rig import simulated_rig
 from app.tasks import Task, load
-from app.tasks.jobs import choose_preset
+from app.tasks.base import Wish
+from app.tasks.jobs import check_model, choose_preset
 from app.ui.console import Console, open_console
 from app.ui.desk import Request
 from app.ui.terminal import Terminal
@@ -115,7 +116,9 @@ async def episode(order: Order, output: TerminalOutput) -> Report:
     async with Worker("planner", niceness=_PLANNER_NICENESS) as planner:
         with output.status("starting the planner's process"):
             preset = options.preset if options.preset != "auto" else await planner.run(choose_preset)
-        wish = _wish(task, order, preset)
+            wish = _wish(task, order, preset)
+            if wish.model:
+                await planner.run(check_model, wish.model)
         start = _start(order, preset)
         async with (
             open_recording(site.recordings, start, min_free_bytes=site.min_free_bytes) as recorder,

@@ -9,7 +9,7 @@ from rich.console import Console
 
 from app.commands._episode import Options, Order, Report, episode
 from app.core.errors import UsageError
-from app.ui.terminal import millimetres
+from app.ui.words import millimetres
 
 
 def run(

@@ -8,7 +8,7 @@ import anyio
 
 from app.core.channel import Lossless
 from app.core.errors import DipacError
-from app.core.messages import Fault, Message, Notice, fresh_id
+from app.core.messages import Fault, Message, MessageId, Notice, fresh_id
 from app.core.ports import Clock, Operator, Recorder
 from app.core.summary import Summary
 
@@ -36,9 +36,9 @@ class Announcer:
         self._summary.said += 1
         return message
 
-    def notice(self, where: str, text: str) -> None:
-        """Something for the operator to read."""
-        self.say(Notice(id=fresh_id("notice"), time_s=self._clock.now(), where=where, text=text))
+    def notice(self, where: str, text: str, *about: MessageId) -> None:
+        """Something for the operator to read. A proposal among `about` is withdrawn by it."""
+        self.say(Notice(id=fresh_id("notice"), cause=about, time_s=self._clock.now(), where=where, text=text))
 
     def fault(self, where: str, error: DipacError) -> None:
         """Something that went wrong and did not end the episode."""

@@ -13,6 +13,7 @@ from app.core.errors import UsageError
 if TYPE_CHECKING:  # Rigs need ropes and fingers alone: their processes shall not load JAX and Warp for these names.
     from jaxtyping import Float64
 
+    from app.core.messages import Goal, Model
     from app.core.types import Points
     from app.perception.reconstruct import Reconstruction
     from app.planner.actions import ActionSpace
@@ -100,3 +101,18 @@ class Task:
         from app.tasks.curves import fill_tube
 
         return fill_tube(self.problems.draw(seed, self.rope)[1], self.rope.radius_m, particle_count)
+
+
+@final
+@dataclass(frozen=True, kw_only=True)
+class Wish:
+    """What this episode is to do. `model` None starts from the task's nominal one."""
+
+    task: Task
+    preset: str
+    goal: Goal
+    model: Model | None
+    seed: int
+    pushes: int
+    automatic: bool
+    calibrating: bool

@@ -75,6 +75,20 @@ def nominal_model(task: str) -> Model:
     return compiled.nominal_model(task)
 
 
+def check_model(model: Model) -> None:
+    """Raises ParameterError where a parameter of the simulator is missing, non-finite or outside its range."""
+    import numpy as np
+
+    from app.core.errors import ParameterError
+    from app.sim.params import PARAMETERS, validated
+
+    values = {parameter.name: parameter.value for parameter in model.parameters}
+    missing = [spec.name for spec in PARAMETERS if spec.name not in values]
+    if missing:
+        raise ParameterError(f"The model lacks {', '.join(missing)}; calibrate one with this version.")
+    validated(np.array([values[spec.name] for spec in PARAMETERS]))
+
+
 def warm_up_stages(task: str, preset: str) -> list[str]:
     """What has to be compiled before the first decision, in order and in words, for people to read while they wait."""
     from app.tasks import compiled

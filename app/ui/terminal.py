@@ -7,6 +7,7 @@ from rich.console import Console
 from rich.status import Status
 
 from app.core.messages import Fault, Health, Message, Notice, Outcome
+from app.ui.words import millimetres
 
 _HEADER = "push   distance to goal    predicted   cost/1e-3 m2, descent     plan   model"
 
@@ -70,8 +71,3 @@ def outcome_line(outcome: Outcome) -> str:
         f"{1e3 * outcome.cost_before:7.2f} -> {1e3 * outcome.cost_after:6.2f}   {outcome.plan_s:5.1f} s   "
         f"v{outcome.model_version}"
     )
-
-
-def millimetres(chamfer_m2: float) -> float:
-    """A Chamfer distance as a length people can picture: the root of its mean one-way part [mm]."""
-    return 1e3 * (chamfer_m2 / 2) ** 0.5
