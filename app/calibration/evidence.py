@@ -11,9 +11,10 @@ import numpy as np
 from jaxtyping import Array, Float, Float32
 
 from app.core.chamfer import chamfer_m2
+from app.core.errors import UsageError
 from app.core.messages import Transition
 
-Advance = Callable[[Float[Array, "B P"], Float[Array, "B N 3"], Float[Array, "B S+1 3"]], Float[Array, "B N 3"]]
+Advance = Callable[[Float[Array, "B P"], Float[Array, "B N 3"], Float[Array, "B T 3"]], Float[Array, "B N 3"]]
 """The simulator from rest to rest: parameters, particles before, tool path -> particles after."""
 
 
@@ -23,7 +24,7 @@ class Evidence:
     """K transitions: particles before and after [m], and the tool path that was measured between them [m]."""
 
     before: Float32[np.ndarray, "K N 3"]
-    tool: Float32[np.ndarray, "K S+1 3"]
+    tool: Float32[np.ndarray, "K T 3"]
     after: Float32[np.ndarray, "K N 3"]
 
     def __len__(self) -> int:
@@ -33,13 +34,18 @@ class Evidence:
 class ToolPath(Protocol):
     """Turns measured tool-tip positions into the path to simulate (`app.planner.actions.ActionSpace.measured_path`)."""
 
-    def __call__(self, positions: Float[np.ndarray, "T 3"]) -> Float32[np.ndarray, "S+1 3"]:
+    def __call__(self, positions: Float[np.ndarray, "M 3"]) -> Float32[np.ndarray, "T 3"]:
         """The simulated path [m]."""
         ...
 
 
 def gather(transitions: Sequence[Transition], tool_path: ToolPath) -> Evidence:
-    """What is simulated is the motion as measured, never as commanded. All clouds must have the same size."""
+    """What is simulated is the motion as measured, never as commanded. All clouds must have the same size.
+
+    Raises UsageError where there are no transitions.
+    """
+    if not transitions:
+        raise UsageError("No transitions to learn from; record at least one push.")
     return Evidence(
         before=np.stack([transition.before for transition in transitions]).astype(np.float32),
         tool=np.stack([tool_path(transition.executed.measured[:, :3]) for transition in transitions]),
@@ -82,7 +88,7 @@ def _predicted_losses(
     advance: Advance,
     phi: Float[Array, "K P"],
     before: Float[Array, "K N 3"],
-    tool: Float[Array, "K S+1 3"],
+    tool: Float[Array, "K T 3"],
     after: Float[Array, "K N 3"],
 ) -> Float[Array, " K"]:
     return chamfer_m2(advance(phi, before, tool), after)

@@ -3,9 +3,10 @@
 from dataclasses import dataclass
 from typing import Protocol, final
 
+import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Bool, Float, Float32
+from jaxtyping import Array, Bool, Float, Float32, Int
 
 from app.config import Site
 from app.core.messages import Motion
@@ -16,7 +17,7 @@ _SAMPLES_PER_BRANCH = 64
 
 
 class ActionSpace(Protocol):
-    """The actions of a task. Axis letters: B candidates, A numbers of an action, S substeps, N particles."""
+    """The actions of a task. B candidates, A numbers of an action, N particles, T tool positions a substep apart."""
 
     @property
     def size(self) -> int:
@@ -44,7 +45,7 @@ class ActionSpace(Protocol):
         """What a typical change of each number is: the unit of one step of gradient descent."""
         ...
 
-    def tool_path(self, actions: Float[Array, "B A"]) -> Float[Array, "B S+1 3"]:
+    def tool_path(self, actions: Float[Array, "B A"]) -> Float[Array, "B T 3"]:
         """Tool-tip positions [m] at the ends of all substeps."""
         ...
 
@@ -52,7 +53,7 @@ class ActionSpace(Protocol):
         """What the arm shall do to make the action."""
         ...
 
-    def measured_path(self, positions: Float[np.ndarray, "T 3"]) -> Float32[np.ndarray, "S+1 3"]:
+    def measured_path(self, positions: Float[np.ndarray, "M 3"]) -> Float32[np.ndarray, "T 3"]:
         """The tool path to simulate for an action that was made along measured tool-tip `positions` [m]."""
         ...
 
@@ -144,7 +145,7 @@ class Pushes:
             np.array([self.start_scale_m, self.displacement_scale_m], np.float32), [2, 2 * self.displacements]
         )
 
-    def tool_path(self, actions: Float[Array, "B A"]) -> Float[Array, "B S+1 3"]:
+    def tool_path(self, actions: Float[Array, "B A"]) -> Float[Array, "B T 3"]:
         """Straight lines between the waypoints, slowly at first and last, then at rest; all at the push height."""
         path = jnp.asarray(self._interpolation()) @ self._waypoints(actions)
         height = jnp.full((*path.shape[:2], 1), self.height_m, path.dtype)
@@ -159,7 +160,7 @@ class Pushes:
         speeds[[0, 1, -1]] = self.approach_m_s
         return Motion(positions=np.concatenate([push[:1] + above, push, push[-1:] + above]), speeds=speeds)
 
-    def measured_path(self, positions: Float[np.ndarray, "T 3"]) -> Float32[np.ndarray, "S+1 3"]:
+    def measured_path(self, positions: Float[np.ndarray, "M 3"]) -> Float32[np.ndarray, "T 3"]:
         """The part of the way near push height, resampled to equal steps; without such a part the finger stays put.
 
         Raises ValueError where nothing was measured.
@@ -179,11 +180,11 @@ class Pushes:
     def _join(self, start: Float[Array, "B 2"], steps: Float[Array, "B D 2"]) -> Float[Array, "B A"]:
         return jnp.concatenate([start, steps.reshape(start.shape[0], -1)], axis=-1)
 
-    def _waypoints(self, actions: Float[Array, "B A"]) -> Float[Array, "B D+1 2"]:
+    def _waypoints(self, actions: Float[Array, "B A"]) -> Float[Array, "B W 2"]:
         start, steps = self._split(actions)
         return jnp.cumsum(jnp.concatenate([start[:, None], steps], axis=1), axis=1)
 
-    def _interpolation(self) -> Float32[np.ndarray, "S+1 D+1"]:
+    def _interpolation(self) -> Float32[np.ndarray, "T W"]:
         """Maps waypoints to tool positions: row s holds the two weights of substep s.
 
         The speed along the push rises and falls like sin^2, without a jerk that would throw the object.
@@ -194,14 +195,16 @@ class Pushes:
 
     def _clear(self, start: Float[Array, "B 2"], x: Float[Array, "B N 2"]) -> Float[Array, "B 2"]:
         low, high = self._bounds()
-        for _ in range(_CLEARING_STEPS):
+
+        def step(_: Int[Array, ""], start: Float[Array, "B 2"]) -> Float[Array, "B 2"]:
             away = start[:, None] - x
             nearest = jnp.argmin(_length(away), axis=-1)
             away = jnp.take_along_axis(away, nearest[:, None, None], axis=1)[:, 0]
             distance = _length(away)
             missing = jnp.maximum(0.0, self.clearance_m - distance)
-            start = jnp.clip(start + (missing / distance)[:, None] * away, low, high)
-        return start
+            return jnp.clip(start + (missing / distance)[:, None] * away, low, high)
+
+        return jax.lax.fori_loop(0, _CLEARING_STEPS, step, start)
 
     def _bounds(self) -> tuple[Float32[np.ndarray, "2"], Float32[np.ndarray, "2"]]:
         return np.asarray(self.region[:2], np.float32), np.asarray(self.region[2:], np.float32)

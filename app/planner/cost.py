@@ -45,14 +45,15 @@ def step_terms(
     x_before: Float[Array, "B N 3"],
     x_after: Float[Array, "B N 3"],
     goal: Float[Array, "M 3"],
-    tool_path: Float[Array, "B S+1 3"],
+    tool_path: Float[Array, "B T 3"],
 ) -> Terms:
     """One step's terms: chamfer(x_t, goal) - chamfer(x_{t-1}, goal), and the distance between gripper and object.
 
     Summed over a branch the first telescopes to the final minus the initial Chamfer distance, so nothing but the end
-    of the horizon and the contact terms steers, unless later steps are discounted. The paper's contact term, an L2 distance between gripper and object,
-    is read as the horizontal distance from where the finger ends to the nearest particle then: it draws a finger that
-    misses the object towards it, and a push that touches pays about the finger's radius.
+    of the horizon and the contact terms steers, unless later steps are discounted. The paper's contact term, an L2
+    distance between gripper and object, is read as the horizontal distance from where the finger ends to the nearest
+    particle then: it draws a finger that misses the object towards it, and a push that touches pays about the finger's
+    radius.
     """
     progress = chamfer_m2(x_after, goal[None]) - chamfer_m2(x_before, goal[None])
     squared = ((x_after[..., :2] - tool_path[:, -1:, :2]) ** 2).sum(-1).min(-1)

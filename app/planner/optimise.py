@@ -47,7 +47,7 @@ class Descended(NamedTuple):
 
     best: Rollout
     cost_before: Float[Array, " B"]
-    iterates: Float[Array, "G+1 B"]
+    iterates: Float[Array, "G B"]
     lost_gradients: Int[Array, " B"]
     finite: Bool[Array, " B"]
 

@@ -14,7 +14,7 @@ from app.planner.actions import ActionSpace
 from app.planner.cost import Terms, Weights, step_terms
 from app.policy.base import Policy, Prepared
 
-Advance = Callable[[Float[Array, "B P"], Float[Array, "B N 3"], Float[Array, "B S+1 3"]], Float[Array, "B N 3"]]
+Advance = Callable[[Float[Array, "B P"], Float[Array, "B N 3"], Float[Array, "B T 3"]], Float[Array, "B N 3"]]
 """The simulator from rest to rest: parameters, particles before, tool path -> particles after."""
 
 
@@ -81,8 +81,8 @@ def simulate(
     allowed = jnp.ones(len(x), bool)
     for step in range(search.depth):
         wanted = actions[:, step]
-        moved = jax.lax.stop_gradient(search.space.project(wanted, states[-1]) - wanted)
-        taken.append(wanted + moved)
+        here, start = jax.lax.stop_gradient((wanted, states[-1]))
+        taken.append(wanted + (search.space.project(here, start) - here))
         allowed &= search.space.allowed(taken[-1], states[-1])
         path = search.space.tool_path(taken[-1])
         states.append(search.advance(phi, states[-1], path))

@@ -36,7 +36,7 @@ def centreline_weights(labels: Float32[np.ndarray, " N"], nodes: int) -> Float32
 def _neighbour_graph(x: Float[np.ndarray, "N 3"]) -> csr_matrix:
     """Nearest neighbours, and the minimum spanning tree so that no particle is cut off; squared lengths as costs."""
     near = min(_NEIGHBOURS, len(x) - 1)
-    lengths, columns = KDTree(x).query(x, k=near + 1)
+    lengths, columns = (np.asarray(found) for found in KDTree(x).query(x, k=near + 1))
     rows = np.repeat(np.arange(len(x)), near)
     local = csr_matrix((lengths[:, 1:].ravel() ** 2, (rows, columns[:, 1:].ravel())), shape=(len(x), len(x)))
     return csr_matrix(local.maximum(minimum_spanning_tree(cdist(x, x, "sqeuclidean"))))

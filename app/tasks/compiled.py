@@ -31,7 +31,7 @@ def advance(task: str, particle_count: int) -> Advance:
     simulate = make_rollout(load(task).scene, particle_count=particle_count)
 
     def from_rest(
-        phi: Float[Array, "B P"], x: Float[Array, "B N 3"], tool: Float[Array, "B S+1 3"]
+        phi: Float[Array, "B P"], x: Float[Array, "B N 3"], tool: Float[Array, "B T 3"]
     ) -> Float[Array, "B N 3"]:
         return simulate(phi, State.at_rest(x), tool).x
 

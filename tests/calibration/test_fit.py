@@ -1,0 +1,92 @@
+"""Fitting: a hidden truth is recovered from slopes, within ranges, and intervals tell how well it is known."""
+
+from collections.abc import Callable
+
+import numpy as np
+import pytest
+
+from app.calibration.fit import Fit, Settings, fit
+from app.core.errors import SimulationError
+from app.sim.parameter import ParameterSpec
+
+STIFFNESS = ParameterSpec(name="a", unit="Pa", nominal=1e4, low=1e3, high=1e5, scale="log", about="-")
+OFFSET = ParameterSpec(name="b", unit="m", nominal=0.0, low=-1.0, high=1.0, scale="linear", about="-")
+SPECS = (STIFFNESS, OFFSET)
+TRUTH = np.array([7e3, 0.3])
+
+
+def world(noise: float, count: int = 40, seed: int = 0) -> Callable[[np.ndarray], tuple[np.ndarray, np.ndarray]]:
+    """Squared distances of a smooth, non-linear model to noisy observations of it, above a floor."""
+    rng = np.random.default_rng(seed)
+    features, errors = rng.uniform(0.5, 1.5, (count, 2)), noise * rng.standard_normal(count)
+
+    def slopes(values: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        u, v = np.log(values[0] / TRUTH[0]), values[1] - TRUTH[1]
+        residual = features[:, 0] * np.tanh(u) + features[:, 1] * v + errors
+        jacobian = np.stack([features[:, 0] / np.cosh(u) ** 2 / values[0], features[:, 1]], axis=1)
+        return residual**2 + 1e-4, 2 * residual[:, None] * jacobian
+
+    return slopes
+
+
+def found(noise: float, start: np.ndarray, steps: int = 15, seed: int = 0) -> Fit:
+    return fit(world(noise, seed=seed), start, SPECS, Settings(steps=steps))
+
+
+@pytest.mark.parametrize("factor", [1 / 3, 3.0])
+def test_a_hidden_truth_is_recovered_from_a_start_wrong_by_a_factor_of_three(factor: float) -> None:
+    result = found(0.0, np.array([TRUTH[0] * factor, 0.0]))
+    np.testing.assert_allclose(result.values, TRUTH, rtol=0.02)
+
+
+def test_the_result_is_the_best_of_all_trials() -> None:
+    result = found(0.05, np.array([2e4, -0.5]))
+    assert result.loss_m2 == np.nanmin(result.trials_m2)
+    assert result.loss_m2 < result.trials_m2[0]
+
+
+def test_the_interval_holds_the_value_and_shrinks_with_less_noise() -> None:
+    vague, sharp = found(0.2, TRUTH), found(0.02, TRUTH)
+    for result in (vague, sharp):
+        assert np.all((result.low < result.values) & (result.values < result.high))
+    assert np.all(np.log(sharp.high[0] / sharp.low[0]) < 0.5 * np.log(vague.high[0] / vague.low[0]))
+
+
+def test_values_and_intervals_stay_in_their_ranges() -> None:
+    def downhill(values: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        residual = np.full(3, 2.0 + np.log(values[0] / 1e3))
+        return residual**2, np.stack([2 * residual / values[0], np.zeros(3)], axis=1)
+
+    result = fit(downhill, np.array([5e4, 0.0]), SPECS, Settings(steps=20))
+    assert result.values[0] == pytest.approx(STIFFNESS.low)
+    assert result.low[0] >= STIFFNESS.low * (1 - 1e-9)
+
+
+def test_transitions_that_cannot_be_predicted_are_left_out() -> None:
+    whole = world(0.0)
+
+    def partly(values: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        losses, gradients = whole(values)
+        losses[0], gradients[1, 0] = np.nan, np.inf
+        return losses, gradients
+
+    result = fit(partly, np.array([2e4, 0.0]), SPECS, Settings(steps=15))
+    np.testing.assert_allclose(result.values, TRUTH, rtol=0.02)
+
+
+def test_a_model_that_predicts_nothing_is_refused() -> None:
+    def nothing(values: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        return np.full(3, np.nan), np.zeros((3, 2))
+
+    with pytest.raises(SimulationError, match="predicts none"):
+        fit(nothing, TRUTH, SPECS, Settings(steps=3))
+
+
+def test_one_transition_tells_no_interval() -> None:
+    def single(values: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        losses, gradients = world(0.1)(values)
+        return losses[:1], gradients[:1]
+
+    result = fit(single, TRUTH, SPECS, Settings(steps=2))
+    assert result.low.tolist() == pytest.approx([STIFFNESS.low, OFFSET.low])
+    assert result.high.tolist() == pytest.approx([STIFFNESS.high, OFFSET.high])

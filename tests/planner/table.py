@@ -1,0 +1,45 @@
+"""A small rope pushing problem: few particles, short pushes, the real simulator."""
+
+from dataclasses import replace
+from functools import cache
+
+import jax.numpy as jnp
+import numpy as np
+
+from app.core.types import Points
+from app.planner.plan import TreePlanner
+from app.planner.tree import Search
+from app.tasks import compiled, load
+from app.tasks.curves import fill_tube
+
+PARTICLES = 80
+TASK = load("rope_push")
+SPACE = replace(TASK.actions, push_substeps=120, rest_substeps=8)
+PHI = compiled.phi_of(compiled.nominal_model("rope_push"))
+
+
+def rope(offset_m: float = 0.0, turn_rad: float = 0.0) -> Points:
+    """A straight rope around the middle of the table, turned and then moved along y."""
+    along = np.linspace(-0.2, 0.2, 41)
+    centre = [0.55 + along * np.cos(turn_rad), offset_m + along * np.sin(turn_rad), np.full(41, 0.008)]
+    return fill_tube(np.stack(centre, axis=1), TASK.rope.radius_m, PARTICLES)
+
+
+@cache
+def search(branches: int = 4, depth: int = 2) -> Search:
+    return Search(
+        space=SPACE,
+        policy=TASK.policy,
+        weights=TASK.weights,
+        advance=compiled.advance("rope_push", PARTICLES),
+        branches=branches,
+        depth=depth,
+    )
+
+
+def planner() -> TreePlanner:
+    return TreePlanner(search=search(), descent=TASK.descent, gradient_steps=3)
+
+
+def batch(x: np.ndarray, count: int) -> jnp.ndarray:
+    return jnp.repeat(jnp.asarray(x)[None], count, axis=0)

@@ -1,0 +1,95 @@
+"""Descent on all candidates at once: laws of the best iterate, and of what may not happen to the others."""
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+from app.planner.cost import Terms
+from app.planner.optimise import Descended, Descent, descend
+from app.planner.tree import Rollout
+
+DESCENT = Descent(learning_rate=1.0, clip=1.0, shrink=0.5)
+SCALE = np.full(3, 0.1, np.float32)
+
+
+def rollout(actions: jnp.ndarray, cost: jnp.ndarray, allowed: jnp.ndarray | None = None) -> Rollout:
+    count = len(actions)
+    still = jnp.zeros((count, 1, 3)) + cost[:, None, None]
+    always = jnp.ones(count, bool) if allowed is None else allowed
+    return Rollout(actions, still, still, Terms(cost, jnp.zeros(count)), cost, always)
+
+
+def bowl(actions: jnp.ndarray) -> Rollout:
+    return rollout(actions, ((actions - 1.0) ** 2).sum((1, 2)))
+
+
+def run(evaluate, start: jnp.ndarray, steps: int = 5) -> Descended:
+    return jax.jit(lambda start: descend(evaluate, start, steps=steps, descent=DESCENT, scale=SCALE))(start)
+
+
+def test_the_cost_after_descent_is_below_the_cost_before_it_on_a_smooth_cost() -> None:
+    start = jnp.asarray(np.random.default_rng(0).normal(size=(4, 2, 3)), jnp.float32)
+    found = run(bowl, start)
+    assert np.all(found.best.cost < found.cost_before)
+    assert np.all(found.finite)
+
+
+def test_more_steps_get_to_the_minimum() -> None:
+    found = run(bowl, jnp.zeros((1, 1, 3)), steps=60)
+    np.testing.assert_allclose(found.best.actions, 1.0, atol=0.02)
+
+
+def test_one_simulation_more_than_steps_is_counted_and_the_first_is_the_start() -> None:
+    start = jnp.zeros((2, 1, 3))
+    found = run(bowl, start, steps=5)
+    assert found.iterates.shape == (6, 2)
+    np.testing.assert_allclose(found.iterates[0], bowl(start).cost)
+    np.testing.assert_allclose(found.iterates.min(0), found.best.cost)
+
+
+def test_candidates_do_not_hear_of_each_other() -> None:
+    start = jnp.asarray(np.random.default_rng(1).normal(size=(3, 1, 3)), jnp.float32)
+    together = run(bowl, start)
+    alone = run(bowl, start[1:2])
+    np.testing.assert_allclose(together.best.actions[1:2], alone.best.actions, rtol=1e-6)
+
+
+def test_a_candidate_that_is_not_finite_says_so_and_leaves_the_others_alone() -> None:
+    def partly_broken(actions: jnp.ndarray) -> Rollout:
+        cost = bowl(actions).cost
+        return rollout(actions, jnp.where(jnp.arange(len(actions)) == 0, jnp.nan, cost))
+
+    start = jnp.zeros((2, 1, 3))
+    found = run(partly_broken, start)
+    assert found.finite.tolist() == [False, True]
+    assert found.best.cost[1] < found.cost_before[1]
+
+
+def test_an_iterate_that_is_not_finite_or_not_allowed_is_never_the_best() -> None:
+    def walled(actions: jnp.ndarray) -> Rollout:
+        x = actions[:, 0, 0]
+        cost = jnp.where(x > 0.5, jnp.nan, bowl(actions).cost)
+        return rollout(actions, cost, allowed=x < 0.3)
+
+    found = run(walled, jnp.zeros((1, 1, 3)), steps=12)
+    assert found.finite[0]
+    assert found.best.allowed[0]
+    assert 0.0 < found.best.actions[0, 0, 0] < 0.3
+
+
+def test_a_gradient_that_is_not_finite_moves_nothing_and_is_counted() -> None:
+    def cusp(actions: jnp.ndarray) -> Rollout:
+        return rollout(actions, jnp.sqrt(jnp.abs(actions)).sum((1, 2)))
+
+    start = jnp.zeros((1, 1, 3))
+    found = run(cusp, start, steps=3)
+    np.testing.assert_array_equal(found.best.actions, start)
+    assert found.lost_gradients[0] == 3
+
+
+@pytest.mark.parametrize("factor", [1e-6, 1e6])
+def test_the_scale_of_the_cost_does_not_matter(factor: float) -> None:
+    start = jnp.zeros((1, 1, 3))
+    scaled = run(lambda a: rollout(a, factor * bowl(a).cost), start)
+    assert scaled.best.cost[0] / factor < 0.8 * bowl(start).cost[0]

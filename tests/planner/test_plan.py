@@ -1,0 +1,93 @@
+"""Whole decisions with the real simulator, on a small rope."""
+
+from dataclasses import replace
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+from app.config import Site
+from app.core.chamfer import chamfer_m2
+from app.core.errors import PlanningError
+from app.planner.plan import Plan, TreePlanner
+from app.planner.tree import roll_out, sample, simulate
+from tests.planner.table import PHI, SPACE, batch, planner, rope, search
+
+START, GOAL = rope(), rope(0.05)
+
+
+@pytest.fixture(scope="module")
+def decision() -> Plan:
+    return planner()(START, GOAL, PHI, seed=0, site=Site())
+
+
+def test_a_decision_descends_and_is_predicted_to_bring_the_rope_nearer_to_its_goal(decision: Plan) -> None:
+    best = decision.branches[decision.best]
+    assert best.cost_after < best.cost_before
+    assert decision.predicted_chamfer_m2 < 0.8 * decision.chamfer_m2
+    assert decision.chamfer_m2 == pytest.approx(float(chamfer_m2(START, GOAL)))
+
+
+def test_the_best_branch_is_the_cheapest(decision: Plan) -> None:
+    costs = [branch.cost_after for branch in decision.branches if branch.finite]
+    assert decision.branches[decision.best].cost_after == min(costs)
+
+
+def test_no_branch_gets_worse_by_descent(decision: Plan) -> None:
+    assert all(branch.cost_after <= branch.cost_before for branch in decision.branches)
+
+
+def test_the_terms_of_a_branch_add_up_to_its_cost(decision: Plan) -> None:
+    for branch in decision.branches:
+        assert branch.terms["progress"] + branch.terms["contact"] == pytest.approx(branch.cost_after, abs=1e-7)
+
+
+def test_the_motion_is_the_first_action_of_the_best_branch(decision: Plan) -> None:
+    expected = SPACE.motion(decision.branches[decision.best].actions[0], Site())
+    assert decision.motion.digest() == expected.digest()
+
+
+def test_the_same_seed_decides_the_same(decision: Plan) -> None:
+    again = planner()(START, GOAL, PHI, seed=0, site=Site())
+    assert again.motion.digest() == decision.motion.digest()
+
+
+def test_the_rest_of_the_previous_plan_begins_one_branch(decision: Plan) -> None:
+    still = TreePlanner(search=search(), descent=replace(planner().descent, learning_rate=0.0), gradient_steps=1)
+    again = still(START, GOAL, PHI, seed=1, site=Site(), previous=decision)
+    expected = SPACE.project(jnp.asarray(decision.branches[decision.best].actions[1:2]), batch(START, 1))
+    np.testing.assert_allclose(again.branches[-1].actions[0], expected[0], atol=2e-6)
+
+
+def test_a_tree_begins_with_the_policy_and_continues_every_branch_with_it() -> None:
+    tree = search()
+    prepared = tree.policy.prepare(START, GOAL)
+    first = sample(tree, prepared, START, np.random.default_rng(0))
+    assert first.shape == (tree.branches, SPACE.size)
+    np.testing.assert_allclose(first[0], tree.policy.act(prepared, batch(START, 1))[0], atol=1e-6)
+    x, phi = batch(START, tree.branches), batch(PHI, tree.branches)
+    actions = roll_out(tree, prepared, phi, x, jnp.asarray(first))
+    after = tree.advance(phi, x, SPACE.tool_path(actions[:, 0]))
+    np.testing.assert_allclose(actions[:, 1], SPACE.project(tree.policy.act(prepared, after), after), atol=1e-5)
+
+
+def test_the_gradient_of_a_branchs_cost_agrees_with_central_differences() -> None:
+    tree = search(branches=1, depth=1)
+    goal = jnp.asarray(rope(0.06, 0.2))
+    # A push across the middle that ends well inside the contact.
+    action = jnp.zeros((1, 1, 42)).at[0, 0, :2].set(jnp.array([0.55, -0.03])).at[0, 0, 3::2].set(0.003)
+
+    def cost(action: jax.Array) -> jax.Array:
+        return simulate(tree, batch(PHI, 1), batch(START, 1), goal, action).cost.sum()
+
+    direction = jnp.zeros_like(action).at[0, 0, 3::2].set(1.0)
+    slope = float((jax.grad(cost)(action) * direction).sum())
+    h = 2e-5
+    secant = float(cost(action + h * direction) - cost(action - h * direction)) / (2 * h)
+    assert slope == pytest.approx(secant, rel=0.1)
+
+
+def test_a_tree_without_a_finite_branch_is_an_error_that_says_so() -> None:
+    with pytest.raises(PlanningError, match="4 branches 4 became non-finite"):
+        planner()(START, GOAL, np.full_like(PHI, np.nan), seed=0, site=Site())

@@ -1,0 +1,91 @@
+"""What every task offers the application; each file in `app/tasks` is tested by its presence."""
+
+import pickle
+import subprocess
+import sys
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from app.config import Site
+from app.core.errors import UsageError
+from app.core.messages import Transition
+from app.sim.params import PARAMETERS
+from app.tasks import calibrate, load, names, nominal_model, plan, update, warm_up_stage, warm_up_stages
+from bench.table import Table
+
+TASKS = names()
+
+
+def test_an_unknown_task_or_preset_names_the_known_ones() -> None:
+    with pytest.raises(UsageError, match="Did you mean 'rope_push'"):
+        load("rope_pusch")
+    with pytest.raises(UsageError, match="Known: cpu, gpu"):
+        load("rope_push").preset("tpu")
+
+
+@pytest.mark.parametrize("name", TASKS)
+def test_a_task_is_named_as_its_file_and_has_presets_for_cpu_and_gpu(name: str) -> None:
+    task = load(name)
+    assert task.name == name
+    assert set(task.presets) == {"cpu", "gpu"}
+    assert task.preset("cpu").branches >= 8
+
+
+@pytest.mark.parametrize("name", TASKS)
+def test_the_nominal_model_is_version_0_and_inside_every_range(name: str) -> None:
+    model = nominal_model(name)
+    assert model.version == 0
+    assert [parameter.name for parameter in model.parameters] == [spec.name for spec in PARAMETERS]
+    for parameter, spec in zip(model.parameters, PARAMETERS, strict=True):
+        assert spec.low <= parameter.value <= spec.high
+
+
+@pytest.mark.parametrize("name", TASKS)
+def test_every_push_may_be_made_in_the_site_as_it_is(name: str) -> None:
+    task, site = load(name), Site()
+    x = task.goal(0, 100)
+    for action in task.actions.sample(np.random.default_rng(0), x, 8):
+        assert site.limits.workspace.contains(task.actions.motion(action, site).positions)
+
+
+def test_naming_a_rope_loads_neither_jax_nor_warp() -> None:
+    code = "import sys, app.tasks.base; print([m for m in ('jax', 'warp') if m in sys.modules])"
+    found = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert found.stdout.strip() == "[]"
+
+
+@pytest.mark.parametrize("function", [plan, calibrate, update, warm_up_stage])
+def test_what_workers_run_crosses_a_pipe(function: object) -> None:
+    assert pickle.loads(pickle.dumps(function)) is function
+
+
+@pytest.mark.slow
+def test_a_warmed_up_task_plans_pushes_and_learns_from_the_push() -> None:
+    task = load("rope_push")
+    stages = warm_up_stages("rope_push", "cpu")
+    for index in range(len(stages)):
+        warm_up_stage("rope_push", "cpu", index)
+    assert all(stages)
+    table, model = Table(task, 0, 300), nominal_model("rope_push")
+    x = table.observe()
+    found = plan("rope_push", "cpu", x, task.goal(0, 300), model, 0)
+    seen = [table.push(found.motion, x)]
+    learnt = update("rope_push", "cpu", seen, model)
+    assert learnt.version == 1
+    assert learnt.transition_count == 1
+    assert model.id in learnt.cause
+    assert seen[0].id in learnt.cause
+    assert pickle.loads(pickle.dumps(found)).motion.digest() == found.motion.digest()
+
+
+def test_learning_from_nothing_is_refused() -> None:
+    with pytest.raises(UsageError, match="No transitions"):
+        calibrate("rope_push", "cpu", list[Transition](), nominal_model("rope_push"))
+
+
+def test_a_preset_sizes_what_is_seen() -> None:
+    task = load("rope_push")
+    smaller = replace(task, presets={"cpu": replace(task.preset("cpu"), particle_count=123)})
+    assert smaller.reconstruction("cpu").particle_count == 123
