@@ -14,6 +14,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from app.__main__ import main
 from app.core.messages import (
     Executed,
     Frame,
@@ -160,25 +161,27 @@ def test_a_recording_calibrates_a_model_that_another_run_starts_from(ran: Ran, t
     ],
 )
 def test_bad_input_is_said_in_one_line_before_anything_moves(
-    ran: Ran, tmp_path: Path, arguments: list[str], says: str
+    ran: Ran,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+    arguments: list[str],
+    says: str,
 ) -> None:
-    np.save(tmp_path / "outside.npy", np.array([[0.5, 0.0, 0.0], [2.0, 0.0, 0.0]]))
-    (tmp_path / "a_file").write_text("not a folder")
-    (tmp_path / "cut.mcap").write_bytes(Path(ran.outcome["recording"]).read_bytes()[:200_000])
-    (tmp_path / "bad.toml").write_text(
-        'schema = 1\ntask = "rope_push"\nversion = 1\nloss_m2 = 0.0\ntransition_count = 1\n'
-        + "".join(
-            f"[parameters.{name}]\nvalue = {value}\nunit = '1'\nlow = 0.0\nhigh = 1.0\n"
-            for name, value in (
-                ("stiffness", "nan"),
-                ("table_friction", 0.4),
-                ("finger_friction", 0.3),
-                ("film_drag", 0.0),
-            )
-        )
-    )
-    said = dipac(*arguments, cwd=tmp_path)
-    assert said.returncode not in (0, 1), said.stdout + said.stderr
-    lines = said.stderr.strip().splitlines()
-    assert len(lines) == 1, said.stderr
+    monkeypatch.chdir(tmp_path)
+    np.save("outside.npy", np.array([[0.5, 0.0, 0.0], [2.0, 0.0, 0.0]]))
+    Path("a_file").write_text("not a folder")
+    Path("cut.mcap").write_bytes(Path(ran.outcome["recording"]).read_bytes()[:200_000])
+    Path("bad.toml").write_text(model_file(stiffness=float("nan")))
+    assert main(arguments) not in (0, 1)
+    lines = capsys.readouterr().err.strip().splitlines()
+    assert len(lines) == 1, lines
     assert says in lines[0]
+
+
+def model_file(*, stiffness: float) -> str:
+    """A model of the task, sound but for its stiffness."""
+    values = {"stiffness": stiffness, "table_friction": 0.4, "finger_friction": 0.3, "film_drag": 0.0}
+    return 'schema = 1\ntask = "rope_push"\nversion = 1\nloss_m2 = 0.0\ntransition_count = 1\n' + "".join(
+        f"[parameters.{name}]\nvalue = {value}\nunit = '1'\nlow = 0.0\nhigh = 1.0\n" for name, value in values.items()
+    )
