@@ -93,7 +93,7 @@ def test_the_rope_comes_nearer_to_its_goal_and_descent_lowers_every_cost(ran: Ra
 def test_a_line_a_push_the_consoles_address_and_the_recording_are_printed(ran: Ran) -> None:
     printed = ran.process.stdout
     assert "Operator console: http://127.0.0.1:" in printed
-    assert printed.count(" mm   ") >= PUSHES
+    assert printed.count(" mm  ") >= PUSHES
     assert ran.outcome["recording"] in printed
 
 

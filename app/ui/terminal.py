@@ -9,7 +9,7 @@ from rich.status import Status
 from app.core.messages import Fault, Health, Message, Notice, Outcome
 from app.ui.words import millimetres
 
-_HEADER = "push   distance to goal    predicted   cost/1e-3 m2, descent     plan   model"
+_HEADER = "push  distance to goal  predicted   cost, descent [1e-3]    plan  model"
 
 
 @final
@@ -67,7 +67,7 @@ def outcome_line(outcome: Outcome) -> str:
     chamfers_m2 = (outcome.chamfer_before_m2, outcome.chamfer_after_m2, outcome.predicted_chamfer_m2)
     before, after, predicted = map(millimetres, chamfers_m2)
     return (
-        f"{outcome.index:4d}   {before:7.1f} -> {after:5.1f} mm   {predicted:6.1f} mm   "
-        f"{1e3 * outcome.cost_before:7.2f} -> {1e3 * outcome.cost_after:6.2f}   {outcome.plan_s:5.1f} s   "
+        f"{outcome.index:4d}  {before:5.1f} -> {after:5.1f} mm  {predicted:6.1f} mm   "
+        f"{1e3 * outcome.cost_before:8.2f} -> {1e3 * outcome.cost_after:7.2f}  {outcome.plan_s:5.1f} s  "
         f"v{outcome.model_version}"
     )
