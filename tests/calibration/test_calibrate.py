@@ -2,6 +2,7 @@
 
 from dataclasses import replace
 
+import jax.numpy as jnp
 import numpy as np
 import pytest
 
@@ -25,10 +26,10 @@ def evidence() -> Evidence:
     """Five pushes of the simulator itself, with the true parameters."""
     rng = np.random.default_rng(0)
     before = np.stack([fill_tube(TASK.start(seed), TASK.rope.radius_m, PARTICLES) for seed in range(5)])
-    actions = np.concatenate([SPACE.sample(rng, x, 1) for x in before])
-    tool = np.asarray(SPACE.tool_path(actions))
-    after = np.asarray(PREDICTOR.advance(np.tile(TRUTH, (5, 1)), before, tool))
-    return Evidence(before=before, tool=tool, after=after)
+    actions = jnp.concatenate([jnp.asarray(SPACE.sample(rng, x, 1)) for x in before])
+    tool = SPACE.tool_path(actions)
+    after = PREDICTOR.advance(jnp.tile(TRUTH, (5, 1)), jnp.asarray(before), tool)
+    return Evidence(before=before, tool=np.asarray(tool), after=np.asarray(after))
 
 
 def wrong(name: str, factor: float) -> np.ndarray:
