@@ -55,7 +55,6 @@ def make_operations(scene: Scene, particle_count: int, schedule: Schedule) -> Op
         active: wp.array2d(dtype=wp.int32),
         count: wp.array(dtype=wp.int32),
     ):
-        wp.load_module(kernels.module, phi.device)
         for scratch in (mass, touch, count):
             scratch.zero_()
         # Without an adjoint to come, a node's velocity may take the place of its momentum.
@@ -88,7 +87,6 @@ def make_operations(scene: Scene, particle_count: int, schedule: Schedule) -> Op
         active: wp.array2d(dtype=wp.int32),
         count: wp.array(dtype=wp.int32),
     ):
-        wp.load_module(kernels.module, phi.device)
         for end, bar in ((x_end, x_bar), (v_end, v_bar), (C_end, C_bar), (F_end, F_bar)):
             wp.copy(bar, end)
         for scratch in (phi_bar, tool_bar, mass, touch, velocity, node_bar, touch_bar, count):
@@ -107,11 +105,18 @@ def make_operations(scene: Scene, particle_count: int, schedule: Schedule) -> Op
         dense = dict.fromkeys(("mass", "touch", "velocity", "node_bar", "touch_bar"), (slots, nodes))
         return dense | {"active": (slots, min(27 * particle_count, nodes)), "count": (slots,)}
 
+    def load() -> None:
+        """While JAX traces: a compiler has no place in a running computation, least of all in one being recorded."""
+        for device in jax.local_devices():
+            wp.load_module(kernels.module, wp.device_from_jax(device))
+
     def run_forward(phi: jax.Array, state: State, tool: jax.Array, rows: int) -> tuple[jax.Array, ...]:
+        load()
         history = dict.fromkeys(("xs", "vs", "Cs", "Fs"), (phi.shape[0], rows, particle_count))
         return tuple(forward_call(phi, tool, *state, output_dims=history | grid_dims(phi.shape[0]))[:4])
 
     def run_backward(phi: jax.Array, history: Any, tool: jax.Array, end_bar: State) -> tuple[jax.Array, ...]:
+        load()
         candidates = phi.shape[0]
         dims = dict.fromkeys(("x_bar", "v_bar", "C_bar", "F_bar"), (candidates, particle_count))
         dims |= {"phi_bar": (candidates, schedule.phi_columns(particle_count)), "tool_bar": tool.shape[:2]}

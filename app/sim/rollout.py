@@ -53,17 +53,20 @@ def make_rollout(
 
     @jax.custom_vjp
     def rollout(phi: jax.Array, state: State, tool: jax.Array) -> State:
-        return _last(operations.forward(phi, state, tool, 2), (tool.shape[1] - 1) % 2)
+        end = _row(operations.forward(phi, state, tool, 2), (tool.shape[1] - 1) % 2)
+        return _where_finite(_finite(phi, end, tool), end)
 
     def rollout_forward(phi: jax.Array, state: State, tool: jax.Array) -> tuple[State, Kept]:
         history = operations.forward(phi, state, tool, tool.shape[1])
-        end = _last(history, tool.shape[1] - 1)
-        return end, (phi, history, tool, _finite(end))
+        end = _row(history, tool.shape[1] - 1)
+        finite = _finite(phi, end, tool)
+        return _where_finite(finite, end), (phi, history, tool, finite)
 
     def rollout_backward(kept: Kept, end_bar: State) -> tuple[jax.Array, State, jax.Array]:
         phi, history, tool, finite = kept
         *state_bar, phi_bar, tool_bar = operations.backward(phi, history, tool, end_bar)
-        return _where_finite(finite, (phi_bar, State(*state_bar), tool_bar))
+        bars = (phi_bar, State(*state_bar), tool_bar)
+        return _where_finite(finite & _finite(end_bar) & _finite(*bars), bars)
 
     rollout.defvjp(rollout_forward, rollout_backward)
 
@@ -74,18 +77,18 @@ def make_rollout(
     return simulate
 
 
-def _last(history: tuple[jax.Array, ...], row: int) -> State:
-    """The state in one row of the history; a candidate that is not finite in every number becomes NaN in all."""
-    end = State(*(leaf[:, row] for leaf in history))
-    return _where_finite(_finite(end), end)
+def _row(history: tuple[jax.Array, ...], row: int) -> State:
+    """The state in one row of the history."""
+    return State(*(leaf[:, row] for leaf in history))
 
 
 def _float32(leaf: jax.Array) -> jax.Array:
     return jnp.asarray(leaf, jnp.float32)
 
 
-def _finite(state: State) -> Bool[jax.Array, " B"]:
-    flags = [jnp.isfinite(leaf).all(axis=tuple(range(1, leaf.ndim))) for leaf in state]
+def _finite(*tree: jax.Array | State) -> Bool[jax.Array, " B"]:
+    """Which candidates are finite in every number."""
+    flags = [jnp.isfinite(leaf).all(axis=tuple(range(1, leaf.ndim))) for leaf in jax.tree.leaves(tree)]
     return jnp.stack(flags).all(axis=0)
 
 

@@ -39,6 +39,15 @@ from app.sim.transfer import (
 LEAST_MASS = wp.constant(1.0e-8)
 """Nodes with less than this share of a particle's mass do not move: the square of their mass would underflow."""
 
+FAR_TOO_LARGE = wp.constant(1.0e30)
+"""A square that no momentum, stress or cotangent of a sound simulation comes near."""
+
+
+@wp.func
+def _finite(a: wp.vec3, A: wp.mat33) -> bool:
+    """False for NaN, infinity and what is on the way there."""
+    return wp.dot(a, a) + wp.ddot(A, A) < FAR_TOO_LARGE
+
 
 @wp.func
 def particles_to_grid(
@@ -49,8 +58,11 @@ def particles_to_grid(
     if inside(k, x):
         momentum, affine, touch, F = particle_forward(k, phi, x, h.v[b, read, p], h.C[b, read, p], h.F[b, read, p], tip)
         h.F[b, write, p] = F
-        scatter(k, x, momentum, affine, slot, grid)
-        scatter_touch(k, x, touch, slot, grid)
+        if _finite(momentum, affine):
+            scatter(k, x, momentum, affine, slot, grid)
+            scatter_touch(k, x, touch, slot, grid)
+        else:
+            h.F[b, write, p] = wp.nan * F
 
 
 @wp.func
@@ -74,7 +86,10 @@ def grid_to_particles_adjoint(
     x = h.x[b, s, p]
     if inside(k, x):
         v_bar = bars.v[b, p] + k.dt * bars.x[b, p]
-        bars.x[b, p] = bars.x[b, p] + gather_adjoint(k, x, v_bar, bars.C[b, p], slot, grid, grid_bars)
+        if _finite(v_bar, bars.C[b, p]):
+            bars.x[b, p] = bars.x[b, p] + gather_adjoint(k, x, v_bar, bars.C[b, p], slot, grid, grid_bars)
+        else:
+            bars.x[b, p] = wp.vec3(wp.nan, wp.nan, wp.nan)
 
 
 @wp.func

@@ -1,8 +1,9 @@
 """Between particles and grid: quadratic B-splines over 27 nodes, and their adjoints written by hand.
 
 A grid node holds a vec4: first momentum and mass, then velocity. A node touched for the first time in a substep puts
-itself on the list of active nodes, so that nothing ever visits the others. The adjoints are those of the plain sums
-below; Warp's automatic ones replay the scatter and keep 27 sets of intermediates.
+itself on the list of active nodes, so that nothing ever visits the others. Only finite numbers may be scattered: NaN
+would stay in nodes that were reached with weight zero, which are not on the list. The adjoints are those of the plain
+sums below; Warp's automatic ones replay the scatter and keep 27 sets of intermediates.
 """
 
 # Warp reads its types at run time; as static types, its vectors, arrays and structs have no operators.

@@ -1,6 +1,7 @@
 """Laws of the operation: candidates are independent, actions chain, NaN is a value."""
 
 from collections.abc import Callable
+from dataclasses import replace
 from functools import cache
 
 import jax
@@ -14,7 +15,7 @@ from app.sim.kernels import candidate_kernels, particle_kernels
 from app.sim.rollout import Simulate, make_rollout
 from app.sim.schedule import LaunchedSubsteps, ThreadedCandidates
 from app.sim.state import State
-from tests.sim.scenes import PARTICLES, SCENE, phi_with, rope, straight_tool
+from tests.sim.scenes import PARTICLES, SCENE, block, far_tool, phi_with, rope, straight_tool
 
 STEPS = 40
 CANDIDATES = 5
@@ -119,6 +120,27 @@ def test_a_bad_number_spoils_its_own_candidate_and_no_other(where: str):
     assert_same(without(slopes, bad), without(gradients(SIMULATE, phi, state, tool), bad))
     for leaf in jax.tree.leaves((candidate(end, bad), candidate(slopes, bad))):
         assert np.isnan(leaf).all()
+
+
+def test_nan_does_not_hide_in_nodes_that_a_particle_reaches_with_weight_zero():
+    cell = 2.0**-7  # With powers of two, particles lie exactly between nodes, and the farther ones have no weight.
+    scene = replace(SCENE, low=(0.4375, -0.09375, -2 * cell), high=(0.59375, 0.09375, 0.0625), cell_m=cell, dt_s=4e-4)
+    simulate = make_rollout(
+        scene, particle_count=27, schedule=ThreadedCandidates(kernels=candidate_kernels(EFFECTS), threads=1)
+    )
+    x = block(3, spacing_m=cell, low=(0.5, 0.0, 2 * cell))
+    state = State.at_rest(jnp.asarray(np.stack([x, x])))
+    phi = jnp.asarray(np.stack([phi_with(), phi_with()]))
+    spoiled = state._replace(v=state.v.at[0].set(jnp.nan))
+    tool = jnp.asarray(np.stack([far_tool(5)] * 2))
+    assert_same(without(simulate(phi, spoiled, tool), 0), without(simulate(phi, state, tool), 0))
+    assert_same(without(gradients(simulate, phi, spoiled, tool), 0), without(gradients(simulate, phi, state, tool), 0))
+
+
+def test_a_bad_tool_path_spoils_its_candidate_even_far_from_the_rope():
+    phi, state, tool = problem()
+    bad = tool.at[1, :, 2].add(0.5).at[1, 3].set(jnp.nan)
+    assert np.isnan(SIMULATE(phi, state, bad).x[1]).all()
 
 
 def test_a_finger_that_starts_in_the_middle_of_the_rope_has_finite_results_and_gradients():
