@@ -130,6 +130,7 @@ class Flow:
         """One new frame of every camera -> particles."""
         how = self.wish.task.reconstruction(self.wish.preset)
         changes = [channel.changes() for channel in self.frames.values()]
+        await self.perceiver.run(callable, reconstruct)  # Starts the process and loads what it will use.
         while True:
             frames = [await anext(change) for change in changes]
             started_s = self.clock.now()

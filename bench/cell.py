@@ -16,7 +16,7 @@ import numpy as np
 from rich.console import Console
 from rich.table import Table
 
-from app.core.messages import ArmState
+from app.core.messages import ArmState, Particles
 from app.recording.reader import read_messages
 
 _DEADLINE_S = 1800
@@ -48,14 +48,17 @@ def _episode(seed: int, pushes: int, folder: Path) -> dict[str, Any]:
             check=False,
             timeout=_DEADLINE_S,
         )
-    return json.loads(outcome.read_text()) | _arm_periods(folder, outcome)
+    return json.loads(outcome.read_text()) | _measured(folder, outcome)
 
 
-def _arm_periods(folder: Path, outcome: Path) -> dict[str, list[float]]:
-    """The longest control period of the arm in every reporting period of the episode [s]."""
+def _measured(folder: Path, outcome: Path) -> dict[str, list[float]]:
+    """From the recording [s]: the arm's longest control period in every half second, and frames to particles."""
     recording = Path(json.loads(outcome.read_text())["recording"])
-    states = read_messages(recording if recording.exists() else folder / recording.name, [ArmState])
-    return {"arm_period_s": [state.period_s for state in states if isinstance(state, ArmState)]}
+    messages = list(read_messages(recording if recording.exists() else folder / recording.name, [ArmState, Particles]))
+    return {
+        "arm_period_s": [message.period_s for message in messages if isinstance(message, ArmState)],
+        "frames_to_particles_s": [message.reconstruction_s for message in messages if isinstance(message, Particles)],
+    }
 
 
 def _print(rows: list[dict[str, Any]]) -> None:
@@ -89,6 +92,7 @@ def _print(rows: list[dict[str, Any]]) -> None:
         ("decisions with cost after descent below before", f"{sum(descents)} of {len(descents)}"),
         ("decision, median / p99 / longest", _spread(decisions, 1.0, "s")),
         ("first push, longest", f"{max(row['first_push_s'] for row in rows):.0f} s"),
+        ("frames to particles, median / p99 / longest", _spread(_all(rows, "frames_to_particles_s"), 1e3, "ms")),
         ("exposure to particles, median / p99 / longest", _spread(_all(rows, "reconstruction_latency_s"), 1e3, "ms")),
         (
             "arm period, longest in each half second: median / p99 / longest",

@@ -1,6 +1,7 @@
 """What `run` and `console` share: check, open the rig, the console and the recording, and let the flow run."""
 
 import json
+import os
 import subprocess
 import time
 from collections.abc import AsyncIterator
@@ -25,7 +26,7 @@ from app.recording.writer import open_recording
 from app.rig.simulated.rig import simulated_rig
 from app.tasks import Task, load
 from app.tasks.base import Wish
-from app.tasks.jobs import check_model, choose_preset
+from app.tasks.jobs import check_model, choose_preset, keep_compiled
 from app.ui.console import Console, open_console
 from app.ui.desk import Request
 from app.ui.terminal import Terminal
@@ -115,6 +116,7 @@ async def episode(order: Order, output: TerminalOutput) -> Report:
         raise UsageError(f"--pushes {options.pushes} must not be negative.")
     async with Worker("planner", niceness=_PLANNER_NICENESS) as planner:
         with output.status("starting the planner's process"):
+            await planner.run(keep_compiled, compiled_folder())
             preset = options.preset if options.preset != "auto" else await planner.run(choose_preset)
             wish = _wish(task, order, preset)
             if wish.model:
@@ -203,6 +205,11 @@ def read_goal(path: Path, workspace: Workspace) -> np.ndarray:
             f"x {workspace.low[0]} to {workspace.high[0]}, y {workspace.low[1]} to {workspace.high[1]} m."
         )
     return points.astype(np.float32)
+
+
+def compiled_folder() -> Path:
+    """Where JAX keeps what it compiled, so that the next start is a warm one."""
+    return Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "dipac" / "compiled"
 
 
 def _start(order: Order, preset: str) -> Episode:
