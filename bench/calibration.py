@@ -40,10 +40,10 @@ def episode(task: Task, seed: int, pushes: int, particle_count: int) -> list[Tra
 
 
 def grid(task: Task, points: int) -> list[dict[str, float]]:
-    """Every combination of the calibrated parameters, `points` of each from a quarter to four times the nominal."""
+    """Every combination of the calibrated parameters, `points` of each from 0.3 to 3.3 times the nominal."""
     names = task.calibrated
     nominal = nominal_model(task.name)
-    factors = np.meshgrid(*[np.geomspace(0.25, 4.0, points)] * len(names), indexing="ij")
+    factors = np.meshgrid(*[np.geomspace(0.3, 3.3, points)] * len(names), indexing="ij")
     rows = np.stack([factor.ravel() for factor in factors], axis=1)
     bounds = {name: PARAMETERS[index(name)] for name in names}
     return [

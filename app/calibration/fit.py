@@ -1,8 +1,9 @@
 """Parameters of the simulator from transitions, by gradient on the one-step Chamfer distance (paper, calibration).
 
 The loss is a sum over transitions of non-negative terms, so its gradient by transition gives more than a direction:
-with r_k = sqrt(loss_k) as residuals, a damped Gauss-Newton step (Levenberg 1944, Marquardt 1963) gets in five
-evaluations where plain descent takes dozens, and leaving out one transition at a time gives intervals for nothing.
+with r_k = sqrt(loss_k) as residuals, a damped Gauss-Newton step (Levenberg 1944, Marquardt 1963) gets in a few
+evaluations where plain descent takes dozens. Noise leaves a floor under every loss_k, and near it those residuals say
+little about curvature; the intervals take it from differences of gradients instead.
 """
 
 from collections.abc import Callable, Sequence
@@ -20,6 +21,10 @@ Slopes = Callable[[Vector], tuple[Float64[np.ndarray, " K"], Float64[np.ndarray,
 """Parameter values -> the loss of each transition [m^2] and its gradient; Q parameters, K transitions."""
 
 _Z90 = 1.645
+_PROBE = 0.1
+"""Step of the coordinates for curvature: a tenth in a logarithm. Shorter ones measure the noise of contact."""
+_FLAT_M2 = 1e-9
+"""Less curvature than this is none: half of it is the loss [m^2] that a factor e would cost."""
 _SMALLEST_M = 1e-5
 """Residuals [m] below a hundredth of a millimetre count as that, where the root has no slope."""
 
@@ -38,7 +43,7 @@ class Settings:
 @final
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Fit:
-    """The best values with their 90 % jackknife intervals, and the mean loss [m^2] of every trial, best or not."""
+    """The best values with their 90 % intervals, and the mean loss [m^2] of every trial, best or not."""
 
     values: Vector
     low: Vector
@@ -59,6 +64,11 @@ class _Point:
     @property
     def loss_m2(self) -> float:
         return float((self.r**2).mean())
+
+    @property
+    def gradients(self) -> Float64[np.ndarray, "K Q"]:
+        """Of each transition's loss, by coordinate [m^2]."""
+        return 2 * self.r[:, None] * self.J
 
 
 def fit(slopes: Slopes, start: Vector, specs: Sequence[ParameterSpec], settings: Settings) -> Fit:
@@ -82,11 +92,11 @@ def fit(slopes: Slopes, start: Vector, specs: Sequence[ParameterSpec], settings:
                 break
         else:
             damping = damping * 10
-    low, high = _jackknife(here, settings.damping)
+    margin = _Z90 * _deviation(slopes, here, specs)
     return Fit(
         values=_values(here.u, specs),
-        low=_values(_bounded(low, specs), specs),
-        high=_values(_bounded(high, specs), specs),
+        low=_values(_bounded(here.u - margin, specs), specs),
+        high=_values(_bounded(here.u + margin, specs), specs),
         loss_m2=here.loss_m2,
         trials_m2=tuple(trials),
     )
@@ -113,15 +123,30 @@ def _newton_step(here: _Point, damping: float) -> Vector:
     return -np.linalg.solve(normal + ridge, here.J.T @ here.r)
 
 
-def _jackknife(here: _Point, damping: float) -> tuple[Vector, Vector]:
-    """90 % interval from the steps that each leaves out one transition; all of the range for a single transition."""
+def _deviation(slopes: Slopes, here: _Point, specs: Sequence[ParameterSpec]) -> Vector:
+    """Standard deviations of the coordinates: the infinitesimal jackknife over transitions (Jaeckel 1972).
+
+    How much the mean gradient varies with the choice of transitions, through the inverse of the loss's curvature.
+    Infinite for a single transition, and huge along directions in which the loss is flat.
+    """
     count = len(here.r)
     if count < 2:
-        return np.full(len(here.u), -np.inf), np.full(len(here.u), np.inf)
-    others = [np.arange(count) != k for k in range(count)]
-    steps = np.stack([_newton_step(_Point(u=here.u, r=here.r[o], J=here.J[o]), damping) for o in others])
-    deviation = np.sqrt((count - 1) / count * ((steps - steps.mean(0)) ** 2).sum(0))
-    return here.u - _Z90 * deviation, here.u + _Z90 * deviation
+        return np.full(len(here.u), np.inf)
+    curvature = np.stack([_curvature_along(slopes, here, specs, axis) for axis in range(len(here.u))])
+    values, vectors = np.linalg.eigh((curvature + curvature.T) / 2)
+    inverse = vectors @ np.diag(1 / np.maximum(values, _FLAT_M2)) @ vectors.T
+    spread = np.cov(here.gradients.T).reshape(len(here.u), -1) / count
+    return np.sqrt(np.diag(inverse @ spread @ inverse))
+
+
+def _curvature_along(slopes: Slopes, here: _Point, specs: Sequence[ParameterSpec], axis: int) -> Vector:
+    """The change of the mean gradient by a step along one coordinate, away from the nearer end of its range."""
+    low, high = _bounded(np.full(len(specs), -np.inf), specs), _bounded(np.full(len(specs), np.inf), specs)
+    step = _PROBE if high[axis] - here.u[axis] > here.u[axis] - low[axis] else -_PROBE
+    there = _evaluated(slopes, here.u + step * np.eye(len(specs))[axis], specs)
+    if there is None:
+        return np.zeros(len(specs))
+    return (there.gradients.mean(0) - here.gradients.mean(0)) / step
 
 
 def _coordinates(values: Vector, specs: Sequence[ParameterSpec]) -> Vector:

@@ -9,16 +9,18 @@ from typing import TYPE_CHECKING, final
 import numpy as np
 
 from app.core.errors import UsageError
+from app.core.messages import Proposal, fresh_id
 
 if TYPE_CHECKING:  # Rigs need ropes and fingers alone: their processes shall not load JAX and Warp for these names.
     from jaxtyping import Float64
 
-    from app.core.messages import Goal, Model
+    from app.core.messages import Goal, Model, Particles
     from app.core.types import Points
     from app.perception.reconstruct import Reconstruction
     from app.planner.actions import ActionSpace
     from app.planner.cost import Weights
     from app.planner.optimise import Descent
+    from app.planner.plan import Plan
     from app.policy.base import Policy
     from app.sim.scene import Scene
     from app.tasks.curves import Problems
@@ -116,3 +118,23 @@ class Wish:
     pushes: int
     automatic: bool
     calibrating: bool
+
+    def proposal(self, plan: Plan, observed: Particles, model: Model, *, began_s: float, now_s: float) -> Proposal:
+        """`plan`, made for `observed` with `model` from `began_s` to `now_s` [s], as an offer to the operator."""
+        return Proposal(
+            id=fresh_id("proposal"),
+            cause=(observed.id, self.goal.id, model.id),
+            time_s=now_s,
+            task=self.task.name,
+            particles_id=observed.id,
+            goal_id=self.goal.id,
+            model_id=model.id,
+            model_version=model.version,
+            observed=observed.positions,
+            branches=plan.branches,
+            best=plan.best,
+            motion=plan.motion,
+            chamfer_m2=plan.chamfer_m2,
+            predicted_chamfer_m2=plan.predicted_chamfer_m2,
+            plan_s=now_s - began_s,
+        )

@@ -39,7 +39,7 @@ TASK = Task(
         contact_margin_m=0.0035,
         contact_width_m=0.001,
         contact_substeps=3.0,
-        damping_1_s=10.0,
+        damping_1_s=20.0,
     ),
     actions=Pushes(
         region=(0.27, -0.33, 0.83, 0.33),
@@ -62,7 +62,7 @@ TASK = Task(
     weights=Weights(progress=1.0, contact=0.002, discount=0.7),
     descent=Descent(learning_rate=1.0, clip=1.0, shrink=0.5),
     problems=Problems(),
-    nominal=MappingProxyType({"stiffness": 7.0e3, "table_friction": 0.22, "finger_friction": 0.5}),
+    nominal=MappingProxyType({"stiffness": 3.0e4, "table_friction": 0.5, "finger_friction": 0.3}),
     calibrated=("stiffness", "table_friction"),
     success_m2=2 * 0.010**2,
     presets=MappingProxyType(
