@@ -49,6 +49,7 @@ class Timing:
     settle_s: float = 0.6
     plan_max_age_s: float = 300.0
     plan_max_drift_m: float = 0.008
+    object_unseen_s: float = 5.0
     health_period_s: float = 0.5
 
 

@@ -75,7 +75,11 @@ class Flow:
         self.summary = Summary()
         self.announcer = Announcer(operator=operator, recorder=recorder, clock=clock, summary=self.summary)
         self.say, self.notice, self.fault = self.announcer.say, self.announcer.notice, self.announcer.fault
-        self.gate = ApprovalGate(max_age_s=site.timing.plan_max_age_s, max_drift_m=site.timing.plan_max_drift_m)
+        self.gate = ApprovalGate(
+            max_age_s=site.timing.plan_max_age_s,
+            max_unseen_s=site.timing.object_unseen_s,
+            max_drift_m=site.timing.plan_max_drift_m,
+        )
         self.perceiver = Worker("perception")
         self.planner = planner
         self.calibrator = Worker("calibrator", niceness=_CALIBRATOR_NICENESS)
@@ -87,29 +91,27 @@ class Flow:
         self.decisions = Lossless[Decision]("decisions", bound=100)
         self.doing = "starting"
         self._doing_since_s = clock.now()
+        self._refused = 0
         self._may_move = anyio.Event()
         self._may_move.set()
-        self._began_s = clock.now()
+        self._began_s = self._resumed_s = clock.now()
 
     async def run(self) -> Summary:
         """Push until the goal is reached or the pushes are used up. Raises the first DipacError of any stage."""
-        try:
-            async with (
-                self.announcer.recording(),
-                self.perceiver,
-                self.planner,
-                self.calibrator,
-                anyio.create_task_group() as stages,
-            ):
-                for camera in self.rig.cameras:
-                    stages.start_soon(self._capture, camera)
-                for stage in (self._reconstruct, self._calibrate, self._listen, self._report):
-                    stages.start_soon(stage)
-                self.say(self.wish.goal)
-                await self._push_to_the_goal()
-                stages.cancel_scope.cancel()
-        except BaseExceptionGroup as group:
-            raise first_error(group) from group
+        async with self.announcer.recording(), self.perceiver, self.planner, self.calibrator:
+            try:
+                async with anyio.create_task_group() as stages:
+                    for camera in self.rig.cameras:
+                        stages.start_soon(self._capture, camera)
+                    for stage in (self._reconstruct, self._calibrate, self._listen, self._report):
+                        stages.start_soon(stage)
+                    self.say(self.wish.goal)
+                    await self._push_to_the_goal()
+                    stages.cancel_scope.cancel()
+            except BaseExceptionGroup as group:
+                error = first_error(group)
+                self.announcer.end(error)
+                raise error from group
         return self.summary
 
     # The stages ---------------------------------------------------------------------------------------------------
@@ -176,9 +178,17 @@ class Flow:
                 case StopRequest():
                     self._hold(f"Stopped by {request.operator}.")
                 case ResumeRequest():
-                    await self.rig.arm.reset()
-                    self._may_move.set()
-                    self.notice("stop", f"Resumed by {request.operator}.")
+                    await self._resume(request)
+
+    async def _resume(self, request: ResumeRequest) -> None:
+        try:
+            await self.rig.arm.reset(asked_s=request.time_s)
+        except DeviceError as error:
+            self.notice("stop", str(error))
+        else:
+            self._resumed_s = self.clock.now()
+            self._may_move.set()
+            self.notice("stop", f"Resumed by {request.operator}.")
 
     async def _report(self) -> None:
         """The arm's state and the health strip, at a steady pace."""
@@ -200,7 +210,7 @@ class Flow:
                     arm_period_s=arm.period_s,
                     model_version=model.version if model else 0,
                     calibration_loss_m2=model.loss_m2 if model else float("nan"),
-                    drops={channel.name: channel.dropped for channel in self.frames.values()},
+                    drops={channel.name: channel.dropped for channel in (*self.frames.values(), self.particles)},
                     faults=len(self.summary.faults),
                     disk_free_bytes=shutil.disk_usage(self.site.recordings).free,
                 )
@@ -214,17 +224,15 @@ class Flow:
         await self._warm_up()
         observed = await self._settled(after_s=self._began_s)
         self.summary.chamfer_m2.append(self._to_goal(observed))
-        refusals = 0
+        attempts = 0
         while self.summary.pushes < self.wish.pushes and self._to_goal(observed) > self.wish.task.success_m2:
-            proposal = await self._plan(observed, salt=refusals)
+            proposal = await self._plan(observed, salt=attempts)
             approved = await self._approval(proposal)
             executed = await self._execute(approved) if approved else None
-            if executed is None:
-                refusals += 1
-                observed = await self._settled(after_s=self.clock.now())
-                continue
-            before, observed = observed, await self._settled(after_s=executed.time_s)
-            await self._learn(proposal, before, executed, observed)
+            attempts += 1
+            before, observed = observed, await self._settled(after_s=self.clock.now())
+            if executed and executed.outcome == "completed":
+                await self._learn(proposal, before, executed, observed)
         self._do("done")
 
     async def _warm_up(self) -> None:
@@ -240,7 +248,7 @@ class Flow:
         """The first particles whose every frame was taken with the arm at rest, `settle_s` after `after_s`."""
         await self._resumed()
         self._do("looking at the object")
-        due_s = after_s + self.site.timing.settle_s
+        due_s = max(after_s, self._resumed_s) + self.site.timing.settle_s
         with anyio.move_on_after(_OBSERVE_DEADLINE_S):
             async for particles in self.particles.changes():
                 if particles.time_s >= due_s:
@@ -264,29 +272,12 @@ class Flow:
             except (PlanningError, WorkerError) as error:
                 self.fault("planner", error)
                 continue
-            now_s = self.clock.now()
-            proposal = Proposal(
-                id=fresh_id("proposal"),
-                cause=(observed.id, wish.goal.id, model.id),
-                time_s=now_s,
-                task=wish.task.name,
-                particles_id=observed.id,
-                goal_id=wish.goal.id,
-                model_id=model.id,
-                model_version=model.version,
-                observed=observed.positions,
-                branches=found.branches,
-                best=found.best,
-                motion=found.motion,
-                chamfer_m2=found.chamfer_m2,
-                predicted_chamfer_m2=found.predicted_chamfer_m2,
-                plan_s=now_s - started_s,
-            )
-            return self.say(proposal)
+            return self.say(wish.proposal(found, observed, model, began_s=started_s, now_s=self.clock.now()))
         raise PlanningError(f"No finite plan in {_FAILURES_IN_A_ROW} attempts; the last states are in the recording.")
 
     async def _approval(self, proposal: Proposal) -> Approved | None:
         """Show the proposal and wait for the operator; None where it was rejected, refused or grew old."""
+        await self._resumed()
         latest = self.particles.value
         assert latest is not None
         if (moved_m := drift(proposal.observed, latest.positions)) > self.site.timing.plan_max_drift_m:
@@ -320,6 +311,11 @@ class Flow:
         return await self.decisions.get()
 
     def _approved(self, decision: Decision) -> Approved | None:
+        if not self._may_move.is_set():
+            self.notice(
+                "approval", "Nothing is approved while the arm is stopped; press Resume first.", decision.proposal_id
+            )
+            return None
         latest = self.particles.value
         assert latest is not None
         try:
@@ -329,15 +325,23 @@ class Flow:
             return None
 
     async def _execute(self, approved: Approved) -> Executed | None:
-        """Make the motion; None where the arm refused it before anything moved."""
+        """Make the motion; None where a stop is in force, or the arm refused it before anything moved.
+
+        Raises the arm's MotionRefused when it has refused several motions in a row: the next would fare no better.
+        """
+        if not self._may_move.is_set():
+            return None
         self._do("pushing")
-        self.summary.began_moving(self.clock.now() - self._began_s)
         try:
             executed = await self.rig.arm.execute(approved)
         except MotionRefused as refusal:
             self.fault("arm", refusal)
-            await self.clock.sleep(1.0)
+            self._refused += 1
+            if self._refused >= _FAILURES_IN_A_ROW:
+                raise
             return None
+        self._refused = 0
+        self.summary.began_moving(executed.times_s[0] - self._began_s)
         if executed.outcome != "completed":
             self._hold(executed.reason)
         return self.say(executed)
@@ -378,13 +382,12 @@ class Flow:
 
     async def _resumed(self) -> None:
         """Wait until the operator resumes, if something stopped; for ever, unless nobody is expected to be there."""
-        if self._may_move.is_set():
-            return
-        self._do("stopped")
-        with anyio.move_on_after(_UNATTENDED_S if self.wish.automatic else None):
-            await self._may_move.wait()
-            return
-        raise DeviceError(f"The arm was stopped and nobody pressed Resume for {_UNATTENDED_S:.0f} s.")
+        while not self._may_move.is_set():
+            self._do("stopped")
+            with anyio.move_on_after(_UNATTENDED_S if self.wish.automatic else None) as patience:
+                await self._may_move.wait()
+            if patience.cancelled_caught:
+                raise DeviceError(f"The arm was stopped and nobody pressed Resume for {_UNATTENDED_S:.0f} s.")
 
     def _do(self, doing: str) -> None:
         self.doing, self._doing_since_s = doing, self.clock.now()

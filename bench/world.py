@@ -93,7 +93,7 @@ async def _arm_rows() -> list[tuple[str, str]]:
 async def _periods(rig: SimulatedRig) -> str:
     """Control periods during a motion: the times between the states that the arm logged."""
     motion = Motion(positions=np.array([[0.4, -0.25, 0.02], [0.4, 0.25, 0.02]]), speeds=np.array([0.1, 0.1]))
-    await rig.arm.reset()
+    await rig.arm.reset(asked_s=time.monotonic())
     executed = await rig.arm.execute(_approved(motion))
     periods = np.diff(executed.times_s) * 1e3
     return (
@@ -111,7 +111,7 @@ async def _stops(rig: SimulatedRig) -> str:
         speed = np.linalg.norm(np.diff(executed.measured[:, :3], axis=0), axis=1) / np.diff(executed.times_s)
         at_rest = executed.times_s[1:][(speed < _AT_REST_M_S) & (executed.times_s[1:] > pressed_s)]
         taken_ms.append((at_rest[0] - pressed_s) * 1e3)
-        await rig.arm.reset()
+        await rig.arm.reset(asked_s=time.monotonic())
     return f"median {np.median(taken_ms):.0f} ms, max {max(taken_ms):.0f} ms"
 
 
@@ -196,7 +196,7 @@ def _approved(motion: Motion) -> Approved:
         operator="bench",
     )
     latest = Particles(id=fresh_id("particles"), time_s=0.0, positions=points, surface=points, reconstruction_s=0.0)
-    gate = ApprovalGate(max_age_s=1.0, max_drift_m=0.001)
+    gate = ApprovalGate(max_age_s=1.0, max_unseen_s=1.0, max_drift_m=0.001)
     gate.show(proposal)
     return gate.approve(decision, latest=latest, now_s=0.0)
 

@@ -45,6 +45,10 @@ class Announcer:
         self._summary.faults.append(f"{where}: {error}")
         self.say(Fault(id=fresh_id("fault"), time_s=self._clock.now(), where=where, text=str(error)))
 
+    def end(self, error: BaseException) -> None:
+        """What ended the episode, as the last thing that the operator and the recording hear of it."""
+        self.say(Fault(id=fresh_id("fault"), time_s=self._clock.now(), where="episode", text=str(error), fatal=True))
+
     @asynccontextmanager
     async def recording(self) -> AsyncGenerator[None]:
         """Record everything said, until the last message is with the recorder, whatever ends the block."""

@@ -39,12 +39,14 @@ class Approved(Message):
 class ApprovalGate:
     """Holds the one proposal that is being shown and turns a decision on it into an `Approved`.
 
-    `max_age_s`: a plan older than this is refused. `max_drift_m`: so is one whose object has moved by more than this
+    `max_age_s`: a plan older than this is refused, and so is one while the object was last seen `max_unseen_s` ago or
+    earlier: what is not seen may have moved. `max_drift_m`: so is one whose object has moved by more than this
     (root of half the Chamfer distance between the planned-from and the latest particles).
     """
 
-    def __init__(self, *, max_age_s: float, max_drift_m: float) -> None:
+    def __init__(self, *, max_age_s: float, max_unseen_s: float, max_drift_m: float) -> None:
         self._max_age_s = max_age_s
+        self._max_unseen_s = max_unseen_s
         self._max_drift_m = max_drift_m
         self._shown: Proposal | None = None
 
@@ -58,15 +60,22 @@ class ApprovalGate:
         Raises ApprovalRefused with the reason in words.
         """
         shown = self._shown
+        if not decision.approve:
+            raise ApprovalRefused("The plan was rejected; a rejection approves nothing.")
         if shown is None or decision.proposal_id != shown.id:
             raise ApprovalRefused("That plan is no longer the one shown; look at the new one and decide on it.")
         if decision.digest != shown.motion.digest():
             raise ApprovalRefused("The approved motion is not the motion shown; reload the console and decide again.")
         age_s = now_s - shown.time_s
-        if age_s > self._max_age_s:
+        if not age_s <= self._max_age_s:
             raise ApprovalRefused(f"The plan is {age_s:.0f} s old (limit {self._max_age_s:.0f} s); wait for a new one.")
+        unseen_s = now_s - latest.time_s
+        if not unseen_s <= self._max_unseen_s:
+            raise ApprovalRefused(
+                f"The object was last seen {unseen_s:.0f} s ago (limit {self._max_unseen_s:.0f} s); see the cameras."
+            )
         drift_m = drift(shown.observed, latest.positions)
-        if drift_m > self._max_drift_m:
+        if not drift_m <= self._max_drift_m:
             raise ApprovalRefused(
                 f"The object has moved by {drift_m * 1e3:.0f} mm since this was planned "
                 f"(limit {self._max_drift_m * 1e3:.0f} mm); wait for a new plan."

@@ -64,8 +64,11 @@ class Arm(Protocol):
         """Stop now. May be called from any thread, never blocks, works in every mode; stays in force until `reset`."""
         ...
 
-    async def reset(self) -> None:
-        """Lift a stop or a fault, so that motions are accepted again."""
+    async def reset(self, *, asked_s: float) -> None:
+        """Lift a stop or a fault, so that motions are accepted again; `asked_s` is when somebody asked for it [s].
+
+        A stop that came after `asked_s` stays in force. Raises DeviceError then, and where the arm does not answer.
+        """
         ...
 
 

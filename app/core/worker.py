@@ -2,8 +2,9 @@
 
 import multiprocessing
 import os
-import pickle
 import signal
+import threading
+import traceback
 from collections.abc import Callable
 from contextlib import AbstractAsyncContextManager
 from multiprocessing.connection import Connection
@@ -13,7 +14,7 @@ from typing import Any, Self, TypeVar, cast, final
 import anyio
 from anyio import to_thread
 
-from app.core.errors import WorkerError
+from app.core.errors import DipacError, WorkerError
 
 ResultT = TypeVar("ResultT")
 
@@ -34,18 +35,24 @@ class Worker(AbstractAsyncContextManager["Worker"]):
         self._process: SpawnProcess | None = None
         self._connection: Connection[Any, Any] | None = None
         self._turn = anyio.Lock()
+        # A cancelled call leaves its thread behind, which may still be starting a process or waiting for one.
+        self._changing = threading.Lock()
+        self._closed = False
 
     async def __aenter__(self) -> Self:
+        self._closed = False
         return self
 
     async def __aexit__(self, *_: object) -> None:
+        self._closed = True
         with anyio.CancelScope(shield=True):
             await to_thread.run_sync(self._end)
 
     async def run(self, function: Callable[..., ResultT], *arguments: object) -> ResultT:
         """`function(*arguments)` in the worker; both must be picklable.
 
-        Raises what the function raises, or WorkerError where the process died.
+        Raises the DipacError that the function raises, and WorkerError where it raises anything else (its traceback
+        goes to stderr) or the process died.
         """
         async with self._turn:
             try:
@@ -59,37 +66,43 @@ class Worker(AbstractAsyncContextManager["Worker"]):
         return cast(ResultT, value)
 
     def _call(self, function: Callable[..., object], arguments: tuple[object, ...]) -> tuple[bool, object]:
-        if self._process is None or not self._process.is_alive():
-            self._start()
-        process, connection = self._process, self._connection
-        assert process is not None
-        assert connection is not None
+        process, connection = self._running()
         try:
             connection.send((function, arguments))
             return cast(tuple[bool, object], connection.recv())
-        except (EOFError, BrokenPipeError, ConnectionResetError):
+        except (EOFError, OSError):
             process.join(timeout=1.0)
-            self._process = None
+            with self._changing:
+                if self._process is process:
+                    self._process = None
             raise WorkerError(
                 f"The {self.name} process ended with code {process.exitcode} while computing; a fresh one starts with "
                 "the next call. If this repeats, memory may be short: see `dipac doctor`."
             ) from None
 
-    def _start(self) -> None:
-        ours, theirs = _SPAWN.Pipe()
-        process = _SPAWN.Process(target=_serve, args=(theirs, self._niceness), name=f"dipac {self.name}", daemon=True)
-        process.start()
-        theirs.close()
-        self._process, self._connection = process, ours
+    def _running(self) -> "tuple[SpawnProcess, Connection[Any, Any]]":
+        """The process, started where there is none."""
+        with self._changing:
+            if self._closed:
+                raise WorkerError(f"The {self.name} process is being closed.")
+            if self._process is None or self._connection is None or not self._process.is_alive():
+                self._connection, theirs = _SPAWN.Pipe()
+                self._process = _SPAWN.Process(
+                    target=_serve, args=(theirs, self._niceness), name=f"dipac {self.name}", daemon=True
+                )
+                self._process.start()
+                theirs.close()
+            return self._process, self._connection
 
     def _end(self) -> None:
-        if self._process is not None:
-            self._process.kill()
-            self._process.join()
-            self._process = None
-        if self._connection is not None:
-            self._connection.close()
-            self._connection = None
+        with self._changing:
+            if self._process is not None:
+                self._process.kill()
+                self._process.join()
+                self._process = None
+            if self._connection is not None:
+                self._connection.close()
+                self._connection = None
 
 
 def _serve(connection: "Connection[Any, Any]", niceness: int) -> None:
@@ -103,15 +116,9 @@ def _serve(connection: "Connection[Any, Any]", niceness: int) -> None:
             return
         try:
             answer: tuple[bool, object] = (True, function(*arguments))
+        except DipacError as error:
+            answer = (False, error)
         except Exception as error:
-            answer = (False, _portable(error))
+            answer = (False, WorkerError("".join(traceback.format_exception_only(error)).strip()))
+            traceback.print_exc()
         connection.send(answer)
-
-
-def _portable(error: Exception) -> Exception:
-    """`error`, or a WorkerError with its text where it cannot cross the pipe."""
-    try:
-        pickle.loads(pickle.dumps(error))  # noqa: S301 - our own bytes
-    except Exception:
-        return WorkerError(f"{type(error).__name__}: {error}")
-    return error

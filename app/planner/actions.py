@@ -152,13 +152,14 @@ class Pushes:
         return jnp.concatenate([path, height], axis=-1)
 
     def motion(self, action: Float32[np.ndarray, " A"], site: Site) -> Motion:
-        """From above the start down to the push height, along the push, and up."""
+        """From above the start down to the push height, along the push, and up; no faster than the site allows."""
         flat = np.asarray(self._waypoints(jnp.asarray(action)[None])[0], np.float64)
         push = np.concatenate([flat, np.full((len(flat), 1), self.height_m)], axis=1)
         above = np.array([0.0, 0.0, site.travel_height_m - self.height_m])
         speeds = np.full(len(push) + 2, self.speed_m_s)
         speeds[[0, 1, -1]] = self.approach_m_s
-        return Motion(positions=np.concatenate([push[:1] + above, push, push[-1:] + above]), speeds=speeds)
+        positions = np.concatenate([push[:1] + above, push, push[-1:] + above])
+        return Motion(positions=positions, speeds=np.minimum(speeds, site.limits.speed_m_s))
 
     def measured_path(self, positions: Float[np.ndarray, "M 3"]) -> Float32[np.ndarray, "T 3"]:
         """The part of the way near push height, resampled to equal steps; without such a part the finger stays put.

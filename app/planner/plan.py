@@ -119,24 +119,26 @@ def _descended(
 
 
 def choose(search: Search, found: Descended, observed: Points, goal: Points, site: Site) -> Plan:
-    """The cheapest branch that is finite and whose pushes may be made.
+    """The cheapest branch that is finite, whose pushes may be made, and whose motion the site allows.
 
     Raises PlanningError where there is none.
     """
     branches = tuple(_branch(search, found, index) for index in range(search.branches))
-    cost = np.where(found.finite & found.best.allowed, found.best.cost, np.inf)
+    motions = [search.space.motion(branch.actions[0], site) for branch in branches]
+    inside = np.array([site.limits.workspace.contains(motion.positions) for motion in motions])
+    cost = np.where(found.finite & found.best.allowed & inside, found.best.cost, np.inf)
     best = int(np.argmin(cost))
     if not np.isfinite(cost[best]):
-        lost = int((~found.finite).sum())
         raise PlanningError(
-            f"Of {search.branches} branches {lost} became non-finite and the others start on top of the object; "
-            "plan again with another seed, or straighten the object out by hand."
+            f"Of {search.branches} branches {int((~found.finite).sum())} became non-finite, {int((~inside).sum())} "
+            "leave the workspace and the others start on top of the object; plan again with another seed, or "
+            "straighten the object out by hand."
         )
     predicted = branches[best].predicted
     return Plan(
         branches=branches,
         best=best,
-        motion=search.space.motion(branches[best].actions[0], site),
+        motion=motions[best],
         predicted=predicted,
         chamfer_m2=float(chamfer_m2(observed, goal)),
         predicted_chamfer_m2=float(chamfer_m2(predicted, goal)),

@@ -14,7 +14,7 @@ import numpy as np
 import pytest
 
 from app.config import Site
-from app.core.errors import MotionRefused
+from app.core.errors import DeviceError, MotionRefused
 from app.core.messages import ArmMode, Executed, Motion
 from app.core.ports import Arm, Rig
 from app.rig.simulated.rig import simulated_rig
@@ -48,7 +48,7 @@ async def rig(request: pytest.FixtureRequest, anyio_backend: str) -> AsyncIterat
 @pytest.fixture
 async def arm(rig: Rig) -> Arm:
     """The arm, lifted of any stop."""
-    await rig.arm.reset()
+    await rig.arm.reset(asked_s=time.monotonic())
     return rig.arm
 
 
@@ -173,9 +173,19 @@ async def test_a_stop_in_the_middle_ends_the_motion_there_and_holds_until_reset(
         await arm.execute(approved(LONG))
     assert (await arm.state()).mode == "stopped"
     assert np.linalg.norm(await until(arm, "idle", "stopped") - rest) < 1e-4
-    await arm.reset()
+    await arm.reset(asked_s=time.monotonic())
     assert (await arm.state()).mode == "idle"
     assert (await arm.execute(approved(push(tuple(rest[:2]), (0.40, 0.0))))).outcome == "completed"
+
+
+async def test_a_stop_that_came_after_the_request_to_resume_stays_in_force(arm: Arm) -> None:
+    asked_s = time.monotonic()
+    arm.stop()
+    with pytest.raises(DeviceError, match="stopped again"):
+        await arm.reset(asked_s=asked_s)
+    assert (await arm.state()).mode == "stopped"
+    with pytest.raises(MotionRefused):
+        await arm.execute(approved(LONG))
 
 
 async def test_a_stop_works_from_any_thread_and_while_idle(arm: Arm) -> None:

@@ -58,15 +58,15 @@ def approval_of(shown: Proposal, *, digest: str | None = None) -> Decision:
     )
 
 
-def seen(positions: np.ndarray = ROPE) -> Particles:
+def seen(positions: np.ndarray = ROPE, *, time_s: float = SHOWN_AT_S) -> Particles:
     return Particles(
-        id=fresh_id("particles"), time_s=SHOWN_AT_S, positions=positions, surface=positions, reconstruction_s=0.0
+        id=fresh_id("particles"), time_s=time_s, positions=positions, surface=positions, reconstruction_s=0.0
     )
 
 
 @pytest.fixture
 def gate() -> ApprovalGate:
-    return ApprovalGate(max_age_s=60.0, max_drift_m=0.008)
+    return ApprovalGate(max_age_s=60.0, max_unseen_s=5.0, max_drift_m=0.008)
 
 
 def test_the_shown_motion_is_approved_and_names_its_causes(gate):
@@ -121,8 +121,26 @@ def test_a_plan_is_refused_from_its_age_limit_on(gate):
     shown = proposal()
     gate.show(shown)
     with pytest.raises(ApprovalRefused, match="61 s old"):
-        gate.approve(approval_of(shown), latest=seen(), now_s=SHOWN_AT_S + 61.0)
-    gate.approve(approval_of(shown), latest=seen(), now_s=SHOWN_AT_S + 60.0)
+        gate.approve(approval_of(shown), latest=seen(time_s=SHOWN_AT_S + 61.0), now_s=SHOWN_AT_S + 61.0)
+    gate.approve(approval_of(shown), latest=seen(time_s=SHOWN_AT_S + 60.0), now_s=SHOWN_AT_S + 60.0)
+
+
+def test_a_rejection_approves_nothing(gate):
+    shown = proposal()
+    gate.show(shown)
+    rejection = dataclasses.replace(approval_of(shown), approve=False)
+    with pytest.raises(ApprovalRefused, match="rejected"):
+        gate.approve(rejection, latest=seen(), now_s=SHOWN_AT_S)
+
+
+def test_a_plan_is_refused_while_its_object_is_not_seen(gate):
+    shown = proposal()
+    gate.show(shown)
+    with pytest.raises(ApprovalRefused, match="last seen 6 s ago"):
+        gate.approve(approval_of(shown), latest=seen(), now_s=SHOWN_AT_S + 6.0)
+    nowhere = np.full_like(ROPE, np.nan)
+    with pytest.raises(ApprovalRefused, match="moved"):
+        gate.approve(approval_of(shown), latest=seen(nowhere), now_s=SHOWN_AT_S)
 
 
 def test_a_plan_is_refused_once_its_object_has_moved_too_far(gate):

@@ -90,7 +90,7 @@ class Maker:
 
     def approved(self, **proposed: Any) -> Approved:
         """Leave to move, made by the gate."""
-        gate = ApprovalGate(max_age_s=1e9, max_drift_m=1e9)
+        gate = ApprovalGate(max_age_s=1e9, max_unseen_s=1e9, max_drift_m=1e9)
         proposal = self(Proposal, **proposed)
         gate.show(proposal)
         decision = self(

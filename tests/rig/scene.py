@@ -61,6 +61,6 @@ def approved(motion: Motion) -> Approved:
         operator="tests",
     )
     latest = Particles(id=fresh_id("particles"), time_s=0.0, positions=points, surface=points, reconstruction_s=0.0)
-    gate = ApprovalGate(max_age_s=1.0, max_drift_m=0.001)
+    gate = ApprovalGate(max_age_s=1.0, max_unseen_s=1.0, max_drift_m=0.001)
     gate.show(proposal)
     return gate.approve(decision, latest=latest, now_s=0.0)

@@ -77,17 +77,22 @@ class SimulatedArm:
         """Stop now: one number in shared memory, no lock, no wait."""
         self._memory.stop_ns.value = time.monotonic_ns()
 
-    async def reset(self) -> None:
-        """Lift a stop once the arm is at rest. Raises DeviceError where the arm does not answer."""
+    async def reset(self, *, asked_s: float) -> None:
+        """Lift a stop that came before `asked_s`, once the arm is at rest.
+
+        Raises DeviceError where a later stop is in force, or the arm does not answer.
+        """
         self._check_alive()
-        request_ns = time.monotonic_ns()
+        request_ns = round(asked_s * 1e9)
         self._memory.reset_ns.value = request_ns
         with anyio.move_on_after(_ANSWER_S):
             while True:
                 if self._memory.states.newest()["reset_ns"] >= request_ns:
                     return
                 await anyio.sleep(self._site.timing.arm_period_s)
-        raise DeviceError("The arm did not lift its stop; it may be stopped again: look at its state.")
+        raise DeviceError(
+            "The arm did not lift its stop; it was stopped again since, or does not answer: look at its state."
+        )
 
     def _check_leave(self, approved: Approved) -> None:
         """Raise MotionRefused where this is no leave for a motion now."""
