@@ -1,7 +1,8 @@
 """The whole cell, from camera images to executed pushes: ten seeds of `dipac run`, each a process of its own.
 
 `python -m bench.cell --seeds 10 -o DIR` keeps one JSON file and one recording a seed in DIR and goes on where it was
-interrupted.
+interrupted. The default DIR is named after the version of the code, so that no seed of another version is counted; the
+versions of uncommitted changes look alike, so commit before measuring.
 """
 
 import argparse
@@ -15,7 +16,10 @@ from typing import Any
 import numpy as np
 from rich.console import Console
 from rich.table import Table
+from rich.text import Text
 
+from app.commands._episode import code_version
+from app.core.errors import DipacError
 from app.core.messages import ArmState, Particles
 from app.recording.reader import read_messages
 
@@ -28,7 +32,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--seeds", type=int, default=10)
     parser.add_argument("--pushes", type=int, default=10)
-    parser.add_argument("-o", "--output", type=Path, default=Path(".cache/bench-cell"))
+    parser.add_argument("-o", "--output", type=Path, default=Path(".cache/bench-cell") / code_version())
     options, _ = parser.parse_known_args()
     options.output.mkdir(parents=True, exist_ok=True)
     rows = [_episode(seed, options.pushes, options.output) for seed in range(options.seeds)]
@@ -36,24 +40,41 @@ def main() -> None:
 
 
 def _episode(seed: int, pushes: int, folder: Path) -> dict[str, Any]:
-    """The outcome of one seed; run unless it is there."""
+    """The outcome of one seed, run unless it is there; where it failed, the seed and why, under `failure`."""
     outcome = folder / f"seed{seed}.json"
-    if not outcome.exists():
-        print(f"seed {seed} ...", flush=True)
-        subprocess.run(
-            [
-                *(sys.executable, "-m", "app", "run", "rope_push", "--preset", "cpu", "--port", "0"),
-                *("--seed", str(seed), "--pushes", str(pushes), "--json", str(outcome), "--recordings", str(folder)),
-            ],
-            check=False,
-            timeout=_DEADLINE_S,
-        )
-    return json.loads(outcome.read_text()) | _measured(folder, outcome)
+    try:
+        if not outcome.exists():
+            _run(seed, pushes, outcome)
+        row = json.loads(outcome.read_text())
+        failure = _failure(row)
+        return {"seed": seed, "failure": failure} if failure else row | _measured(row, folder)
+    except (OSError, ValueError, DipacError, subprocess.TimeoutExpired) as error:
+        return {"seed": seed, "failure": str(error)}
 
 
-def _measured(folder: Path, outcome: Path) -> dict[str, list[float]]:
+def _run(seed: int, pushes: int, outcome: Path) -> None:
+    print(f"seed {seed} ...", flush=True)
+    subprocess.run(
+        [
+            *(sys.executable, "-m", "app", "run", "rope_push", "--preset", "cpu", "--port", "0"),
+            *("--seed", str(seed), "--pushes", str(pushes)),
+            *("--json", str(outcome), "--recordings", str(outcome.parent)),
+        ],
+        check=False,
+        timeout=_DEADLINE_S,
+    )
+
+
+def _failure(row: dict[str, Any]) -> str | None:
+    """Why an episode does not count, None where it does."""
+    if row["failure"]:
+        return row["failure"]
+    return None if row["decision_s"] and row["first_push_s"] is not None else "no push was finished"
+
+
+def _measured(row: dict[str, Any], folder: Path) -> dict[str, list[float]]:
     """From the recording [s]: the arm's longest control period in every half second, and frames to particles."""
-    recording = Path(json.loads(outcome.read_text())["recording"])
+    recording = Path(row["recording"])
     messages = list(read_messages(recording if recording.exists() else folder / recording.name, [ArmState, Particles]))
     return {
         "arm_period_s": [message.period_s for message in messages if isinstance(message, ArmState)],
@@ -63,6 +84,17 @@ def _measured(folder: Path, outcome: Path) -> dict[str, list[float]]:
 
 def _print(rows: list[dict[str, Any]]) -> None:
     output = Console(width=120)
+    failed = [row for row in rows if row["failure"]]
+    finished = [row for row in rows if not row["failure"]]
+    output.print(_episodes(finished))
+    for row in failed:
+        output.print(Text(f"seed {row['seed']} failed: {row['failure']}", "red"))
+    output.print(f"{len(failed)} of {len(rows)} seeds failed; the measures are of the others.")
+    if finished:
+        output.print(_measures(finished))
+
+
+def _episodes(rows: list[dict[str, Any]]) -> Table:
     table = Table(
         "seed", "pushes", "Chamfer start", "end [mm]", "end/start", "decision [s]", "descent", "first push", "faults"
     )
@@ -80,7 +112,10 @@ def _print(rows: list[dict[str, Any]]) -> None:
             f"{row['first_push_s']:.0f} s",
             str(len(row["faults"])),
         )
-    output.print(table)
+    return table
+
+
+def _measures(rows: list[dict[str, Any]]) -> Table:
     ratios = [row["chamfer_m2"][-1] / row["chamfer_m2"][0] for row in rows]
     decisions = _all(rows, "decision_s")
     descents = [a < b for row in rows for b, a in zip(row["cost_before"], row["cost_after"], strict=True)]
@@ -101,7 +136,7 @@ def _print(rows: list[dict[str, Any]]) -> None:
         ("messages said but not recorded", str(sum(row["said"] + _OPENING - row["recorded"] for row in rows))),
     ):
         measures.add_row(name, value)
-    output.print(measures)
+    return measures
 
 
 def _all(rows: list[dict[str, Any]], key: str) -> list[float]:

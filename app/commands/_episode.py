@@ -4,17 +4,21 @@ import json
 import os
 import subprocess
 import time
-from collections.abc import AsyncIterator
+from collections.abc import AsyncGenerator, AsyncIterator
+from contextlib import AsyncExitStack, asynccontextmanager
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Literal, final
 
 import anyio
-import numpy as np
+from anyio import to_thread
 from rich.console import Console as TerminalOutput
+from rich.text import Text
 
 from app import __version__
-from app.config import Site, Workspace
+from app.commands._goal import read_goal
+from app.commands._preflight import check_port
+from app.config import Site
 from app.core.errors import DipacError, PreflightError, UsageError
 from app.core.messages import Episode, Goal, Message, fresh_id
 from app.core.ports import Recorder, Rig
@@ -50,7 +54,7 @@ class Options:
     preset: Preset = "auto"
     """how much is computed for a decision; auto asks this machine"""
     goal: Path | None = None
-    """an .npy file of points (M, 3) [m] instead of a random goal"""
+    """an .npy file of points (M, 3) [m] instead of a random goal; at least as many as the preset's particles"""
     model: Path | None = None
     """a model.toml to start from instead of the nominal model"""
     calibrate: bool = True
@@ -100,6 +104,7 @@ class Report:
             "seed": self.order.options.seed,
             "rig": self.rig,
             "faults": [*self.summary.faults, *([str(self.failure)] if self.failure else [])],
+            "failure": str(self.failure) if self.failure else None,
             "recording": str(self.recording),
             "recorded": self.recorded,
         }
@@ -114,30 +119,21 @@ async def episode(order: Order, output: TerminalOutput) -> Report:
     task, options, site = load(order.task), order.options, order.options.site()
     if options.pushes < 0:
         raise UsageError(f"--pushes {options.pushes} must not be negative.")
+    check_port(site)
     async with Worker("planner", niceness=_PLANNER_NICENESS) as planner:
         with output.status("starting the planner's process"):
             await planner.run(keep_compiled, compiled_folder())
             preset = options.preset if options.preset != "auto" else await planner.run(choose_preset)
-            wish = _wish(task, order, preset)
+            wish = await to_thread.run_sync(_wish, task, order, preset)
             if wish.model:
                 await planner.run(check_model, wish.model)
-        start = _start(order, preset)
+        start = await to_thread.run_sync(_start, order, preset)
         async with (
             open_recording(site.recordings, start, min_free_bytes=site.min_free_bytes) as recorder,
-            simulated_rig(
-                rope=task.rope, finger=task.finger, centreline=task.start(options.seed), site=site, seed=options.seed
-            ) as rig,
-            open_console(
-                host=site.console_host,
-                port=site.console_port,
-                title=f"dipac {task.name}",
-                simulated=rig.simulated,
-                stop=rig.arm.stop,
-                workspace=site.limits.workspace,
-            ) as console,
+            _cell(task, options.seed, site, output) as (rig, console),
         ):
-            output.print(f"Operator console: [bold]{console.url}[/]", soft_wrap=True, highlight=False)
-            output.print(f"Recording to {recorder.path}", soft_wrap=True, highlight=False)
+            output.print(Text.assemble("Operator console: ", (console.url, "bold")), soft_wrap=True)
+            output.print(Text(f"Recording to {recorder.path}"), soft_wrap=True)
             with Terminal(output) as terminal:
                 audience = Audience(console, terminal)
                 audience.show(start)
@@ -152,6 +148,27 @@ async def episode(order: Order, output: TerminalOutput) -> Report:
     )
 
 
+@asynccontextmanager
+async def _cell(task: Task, seed: int, site: Site, output: TerminalOutput) -> AsyncGenerator[tuple[Rig, Console]]:
+    """The simulated rig and its console. The terminal says that they start: it takes seconds."""
+    async with AsyncExitStack() as opened:
+        with output.status("starting the cell"):
+            rig = await opened.enter_async_context(
+                simulated_rig(rope=task.rope, finger=task.finger, centreline=task.start(seed), site=site, seed=seed)
+            )
+            console = await opened.enter_async_context(
+                open_console(
+                    host=site.console_host,
+                    port=site.console_port,
+                    title=f"dipac {task.name}",
+                    simulated=rig.simulated,
+                    stop=rig.arm.stop,
+                    workspace=site.limits.workspace,
+                )
+            )
+        yield rig, console
+
+
 async def _run(
     wish: Wish, site: Site, rig: Rig, audience: "Audience", recorder: Recorder, planner: Worker
 ) -> tuple[Summary, DipacError | None]:
@@ -163,11 +180,13 @@ async def _run(
 
 
 def _wish(task: Task, order: Order, preset: str) -> Wish:
+    """Reads the goal and the model from their files where the order names some."""
     now_s = time.monotonic()
     particle_count = task.preset(preset).particle_count
     options = order.options
     if options.goal:
-        positions = read_goal(options.goal, options.site().limits.workspace)
+        workspace = options.site().limits.workspace
+        positions = read_goal(options.goal, workspace, particle_count=particle_count, seed=options.seed)
     else:
         positions = task.goal(options.seed, particle_count)
     model = load_model(options.model, task=task.name, time_s=now_s) if options.model else None
@@ -181,30 +200,6 @@ def _wish(task: Task, order: Order, preset: str) -> Wish:
         automatic=order.automatic,
         calibrating=options.calibrate,
     )
-
-
-def read_goal(path: Path, workspace: Workspace) -> np.ndarray:
-    """Goal points (M, 3) float32 [m] from an .npy file.
-
-    Raises UsageError where the file is not such an array or leaves the workspace.
-    """
-    try:
-        points = np.load(path, allow_pickle=False)
-    except (OSError, ValueError) as error:
-        raise UsageError(
-            f"Cannot read the goal {path}: {error}; give an .npy file of points (M, 3) in metres."
-        ) from None
-    if not isinstance(points, np.ndarray) or points.ndim != 2 or points.shape[1] != 3 or not len(points):
-        raise UsageError(f"The goal {path} has shape {np.shape(points)}; it must be points (M, 3) in metres.")
-    bad = ~np.isfinite(points).all(axis=1) | (points[:, :2] < workspace.low[:2]).any(axis=1)
-    bad |= (points[:, :2] > workspace.high[:2]).any(axis=1)
-    if bad.any():
-        index = int(np.argmax(bad))
-        raise UsageError(
-            f"Goal point {index} of {path}, {np.round(points[index], 3).tolist()} m, is outside the workspace "
-            f"x {workspace.low[0]} to {workspace.high[0]}, y {workspace.low[1]} to {workspace.high[1]} m."
-        )
-    return points.astype(np.float32)
 
 
 def compiled_folder() -> Path:
@@ -221,12 +216,12 @@ def _start(order: Order, preset: str) -> Episode:
         rig="simulated",
         seed=order.options.seed,
         simulated=True,
-        code_version=_code_version(),
+        code_version=code_version(),
         config=json.dumps(config, default=str),
     )
 
 
-def _code_version() -> str:
+def code_version() -> str:
     """The program's version with the commit it was started from, where that is known."""
     command = ["git", "-C", str(Path(__file__).parent), "describe", "--always", "--dirty"]
     try:

@@ -6,7 +6,9 @@ from typing import Annotated
 import tyro
 from rich.console import Console
 from rich.table import Table
+from rich.text import Text
 
+from app.commands._preflight import check_writable
 from app.core.errors import RecordingError, UsageError
 from app.core.messages import Model, Transition
 from app.recording.model_file import load_model, save_model
@@ -14,7 +16,7 @@ from app.recording.reader import read_episode, read_transitions
 from app.tasks import load
 from app.tasks.base import Task
 from app.tasks.jobs import calibrate as fit
-from app.tasks.jobs import nominal_model
+from app.tasks.jobs import check_model, nominal_model
 
 
 def calibrate(
@@ -28,21 +30,30 @@ def calibrate(
     terminal = Console()
     if not recordings:
         raise UsageError("Name at least one recording: dipac calibrate recordings/FILE.mcap -o model.toml")
+    check_writable(output, "-o")
     task = load(_task_of(recordings))
     transitions = _transitions_of(recordings)
     preset = _preset_for(task, transitions)
     with terminal.status("loading the simulator"):
-        old = load_model(start, task=task.name, time_s=0.0) if start else nominal_model(task.name)
+        old = _checked(start, task) if start else nominal_model(task.name)
     with terminal.status(f"fitting {', '.join(task.calibrated)} to {len(transitions)} transitions"):
         new = fit(task.name, preset, transitions, old)
     save_model(output, new)
     terminal.print(_table(task, old, new))
     terminal.print(
-        f"One-step Chamfer distance {new.loss_m2:.3e} m^2 over {len(transitions)} transitions. "
-        f"Written to {output}; use it with `dipac run {task.name} --model {output}`.",
+        Text(
+            f"One-step Chamfer distance {new.loss_m2:.3e} m^2 over {len(transitions)} transitions. "
+            f"Written to {output}; use it with `dipac run {task.name} --model {output}`."
+        ),
         soft_wrap=True,
-        highlight=False,
     )
+
+
+def _checked(path: Path, task: Task) -> Model:
+    """The model in the file, fit to start from."""
+    model = load_model(path, task=task.name, time_s=0.0)
+    check_model(model)
+    return model
 
 
 def _task_of(recordings: tuple[Path, ...]) -> str:
@@ -78,7 +89,7 @@ def _table(task: Task, old: Model, new: Model) -> Table:
         if parameter.name in task.calibrated:
             table.add_row(
                 parameter.name,
-                parameter.unit,
+                Text(parameter.unit),
                 f"{old.value(parameter.name):.4g}",
                 f"{parameter.value:.4g}",
                 f"{parameter.low:.4g} to {parameter.high:.4g}",

@@ -5,6 +5,7 @@ from typing import Annotated
 import anyio
 import tyro
 from rich.console import Console
+from rich.text import Text
 
 from app.commands._episode import Options, Order, episode
 
@@ -19,6 +20,6 @@ def console(
     output = Console()
     order = Order(task=task, options=options, automatic=False)
     report = anyio.run(episode, order, output)
-    output.print(f"Recording: {report.recording}", soft_wrap=True, highlight=False)
+    output.print(Text(f"Recording: {report.recording}"), soft_wrap=True)
     if report.failure is not None:
         raise report.failure

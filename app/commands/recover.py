@@ -17,7 +17,7 @@ def recover(*, files: Positional[tuple[Path, ...]]) -> None:
     """
     if not files:
         raise UsageError("Name at least one recording: dipac recover FILE...")
-    terminal = Console(highlight=False, soft_wrap=True)
+    terminal = Console(highlight=False, soft_wrap=True, markup=False, emoji=False)
     for path in files:
         result = recording.recover(path)
         if result.was_whole:

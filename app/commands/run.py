@@ -6,9 +6,10 @@ from typing import Annotated
 import anyio
 import tyro
 from rich.console import Console
+from rich.text import Text
 
 from app.commands._episode import Options, Order, Report, episode
-from app.core.errors import UsageError
+from app.commands._preflight import check_writable, unwritable
 from app.ui.words import millimetres
 
 
@@ -22,10 +23,12 @@ def run(
     """Push the object to its goal; the console is served meanwhile, and STOP works there."""
     output = Console()
     order = Order(task=task, options=options, automatic=True)
+    if json is not None:
+        check_writable(json, "--json")
     report = anyio.run(episode, order, output)
+    _summarise(report, output)
     if json is not None:
         _write(json, report)
-    _summarise(report, output)
     if report.failure is not None:
         raise report.failure
 
@@ -34,7 +37,7 @@ def _write(path: Path, report: Report) -> None:
     try:
         path.write_text(report.to_json(), encoding="utf-8")
     except OSError as error:
-        raise UsageError(f"Cannot write {path}: {error.strerror}; choose another place with --json.") from None
+        raise unwritable(path, "--json", error) from None
 
 
 def _summarise(report: Report, output: Console) -> None:
@@ -46,4 +49,4 @@ def _summarise(report: Report, output: Console) -> None:
             f"{chamfer_m2[-1] / chamfer_m2[0]:.0%} of its start. Faults: {len(report.summary.faults)}.",
             highlight=False,
         )
-    output.print(f"Recording: {report.recording}", soft_wrap=True, highlight=False)
+    output.print(Text(f"Recording: {report.recording}"), soft_wrap=True)

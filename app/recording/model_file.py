@@ -39,6 +39,8 @@ def load_model(path: Path, *, task: str, time_s: float) -> Model:
     """
     try:
         table = tomllib.loads(path.read_text(encoding="utf-8"))
+        if table["schema"] != SCHEMA:
+            raise RecordingError(f"{path} has model schema {table['schema']}; this version reads schema {SCHEMA}.")
         model = _model(table, time_s)
     except OSError as error:
         raise UsageError(f"Cannot read the model {path}: {error.strerror}.") from None
@@ -46,8 +48,6 @@ def load_model(path: Path, *, task: str, time_s: float) -> Model:
         raise RecordingError(
             f"{path} is not a model file ({type(error).__name__}: {error}); `dipac calibrate` writes one."
         ) from None
-    if table["schema"] != SCHEMA:
-        raise RecordingError(f"{path} has model schema {table['schema']}; this version reads schema {SCHEMA}.")
     if model.task != task:
         raise UsageError(f"{path} is a model of task {model.task!r}, not of {task!r}; calibrate one for it.")
     return model

@@ -37,7 +37,8 @@ def recover(path: Path) -> Recovered:
     That is everything before the damage, and after a damaged chunk everything from the next one on. The original is
     left as it is; a file that is whole is not copied.
 
-    Raises UsageError where there is no such file, RecordingError where it is no MCAP file or nothing in it is intact.
+    Raises UsageError where there is no such file, RecordingError where it is no MCAP file, nothing in it is
+    intact or the new file cannot be written.
     """
     if not path.is_file():
         raise UsageError.unknown("recording", str(path), map(str, path.parent.glob("*.mcap")))
@@ -53,6 +54,11 @@ def recover(path: Path) -> Recovered:
         if salvage.lost_bytes == 0 and ends_as_mcap(path) and _is_whole(path, messages):
             return Recovered(path=path, messages=messages, lost_bytes=0, was_whole=True)
         draft.replace(goal)
+    except OSError as error:
+        raise RecordingError(
+            f"Cannot recover {path} to {goal.name} ({error.strerror}); "
+            "copy it to a folder that has room and may be written to."
+        ) from None
     finally:
         draft.unlink(missing_ok=True)
     return Recovered(path=goal, messages=messages, lost_bytes=salvage.lost_bytes, was_whole=False)

@@ -1,15 +1,20 @@
-"""The episode as lines in a terminal: what is being done now, a line a push, notices and faults."""
+"""The episode as lines in a terminal: what is being done now, a line a push, notices and faults.
+
+What messages say is printed as Text: as a string, rich would read its brackets as markup and raise where they are not.
+"""
 
 from types import TracebackType
 from typing import Self, final
 
 from rich.console import Console
 from rich.status import Status
+from rich.text import Text
 
 from app.core.messages import Fault, Health, Message, Notice, Outcome
 from app.ui.words import millimetres
 
-_HEADER = "push  distance to goal  predicted   cost, descent [1e-3]    plan  model"
+_HEADER = "push   distance to goal  predicted  cost, descent [1e-3]     plan  model"
+"""Each title ends where its column does in `outcome_line`; both fit 80 characters."""
 
 
 @final
@@ -38,28 +43,26 @@ class Terminal:
             case Health():
                 self._show_stage(message.mode)
             case Outcome():
-                self._console.print(outcome_line(message), highlight=False)
+                self._console.print(Text(outcome_line(message)))
             case Notice():
-                self._console.print(f"[cyan]{message.where}[/]: {message.text}", highlight=False)
+                self._console.print(Text.assemble((message.where, "cyan"), f": {message.text}"))
             case Fault():
-                self._console.print(f"[red]fault, {message.where}[/]: {message.text}", highlight=False)
+                self._console.print(Text.assemble((f"fault, {message.where}", "red"), f": {message.text}"))
             case _:
                 pass
 
     def _show_stage(self, mode: str) -> None:
         """Update the status line; where the output is a file, print each compilation once instead."""
         if self._status is not None:
-            self._status.update(mode)
+            self._status.update(Text(mode))
             return
         stage = mode.rsplit(" (", 1)[0]
         if stage != self._stage and stage.startswith("compiling"):
-            self._console.print(f"{stage} ...", highlight=False)
+            self._console.print(Text(f"{stage} ..."))
         self._stage = stage
 
     def _print_header(self) -> None:
-        self._console.print(
-            "[bold]push   Chamfer before ->  after  (predicted)   cost before -> after   plan   model[/]"
-        )
+        self._console.print(Text(_HEADER, "bold"))
 
 
 def outcome_line(outcome: Outcome) -> str:

@@ -142,6 +142,16 @@ def test_where_nothing_can_be_recovered_that_is_said_and_nothing_is_left(content
     assert list(tmp_path.iterdir()) == [path]
 
 
+def test_where_the_new_file_cannot_be_written_that_is_said_and_nothing_is_left(
+    recording: Recording, tmp_path: Path
+) -> None:
+    path = damaged_copy(tmp_path, recording.path.read_bytes()[:-300])
+    path.with_name(f"{path.stem}.recovered.mcap").mkdir()
+    with pytest.raises(RecordingError, match="Cannot recover"):
+        recover(path)
+    assert not list(tmp_path.glob("*.draft"))
+
+
 def test_the_command_recovers_each_file_and_says_what_came_of_it(
     recording: Recording, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

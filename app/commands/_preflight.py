@@ -1,0 +1,34 @@
+"""What a command makes sure of before its work, so that hours of it are not lost at the end."""
+
+from pathlib import Path
+
+from app.config import Site
+from app.core.errors import PreflightError, UsageError
+from app.ui import proxy
+
+
+def check_writable(path: Path, option: str) -> None:
+    """Raises UsageError, which names `option`, where a file cannot be written at `path`; leaves everything as it is."""
+    try:
+        is_new = not path.exists()
+        path.open("ab").close()
+        if is_new:
+            path.unlink()
+    except OSError as error:
+        raise unwritable(path, option, error) from None
+
+
+def unwritable(path: Path, option: str, error: OSError) -> UsageError:
+    """The error to raise where `path`, given as `option`, could not be written."""
+    return UsageError(f"Cannot write {path}: {error.strerror}; choose another place with {option}.")
+
+
+def check_port(site: Site) -> None:
+    """Raises PreflightError where the console's port is taken. Another program may still take it afterwards."""
+    try:
+        proxy.listen(site.console_host, site.console_port).close()
+    except OSError as error:
+        raise PreflightError(
+            f"Port {site.console_port} on {site.console_host} cannot be had ({error.strerror}); "
+            "choose another with --port."
+        ) from None

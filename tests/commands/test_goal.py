@@ -1,0 +1,78 @@
+"""A goal from a file becomes as many particles as are planned with; what is wrong with it is said in one line."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from app.commands._goal import read_goal
+from app.config import Workspace
+from app.core.errors import UsageError
+
+COUNT = 50
+
+
+def saved(folder: Path, points: np.ndarray) -> Path:
+    path = folder / "goal.npy"
+    np.save(path, points)
+    return path
+
+
+def read(path: Path) -> np.ndarray:
+    return read_goal(path, Workspace(), particle_count=COUNT, seed=0)
+
+
+def a_line(count: int) -> np.ndarray:
+    return np.stack([np.linspace(0.4, 0.6, count), np.zeros(count), np.full(count, 0.008)], axis=1)
+
+
+def refusal(path: Path) -> str:
+    with pytest.raises(UsageError) as refused:
+        read(path)
+    assert "\n" not in str(refused.value)
+    return str(refused.value)
+
+
+def test_as_many_points_as_particles_stay_as_they_are(tmp_path: Path):
+    points = a_line(COUNT)
+    np.testing.assert_array_equal(read(saved(tmp_path, points)), points.astype(np.float32))
+
+
+def test_more_points_are_shared_evenly_by_the_particles(tmp_path: Path):
+    particles = read(saved(tmp_path, a_line(4000)))
+    assert particles.shape == (COUNT, 3)
+    gaps = np.diff(np.sort(particles[:, 0]))
+    assert gaps.max() < 2 * 0.2 / COUNT
+    assert particles[:, 0].min() < 0.405
+    assert particles[:, 0].max() > 0.595
+
+
+def test_fewer_points_are_refused_with_both_numbers(tmp_path: Path):
+    said = refusal(saved(tmp_path, a_line(COUNT - 1)))
+    assert f"{COUNT - 1} points" in said
+    assert f"{COUNT} particles" in said
+
+
+@pytest.mark.parametrize("content", [b"", b"not an array", b"\x93NUMPY\x01\x00"])
+def test_a_file_that_is_no_array_is_refused(content: bytes, tmp_path: Path):
+    path = tmp_path / "goal.npy"
+    path.write_bytes(content)
+    assert "Cannot read the goal" in refusal(path)
+
+
+def test_a_missing_file_is_refused(tmp_path: Path):
+    assert "Cannot read the goal" in refusal(tmp_path / "none.npy")
+
+
+@pytest.mark.parametrize(
+    "points", [np.full((COUNT, 3), "here"), np.zeros((COUNT, 2)), np.zeros(3), np.zeros((COUNT, 3), complex)]
+)
+def test_an_array_of_something_else_is_refused(points: np.ndarray, tmp_path: Path):
+    assert "must be points (M, 3)" in refusal(saved(tmp_path, points))
+
+
+@pytest.mark.parametrize("outside", [(0.2, 0, 0), (0.5, 0.4, 0), (0.5, 0, -0.01), (0.5, 0, 0.5), (np.nan, 0, 0)])
+def test_a_point_outside_the_workspace_is_named(outside: tuple[float, float, float], tmp_path: Path):
+    points = a_line(COUNT)
+    points[7] = outside
+    assert "Goal point 7" in refusal(saved(tmp_path, points))
