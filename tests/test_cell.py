@@ -1,4 +1,4 @@
-"""The main job on a short episode, started as a user starts it: `dipac run rope_push` with two pushes.
+"""The main job on a short episode, started as a user starts it: `dipac run rope_push` with three pushes.
 
 The physics of the cell is MuJoCo's, the images are ray-cast, and the processes are those of every run.
 """
@@ -31,7 +31,7 @@ from app.core.messages import (
 from app.recording.reader import read_episode, read_messages
 from tests.conftest import ROOT
 
-PUSHES = 2
+PUSHES = 3
 
 
 @dataclass
@@ -122,9 +122,11 @@ def test_what_was_shown_is_what_was_executed(ran: Ran) -> None:
 
 def test_the_model_is_calibrated_in_the_background_from_what_was_measured(ran: Ran) -> None:
     versions = [model.version for model in ran.all(Model)]
-    assert versions[0] == 0
+    assert versions == list(range(len(versions)))
+    assert len(versions) > 1
     assert len(ran.all(Transition)) == len(ran.all(Outcome)) == PUSHES
-    assert versions == sorted(versions)
+    models = {model.id: model for model in ran.all(Model)}
+    assert all(models[proposal.model_id].version == proposal.model_version for proposal in ran.all(Proposal))
 
 
 def test_nothing_said_is_missing_from_the_recording(ran: Ran) -> None:
