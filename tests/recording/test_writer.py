@@ -81,7 +81,8 @@ async def test_writers_wait_while_the_queue_is_full_and_nothing_is_lost(make: Ma
             await recorder.write(frame)
             await recorder.write(notice)
         group.cancel_scope.cancel()
-    assert recorder.peak == 64
+    # 64 wait at most; while the writer works on one of them, 63 are in the queue.
+    assert recorder.peak in (63, 64)
     assert turns > 0
     kept = await read(recorder.path, [Notice])
     assert [message.id for message in kept] == [notice.id for notice in notices]
