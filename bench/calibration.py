@@ -85,12 +85,7 @@ def main(
     best_m2, best = min(scores, key=lambda score: score[0])
     still_m2 = _motionless(held_out)
     print(f"held out, {len(held_out)} transitions: no motion {still_m2:.3e} m^2, best on the grid {best_m2:.3e} {best}")
-    rows = [
-        _fitted(data, predictor, phi, known, held_out, start) | {"over_grid": 0.0} for start in (factor, 1 / factor)
-    ]
-    for row in rows:
-        row["over_grid"] = row["held_out_m2"] / best_m2
-        print(json.dumps(row))
+    rows = [_fitted(data, predictor, phi, known, held_out, start, best_m2=best_m2) for start in (factor, 1 / factor)]
     if out is not None:
         out.write_text(json.dumps({"no_motion_m2": still_m2, "grid_m2": best_m2, "grid": best, "fits": rows}))
 
@@ -102,7 +97,9 @@ def _fitted(
     known: Evidence,
     held_out: Evidence,
     factor: float,
-) -> dict[str, float]:
+    *,
+    best_m2: float,
+) -> dict[str, float | list[float]]:
     """Fit from every calibrated parameter wrong by `factor`."""
     wrong = {name: float(phi[index(name)]) * factor for name in data.calibrated}
     wrong = {
@@ -114,15 +111,18 @@ def _fitted(
     wall_s, cpu_s = time.perf_counter() - wall_s, time.process_time() - cpu_s
     values = dict(zip(data.calibrated, map(float, found.values), strict=True))
     low, high = (dict(zip(data.calibrated, map(float, end), strict=True)) for end in (found.low, found.high))
-    row = {
+    row: dict[str, float | list[float]] = {
         "factor": factor,
-        "trials": len(found.trials_m2),
+        "trials_m2": list(found.trials_m2),
         "wall_s": wall_s,
         "cpu_s": cpu_s,
         "fitted_m2": found.loss_m2,
     }
     row |= values | {f"{name} low": low[name] for name in low} | {f"{name} high": high[name] for name in high}
-    return row | {"held_out_m2": _mean(predictor, with_values(phi, values), held_out)}
+    held_out_m2 = _mean(predictor, with_values(phi, values), held_out)
+    row |= {"held_out_m2": held_out_m2, "over_grid": held_out_m2 / best_m2}
+    print(json.dumps(row), flush=True)
+    return row
 
 
 def _mean(predictor: Predictor, phi: Float32[np.ndarray, " P"], evidence: Evidence) -> float:

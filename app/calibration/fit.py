@@ -32,9 +32,14 @@ _SMALLEST_M = 1e-5
 @final
 @dataclass(frozen=True, kw_only=True)
 class Settings:
-    """`steps` trial steps at most, each a factor `max_factor` at most (on a logarithmic scale)."""
+    """`steps` trial steps at most, each a factor `max_factor` at most (on a logarithmic scale).
+
+    `trust_factor`: how far off the start may be, as the standard deviation of a prior on a logarithmic scale. Infinite
+    for a start that nobody vouches for; finite where a few new transitions refine a model that is in use.
+    """
 
     steps: int
+    trust_factor: float = float("inf")
     max_factor: float = 2.5
     damping: float = 0.03
     tolerance: float = 0.01
@@ -71,6 +76,19 @@ class _Point:
         return 2 * self.r[:, None] * self.J
 
 
+@final
+@dataclass(frozen=True, kw_only=True, eq=False)
+class _Prior:
+    """What the start counts for: `weight` [m^2] a squared unit of distance from it, against the summed losses."""
+
+    u: Vector
+    weight: float
+
+    def total(self, point: _Point) -> float:
+        """What is minimised [m^2]."""
+        return float((point.r**2).sum() + self.weight * ((point.u - self.u) ** 2).sum())
+
+
 def fit(slopes: Slopes, start: Vector, specs: Sequence[ParameterSpec], settings: Settings) -> Fit:
     """Descend from `start` within the parameters' ranges; transitions whose prediction is non-finite are left out.
 
@@ -79,13 +97,14 @@ def fit(slopes: Slopes, start: Vector, specs: Sequence[ParameterSpec], settings:
     here = _evaluated(slopes, _coordinates(start, specs), specs)
     if here is None:
         raise SimulationError("The model predicts none of the transitions; start from the nominal model instead.")
+    prior = _Prior(u=here.u, weight=here.loss_m2 / np.log(settings.trust_factor) ** 2)
     trials = [here.loss_m2]
     damping = settings.damping
     for _ in range(settings.steps):
-        step = np.clip(_newton_step(here, damping), -np.log(settings.max_factor), np.log(settings.max_factor))
+        step = np.clip(_newton_step(here, prior, damping), -np.log(settings.max_factor), np.log(settings.max_factor))
         trial = _evaluated(slopes, _bounded(here.u + step, specs), specs)
         trials.append(trial.loss_m2 if trial else float("nan"))
-        if trial is not None and len(trial.r) >= len(here.r) and trial.loss_m2 < here.loss_m2:
+        if trial is not None and len(trial.r) >= len(here.r) and prior.total(trial) < prior.total(here):
             small = float(np.abs(trial.u - here.u).max()) < settings.tolerance
             here, damping = trial, damping / 3
             if small:
@@ -116,11 +135,12 @@ def _evaluated(slopes: Slopes, u: Vector, specs: Sequence[ParameterSpec]) -> _Po
     return _Point(u=u, r=r, J=np.asarray(gradients, np.float64)[finite] * per_coordinate / (2 * r[:, None]))
 
 
-def _newton_step(here: _Point, damping: float) -> Vector:
-    """Minimises |r + J step|^2 + damping |J|^2 |step|^2."""
+def _newton_step(here: _Point, prior: _Prior, damping: float) -> Vector:
+    """Minimises |r + J step|^2, with the prior, + damping |J|^2 |step|^2."""
     normal = here.J.T @ here.J
-    ridge = damping * (np.trace(normal) + _SMALLEST_M**2) * np.eye(len(normal))
-    return -np.linalg.solve(normal + ridge, here.J.T @ here.r)
+    ridge = prior.weight + damping * (np.trace(normal) + _SMALLEST_M**2)
+    slope = here.J.T @ here.r + prior.weight * (here.u - prior.u)
+    return -np.linalg.solve(normal + ridge * np.eye(len(normal)), slope)
 
 
 def _deviation(slopes: Slopes, here: _Point, specs: Sequence[ParameterSpec]) -> Vector:

@@ -13,7 +13,10 @@ from app.core.messages import Motion
 from app.core.types import Points
 
 _CLEARING_STEPS = 12
+"""Between the parts of a curled rope a start needs a few steps to come free; alone beside one it needs two."""
 _SAMPLES_PER_BRANCH = 64
+_LOW_ENOUGH_M = 0.004
+"""A measured tip this far above the push height is down: below the top of any object that the finger pushes."""
 
 
 class ActionSpace(Protocol):
@@ -209,9 +212,6 @@ class Pushes:
 
     def _bounds(self) -> tuple[Float32[np.ndarray, "2"], Float32[np.ndarray, "2"]]:
         return np.asarray(self.region[:2], np.float32), np.asarray(self.region[2:], np.float32)
-
-
-_LOW_ENOUGH_M = 0.004
 
 
 def _length(vectors: Float[Array, "*axes 2"]) -> Float[Array, "*axes"]:

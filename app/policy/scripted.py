@@ -10,6 +10,9 @@ from jaxtyping import Array, Float, Float32
 from app.core.types import Points
 from app.policy.ordering import arclength_labels, centreline_weights
 
+_BLOCKED_M = 10.0
+"""More than any sum of errors on a table: a start on top of the rope is chosen only where there is no other."""
+
 
 class Matched(NamedTuple):
     """What is prepared once an observation: how to average particles into nodes, and the goal's nodes both ways."""
@@ -74,10 +77,6 @@ class ScriptedPush:
         """How much of a push at node m each node j takes part in."""
         at = np.arange(self.nodes) / self.nodes
         return np.exp(-0.5 * ((at[:, None] - at) / self.reach) ** 2).astype(np.float32)
-
-
-_BLOCKED_M = 10.0
-"""More than any sum of errors on a table: a start on top of the rope is chosen only where there is no other."""
 
 
 def _nearer_goal(goals: Float[Array, "2 M 2"], nodes: Float[Array, "B M 2"]) -> Float[Array, "B M 2"]:

@@ -58,16 +58,16 @@ def planner(task: str, preset: str) -> TreePlanner:
 
 
 @lru_cache
-def calibrator(task: str, preset: str, steps: int) -> Calibrator:
-    """The task's calibrator, of at most `steps` trial steps."""
+def calibrator(task: str, preset: str, settings: Settings) -> Calibrator:
+    """The task's calibrator."""
     data = load(task)
     predictor = Predictor(advance=advance(task, data.preset(preset).particle_count), chunk=_CHUNK)
-    return Calibrator(predictor=predictor, names=data.calibrated, settings=Settings(steps=steps))
+    return Calibrator(predictor=predictor, names=data.calibrated, settings=settings)
 
 
-def calibrated(task: str, preset: str, transitions: Sequence[Transition], model: Model, steps: int) -> Model:
+def calibrated(task: str, preset: str, transitions: Sequence[Transition], model: Model, settings: Settings) -> Model:
     """The next version of `model`, fitted to all the transitions."""
-    fitter = calibrator(task, preset, steps)
+    fitter = calibrator(task, preset, settings)
     found = fitter.fit(gather(transitions, load(task).actions.measured_path), phi_of(model))
     return next_model(model, found, fitter.names, transitions)
 

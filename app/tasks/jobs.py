@@ -12,8 +12,6 @@ from typing import TYPE_CHECKING
 
 from app.config import Site
 
-_OFFLINE_STEPS = 10
-_ONLINE_STEPS = 2
 _RECENT = 16
 """Transitions of one update: about those of the last episode, in about the time of one decision."""
 
@@ -50,16 +48,21 @@ def calibrate(task: str, preset: str, transitions: Sequence[Transition], model: 
 
     Raises UsageError where there are no transitions.
     """
+    from app.calibration.fit import Settings
     from app.tasks import compiled
 
-    return compiled.calibrated(task, preset, transitions, model, steps=_OFFLINE_STEPS)
+    return compiled.calibrated(task, preset, transitions, model, Settings(steps=10))
 
 
 def update(task: str, preset: str, transitions: Sequence[Transition], model: Model) -> Model:
-    """As `calibrate`, in the background of an episode: two trial steps on the newest transitions."""
+    """As `calibrate`, in the background of an episode: two trial steps on the newest transitions.
+
+    The model in use is trusted to a factor of 1.5, so that one odd transition does not throw it off.
+    """
+    from app.calibration.fit import Settings
     from app.tasks import compiled
 
-    return compiled.calibrated(task, preset, transitions[-_RECENT:], model, steps=_ONLINE_STEPS)
+    return compiled.calibrated(task, preset, transitions[-_RECENT:], model, Settings(steps=2, trust_factor=1.5))
 
 
 def choose_preset() -> str:

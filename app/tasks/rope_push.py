@@ -25,14 +25,14 @@ TASK = Task(
     rope=ROPE,
     finger=FINGER,
     seeing=Reconstruction(colour=ColourRange.around(ROPE.colour), particle_count=300, half_width_m=0.010),
-    # A real push takes 1 s, a simulated one 0.2 s. Weight and stiffness are eight times the real ones, which leaves
+    # A real push takes 1 s, a simulated one 0.2 s. Weight and stiffness are twelve times the real ones, which leaves
     # their ratio, and with it every quasi-static shape, as it is, and keeps inertia small beside them.
     scene=Scene(
         low=(0.15, -0.45, -0.025),
         high=(0.95, 0.45, 0.075),
         cell_m=0.0125,
         dt_s=7.0e-4,
-        gravity_m_s2=78.5,
+        gravity_m_s2=117.7,
         density_kg_m3=ROPE.mass_kg / (pi * ROPE.radius_m**2 * ROPE.length_m),
         object_volume_m3=pi * ROPE.radius_m**2 * ROPE.length_m,
         finger_radius_m=FINGER.radius_m,
@@ -62,7 +62,7 @@ TASK = Task(
     weights=Weights(progress=1.0, contact=0.002, discount=0.7),
     descent=Descent(learning_rate=1.0, clip=1.0, shrink=0.5),
     problems=Problems(),
-    nominal=MappingProxyType({"stiffness": 3.0e4, "table_friction": 0.5, "finger_friction": 0.3}),
+    nominal=MappingProxyType({"stiffness": 4.0e4, "table_friction": 0.5, "finger_friction": 0.3}),
     calibrated=("stiffness", "table_friction"),
     success_m2=2 * 0.010**2,
     presets=MappingProxyType(

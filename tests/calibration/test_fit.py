@@ -90,3 +90,14 @@ def test_one_transition_tells_no_interval() -> None:
     result = fit(single, TRUTH, SPECS, Settings(steps=2))
     assert result.low.tolist() == pytest.approx([STIFFNESS.low, OFFSET.low])
     assert result.high.tolist() == pytest.approx([STIFFNESS.high, OFFSET.high])
+
+
+def test_a_trusted_start_yields_to_many_transitions_and_hardly_to_few() -> None:
+    start = np.array([2e4, 0.3])
+
+    def moved(count: int) -> float:
+        result = fit(world(0.1, count=count), start, SPECS, Settings(steps=15, trust_factor=1.5))
+        return float(np.log(start[0] / result.values[0]) / np.log(start[0] / TRUTH[0]))
+
+    assert moved(2) < 0.6 * moved(200)
+    assert moved(200) > 0.8
