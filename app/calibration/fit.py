@@ -21,8 +21,8 @@ Slopes = Callable[[Vector], tuple[Float64[np.ndarray, " K"], Float64[np.ndarray,
 """Parameter values -> the loss of each transition [m^2] and its gradient; Q parameters, K transitions."""
 
 _Z90 = 1.645
-_PROBE = 0.1
-"""Step of the coordinates for curvature: a tenth in a logarithm. Shorter ones measure the noise of contact."""
+_PROBE = 0.25
+"""Step of the coordinates for curvature: a quarter in a logarithm. Shorter ones measure the noise of contact."""
 _FLAT_M2 = 1e-9
 """Less curvature than this is none: half of it is the loss [m^2] that a factor e would cost."""
 _SMALLEST_M = 1e-5
@@ -146,15 +146,16 @@ def _newton_step(here: _Point, prior: _Prior, damping: float) -> Vector:
 def _deviation(slopes: Slopes, here: _Point, specs: Sequence[ParameterSpec]) -> Vector:
     """Standard deviations of the coordinates: the infinitesimal jackknife over transitions (Jaeckel 1972).
 
-    How much the mean gradient varies with the choice of transitions, through the inverse of the loss's curvature.
-    Infinite for a single transition, and huge along directions in which the loss is flat.
+    How much the mean gradient varies with the choice of transitions, through the inverse of the loss's curvature, which
+    is at least that of Gauss and Newton. Infinite for a single transition, and wide where the loss is flat.
     """
     count = len(here.r)
     if count < 2:
         return np.full(len(here.u), np.inf)
     curvature = np.stack([_curvature_along(slopes, here, specs, axis) for axis in range(len(here.u))])
     values, vectors = np.linalg.eigh((curvature + curvature.T) / 2)
-    inverse = vectors @ np.diag(1 / np.maximum(values, _FLAT_M2)) @ vectors.T
+    least = 2 / count * ((here.J @ vectors) ** 2).sum(0)
+    inverse = vectors @ np.diag(1 / np.maximum(np.maximum(values, least), _FLAT_M2)) @ vectors.T
     spread = np.cov(here.gradients.T).reshape(len(here.u), -1) / count
     return np.sqrt(np.diag(inverse @ spread @ inverse))
 
