@@ -20,6 +20,9 @@ from tests.ui.test_browser import APPROVE, RESUME, SECONDS, STOP, pixels, wait_u
 
 pytestmark = pytest.mark.browser
 
+PATIENCE = 250 * SECONDS
+"""For a first start: kernels are compiled while a browser renders in software on the same cores."""
+
 
 @pytest.fixture
 def console(tmp_path: Path) -> Iterator["subprocess.Popen[str]"]:
@@ -63,8 +66,8 @@ def test_a_push_is_approved_stopped_and_resumed(
     console: "subprocess.Popen[str]", browser_page: Page, tmp_path: Path
 ) -> None:
     page = browser_page
-    page.set_default_timeout(120 * SECONDS)
-    expect.set_options(timeout=120 * SECONDS)
+    page.set_default_timeout(PATIENCE)
+    expect.set_options(timeout=PATIENCE)
     page.goto(address(console))
     expect(page.get_by_text("SIMULATED")).to_be_visible()
     wait_until(lambda: pixels(page, palette.OBSERVED) > 300)
