@@ -49,6 +49,8 @@ _OBSERVE_DEADLINE_S = 30.0
 _FAILURES_IN_A_ROW = 3
 _UNATTENDED_S = 120.0
 """How long a run with automatic approval waits for somebody to resume it after a stop."""
+_LAST_CALIBRATION_S = 120.0
+"""How long the end of an episode waits for the model to learn from its last pushes."""
 _CALIBRATOR_NICENESS = 15
 """Below the planner, which a decision waits for."""
 
@@ -71,15 +73,11 @@ class Flow:
         if wish.automatic and not rig.simulated:
             raise MotionRefused("Automatic approval is allowed on the simulated rig alone; use `dipac console`.")
         self.wish, self.site, self.rig = wish, site, rig
-        self.operator, self.clock = operator, clock
-        self.summary = Summary()
+        self.operator, self.clock, self.summary = operator, clock, Summary()
         self.announcer = Announcer(operator=operator, recorder=recorder, clock=clock, summary=self.summary)
         self.say, self.notice, self.fault = self.announcer.say, self.announcer.notice, self.announcer.fault
-        self.gate = ApprovalGate(
-            max_age_s=site.timing.plan_max_age_s,
-            max_unseen_s=site.timing.object_unseen_s,
-            max_drift_m=site.timing.plan_max_drift_m,
-        )
+        age_s, unseen_s, drift_m = site.timing.plan_max_age_s, site.timing.object_unseen_s, site.timing.plan_max_drift_m
+        self.gate = ApprovalGate(max_age_s=age_s, max_unseen_s=unseen_s, max_drift_m=drift_m)
         self.perceiver = Worker("perception")
         self.planner = planner
         self.calibrator = Worker("calibrator", niceness=_CALIBRATOR_NICENESS)
@@ -91,7 +89,7 @@ class Flow:
         self.decisions = Lossless[Decision]("decisions", bound=100)
         self.doing = "starting"
         self._doing_since_s = clock.now()
-        self._refused = 0
+        self._refused = self._calibrated = 0
         self._may_move = anyio.Event()
         self._may_move.set()
         self._began_s = self._resumed_s = clock.now()
@@ -158,14 +156,16 @@ class Flow:
         seen: list[Transition] = []
         async for transition in self.transitions:
             seen.append(transition)
-            if not self.wish.calibrating or self.models.value is None:
-                continue
-            task, old = self.wish.task.name, self.models.value
-            try:
-                new = await self.calibrator.run(update, task, self.wish.preset, seen, old)
-            except DipacError as error:
-                self.fault("calibration", error)
-                continue
+            if self.wish.calibrating and self.models.value is not None:
+                await self._update(seen, self.models.value)
+            self._calibrated = len(seen)
+
+    async def _update(self, seen: list[Transition], old: Model) -> None:
+        try:
+            new = await self.calibrator.run(update, self.wish.task.name, self.wish.preset, seen, old)
+        except DipacError as error:
+            self.fault("calibration", error)
+        else:
             self.models.put(self.say(new))
 
     async def _listen(self) -> None:
@@ -233,6 +233,10 @@ class Flow:
             before, observed = observed, await self._settled(after_s=self.clock.now())
             if executed and executed.outcome == "completed":
                 await self._learn(proposal, before, executed, observed)
+        self._do("finishing the calibration")
+        with anyio.move_on_after(_LAST_CALIBRATION_S):
+            while self._calibrated < self.summary.pushes:
+                await self.clock.sleep(self.site.timing.health_period_s)
         self._do("done")
 
     async def _warm_up(self) -> None:
