@@ -46,11 +46,9 @@ class Planner(Protocol):
         *,
         seed: int,
         site: Site,
-        previous: Plan | None = None,
     ) -> Plan:
         """Decide what to do with the object `observed` (N, 3) [m] under the model `phi`.
 
-        `previous`: the decision before, whose later actions may be a good beginning now.
         Raises PlanningError where no branch stayed finite.
         """
         ...
@@ -73,7 +71,6 @@ class TreePlanner:
         *,
         seed: int,
         site: Site,
-        previous: Plan | None = None,
     ) -> Plan:
         """Sample, roll out, descend, choose."""
         search = self.search
@@ -81,8 +78,6 @@ class TreePlanner:
         x = jnp.repeat(jnp.asarray(observed)[None], search.branches, axis=0)
         parameters = jnp.repeat(jnp.asarray(phi)[None], search.branches, axis=0)
         first = sample(search, prepared, observed, np.random.default_rng(seed))
-        if previous is not None and search.depth > 1:
-            first[-1] = previous.branches[previous.best].actions[1]
         actions = _rolled_out(search, prepared, parameters, x, jnp.asarray(first))
         descended = _descended(self, parameters, x, jnp.asarray(goal), actions)
         return choose(search, jax.device_get(descended), observed, goal, site)
@@ -161,6 +156,7 @@ def _branch(search: Search, found: Descended, index: int) -> Branch:
             "progress": weights.progress * float(best.terms.progress[index]),
             "contact": weights.contact * float(best.terms.contact[index]),
             "last iterate": float(found.iterates[-1, index]),
+            "lost gradients": float(found.lost_gradients[index]),
         },
         finite=bool(found.finite[index]),
     )

@@ -5,6 +5,7 @@ from typing import NamedTuple, final
 
 import jax.numpy as jnp
 import numpy as np
+from jax.lax import Precision
 from jaxtyping import Array, Float, Float32
 
 from app.core.types import Points
@@ -49,11 +50,11 @@ class ScriptedPush:
 
     def act(self, prepared: Matched, x: Float[Array, "B N 3"]) -> Float[Array, "B A"]:
         """The push that helps most, for each candidate."""
-        nodes = jnp.einsum("mn,bnk->bmk", prepared.weights, x[..., :2])
+        nodes = jnp.einsum("mn,bnk->bmk", prepared.weights, x[..., :2], precision=Precision.HIGHEST)
         error = _nearer_goal(jnp.asarray(prepared.goals), nodes) - nodes
         direction = self._directions(nodes, error)
         share = self._shares()
-        advance = jnp.einsum("mj,bjk,bmk->bm", share, error, direction)
+        advance = jnp.einsum("mj,bjk,bmk->bm", share, error, direction, precision=Precision.HIGHEST)
         start = nodes - self.start_gap_m * direction
         near = jnp.sqrt(((start[:, :, None] - x[:, None, :, :2]) ** 2).sum(-1)).min(-1)
         gain = advance * share.sum(1) - jnp.where(near < self.clearance_m, _BLOCKED_M, 0.0)

@@ -29,18 +29,17 @@ def plan(
     model: Model,
     seed: int,
     site: Site | None = None,
-    previous: Plan | None = None,
 ) -> Plan:
     """Decide on the next action for the object `observed` (N, 3) [m].
 
-    The model is what the simulation runs with; `previous` offers the rest of an earlier plan as one more branch's
-    beginning. Raises PlanningError where no branch stays finite, UsageError for an unknown task or preset.
+    The model is what the simulation runs with. Raises PlanningError where no branch stays finite, UsageError for an
+    unknown task or preset.
     """
     from app.tasks import compiled
 
     planner = compiled.planner(task, preset)
     phi = compiled.phi_of(model)
-    return planner(observed, goal, phi, seed=seed, site=site or Site(), previous=previous)
+    return planner(observed, goal, phi, seed=seed, site=site or Site())
 
 
 def calibrate(task: str, preset: str, transitions: Sequence[Transition], model: Model) -> Model:

@@ -112,4 +112,5 @@ def simulate(scene: Scene, phi, state: State, tool) -> State:
         pairs = jnp.stack([tool[:-1], tool[1:]], axis=1)
         return jax.lax.scan(lambda now, tips: (substep(scene, phi, now, tips), None), state, pairs)[0]
 
-    return jax.vmap(one)(phi, state, tool)
+    with jax.default_matmul_precision("highest"):
+        return jax.vmap(one)(phi, state, tool)

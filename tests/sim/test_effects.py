@@ -59,8 +59,10 @@ def test_all_effects_at_their_null_values_are_the_nominal_model():
     nominal = make_rollout(SCENE, particle_count=PARTICLES, effects=())
     extended = make_rollout(SCENE, particle_count=PARTICLES)
     bare = problem(nominal_phi()[: len(NOMINAL_PHYSICS)])
+    # On a GPU two runs of the same model differ by this much, as its threads add up in any order.
+    tolerance = 1e-6 if jax.default_backend() == "cpu" else 1e-4
     for ours, theirs in zip(extended(*problem(nominal_phi())), nominal(*bare), strict=True):
-        np.testing.assert_allclose(ours, theirs, rtol=0, atol=1e-6 * float(np.abs(theirs).max()))
+        np.testing.assert_allclose(ours, theirs, rtol=0, atol=tolerance * float(np.abs(theirs).max()))
 
 
 @pytest.mark.parametrize("spec", ADDED, ids=lambda spec: spec.name)

@@ -21,6 +21,8 @@ STEPS = 40
 CANDIDATES = 5
 SIMULATE = make_rollout(SCENE, particle_count=PARTICLES)
 
+of_threads = pytest.mark.skipif(jax.default_backend() != "cpu", reason="Only the CPU's schedule has threads.")
+
 
 def problem() -> tuple[jax.Array, State, jax.Array]:
     """Five different candidates, pushed by the finger."""
@@ -46,8 +48,16 @@ def gradients(simulate: Simulate, phi: jax.Array, state: State, tool: jax.Array)
 
 
 def assert_same(a: object, b: object) -> None:
-    """Bit by bit, NaN equal to NaN."""
-    jax.tree.map(np.testing.assert_array_equal, a, b)
+    """NaN equal to NaN; bit by bit on a CPU, to rounding on a GPU, whose threads add up in any order."""
+    if jax.default_backend() == "cpu":
+        jax.tree.map(np.testing.assert_array_equal, a, b)
+    else:
+        jax.tree.map(assert_close, a, b)
+
+
+def assert_close(a: jax.Array, b: jax.Array) -> None:
+    """NaN equal to NaN, and all else to a thousandth of the largest number: contact amplifies rounding."""
+    np.testing.assert_allclose(a, b, rtol=0, atol=1e-3 * float(np.nanmax(np.abs(b))))
 
 
 def candidate(tree: object, b: int) -> object:
@@ -68,6 +78,7 @@ def test_a_batch_equals_its_candidates_one_by_one():
         assert_same(candidate(slopes, b), gradients(SIMULATE, *alone))
 
 
+@of_threads
 def test_the_number_of_threads_changes_nothing():
     kernels = candidate_kernels(EFFECTS)
     one, three = (
@@ -97,7 +108,8 @@ def test_two_chained_actions_equal_one_long_action_in_value_and_gradient():
     for ours, whole in zip(
         jax.tree.leaves(gradients(chained, *problem())), jax.tree.leaves(gradients(SIMULATE, *problem())), strict=True
     ):
-        np.testing.assert_allclose(ours, whole, rtol=1e-4, atol=1e-5 * float(np.abs(whole).max()))
+        tolerance = 1e-5 if jax.default_backend() == "cpu" else 1e-3
+        np.testing.assert_allclose(ours, whole, rtol=1e-4, atol=tolerance * float(np.abs(whole).max()))
 
 
 @pytest.mark.parametrize("where", ["phi", "x", "v", "C", "F", "tool", "infinite x", "outside x"])
@@ -122,6 +134,7 @@ def test_a_bad_number_spoils_its_own_candidate_and_no_other(where: str):
         assert np.isnan(leaf).all()
 
 
+@of_threads
 def test_nan_does_not_hide_in_nodes_that_a_particle_reaches_with_weight_zero():
     cell = 2.0**-7  # With powers of two, particles lie exactly between nodes, and the farther ones have no weight.
     scene = replace(SCENE, low=(0.4375, -0.09375, -2 * cell), high=(0.59375, 0.09375, 0.0625), cell_m=cell, dt_s=4e-4)
