@@ -14,6 +14,9 @@ from app.policy.ordering import arclength_labels, centreline_weights
 _BLOCKED_M = 10.0
 """More than any sum of errors on a table: a start on top of the rope is chosen only where there is no other."""
 
+_UNDIRECTED_M = 1e-3
+"""An error below this is noise, and its direction tells nothing: the push is then straight across the rope."""
+
 
 class Matched(NamedTuple):
     """What is prepared once an observation: how to average particles into nodes, and the goal's nodes both ways."""
@@ -71,7 +74,8 @@ class ScriptedPush:
         normal = jnp.stack([-tangent[..., 1], tangent[..., 0]], axis=-1)
         along, across = (error * tangent).sum(-1), (error * normal).sum(-1)
         side = jnp.where(across < 0, -1.0, 1.0)
-        tilt = jnp.clip(jnp.arctan2(along, jnp.abs(across)), -self.max_tilt_rad, self.max_tilt_rad)[..., None]
+        tilt = jnp.arctan2(along, jnp.abs(across) + _UNDIRECTED_M)
+        tilt = jnp.clip(tilt, -self.max_tilt_rad, self.max_tilt_rad)[..., None]
         return jnp.cos(tilt) * side[..., None] * normal + jnp.sin(tilt) * tangent
 
     def _shares(self) -> Float32[np.ndarray, "M M"]:

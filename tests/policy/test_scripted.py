@@ -66,9 +66,10 @@ def test_candidates_do_not_hear_of_each_other() -> None:
     np.testing.assert_allclose(act(prepared, states)[1], act(prepared, states[1:])[0], atol=1e-5)
 
 
-def test_a_rope_at_its_goal_is_hardly_pushed() -> None:
+@pytest.mark.parametrize("noise_m", [0.0, 1e-7, 1e-5])
+def test_a_rope_at_its_goal_is_hardly_pushed(noise_m: float) -> None:
     x = straight(0.0)
-    path = pushed(x, x)
+    path = pushed(x, x + np.random.default_rng(0).normal(0, noise_m, x.shape).astype(np.float32))
     reach = np.abs(path[:, 1]).min()
     assert reach > TASK.rope.radius_m + TASK.finger.radius_m - 0.004
 
