@@ -18,7 +18,7 @@ from rich.text import Text
 from app import __version__
 from app.commands._goal import read_goal
 from app.commands._preflight import check_port
-from app.config import Site
+from app.config import Limits, Site, checked
 from app.core.errors import DipacError, PreflightError, UsageError
 from app.core.messages import Episode, Goal, Message, fresh_id
 from app.core.ports import Recorder, Rig
@@ -38,6 +38,7 @@ from app.ui.terminal import Terminal
 Preset = Literal["auto", "cpu", "gpu"]
 
 _LAST_PORT = 65535
+_SLOWEST_M_S = 0.005
 _PLANNER_NICENESS = 10
 """The planner gives way to the arm and the cameras."""
 
@@ -59,16 +60,22 @@ class Options:
     """a model.toml to start from instead of the nominal model"""
     calibrate: bool = True
     """calibrate the model in the background"""
+    speed: float = Limits().speed_m_s
+    """the fastest that the tool may move [m/s]; lower it to watch what it does"""
     recordings: Path = Path("recordings")
     """folder of the MCAP file"""
     port: int = 8088
     """of the console; 0 takes a free one"""
 
     def site(self) -> Site:
-        """The default site with what the command line may change. Raises PreflightError for an impossible port."""
+        """The default site with what the command line may change.
+
+        Raises PreflightError for an impossible port, ParameterError for an impossible speed.
+        """
         if not 0 <= self.port <= _LAST_PORT:
             raise PreflightError(f"Port {self.port} does not exist; choose one from 1024 to {_LAST_PORT} with --port.")
-        return Site(recordings=self.recordings, console_port=self.port)
+        limits = Limits(speed_m_s=checked("--speed", self.speed, _SLOWEST_M_S, Limits().speed_m_s))
+        return Site(limits=limits, recordings=self.recordings, console_port=self.port)
 
 
 @final

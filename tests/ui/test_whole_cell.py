@@ -24,10 +24,14 @@ PATIENCE = 250 * SECONDS
 """For a first start: kernels are compiled while a browser renders in software on the same cores."""
 
 
+SPEED = "0.02"
+"""[m/s] A push then takes so long that a browser which renders in software still stops it in the middle."""
+
+
 @pytest.fixture
 def console(tmp_path: Path) -> Iterator["subprocess.Popen[str]"]:
     """`dipac console` as a user starts it."""
-    process = subprocess.Popen(
+    with subprocess.Popen(
         [
             sys.executable,
             "-m",
@@ -40,6 +44,8 @@ def console(tmp_path: Path) -> Iterator["subprocess.Popen[str]"]:
             "0",
             "--preset",
             "cpu",
+            "--speed",
+            SPEED,
             "--recordings",
             str(tmp_path),
         ],
@@ -48,10 +54,12 @@ def console(tmp_path: Path) -> Iterator["subprocess.Popen[str]"]:
         stdout=subprocess.PIPE,
         stderr=subprocess.STDOUT,
         text=True,
-    )
-    yield process
-    process.send_signal(signal.SIGINT)
-    process.wait(timeout=30)
+    ) as process:
+        try:
+            yield process
+        finally:
+            process.send_signal(signal.SIGINT)
+            process.wait(timeout=30)
 
 
 def address(console: "subprocess.Popen[str]") -> str:
@@ -80,6 +88,7 @@ def test_a_push_is_approved_stopped_and_resumed(
     page.get_by_role("button", name=RESUME).click()
     expect(page.get_by_role("button", name=APPROVE)).to_be_enabled()
 
+    page.close()  # It would complain, rightly, that nobody answers any more.
     console.send_signal(signal.SIGINT)
     console.wait(timeout=30)
     (recording,) = tmp_path.glob("*.mcap")
