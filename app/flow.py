@@ -8,6 +8,7 @@ import shutil
 from typing import final
 
 import anyio
+from anyio import to_thread
 
 from app.config import Site
 from app.core.announcer import Announcer
@@ -193,6 +194,7 @@ class Flow:
     async def _report(self) -> None:
         """The arm's state and the health strip, at a steady pace."""
         while True:
+            disk = await to_thread.run_sync(shutil.disk_usage, self.site.recordings, abandon_on_cancel=True)
             arm = await self.rig.arm.state()
             self.say(arm)
             now_s, model = self.clock.now(), self.models.value
@@ -212,7 +214,7 @@ class Flow:
                     calibration_loss_m2=model.loss_m2 if model else float("nan"),
                     drops={channel.name: channel.dropped for channel in (*self.frames.values(), self.particles)},
                     faults=len(self.summary.faults),
-                    disk_free_bytes=shutil.disk_usage(self.site.recordings).free,
+                    disk_free_bytes=disk.free,
                 )
             )
             await self.clock.sleep(self.site.timing.health_period_s)
@@ -281,13 +283,12 @@ class Flow:
 
     async def _approval(self, proposal: Proposal) -> Approved | None:
         """Show the proposal and wait for the operator; None where it was rejected, refused or grew old."""
-        await self._resumed()
-        latest = self.particles.value
+        latest, stopped = self.particles.value, not self._may_move.is_set()
         assert latest is not None
-        if (moved_m := drift(proposal.observed, latest.positions)) > self.site.timing.plan_max_drift_m:
-            self.notice(
-                "plan", f"{proposal.id} dropped: the object moved by {moved_m * 1e3:.0f} mm meanwhile.", proposal.id
-            )
+        moved_m = drift(proposal.observed, latest.positions)
+        if stopped or moved_m > self.site.timing.plan_max_drift_m:
+            why = "the arm was stopped" if stopped else f"the object moved by {moved_m * 1e3:.0f} mm"
+            self.notice("plan", f"{proposal.id} dropped: {why} meanwhile.", proposal.id)
             return None
         self._do("waiting for approval")
         self.gate.show(proposal)
@@ -298,11 +299,8 @@ class Flow:
                 if decision.proposal_id != proposal.id:
                     self.notice("approval", f"{decision.proposal_id} is not the plan shown; nothing was done.")
                 elif not decision.approve:
-                    self.notice(
-                        "approval",
-                        f"Rejected by {decision.operator}: {decision.reason or 'no reason given'}.",
-                        proposal.id,
-                    )
+                    why = f"Rejected by {decision.operator}: {decision.reason or 'no reason given'}."
+                    self.notice("approval", why, proposal.id)
                     return None
                 else:
                     return self._approved(decision)
@@ -346,7 +344,7 @@ class Flow:
             return None
         self._refused = 0
         self.summary.began_moving(executed.times_s[0] - self._began_s)
-        if executed.outcome != "completed":
+        if executed.outcome != "completed" and executed.time_s > self._resumed_s:
             self._hold(executed.reason)
         return self.say(executed)
 

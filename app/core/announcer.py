@@ -7,7 +7,7 @@ from typing import TypeVar, final
 import anyio
 
 from app.core.channel import Lossless
-from app.core.errors import DipacError
+from app.core.errors import DipacError, first_error
 from app.core.messages import Fault, Message, MessageId, Notice, fresh_id
 from app.core.ports import Clock, Operator, Recorder
 from app.core.summary import Summary
@@ -51,13 +51,19 @@ class Announcer:
 
     @asynccontextmanager
     async def recording(self) -> AsyncGenerator[None]:
-        """Record everything said, until the last message is with the recorder, whatever ends the block."""
-        async with anyio.create_task_group() as group:
-            group.start_soon(self._record)
-            try:
-                yield
-            finally:
-                self._log.close()
+        """Record everything said, until the last message is with the recorder, whatever ends the block.
+
+        Raises what ends the block or the recording, by itself and not in a group.
+        """
+        try:
+            async with anyio.create_task_group() as group:
+                group.start_soon(self._record)
+                try:
+                    yield
+                finally:
+                    self._log.close()
+        except BaseExceptionGroup as errors:
+            raise first_error(errors) from errors
 
     async def _record(self) -> None:
         with anyio.CancelScope(shield=True):

@@ -1,0 +1,284 @@
+"""A cell small enough to test the flow in: a rig inside this process, a person at the console, a log in memory."""
+
+import dataclasses
+import time
+from collections.abc import AsyncGenerator, AsyncIterator, Callable
+from contextlib import asynccontextmanager
+from pathlib import Path
+from typing import TypeAlias, TypeVar, final
+
+import anyio
+
+from app.config import Limits, Site, Timing, Workspace
+from app.core.approval import Approved
+from app.core.channel import Lossless
+from app.core.messages import (
+    Decision,
+    Executed,
+    Goal,
+    Health,
+    Message,
+    Model,
+    Notice,
+    Proposal,
+    ResumeRequest,
+    StopRequest,
+    fresh_id,
+)
+from app.core.worker import Worker
+from app.flow import Flow
+from app.tasks.base import Preset, Wish
+from app.tasks.rope_push import TASK
+from tests.flow_planner import Habits, take_up
+from tests.flow_rig import Place, SmallRig
+
+MessageT = TypeVar("MessageT", bound=Message)
+Request: TypeAlias = Decision | StopRequest | ResumeRequest
+A_WHILE = 12
+"""Reports of health in which the run would have looked, planned and begun to push, were it allowed to."""
+PATIENCE_S = 60.0
+"""A test that has waited this long for something fails; nothing here takes a tenth of it."""
+
+
+def small_site(folder: Path, **timing: float) -> Site:
+    """A site where everything happens soon; `timing` as in `Timing`."""
+    soon = {
+        "camera_period_s": 0.2,
+        "settle_s": 0.05,
+        "health_period_s": 0.05,
+        "keepalive_s": 0.2,
+        "object_unseen_s": 2.0,
+    }
+    return Site(
+        recordings=folder,
+        limits=Limits(speed_m_s=0.6, acceleration_m_s2=6.0, stop_deceleration_m_s2=12.0),
+        timing=Timing(**(soon | timing)),
+    )
+
+
+def small_wish(*, pushes: int = 1000, automatic: bool = False) -> Wish:
+    """The rope task with 60 particles, and a goal that no stroke will ever reach."""
+    preset = Preset(branches=2, depth=1, particle_count=60, gradient_steps=1)
+    task = dataclasses.replace(TASK, presets={"small": preset})
+    return Wish(
+        task=task,
+        preset="small",
+        goal=Goal(id=fresh_id("goal"), time_s=time.monotonic(), positions=task.goal(0, preset.particle_count)),
+        model=Model(id=fresh_id("model"), time_s=0.0, version=0, task=task.name, parameters=()),
+        seed=0,
+        pushes=pushes,
+        automatic=automatic,
+        calibrating=False,
+    )
+
+
+@final
+class Person:
+    """The operator: is shown every message, and does what a test says.
+
+    `seen` is all that was shown. `sees` reads on from where it got to the last time, as somebody does who watches.
+    """
+
+    def __init__(self, stop: Callable[[], None]) -> None:
+        self.seen: list[Message] = []
+        self._read = 0
+        self._stop = stop
+        self._shown = anyio.Event()
+        self._over = False
+        self._error: Exception | None = None
+        self._asked = Lossless[Request]("asked", bound=1000)
+
+    def show(self, message: Message) -> None:
+        self.seen.append(message)
+        self._wake()
+
+    def requests(self) -> AsyncIterator[Request]:
+        return aiter(self._asked)
+
+    def all(self, kind: type[MessageT]) -> list[MessageT]:
+        """Every message of `kind` so far."""
+        return [message for message in self.seen if isinstance(message, kind)]
+
+    def look_away(self) -> None:
+        """Go on with what is shown from now on."""
+        self._read = len(self.seen)
+
+    async def sees(self, kind: type[MessageT], says: str = "") -> MessageT:
+        """The next message of `kind` whose words, if it has any, hold `says`."""
+        with anyio.fail_after(PATIENCE_S):
+            while True:
+                while self._read < len(self.seen):
+                    message = self.seen[self._read]
+                    self._read += 1
+                    if isinstance(message, kind) and says in _words(message):
+                        return message
+                if self._over:
+                    raise AssertionError(f"The run ended before a {kind.__name__} {says!r} was shown.") from self._error
+                await self._shown.wait()
+
+    async def decides(
+        self, proposal: Proposal, *, approve: bool = True, digest: str | None = None, reason: str = ""
+    ) -> Decision:
+        """Decide on `proposal`; `digest` is that of the motion the console shows."""
+        decision = Decision(
+            id=fresh_id("decision"),
+            cause=(proposal.id,),
+            time_s=time.monotonic(),
+            proposal_id=proposal.id,
+            digest=digest or proposal.motion.digest(),
+            approve=approve,
+            operator="tests",
+            reason=reason,
+        )
+        await self._asked.put(decision)
+        return decision
+
+    async def presses_stop(self) -> None:
+        """The arm is told first, and then the flow, as the console does it."""
+        self._stop()
+        await self._asked.put(StopRequest(id=fresh_id("stop"), time_s=time.monotonic(), operator="tests"))
+
+    async def presses_resume(self) -> None:
+        await self._asked.put(ResumeRequest(id=fresh_id("resume"), time_s=time.monotonic(), operator="tests"))
+
+    def hears_of_the_end(self, error: Exception | None) -> None:
+        """The run has ended, with `error` where it has failed."""
+        self._over, self._error = True, error
+        self._wake()
+
+    def _wake(self) -> None:
+        self._shown.set()
+        self._shown = anyio.Event()
+
+
+def _words(message: Message) -> str:
+    """What a message says in words: its text, an arm's or the application's mode, an outcome."""
+    return " ".join(str(getattr(message, name, "")) for name in ("where", "text", "mode", "outcome"))
+
+
+@final
+class MemoryLog:
+    """A recorder that keeps what it is given."""
+
+    def __init__(self) -> None:
+        self.messages: list[Message] = []
+
+    async def write(self, message: Message) -> None:
+        self.messages.append(message)
+
+
+@final
+class MonotonicClock:
+    """The machine's clock."""
+
+    def now(self) -> float:
+        return time.monotonic()
+
+    async def sleep(self, duration_s: float) -> None:
+        await anyio.sleep(duration_s)
+
+
+@final
+class Run:
+    """A flow in a small cell, with all that is around it."""
+
+    def __init__(self, wish: Wish, site: Site, rig: SmallRig) -> None:
+        self.site, self.rig = site, rig
+        self.person, self.log, self.planner = Person(rig.arm.stop), MemoryLog(), Worker("planner")
+        self.flow = Flow(
+            wish,
+            site=site,
+            rig=rig,
+            operator=self.person,
+            recorder=self.log,
+            clock=MonotonicClock(),
+            planner=self.planner,
+        )
+        self._error: Exception | None = None
+        self._ended = anyio.Event()
+
+    async def go(self) -> None:
+        """Run the flow to its end, and remember what ended it."""
+        try:
+            await self.flow.run()
+        except Exception as error:
+            self._error = error
+        finally:
+            self._ended.set()
+            self.person.hears_of_the_end(self._error)
+
+    async def end(self) -> Exception | None:
+        """What ended the run, None where it came to its proper end; waits for it."""
+        with anyio.fail_after(PATIENCE_S):
+            await self._ended.wait()
+        return self._error
+
+    async def shows_a_plan(self) -> Proposal:
+        """The plan that waits for approval now, or the next one that does."""
+        self.person.look_away()
+        await self.person.sees(Health, "waiting for approval")
+        return self.person.all(Proposal)[-1]
+
+    async def plans_with(self, habits: Habits) -> None:
+        """Let the planner plan so from its next plan on."""
+        await self.planner.run(take_up, habits)
+
+
+@asynccontextmanager
+async def running(
+    site: Site, wish: Wish, *, place: Place = "here", habits: Habits | None = None
+) -> AsyncGenerator[Run]:
+    """A run that has begun; it ends with the block at the latest. Call `photographs` before, outside of any loop."""
+    run = Run(wish, site, SmallRig(site))
+    run.rig.table.place = place
+    await run.plans_with(habits or Habits())
+    async with anyio.create_task_group() as tasks:
+        tasks.start_soon(run.go)
+        yield run
+        tasks.cancel_scope.cancel()
+
+
+def withdrawn(notice: Notice, proposal: Proposal) -> bool:
+    """Whether `notice` takes `proposal` away from the operator."""
+    return proposal.id in notice.cause
+
+
+async def fresh_plan(run: Run) -> Proposal:
+    """A plan made for the table as it is now, waiting for approval."""
+    old = await run.shows_a_plan()
+    return await another_plan(run, instead_of=old)
+
+
+async def another_plan(run: Run, *, instead_of: Proposal) -> Proposal:
+    """The plan that comes when one is rejected."""
+    await run.person.decides(instead_of, approve=False)
+    return await run.person.sees(Proposal)
+
+
+async def pushes(run: Run, proposal: Proposal) -> Executed:
+    """Approve `proposal`, and see that exactly its motion is approved and made."""
+    decision = await run.person.decides(proposal)
+    approved = await run.person.sees(Approved)
+    executed = await run.person.sees(Executed)
+    assert approved.cause == (proposal.id, decision.id)
+    assert approved.digest == proposal.motion.digest()
+    assert executed.cause == (approved.id,) == (run.rig.arm.begun[-1],)
+    return executed
+
+
+async def for_a_while(run: Run) -> list[Message]:
+    """Everything said meanwhile."""
+    before = len(run.person.seen)
+    for _ in range(A_WHILE):
+        await run.person.sees(Health)
+    return run.person.seen[before:]
+
+
+def some(kind: type[Message], messages: list[Message]) -> bool:
+    return any(isinstance(message, kind) for message in messages)
+
+
+def narrower(site: Site) -> Site:
+    """A site whose arm reaches none of the planner's strokes."""
+    box = Workspace(high=(0.31, *site.limits.workspace.high[1:]))
+    return dataclasses.replace(site, limits=dataclasses.replace(site.limits, workspace=box))

@@ -1,0 +1,142 @@
+"""What the planner's process does in the tests of the flow: it draws strokes over the free part of the table, at once.
+
+The jobs of `app.tasks.jobs` stay what they are; what a task compiles is this process's own to say, and here it is this.
+Nothing of it loads JAX or the simulator, so that a run starts in a second.
+"""
+
+import os
+import signal
+import sys
+import time
+from collections.abc import Callable
+from dataclasses import dataclass
+from types import ModuleType, SimpleNamespace
+from typing import TYPE_CHECKING, Literal, cast, final
+
+import numpy as np
+
+from app.config import Site
+from app.core.chamfer import chamfer_m2
+from app.core.errors import PlanningError
+from app.core.messages import Branch, Model, Motion
+from app.core.types import Points
+
+if TYPE_CHECKING:
+    from app.planner.plan import Plan
+
+_PUSH_HEIGHT_M, _TRAVEL_HEIGHT_M, _SPEED_M_S = 0.006, 0.05, 0.4
+_FREE_LOW_M, _FREE_HIGH_M = (0.32, -0.15), (0.40, 0.15)
+"""Where the strokes are: 10 cm nearer to the arm than the rope, which therefore never moves by them."""
+
+
+@final
+@dataclass(frozen=True, kw_only=True)
+class Habits:
+    """How the planner behaves: `thinking_s` a plan, and its first `failures` plans fail as `trouble` says."""
+
+    thinking_s: float = 0.0
+    failures: int = 0
+    trouble: Literal["no finite branch", "dies"] = "no finite branch"
+
+
+def take_up(habits: Habits) -> None:
+    """From now on, plan by strokes with these habits. To be run in the planner's process."""
+    strokes = Strokes(habits)
+
+    def planner(task: str, preset: str) -> Strokes:
+        return strokes
+
+    compiled = SimpleNamespace(planner=planner, phi_of=_phi_of, stages=_stages)
+    sys.modules["app.tasks.compiled"] = cast(ModuleType, cast(object, compiled))
+
+
+@final
+class Strokes:
+    """A planner that expects nothing of its pushes: the object stays where it was observed."""
+
+    def __init__(self, habits: Habits) -> None:
+        self._habits = habits
+        self._failed = 0
+
+    def __call__(
+        self,
+        observed: Points,
+        goal: Points,
+        phi: np.ndarray,
+        *,
+        seed: int,
+        site: Site,
+        previous: "Plan | None" = None,
+    ) -> "_Sent":
+        """Two strokes, drawn from the seed; the second is the motion."""
+        time.sleep(self._habits.thinking_s)
+        if self._failed < self._habits.failures:
+            self._failed += 1
+            if self._habits.trouble == "dies":
+                os.kill(os.getpid(), signal.SIGKILL)
+            raise PlanningError("No branch stayed finite.")
+        rng = np.random.default_rng(seed)
+        ends = rng.uniform(_FREE_LOW_M, _FREE_HIGH_M, size=(2, 2, 2))
+        paths = np.concatenate([ends, np.full((2, 2, 1), _PUSH_HEIGHT_M)], axis=2)
+        above = paths[1, [0, 1]] + [0.0, 0.0, _TRAVEL_HEIGHT_M]
+        positions = np.stack([above[0], *paths[1], above[1]])
+        distance_m2 = float(chamfer_m2(observed, goal))
+        branches = (_branch("policy", paths[0], observed), _branch("random", paths[1], observed))
+        motion = Motion(positions=positions, speeds=np.full(len(positions), _SPEED_M_S))
+        return _Sent((branches, 1, motion, observed, distance_m2, distance_m2))
+
+
+def _branch(origin: Literal["policy", "random"], path: np.ndarray, observed: Points) -> Branch:
+    return Branch(
+        origin=origin,
+        actions=path[None, :, :2].reshape(1, -1).astype(np.float32),
+        tool_path=path.astype(np.float32),
+        predicted=observed,
+        final=observed,
+        cost_before=1.0,
+        cost_after=1.0,
+        terms={},
+        finite=True,
+    )
+
+
+def _stages(task: str, preset: str) -> list[object]:
+    return []
+
+
+def _phi_of(model: Model) -> np.ndarray:
+    return np.array([parameter.value for parameter in model.parameters], np.float32)
+
+
+_Fields = tuple[tuple[Branch, ...], int, Motion, Points, float, float]
+
+
+@final
+@dataclass(frozen=True)
+class _Sent:
+    """A plan on its way to the flow, where it arrives as a `Plan`: the class is loaded there, not in this process."""
+
+    fields: _Fields
+
+    def __reduce__(self) -> "tuple[Callable[..., Plan], _Fields]":
+        return _arrived, self.fields
+
+
+def _arrived(
+    branches: tuple[Branch, ...],
+    best: int,
+    motion: Motion,
+    predicted: Points,
+    distance_m2: float,
+    predicted_m2: float,
+) -> "Plan":
+    from app.planner.plan import Plan
+
+    return Plan(
+        branches=branches,
+        best=best,
+        motion=motion,
+        predicted=predicted,
+        chamfer_m2=distance_m2,
+        predicted_chamfer_m2=predicted_m2,
+    )

@@ -1,0 +1,210 @@
+"""A rig inside this process: the simulated arm's control loop, and cameras that show photographs.
+
+The arm is ticked by whoever executes. The photographs show the rope where somebody has put it, and the arm at its home;
+the strokes that it is asked for never come near the rope.
+"""
+
+import dataclasses
+import time
+from collections.abc import Mapping, Sequence
+from functools import lru_cache
+from typing import Literal, TypeAlias, final
+
+import anyio
+import numpy as np
+
+from app.config import Site
+from app.core.approval import Approved
+from app.core.errors import ApprovalRefused, DeviceError, MotionRefused
+from app.core.messages import ArmState, CameraModel, Executed, Frame, MessageId, fresh_id
+from app.core.types import ColourImage, DepthImage, Poses
+from app.rig.simulated.arm_control import ArmControl
+from app.rig.simulated.arm_model import solve_joints
+from app.rig.simulated.cameras import table_cameras
+from app.rig.simulated.physics import HOME_TOOL_M
+from app.rig.simulated.render import render
+from app.rig.simulated.world import Snapshot
+from app.tasks.rope_push import TASK
+
+Place: TypeAlias = Literal["here", "aside", "covered"]
+"""The rope lies in one place, 40 mm from there, or out of sight under the table."""
+
+_ROPE_M: Mapping[Place, tuple[float, float]] = {"here": (0.54, 0.008), "aside": (0.58, 0.008), "covered": (0.54, -0.3)}
+"""x and z [m] of a straight rope along y."""
+_TAKES = 3
+_MAX_TICKS = 3.0
+_DOWN = (0.0, 1.0, 0.0, 0.0)
+
+
+@lru_cache
+def small_cameras() -> tuple[CameraModel, ...]:
+    """The simulated rig's cameras at half their resolution."""
+    return tuple(
+        dataclasses.replace(camera, width=320, height=240, K=np.diag([0.5, 0.5, 1.0]) @ camera.K)
+        for camera in table_cameras()
+    )
+
+
+@lru_cache
+def photographs() -> Mapping[tuple[Place, str], Sequence[tuple[ColourImage, DepthImage]]]:
+    """Some pictures of each place by each camera, which differ in their noise."""
+    rng, y = np.random.default_rng(0), np.linspace(-0.2, 0.2, 41)
+    home = np.array(HOME_TOOL_M)
+    pictures: dict[tuple[Place, str], list[tuple[ColourImage, DepthImage]]] = {}
+    for place, (x_m, z_m) in _ROPE_M.items():
+        rope = np.stack([np.full_like(y, x_m), y, np.full_like(y, z_m)], axis=1)
+        world = Snapshot(time_s=0.0, centreline=rope, tool=home, joints=solve_joints(home))
+        for camera in small_cameras():
+            pictures[place, camera.name] = [
+                render(world, camera, rng, rope=TASK.rope, finger=TASK.finger) for _ in range(_TAKES)
+            ]
+    return pictures
+
+
+@final
+class Table:
+    """Where the rope lies; a test moves it by hand."""
+
+    def __init__(self) -> None:
+        self.place: Place = "here"
+
+
+@final
+class PhotographicCamera:
+    """Shows what lies on the table. While it is `broken` it raises DeviceError, as a camera does that times out."""
+
+    def __init__(self, model: CameraModel, table: Table, period_s: float) -> None:
+        self._model, self._table, self._period_s = model, table, period_s
+        self._taken = 0
+        self.broken = False
+
+    @property
+    def model(self) -> CameraModel:
+        return self._model
+
+    async def read(self) -> Frame:
+        await anyio.sleep(self._period_s)
+        if self.broken:
+            raise DeviceError(f"Camera {self._model.name!r} gave no image; check its cable.")
+        self._taken += 1
+        color, depth = photographs()[self._table.place, self._model.name][self._taken % _TAKES]
+        return Frame(id=fresh_id("frame"), time_s=time.monotonic(), camera=self._model, color=color, depth=depth)
+
+
+@final
+class TickedArm:
+    """The control loop of the simulated arm, run by the event loop while a motion lasts.
+
+    `site` is the arm's own, which may be narrower than the planner's. `begun` holds the approvals it has moved for.
+    """
+
+    def __init__(self, site: Site) -> None:
+        self.begun: list[MessageId] = []
+        self._stop_s = 0.0
+        self._tool = np.array(HOME_TOOL_M)
+        self.obey(site)
+
+    def obey(self, site: Site) -> None:
+        """Keep to the limits of `site` from now on; for an arm at rest."""
+        self._site = site
+        self._control = ArmControl(site, self._tool)
+
+    async def state(self) -> ArmState:
+        control = self._control
+        return ArmState(
+            id=fresh_id("state"),
+            time_s=time.monotonic(),
+            pose=np.array([*control.measured, *_DOWN]),
+            velocity=control.velocity.copy(),
+            joints=solve_joints(control.measured),
+            gripper=1.0,
+            mode=control.mode,
+            period_s=self._site.timing.arm_period_s,
+            reason=control.reason,
+        )
+
+    async def execute(self, approved: Approved) -> Executed:
+        try:
+            dataclasses.replace(approved)
+        except ApprovalRefused as refusal:
+            raise MotionRefused(str(refusal)) from None
+        if approved.id in self.begun:
+            raise MotionRefused("This approval has been used; an approval is for one motion.")
+        self._control.begin(approved.motion, approved.digest)
+        self.begun.append(approved.id)
+        try:
+            times_s, commanded, measured = await self._followed()
+        finally:
+            # Of no effect on a motion that has ended; one that nobody watches any more must not go on.
+            if self._control.mode == "moving":
+                self.stop()
+        outcome = "completed" if self._control.mode == "idle" else "stopped"
+        reason = self._control.reason
+        # The end of a motion is noticed a little after it, as it is by whoever feeds a watchdog.
+        await anyio.sleep(self._site.timing.keepalive_s)
+        return Executed(
+            id=fresh_id("executed"),
+            cause=(approved.id,),
+            time_s=float(times_s[-1]),
+            approved_id=approved.id,
+            outcome=outcome,
+            reason=reason,
+            times_s=times_s,
+            commanded=commanded,
+            measured=measured,
+        )
+
+    def stop(self) -> None:
+        self._stop_s = time.monotonic()
+        self._control.stop("STOP was pressed.")
+
+    async def reset(self, *, asked_s: float) -> None:
+        if self._stop_s > asked_s or self._control.mode == "stopping":
+            raise DeviceError("The arm did not lift its stop; it was stopped again since, or is not at rest yet.")
+        self._control.reset()
+
+    async def _followed(self) -> tuple[np.ndarray, Poses, Poses]:
+        """Tick until the arm is at rest: times, commanded and measured poses."""
+        control, period_s = self._control, self._site.timing.arm_period_s
+        rows, last_s = list[tuple[float, np.ndarray, np.ndarray]](), time.monotonic()
+        while control.mode in ("moving", "stopping"):
+            await anyio.sleep(period_s)
+            now_s = time.monotonic()
+            control.advance(min(now_s - last_s, _MAX_TICKS * period_s))
+            last_s = now_s
+            rows.append((now_s, control.commanded.copy(), control.measured.copy()))
+        self._tool = control.commanded
+        times_s, commanded, measured = (np.array(column) for column in zip(*rows, strict=True))
+        return times_s, _poses(commanded), _poses(measured)
+
+
+def _poses(positions: np.ndarray) -> Poses:
+    return np.concatenate([positions, np.tile(_DOWN, (len(positions), 1))], axis=1)
+
+
+@final
+class SmallRig:
+    """Two cameras and an arm in this process."""
+
+    def __init__(self, site: Site, *, simulated: bool = True) -> None:
+        self.table = Table()
+        self._simulated = simulated
+        period_s = site.timing.camera_period_s
+        self._cameras = [PhotographicCamera(model, self.table, period_s) for model in small_cameras()]
+        self._arm = TickedArm(site)
+
+    @property
+    def name(self) -> str:
+        return "small"
+
+    @property
+    def simulated(self) -> bool:
+        return self._simulated
+
+    @property
+    def cameras(self) -> Sequence[PhotographicCamera]:
+        return self._cameras
+
+    @property
+    def arm(self) -> TickedArm:
+        return self._arm

@@ -1,0 +1,110 @@
+"""How a run of the flow ends, and what it says then; each test has a run of its own, in a small cell."""
+
+from pathlib import Path
+
+import anyio
+import pytest
+
+from app.core.approval import Approved
+from app.core.errors import DeviceError, MotionRefused, PlanningError
+from app.core.messages import ArmState, Executed, Fault, Health, Notice, Proposal
+from tests.flow_cell import Run, for_a_while, narrower, running, small_site, small_wish, some, withdrawn
+from tests.flow_planner import Habits
+from tests.flow_rig import SmallRig, photographs
+
+pytestmark = pytest.mark.anyio
+
+DYING = Habits(thinking_s=1.0, failures=1, trouble="dies")
+
+
+@pytest.fixture(scope="module", autouse=True)
+def _pictures_are_taken_beforehand() -> None:
+    photographs()
+
+
+async def test_a_plan_that_grew_too_old_is_withdrawn_and_cannot_be_approved_any_more(tmp_path: Path) -> None:
+    async with running(small_site(tmp_path, plan_max_age_s=0.8), small_wish()) as run:
+        old = await run.person.sees(Proposal)
+        assert withdrawn(await run.person.sees(Notice, "grew too old; planning again"), old)
+        new = await run.person.sees(Proposal)
+        assert new.time_s > old.time_s
+        await run.person.decides(old)
+        await run.person.sees(Notice, f"{old.id} is not the plan shown")
+        assert not some(Approved, await for_a_while(run))
+        assert run.rig.arm.begun == []
+
+
+async def test_the_third_refusal_in_a_row_ends_the_run_with_what_the_arm_says(tmp_path: Path) -> None:
+    async with running(small_site(tmp_path), small_wish()) as run:
+        run.rig.arm.obey(narrower(run.site))
+        for _ in range(3):
+            await run.person.decides(await run.person.sees(Proposal))
+        error = await run.end()
+        assert isinstance(error, MotionRefused)
+        assert "leaves the workspace" in str(error)
+        assert [fault.fatal for fault in run.person.all(Fault)] == [False, False, False, True]
+        assert run.rig.arm.begun == []
+
+
+async def test_an_object_that_stays_out_of_sight_ends_the_run_with_what_to_do(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    async with running(small_site(tmp_path), small_wish()) as run:
+        proposal = await run.person.sees(Proposal)
+        run.rig.table.place = "covered"
+        await run.person.sees(Fault, "perception")
+        monkeypatch.setattr("app.flow._OBSERVE_DEADLINE_S", 0.5)
+        await run.person.decides(proposal, approve=False)
+        error = await run.end()
+        assert isinstance(error, DeviceError)
+        assert "uncover the object, and start again" in str(error)
+
+
+async def test_three_plans_that_fail_in_a_row_end_the_run(tmp_path: Path) -> None:
+    async with running(small_site(tmp_path), small_wish(), habits=Habits(failures=3)) as run:
+        error = await run.end()
+        assert isinstance(error, PlanningError)
+        assert "No finite plan in 3 attempts" in str(error)
+        assert [fault.fatal for fault in run.person.all(Fault)] == [False, False, False, True]
+
+
+async def test_a_planner_that_dies_three_times_in_a_row_ends_the_run(tmp_path: Path) -> None:
+    async with running(small_site(tmp_path), small_wish(), habits=DYING) as run:
+        await run.person.sees(Health, "planning")
+        for _ in range(2):
+            await run.plans_with(DYING)
+        error = await run.end()
+        assert isinstance(error, PlanningError)
+        assert all("code -9" in fault.text for fault in run.person.all(Fault) if not fault.fatal)
+
+
+async def test_automatic_approval_is_refused_where_something_real_can_move(tmp_path: Path) -> None:
+    site = small_site(tmp_path)
+    with pytest.raises(MotionRefused, match="simulated rig alone"):
+        Run(small_wish(automatic=True), site, SmallRig(site, simulated=False))
+    Run(small_wish(automatic=True), site, SmallRig(site, simulated=True))
+    Run(small_wish(automatic=False), site, SmallRig(site, simulated=False))
+
+
+async def test_an_automatic_run_makes_its_pushes_and_records_everything_it_shows(tmp_path: Path) -> None:
+    async with running(small_site(tmp_path), small_wish(pushes=2, automatic=True)) as run:
+        assert await run.end() is None
+        assert [executed.outcome for executed in run.person.all(Executed)] == ["completed"] * 2
+        assert run.flow.summary.pushes == 2
+        assert run.log.messages == run.person.seen
+        assert run.flow.summary.said == len(run.log.messages)
+
+
+async def test_an_automatic_run_that_was_stopped_ends_where_nobody_resumes(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("app.flow._UNATTENDED_S", 0.5)
+    async with running(small_site(tmp_path), small_wish(automatic=True)) as run:
+        await run.person.sees(ArmState, "moving")
+        await run.person.presses_stop()
+        error = await run.end()
+        assert isinstance(error, DeviceError)
+        assert "nobody pressed Resume" in str(error)
+        begun = len(run.rig.arm.begun)
+        await anyio.sleep(0.2)
+        assert len(run.rig.arm.begun) == begun
