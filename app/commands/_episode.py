@@ -1,7 +1,6 @@
 """What `run` and `console` share: check, open the rig, the console and the recording, and let the flow run."""
 
 import json
-import os
 import subprocess
 import time
 from collections.abc import AsyncGenerator, AsyncIterator
@@ -30,7 +29,7 @@ from app.recording.writer import open_recording
 from app.rig.simulated.rig import simulated_rig
 from app.tasks import Task, load
 from app.tasks.base import Wish
-from app.tasks.jobs import check_model, choose_preset, keep_compiled
+from app.tasks.jobs import check_model, choose_preset
 from app.ui.console import Console, open_console
 from app.ui.desk import Request
 from app.ui.terminal import Terminal
@@ -39,7 +38,7 @@ Preset = Literal["auto", "cpu", "gpu"]
 
 _LAST_PORT = 65535
 _SLOWEST_M_S = 0.005
-_PLANNER_NICENESS = 10
+PLANNER_NICENESS = 10
 """The planner gives way to the arm and the cameras."""
 
 
@@ -127,9 +126,8 @@ async def episode(order: Order, output: TerminalOutput) -> Report:
     if options.pushes < 0:
         raise UsageError(f"--pushes {options.pushes} must not be negative.")
     check_port(site)
-    async with Worker("planner", niceness=_PLANNER_NICENESS) as planner:
+    async with Worker("planner", niceness=PLANNER_NICENESS) as planner:
         with output.status("starting the planner's process"):
-            await planner.run(keep_compiled, compiled_folder())
             preset = options.preset if options.preset != "auto" else await planner.run(choose_preset)
             wish = await to_thread.run_sync(_wish, task, order, preset)
             if wish.model:
@@ -207,11 +205,6 @@ def _wish(task: Task, order: Order, preset: str) -> Wish:
         automatic=order.automatic,
         calibrating=options.calibrate,
     )
-
-
-def compiled_folder() -> Path:
-    """Where JAX keeps what it compiled, so that the next start is a warm one."""
-    return Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "dipac" / "compiled"
 
 
 def _start(order: Order, preset: str) -> Episode:

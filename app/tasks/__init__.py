@@ -5,13 +5,12 @@ import pkgutil
 
 from app.core.errors import UsageError
 from app.tasks.base import Preset, Task
-from app.tasks.jobs import calibrate, keep_compiled, nominal_model, plan, update, warm_up_stage, warm_up_stages
+from app.tasks.jobs import calibrate, nominal_model, plan, update, warm_up_stage, warm_up_stages
 
 __all__ = [
     "Preset",
     "Task",
     "calibrate",
-    "keep_compiled",
     "load",
     "names",
     "nominal_model",

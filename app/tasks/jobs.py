@@ -7,7 +7,6 @@ only names these functions loads neither JAX nor Warp.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from pathlib import Path
 from typing import TYPE_CHECKING
 
 from app.config import Site
@@ -90,17 +89,6 @@ def check_model(model: Model) -> None:
     if missing:
         raise ParameterError(f"The model lacks {', '.join(missing)}; calibrate one with this version.")
     validated(np.array([values[spec.name] for spec in PARAMETERS]))
-
-
-def keep_compiled(folder: Path) -> None:
-    """Let this process, from now on, read and write what JAX compiles in `folder`: a warm start then takes seconds.
-
-    What Warp compiles lies in Warp's own cache. The compiled code names the simulator's kernels and does not hold them.
-    """
-    import jax
-
-    jax.config.update("jax_compilation_cache_dir", str(folder))
-    jax.config.update("jax_persistent_cache_min_compile_time_secs", 0.2)
 
 
 def warm_up_stages(task: str, preset: str) -> list[str]:
