@@ -43,10 +43,12 @@ def _write(path: Path, report: Report) -> None:
 def _summarise(report: Report, output: Console) -> None:
     chamfer_m2 = report.summary.chamfer_m2
     if chamfer_m2:
+        pushes = "1 push" if report.summary.pushes == 1 else f"{report.summary.pushes} pushes"
         output.print(
-            f"\n[bold]{len(chamfer_m2) - 1} pushes[/]: {millimetres(chamfer_m2[0]):.1f} mm -> "
+            f"\n[bold]{pushes}[/]: {millimetres(chamfer_m2[0]):.1f} mm -> "
             f"{millimetres(chamfer_m2[-1]):.1f} mm from the goal; the Chamfer distance fell to "
             f"{chamfer_m2[-1] / chamfer_m2[0]:.0%} of its start. Faults: {len(report.summary.faults)}.",
             highlight=False,
+            soft_wrap=True,
         )
     output.print(Text(f"Recording: {report.recording}"), soft_wrap=True)
