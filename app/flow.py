@@ -4,7 +4,6 @@ Every stage runs all the time, in one task group, joined by channels that say wh
 is heavy runs in worker processes; STOP goes from the console to the arm's process without passing through here.
 """
 
-import shutil
 from typing import final
 
 import anyio
@@ -15,6 +14,7 @@ from app.core.announcer import Announcer
 from app.core.approval import ApprovalGate, Approved, automatic_decision, drift
 from app.core.chamfer import chamfer_m2
 from app.core.channel import Latest, Lossless
+from app.core.disk import free_bytes
 from app.core.errors import (
     ApprovalRefused,
     DeviceError,
@@ -31,7 +31,6 @@ from app.core.messages import (
     Frame,
     Health,
     Model,
-    Outcome,
     Particles,
     Proposal,
     ResumeRequest,
@@ -93,6 +92,7 @@ class Flow:
         self._refused = self._calibrated = 0
         self._may_move = anyio.Event()
         self._may_move.set()
+        self._asking = anyio.CancelScope()
         self._began_s = self._resumed_s = clock.now()
 
     async def run(self) -> Summary:
@@ -194,7 +194,7 @@ class Flow:
     async def _report(self) -> None:
         """The arm's state and the health strip, at a steady pace."""
         while True:
-            disk = await to_thread.run_sync(shutil.disk_usage, self.site.recordings, abandon_on_cancel=True)
+            disk_free_bytes = await to_thread.run_sync(free_bytes, self.site.recordings, abandon_on_cancel=True)
             arm = await self.rig.arm.state()
             self.say(arm)
             now_s, model = self.clock.now(), self.models.value
@@ -214,7 +214,7 @@ class Flow:
                     calibration_loss_m2=model.loss_m2 if model else float("nan"),
                     drops={channel.name: channel.dropped for channel in (*self.frames.values(), self.particles)},
                     faults=len(self.summary.faults),
-                    disk_free_bytes=disk.free,
+                    disk_free_bytes=disk_free_bytes,
                 )
             )
             await self.clock.sleep(self.site.timing.health_period_s)
@@ -230,10 +230,11 @@ class Flow:
         while self.summary.pushes < self.wish.pushes and self._to_goal(observed) > self.wish.task.success_m2:
             proposal = await self._plan(observed, salt=attempts)
             approved = await self._approval(proposal)
+            before = self.particles.value  # what the approval was checked against, maybe minutes after the plan
             executed = await self._execute(approved) if approved else None
             attempts += 1
-            before, observed = observed, await self._settled(after_s=self.clock.now())
-            if executed and executed.outcome == "completed":
+            observed = await self._settled(after_s=self.clock.now())
+            if before and executed and executed.outcome == "completed":
                 await self._learn(proposal, before, executed, observed)
         self._do("finishing the calibration")
         with anyio.move_on_after(_LAST_CALIBRATION_S):
@@ -265,21 +266,22 @@ class Flow:
         )
 
     async def _plan(self, observed: Particles, *, salt: int) -> Proposal:
-        """Ask the planner; a plan without a finite branch is tried again with other random branches."""
+        """Ask the planner; where it fails, again with other random branches, and the third error in a row ends it."""
         self._do("planning")
-        wish, model = self.wish, self.models.value
+        wish, model, started_s = self.wish, self.models.value, self.clock.now()
         assert model is not None
         for attempt in range(_FAILURES_IN_A_ROW):
             seed = hash((wish.seed, self.summary.pushes, salt, attempt)) % 2**31
-            started_s = self.clock.now()
             try:
                 x, goal = observed.positions, wish.goal.positions
                 found = await self.planner.run(plan, wish.task.name, wish.preset, x, goal, model, seed, self.site)
             except (PlanningError, WorkerError) as error:
                 self.fault("planner", error)
-                continue
-            return self.say(wish.proposal(found, observed, model, began_s=started_s, now_s=self.clock.now()))
-        raise PlanningError(f"No finite plan in {_FAILURES_IN_A_ROW} attempts; the last states are in the recording.")
+                if attempt + 1 == _FAILURES_IN_A_ROW:
+                    raise
+            else:
+                return self.say(wish.proposal(found, observed, model, began_s=started_s, now_s=self.clock.now()))
+        raise AssertionError("the last attempt returns or raises")
 
     async def _approval(self, proposal: Proposal) -> Approved | None:
         """Show the proposal and wait for the operator; None where it was rejected, refused or grew old."""
@@ -293,9 +295,11 @@ class Flow:
         self._do("waiting for approval")
         self.gate.show(proposal)
         self.proposals.put(proposal)
-        with anyio.move_on_after(self.site.timing.plan_max_age_s):
+        with anyio.move_on_after(self.site.timing.plan_max_age_s) as self._asking:
             while True:
                 decision = await self._decision(proposal)
+                if self._asking.cancel_called:
+                    break
                 if decision.proposal_id != proposal.id:
                     self.notice("approval", f"{decision.proposal_id} is not the plan shown; nothing was done.")
                 elif not decision.approve:
@@ -304,7 +308,9 @@ class Flow:
                     return None
                 else:
                     return self._approved(decision)
-        self.notice("plan", f"{proposal.id} grew too old; planning again.", proposal.id)
+        old = anyio.current_time() >= self._asking.deadline
+        why = "grew too old" if old else "was made before the stop"
+        self.notice("plan", f"{proposal.id} {why}; planning again.", proposal.id)
         return None
 
     async def _decision(self, proposal: Proposal) -> Decision:
@@ -313,11 +319,6 @@ class Flow:
         return await self.decisions.get()
 
     def _approved(self, decision: Decision) -> Approved | None:
-        if not self._may_move.is_set():
-            self.notice(
-                "approval", "Nothing is approved while the arm is stopped; press Resume first.", decision.proposal_id
-            )
-            return None
         latest = self.particles.value
         assert latest is not None
         try:
@@ -350,22 +351,8 @@ class Flow:
 
     async def _learn(self, proposal: Proposal, before: Particles, executed: Executed, after: Particles) -> None:
         """Score the push and hand the transition to the calibrator."""
-        best = proposal.chosen
-        outcome = Outcome(
-            id=fresh_id("outcome"),
-            cause=(proposal.id, executed.id, after.id),
-            time_s=self.clock.now(),
-            index=self.summary.pushes + 1,
-            chamfer_before_m2=proposal.chamfer_m2,
-            predicted_chamfer_m2=proposal.predicted_chamfer_m2,
-            chamfer_after_m2=self._to_goal(after),
-            cost_before=best.cost_before,
-            cost_after=best.cost_after,
-            plan_s=proposal.plan_s,
-            model_version=proposal.model_version,
-        )
-        self.say(outcome)
-        self.summary.add(outcome)
+        goal, now_s = self.wish.goal.positions, self.clock.now()
+        self.say(self.summary.scored(proposal, before, executed, after, goal, now_s=now_s))
         transition = Transition(
             id=fresh_id("transition"),
             cause=(before.id, executed.id, after.id),
@@ -377,9 +364,10 @@ class Flow:
         await self.transitions.put(self.say(transition))
 
     def _hold(self, why: str) -> None:
-        """Nothing moves from now on until the operator resumes."""
+        """Nothing moves from now on until the operator resumes, and the plan that is shown never."""
         if self._may_move.is_set():
             self._may_move = anyio.Event()
+        self._asking.cancel()
         self.notice("stop", f"{why.rstrip('.')}. Press Resume to go on.")
 
     async def _resumed(self) -> None:

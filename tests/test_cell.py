@@ -157,6 +157,7 @@ def test_a_recording_calibrates_a_model_that_another_run_starts_from(ran: Ran, t
         (["run", "rope_push", "--recordings", "a_file"], "a_file"),
         (["run", "rope_push", "--port", "70000"], "--port"),
         (["run", "rope_push", "--pushes", "-1"], "--pushes"),
+        (["run", "rope_push", "--seed", "-1"], "--seed"),
         (["run", "rope_push", "--speed", "2"], "--speed"),
         (["run", "rope_push", "--speed", "nan"], "--speed"),
         (["calibrate", "cut.mcap"], "recover"),

@@ -115,17 +115,20 @@ async def test_a_stopped_push_is_not_learned_from(cell: Run) -> None:
     assert len(person.all(Outcome)) == scored
 
 
-async def test_a_plan_cannot_be_approved_while_the_arm_is_stopped(cell: Run) -> None:
+@pytest.mark.parametrize("decided", ["while stopped", "after Resume"])
+async def test_a_plan_that_was_shown_before_a_stop_is_void_for_ever(cell: Run, decided: str) -> None:
     person, proposal = cell.person, await fresh_plan(cell)
     begun = list(cell.rig.arm.begun)
     await person.presses_stop()
-    await person.sees(Notice, "Stopped by tests")
-    await person.decides(proposal)
-    refusal = await person.sees(Notice, "Nothing is approved while the arm is stopped")
-    assert withdrawn(refusal, proposal)
+    assert withdrawn(await person.sees(Notice, "was made before the stop"), proposal)
+    if decided == "while stopped":
+        await person.decides(proposal)
     assert not some(Approved, await for_a_while(cell))
     await person.presses_resume()
     again = await person.sees(Proposal)
+    if decided == "after Resume":
+        await person.decides(proposal)
+        await person.sees(Notice, f"{proposal.id} is not the plan shown")
     assert cell.rig.arm.begun == begun
     assert (await pushes(cell, again)).outcome == "completed"
 
@@ -166,7 +169,7 @@ async def test_a_stop_that_came_after_the_request_to_resume_stays_in_force(cell:
     cell.rig.arm.stop()
     await person.sees(Notice, "stopped again")
     await person.decides(person.all(Proposal)[-1])
-    await person.sees(Notice, "Nothing is approved while the arm is stopped")
+    assert not some(Approved, await for_a_while(cell))
     await person.presses_resume()
     assert (await pushes(cell, await person.sees(Proposal))).outcome == "completed"
 

@@ -6,7 +6,7 @@ import anyio
 import pytest
 
 from app.core.approval import Approved
-from app.core.errors import DeviceError, MotionRefused, PlanningError
+from app.core.errors import DeviceError, MotionRefused, PlanningError, WorkerError
 from app.core.messages import ArmState, Executed, Fault, Health, Notice, Proposal
 from tests.flow_cell import Run, for_a_while, narrower, running, small_site, small_wish, some, withdrawn
 from tests.flow_planner import Habits
@@ -64,7 +64,7 @@ async def test_three_plans_that_fail_in_a_row_end_the_run(tmp_path: Path) -> Non
     async with running(small_site(tmp_path), small_wish(), habits=Habits(failures=3)) as run:
         error = await run.end()
         assert isinstance(error, PlanningError)
-        assert "No finite plan in 3 attempts" in str(error)
+        assert "No branch stayed finite" in str(error)
         assert [fault.fatal for fault in run.person.all(Fault)] == [False, False, False, True]
 
 
@@ -74,7 +74,7 @@ async def test_a_planner_that_dies_three_times_in_a_row_ends_the_run(tmp_path: P
         for _ in range(2):
             await run.plans_with(DYING)
         error = await run.end()
-        assert isinstance(error, PlanningError)
+        assert isinstance(error, WorkerError)
         assert all("code -9" in fault.text for fault in run.person.all(Fault) if not fault.fatal)
 
 

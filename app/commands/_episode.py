@@ -11,7 +11,6 @@ from typing import Literal, final
 
 import anyio
 from anyio import to_thread
-from rich.console import Console as TerminalOutput
 from rich.text import Text
 
 from app import __version__
@@ -32,7 +31,7 @@ from app.tasks.base import Wish
 from app.tasks.jobs import check_model, choose_preset
 from app.ui.console import Console, open_console
 from app.ui.desk import Request
-from app.ui.terminal import Terminal
+from app.ui.terminal import Output, Terminal, open_terminal
 
 Preset = Literal["auto", "cpu", "gpu"]
 
@@ -117,7 +116,7 @@ class Report:
         return json.dumps(row, indent=2)
 
 
-async def episode(order: Order, output: TerminalOutput) -> Report:
+async def episode(order: Order, output: Output) -> Report:
     """Run one episode to its end.
 
     What is wrong with the order or the machine is raised before anything moves; what fails later is in the report.
@@ -125,6 +124,8 @@ async def episode(order: Order, output: TerminalOutput) -> Report:
     task, options, site = load(order.task), order.options, order.options.site()
     if options.pushes < 0:
         raise UsageError(f"--pushes {options.pushes} must not be negative.")
+    if options.seed < 0:
+        raise UsageError(f"--seed {options.seed} must not be negative.")
     check_port(site)
     async with Worker("planner", niceness=PLANNER_NICENESS) as planner:
         with output.status("starting the planner's process"):
@@ -137,9 +138,11 @@ async def episode(order: Order, output: TerminalOutput) -> Report:
             open_recording(site.recordings, start, min_free_bytes=site.min_free_bytes) as recorder,
             _cell(task, options.seed, site, output) as (rig, console),
         ):
-            output.print(Text.assemble("Operator console: ", (console.url, "bold")), soft_wrap=True)
-            output.print(Text(f"Recording to {recorder.path}"), soft_wrap=True)
-            with Terminal(output) as terminal:
+            heading = (
+                Text.assemble("Operator console: ", (console.url, "bold"), no_wrap=True),
+                Text(f"Recording to {recorder.path}", no_wrap=True),
+            )
+            async with open_terminal(output, *heading) as terminal:
                 audience = Audience(console, terminal)
                 audience.show(start)
                 summary, failure = await _run(wish, site, rig, audience, recorder, planner)
@@ -154,7 +157,7 @@ async def episode(order: Order, output: TerminalOutput) -> Report:
 
 
 @asynccontextmanager
-async def _cell(task: Task, seed: int, site: Site, output: TerminalOutput) -> AsyncGenerator[tuple[Rig, Console]]:
+async def _cell(task: Task, seed: int, site: Site, output: Output) -> AsyncGenerator[tuple[Rig, Console]]:
     """The simulated rig and its console. The terminal says that they start: it takes seconds."""
     async with AsyncExitStack() as opened:
         with output.status("starting the cell"):

@@ -4,10 +4,10 @@ from typing import Annotated
 
 import anyio
 import tyro
-from rich.console import Console
 from rich.text import Text
 
 from app.commands._episode import Options, Order, episode
+from app.ui.terminal import Output
 
 
 def console(
@@ -17,7 +17,7 @@ def console(
     options: Annotated[Options, tyro.conf.arg(name="")] = Options(),
 ) -> None:
     """Serve the console at the printed address until the goal is reached, the pushes are used up, or Ctrl-C."""
-    output = Console()
+    output = Output()
     order = Order(task=task, options=options, automatic=False)
     report = anyio.run(episode, order, output)
     output.print(Text(f"Recording: {report.recording}"), soft_wrap=True)

@@ -5,11 +5,11 @@ from typing import Annotated
 
 import anyio
 import tyro
-from rich.console import Console
 from rich.text import Text
 
 from app.commands._episode import Options, Order, Report, episode
 from app.commands._preflight import check_writable, unwritable
+from app.ui.terminal import Output
 from app.ui.words import millimetres
 
 
@@ -21,7 +21,7 @@ def run(
     json: Annotated[Path | None, tyro.conf.arg(help="write the outcome to this file")] = None,
 ) -> None:
     """Push the object to its goal; the console is served meanwhile, and STOP works there."""
-    output = Console()
+    output = Output()
     order = Order(task=task, options=options, automatic=True)
     if json is not None:
         check_writable(json, "--json")
@@ -40,7 +40,7 @@ def _write(path: Path, report: Report) -> None:
         raise unwritable(path, "--json", error) from None
 
 
-def _summarise(report: Report, output: Console) -> None:
+def _summarise(report: Report, output: Output) -> None:
     chamfer_m2 = report.summary.chamfer_m2
     if chamfer_m2:
         pushes = "1 push" if report.summary.pushes == 1 else f"{report.summary.pushes} pushes"

@@ -1,7 +1,6 @@
 """What the flow needs of the world, as small protocols. Rigs, the console and the recorder provide them."""
 
 from collections.abc import AsyncIterator, Sequence
-from contextlib import AbstractAsyncContextManager
 from typing import Protocol
 
 from app.core.approval import Approved
@@ -93,14 +92,6 @@ class Rig(Protocol):
     @property
     def arm(self) -> Arm:
         """The one arm."""
-        ...
-
-
-class RigFactory(Protocol):
-    """Opens a rig for one episode and closes it whatever happens."""
-
-    def __call__(self) -> AbstractAsyncContextManager[Rig]:
-        """The rig, opened on entry."""
         ...
 
 

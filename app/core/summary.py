@@ -3,7 +3,9 @@
 from dataclasses import dataclass, field
 from typing import final
 
-from app.core.messages import Outcome
+from app.core.chamfer import chamfer_m2
+from app.core.messages import Executed, Outcome, Particles, Proposal, fresh_id
+from app.core.types import Points
 
 
 @final
@@ -34,10 +36,26 @@ class Summary:
         if self.first_push_s is None:
             self.first_push_s = since_start_s
 
-    def add(self, outcome: Outcome) -> None:
-        """Append one push."""
+    def scored(
+        self, proposal: Proposal, before: Particles, executed: Executed, after: Particles, goal: Points, *, now_s: float
+    ) -> Outcome:
+        """Append one push, and say what came of it: `before` is what its approval was checked against."""
+        outcome = Outcome(
+            id=fresh_id("outcome"),
+            cause=(proposal.id, executed.id, after.id),
+            time_s=now_s,
+            index=self.pushes + 1,
+            chamfer_before_m2=float(chamfer_m2(before.positions, goal)),
+            predicted_chamfer_m2=proposal.predicted_chamfer_m2,
+            chamfer_after_m2=float(chamfer_m2(after.positions, goal)),
+            cost_before=proposal.chosen.cost_before,
+            cost_after=proposal.chosen.cost_after,
+            plan_s=proposal.plan_s,
+            model_version=proposal.model_version,
+        )
         self.chamfer_m2.append(outcome.chamfer_after_m2)
         self.predicted_chamfer_m2.append(outcome.predicted_chamfer_m2)
         self.decision_s.append(outcome.plan_s)
         self.cost_before.append(outcome.cost_before)
         self.cost_after.append(outcome.cost_after)
+        return outcome

@@ -26,12 +26,13 @@ class Worker(AbstractAsyncContextManager["Worker"]):
     """One process that runs one pure function at a time and keeps its compiled state between calls.
 
     `niceness` is added to its scheduling priority: planners yield to the arm and the cameras. A call that is cancelled
-    ends the process, and so does closing; the next call starts a fresh one.
+    or takes longer than `deadline_s` ends the process, and so does closing; the next call starts a fresh one.
     """
 
-    def __init__(self, name: str, *, niceness: int = 0) -> None:
+    def __init__(self, name: str, *, niceness: int = 0, deadline_s: float = 600.0) -> None:
         self.name = name
         self._niceness = niceness
+        self._deadline_s = deadline_s
         self._process: SpawnProcess | None = None
         self._connection: Connection[Any, Any] | None = None
         self._turn = anyio.Lock()
@@ -52,18 +53,26 @@ class Worker(AbstractAsyncContextManager["Worker"]):
         """`function(*arguments)` in the worker; both must be picklable.
 
         Raises the DipacError that the function raises, and WorkerError where it raises anything else (its traceback
-        goes to stderr) or the process died.
+        goes to stderr), the process died, or the deadline passed.
         """
         async with self._turn:
-            try:
-                succeeded, value = await to_thread.run_sync(self._call, function, arguments, abandon_on_cancel=True)
-            except anyio.get_cancelled_exc_class():
-                with anyio.CancelScope(shield=True):
-                    await to_thread.run_sync(self._end)
-                raise
-        if not succeeded:
-            raise cast(BaseException, value)
-        return cast(ResultT, value)
+            with anyio.move_on_after(self._deadline_s):
+                succeeded, value = await self._answer(function, arguments)
+                if not succeeded:
+                    raise cast(BaseException, value)
+                return cast(ResultT, value)
+        raise WorkerError(
+            f"The {self.name} process had no answer after {self._deadline_s:.0f} s and was ended; a fresh one starts "
+            "with the next call."
+        )
+
+    async def _answer(self, function: Callable[..., object], arguments: tuple[object, ...]) -> tuple[bool, object]:
+        try:
+            return await to_thread.run_sync(self._call, function, arguments, abandon_on_cancel=True)
+        except anyio.get_cancelled_exc_class():
+            with anyio.CancelScope(shield=True):
+                await to_thread.run_sync(self._end)
+            raise
 
     def _call(self, function: Callable[..., object], arguments: tuple[object, ...]) -> tuple[bool, object]:
         process, connection = self._running()

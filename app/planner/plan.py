@@ -2,7 +2,7 @@
 
 from dataclasses import dataclass
 from functools import partial
-from typing import Protocol, final
+from typing import final
 
 import jax
 import jax.numpy as jnp
@@ -35,25 +35,6 @@ class Plan:
     predicted_chamfer_m2: float
 
 
-class Planner(Protocol):
-    """What every planner is: the tree with gradients, CEM, and those to come."""
-
-    def __call__(
-        self,
-        observed: Points,
-        goal: Points,
-        phi: Float32[np.ndarray, " P"],
-        *,
-        seed: int,
-        site: Site,
-    ) -> Plan:
-        """Decide what to do with the object `observed` (N, 3) [m] under the model `phi`.
-
-        Raises PlanningError where no branch stayed finite.
-        """
-        ...
-
-
 @final
 @dataclass(frozen=True, kw_only=True)
 class TreePlanner:
@@ -72,7 +53,10 @@ class TreePlanner:
         seed: int,
         site: Site,
     ) -> Plan:
-        """Sample, roll out, descend, choose."""
+        """Sample, roll out, descend, choose: what to do with the object `observed` (N, 3) [m] under the model `phi`.
+
+        Raises PlanningError where no branch stayed finite.
+        """
         search = self.search
         prepared = search.policy.prepare(observed, goal)
         x = jnp.repeat(jnp.asarray(observed)[None], search.branches, axis=0)

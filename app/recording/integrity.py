@@ -1,6 +1,8 @@
 """What a file is before its messages are read, and the errors that say so."""
 
 import struct
+from collections.abc import Generator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Final
 
@@ -35,17 +37,20 @@ LZ4 raises RuntimeError; a seek to before the start of a file is an OSError.
 def inspect(path: Path) -> dict[str, str]:
     """The metadata of a recording that this version can read.
 
-    Raises UsageError where there is no such file, RecordingError where it is no recording, cut off or of a newer kind.
+    Raises UsageError where there is no such file, RecordingError where it may not be read, is no recording, cut off or
+    of a newer kind.
     """
-    if not path.is_file():
-        raise UsageError.unknown("recording", str(path), map(str, path.parent.glob("*.mcap")))
-    if not starts_as_mcap(path):
-        raise RecordingError(f"{path} is not an MCAP file; recordings end in .mcap and `dipac run` makes them.")
-    if not ends_as_mcap(path):
-        raise RecordingError(
-            f"{path} is cut off, or still being written; `dipac recover {path}` makes a whole file of what is there."
-        )
-    metadata = _metadata(path)
+    with reading(path):
+        if not path.is_file():
+            raise UsageError.unknown("recording", str(path), map(str, path.parent.glob("*.mcap")))
+        if not starts_as_mcap(path):
+            raise RecordingError(f"{path} is not an MCAP file; recordings end in .mcap and `dipac run` makes them.")
+        if not ends_as_mcap(path):
+            raise RecordingError(
+                f"{path} is cut off, or still being written; `dipac recover {path}` makes a whole file of what is "
+                "there."
+            )
+        metadata = _metadata(path)
     if metadata is None:
         raise RecordingError(f"{path} is an MCAP file of another program; only recordings of dipac can be read.")
     version = metadata.get("schema_version", "")
@@ -55,6 +60,18 @@ def inspect(path: Path) -> dict[str, str]:
             "reads; update dipac."
         )
     return metadata
+
+
+@contextmanager
+def reading(path: Path) -> Generator[None]:
+    """Raises RecordingError where the system refuses: the file is another user's, has gone, or lies on a bad disk."""
+    try:
+        yield
+    except OSError as error:
+        raise RecordingError(
+            f"Cannot read {path} ({error.strerror}); make sure that it is there, that you may read it and "
+            "that its disk is sound."
+        ) from error
 
 
 def damaged(path: Path, error: BaseException) -> RecordingError:

@@ -13,7 +13,7 @@ from app.core.errors import RecordingError
 from app.core.messages import Episode, Frame, Message, Particles, Transition
 from app.recording.channels import SURFACE_TOPIC, TOPICS, color_topic, depth_topic, record_of
 from app.recording.codec import decode
-from app.recording.integrity import DAMAGE, damaged, inspect
+from app.recording.integrity import DAMAGE, damaged, inspect, reading
 from app.recording.protobuf import bytes_field
 from app.recording.records import FrameRecord, ParticlesRecord
 
@@ -31,7 +31,8 @@ def read_messages(path: Path, kinds: Collection[type[Message]] = tuple(TOPICS)) 
     Arrays are read-only. A frame's colours are those that JPEG kept; everything else is exact. An `Approved` comes
     back as the `ApprovalRecord` of what it said.
 
-    Raises UsageError where there is no such file, and RecordingError where it is none of ours, cut off, or damaged.
+    Raises UsageError where there is no such file, and RecordingError where it may not be read, is none of ours, cut
+    off, or damaged.
     """
     inspect(path)
     return _messages(path, kinds)
@@ -59,7 +60,7 @@ class _Part(NamedTuple):
 
 def _messages(path: Path, kinds: Collection[type[Message]]) -> Iterator[Message]:
     parts: dict[str, _Part] = {}
-    with path.open("rb") as stream:
+    with reading(path), path.open("rb") as stream:
         try:
             reader = make_reader(stream, validate_crcs=True)
             for _, channel, written in reader.iter_messages(_topics(reader, kinds), log_time_order=False):

@@ -13,7 +13,7 @@ from mcap.summary import Summary
 from mcap.writer import CompressionType, Writer
 
 from app.core.errors import RecordingError, UsageError
-from app.recording.integrity import DAMAGE, ends_as_mcap, starts_as_mcap
+from app.recording.integrity import DAMAGE, ends_as_mcap, reading, starts_as_mcap
 
 
 @final
@@ -37,13 +37,14 @@ def recover(path: Path) -> Recovered:
     That is everything before the damage, and after a damaged chunk everything from the next one on. The original is
     left as it is; a file that is whole is not copied.
 
-    Raises UsageError where there is no such file, RecordingError where it is no MCAP file, nothing in it is
-    intact or the new file cannot be written.
+    Raises UsageError where there is no such file, RecordingError where it may not be read, is no MCAP file, nothing in
+    it is intact or the new file cannot be written.
     """
-    if not path.is_file():
-        raise UsageError.unknown("recording", str(path), map(str, path.parent.glob("*.mcap")))
-    if not starts_as_mcap(path):
-        raise RecordingError(f"{path} is not an MCAP file; there is nothing to recover.")
+    with reading(path):
+        if not path.is_file():
+            raise UsageError.unknown("recording", str(path), map(str, path.parent.glob("*.mcap")))
+        if not starts_as_mcap(path):
+            raise RecordingError(f"{path} is not an MCAP file; there is nothing to recover.")
     goal = path.with_name(f"{path.stem}.recovered.mcap")
     draft = goal.with_suffix(".draft")
     try:

@@ -7,7 +7,7 @@ import shutil
 import threading
 import time
 from collections.abc import AsyncGenerator, Generator
-from contextlib import asynccontextmanager, contextmanager
+from contextlib import asynccontextmanager, contextmanager, suppress
 from dataclasses import dataclass
 from datetime import UTC, datetime
 from pathlib import Path
@@ -79,6 +79,9 @@ class EpisodeRecorder:
         async with self._in_turn:
             if not self._room.acquire(blocking=False):
                 await to_thread.run_sync(self._room.acquire)
+            if self._failure is not None:
+                self._room.release()
+                raise self._failure
             self._queue.put(_Entry(message=message, came_s=came_s))
             self.peak = max(self.peak, self._queue.qsize())
 
@@ -120,12 +123,15 @@ class EpisodeRecorder:
         """Keep the first error for whoever writes next: the thread itself goes on, so that nobody waits for ever."""
         try:
             yield
-        except Exception as error:  # whatever an encoder or the SDK raises, a thread that died would lose the rest
+        except BaseException as error:  # whatever is raised, a panic of the SDK too: a dead thread would lose the rest
             if self._failure is None:
-                free_gb = shutil.disk_usage(self.path.parent).free / 1e9
-                self._failure = RecordingError(
-                    f"The recording {self.path} is incomplete: {error} ({free_gb:.2f} GB free on its disk)."
-                )
+                self._failure = RecordingError(f"The recording {self.path} is incomplete: {error}{self._room_left()}.")
+
+    def _room_left(self) -> str:
+        """The free space on the disk in words, nothing where the folder is gone."""
+        with suppress(OSError):
+            return f" ({shutil.disk_usage(self.path.parent).free / 1e9:.2f} GB free on its disk)"
+        return ""
 
 
 @final

@@ -1,13 +1,20 @@
 """The episode as lines in a terminal: what is being done now, a line a push, notices and faults.
 
 What messages say is printed as Text: as a string, rich would read its brackets as markup and raise where they are not.
+
+A thread of its own prints: a terminal that was halted (Ctrl-S) or a pipe that nobody reads blocks it for as long as it
+likes, and the program's loop must go on meanwhile.
 """
 
-from types import TracebackType
-from typing import Self, final
+import threading
+from collections.abc import AsyncGenerator
+from contextlib import asynccontextmanager, nullcontext, suppress
+from queue import SimpleQueue
+from typing import Final, final
 
+import anyio
+from anyio import to_thread
 from rich.console import Console
-from rich.status import Status
 from rich.text import Text
 
 from app.core.messages import Fault, Health, Message, Notice, Outcome
@@ -16,38 +23,75 @@ from app.ui.words import millimetres
 _HEADER = "push   distance to goal  predicted  cost, descent [1e-3]     plan  model"
 """Each title ends where its column does in `outcome_line`; both fit 80 characters."""
 
+LINES_BOUND: Final = 200
+"""Lines waiting for a terminal that takes none, at most."""
+
+_CLOSING_S: Final = 1.0
+"""How long leaving waits for a terminal that takes nothing."""
+
+
+@final
+class Output(Console):
+    """A terminal, a file or a pipe; a pipe whose reader has left (`| head`) ends the printing, never the program."""
+
+    def on_broken_pipe(self) -> None:
+        """Say nothing more."""
+        with suppress(SystemExit):  # rich silences itself, and then would exit
+            super().on_broken_pipe()
+
+
+@asynccontextmanager
+async def open_terminal(output: Output, *heading: Text) -> AsyncGenerator["Terminal"]:
+    """A terminal that prints `heading` and what it is shown; a line with `no_wrap` stays one line.
+
+    Leaving waits a second for what is not printed yet. Where the output takes it later, the process ends after that.
+    """
+    terminal = Terminal(output, *heading)
+    terminal.start()
+    try:
+        yield terminal
+    finally:
+        with anyio.CancelScope(shield=True):
+            await to_thread.run_sync(terminal.close)
+
 
 @final
 class Terminal:
-    """Prints what an operator without a browser needs. On a terminal the last line shows the stage and its age."""
+    """Prints what an operator without a browser needs. On a terminal the last line shows the stage and its age.
 
-    def __init__(self, console: Console) -> None:
-        self._console = console
-        self._status: Status | None = None
+    `left_out` counts the lines that found too many others waiting.
+    """
+
+    def __init__(self, output: Output, *heading: Text) -> None:
+        self.left_out = 0
+        self._output = output
+        self._status = output.status("starting") if output.is_terminal else None
         self._stage = ""
+        self._lines: SimpleQueue[Text | None] = SimpleQueue()
+        for line in (*heading, Text(_HEADER, "bold")):
+            self._lines.put(line)
+        self._thread = threading.Thread(target=self._print_all, name="terminal")
 
-    def __enter__(self) -> Self:
-        if self._console.is_terminal:
-            self._status = self._console.status("starting")
-            self._status.start()
-        self._print_header()
-        return self
+    def start(self) -> None:
+        """Begin to print."""
+        self._thread.start()
 
-    def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, _: TracebackType | None) -> None:
-        if self._status is not None:
-            self._status.stop()
+    def close(self) -> None:
+        """Print what is waiting, for a second at most."""
+        self._lines.put(None)
+        self._thread.join(_CLOSING_S)
 
     def show(self, message: Message) -> None:
-        """Print the message where it is one that belongs here."""
+        """Print the message where it is one that belongs here. Never blocks."""
         match message:
             case Health():
                 self._show_stage(message.mode)
             case Outcome():
-                self._console.print(Text(outcome_line(message)))
+                self._put(Text(outcome_line(message)))
             case Notice():
-                self._console.print(Text.assemble((message.where, "cyan"), f": {message.text}"))
+                self._put(Text.assemble((message.where, "cyan"), f": {message.text}"))
             case Fault():
-                self._console.print(Text.assemble((f"fault, {message.where}", "red"), f": {message.text}"))
+                self._put(Text.assemble((f"fault, {message.where}", "red"), f": {message.text}"))
             case _:
                 pass
 
@@ -58,11 +102,25 @@ class Terminal:
             return
         stage = mode.rsplit(" (", 1)[0]
         if stage != self._stage and stage.startswith("compiling"):
-            self._console.print(Text(f"{stage} ..."))
+            self._put(Text(f"{stage} ..."))
         self._stage = stage
 
-    def _print_header(self) -> None:
-        self._console.print(Text(_HEADER, "bold"))
+    def _put(self, line: Text) -> None:
+        if self._lines.qsize() < LINES_BOUND:
+            self._lines.put(line)
+        else:
+            self.left_out += 1
+
+    def _print_all(self) -> None:
+        """The printing thread: line after line until the end mark."""
+        try:
+            with self._status or nullcontext():
+                for line in iter(self._lines.get, None):
+                    self._output.print(line, soft_wrap=bool(line.no_wrap))
+                if self.left_out:
+                    self._output.print(Text(f"{self.left_out} lines were left out: the terminal took none."))
+        except OSError:  # a terminal that was hung up, a full disk: the console in the browser shows everything
+            self._output.quiet = True
 
 
 def outcome_line(outcome: Outcome) -> str:

@@ -188,6 +188,26 @@ async def test_a_stop_that_came_after_the_request_to_resume_stays_in_force(arm: 
         await arm.execute(approved(LONG))
 
 
+async def test_a_stop_that_is_lifted_at_once_is_obeyed_nevertheless(arm: Arm) -> None:
+    async with anyio.create_task_group() as tasks:
+
+        async def lift_at_once() -> None:
+            await anyio.sleep(0.8)
+            arm.stop()
+            await arm.reset(asked_s=time.monotonic())
+
+        tasks.start_soon(lift_at_once)
+        executed = await arm.execute(approved(LONG))
+    assert executed.outcome == "stopped"
+    await until(arm, "idle")
+
+
+async def test_no_motion_begins_while_a_stop_is_in_force(arm: Arm) -> None:
+    arm.stop()
+    with pytest.raises(MotionRefused, match="stop"):
+        await arm.execute(approved(LONG))
+
+
 async def test_a_stop_works_from_any_thread_and_while_idle(arm: Arm) -> None:
     await anyio.to_thread.run_sync(arm.stop)
     await until(arm, "stopped")

@@ -71,6 +71,14 @@ async def test_a_cancelled_call_ends_its_process_and_the_next_call_gets_its_own_
             os.kill(first, 0)
 
 
+async def test_a_call_that_hangs_is_named_and_its_process_ended() -> None:
+    async with Worker("planner", deadline_s=3.0) as worker:
+        first = await worker.run(where)
+        with pytest.raises(WorkerError, match="planner process had no answer after 3 s"):
+            await worker.run(signal.pause)
+        assert await worker.run(where) != first
+
+
 async def test_calls_take_turns_and_each_gets_its_own_answer() -> None:
     answers: dict[int, np.ndarray] = {}
 

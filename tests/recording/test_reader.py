@@ -9,6 +9,7 @@ from mcap.writer import Writer
 from app.core.errors import DipacError, RecordingError, UsageError
 from app.recording.channels import SCHEMA_VERSION
 from app.recording.reader import read_episode, read_messages, read_transitions
+from app.recording.recover import recover
 from tests.recording.samples import Recording
 
 
@@ -33,6 +34,23 @@ def test_a_recording_that_is_not_there_is_named_with_those_that_are(recording: R
 def test_a_folder_is_no_recording(tmp_path: Path) -> None:
     with pytest.raises(UsageError, match="Unknown recording"):
         read_messages(tmp_path)
+
+
+@pytest.mark.parametrize("read", [read_messages, recover])
+def test_a_file_that_cannot_be_read_is_said_in_one_line(read: Callable[[Path], object]) -> None:
+    refuses_its_first_byte = Path("/proc/self/mem")
+    with pytest.raises(RecordingError, match=r"Cannot read /proc/self/mem \(.*make sure") as caught:
+        read(refuses_its_first_byte)
+    assert "\n" not in str(caught.value)
+
+
+def test_a_recording_that_goes_away_before_it_is_read_is_said(recording: Recording, tmp_path: Path) -> None:
+    path = tmp_path / "brief.mcap"
+    path.write_bytes(recording.path.read_bytes())
+    messages = read_messages(path)
+    path.unlink()
+    with pytest.raises(RecordingError, match="make sure that it is there"):
+        next(messages)
 
 
 @pytest.mark.parametrize("content", [b"", b"\x89PNG\r\n\x1a\n", b"[model]\nstiffness = 1.0\n"])

@@ -1,5 +1,6 @@
 """The recorder: before an episode, while it runs, and however it ends."""
 
+import shutil
 import subprocess
 import sys
 from collections.abc import Collection
@@ -15,7 +16,7 @@ from app.core.messages import Episode, Frame, Message, Notice
 from app.recording.channels import TOPICS
 from app.recording.reader import read_messages
 from app.recording.recover import recover
-from app.recording.writer import open_recording
+from app.recording.writer import EpisodeRecorder, open_recording
 from tests.recording.samples import Maker
 
 pytestmark = pytest.mark.anyio
@@ -145,6 +146,55 @@ async def test_what_cannot_be_encoded_is_told_and_costs_nothing_else(make: Maker
     with pytest.raises(RecordingError, match=r"is incomplete: .*NaN"):
         await write_nonsense()
     assert [type(message) for message in await read(only_file(tmp_path))] == [Episode, Notice]
+
+
+async def test_what_failed_is_told_though_the_folder_is_gone(make: Maker, tmp_path: Path) -> None:
+    folder = tmp_path / "recordings"
+
+    async def write_nonsense() -> None:
+        async with open_recording(folder, make(Episode), min_free_bytes=0) as recorder:
+            await to_thread.run_sync(shutil.rmtree, folder)
+            await recorder.write(make(Notice, time_s=float("nan")))
+
+    with pytest.raises(RecordingError, match=r"is incomplete: .*NaN"):
+        await write_nonsense()
+
+
+async def test_a_file_that_is_gone_at_the_end_is_told(make: Maker, tmp_path: Path) -> None:
+    folder = tmp_path / "recordings"
+
+    async def lose_the_file() -> None:
+        async with open_recording(folder, make(Episode), min_free_bytes=0):
+            await to_thread.run_sync(shutil.rmtree, folder)
+
+    with pytest.raises(RecordingError, match=r"is incomplete: .*No such file"):
+        await lose_the_file()
+
+
+async def test_those_who_wait_while_a_write_fails_are_told(make: Maker, tmp_path: Path) -> None:
+    frame, nonsense = make(Frame), make(Notice, time_s=float("nan"))
+    outcomes: list[str] = []
+
+    async def write(recorder: EpisodeRecorder, message: Message) -> None:
+        try:
+            await recorder.write(message)
+            outcomes.append("written")
+        except RecordingError:
+            outcomes.append("told")
+
+    async def write_at_once() -> None:
+        async with (
+            open_recording(tmp_path, make(Episode), min_free_bytes=0) as recorder,
+            anyio.create_task_group() as group,
+        ):
+            for message in (*[frame] * 20, nonsense, *[frame] * 180):
+                group.start_soon(write, recorder, message)
+
+    with pytest.raises(RecordingError, match="is incomplete"):
+        await write_at_once()
+    assert len(outcomes) == 201
+    # As many as the queue holds came before the failure, or while it was being written.
+    assert outcomes.count("told") > 100
 
 
 async def test_a_file_in_place_of_the_folder_is_told(make: Maker, tmp_path: Path) -> None:

@@ -92,7 +92,7 @@ class _Loop:
     def __init__(self, memory: ArmMemory, site: Site, tool: Position) -> None:
         self._memory, self._timing = memory, site.timing
         self._control = ArmControl(site, tool)
-        self._heard = self._begun = self._reset_ns = self._keepalives = 0
+        self._heard = self._begun = self._stop_ns = self._reset_ns = self._keepalives = 0
         self._heard_s = 0.0
 
     def tick(self, now_s: float, elapsed_s: float) -> None:
@@ -104,10 +104,12 @@ class _Loop:
         self._report(now_s, elapsed_s)
 
     def _hear_stop_and_reset(self) -> None:
-        reset_ns = self._memory.reset_ns.value
-        if self._memory.stop_ns.value > reset_ns:
+        """Every stop is obeyed, however soon it was lifted: a reset waits for the next tick, and for rest."""
+        stop_ns, reset_ns = self._memory.stop_ns.value, self._memory.reset_ns.value
+        if stop_ns != self._stop_ns:
+            self._stop_ns = stop_ns
             self._control.stop("STOP was pressed.")
-        elif reset_ns != self._reset_ns and self._control.mode != "stopping":
+        elif stop_ns <= reset_ns != self._reset_ns and self._control.mode != "stopping":
             self._reset_ns = reset_ns
             self._control.reset()
 

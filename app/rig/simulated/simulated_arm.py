@@ -38,10 +38,11 @@ class SimulatedArm:
     async def state(self) -> ArmState:
         """The newest state. Raises DeviceError where the arm's process is gone."""
         self._check_alive()
-        states = self._memory.states.since(max(self._states_read - 1, 0))
+        begin = max(self._states_read - 1, 0)
+        states = self._memory.states.since(begin)
         # The newest is kept in case no tick has passed since: then it is the newest still.
         newest, unread = states[-1], states[1:] if len(states) > 1 else states
-        self._states_read = self._memory.states.count
+        self._states_read = begin + len(states)
         return ArmState(
             id=fresh_id("state"),
             time_s=float(newest["time_s"]),
@@ -101,6 +102,8 @@ class SimulatedArm:
             dataclasses.replace(approved)
         except ApprovalRefused as refusal:
             raise MotionRefused(str(refusal)) from None
+        if self._memory.stop_ns.value > self._memory.reset_ns.value:
+            raise MotionRefused("A stop is in force; press Resume, then plan and approve again.")
         if self._busy:
             raise MotionRefused("The arm is making another motion; wait for its end.")
         if approved.id in self._used:
