@@ -51,8 +51,8 @@ _UNATTENDED_S = 120.0
 """How long a run with automatic approval waits for somebody to resume it after a stop."""
 _LAST_CALIBRATION_S = 120.0
 """How long the end of an episode waits for the model to learn from its last pushes."""
-_CALIBRATOR_NICENESS = 15
-"""Below the planner, which a decision waits for."""
+_CALIBRATOR_NICENESS = 19
+"""The lowest there is: a decision waits for the planner, nothing for the calibrator."""
 
 
 @final
