@@ -51,8 +51,6 @@ _UNATTENDED_S = 120.0
 """How long a run with automatic approval waits for somebody to resume it after a stop."""
 _LAST_CALIBRATION_S = 120.0
 """How long the end of an episode waits for the model to learn from its last pushes."""
-_CALIBRATOR_NICENESS = 19
-"""The lowest there is: a decision waits for the planner, nothing for the calibrator."""
 
 
 @final
@@ -80,7 +78,7 @@ class Flow:
         self.gate = ApprovalGate(max_age_s=age_s, max_unseen_s=unseen_s, max_drift_m=drift_m)
         self.perceiver = Worker("perception")
         self.planner = planner
-        self.calibrator = Worker("calibrator", niceness=_CALIBRATOR_NICENESS)
+        self.calibrator = Worker("calibrator", idle=True)  # A decision waits for the planner, nothing for this.
         self.frames = {camera.model.name: Latest[Frame](f"frames {camera.model.name}") for camera in rig.cameras}
         self.particles = Latest[Particles]("particles")
         self.models = Latest[Model]("models")

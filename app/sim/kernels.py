@@ -37,7 +37,7 @@ from app.sim.substep import (
 @final
 @dataclass(frozen=True, kw_only=True)
 class CandidateKernels:
-    """Whole actions; thread t owns candidate first + stride * t and works in grid slot `first`."""
+    """Whole actions of candidate b in grid slot `slot`, one thread a launch."""
 
     module: wp.Module
     phi_type: type
@@ -111,16 +111,14 @@ def candidate_kernels(effects: tuple[Effect, ...]) -> CandidateKernels:
     @wp.kernel(module=module, enable_backward=False)
     def forward(
         k: Constants,
-        first: int,
-        stride: int,
+        b: int,
+        slot: int,
         phis: wp.array[Phi],
         tool: wp.array2d[wp.vec3],
         start: Particles,
         h: History,
         grid: Grid,
     ):
-        b = first + stride * wp.tid()
-        slot = first
         for p in range(h.x.shape[2]):
             _copy_start(b, p, start, h)
         rows = h.x.shape[1]
@@ -137,8 +135,8 @@ def candidate_kernels(effects: tuple[Effect, ...]) -> CandidateKernels:
     @wp.kernel(module=module, enable_backward=False)
     def adjoint(
         k: Constants,
-        first: int,
-        stride: int,
+        b: int,
+        slot: int,
         phis: wp.array[Phi],
         tool: wp.array2d[wp.vec3],
         h: History,
@@ -148,8 +146,6 @@ def candidate_kernels(effects: tuple[Effect, ...]) -> CandidateKernels:
         grid: Grid,
         grid_bars: GridBars,
     ):
-        b = first + stride * wp.tid()
-        slot = first
         phi = phis[b]
         phi_sum = Phi()
         steps = tool.shape[1] - 1

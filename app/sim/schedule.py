@@ -66,7 +66,7 @@ class Schedule(Protocol):
 @final
 @dataclass(frozen=True, kw_only=True)
 class ThreadedCandidates:
-    """For the CPU: one launch a thread; of T threads, each takes every T-th candidate from beginning to end."""
+    """For the CPU: one launch a candidate; a thread that has ended one takes the next, for cores are rarely equal."""
 
     kernels: CandidateKernels
     threads: int = field(default_factory=lambda: len(os.sched_getaffinity(0)))
@@ -81,28 +81,29 @@ class ThreadedCandidates:
         return 1
 
     def forward(self, work: Work, start: Particles) -> None:
-        """One launch a thread."""
+        """One launch a candidate."""
         _k, phi, tool, history, grid = work
         self._launch(self.kernels.forward, work, [phi, tool, start, history, grid])
 
     def adjoint(self, work: Work, bars: Bars) -> None:
-        """One launch a thread."""
+        """One launch a candidate."""
         _k, phi, tool, history, grid = work
         self._launch(self.kernels.adjoint, work, [phi, tool, history, bars.state, bars.phi, bars.tool, grid, bars.grid])
 
     def _launch(self, kernel: wp.Kernel, work: Work, arguments: list[Any]) -> None:
         candidates = work.phi.shape[0]
         threads = self.slots(candidates)
+        waiting = iter(range(candidates))  # Shared: the interpreter lock makes taking the next one atomic.
 
-        def launch(first: int) -> None:
-            count = len(range(first, candidates, threads))
-            wp.launch(kernel, count, [work.k, first, threads, *arguments], device="cpu")
+        def simulate(slot: int) -> None:
+            for b in waiting:
+                wp.launch(kernel, 1, [work.k, b, slot, *arguments], device="cpu")
 
         if threads == 1:
-            launch(0)
+            simulate(0)
             return
         with ThreadPoolExecutor(threads) as pool:  # Launches release the interpreter lock.
-            list(pool.map(launch, range(threads)))
+            list(pool.map(simulate, range(threads)))
 
 
 @final
