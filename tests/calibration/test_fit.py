@@ -62,6 +62,28 @@ def test_values_and_intervals_stay_in_their_ranges() -> None:
     assert result.low[0] >= STIFFNESS.low * (1 - 1e-9)
 
 
+def test_a_few_transitions_that_no_parameters_predict_do_not_decide_the_fit() -> None:
+    whole = world(0.02)
+
+    def with_outliers(values: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        losses, gradients = whole(values)
+        roots, slopes = np.sqrt(losses[:4]), gradients[:4] / (2 * np.sqrt(losses[:4]))[:, None]
+        losses[:4], gradients[:4] = (roots + 2) ** 2, 2 * (roots + 2)[:, None] * slopes
+        return losses, gradients
+
+    result = fit(with_outliers, np.array([2e4, 0.0]), SPECS, Settings(steps=25))
+    np.testing.assert_allclose(result.values, TRUTH, rtol=0.1)
+
+
+def test_a_parameter_at_the_end_of_its_range_does_not_hold_up_the_others() -> None:
+    low = ParameterSpec(name="a", unit="Pa", nominal=2e3, low=1e3, high=3e3, scale="log", about="-")
+    slopes = world(0.0)
+    result = fit(slopes, np.array([3e3, -0.5]), (low, OFFSET), Settings(steps=25))
+    assert result.values[0] == pytest.approx(low.high)
+    best_m2 = min(slopes(np.array([low.high, b]))[0].mean() for b in np.linspace(-1, 1, 401))
+    assert result.loss_m2 < 1.1 * best_m2
+
+
 def test_transitions_that_cannot_be_predicted_are_left_out() -> None:
     whole = world(0.0)
 
