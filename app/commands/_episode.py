@@ -3,8 +3,8 @@
 import json
 import subprocess
 import time
-from collections.abc import AsyncGenerator, AsyncIterator
-from contextlib import AsyncExitStack, asynccontextmanager
+from collections.abc import AsyncGenerator, AsyncIterator, Generator
+from contextlib import AsyncExitStack, asynccontextmanager, contextmanager
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Literal, final
@@ -142,10 +142,11 @@ async def episode(order: Order, output: Output) -> Report:
                 Text.assemble("Operator console: ", (console.url, "bold"), no_wrap=True),
                 Text(f"Recording to {recorder.path}", no_wrap=True),
             )
-            async with open_terminal(output, *heading) as terminal:
-                audience = Audience(console, terminal)
-                audience.show(start)
-                summary, failure = await _run(wish, site, rig, audience, recorder, planner)
+            with _announced_if_interrupted(output, recorder.path):
+                async with open_terminal(output, *heading) as terminal:
+                    audience = Audience(console, terminal)
+                    audience.show(start)
+                    summary, failure = await _run(wish, site, rig, audience, recorder, planner)
     return Report(
         order=order,
         rig=rig.name,
@@ -154,6 +155,16 @@ async def episode(order: Order, output: Output) -> Report:
         recorded=recorder.written,
         failure=failure,
     )
+
+
+@contextmanager
+def _announced_if_interrupted(output: Output, recording: Path) -> Generator[None]:
+    """After Ctrl-C, say what is kept and that it is being closed: that takes seconds."""
+    try:
+        yield
+    except anyio.get_cancelled_exc_class():
+        output.print(Text(f"Interrupted; closing the recording {recording} ..."), soft_wrap=True)
+        raise
 
 
 @asynccontextmanager

@@ -30,9 +30,8 @@ def _read(path: Path) -> Cloud:
         with path.open("rb") as stream:
             points = np.lib.format.read_array(stream, allow_pickle=False)
     except (OSError, ValueError, EOFError) as error:
-        raise UsageError(
-            f"Cannot read the goal {path}: {error}; give an .npy file of points (M, 3) in metres."
-        ) from None
+        why = error.strerror if isinstance(error, OSError) else error
+        raise UsageError(f"Cannot read the goal {path}: {why}; give an .npy file of points (M, 3) in metres.") from None
     if points.ndim != 2 or points.shape[1] != 3 or points.dtype.kind not in "fiu":
         raise UsageError(
             f"The goal {path} has shape {points.shape} of {points.dtype}; it must be points (M, 3) in metres."

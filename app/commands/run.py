@@ -46,7 +46,7 @@ def _summarise(report: Report, output: Output) -> None:
         pushes = "1 push" if report.summary.pushes == 1 else f"{report.summary.pushes} pushes"
         output.print(
             f"\n[bold]{pushes}[/]: {millimetres(chamfer_m2[0]):.1f} mm -> "
-            f"{millimetres(chamfer_m2[-1]):.1f} mm from the goal; the Chamfer distance fell to "
+            f"{millimetres(chamfer_m2[-1]):.1f} mm from the goal; the Chamfer distance, their square, fell to "
             f"{chamfer_m2[-1] / chamfer_m2[0]:.0%} of its start. Faults: {len(report.summary.faults)}.",
             highlight=False,
             soft_wrap=True,

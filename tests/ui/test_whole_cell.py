@@ -92,6 +92,8 @@ def test_a_push_is_approved_stopped_and_resumed(
     console.send_signal(signal.SIGINT)
     console.wait(timeout=30)
     (recording,) = tmp_path.glob("*.mcap")
+    assert console.stdout is not None
+    assert f"closing the recording {recording}" in console.stdout.read()
     messages = list(read_messages(recording, [Proposal, Decision, Approved, Executed, StopRequest]))
     (decision,) = [message for message in messages if isinstance(message, Decision)]
     (executed,) = [message for message in messages if isinstance(message, Executed)]
