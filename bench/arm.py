@@ -19,19 +19,21 @@ from rich.table import Table
 
 from app.commands._episode import PLANNER_NICENESS
 from app.config import Site
-from app.core.approval import ApprovalGate, Approved
-from app.core.messages import Branch, Decision, Executed, Motion, Particles, Proposal, fresh_id
+from app.core.messages import Executed, Motion
 from app.core.worker import Worker
 from app.rig.simulated.rig import SimulatedRig, simulated_rig
 from app.tasks import Task, load
 from app.tasks.jobs import nominal_model, plan, warm_up_stage, warm_up_stages
 from app.ui.console import open_console
+from bench.approval import approved
 
 _STOPS = 40
 _PERIOD_MOTIONS = 6
 _POLL_S = 0.01
 _AT_REST_M_S = 2e-3
 _SITE = Site()
+_SEEN = np.zeros((1, 3), np.float32)
+"""Whoever approves these motions looks at no rope."""
 
 
 @final
@@ -108,7 +110,7 @@ async def _periods(cell: Cell) -> str:
 
 
 async def _periods_of_one(cell: Cell) -> np.ndarray:
-    executed = await cell.rig.arm.execute(_approved(_across(0.1)))
+    executed = await cell.rig.arm.execute(approved(_across(0.1), _SEEN))
     assert executed.outcome == "completed", executed.reason
     return np.diff(executed.times_s) * 1e3
 
@@ -138,7 +140,7 @@ async def _stopped(cell: Cell, motion: Motion) -> tuple[float, Executed]:
 
     async with anyio.create_task_group() as tasks:
         tasks.start_soon(press)
-        executed = await cell.rig.arm.execute(_approved(motion))
+        executed = await cell.rig.arm.execute(approved(motion, _SEEN))
         assert executed.outcome == "stopped", executed.reason
         return pressed_s, executed
     raise AssertionError("the task group ends with its body")
@@ -147,50 +149,6 @@ async def _stopped(cell: Cell, motion: Motion) -> tuple[float, Executed]:
 def _across(speed_m_s: float) -> Motion:
     """From one side of the table to the other, above the rope."""
     return Motion(positions=np.array([[0.4, -0.25, 0.05], [0.4, 0.25, 0.05]]), speeds=np.full(2, speed_m_s))
-
-
-def _approved(motion: Motion) -> Approved:
-    """An operator's leave for `motion`."""
-    points = np.zeros((1, 3), np.float32)
-    branch = Branch(
-        origin="policy",
-        actions=np.zeros((1, 2), np.float32),
-        tool_path=motion.positions.astype(np.float32),
-        predicted=points,
-        final=points,
-        cost_before=0.0,
-        cost_after=0.0,
-        terms={},
-        finite=True,
-    )
-    proposal = Proposal(
-        id=fresh_id("proposal"),
-        time_s=0.0,
-        task="rope_push",
-        particles_id=fresh_id("particles"),
-        goal_id=fresh_id("goal"),
-        model_id=fresh_id("model"),
-        model_version=0,
-        observed=points,
-        branches=(branch,),
-        best=0,
-        motion=motion,
-        chamfer_m2=0.0,
-        predicted_chamfer_m2=0.0,
-        plan_s=0.0,
-    )
-    decision = Decision(
-        id=fresh_id("decision"),
-        time_s=0.0,
-        proposal_id=proposal.id,
-        digest=motion.digest(),
-        approve=True,
-        operator="bench",
-    )
-    latest = Particles(id=fresh_id("particles"), time_s=0.0, positions=points, surface=points, reconstruction_s=0.0)
-    gate = ApprovalGate(max_age_s=1.0, max_unseen_s=1.0, max_drift_m=0.001)
-    gate.show(proposal)
-    return gate.approve(decision, latest=latest, now_s=0.0)
 
 
 if __name__ == "__main__":

@@ -140,7 +140,7 @@ def _fitted(
     wrong = {
         name: float(np.clip(v, PARAMETERS[index(name)].low, PARAMETERS[index(name)].high)) for name, v in wrong.items()
     }
-    calibrator = Calibrator(predictor=predictor, names=data.calibrated, settings=Settings(steps=25))
+    calibrator = Calibrator(predictor=predictor, names=data.calibrated, settings=Settings())
     wall_s, cpu_s = time.perf_counter(), time.process_time()
     found = calibrator.fit(known, with_values(phi, wrong))
     wall_s, cpu_s = time.perf_counter() - wall_s, time.process_time() - cpu_s

@@ -5,9 +5,9 @@ with r_k = sqrt(loss_k) as residuals, a damped Gauss-Newton step (Levenberg 1944
 evaluations where plain descent takes dozens. Noise leaves a floor under every loss_k, and near it those residuals say
 little about curvature; the steps allow for it, and the intervals take it from differences of gradients instead.
 
-A tenth of the transitions makes half of the summed loss: pushes that the simulator gets wholly wrong, whatever its
-parameters. Huber's loss (Huber 1964) keeps them from deciding the fit; on other pushes of the same world the fitted
-model is then better in the plain mean, too (docs/decisions/0004-robust-calibration.md).
+A tenth of the transitions makes a third to a half of the summed loss: pushes that the simulator gets wholly wrong,
+whatever its parameters. Huber's loss (Huber 1964) keeps them from deciding the fit; on other pushes of the same world
+the fitted model is then better in the plain mean, too (docs/decisions/0004-robust-calibration.md).
 """
 
 from collections.abc import Callable, Sequence
@@ -26,9 +26,9 @@ Slopes = Callable[[Vector], tuple[Float64[np.ndarray, " K"], Float64[np.ndarray,
 
 _Z90 = 1.645
 _OUTLYING = 1.5
+"""Residuals above this many medians count linearly, not squared."""
 _FLOOR_STRETCH = 2.0
 """How much larger than the loss says a residual's slope may be taken to be, once the noise's share is taken away."""
-"""Residuals above this many medians count linearly, not squared."""
 _PROBE = 0.25
 """Step of the coordinates for curvature: a quarter in a logarithm. Shorter ones measure the noise of contact."""
 _FLAT_M2 = 1e-9
@@ -46,7 +46,7 @@ class Settings:
     for a start that nobody vouches for; finite where a few new transitions refine a model that is in use.
     """
 
-    steps: int
+    steps: int = 25
     trust_factor: float = float("inf")
     max_factor: float = 2.5
     damping: float = 0.03

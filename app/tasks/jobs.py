@@ -49,7 +49,7 @@ def calibrate(task: str, preset: str, transitions: Sequence[Transition], model: 
     from app.calibration.fit import Settings
     from app.tasks import compiled
 
-    return compiled.calibrated(task, preset, transitions, model, Settings(steps=25))
+    return compiled.calibrated(task, preset, transitions, model, Settings())
 
 
 def update(task: str, preset: str, transitions: Sequence[Transition], model: Model) -> Model:

@@ -2,9 +2,10 @@
 
 import numpy as np
 
-from app.core.approval import ApprovalGate, Approved
-from app.core.messages import Branch, Decision, Motion, Particles, Proposal, fresh_id
+from app.core.approval import Approved
+from app.core.messages import Motion
 from app.tasks.base import Finger, Rope
+from bench.approval import approved as approved_over
 
 ROPE = Rope(length_m=0.40, radius_m=0.008, mass_kg=0.08, colour=(0.9, 0.25, 0.08))
 FINGER = Finger(radius_m=0.009, push_height_m=0.006)
@@ -23,44 +24,5 @@ def push(start: tuple[float, float], end: tuple[float, float], speed_m_s: float 
 
 
 def approved(motion: Motion) -> Approved:
-    """`motion`, shown to and approved by an operator."""
-    points = straight_rope().astype(np.float32)
-    branch = Branch(
-        origin="policy",
-        actions=np.zeros((1, 2), np.float32),
-        tool_path=motion.positions.astype(np.float32),
-        predicted=points,
-        final=points,
-        cost_before=1.0,
-        cost_after=0.5,
-        terms={},
-        finite=True,
-    )
-    proposal = Proposal(
-        id=fresh_id("proposal"),
-        time_s=0.0,
-        task="rope_push",
-        particles_id=fresh_id("particles"),
-        goal_id=fresh_id("goal"),
-        model_id=fresh_id("model"),
-        model_version=0,
-        observed=points,
-        branches=(branch,),
-        best=0,
-        motion=motion,
-        chamfer_m2=0.01,
-        predicted_chamfer_m2=0.005,
-        plan_s=1.0,
-    )
-    decision = Decision(
-        id=fresh_id("decision"),
-        time_s=0.0,
-        proposal_id=proposal.id,
-        digest=motion.digest(),
-        approve=True,
-        operator="tests",
-    )
-    latest = Particles(id=fresh_id("particles"), time_s=0.0, positions=points, surface=points, reconstruction_s=0.0)
-    gate = ApprovalGate(max_age_s=1.0, max_unseen_s=1.0, max_drift_m=0.001)
-    gate.show(proposal)
-    return gate.approve(decision, latest=latest, now_s=0.0)
+    """`motion`, shown to and approved by an operator who sees a straight rope."""
+    return approved_over(motion, straight_rope().astype(np.float32))
