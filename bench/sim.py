@@ -20,7 +20,7 @@ from rich.table import Table
 
 from app.sim.params import nominal_phi
 from app.sim.rollout import Simulate, make_rollout
-from app.sim.scene import Scene
+from app.sim.scene import Body, Scene
 from app.sim.state import State
 from app.sim.warmup import warm_up
 from app.tasks.curves import fill_tube
@@ -28,6 +28,7 @@ from app.tasks.curves import fill_tube
 _CASES = ((300, 1), (300, 8), (300, 16), (2000, 1), (2000, 16))
 _LENGTH_M, _RADIUS_M = 0.40, 0.008
 _SPEED_M_S = 0.3
+SCENE = Scene(bodies=(Body(volume_m3=8.0e-5, density_kg_m3=800.0),))
 
 
 @final
@@ -45,7 +46,7 @@ def main(substeps: int = 200, repeats: int = 5) -> None:
     with tempfile.TemporaryDirectory() as empty:
         wp.config.kernel_cache_dir = empty
         begin = time.perf_counter()
-        warm_up(console.print)
+        warm_up(console.print, SCENE)
         compile_s = time.perf_counter() - begin
     table = Table("particles", "candidates", "forward", "a core", "forward + backward", "a core")
     table.title = f"{jax.devices()[0].device_kind}, {substeps} substeps; first compilation {compile_s:.1f} s"
@@ -60,7 +61,7 @@ def main(substeps: int = 200, repeats: int = 5) -> None:
 
 def measured(particles: int, candidates: int, substeps: int, repeats: int) -> tuple[Rate, Rate]:
     """Forward, and forward with backward, of ropes that a finger pushes, every candidate at its own place."""
-    simulate = make_rollout(Scene(), particle_count=particles)
+    simulate = make_rollout(SCENE, particle_count=particles)
     problem = pushes(particles, candidates, substeps)
     calls = (jax.jit(simulate), jax.jit(jax.grad(distance(simulate), argnums=(0, 1, 2))))
     forward, both = (best(call, problem, particles * candidates * substeps * 1e-6, repeats) for call in calls)
@@ -69,12 +70,11 @@ def measured(particles: int, candidates: int, substeps: int, repeats: int) -> tu
 
 def pushes(particles: int, candidates: int, substeps: int) -> tuple[jax.Array, State, jax.Array]:
     """Parameters, ropes at rest along x, and tool paths along y."""
-    scene = Scene()
     middle = np.stack([np.linspace(-_LENGTH_M / 2, _LENGTH_M / 2, 81) + 0.5, np.zeros(81), np.full(81, _RADIUS_M)], 1)
     x = np.tile(fill_tube(middle, _RADIUS_M, particles), (candidates, 1, 1))
     tool = np.zeros((candidates, substeps + 1, 3), np.float32)
     tool[..., 0] = np.linspace(0.4, 0.6, candidates)[:, None]
-    tool[..., 1] = -0.022 + _SPEED_M_S * scene.dt_s * np.arange(substeps + 1)
+    tool[..., 1] = -0.022 + _SPEED_M_S * SCENE.dt_s * np.arange(substeps + 1)
     tool[..., 2] = 0.006
     phi = np.tile(nominal_phi(), (candidates, 1))
     return jnp.asarray(phi), State.at_rest(jnp.asarray(x)), jnp.asarray(tool)

@@ -1,11 +1,42 @@
-"""The scene as the kernels see it: one Warp struct."""
+"""A scene as the kernels see it: Warp structs."""
 
 # Warp's structs and vectors build their members at run time, which no static type describes.
 # pyright: reportAttributeAccessIssue=false, reportCallIssue=false, reportGeneralTypeIssues=false
+# pyright: reportInvalidTypeForm=false
 
 import warp as wp
 
-from app.sim.scene import Scene
+import os
+BLOCK_SHIFT = tuple(int(c) for c in os.environ.get("BS","222"))
+BLOCK_NODES = wp.constant(2 ** sum(BLOCK_SHIFT))
+"""Nodes lie in memory in blocks of 2^shift along each axis."""
+
+
+@wp.struct
+class Matter:
+    """One body: its particles are `first` to before the next body's; each has this mass [kg] and volume [m^3].
+
+    Its stiffness is `share` of phi's, its Lame parameters are these per unit of it; `own` is as its law reads it.
+    """
+
+    first: wp.int32
+    mass: wp.float32
+    volume: wp.float32
+    mu_per_stiffness: wp.float32
+    lam_per_stiffness: wp.float32
+    share: wp.float32
+    viscosity: wp.float32
+    own: wp.vec4
+
+
+@wp.struct
+class Shape:
+    """One primitive of a tool: where it is at rest, its sizes [m] and its Coulomb friction coefficient."""
+
+    place: wp.vec3
+    turn: wp.quat
+    size: wp.vec4
+    friction: wp.float32
 
 
 @wp.struct
@@ -16,41 +47,18 @@ class Constants:
     nx: wp.int32
     ny: wp.int32
     nz: wp.int32
+    blocks_y: wp.int32
+    blocks_z: wp.int32
     cell: wp.float32
     per_cell: wp.float32
     dt: wp.float32
     gravity: wp.float32
     decay: wp.float32
-    mass: wp.float32
-    volume: wp.float32
-    mu_per_stiffness: wp.float32
-    lam_per_stiffness: wp.float32
-    finger_radius: wp.float32
+    least_mass: wp.float32
     contact_margin: wp.float32
     contact_width: wp.float32
     contact_rate: wp.float32
     escape_speed: wp.float32
     slip_speed: wp.float32
-
-
-def constants_of(scene: Scene, particle_count: int) -> Constants:
-    """The numbers of `scene` for an object of `particle_count` equal particles."""
-    k = Constants()
-    k.origin = wp.vec3(*scene.low)
-    k.nx, k.ny, k.nz = scene.shape
-    k.cell = scene.cell_m
-    k.per_cell = 1.0 / scene.cell_m
-    k.dt = scene.dt_s
-    k.gravity = scene.gravity_m_s2
-    k.decay = 1.0 - scene.damping_1_s * scene.dt_s
-    k.volume = scene.object_volume_m3 / particle_count
-    k.mass = scene.density_kg_m3 * k.volume
-    k.mu_per_stiffness = 0.5 / (1.0 + scene.poisson)
-    k.lam_per_stiffness = scene.poisson / ((1.0 + scene.poisson) * (1.0 - 2.0 * scene.poisson))
-    k.finger_radius = scene.finger_radius_m
-    k.contact_margin = scene.contact_margin_m
-    k.contact_width = scene.contact_width_m
-    k.contact_rate = 1.0 / (scene.contact_substeps * scene.dt_s)
-    k.escape_speed = scene.escape_speed_m_s
-    k.slip_speed = scene.slip_speed_m_s
-    return k
+    bodies: wp.array[Matter]
+    shapes: wp.array[Shape]

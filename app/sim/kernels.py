@@ -1,7 +1,8 @@
 """The Warp kernels: whole actions, a thread a candidate, for the CPU; single substeps, a thread a particle, for CUDA.
 
-Both call the same pieces (`app.sim.substep`). On the CPU a candidate's few active nodes stay in its core's cache, and
-an action is one launch. On a GPU the launches of an action are recorded once, as a graph, by JAX.
+Both call the same pieces (`app.sim.substep`). On the CPU a candidate's few active blocks stay in its core's cache, and
+an action is one launch. On a GPU a substep is two launches, which JAX records once as a graph: one over particles, which
+takes what the grid said of the last substep and gives to the grid of the next, and one over nodes.
 """
 
 # Warp reads its types at run time; as static types, its vectors, arrays and structs have no operators.
@@ -10,28 +11,17 @@ an action is one launch. On a GPU the launches of an action are recorded once, a
 # pyright: reportAssignmentType=false, reportAttributeAccessIssue=false
 
 import functools
-import hashlib
-from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import final
+from typing import Any, final
 
 import warp as wp
 
-from app.sim.constants import Constants
-from app.sim.effects.base import Effect
+from app.sim.compiled import Code
+from app.sim.constants import BLOCK_NODES, Constants
 from app.sim.memory import Grid, GridBars, History, Particles
-from app.sim.physics import particle_work
-from app.sim.substep import (
-    GridOperation,
-    clear,
-    clear_bars,
-    grid_operation,
-    grid_to_particles,
-    grid_to_particles_adjoint,
-    particles_to_grid,
-    particles_to_grid_adjoint,
-    tip_velocity,
-)
+from app.sim.substep import Pieces, active_node, clear, clear_bars, make_pieces
+
+WARP_SIZE = 32
 
 
 @final
@@ -40,7 +30,7 @@ class CandidateKernels:
     """Whole actions of candidate b in grid slot `slot`, one thread a launch."""
 
     module: wp.Module
-    phi_type: type
+    pieces: Pieces
     forward: wp.Kernel
     adjoint: wp.Kernel
 
@@ -48,132 +38,29 @@ class CandidateKernels:
 @final
 @dataclass(frozen=True, kw_only=True)
 class ParticleKernels:
-    """The parts of substep s; candidate b works in grid slot b. Launched over (B, N), and over (B, lanes) for nodes."""
+    """The two halves of substep s, each way; launched over (B, N) and (B, lanes), both whole numbers of warps."""
 
     module: wp.Module
-    phi_type: type
-    start: wp.Kernel
-    particles_to_grid: wp.Kernel
-    grid: wp.Kernel
-    grid_to_particles: wp.Kernel
-    clear: wp.Kernel
-    grid_to_particles_adjoint: wp.Kernel
-    grid_adjoint: wp.Kernel
-    particles_to_grid_adjoint: wp.Kernel
-    clear_adjoint: wp.Kernel
+    pieces: Pieces
+    particles: wp.Kernel
+    nodes: wp.Kernel
+    particles_adjoint: wp.Kernel
+    nodes_adjoint: wp.Kernel
 
 
-def _module(kind: str, effects: Sequence[Effect], operation: GridOperation) -> wp.Module:
+def _module(kind: str, code: Code, pieces: Pieces) -> wp.Module:
     """A module of its own for each kind of kernels, so that no platform compiles the other's.
 
     Warp emits the adjoints of nested functions only where a differentiable kernel calls them; it is put in here.
     """
-    specs = repr([spec for effect in effects for spec in effect.parameters])
-    module = wp.get_module(f"dipac_sim_{kind}_{hashlib.sha256(specs.encode()).hexdigest()[:8]}")
-    Phi, work = operation.phi_type, operation.work
+    module = wp.get_module(f"dipac_sim_{kind}_{code.name()}")
+    Inputs, worked = pieces.Inputs, pieces.worked
 
     @wp.kernel(module=module)
-    def never_launched(
-        k: Constants, phi: wp.array[Phi], x: wp.array[wp.vec3], C: wp.array[wp.mat33], out: wp.array[float]
-    ):
-        a, A = x[0], C[0]
-        node = wp.vec4(a[0], a[1], a[2], 1.0)
-        out[0] = work(k, phi[0], node, node, a, a, a) + particle_work(k, phi[0], a, a, A, A, a, a, A, node, A)
+    def never_launched(k: Constants, a: Inputs, x: wp.array[wp.vec3], C: wp.array[wp.mat33], out: wp.array[float]):
+        out[0] = worked(k, a.phi_grain[0], a.phi_node[0], a.tool[0, 0], x[0], C[0])
 
     return module
-
-
-@functools.cache
-def candidate_kernels(effects: tuple[Effect, ...]) -> CandidateKernels:
-    """With these effects compiled in. Cheap: compilation happens at the first launch, or in warm-up."""
-    operation = grid_operation(effects)
-    module = _module("candidates", effects, operation)
-    Phi, grid_forward, grid_adjoint = operation.phi_type, operation.forward, operation.adjoint
-
-    @wp.func
-    def to_grid(
-        k: Constants,
-        phi: Phi,
-        tool: wp.array2d[wp.vec3],
-        b: int,
-        s: int,
-        read: int,
-        write: int,
-        slot: int,
-        h: History,
-        grid: Grid,
-    ):
-        for p in range(h.x.shape[2]):
-            particles_to_grid(k, phi, tool[b, s], b, p, read, write, slot, h, grid)
-        for n in range(grid.count[slot]):
-            grid_forward(k, phi, tip_velocity(k, tool, b, s), n, slot, grid)
-
-    @wp.kernel(module=module, enable_backward=False)
-    def forward(
-        k: Constants,
-        b: int,
-        slot: int,
-        phis: wp.array[Phi],
-        tool: wp.array2d[wp.vec3],
-        start: Particles,
-        h: History,
-        grid: Grid,
-    ):
-        for p in range(h.x.shape[2]):
-            _copy_start(b, p, start, h)
-        rows = h.x.shape[1]
-        for s in range(tool.shape[1] - 1):
-            read = s % rows
-            write = (s + 1) % rows
-            to_grid(k, phis[b], tool, b, s, read, write, slot, h, grid)
-            for p in range(h.x.shape[2]):
-                grid_to_particles(k, b, p, read, write, slot, h, grid)
-            for n in range(grid.count[slot]):
-                clear(n, slot, grid)
-            grid.count[slot] = 0
-
-    @wp.kernel(module=module, enable_backward=False)
-    def adjoint(
-        k: Constants,
-        b: int,
-        slot: int,
-        phis: wp.array[Phi],
-        tool: wp.array2d[wp.vec3],
-        h: History,
-        bars: Particles,
-        phi_bar: wp.array2d[Phi],
-        tool_bar: wp.array2d[wp.vec3],
-        grid: Grid,
-        grid_bars: GridBars,
-    ):
-        phi = phis[b]
-        phi_sum = Phi()
-        steps = tool.shape[1] - 1
-        for back in range(steps):
-            s = steps - 1 - back
-            to_grid(k, phi, tool, b, s, s, s + 1, slot, h, grid)
-            for p in range(h.x.shape[2]):
-                grid_to_particles_adjoint(k, b, p, s, slot, h, bars, grid, grid_bars)
-            tip_v = tip_velocity(k, tool, b, s)
-            tip_v_sum = wp.vec3()
-            for n in range(grid.count[slot]):
-                phi_part, tip_v_part = grid_adjoint(k, phi, tip_v, n, slot, grid, grid_bars)
-                phi_sum += phi_part
-                tip_v_sum += tip_v_part
-            tip_sum = wp.vec3()
-            for p in range(h.x.shape[2]):
-                phi_part, tip_part = particles_to_grid_adjoint(k, phi, tool[b, s], b, p, s, slot, h, bars, grid_bars)
-                phi_sum += phi_part
-                tip_sum += tip_part
-            tool_bar[b, s] = tool_bar[b, s] + tip_sum - tip_v_sum / k.dt
-            tool_bar[b, s + 1] = tool_bar[b, s + 1] + tip_v_sum / k.dt
-            for n in range(grid.count[slot]):
-                clear(n, slot, grid)
-                clear_bars(n, slot, grid, grid_bars)
-            grid.count[slot] = 0
-        phi_bar[b, 0] = phi_sum
-
-    return CandidateKernels(module=module, phi_type=Phi, forward=forward, adjoint=adjoint)
 
 
 @wp.func
@@ -184,108 +71,316 @@ def _copy_start(b: int, p: int, start: Particles, h: History):
     h.F[b, 0, p] = start.F[b, p]
 
 
+@wp.func
+def forget(slot: int, grid: Grid):
+    """Before the next candidate in this slot, whose stamps begin anew."""
+    for block in range(grid.listed.shape[1]):
+        grid.listed[slot, block] = 0
+        grid.felt[slot, block] = 0
+
+
 @functools.cache
-def particle_kernels(effects: tuple[Effect, ...]) -> ParticleKernels:
-    """With these effects compiled in. Cheap: compilation happens at the first launch, or in warm-up."""
-    operation = grid_operation(effects)
-    module = _module("particles", effects, operation)
-    Phi, grid_forward, grid_adjoint = operation.phi_type, operation.forward, operation.adjoint
-    kernel = wp.kernel(module=module, enable_backward=False)
+def candidate_kernels(code: Code) -> CandidateKernels:
+    """For scenes of this code. Cheap: compilation happens at the first launch, or in warm-up."""
+    pieces = make_pieces(code)
+    module = _module("candidates", code, pieces)
+    Inputs, PhiGrain, PhiNode, Pose = pieces.Inputs, pieces.PhiGrain, pieces.PhiNode, pieces.Pose
+    p2g, g2p, node = pieces.to_grid, pieces.to_particles, pieces.node
+    p2g_adjoint, g2p_adjoint, node_adjoint = pieces.to_grid_adjoint, pieces.to_particles_adjoint, pieces.node_adjoint
 
-    @kernel
-    def start(start: Particles, h: History):
-        b, p = wp.tid()
-        _copy_start(b, p, start, h)
+    @wp.func
+    def to_grid(
+        k: Constants, a: Inputs, b: int, s: int, read: int, write: int, slot: int, stamp: int, h: History, grid: Grid
+    ):
+        for p in range(h.x.shape[2]):
+            h.F[b, write, p] = p2g(
+                k, a, b, p, s, h.x[b, read, p], h.v[b, read, p], h.C[b, read, p], h.F[b, read, p], slot, stamp, grid
+            )
+        for n in range(grid.count[slot] * BLOCK_NODES):
+            node(k, a, b, active_node(n, slot, grid), slot, stamp, grid)
 
-    @kernel
-    def p2g(k: Constants, s: int, phis: wp.array[Phi], tool: wp.array2d[wp.vec3], h: History, grid: Grid):
-        b, p = wp.tid()
+    @wp.kernel(module=module, enable_backward=False)
+    def forward(k: Constants, a: Inputs, b: int, slot: int, start: Particles, h: History, grid: Grid):
+        forget(slot, grid)
+        for p in range(h.x.shape[2]):
+            _copy_start(b, p, start, h)
         rows = h.x.shape[1]
-        particles_to_grid(k, phis[b], tool[b, s], b, p, s % rows, (s + 1) % rows, b, h, grid)
+        for s in range(a.tool.shape[1] - 1):
+            read = s % rows
+            write = (s + 1) % rows
+            to_grid(k, a, b, s, read, write, slot, s + 1, h, grid)
+            for p in range(h.x.shape[2]):
+                x, v, C = g2p(k, a, b, s, h.x[b, read, p], slot, grid)
+                h.x[b, write, p] = x
+                h.v[b, write, p] = v
+                h.C[b, write, p] = C
+            for n in range(grid.count[slot] * BLOCK_NODES):
+                clear(active_node(n, slot, grid), slot, s + 1, grid)
+            grid.count[slot] = 0
 
-    @kernel
-    def grid(k: Constants, s: int, lanes: int, phis: wp.array[Phi], tool: wp.array2d[wp.vec3], grid: Grid):
-        b, lane = wp.tid()
-        for n in range(lane, grid.count[b], lanes):
-            grid_forward(k, phis[b], tip_velocity(k, tool, b, s), n, b, grid)
-
-    @kernel
-    def g2p(k: Constants, s: int, h: History, grid: Grid):
-        b, p = wp.tid()
-        rows = h.x.shape[1]
-        grid_to_particles(k, b, p, s % rows, (s + 1) % rows, b, h, grid)
-
-    @kernel
-    def clear_grid(lanes: int, grid: Grid):
-        b, lane = wp.tid()
-        for n in range(lane, grid.count[b], lanes):
-            clear(n, b, grid)
-
-    @kernel
-    def g2p_adjoint(k: Constants, s: int, h: History, bars: Particles, grid: Grid, grid_bars: GridBars):
-        b, p = wp.tid()
-        grid_to_particles_adjoint(k, b, p, s, b, h, bars, grid, grid_bars)
-
-    @kernel
-    def grid_back(
+    @wp.kernel(module=module, enable_backward=False)
+    def adjoint(
         k: Constants,
-        s: int,
-        lanes: int,
-        phis: wp.array[Phi],
-        tool: wp.array2d[wp.vec3],
-        phi_bar: wp.array2d[Phi],
-        tool_bar: wp.array2d[wp.vec3],
+        a: Inputs,
+        b: int,
+        slot: int,
+        h: History,
+        bars: Particles,
+        grain_bar: wp.array2d[PhiGrain],
+        node_bar: wp.array2d[PhiNode],
+        tool_bar: wp.array2d[Pose],
         grid: Grid,
         grid_bars: GridBars,
     ):
-        b, lane = wp.tid()
-        phi_sum = Phi()
-        tip_v_sum = wp.vec3()
-        for n in range(lane, grid.count[b], lanes):
-            phi_part, tip_v_part = grid_adjoint(k, phis[b], tip_velocity(k, tool, b, s), n, b, grid, grid_bars)
-            phi_sum += phi_part
-            tip_v_sum += tip_v_part
-        phi_bar[b, lane] = phi_bar[b, lane] + phi_sum
-        if wp.length_sq(tip_v_sum) != 0.0:  # Few nodes touch the finger; the others shall not queue for one address.
-            wp.atomic_add(tool_bar, b, s, -tip_v_sum / k.dt)
-            wp.atomic_add(tool_bar, b, s + 1, tip_v_sum / k.dt)
+        forget(slot, grid)
+        grain_sum = PhiGrain()
+        node_sum = PhiNode()
+        steps = a.tool.shape[1] - 1
+        for back in range(steps):
+            s = steps - 1 - back
+            stamp = back + 1
+            now_sum = Pose()
+            then_sum = Pose()
+            to_grid(k, a, b, s, s, s + 1, slot, stamp, h, grid)
+            for p in range(h.x.shape[2]):
+                x_bar, now_part, then_part = g2p_adjoint(
+                    k, a, b, s, h.x[b, s, p], bars.x[b, p], bars.v[b, p], bars.C[b, p], slot, grid, grid_bars
+                )
+                bars.x[b, p] = x_bar
+                now_sum += now_part
+                then_sum += then_part
+            for n in range(grid.count[slot] * BLOCK_NODES):
+                node_sum += node_adjoint(k, a, b, active_node(n, slot, grid), slot, stamp, grid, grid_bars)
+            for p in range(h.x.shape[2]):
+                x_bar, v_bar, C_bar, F_bar, phi_part, now_part, then_part = p2g_adjoint(
+                    k, a, b, p, s, slot, h, bars.x[b, p], bars.F[b, p], grid_bars
+                )
+                bars.x[b, p] = x_bar
+                bars.v[b, p] = v_bar
+                bars.C[b, p] = C_bar
+                bars.F[b, p] = F_bar
+                grain_sum += phi_part
+                now_sum += now_part
+                then_sum += then_part
+            tool_bar[b, s] = tool_bar[b, s] + now_sum
+            tool_bar[b, s + 1] = tool_bar[b, s + 1] + then_sum
+            for n in range(grid.count[slot] * BLOCK_NODES):
+                i = active_node(n, slot, grid)
+                clear(i, slot, stamp, grid)
+                clear_bars(i, slot, grid_bars)
+            grid.count[slot] = 0
+        grain_bar[b, 0] = grain_sum
+        node_bar[b, 0] = node_sum
+
+    return CandidateKernels(module=module, pieces=pieces, forward=forward, adjoint=adjoint)
+
+
+def _sum_over_warp(kind: Any, length: int) -> Any:
+    """A function that gives the first thread of a GPU's warp the sum over its threads, and the others zero.
+
+    On the CPU threads run one after the other, and each keeps its own.
+    """
+
+    @wp.func_native(
+        f"""
+    #if defined(__CUDA_ARCH__)
+        #pragma unroll
+        for (int c = 0; c < {length}; c++)
+            #pragma unroll
+            for (int lane = 16; lane > 0; lane /= 2)
+                a[c] += __shfl_xor_sync(0xffffffff, a[c], lane);
+        if ((threadIdx.x & 31) != 0)
+            for (int c = 0; c < {length}; c++)
+                a[c] = 0.0f;
+    #endif
+        return a;
+    """
+    )
+    def total(a: kind) -> kind: ...
+
+    return total
+
+
+SLOTS = wp.constant(4)
+"""Grids a candidate has on a GPU: of the substep that is given, the one taken, one that is cleared and one in reserve."""
+
+
+@wp.func
+def slot_of(b: int, s: int) -> int:
+    """The grid of candidate b in substep s, which may be -1."""
+    return SLOTS * b + (s + SLOTS) % SLOTS
+
+
+@functools.cache
+def particle_kernels(code: Code) -> ParticleKernels:
+    """For scenes of this code. Cheap: compilation happens at the first launch, or in warm-up."""
+    pieces = make_pieces(code)
+    module = _module("particles", code, pieces)
+    Inputs, PhiGrain, PhiNode, Pose = pieces.Inputs, pieces.PhiGrain, pieces.PhiNode, pieces.Pose
+    p2g, g2p, node = pieces.to_grid, pieces.to_particles, pieces.node
+    p2g_adjoint, g2p_adjoint, node_adjoint = pieces.to_grid_adjoint, pieces.to_particles_adjoint, pieces.node_adjoint
+    grain_total = _sum_over_warp(PhiGrain, len(PhiGrain()))
+    node_total = _sum_over_warp(PhiNode, len(PhiNode()))
+    pose_total = _sum_over_warp(Pose, len(Pose()))
+    holds = any(part.thin for part in code.parts)
+    import os
+    if os.environ.get("FM","1")=="1":
+        module.options["fast_math"] = True
+    perm = os.environ.get("PERM","0")=="1"
+
+    @wp.func
+    def particle_of(t: int, particles: int) -> int:
+        p = t
+        if wp.static(perm):
+            p = (t % WARP_SIZE) * ((particles + WARP_SIZE - 1) // WARP_SIZE) + t // WARP_SIZE
+        return p
+
+    kernel = wp.kernel(module=module, enable_backward=False)
 
     @kernel
-    def p2g_adjoint(
+    def particles(k: Constants, s: int, a: Inputs, start: Particles, h: History, grid: Grid):
+        b, t = wp.tid()
+        rows = h.x.shape[1]
+        p = particle_of(t, h.x.shape[2])
+        if p < h.x.shape[2]:
+            x = start.x[b, p]
+            v = start.v[b, p]
+            C = start.C[b, p]
+            F = start.F[b, p]
+            now = s % rows
+            if s > 0:
+                F = h.F[b, now, p]
+                x, v, C = g2p(k, a, b, s - 1, h.x[b, (s - 1) % rows, p], slot_of(b, s - 1), grid)
+            else:
+                h.F[b, now, p] = F
+            h.x[b, now, p] = x
+            h.v[b, now, p] = v
+            h.C[b, now, p] = C
+            if s < a.tool.shape[1] - 1:
+                h.F[b, (s + 1) % rows, p] = p2g(k, a, b, p, s, x, v, C, F, slot_of(b, s), s + 1, grid)
+
+    @kernel
+    def nodes(k: Constants, s: int, lanes: int, a: Inputs, grid: Grid):
+        b, t = wp.tid()
+        if t < lanes:
+            slot = slot_of(b, s)
+            for n in range(t, grid.count[slot] * BLOCK_NODES, lanes):
+                node(k, a, b, active_node(n, slot, grid), slot, s + 1, grid)
+        else:
+            old = slot_of(b, s - 1)
+            for n in range(t - lanes, grid.count[old] * BLOCK_NODES, lanes):
+                clear(active_node(n, old, grid), old, s, grid)
+            if t == lanes:
+                grid.count[slot_of(b, s + 1)] = 0
+
+    @wp.func
+    def again(k: Constants, a: Inputs, b: int, p: int, s: int, slot: int, stamp: int, h: History, grid: Grid):
+        """Give to the grid what substep s gave."""
+        _F = p2g(k, a, b, p, s, h.x[b, s, p], h.v[b, s, p], h.C[b, s, p], h.F[b, s, p], slot, stamp, grid)
+
+    @kernel
+    def particles_adjoint(
         k: Constants,
         s: int,
-        lanes: int,
-        phis: wp.array[Phi],
-        tool: wp.array2d[wp.vec3],
+        threads: int,
+        a: Inputs,
         h: History,
         bars: Particles,
-        phi_bar: wp.array2d[Phi],
-        tool_bar: wp.array2d[wp.vec3],
+        grain_bar: wp.array2d[PhiGrain],
+        tool_bar: wp.array2d[Pose],
+        grid: Grid,
         grid_bars: GridBars,
     ):
-        b, p = wp.tid()
-        phi_part, tip_part = particles_to_grid_adjoint(k, phis[b], tool[b, s], b, p, s, b, h, bars, grid_bars)
-        phi_bar[b, lanes + p] = phi_bar[b, lanes + p] + phi_part
-        if wp.length_sq(tip_part) != 0.0:
-            wp.atomic_add(tool_bar, b, s, tip_part)
+        b, t = wp.tid()
+        steps = a.tool.shape[1] - 1
+        if t < threads:
+            p = particle_of(t, h.x.shape[2])
+            mine = p < h.x.shape[2]
+            x_bar = wp.vec3()
+            v_bar = wp.vec3()
+            C_bar = wp.mat33()
+            F_bar = wp.mat33()
+            if mine:
+                x_bar = bars.x[b, p]
+                F_bar = bars.F[b, p]
+            if s + 1 < steps:
+                phi_sum = PhiGrain()
+                now_sum = Pose()
+                then_sum = Pose()
+                if mine:
+                    x_bar, v_bar, C_bar, F_bar, phi_sum, now_sum, then_sum = p2g_adjoint(
+                        k, a, b, p, s + 1, slot_of(b, s + 1), h, x_bar, F_bar, grid_bars
+                    )
+                phi_sum = grain_total(phi_sum)
+                if wp.dot(phi_sum, phi_sum) != 0.0:
+                    grain_bar[b, t // WARP_SIZE] = grain_bar[b, t // WARP_SIZE] + phi_sum
+                add_to_tool(b, s + 1, now_sum, then_sum, tool_bar)
+            elif mine:
+                v_bar = bars.v[b, p]
+                C_bar = bars.C[b, p]
+            if s >= 0 and s < steps:
+                now_part = Pose()
+                then_part = Pose()
+                if mine:
+                    x_bar, now_part, then_part = g2p_adjoint(
+                        k, a, b, s, h.x[b, s, p], x_bar, v_bar, C_bar, slot_of(b, s), grid, grid_bars
+                    )
+                if wp.static(holds):
+                    add_to_tool(b, s, now_part, then_part, tool_bar)
+            if mine and s < steps:
+                bars.x[b, p] = x_bar
+                bars.F[b, p] = F_bar
+                if s < 0:
+                    bars.v[b, p] = v_bar
+                    bars.C[b, p] = C_bar
+        elif s > 0:
+            p_again = particle_of(t - threads, h.x.shape[2])
+            if p_again < h.x.shape[2]:
+                again(k, a, b, p_again, s - 1, slot_of(b, s - 1), steps - s + 1, h, grid)
+
+    @wp.func
+    def add_to_tool(b: int, s: int, now_bar: Pose, then_bar: Pose, tool_bar: wp.array2d[Pose]):
+        now_all = pose_total(now_bar)
+        then_all = pose_total(then_bar)
+        if wp.dot(now_all, now_all) != 0.0:  # Few particles touch a tool; the others shall not queue for it.
+            wp.atomic_add(tool_bar, b, s, now_all)
+        if wp.dot(then_all, then_all) != 0.0:
+            wp.atomic_add(tool_bar, b, s + 1, then_all)
 
     @kernel
-    def clear_all(lanes: int, grid: Grid, grid_bars: GridBars):
-        b, lane = wp.tid()
-        for n in range(lane, grid.count[b], lanes):
-            clear(n, b, grid)
-            clear_bars(n, b, grid, grid_bars)
+    def nodes_adjoint(
+        k: Constants, s: int, lanes: int, a: Inputs, node_bar: wp.array2d[PhiNode], grid: Grid, grid_bars: GridBars
+    ):
+        b, t = wp.tid()
+        stamp = a.tool.shape[1] - 1 - s  # Of substep s; those before it, which come later, have greater ones.
+        if t < lanes:
+            slot = slot_of(b, s)
+            phi_sum = PhiNode()
+            if stamp > 0:
+                for n in range(t, grid.count[slot] * BLOCK_NODES, lanes):
+                    phi_sum += node_adjoint(k, a, b, active_node(n, slot, grid), slot, stamp, grid, grid_bars)
+            phi_sum = node_total(phi_sum)
+            if wp.dot(phi_sum, phi_sum) != 0.0:
+                node_bar[b, t // WARP_SIZE] = node_bar[b, t // WARP_SIZE] + phi_sum
+        elif t < 2 * lanes:
+            before = slot_of(b, s - 1)
+            if s > 0:
+                for n in range(t - lanes, grid.count[before] * BLOCK_NODES, lanes):
+                    node(k, a, b, active_node(n, before, grid), before, stamp + 1, grid)
+        else:
+            old = slot_of(b, s + 1)
+            for n in range(t - 2 * lanes, grid.count[old] * BLOCK_NODES, lanes):
+                i = active_node(n, old, grid)
+                clear(i, old, stamp - 1, grid)
+                clear_bars(i, old, grid_bars)
+            if t == 2 * lanes:
+                grid.count[slot_of(b, s + 2)] = 0
 
     return ParticleKernels(
         module=module,
-        phi_type=Phi,
-        start=start,
-        particles_to_grid=p2g,
-        grid=grid,
-        grid_to_particles=g2p,
-        clear=clear_grid,
-        grid_to_particles_adjoint=g2p_adjoint,
-        grid_adjoint=grid_back,
-        particles_to_grid_adjoint=p2g_adjoint,
-        clear_adjoint=clear_all,
+        pieces=pieces,
+        particles=particles,
+        nodes=nodes,
+        particles_adjoint=particles_adjoint,
+        nodes_adjoint=nodes_adjoint,
     )

@@ -3,18 +3,24 @@
 # The annotations of the callables are Warp's run-time array types, which are no static types.
 # pyright: reportInvalidTypeForm=false, reportAttributeAccessIssue=false, reportCallIssue=false
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import cache
 from typing import Any, final
 
 import jax
+import jax.numpy as jnp
 import warp as wp
 
-from app.sim.constants import constants_of
+from app.sim.constants import BLOCK_NODES, Constants
+from app.sim.hooks import columns
 from app.sim.memory import Grid, GridBars, History, Particles
+from app.sim.numbers import blocks_of, constants_of
+from app.sim.params import NOMINAL_PHYSICS
 from app.sim.scene import Scene
 from app.sim.schedule import Bars, Schedule, Work
-from app.sim.state import State
+from app.sim.state import Setting, State
+from app.sim.touching import parts
 
 
 @final
@@ -22,26 +28,37 @@ from app.sim.state import State
 class Operations:
     """The two calls of a rollout.
 
-    `forward(phi, state, tool, rows)` returns the history, `rows` states of which substep s begins at s modulo `rows`.
-    `backward(phi, history, tool, end_bar)`, for a history that holds every state, returns the cotangents of the first
-    state's four parts, of phi and of tool.
+    `forward(phi, state, tool, setting, rows)` returns the history, `rows` states of which substep s begins at s modulo
+    `rows`. `backward(phi, history, tool, setting, end_bar)`, for a history that holds every state, returns the
+    cotangents of the first state's four parts, of phi and of tool.
     """
 
-    forward: Callable[[jax.Array, State, jax.Array, int], tuple[jax.Array, ...]]
-    backward: Callable[[jax.Array, tuple[jax.Array, ...], jax.Array, State], tuple[jax.Array, ...]]
+    forward: Callable[[jax.Array, State, jax.Array, Setting, int], tuple[jax.Array, ...]]
+    backward: Callable[[jax.Array, tuple[jax.Array, ...], jax.Array, Setting, State], tuple[jax.Array, ...]]
 
 
-def make_operations(scene: Scene, particle_count: int, schedule: Schedule) -> Operations:
-    """For one scene and number of particles."""
+def make_operations(scene: Scene, counts: Sequence[int], schedule: Schedule) -> Operations:
+    """For one scene and the numbers of particles of its bodies."""
     wp.config.log_level = wp.LOG_WARNING  # Warp announces itself on stdout, which belongs to the command line.
-    k = constants_of(scene, particle_count)
     kernels = schedule.kernels
-    Phi = kernels.phi_type
-    nodes = scene.shape[0] * scene.shape[1] * scene.shape[2]
+    pieces = kernels.pieces
+    PhiGrain, PhiNode, Pose = pieces.PhiGrain, pieces.PhiNode, pieces.Pose
+    _, primitives, coordinates = parts(scene.tools)
+    chosen = columns(NOMINAL_PHYSICS, schedule.effects)
+    particle_count = sum(counts)
+    blocks = blocks_of(scene)
+    block_count = blocks[0] * blocks[1] * blocks[2]
+
+    @cache
+    def constants(device: str) -> Constants:
+        return constants_of(scene, counts, primitives, wp.get_device(device))
 
     def forward(
-        phi: wp.array(dtype=Phi),
-        tool: wp.array2d(dtype=wp.vec3),
+        phi_grain: wp.array(dtype=PhiGrain),
+        phi_node: wp.array(dtype=PhiNode),
+        tool: wp.array2d(dtype=Pose),
+        label: wp.array2d(dtype=wp.vec4),
+        time: wp.array(dtype=wp.float32),
         x: wp.array2d(dtype=wp.vec3),
         v: wp.array2d(dtype=wp.vec3),
         C: wp.array2d(dtype=wp.mat33),
@@ -52,19 +69,30 @@ def make_operations(scene: Scene, particle_count: int, schedule: Schedule) -> Op
         Fs: wp.array3d(dtype=wp.mat33),
         mass: wp.array2d(dtype=wp.vec4),
         touch: wp.array2d(dtype=wp.vec4),
+        aim: wp.array2d(dtype=wp.vec4),
+        listed: wp.array2d(dtype=wp.int32),
+        felt: wp.array2d(dtype=wp.int32),
         active: wp.array2d(dtype=wp.int32),
         count: wp.array(dtype=wp.int32),
     ):
-        for scratch in (mass, touch, count):
+        for scratch in (mass, touch, aim, listed, felt, count):
             scratch.zero_()
+        inputs = _struct(
+            pieces.Inputs, phi_grain=phi_grain, phi_node=phi_node, tool=tool, label=label, time=time
+        )
         # Without an adjoint to come, a node's velocity may take the place of its momentum.
-        grid = _struct(Grid, mass=mass, touch=touch, velocity=mass, active=active, count=count)
+        grid = _struct(
+            Grid, mass=mass, touch=touch, aim=aim, velocity=mass, listed=listed, felt=felt, active=active, count=count
+        )
         history = _struct(History, x=xs, v=vs, C=Cs, F=Fs)
-        schedule.forward(Work(k, phi, tool, history, grid), _struct(Particles, x=x, v=v, C=C, F=F))
+        schedule.forward(Work(constants(x.device.alias), inputs, history, grid), _struct(Particles, x=x, v=v, C=C, F=F))
 
     def backward(
-        phi: wp.array(dtype=Phi),
-        tool: wp.array2d(dtype=wp.vec3),
+        phi_grain: wp.array(dtype=PhiGrain),
+        phi_node: wp.array(dtype=PhiNode),
+        tool: wp.array2d(dtype=Pose),
+        label: wp.array2d(dtype=wp.vec4),
+        time: wp.array(dtype=wp.float32),
         xs: wp.array3d(dtype=wp.vec3),
         vs: wp.array3d(dtype=wp.vec3),
         Cs: wp.array3d(dtype=wp.mat33),
@@ -77,51 +105,87 @@ def make_operations(scene: Scene, particle_count: int, schedule: Schedule) -> Op
         v_bar: wp.array2d(dtype=wp.vec3),
         C_bar: wp.array2d(dtype=wp.mat33),
         F_bar: wp.array2d(dtype=wp.mat33),
-        phi_bar: wp.array2d(dtype=Phi),
-        tool_bar: wp.array2d(dtype=wp.vec3),
+        grain_bar: wp.array2d(dtype=PhiGrain),
+        node_bar: wp.array2d(dtype=PhiNode),
+        tool_bar: wp.array2d(dtype=Pose),
         mass: wp.array2d(dtype=wp.vec4),
         touch: wp.array2d(dtype=wp.vec4),
+        aim: wp.array2d(dtype=wp.vec4),
         velocity: wp.array2d(dtype=wp.vec4),
-        node_bar: wp.array2d(dtype=wp.vec4),
+        grid_bar: wp.array2d(dtype=wp.vec4),
         touch_bar: wp.array2d(dtype=wp.vec4),
+        aim_bar: wp.array2d(dtype=wp.vec4),
+        listed: wp.array2d(dtype=wp.int32),
+        felt: wp.array2d(dtype=wp.int32),
         active: wp.array2d(dtype=wp.int32),
         count: wp.array(dtype=wp.int32),
     ):
         for end, bar in ((x_end, x_bar), (v_end, v_bar), (C_end, C_bar), (F_end, F_bar)):
             wp.copy(bar, end)
-        for scratch in (phi_bar, tool_bar, mass, touch, velocity, node_bar, touch_bar, count):
+        for scratch in (grain_bar, node_bar, tool_bar, mass, touch, aim, grid_bar, listed, felt, count):
             scratch.zero_()
-        grid = _struct(Grid, mass=mass, touch=touch, velocity=velocity, active=active, count=count)
+        inputs = _struct(
+            pieces.Inputs, phi_grain=phi_grain, phi_node=phi_node, tool=tool, label=label, time=time
+        )
+        grid = _struct(
+            Grid,
+            mass=mass,
+            touch=touch,
+            aim=aim,
+            velocity=velocity,
+            listed=listed,
+            felt=felt,
+            active=active,
+            count=count,
+        )
         history = _struct(History, x=xs, v=vs, C=Cs, F=Fs)
         state_bar = _struct(Particles, x=x_bar, v=v_bar, C=C_bar, F=F_bar)
-        grid_bar = _struct(GridBars, node=node_bar, touch=touch_bar)
-        schedule.adjoint(Work(k, phi, tool, history, grid), Bars(state_bar, phi_bar, tool_bar, grid_bar))
+        grid_bars = _struct(GridBars, node=grid_bar, touch=touch_bar, aim=aim_bar)
+        work = Work(constants(xs.device.alias), inputs, history, grid)
+        schedule.adjoint(work, Bars(state_bar, grain_bar, node_bar, tool_bar, grid_bars))
 
-    forward_call = wp.jax_callable(forward, num_outputs=8)
-    backward_call = wp.jax_callable(backward, num_outputs=13)
+    forward_call = wp.jax_callable(forward, num_outputs=11)
+    backward_call = wp.jax_callable(backward, num_outputs=18)
 
     def grid_dims(candidates: int) -> dict[str, tuple[int, ...]]:
         slots = schedule.slots(candidates)
-        dense = dict.fromkeys(("mass", "touch", "velocity", "node_bar", "touch_bar"), (slots, nodes))
-        return dense | {"active": (slots, min(27 * particle_count, nodes)), "count": (slots,)}
+        nodes = ("mass", "touch", "aim", "velocity", "grid_bar", "touch_bar", "aim_bar")
+        dims: dict[str, tuple[int, ...]] = dict.fromkeys(nodes, (slots, block_count * BLOCK_NODES))
+        dims |= dict.fromkeys(("listed", "felt", "active"), (slots, block_count))
+        return dims | {"count": (slots,)}
 
-    def load() -> None:
-        """While JAX traces: a compiler has no place in a running computation, least of all in one being recorded."""
+    def inputs(phi: jax.Array, tool: jax.Array, setting: Setting) -> tuple[jax.Array, ...]:
+        """What kernels read. Compiles while JAX traces: a compiler has no place in a computation that is recorded."""
         for device in jax.local_devices():
-            wp.load_module(kernels.module, wp.device_from_jax(device))
+            on = wp.device_from_jax(device)
+            wp.load_module(kernels.module, on)
+            constants(on.alias)
+        path = tool if coordinates else jnp.zeros((*tool.shape[:2], 1), tool.dtype)
+        return phi[:, jnp.array(chosen.grain)], phi[:, jnp.array(chosen.node)], path, *setting
 
-    def run_forward(phi: jax.Array, state: State, tool: jax.Array, rows: int) -> tuple[jax.Array, ...]:
-        load()
-        history = dict.fromkeys(("xs", "vs", "Cs", "Fs"), (phi.shape[0], rows, particle_count))
-        return tuple(forward_call(phi, tool, *state, output_dims=history | grid_dims(phi.shape[0]))[:4])
+    def run_forward(
+        phi: jax.Array, state: State, tool: jax.Array, setting: Setting, rows: int
+    ) -> tuple[jax.Array, ...]:
+        dims = dict.fromkeys(("xs", "vs", "Cs", "Fs"), (phi.shape[0], rows, particle_count))
+        given = inputs(phi, tool, setting)
+        return tuple(forward_call(*given, *state, output_dims=dims | grid_dims(phi.shape[0]))[:4])
 
-    def run_backward(phi: jax.Array, history: Any, tool: jax.Array, end_bar: State) -> tuple[jax.Array, ...]:
-        load()
+    def run_backward(
+        phi: jax.Array, history: Any, tool: jax.Array, setting: Setting, end_bar: State
+    ) -> tuple[jax.Array, ...]:
         candidates = phi.shape[0]
         dims = dict.fromkeys(("x_bar", "v_bar", "C_bar", "F_bar"), (candidates, particle_count))
-        dims |= {"phi_bar": (candidates, schedule.phi_columns(particle_count)), "tool_bar": tool.shape[:2]}
-        outputs = backward_call(phi, tool, *history, *end_bar, output_dims=dims | grid_dims(candidates))
-        return (*outputs[:4], outputs[4].sum(axis=1), outputs[5])
+        dims |= {
+            "grain_bar": (candidates, schedule.grain_columns(particle_count)),
+            "node_bar": (candidates, schedule.node_columns()),
+            "tool_bar": tool.shape[:2],
+        }
+        given = inputs(phi, tool, setting)
+        outputs = backward_call(*given, *history, *end_bar, output_dims=dims | grid_dims(candidates))
+        phi_bar = jnp.zeros_like(phi)
+        for bar, own in ((outputs[4], chosen.grain), (outputs[5], chosen.node)):
+            phi_bar = phi_bar.at[:, jnp.array(own)].add(bar.sum(axis=1).reshape(candidates, -1))
+        return (*outputs[:4], phi_bar, outputs[6].reshape(*tool.shape[:2], -1)[..., :coordinates])
 
     return Operations(forward=run_forward, backward=run_backward)
 

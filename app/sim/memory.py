@@ -1,12 +1,12 @@
 """What the kernels work on: the particles' history, their cotangents, and the grid, as Warp structs of arrays.
 
-Axes: B candidates, R rows of the history, N particles, G nodes, L places on the list of active nodes. A grid has one
-slot for every candidate that is in work at the same time. A node's vec4 is a momentum [kg m/s] and a mass [kg], or a
-velocity [m/s] and nothing, or a sum of touches (see `physics.finger_touch`).
+Axes: B candidates, R rows of the history, N particles, G nodes, K blocks of 4 x 4 x 4 nodes. A grid has one slot for
+every candidate that is in work at the same time, or several where substeps overlap. Nodes lie block by block, so that
+the 27 nodes around a particle lie in few places of the memory, and what is idle is skipped by blocks. A node's vec4 is
+a momentum [kg m/s] and a mass [kg], or a velocity [m/s] and nothing, or a sum of touches (see `contact.touching`).
 """
 
 import warp as wp
-
 
 @wp.struct
 class History:
@@ -30,11 +30,18 @@ class Particles:
 
 @wp.struct
 class Grid:
-    """Nodes (slots, G), and which of them matter in this substep: the first `count` on the list `active` (slots, L)."""
+    """Nodes (slots, G), and which of their blocks matter: the first `count` on the list `active` (slots, K).
+
+    A block is on the list if `listed` is the substep's stamp, which grows from one use of a slot to the next; and a
+    tool touches particles of it if `felt` is. So neither has to be cleared.
+    """
 
     mass: wp.array2d[wp.vec4]
     touch: wp.array2d[wp.vec4]
+    aim: wp.array2d[wp.vec4]
     velocity: wp.array2d[wp.vec4]
+    listed: wp.array2d[wp.int32]
+    felt: wp.array2d[wp.int32]
     active: wp.array2d[wp.int32]
     count: wp.array[wp.int32]
 
@@ -45,3 +52,4 @@ class GridBars:
 
     node: wp.array2d[wp.vec4]
     touch: wp.array2d[wp.vec4]
+    aim: wp.array2d[wp.vec4]

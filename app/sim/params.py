@@ -32,15 +32,6 @@ NOMINAL_PHYSICS = (
         scale="log",
         about="Coulomb friction coefficient between the object and the table.",
     ),
-    ParameterSpec(
-        name="finger_friction",
-        unit="1",
-        nominal=0.3,
-        low=0.01,
-        high=1.5,
-        scale="log",
-        about="Coulomb friction coefficient between the object and the finger.",
-    ),
 )
 
 

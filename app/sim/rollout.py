@@ -1,6 +1,6 @@
 """A whole action as one differentiable JAX operation."""
 
-from typing import Protocol, TypeAlias, TypeVar
+from typing import NamedTuple, Protocol, TypeAlias, TypeVar
 
 import jax
 import jax.numpy as jnp
@@ -13,21 +13,29 @@ from app.sim.launch import make_operations
 from app.sim.params import parameters_with
 from app.sim.scene import Scene
 from app.sim.schedule import Schedule, schedule_for
-from app.sim.state import State
+from app.sim.state import Setting, State
+from app.sim.touching import parts
 
 TreeT = TypeVar("TreeT")
-Kept: TypeAlias = tuple[jax.Array, tuple[jax.Array, ...], jax.Array, jax.Array]
-"""For the backward pass: phi, the history of the particles, the tool path, and which candidates are finite."""
+Kept: TypeAlias = tuple[jax.Array, tuple[jax.Array, ...], jax.Array, Setting, jax.Array]
+"""For the backward pass: phi, history of the particles, tool path, setting, and which candidates are finite."""
 
 
 class Simulate(Protocol):
     """x' = f(x, u; phi) for B candidates, each with its own parameters, state and tool path."""
 
-    def __call__(self, phi: Float[jax.Array, "B P"], state: State, tool: Float[jax.Array, "B T 3"]) -> State:
-        """The state after T - 1 substeps, with the finger's tip at `tool[:, s]` [m] at their boundaries.
+    def __call__(
+        self,
+        phi: Float[jax.Array, "B P"],
+        state: State,
+        tool: Float[jax.Array, "B T A"],
+        setting: Setting | None = None,
+    ) -> State:
+        """The state after T - 1 substeps, with the tools at coordinates `tool[:, s]` at their boundaries.
 
-        Differentiable once, in reverse mode, with respect to all three. A candidate with a non-finite input, or a
-        particle that leaves the grid, becomes NaN throughout, and so does its gradient; the others are not touched.
+        Differentiable once, in reverse mode, with respect to phi, state and tool. A candidate with a non-finite input,
+        or a particle that leaves the grid, becomes NaN throughout, and so does its gradient; the others are not
+        touched.
         """
         ...
 
@@ -35,46 +43,59 @@ class Simulate(Protocol):
 def make_rollout(
     scene: Scene,
     *,
-    particle_count: int,
+    particle_count: int | tuple[int, ...],
     effects: tuple[Effect, ...] = EFFECTS,
     schedule: Schedule | None = None,
 ) -> Simulate:
-    """The simulator of one scene for objects of `particle_count` particles, for use inside and outside of `jax.jit`.
+    """The simulator of one scene for bodies of these numbers of particles, for use inside and outside of `jax.jit`.
 
     Make it once and keep it: every one made holds its own entry in JAX's compilation cache. `schedule`: how
-    to launch kernels made with the same effects; None: as suits JAX's default platform, on the CPU with all cores.
+    to launch kernels made for the scene; None: as suits JAX's default platform, on the CPU with all cores.
 
-    Raises ParameterError where there is no particle.
+    Raises ParameterError where a body has no particle.
     """
-    if particle_count < 1:
-        raise ParameterError(f"particle_count = {particle_count} must be at least 1.")
-    operations = make_operations(scene, particle_count, schedule or schedule_for(jax.default_backend(), effects))
-    parameter_count = len(parameters_with(effects))
+    counts = (particle_count,) if isinstance(particle_count, int) else particle_count
+    if len(counts) != len(scene.bodies) or min(counts) < 1:
+        raise ParameterError(
+            f"particle_count = {particle_count} must be at least 1 for each of the scene's {len(scene.bodies)} bodies."
+        )
+    operations = make_operations(scene, counts, schedule or schedule_for(jax.default_backend(), scene, effects))
+    sizes = Sizes(len(parameters_with(effects)), sum(counts), parts(scene.tools)[2])
 
     @jax.custom_vjp
-    def rollout(phi: jax.Array, state: State, tool: jax.Array) -> State:
-        end = _row(operations.forward(phi, state, tool, 2), (tool.shape[1] - 1) % 2)
+    def rollout(phi: jax.Array, state: State, tool: jax.Array, setting: Setting) -> State:
+        end = _row(operations.forward(phi, state, tool, setting, 2), (tool.shape[1] - 1) % 2)
         return _where_finite(_finite(phi, end, tool), end)
 
-    def rollout_forward(phi: jax.Array, state: State, tool: jax.Array) -> tuple[State, Kept]:
-        history = operations.forward(phi, state, tool, tool.shape[1])
+    def rollout_forward(phi: jax.Array, state: State, tool: jax.Array, setting: Setting) -> tuple[State, Kept]:
+        history = operations.forward(phi, state, tool, setting, tool.shape[1])
         end = _row(history, tool.shape[1] - 1)
         finite = _finite(phi, end, tool)
-        return _where_finite(finite, end), (phi, history, tool, finite)
+        return _where_finite(finite, end), (phi, history, tool, setting, finite)
 
-    def rollout_backward(kept: Kept, end_bar: State) -> tuple[jax.Array, State, jax.Array]:
-        phi, history, tool, finite = kept
-        *state_bar, phi_bar, tool_bar = operations.backward(phi, history, tool, end_bar)
+    def rollout_backward(kept: Kept, end_bar: State) -> tuple[jax.Array, State, jax.Array, Setting]:
+        phi, history, tool, setting, finite = kept
+        *state_bar, phi_bar, tool_bar = operations.backward(phi, history, tool, setting, end_bar)
         bars = (phi_bar, State(*state_bar), tool_bar)
-        return _where_finite(finite & _finite(end_bar) & _finite(*bars), bars)
+        finite_bars = _where_finite(finite & _finite(end_bar) & _finite(*bars), bars)
+        return (*finite_bars, jax.tree.map(jnp.zeros_like, setting))
 
     rollout.defvjp(rollout_forward, rollout_backward)
 
-    def simulate(phi: jax.Array, state: State, tool: jax.Array) -> State:
-        _require_shapes(phi, state, tool, (parameter_count, particle_count))
-        return rollout(*jax.tree.map(_float32, (phi, state, tool)))
+    def simulate(phi: jax.Array, state: State, tool: jax.Array, setting: Setting | None = None) -> State:
+        known = setting or Setting.unknown(phi.shape[0], sizes.particles)
+        _require_shapes(phi, state, tool, known, sizes)
+        return rollout(*jax.tree.map(_float32, (phi, state, tool, known)))
 
     return simulate
+
+
+class Sizes(NamedTuple):
+    """Of the arrays that a simulator takes."""
+
+    parameters: int
+    particles: int
+    coordinates: int
 
 
 def _row(history: tuple[jax.Array, ...], row: int) -> State:
@@ -101,16 +122,19 @@ def _where_finite(finite: Bool[jax.Array, " B"], tree: TreeT) -> TreeT:
     return jax.tree.map(masked, tree)
 
 
-def _require_shapes(phi: jax.Array, state: State, tool: jax.Array, counts: tuple[int, int]) -> None:
+def _require_shapes(phi: jax.Array, state: State, tool: jax.Array, setting: Setting, sizes: Sizes) -> None:
     """Raises ParameterError where the arrays do not fit each other or the simulator."""
-    candidates = phi.shape[0]
+    candidates, particles = phi.shape[0], sizes.particles
+    substeps = max(2, tool.shape[1] if tool.ndim == 3 else 0)
     expected = {
-        "phi": (phi.shape, (candidates, counts[0])),
-        "state.x": (state.x.shape, (candidates, counts[1], 3)),
-        "state.v": (state.v.shape, (candidates, counts[1], 3)),
-        "state.C": (state.C.shape, (candidates, counts[1], 3, 3)),
-        "state.F": (state.F.shape, (candidates, counts[1], 3, 3)),
-        "tool": (tool.shape, (candidates, max(2, tool.shape[1] if tool.ndim == 3 else 0), 3)),
+        "phi": (phi.shape, (candidates, sizes.parameters)),
+        "state.x": (state.x.shape, (candidates, particles, 3)),
+        "state.v": (state.v.shape, (candidates, particles, 3)),
+        "state.C": (state.C.shape, (candidates, particles, 3, 3)),
+        "state.F": (state.F.shape, (candidates, particles, 3, 3)),
+        "tool": (tool.shape, (candidates, substeps, sizes.coordinates)),
+        "setting.label": (setting.label.shape, (candidates, particles, 4)),
+        "setting.time": (setting.time.shape, (candidates,)),
     }
     for name, (given, wanted) in expected.items():
         if tuple(given) != wanted:

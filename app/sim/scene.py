@@ -1,4 +1,4 @@
-"""Everything about a simulation that is not a parameter to be estimated: grid, time step, object, finger, smoothing."""
+"""Everything about a simulation that is not a parameter to be estimated: grid, time step, bodies, tools, smoothing."""
 
 from dataclasses import dataclass
 from typing import final
@@ -6,7 +6,11 @@ from typing import final
 import numpy as np
 
 from app.core.errors import ParameterError
+from app.sim.materials.base import Material
+from app.sim.materials.elastic import Elastic
 from app.sim.params import PARAMETERS, index
+from app.sim.tools.base import Tool
+from app.sim.tools.finger import Finger
 
 CFL = 0.7
 """Largest allowed `dt c / cell` for the elastic wave speed c. Measured on ropes with 25 % of random deformation that a
@@ -15,12 +19,35 @@ finger pushes: stable up to 0.9, not at 1.0; what is squeezed grows stiffer, hen
 
 @final
 @dataclass(frozen=True, kw_only=True)
-class Scene:
-    """One object on a table (the plane z = 0) and one finger, a vertical cylinder whose lower end is the tool position.
+class Body:
+    """One object, or all pieces of one kind: its particles share its volume evenly.
 
-    Raises ParameterError where a number is not finite or the numbers do not fit together.
+    `stiffness` is its own as a share of phi's.
     """
 
+    volume_m3: float
+    density_kg_m3: float
+    material: Material = Elastic()
+    stiffness: float = 1.0
+
+    def __post_init__(self) -> None:
+        for name in ("volume_m3", "density_kg_m3", "stiffness"):
+            value = getattr(self, name)
+            if not (np.isfinite(value) and value > 0):
+                raise ParameterError(f"Body {name} = {value:g} must be positive and finite.")
+
+
+@final
+@dataclass(frozen=True, kw_only=True)
+class Scene:
+    """Bodies on a table (the plane z = 0), and what touches them.
+
+    A path of the tools has the coordinates of `tools` in their order (see `tools.base.Motion`). Raises ParameterError
+    where a number is not finite or the numbers do not fit together.
+    """
+
+    bodies: tuple[Body, ...]
+    tools: tuple[Tool, ...] = (Finger(radius_m=0.009),)
     low: tuple[float, float, float] = (0.15, -0.45, -0.025)
     """Lower corner of the grid [m]; a particle within half a cell of the grid's boundary makes its candidate NaN."""
     high: tuple[float, float, float] = (0.95, 0.45, 0.10)
@@ -28,17 +55,12 @@ class Scene:
     """About twice the spacing of 300 particles in a rope of 0.4 m and 8 mm radius: finer cells tear soft ropes."""
     dt_s: float = 7e-4
     gravity_m_s2: float = 9.81
-    density_kg_m3: float = 800.0
-    poisson: float = 0.2
-    object_volume_m3: float = 8.0e-5
-    """A rope of 0.4 m and 8 mm radius; the particles share it evenly."""
-    finger_radius_m: float = 0.009
     contact_margin_m: float = 0.003
-    """Particles are centres of matter: contact begins at this distance from the finger, half a particle spacing."""
+    """Particles are centres of matter: contact begins at this distance from a tool, half a particle spacing."""
     contact_width_m: float = 0.002
-    """The sigmoid's width: a fifth of a cell, so that the gradient reaches the particles next to the finger."""
+    """The sigmoid's width: a fifth of a cell, so that the gradient reaches the particles next to the tool."""
     contact_substeps: float = 2.0
-    """In which a particle inside the finger is moved out again: fewer are stiffer, 2 is the edge of stability."""
+    """In which a particle inside a tool is moved out again: fewer are stiffer, 2 is the edge of stability."""
     escape_speed_m_s: float = 2.0
     """The fastest that happens: a finger may start in the middle of the object."""
     slip_speed_m_s: float = 1e-3
@@ -48,8 +70,10 @@ class Scene:
 
     def __post_init__(self) -> None:
         for name, value in vars(self).items():
-            if not np.all(np.isfinite(value)):
+            if name not in ("bodies", "tools") and not np.all(np.isfinite(value)):
                 raise ParameterError(f"Scene {name} = {value} is not finite.")
+        if not self.bodies:
+            raise ParameterError("A scene needs at least one body.")
         self._require_positive()
         self._require_grid()
         self._require_stable()
@@ -64,22 +88,19 @@ class Scene:
     def stable_dt_s(self) -> float:
         """The largest stable time step for the stiffest material that phi allows."""
         stiffness = PARAMETERS[index("stiffness")].high
-        modulus = stiffness * (1 - self.poisson) / ((1 + self.poisson) * (1 - 2 * self.poisson))
-        return CFL * self.cell_m / float(np.sqrt(modulus / self.density_kg_m3))
+        return min(
+            CFL * self.cell_m / float(np.sqrt(stiffness * body.stiffness * modulus / body.density_kg_m3))
+            for body in self.bodies
+            for modulus in [body.material.wave_modulus()]
+        )
 
     def _require_positive(self) -> None:
-        names = (
-            *("cell_m", "dt_s", "density_kg_m3", "object_volume_m3", "finger_radius_m"),
-            *("contact_width_m", "contact_substeps", "escape_speed_m_s", "slip_speed_m_s"),
-        )
-        for name in names:
+        for name in ("cell_m", "dt_s", "contact_width_m", "contact_substeps", "escape_speed_m_s", "slip_speed_m_s"):
             if getattr(self, name) <= 0:
                 raise ParameterError(f"Scene {name} = {getattr(self, name):g} must be positive.")
         for name in ("contact_margin_m", "damping_1_s"):
             if getattr(self, name) < 0:
                 raise ParameterError(f"Scene {name} = {getattr(self, name):g} must not be negative.")
-        if not 0 <= self.poisson < 0.5:
-            raise ParameterError(f"Scene poisson = {self.poisson:g} is outside its range 0 to 0.5 (exclusive).")
 
     def _require_grid(self) -> None:
         if min(self.shape) < 4:

@@ -4,27 +4,37 @@
 # pyright: reportAttributeAccessIssue=false, reportGeneralTypeIssues=false
 
 import os
+from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field
 from typing import Any, NamedTuple, Protocol, final
 
 import warp as wp
 
+from app.sim.compiled import Code
 from app.sim.constants import Constants
 from app.sim.effects.base import Effect
-from app.sim.kernels import CandidateKernels, ParticleKernels, candidate_kernels, particle_kernels
+from app.sim.kernels import (
+    SLOTS,
+    WARP_SIZE,
+    CandidateKernels,
+    ParticleKernels,
+    candidate_kernels,
+    particle_kernels,
+)
 from app.sim.memory import Grid, GridBars, History, Particles
+from app.sim.scene import Scene
+from app.sim.touching import parts
 
 LANES = 512
-"""Threads a candidate for the nodes on a GPU: about ten nodes each for a rope of 2000 particles."""
+"""Threads a candidate for the nodes on a GPU: a rope of 2000 particles has about 2000 nodes in its blocks."""
 
 
 class Work(NamedTuple):
-    """What an action is computed from and in: constants, phi (B,), tool (B, T), history and grid."""
+    """What an action is computed from and in: constants, `substep.Pieces.Inputs`, history and grid."""
 
     k: Constants
-    phi: wp.array[Any]
-    tool: wp.array2d[wp.vec3]
+    inputs: Any
     history: History
     grid: Grid
 
@@ -33,8 +43,9 @@ class Bars(NamedTuple):
     """Cotangents: of the state, turned from last to first in place; of phi, in partial sums; of tool; of the grid."""
 
     state: Particles
-    phi: wp.array2d[Any]
-    tool: wp.array2d[wp.vec3]
+    phi_grain: wp.array2d[Any]
+    phi_node: wp.array2d[Any]
+    tool: wp.array2d[Any]
     grid: GridBars
 
 
@@ -46,20 +57,29 @@ class Schedule(Protocol):
         """What is launched."""
         ...
 
-    def slots(self, candidates: int) -> int:
-        """How many candidates are in work at the same time, each with a grid of its own."""
+    @property
+    def effects(self) -> Sequence[Effect]:
+        """Those compiled in."""
         ...
 
-    def phi_columns(self, particles: int) -> int:
-        """The number of partial sums of a candidate's parameter cotangents."""
+    def slots(self, candidates: int) -> int:
+        """How many grids are in use at the same time."""
+        ...
+
+    def grain_columns(self, particles: int) -> int:
+        """The number of partial sums of a candidate's parameter cotangents over particles."""
+        ...
+
+    def node_columns(self) -> int:
+        """And over nodes."""
         ...
 
     def forward(self, work: Work, start: Particles) -> None:
-        """Fill the history. The grid is given and left empty."""
+        """Fill the history. The grid is given empty."""
         ...
 
     def adjoint(self, work: Work, bars: Bars) -> None:
-        """Fill `bars` from a full history. The grids are given and left empty, the sums given as zeros."""
+        """Fill `bars` from a full history. The grids are given empty, the sums as zeros."""
         ...
 
 
@@ -69,35 +89,39 @@ class ThreadedCandidates:
     """For the CPU: one launch a candidate; a thread that has ended one takes the next, for cores are rarely equal."""
 
     kernels: CandidateKernels
+    effects: tuple[Effect, ...]
     threads: int = field(default_factory=lambda: len(os.sched_getaffinity(0)))
 
     def slots(self, candidates: int) -> int:
         """As many as there are threads."""
         return min(self.threads, candidates)
 
-    def phi_columns(self, particles: int) -> int:
+    def grain_columns(self, particles: int) -> int:
         """One: a thread adds up its candidate's."""
         del particles
         return 1
 
+    def node_columns(self) -> int:
+        """One."""
+        return 1
+
     def forward(self, work: Work, start: Particles) -> None:
         """One launch a candidate."""
-        _k, phi, tool, history, grid = work
-        self._launch(self.kernels.forward, work, [phi, tool, start, history, grid])
+        self._launch(self.kernels.forward, work, [start, work.history, work.grid])
 
     def adjoint(self, work: Work, bars: Bars) -> None:
         """One launch a candidate."""
-        _k, phi, tool, history, grid = work
-        self._launch(self.kernels.adjoint, work, [phi, tool, history, bars.state, bars.phi, bars.tool, grid, bars.grid])
+        sums = [bars.state, bars.phi_grain, bars.phi_node, bars.tool]
+        self._launch(self.kernels.adjoint, work, [work.history, *sums, work.grid, bars.grid])
 
     def _launch(self, kernel: wp.Kernel, work: Work, arguments: list[Any]) -> None:
-        candidates = work.phi.shape[0]
+        candidates = work.history.x.shape[0]
         threads = self.slots(candidates)
         waiting = iter(range(candidates))  # Shared: the interpreter lock makes taking the next one atomic.
 
         def simulate(slot: int) -> None:
             for b in waiting:
-                wp.launch(kernel, 1, [work.k, b, slot, *arguments], device="cpu")
+                wp.launch(kernel, 1, [work.k, work.inputs, b, slot, *arguments], device=work.history.x.device)
 
         if threads == 1:
             simulate(0)
@@ -109,58 +133,67 @@ class ThreadedCandidates:
 @final
 @dataclass(frozen=True, kw_only=True)
 class LaunchedSubsteps:
-    """For CUDA: a few launches a substep, a thread a particle, and `lanes` threads a candidate for its active nodes."""
+    """For CUDA: two launches a substep, a thread a particle, and `lanes` threads a candidate for its active nodes."""
 
     kernels: ParticleKernels
+    effects: tuple[Effect, ...]
     lanes: int = LANES
+    block_dim: int = 128
 
     def slots(self, candidates: int) -> int:
-        """All."""
-        return candidates
+        """Several a candidate: substeps overlap."""
+        return candidates * int(SLOTS)
 
-    def phi_columns(self, particles: int) -> int:
-        """One a thread: atomic sums on one address would queue."""
-        return self.lanes + particles
+    def grain_columns(self, particles: int) -> int:
+        """One for each warp of threads: atomic sums on one address would queue."""
+        return -(-particles // WARP_SIZE)
+
+    def node_columns(self) -> int:
+        """Likewise."""
+        return self.lanes // WARP_SIZE
 
     def forward(self, work: Work, start: Particles) -> None:
-        """Four launches a substep."""
-        k, _, _, history, grid = work
-        self._over_particles(self.kernels.start, work, [start, history])
-        for s in range(work.tool.shape[1] - 1):
-            self._to_grid(work, s)
-            self._over_particles(self.kernels.grid_to_particles, work, [k, s, history, grid])
-            self._over_nodes(self.kernels.clear, work, [self.lanes, grid])
-            grid.count.zero_()
+        """Particles and nodes in turn."""
+        k, inputs, history, grid = work
+        steps = inputs.tool.shape[1] - 1
+        for s in range(steps):
+            self._over_particles(self.kernels.particles, work, [k, s, inputs, start, history, grid])
+            self._over_nodes(self.kernels.nodes, work, [k, s, self.lanes, inputs, grid], groups=2)
+        self._over_particles(self.kernels.particles, work, [k, steps, inputs, start, history, grid])
 
     def adjoint(self, work: Work, bars: Bars) -> None:
-        """Six launches a substep, the grid computed again."""
-        (k, phi, tool, history, grid), kernels, lanes = work, self.kernels, self.lanes
-        for s in reversed(range(tool.shape[1] - 1)):
-            self._to_grid(work, s)
-            arguments = [k, s, history, bars.state, grid, bars.grid]
-            self._over_particles(kernels.grid_to_particles_adjoint, work, arguments)
-            arguments = [k, s, lanes, phi, tool, bars.phi, bars.tool, grid, bars.grid]
-            self._over_nodes(kernels.grid_adjoint, work, arguments)
-            arguments = [k, s, lanes, phi, tool, history, bars.state, bars.phi, bars.tool, bars.grid]
-            self._over_particles(kernels.particles_to_grid_adjoint, work, arguments)
-            self._over_nodes(kernels.clear_adjoint, work, [lanes, grid, bars.grid])
-            grid.count.zero_()
+        """The same backwards, the grid computed again one substep ahead by threads of their own."""
+        k, inputs, history, grid = work
+        threads = WARP_SIZE * self.grain_columns(history.x.shape[2])
+        particles = [threads, inputs, history, bars.state, bars.phi_grain, bars.tool, grid, bars.grid]
+        nodes = [self.lanes, inputs, bars.phi_node, grid, bars.grid]
+        for s in reversed(range(inputs.tool.shape[1])):
+            self._over_particles(self.kernels.particles_adjoint, work, [k, s, *particles], groups=2)
+            self._over_nodes(self.kernels.nodes_adjoint, work, [k, s, *nodes], groups=3)
+        self._over_particles(self.kernels.particles_adjoint, work, [k, -1, *particles])
 
-    def _to_grid(self, work: Work, s: int) -> None:
-        k, phi, tool, history, grid = work
-        self._over_particles(self.kernels.particles_to_grid, work, [k, s, phi, tool, history, grid])
-        self._over_nodes(self.kernels.grid, work, [k, s, self.lanes, phi, tool, grid])
+    def _over_particles(self, kernel: wp.Kernel, work: Work, arguments: list[Any], groups: int = 1) -> None:
+        threads = WARP_SIZE * self.grain_columns(work.history.x.shape[2])
+        self._launch(kernel, work, groups * threads, arguments)
 
-    def _over_particles(self, kernel: wp.Kernel, work: Work, arguments: list[Any]) -> None:
-        candidates, _, particles = work.history.x.shape
-        wp.launch(kernel, (candidates, particles), arguments, device=work.phi.device)
+    def _over_nodes(self, kernel: wp.Kernel, work: Work, arguments: list[Any], groups: int) -> None:
+        self._launch(kernel, work, groups * self.lanes, arguments)
 
-    def _over_nodes(self, kernel: wp.Kernel, work: Work, arguments: list[Any]) -> None:
-        wp.launch(kernel, (work.phi.shape[0], self.lanes), arguments, device=work.phi.device)
+    def _launch(self, kernel: wp.Kernel, work: Work, threads: int, arguments: list[Any]) -> None:
+        dim = (work.history.x.shape[0], threads)
+        wp.launch(kernel, dim, arguments, device=work.history.x.device, block_dim=self.block_dim)
 
 
-def schedule_for(platform: str, effects: tuple[Effect, ...]) -> Schedule:
+def code_of(scene: Scene, effects: tuple[Effect, ...]) -> Code:
+    """What of a scene is code."""
+    primitives, _, coordinates = parts(scene.tools)
+    laws = tuple(body.material.law for body in scene.bodies)
+    return Code(laws=laws, parts=primitives, coordinates=coordinates, effects=effects)
+
+
+def schedule_for(platform: str, scene: Scene, effects: tuple[Effect, ...]) -> Schedule:
     """The one that suits JAX's platform of that name."""
+    code = code_of(scene, effects)
     if platform == "cpu":
-        return ThreadedCandidates(kernels=candidate_kernels(effects))
-    return LaunchedSubsteps(kernels=particle_kernels(effects))
+        return ThreadedCandidates(kernels=candidate_kernels(code), effects=effects)
+    return LaunchedSubsteps(kernels=particle_kernels(code), effects=effects)

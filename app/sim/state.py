@@ -1,4 +1,4 @@
-"""The state of the particles."""
+"""The state of the particles, and what does not change while they move."""
 
 from typing import NamedTuple, Self, final
 
@@ -18,7 +18,7 @@ class State(NamedTuple):
     C: Float[jax.Array, "B N 3 3"]
     """Affine velocity field around each particle [1/s]."""
     F: Float[jax.Array, "B N 3 3"]
-    """Deformation gradient."""
+    """Deformation gradient; of a liquid diag(J, 1, 1), of a cloth its two threads and its normal as columns."""
 
     @classmethod
     def at_rest(cls, x: Float[jax.Array, "B N 3"]) -> Self:
@@ -26,3 +26,18 @@ class State(NamedTuple):
         x = jnp.asarray(x, jnp.float32)
         identity = jnp.broadcast_to(jnp.eye(3, dtype=x.dtype), (*x.shape, 3))
         return cls(x=x, v=jnp.zeros_like(x), C=jnp.zeros_like(identity), F=identity)
+
+
+@final
+class Setting(NamedTuple):
+    """What effects may depend on besides the state; a JAX pytree. Nothing is differentiated with respect to it."""
+
+    label: Float[jax.Array, "B N 4"]
+    """Where a particle is in its object: along it (-1 to 1), offset from its middle line [m], direction there (x, y)."""
+    time: Float[jax.Array, " B"]
+    """Of the session in which the action happens: -0.5 at its beginning, 0.5 at its end."""
+
+    @classmethod
+    def unknown(cls, candidates: int, particles: int) -> Self:
+        """The middle of everything: effects that depend on it do nothing."""
+        return cls(label=jnp.zeros((candidates, particles, 4)), time=jnp.zeros(candidates))

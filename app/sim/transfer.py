@@ -1,38 +1,90 @@
 """Between particles and grid: quadratic B-splines over 27 nodes, and their adjoints written by hand.
 
-A grid node holds a vec4: first momentum and mass, then velocity. A node touched for the first time in a substep puts
-itself on the list of active nodes, so that nothing ever visits the others. Only finite numbers may be scattered: NaN
-would stay in nodes that were reached with weight zero, which are not on the list. The adjoints are those of the plain
-sums below; Warp's automatic ones replay the scatter and keep 27 sets of intermediates.
+These four sums take most of a simulation's time. They are native code, because what makes them fast cannot be said in
+Warp's language: vectors of four numbers on a CPU, and on a GPU additions of four numbers that return nothing. The
+adjoints are those of the plain sums; Warp's automatic ones would keep 27 sets of intermediates. Only finite numbers
+may be scattered: NaN would stay in nodes that were reached with weight zero.
+
+Notation: q the position in cells from the node (0, 0, 0), f = q minus the first of the three nodes along each axis.
 """
 
 # Warp reads its types at run time; as static types, its vectors, arrays and structs have no operators.
 # pyright: reportGeneralTypeIssues=false, reportIndexIssue=false, reportOperatorIssue=false, reportArgumentType=false
-# pyright: reportCallIssue=false
+# pyright: reportCallIssue=false, reportInvalidTypeForm=false
 
 import warp as wp
 
-from app.sim.constants import Constants
-from app.sim.memory import Grid, GridBars
-from app.sim.physics import LEAST_TOUCH
+from app.sim.constants import BLOCK_NODES, BLOCK_SHIFT, Constants
+
+def in_blocks(code: str) -> str:
+    """Native code with the shape of a block filled in: its shifts SX SY SZ and masks MX MY MZ."""
+    for axis, shift in zip("XYZ", BLOCK_SHIFT, strict=True):
+        code = code.replace(f"S{axis}", str(shift)).replace(f"M{axis}", str(2**shift - 1))
+    return code
 
 
-@wp.func
-def spline(f: float) -> wp.vec3:
-    """Weights of the three nodes around a particle that lies `f` cells (0.5 to 1.5) above the first."""
-    return wp.vec3(0.5 * (1.5 - f) * (1.5 - f), 0.75 - (f - 1.0) * (f - 1.0), 0.5 * (f - 0.5) * (f - 0.5))
+Mat34 = wp.types.matrix(shape=(3, 4), dtype=float)
+
+_VECTOR = """
+#if defined(__CUDA_ARCH__)
+    struct __align__(16) f4 {
+        float c[4];
+        CUDA_CALLABLE f4 operator+(const f4& o) const { return {c[0]+o.c[0], c[1]+o.c[1], c[2]+o.c[2], c[3]+o.c[3]}; }
+        CUDA_CALLABLE f4 operator-(const f4& o) const { return {c[0]-o.c[0], c[1]-o.c[1], c[2]-o.c[2], c[3]-o.c[3]}; }
+        CUDA_CALLABLE f4 operator*(const f4& o) const { return {c[0]*o.c[0], c[1]*o.c[1], c[2]*o.c[2], c[3]*o.c[3]}; }
+        CUDA_CALLABLE f4 operator*(float s) const { return {c[0]*s, c[1]*s, c[2]*s, c[3]*s}; }
+        CUDA_CALLABLE f4& operator+=(const f4& o) { *this = *this + o; return *this; }
+        CUDA_CALLABLE float operator[](int i) const { return c[i]; }
+    };
+#else
+    typedef float f4 __attribute__((vector_size(16), aligned(16)));
+#endif
+#if defined(__CUDA_ARCH__) && __CUDA_ARCH__ >= 900
+    #define ADD_TO(node, value) do { const f4 _a = (value); asm volatile("red.global.add.v4.f32 [%0], {%1,%2,%3,%4};" \\
+        :: "l"(&(node)), "f"(_a[0]), "f"(_a[1]), "f"(_a[2]), "f"(_a[3]) : "memory"); } while (0)
+#elif defined(__CUDA_ARCH__)
+    #define ADD_TO(node, value) do { const f4 _a = (value); float* _n = (float*)&(node); \\
+        for (int _c = 0; _c < 4; _c++) atomicAdd(_n + _c, _a[_c]); } while (0)
+#else
+    #define ADD_TO(node, value) (node) += (value)
+#endif
+    #define NODES(array) ((f4*)(array).data + (long long)slot * (array).shape[1])
+    #define SUM(a) ((a)[0] + (a)[1] + (a)[2] + (a)[3])
+"""
+"""Four floats, their sum over nodes, and the nodes of a slot."""
+
+_STENCIL = """
+    const int i0 = (int)(q[0] - 0.5f), j0 = (int)(q[1] - 0.5f), k0 = (int)(q[2] - 0.5f);
+    const float fx = q[0] - i0, fy = q[1] - j0, fz = q[2] - k0;
+    const float wx[3] = {0.5f*(1.5f-fx)*(1.5f-fx), 0.75f-(fx-1.0f)*(fx-1.0f), 0.5f*(fx-0.5f)*(fx-0.5f)};
+    const float wy[3] = {0.5f*(1.5f-fy)*(1.5f-fy), 0.75f-(fy-1.0f)*(fy-1.0f), 0.5f*(fy-0.5f)*(fy-0.5f)};
+    const float wz[3] = {0.5f*(1.5f-fz)*(1.5f-fz), 0.75f-(fz-1.0f)*(fz-1.0f), 0.5f*(fz-0.5f)*(fz-0.5f)};
+    int ox[3], oy[3], oz[3];
+    #pragma unroll
+    for (int n = 0; n < 3; n++) {
+        ox[n] = (((i0 + n) >> SX) * blocks_y * blocks_z << SX + SY + SZ) + (((i0 + n) & MX) << SY + SZ);
+        oy[n] = (((j0 + n) >> SY) * blocks_z << SX + SY + SZ) + (((j0 + n) & MY) << SZ);
+        oz[n] = ((k0 + n) >> SZ << SX + SY + SZ) + ((k0 + n) & MZ);
+    }
+"""
+_STENCIL = in_blocks(_STENCIL)
+"""Weights and places of the nodes along each axis: node (i, j, k) of the 27 lies at ox[i] + oy[j] + oz[k]."""
+
+_SLOPES = """
+    const float sx[3] = {fx - 1.5f, -2.0f * (fx - 1.0f), fx - 0.5f};
+    const float sy[3] = {fy - 1.5f, -2.0f * (fy - 1.0f), fy - 0.5f};
+    const float sz[3] = {fz - 1.5f, -2.0f * (fz - 1.0f), fz - 0.5f};
+"""
+"""Derivatives of the weights with respect to f."""
 
 
-@wp.func
-def spline_slope(f: float) -> wp.vec3:
-    """Derivatives of the weights with respect to `f`."""
-    return wp.vec3(f - 1.5, -2.0 * (f - 1.0), f - 0.5)
+SIDE_X, SIDE_Y, SIDE_Z = (wp.constant(2**shift) for shift in BLOCK_SHIFT)
 
 
 @wp.func
 def inside(k: Constants, x: wp.vec3) -> bool:
     """Whether all 27 nodes around `x` exist; False for NaN."""
-    q = (x - k.origin) * k.per_cell
+    q = cells(k, x)
     return (
         q[0] >= 0.5
         and q[1] >= 0.5
@@ -44,201 +96,374 @@ def inside(k: Constants, x: wp.vec3) -> bool:
 
 
 @wp.func
+def cells(k: Constants, x: wp.vec3) -> wp.vec3:
+    """A position in cells from the node (0, 0, 0)."""
+    return (x - k.origin) * k.per_cell
+
+
+@wp.func
+def node_position(k: Constants, node: int) -> wp.vec3:
+    """Of a node [m], given its place in memory."""
+    block = node // BLOCK_NODES
+    i = SIDE_X * (block // (k.blocks_y * k.blocks_z)) + (node // (SIDE_Y * SIDE_Z)) % SIDE_X
+    j = SIDE_Y * ((block // k.blocks_z) % k.blocks_y) + (node // SIDE_Z) % SIDE_Y
+    n = SIDE_Z * (block % k.blocks_z) + node % SIDE_Z
+    return k.origin + k.cell * wp.vec3(float(i), float(j), float(n))
+
+
+_BLOCKS = """
+    const int i0 = (int)(q[0] - 0.5f), j0 = (int)(q[1] - 0.5f), k0 = (int)(q[2] - 0.5f);
+    const int i1 = (i0 + 2) >> SX, j1 = (j0 + 2) >> SY, k1 = (k0 + 2) >> SZ;
+    int blocks[8];
+    bool own[8];
+    #pragma unroll
+    for (int n = 0; n < 8; n++) {
+        const int i = (n & 4) ? i1 : i0 >> SX, j = (n & 2) ? j1 : j0 >> SY, k = (n & 1) ? k1 : k0 >> SZ;
+        blocks[n] = (i * blocks_y + j) * blocks_z + k;
+        own[n] = !((n & 4) && i1 == i0 >> SX) && !((n & 2) && j1 == j0 >> SY) && !((n & 1) && k1 == k0 >> SZ);
+    }
+"""
+_BLOCKS = in_blocks(_BLOCKS)
+"""The blocks around a particle: those of the eight that are `own` are one to eight different ones."""
+
+
+@wp.func_native(
+    _BLOCKS
+    + """
+    int* stamps = listed.data + (long long)slot * listed.shape[1];
+    int* list = active.data + (long long)slot * active.shape[1];
+    int seen[8];
+    #pragma unroll
+    for (int n = 0; n < 8; n++)
+        seen[n] = own[n] ? stamps[blocks[n]] : stamp;
+    #pragma unroll
+    for (int n = 0; n < 8; n++) {
+        if (seen[n] < stamp) {
+        #if defined(__CUDA_ARCH__)
+            if (atomicMax(stamps + blocks[n], stamp) < stamp)
+                list[atomicAdd(count.data + slot, 1)] = blocks[n];
+        #else
+            stamps[blocks[n]] = stamp;
+            list[count.data[slot]++] = blocks[n];
+        #endif
+        }
+    }
+"""
+)
+def enlist(
+    q: wp.vec3,
+    blocks_y: int,
+    blocks_z: int,
+    slot: int,
+    stamp: int,
+    listed: wp.array2d[wp.int32],
+    active: wp.array2d[wp.int32],
+    count: wp.array[wp.int32],
+):
+    """Put the blocks around a particle on the list of active ones."""
+    ...
+
+
+@wp.func_native(
+    _BLOCKS
+    + """
+    int* stamps = felt.data + (long long)slot * felt.shape[1];
+    #pragma unroll
+    for (int n = 0; n < 8; n++)
+        stamps[blocks[n]] = stamp;
+"""
+)
+def enlist_felt(q: wp.vec3, blocks_y: int, blocks_z: int, slot: int, stamp: int, felt: wp.array2d[wp.int32]):
+    """Say of the blocks around a particle that a tool touches there."""
+    ...
+
+
+@wp.func_native(
+    _VECTOR
+    + _STENCIL
+    + """
+    f4* nodes = NODES(mass);
+    const f4 ax = {affine.data[0][0], affine.data[1][0], affine.data[2][0], 0.0f};
+    const f4 ay = {affine.data[0][1], affine.data[1][1], affine.data[2][1], 0.0f};
+    const f4 az = {affine.data[0][2], affine.data[1][2], affine.data[2][2], 0.0f};
+    const f4 middle = {momentum[0], momentum[1], momentum[2], m};
+    f4 pi = middle - ax * fx - ay * fy - az * fz;
+    #pragma unroll
+    for (int i = 0; i < 3; i++, pi += ax) {
+        f4 pj = pi;
+        #pragma unroll
+        for (int j = 0; j < 3; j++, pj += ay) {
+            f4* row = nodes + ox[i] + oy[j];
+            const float w = wx[i] * wy[j];
+            ADD_TO(row[oz[0]], pj * (w * wz[0]));
+            ADD_TO(row[oz[1]], (pj + az) * (w * wz[1]));
+            ADD_TO(row[oz[2]], (pj + az * 2.0f) * (w * wz[2]));
+        }
+    }
+"""
+)
 def scatter(
-    k: Constants,
-    x: wp.vec3,
+    q: wp.vec3,
     momentum: wp.vec3,
     affine: wp.mat33,
+    m: float,
+    blocks_y: int,
+    blocks_z: int,
     slot: int,
-    grid: Grid,
+    mass: wp.array2d[wp.vec4],
 ):
-    """P2G: add a particle's momentum and mass to the 27 nodes around it."""
-    q = (x - k.origin) * k.per_cell
-    i0 = int(q[0] - 0.5)
-    j0 = int(q[1] - 0.5)
-    k0 = int(q[2] - 0.5)
-    f = q - wp.vec3(float(i0), float(j0), float(k0))
-    wx = spline(f[0])
-    wy = spline(f[1])
-    wz = spline(f[2])
-    step_z = affine * wp.vec3(0.0, 0.0, k.cell)
-    for i in range(3):
-        for j in range(3):
-            wij = wx[i] * wy[j]
-            p = momentum + affine * ((wp.vec3(float(i), float(j), 0.0) - f) * k.cell)
-            row = ((i0 + i) * k.ny + j0 + j) * k.nz + k0
-            for n in range(3):
-                w = wij * wz[n]
-                m = w * k.mass
-                before = wp.atomic_add(grid.mass, slot, row + n, wp.vec4(w * p[0], w * p[1], w * p[2], m))
-                if before[3] == 0.0 and m > 0.0:
-                    place = wp.atomic_add(grid.count, slot, 1)
-                    grid.active[slot, place] = row + n
-                p += step_z
+    """P2G: add a particle's momentum, momentum slope a cell and mass to the 27 nodes around it."""
+    ...
 
 
-@wp.func
-def gather(k: Constants, x: wp.vec3, slot: int, grid: Grid):
-    """G2P: velocity and affine velocity field of a particle from the 27 nodes around it."""
-    q = (x - k.origin) * k.per_cell
-    i0 = int(q[0] - 0.5)
-    j0 = int(q[1] - 0.5)
-    k0 = int(q[2] - 0.5)
-    f = q - wp.vec3(float(i0), float(j0), float(k0))
-    wx = spline(f[0])
-    wy = spline(f[1])
-    wz = spline(f[2])
-    v = wp.vec3()
-    b = wp.mat33()
-    for i in range(3):
-        for j in range(3):
-            row = ((i0 + i) * k.ny + j0 + j) * k.nz + k0
-            u = wp.vec3()
-            uz = wp.vec3()
-            for n in range(3):
-                node = grid.velocity[slot, row + n]
-                part = wz[n] * wp.vec3(node[0], node[1], node[2])
-                u += part
-                uz += (float(n) - f[2]) * part
-            wij = wx[i] * wy[j]
-            v += wij * u
-            b += wp.outer(wij * u, wp.vec3(float(i) - f[0], float(j) - f[1], 0.0))
-            b += wp.outer(wij * uz, wp.vec3(0.0, 0.0, 1.0))
-    return v, (4.0 * k.per_cell) * b
+@wp.func_native(
+    _VECTOR
+    + _STENCIL
+    + """
+    const f4* nodes = NODES(velocity);
+    f4 v = {0.0f, 0.0f, 0.0f, 0.0f}, bx = v, by = v, bz = v;
+    #pragma unroll
+    for (int i = 0; i < 3; i++) {
+        f4 vi = {0.0f, 0.0f, 0.0f, 0.0f}, yi = vi, zi = vi;
+        #pragma unroll
+        for (int j = 0; j < 3; j++) {
+            const f4* row = nodes + ox[i] + oy[j];
+            const f4 a = row[oz[0]] * wz[0], b = row[oz[1]] * wz[1], c = row[oz[2]] * wz[2];
+            const f4 vj = a + b + c;
+            vi += vj * wy[j];
+            yi += vj * (wy[j] * (j - fy));
+            zi += (a * (0.0f - fz) + b * (1.0f - fz) + c * (2.0f - fz)) * wy[j];
+        }
+        v += vi * wx[i];
+        bx += vi * (wx[i] * (i - fx));
+        by += yi * wx[i];
+        bz += zi * wx[i];
+    }
+    wp::mat_t<3, 4, float> out;
+    for (int c = 0; c < 3; c++) {
+        out.data[c][0] = bx[c];
+        out.data[c][1] = by[c];
+        out.data[c][2] = bz[c];
+        out.data[c][3] = v[c];
+    }
+    return out;
+"""
+)
+def gather(q: wp.vec3, blocks_y: int, blocks_z: int, slot: int, velocity: wp.array2d[wp.vec4]) -> Mat34:
+    """G2P: [B | v] of a particle from the 27 nodes around it; B = sum of w v (node - particle)^T, in cells."""
+    ...
 
 
-@wp.func
+@wp.func_native(
+    _VECTOR
+    + _STENCIL
+    + _SLOPES
+    + """
+    const f4* nodes = NODES(velocity);
+    f4* bars = NODES(node_bars);
+    const f4 ax = {B_bar.data[0][0], B_bar.data[1][0], B_bar.data[2][0], 0.0f};
+    const f4 ay = {B_bar.data[0][1], B_bar.data[1][1], B_bar.data[2][1], 0.0f};
+    const f4 az = {B_bar.data[0][2], B_bar.data[1][2], B_bar.data[2][2], 0.0f};
+    const f4 middle = {v_bar[0], v_bar[1], v_bar[2], 0.0f};
+    const f4 zero = {0.0f, 0.0f, 0.0f, 0.0f};
+    f4 ai = middle - ax * fx - ay * fy - az * fz;
+    f4 along_x = zero, along_y = zero, along_z = zero, u = zero;
+    #pragma unroll
+    for (int i = 0; i < 3; i++, ai += ax) {
+        f4 aj = ai, whole_i = zero, y_i = zero, z_i = zero;
+        #pragma unroll
+        for (int j = 0; j < 3; j++, aj += ay) {
+            const int row = ox[i] + oy[j];
+            const float w = wx[i] * wy[j];
+            f4 whole = zero, slope = zero, u_j = zero;
+            #pragma unroll
+            for (int n = 0; n < 3; n++) {
+                const f4 a = aj + az * (float)n;
+                const f4 node = nodes[row + oz[n]];
+                ADD_TO(bars[row + oz[n]], a * (w * wz[n]));
+                const f4 ua = node * a;
+                whole += ua * wz[n];
+                slope += ua * sz[n];
+                u_j += node * wz[n];
+            }
+            whole_i += whole * wy[j];
+            y_i += whole * sy[j];
+            z_i += slope * wy[j];
+            u += u_j * w;
+        }
+        along_x += whole_i * sx[i];
+        along_y += y_i * wx[i];
+        along_z += z_i * wx[i];
+    }
+    return wp::vec_t<3, float>(
+        SUM(along_x) - SUM(ax * u), SUM(along_y) - SUM(ay * u), SUM(along_z) - SUM(az * u));
+"""
+)
 def gather_adjoint(
-    k: Constants,
-    x: wp.vec3,
+    q: wp.vec3,
     v_bar: wp.vec3,
-    C_bar: wp.mat33,
+    B_bar: wp.mat33,
+    blocks_y: int,
+    blocks_z: int,
     slot: int,
-    grid: Grid,
-    bars: GridBars,
+    velocity: wp.array2d[wp.vec4],
+    node_bars: wp.array2d[wp.vec4],
 ) -> wp.vec3:
-    """Adjoint of `gather`: adds to the nodes' cotangents and returns that of x."""
-    q = (x - k.origin) * k.per_cell
-    i0 = int(q[0] - 0.5)
-    j0 = int(q[1] - 0.5)
-    k0 = int(q[2] - 0.5)
-    f = q - wp.vec3(float(i0), float(j0), float(k0))
-    wx = spline(f[0])
-    wy = spline(f[1])
-    wz = spline(f[2])
-    sx = spline_slope(f[0])
-    sy = spline_slope(f[1])
-    sz = spline_slope(f[2])
-    B_bar = (4.0 * k.per_cell) * C_bar
-    f_bar = wp.vec3()
-    u_sum = wp.vec3()
-    step_z = B_bar * wp.vec3(0.0, 0.0, 1.0)
-    for i in range(3):
-        for j in range(3):
-            row = ((i0 + i) * k.ny + j0 + j) * k.nz + k0
-            a = v_bar + B_bar * (wp.vec3(float(i), float(j), 0.0) - f)
-            along = wp.float32(0.0)
-            slope = wp.float32(0.0)
-            for n in range(3):
-                node = grid.velocity[slot, row + n]
-                w = wx[i] * wy[j] * wz[n]
-                wp.atomic_add(bars.node, slot, row + n, wp.vec4(w * a[0], w * a[1], w * a[2], 0.0))
-                u = wp.vec3(node[0], node[1], node[2])
-                ua = wp.dot(u, a)
-                along += wz[n] * ua
-                slope += sz[n] * ua
-                u_sum += w * u
-                a += step_z
-            f_bar += wp.vec3(sx[i] * wy[j] * along, wx[i] * sy[j] * along, wx[i] * wy[j] * slope)
-    return k.per_cell * (f_bar - wp.transpose(B_bar) * u_sum)
+    """Adjoint of `gather`: adds to the nodes' cotangents and returns that of q."""
+    ...
 
 
-@wp.func
-def scatter_adjoint(k: Constants, x: wp.vec3, momentum: wp.vec3, affine: wp.mat33, slot: int, bars: GridBars):
-    """Adjoint of `scatter`: cotangents of momentum, affine part and x from those of the nodes."""
-    q = (x - k.origin) * k.per_cell
-    i0 = int(q[0] - 0.5)
-    j0 = int(q[1] - 0.5)
-    k0 = int(q[2] - 0.5)
-    f = q - wp.vec3(float(i0), float(j0), float(k0))
-    wx = spline(f[0])
-    wy = spline(f[1])
-    wz = spline(f[2])
-    sx = spline_slope(f[0])
-    sy = spline_slope(f[1])
-    sz = spline_slope(f[2])
-    momentum_bar = wp.vec3()
-    affine_bar = wp.mat33()
-    f_bar = wp.vec3()
-    step_z = affine * wp.vec3(0.0, 0.0, k.cell)
-    for i in range(3):
-        for j in range(3):
-            row = ((i0 + i) * k.ny + j0 + j) * k.nz + k0
-            p = momentum + affine * ((wp.vec3(float(i), float(j), 0.0) - f) * k.cell)
-            a = wp.vec3()
-            az = wp.vec3()
-            along = wp.float32(0.0)
-            slope = wp.float32(0.0)
-            for n in range(3):
-                node = bars.node[slot, row + n]
-                node_bar = wp.vec3(node[0], node[1], node[2])
-                pa = wp.dot(p, node_bar) + k.mass * node[3]
-                along += wz[n] * pa
-                slope += sz[n] * pa
-                part = wz[n] * node_bar
-                a += part
-                az += (float(n) - f[2]) * part
-                p += step_z
-            wij = wx[i] * wy[j]
-            momentum_bar += wij * a
-            affine_bar += wp.outer(wij * a, wp.vec3(float(i) - f[0], float(j) - f[1], 0.0))
-            affine_bar += wp.outer(wij * az, wp.vec3(0.0, 0.0, 1.0))
-            f_bar += wp.vec3(sx[i] * wy[j] * along, wx[i] * sy[j] * along, wx[i] * wy[j] * slope)
-    x_bar = k.per_cell * f_bar - wp.transpose(affine) * momentum_bar
-    return momentum_bar, k.cell * affine_bar, x_bar
+@wp.func_native(
+    _VECTOR
+    + _STENCIL
+    + _SLOPES
+    + """
+    const f4* bars = NODES(node_bars);
+    const f4 ax = {affine.data[0][0], affine.data[1][0], affine.data[2][0], 0.0f};
+    const f4 ay = {affine.data[0][1], affine.data[1][1], affine.data[2][1], 0.0f};
+    const f4 az = {affine.data[0][2], affine.data[1][2], affine.data[2][2], 0.0f};
+    const f4 middle = {momentum[0], momentum[1], momentum[2], m};
+    const f4 zero = {0.0f, 0.0f, 0.0f, 0.0f};
+    f4 pi = middle - ax * fx - ay * fy - az * fz;
+    f4 along_x = zero, along_y = zero, along_z = zero, p_bar = zero, bx = zero, by = zero, bz = zero;
+    #pragma unroll
+    for (int i = 0; i < 3; i++, pi += ax) {
+        f4 pj = pi, whole_i = zero, y_i = zero, z_i = zero, bar_i = zero, bary_i = zero, barz_i = zero;
+        #pragma unroll
+        for (int j = 0; j < 3; j++, pj += ay) {
+            const f4* row = bars + ox[i] + oy[j];
+            f4 whole = zero, slope = zero, bar = zero, barz = zero;
+            #pragma unroll
+            for (int n = 0; n < 3; n++) {
+                const f4 node = row[oz[n]];
+                const f4 pa = (pj + az * (float)n) * node;
+                whole += pa * wz[n];
+                slope += pa * sz[n];
+                bar += node * wz[n];
+                barz += node * (wz[n] * (n - fz));
+            }
+            whole_i += whole * wy[j];
+            y_i += whole * sy[j];
+            z_i += slope * wy[j];
+            bar_i += bar * wy[j];
+            bary_i += bar * (wy[j] * (j - fy));
+            barz_i += barz * wy[j];
+        }
+        along_x += whole_i * sx[i];
+        along_y += y_i * wx[i];
+        along_z += z_i * wx[i];
+        p_bar += bar_i * wx[i];
+        bx += bar_i * (wx[i] * (i - fx));
+        by += bary_i * wx[i];
+        bz += barz_i * wx[i];
+    }
+    wp::mat_t<4, 4, float> out;
+    for (int c = 0; c < 4; c++) {
+        out.data[c][0] = bx[c];
+        out.data[c][1] = by[c];
+        out.data[c][2] = bz[c];
+        out.data[c][3] = p_bar[c];
+    }
+    out.data[3][0] = SUM(along_x) - SUM(ax * p_bar);
+    out.data[3][1] = SUM(along_y) - SUM(ay * p_bar);
+    out.data[3][2] = SUM(along_z) - SUM(az * p_bar);
+    return out;
+"""
+)
+def scatter_adjoint(
+    q: wp.vec3,
+    momentum: wp.vec3,
+    affine: wp.mat33,
+    m: float,
+    blocks_y: int,
+    blocks_z: int,
+    slot: int,
+    node_bars: wp.array2d[wp.vec4],
+) -> wp.mat44:
+    """Adjoint of `scatter`: [[affine_bar | momentum_bar], [q_bar | m_bar]] from the cotangents of the nodes."""
+    ...
 
 
-@wp.func
-def scatter_touch(k: Constants, x: wp.vec3, touch: wp.vec4, slot: int, grid: Grid):
-    """Add a particle's touch to the 27 nodes around it, with the weights of its mass."""
-    if touch[3] > LEAST_TOUCH * k.mass:
-        q = (x - k.origin) * k.per_cell
-        i0 = int(q[0] - 0.5)
-        j0 = int(q[1] - 0.5)
-        k0 = int(q[2] - 0.5)
-        wx = spline(q[0] - float(i0))
-        wy = spline(q[1] - float(j0))
-        wz = spline(q[2] - float(k0))
-        for i in range(3):
-            for j in range(3):
-                row = ((i0 + i) * k.ny + j0 + j) * k.nz + k0
-                for n in range(3):
-                    wp.atomic_add(grid.touch, slot, row + n, (wx[i] * wy[j] * wz[n]) * touch)
+@wp.func_native(
+    _VECTOR
+    + _STENCIL
+    + """
+    f4 *touches = NODES(touch), *aims = NODES(aim);
+    const f4 t = {given_touch[0], given_touch[1], given_touch[2], given_touch[3]};
+    const f4 a = {given_aim[0], given_aim[1], given_aim[2], given_aim[3]};
+    #pragma unroll
+    for (int i = 0; i < 3; i++)
+        #pragma unroll
+        for (int j = 0; j < 3; j++)
+            #pragma unroll
+            for (int n = 0; n < 3; n++) {
+                const float w = wx[i] * wy[j] * wz[n];
+                const int node = ox[i] + oy[j] + oz[n];
+                ADD_TO(touches[node], t * w);
+                ADD_TO(aims[node], a * w);
+            }
+"""
+)
+def scatter_touch(
+    q: wp.vec3,
+    given_touch: wp.vec4,
+    given_aim: wp.vec4,
+    blocks_y: int,
+    blocks_z: int,
+    slot: int,
+    touch: wp.array2d[wp.vec4],
+    aim: wp.array2d[wp.vec4],
+):
+    """Add a particle's touch and aim to the 27 nodes around it, with the weights of its mass."""
+    ...
 
 
-@wp.func
-def scatter_touch_adjoint(k: Constants, x: wp.vec3, touch: wp.vec4, slot: int, bars: GridBars):
-    """Adjoint of `scatter_touch`: cotangents of touch and x."""
-    touch_bar = wp.vec4()
-    f_bar = wp.vec3()
-    if touch[3] > LEAST_TOUCH * k.mass:
-        q = (x - k.origin) * k.per_cell
-        i0 = int(q[0] - 0.5)
-        j0 = int(q[1] - 0.5)
-        k0 = int(q[2] - 0.5)
-        f = q - wp.vec3(float(i0), float(j0), float(k0))
-        wx = spline(f[0])
-        wy = spline(f[1])
-        wz = spline(f[2])
-        sx = spline_slope(f[0])
-        sy = spline_slope(f[1])
-        sz = spline_slope(f[2])
-        for i in range(3):
-            for j in range(3):
-                row = ((i0 + i) * k.ny + j0 + j) * k.nz + k0
-                for n in range(3):
-                    node_bar = bars.touch[slot, row + n]
-                    work = wp.dot(touch, node_bar)
-                    touch_bar += (wx[i] * wy[j] * wz[n]) * node_bar
-                    f_bar += work * wp.vec3(sx[i] * wy[j] * wz[n], wx[i] * sy[j] * wz[n], wx[i] * wy[j] * sz[n])
-    return touch_bar, k.per_cell * f_bar
+@wp.func_native(
+    _VECTOR
+    + _STENCIL
+    + _SLOPES
+    + """
+    const f4 *touches = NODES(touch_bars), *aims = NODES(aim_bars);
+    const f4 t = {given_touch[0], given_touch[1], given_touch[2], given_touch[3]};
+    const f4 a = {given_aim[0], given_aim[1], given_aim[2], given_aim[3]};
+    const f4 zero = {0.0f, 0.0f, 0.0f, 0.0f};
+    f4 t_bar = zero, a_bar = zero, along_x = zero, along_y = zero, along_z = zero;
+    #pragma unroll
+    for (int i = 0; i < 3; i++)
+        #pragma unroll
+        for (int j = 0; j < 3; j++)
+            #pragma unroll
+            for (int n = 0; n < 3; n++) {
+                const int node = ox[i] + oy[j] + oz[n];
+                const float w = wx[i] * wy[j] * wz[n];
+                const f4 work = t * touches[node] + a * aims[node];
+                t_bar += touches[node] * w;
+                a_bar += aims[node] * w;
+                along_x += work * (sx[i] * wy[j] * wz[n]);
+                along_y += work * (wx[i] * sy[j] * wz[n]);
+                along_z += work * (wx[i] * wy[j] * sz[n]);
+            }
+    wp::mat_t<3, 4, float> out;
+    for (int c = 0; c < 4; c++) {
+        out.data[0][c] = t_bar[c];
+        out.data[1][c] = a_bar[c];
+    }
+    out.data[2][0] = SUM(along_x);
+    out.data[2][1] = SUM(along_y);
+    out.data[2][2] = SUM(along_z);
+    out.data[2][3] = 0.0f;
+    return out;
+"""
+)
+def scatter_touch_adjoint(
+    q: wp.vec3,
+    given_touch: wp.vec4,
+    given_aim: wp.vec4,
+    blocks_y: int,
+    blocks_z: int,
+    slot: int,
+    touch_bars: wp.array2d[wp.vec4],
+    aim_bars: wp.array2d[wp.vec4],
+) -> Mat34:
+    """Adjoint of `scatter_touch`: rows touch_bar, aim_bar and (q_bar, 0)."""
+    ...

@@ -7,15 +7,16 @@ import warp as wp
 
 from app.sim.catalogue import EFFECTS
 from app.sim.effects.base import Effect
+from app.sim.scene import Scene
 from app.sim.schedule import schedule_for
 
 
-def warm_up(announce: Callable[[str], None], effects: tuple[Effect, ...] = EFFECTS) -> None:
-    """Compile the simulator for JAX's default platform, or load it from Warp's cache on disk.
+def warm_up(announce: Callable[[str], None], scene: Scene, effects: tuple[Effect, ...] = EFFECTS) -> None:
+    """Compile the simulator of scenes like this one for JAX's default platform, or load it from Warp's cache on disk.
 
     `announce` is told the stage's name before it starts, for example "simulator kernels, CPU".
     """
     wp.config.log_level = wp.LOG_WARNING  # Warp announces itself on stdout, which belongs to the command line.
     platform = jax.default_backend()
     announce(f"simulator kernels, {'CPU' if platform == 'cpu' else 'CUDA'}")
-    wp.load_module(schedule_for(platform, effects).kernels.module, wp.device_from_jax(jax.devices()[0]))
+    wp.load_module(schedule_for(platform, scene, effects).kernels.module, wp.device_from_jax(jax.devices()[0]))

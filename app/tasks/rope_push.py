@@ -9,7 +9,8 @@ from app.planner.actions import Pushes
 from app.planner.cost import Weights
 from app.planner.optimise import Descent
 from app.policy.scripted import ScriptedPush
-from app.sim.scene import Scene
+from app.sim.scene import Body, Scene
+from app.sim.tools import finger as sim_finger
 from app.tasks.base import Finger, Preset, Rope, Task
 from app.tasks.curves import Problems
 
@@ -33,9 +34,13 @@ TASK = Task(
         cell_m=0.0125,
         dt_s=7.0e-4,
         gravity_m_s2=117.7,
-        density_kg_m3=ROPE.mass_kg / (pi * ROPE.radius_m**2 * ROPE.length_m),
-        object_volume_m3=pi * ROPE.radius_m**2 * ROPE.length_m,
-        finger_radius_m=FINGER.radius_m,
+        bodies=(
+            Body(
+                volume_m3=pi * ROPE.radius_m**2 * ROPE.length_m,
+                density_kg_m3=ROPE.mass_kg / (pi * ROPE.radius_m**2 * ROPE.length_m),
+            ),
+        ),
+        tools=(sim_finger.Finger(radius_m=FINGER.radius_m, below_m=0.0035, fade_m=0.001),),
         contact_margin_m=0.0035,
         contact_width_m=0.001,
         contact_substeps=3.0,

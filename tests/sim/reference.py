@@ -30,29 +30,32 @@ def coulomb(tangential, impulse, friction, slip):
     return jnp.maximum(0.0, 1.0 - friction * impulse[..., None] / speed) * tangential
 
 
-def touch(scene: Scene, x, tip, mass):
+def touch(scene: Scene, x, tip, tip_velocity, mass):
     away = x[:, :2] - tip[:2]
     distance = jnp.sqrt((away**2).sum(-1) + 1e-12)
-    gap = distance - scene.finger_radius_m - scene.contact_margin_m
-    height = x[:, 2] - tip[2] + scene.contact_margin_m
-    share = jax.nn.sigmoid(-gap / scene.contact_width_m) * jax.nn.sigmoid(height / scene.contact_width_m)
+    tool = scene.tools[0]
+    gap = distance - tool.radius_m - scene.contact_margin_m
+    height = x[:, 2] - tip[2] + tool.below_m
+    share = jax.nn.sigmoid(-gap / scene.contact_width_m) * jax.nn.sigmoid(height / tool.fade_m)
     share = jnp.where(share > _LEAST_TOUCH, share, 0.0)
     escape = jnp.clip(-gap / (scene.contact_substeps * scene.dt_s), 0.0, scene.escape_speed_m_s)
-    columns = [away[:, 0] / distance, away[:, 1] / distance, escape, jnp.ones_like(gap)]
-    return mass * share[:, None] * jnp.stack(columns, axis=1)
+    normal = jnp.stack([away[:, 0] / distance, away[:, 1] / distance, jnp.zeros_like(gap)], axis=1)
+    columns = [normal, jnp.ones_like(gap)[:, None], tip_velocity + escape[:, None] * normal]
+    return mass * share[:, None] * jnp.concatenate(columns, axis=1)
 
 
-def finger(scene: Scene, v, mass, touched, tip_velocity, friction):
+def finger(scene: Scene, v, mass, touched, friction):
     touching = touched[:, 3] > 0
-    n = jnp.where(touching[:, None], touched[:, :2], jnp.array([1.0, 0.0]))
-    n = jnp.pad(n / jnp.linalg.norm(n, axis=1, keepdims=True), ((0, 0), (0, 1)))
+    n = jnp.where(touching[:, None], touched[:, :3], jnp.array([1.0, 0.0, 0.0]))
+    n = n / jnp.linalg.norm(n, axis=1, keepdims=True)
     contact_mass = jnp.where(touching, touched[:, 3], 1.0)
+    target = touched[:, 4:] / contact_mass[:, None]
     share = 1 - (1 - jnp.minimum(1.0, contact_mass / mass)) ** 4
-    relative = v - tip_velocity
+    relative = v - target
     approach = (relative * n).sum(1)
-    push = share * jnp.maximum(0.0, touched[:, 2] / contact_mass - approach)
+    push = share * jnp.maximum(0.0, -approach)
     slid = coulomb(relative - approach[:, None] * n, push, friction, scene.slip_speed_m_s)
-    return jnp.where(touching[:, None], tip_velocity + (approach + push)[:, None] * n + slid, v)
+    return jnp.where(touching[:, None], target + (approach + push)[:, None] * n + slid, v)
 
 
 def table(scene: Scene, v, height, friction):
@@ -67,9 +70,10 @@ def substep(scene: Scene, phi, state: State, tips) -> State:
     x, v, C, F = state
     count, (nx, ny, nz) = x.shape[0], scene.shape
     dt, cell = scene.dt_s, scene.cell_m
-    volume = scene.object_volume_m3 / count
-    mass = scene.density_kg_m3 * volume
-    E, nu = phi[index("stiffness")], scene.poisson
+    body = scene.bodies[0]
+    volume = body.volume_m3 / count
+    mass = body.density_kg_m3 * volume
+    E, nu = phi[index("stiffness")], body.material.poisson
     mu, lam = E / (2 * (1 + nu)), E * nu / ((1 + nu) * (1 - 2 * nu))
 
     F = F + dt * C @ F
@@ -84,9 +88,10 @@ def substep(scene: Scene, phi, state: State, tips) -> State:
     nodes = base[:, None] + _OFFSETS[None]
     flat = (nodes[..., 0] * ny + nodes[..., 1]) * nz + nodes[..., 2]
     momentum = weights[..., None] * (mass * v[:, None] + cell * jnp.einsum("nij,nkj->nki", affine, offsets))
-    touched = weights[..., None] * touch(scene, x, tips[0], mass)[:, None]
+    tip_velocity = (tips[1] - tips[0]) / dt
+    touched = weights[..., None] * touch(scene, x, tips[0], tip_velocity, mass)[:, None]
     given = jnp.concatenate([momentum, mass * weights[..., None], touched], axis=-1)
-    grid = jnp.zeros((nx * ny * nz, 8), x.dtype).at[flat].add(given)
+    grid = jnp.zeros((nx * ny * nz, 11), x.dtype).at[flat].add(given)
 
     occupied = grid[:, 3] > _LEAST_SHARE * mass
     node_mass = jnp.where(occupied, grid[:, 3], 1.0)
@@ -95,8 +100,7 @@ def substep(scene: Scene, phi, state: State, tips) -> State:
     u = u - jnp.array([0.0, 0.0, scene.gravity_m_s2 * dt], x.dtype)
     u = jnp.exp(-phi[index("film_drag")] * dt * jnp.clip(1 - height / 0.02, 0, 1))[:, None] * u
     u = table(scene, u, height, phi[index("table_friction")])
-    tip_velocity = (tips[1] - tips[0]) / dt
-    u = finger(scene, u, node_mass, grid[:, 4:], tip_velocity, phi[index("finger_friction")])
+    u = finger(scene, u, node_mass, grid[:, 4:], phi[index("finger_friction")])
     u = jnp.where(occupied[:, None], u, 0.0)[flat]
 
     v = jnp.einsum("nk,nki->ni", weights, u)

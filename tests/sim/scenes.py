@@ -5,14 +5,14 @@ from dataclasses import replace
 import numpy as np
 
 from app.sim.params import index, nominal_phi
-from app.sim.scene import Scene
+from app.sim.scene import Body, Scene
 
 SCENE = Scene(
     low=(0.42, -0.10, -0.02),
     high=(0.60, 0.10, 0.07),
     cell_m=0.010,
     dt_s=5e-4,
-    object_volume_m3=np.pi * 0.008**2 * 0.08,
+    bodies=(Body(volume_m3=np.pi * 0.008**2 * 0.08, density_kg_m3=800.0),),
 )
 """A piece of rope, 80 mm long, along x at the middle of a grid of 19 x 21 x 10 nodes."""
 

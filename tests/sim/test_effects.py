@@ -24,13 +24,13 @@ from typing import Any
 
 import warp as wp
 
-from app.sim.effects.base import Effect
+from app.sim.effects.base import Effect, Node
 from app.sim.parameter import ParameterSpec
 
 
 @wp.func
-def blown(v: wp.vec3, x: wp.vec3, dt: float, phi: Any, at: int) -> wp.vec3:
-    return v + wp.vec3(0.0, phi[at] * dt, 0.0)
+def blown(v: wp.vec3, node: Node, phi: Any, at: int) -> wp.vec3:
+    return v + wp.vec3(0.0, phi[at] * node.dt, 0.0)
 
 
 EFFECT = Effect(

@@ -8,8 +8,9 @@ import numpy as np
 import pytest
 
 from app.sim.rollout import make_rollout
-from app.sim.scene import Scene
+from app.sim.scene import Body, Scene
 from app.sim.state import State
+from app.sim.tools.finger import Finger
 from tests.sim.scenes import PARTICLES, SCENE, block, far_tool, floating, phi_with, rope
 
 HIGH = replace(SCENE, high=(0.60, 0.10, 0.30))
@@ -59,7 +60,7 @@ def test_momentum_and_angular_momentum_of_a_body_that_touches_nothing_stay():
 
 @pytest.mark.parametrize("friction", [0.3, 0.6])
 def test_a_sliding_block_stops_after_v_squared_over_2_mu_g(friction: float):
-    scene = replace(SCENE, damping_1_s=0.0, object_volume_m3=0.03**3)
+    scene = replace(SCENE, damping_1_s=0.0, bodies=(Body(volume_m3=0.03**3, density_kg_m3=800.0),))
     start = State.at_rest(jnp.asarray(block(6, spacing_m=0.005, low=(0.46, -0.015, 0.0)))[None])
     settled = run(scene, start, far_tool(200), stiffness=1e5, table_friction=friction)
     speed = 0.4
@@ -80,13 +81,15 @@ def test_a_rope_at_rest_stays_where_it_lies():
 
 
 ROPE = rope(300, length_m=0.4)
+FINGER = Finger(radius_m=0.009)
+ROPE_SCENE = Scene(tools=(FINGER,), bodies=(Body(volume_m3=8.0e-5, density_kg_m3=800.0),))
 stiffnesses = pytest.mark.parametrize("stiffness", [1e4, 3e4, 1e5])
 
 
 @cache
 def pushed(stiffness: float, distance_m: float = 0.15) -> tuple[np.ndarray, np.ndarray]:
     """Particles (300, 3) of a rope of 0.4 m, ordered along it, after a push in its middle at 0.3 m/s; and the tip."""
-    scene = Scene()
+    scene = ROPE_SCENE
     steps = round(distance_m / 0.3 / scene.dt_s)
     tool = np.float32([0.51, -0.022, 0.006]) + scene.dt_s * np.arange(steps + 1)[:, None] * np.float32([0, 0.3, 0])
     end = run(scene, State.at_rest(jnp.asarray(ROPE)[None]), tool.astype(np.float32), stiffness=stiffness)
@@ -97,7 +100,7 @@ def pushed(stiffness: float, distance_m: float = 0.15) -> tuple[np.ndarray, np.n
 def test_no_particle_of_a_pushed_rope_is_inside_the_finger_or_behind_it(stiffness: float):
     x, tip = pushed(stiffness)
     away = x[:, :2] - tip[:2]
-    assert np.linalg.norm(away, axis=1).min() > Scene().finger_radius_m
+    assert np.linalg.norm(away, axis=1).min() > FINGER.radius_m
     before_it = np.abs(away[:, 0]) < 0.01
     assert before_it.any()
     assert away[before_it, 1].min() > 0
@@ -116,7 +119,7 @@ def test_a_pushed_rope_neither_tears_nor_leaves_the_table(stiffness: float):
     x, _ = pushed(stiffness)
     before, after = (np.linalg.norm(np.diff(at.reshape(30, 10, 3).mean(1), axis=0), axis=1) for at in (ROPE, x))
     assert after.sum() < 1.2 * before.sum()
-    assert after.max() < 2 * Scene().cell_m
+    assert after.max() < 2 * ROPE_SCENE.cell_m
     assert x[:, 2].min() > -1e-3
     assert x[:, 2].max() < 0.022
 

@@ -13,7 +13,7 @@ from app.core.errors import ParameterError
 from app.sim.catalogue import EFFECTS
 from app.sim.kernels import candidate_kernels, particle_kernels
 from app.sim.rollout import Simulate, make_rollout
-from app.sim.schedule import LaunchedSubsteps, ThreadedCandidates
+from app.sim.schedule import LaunchedSubsteps, ThreadedCandidates, code_of
 from app.sim.state import State
 from tests.sim.scenes import PARTICLES, SCENE, block, far_tool, phi_with, rope, straight_tool
 
@@ -80,9 +80,9 @@ def test_a_batch_equals_its_candidates_one_by_one():
 
 @of_threads
 def test_the_number_of_threads_changes_nothing():
-    kernels = candidate_kernels(EFFECTS)
+    kernels = candidate_kernels(code_of(SCENE, EFFECTS))
     one, three = (
-        make_rollout(SCENE, particle_count=PARTICLES, schedule=ThreadedCandidates(kernels=kernels, threads=threads))
+        make_rollout(SCENE, particle_count=PARTICLES, schedule=ThreadedCandidates(kernels=kernels, effects=EFFECTS, threads=threads))
         for threads in (1, 3)
     )
     assert_same(one(*problem()), three(*problem()))
@@ -90,7 +90,7 @@ def test_the_number_of_threads_changes_nothing():
 
 
 def test_a_launch_a_substep_as_on_a_gpu_equals_a_launch_an_action():
-    schedule = LaunchedSubsteps(kernels=particle_kernels(EFFECTS), lanes=8)
+    schedule = LaunchedSubsteps(kernels=particle_kernels(code_of(SCENE, EFFECTS)), effects=EFFECTS, lanes=32)
     launched = make_rollout(SCENE, particle_count=PARTICLES, schedule=schedule)
     for ours, theirs in zip(launched(*problem()), SIMULATE(*problem()), strict=True):
         np.testing.assert_allclose(ours, theirs, rtol=0, atol=1e-5 * float(np.abs(theirs).max()))
@@ -139,7 +139,7 @@ def test_nan_does_not_hide_in_nodes_that_a_particle_reaches_with_weight_zero():
     cell = 2.0**-7  # With powers of two, particles lie exactly between nodes, and the farther ones have no weight.
     scene = replace(SCENE, low=(0.4375, -0.09375, -2 * cell), high=(0.59375, 0.09375, 0.0625), cell_m=cell, dt_s=4e-4)
     simulate = make_rollout(
-        scene, particle_count=27, schedule=ThreadedCandidates(kernels=candidate_kernels(EFFECTS), threads=1)
+        scene, particle_count=27, schedule=ThreadedCandidates(kernels=candidate_kernels(code_of(SCENE, EFFECTS)), effects=EFFECTS, threads=1)
     )
     x = block(3, spacing_m=cell, low=(0.5, 0.0, 2 * cell))
     state = State.at_rest(jnp.asarray(np.stack([x, x])))

@@ -1,13 +1,44 @@
 """What an effect file has to offer: a module-level `EFFECT`."""
 
+# Warp's structs are types at run time.
+# pyright: reportGeneralTypeIssues=false, reportInvalidTypeForm=false
+
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any, TypeAlias, final
 
+import warp as wp
+
 from app.sim.parameter import ParameterSpec
 
-NodeFunction: TypeAlias = Callable[..., Any]
-"""A Warp function of a grid node."""
+WarpFunction: TypeAlias = Callable[..., Any]
+
+
+@wp.struct
+class Node:
+    """A grid node as effects see it. `touched` is the share of its mass that a tool touches, `time` the session's."""
+
+    x: wp.vec3
+    v: wp.vec3
+    touched: wp.float32
+    dt: wp.float32
+    time: wp.float32
+
+
+@wp.struct
+class Grain:
+    """A particle as effects see it; see `state.Setting` for `label` and `time`.
+
+    `fluid` is 1 for liquids, else 0; `shear` the square of its shear rate [1/s^2]; `stress` the norm of its deviatoric
+    stress [Pa]. What a hook is not about is 0.
+    """
+
+    label: wp.vec4
+    time: wp.float32
+    dt: wp.float32
+    fluid: wp.float32
+    shear: wp.float32
+    stress: wp.float32
 
 
 @final
@@ -15,10 +46,33 @@ NodeFunction: TypeAlias = Callable[..., Any]
 class Effect:
     """A physical term that vanishes where its parameters have their nominal (null) values.
 
-    `parameters` are appended to phi. `node_velocity(v, x, dt, phi, at) -> v` is a Warp function that is applied to the
-    velocity [m/s] of every grid node at position `x` [m], after gravity and before the table; the effect finds its own
-    parameters at `phi[at]`, `phi[at + 1]`, .... Warp differentiates it, so it has to be smooth at the null values.
+    `parameters` are appended to phi; the first `switches` of them (None: all) make it vanish, the others say where or
+    how it acts. The rest are hooks, Warp functions that are called where their physics belongs: each takes the value
+    that it may change, the `Node` or `Grain` it belongs to, phi, and `at`: its parameters are `phi[at]`, `phi[at + 1]`,
+    .... Warp differentiates them, so they have to be smooth at the null. What is not given is not compiled.
     """
 
     parameters: tuple[ParameterSpec, ...]
-    node_velocity: NodeFunction
+    switches: int | None = None
+
+    node_velocity: WarpFunction | None = None
+    """Of a node's velocity [m/s], after gravity and before contact."""
+    table_friction: WarpFunction | None = None
+    """Of a node's Coulomb coefficient on the table."""
+    adhesion: WarpFunction | None = None
+    """Of the traction [Pa] with which tools hold a node that leaves them."""
+
+    stiffness: WarpFunction | None = None
+    """Of a particle's Young's modulus [Pa]."""
+    mass: WarpFunction | None = None
+    """Of a particle's mass [kg]."""
+    rest: WarpFunction | None = None
+    """Of a solid's deformation gradient, before stress is computed from it."""
+    viscosity: WarpFunction | None = None
+    """Of a particle's viscosity [Pa s]."""
+    kept: WarpFunction | None = None
+    """Of the share of its deviatoric stress that a solid keeps in a substep."""
+    cohesion: WarpFunction | None = None
+    """Of the cohesion [Pa] of grains."""
+    tool_friction: WarpFunction | None = None
+    """Of a particle's Coulomb coefficient on a tool."""

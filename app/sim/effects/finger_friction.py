@@ -1,0 +1,36 @@
+"""Friction between object and tool: tangential carry along the finger, rotation of the object.
+
+Its own parameter because a polished finger and a table have little in common; strongly nonlinear in pushing data.
+"""
+
+from typing import Any
+
+import warp as wp
+
+from app.sim.effects.base import Effect, Grain
+from app.sim.parameter import ParameterSpec
+
+NOMINAL = wp.constant(0.3)
+"""Of the bare finger; the friction of other tools is scaled as much as the finger's."""
+
+
+@wp.func
+def scaled_friction(mu: float, _grain: Grain, phi: Any, at: int) -> float:
+    """A tool's coefficient, times how much more than nominal the finger's is."""
+    return mu * phi[at] / NOMINAL
+
+
+EFFECT = Effect(
+    parameters=(
+        ParameterSpec(
+            name="finger_friction",
+            unit="1",
+            nominal=0.3,
+            low=0.01,
+            high=1.5,
+            scale="log",
+            about="Coulomb friction coefficient between the object and the finger.",
+        ),
+    ),
+    tool_friction=scaled_friction,
+)

@@ -1,0 +1,127 @@
+"""What a material is: numbers, and a law that turns motion into stress."""
+
+# Warp reads its types at run time; as static types, its vectors, arrays and structs have no operators.
+# pyright: reportGeneralTypeIssues=false, reportIndexIssue=false, reportOperatorIssue=false, reportArgumentType=false
+# pyright: reportCallIssue=false, reportInvalidTypeForm=false
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any, Protocol, TypeAlias, final
+
+import warp as wp
+
+from app.sim.constants import Matter
+from app.sim.effects.base import Grain, WarpFunction
+from app.sim.hooks import Hooks
+
+LEAST_VOLUME = wp.constant(0.1)
+"""The pressure stops growing below this relative volume, where a logarithm would end in NaN."""
+
+TINY = wp.constant(1.0e-12)
+"""Keeps the derivative of a norm finite at zero strain."""
+
+
+@final
+@dataclass(frozen=True, kw_only=True)
+class Law:
+    """How a material deforms, as code: `make(hooks)` is the Warp function
+
+    `law(m, E, C, F, grain, phi) -> tau, F`: the Kirchhoff stress [Pa] and deformation after a substep with velocity
+    gradient C [1/s], for Young's modulus E [Pa]. What F means is the law's own; its determinant is the relative volume.
+    """
+
+    name: str
+    make: Callable[[Hooks], WarpFunction]
+    fluid: bool = False
+
+
+class Material(Protocol):
+    """A law and its numbers."""
+
+    @property
+    def law(self) -> Law:
+        """What is compiled."""
+        ...
+
+    @property
+    def viscosity_pa_s(self) -> float:
+        """Newtonian, of the material at rest."""
+        ...
+
+    def lame(self) -> tuple[float, float]:
+        """mu and lambda per unit of stiffness."""
+        ...
+
+    def own(self) -> tuple[float, float, float, float]:
+        """Numbers for `Matter.own`, as its law reads them."""
+        ...
+
+    def wave_modulus(self) -> float:
+        """M per unit of stiffness, of its fastest elastic wave c = sqrt(M / density)."""
+        ...
+
+
+Pair: TypeAlias = tuple[float, float]
+
+
+def lame_of(poisson: float) -> Pair:
+    """mu and lambda per unit of Young's modulus."""
+    return 0.5 / (1.0 + poisson), poisson / ((1.0 + poisson) * (1.0 - 2.0 * poisson))
+
+
+@wp.func
+def strained(C: wp.mat33, F: wp.mat33, dt: float) -> wp.mat33:
+    """F after a substep: (I + dt C) F."""
+    return F + dt * (C * F)
+
+
+@wp.func
+def kirchhoff_stress(F: wp.mat33, mu: float, lam: float) -> wp.mat33:
+    """Neo-Hookean Kirchhoff stress [Pa], tau = mu (F F^T - I) + lam log(J) I: no singular values needed."""
+    J = wp.max(wp.determinant(F), LEAST_VOLUME)
+    identity = wp.identity(n=3, dtype=float)
+    return mu * (F * wp.transpose(F) - identity) + lam * wp.log(J) * identity
+
+
+@wp.func
+def deviator(b: wp.mat33) -> wp.mat33:
+    """b - tr(b) / 3 I."""
+    return b - (wp.trace(b) / 3.0) * wp.identity(n=3, dtype=float)
+
+
+@wp.func
+def norm(a: wp.mat33) -> float:
+    """Frobenius, with a derivative at zero."""
+    return wp.sqrt(wp.ddot(a, a) + TINY)
+
+
+@wp.func
+def flowed(F: wp.mat33, D: wp.mat33, mean: float, keep: float) -> wp.mat33:
+    """F after plastic flow that keeps the share `keep` of the deviator D of F F^T, whose trace is 3 `mean`.
+
+    Radial return (Simo and Hughes 1998, box 9.1) to first order in the step, F <- (I - (1 - keep) / (2 mean) D) F:
+    volume stays and no singular values are needed. What is left over flows in the next substep.
+    """
+    return F - ((1.0 - keep) / (2.0 * mean)) * (D * F)
+
+
+def relaxation(hooks: Hooks) -> WarpFunction:
+    """`relaxed(F, mu, softness, grain, phi)`: F after the flow that yield and effects ask for.
+
+    `softness` [1/Pa] is one over the norm of the deviatoric Kirchhoff stress that the material bears; 0: any.
+    """
+    kept = hooks["kept"]
+
+    @wp.func
+    def relaxed(F: wp.mat33, mu: float, softness: float, grain: Grain, phi: Any) -> wp.mat33:
+        b = F * wp.transpose(F)
+        D = deviator(b)
+        place = grain
+        place.stress = mu * norm(D)
+        keep = kept(1.0 / wp.max(1.0, place.stress * softness), place, phi)
+        return flowed(F, D, wp.trace(b) / 3.0, keep)
+
+    return relaxed
+
+
+__all__ = ["Law", "Material", "Matter"]

@@ -1,0 +1,55 @@
+"""Liquid: weakly compressible, with viscosity. Of its deformation only the volume J is kept, as F = diag(J, 1, 1)."""
+
+# Warp reads its types at run time; as static types, its vectors, arrays and structs have no operators.
+# pyright: reportGeneralTypeIssues=false, reportIndexIssue=false, reportOperatorIssue=false, reportArgumentType=false
+# pyright: reportCallIssue=false
+
+from dataclasses import dataclass
+from typing import Any, final
+
+import warp as wp
+
+from app.sim.constants import Matter
+from app.sim.effects.base import Grain, WarpFunction
+from app.sim.hooks import Hooks
+from app.sim.materials.base import LEAST_VOLUME, Law
+
+SPRAY = wp.constant(1.05)
+"""A drop's relative volume does not grow beyond this: what flies apart is not thinner water."""
+
+
+def _make(hooks: Hooks) -> WarpFunction:
+    del hooks
+
+    @wp.func
+    def liquid(m: Matter, E: float, C: wp.mat33, F: wp.mat33, grain: Grain, phi: Any):
+        J = wp.clamp(F[0, 0] * (1.0 + grain.dt * wp.trace(C)), LEAST_VOLUME, SPRAY)
+        tension = wp.max(0.0, wp.log(J))
+        tau = (E * m.lam_per_stiffness * (wp.log(J) - tension)) * wp.identity(n=3, dtype=float)
+        return tau, wp.mat33(J, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0)
+
+    return liquid
+
+
+_LAW = Law(name="liquid", make=_make, fluid=True)
+
+
+@final
+@dataclass(frozen=True, kw_only=True)
+class Liquid:
+    """Its bulk modulus [Pa] is phi's `stiffness`, times the body's share: 2e4 lets 5 cm of water shrink by 2.5 %."""
+
+    viscosity_pa_s: float = 1.0e-3
+    law: Law = _LAW
+
+    def lame(self) -> tuple[float, float]:
+        """mu and lambda per unit of stiffness."""
+        return (0.0, 1.0)
+
+    def own(self) -> tuple[float, float, float, float]:
+        """None."""
+        return (0.0, 0.0, 0.0, 0.0)
+
+    def wave_modulus(self) -> float:
+        """Of sound."""
+        return 1.0
