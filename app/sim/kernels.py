@@ -18,7 +18,17 @@ import warp as wp
 
 from app.sim.compiled import Code
 from app.sim.constants import BLOCK_NODES, Constants
-from app.sim.memory import Grid, GridBars, History, Particles
+from app.sim.memory import Grid, GridBars
+from app.sim.packed import (
+    affine,
+    load_deformation,
+    load_motion,
+    load_position,
+    position,
+    store_deformation,
+    store_motion,
+    velocity,
+)
 from app.sim.substep import Pieces, active_node, clear, clear_bars, make_pieces
 
 WARP_SIZE = 32
@@ -64,14 +74,6 @@ def _module(kind: str, code: Code, pieces: Pieces) -> wp.Module:
 
 
 @wp.func
-def _copy_start(b: int, p: int, start: Particles, h: History):
-    h.x[b, 0, p] = start.x[b, p]
-    h.v[b, 0, p] = start.v[b, p]
-    h.C[b, 0, p] = start.C[b, p]
-    h.F[b, 0, p] = start.F[b, p]
-
-
-@wp.func
 def forget(slot: int, grid: Grid):
     """Before the next candidate in this slot, whose stamps begin anew."""
     for block in range(grid.listed.shape[1]):
@@ -90,30 +92,32 @@ def candidate_kernels(code: Code) -> CandidateKernels:
 
     @wp.func
     def to_grid(
-        k: Constants, a: Inputs, b: int, s: int, read: int, write: int, slot: int, stamp: int, h: History, grid: Grid
+        k: Constants, a: Inputs, b: int, s: int, read: int, write: int, slot: int, stamp: int, h: wp.array4d[wp.vec4], grid: Grid
     ):
-        for p in range(h.x.shape[2]):
-            h.F[b, write, p] = p2g(
-                k, a, b, p, s, h.x[b, read, p], h.v[b, read, p], h.C[b, read, p], h.F[b, read, p], slot, stamp, grid
-            )
+        for p in range(h.shape[3]):
+            motion = load_motion(h, b, read, p)
+            F = load_deformation(h, b, read, p)
+            F_next = p2g(k, a, b, p, s, position(motion), velocity(motion), affine(motion), F, slot, stamp, grid)
+            if read != write:
+                store_deformation(h, b, write, p, F_next)
         for n in range(grid.count[slot] * BLOCK_NODES):
             node(k, a, b, active_node(n, slot, grid), slot, stamp, grid)
 
     @wp.kernel(module=module, enable_backward=False)
-    def forward(k: Constants, a: Inputs, b: int, slot: int, start: Particles, h: History, grid: Grid):
+    def forward(k: Constants, a: Inputs, b: int, slot: int, start: wp.array4d[wp.vec4], h: wp.array4d[wp.vec4], grid: Grid):
         forget(slot, grid)
-        for p in range(h.x.shape[2]):
-            _copy_start(b, p, start, h)
-        rows = h.x.shape[1]
+        for p in range(h.shape[3]):
+            m = load_motion(start, b, 0, p)
+            store_motion(h, b, 0, p, position(m), velocity(m), affine(m))
+            store_deformation(h, b, 0, p, load_deformation(start, b, 0, p))
+        rows = h.shape[1]
         for s in range(a.tool.shape[1] - 1):
             read = s % rows
             write = (s + 1) % rows
             to_grid(k, a, b, s, read, write, slot, s + 1, h, grid)
-            for p in range(h.x.shape[2]):
-                x, v, C = g2p(k, a, b, s, h.x[b, read, p], slot, grid)
-                h.x[b, write, p] = x
-                h.v[b, write, p] = v
-                h.C[b, write, p] = C
+            for p in range(h.shape[3]):
+                x, v, C = g2p(k, a, b, s, load_position(h, b, read, p), slot, grid)
+                store_motion(h, b, write, p, x, v, C)
             for n in range(grid.count[slot] * BLOCK_NODES):
                 clear(active_node(n, slot, grid), slot, s + 1, grid)
             grid.count[slot] = 0
@@ -124,8 +128,8 @@ def candidate_kernels(code: Code) -> CandidateKernels:
         a: Inputs,
         b: int,
         slot: int,
-        h: History,
-        bars: Particles,
+        h: wp.array4d[wp.vec4],
+        bars: wp.array4d[wp.vec4],
         grain_bar: wp.array2d[PhiGrain],
         node_bar: wp.array2d[PhiNode],
         tool_bar: wp.array2d[Pose],
@@ -141,24 +145,24 @@ def candidate_kernels(code: Code) -> CandidateKernels:
             stamp = back + 1
             now_sum = Pose()
             then_sum = Pose()
-            to_grid(k, a, b, s, s, s + 1, slot, stamp, h, grid)
-            for p in range(h.x.shape[2]):
+            to_grid(k, a, b, s, s, s, slot, stamp, h, grid)
+            for p in range(h.shape[3]):
+                bar = load_motion(bars, b, 0, p)
+                x = load_position(h, b, s, p)
                 x_bar, now_part, then_part = g2p_adjoint(
-                    k, a, b, s, h.x[b, s, p], bars.x[b, p], bars.v[b, p], bars.C[b, p], slot, grid, grid_bars
+                    k, a, b, s, x, position(bar), velocity(bar), affine(bar), slot, grid, grid_bars
                 )
-                bars.x[b, p] = x_bar
+                store_motion(bars, b, 0, p, x_bar, wp.vec3(), wp.mat33())
                 now_sum += now_part
                 then_sum += then_part
             for n in range(grid.count[slot] * BLOCK_NODES):
                 node_sum += node_adjoint(k, a, b, active_node(n, slot, grid), slot, stamp, grid, grid_bars)
-            for p in range(h.x.shape[2]):
+            for p in range(h.shape[3]):
                 x_bar, v_bar, C_bar, F_bar, phi_part, now_part, then_part = p2g_adjoint(
-                    k, a, b, p, s, slot, h, bars.x[b, p], bars.F[b, p], grid_bars
+                    k, a, b, p, s, slot, h, load_position(bars, b, 0, p), load_deformation(bars, b, 0, p), grid_bars
                 )
-                bars.x[b, p] = x_bar
-                bars.v[b, p] = v_bar
-                bars.C[b, p] = C_bar
-                bars.F[b, p] = F_bar
+                store_motion(bars, b, 0, p, x_bar, v_bar, C_bar)
+                store_deformation(bars, b, 0, p, F_bar)
                 grain_sum += phi_part
                 now_sum += now_part
                 then_sum += then_part
@@ -238,26 +242,30 @@ def particle_kernels(code: Code) -> ParticleKernels:
     kernel = wp.kernel(module=module, enable_backward=False)
 
     @kernel
-    def particles(k: Constants, s: int, a: Inputs, start: Particles, h: History, grid: Grid):
+    def particles(k: Constants, s: int, a: Inputs, start: wp.array4d[wp.vec4], h: wp.array4d[wp.vec4], grid: Grid):
         b, t = wp.tid()
-        rows = h.x.shape[1]
-        p = particle_of(t, h.x.shape[2])
-        if p < h.x.shape[2]:
-            x = start.x[b, p]
-            v = start.v[b, p]
-            C = start.C[b, p]
-            F = start.F[b, p]
+        rows = h.shape[1]
+        p = particle_of(t, h.shape[3])
+        if p < h.shape[3]:
+            x = wp.vec3()
+            v = wp.vec3()
+            C = wp.mat33()
+            F = wp.mat33()
             now = s % rows
             if s > 0:
-                F = h.F[b, now, p]
-                x, v, C = g2p(k, a, b, s - 1, h.x[b, (s - 1) % rows, p], slot_of(b, s - 1), grid)
+                F = load_deformation(h, b, now, p)
+                x, v, C = g2p(k, a, b, s - 1, load_position(h, b, (s - 1) % rows, p), slot_of(b, s - 1), grid)
             else:
-                h.F[b, now, p] = F
-            h.x[b, now, p] = x
-            h.v[b, now, p] = v
-            h.C[b, now, p] = C
+                m = load_motion(start, b, 0, p)
+                x = position(m)
+                v = velocity(m)
+                C = affine(m)
+                F = load_deformation(start, b, 0, p)
+                store_deformation(h, b, now, p, F)
+            store_motion(h, b, now, p, x, v, C)
             if s < a.tool.shape[1] - 1:
-                h.F[b, (s + 1) % rows, p] = p2g(k, a, b, p, s, x, v, C, F, slot_of(b, s), s + 1, grid)
+                F_next = p2g(k, a, b, p, s, x, v, C, F, slot_of(b, s), s + 1, grid)
+                store_deformation(h, b, (s + 1) % rows, p, F_next)
 
     @kernel
     def nodes(k: Constants, s: int, lanes: int, a: Inputs, grid: Grid):
@@ -274,9 +282,11 @@ def particle_kernels(code: Code) -> ParticleKernels:
                 grid.count[slot_of(b, s + 1)] = 0
 
     @wp.func
-    def again(k: Constants, a: Inputs, b: int, p: int, s: int, slot: int, stamp: int, h: History, grid: Grid):
+    def again(k: Constants, a: Inputs, b: int, p: int, s: int, slot: int, stamp: int, h: wp.array4d[wp.vec4], grid: Grid):
         """Give to the grid what substep s gave."""
-        _F = p2g(k, a, b, p, s, h.x[b, s, p], h.v[b, s, p], h.C[b, s, p], h.F[b, s, p], slot, stamp, grid)
+        m = load_motion(h, b, s, p)
+        F = load_deformation(h, b, s, p)
+        _F = p2g(k, a, b, p, s, position(m), velocity(m), affine(m), F, slot, stamp, grid)
 
     @kernel
     def particles_adjoint(
@@ -284,8 +294,8 @@ def particle_kernels(code: Code) -> ParticleKernels:
         s: int,
         threads: int,
         a: Inputs,
-        h: History,
-        bars: Particles,
+        h: wp.array4d[wp.vec4],
+        bars: wp.array4d[wp.vec4],
         grain_bar: wp.array2d[PhiGrain],
         tool_bar: wp.array2d[Pose],
         grid: Grid,
@@ -294,15 +304,15 @@ def particle_kernels(code: Code) -> ParticleKernels:
         b, t = wp.tid()
         steps = a.tool.shape[1] - 1
         if t < threads:
-            p = particle_of(t, h.x.shape[2])
-            mine = p < h.x.shape[2]
+            p = particle_of(t, h.shape[3])
+            mine = p < h.shape[3]
             x_bar = wp.vec3()
             v_bar = wp.vec3()
             C_bar = wp.mat33()
             F_bar = wp.mat33()
             if mine:
-                x_bar = bars.x[b, p]
-                F_bar = bars.F[b, p]
+                x_bar = load_position(bars, b, 0, p)
+                F_bar = load_deformation(bars, b, 0, p)
             if s + 1 < steps:
                 phi_sum = PhiGrain()
                 now_sum = Pose()
@@ -316,26 +326,24 @@ def particle_kernels(code: Code) -> ParticleKernels:
                     grain_bar[b, t // WARP_SIZE] = grain_bar[b, t // WARP_SIZE] + phi_sum
                 add_to_tool(b, s + 1, now_sum, then_sum, tool_bar)
             elif mine:
-                v_bar = bars.v[b, p]
-                C_bar = bars.C[b, p]
+                end = load_motion(bars, b, 0, p)
+                v_bar = velocity(end)
+                C_bar = affine(end)
             if s >= 0 and s < steps:
                 now_part = Pose()
                 then_part = Pose()
                 if mine:
                     x_bar, now_part, then_part = g2p_adjoint(
-                        k, a, b, s, h.x[b, s, p], x_bar, v_bar, C_bar, slot_of(b, s), grid, grid_bars
+                        k, a, b, s, load_position(h, b, s, p), x_bar, v_bar, C_bar, slot_of(b, s), grid, grid_bars
                     )
                 if wp.static(holds):
                     add_to_tool(b, s, now_part, then_part, tool_bar)
             if mine and s < steps:
-                bars.x[b, p] = x_bar
-                bars.F[b, p] = F_bar
-                if s < 0:
-                    bars.v[b, p] = v_bar
-                    bars.C[b, p] = C_bar
+                store_motion(bars, b, 0, p, x_bar, v_bar, C_bar)
+                store_deformation(bars, b, 0, p, F_bar)
         elif s > 0:
-            p_again = particle_of(t - threads, h.x.shape[2])
-            if p_again < h.x.shape[2]:
+            p_again = particle_of(t - threads, h.shape[3])
+            if p_again < h.shape[3]:
                 again(k, a, b, p_again, s - 1, slot_of(b, s - 1), steps - s + 1, h, grid)
 
     @wp.func

@@ -14,8 +14,9 @@ import warp as wp
 
 from app.sim.constants import BLOCK_NODES, Constants
 from app.sim.hooks import columns
-from app.sim.memory import Grid, GridBars, History, Particles
+from app.sim.memory import Grid, GridBars
 from app.sim.numbers import blocks_of, constants_of
+from app.sim.packed import QUADS, pack, unpack
 from app.sim.params import NOMINAL_PHYSICS
 from app.sim.scene import Scene
 from app.sim.schedule import Bars, Schedule, Work
@@ -29,12 +30,12 @@ class Operations:
     """The two calls of a rollout.
 
     `forward(phi, state, tool, setting, rows)` returns the history, `rows` states of which substep s begins at s modulo
-    `rows`. `backward(phi, history, tool, setting, end_bar)`, for a history that holds every state, returns the
-    cotangents of the first state's four parts, of phi and of tool.
+    `rows`, packed. `backward(phi, history, tool, setting, end_bar)`, for a history that holds every state, returns the
+    cotangents of the first state, of phi and of tool.
     """
 
-    forward: Callable[[jax.Array, State, jax.Array, Setting, int], tuple[jax.Array, ...]]
-    backward: Callable[[jax.Array, tuple[jax.Array, ...], jax.Array, Setting, State], tuple[jax.Array, ...]]
+    forward: Callable[[jax.Array, State, jax.Array, Setting, int], jax.Array]
+    backward: Callable[[jax.Array, jax.Array, jax.Array, Setting, State], tuple[State, jax.Array, jax.Array]]
 
 
 def make_operations(scene: Scene, counts: Sequence[int], schedule: Schedule) -> Operations:
@@ -59,14 +60,8 @@ def make_operations(scene: Scene, counts: Sequence[int], schedule: Schedule) -> 
         tool: wp.array2d(dtype=Pose),
         label: wp.array2d(dtype=wp.vec4),
         time: wp.array(dtype=wp.float32),
-        x: wp.array2d(dtype=wp.vec3),
-        v: wp.array2d(dtype=wp.vec3),
-        C: wp.array2d(dtype=wp.mat33),
-        F: wp.array2d(dtype=wp.mat33),
-        xs: wp.array3d(dtype=wp.vec3),
-        vs: wp.array3d(dtype=wp.vec3),
-        Cs: wp.array3d(dtype=wp.mat33),
-        Fs: wp.array3d(dtype=wp.mat33),
+        start: wp.array4d(dtype=wp.vec4),
+        history: wp.array4d(dtype=wp.vec4),
         mass: wp.array2d(dtype=wp.vec4),
         touch: wp.array2d(dtype=wp.vec4),
         aim: wp.array2d(dtype=wp.vec4),
@@ -84,8 +79,7 @@ def make_operations(scene: Scene, counts: Sequence[int], schedule: Schedule) -> 
         grid = _struct(
             Grid, mass=mass, touch=touch, aim=aim, velocity=mass, listed=listed, felt=felt, active=active, count=count
         )
-        history = _struct(History, x=xs, v=vs, C=Cs, F=Fs)
-        schedule.forward(Work(constants(x.device.alias), inputs, history, grid), _struct(Particles, x=x, v=v, C=C, F=F))
+        schedule.forward(Work(constants(start.device.alias), inputs, history, grid), start)
 
     def backward(
         phi_grain: wp.array(dtype=PhiGrain),
@@ -93,18 +87,9 @@ def make_operations(scene: Scene, counts: Sequence[int], schedule: Schedule) -> 
         tool: wp.array2d(dtype=Pose),
         label: wp.array2d(dtype=wp.vec4),
         time: wp.array(dtype=wp.float32),
-        xs: wp.array3d(dtype=wp.vec3),
-        vs: wp.array3d(dtype=wp.vec3),
-        Cs: wp.array3d(dtype=wp.mat33),
-        Fs: wp.array3d(dtype=wp.mat33),
-        x_end: wp.array2d(dtype=wp.vec3),
-        v_end: wp.array2d(dtype=wp.vec3),
-        C_end: wp.array2d(dtype=wp.mat33),
-        F_end: wp.array2d(dtype=wp.mat33),
-        x_bar: wp.array2d(dtype=wp.vec3),
-        v_bar: wp.array2d(dtype=wp.vec3),
-        C_bar: wp.array2d(dtype=wp.mat33),
-        F_bar: wp.array2d(dtype=wp.mat33),
+        history: wp.array4d(dtype=wp.vec4),
+        end_bar: wp.array4d(dtype=wp.vec4),
+        state_bar: wp.array4d(dtype=wp.vec4),
         grain_bar: wp.array2d(dtype=PhiGrain),
         node_bar: wp.array2d(dtype=PhiNode),
         tool_bar: wp.array2d(dtype=Pose),
@@ -120,8 +105,7 @@ def make_operations(scene: Scene, counts: Sequence[int], schedule: Schedule) -> 
         active: wp.array2d(dtype=wp.int32),
         count: wp.array(dtype=wp.int32),
     ):
-        for end, bar in ((x_end, x_bar), (v_end, v_bar), (C_end, C_bar), (F_end, F_bar)):
-            wp.copy(bar, end)
+        wp.copy(state_bar, end_bar)
         for scratch in (grain_bar, node_bar, tool_bar, mass, touch, aim, grid_bar, listed, felt, count):
             scratch.zero_()
         inputs = _struct(
@@ -138,14 +122,12 @@ def make_operations(scene: Scene, counts: Sequence[int], schedule: Schedule) -> 
             active=active,
             count=count,
         )
-        history = _struct(History, x=xs, v=vs, C=Cs, F=Fs)
-        state_bar = _struct(Particles, x=x_bar, v=v_bar, C=C_bar, F=F_bar)
         grid_bars = _struct(GridBars, node=grid_bar, touch=touch_bar, aim=aim_bar)
-        work = Work(constants(xs.device.alias), inputs, history, grid)
+        work = Work(constants(history.device.alias), inputs, history, grid)
         schedule.adjoint(work, Bars(state_bar, grain_bar, node_bar, tool_bar, grid_bars))
 
-    forward_call = wp.jax_callable(forward, num_outputs=11)
-    backward_call = wp.jax_callable(backward, num_outputs=18)
+    forward_call = wp.jax_callable(forward, num_outputs=8)
+    backward_call = wp.jax_callable(backward, num_outputs=15)
 
     def grid_dims(candidates: int) -> dict[str, tuple[int, ...]]:
         slots = schedule.slots(candidates)
@@ -163,29 +145,29 @@ def make_operations(scene: Scene, counts: Sequence[int], schedule: Schedule) -> 
         path = tool if coordinates else jnp.zeros((*tool.shape[:2], 1), tool.dtype)
         return phi[:, jnp.array(chosen.grain)], phi[:, jnp.array(chosen.node)], path, *setting
 
-    def run_forward(
-        phi: jax.Array, state: State, tool: jax.Array, setting: Setting, rows: int
-    ) -> tuple[jax.Array, ...]:
-        dims = dict.fromkeys(("xs", "vs", "Cs", "Fs"), (phi.shape[0], rows, particle_count))
-        given = inputs(phi, tool, setting)
-        return tuple(forward_call(*given, *state, output_dims=dims | grid_dims(phi.shape[0]))[:4])
+    def run_forward(phi: jax.Array, state: State, tool: jax.Array, setting: Setting, rows: int) -> jax.Array:
+        candidates = phi.shape[0]
+        dims = grid_dims(candidates) | {"history": (candidates, rows, QUADS, particle_count)}
+        return forward_call(*inputs(phi, tool, setting), pack(state)[:, None], output_dims=dims)[0]
 
     def run_backward(
-        phi: jax.Array, history: Any, tool: jax.Array, setting: Setting, end_bar: State
-    ) -> tuple[jax.Array, ...]:
+        phi: jax.Array, history: jax.Array, tool: jax.Array, setting: Setting, end_bar: State
+    ) -> tuple[State, jax.Array, jax.Array]:
         candidates = phi.shape[0]
-        dims = dict.fromkeys(("x_bar", "v_bar", "C_bar", "F_bar"), (candidates, particle_count))
-        dims |= {
+        dims = grid_dims(candidates) | {
+            "state_bar": (candidates, 1, QUADS, particle_count),
             "grain_bar": (candidates, schedule.grain_columns(particle_count)),
             "node_bar": (candidates, schedule.node_columns()),
             "tool_bar": tool.shape[:2],
         }
         given = inputs(phi, tool, setting)
-        outputs = backward_call(*given, *history, *end_bar, output_dims=dims | grid_dims(candidates))
+        state_bar, grain_bar, node_bar, tool_bar, *_ = backward_call(
+            *given, history, pack(end_bar)[:, None], output_dims=dims
+        )
         phi_bar = jnp.zeros_like(phi)
-        for bar, own in ((outputs[4], chosen.grain), (outputs[5], chosen.node)):
+        for bar, own in ((grain_bar, chosen.grain), (node_bar, chosen.node)):
             phi_bar = phi_bar.at[:, jnp.array(own)].add(bar.sum(axis=1).reshape(candidates, -1))
-        return (*outputs[:4], phi_bar, outputs[6].reshape(*tool.shape[:2], -1)[..., :coordinates])
+        return unpack(state_bar[:, 0]), phi_bar, tool_bar.reshape(*tool.shape[:2], -1)[..., :coordinates]
 
     return Operations(forward=run_forward, backward=run_backward)
 

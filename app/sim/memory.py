@@ -1,32 +1,13 @@
-"""What the kernels work on: the particles' history, their cotangents, and the grid, as Warp structs of arrays.
+"""What the kernels work on besides particles: the grid and its cotangents, as Warp structs of arrays.
 
-Axes: B candidates, R rows of the history, N particles, G nodes, K blocks of 4 x 4 x 4 nodes. A grid has one slot for
+States of particles and their cotangents are arrays of vec4 (B, R, QUADS, N); see `app.sim.packed`. Axes: B candidates,
+R rows, the states at the beginning of substep s in row s modulo R, N particles, G nodes, K blocks of 4 x 4 x 4 nodes. A grid has one slot for
 every candidate that is in work at the same time, or several where substeps overlap. Nodes lie block by block, so that
 the 27 nodes around a particle lie in few places of the memory, and what is idle is skipped by blocks. A node's vec4 is
 a momentum [kg m/s] and a mass [kg], or a velocity [m/s] and nothing, or a sum of touches (see `contact.touching`).
 """
 
 import warp as wp
-
-@wp.struct
-class History:
-    """States at the beginning of substep s in row s modulo R."""
-
-    x: wp.array3d[wp.vec3]
-    v: wp.array3d[wp.vec3]
-    C: wp.array3d[wp.mat33]
-    F: wp.array3d[wp.mat33]
-
-
-@wp.struct
-class Particles:
-    """One number set a particle (B, N): a state, or the cotangents of one."""
-
-    x: wp.array2d[wp.vec3]
-    v: wp.array2d[wp.vec3]
-    C: wp.array2d[wp.mat33]
-    F: wp.array2d[wp.mat33]
-
 
 @wp.struct
 class Grid:

@@ -10,6 +10,7 @@ from app.core.errors import ParameterError
 from app.sim.catalogue import EFFECTS
 from app.sim.effects.base import Effect
 from app.sim.launch import make_operations
+from app.sim.packed import unpack
 from app.sim.params import parameters_with
 from app.sim.scene import Scene
 from app.sim.schedule import Schedule, schedule_for
@@ -17,7 +18,7 @@ from app.sim.state import Setting, State
 from app.sim.touching import parts
 
 TreeT = TypeVar("TreeT")
-Kept: TypeAlias = tuple[jax.Array, tuple[jax.Array, ...], jax.Array, Setting, jax.Array]
+Kept: TypeAlias = tuple[jax.Array, jax.Array, jax.Array, Setting, jax.Array]
 """For the backward pass: phi, history of the particles, tool path, setting, and which candidates are finite."""
 
 
@@ -75,8 +76,8 @@ def make_rollout(
 
     def rollout_backward(kept: Kept, end_bar: State) -> tuple[jax.Array, State, jax.Array, Setting]:
         phi, history, tool, setting, finite = kept
-        *state_bar, phi_bar, tool_bar = operations.backward(phi, history, tool, setting, end_bar)
-        bars = (phi_bar, State(*state_bar), tool_bar)
+        state_bar, phi_bar, tool_bar = operations.backward(phi, history, tool, setting, end_bar)
+        bars = (phi_bar, state_bar, tool_bar)
         finite_bars = _where_finite(finite & _finite(end_bar) & _finite(*bars), bars)
         return (*finite_bars, jax.tree.map(jnp.zeros_like, setting))
 
@@ -98,9 +99,9 @@ class Sizes(NamedTuple):
     coordinates: int
 
 
-def _row(history: tuple[jax.Array, ...], row: int) -> State:
+def _row(history: jax.Array, row: int) -> State:
     """The state in one row of the history."""
-    return State(*(leaf[:, row] for leaf in history))
+    return unpack(history[:, row])
 
 
 def _float32(leaf: jax.Array) -> jax.Array:

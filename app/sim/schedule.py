@@ -22,7 +22,7 @@ from app.sim.kernels import (
     candidate_kernels,
     particle_kernels,
 )
-from app.sim.memory import Grid, GridBars, History, Particles
+from app.sim.memory import Grid, GridBars
 from app.sim.scene import Scene
 from app.sim.touching import parts
 
@@ -35,14 +35,14 @@ class Work(NamedTuple):
 
     k: Constants
     inputs: Any
-    history: History
+    history: wp.array4d[wp.vec4]
     grid: Grid
 
 
 class Bars(NamedTuple):
     """Cotangents: of the state, turned from last to first in place; of phi, in partial sums; of tool; of the grid."""
 
-    state: Particles
+    state: wp.array4d[wp.vec4]
     phi_grain: wp.array2d[Any]
     phi_node: wp.array2d[Any]
     tool: wp.array2d[Any]
@@ -74,7 +74,7 @@ class Schedule(Protocol):
         """And over nodes."""
         ...
 
-    def forward(self, work: Work, start: Particles) -> None:
+    def forward(self, work: Work, start: wp.array4d[wp.vec4]) -> None:
         """Fill the history. The grid is given empty."""
         ...
 
@@ -105,7 +105,7 @@ class ThreadedCandidates:
         """One."""
         return 1
 
-    def forward(self, work: Work, start: Particles) -> None:
+    def forward(self, work: Work, start: wp.array4d[wp.vec4]) -> None:
         """One launch a candidate."""
         self._launch(self.kernels.forward, work, [start, work.history, work.grid])
 
@@ -115,13 +115,13 @@ class ThreadedCandidates:
         self._launch(self.kernels.adjoint, work, [work.history, *sums, work.grid, bars.grid])
 
     def _launch(self, kernel: wp.Kernel, work: Work, arguments: list[Any]) -> None:
-        candidates = work.history.x.shape[0]
+        candidates = work.history.shape[0]
         threads = self.slots(candidates)
         waiting = iter(range(candidates))  # Shared: the interpreter lock makes taking the next one atomic.
 
         def simulate(slot: int) -> None:
             for b in waiting:
-                wp.launch(kernel, 1, [work.k, work.inputs, b, slot, *arguments], device=work.history.x.device)
+                wp.launch(kernel, 1, [work.k, work.inputs, b, slot, *arguments], device=work.history.device)
 
         if threads == 1:
             simulate(0)
@@ -152,7 +152,7 @@ class LaunchedSubsteps:
         """Likewise."""
         return self.lanes // WARP_SIZE
 
-    def forward(self, work: Work, start: Particles) -> None:
+    def forward(self, work: Work, start: wp.array4d[wp.vec4]) -> None:
         """Particles and nodes in turn."""
         k, inputs, history, grid = work
         steps = inputs.tool.shape[1] - 1
@@ -164,7 +164,7 @@ class LaunchedSubsteps:
     def adjoint(self, work: Work, bars: Bars) -> None:
         """The same backwards, the grid computed again one substep ahead by threads of their own."""
         k, inputs, history, grid = work
-        threads = WARP_SIZE * self.grain_columns(history.x.shape[2])
+        threads = WARP_SIZE * self.grain_columns(history.shape[3])
         particles = [threads, inputs, history, bars.state, bars.phi_grain, bars.tool, grid, bars.grid]
         nodes = [self.lanes, inputs, bars.phi_node, grid, bars.grid]
         for s in reversed(range(inputs.tool.shape[1])):
@@ -173,15 +173,15 @@ class LaunchedSubsteps:
         self._over_particles(self.kernels.particles_adjoint, work, [k, -1, *particles])
 
     def _over_particles(self, kernel: wp.Kernel, work: Work, arguments: list[Any], groups: int = 1) -> None:
-        threads = WARP_SIZE * self.grain_columns(work.history.x.shape[2])
+        threads = WARP_SIZE * self.grain_columns(work.history.shape[3])
         self._launch(kernel, work, groups * threads, arguments)
 
     def _over_nodes(self, kernel: wp.Kernel, work: Work, arguments: list[Any], groups: int) -> None:
         self._launch(kernel, work, groups * self.lanes, arguments)
 
     def _launch(self, kernel: wp.Kernel, work: Work, threads: int, arguments: list[Any]) -> None:
-        dim = (work.history.x.shape[0], threads)
-        wp.launch(kernel, dim, arguments, device=work.history.x.device, block_dim=self.block_dim)
+        dim = (work.history.shape[0], threads)
+        wp.launch(kernel, dim, arguments, device=work.history.device, block_dim=self.block_dim)
 
 
 def code_of(scene: Scene, effects: tuple[Effect, ...]) -> Code:

@@ -19,7 +19,10 @@ from app.sim.constants import BLOCK_NODES, Constants
 from app.sim.effects.base import Grain, Node, WarpFunction
 from app.sim.hooks import columns
 from app.sim.materials.base import Law
-from app.sim.memory import Grid, GridBars, History
+from app.sim.memory import Grid, GridBars
+from app.sim.packed import affine as affine_of
+from app.sim.packed import load_deformation, load_motion, load_node, position, store_node
+from app.sim.packed import velocity as velocity_of
 from app.sim.params import NOMINAL_PHYSICS
 from app.sim.touching import barrier
 from app.sim.transfer import (
@@ -80,16 +83,16 @@ def active_node(n: int, slot: int, grid: Grid) -> int:
 @wp.func
 def clear(i: int, slot: int, stamp: int, grid: Grid):
     """Node `i` is as if it had never been given anything."""
-    grid.mass[slot, i] = wp.vec4()
+    store_node(grid.mass, slot, i, wp.vec4())
     if grid.felt[slot, i // BLOCK_NODES] == stamp:
-        grid.touch[slot, i] = wp.vec4()
-        grid.aim[slot, i] = wp.vec4()
+        store_node(grid.touch, slot, i, wp.vec4())
+        store_node(grid.aim, slot, i, wp.vec4())
 
 
 @wp.func
 def clear_bars(i: int, slot: int, grid_bars: GridBars):
     """Likewise its cotangents."""
-    grid_bars.node[slot, i] = wp.vec4()
+    store_node(grid_bars.node, slot, i, wp.vec4())
 
 
 def make_pieces(code: Code) -> Pieces:
@@ -247,7 +250,7 @@ def _missing_to_grid_adjoint(Inputs: Any, PhiGrain: Any, Pose: Any) -> WarpFunct
         p: int,
         s: int,
         slot: int,
-        h: History,
+        h: wp.array4d[wp.vec4],
         x_bar: wp.vec3,
         F_bar: wp.mat33,
         grid_bars: GridBars,
@@ -273,7 +276,7 @@ def _or_to_grid_adjoint(
         p: int,
         s: int,
         slot: int,
-        h: History,
+        h: wp.array4d[wp.vec4],
         x_part: wp.vec3,
         F_next_bar: wp.mat33,
         grid_bars: GridBars,
@@ -294,11 +297,12 @@ def _or_to_grid_adjoint(
                 k, a, b, p, s, slot, h, x_part, F_next_bar, grid_bars
             )
         else:
-            x = h.x[b, s, p]
+            motion = load_motion(h, b, s, p)
+            x = position(motion)
             if inside(k, x):
-                v = h.v[b, s, p]
-                C = h.C[b, s, p]
-                F = h.F[b, s, p]
+                v = velocity_of(motion)
+                C = affine_of(motion)
+                F = load_deformation(h, b, s, p)
                 grain = Grain()
                 grain.label = a.label[b, p]
                 grain.time = a.time[b]
@@ -454,7 +458,7 @@ def _node(velocity: WarpFunction, work: WarpFunction, Inputs: Any) -> tuple[Warp
 
     @wp.func
     def node(k: Constants, a: Inputs, b: int, i: int, slot: int, stamp: int, grid: Grid):
-        here = grid.mass[slot, i]
+        here = load_node(grid.mass, slot, i)
         v = wp.vec3()
         if here[3] > LEAST_MASS * k.least_mass:
             place = Node()
@@ -464,10 +468,10 @@ def _node(velocity: WarpFunction, work: WarpFunction, Inputs: Any) -> tuple[Warp
             touch = wp.vec4()
             aim = wp.vec4()
             if grid.felt[slot, i // BLOCK_NODES] == stamp:
-                touch = grid.touch[slot, i]
-                aim = grid.aim[slot, i]
+                touch = load_node(grid.touch, slot, i)
+                aim = load_node(grid.aim, slot, i)
             v = velocity(k, a.phi_node[b], here, place, touch, aim)
-        grid.velocity[slot, i] = wp.vec4(v[0], v[1], v[2], 0.0)
+        store_node(grid.velocity, slot, i, wp.vec4(v[0], v[1], v[2], 0.0))
 
     @wp.func
     def node_adjoint(
@@ -475,7 +479,7 @@ def _node(velocity: WarpFunction, work: WarpFunction, Inputs: Any) -> tuple[Warp
     ):
         phi = a.phi_node[b]
         phi_bar = phi - phi
-        here = grid.mass[slot, i]
+        here = load_node(grid.mass, slot, i)
         node_bar = wp.vec4()
         touch = wp.vec4()
         aim = wp.vec4()
@@ -488,16 +492,16 @@ def _node(velocity: WarpFunction, work: WarpFunction, Inputs: Any) -> tuple[Warp
             place.dt = k.dt
             place.time = a.time[b]
             if felt:
-                touch = grid.touch[slot, i]
-                aim = grid.aim[slot, i]
-            u = grid_bars.node[slot, i]
+                touch = load_node(grid.touch, slot, i)
+                aim = load_node(grid.aim, slot, i)
+            u = load_node(grid_bars.node, slot, i)
             _k, phi_bar, node_bar, _place, touch_bar, aim_bar, _v = wp.grad(work)(
                 k, phi, here, place, touch, aim, wp.vec3(u[0], u[1], u[2])
             )
-        grid_bars.node[slot, i] = node_bar
+        store_node(grid_bars.node, slot, i, node_bar)
         if felt:
-            grid_bars.touch[slot, i] = touch_bar
-            grid_bars.aim[slot, i] = aim_bar
+            store_node(grid_bars.touch, slot, i, touch_bar)
+            store_node(grid_bars.aim, slot, i, aim_bar)
         return phi_bar
 
     return node, node_adjoint

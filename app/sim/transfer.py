@@ -53,6 +53,32 @@ _VECTOR = """
 """
 """Four floats, their sum over nodes, and the nodes of a slot."""
 
+_RUNS = """
+#if defined(__CUDA_ARCH__)
+    const unsigned here = __activemask(), lane = threadIdx.x & 31;
+    const int cell = i0 << 20 | j0 << 10 | k0, cell_before = __shfl_up_sync(here, cell, 1);
+    const bool first = lane == 0 || !(here >> (lane - 1) & 1) || cell_before != cell;
+    const unsigned after = (__ballot_sync(here, first) | ~here) & ~((2u << lane) - 1u);
+    const int left = (after ? __ffs(after) - 1 : 32) - (int)lane;
+    const int longest = __reduce_max_sync(here, left);
+    #define ADD_RUN(node, value) do { \\
+        f4 _sum = (value); \\
+        for (int _step = 1; _step < longest; _step *= 2) { \\
+            f4 _other; \\
+            for (int _c = 0; _c < 4; _c++) _other.c[_c] = __shfl_down_sync(here, _sum.c[_c], _step); \\
+            if (_step < left) _sum += _other; \\
+        } \\
+        if (first) ADD_TO(node, _sum); } while (0)
+#else
+    #define ADD_RUN(node, value) ADD_TO(node, value)
+#endif
+"""
+"""Additions to a node by a whole run of a warp's threads, those next to each other whose particles share a cell, at once.
+
+A GPU's second-level cache adds one number at a time; particles that are sorted by place (`order`) need a fraction of
+the additions. `left` counts the threads of the run from this one on.
+"""
+
 _STENCIL = """
     const int i0 = (int)(q[0] - 0.5f), j0 = (int)(q[1] - 0.5f), k0 = (int)(q[2] - 0.5f);
     const float fx = q[0] - i0, fy = q[1] - j0, fz = q[2] - k0;
@@ -181,6 +207,7 @@ def enlist_felt(q: wp.vec3, blocks_y: int, blocks_z: int, slot: int, stamp: int,
 @wp.func_native(
     _VECTOR
     + _STENCIL
+    + _RUNS
     + """
     f4* nodes = NODES(mass);
     const f4 ax = {affine.data[0][0], affine.data[1][0], affine.data[2][0], 0.0f};
@@ -195,9 +222,9 @@ def enlist_felt(q: wp.vec3, blocks_y: int, blocks_z: int, slot: int, stamp: int,
         for (int j = 0; j < 3; j++, pj += ay) {
             f4* row = nodes + ox[i] + oy[j];
             const float w = wx[i] * wy[j];
-            ADD_TO(row[oz[0]], pj * (w * wz[0]));
-            ADD_TO(row[oz[1]], (pj + az) * (w * wz[1]));
-            ADD_TO(row[oz[2]], (pj + az * 2.0f) * (w * wz[2]));
+            ADD_RUN(row[oz[0]], pj * (w * wz[0]));
+            ADD_RUN(row[oz[1]], (pj + az) * (w * wz[1]));
+            ADD_RUN(row[oz[2]], (pj + az * 2.0f) * (w * wz[2]));
         }
     }
 """
@@ -258,6 +285,7 @@ def gather(q: wp.vec3, blocks_y: int, blocks_z: int, slot: int, velocity: wp.arr
     _VECTOR
     + _STENCIL
     + _SLOPES
+    + _RUNS
     + """
     const f4* nodes = NODES(velocity);
     f4* bars = NODES(node_bars);
@@ -280,7 +308,7 @@ def gather(q: wp.vec3, blocks_y: int, blocks_z: int, slot: int, velocity: wp.arr
             for (int n = 0; n < 3; n++) {
                 const f4 a = aj + az * (float)n;
                 const f4 node = nodes[row + oz[n]];
-                ADD_TO(bars[row + oz[n]], a * (w * wz[n]));
+                ADD_RUN(bars[row + oz[n]], a * (w * wz[n]));
                 const f4 ua = node * a;
                 whole += ua * wz[n];
                 slope += ua * sz[n];
