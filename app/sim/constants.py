@@ -14,11 +14,12 @@ BLOCK_NODES = wp.constant(2 ** sum(BLOCK_SHIFT))
 
 @wp.struct
 class Matter:
-    """One body: its particles are `first` to before the next body's; each has this mass [kg] and volume [m^3].
+    """Body `number`: its particles are `first` to before the next body's; each has this mass [kg] and volume [m^3].
 
     Its stiffness is `share` of phi's, its Lame parameters are these per unit of it; `own` is as its law reads it.
     """
 
+    number: wp.int32
     first: wp.int32
     mass: wp.float32
     volume: wp.float32

@@ -29,7 +29,7 @@ from app.sim.packed import (
     store_motion,
     velocity,
 )
-from app.sim.substep import Pieces, active_node, clear, clear_bars, make_pieces
+from app.sim.substep import Pieces, active_node, clear, clear_bars, make_pieces, matter_of
 
 WARP_SIZE = 32
 
@@ -75,10 +75,11 @@ def _module(kind: str, code: Code, pieces: Pieces) -> wp.Module:
 
 @wp.func
 def forget(slot: int, grid: Grid):
-    """Before the next candidate in this slot, whose stamps begin anew."""
+    """Before the next candidate in this slot, with a list and stamps of its own."""
     for block in range(grid.listed.shape[1]):
         grid.listed[slot, block] = 0
         grid.felt[slot, block] = 0
+    grid.count[slot] = 0
 
 
 @functools.cache
@@ -95,9 +96,12 @@ def candidate_kernels(code: Code) -> CandidateKernels:
         k: Constants, a: Inputs, b: int, s: int, read: int, write: int, slot: int, stamp: int, h: wp.array4d[wp.vec4], grid: Grid
     ):
         for p in range(h.shape[3]):
+            m = matter_of(k, p)
             motion = load_motion(h, b, read, p)
             F = load_deformation(h, b, read, p)
-            F_next = p2g(k, a, b, p, s, position(motion), velocity(motion), affine(motion), F, slot, stamp, grid)
+            F_next = p2g(
+                k, a, m, b, p, s, position(motion), velocity(motion), affine(motion), F, slot, slot, stamp, grid
+            )
             if read != write:
                 store_deformation(h, b, write, p, F_next)
         for n in range(grid.count[slot] * BLOCK_NODES):
@@ -107,8 +111,8 @@ def candidate_kernels(code: Code) -> CandidateKernels:
     def forward(k: Constants, a: Inputs, b: int, slot: int, start: wp.array4d[wp.vec4], h: wp.array4d[wp.vec4], grid: Grid):
         forget(slot, grid)
         for p in range(h.shape[3]):
-            m = load_motion(start, b, 0, p)
-            store_motion(h, b, 0, p, position(m), velocity(m), affine(m))
+            motion = load_motion(start, b, 0, p)
+            store_motion(h, b, 0, p, position(motion), velocity(motion), affine(motion))
             store_deformation(h, b, 0, p, load_deformation(start, b, 0, p))
         rows = h.shape[1]
         for s in range(a.tool.shape[1] - 1):
@@ -120,7 +124,6 @@ def candidate_kernels(code: Code) -> CandidateKernels:
                 store_motion(h, b, write, p, x, v, C)
             for n in range(grid.count[slot] * BLOCK_NODES):
                 clear(active_node(n, slot, grid), slot, s + 1, grid)
-            grid.count[slot] = 0
 
     @wp.kernel(module=module, enable_backward=False)
     def adjoint(
@@ -159,7 +162,7 @@ def candidate_kernels(code: Code) -> CandidateKernels:
                 node_sum += node_adjoint(k, a, b, active_node(n, slot, grid), slot, stamp, grid, grid_bars)
             for p in range(h.shape[3]):
                 x_bar, v_bar, C_bar, F_bar, phi_part, now_part, then_part = p2g_adjoint(
-                    k, a, b, p, s, slot, h, load_position(bars, b, 0, p), load_deformation(bars, b, 0, p), grid_bars
+                    k, a, matter_of(k, p), b, p, s, slot, h, load_position(bars, b, 0, p), load_deformation(bars, b, 0, p), grid_bars
                 )
                 store_motion(bars, b, 0, p, x_bar, v_bar, C_bar)
                 store_deformation(bars, b, 0, p, F_bar)
@@ -172,7 +175,6 @@ def candidate_kernels(code: Code) -> CandidateKernels:
                 i = active_node(n, slot, grid)
                 clear(i, slot, stamp, grid)
                 clear_bars(i, slot, grid_bars)
-            grid.count[slot] = 0
         grain_bar[b, 0] = grain_sum
         node_bar[b, 0] = node_sum
 
@@ -205,14 +207,21 @@ def _sum_over_warp(kind: Any, length: int) -> Any:
     return total
 
 
-SLOTS = wp.constant(4)
-"""Grids a candidate has on a GPU: of the substep that is given, the one taken, one that is cleared and one in reserve."""
+SLOTS = 2
+SLOTS_BACK = 3
+"""Grids a candidate has on a GPU: one that is given, one that is taken and, backwards, one that is cleared meanwhile."""
 
 
 @wp.func
-def slot_of(b: int, s: int) -> int:
-    """The grid of candidate b in substep s, which may be -1."""
-    return SLOTS * b + (s + SLOTS) % SLOTS
+def forth(b: int, s: int) -> int:
+    """The slot of candidate b in substep s."""
+    return 2 * b + s % 2
+
+
+@wp.func
+def back(b: int, s: int) -> int:
+    """On the way back, where s may be -1."""
+    return 3 * b + (s + 3) % 3
 
 
 @functools.cache
@@ -227,26 +236,18 @@ def particle_kernels(code: Code) -> ParticleKernels:
     node_total = _sum_over_warp(PhiNode, len(PhiNode()))
     pose_total = _sum_over_warp(Pose, len(Pose()))
     holds = any(part.thin for part in code.parts)
-    import os
-    if os.environ.get("FM","1")=="1":
-        module.options["fast_math"] = True
-    perm = os.environ.get("PERM","0")=="1"
-
-    @wp.func
-    def particle_of(t: int, particles: int) -> int:
-        p = t
-        if wp.static(perm):
-            p = (t % WARP_SIZE) * ((particles + WARP_SIZE - 1) // WARP_SIZE) + t // WARP_SIZE
-        return p
+    module.options["fast_math"] = True
 
     kernel = wp.kernel(module=module, enable_backward=False)
 
     @kernel
-    def particles(k: Constants, s: int, a: Inputs, start: wp.array4d[wp.vec4], h: wp.array4d[wp.vec4], grid: Grid):
-        b, t = wp.tid()
+    def particles(
+        k: Constants, s: int, a: Inputs, start: wp.array4d[wp.vec4], h: wp.array4d[wp.vec4], grid: Grid
+    ):
+        b, p = wp.tid()
         rows = h.shape[1]
-        p = particle_of(t, h.shape[3])
         if p < h.shape[3]:
+            m = matter_of(k, p)
             x = wp.vec3()
             v = wp.vec3()
             C = wp.mat33()
@@ -254,39 +255,42 @@ def particle_kernels(code: Code) -> ParticleKernels:
             now = s % rows
             if s > 0:
                 F = load_deformation(h, b, now, p)
-                x, v, C = g2p(k, a, b, s - 1, load_position(h, b, (s - 1) % rows, p), slot_of(b, s - 1), grid)
+                x, v, C = g2p(k, a, b, s - 1, load_position(h, b, (s - 1) % rows, p), forth(b, s - 1), grid)
             else:
-                m = load_motion(start, b, 0, p)
-                x = position(m)
-                v = velocity(m)
-                C = affine(m)
+                motion = load_motion(start, b, 0, p)
+                x = position(motion)
+                v = velocity(motion)
+                C = affine(motion)
                 F = load_deformation(start, b, 0, p)
                 store_deformation(h, b, now, p, F)
             store_motion(h, b, now, p, x, v, C)
             if s < a.tool.shape[1] - 1:
-                F_next = p2g(k, a, b, p, s, x, v, C, F, slot_of(b, s), s + 1, grid)
+                F_next = p2g(k, a, m, b, p, s, x, v, C, F, b, forth(b, s), s + 1, grid)
                 store_deformation(h, b, (s + 1) % rows, p, F_next)
 
     @kernel
     def nodes(k: Constants, s: int, lanes: int, a: Inputs, grid: Grid):
         b, t = wp.tid()
         if t < lanes:
-            slot = slot_of(b, s)
-            for n in range(t, grid.count[slot] * BLOCK_NODES, lanes):
-                node(k, a, b, active_node(n, slot, grid), slot, s + 1, grid)
+            slot = forth(b, s)
+            for n in range(t, grid.count[b] * BLOCK_NODES, lanes):
+                node(k, a, b, active_node(n, b, grid), slot, s + 1, grid)
         else:
-            old = slot_of(b, s - 1)
-            for n in range(t - lanes, grid.count[old] * BLOCK_NODES, lanes):
-                clear(active_node(n, old, grid), old, s, grid)
-            if t == lanes:
-                grid.count[slot_of(b, s + 1)] = 0
+            old = forth(b, s + 1)
+            for n in range(t - lanes, grid.count[b] * BLOCK_NODES, lanes):
+                clear(active_node(n, b, grid), old, s, grid)
 
     @wp.func
-    def again(k: Constants, a: Inputs, b: int, p: int, s: int, slot: int, stamp: int, h: wp.array4d[wp.vec4], grid: Grid):
+    def again(
+        k: Constants, a: Inputs, b: int, p: int, s: int, stamp: int, h: wp.array4d[wp.vec4], grid: Grid
+    ):
         """Give to the grid what substep s gave."""
-        m = load_motion(h, b, s, p)
+        motion = load_motion(h, b, s, p)
         F = load_deformation(h, b, s, p)
-        _F = p2g(k, a, b, p, s, position(m), velocity(m), affine(m), F, slot, stamp, grid)
+        m = matter_of(k, p)
+        _F = p2g(
+            k, a, m, b, p, s, position(motion), velocity(motion), affine(motion), F, b, back(b, s), stamp, grid
+        )
 
     @kernel
     def particles_adjoint(
@@ -304,7 +308,7 @@ def particle_kernels(code: Code) -> ParticleKernels:
         b, t = wp.tid()
         steps = a.tool.shape[1] - 1
         if t < threads:
-            p = particle_of(t, h.shape[3])
+            p = t
             mine = p < h.shape[3]
             x_bar = wp.vec3()
             v_bar = wp.vec3()
@@ -319,7 +323,7 @@ def particle_kernels(code: Code) -> ParticleKernels:
                 then_sum = Pose()
                 if mine:
                     x_bar, v_bar, C_bar, F_bar, phi_sum, now_sum, then_sum = p2g_adjoint(
-                        k, a, b, p, s + 1, slot_of(b, s + 1), h, x_bar, F_bar, grid_bars
+                        k, a, matter_of(k, p), b, p, s + 1, back(b, s + 1), h, x_bar, F_bar, grid_bars
                     )
                 phi_sum = grain_total(phi_sum)
                 if wp.dot(phi_sum, phi_sum) != 0.0:
@@ -334,7 +338,7 @@ def particle_kernels(code: Code) -> ParticleKernels:
                 then_part = Pose()
                 if mine:
                     x_bar, now_part, then_part = g2p_adjoint(
-                        k, a, b, s, load_position(h, b, s, p), x_bar, v_bar, C_bar, slot_of(b, s), grid, grid_bars
+                        k, a, b, s, load_position(h, b, s, p), x_bar, v_bar, C_bar, back(b, s), grid, grid_bars
                     )
                 if wp.static(holds):
                     add_to_tool(b, s, now_part, then_part, tool_bar)
@@ -342,9 +346,9 @@ def particle_kernels(code: Code) -> ParticleKernels:
                 store_motion(bars, b, 0, p, x_bar, v_bar, C_bar)
                 store_deformation(bars, b, 0, p, F_bar)
         elif s > 0:
-            p_again = particle_of(t - threads, h.shape[3])
+            p_again = t - threads
             if p_again < h.shape[3]:
-                again(k, a, b, p_again, s - 1, slot_of(b, s - 1), steps - s + 1, h, grid)
+                again(k, a, b, p_again, s - 1, steps - s + 1, h, grid)
 
     @wp.func
     def add_to_tool(b: int, s: int, now_bar: Pose, then_bar: Pose, tool_bar: wp.array2d[Pose]):
@@ -362,27 +366,25 @@ def particle_kernels(code: Code) -> ParticleKernels:
         b, t = wp.tid()
         stamp = a.tool.shape[1] - 1 - s  # Of substep s; those before it, which come later, have greater ones.
         if t < lanes:
-            slot = slot_of(b, s)
+            slot = back(b, s)
             phi_sum = PhiNode()
             if stamp > 0:
-                for n in range(t, grid.count[slot] * BLOCK_NODES, lanes):
-                    phi_sum += node_adjoint(k, a, b, active_node(n, slot, grid), slot, stamp, grid, grid_bars)
+                for n in range(t, grid.count[b] * BLOCK_NODES, lanes):
+                    phi_sum += node_adjoint(k, a, b, active_node(n, b, grid), slot, stamp, grid, grid_bars)
             phi_sum = node_total(phi_sum)
             if wp.dot(phi_sum, phi_sum) != 0.0:
                 node_bar[b, t // WARP_SIZE] = node_bar[b, t // WARP_SIZE] + phi_sum
         elif t < 2 * lanes:
-            before = slot_of(b, s - 1)
+            before = back(b, s - 1)
             if s > 0:
-                for n in range(t - lanes, grid.count[before] * BLOCK_NODES, lanes):
-                    node(k, a, b, active_node(n, before, grid), before, stamp + 1, grid)
+                for n in range(t - lanes, grid.count[b] * BLOCK_NODES, lanes):
+                    node(k, a, b, active_node(n, b, grid), before, stamp + 1, grid)
         else:
-            old = slot_of(b, s + 1)
-            for n in range(t - 2 * lanes, grid.count[old] * BLOCK_NODES, lanes):
-                i = active_node(n, old, grid)
+            old = back(b, s + 1)
+            for n in range(t - 2 * lanes, grid.count[b] * BLOCK_NODES, lanes):
+                i = active_node(n, b, grid)
                 clear(i, old, stamp - 1, grid)
                 clear_bars(i, old, grid_bars)
-            if t == 2 * lanes:
-                grid.count[slot_of(b, s + 2)] = 0
 
     return ParticleKernels(
         module=module,

@@ -129,12 +129,16 @@ def make_operations(scene: Scene, counts: Sequence[int], schedule: Schedule) -> 
     forward_call = wp.jax_callable(forward, num_outputs=8)
     backward_call = wp.jax_callable(backward, num_outputs=15)
 
-    def grid_dims(candidates: int) -> dict[str, tuple[int, ...]]:
-        slots = schedule.slots(candidates)
+    def grid_dims(candidates: int, *, backwards: bool) -> dict[str, tuple[int, ...]]:
+        slots, lists = schedule.slots(candidates, backwards=backwards), schedule.lists(candidates)
         nodes = ("mass", "touch", "aim", "velocity", "grid_bar", "touch_bar", "aim_bar")
         dims: dict[str, tuple[int, ...]] = dict.fromkeys(nodes, (slots, block_count * BLOCK_NODES))
-        dims |= dict.fromkeys(("listed", "felt", "active"), (slots, block_count))
-        return dims | {"count": (slots,)}
+        return dims | {
+            "felt": (slots, block_count),
+            "listed": (lists, block_count),
+            "active": (lists, block_count),
+            "count": (lists,),
+        }
 
     def inputs(phi: jax.Array, tool: jax.Array, setting: Setting) -> tuple[jax.Array, ...]:
         """What kernels read. Compiles while JAX traces: a compiler has no place in a computation that is recorded."""
@@ -147,14 +151,14 @@ def make_operations(scene: Scene, counts: Sequence[int], schedule: Schedule) -> 
 
     def run_forward(phi: jax.Array, state: State, tool: jax.Array, setting: Setting, rows: int) -> jax.Array:
         candidates = phi.shape[0]
-        dims = grid_dims(candidates) | {"history": (candidates, rows, QUADS, particle_count)}
+        dims = grid_dims(candidates, backwards=False) | {"history": (candidates, rows, QUADS, particle_count)}
         return forward_call(*inputs(phi, tool, setting), pack(state)[:, None], output_dims=dims)[0]
 
     def run_backward(
         phi: jax.Array, history: jax.Array, tool: jax.Array, setting: Setting, end_bar: State
     ) -> tuple[State, jax.Array, jax.Array]:
         candidates = phi.shape[0]
-        dims = grid_dims(candidates) | {
+        dims = grid_dims(candidates, backwards=True) | {
             "state_bar": (candidates, 1, QUADS, particle_count),
             "grain_bar": (candidates, schedule.grain_columns(particle_count)),
             "node_bar": (candidates, schedule.node_columns()),

@@ -11,18 +11,19 @@ import warp as wp
 
 @wp.struct
 class Grid:
-    """Nodes (slots, G), and which of their blocks matter: the first `count` on the list `active` (slots, K).
+    """Nodes (slots, G), and lists of the blocks that matter: the first `count` of `active` (lists, K).
 
-    A block is on the list if `listed` is the substep's stamp, which grows from one use of a slot to the next; and a
-    tool touches particles of it if `felt` is. So neither has to be cleared.
+    A block comes onto its candidate's list when matter first comes near it, and stays for the whole action; `listed`
+    says that it is there. `felt` (slots, K) is the substep's stamp where a tool touches particles of the block; stamps
+    grow from one use of a slot to the next, so that they need not be cleared.
     """
 
     mass: wp.array2d[wp.vec4]
     touch: wp.array2d[wp.vec4]
     aim: wp.array2d[wp.vec4]
     velocity: wp.array2d[wp.vec4]
-    listed: wp.array2d[wp.int32]
     felt: wp.array2d[wp.int32]
+    listed: wp.array2d[wp.int32]
     active: wp.array2d[wp.int32]
     count: wp.array[wp.int32]
 

@@ -45,8 +45,9 @@ def constants_of(scene: Scene, counts: Sequence[int], primitives: Sequence[Primi
 def _bodies(scene: Scene, counts: Sequence[int]) -> list[Matter]:
     bodies: list[Matter] = []
     first = np.cumsum([0, *counts])
-    for body, count, at in zip(scene.bodies, counts, first, strict=False):
+    for number, (body, count, at) in enumerate(zip(scene.bodies, counts, first[:-1], strict=True)):
         m = Matter()
+        m.number = number
         m.first = int(at)
         m.volume = body.volume_m3 / count
         m.mass = body.density_kg_m3 * m.volume

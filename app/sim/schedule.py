@@ -16,6 +16,7 @@ from app.sim.constants import Constants
 from app.sim.effects.base import Effect
 from app.sim.kernels import (
     SLOTS,
+    SLOTS_BACK,
     WARP_SIZE,
     CandidateKernels,
     ParticleKernels,
@@ -62,7 +63,11 @@ class Schedule(Protocol):
         """Those compiled in."""
         ...
 
-    def slots(self, candidates: int) -> int:
+    def lists(self, candidates: int) -> int:
+        """How many candidates are in work at the same time, each with a list of active blocks."""
+        ...
+
+    def slots(self, candidates: int, *, backwards: bool) -> int:
         """How many grids are in use at the same time."""
         ...
 
@@ -92,9 +97,14 @@ class ThreadedCandidates:
     effects: tuple[Effect, ...]
     threads: int = field(default_factory=lambda: len(os.sched_getaffinity(0)))
 
-    def slots(self, candidates: int) -> int:
+    def lists(self, candidates: int) -> int:
         """As many as there are threads."""
         return min(self.threads, candidates)
+
+    def slots(self, candidates: int, *, backwards: bool) -> int:
+        """As many."""
+        del backwards
+        return self.lists(candidates)
 
     def grain_columns(self, particles: int) -> int:
         """One: a thread adds up its candidate's."""
@@ -116,7 +126,7 @@ class ThreadedCandidates:
 
     def _launch(self, kernel: wp.Kernel, work: Work, arguments: list[Any]) -> None:
         candidates = work.history.shape[0]
-        threads = self.slots(candidates)
+        threads = self.lists(candidates)
         waiting = iter(range(candidates))  # Shared: the interpreter lock makes taking the next one atomic.
 
         def simulate(slot: int) -> None:
@@ -140,9 +150,13 @@ class LaunchedSubsteps:
     lanes: int = LANES
     block_dim: int = 128
 
-    def slots(self, candidates: int) -> int:
+    def lists(self, candidates: int) -> int:
+        """All."""
+        return candidates
+
+    def slots(self, candidates: int, *, backwards: bool) -> int:
         """Several a candidate: substeps overlap."""
-        return candidates * int(SLOTS)
+        return candidates * (SLOTS_BACK if backwards else SLOTS)
 
     def grain_columns(self, particles: int) -> int:
         """One for each warp of threads: atomic sums on one address would queue."""

@@ -15,7 +15,7 @@ from typing import Any, final
 import warp as wp
 
 from app.sim.compiled import Code, hold_work, hooks_of, node_function, node_work, particle_function, particle_work
-from app.sim.constants import BLOCK_NODES, Constants
+from app.sim.constants import BLOCK_NODES, Constants, Matter
 from app.sim.effects.base import Grain, Node, WarpFunction
 from app.sim.hooks import columns
 from app.sim.materials.base import Law
@@ -75,9 +75,19 @@ def _finite(a: wp.vec3, A: wp.mat33) -> bool:
 
 
 @wp.func
-def active_node(n: int, slot: int, grid: Grid) -> int:
+def matter_of(k: Constants, p: int) -> Matter:
+    """The body that particle `p` belongs to."""
+    m = k.bodies[0]
+    for body in range(1, k.bodies.shape[0]):
+        if p >= k.bodies[body].first:
+            m = k.bodies[body]
+    return m
+
+
+@wp.func
+def active_node(n: int, list: int, grid: Grid) -> int:
     """The place in memory of node number `n` of the active blocks."""
-    return grid.active[slot, n // BLOCK_NODES] * BLOCK_NODES + n % BLOCK_NODES
+    return grid.active[list, n // BLOCK_NODES] * BLOCK_NODES + n % BLOCK_NODES
 
 
 @wp.func
@@ -180,6 +190,7 @@ def _missing_to_grid(Inputs: Any) -> WarpFunction:
     def missing(
         k: Constants,
         a: Inputs,
+        m: Matter,
         b: int,
         p: int,
         s: int,
@@ -187,6 +198,7 @@ def _missing_to_grid(Inputs: Any) -> WarpFunction:
         v: wp.vec3,
         C: wp.mat33,
         F: wp.mat33,
+        list: int,
         slot: int,
         stamp: int,
         grid: Grid,
@@ -197,12 +209,13 @@ def _missing_to_grid(Inputs: Any) -> WarpFunction:
 
 
 def _or_to_grid(before: WarpFunction, body: int, particle: WarpFunction, Inputs: Any) -> WarpFunction:
-    """`to_grid(k, a, b, p, s, x, v, C, F, slot, stamp, grid)`: stress and contact, scattered; returns the new F."""
+    """`to_grid(k, a, m, b, p, s, x, v, C, F, list, slot, stamp, grid)`: stress and contact, scattered; returns the new F."""
 
     @wp.func
     def to_grid(
         k: Constants,
         a: Inputs,
+        m: Matter,
         b: int,
         p: int,
         s: int,
@@ -210,14 +223,14 @@ def _or_to_grid(before: WarpFunction, body: int, particle: WarpFunction, Inputs:
         v: wp.vec3,
         C: wp.mat33,
         F: wp.mat33,
+        list: int,
         slot: int,
         stamp: int,
         grid: Grid,
     ) -> wp.mat33:
         F_next = F
-        m = k.bodies[body]
-        if p < m.first:
-            F_next = before(k, a, b, p, s, x, v, C, F, slot, stamp, grid)
+        if m.number < body:
+            F_next = before(k, a, m, b, p, s, x, v, C, F, list, slot, stamp, grid)
         else:
             if inside(k, x):
                 grain = Grain()
@@ -229,7 +242,7 @@ def _or_to_grid(before: WarpFunction, body: int, particle: WarpFunction, Inputs:
                 )
                 if _finite(momentum, affine):
                     q = cells(k, x)
-                    enlist(q, k.blocks_y, k.blocks_z, slot, stamp, grid.listed, grid.active, grid.count)
+                    enlist(q, k.blocks_y, k.blocks_z, list, grid.listed, grid.active, grid.count)
                     scatter(q, momentum, affine, mass, k.blocks_y, k.blocks_z, slot, grid.mass)
                     if touch[3] > 0.0:
                         enlist_felt(q, k.blocks_y, k.blocks_z, slot, stamp, grid.felt)
@@ -246,6 +259,7 @@ def _missing_to_grid_adjoint(Inputs: Any, PhiGrain: Any, Pose: Any) -> WarpFunct
     def missing(
         k: Constants,
         a: Inputs,
+        m: Matter,
         b: int,
         p: int,
         s: int,
@@ -272,6 +286,7 @@ def _or_to_grid_adjoint(
     def to_grid_adjoint(
         k: Constants,
         a: Inputs,
+        m: Matter,
         b: int,
         p: int,
         s: int,
@@ -281,7 +296,6 @@ def _or_to_grid_adjoint(
         F_next_bar: wp.mat33,
         grid_bars: GridBars,
     ):
-        m = k.bodies[body]
         phi = a.phi_grain[b]
         now = a.tool[b, s]
         then = a.tool[b, s + 1]
@@ -292,9 +306,9 @@ def _or_to_grid_adjoint(
         v_bar = wp.vec3()
         C_bar = wp.mat33()
         F_bar = F_next_bar
-        if p < m.first:
+        if m.number < body:
             x_bar, v_bar, C_bar, F_bar, phi_bar, now_bar, then_bar = before(
-                k, a, b, p, s, slot, h, x_part, F_next_bar, grid_bars
+                k, a, m, b, p, s, slot, h, x_part, F_next_bar, grid_bars
             )
         else:
             motion = load_motion(h, b, s, p)
@@ -507,4 +521,4 @@ def _node(velocity: WarpFunction, work: WarpFunction, Inputs: Any) -> tuple[Warp
     return node, node_adjoint
 
 
-__all__ = ["Law", "Pieces", "active_node", "clear", "clear_bars", "make_pieces"]
+__all__ = ["Law", "Pieces", "active_node", "clear", "clear_bars", "make_pieces", "matter_of"]

@@ -61,19 +61,23 @@ _RUNS = """
     const unsigned after = (__ballot_sync(here, first) | ~here) & ~((2u << lane) - 1u);
     const int left = (after ? __ffs(after) - 1 : 32) - (int)lane;
     const int longest = __reduce_max_sync(here, left);
-    #define ADD_RUN(node, value) do { \\
-        f4 _sum = (value); \\
+    #define ADD_ROW(row, one, two, three) do { \\
+        f4 _s[3] = {one, two, three}; \\
         for (int _step = 1; _step < longest; _step *= 2) { \\
-            f4 _other; \\
-            for (int _c = 0; _c < 4; _c++) _other.c[_c] = __shfl_down_sync(here, _sum.c[_c], _step); \\
-            if (_step < left) _sum += _other; \\
+            f4 _o[3]; \\
+            _Pragma("unroll") for (int _n = 0; _n < 3; _n++) \\
+                _Pragma("unroll") for (int _c = 0; _c < 4; _c++) \\
+                    _o[_n].c[_c] = __shfl_down_sync(here, _s[_n].c[_c], _step); \\
+            if (_step < left) { _s[0] += _o[0]; _s[1] += _o[1]; _s[2] += _o[2]; } \\
         } \\
-        if (first) ADD_TO(node, _sum); } while (0)
+        if (first) { ADD_TO((row)[oz[0]], _s[0]); ADD_TO((row)[oz[1]], _s[1]); ADD_TO((row)[oz[2]], _s[2]); } \\
+    } while (0)
 #else
-    #define ADD_RUN(node, value) ADD_TO(node, value)
+    #define ADD_ROW(row, one, two, three) do { \\
+        ADD_TO((row)[oz[0]], one); ADD_TO((row)[oz[1]], two); ADD_TO((row)[oz[2]], three); } while (0)
 #endif
 """
-"""Additions to a node by a whole run of a warp's threads, those next to each other whose particles share a cell, at once.
+"""Additions to a row of nodes by a whole run of a warp's threads, those next to each other whose particles share a cell, at once.
 
 A GPU's second-level cache adds one number at a time; particles that are sorted by place (`order`) need a fraction of
 the additions. `left` counts the threads of the run from this one on.
@@ -156,21 +160,21 @@ _BLOCKS = in_blocks(_BLOCKS)
 @wp.func_native(
     _BLOCKS
     + """
-    int* stamps = listed.data + (long long)slot * listed.shape[1];
-    int* list = active.data + (long long)slot * active.shape[1];
+    int* known = listed.data + (long long)list * listed.shape[1];
+    int* members = active.data + (long long)list * active.shape[1];
     int seen[8];
     #pragma unroll
     for (int n = 0; n < 8; n++)
-        seen[n] = own[n] ? stamps[blocks[n]] : stamp;
+        seen[n] = own[n] ? known[blocks[n]] : 1;
     #pragma unroll
     for (int n = 0; n < 8; n++) {
-        if (seen[n] < stamp) {
+        if (seen[n] == 0) {
         #if defined(__CUDA_ARCH__)
-            if (atomicMax(stamps + blocks[n], stamp) < stamp)
-                list[atomicAdd(count.data + slot, 1)] = blocks[n];
+            if (atomicExch(known + blocks[n], 1) == 0)
+                members[atomicAdd(count.data + list, 1)] = blocks[n];
         #else
-            stamps[blocks[n]] = stamp;
-            list[count.data[slot]++] = blocks[n];
+            known[blocks[n]] = 1;
+            members[count.data[list]++] = blocks[n];
         #endif
         }
     }
@@ -180,13 +184,12 @@ def enlist(
     q: wp.vec3,
     blocks_y: int,
     blocks_z: int,
-    slot: int,
-    stamp: int,
+    list: int,
     listed: wp.array2d[wp.int32],
     active: wp.array2d[wp.int32],
     count: wp.array[wp.int32],
 ):
-    """Put the blocks around a particle on the list of active ones."""
+    """Put the blocks around a particle on a list of active ones, where they stay for the whole action."""
     ...
 
 
@@ -222,9 +225,7 @@ def enlist_felt(q: wp.vec3, blocks_y: int, blocks_z: int, slot: int, stamp: int,
         for (int j = 0; j < 3; j++, pj += ay) {
             f4* row = nodes + ox[i] + oy[j];
             const float w = wx[i] * wy[j];
-            ADD_RUN(row[oz[0]], pj * (w * wz[0]));
-            ADD_RUN(row[oz[1]], (pj + az) * (w * wz[1]));
-            ADD_RUN(row[oz[2]], (pj + az * 2.0f) * (w * wz[2]));
+            ADD_ROW(row, pj * (w * wz[0]), (pj + az) * (w * wz[1]), (pj + az * 2.0f) * (w * wz[2]));
         }
     }
 """
@@ -304,11 +305,11 @@ def gather(q: wp.vec3, blocks_y: int, blocks_z: int, slot: int, velocity: wp.arr
             const int row = ox[i] + oy[j];
             const float w = wx[i] * wy[j];
             f4 whole = zero, slope = zero, u_j = zero;
+            ADD_ROW(bars + row, aj * (w * wz[0]), (aj + az) * (w * wz[1]), (aj + az * 2.0f) * (w * wz[2]));
             #pragma unroll
             for (int n = 0; n < 3; n++) {
                 const f4 a = aj + az * (float)n;
                 const f4 node = nodes[row + oz[n]];
-                ADD_RUN(bars[row + oz[n]], a * (w * wz[n]));
                 const f4 ua = node * a;
                 whole += ua * wz[n];
                 slope += ua * sz[n];
