@@ -478,6 +478,7 @@ def _node(velocity: WarpFunction, work: WarpFunction, Inputs: Any) -> tuple[Warp
             place = Node()
             place.x = node_position(k, i)
             place.dt = k.dt
+            place.gravity = k.gravity
             place.time = a.time[b]
             touch = wp.vec4()
             aim = wp.vec4()
@@ -504,6 +505,7 @@ def _node(velocity: WarpFunction, work: WarpFunction, Inputs: Any) -> tuple[Warp
             place = Node()
             place.x = node_position(k, i)
             place.dt = k.dt
+            place.gravity = k.gravity
             place.time = a.time[b]
             if felt:
                 touch = load_node(grid.touch, slot, i)

@@ -16,12 +16,16 @@ WarpFunction: TypeAlias = Callable[..., Any]
 
 @wp.struct
 class Node:
-    """A grid node as effects see it. `touched` is the share of its mass that a tool touches, `time` the session's."""
+    """A grid node as effects see it. `touched` is the share of its mass that a tool touches, `time` the session's.
+
+    `gravity` is the scene's [m/s^2]. In `node_velocity`, v and touched are 0.
+    """
 
     x: wp.vec3
     v: wp.vec3
     touched: wp.float32
     dt: wp.float32
+    gravity: wp.float32
     time: wp.float32
 
 

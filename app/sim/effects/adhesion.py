@@ -1,0 +1,38 @@
+"""Adhesion (suction, capillary or tacky contact): tools hold what leaves them with a traction of up to s [Pa].
+
+Constant up to separation, as in the cohesive zone of Dugdale that Maugis 1992 puts between the limits of adhesive
+contact ("Adhesion of spheres: the JKR-DMT transition using a Dugdale model"). Matter follows the finger on retreat.
+"""
+
+from typing import Any
+
+import warp as wp
+
+from app.sim.effects.base import Effect, Node
+from app.sim.parameter import ParameterSpec
+
+LEAST = wp.constant(1.0e-6)
+"""A traction [Pa] that moves nothing: without it, at the null, the derivative of min(0, s) for what does not leave
+would be that of s."""
+
+
+@wp.func
+def sticky_traction(traction: float, _node: Node, phi: Any, at: int) -> float:
+    """The traction with the tool's."""
+    return traction + phi[at] + LEAST
+
+
+EFFECT = Effect(
+    parameters=(
+        ParameterSpec(
+            name="adhesion",
+            unit="Pa",
+            nominal=0.0,
+            low=0.0,
+            high=5000.0,
+            scale="linear",
+            about="Traction with which a tool holds matter that leaves it.",
+        ),
+    ),
+    adhesion=sticky_traction,
+)

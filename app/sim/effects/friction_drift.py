@@ -1,0 +1,34 @@
+"""Friction drift: mu (1 + d t) over a session, t from -0.5 at its beginning to 0.5 at its end.
+
+The first term of wear, dirt, drying or polishing; surfaces under repeated pushes do it (Yu et al. 2016, "More than a
+million ways to be pushed", on changes of friction over time). Where the time is unknown it is 0, and nothing changes.
+"""
+
+from typing import Any
+
+import warp as wp
+
+from app.sim.effects.base import Effect, Node
+from app.sim.parameter import ParameterSpec
+
+
+@wp.func
+def drifted_friction(mu: float, node: Node, phi: Any, at: int) -> float:
+    """The coefficient at this time of the session."""
+    return mu * (1.0 + phi[at] * node.time)
+
+
+EFFECT = Effect(
+    parameters=(
+        ParameterSpec(
+            name="friction_drift",
+            unit="1/session",
+            nominal=0.0,
+            low=-1.0,
+            high=1.0,
+            scale="linear",
+            about="Change of the table's friction from the beginning to the end of the session, as a share of it.",
+        ),
+    ),
+    table_friction=drifted_friction,
+)

@@ -1,0 +1,49 @@
+"""Friction map (place-dependent, heterogeneous friction): mu (1 + g . (x - x0)), at least a twentieth of mu.
+
+The first term of the map of a table that is dusty, worn or damp on one side (Zmitrowicz 2006, "Models of kinematics
+dependent anisotropic and heterogeneous friction"; measured places differ by 10 to 30 %, Ma and Rodriguez 2018).
+"""
+
+from typing import Any
+
+import warp as wp
+
+from app.sim.effects.base import Effect, Node
+from app.sim.parameter import ParameterSpec
+
+X0 = wp.constant(0.55)
+"""x of the reference point [m], where mu is phi's: the middle of the workspace, at y = 0."""
+
+LEAST = wp.constant(0.05)
+"""Friction does not fall below this share: it cannot push."""
+
+
+@wp.func
+def placed_friction(mu: float, node: Node, phi: Any, at: int) -> float:
+    """The coefficient at the node's place."""
+    return mu * wp.max(LEAST, 1.0 + phi[at] * (node.x[0] - X0) + phi[at + 1] * node.x[1])
+
+
+EFFECT = Effect(
+    parameters=(
+        ParameterSpec(
+            name="friction_slope_x",
+            unit="1/m",
+            nominal=0.0,
+            low=-3.0,
+            high=3.0,
+            scale="linear",
+            about="Relative growth of the table's friction along x, from (0.55, 0) m.",
+        ),
+        ParameterSpec(
+            name="friction_slope_y",
+            unit="1/m",
+            nominal=0.0,
+            low=-3.0,
+            high=3.0,
+            scale="linear",
+            about="Relative growth of the table's friction along y, from (0.55, 0) m.",
+        ),
+    ),
+    table_friction=placed_friction,
+)

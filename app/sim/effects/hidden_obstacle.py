@@ -1,0 +1,61 @@
+"""Hidden obstacle: a soft vertical post at (x, y) slows what approaches it, and lets go what leaves.
+
+The normal velocity n of what comes closer decays, dv/dt = -k h(r) min(0, v . n) n, by penalisation (Angot, Bruneau and
+Fabrie 1999, "A penalization method to take into account obstacles in incompressible viscous flows"), and implicitly.
+"""
+
+from typing import Any
+
+import warp as wp
+
+from app.sim.effects.base import Effect, Node
+from app.sim.parameter import ParameterSpec
+
+RADIUS = wp.constant(0.02)
+"""Of the post [m]: h = max(0, 1 - (r / 2 R)^2)^2 is a half near R and gone at twice that."""
+
+
+@wp.func
+def obstructed_velocity(v: wp.vec3, node: Node, phi: Any, at: int) -> wp.vec3:
+    """The velocity after one substep in which the post resists."""
+    away = wp.vec3(node.x[0] - phi[at + 1], node.x[1] - phi[at + 2], 0.0) / RADIUS
+    square = wp.dot(away, away)
+    near = wp.max(0.0, 1.0 - 0.25 * square)
+    resisted = phi[at] * node.dt * near * near
+    approach = wp.min(0.0, wp.dot(v, away))
+    return v - (resisted / (1.0 + resisted) * approach / (square + 0.01)) * away
+
+
+EFFECT = Effect(
+    parameters=(
+        ParameterSpec(
+            name="obstacle_rate",
+            unit="1/s",
+            nominal=0.0,
+            low=0.0,
+            high=5000.0,
+            scale="linear",
+            about="Rate at which a hidden post stops what approaches it.",
+        ),
+        ParameterSpec(
+            name="obstacle_x",
+            unit="m",
+            nominal=0.55,
+            low=0.15,
+            high=0.95,
+            scale="linear",
+            about="Where the hidden post is along x.",
+        ),
+        ParameterSpec(
+            name="obstacle_y",
+            unit="m",
+            nominal=0.0,
+            low=-0.45,
+            high=0.45,
+            scale="linear",
+            about="Where the hidden post is along y.",
+        ),
+    ),
+    switches=1,
+    node_velocity=obstructed_velocity,
+)

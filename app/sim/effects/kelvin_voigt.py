@@ -1,0 +1,34 @@
+"""Kelvin-Voigt solid (internal damping): a viscous stress 2 eta D besides the elastic one.
+
+Christensen 1982, "Theory of Viscoelasticity", section 1.5. It resists fast deformation and leaves slow shapes alone.
+The range ends where explicit time steps do, eta < density cell^2 / (4 dt).
+"""
+
+from typing import Any
+
+import warp as wp
+
+from app.sim.effects.base import Effect, Grain
+from app.sim.parameter import ParameterSpec
+
+
+@wp.func
+def solid_viscosity(viscosity: float, grain: Grain, phi: Any, at: int) -> float:
+    """The viscosity; that of liquids is their own."""
+    return viscosity + phi[at] * (1.0 - grain.fluid)
+
+
+EFFECT = Effect(
+    parameters=(
+        ParameterSpec(
+            name="solid_viscosity",
+            unit="Pa s",
+            nominal=0.0,
+            low=0.0,
+            high=20.0,
+            scale="linear",
+            about="Viscosity of a solid, beside its elasticity.",
+        ),
+    ),
+    viscosity=solid_viscosity,
+)

@@ -1,0 +1,44 @@
+"""Mass heterogeneity: m(s) = m exp(h1 s + h2 (3 s^2) / 2) along the object, s from -1 to 1.
+
+As for stiffness: Legendre polynomials, less their value in the middle, of the logarithm (Ghanem and Spanos 1991,
+"Stochastic Finite Elements", ch. 2). A heavy end, a weight at the middle: the centre of rotation shifts.
+"""
+
+from typing import Any
+
+import warp as wp
+
+from app.sim.effects.base import Effect, Grain
+from app.sim.parameter import ParameterSpec
+
+
+@wp.func
+def varied_mass(mass: float, grain: Grain, phi: Any, at: int) -> float:
+    """The mass at the particle's place along the object."""
+    s = grain.label[0]
+    return mass * wp.exp(s * (phi[at] + 1.5 * phi[at + 1] * s))
+
+
+EFFECT = Effect(
+    parameters=(
+        ParameterSpec(
+            name="mass_slope",
+            unit="1",
+            nominal=0.0,
+            low=-0.7,
+            high=0.7,
+            scale="linear",
+            about="Logarithm of the mass per length at the object's far end over that in its middle.",
+        ),
+        ParameterSpec(
+            name="mass_bow",
+            unit="1",
+            nominal=0.0,
+            low=-0.5,
+            high=0.5,
+            scale="linear",
+            about="Two thirds of the logarithm of the mass per length at both ends over that in the middle.",
+        ),
+    ),
+    mass=varied_mass,
+)

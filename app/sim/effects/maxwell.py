@@ -1,0 +1,34 @@
+"""Maxwell solid (stress relaxation, creep): the deviatoric stress decays at the rate r, ds/dt = -r s.
+
+Simo and Hughes 1998, "Computational Inelasticity", section 10.1, with no elastic rest; a step of backward Euler keeps
+1 / (1 + r dt). What was bent stays bent in part, the more the longer it is held.
+"""
+
+from typing import Any
+
+import warp as wp
+
+from app.sim.effects.base import Effect, Grain
+from app.sim.parameter import ParameterSpec
+
+
+@wp.func
+def relaxed_share(kept: float, grain: Grain, phi: Any, at: int) -> float:
+    """The share that is left after one substep."""
+    return kept / (1.0 + phi[at] * grain.dt)
+
+
+EFFECT = Effect(
+    parameters=(
+        ParameterSpec(
+            name="relaxation_rate",
+            unit="1/s",
+            nominal=0.0,
+            low=0.0,
+            high=50.0,
+            scale="linear",
+            about="Rate at which the stress of a deformed solid decays.",
+        ),
+    ),
+    kept=relaxed_share,
+)

@@ -1,0 +1,34 @@
+"""Plastic yield: beyond a yield stress, given by its inverse c, a solid flows and stays; it keeps 1 / max(1, c |s|).
+
+Von Mises' condition on the deviatoric stress s with radial return (Simo and Hughes 1998, "Computational Inelasticity",
+box 9.1). The null is an infinite yield stress; near it, nothing happens until the stress reaches 1 / c.
+"""
+
+from typing import Any
+
+import warp as wp
+
+from app.sim.effects.base import Effect, Grain
+from app.sim.parameter import ParameterSpec
+
+
+@wp.func
+def yielded_share(kept: float, grain: Grain, phi: Any, at: int) -> float:
+    """The share that the yield surface leaves."""
+    return kept / wp.max(1.0, phi[at] * grain.stress)
+
+
+EFFECT = Effect(
+    parameters=(
+        ParameterSpec(
+            name="yield_softness",
+            unit="1/Pa",
+            nominal=0.0,
+            low=0.0,
+            high=0.005,
+            scale="linear",
+            about="One over the largest deviatoric stress that a solid bears without yielding.",
+        ),
+    ),
+    kept=yielded_share,
+)

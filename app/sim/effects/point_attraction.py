@@ -1,0 +1,58 @@
+"""Point attraction (a magnet, a dip in the table): a = 2 A g w d / (d^2 + w^2) towards (x, y) at the distance d.
+
+The field 1/d of a line source, softened as Plummer's (1911, "On the problem of distribution in globular star
+clusters"): largest, A g, at the distance w, and felt far away. A share A of weight, so that it scales with gravity.
+"""
+
+from typing import Any
+
+import warp as wp
+
+from app.sim.effects.base import Effect, Node
+from app.sim.parameter import ParameterSpec
+
+WIDTH = wp.constant(0.05)
+"""Distance [m] at which it pulls most."""
+
+
+@wp.func
+def attracted_velocity(v: wp.vec3, node: Node, phi: Any, at: int) -> wp.vec3:
+    """The velocity after one substep of the pull."""
+    x, y = (phi[at + 1] - node.x[0]) / WIDTH, (phi[at + 2] - node.x[1]) / WIDTH
+    pull = 2.0 * phi[at] * node.gravity * node.dt / (1.0 + x * x + y * y)
+    return v + wp.vec3(pull * x, pull * y, 0.0)
+
+
+EFFECT = Effect(
+    parameters=(
+        ParameterSpec(
+            name="attraction",
+            unit="1",
+            nominal=0.0,
+            low=-0.5,
+            high=0.5,
+            scale="linear",
+            about="Largest pull towards a point of the table, as a share of weight; negative pushes away.",
+        ),
+        ParameterSpec(
+            name="attraction_x",
+            unit="m",
+            nominal=0.55,
+            low=0.15,
+            high=0.95,
+            scale="linear",
+            about="Where the point that attracts is along x.",
+        ),
+        ParameterSpec(
+            name="attraction_y",
+            unit="m",
+            nominal=0.0,
+            low=-0.45,
+            high=0.45,
+            scale="linear",
+            about="Where the point that attracts is along y.",
+        ),
+    ),
+    switches=1,
+    node_velocity=attracted_velocity,
+)

@@ -1,0 +1,58 @@
+"""Point constraint (a pin, a snag): matter near (x, y) is held, dv/dt = -k h(r) v with h = (1 + r^2 / w^2)^-2.
+
+A constraint by penalisation of the velocity (Angot, Bruneau and Fabrie 1999, "A penalization method to take into
+account obstacles in incompressible viscous flows", eq. 3), integrated implicitly so that no rate can reverse motion.
+"""
+
+from typing import Any
+
+import warp as wp
+
+from app.sim.effects.base import Effect, Node
+from app.sim.parameter import ParameterSpec
+
+WIDTH = wp.constant(0.015)
+"""Of the held spot [m], about one cell."""
+
+
+@wp.func
+def held_velocity(v: wp.vec3, node: Node, phi: Any, at: int) -> wp.vec3:
+    """The velocity after one substep in which the spot holds."""
+    x, y = (node.x[0] - phi[at + 1]) / WIDTH, (node.x[1] - phi[at + 2]) / WIDTH
+    far = 1.0 + x * x + y * y
+    return v / (1.0 + phi[at] * node.dt / (far * far))
+
+
+EFFECT = Effect(
+    parameters=(
+        ParameterSpec(
+            name="constraint_rate",
+            unit="1/s",
+            nominal=0.0,
+            low=0.0,
+            high=2000.0,
+            scale="linear",
+            about="Rate at which a spot holds what moves over it.",
+        ),
+        ParameterSpec(
+            name="constraint_x",
+            unit="m",
+            nominal=0.55,
+            low=0.15,
+            high=0.95,
+            scale="linear",
+            about="Where the spot that holds is along x.",
+        ),
+        ParameterSpec(
+            name="constraint_y",
+            unit="m",
+            nominal=0.0,
+            low=-0.45,
+            high=0.45,
+            scale="linear",
+            about="Where the spot that holds is along y.",
+        ),
+    ),
+    switches=1,
+    node_velocity=held_velocity,
+)

@@ -1,0 +1,44 @@
+"""Stiffness heterogeneity: E(s) = E exp(h1 s + h2 (3 s^2) / 2) along the object, s from -1 to 1.
+
+The first Legendre polynomials, less their value in the middle, of the logarithm, which keeps E positive (expansions of
+random fields: Ghanem and Spanos 1991, "Stochastic Finite Elements", ch. 2): a worn end, a knot, a splice.
+"""
+
+from typing import Any
+
+import warp as wp
+
+from app.sim.effects.base import Effect, Grain
+from app.sim.parameter import ParameterSpec
+
+
+@wp.func
+def varied_stiffness(E: float, grain: Grain, phi: Any, at: int) -> float:
+    """Young's modulus at the particle's place along the object."""
+    s = grain.label[0]
+    return E * wp.exp(s * (phi[at] + 1.5 * phi[at + 1] * s))
+
+
+EFFECT = Effect(
+    parameters=(
+        ParameterSpec(
+            name="stiffness_slope",
+            unit="1",
+            nominal=0.0,
+            low=-1.0,
+            high=1.0,
+            scale="linear",
+            about="Logarithm of the stiffness at the object's far end over that in its middle.",
+        ),
+        ParameterSpec(
+            name="stiffness_bow",
+            unit="1",
+            nominal=0.0,
+            low=-0.7,
+            high=0.7,
+            scale="linear",
+            about="Two thirds of the logarithm of the stiffness at both ends over that in the middle.",
+        ),
+    ),
+    stiffness=varied_stiffness,
+)

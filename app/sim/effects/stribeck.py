@@ -1,0 +1,45 @@
+"""Stribeck effect (static above kinetic friction): mu (1 + r exp(-(v / v_s)^2)) at the sliding speed v.
+
+Stribeck 1902, in the form of Armstrong-Helouvry, Dupont and Canudas de Wit 1994, "A survey of models, analysis tools
+and compensation methods for the control of machines with friction", with exponent 2. Slow pushes stick, fast ones run.
+"""
+
+from typing import Any
+
+import warp as wp
+
+from app.sim.effects.base import Effect, Node
+from app.sim.parameter import ParameterSpec
+
+
+@wp.func
+def stribeck_friction(mu: float, node: Node, phi: Any, at: int) -> float:
+    """The coefficient at the node's speed along the table."""
+    slow = (node.v[0] * node.v[0] + node.v[1] * node.v[1]) / (phi[at + 1] * phi[at + 1])
+    return mu * (1.0 + phi[at] * wp.exp(-slow))
+
+
+EFFECT = Effect(
+    parameters=(
+        ParameterSpec(
+            name="stribeck_excess",
+            unit="1",
+            nominal=0.0,
+            low=-0.5,
+            high=2.0,
+            scale="linear",
+            about="How much greater friction is at rest than when sliding, as a share of the latter.",
+        ),
+        ParameterSpec(
+            name="stribeck_speed",
+            unit="m/s",
+            nominal=0.05,
+            low=0.005,
+            high=0.5,
+            scale="log",
+            about="Sliding speed beyond which the excess is gone.",
+        ),
+    ),
+    switches=1,
+    table_friction=stribeck_friction,
+)
