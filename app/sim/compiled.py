@@ -149,9 +149,7 @@ def hold_work(hold: WarpFunction) -> WarpFunction:
     """The position and velocity of `barrier` times their cotangents: the gradient of this number is the adjoint."""
 
     @wp.func
-    def work(
-        k: Constants, x: wp.vec3, v: wp.vec3, now: Any, then: Any, x_bar: wp.vec3, v_bar: wp.vec3
-    ) -> wp.float32:
+    def work(k: Constants, x: wp.vec3, v: wp.vec3, now: Any, then: Any, x_bar: wp.vec3, v_bar: wp.vec3) -> wp.float32:
         x_held, v_held = hold(k, x, v, now, then)
         return wp.dot(x_bar, x_held) + wp.dot(v_bar, v_held)
 

@@ -6,10 +6,10 @@
 
 import warp as wp
 
-import os
-BLOCK_SHIFT = tuple(int(c) for c in os.environ.get("BS","222"))
+BLOCK_SHIFT = (1, 1, 1)
 BLOCK_NODES = wp.constant(2 ** sum(BLOCK_SHIFT))
-"""Nodes lie in memory in blocks of 2^shift along each axis."""
+"""Nodes lie in memory in blocks of 2^shift along each axis. Measured on an H200 with 150 ropes of 300 particles: blocks
+of 4 x 4 x 4 hold 2.2 times as many idle nodes, and an action with its adjoint takes 8 % longer."""
 
 
 @wp.struct

@@ -15,7 +15,7 @@ import warp as wp
 from app.sim.constants import BLOCK_NODES, Constants
 from app.sim.hooks import columns
 from app.sim.memory import Grid, GridBars
-from app.sim.numbers import blocks_of, constants_of
+from app.sim.numbers import block_count_of, constants_of
 from app.sim.packed import QUADS, pack, unpack
 from app.sim.params import NOMINAL_PHYSICS
 from app.sim.scene import Scene
@@ -42,13 +42,12 @@ def make_operations(scene: Scene, counts: Sequence[int], schedule: Schedule) -> 
     """For one scene and the numbers of particles of its bodies."""
     wp.config.log_level = wp.LOG_WARNING  # Warp announces itself on stdout, which belongs to the command line.
     kernels = schedule.kernels
-    pieces = kernels.pieces
-    PhiGrain, PhiNode, Pose = pieces.PhiGrain, pieces.PhiNode, pieces.Pose
+    types = kernels.pieces.types
+    PhiGrain, PhiNode, Pose = types.PhiGrain, types.PhiNode, types.Pose
     _, primitives, coordinates = parts(scene.tools)
     chosen = columns(NOMINAL_PHYSICS, schedule.effects)
     particle_count = sum(counts)
-    blocks = blocks_of(scene)
-    block_count = blocks[0] * blocks[1] * blocks[2]
+    block_count = block_count_of(scene)
 
     @cache
     def constants(device: str) -> Constants:
@@ -72,9 +71,7 @@ def make_operations(scene: Scene, counts: Sequence[int], schedule: Schedule) -> 
     ):
         for scratch in (mass, touch, aim, listed, felt, count):
             scratch.zero_()
-        inputs = _struct(
-            pieces.Inputs, phi_grain=phi_grain, phi_node=phi_node, tool=tool, label=label, time=time
-        )
+        inputs = _struct(types.Inputs, phi_grain=phi_grain, phi_node=phi_node, tool=tool, label=label, time=time)
         # Without an adjoint to come, a node's velocity may take the place of its momentum.
         grid = _struct(
             Grid, mass=mass, touch=touch, aim=aim, velocity=mass, listed=listed, felt=felt, active=active, count=count
@@ -106,11 +103,9 @@ def make_operations(scene: Scene, counts: Sequence[int], schedule: Schedule) -> 
         count: wp.array(dtype=wp.int32),
     ):
         wp.copy(state_bar, end_bar)
-        for scratch in (grain_bar, node_bar, tool_bar, mass, touch, aim, grid_bar, listed, felt, count):
+        for scratch in (grain_bar, node_bar, tool_bar, mass, touch, aim, velocity, grid_bar, listed, felt, count):
             scratch.zero_()
-        inputs = _struct(
-            pieces.Inputs, phi_grain=phi_grain, phi_node=phi_node, tool=tool, label=label, time=time
-        )
+        inputs = _struct(types.Inputs, phi_grain=phi_grain, phi_node=phi_node, tool=tool, label=label, time=time)
         grid = _struct(
             Grid,
             mass=mass,

@@ -1,13 +1,15 @@
 """What the kernels work on besides particles: the grid and its cotangents, as Warp structs of arrays.
 
 States of particles and their cotangents are arrays of vec4 (B, R, QUADS, N); see `app.sim.packed`. Axes: B candidates,
-R rows, the states at the beginning of substep s in row s modulo R, N particles, G nodes, K blocks of 4 x 4 x 4 nodes. A grid has one slot for
-every candidate that is in work at the same time, or several where substeps overlap. Nodes lie block by block, so that
-the 27 nodes around a particle lie in few places of the memory, and what is idle is skipped by blocks. A node's vec4 is
-a momentum [kg m/s] and a mass [kg], or a velocity [m/s] and nothing, or a sum of touches (see `contact.touching`).
+R rows, the states at the beginning of substep s in row s modulo R, N particles, G nodes, K blocks of nodes. A grid has
+one slot for every candidate that is in work at the same time, or several where substeps overlap. Nodes lie block by
+block, so that the 27 nodes around a particle lie in few places of the memory, and what is idle is skipped by blocks. A
+node's vec4 is a momentum [kg m/s] and a mass [kg], or a velocity [m/s] and nothing, or a sum of touches or aims (see
+`touching`).
 """
 
 import warp as wp
+
 
 @wp.struct
 class Grid:

@@ -12,11 +12,20 @@ from app.sim.constants import BLOCK_SHIFT, Constants, Matter, Shape
 from app.sim.scene import Scene
 from app.sim.tools.base import Primitive
 
+PIECE = 256
+"""Blocks of 8 nodes of 16 bytes: 32 KiB."""
+
 
 def blocks_of(scene: Scene) -> tuple[int, int, int]:
     """Number of blocks of nodes along x, y and z."""
     x, y, z = (-(-nodes // 2**shift) for nodes, shift in zip(scene.shape, BLOCK_SHIFT, strict=True))
     return x, y, z
+
+
+def block_count_of(scene: Scene) -> int:
+    """Of one grid, rounded up: a GPU zeroes whole large pieces seven times faster than what has an odd size."""
+    x, y, z = blocks_of(scene)
+    return -(-x * y * z // PIECE) * PIECE
 
 
 def constants_of(scene: Scene, counts: Sequence[int], primitives: Sequence[Primitive], device: wp.Device) -> Constants:

@@ -1,9 +1,13 @@
 """The order in which a GPU takes particles: neighbours in space next to each other, along Morton's curve."""
 
+from typing import TypeVar
+
 import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Float, Int
+
+TreeT = TypeVar("TreeT")
 
 FINENESS = 8
 """Steps of the curve a cell: what shares a cell now shall mostly do so when the object has moved by half of one."""
@@ -24,3 +28,26 @@ def morton_order(x: Float[jax.Array, "B N 3"], cell_m: float, bodies: tuple[int,
     code = (spread[..., 0] << 2) | (spread[..., 1] << 1) | spread[..., 2]
     body = jnp.asarray(np.repeat(np.arange(len(bodies)), bodies), jnp.int32)
     return jnp.lexsort((code, jnp.broadcast_to(body, code.shape)), axis=-1)
+
+
+@jax.custom_vjp
+def reordered(tree: TreeT, order: Int[jax.Array, "B N"], back: Int[jax.Array, "B N"]) -> TreeT:
+    """Leaves (B, N, ...) with their particles in that order; `back` is its inverse, which the adjoint takes."""
+    del back
+
+    def taken(leaf: jax.Array) -> jax.Array:
+        return jnp.take_along_axis(leaf, order.reshape(*order.shape, *[1] * (leaf.ndim - 2)), axis=1)
+
+    return jax.tree.map(taken, tree)
+
+
+def _reordered_forward(tree: TreeT, order: jax.Array, back: jax.Array) -> tuple[TreeT, tuple[jax.Array, jax.Array]]:
+    return reordered(tree, order, back), (order, back)
+
+
+def _reordered_backward(orders: tuple[jax.Array, jax.Array], bars: TreeT) -> tuple[TreeT, None, None]:
+    order, back = orders
+    return reordered(bars, back, order), None, None
+
+
+reordered.defvjp(_reordered_forward, _reordered_backward)

@@ -44,13 +44,11 @@ _FOUR = """
 )
 def load_node(nodes: wp.array2d[wp.vec4], slot: int, i: int) -> wp.vec4:
     """Node i of a slot."""
-    ...
 
 
 @wp.func_native(_FOUR + "STORE(nodes.data, (long long)slot * nodes.shape[1] + i, a[0], a[1], a[2], a[3]);")
 def store_node(nodes: wp.array2d[wp.vec4], slot: int, i: int, a: wp.vec4):
     """Node i of a slot."""
-    ...
 
 
 _PARTICLE = """
@@ -69,8 +67,7 @@ _PARTICLE = """
 """
 )
 def load_motion(state: wp.array4d[wp.vec4], b: int, row: int, p: int) -> Motion:
-    """x v C of particle p in a row of candidate b; `position` to `affine` unpack them."""
-    ...
+    """X v C of particle p in a row of candidate b; `position` to `affine` unpack them."""
 
 
 @wp.func_native(
@@ -86,7 +83,6 @@ def load_motion(state: wp.array4d[wp.vec4], b: int, row: int, p: int) -> Motion:
 )
 def load_deformation(state: wp.array4d[wp.vec4], b: int, row: int, p: int) -> wp.mat33:
     """F likewise."""
-    ...
 
 
 @wp.func_native(
@@ -99,8 +95,7 @@ def load_deformation(state: wp.array4d[wp.vec4], b: int, row: int, p: int) -> wp
 """
 )
 def load_position(state: wp.array4d[wp.vec4], b: int, row: int, p: int) -> wp.vec3:
-    """x alone."""
-    ...
+    """X alone."""
 
 
 @wp.func_native(
@@ -122,8 +117,7 @@ def store_motion(
     v: wp.vec3,
     C: wp.mat33,
 ):
-    """x v C."""
-    ...
+    """X v C."""
 
 
 @wp.func_native(
@@ -135,22 +129,19 @@ def store_motion(
     STORE(state.data, first + 6 * count, F.data[2][2], 0.0f, 0.0f, 0.0f);
 """
 )
-def store_deformation(
-    state: wp.array4d[wp.vec4], b: int, row: int, p: int, F: wp.mat33
-):
+def store_deformation(state: wp.array4d[wp.vec4], b: int, row: int, p: int, F: wp.mat33):
     """F."""
-    ...
 
 
 @wp.func
 def position(m: Motion) -> wp.vec3:
-    """x [m]."""
+    """X [m]."""
     return wp.vec3(m[0, 0], m[0, 1], m[0, 2])
 
 
 @wp.func
 def velocity(m: Motion) -> wp.vec3:
-    """v [m/s]."""
+    """V [m/s]."""
     return wp.vec3(m[0, 3], m[1, 0], m[1, 1])
 
 

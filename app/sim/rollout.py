@@ -10,6 +10,7 @@ from app.core.errors import ParameterError
 from app.sim.catalogue import EFFECTS
 from app.sim.effects.base import Effect
 from app.sim.launch import make_operations
+from app.sim.order import morton_order, reordered
 from app.sim.packed import unpack
 from app.sim.params import parameters_with
 from app.sim.scene import Scene
@@ -60,7 +61,8 @@ def make_rollout(
         raise ParameterError(
             f"particle_count = {particle_count} must be at least 1 for each of the scene's {len(scene.bodies)} bodies."
         )
-    operations = make_operations(scene, counts, schedule or schedule_for(jax.default_backend(), scene, effects))
+    launched = schedule or schedule_for(jax.default_backend(), scene, effects)
+    operations = make_operations(scene, counts, launched)
     sizes = Sizes(len(parameters_with(effects)), sum(counts), parts(scene.tools)[2])
 
     @jax.custom_vjp
@@ -86,7 +88,13 @@ def make_rollout(
     def simulate(phi: jax.Array, state: State, tool: jax.Array, setting: Setting | None = None) -> State:
         known = setting or Setting.unknown(phi.shape[0], sizes.particles)
         _require_shapes(phi, state, tool, known, sizes)
-        return rollout(*jax.tree.map(_float32, (phi, state, tool, known)))
+        phi, state, tool, known = jax.tree.map(_float32, (phi, state, tool, known))
+        if not launched.sorts:
+            return rollout(phi, state, tool, known)
+        order = jax.lax.stop_gradient(morton_order(state.x, scene.cell_m, counts))
+        back = jnp.argsort(order, axis=1)
+        own = Setting(label=reordered(known.label, order, back), time=known.time)
+        return reordered(rollout(phi, reordered(state, order, back), tool, own), back, order)
 
     return simulate
 

@@ -11,28 +11,28 @@ from typing import Any, NamedTuple, Protocol, final
 
 import warp as wp
 
+from app.sim.candidate_kernels import CandidateKernels, candidate_kernels
 from app.sim.compiled import Code
 from app.sim.constants import Constants
 from app.sim.effects.base import Effect
-from app.sim.kernels import (
+from app.sim.memory import Grid, GridBars
+from app.sim.particle_kernels import (
+    BLOCK_DIM,
     SLOTS,
     SLOTS_BACK,
     WARP_SIZE,
-    CandidateKernels,
     ParticleKernels,
-    candidate_kernels,
     particle_kernels,
 )
-from app.sim.memory import Grid, GridBars
 from app.sim.scene import Scene
 from app.sim.touching import parts
 
-LANES = 512
-"""Threads a candidate for the nodes on a GPU: a rope of 2000 particles has about 2000 nodes in its blocks."""
+LANES = 1024
+"""Threads a candidate for the nodes on a GPU: a rope of 0.4 m has about 1300 nodes in its blocks."""
 
 
 class Work(NamedTuple):
-    """What an action is computed from and in: constants, `substep.Pieces.Inputs`, history and grid."""
+    """What an action is computed from and in: constants, `inputs.Types.Inputs`, history and grid."""
 
     k: Constants
     inputs: Any
@@ -61,6 +61,11 @@ class Schedule(Protocol):
     @property
     def effects(self) -> Sequence[Effect]:
         """Those compiled in."""
+        ...
+
+    @property
+    def sorts(self) -> bool:
+        """Whether it is faster where particles next to each other in memory are so in space."""
         ...
 
     def lists(self, candidates: int) -> int:
@@ -96,6 +101,7 @@ class ThreadedCandidates:
     kernels: CandidateKernels
     effects: tuple[Effect, ...]
     threads: int = field(default_factory=lambda: len(os.sched_getaffinity(0)))
+    sorts: bool = False
 
     def lists(self, candidates: int) -> int:
         """As many as there are threads."""
@@ -148,7 +154,7 @@ class LaunchedSubsteps:
     kernels: ParticleKernels
     effects: tuple[Effect, ...]
     lanes: int = LANES
-    block_dim: int = 128
+    sorts: bool = True
 
     def lists(self, candidates: int) -> int:
         """All."""
@@ -195,7 +201,7 @@ class LaunchedSubsteps:
 
     def _launch(self, kernel: wp.Kernel, work: Work, threads: int, arguments: list[Any]) -> None:
         dim = (work.history.shape[0], threads)
-        wp.launch(kernel, dim, arguments, device=work.history.device, block_dim=self.block_dim)
+        wp.launch(kernel, dim, arguments, device=work.history.device, block_dim=BLOCK_DIM)
 
 
 def code_of(scene: Scene, effects: tuple[Effect, ...]) -> Code:

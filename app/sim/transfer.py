@@ -16,6 +16,7 @@ import warp as wp
 
 from app.sim.constants import BLOCK_NODES, BLOCK_SHIFT, Constants
 
+
 def in_blocks(code: str) -> str:
     """Native code with the shape of a block filled in: its shifts SX SY SZ and masks MX MY MZ."""
     for axis, shift in zip("XYZ", BLOCK_SHIFT, strict=True):
@@ -77,7 +78,7 @@ _RUNS = """
         ADD_TO((row)[oz[0]], one); ADD_TO((row)[oz[1]], two); ADD_TO((row)[oz[2]], three); } while (0)
 #endif
 """
-"""Additions to a row of nodes by a whole run of a warp's threads, those next to each other whose particles share a cell, at once.
+"""Additions to a row of nodes by a whole run of a warp's threads at once: those in a row whose particles share a cell.
 
 A GPU's second-level cache adds one number at a time; particles that are sorted by place (`order`) need a fraction of
 the additions. `left` counts the threads of the run from this one on.
@@ -160,8 +161,8 @@ _BLOCKS = in_blocks(_BLOCKS)
 @wp.func_native(
     _BLOCKS
     + """
-    int* known = listed.data + (long long)list * listed.shape[1];
-    int* members = active.data + (long long)list * active.shape[1];
+    int* known = listed.data + (long long)listing * listed.shape[1];
+    int* members = active.data + (long long)listing * active.shape[1];
     int seen[8];
     #pragma unroll
     for (int n = 0; n < 8; n++)
@@ -171,10 +172,10 @@ _BLOCKS = in_blocks(_BLOCKS)
         if (seen[n] == 0) {
         #if defined(__CUDA_ARCH__)
             if (atomicExch(known + blocks[n], 1) == 0)
-                members[atomicAdd(count.data + list, 1)] = blocks[n];
+                members[atomicAdd(count.data + listing, 1)] = blocks[n];
         #else
             known[blocks[n]] = 1;
-            members[count.data[list]++] = blocks[n];
+            members[count.data[listing]++] = blocks[n];
         #endif
         }
     }
@@ -184,13 +185,12 @@ def enlist(
     q: wp.vec3,
     blocks_y: int,
     blocks_z: int,
-    list: int,
+    listing: int,
     listed: wp.array2d[wp.int32],
     active: wp.array2d[wp.int32],
     count: wp.array[wp.int32],
 ):
     """Put the blocks around a particle on a list of active ones, where they stay for the whole action."""
-    ...
 
 
 @wp.func_native(
@@ -204,7 +204,6 @@ def enlist(
 )
 def enlist_felt(q: wp.vec3, blocks_y: int, blocks_z: int, slot: int, stamp: int, felt: wp.array2d[wp.int32]):
     """Say of the blocks around a particle that a tool touches there."""
-    ...
 
 
 @wp.func_native(
@@ -241,7 +240,6 @@ def scatter(
     mass: wp.array2d[wp.vec4],
 ):
     """P2G: add a particle's momentum, momentum slope a cell and mass to the 27 nodes around it."""
-    ...
 
 
 @wp.func_native(
@@ -279,7 +277,6 @@ def scatter(
 )
 def gather(q: wp.vec3, blocks_y: int, blocks_z: int, slot: int, velocity: wp.array2d[wp.vec4]) -> Mat34:
     """G2P: [B | v] of a particle from the 27 nodes around it; B = sum of w v (node - particle)^T, in cells."""
-    ...
 
 
 @wp.func_native(
@@ -339,7 +336,6 @@ def gather_adjoint(
     node_bars: wp.array2d[wp.vec4],
 ) -> wp.vec3:
     """Adjoint of `gather`: adds to the nodes' cotangents and returns that of q."""
-    ...
 
 
 @wp.func_native(
@@ -410,7 +406,6 @@ def scatter_adjoint(
     node_bars: wp.array2d[wp.vec4],
 ) -> wp.mat44:
     """Adjoint of `scatter`: [[affine_bar | momentum_bar], [q_bar | m_bar]] from the cotangents of the nodes."""
-    ...
 
 
 @wp.func_native(
@@ -444,7 +439,6 @@ def scatter_touch(
     aim: wp.array2d[wp.vec4],
 ):
     """Add a particle's touch and aim to the 27 nodes around it, with the weights of its mass."""
-    ...
 
 
 @wp.func_native(
@@ -495,4 +489,3 @@ def scatter_touch_adjoint(
     aim_bars: wp.array2d[wp.vec4],
 ) -> Mat34:
     """Adjoint of `scatter_touch`: rows touch_bar, aim_bar and (q_bar, 0)."""
-    ...

@@ -9,9 +9,11 @@ from functools import partial
 import jax
 import jax.numpy as jnp
 
-from app.sim.params import index
 from app.sim.scene import Scene
 from app.sim.state import State
+
+PARAMETERS = ("stiffness", "table_friction", "finger_friction", "film_drag")
+"""The columns of its phi."""
 
 _OFFSETS = jnp.stack(jnp.meshgrid(*[jnp.arange(3)] * 3, indexing="ij"), axis=-1).reshape(27, 3)
 _LEAST_SHARE = 1e-8  # of a particle's mass, that a node must hold to move
@@ -73,7 +75,7 @@ def substep(scene: Scene, phi, state: State, tips) -> State:
     body = scene.bodies[0]
     volume = body.volume_m3 / count
     mass = body.density_kg_m3 * volume
-    E, nu = phi[index("stiffness")], body.material.poisson
+    E, nu = phi[0], body.material.poisson
     mu, lam = E / (2 * (1 + nu)), E * nu / ((1 + nu) * (1 - 2 * nu))
 
     F = F + dt * C @ F
@@ -98,9 +100,9 @@ def substep(scene: Scene, phi, state: State, tips) -> State:
     height = scene.low[2] + cell * (jnp.arange(nx * ny * nz) % nz)
     u = (1 - scene.damping_1_s * dt) * grid[:, :3] / node_mass[:, None]
     u = u - jnp.array([0.0, 0.0, scene.gravity_m_s2 * dt], x.dtype)
-    u = jnp.exp(-phi[index("film_drag")] * dt * jnp.clip(1 - height / 0.02, 0, 1))[:, None] * u
-    u = table(scene, u, height, phi[index("table_friction")])
-    u = finger(scene, u, node_mass, grid[:, 4:], phi[index("finger_friction")])
+    u = jnp.exp(-phi[3] * dt * jnp.clip(1 - height / 0.02, 0, 1))[:, None] * u
+    u = table(scene, u, height, phi[1])
+    u = finger(scene, u, node_mass, grid[:, 4:], phi[2])
     u = jnp.where(occupied[:, None], u, 0.0)[flat]
 
     v = jnp.einsum("nk,nki->ni", weights, u)

@@ -8,13 +8,17 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
+from app.sim.catalogue import discover
+from app.sim.params import index
 from app.sim.rollout import make_rollout
 from app.sim.state import State
 from tests.sim import reference
 from tests.sim.scenes import PARTICLES, SCENE, phi_with, rope, straight_tool
 
 STEPS = 50
-SIMULATE = make_rollout(SCENE, particle_count=PARTICLES)
+KNOWN = tuple(discover()[name] for name in ("finger_friction", "viscous_film"))
+"""The effects that the reference has."""
+SIMULATE = make_rollout(SCENE, particle_count=PARTICLES, effects=KNOWN)
 
 
 def problem() -> tuple[jax.Array, State, jax.Array]:
@@ -27,7 +31,8 @@ def problem() -> tuple[jax.Array, State, jax.Array]:
         C=rng.normal(0, 2.0, (*shape, 3)).astype(np.float32),
         F=(np.eye(3) + rng.normal(0, 0.05, (*shape, 3))).astype(np.float32),
     )
-    phi = np.stack([phi_with(film_drag=3.0), phi_with(stiffness=5e4, table_friction=0.8, finger_friction=0.6)])
+    changed = phi_with(film_drag=3.0), phi_with(stiffness=5e4, table_friction=0.8, finger_friction=0.6)
+    phi = np.stack(changed)[:, [index(name) for name in reference.PARAMETERS]]
     tool = np.stack(
         [
             straight_tool((0.51, -0.021, 0.004), (0.05, 0.30, 0.0), STEPS),

@@ -10,8 +10,9 @@ import numpy as np
 import pytest
 
 from app.core.errors import ParameterError
+from app.sim.candidate_kernels import candidate_kernels
 from app.sim.catalogue import EFFECTS
-from app.sim.kernels import candidate_kernels, particle_kernels
+from app.sim.particle_kernels import particle_kernels
 from app.sim.rollout import Simulate, make_rollout
 from app.sim.schedule import LaunchedSubsteps, ThreadedCandidates, code_of
 from app.sim.state import State
@@ -82,7 +83,11 @@ def test_a_batch_equals_its_candidates_one_by_one():
 def test_the_number_of_threads_changes_nothing():
     kernels = candidate_kernels(code_of(SCENE, EFFECTS))
     one, three = (
-        make_rollout(SCENE, particle_count=PARTICLES, schedule=ThreadedCandidates(kernels=kernels, effects=EFFECTS, threads=threads))
+        make_rollout(
+            SCENE,
+            particle_count=PARTICLES,
+            schedule=ThreadedCandidates(kernels=kernels, effects=EFFECTS, threads=threads),
+        )
         for threads in (1, 3)
     )
     assert_same(one(*problem()), three(*problem()))
@@ -139,7 +144,9 @@ def test_nan_does_not_hide_in_nodes_that_a_particle_reaches_with_weight_zero():
     cell = 2.0**-7  # With powers of two, particles lie exactly between nodes, and the farther ones have no weight.
     scene = replace(SCENE, low=(0.4375, -0.09375, -2 * cell), high=(0.59375, 0.09375, 0.0625), cell_m=cell, dt_s=4e-4)
     simulate = make_rollout(
-        scene, particle_count=27, schedule=ThreadedCandidates(kernels=candidate_kernels(code_of(SCENE, EFFECTS)), effects=EFFECTS, threads=1)
+        scene,
+        particle_count=27,
+        schedule=ThreadedCandidates(kernels=candidate_kernels(code_of(SCENE, EFFECTS)), effects=EFFECTS, threads=1),
     )
     x = block(3, spacing_m=cell, low=(0.5, 0.0, 2 * cell))
     state = State.at_rest(jnp.asarray(np.stack([x, x])))
