@@ -63,6 +63,10 @@ class SimulationError(DipacError):
     exit_code = 7
 
 
+class MemoryPlanError(SimulationError):
+    """A rollout does not fit into memory; the message says how many candidates would."""
+
+
 class DeviceError(DipacError):
     """A camera or the arm did not do what was asked in the time it was given."""
 

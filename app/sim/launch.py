@@ -12,6 +12,7 @@ import jax
 import jax.numpy as jnp
 import warp as wp
 
+from app.sim.budget import bytes_of, require
 from app.sim.constants import BLOCK_NODES, Constants
 from app.sim.hooks import columns
 from app.sim.memory import Grid, GridBars
@@ -135,6 +136,10 @@ def make_operations(scene: Scene, counts: Sequence[int], schedule: Schedule) -> 
             "count": (lists,),
         }
 
+    def plan(candidates: int, rows: int, *, backwards: bool) -> None:
+        needed = bytes_of(schedule, particles=particle_count, blocks=block_count, rows=rows, backwards=backwards)
+        require(needed, candidates, jax.local_devices()[0])
+
     def inputs(phi: jax.Array, tool: jax.Array, setting: Setting) -> tuple[jax.Array, ...]:
         """What kernels read. Compiles while JAX traces: a compiler has no place in a computation that is recorded."""
         for device in jax.local_devices():
@@ -146,6 +151,7 @@ def make_operations(scene: Scene, counts: Sequence[int], schedule: Schedule) -> 
 
     def run_forward(phi: jax.Array, state: State, tool: jax.Array, setting: Setting, rows: int) -> jax.Array:
         candidates = phi.shape[0]
+        plan(candidates, rows, backwards=rows == tool.shape[1])  # A whole history is kept for an adjoint to come.
         dims = grid_dims(candidates, backwards=False) | {"history": (candidates, rows, QUADS, particle_count)}
         return forward_call(*inputs(phi, tool, setting), pack(state)[:, None], output_dims=dims)[0]
 
@@ -153,6 +159,7 @@ def make_operations(scene: Scene, counts: Sequence[int], schedule: Schedule) -> 
         phi: jax.Array, history: jax.Array, tool: jax.Array, setting: Setting, end_bar: State
     ) -> tuple[State, jax.Array, jax.Array]:
         candidates = phi.shape[0]
+        plan(candidates, tool.shape[1], backwards=True)
         dims = grid_dims(candidates, backwards=True) | {
             "state_bar": (candidates, 1, QUADS, particle_count),
             "grain_bar": (candidates, schedule.grain_columns(particle_count)),
