@@ -11,8 +11,8 @@ import warp as wp
 from app.sim.effects.base import Effect, Node
 from app.sim.parameter import ParameterSpec
 
-LEAST = wp.constant(1.0e-6)
-"""A traction [Pa] that moves nothing: without it, at the null, the derivative of min(0, s) for what does not leave
+LEAST = wp.constant(1.0e-20)
+"""A traction [Pa] that moves nothing: without it, at the null, the derivative of min(0, s), for what does not leave,
 would be that of s."""
 
 
@@ -29,7 +29,7 @@ EFFECT = Effect(
             unit="Pa",
             nominal=0.0,
             low=0.0,
-            high=5000.0,
+            high=2000.0,
             scale="linear",
             about="Traction with which a tool holds matter that leaves it.",
         ),

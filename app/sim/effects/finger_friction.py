@@ -1,6 +1,7 @@
 """Friction between object and tool: tangential carry along the finger, rotation of the object.
 
-Its own parameter because a polished finger and a table have little in common; strongly nonlinear in pushing data.
+Coulomb's law (1785) with a coefficient of its own, because a polished finger and a table have little in common;
+strongly nonlinear in pushing data.
 """
 
 from typing import Any

@@ -12,18 +12,17 @@ from app.sim.effects.base import Effect, Node
 from app.sim.parameter import ParameterSpec
 
 RADIUS = wp.constant(0.02)
-"""Of the post [m]: h = max(0, 1 - (r / 2 R)^2)^2 is a half near R and gone at twice that."""
+"""R of the post [m]: h = max(0, 1 - (r / 2 R)^2)^2 is a half near R and gone at twice that."""
 
 
 @wp.func
 def obstructed_velocity(v: wp.vec3, node: Node, phi: Any, at: int) -> wp.vec3:
-    """The velocity after one substep in which the post resists."""
+    """The velocity after one substep in which the post resists; it has no normal within a tenth of R of its axis."""
     away = wp.vec3(node.x[0] - phi[at + 1], node.x[1] - phi[at + 2], 0.0) / RADIUS
     square = wp.dot(away, away)
     near = wp.max(0.0, 1.0 - 0.25 * square)
     resisted = phi[at] * node.dt * near * near
-    approach = wp.min(0.0, wp.dot(v, away))
-    return v - (resisted / (1.0 + resisted) * approach / (square + 0.01)) * away
+    return v - (resisted / (1.0 + resisted) * wp.min(0.0, wp.dot(v, away)) / (square + 0.01)) * away
 
 
 EFFECT = Effect(

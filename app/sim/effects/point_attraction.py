@@ -1,6 +1,6 @@
 """Point attraction (a magnet, a dip in the table): a = 2 A g w d / (d^2 + w^2) towards (x, y) at the distance d.
 
-The field 1/d of a line source, softened as Plummer's (1911, "On the problem of distribution in globular star
+The field 1/d of a line source, softened as by Plummer (1911, "On the problem of distribution in globular star
 clusters"): largest, A g, at the distance w, and felt far away. A share A of weight, so that it scales with gravity.
 """
 

@@ -1,7 +1,7 @@
 """Table tilt (gravity misalignment): weight pulls along the table, g (sin b, -sin a) for tilts a about x, b about y.
 
-Newton's inclined plane. A table on uneven feet, or a base that is not level: matter without friction drifts although
-nothing touches it. Angles are small: sin a = a to 0.13 % at 5 degrees, and the loss of normal force is 0.4 %.
+The inclined plane (Stevin 1586). A table on uneven feet, or a base that is not level: matter without friction drifts
+although nothing touches it. Angles are small: sin a = a to 0.13 % at 5 degrees, and 0.4 % of the weight is lost.
 """
 
 from typing import Any

@@ -1,6 +1,7 @@
 """A viscous film on the table: near it, matter is slowed in proportion to its velocity, a = -c v.
 
-Unlike Coulomb friction it depends on speed and not on weight: a wet or dusty table, a thin layer of oil.
+Couette flow in a thin layer (Reynolds 1886, "On the theory of lubrication"). Unlike Coulomb friction it depends on
+speed and not on weight: a wet or dusty table, a thin layer of oil.
 """
 
 from typing import Any
