@@ -16,6 +16,13 @@ from app.sim.effects.base import Grain, WarpFunction
 from app.sim.hooks import Hooks
 from app.sim.tools.base import COORDINATES, Motion, Primitive, Tool
 
+PATIENCE = 20.0
+"""How many times slower matter is moved out of the margin of what is thin, which its barrier guards anyway.
+
+Water that is filled into a bowl with some particles nearer to the wall than the margin was thrown up by 7 % of its depth
+at 1, and by 1 % at 20.
+"""
+
 
 @final
 @dataclass(frozen=True, kw_only=True)
@@ -83,6 +90,7 @@ def _holds_nothing(k: Constants, x: wp.vec3, v: wp.vec3, now: Any, then: Any):
 
 def _touching_too(before: WarpFunction, part: Part, i: int, tool_friction: WarpFunction) -> WarpFunction:
     surface, (into, turned, drift) = part.surface, _motion(part)
+    patience = wp.constant(PATIENCE if part.thin else 1.0)
 
     @wp.func
     def touch_all(k: Constants, x: wp.vec3, m: float, now: Any, then: Any, grain: Grain, phi: Any):
@@ -94,7 +102,7 @@ def _touching_too(before: WarpFunction, part: Part, i: int, tool_friction: WarpF
             share = cover * touch_share(k, gap)
             if share > LEAST_TOUCH:
                 normal = turned(k.shapes[i], n, now)
-                target = touch_aim(k, gap, normal, drift(k.shapes[i], p, now, then) / k.dt)
+                target = touch_aim(k, gap / patience, normal, drift(k.shapes[i], p, now, then) / k.dt)
                 friction = tool_friction(k.shapes[i].friction, grain, phi)
                 touch += (m * share) * wp.vec4(normal[0], normal[1], normal[2], 1.0)
                 aim += (m * share) * wp.vec4(target[0], target[1], target[2], friction)
