@@ -1,22 +1,20 @@
 """A whole action as one differentiable JAX operation."""
 
-from typing import NamedTuple, Protocol, TypeAlias, TypeVar
+from typing import Protocol, TypeAlias, TypeVar
 
 import jax
 import jax.numpy as jnp
 from jaxtyping import Bool, Float
 
-from app.core.errors import ParameterError
 from app.sim.catalogue import EFFECTS
+from app.sim.checks import Setup, require_counts, require_shapes
 from app.sim.effects.base import Effect
 from app.sim.launch import make_operations
 from app.sim.order import morton_order, reordered
 from app.sim.packed import unpack
-from app.sim.params import parameters_with
 from app.sim.scene import Scene
 from app.sim.schedule import Schedule, schedule_for
 from app.sim.state import Setting, State
-from app.sim.touching import parts
 
 TreeT = TypeVar("TreeT")
 Kept: TypeAlias = tuple[jax.Array, jax.Array, jax.Array, Setting, jax.Array]
@@ -56,14 +54,11 @@ def make_rollout(
 
     Raises ParameterError where a body has no particle.
     """
-    counts = (particle_count,) if isinstance(particle_count, int) else particle_count
-    if len(counts) != len(scene.bodies) or min(counts) < 1:
-        raise ParameterError(
-            f"particle_count = {particle_count} must be at least 1 for each of the scene's {len(scene.bodies)} bodies."
-        )
+    counts = (particle_count,) if isinstance(particle_count, int) else tuple(particle_count)
+    require_counts(scene, counts)
     launched = schedule or schedule_for(jax.default_backend(), scene, effects)
     operations = make_operations(scene, counts, launched)
-    sizes = Sizes(len(parameters_with(effects)), sum(counts), parts(scene.tools)[2])
+    sizes = Setup(scene=scene, counts=counts, effects=effects).sizes()
 
     @jax.custom_vjp
     def rollout(phi: jax.Array, state: State, tool: jax.Array, setting: Setting) -> State:
@@ -87,7 +82,7 @@ def make_rollout(
 
     def simulate(phi: jax.Array, state: State, tool: jax.Array, setting: Setting | None = None) -> State:
         known = setting or Setting.unknown(phi.shape[0], sizes.particles)
-        _require_shapes(phi, state, tool, known, sizes)
+        require_shapes(phi, state, tool, known, sizes)
         phi, state, tool, known = jax.tree.map(_float32, (phi, state, tool, known))
         if not launched.sorts:
             return rollout(phi, state, tool, known)
@@ -97,14 +92,6 @@ def make_rollout(
         return reordered(rollout(phi, reordered(state, order, back), tool, own), back, order)
 
     return simulate
-
-
-class Sizes(NamedTuple):
-    """Of the arrays that a simulator takes."""
-
-    parameters: int
-    particles: int
-    coordinates: int
 
 
 def _row(history: jax.Array, row: int) -> State:
@@ -129,22 +116,3 @@ def _where_finite(finite: Bool[jax.Array, " B"], tree: TreeT) -> TreeT:
         return jnp.where(finite.reshape(-1, *[1] * (leaf.ndim - 1)), leaf, jnp.nan)
 
     return jax.tree.map(masked, tree)
-
-
-def _require_shapes(phi: jax.Array, state: State, tool: jax.Array, setting: Setting, sizes: Sizes) -> None:
-    """Raises ParameterError where the arrays do not fit each other or the simulator."""
-    candidates, particles = phi.shape[0], sizes.particles
-    substeps = max(2, tool.shape[1] if tool.ndim == 3 else 0)
-    expected = {
-        "phi": (phi.shape, (candidates, sizes.parameters)),
-        "state.x": (state.x.shape, (candidates, particles, 3)),
-        "state.v": (state.v.shape, (candidates, particles, 3)),
-        "state.C": (state.C.shape, (candidates, particles, 3, 3)),
-        "state.F": (state.F.shape, (candidates, particles, 3, 3)),
-        "tool": (tool.shape, (candidates, substeps, sizes.coordinates)),
-        "setting.label": (setting.label.shape, (candidates, particles, 4)),
-        "setting.time": (setting.time.shape, (candidates,)),
-    }
-    for name, (given, wanted) in expected.items():
-        if tuple(given) != wanted:
-            raise ParameterError(f"{name} has shape {tuple(given)}; this simulator takes {wanted}.")

@@ -6,7 +6,8 @@ from typing import final
 import numpy as np
 
 from app.core.errors import ParameterError
-from app.sim.materials.base import Material
+from app.sim.known import known_materials
+from app.sim.materials.base import Law, Material
 from app.sim.materials.elastic import Elastic
 from app.sim.params import PARAMETERS, index
 from app.sim.tools.base import Tool
@@ -35,6 +36,8 @@ class Body:
             value = getattr(self, name)
             if not (np.isfinite(value) and value > 0):
                 raise ParameterError(f"Body {name} = {value:g} must be positive and finite.")
+        if not isinstance(getattr(self.material, "law", None), Law):
+            raise ParameterError.unknown("material", str(self.material), known_materials())
 
 
 @final

@@ -1,0 +1,30 @@
+"""The materials and tools there are, by name: the classes in the files of their folders."""
+
+import importlib
+import pkgutil
+from dataclasses import is_dataclass
+from types import ModuleType
+
+from app.sim import materials, tools
+from app.sim.materials.base import Law
+
+
+def known_materials() -> dict[str, type]:
+    """Every material as `file.Class`: what has a `Law`."""
+    return {name: kind for name, kind in _classes(materials).items() if isinstance(getattr(kind, "law", None), Law)}
+
+
+def known_tools() -> dict[str, type]:
+    """Every tool as `file.Class`: what has primitives."""
+    return {name: kind for name, kind in _classes(tools).items() if hasattr(kind, "primitives")}
+
+
+def _classes(package: ModuleType) -> dict[str, type]:
+    """The dataclasses that the files of a folder define, without `base`."""
+    found: dict[str, type] = {}
+    for file in sorted(module.name for module in pkgutil.iter_modules(package.__path__) if module.name != "base"):
+        module = importlib.import_module(f"{package.__name__}.{file}")
+        for name, kind in vars(module).items():
+            if isinstance(kind, type) and is_dataclass(kind) and kind.__module__ == module.__name__:
+                found[f"{file}.{name}"] = kind
+    return found
