@@ -93,9 +93,9 @@ _STENCIL = """
     int ox[3], oy[3], oz[3];
     #pragma unroll
     for (int n = 0; n < 3; n++) {
-        ox[n] = (((i0 + n) >> SX) * blocks_y * blocks_z << SX + SY + SZ) + (((i0 + n) & MX) << SY + SZ);
-        oy[n] = (((j0 + n) >> SY) * blocks_z << SX + SY + SZ) + (((j0 + n) & MY) << SZ);
-        oz[n] = ((k0 + n) >> SZ << SX + SY + SZ) + ((k0 + n) & MZ);
+        ox[n] = (((i0 + n) >> SX) * blocks_y * blocks_z << (SX + SY + SZ)) + (((i0 + n) & MX) << (SY + SZ));
+        oy[n] = (((j0 + n) >> SY) * blocks_z << (SX + SY + SZ)) + (((j0 + n) & MY) << SZ);
+        oz[n] = (((k0 + n) >> SZ) << (SX + SY + SZ)) + ((k0 + n) & MZ);
     }
 """
 _STENCIL = in_blocks(_STENCIL)
@@ -151,7 +151,7 @@ _BLOCKS = """
     for (int n = 0; n < 8; n++) {
         const int i = (n & 4) ? i1 : i0 >> SX, j = (n & 2) ? j1 : j0 >> SY, k = (n & 1) ? k1 : k0 >> SZ;
         blocks[n] = (i * blocks_y + j) * blocks_z + k;
-        own[n] = !((n & 4) && i1 == i0 >> SX) && !((n & 2) && j1 == j0 >> SY) && !((n & 1) && k1 == k0 >> SZ);
+        own[n] = !((n & 4) && i1 == (i0 >> SX)) && !((n & 2) && j1 == (j0 >> SY)) && !((n & 1) && k1 == (k0 >> SZ));
     }
 """
 _BLOCKS = in_blocks(_BLOCKS)
