@@ -98,8 +98,8 @@ def require_inputs(setup: Setup, phi: Arrays, state: State, tool: Arrays, settin
 
 def inside(scene: Scene, x: Float32[np.ndarray, "*batch 3"]) -> Bool[np.ndarray, "*batch"]:
     """Whether all 27 nodes around a particle exist, as the kernels decide it; False for NaN."""
-    q = (x - np.float32(scene.low)) * np.float32(1 / scene.cell_m)
-    return ((q >= 0.5) & (q < np.float32(scene.shape) - np.float32(1.5))).all(axis=-1)
+    q = (x - np.asarray(scene.low, np.float32)) * np.float32(1 / scene.cell_m)
+    return np.all((q >= 0.5) & (q < np.asarray(scene.shape, np.float32) - 1.5), axis=-1)
 
 
 def room(scene: Scene) -> str:
@@ -172,8 +172,8 @@ def _require_slow(scene: Scene, v: Float32[np.ndarray, "B N 3"]) -> None:
     if wrong := first(speed * scene.dt_s >= scene.cell_m):
         b, p = wrong
         raise ParameterError(
-            f"Particle {p} of candidate {b} moves at {speed[wrong]:.4g} m/s, {_too_far(scene, speed[wrong])}; slow it "
-            f"down, or shorten dt_s below {scene.cell_m / speed[wrong]:.3g} s."
+            f"Particle {p} of candidate {b} moves at {speed[wrong]:.4g} m/s, {_too_far(scene, float(speed[wrong]))}; "
+            f"slow it down, or shorten dt_s below {scene.cell_m / speed[wrong]:.3g} s."
         )
 
 
@@ -189,8 +189,8 @@ def _require_path(scene: Scene, tool: Float32[np.ndarray, "B T A"]) -> None:
                 b, s = wrong
                 raise ParameterError(
                     f"Tool {number} of candidate {b}: its {name} goes from {words(part[b, s])} to "
-                    f"{words(part[b, s + 1])} m in substep {s}, {_too_far(scene, speed[wrong])}; make the path of "
-                    "smaller steps."
+                    f"{words(part[b, s + 1])} m in substep {s}, {_too_far(scene, float(speed[wrong]))}; make the "
+                    "path of smaller steps."
                 )
         turn = np.linalg.norm(pose[..., 3:7], axis=-1)
         if pose.shape[-1] > 3 and (wrong := first(np.abs(turn - 1) > UNIT)):
