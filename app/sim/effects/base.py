@@ -1,20 +1,23 @@
 """What an effect file has to offer: a module-level `EFFECT`."""
 
-# Warp's structs are types at run time.
-# pyright: reportGeneralTypeIssues=false, reportInvalidTypeForm=false
-
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any, TypeAlias, final
+from typing import Any, TypeAlias, TypeVar, cast, final
 
 import warp as wp
 
 from app.sim.parameter import ParameterSpec
 
 WarpFunction: TypeAlias = Callable[..., Any]
+ClassT = TypeVar("ClassT")
 
 
-@wp.struct
+def _struct(fields: type[ClassT]) -> type[ClassT]:
+    """A Warp struct, which stays a class for those who check types."""
+    return cast("type[ClassT]", wp.struct(fields))
+
+
+@_struct
 class Node:
     """A grid node as effects see it. `touched` is the share of its mass that a tool touches, `time` the session's.
 
@@ -23,13 +26,13 @@ class Node:
 
     x: wp.vec3
     v: wp.vec3
-    touched: wp.float32
-    dt: wp.float32
-    gravity: wp.float32
-    time: wp.float32
+    touched: float
+    dt: float
+    gravity: float
+    time: float
 
 
-@wp.struct
+@_struct
 class Grain:
     """A particle as effects see it; see `state.Setting` for `label` and `time`.
 
@@ -38,11 +41,27 @@ class Grain:
     """
 
     label: wp.vec4
-    time: wp.float32
-    dt: wp.float32
-    fluid: wp.float32
-    shear: wp.float32
-    stress: wp.float32
+    time: float
+    dt: float
+    fluid: float
+    shear: float
+    stress: float
+
+
+def place(name: str, what: str) -> tuple[ParameterSpec, ...]:
+    """Two parameters, `name`_x and `name`_y: where something is in the workspace."""
+    return tuple(
+        ParameterSpec(
+            name=f"{name}_{axis}",
+            unit="m",
+            nominal=nominal,
+            low=low,
+            high=high,
+            scale="linear",
+            about=f"Where {what} is along {axis}.",
+        )
+        for axis, nominal, low, high in (("x", 0.55, 0.15, 0.95), ("y", 0.0, -0.45, 0.45))
+    )
 
 
 @final

@@ -4,6 +4,9 @@ Drag goes with the square of the air's speed, which grows linearly with height i
 5 sqrt(nu x / U) = 2 cm thick after 0.3 m at 0.3 m/s. A share f of weight: for light cloth 0.1 at 0.5 m/s.
 """
 
+# As static types, Warp's numbers have no operators.
+# pyright: reportOperatorIssue=false
+
 from typing import Any
 
 import warp as wp

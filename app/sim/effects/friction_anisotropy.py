@@ -4,6 +4,9 @@ The lowest term that is the same forth and back (Zmitrowicz 2006, "Models of kin
 heterogeneous friction"): wood grain, brushed metal, woven cloth. Real pushes show it (Ma and Rodriguez 2018).
 """
 
+# As static types, Warp's vectors have no operators.
+# pyright: reportOperatorIssue=false
+
 from typing import Any
 
 import warp as wp

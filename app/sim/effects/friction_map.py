@@ -4,6 +4,9 @@ The first term of the map of a table that is dusty, worn or damp on one side (Zm
 dependent anisotropic and heterogeneous friction"; measured places differ by 10 to 30 %, Ma and Rodriguez 2018).
 """
 
+# As static types, Warp's vectors have no operators.
+# pyright: reportOperatorIssue=false
+
 from typing import Any
 
 import warp as wp

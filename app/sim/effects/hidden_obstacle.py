@@ -4,11 +4,14 @@ The normal velocity n of what comes closer decays, dv/dt = -k h(r) min(0, v . n)
 Fabrie 1999, "A penalization method to take into account obstacles in incompressible viscous flows"), and implicitly.
 """
 
+# As static types, Warp's vectors have no operators.
+# pyright: reportArgumentType=false, reportCallIssue=false
+
 from typing import Any
 
 import warp as wp
 
-from app.sim.effects.base import Effect, Node
+from app.sim.effects.base import Effect, Node, place
 from app.sim.parameter import ParameterSpec
 
 RADIUS = wp.constant(0.02)
@@ -36,24 +39,7 @@ EFFECT = Effect(
             scale="linear",
             about="Rate at which a hidden post stops what approaches it.",
         ),
-        ParameterSpec(
-            name="obstacle_x",
-            unit="m",
-            nominal=0.55,
-            low=0.15,
-            high=0.95,
-            scale="linear",
-            about="Where the hidden post is along x.",
-        ),
-        ParameterSpec(
-            name="obstacle_y",
-            unit="m",
-            nominal=0.0,
-            low=-0.45,
-            high=0.45,
-            scale="linear",
-            about="Where the hidden post is along y.",
-        ),
+        *place("obstacle", "the hidden post"),
     ),
     switches=1,
     node_velocity=obstructed_velocity,

@@ -8,7 +8,7 @@ from typing import Any
 
 import warp as wp
 
-from app.sim.effects.base import Effect, Node
+from app.sim.effects.base import Effect, Node, place
 from app.sim.parameter import ParameterSpec
 
 WIDTH = wp.constant(0.05)
@@ -34,24 +34,7 @@ EFFECT = Effect(
             scale="linear",
             about="Largest pull towards a point of the table, as a share of weight; negative pushes away.",
         ),
-        ParameterSpec(
-            name="attraction_x",
-            unit="m",
-            nominal=0.55,
-            low=0.15,
-            high=0.95,
-            scale="linear",
-            about="Where the point that attracts is along x.",
-        ),
-        ParameterSpec(
-            name="attraction_y",
-            unit="m",
-            nominal=0.0,
-            low=-0.45,
-            high=0.45,
-            scale="linear",
-            about="Where the point that attracts is along y.",
-        ),
+        *place("attraction", "the point that attracts"),
     ),
     switches=1,
     node_velocity=attracted_velocity,

@@ -8,7 +8,7 @@ from typing import Any
 
 import warp as wp
 
-from app.sim.effects.base import Effect, Node
+from app.sim.effects.base import Effect, Node, place
 from app.sim.parameter import ParameterSpec
 
 WIDTH = wp.constant(0.015)
@@ -34,24 +34,7 @@ EFFECT = Effect(
             scale="linear",
             about="Rate at which a spot holds what moves over it.",
         ),
-        ParameterSpec(
-            name="constraint_x",
-            unit="m",
-            nominal=0.55,
-            low=0.15,
-            high=0.95,
-            scale="linear",
-            about="Where the spot that holds is along x.",
-        ),
-        ParameterSpec(
-            name="constraint_y",
-            unit="m",
-            nominal=0.0,
-            low=-0.45,
-            high=0.45,
-            scale="linear",
-            about="Where the spot that holds is along y.",
-        ),
+        *place("constraint", "the spot that holds"),
     ),
     switches=1,
     node_velocity=held_velocity,

@@ -5,6 +5,9 @@ for a fibre along t at the offset o to the left of the middle line (Rodriguez, H
 dependent finite growth in soft elastic tissues", eq. 3; of rods Bergou et al. 2008, "Discrete elastic rods").
 """
 
+# As static types, Warp's vectors have no operators.
+# pyright: reportArgumentType=false
+
 from typing import Any
 
 import warp as wp

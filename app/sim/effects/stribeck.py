@@ -4,6 +4,9 @@ Stribeck 1902, in the form of Armstrong-Helouvry, Dupont and Canudas de Wit 1994
 and compensation methods for the control of machines with friction", with exponent 2. Slow pushes stick, fast ones run.
 """
 
+# As static types, Warp's vectors have no operators.
+# pyright: reportOperatorIssue=false
+
 from typing import Any
 
 import warp as wp
@@ -33,7 +36,7 @@ EFFECT = Effect(
         ParameterSpec(
             name="stribeck_speed",
             unit="m/s",
-            nominal=0.05,
+            nominal=0.1,
             low=0.005,
             high=0.5,
             scale="log",
