@@ -161,7 +161,8 @@ class Flow:
 
     async def _update(self, seen: list[Transition], old: Model) -> None:
         try:
-            new = await self.calibrator.run(update, self.wish.task.name, self.wish.preset, seen, old)
+            wish = self.wish
+            new = await self.calibrator.run(update, wish.task.name, wish.preset, seen, old, self.site)
         except DipacError as error:
             self.fault("calibration", error)
         else:

@@ -6,15 +6,20 @@ only names these functions loads neither JAX nor Warp.
 
 from __future__ import annotations
 
+import logging
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 from app.config import Site
+from app.core.errors import PlanningError, SimulationError
+
+_log = logging.getLogger(__name__)
 
 _RECENT = 16
 """Transitions of one update: about those of the last episode, in about the time of one decision."""
 
 if TYPE_CHECKING:
+    from app.calibration.fit import Settings
     from app.core.messages import Model, Transition
     from app.core.types import Points
     from app.planner.plan import Plan
@@ -31,36 +36,62 @@ def plan(
 ) -> Plan:
     """Decide on the next action for the object `observed` (N, 3) [m].
 
-    The model is what the simulation runs with. Raises PlanningError where no branch stays finite, UsageError for an
-    unknown task or preset.
+    The model is what the simulation runs with. Raises PlanningError where no branch stays finite, and leaves a dump of
+    one that did not; UsageError for an unknown task or preset.
     """
     from app.tasks import compiled
 
     planner = compiled.planner(task, preset)
     phi = compiled.phi_of(model)
-    return planner(observed, goal, phi, seed=seed, site=site or Site())
+    where = site or Site()
+    try:
+        return planner(observed, goal, phi, seed=seed, site=where)
+    except PlanningError as error:
+        search = getattr(planner, "search", None)
+        if search is None:  # A planner without a tree has simulated nothing.
+            raise
+        from app.tasks import failures
+
+        raise PlanningError(f"{error}{failures.of_plan(task, search, observed, goal, phi, seed, where)}") from None
 
 
-def calibrate(task: str, preset: str, transitions: Sequence[Transition], model: Model) -> Model:
+def calibrate(
+    task: str, preset: str, transitions: Sequence[Transition], model: Model, site: Site | None = None
+) -> Model:
     """The next version of the model, fitted by gradient to all the transitions, from `model` until it settles.
 
-    Raises UsageError where there are no transitions.
+    Where transitions cannot be predicted, the log names a dump of one. Raises SimulationError where none can be,
+    UsageError where there are no transitions.
     """
     from app.calibration.fit import Settings
-    from app.tasks import compiled
 
-    return compiled.calibrated(task, preset, transitions, model, Settings())
+    return _fitted(task, preset, transitions, model, Settings(), site or Site())
 
 
-def update(task: str, preset: str, transitions: Sequence[Transition], model: Model) -> Model:
+def update(task: str, preset: str, transitions: Sequence[Transition], model: Model, site: Site | None = None) -> Model:
     """As `calibrate`, in the background of an episode: two trial steps on the newest transitions.
 
     The model in use is trusted to a factor of 1.5, so that one odd transition does not throw it off.
     """
     from app.calibration.fit import Settings
-    from app.tasks import compiled
 
-    return compiled.calibrated(task, preset, transitions[-_RECENT:], model, Settings(steps=2, trust_factor=1.5))
+    settings = Settings(steps=2, trust_factor=1.5)
+    return _fitted(task, preset, transitions[-_RECENT:], model, settings, site or Site())
+
+
+def _fitted(
+    task: str, preset: str, transitions: Sequence[Transition], model: Model, settings: Settings, site: Site
+) -> Model:
+    from app.tasks import compiled, failures
+
+    try:
+        new = compiled.calibrated(task, preset, transitions, model, settings)
+    except SimulationError as error:
+        left = failures.of_transitions(task, preset, transitions, compiled.phi_of(model), site)
+        raise SimulationError(f"{error}{left}") from None
+    if left := failures.of_transitions(task, preset, transitions, compiled.phi_of(new), site):
+        _log.warning("A transition of the calibration is not predicted.%s", left)
+    return new
 
 
 def choose_preset() -> str:

@@ -19,25 +19,15 @@ from app.sim.effects.base import Effect
 from app.sim.known import known_materials, known_tools
 from app.sim.materials.base import Law
 from app.sim.materials.elastic import Elastic
-from app.sim.params import nominal_phi
 from app.sim.rollout import make_rollout
 from app.sim.scene import Body
 from app.sim.state import Setting, State
 from app.sim.tools.box import Box, Gripper
-from tests.sim.scenes import PARTICLES, SCENE, rope, straight_tool
+from tests.sim.broken import BESIDE, SETUP, STEPS, flung, problem
+from tests.sim.scenes import PARTICLES, SCENE
 
-STEPS = 40
-SETUP = Setup(scene=SCENE, counts=(PARTICLES,), effects=())
 GRIPPER = Setup(scene=replace(SCENE, tools=(Gripper(),)), counts=(PARTICLES,), effects=())
 ROLLOUT = make_rollout(SCENE, particle_count=PARTICLES, effects=())
-BESIDE = straight_tool((0.51, -0.03, 0.005), (0.0, 0.2, 0.0), STEPS)
-
-
-def problem(tool: np.ndarray = BESIDE) -> tuple[np.ndarray, State, np.ndarray, Setting]:
-    """Two candidates of a rope beside the finger; all of it sound."""
-    phi = np.stack([nominal_phi()[:2]] * 2)
-    state = jax.tree.map(lambda leaf: np.array(leaf), State.at_rest(jnp.asarray(np.stack([rope(), rope(seed=1)]))))
-    return phi, state, np.stack([tool, tool]), jax.tree.map(np.array, Setting.unknown(2, PARTICLES))
 
 
 def simulated(*arrays: np.ndarray | State | Setting) -> State:
@@ -48,13 +38,6 @@ def refused(phi: np.ndarray, state: State, tool: np.ndarray, setting: Setting, s
     with pytest.raises(ParameterError) as error:
         require_inputs(setup, phi, state, tool, setting)
     return str(error.value)
-
-
-def flung(speed_m_s: float = 8.0) -> Case:
-    """One particle of candidate 1 flies towards the grid's side, a few cells away."""
-    phi, state, tool, setting = problem()
-    state.v[1, 30:, 1] = speed_m_s
-    return single(SETUP, phi, state, tool, setting, candidate=1)
 
 
 def jumping() -> Case:

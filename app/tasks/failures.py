@@ -1,0 +1,71 @@
+"""What the simulator could not finish for a task, left behind as dumps that `dipac replay` shows."""
+
+from collections.abc import Iterator, Sequence
+from functools import lru_cache
+
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Float32
+
+from app.calibration.evidence import gather
+from app.calibration.fit import Settings
+from app.config import Site
+from app.core.errors import UsageError
+from app.core.messages import Transition
+from app.core.types import Points
+from app.planner.failure import failed_action
+from app.planner.tree import Search
+from app.sim.autopsy import single
+from app.sim.catalogue import EFFECTS
+from app.sim.checks import Arrays, Setup
+from app.sim.dump import Dump, leave_dump
+from app.sim.state import State
+from app.tasks import compiled, load
+
+DUMPS = 3
+"""That one process leaves at most, about 50 kB each: what fails after them fails alike."""
+
+FOLDER = "failed"
+"""In that of the recordings."""
+
+
+def of_plan(
+    task: str, search: Search, observed: Points, goal: Points, phi: Float32[np.ndarray, " P"], seed: int, site: Site
+) -> str:
+    """A sentence about the first branch that became non-finite, with the dump it left; empty where none did."""
+    failed = failed_action(search, observed, goal, phi, seed)
+    if failed is None:
+        return ""
+    about = f"{task}, seed {seed}, branch {failed.branch}, action {failed.depth}"
+    return _left(task, about, phi, failed.x, failed.tool, site)
+
+
+def of_transitions(
+    task: str, preset: str, transitions: Sequence[Transition], phi: Float32[np.ndarray, " P"], site: Site
+) -> str:
+    """A sentence about the first transition that `phi` does not predict, with its dump; empty where there is none."""
+    evidence = gather(transitions, load(task).actions.measured_path)
+    broken = ~np.isfinite(compiled.calibrator(task, preset, Settings()).predictor.losses(phi, evidence))
+    if not broken.any():
+        return ""
+    index = int(np.argmax(broken))
+    about = f"{task}, transition {transitions[index].id}, one of {int(broken.sum())} that left their grid"
+    return _left(task, about, phi, evidence.before[index : index + 1], evidence.tool[index : index + 1], site)
+
+
+def _left(task: str, about: str, phi: Float32[np.ndarray, " P"], x: Arrays, tool: Arrays, site: Site) -> str:
+    setup = Setup(scene=load(task).scene, counts=(x.shape[1],), effects=EFFECTS)
+    case = single(setup, phi[None], State.at_rest(jnp.asarray(x)), tool)
+    if next(_room(), None) is None:
+        return f" This process has left {DUMPS} dumps already, and leaves no more."
+    try:
+        path = leave_dump(site.recordings / FOLDER, Dump(case=case, about=about))
+    except UsageError as error:
+        return f" {error}"
+    return f" `dipac replay {path}` shows what broke."
+
+
+@lru_cache
+def _room() -> Iterator[int]:
+    """The numbers of the dumps that may still be written."""
+    return iter(range(DUMPS))

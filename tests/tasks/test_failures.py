@@ -1,0 +1,92 @@
+"""What the simulator could not finish is left behind as a dump, a few times a process."""
+
+from collections.abc import Iterator
+from dataclasses import replace
+from pathlib import Path
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+from app.config import Site
+from app.core.errors import SimulationError
+from app.core.messages import Executed, Transition, fresh_id
+from app.planner.tree import Search
+from app.sim.dump import load_dump
+from app.tasks import calibrate, failures, load, nominal_model
+from tests.planner.table import PHI, SPACE, rope, search
+
+BAD = 2
+
+
+@pytest.fixture(autouse=True)
+def fresh_process() -> Iterator[None]:
+    failures._room.cache_clear()
+    yield
+    failures._room.cache_clear()
+
+
+def still(phi: jax.Array, x: jax.Array, tool: jax.Array) -> jax.Array:
+    """Nothing moves."""
+    return x
+
+
+def breaking(phi: jax.Array, x: jax.Array, tool: jax.Array) -> jax.Array:
+    """Nothing moves, and one branch becomes NaN."""
+    return x.at[BAD].set(jnp.nan)
+
+
+def of_plan(tree: Search, folder: Path, seed: int = 0) -> str:
+    return failures.of_plan("rope_push", tree, rope(), rope(0.05), PHI, seed, Site(recordings=folder))
+
+
+def test_the_first_branch_that_broke_is_dumped_with_the_action_it_broke_in(tmp_path: Path) -> None:
+    said = of_plan(replace(search(), advance=breaking), tmp_path)
+    (path,) = (tmp_path / failures.FOLDER).iterdir()
+    assert said == f" `dipac replay {path}` shows what broke."
+    dump = load_dump(path)
+    assert dump.about == f"rope_push, seed 0, branch {BAD}, action 0"
+    assert dump.case.setup.scene == load("rope_push").scene
+    np.testing.assert_array_equal(dump.case.state.x[0], rope())
+    np.testing.assert_array_equal(dump.case.phi[0], PHI)
+    assert dump.case.substeps == SPACE.substeps
+
+
+def test_where_all_branches_are_finite_nothing_is_left(tmp_path: Path) -> None:
+    assert of_plan(replace(search(), advance=still), tmp_path) == ""
+    assert not list(tmp_path.iterdir())
+
+
+def test_a_process_leaves_a_few_dumps_and_no_more(tmp_path: Path) -> None:
+    tree = replace(search(), advance=breaking)
+    said = [of_plan(tree, tmp_path, seed) for seed in range(failures.DUMPS + 1)]
+    assert len(list((tmp_path / failures.FOLDER).iterdir())) == failures.DUMPS
+    assert said[-1] == f" This process has left {failures.DUMPS} dumps already, and leaves no more."
+
+
+def test_a_folder_that_cannot_be_written_is_said_beside_the_failure(tmp_path: Path) -> None:
+    (tmp_path / "taken").touch()
+    assert "Cannot write the dump" in of_plan(replace(search(), advance=breaking), tmp_path / "taken")
+
+
+@pytest.mark.slow
+def test_a_transition_that_begins_off_the_grid_is_dumped(tmp_path: Path) -> None:
+    x = load("rope_push").goal(0, 300)
+    poses = np.tile(np.array([0.4, 0.0, 0.006, 1.0, 0.0, 0.0, 0.0]), (3, 1))
+    executed = Executed(
+        id=fresh_id("executed"),
+        time_s=0.0,
+        approved_id=fresh_id("approved"),
+        outcome="completed",
+        reason="",
+        times_s=np.arange(3.0),
+        commanded=poses,
+        measured=poses,
+    )
+    before = x + np.float32([2.0, 0.0, 0.0])
+    seen = Transition(id=fresh_id("transition"), time_s=0.0, before=before, executed=executed, after=x)
+    with pytest.raises(SimulationError, match=r"predicts none of the transitions; .* `dipac replay .*\.npz` shows"):
+        calibrate("rope_push", "cpu", [seen], nominal_model("rope_push"), Site(recordings=tmp_path))
+    (path,) = (tmp_path / failures.FOLDER).iterdir()
+    assert f"transition {seen.id}, one of 1 that left their grid" in load_dump(path).about
