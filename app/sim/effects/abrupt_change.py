@@ -11,14 +11,14 @@ import warp as wp
 from app.sim.effects.base import Effect, Grain, Node
 from app.sim.parameter import ParameterSpec
 
-WIDTH = wp.constant(0.02)
-"""Of the step, in sessions: one action of fifty."""
+WIDTH = wp.constant(0.01)
+"""Of the step, in sessions: one action of a hundred."""
 
 
 @wp.func
 def rise(u: float) -> float:
-    """From -0.5 to 0.5, algebraic, so that a distant t0 still has a derivative."""
-    return 0.5 * u / wp.sqrt(u * u + WIDTH * WIDTH)
+    """From -0.5 to 0.5, rational, so that a distant t0 still has a derivative."""
+    return 0.5 * u / (wp.abs(u) + WIDTH)
 
 
 @wp.func
