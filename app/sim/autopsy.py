@@ -11,7 +11,7 @@ from typing import Literal, TypeAlias, final
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Bool, Float32, Int64
+from jaxtyping import Bool, Float32, Float64, Int64
 
 from app.core.errors import ParameterError
 from app.sim.checks import Arrays, Setup, first, inside, require_inputs, require_shapes, room, words
@@ -69,9 +69,9 @@ class Fault:
 class Trace:
     """Of the states after 0, 1, 2, ... substeps: greatest speed, range of det F, particles that are not on the grid."""
 
-    speed_m_s: Float32[np.ndarray, " K"]
-    least_volume: Float32[np.ndarray, " K"]
-    greatest_volume: Float32[np.ndarray, " K"]
+    speed_m_s: Float64[np.ndarray, " K"]
+    least_volume: Float64[np.ndarray, " K"]
+    greatest_volume: Float64[np.ndarray, " K"]
     outside: Int64[np.ndarray, " K"]
 
 
@@ -197,8 +197,8 @@ def _broken(states: State) -> Bool[np.ndarray, "K N"]:
 def _faults(case: Case, states: State, at: int, count: int) -> Iterator[Fault]:
     """The first fault of each kind among the first `count` states, and what broke the one after them."""
     scene = case.setup.scene
-    x, v, F = (np.asarray(leaf)[:count] for leaf in (states.x, states.v, states.F))
-    speed, volume = np.linalg.norm(v, axis=-1), np.linalg.det(F)
+    x = np.asarray(states.x)[:count]
+    speed, volume = _measured(_rows(states, slice(count)))
     cells = speed * scene.dt_s / scene.cell_m
     if found := first(cells >= 1):
         text = f"moves at {speed[found]:.4g} m/s, {cells[found]:.3g} cells a substep"
@@ -223,14 +223,19 @@ def _fault(kind: Kind, at: int, found: tuple[int, ...], text: str) -> Fault:
     )
 
 
+def _measured(states: State) -> tuple[Float64[np.ndarray, "K N"], Float64[np.ndarray, "K N"]]:
+    """Speeds and relative volumes of finite states; in double precision, where large ones do not overflow."""
+    v, F = np.asarray(states.v, np.float64), np.asarray(states.F, np.float64)
+    return np.linalg.norm(v, axis=-1), np.linalg.det(F)
+
+
 def _trace(case: Case, states: State) -> Trace:
-    x, v, F = (np.asarray(leaf) for leaf in (states.x, states.v, states.F))
-    volume = np.linalg.det(F)
+    speed, volume = _measured(states)
     return Trace(
-        speed_m_s=np.linalg.norm(v, axis=-1).max(axis=1, initial=0),
+        speed_m_s=speed.max(axis=1, initial=0),
         least_volume=volume.min(axis=1, initial=np.inf),
         greatest_volume=volume.max(axis=1, initial=-np.inf),
-        outside=(~inside(case.setup.scene, x)).sum(axis=1),
+        outside=(~inside(case.setup.scene, np.asarray(states.x))).sum(axis=1),
     )
 
 
@@ -239,8 +244,8 @@ def _joined(rows: list[Trace]) -> Trace:
         return np.concatenate([np.zeros(0, kind), *(getattr(row, name) for row in rows)])
 
     return Trace(
-        speed_m_s=column("speed_m_s", np.float32),
-        least_volume=column("least_volume", np.float32),
-        greatest_volume=column("greatest_volume", np.float32),
+        speed_m_s=column("speed_m_s", np.float64),
+        least_volume=column("least_volume", np.float64),
+        greatest_volume=column("greatest_volume", np.float64),
         outside=column("outside", np.int64),
     )

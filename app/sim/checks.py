@@ -6,7 +6,7 @@ from typing import NamedTuple, TypeAlias, final
 
 import jax
 import numpy as np
-from jaxtyping import Bool, Float32
+from jaxtyping import Bool, Float32, Float64
 
 from app.core.errors import ParameterError
 from app.sim.effects.base import Effect
@@ -90,9 +90,9 @@ def require_inputs(setup: Setup, phi: Arrays, state: State, tool: Arrays, settin
     path = np.asarray(tool, np.float32)
     _require_finite(setup, phi, state, path, setting)
     _require_ranges(setup.specs(), np.asarray(phi, np.float32))
-    _require_volume(np.asarray(state.F, np.float32))
+    _require_volume(np.asarray(state.F, np.float64))
     _require_inside(setup.scene, np.asarray(state.x, np.float32))
-    _require_slow(setup.scene, np.asarray(state.v, np.float32))
+    _require_slow(setup.scene, np.asarray(state.v, np.float64))
     _require_path(setup.scene, path)
 
 
@@ -148,7 +148,7 @@ def _require_ranges(specs: Sequence[ParameterSpec], phi: Float32[np.ndarray, "B 
             )
 
 
-def _require_volume(F: Float32[np.ndarray, "B N 3 3"]) -> None:
+def _require_volume(F: Float64[np.ndarray, "B N 3 3"]) -> None:
     volume = np.linalg.det(F)
     if wrong := first(volume <= 0):
         b, p = wrong
@@ -167,7 +167,7 @@ def _require_inside(scene: Scene, x: Float32[np.ndarray, "B N 3"]) -> None:
         )
 
 
-def _require_slow(scene: Scene, v: Float32[np.ndarray, "B N 3"]) -> None:
+def _require_slow(scene: Scene, v: Float64[np.ndarray, "B N 3"]) -> None:
     speed = np.linalg.norm(v, axis=-1)
     if wrong := first(speed * scene.dt_s >= scene.cell_m):
         b, p = wrong

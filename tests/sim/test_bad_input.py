@@ -17,8 +17,11 @@ from app.sim.checks import Setup, require_inputs
 from app.sim.dump import Dump, leave_dump, load_dump, save_dump
 from app.sim.effects.base import Effect
 from app.sim.known import known_materials, known_tools
-from app.sim.materials.base import Law
+from app.sim.materials.base import Law, Material
+from app.sim.materials.cloth import Cloth
 from app.sim.materials.elastic import Elastic
+from app.sim.materials.granular import Granular
+from app.sim.materials.liquid import Liquid
 from app.sim.rollout import make_rollout
 from app.sim.scene import Body
 from app.sim.state import Setting, State
@@ -199,6 +202,47 @@ def test_a_tool_that_jumps_is_the_first_thing_that_the_autopsy_says() -> None:
     assert "in substep 19" in found.objection
     assert found.failed == first_bad_substep(jumping())
     assert "The input is wrong: Tool 0" in found.verdict()
+
+
+def test_what_is_turned_inside_out_or_too_fast_is_named_before_it_is_not_finite() -> None:
+    phi, state, tool, setting = problem()
+    state.C[0, 7] = -3000 * np.eye(3)
+    state.v[0, 11] = (1e25, 0.0, 0.0)
+    case = single(SETUP, phi, state, tool, setting)
+    found = dissect(case)
+    assert found.failed == first_bad_substep(case) == 1
+    assert [(fault.kind, fault.substep, fault.particle) for fault in found.faults] == [
+        ("too fast", 0, 11),
+        ("not finite", 1, 11),
+    ]
+    state.v[0, 11] = 0.0
+    squeezed = {fault.kind: fault for fault in dissect(single(SETUP, phi, state, tool, setting)).faults}
+    assert squeezed["turned inside out"].substep == 1
+    assert squeezed["turned inside out"].particle == 7
+    assert "det F = -0.1" in squeezed["turned inside out"].words
+
+
+@pytest.mark.parametrize("material", [Liquid(), Granular(), Cloth()])
+def test_no_material_makes_a_particle_finite_again(material: Material) -> None:
+    body = replace(SCENE.bodies[0], material=material)
+    rollout = make_rollout(replace(SCENE, bodies=(body,)), particle_count=PARTICLES, effects=())
+    for name in State._fields:
+        phi, state, tool, setting = problem(BESIDE[:6])
+        getattr(state, name)[0, 5] = np.nan
+        end = rollout(*jax.tree.map(jnp.asarray, (phi, state, tool, setting)))
+        assert np.isnan(end.x[0]).all(), name
+        assert np.isfinite(end.x[1]).all(), name
+
+
+@pytest.mark.parametrize("piece", [1, 7])
+def test_an_autopsy_in_pieces_finds_the_same(piece: int, monkeypatch: pytest.MonkeyPatch) -> None:
+    whole = dissect(flung())
+    monkeypatch.setattr("app.sim.autopsy.PIECE", piece)
+    parts = dissect(flung())
+    assert (parts.failed, parts.until) == (whole.failed, whole.until)
+    assert [fault.kind for fault in parts.faults] == [fault.kind for fault in whole.faults]
+    np.testing.assert_allclose(parts.trace.speed_m_s, whole.trace.speed_m_s, rtol=1e-4)
+    np.testing.assert_allclose(parts.last.x, whole.last.x, atol=1e-6)
 
 
 def test_the_last_states_are_those_of_the_simulator() -> None:
