@@ -13,7 +13,7 @@ import warp as wp
 from app.sim.constants import Constants, Matter
 from app.sim.contact import pinch, table_contact, tool_contact
 from app.sim.effects.base import Effect, Grain, Node, WarpFunction
-from app.sim.hooks import Hooks, compose
+from app.sim.hooks import Hooks
 from app.sim.materials.base import Law
 from app.sim.touching import Part, touching
 
@@ -124,7 +124,8 @@ def node_function(code: Code, hooks: Hooks) -> WarpFunction:
         v = node_velocity(v, here, phi)
         here.v = v
         here.touched = wp.min(1.0, touch[3] / node[3])
-        v = table_contact(k, v, here.x, table_friction(phi[0], here, phi))
+        if here.x[2] < 0.5 * k.cell:
+            v = table_contact(k, v, table_friction(phi[0], here, phi))
         v = tool_contact(k, v, node[3], touch, aim, adhesion(0.0, here, phi))
         if wp.static(grips):
             v = pinch(v, node[3], touch, aim)
@@ -154,8 +155,3 @@ def hold_work(hold: WarpFunction) -> WarpFunction:
         return wp.dot(x_bar, x_held) + wp.dot(v_bar, v_held)
 
     return work
-
-
-def hooks_of(code: Code) -> tuple[Hooks, Hooks]:
-    """For a simulation, where effects at their null cost nothing, and for its adjoint."""
-    return compose(code.effects, lazy=True), compose(code.effects, lazy=False)

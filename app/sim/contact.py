@@ -36,13 +36,10 @@ def sigmoid(a: float) -> float:
 
 
 @wp.func
-def table_contact(k: Constants, v: wp.vec3, x: wp.vec3, friction: float) -> wp.vec3:
-    """A node's velocity after contact with the table: nodes at or below it cannot sink and feel Coulomb friction."""
-    result = v
-    if x[2] < 0.5 * k.cell:
-        sinking = wp.max(0.0, -v[2])
-        result = coulomb(wp.vec3(v[0], v[1], 0.0), sinking, friction, k.slip_speed) + wp.vec3(0.0, 0.0, v[2] + sinking)
-    return result
+def table_contact(k: Constants, v: wp.vec3, friction: float) -> wp.vec3:
+    """The velocity of a node at or below the table after contact: it cannot sink, and feels Coulomb friction."""
+    sinking = wp.max(0.0, -v[2])
+    return coulomb(wp.vec3(v[0], v[1], 0.0), sinking, friction, k.slip_speed) + wp.vec3(0.0, 0.0, v[2] + sinking)
 
 
 @wp.func

@@ -1,4 +1,8 @@
-"""Puts the effects' hooks one after the other, once for a simulation and once for its adjoint."""
+"""Puts the effects' hooks one after the other.
+
+An effect at its null is skipped, unless `every` of them is asked for: the value is the same, and so is its derivative
+with respect to all but the effects' own parameters. So planning does not pay for what is not there.
+"""
 
 # Warp reads its types at run time; as static types, its vectors, arrays and structs have no operators.
 # pyright: reportArgumentType=false, reportCallIssue=false, reportGeneralTypeIssues=false
@@ -41,7 +45,7 @@ def columns(nominal: Sequence[ParameterSpec], effects: Sequence[Effect]) -> Colu
 class Hooks:
     """The effects' hooks composed, by name: each a Warp function (value, Node or Grain, phi) -> value.
 
-    `acting(name)` is one that says whether any of a name's effects is not at its null. A hook without effects is None.
+    `acting[name]`: (Node or Grain, phi) -> whether any of a name's effects is to be called.
     """
 
     composed: dict[str, WarpFunction]
@@ -55,8 +59,8 @@ class Hooks:
         return name in self.composed
 
 
-def compose(effects: Sequence[Effect], *, lazy: bool) -> Hooks:
-    """All hooks. `lazy` ones skip what is at its null: the same values in less time, but not the same derivatives."""
+def compose(effects: Sequence[Effect]) -> Hooks:
+    """All hooks."""
     composed: dict[str, WarpFunction] = {}
     acting: dict[str, WarpFunction] = {}
     for names in (NODE_HOOKS, GRAIN_HOOKS):
@@ -64,12 +68,12 @@ def compose(effects: Sequence[Effect], *, lazy: bool) -> Hooks:
         for effect in effects:
             if not _has(effect, names):
                 continue
-            skip = _acts(effect, at) if lazy else None
+            acts = _acts(effect, at)
             for name in names:
                 hook = getattr(effect, name)
                 if hook is not None:
-                    composed[name] = _then(composed.get(name, _unchanged), hook, at, skip)
-                    acting[name] = _either(acting.get(name, _never), skip or _always)
+                    composed[name] = _then(composed.get(name, _unchanged), hook, at, acts)
+                    acting[name] = _either(acting[name], acts) if name in acting else acts
             at += len(effect.parameters)
     return Hooks(composed=composed, acting=acting)
 
@@ -79,16 +83,21 @@ def _has(effect: Effect, names: Sequence[str]) -> bool:
 
 
 def _acts(effect: Effect, at: int) -> WarpFunction:
-    """Whether the effect's switches are not all at their nulls."""
-    function: WarpFunction = _never
+    """Whether its place asks for every effect, or its switches are not all at their nulls."""
+    function: WarpFunction = _all_asked_for
     for offset, spec in enumerate(effect.parameters[: effect.switches]):
         function = _either(function, _differs(at + offset, spec.nominal))
     return function
 
 
+@wp.func
+def _all_asked_for(place: Any, _phi: Any) -> bool:
+    return place.every != 0
+
+
 def _differs(column: int, null: float) -> WarpFunction:
     @wp.func
-    def differs(phi: Any) -> bool:
+    def differs(_place: Any, phi: Any) -> bool:
         return phi[column] != null
 
     return differs
@@ -96,45 +105,28 @@ def _differs(column: int, null: float) -> WarpFunction:
 
 def _either(one: WarpFunction, other: WarpFunction) -> WarpFunction:
     @wp.func
-    def either(phi: Any) -> bool:
-        return one(phi) or other(phi)
+    def either(place: Any, phi: Any) -> bool:
+        return one(place, phi) or other(place, phi)
 
     return either
 
 
-def _then(before: WarpFunction, hook: WarpFunction, at: int, acts: WarpFunction | None) -> WarpFunction:
+def _then(before: WarpFunction, hook: WarpFunction, at: int, acts: WarpFunction) -> WarpFunction:
     """`before`, then the hook with its parameters at `phi[at]`, if it acts at all."""
-    if acts is None:
-
-        @wp.func
-        def then(value: Any, place: Any, phi: Any):
-            return hook(before(value, place, phi), place, phi, at)
-
-        return then
 
     @wp.func
-    def then_if(value: Any, place: Any, phi: Any):
+    def then(value: Any, place: Any, phi: Any):
         result = before(value, place, phi)
-        if acts(phi):
+        if acts(place, phi):
             result = hook(result, place, phi, at)
         return result
 
-    return then_if
+    return then
 
 
 @wp.func
 def _unchanged(value: Any, _place: Any, _phi: Any):
     return value
-
-
-@wp.func
-def _never(_phi: Any) -> bool:
-    return False
-
-
-@wp.func
-def _always(_phi: Any) -> bool:
-    return True
 
 
 __all__ = ["GRAIN_HOOKS", "NODE_HOOKS", "Columns", "Grain", "Hooks", "Node", "columns", "compose"]

@@ -33,7 +33,8 @@ class Place:
 class Types:
     """Vectors as long as a `Code` needs them: of phi as particles and nodes see it, and of the tools' coordinates.
 
-    `Inputs`: a struct of arrays, `phi_grain` and `phi_node` (B,), `tool` (B, T), `label` (B, N), `time` (B,).
+    `Inputs`: a struct of arrays, `phi_grain` and `phi_node` (B,), `tool` (B, T), `label` (B, N), `time` (B,); and
+    `every`, 1 where every effect is to be called.
     """
 
     PhiGrain: type
@@ -56,6 +57,7 @@ def types_of(code: Code) -> Types:
         tool: wp.array2d[Pose]
         label: wp.array2d[wp.vec4]
         time: wp.array[float]
+        every: int
 
     return Types(PhiGrain=PhiGrain, PhiNode=PhiNode, Pose=Pose, Inputs=Inputs)
 
@@ -73,12 +75,13 @@ def place_of(b: int, s: int, listing: int, slot: int, stamp: int) -> Place:
 
 
 @wp.func
-def grain_of(k: Constants, label: wp.vec4, time: float) -> Grain:
+def grain_of(k: Constants, label: wp.vec4, time: float, every: int) -> Grain:
     """A particle as effects see it."""
     grain = Grain()
     grain.label = label
     grain.time = time
     grain.dt = k.dt
+    grain.every = every
     return grain
 
 

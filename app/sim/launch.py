@@ -31,12 +31,12 @@ class Operations:
     """The two calls of a rollout.
 
     `forward(phi, state, tool, setting, rows)` returns the history, `rows` states of which substep s begins at s modulo
-    `rows`, packed. `backward(phi, history, tool, setting, end_bar)`, for a history that holds every state, returns the
-    cotangents of the first state, of phi and of tool.
+    `rows`, packed. `backward(phi, history, tool, setting, end_bar, every)`, for a history that holds every state,
+    returns the cotangents of the first state, of phi and of tool; those of effects at their nulls if `every` is set.
     """
 
     forward: Callable[[jax.Array, State, jax.Array, Setting, int], jax.Array]
-    backward: Callable[[jax.Array, jax.Array, jax.Array, Setting, State], tuple[State, jax.Array, jax.Array]]
+    backward: Callable[[jax.Array, jax.Array, jax.Array, Setting, State, bool], tuple[State, jax.Array, jax.Array]]
 
 
 def make_operations(scene: Scene, counts: Sequence[int], schedule: Schedule) -> Operations:
@@ -72,7 +72,9 @@ def make_operations(scene: Scene, counts: Sequence[int], schedule: Schedule) -> 
     ):
         for scratch in (mass, touch, aim, listed, felt, count):
             scratch.zero_()
-        inputs = _struct(types.Inputs, phi_grain=phi_grain, phi_node=phi_node, tool=tool, label=label, time=time)
+        inputs = _struct(
+            types.Inputs, phi_grain=phi_grain, phi_node=phi_node, tool=tool, label=label, time=time, every=0
+        )
         # Without an adjoint to come, a node's velocity may take the place of its momentum.
         grid = _struct(
             Grid, mass=mass, touch=touch, aim=aim, velocity=mass, listed=listed, felt=felt, active=active, count=count
@@ -87,6 +89,7 @@ def make_operations(scene: Scene, counts: Sequence[int], schedule: Schedule) -> 
         time: wp.array(dtype=wp.float32),
         history: wp.array4d(dtype=wp.vec4),
         end_bar: wp.array4d(dtype=wp.vec4),
+        every: wp.int32,
         state_bar: wp.array4d(dtype=wp.vec4),
         grain_bar: wp.array2d(dtype=PhiGrain),
         node_bar: wp.array2d(dtype=PhiNode),
@@ -106,7 +109,9 @@ def make_operations(scene: Scene, counts: Sequence[int], schedule: Schedule) -> 
         wp.copy(state_bar, end_bar)
         for scratch in (grain_bar, node_bar, tool_bar, mass, touch, aim, velocity, grid_bar, listed, felt, count):
             scratch.zero_()
-        inputs = _struct(types.Inputs, phi_grain=phi_grain, phi_node=phi_node, tool=tool, label=label, time=time)
+        inputs = _struct(
+            types.Inputs, phi_grain=phi_grain, phi_node=phi_node, tool=tool, label=label, time=time, every=every
+        )
         grid = _struct(
             Grid,
             mass=mass,
@@ -156,7 +161,7 @@ def make_operations(scene: Scene, counts: Sequence[int], schedule: Schedule) -> 
         return forward_call(*inputs(phi, tool, setting), pack(state)[:, None], output_dims=dims)[0]
 
     def run_backward(
-        phi: jax.Array, history: jax.Array, tool: jax.Array, setting: Setting, end_bar: State
+        phi: jax.Array, history: jax.Array, tool: jax.Array, setting: Setting, end_bar: State, every: bool
     ) -> tuple[State, jax.Array, jax.Array]:
         candidates = phi.shape[0]
         plan(candidates, tool.shape[1], backwards=True)
@@ -168,7 +173,7 @@ def make_operations(scene: Scene, counts: Sequence[int], schedule: Schedule) -> 
         }
         given = inputs(phi, tool, setting)
         state_bar, grain_bar, node_bar, tool_bar, *_ = backward_call(
-            *given, history, pack(end_bar)[:, None], output_dims=dims
+            *given, history, pack(end_bar)[:, None], int(every), output_dims=dims
         )
         phi_bar = jnp.zeros_like(phi)
         for bar, own in ((grain_bar, chosen.grain), (node_bar, chosen.node)):
@@ -178,7 +183,7 @@ def make_operations(scene: Scene, counts: Sequence[int], schedule: Schedule) -> 
     return Operations(forward=run_forward, backward=run_backward)
 
 
-def _struct(kind: Callable[[], Any], **arrays: wp.array[Any]) -> Any:
+def _struct(kind: Callable[[], Any], **arrays: Any) -> Any:
     """A Warp struct with its arrays set: Warp's constructors take no arguments."""
     made = kind()
     for name, array in arrays.items():

@@ -43,13 +43,14 @@ def clear_both(i: int, slot: int, stamp: int, grid: Grid, grid_bars: GridBars):
 
 
 @wp.func
-def _seen(k: Constants, i: int, time: float) -> Node:
+def _seen(k: Constants, i: int, time: float, every: int) -> Node:
     """Node `i` as effects see it, as far as it is known."""
     node = Node()
     node.x = node_position(k, i)
     node.dt = k.dt
     node.gravity = k.gravity
     node.time = time
+    node.every = every
     return node
 
 
@@ -68,7 +69,7 @@ def node_of(velocity: WarpFunction, types: Types) -> WarpFunction:
                 if grid.felt[w.slot, i // BLOCK_NODES] == w.stamp:
                     touch = load_node(grid.touch, w.slot, i)
                     aim = load_node(grid.aim, w.slot, i)
-                v = velocity(k, a.phi_node[w.b], here, _seen(k, i, a.time[w.b]), touch, aim)
+                v = velocity(k, a.phi_node[w.b], here, _seen(k, i, a.time[w.b], a.every), touch, aim)
             store_node(grid.velocity, w.slot, i, wp.vec4(v[0], v[1], v[2], 0.0))
 
     return node
@@ -99,7 +100,7 @@ def node_adjoint_of(work: WarpFunction, types: Types) -> WarpFunction:
                 u = load_node(grid_bars.node, w.slot, i)
                 v_bar = wp.vec3(u[0], u[1], u[2])
                 _k, phi_bar, node_bar, _seen_bar, touch_bar, aim_bar, _v = wp.grad(work)(
-                    k, a.phi_node[w.b], here, _seen(k, i, a.time[w.b]), touch, aim, v_bar
+                    k, a.phi_node[w.b], here, _seen(k, i, a.time[w.b], a.every), touch, aim, v_bar
                 )
             store_node(grid_bars.node, w.slot, i, node_bar)
             if felt:

@@ -56,11 +56,12 @@ def to_grid_of(particle: WarpFunction, types: Types) -> WarpFunction:
     ) -> wp.mat33:
         F_next = F
         if inside(k, x):
-            grain = grain_of(k, a.label[w.b, p], a.time[w.b])
+            grain = grain_of(k, a.label[w.b, p], a.time[w.b], a.every)
             momentum, affine, mass, touch, aim, F_next = particle(
                 k, m, a.phi_grain[w.b], grain, x, v, C, F, a.tool[w.b, w.s], a.tool[w.b, w.s + 1]
             )
-            if finite(momentum, affine):
+            # A law may clamp what is not finite to what is: F is asked before, too.
+            if finite(momentum, affine) and wp.ddot(F, F) < FAR_TOO_LARGE:
                 q = cells(k, x)
                 enlist(q, k.blocks_y, k.blocks_z, w.listing, grid.listed, grid.active, grid.count)
                 scatter(q, momentum, affine, mass, k.blocks_y, k.blocks_z, w.slot, grid.mass)
@@ -110,7 +111,7 @@ def to_grid_adjoint_of(particle: WarpFunction, work: WarpFunction, types: Types)
             phi = a.phi_grain[w.b]
             now = a.tool[w.b, w.s]
             then = a.tool[w.b, w.s + 1]
-            grain = grain_of(k, a.label[w.b, p], a.time[w.b])
+            grain = grain_of(k, a.label[w.b, p], a.time[w.b], a.every)
             momentum, affine, mass, touch, aim, _F = particle(k, m, phi, grain, x, v, C, F, now, then)
             q = cells(k, x)
             given = scatter_adjoint(q, momentum, affine, mass, k.blocks_y, k.blocks_z, w.slot, grid_bars.node)

@@ -1,9 +1,11 @@
 """A whole action as one differentiable JAX operation."""
 
-from typing import Protocol, TypeAlias, TypeVar
+from dataclasses import dataclass
+from typing import Any, Protocol, TypeAlias, TypeVar, final
 
 import jax
 import jax.numpy as jnp
+from jax.custom_derivatives import SymbolicZero
 from jaxtyping import Bool, Float
 
 from app.sim.catalogue import EFFECTS
@@ -17,8 +19,22 @@ from app.sim.schedule import Schedule, schedule_for
 from app.sim.state import Setting, State
 
 TreeT = TypeVar("TreeT")
-Kept: TypeAlias = tuple[jax.Array, jax.Array, jax.Array, Setting, jax.Array]
-"""For the backward pass: phi, history of the particles, tool path, setting, and which candidates are finite."""
+
+
+@jax.tree_util.register_static
+@final
+@dataclass(frozen=True)
+class Sought:
+    """Whether anybody asks for the gradient with respect to phi.
+
+    Planning does not, and effects at their null cost it nothing then.
+    """
+
+    phi: bool
+
+
+Kept: TypeAlias = tuple[jax.Array, jax.Array, jax.Array, Setting, jax.Array, Sought]
+"""For the backward pass: phi, history of the particles, tool path, setting, which candidates are finite, and that."""
 
 
 class Simulate(Protocol):
@@ -65,20 +81,22 @@ def make_rollout(
         end = _row(operations.forward(phi, state, tool, setting, 2), (tool.shape[1] - 1) % 2)
         return _where_finite(_finite(phi, end, tool), end)
 
-    def rollout_forward(phi: jax.Array, state: State, tool: jax.Array, setting: Setting) -> tuple[State, Kept]:
+    def rollout_forward(*given: Any) -> tuple[State, Kept]:
+        phi, state, tool, setting = jax.tree.map(lambda primal: primal.value, given)
         history = operations.forward(phi, state, tool, setting, tool.shape[1])
         end = _row(history, tool.shape[1] - 1)
         finite = _finite(phi, end, tool)
-        return _where_finite(finite, end), (phi, history, tool, setting, finite)
+        return _where_finite(finite, end), (phi, history, tool, setting, finite, Sought(phi=given[0].perturbed))
 
     def rollout_backward(kept: Kept, end_bar: State) -> tuple[jax.Array, State, jax.Array, Setting]:
-        phi, history, tool, setting, finite = kept
-        state_bar, phi_bar, tool_bar = operations.backward(phi, history, tool, setting, end_bar)
+        phi, history, tool, setting, finite, sought = kept
+        end_bar = jax.tree.map(_instantiated, end_bar, is_leaf=_is_zero)
+        state_bar, phi_bar, tool_bar = operations.backward(phi, history, tool, setting, end_bar, sought.phi)
         bars = (phi_bar, state_bar, tool_bar)
         finite_bars = _where_finite(finite & _finite(end_bar) & _finite(*bars), bars)
         return (*finite_bars, jax.tree.map(jnp.zeros_like, setting))
 
-    rollout.defvjp(rollout_forward, rollout_backward)
+    rollout.defvjp(rollout_forward, rollout_backward, symbolic_zeros=True)
 
     def simulate(phi: jax.Array, state: State, tool: jax.Array, setting: Setting | None = None) -> State:
         known = setting or Setting.unknown(phi.shape[0], sizes.particles)
@@ -97,6 +115,14 @@ def make_rollout(
 def _row(history: jax.Array, row: int) -> State:
     """The state in one row of the history."""
     return unpack(history[:, row])
+
+
+def _is_zero(leaf: Any) -> bool:
+    return isinstance(leaf, SymbolicZero)
+
+
+def _instantiated(leaf: Any) -> jax.Array:
+    return jnp.zeros(leaf.shape, leaf.dtype) if _is_zero(leaf) else leaf
 
 
 def _float32(leaf: jax.Array) -> jax.Array:

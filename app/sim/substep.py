@@ -15,10 +15,11 @@ from typing import Any, final
 
 import warp as wp
 
-from app.sim.compiled import Code, hold_work, hooks_of, node_function, node_work, particle_function, particle_work
+from app.sim.compiled import Code, hold_work, node_function, node_work, particle_function, particle_work
 from app.sim.constants import Constants
 from app.sim.effects.base import Grain, Node, WarpFunction
 from app.sim.g2p import to_particles_adjoint_of, to_particles_of
+from app.sim.hooks import compose
 from app.sim.inputs import Types, types_of
 from app.sim.nodes import node_adjoint_of, node_of
 from app.sim.p2g import to_grid_adjoint_by_body, to_grid_adjoint_of, to_grid_by_body, to_grid_of
@@ -44,13 +45,14 @@ class Pieces:
 def make_pieces(code: Code) -> Pieces:
     """For scenes of this code."""
     types = types_of(code)
-    lazy, full = hooks_of(code)
+    hooks = compose(code.effects)
     hold = barrier(code.parts)
     held = hold_work(hold) if hold is not None else None
-    node_worked = node_work(node_function(code, full))
-    particles = [particle_function(code, law, full) for law in code.laws]
+    velocity = node_function(code, hooks)
+    node_worked = node_work(velocity)
+    particles = [particle_function(code, law, hooks) for law in code.laws]
     works = [particle_work(particle) for particle in particles]
-    to_grid = [to_grid_of(particle_function(code, law, lazy), types) for law in code.laws]
+    to_grid = [to_grid_of(particle, types) for particle in particles]
     back = [to_grid_adjoint_of(particle, work, types) for particle, work in zip(particles, works, strict=True)]
     for body in range(1, len(code.laws)):
         to_grid[0] = to_grid_by_body(to_grid[0], to_grid[body], body, types)
@@ -59,7 +61,7 @@ def make_pieces(code: Code) -> Pieces:
         types=types,
         to_grid=to_grid[0],
         to_particles=to_particles_of(hold, types),
-        node=node_of(node_function(code, lazy), types),
+        node=node_of(velocity, types),
         to_grid_adjoint=back[0],
         to_particles_adjoint=to_particles_adjoint_of(held, types),
         node_adjoint=node_adjoint_of(node_worked, types),

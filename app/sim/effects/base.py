@@ -21,7 +21,7 @@ def _struct(fields: type[ClassT]) -> type[ClassT]:
 class Node:
     """A grid node as effects see it. `touched` is the share of its mass that a tool touches, `time` the session's.
 
-    `gravity` is the scene's [m/s^2]. In `node_velocity`, v and touched are 0.
+    `gravity` is the scene's [m/s^2]. In `node_velocity`, v and touched are 0. `every`: see `app.sim.hooks`.
     """
 
     x: wp.vec3
@@ -30,6 +30,7 @@ class Node:
     dt: float
     gravity: float
     time: float
+    every: int
 
 
 @_struct
@@ -46,6 +47,7 @@ class Grain:
     fluid: float
     shear: float
     stress: float
+    every: int
 
 
 def place(name: str, what: str) -> tuple[ParameterSpec, ...]:

@@ -22,7 +22,7 @@ def _make(hooks: Hooks) -> WarpFunction:
         mu = E * m.mu_per_stiffness
         F_next = strained(C, F, grain.dt)
         if wp.static(flows is not None):
-            if flows(phi):
+            if flows(grain, phi):
                 F_next = relaxed(F_next, mu, 0.0, grain, phi)
         return kirchhoff_stress(rest(F_next, grain, phi), mu, E * m.lam_per_stiffness), F_next
 
@@ -42,7 +42,7 @@ class Elastic:
     law: Law = _LAW
 
     def lame(self) -> tuple[float, float]:
-        """mu and lambda per unit of stiffness."""
+        """Mu and lambda per unit of stiffness."""
         return lame_of(self.poisson)
 
     def own(self) -> tuple[float, float, float, float]:
