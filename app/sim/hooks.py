@@ -45,7 +45,7 @@ def columns(nominal: Sequence[ParameterSpec], effects: Sequence[Effect]) -> Colu
 class Hooks:
     """The effects' hooks composed, by name: each a Warp function (value, Node or Grain, phi) -> value.
 
-    `acting[name]`: (Node or Grain, phi) -> whether any of a name's effects is to be called.
+    `acting`: by name, whether any of its effects is to be called.
     """
 
     composed: dict[str, WarpFunction]
@@ -53,6 +53,10 @@ class Hooks:
 
     def __getitem__(self, name: str) -> WarpFunction:
         return self.composed.get(name, _unchanged)
+
+    def acts(self, name: str) -> WarpFunction:
+        """(Node or Grain, phi) -> whether any of a name's effects is to be called."""
+        return self.acting.get(name, _never)
 
     def has(self, name: str) -> bool:
         """Whether any effect changes it."""
@@ -127,6 +131,11 @@ def _then(before: WarpFunction, hook: WarpFunction, at: int, acts: WarpFunction)
 @wp.func
 def _unchanged(value: Any, _place: Any, _phi: Any):
     return value
+
+
+@wp.func
+def _never(_place: Any, _phi: Any) -> bool:
+    return False
 
 
 __all__ = ["GRAIN_HOOKS", "NODE_HOOKS", "Columns", "Grain", "Hooks", "Node", "columns", "compose"]

@@ -15,15 +15,14 @@ from app.sim.materials.base import Law, kirchhoff_stress, lame_of, relaxation, s
 
 
 def _make(hooks: Hooks) -> WarpFunction:
-    rest, relaxed, flows = hooks["rest"], relaxation(hooks), hooks.acting.get("kept")
+    rest, relaxed, flows = hooks["rest"], relaxation(hooks), hooks.acts("kept")
 
     @wp.func
     def elastic(m: Matter, E: float, C: wp.mat33, F: wp.mat33, grain: Grain, phi: Any):
         mu = E * m.mu_per_stiffness
         F_next = strained(C, F, grain.dt)
-        if wp.static(flows is not None):
-            if flows(grain, phi):
-                F_next = relaxed(F_next, mu, 0.0, grain, phi)
+        if flows(grain, phi):
+            F_next = relaxed(F_next, mu, 0.0, grain, phi)
         return kirchhoff_stress(rest(F_next, grain, phi), mu, E * m.lam_per_stiffness), F_next
 
     return elastic
