@@ -10,11 +10,12 @@ import numpy as np
 import pytest
 
 from app.config import Site
-from app.core.errors import SimulationError
+from app.core.errors import PlanningError, SimulationError
 from app.core.messages import Executed, Transition, fresh_id
 from app.planner.tree import Search
+from app.sim.autopsy import dissect
 from app.sim.dump import load_dump
-from app.tasks import calibrate, failures, load, nominal_model
+from app.tasks import calibrate, failures, load, nominal_model, plan
 from tests.planner.table import PHI, SPACE, rope, search
 
 BAD = 2
@@ -90,3 +91,14 @@ def test_a_transition_that_begins_off_the_grid_is_dumped(tmp_path: Path) -> None
         calibrate("rope_push", "cpu", [seen], nominal_model("rope_push"), Site(recordings=tmp_path))
     (path,) = (tmp_path / failures.FOLDER).iterdir()
     assert f"transition {seen.id}, one of 1 that left their grid" in load_dump(path).about
+
+
+@pytest.mark.slow
+def test_a_plan_without_a_finite_branch_names_the_dump_it_left(tmp_path: Path) -> None:
+    task = load("rope_push")
+    x, goal = task.goal(1, 300), task.goal(0, 300)
+    x[7] += np.float32([0.0, 0.0, 0.3])
+    with pytest.raises(PlanningError, match=r"8 became non-finite.*`dipac replay .*\.npz` shows what broke"):
+        plan("rope_push", "cpu", x, goal, nominal_model("rope_push"), 0, Site(recordings=tmp_path))
+    (path,) = (tmp_path / failures.FOLDER).iterdir()
+    assert "Particle 7 of candidate 0 is at" in dissect(load_dump(path).case).verdict()
