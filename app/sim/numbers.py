@@ -61,7 +61,7 @@ def _bodies(scene: Scene, counts: Sequence[int]) -> list[Matter]:
         m.volume = body.volume_m3 / count
         m.mass = body.density_kg_m3 * m.volume
         m.mu_per_stiffness, m.lam_per_stiffness = body.material.lame()
-        m.share = body.stiffness
+        m.share = body.share
         m.viscosity = body.material.viscosity_pa_s
         m.own = wp.vec4(*body.material.own())
         bodies.append(m)

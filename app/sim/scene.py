@@ -23,21 +23,31 @@ finger pushes: stable up to 0.9, not at 1.0; what is squeezed grows stiffer, hen
 class Body:
     """One object, or all pieces of one kind: its particles share its volume evenly.
 
-    `stiffness` is its own as a share of phi's.
+    `stiffness` is its own as a share of phi's. A rope of radius `bending_radius_m` may be drawn with particles out to
+    another one, `radius_m`, as perception or the grid ask for: it then bends like the true one.
     """
 
     volume_m3: float
     density_kg_m3: float
     material: Material = Elastic()
     stiffness: float = 1.0
+    radius_m: float | None = None
+    bending_radius_m: float | None = None
 
     def __post_init__(self) -> None:
-        for name in ("volume_m3", "density_kg_m3", "stiffness"):
+        for name in ("volume_m3", "density_kg_m3", "stiffness", "radius_m", "bending_radius_m"):
             value = getattr(self, name)
-            if not (np.isfinite(value) and value > 0):
+            if value is not None and not (np.isfinite(value) and value > 0):
                 raise ParameterError(f"Body {name} = {value:g} must be positive and finite.")
         if not isinstance(getattr(self.material, "law", None), Law):
             raise ParameterError.unknown("material", str(self.material), known_materials())
+
+    @property
+    def share(self) -> float:
+        """Of phi's stiffness, such that E I is that of the true radius: I = pi r^4 / 4 of a round cross section."""
+        if self.radius_m is None or self.bending_radius_m is None:
+            return self.stiffness
+        return self.stiffness * (self.bending_radius_m / self.radius_m) ** 4
 
 
 @final
@@ -92,7 +102,7 @@ class Scene:
         """The largest stable time step for the stiffest material that phi allows."""
         stiffness = PARAMETERS[index("stiffness")].high
         return min(
-            CFL * self.cell_m / float(np.sqrt(stiffness * body.stiffness * modulus / body.density_kg_m3))
+            CFL * self.cell_m / float(np.sqrt(stiffness * body.share * modulus / body.density_kg_m3))
             for body in self.bodies
             for modulus in [body.material.wave_modulus()]
         )

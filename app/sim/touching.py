@@ -19,8 +19,8 @@ from app.sim.tools.base import COORDINATES, Motion, Primitive, Tool
 PATIENCE = 20.0
 """How many times slower matter is moved out of the margin of what is thin, which its barrier guards anyway.
 
-Water that is filled into a bowl with some particles nearer to the wall than the margin was thrown up by 7 % of its depth
-at 1, and by 1 % at 20.
+Water that is filled into a bowl with some particles nearer to the wall than the margin was thrown up by 7 % of its
+depth at 1, and by 1 % at 20.
 """
 
 
@@ -79,12 +79,12 @@ def barrier(parts: Sequence[Part]) -> WarpFunction | None:
 
 
 @wp.func
-def _touches_nothing(k: Constants, x: wp.vec3, m: float, now: Any, then: Any, grain: Grain, phi: Any):
+def _touches_nothing(_k: Constants, _x: wp.vec3, _m: float, _now: Any, _then: Any, _grain: Grain, _phi: Any):
     return wp.vec4(), wp.vec4()
 
 
 @wp.func
-def _holds_nothing(k: Constants, x: wp.vec3, v: wp.vec3, now: Any, then: Any):
+def _holds_nothing(_k: Constants, x: wp.vec3, v: wp.vec3, _now: Any, _then: Any):
     return x, v
 
 
@@ -130,7 +130,9 @@ def _holding_too(before: WarpFunction, part: Part, i: int) -> WarpFunction:
 
 
 def _motion(part: Part) -> tuple[WarpFunction, WarpFunction, WarpFunction]:
-    """`into(s, x, c) -> p`, a point of the world in the primitive's frame; `turned(s, n, c) -> n`, a direction of its
+    """How a part moves: `into`, `turned` and `drift`.
+
+    `into(s, x, c) -> p`, a point of the world in the primitive's frame; `turned(s, n, c) -> n`, a direction of its
     frame in the world; `drift(s, p, now, then)`, how far a point of the tool at p moves [m].
     """
     return {"fixed": _fixed, "slides": _sliding, "turns": _turning, "opens": _opening}[part.motion](part)

@@ -3,19 +3,23 @@
 from collections.abc import Callable
 from dataclasses import replace
 from functools import cache
+from itertools import pairwise
 
 import jax.numpy as jnp
 import numpy as np
 import pytest
 from scipy.spatial import cKDTree
 
+from app.sim.materials.elastic import Elastic
 from app.sim.materials.granular import Granular
 from app.sim.materials.liquid import Liquid
+from app.sim.materials.plastic import Plastic
 from app.sim.rollout import make_rollout
 from app.sim.scene import Body, Scene
 from app.sim.state import State
 from app.sim.tools.bowl import Bowl
-from app.sim.tools.box import Box, Tray
+from app.sim.tools.box import Box, Gripper, Tray
+from app.sim.tools.rod import Rod
 
 STIFFNESS, FRICTION = 2e4, 0.4
 G = 9.81
@@ -149,7 +153,7 @@ def bowl_of_water() -> State:
         np.array([RADIUS_M, RADIUS_M, FILL_M - RADIUS_M]),
         BOWL_PARTICLES,
     )
-    return run(BOWL, at_rest(x + [0, 0, CENTRE_M]), bowl_path(2.0))
+    return run(BOWL, at_rest(x + np.array([0, 0, CENTRE_M])), bowl_path(2.0))
 
 
 def in_bowl(state: State, shift_m: float = 0.0) -> np.ndarray:
@@ -182,7 +186,7 @@ def test_a_bowl_that_is_tilted_pours_over_its_rim_and_through_its_wall_nothing()
 
 
 def test_the_front_of_a_collapsing_column_runs_as_fast_as_measured():
-    """Martin and Moyce 1952, table 2, n^2 = 1: from Z = 2.11 to 3.44 the front takes T = 1.83 to 2.83, T = t sqrt(g / a).
+    """Martin and Moyce 1952, table 2, n^2 = 1: Z = 2.11 and 3.44 are reached at T = 1.83 and 2.83, T = t sqrt(g / a).
 
     Speeds are compared and not times, for their column was released by a waxed sheet that needed time to melt.
     """
@@ -193,7 +197,7 @@ def test_the_front_of_a_collapsing_column_runs_as_fast_as_measured():
     )
     body = replace(TRAY.bodies[0], volume_m3=side * side * 2 * half_width)
     scene = replace(TRAY, bodies=(body,), tools=(channel,))
-    state, fronts, times = at_rest(x + [0, 0, FLOOR_M]), [], []
+    state, fronts, times = at_rest(x + np.array([0, 0, FLOOR_M])), [], []
     for _ in range(9):
         state = run(scene, state, 80)
         fronts.append((np.quantile(positions(state)[:, 0], 0.995) + half_length + WATER_SPACING_M / 2) / side)
@@ -249,7 +253,7 @@ def slumped_cone(angle_deg: float) -> float:
     end = positions(run(scene, at_rest(x), 2000, friction=0.8))
     r = np.linalg.norm(end[:, :2] - end[:, :2].mean(0), axis=1)
     rings = np.linspace(0.1, 0.8, 8) * np.quantile(r, 0.98)
-    tops = [np.quantile(end[(r >= a) & (r < b), 2], 0.95) for a, b in zip(rings[:-1], rings[1:], strict=True)]
+    tops = [np.quantile(end[(r >= a) & (r < b), 2], 0.95) for a, b in pairwise(rings)]
     return float(np.degrees(np.arctan(-np.polyfit((rings[1:] + rings[:-1]) / 2, tops, 1)[0])))
 
 
@@ -317,3 +321,181 @@ def test_beans_that_are_swept_into_a_heap_pack_no_denser_than_spheres_nor_pass_t
 
 def test_a_heap_that_is_moved_about_does_not_swell():
     assert occupied_m3(heap(5)) < 1.05 * occupied_m3(heap(1))
+
+
+# Elastic.
+
+RHO = 800.0
+
+
+def rope_along_x(length_m: float, radius_m: float, spacing_m: float) -> np.ndarray:
+    """Particles (N, 3) in slices of a sunflower's pattern, so that area and second moment are those of the circle."""
+    each = max(3, round(np.pi * radius_m**2 / spacing_m**2))
+    slices = round(length_m / spacing_m)
+    i, k = np.divmod(np.arange(slices * each), each)
+    r, angle = radius_m * np.sqrt((k + 0.5) / each), 2.39996 * (k + i)
+    return np.stack([length_m * ((i + 0.5) / slices - 0.5), r * np.cos(angle), r * np.sin(angle)], axis=1)
+
+
+def droop(cell_m: float, spacing_m: float, *, radius_m: float = 0.008, bending_radius_m: float = 0.008) -> float:
+    """Measured over expected deflection of the ends of a rope that lies across a rod: two cantilevers.
+
+    w = q (x^4 / 24 - L x^3 / 6 + L^2 x^2 / 4) / E I (Euler and Bernoulli), in weak gravity, so that it is small.
+    """
+    length, gravity, rod_m = 0.08, 0.5, 0.006
+    x = rope_along_x(2 * length, radius_m, spacing_m)
+    own_weight = RHO * (0.008 / radius_m) ** 2
+    body = Body(
+        volume_m3=np.pi * radius_m**2 * 2 * length,
+        density_kg_m3=own_weight,
+        material=Elastic(poisson=0.0),
+        radius_m=radius_m,
+        bending_radius_m=bending_radius_m,
+    )
+    height = 10 * cell_m
+    scene = Scene(
+        low=(-0.12, -0.05, -2 * cell_m),
+        high=(0.12, 0.05, 20 * cell_m),
+        cell_m=cell_m,
+        dt_s=0.04 * cell_m / np.sqrt(max(1.0, body.share)) * np.sqrt(own_weight / RHO) * 0.9,
+        gravity_m_s2=gravity,
+        damping_1_s=8.0,
+        contact_margin_m=spacing_m / 2,
+        bodies=(body,),
+        tools=(Rod(half_length_m=0.03, radius_m=rod_m, place_m=(0.0, 0.0, height), friction=1.0),),
+    )
+    start = x + np.array([0, 0, height + rod_m + radius_m + 3e-4])
+    sunk = start[:, 2] - positions(run(scene, at_rest(start), round(1.2 / scene.dt_s)))[:, 2]
+    middle, ends = np.abs(x[:, 0]) < 0.006, np.abs(np.abs(x[:, 0]) - 0.95 * length) < 0.05 * length
+    at = np.abs(x[ends, 0]).mean()
+    load = own_weight * np.pi * radius_m**2 * gravity
+    rigidity = STIFFNESS * np.pi * 0.008**4 / 4
+    expected = load / rigidity * (at**4 / 24 - length * at**3 / 6 + length**2 * at**2 / 4)
+    return float((sunk[ends].mean() - sunk[middle].mean()) / expected)
+
+
+def test_a_cantilever_droops_as_euler_and_bernoulli_say_and_the_error_falls_with_the_grid():
+    coarse, fine = droop(0.0125, 0.005), droop(0.00625, 0.0025)
+    assert coarse == pytest.approx(1.0, abs=0.20)
+    assert fine == pytest.approx(1.0, abs=0.08)
+    assert abs(fine - 1) < abs(coarse - 1)
+
+
+def test_bending_stiffness_does_not_depend_on_the_radius_that_a_rope_is_drawn_with():
+    droops = [droop(0.010, 0.0035, radius_m=radius) for radius in (0.006, 0.008, 0.010)]
+    assert max(droops) / min(droops) < 1.06
+
+
+def test_a_hanging_rope_grows_longer_by_rho_g_l_squared_over_2_e():
+    length, radius, spacing = 0.14, 0.008, 0.0035
+    x = rope_along_x(length, radius, spacing)[:, ::-1] + np.array([0, 0, 0.16])
+    body = Body(volume_m3=np.pi * radius**2 * length, density_kg_m3=RHO, material=Elastic(poisson=0.0))
+    scene = Scene(
+        low=(-0.05, -0.05, -0.02),
+        high=(0.05, 0.05, 0.28),
+        cell_m=0.010,
+        dt_s=4e-4,
+        damping_1_s=8.0,
+        contact_margin_m=spacing / 2,
+        bodies=(body,),
+        tools=(Gripper(half_m=(0.015, 0.006, 0.02), friction=2.0),),
+    )
+    path = np.tile([0, 0, 0.21, 1, 0, 0, 0, 0.012], (3001, 1))
+    end = positions(run(scene, at_rest(x), path))
+    free, marks = 0.08, []
+    for height in (0.09 + free, 0.09):
+        near = np.abs(x[:, 2] - height) < 0.01
+        marks.append(np.polyval(np.polyfit(x[near, 2], end[near, 2], 1), height))
+    longer = marks[0] - marks[1] - free
+    assert longer == pytest.approx(RHO * G * free**2 / (2 * STIFFNESS), rel=0.10)
+
+
+# Plastic.
+
+POISSON, YIELD_PA, SHEAR_STIFFNESS = 0.2, 36.0, 1e3
+SHEAR_MODULUS = SHEAR_STIFFNESS / (2 * (1 + POISSON))
+
+
+def sheared(rates: tuple[float, ...], seconds: float = 0.05) -> np.ndarray:
+    """F (3, 3) in the middle of a block so heavy that it keeps its shear rates [1/s], one after the other."""
+    x = lattice((-0.02, -0.02, 0.08), (0.02, 0.02, 0.12), 0.005)
+    body = Body(volume_m3=0.04**3, density_kg_m3=1e6, material=Plastic(yield_pa=YIELD_PA, poisson=POISSON))
+    scene = replace(PILE, gravity_m_s2=0.0, damping_1_s=0.0, bodies=(body,))
+    state = at_rest(x)
+    for rate in rates:
+        gradient = jnp.zeros((3, 3)).at[0, 2].set(rate)
+        state = state._replace(
+            v=(state.x - jnp.array([0.0, 0.0, 0.10])) @ gradient.T, C=jnp.broadcast_to(gradient, state.C.shape)
+        )
+        state = run(scene, state, round(seconds / scene.dt_s), stiffness=SHEAR_STIFFNESS)
+    middle = np.linalg.norm(x - [0, 0, 0.1], axis=1) < 0.01
+    return np.asarray(state.F[0], np.float64)[middle].mean(0)
+
+
+def shear_stress(F: np.ndarray) -> float:
+    """Neo-Hookean, tau_xz."""
+    return float(SHEAR_MODULUS * (F @ F.T)[0, 2])
+
+
+def test_below_yield_a_plastic_is_elastic():
+    assert shear_stress(sheared((0.8,))) == pytest.approx(SHEAR_MODULUS * 0.04, rel=0.02)
+    assert shear_stress(sheared((0.8, -0.8))) == pytest.approx(0.0, abs=0.02 * YIELD_PA)
+
+
+def test_sheared_far_a_plastic_bears_its_yield_stress_and_no_more():
+    assert shear_stress(sheared((6.0,))) == pytest.approx(YIELD_PA / np.sqrt(3), rel=0.05)
+
+
+def test_a_plastic_that_has_flowed_does_not_come_back():
+    # Sheared back by as much, it yields to the other side: what it had flowed is its new rest shape.
+    assert shear_stress(sheared((6.0, -6.0))) == pytest.approx(-YIELD_PA / np.sqrt(3), rel=0.05)
+
+
+def test_a_column_of_dough_slumps_only_where_its_weight_exceeds_its_yield_stress():
+    x = lattice((-0.015, -0.015, 0.0), (0.015, 0.015, 0.06), 0.005)
+    tops = []
+    for yield_pa in (2000.0, 150.0):
+        body = Body(volume_m3=0.03**2 * 0.06, density_kg_m3=1000.0, material=Plastic(yield_pa=yield_pa))
+        scene = replace(PILE, bodies=(body,))
+        tops.append(positions(run(scene, at_rest(x), 1500))[:, 2].max())
+    assert tops[0] == pytest.approx(0.0575, rel=0.05)
+    assert tops[1] < 0.04
+
+
+# Solids in liquids.
+
+
+@cache
+def bathed(density_kg_m3: float) -> tuple[np.ndarray, np.ndarray]:
+    """Particles of the water in a tray, and of a cube of tofu in it, after 1.5 s."""
+    side, spacing, depth = 0.024, 0.004, 0.05
+    low, high = np.array([-side / 2, -side / 2, FLOOR_M + 0.015]), np.array([side / 2, side / 2, FLOOR_M + 0.039])
+    cube = lattice(tuple(low), tuple(high), spacing)
+    water = lattice((-HALF_M, -HALF_M, FLOOR_M), (HALF_M, HALF_M, FLOOR_M + depth), WATER_SPACING_M)
+    water = water[((water < low) | (water > high)).any(axis=1)]
+    bodies = (
+        Body(volume_m3=len(water) * WATER_SPACING_M**3, density_kg_m3=1000.0, material=Liquid()),
+        Body(volume_m3=side**3, density_kg_m3=density_kg_m3, material=Elastic()),
+    )
+    scene = replace(TRAY, bodies=bodies, damping_1_s=1.0, dt_s=4e-4)
+    end = positions(run(scene, at_rest(water, cube), 3750, counts=(len(water), len(cube))))
+    return end[: len(water)], end[len(water) :]
+
+
+@pytest.mark.xfail(
+    reason="Water does not yield to 120 Pa on a cell of 10 mm: in 1.5 s a cube three times as dense sinks by 1.4 mm. "
+    "Each particle remembers its own volume, eight a cell, and the grid cannot satisfy them all: it locks.",
+)
+def test_tofu_floats_or_sinks_as_archimedes_says():
+    _, heavy = bathed(1500.0)
+    assert heavy[:, 2].min() < FLOOR_M + 0.008
+    _, light = bathed(500.0)
+    assert light[:, 2].mean() == pytest.approx(FLOOR_M + 0.05, abs=0.006)
+
+
+@pytest.mark.parametrize("density_kg_m3", [500.0, 1500.0])
+def test_tofu_in_water_keeps_its_shape(density_kg_m3: float):
+    _, cube = bathed(density_kg_m3)
+    singular = np.linalg.svd(cube - cube.mean(0), compute_uv=False) / np.sqrt(len(cube))
+    even = np.sqrt((0.024**2 - 0.004**2) / 12)
+    assert singular == pytest.approx(np.full(3, even), rel=0.08)

@@ -24,10 +24,11 @@ TINY = wp.constant(1.0e-12)
 @final
 @dataclass(frozen=True, kw_only=True)
 class Law:
-    """How a material deforms, as code: `make(hooks)` is the Warp function
+    """How a material deforms, as code.
 
-    `law(m, E, C, F, grain, phi) -> tau, F`: the Kirchhoff stress [Pa] and deformation after a substep with velocity
-    gradient C [1/s], for Young's modulus E [Pa]. What F means is the law's own; its determinant is the relative volume.
+    `make(hooks)` is the Warp function `law(m, E, C, F, grain, phi) -> tau, F`: the Kirchhoff stress [Pa] and the
+    deformation after a substep with velocity gradient C [1/s], for Young's modulus E [Pa]. What F means is the law's
+    own; its determinant is the relative volume.
     """
 
     name: str
@@ -49,7 +50,7 @@ class Material(Protocol):
         ...
 
     def lame(self) -> tuple[float, float]:
-        """mu and lambda per unit of stiffness."""
+        """Mu and lambda per unit of stiffness."""
         ...
 
     def own(self) -> tuple[float, float, float, float]:
@@ -65,7 +66,7 @@ Pair: TypeAlias = tuple[float, float]
 
 
 def lame_of(poisson: float) -> Pair:
-    """mu and lambda per unit of Young's modulus."""
+    """Mu and lambda per unit of Young's modulus."""
     return 0.5 / (1.0 + poisson), poisson / ((1.0 + poisson) * (1.0 - 2.0 * poisson))
 
 
@@ -85,7 +86,7 @@ def kirchhoff_stress(F: wp.mat33, mu: float, lam: float) -> wp.mat33:
 
 @wp.func
 def deviator(b: wp.mat33) -> wp.mat33:
-    """b - tr(b) / 3 I."""
+    """Of a tensor: b - tr(b) / 3 I."""
     return b - (wp.trace(b) / 3.0) * wp.identity(n=3, dtype=float)
 
 

@@ -23,7 +23,7 @@ def _make(hooks: Hooks) -> WarpFunction:
     del hooks
 
     @wp.func
-    def cloth(m: Matter, E: float, C: wp.mat33, F: wp.mat33, grain: Grain, phi: Any):
+    def cloth(m: Matter, E: float, C: wp.mat33, F: wp.mat33, grain: Grain, _phi: Any):
         mu = E * m.mu_per_stiffness
         lam = E * m.lam_per_stiffness
         grown = strained(C, F, grain.dt)
@@ -65,7 +65,7 @@ class Cloth:
     law: Law = _LAW
 
     def lame(self) -> tuple[float, float]:
-        """mu and lambda of plane stress, per unit of stiffness."""
+        """Mu and lambda of plane stress, per unit of stiffness."""
         return 0.5 / (1 + self.poisson), self.poisson / (1 - self.poisson**2)
 
     def own(self) -> tuple[float, float, float, float]:

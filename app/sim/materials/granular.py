@@ -3,8 +3,9 @@
 After Drucker and Prager (1952) with the friction angle of Mohr and Coulomb, as in Klar et al. 2016 ("Drucker-Prager
 elastoplasticity for sand animation"), without its singular values. Each bean stays a bean: one particle stands for it
 from beginning to end, with its mass and volume; apart, beans bear no stress and keep no memory of their shape, and
-remember how far they are apart up to loose packing, so that neither do they merge, nor does a heap swell by being
-moved.
+remember how far they are apart up to loose packing, so that neither is a heap packed denser than spheres are, nor
+does it swell by being moved. That holds for cells and not for pairs, which the grid does not see: swept into a heap,
+half of the beans have a neighbour within half of their spacing at rest, as random points have.
 """
 
 # Warp reads its types at run time; as static types, its vectors, arrays and structs have no operators.
@@ -67,7 +68,7 @@ class Granular:
     law: Law = _LAW
 
     def lame(self) -> tuple[float, float]:
-        """mu and lambda per unit of stiffness."""
+        """Mu and lambda per unit of stiffness."""
         return lame_of(self.poisson)
 
     def own(self) -> tuple[float, float, float, float]:

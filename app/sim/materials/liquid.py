@@ -1,4 +1,9 @@
-"""Liquid: weakly compressible, with viscosity. Of its deformation only the volume J is kept, as F = diag(J, 1, 1)."""
+"""Liquid: weakly compressible, with viscosity. Of its deformation only the volume J is kept, as F = diag(J, 1, 1).
+
+Filled evenly and with a contact margin of half a particle spacing, it keeps its level to 3 %. What drives it slowly, by
+less than about 200 Pa on cells of 10 mm, it resists: eight particles a cell remember eight volumes, more than the grid
+can satisfy. A solid that is a little denser than it does not sink.
+"""
 
 # Warp reads its types at run time; as static types, its vectors, arrays and structs have no operators.
 # pyright: reportGeneralTypeIssues=false, reportIndexIssue=false, reportOperatorIssue=false, reportArgumentType=false
@@ -22,7 +27,7 @@ def _make(hooks: Hooks) -> WarpFunction:
     del hooks
 
     @wp.func
-    def liquid(m: Matter, E: float, C: wp.mat33, F: wp.mat33, grain: Grain, phi: Any):
+    def liquid(m: Matter, E: float, C: wp.mat33, F: wp.mat33, grain: Grain, _phi: Any):
         J = wp.clamp(F[0, 0] * (1.0 + grain.dt * wp.trace(C)), LEAST_VOLUME, SPRAY)
         tension = wp.max(0.0, wp.log(J))
         tau = (E * m.lam_per_stiffness * (wp.log(J) - tension)) * wp.identity(n=3, dtype=float)
@@ -43,7 +48,7 @@ class Liquid:
     law: Law = _LAW
 
     def lame(self) -> tuple[float, float]:
-        """mu and lambda per unit of stiffness."""
+        """Mu and lambda per unit of stiffness."""
         return (0.0, 1.0)
 
     def own(self) -> tuple[float, float, float, float]:

@@ -41,7 +41,7 @@ class Plastic:
     law: Law = _LAW
 
     def lame(self) -> tuple[float, float]:
-        """mu and lambda per unit of stiffness."""
+        """Mu and lambda per unit of stiffness."""
         return lame_of(self.poisson)
 
     def own(self) -> tuple[float, float, float, float]:

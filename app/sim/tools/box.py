@@ -109,9 +109,7 @@ class Gripper:
     def primitives(self) -> tuple[Primitive, ...]:
         """Two fingers: at opening 0 their inner sides meet."""
         _, thick, tall = self.half_m
-        return tuple(
-            box_of(self.half_m, (0.0, side * thick, tall), self.friction, side=side) for side in (-1, 1)
-        )
+        return tuple(box_of(self.half_m, (0.0, side * thick, tall), self.friction, side=side) for side in (-1, 1))
 
 
 def _shifted(place: Vector, by: Vector) -> Vector:
