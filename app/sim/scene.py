@@ -1,6 +1,6 @@
 """Everything about a simulation that is not a parameter to be estimated: grid, time step, bodies, tools, smoothing."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import final
 
 import numpy as np
@@ -29,7 +29,7 @@ class Body:
 
     volume_m3: float
     density_kg_m3: float
-    material: Material = Elastic()
+    material: Material = field(default_factory=Elastic)
     stiffness: float = 1.0
     radius_m: float | None = None
     bending_radius_m: float | None = None
