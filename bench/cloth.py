@@ -2,7 +2,8 @@
 
 Codimensional material points (the threads' deformation is carried by particles) and a mesh of springs whose forces are
 added to the particles' momenta. The first are the product's kernels, on three grids; the second is plain JAX on the
-middle one's cells, so that its time says nothing but that of its forces alone.
+finest one's cells, with contact that moves particles out of the rod, so that of its times only that of its forces says
+something.
 """
 
 import time
@@ -112,7 +113,7 @@ class Hung(NamedTuple):
     """What became of the cloth, and what it took."""
 
     stretch_percent: float
-    """Of the threads across the rod, their mean at the rod."""
+    """Of the threads across the rod, their mean."""
     worst: float
     """The longest distance of two neighbours, in spacings."""
     sides_m: tuple[float, float]
@@ -180,7 +181,7 @@ def stable_dt(hang: Callable[[float], Hung]) -> float:
 
 
 def main() -> None:
-    """Print a row a way, and the expected stretch: half of rho g L / E at the rod."""
+    """Print a row a way, and the expected stretch: half of that at the rod."""
     table = Table("way", "stretch %", "worst gap", "sides mm", "fallen", "stable dt ms", "ms a substep")
     ways: dict[str, Callable[[float], Hung]] = {
         **{f"points, cells of {1e3 * cell:g} mm": partial(in_product, cell) for cell in (0.0125, 0.01875, 0.025)},
