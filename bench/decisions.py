@@ -1,4 +1,7 @@
-"""The paper's decisions at the paper's sizes, timed whole: sample or start, roll out, ten steps of gradient descent."""
+"""The paper's decisions at the paper's sizes, timed whole: sample or start, roll out, ten steps of gradient descent.
+
+With the nominal model: a planner compiles the effects that its model needs, and that needs none.
+"""
 
 import time
 from collections.abc import Callable
@@ -13,11 +16,12 @@ import numpy as np
 from app.calibration.evidence import Evidence, Predictor
 from app.config import Site
 from app.core.chamfer import chamfer_m2
+from app.planner.actions import Pushes
 from app.planner.plan import TreePlanner
 from app.planner.tree import Search
 from app.sim.materials.cloth import Cloth
 from app.sim.materials.granular import Granular
-from app.sim.params import nominal_phi
+from app.sim.params import NOMINAL_PHYSICS, nominal_phi
 from app.sim.rollout import Simulate, make_rollout
 from app.sim.scene import Body, Scene
 from app.sim.state import State
@@ -50,6 +54,7 @@ def rope(repeats: int) -> Decision:
     """16 branches, depth 3, 2000 particles, 20 displacements of 20 substeps."""
     task = load("rope_push")
     size = task.preset("gpu")
+    assert isinstance(task.actions, Pushes)
     space = replace(task.actions, push_substeps=20 * SUBSTEPS, rest_substeps=0)
     planner = TreePlanner(
         search=Search(
@@ -87,7 +92,7 @@ def beans(repeats: int) -> Decision:
     )
     rng = np.random.default_rng(0)
     x = rng.uniform((-0.08, -0.08, 0.004), (0.08, 0.08, 0.012), (count, 3)).astype(np.float32)
-    goal = x * np.float32([0.3, 0.3, 1.0])
+    goal = x * np.array([0.3, 0.3, 1.0], np.float32)
 
     def path(actions: jax.Array) -> jax.Array:
         share = jnp.linspace(0.0, 1.0, substeps + 1)[None, :, None]
@@ -95,7 +100,7 @@ def beans(repeats: int) -> Decision:
         return jnp.concatenate([along, jnp.full((*along.shape[:2], 1), 0.03)], axis=-1)
 
     start = rng.uniform(-0.12, 0.12, (branches, 4)).astype(np.float32)
-    simulate = make_rollout(scene, particle_count=count)
+    simulate = make_rollout(scene, particle_count=count, effects=())
     seconds = timed(partial(_descended, simulate, path, x, goal, start, 1), repeats)
     return Decision(case="bean decision", particles=count, candidates=branches, substeps=substeps, seconds=seconds)
 
@@ -110,9 +115,9 @@ def cloth(repeats: int) -> Decision:
         high=(0.30, 0.30, 0.30),
         dt_s=2e-4,
     )
-    axis = np.linspace(-0.145, 0.145, side)[:, None] * np.ones((1, side))
+    axis = np.repeat(np.linspace(-0.145, 0.145, side)[:, None], side, axis=1)
     x = np.stack([axis, axis.T, np.full((side, side), 0.005)], axis=-1).reshape(-1, 3)[:1000].astype(np.float32)
-    goal = x * np.float32([0.5, 1.0, 1.0])
+    goal = x * np.array([0.5, 1.0, 1.0], np.float32)
 
     def path(actions: jax.Array) -> jax.Array:
         corners = jnp.cumsum(actions.reshape(-1, moves, 4), axis=1) + jnp.array([-0.14, -0.14, 0.01, 0.03])
@@ -123,7 +128,7 @@ def cloth(repeats: int) -> Decision:
 
     rng = np.random.default_rng(0)
     start = (0.002 * rng.standard_normal((branches, depth * moves * 4))).astype(np.float32)
-    simulate = make_rollout(scene, particle_count=len(x))
+    simulate = make_rollout(scene, particle_count=len(x), effects=())
     seconds = timed(partial(_descended, simulate, path, x, goal, start, depth), repeats)
     return Decision(
         case="cloth decision",
@@ -191,7 +196,7 @@ def _descend(
     actions: jax.Array,
 ) -> jax.Array:
     """Ten steps of gradient descent on the final Chamfer distance of every branch, and a last look at the result."""
-    phi = jnp.tile(nominal_phi(), (len(actions), 1))
+    phi = jnp.tile(nominal_phi()[: len(NOMINAL_PHYSICS)], (len(actions), 1))
 
     def losses(actions: jax.Array) -> jax.Array:
         state = State.at_rest(jnp.repeat(x[None], len(actions), axis=0))
@@ -199,8 +204,11 @@ def _descend(
             state = State.at_rest(simulate(phi, state, path(part)).x)
         return jax.vmap(chamfer_m2, in_axes=(0, None))(state.x, goal)
 
+    def total(actions: jax.Array) -> jax.Array:
+        return losses(actions).sum()
+
     def step(actions: jax.Array, _: None) -> tuple[jax.Array, None]:
-        slopes = jnp.nan_to_num(jax.grad(lambda at: losses(at).sum())(actions))
+        slopes = jnp.nan_to_num(jax.grad(total)(actions))
         norms = jnp.linalg.norm(slopes, axis=1, keepdims=True)
         return actions - 2e-3 * slopes / jnp.maximum(norms, 1e-12), None
 

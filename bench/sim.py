@@ -23,10 +23,10 @@ import numpy as np
 from rich.console import Console
 from rich.table import Table
 
-from app.sim.params import nominal_phi
+from app.sim.params import NOMINAL_PHYSICS, nominal_phi
 from app.sim.rollout import Simulate, make_rollout
 from app.sim.scene import Body, Scene
-from app.sim.state import State
+from app.sim.state import Setting, State
 from app.tasks.curves import fill_tube
 
 _CASES = {"cpu": ((300, 16), (2000, 1)), "gpu": ((2000, 16), (300, 150), (2000, 1))}
@@ -99,15 +99,26 @@ def rates(particles: int, candidates: int) -> list[Row]:
     substeps = _SUBSTEPS[_platform()]
     work = particles * candidates * substeps
     problem = pushes(particles, candidates, substeps)
+    bare = make_rollout(SCENE, particle_count=particles, effects=())
+    planned = (problem[0][:, : len(NOMINAL_PHYSICS)], *problem[1:])
     with tempfile.TemporaryDirectory() as empty:
         first, again = (_apart(compiled, particles, candidates, empty) for _ in range(2))
     before = _memory_mib()
     forward, both = (seconds(call, problem) for call in _calls(make_rollout(SCENE, particle_count=particles)))
+    bare_forward, bare_both = (seconds(call, planned) for call in _calls(bare))
     peak = _memory_mib() - (before if _platform() == "cpu" else 0.0)
     reference = _reference(particles, candidates)
     return [
         Row(
-            case=f"rope {particles} x {candidates}",
+            case=f"rope {particles} x {candidates}, no effects",
+            device=jax.devices()[0].device_kind,
+            particles=particles,
+            candidates=candidates,
+            forward=work / bare_forward,
+            forward_backward=work / bare_both,
+        ),
+        Row(
+            case=f"rope {particles} x {candidates}, all effects",
             device=jax.devices()[0].device_kind,
             particles=particles,
             candidates=candidates,
@@ -118,7 +129,7 @@ def rates(particles: int, candidates: int) -> list[Row]:
             peak_mib=peak,
             reference_forward=reference[0],
             reference_forward_backward=reference[1],
-        )
+        ),
     ]
 
 
@@ -216,7 +227,8 @@ def _reference(particles: int, candidates: int) -> tuple[float, float]:
     """The rates of the plain-JAX oracle, whose substeps are too slow for many of them."""
     from tests.sim import reference
 
-    def simulate(phi: jax.Array, state: State, tool: jax.Array) -> State:
+    def simulate(phi: jax.Array, state: State, tool: jax.Array, setting: Setting | None = None) -> State:
+        del setting
         return reference.simulate(SCENE, phi[:, : len(reference.PARAMETERS)], state, tool)
 
     problem = pushes(particles, candidates, _REFERENCE_SUBSTEPS)

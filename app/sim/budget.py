@@ -2,8 +2,7 @@
 
 from collections.abc import Callable
 from pathlib import Path
-
-import jax
+from typing import Any, TypeAlias
 
 from app.core.errors import MemoryPlanError
 from app.sim.constants import BLOCK_NODES
@@ -14,7 +13,7 @@ _QUAD = 16
 _FORTH, _BACK = 3, 7
 """Vec4 a node: mass, touch and aim; on the way back also velocity and three cotangents."""
 
-Bytes = Callable[[int], int]
+Bytes: TypeAlias = Callable[[int], int]
 """Of a number of candidates."""
 
 
@@ -34,7 +33,7 @@ def bytes_of(schedule: Schedule, *, particles: int, blocks: int, rows: int, back
     return count
 
 
-def require(needed: Bytes, candidates: int, device: jax.Device) -> None:
+def require(needed: Bytes, candidates: int, device: Any) -> None:
     """Raises MemoryPlanError where the candidates do not fit, with the largest number of them that would."""
     free = available(device)
     if needed(candidates) > free:
@@ -54,7 +53,7 @@ def largest(needed: Bytes, free: int, limit: int) -> int:
     return fits
 
 
-def available(device: jax.Device) -> int:
+def available(device: Any) -> int:
     """Free bytes of a device; for a CPU, what the system can give without swapping."""
     stats = device.memory_stats()
     if stats:

@@ -3,18 +3,19 @@
 # Warp reads its types at run time; as static types, its vectors, arrays and structs have no operators.
 # pyright: reportGeneralTypeIssues=false, reportIndexIssue=false, reportOperatorIssue=false, reportArgumentType=false
 # pyright: reportCallIssue=false, reportInvalidTypeForm=false, reportUntypedFunctionDecorator=false
-# pyright: reportAttributeAccessIssue=false
+# pyright: reportAttributeAccessIssue=false, reportConstantRedefinition=false, reportOptionalCall=false
 
 from typing import Any
 
 import warp as wp
 
+from app.sim.blocks import cells, inside
 from app.sim.constants import Constants
 from app.sim.effects.base import WarpFunction
 from app.sim.inputs import Place, Types
 from app.sim.memory import Grid, GridBars
 from app.sim.p2g import finite
-from app.sim.transfer import cells, gather, gather_adjoint, inside
+from app.sim.transfer import gather, gather_adjoint
 
 
 def to_particles_of(hold: WarpFunction | None, types: Types) -> WarpFunction:

@@ -2,6 +2,7 @@
 
 # The annotations of the callables are Warp's run-time array types, which are no static types.
 # pyright: reportInvalidTypeForm=false, reportAttributeAccessIssue=false, reportCallIssue=false
+# pyright: reportGeneralTypeIssues=false
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass

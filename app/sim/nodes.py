@@ -3,16 +3,16 @@
 # Warp reads its types at run time; as static types, its vectors, arrays and structs have no operators.
 # pyright: reportGeneralTypeIssues=false, reportIndexIssue=false, reportOperatorIssue=false, reportArgumentType=false
 # pyright: reportCallIssue=false, reportInvalidTypeForm=false, reportUntypedFunctionDecorator=false
-# pyright: reportAttributeAccessIssue=false
+# pyright: reportAttributeAccessIssue=false, reportConstantRedefinition=false, reportOptionalCall=false
 
 import warp as wp
 
+from app.sim.blocks import node_position
 from app.sim.constants import BLOCK_NODES, Constants
 from app.sim.effects.base import Node, WarpFunction
 from app.sim.inputs import Place, Types
 from app.sim.memory import Grid, GridBars
 from app.sim.packed import load_node, store_node
-from app.sim.transfer import node_position
 
 LEAST_MASS = wp.constant(1.0e-8)
 """Nodes with less than this share of a particle's mass do not move: the square of their mass would underflow."""

@@ -3,12 +3,13 @@
 # Warp reads its types at run time; as static types, its vectors, arrays and structs have no operators.
 # pyright: reportGeneralTypeIssues=false, reportIndexIssue=false, reportOperatorIssue=false, reportArgumentType=false
 # pyright: reportCallIssue=false, reportInvalidTypeForm=false, reportUntypedFunctionDecorator=false
-# pyright: reportAttributeAccessIssue=false
+# pyright: reportAttributeAccessIssue=false, reportConstantRedefinition=false, reportOptionalCall=false
 
 from typing import Any
 
 import warp as wp
 
+from app.sim.blocks import cells, enlist, enlist_felt, inside
 from app.sim.constants import Constants, Matter
 from app.sim.effects.base import WarpFunction
 from app.sim.inputs import Place, Types, grain_of
@@ -16,16 +17,8 @@ from app.sim.memory import Grid, GridBars
 from app.sim.packed import affine as affine_of
 from app.sim.packed import load_deformation, load_motion, position
 from app.sim.packed import velocity as velocity_of
-from app.sim.transfer import (
-    cells,
-    enlist,
-    enlist_felt,
-    inside,
-    scatter,
-    scatter_adjoint,
-    scatter_touch,
-    scatter_touch_adjoint,
-)
+from app.sim.touch_transfer import scatter_touch, scatter_touch_adjoint
+from app.sim.transfer import scatter, scatter_adjoint
 
 FAR_TOO_LARGE = wp.constant(1.0e30)
 """A square that no momentum, stress or cotangent of a sound simulation comes near."""
@@ -172,7 +165,7 @@ def to_grid_by_body(one: WarpFunction, other: WarpFunction, body: int, types: Ty
         F_next = F
         if m.number < body:
             F_next = one(k, a, m, w, p, x, v, C, F, grid)
-        else:
+        if m.number >= body:
             F_next = other(k, a, m, w, p, x, v, C, F, grid)
         return F_next
 

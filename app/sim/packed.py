@@ -6,7 +6,7 @@ eight times as many transactions. Warp's own loads and stores of a vec4 are four
 
 # Warp reads its types at run time; as static types, its vectors, arrays and structs have no operators.
 # pyright: reportGeneralTypeIssues=false, reportIndexIssue=false, reportOperatorIssue=false, reportArgumentType=false
-# pyright: reportCallIssue=false, reportInvalidTypeForm=false
+# pyright: reportCallIssue=false, reportInvalidTypeForm=false, reportReturnType=false
 
 import jax
 import jax.numpy as jnp

@@ -3,7 +3,7 @@
 phi has one row a candidate, shape (B, P), float32, in physical units; the columns are those of `PARAMETERS`.
 """
 
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 
 import numpy as np
 from jaxtyping import Float, Float32
@@ -41,6 +41,26 @@ def parameters_with(effects: Sequence[Effect]) -> tuple[ParameterSpec, ...]:
 
 
 PARAMETERS = parameters_with(EFFECTS)
+
+
+def acting(phi: Float[np.ndarray, " P"], names: Collection[str] = ()) -> tuple[Effect, ...]:
+    """The effects that `phi` needs: those not at their null, and those with one of the parameters `names`.
+
+    A simulator of them alone does the same in less time: a GPU's adjoint takes half as long again with all.
+    """
+    nominal = nominal_phi()
+
+    def needed(effect: Effect) -> bool:
+        switches = effect.parameters[: effect.switches]
+        differs = any(np.float32(phi[index(spec.name)]) != nominal[index(spec.name)] for spec in switches)
+        return differs or any(spec.name in names for spec in effect.parameters)
+
+    return tuple(effect for effect in EFFECTS if needed(effect))
+
+
+def columns_of(effects: Sequence[Effect]) -> list[int]:
+    """Where the parameters of a simulator with these effects stand in phi."""
+    return [index(spec.name) for spec in parameters_with(effects)]
 
 
 def index(name: str) -> int:

@@ -1,14 +1,14 @@
 """The Warp kernels for a GPU: half a substep each, a thread a particle or a few nodes.
 
-A substep is two launches, which JAX records once as a graph. One is over particles: each takes what the grid says of the
-last substep and gives to the grid of the next. The other is over nodes. What is independent of each other is done by
-different threads of one launch, for a GPU waits for memory most of the time and can do other things meanwhile.
+A substep is two launches, which JAX records once as a graph. One is over particles: each takes what the grid says of
+the last substep and gives to the grid of the next. The other is over nodes. What is independent of each other is done
+by different threads of one launch, for a GPU waits for memory most of the time and can do other things meanwhile.
 """
 
 # Warp reads its types at run time; as static types, its vectors, arrays and structs have no operators.
 # pyright: reportInvalidTypeForm=false, reportIndexIssue=false, reportOperatorIssue=false, reportArgumentType=false
 # pyright: reportCallIssue=false, reportGeneralTypeIssues=false, reportUntypedFunctionDecorator=false
-# pyright: reportAssignmentType=false, reportAttributeAccessIssue=false
+# pyright: reportAssignmentType=false, reportAttributeAccessIssue=false, reportConstantRedefinition=false
 
 import functools
 from dataclasses import dataclass

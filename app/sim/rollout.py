@@ -82,7 +82,7 @@ def make_rollout(
         return _where_finite(_finite(phi, end, tool), end)
 
     def rollout_forward(*given: Any) -> tuple[State, Kept]:
-        phi, state, tool, setting = jax.tree.map(lambda primal: primal.value, given)
+        phi, state, tool, setting = jax.tree.map(_value, given)
         history = operations.forward(phi, state, tool, setting, tool.shape[1])
         end = _row(history, tool.shape[1] - 1)
         finite = _finite(phi, end, tool)
@@ -115,6 +115,10 @@ def make_rollout(
 def _row(history: jax.Array, row: int) -> State:
     """The state in one row of the history."""
     return unpack(history[:, row])
+
+
+def _value(primal: Any) -> jax.Array:
+    return primal.value
 
 
 def _is_zero(leaf: Any) -> bool:

@@ -1,6 +1,7 @@
-"""The candidate axis divided among devices: all of this machine and, after `jax.distributed.initialize`, of all hosts."""
+"""The candidates divided among devices: those of this machine and, after `jax.distributed.initialize`, of all hosts."""
 
 from collections.abc import Sequence
+from typing import Any
 
 import jax
 import jax.numpy as jnp
@@ -14,7 +15,7 @@ from app.sim.state import Setting, State
 AXIS = "candidates"
 
 
-def mesh_of(devices: Sequence[jax.Device] | None = None) -> Mesh:
+def mesh_of(devices: Sequence[Any] | None = None) -> Mesh:
     """A row of devices; None: all that JAX knows, on every host."""
     return Mesh(np.array(devices or jax.devices()), (AXIS,))
 
@@ -49,6 +50,10 @@ def over_devices(simulate: Simulate, mesh: Mesh) -> Simulate:
             return jnp.concatenate([leaf, jnp.repeat(leaf[-1:], missing, axis=0)])
 
         end = divided(*jax.tree.map(filled, (phi, state, tool, known)))
-        return jax.tree.map(lambda leaf: leaf[:candidates], end)
+
+        def cut(leaf: jax.Array) -> jax.Array:
+            return leaf[:candidates]
+
+        return jax.tree.map(cut, end)
 
     return simulate_divided

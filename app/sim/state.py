@@ -33,7 +33,7 @@ class Setting(NamedTuple):
     """What effects may depend on besides the state; a JAX pytree. Nothing is differentiated with respect to it."""
 
     label: Float[jax.Array, "B N 4"]
-    """Where a particle is in its object: along it (-1 to 1), offset from the middle line [m], direction there (x, y)."""
+    """Where a particle is in its object: along it (-1 to 1), offset from its middle [m], direction there (x, y)."""
     time: Float[jax.Array, " B"]
     """Of the session in which the action happens: -0.5 at its beginning, 0.5 at its end."""
 

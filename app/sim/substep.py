@@ -1,7 +1,7 @@
 """One substep of one particle or node: stress and P2G, grid operation, G2P; and its adjoint.
 
-These are the pieces that kernels call in loops (`candidate_kernels`) or threads (`particle_kernels`), made for one `Code`. Whatever is
-off the grid gives nothing to it and becomes NaN, which the rollout extends to its whole candidate.
+These are the pieces that kernels call in loops (`candidate_kernels`) or threads (`particle_kernels`), made for one
+`Code`. Whatever is off the grid gives nothing to it and becomes NaN, which the rollout extends to its whole candidate.
 """
 
 # Warp reads its types at run time; as static types, its vectors, arrays and structs have no operators.

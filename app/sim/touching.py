@@ -2,7 +2,7 @@
 
 # Warp reads its types at run time; as static types, its vectors, arrays and structs have no operators.
 # pyright: reportGeneralTypeIssues=false, reportIndexIssue=false, reportOperatorIssue=false, reportArgumentType=false
-# pyright: reportCallIssue=false, reportInvalidTypeForm=false, reportUntypedFunctionDecorator=false
+# pyright: reportCallIssue=false, reportInvalidTypeForm=false, reportReturnType=false, reportUntypedFunctionDecorator=false
 
 from collections.abc import Sequence
 from dataclasses import dataclass

@@ -14,7 +14,8 @@ from app.calibration.fit import Settings
 from app.core.messages import MessageId, Model, Parameter, Transition
 from app.planner.plan import TreePlanner
 from app.planner.tree import Advance, Search
-from app.sim.params import PARAMETERS
+from app.sim.effects.base import Effect
+from app.sim.params import PARAMETERS, acting, columns_of
 from app.sim.rollout import make_rollout
 from app.sim.state import State
 from app.tasks import load
@@ -26,21 +27,25 @@ _CHUNK = 8
 
 
 @lru_cache
-def advance(task: str, particle_count: int) -> Advance:
-    """The task's simulator from rest to rest for objects of `particle_count` particles."""
-    simulate = make_rollout(load(task).scene, particle_count=particle_count)
+def advance(task: str, particle_count: int, effects: tuple[Effect, ...] = ()) -> Advance:
+    """The task's simulator from rest to rest for objects of `particle_count` particles.
+
+    It takes all of phi and heeds the nominal parameters and those of `effects`; see `params.acting`.
+    """
+    simulate = make_rollout(load(task).scene, particle_count=particle_count, effects=effects)
+    own = np.array(columns_of(effects))
 
     def from_rest(
         phi: Float[Array, "B P"], x: Float[Array, "B N 3"], tool: Float[Array, "B T 3"]
     ) -> Float[Array, "B N 3"]:
-        return simulate(phi, State.at_rest(x), tool).x
+        return simulate(phi[:, own], State.at_rest(x), tool).x
 
     return from_rest
 
 
 @lru_cache
-def planner(task: str, preset: str) -> TreePlanner:
-    """The task's planner, sized by the preset."""
+def planner(task: str, preset: str, effects: tuple[Effect, ...] = ()) -> TreePlanner:
+    """The task's planner, sized by the preset, for models that need these effects."""
     data = load(task)
     size = data.preset(preset)
     return TreePlanner(
@@ -48,7 +53,7 @@ def planner(task: str, preset: str) -> TreePlanner:
             space=data.actions,
             policy=data.policy,
             weights=data.weights,
-            advance=advance(task, size.particle_count),
+            advance=advance(task, size.particle_count, effects),
             branches=size.branches,
             depth=size.depth,
         ),
@@ -58,17 +63,18 @@ def planner(task: str, preset: str) -> TreePlanner:
 
 
 @lru_cache
-def calibrator(task: str, preset: str, settings: Settings) -> Calibrator:
-    """The task's calibrator."""
+def calibrator(task: str, preset: str, settings: Settings, effects: tuple[Effect, ...] = ()) -> Calibrator:
+    """The task's calibrator, for models that need these effects."""
     data = load(task)
-    predictor = Predictor(advance=advance(task, data.preset(preset).particle_count), chunk=_CHUNK)
+    predictor = Predictor(advance=advance(task, data.preset(preset).particle_count, effects), chunk=_CHUNK)
     return Calibrator(predictor=predictor, names=data.calibrated, settings=settings)
 
 
 def calibrated(task: str, preset: str, transitions: Sequence[Transition], model: Model, settings: Settings) -> Model:
     """The next version of `model`, fitted to all the transitions."""
-    fitter = calibrator(task, preset, settings)
-    found = fitter.fit(gather(transitions, load(task).actions.measured_path), phi_of(model))
+    phi = phi_of(model)
+    fitter = calibrator(task, preset, settings, acting(phi, load(task).calibrated))
+    found = fitter.fit(gather(transitions, load(task).actions.measured_path), phi)
     return next_model(model, found, fitter.names, transitions)
 
 
@@ -105,12 +111,13 @@ def stages(task: str, preset: str) -> list[Stage]:
     x = data.goal(0, size.particle_count)
     still = np.zeros((1, 2, 3), np.float32) + np.array([0, 0, 1], np.float32)
     phi = phi_of(nominal_model(task))
+    effects = acting(phi, data.calibrated)
 
     def simulator() -> None:
-        predictor = Predictor(advance=advance(task, size.particle_count), chunk=1)
+        predictor = Predictor(advance=advance(task, size.particle_count, effects), chunk=1)
         predictor.slopes(phi, Evidence(before=x[None], tool=still, after=x[None]))
 
     return [
         Stage("the simulator and its adjoint", simulator),
-        Stage("the tree search", lambda: planner(task, preset).compile(x, phi)),
+        Stage("the tree search", lambda: planner(task, preset, acting(phi)).compile(x, phi)),
     ]

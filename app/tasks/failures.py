@@ -19,6 +19,7 @@ from app.sim.autopsy import single
 from app.sim.catalogue import EFFECTS
 from app.sim.checks import Arrays, Setup
 from app.sim.dump import Dump, leave_dump
+from app.sim.params import acting
 from app.sim.state import State
 from app.tasks import compiled, load
 
@@ -45,7 +46,11 @@ def of_transitions(
 ) -> str:
     """A sentence about the first transition that `phi` does not predict, with its dump; empty where there is none."""
     evidence = gather(transitions, load(task).actions.measured_path)
-    broken = ~np.isfinite(compiled.calibrator(task, preset, Settings()).predictor.losses(phi, evidence))
+    broken = ~np.isfinite(
+        compiled.calibrator(task, preset, Settings(), acting(phi, load(task).calibrated)).predictor.losses(
+            phi, evidence
+        )
+    )
     if not broken.any():
         return ""
     index = int(np.argmax(broken))

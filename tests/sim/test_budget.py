@@ -26,7 +26,7 @@ def arguments(candidates: int, steps: int) -> tuple[jax.ShapeDtypeStruct, State,
 def test_what_does_not_fit_is_refused_with_the_largest_number_that_would(monkeypatch: pytest.MonkeyPatch):
     monkeypatch.setattr(budget, "available", lambda _device: 64 * 2**20)
     gradient = jax.jit(jax.grad(lambda *given: SIMULATE(*given).x.sum()))
-    with pytest.raises(MemoryPlanError, match="candidates would fit|would fit") as refused:
+    with pytest.raises(MemoryPlanError, match="would fit") as refused:
         gradient.lower(*arguments(100, 200))
     fits = int(re.search(r"(\d+) would fit", str(refused.value)).group(1))
     assert 0 < fits < 100

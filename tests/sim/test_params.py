@@ -8,7 +8,6 @@ import pytest
 from app.core.errors import ParameterError
 from app.sim.parameter import ParameterSpec
 from app.sim.params import PARAMETERS, index, nominal_phi, validated
-from app.sim.scene import Body
 from tests.sim.scenes import SCENE
 
 

@@ -72,7 +72,7 @@ def run(out: Path, *, hosts: int, devices: int, candidates: int) -> list[np.ndar
         "JAX_PLATFORMS": "cpu",
     }
     processes = [
-        subprocess.Popen(  # noqa: S603 - Our own interpreter with the program above.
+        subprocess.Popen(
             [sys.executable, "-c", DIVIDED, *map(str, (host, hosts, port, out, candidates, devices))],
             cwd=ROOT,
             env=environment,
