@@ -68,11 +68,14 @@ def to_grid_of(particle: WarpFunction, types: Types) -> WarpFunction:
     return to_grid
 
 
-def to_grid_adjoint_of(particle: WarpFunction, work: WarpFunction, types: Types) -> WarpFunction:
+def to_grid_adjoint_of(
+    particle: WarpFunction, work: WarpFunction, types: Types, body: int = 0, before: WarpFunction | None = None
+) -> WarpFunction:
     """`to_grid_adjoint(k, a, m, w, p, h, x_part, F_next_bar, grid_bars)`, given `particle` and `particle_work`.
 
     From the cotangents of the nodes, of F after the substep and, in part, of x before it, to those of x, v, C and F
-    before it, of phi, and of the tools' coordinates before and after.
+    before it, of phi, and of the tools' coordinates before and after. `before` is that of the bodies before number
+    `body`; it is called from here because Warp puts functions that take gradients after all those that do not.
     """
     Inputs, PhiGrain, Pose = types.Inputs, types.PhiGrain, types.Pose
 
@@ -97,7 +100,13 @@ def to_grid_adjoint_of(particle: WarpFunction, work: WarpFunction, types: Types)
         then_bar = Pose()
         motion = load_motion(h, w.b, w.s, p)
         x = position(motion)
-        if inside(k, x):
+        own = m.number >= body
+        if wp.static(before is not None):  # noqa: SIM102 - Warp leaves out what is under a static condition alone.
+            if not own:
+                x_bar, v_bar, C_bar, F_bar, phi_bar, now_bar, then_bar = before(
+                    k, a, m, w, p, h, x_part, F_next_bar, grid_bars
+                )
+        if own and inside(k, x):
             v = velocity_of(motion)
             C = affine_of(motion)
             F = load_deformation(h, w.b, w.s, p)
@@ -170,42 +179,6 @@ def to_grid_by_body(one: WarpFunction, other: WarpFunction, body: int, types: Ty
         return F_next
 
     return to_grid
-
-
-def to_grid_adjoint_by_body(one: WarpFunction, other: WarpFunction, body: int, types: Types) -> WarpFunction:
-    """The same of adjoints."""
-    Inputs, PhiGrain, Pose = types.Inputs, types.PhiGrain, types.Pose
-
-    @wp.func
-    def to_grid_adjoint(
-        k: Constants,
-        a: Inputs,
-        m: Matter,
-        w: Place,
-        p: int,
-        h: wp.array4d[wp.vec4],
-        x_part: wp.vec3,
-        F_next_bar: wp.mat33,
-        grid_bars: GridBars,
-    ):
-        x_bar = wp.vec3()
-        v_bar = wp.vec3()
-        C_bar = wp.mat33()
-        F_bar = wp.mat33()
-        phi_bar = PhiGrain()
-        now_bar = Pose()
-        then_bar = Pose()
-        if m.number < body:
-            x_bar, v_bar, C_bar, F_bar, phi_bar, now_bar, then_bar = one(
-                k, a, m, w, p, h, x_part, F_next_bar, grid_bars
-            )
-        else:
-            x_bar, v_bar, C_bar, F_bar, phi_bar, now_bar, then_bar = other(
-                k, a, m, w, p, h, x_part, F_next_bar, grid_bars
-            )
-        return x_bar, v_bar, C_bar, F_bar, phi_bar, now_bar, then_bar
-
-    return to_grid_adjoint
 
 
 @wp.func

@@ -11,7 +11,7 @@ These are the pieces that kernels call in loops (`candidate_kernels`) or threads
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any, final
+from typing import Any, cast, final
 
 import warp as wp
 
@@ -22,7 +22,7 @@ from app.sim.g2p import to_particles_adjoint_of, to_particles_of
 from app.sim.hooks import compose
 from app.sim.inputs import Types, types_of
 from app.sim.nodes import node_adjoint_of, node_of
-from app.sim.p2g import to_grid_adjoint_by_body, to_grid_adjoint_of, to_grid_by_body, to_grid_of
+from app.sim.p2g import to_grid_adjoint_of, to_grid_by_body, to_grid_of
 from app.sim.touching import barrier
 
 
@@ -53,16 +53,17 @@ def make_pieces(code: Code) -> Pieces:
     particles = [particle_function(code, law, hooks) for law in code.laws]
     works = [particle_work(particle) for particle in particles]
     to_grid = [to_grid_of(particle, types) for particle in particles]
-    back = [to_grid_adjoint_of(particle, work, types) for particle, work in zip(particles, works, strict=True)]
-    for body in range(1, len(code.laws)):
-        to_grid[0] = to_grid_by_body(to_grid[0], to_grid[body], body, types)
-        back[0] = to_grid_adjoint_by_body(back[0], back[body], body, types)
+    back: WarpFunction | None = None
+    for body, (particle, work) in enumerate(zip(particles, works, strict=True)):
+        back = to_grid_adjoint_of(particle, work, types, body, back)
+        if body > 0:
+            to_grid[0] = to_grid_by_body(to_grid[0], to_grid[body], body, types)
     return Pieces(
         types=types,
         to_grid=to_grid[0],
         to_particles=to_particles_of(hold, types),
         node=node_of(velocity, types),
-        to_grid_adjoint=back[0],
+        to_grid_adjoint=cast(WarpFunction, back),
         to_particles_adjoint=to_particles_adjoint_of(held, types),
         node_adjoint=node_adjoint_of(node_worked, types),
         worked=_worked(works, node_worked, held),
