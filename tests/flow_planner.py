@@ -43,7 +43,7 @@ def take_up(habits: Habits) -> None:
     """From now on, plan by strokes with these habits. To be run in the planner's process."""
     strokes = Strokes(habits)
 
-    def planner(task: str, preset: str) -> Strokes:
+    def planner(task: str, preset: str, phi: np.ndarray) -> Strokes:
         return strokes
 
     compiled = SimpleNamespace(planner=planner, phi_of=_phi_of, stages=_stages)

@@ -6,7 +6,7 @@ from functools import lru_cache
 from typing import final
 
 import numpy as np
-from jaxtyping import Array, Float
+from jaxtyping import Array, Float, Float32
 
 from app.calibration.calibrate import Calibrator, next_model, phi_of
 from app.calibration.evidence import Evidence, Predictor, gather
@@ -43,9 +43,13 @@ def advance(task: str, particle_count: int, effects: tuple[Effect, ...] = ()) ->
     return from_rest
 
 
+def planner(task: str, preset: str, phi: Float32[np.ndarray, " P"]) -> TreePlanner:
+    """The task's planner, sized by the preset, for models that need the effects that `phi` does."""
+    return _planner(task, preset, acting(phi))
+
+
 @lru_cache
-def planner(task: str, preset: str, effects: tuple[Effect, ...] = ()) -> TreePlanner:
-    """The task's planner, sized by the preset, for models that need these effects."""
+def _planner(task: str, preset: str, effects: tuple[Effect, ...]) -> TreePlanner:
     data = load(task)
     size = data.preset(preset)
     return TreePlanner(
@@ -119,5 +123,5 @@ def stages(task: str, preset: str) -> list[Stage]:
 
     return [
         Stage("the simulator and its adjoint", simulator),
-        Stage("the tree search", lambda: planner(task, preset, acting(phi)).compile(x, phi)),
+        Stage("the tree search", lambda: planner(task, preset, phi).compile(x, phi)),
     ]

@@ -39,11 +39,10 @@ def plan(
     The model is what the simulation runs with. Raises PlanningError where no branch stays finite, and leaves a dump of
     one that did not; UsageError for an unknown task or preset.
     """
-    from app.sim.params import acting
     from app.tasks import compiled
 
     phi = compiled.phi_of(model)
-    planner = compiled.planner(task, preset, acting(phi))
+    planner = compiled.planner(task, preset, phi)
     where = site or Site()
     try:
         return planner(observed, goal, phi, seed=seed, site=where)
