@@ -63,14 +63,20 @@ class Fit:
     high: Vector
     loss_m2: float
     trials_m2: tuple[float, ...]
+    lost: tuple[int, ...]
+    """Which transitions these values do not predict: they count for nothing."""
 
 
 @final
 @dataclass(frozen=True, kw_only=True, eq=False)
 class _Point:
-    """A point in coordinates u, where steps are even, with residuals r (K,) [m] and their slopes J (K, Q)."""
+    """A point in coordinates u, where steps are even, with residuals r (K,) [m] and their slopes J (K, Q).
+
+    K are the transitions that are predicted there; the indices of the others are `lost`.
+    """
 
     u: Vector
+    lost: tuple[int, ...]
     r: Float64[np.ndarray, " K"]
     J: Float64[np.ndarray, "K Q"]
 
@@ -139,6 +145,7 @@ def fit(slopes: Slopes, start: Vector, specs: Sequence[ParameterSpec], settings:
         high=_values(_bounded(here.u + margin, specs), specs),
         loss_m2=here.loss_m2,
         trials_m2=tuple(trials),
+        lost=here.lost,
     )
 
 
@@ -153,7 +160,8 @@ def _evaluated(slopes: Slopes, u: Vector, specs: Sequence[ParameterSpec]) -> _Po
     per_coordinate = np.array(
         [v if spec.scale == "log" else spec.high - spec.low for v, spec in zip(values, specs, strict=True)]
     )
-    return _Point(u=u, r=r, J=np.asarray(gradients, np.float64)[finite] * per_coordinate / (2 * r[:, None]))
+    J = np.asarray(gradients, np.float64)[finite] * per_coordinate / (2 * r[:, None])
+    return _Point(u=u, lost=tuple(np.flatnonzero(~finite).tolist()), r=r, J=J)
 
 
 def _newton_step(here: _Point, objective: _Objective, damping: float, specs: Sequence[ParameterSpec]) -> Vector:

@@ -3,12 +3,11 @@
 from typing import NamedTuple, final
 
 import jax
-import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float, Float32
 
 from app.core.types import Points
-from app.planner.tree import Search, sample
+from app.planner.tree import Search, start
 
 
 @final
@@ -29,10 +28,7 @@ def failed_action(
     Descent leaves a branch where it began unless it gets cheaper, and nothing is cheaper than NaN: what failed then
     fails here.
     """
-    prepared = search.policy.prepare(observed, goal)
-    x = jnp.repeat(jnp.asarray(observed)[None], search.branches, axis=0)
-    parameters = jnp.repeat(jnp.asarray(phi)[None], search.branches, axis=0)
-    action = jnp.asarray(sample(search, prepared, observed, np.random.default_rng(seed)))
+    prepared, parameters, x, action = start(search, observed, goal, phi, seed)
     for depth in range(search.depth):
         path = search.space.tool_path(search.space.project(action, x))
         after = search.advance(parameters, x, path)

@@ -15,7 +15,7 @@ from app.core.errors import PlanningError
 from app.core.messages import Branch, Motion
 from app.core.types import Points
 from app.planner.optimise import Descended, Descent, descend
-from app.planner.tree import Search, roll_out, sample, simulate
+from app.planner.tree import Search, roll_out, simulate, start
 
 
 @final
@@ -57,24 +57,15 @@ class TreePlanner:
 
         Raises PlanningError where no branch stayed finite.
         """
-        search = self.search
-        prepared = search.policy.prepare(observed, goal)
-        x = jnp.repeat(jnp.asarray(observed)[None], search.branches, axis=0)
-        parameters = jnp.repeat(jnp.asarray(phi)[None], search.branches, axis=0)
-        first = sample(search, prepared, observed, np.random.default_rng(seed))
-        actions = _rolled_out(search, prepared, parameters, x, jnp.asarray(first))
-        descended = _descended(self, parameters, x, jnp.asarray(goal), actions)
-        return choose(search, jax.device_get(descended), observed, goal, site)
+        tree = start(self.search, observed, goal, phi, seed)
+        descended = _descended(self, tree.phi, tree.x, jnp.asarray(goal), _rolled_out(self.search, tree))
+        return choose(self.search, jax.device_get(descended), observed, goal, site)
 
     def compile(self, example: Points, phi: Float32[np.ndarray, " P"]) -> None:
         """Compile for states and goals of the size of `example` (N, 3); simulates one action, and descends nowhere."""
-        search = self.search
-        prepared = search.policy.prepare(example, example)
-        x = jnp.repeat(jnp.asarray(example)[None], search.branches, axis=0)
-        parameters = jnp.repeat(jnp.asarray(phi)[None], search.branches, axis=0)
-        first = sample(search, prepared, example, np.random.default_rng(0))
-        actions = _rolled_out(search, prepared, parameters, x, jnp.asarray(first))
-        _descended.lower(self, parameters, x, jnp.asarray(example), actions).compile()
+        tree = start(self.search, example, example, phi, seed=0)
+        actions = _rolled_out(self.search, tree)
+        _descended.lower(self, tree.phi, tree.x, jnp.asarray(example), actions).compile()
 
 
 _rolled_out = jax.jit(roll_out, static_argnums=0)

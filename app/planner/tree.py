@@ -42,24 +42,35 @@ class Rollout(NamedTuple):
     allowed: Bool[Array, " B"]
 
 
-def sample(search: Search, prepared: Prepared, x: Points, rng: np.random.Generator) -> Float32[np.ndarray, "B A"]:
+class Start(NamedTuple):
+    """What a tree grows from: model and state for each branch, and the first actions."""
+
+    prepared: Prepared
+    phi: Float[Array, "B P"]
+    x: Float[Array, "B N 3"]
+    first: Float[Array, "B A"]
+
+
+def start(search: Search, observed: Points, goal: Points, phi: Float32[np.ndarray, " P"], seed: int) -> Start:
     """First actions: the policy's, then k = branches - 1 random ones."""
-    policy = search.policy.act(prepared, jnp.asarray(x)[None])
-    return np.concatenate([np.asarray(policy), search.space.sample(rng, x, search.branches - 1)])
+    prepared = search.policy.prepare(observed, goal)
+    policy = search.policy.act(prepared, jnp.asarray(observed)[None])
+    random = search.space.sample(np.random.default_rng(seed), observed, search.branches - 1)
+    return Start(
+        prepared=prepared,
+        phi=jnp.repeat(jnp.asarray(phi)[None], search.branches, axis=0),
+        x=jnp.repeat(jnp.asarray(observed)[None], search.branches, axis=0),
+        first=jnp.concatenate([policy, random]),
+    )
 
 
-def roll_out(
-    search: Search,
-    prepared: Prepared,
-    phi: Float[Array, "B P"],
-    x: Float[Array, "B N 3"],
-    first_actions: Float[Array, "B A"],
-) -> Float[Array, "B D A"]:
+def roll_out(search: Search, tree: Start) -> Float[Array, "B D A"]:
     """All actions of all branches: after the first, the policy acts on the simulated states."""
-    actions = [search.space.project(first_actions, x)]
+    x = tree.x
+    actions = [search.space.project(tree.first, x)]
     for _ in range(search.depth - 1):
-        x = search.advance(phi, x, search.space.tool_path(actions[-1]))
-        actions.append(search.space.project(search.policy.act(prepared, x), x))
+        x = search.advance(tree.phi, x, search.space.tool_path(actions[-1]))
+        actions.append(search.space.project(search.policy.act(tree.prepared, x), x))
     return jnp.stack(actions, axis=1)
 
 

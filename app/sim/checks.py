@@ -11,7 +11,7 @@ from jaxtyping import Bool, Float32, Float64
 from app.core.errors import ParameterError
 from app.sim.effects.base import Effect
 from app.sim.parameter import ParameterSpec
-from app.sim.params import parameters_with
+from app.sim.params import parameters_with, require_ranges
 from app.sim.scene import Scene
 from app.sim.state import Setting, State
 from app.sim.tools.base import COORDINATES, Tool
@@ -89,7 +89,7 @@ def require_inputs(setup: Setup, phi: Arrays, state: State, tool: Arrays, settin
     require_shapes(phi, state, tool, setting, setup.sizes())
     path = np.asarray(tool, np.float32)
     _require_finite(setup, phi, state, path, setting)
-    _require_ranges(setup.specs(), np.asarray(phi, np.float32))
+    require_ranges(setup.specs(), np.asarray(phi, np.float32))
     _require_volume(np.asarray(state.F, np.float64))
     _require_inside(setup.scene, np.asarray(state.x, np.float32))
     _require_slow(setup.scene, np.asarray(state.v, np.float64))
@@ -135,16 +135,6 @@ def _require_finite(
             raise ParameterError(
                 f"{name} is {flat[wrong]} for candidate {b}{where}, component {columns[column]}; every number must be "
                 "finite: look where this one is computed."
-            )
-
-
-def _require_ranges(specs: Sequence[ParameterSpec], phi: Float32[np.ndarray, "B P"]) -> None:
-    for column, spec in enumerate(specs):
-        values = phi[:, column]
-        if wrong := first((values < np.float32(spec.low)) | (values > np.float32(spec.high))):
-            raise ParameterError(
-                f"phi of candidate {wrong[0]}: {spec.name} = {values[wrong]:g} is outside its range {spec.low:g} to "
-                f"{spec.high:g} (unit {spec.unit})."
             )
 
 

@@ -70,7 +70,8 @@ def tool_contact(k: Constants, v: wp.vec3, mass: float, touch: wp.vec4, aim: wp.
         share = 1.0 - spared * spared * spared * spared
         relative = v - target
         approach = wp.dot(relative, n)
-        pull = wp.min(wp.max(0.0, approach), adhesion * k.cell * k.cell * k.dt / mass)
+        # Of equal arguments, Warp gives the derivative to the second: without adhesion, what comes nearer has none.
+        pull = wp.min(adhesion * k.cell * k.cell * k.dt / mass, wp.max(0.0, approach))
         push = share * wp.max(0.0, -approach)
         slid = coulomb(relative - approach * n, push, aim[3] / touch[3], k.slip_speed)
         result = target + (approach + push - share * pull) * n + slid

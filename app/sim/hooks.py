@@ -13,7 +13,7 @@ from typing import Any, final
 
 import warp as wp
 
-from app.sim.effects.base import Effect, Grain, Node, WarpFunction
+from app.sim.effects.base import Effect, WarpFunction
 from app.sim.parameter import ParameterSpec
 
 NODE_HOOKS = ("node_velocity", "table_friction", "adhesion")
@@ -136,6 +136,3 @@ def _unchanged(value: Any, _place: Any, _phi: Any):
 @wp.func
 def _never(_place: Any, _phi: Any) -> bool:
     return False
-
-
-__all__ = ["GRAIN_HOOKS", "NODE_HOOKS", "Columns", "Grain", "Hooks", "Node", "columns", "compose"]

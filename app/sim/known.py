@@ -1,11 +1,10 @@
 """The materials and tools there are, by name: the classes in the files of their folders."""
 
-import importlib
-import pkgutil
 from dataclasses import is_dataclass
 from types import ModuleType
 
 from app.sim import materials, tools
+from app.sim.files import files_of
 from app.sim.materials.base import Law
 
 
@@ -22,8 +21,7 @@ def known_tools() -> dict[str, type]:
 def _classes(package: ModuleType) -> dict[str, type]:
     """The dataclasses that the files of a folder define, without `base`."""
     found: dict[str, type] = {}
-    for file in sorted(module.name for module in pkgutil.iter_modules(package.__path__) if module.name != "base"):
-        module = importlib.import_module(f"{package.__name__}.{file}")
+    for file, module in files_of(package):
         for name, kind in vars(module).items():
             if isinstance(kind, type) and is_dataclass(kind) and kind.__module__ == module.__name__:
                 found[f"{file}.{name}"] = kind

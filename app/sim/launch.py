@@ -47,7 +47,7 @@ def make_operations(scene: Scene, counts: Sequence[int], schedule: Schedule) -> 
     types = kernels.pieces.types
     PhiGrain, PhiNode, Pose = types.PhiGrain, types.PhiNode, types.Pose
     _, primitives, coordinates = parts(scene.tools)
-    chosen = columns(NOMINAL_PHYSICS, schedule.effects)
+    chosen = columns(NOMINAL_PHYSICS, kernels.pieces.code.effects)
     particle_count = sum(counts)
     block_count = block_count_of(scene)
 

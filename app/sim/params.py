@@ -81,12 +81,19 @@ def validated(phi: Float[np.ndarray, "*batch P"]) -> Float32[np.ndarray, "*batch
     values = np.asarray(phi, np.float32)
     if values.shape[-1:] != (len(PARAMETERS),):
         raise ParameterError(f"phi has shape {values.shape}; its last axis must have {len(PARAMETERS)} entries.")
-    for column, spec in enumerate(PARAMETERS):
-        low, high = np.float32(spec.low), np.float32(spec.high)
-        entries = values[..., column].ravel()
-        wrong = entries[~((entries >= low) & (entries <= high))]
-        if wrong.size:
-            raise ParameterError(
-                f"{spec.name} = {wrong[0]:g} is outside its range {spec.low:g} to {spec.high:g} (unit {spec.unit})."
-            )
+    require_ranges(PARAMETERS, values.reshape(-1, len(PARAMETERS)))
     return values
+
+
+def require_ranges(specs: Sequence[ParameterSpec], phi: Float32[np.ndarray, "B P"]) -> None:
+    """Raises ParameterError for the first entry that is non-finite or outside its range, and says whose it is."""
+    low, high = (np.array(ends, np.float32) for ends in zip(*((spec.low, spec.high) for spec in specs), strict=True))
+    wrong = np.argwhere(~((phi >= low) & (phi <= high)))
+    if len(wrong):
+        candidate, column = wrong[0]
+        spec = specs[column]
+        whose = f"Candidate {candidate}: " if len(phi) > 1 else ""
+        raise ParameterError(
+            f"{whose}{spec.name} = {phi[candidate, column]:g} is outside its range {spec.low:g} to {spec.high:g} "
+            f"(unit {spec.unit})."
+        )

@@ -102,9 +102,9 @@ class Scene:
         """The largest stable time step for the stiffest material that phi allows."""
         stiffness = PARAMETERS[index("stiffness")].high
         return min(
-            CFL * self.cell_m / float(np.sqrt(stiffness * body.share * modulus / body.density_kg_m3))
+            CFL * self.cell_m / float(np.sqrt(stiffness * body.share * (lam + 2 * mu) / body.density_kg_m3))
             for body in self.bodies
-            for modulus in [body.material.wave_modulus()]
+            for mu, lam in [body.material.lame()]
         )
 
     def _require_positive(self) -> None:

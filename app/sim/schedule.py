@@ -4,7 +4,6 @@
 # pyright: reportAttributeAccessIssue=false, reportGeneralTypeIssues=false
 
 import os
-from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field
 from typing import Any, NamedTuple, Protocol, final
@@ -59,11 +58,6 @@ class Schedule(Protocol):
         ...
 
     @property
-    def effects(self) -> Sequence[Effect]:
-        """Those compiled in."""
-        ...
-
-    @property
     def sorts(self) -> bool:
         """Whether it is faster where particles next to each other in memory are so in space."""
         ...
@@ -99,7 +93,6 @@ class ThreadedCandidates:
     """For the CPU: one launch a candidate; a thread that has ended one takes the next, for cores are rarely equal."""
 
     kernels: CandidateKernels
-    effects: tuple[Effect, ...]
     threads: int = field(default_factory=lambda: len(os.sched_getaffinity(0)))
     sorts: bool = False
 
@@ -152,7 +145,6 @@ class LaunchedSubsteps:
     """For CUDA: two launches a substep, a thread a particle, and `lanes` threads a candidate for its active nodes."""
 
     kernels: ParticleKernels
-    effects: tuple[Effect, ...]
     lanes: int = LANES
     sorts: bool = True
 
@@ -215,5 +207,5 @@ def schedule_for(platform: str, scene: Scene, effects: tuple[Effect, ...]) -> Sc
     """The one that suits JAX's platform of that name."""
     code = code_of(scene, effects)
     if platform == "cpu":
-        return ThreadedCandidates(kernels=candidate_kernels(code), effects=effects)
-    return LaunchedSubsteps(kernels=particle_kernels(code), effects=effects)
+        return ThreadedCandidates(kernels=candidate_kernels(code))
+    return LaunchedSubsteps(kernels=particle_kernels(code))

@@ -31,6 +31,7 @@ from app.sim.touching import barrier
 class Pieces:
     """Warp functions of one particle or node, and the types that they share; see `p2g`, `g2p` and `nodes`."""
 
+    code: Code
     types: Types
     to_grid: WarpFunction
     to_particles: WarpFunction
@@ -59,6 +60,7 @@ def make_pieces(code: Code) -> Pieces:
         if body > 0:
             to_grid[0] = to_grid_by_body(to_grid[0], to_grid[body], body, types)
     return Pieces(
+        code=code,
         types=types,
         to_grid=to_grid[0],
         to_particles=to_particles_of(hold, types),

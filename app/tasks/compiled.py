@@ -3,7 +3,7 @@
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
-from typing import final
+from typing import NamedTuple, final
 
 import numpy as np
 from jaxtyping import Array, Float, Float32
@@ -66,20 +66,34 @@ def _planner(task: str, preset: str, effects: tuple[Effect, ...]) -> TreePlanner
     )
 
 
+def calibrator(task: str, preset: str, settings: Settings, phi: Float32[np.ndarray, " P"]) -> Calibrator:
+    """The task's calibrator, for models that need the effects that `phi` does."""
+    return _calibrator(task, preset, settings, acting(phi, load(task).calibrated))
+
+
 @lru_cache
-def calibrator(task: str, preset: str, settings: Settings, effects: tuple[Effect, ...] = ()) -> Calibrator:
-    """The task's calibrator, for models that need these effects."""
+def _calibrator(task: str, preset: str, settings: Settings, effects: tuple[Effect, ...]) -> Calibrator:
     data = load(task)
     predictor = Predictor(advance=advance(task, data.preset(preset).particle_count, effects), chunk=_CHUNK)
     return Calibrator(predictor=predictor, names=data.calibrated, settings=settings)
 
 
-def calibrated(task: str, preset: str, transitions: Sequence[Transition], model: Model, settings: Settings) -> Model:
+@final
+class Calibrated(NamedTuple):
+    """The next version of a model, and the indices of the transitions that it does not predict."""
+
+    model: Model
+    lost: tuple[int, ...]
+
+
+def calibrated(
+    task: str, preset: str, transitions: Sequence[Transition], model: Model, settings: Settings
+) -> Calibrated:
     """The next version of `model`, fitted to all the transitions."""
     phi = phi_of(model)
-    fitter = calibrator(task, preset, settings, acting(phi, load(task).calibrated))
+    fitter = calibrator(task, preset, settings, phi)
     found = fitter.fit(gather(transitions, load(task).actions.measured_path), phi)
-    return next_model(model, found, fitter.names, transitions)
+    return Calibrated(next_model(model, found, fitter.names, transitions), found.lost)
 
 
 def nominal_model(task: str) -> Model:

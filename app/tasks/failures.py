@@ -8,7 +8,6 @@ import numpy as np
 from jaxtyping import Float32
 
 from app.calibration.evidence import gather
-from app.calibration.fit import Settings
 from app.config import Site
 from app.core.errors import UsageError
 from app.core.messages import Transition
@@ -19,9 +18,8 @@ from app.sim.autopsy import single
 from app.sim.catalogue import EFFECTS
 from app.sim.checks import Arrays, Setup
 from app.sim.dump import Dump, leave_dump
-from app.sim.params import acting
 from app.sim.state import State
-from app.tasks import compiled, load
+from app.tasks import load
 
 DUMPS = 3
 """That one process leaves at most, about 50 kB each: what fails after them fails alike."""
@@ -41,21 +39,13 @@ def of_plan(
     return _left(task, about, phi, failed.x, failed.tool, site)
 
 
-def of_transitions(
-    task: str, preset: str, transitions: Sequence[Transition], phi: Float32[np.ndarray, " P"], site: Site
-) -> str:
-    """A sentence about the first transition that `phi` does not predict, with its dump; empty where there is none."""
-    evidence = gather(transitions, load(task).actions.measured_path)
-    broken = ~np.isfinite(
-        compiled.calibrator(task, preset, Settings(), acting(phi, load(task).calibrated)).predictor.losses(
-            phi, evidence
-        )
-    )
-    if not broken.any():
+def of_transitions(task: str, lost: Sequence[Transition], phi: Float32[np.ndarray, " P"], site: Site) -> str:
+    """A sentence about the first of the transitions that `phi` does not predict, with its dump; empty for none."""
+    if not lost:
         return ""
-    index = int(np.argmax(broken))
-    about = f"{task}, transition {transitions[index].id}, one of {int(broken.sum())} that left their grid"
-    return _left(task, about, phi, evidence.before[index : index + 1], evidence.tool[index : index + 1], site)
+    first = gather(lost[:1], load(task).actions.measured_path)
+    about = f"{task}, transition {lost[0].id}, one of {len(lost)} that left their grid"
+    return _left(task, about, phi, first.before, first.tool, site)
 
 
 def _left(task: str, about: str, phi: Float32[np.ndarray, " P"], x: Arrays, tool: Arrays, site: Site) -> str:

@@ -85,11 +85,11 @@ def _fitted(
     from app.tasks import compiled, failures
 
     try:
-        new = compiled.calibrated(task, preset, transitions, model, settings)
+        new, lost = compiled.calibrated(task, preset, transitions, model, settings)
     except SimulationError as error:
-        left = failures.of_transitions(task, preset, transitions, compiled.phi_of(model), site)
+        left = failures.of_transitions(task, transitions, compiled.phi_of(model), site)
         raise SimulationError(f"{error}{left}") from None
-    if left := failures.of_transitions(task, preset, transitions, compiled.phi_of(new), site):
+    if left := failures.of_transitions(task, [transitions[index] for index in lost], compiled.phi_of(new), site):
         _log.warning("A transition of the calibration is not predicted.%s", left)
     return new
 

@@ -11,7 +11,7 @@ from app.config import Site
 from app.core.chamfer import chamfer_m2
 from app.core.errors import PlanningError
 from app.planner.plan import Plan
-from app.planner.tree import roll_out, sample, simulate
+from app.planner.tree import roll_out, simulate, start
 from tests.planner.table import PHI, SPACE, batch, planner, rope, search
 
 START, GOAL = rope(), rope(0.05)
@@ -57,9 +57,7 @@ def test_the_same_seed_decides_the_same(decision: Plan) -> None:
 def test_the_tree_multiplies_matrices_in_full_precision_on_every_device() -> None:
     """The default of recent GPUs is TF32, whose ten bits leave positions in a workspace off by 0.2 mm."""
     tree = search()
-    prepared = tree.policy.prepare(START, GOAL)
-    x, phi = batch(START, tree.branches), batch(PHI, tree.branches)
-    lowered = jax.jit(partial(roll_out, tree, prepared)).lower(phi, x, jnp.zeros((tree.branches, SPACE.size)))
+    lowered = jax.jit(partial(roll_out, tree)).lower(start(tree, START, GOAL, PHI, seed=0))
     products = [line for line in lowered.as_text().splitlines() if "dot_general" in line]
     assert products
     assert all("HIGHEST" in line for line in products), products
@@ -67,12 +65,11 @@ def test_the_tree_multiplies_matrices_in_full_precision_on_every_device() -> Non
 
 def test_a_tree_begins_with_the_policy_and_continues_every_branch_with_it() -> None:
     tree = search()
-    prepared = tree.policy.prepare(START, GOAL)
-    first = sample(tree, prepared, START, np.random.default_rng(0))
+    begun = start(tree, START, GOAL, PHI, seed=0)
+    prepared, phi, x, first = begun
     assert first.shape == (tree.branches, SPACE.size)
     np.testing.assert_allclose(first[0], tree.policy.act(prepared, batch(START, 1))[0], atol=1e-6)
-    x, phi = batch(START, tree.branches), batch(PHI, tree.branches)
-    actions = roll_out(tree, prepared, phi, x, jnp.asarray(first))
+    actions = roll_out(tree, begun)
     after = tree.advance(phi, x, SPACE.tool_path(actions[:, 0]))
     np.testing.assert_allclose(actions[:, 1], SPACE.project(tree.policy.act(prepared, after), after), atol=1e-5)
 

@@ -119,7 +119,7 @@ def test_phi_outside_its_range_is_named_with_range_and_unit() -> None:
     phi, state, tool, setting = problem()
     phi[1, 0] = 2e6
     said = refused(phi, state, tool, setting)
-    assert said == "phi of candidate 1: stiffness = 2e+06 is outside its range 1000 to 100000 (unit Pa)."
+    assert said == "Candidate 1: stiffness = 2e+06 is outside its range 1000 to 100000 (unit Pa)."
 
 
 @pytest.mark.parametrize("volume", [0.0, -1.5])

@@ -86,7 +86,7 @@ def test_the_number_of_threads_changes_nothing():
         make_rollout(
             SCENE,
             particle_count=PARTICLES,
-            schedule=ThreadedCandidates(kernels=kernels, effects=EFFECTS, threads=threads),
+            schedule=ThreadedCandidates(kernels=kernels, threads=threads),
         )
         for threads in (1, 3)
     )
@@ -95,7 +95,7 @@ def test_the_number_of_threads_changes_nothing():
 
 
 def test_a_launch_a_substep_as_on_a_gpu_equals_a_launch_an_action():
-    schedule = LaunchedSubsteps(kernels=particle_kernels(code_of(SCENE, EFFECTS)), effects=EFFECTS, lanes=32)
+    schedule = LaunchedSubsteps(kernels=particle_kernels(code_of(SCENE, EFFECTS)), lanes=32)
     launched = make_rollout(SCENE, particle_count=PARTICLES, schedule=schedule)
     for ours, theirs in zip(launched(*problem()), SIMULATE(*problem()), strict=True):
         np.testing.assert_allclose(ours, theirs, rtol=0, atol=1e-5 * float(np.abs(theirs).max()))
@@ -146,7 +146,7 @@ def test_nan_does_not_hide_in_nodes_that_a_particle_reaches_with_weight_zero():
     simulate = make_rollout(
         scene,
         particle_count=27,
-        schedule=ThreadedCandidates(kernels=candidate_kernels(code_of(SCENE, EFFECTS)), effects=EFFECTS, threads=1),
+        schedule=ThreadedCandidates(kernels=candidate_kernels(code_of(SCENE, EFFECTS)), threads=1),
     )
     x = block(3, spacing_m=cell, low=(0.5, 0.0, 2 * cell))
     state = State.at_rest(jnp.asarray(np.stack([x, x])))

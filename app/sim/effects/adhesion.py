@@ -11,15 +11,11 @@ import warp as wp
 from app.sim.effects.base import Effect, Node
 from app.sim.parameter import ParameterSpec
 
-LEAST = wp.constant(1.0e-20)
-"""A traction [Pa] that moves nothing: without it, at the null, the derivative of min(0, s), for what does not leave,
-would be that of s."""
-
 
 @wp.func
 def sticky_traction(traction: float, _node: Node, phi: Any, at: int) -> float:
     """The traction with the tool's."""
-    return traction + phi[at] + LEAST
+    return traction + phi[at]
 
 
 EFFECT = Effect(

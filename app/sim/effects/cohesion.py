@@ -11,14 +11,11 @@ import warp as wp
 from app.sim.effects.base import Effect, Grain
 from app.sim.parameter import ParameterSpec
 
-LEAST = wp.constant(1.0e-20)
-"""A cohesion [Pa] that holds nothing: without it, at the null, the derivative of max(0, -c) would be that of -c."""
-
 
 @wp.func
 def added_cohesion(cohesion: float, _grain: Grain, phi: Any, at: int) -> float:
     """The material's and this."""
-    return cohesion + phi[at] + LEAST
+    return cohesion + phi[at]
 
 
 EFFECT = Effect(

@@ -6,11 +6,10 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any, Protocol, TypeAlias, final
+from typing import Any, Protocol, final
 
 import warp as wp
 
-from app.sim.constants import Matter
 from app.sim.effects.base import Grain, WarpFunction
 from app.sim.hooks import Hooks
 
@@ -57,15 +56,8 @@ class Material(Protocol):
         """Numbers for `Matter.own`, as its law reads them."""
         ...
 
-    def wave_modulus(self) -> float:
-        """M per unit of stiffness, of its fastest elastic wave c = sqrt(M / density)."""
-        ...
 
-
-Pair: TypeAlias = tuple[float, float]
-
-
-def lame_of(poisson: float) -> Pair:
+def lame_of(poisson: float) -> tuple[float, float]:
     """Mu and lambda per unit of Young's modulus."""
     return 0.5 / (1.0 + poisson), poisson / ((1.0 + poisson) * (1.0 - 2.0 * poisson))
 
@@ -123,6 +115,3 @@ def relaxation(hooks: Hooks) -> WarpFunction:
         return flowed(F, D, wp.trace(b) / 3.0, keep)
 
     return relaxed
-
-
-__all__ = ["Law", "Material", "Matter"]

@@ -71,8 +71,3 @@ class Cloth:
     def own(self) -> tuple[float, float, float, float]:
         """Shares of compression and shear."""
         return (self.buckling, self.shear, 0.0, 0.0)
-
-    def wave_modulus(self) -> float:
-        """Of waves in its plane."""
-        mu, lam = self.lame()
-        return lam + 2 * mu

@@ -47,8 +47,3 @@ class Elastic:
     def own(self) -> tuple[float, float, float, float]:
         """None."""
         return (0.0, 0.0, 0.0, 0.0)
-
-    def wave_modulus(self) -> float:
-        """Of pressure waves: lambda + 2 mu."""
-        mu, lam = self.lame()
-        return lam + 2 * mu

@@ -43,8 +43,9 @@ def _make(hooks: Hooks) -> WarpFunction:
         place = grain
         place.stress = mu * norm(D)
         strength = wp.max(0.0, cohesion(m.own[1], place, phi))
-        pressure = wp.max(-bulk * wp.log(J), -strength)
-        bears = m.own[0] * wp.max(0.0, pressure) + strength
+        # Of equal arguments, Warp gives the derivative to the second: without cohesion, grains apart have none.
+        pressure = wp.max(-strength, -bulk * wp.log(J))
+        bears = m.own[0] * wp.max(pressure, 0.0) + strength
         F_next = flowed(tried, D, mean, kept(wp.min(1.0, bears / place.stress), place, phi))
         F_next = wp.pow(wp.min(1.0, LOOSE / J), 1.0 / 3.0) * F_next
         tau = mu * deviator(F_next * wp.transpose(F_next)) - pressure * wp.identity(n=3, dtype=float)
@@ -75,8 +76,3 @@ class Granular:
         """Deviatoric stress borne per pressure, matched to Mohr-Coulomb in compression; and the cohesion."""
         sine = sin(radians(self.friction_angle_deg))
         return (sqrt(2 / 3) * 6 * sine / (3 - sine), self.cohesion_pa, 0.0, 0.0)
-
-    def wave_modulus(self) -> float:
-        """Of pressure waves: lambda + 2 mu."""
-        mu, lam = self.lame()
-        return lam + 2 * mu

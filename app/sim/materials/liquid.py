@@ -54,7 +54,3 @@ class Liquid:
     def own(self) -> tuple[float, float, float, float]:
         """None."""
         return (0.0, 0.0, 0.0, 0.0)
-
-    def wave_modulus(self) -> float:
-        """Of sound."""
-        return 1.0

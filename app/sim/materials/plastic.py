@@ -47,8 +47,3 @@ class Plastic:
     def own(self) -> tuple[float, float, float, float]:
         """The softness: one over the largest norm of the deviatoric stress."""
         return (1.0 / (sqrt(2 / 3) * self.yield_pa), 0.0, 0.0, 0.0)
-
-    def wave_modulus(self) -> float:
-        """Of pressure waves: lambda + 2 mu."""
-        mu, lam = self.lame()
-        return lam + 2 * mu

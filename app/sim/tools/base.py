@@ -82,6 +82,3 @@ def rounded_box(p: wp.vec3, half: wp.vec3, radius: float):
     else:
         n = wp.vec3(0.0, 0.0, sign[2])
     return n, gap
-
-
-__all__ = ["COORDINATES", "Motion", "Primitive", "Tool", "rounded_box", "safe_norm"]

@@ -86,12 +86,10 @@ class WallsWithGap:
 
     def primitives(self) -> tuple[Primitive, ...]:
         """One wall on each side of the gap."""
-        half = (self.half_length_m - self.gap_m / 2) / 2
-        parts = ((self.thickness_m / 2, half, self.height_m / 2), self.gap_m / 2 + half)
-        return tuple(
-            box_of(parts[0], _shifted(self.place_m, (0.0, side * parts[1], self.height_m / 2)), self.friction)
-            for side in (-1, 1)
-        )
+        along, up = (self.half_length_m - self.gap_m / 2) / 2, self.height_m / 2
+        middle = self.gap_m / 2 + along
+        half = (self.thickness_m / 2, along, up)
+        return tuple(box_of(half, _shifted(self.place_m, (0.0, side * middle, up)), self.friction) for side in (-1, 1))
 
 
 @final
