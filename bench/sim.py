@@ -66,7 +66,8 @@ def main(json: Path | None = None) -> None:
     for case in (*_cases(), *_larger_cases()):
         console.print(f"measuring {case[0].__name__} {case[1:]}", highlight=False)
         rows += _apart(*case)
-    console.print(_table(rows))
+    for table in _tables(rows):
+        console.print(table)
     if json is not None:
         json.write_text(json_format.dumps([asdict(row) for row in rows], indent=1), encoding="utf-8")
         console.print(f"{len(rows)} rows in {json}", highlight=False)
@@ -245,18 +246,27 @@ def _memory_mib() -> float:
     return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 2**10
 
 
-def _table(rows: list[Row]) -> Table:
-    table = Table("case", "fwd", "+ bwd", "compile", "again", "MiB", "JAX", "+ bwd", "time")
-    table.title = f"{jax.devices()[0].device_kind}, JAX {jax.__version__}"
-    table.caption = "fwd, + bwd: million particle-substeps a second; JAX: the plain reference; MiB: peak memory"
+def _tables(rows: list[Row]) -> list[Table]:
+    """Rates and, where decisions were timed, their times."""
+    rated = Table("rope, effects", "fwd", "+ bwd", "compile", "again", "MiB", "JAX", "+ bwd")
+    rated.title = f"{jax.devices()[0].device_kind}, JAX {jax.__version__}"
+    rated.caption = "fwd, + bwd: million particle-substeps a second; JAX: the plain reference; MiB: peak memory"
+    timed = Table("case", "particles", "candidates", "time", title="Decisions of ten gradient steps")
     for row in rows:
-        rated = [row.forward, row.forward_backward, row.reference_forward, row.reference_forward_backward]
-        forward, both, reference, reference_both = ("" if rate is None else f"{rate / 1e6:.3g}" for rate in rated)
+        if row.seconds is not None:
+            timed.add_row(row.case, str(row.particles), str(row.candidates), f"{row.seconds:.2f} s")
+            continue
+        rates = [row.forward, row.forward_backward, row.reference_forward, row.reference_forward_backward]
+        forward, both, reference, reference_both = ("" if rate is None else _millions(rate) for rate in rates)
         compile_s, again = ("" if taken is None else f"{taken:.1f} s" for taken in (row.compile_s, row.compile_again_s))
         peak = "" if row.peak_mib is None else f"{row.peak_mib:,.0f}"
-        taken = "" if row.seconds is None else f"{row.seconds:.2f} s"
-        table.add_row(row.case, forward, both, compile_s, again, peak, reference, reference_both, taken)
-    return table
+        rated.add_row(row.case.removeprefix("rope ").removesuffix(" effects"), forward, both, compile_s, again, peak, reference, reference_both)
+    return [table for table in (rated, timed) if table.row_count]
+
+
+def _millions(rate: float) -> str:
+    """Three digits, without an exponent."""
+    return f"{rate / 1e6:,.0f}" if rate >= 1e8 else f"{rate / 1e6:.3g}"
 
 
 if __name__ == "__main__":
