@@ -260,7 +260,16 @@ def _tables(rows: list[Row]) -> list[Table]:
         forward, both, reference, reference_both = ("" if rate is None else _millions(rate) for rate in rates)
         compile_s, again = ("" if taken is None else f"{taken:.1f} s" for taken in (row.compile_s, row.compile_again_s))
         peak = "" if row.peak_mib is None else f"{row.peak_mib:,.0f}"
-        rated.add_row(row.case.removeprefix("rope ").removesuffix(" effects"), forward, both, compile_s, again, peak, reference, reference_both)
+        rated.add_row(
+            row.case.removeprefix("rope ").removesuffix(" effects"),
+            forward,
+            both,
+            compile_s,
+            again,
+            peak,
+            reference,
+            reference_both,
+        )
     return [table for table in (rated, timed) if table.row_count]
 
 

@@ -16,7 +16,7 @@ from app.core.types import Points
 _CLEARING_STEPS = 12
 """Between the parts of a curled rope a start needs a few steps to come free; alone beside one it needs two."""
 _SAMPLES_PER_BRANCH = 64
-_LOW_ENOUGH_M = 0.004
+LOW_ENOUGH_M = 0.004
 """A measured tip this far above the push height is down: below the top of any object that the finger pushes."""
 
 
@@ -175,7 +175,7 @@ class Pushes:
         """
         if not len(positions):
             raise ValueError("No tool positions were measured; the transition cannot be simulated.")
-        low = positions[positions[:, 2] < self.height_m + _LOW_ENOUGH_M]
+        low = positions[positions[:, 2] < self.height_m + LOW_ENOUGH_M]
         path = low if len(low) else positions[-1:]
         arc = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(path[:, :2], axis=0), axis=1))])
         nodes = np.linspace(0.0, arc[-1], self.displacements + 1)

@@ -1,6 +1,7 @@
 """What a physical parameter is: its name, unit, range, and the scale on which it is searched."""
 
 from dataclasses import dataclass
+from math import exp, log
 from typing import Literal, final
 
 
@@ -11,7 +12,8 @@ class ParameterSpec:
 
     `nominal` is the value of the nominal model; for a parameter of an effect it is the null value, at which the effect
     vanishes. `scale` says in which coordinate steps are even: "log" for positive quantities known to a factor.
-    `about` is one sentence for people.
+    `about` is one sentence for people. `typical` is a value as it is met where the effect is present; what only says
+    where or how an effect acts has none. `scaling`: see `real`.
     """
 
     name: str
@@ -21,9 +23,29 @@ class ParameterSpec:
     high: float
     scale: Literal["log", "linear"]
     about: str
+    typical: float | None = None
+    scaling: tuple[int, int] = (0, 0)
 
     def __post_init__(self) -> None:
         if not self.low <= self.nominal <= self.high:
             raise ValueError(f"{self.name}: the nominal value {self.nominal:g} is outside {self.low:g}..{self.high:g}.")
         if self.scale == "log" and self.low <= 0:
             raise ValueError(f"{self.name}: a logarithmic scale needs a positive lower bound, not {self.low:g}.")
+        if self.typical is not None and not self.low <= self.typical <= self.high:
+            raise ValueError(f"{self.name}: the typical value {self.typical:g} is outside {self.low:g}..{self.high:g}.")
+
+    def coordinate(self, value: float) -> float:
+        """`value` on the scale on which steps are even."""
+        return log(value) if self.scale == "log" else value
+
+    def value(self, coordinate: float) -> float:
+        """The inverse of `coordinate`, within the range."""
+        return min(max(exp(coordinate) if self.scale == "log" else coordinate, self.low), self.high)
+
+    def real(self, value: float, haste: float, heft: float) -> float:
+        """`value` as it is outside of a simulation that runs `haste` times as fast under `heft` times the weight.
+
+        With (a, b) = `scaling`, it is value haste^a heft^b: what keeps the ratio of its force to friction, which a
+        quasi-static motion depends on (dynamic similarity; Bridgman 1922, "Dimensional Analysis").
+        """
+        return value * haste ** self.scaling[0] * heft ** self.scaling[1]

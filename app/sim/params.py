@@ -21,6 +21,7 @@ NOMINAL_PHYSICS = (
         low=1.0e3,
         high=1.0e5,
         scale="log",
+        scaling=(0, -1),
         about="Young's modulus of the object; for a rope it stands for its resistance to bending.",
     ),
     ParameterSpec(

@@ -20,7 +20,7 @@ __all__ = [
     "warm_up_stages",
 ]
 
-_NOT_TASKS = ("base", "compiled", "curves", "failures", "jobs")
+_NOT_TASKS = ("base", "compiled", "curves", "doubted", "failures", "jobs")
 
 
 def names() -> list[str]:

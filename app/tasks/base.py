@@ -65,7 +65,7 @@ class Task:
     `seeing`: how perception finds the object; its particle count is the preset's.
     `nominal`: parameters of the simulator, by name, whose nominal value for this task is not the simulator's own;
     `calibrated`: those that calibration estimates from transitions. `success_m2`: the Chamfer distance to the goal
-    [m^2] at which the task is done.
+    [m^2] at which the task is done. `haste`: real seconds in a simulated one.
     """
 
     name: str
@@ -82,6 +82,7 @@ class Task:
     calibrated: tuple[str, ...]
     success_m2: float
     presets: Mapping[str, Preset]
+    haste: float = 1.0
 
     def preset(self, name: str) -> Preset:
         """The preset called `name`. Raises UsageError with the known ones."""

@@ -70,6 +70,7 @@ TASK = Task(
     nominal=MappingProxyType({"stiffness": 4.0e4, "table_friction": 0.5, "finger_friction": 0.3}),
     calibrated=("stiffness", "table_friction"),
     success_m2=2 * 0.010**2,
+    haste=5.0,
     presets=MappingProxyType(
         {
             "cpu": Preset(branches=8, depth=2, particle_count=300, gradient_steps=5),

@@ -35,7 +35,7 @@ def changed_stiffness(E: float, grain: Grain, phi: Any, at: int) -> float:
 
 def _log_step(name: str, of: str) -> ParameterSpec:
     about = f"Logarithm of {of} after the change over that before it."
-    return ParameterSpec(name=name, unit="1", nominal=0.0, low=-1.0, high=1.0, scale="linear", about=about)
+    return ParameterSpec(name=name, unit="1", nominal=0.0, low=-1.0, high=1.0, typical=0.5, scale="linear", about=about)
 
 
 EFFECT = Effect(

@@ -26,6 +26,8 @@ EFFECT = Effect(
             nominal=0.0,
             low=0.0,
             high=2000.0,
+            typical=500.0,
+            scaling=(0, -1),
             scale="linear",
             about="Traction with which a tool holds matter that leaves it.",
         ),

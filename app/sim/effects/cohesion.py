@@ -26,6 +26,8 @@ EFFECT = Effect(
             nominal=0.0,
             low=0.0,
             high=1000.0,
+            typical=100.0,
+            scaling=(0, -1),
             scale="linear",
             about="Cohesion of grains, beyond the material's own.",
         ),

@@ -29,6 +29,7 @@ EFFECT = Effect(
             nominal=0.3,
             low=0.01,
             high=1.5,
+            typical=0.6,
             scale="log",
             about="Coulomb friction coefficient between the object and the finger.",
         ),

@@ -26,6 +26,7 @@ EFFECT = Effect(
             nominal=0.0,
             low=-1.0,
             high=1.0,
+            typical=0.4,
             scale="linear",
             about="Change of the table's friction from the beginning to the end of the session, as a share of it.",
         ),

@@ -36,6 +36,8 @@ EFFECT = Effect(
             nominal=0.0,
             low=0.0,
             high=5000.0,
+            typical=1000.0,
+            scaling=(1, -1),
             scale="linear",
             about="Rate at which a hidden post stops what approaches it.",
         ),

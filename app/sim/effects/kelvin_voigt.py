@@ -26,6 +26,8 @@ EFFECT = Effect(
             nominal=0.0,
             low=0.0,
             high=20.0,
+            typical=10.0,
+            scaling=(1, -1),
             scale="linear",
             about="Viscosity of a solid, beside its elasticity.",
         ),

@@ -26,6 +26,8 @@ EFFECT = Effect(
             nominal=0.0,
             low=0.0,
             high=50.0,
+            typical=5.0,
+            scaling=(-1, 0),
             scale="linear",
             about="Rate at which the stress of a deformed solid decays.",
         ),

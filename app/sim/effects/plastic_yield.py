@@ -26,6 +26,8 @@ EFFECT = Effect(
             nominal=0.0,
             low=0.0,
             high=0.005,
+            typical=0.001,
+            scaling=(0, 1),
             scale="linear",
             about="One over the largest deviatoric stress that a solid bears without yielding.",
         ),

@@ -31,6 +31,7 @@ EFFECT = Effect(
             nominal=0.0,
             low=-0.5,
             high=0.5,
+            typical=0.1,
             scale="linear",
             about="Largest pull towards a point of the table, as a share of weight; negative pushes away.",
         ),

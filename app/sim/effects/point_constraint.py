@@ -31,6 +31,8 @@ EFFECT = Effect(
             nominal=0.0,
             low=0.0,
             high=2000.0,
+            typical=300.0,
+            scaling=(1, -1),
             scale="linear",
             about="Rate at which a spot holds what moves over it.",
         ),

@@ -31,6 +31,7 @@ EFFECT = Effect(
             nominal=0.0,
             low=-15.0,
             high=15.0,
+            typical=4.0,
             scale="linear",
             about="Curvature of the unloaded object, positive to the left of its direction.",
         ),

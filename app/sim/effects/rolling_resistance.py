@@ -26,6 +26,7 @@ EFFECT = Effect(
             nominal=1.0,
             low=0.02,
             high=1.0,
+            typical=0.5,
             scale="linear",
             about="Resistance of matter that no tool touches, as a share of sliding friction; 1 does not roll.",
         ),

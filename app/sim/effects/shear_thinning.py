@@ -35,6 +35,7 @@ EFFECT = Effect(
             nominal=1.0,
             low=0.3,
             high=1.5,
+            typical=0.6,
             scale="linear",
             about="Power of the shear rate with which a liquid's stress grows; below 1 it thins.",
         ),

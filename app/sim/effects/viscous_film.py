@@ -30,6 +30,8 @@ EFFECT = Effect(
             nominal=0.0,
             low=0.0,
             high=50.0,
+            typical=6.0,
+            scaling=(1, -1),
             scale="linear",
             about="Rate at which a viscous film slows what touches the table.",
         ),

@@ -1,0 +1,86 @@
+"""What an apparatus effect has to offer: a module-level `EFFECT`.
+
+Two things can be wrong outside of the physics: where the tool really went (`drive`), and what the cameras say of what
+is there (`see`, `late_s`). These are plain functions of arrays; the simulator is told the true tool path, and what it
+predicts is looked at through `see`.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Literal, NamedTuple, TypeAlias, final
+
+import numpy as np
+from jaxtyping import Float64
+
+from app.discovery.study import Track
+from app.sim.parameter import ParameterSpec
+
+Values: TypeAlias = Float64[np.ndarray, " V"]
+"""Of an effect's parameters, in their order."""
+Places: TypeAlias = Float64[np.ndarray, "M 3"]
+
+
+class Eye(NamedTuple):
+    """Where cameras look from [m], and for each point the one in the object's middle that is nearest to it [m].
+
+    Nothing is known of a middle where that is None.
+    """
+
+    position: Float64[np.ndarray, "3"]
+    middle: Places | None
+
+
+class Load(NamedTuple):
+    """The force [N] that the object puts up against the tool, against its motion, at the times of a track."""
+
+    forces: Float64[np.ndarray, "T 3"]
+
+
+Drive: TypeAlias = Callable[[Track, Load, Values], Track]
+See: TypeAlias = Callable[[Places, Eye, Values], Places]
+
+
+@final
+@dataclass(frozen=True, kw_only=True)
+class Apparatus:
+    """An effect of sensing or of actuation, which vanishes where its parameters have their nominal (null) values.
+
+    `drive(track, load, values)`: where the tip went, of where the record says it went; `see(points, eye, values)`:
+    where the cameras say that points are; `late_s(values)`: by how much images are younger than their stamps say.
+    `told`: whether the arm measures the effect itself, so that a measured track is free of it.
+    """
+
+    family: Literal["sensing", "actuation"]
+    parameters: tuple[ParameterSpec, ...]
+    drive: Drive | None = None
+    see: See | None = None
+    late_s: Callable[[Values], float] | None = None
+    told: bool = False
+
+
+def lengths(name: str, typical: float, most: float, about: str) -> tuple[ParameterSpec, ...]:
+    """Three parameters, a vector [m]: `name`_x, `name`_y, `name`_z."""
+    return tuple(
+        ParameterSpec(
+            name=f"{name}_{axis}",
+            unit="m",
+            nominal=0.0,
+            low=-most,
+            high=most,
+            typical=typical,
+            scale="linear",
+            about=f"{about} along {axis}.",
+        )
+        for axis in "xyz"
+    )
+
+
+def one(
+    name: str, unit: str, typical: float, most: float, about: str, *, least: float = 0.0
+) -> tuple[ParameterSpec, ...]:
+    """A single parameter whose null is 0."""
+    return (
+        ParameterSpec(
+            name=name, unit=unit, nominal=0.0, low=least, high=most, typical=typical, scale="linear", about=about
+        ),
+    )

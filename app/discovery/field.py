@@ -1,0 +1,125 @@
+"""By how much, and which way, an object is elsewhere than predicted: a smooth displacement field along it.
+
+Points have no names, so they cannot be subtracted; and matches to the nearest neighbour, frozen, lose most of an
+effect. The predicted cloud is moved instead, by a few smooth modes, until the kernel mean embeddings of both agree,
+phi_c(P) = mean_i exp(-|x_i - c|^2 / 2 h^2) on a lattice of centres c, h about the object's width (Smola et al. 2007, "A
+Hilbert space embedding for distributions"; non-rigid registration by smooth fields as in Myronenko and Song 2010,
+"Point set registration: coherent point drift"). What that takes is the residual, in metres. Predictions of two models
+have the same particles, and their difference is projected onto the same modes exactly.
+"""
+
+from dataclasses import dataclass
+from typing import final
+
+import numpy as np
+from jaxtyping import Float32, Float64
+from scipy.spatial import KDTree
+
+from app.core.types import Points
+
+MODES = 8
+"""Cosines along the object, the constant included; each across and along it. Amplitudes: 2 MODES a view."""
+WIDTH_M = 0.015
+"""h, about the width of the ropes and beans on the table; and the lattice's spacing."""
+_WIDTHS_M = (0.03, WIDTH_M)
+"""The first finds what is more than a width away."""
+_REACH_M = 0.03
+_PRIOR_M = np.concatenate([np.full(MODES, 0.03), [0.03], np.full(MODES - 1, 0.002)])
+"""How far matter is commonly displaced by each mode, which keeps those that a view does not determine at zero. Ropes do
+not stretch: along them, all modes but the first are strain, and an uneven density would be taken for it."""
+_POINT_NOISE_M = 2e-3
+_DRAWN = 0.3
+"""How far points are from evenly spread: 1 is drawn at random (embedding covariances of both kinds)."""
+_FLOOR = 1e-7
+_ROUNDS = 5
+_LARGEST_STEP_M = 0.01
+_SMOOTHING = 0.06
+"""Share of the object's length over which its direction is averaged."""
+
+
+@final
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Basis:
+    """Displacements (N, 2 MODES, 2) of a cloud's points by a unit of each mode: first across, then along the object."""
+
+    vectors: Float64[np.ndarray, "N Q 2"]
+
+    @classmethod
+    def along(cls, cloud: Points, place: Float32[np.ndarray, " N"]) -> "Basis":
+        """For points at `place` (-1 to 1) along an object."""
+        tangents = _directions(cloud[:, :2].astype(np.float64), place.astype(np.float64))
+        normals = np.stack([-tangents[:, 1], tangents[:, 0]], axis=1)
+        order = np.arange(MODES)
+        shapes = np.cos(np.pi / 2 * order * (place[:, None] + 1)) * np.where(order == 0, 1.0, np.sqrt(2.0))
+        across, forth = shapes[:, :, None] * normals[:, None], shapes[:, :, None] * tangents[:, None]
+        return cls(vectors=np.concatenate([across, forth], axis=1))
+
+    def field(self, amplitudes: Float64[np.ndarray, " Q"]) -> Float64[np.ndarray, "N 2"]:
+        """The displacement of each point [m]."""
+        return np.einsum("nqd,q->nd", self.vectors, amplitudes)
+
+    def projected(self, displacement: Float64[np.ndarray, "*batch N 2"]) -> Float64[np.ndarray, "*batch Q"]:
+        """The amplitudes [m] of displacements of these same points, by least squares."""
+        flat = self.vectors.transpose(0, 2, 1).reshape(-1, self.vectors.shape[1])
+        rows = displacement.reshape(-1, flat.shape[0])
+        return np.linalg.lstsq(flat, rows.T, rcond=None)[0].T.reshape(*displacement.shape[:-2], -1)
+
+
+def registered(predicted: Points, observed: Points, basis: Basis) -> Float64[np.ndarray, " Q"]:
+    """The amplitudes [m] that move the predicted cloud onto the observed one."""
+    x, y = predicted[:, :2].astype(np.float64), observed[:, :2].astype(np.float64)
+    amplitudes = np.zeros(basis.vectors.shape[1])
+    for width in _WIDTHS_M:
+        centres = _lattice(np.concatenate([x, y]), width)
+        target = _kernel(y, centres, width).mean(1)
+        root = np.linalg.inv(np.linalg.cholesky(_covariance(y, centres, width)))
+        for _ in range(_ROUNDS):
+            here = x + basis.field(amplitudes)
+            k = _kernel(here, centres, width) / len(here)
+            slope = np.einsum(
+                "cn,cnd,nqd->cq", k, (centres[:, None] - here[None]) / width**2, basis.vectors, optimize=True
+            )
+            W, r = root @ slope, root @ (target - k.sum(1))
+            normal = W.T @ W + np.diag(1 / _PRIOR_M**2)
+            step = np.linalg.solve(normal, W.T @ r - amplitudes / _PRIOR_M**2)
+            longest = float(np.abs(step).max())
+            amplitudes = amplitudes + step * min(1.0, _LARGEST_STEP_M / max(longest, 1e-12))
+            if longest < 2e-5:
+                break
+    return amplitudes
+
+
+def _kernel(
+    x: Float64[np.ndarray, "N 2"], centres: Float64[np.ndarray, "C 2"], width: float
+) -> Float64[np.ndarray, "C N"]:
+    return np.exp(-((centres[:, None] - x[None]) ** 2).sum(-1) / (2 * width**2))
+
+
+def _covariance(
+    x: Float64[np.ndarray, "N 2"], centres: Float64[np.ndarray, "C 2"], width: float
+) -> Float64[np.ndarray, "C C"]:
+    """Of the embedding of a cloud that was seen with noise, and whose points might lie elsewhere in the object."""
+    k = _kernel(x, centres, width)
+    covariance = _FLOOR * np.eye(len(centres))
+    for axis in range(2):
+        D = k * (centres[:, None, axis] - x[None, :, axis]) / (width**2 * len(x))
+        covariance += _POINT_NOISE_M**2 * D @ D.T
+    mean = k.mean(1)
+    return covariance + _DRAWN**2 * (k @ k.T / len(x) ** 2 - np.outer(mean, mean) / len(x))
+
+
+def _lattice(x: Float64[np.ndarray, "M 2"], width: float) -> Float64[np.ndarray, "C 2"]:
+    low, high = x.min(0) - _REACH_M, x.max(0) + _REACH_M
+    axes = [np.arange(np.floor(a / width), np.ceil(b / width) + 1) * width for a, b in zip(low, high, strict=True)]
+    grid = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, 2)
+    return grid[np.asarray(KDTree(x).query(grid)[0]) < 1.5 * width]
+
+
+def _directions(x: Float64[np.ndarray, "N 2"], place: Float64[np.ndarray, " N"]) -> Float64[np.ndarray, "N 2"]:
+    """Unit vectors along the object, smoothed."""
+    nodes = np.linspace(-1, 1, int(2 / _SMOOTHING))
+    weights = np.exp(-0.5 * ((place[None] - nodes[:, None]) / _SMOOTHING) ** 2)
+    middle = weights @ x / weights.sum(1, keepdims=True)
+    along = np.gradient(middle, axis=0)
+    at = np.stack([np.interp(place, nodes, along[:, axis]) for axis in range(2)], axis=1)
+    return at / np.maximum(np.linalg.norm(at, axis=1, keepdims=True), 1e-9)

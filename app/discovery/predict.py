@@ -1,0 +1,319 @@
+"""What a model says should have been seen: each push simulated from the view before it, and seen as cameras see it.
+
+Time runs as it was measured, `haste` times as fast. The simulation stops once on the way, at the moment of the view
+that was taken during the push, where there is one.
+"""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from functools import lru_cache
+from typing import NamedTuple, final
+
+import jax
+import numpy as np
+from jaxtyping import Bool, Float32, Float64
+from scipy.spatial import KDTree
+
+from app.core.types import Points
+from app.discovery.apparatus.base import Eye, Load
+from app.discovery.study import Push, Study, Track, View
+from app.discovery.subject import Catalogue, Subject, Theta
+from app.policy.ordering import arclength_labels, centreline_weights
+from app.sim.effects.base import Effect
+from app.sim.params import PARAMETERS, acting, columns_of, index
+from app.sim.rollout import Simulate, make_rollout
+from app.sim.scene import Scene
+from app.sim.state import Setting, State
+
+_NODES = 24
+_LEAD_S, _TAIL_S = 0.05, 0.35
+"""Simulated before the tool is low, and after it has left or come to rest [s, real]."""
+_MIDWAY = 0.6
+_TOUCH_M = 0.018
+"""From the tip to the nearest particle when it touches."""
+_SLOW_M_S = 0.01
+_STILL_M = 2e-3
+_LEAST_SHARE = 0.1
+_CHUNKS = {"cpu": (32, 64), "gpu": (256, 512, 1024, 2048, 4096)}
+_GROUPS = 4
+
+
+class Seen(NamedTuple):
+    """What is predicted or was observed: particles during and after each push [m], (..., K, N, 3).
+
+    Where no view was taken during a push, `during` is as before it.
+    """
+
+    during: Float32[np.ndarray, "*batch K N 3"]
+    after: Float32[np.ndarray, "*batch K N 3"]
+
+
+@final
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Trials:
+    """The pushes of a study made ready for simulation; K of them."""
+
+    study: Study
+    labels: Float32[np.ndarray, "K N 4"]
+    middles: Float32[np.ndarray, "K N 3"]
+    times: Float64[np.ndarray, " K"]
+    starts_s: Float64[np.ndarray, " K"]
+    stops_s: Float64[np.ndarray, " K"]
+    ends_s: Float64[np.ndarray, " K"]
+    """When the simulation begins, stops for the view on the way, and ends; by the cameras' and the arm's clock."""
+    loads: tuple[Load, ...]
+    has_during: Bool[np.ndarray, " K"]
+    observed: Seen
+    noise_m: float = 1e-3
+
+    def __len__(self) -> int:
+        return len(self.study.pushes)
+
+    def disturbed(self, seed: int) -> "Trials":
+        """The same pushes of objects that lie a little elsewhere than they were seen, by `noise_m` a point."""
+        rng = np.random.default_rng(seed)
+        pushes = tuple(
+            replace(push, before=replace(push.before, points=_jittered(push.before.points, self.noise_m, rng)))
+            for push in self.study.pushes
+        )
+        return replace(self, study=replace(self.study, pushes=pushes))
+
+
+def prepare(study: Study, subject: Subject) -> Trials:
+    """Label particles by their place along the object, and find when the tool could touch it."""
+    pushes = study.pushes
+    labels, middles = _labelled([push.before.points for push in pushes])
+    during = [_midway(push, subject) for push in pushes]
+    low = [_low_interval(push.track, subject.low_m) for push in pushes]
+    starts = np.array([first - _LEAD_S for first, _ in low])
+    ends = np.array([last + _TAIL_S for _, last in low])
+    stops = np.array(
+        [view.time_s if view else (start + end) / 2 for view, start, end in zip(during, starts, ends, strict=True)]
+    )
+    return Trials(
+        study=study,
+        labels=labels,
+        middles=middles,
+        times=study.session_times(),
+        starts_s=starts,
+        stops_s=stops,
+        ends_s=ends,
+        loads=tuple(_load(push, subject) for push in pushes),
+        has_during=np.array([view is not None for view in during]),
+        observed=Seen(
+            during=np.stack([(view or push.before).points for view, push in zip(during, pushes, strict=True)]),
+            after=np.stack([push.after.points for push in pushes]),
+        ),
+    )
+
+
+@final
+class Predictor:
+    """Simulates pushes under models. Keeps what it compiled."""
+
+    def __init__(self, subject: Subject, catalogue: Catalogue) -> None:
+        self.subject, self.catalogue = subject, catalogue
+        self._platform = "cpu" if jax.default_backend() == "cpu" else "gpu"
+
+    def __call__(self, trials: Trials, thetas: Sequence[Theta], *, scene: Scene | None = None) -> Seen:
+        """What each of the models predicts for every push; NaN where the simulation left its grid."""
+        count = len(trials)
+        during = np.empty((len(thetas), count, *trials.observed.after.shape[1:]), np.float32)
+        after = np.empty_like(during)
+        simulate = _stepper(scene or self.subject.scene, self.subject.particle_count, self._effects(thetas))
+        for group in self._groups(trials):
+            jobs = [(q, k) for q in range(len(thetas)) for k in group.pushes]
+            for chunk in _chunks(jobs, _CHUNKS[self._platform]):
+                inputs = self._inputs(trials, thetas, chunk, group)
+                found = simulate(*inputs)
+                for (q, k), mid, end in zip(chunk, *map(np.asarray, found), strict=False):
+                    eye = Eye(np.asarray(trials.study.camera), trials.middles[k].astype(np.float64))
+                    during[q, k] = self.seen(mid, eye, thetas[q])
+                    after[q, k] = self.seen(end, eye, thetas[q])
+        return Seen(during, after)
+
+    def seen(self, points: Points, eye: Eye, theta: Theta) -> Points:
+        """Where the cameras say that points are."""
+        places = points.astype(np.float64)
+        for effect, first in self.catalogue.apparatus:
+            values = theta[first : first + len(effect.parameters)]
+            if effect.see is not None and values.any():
+                places = effect.see(places, eye, values)
+        return places.astype(np.float32)
+
+    def unseen(self, points: Points, eye: Eye, theta: Theta) -> Points:
+        """Where points are that the cameras say are here: the inverse of `seen`, by fixed-point iteration."""
+        places = points
+        for _ in range(2):
+            places = points - (self.seen(places, eye, theta) - places)
+        return places
+
+    def driven(self, push: Push, load: Load, theta: Theta) -> Track:
+        """Where the tool really went, of where the record says it went."""
+        track = push.track
+        for effect, first in self.catalogue.apparatus:
+            values = theta[first : first + len(effect.parameters)]
+            if effect.drive is not None and values.any() and not (effect.told and push.measured is not None):
+                track = effect.drive(track, load, values)
+        return track
+
+    def late_s(self, theta: Theta) -> float:
+        """By how much images are younger than their stamps."""
+        late = 0.0
+        for effect, first in self.catalogue.apparatus:
+            if effect.late_s is not None:
+                late += effect.late_s(theta[first : first + len(effect.parameters)])
+        return late
+
+    def _effects(self, thetas: Sequence[Theta]) -> tuple[Effect, ...]:
+        """Those that any of the models needs."""
+        needed = {
+            effect.parameters[0].name: effect
+            for theta in thetas
+            for effect in acting(theta[: len(PARAMETERS)].astype(np.float32))
+        }
+        return tuple(needed[name] for name in sorted(needed, key=[spec.name for spec in PARAMETERS].index))
+
+    def _groups(self, trials: Trials) -> list["_Group"]:
+        """Pushes of like length together: a batch takes as long as its longest."""
+        step = self.subject.scene.dt_s * self.subject.haste
+        first = np.ceil((trials.stops_s - trials.starts_s) / step).astype(int)
+        second = np.ceil((trials.ends_s - trials.stops_s) / step).astype(int)
+        order = np.argsort(first + second, kind="stable")
+        parts = np.array_split(order, min(_GROUPS, max(1, len(order) // 8)))
+        return [_Group(tuple(part.tolist()), int(first[part].max()), int(second[part].max())) for part in parts]
+
+    def _inputs(
+        self, trials: Trials, thetas: Sequence[Theta], jobs: Sequence[tuple[int, int]], group: "_Group"
+    ) -> tuple[np.ndarray, ...]:
+        effects = self._effects(thetas)
+        own = columns_of(effects)
+        phi = np.stack([thetas[q][: len(PARAMETERS)][own] for q, _ in jobs]).astype(np.float32)
+        made = dict[tuple[int, bytes], tuple[np.ndarray, np.ndarray, np.ndarray]]()
+        for q, k in jobs:
+            key = (k, thetas[q][len(PARAMETERS) :].tobytes())
+            if key not in made:
+                made[key] = self._seen_from(trials, k, thetas[q], group)
+        rows = [made[k, thetas[q][len(PARAMETERS) :].tobytes()] for q, k in jobs]
+        pushes = [k for _, k in jobs]
+        return (
+            phi,
+            np.stack([row[0] for row in rows]),
+            trials.labels[pushes],
+            trials.times[pushes].astype(np.float32),
+            np.stack([row[1] for row in rows]),
+            np.stack([row[2] for row in rows]),
+        )
+
+    def _seen_from(
+        self, trials: Trials, k: int, theta: Theta, group: "_Group"
+    ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Where particles were before push k, and the tool's way to the stop and on, if the apparatus errs so."""
+        push, step = trials.study.pushes[k], self.subject.scene.dt_s * self.subject.haste
+        eye = Eye(np.asarray(trials.study.camera), trials.middles[k].astype(np.float64))
+        track = self.driven(push, trials.loads[k], theta)
+        stop = trials.stops_s[k] + self.late_s(theta)
+        to_stop = track.at(stop - step * np.arange(group.to_stop, -1, -1))
+        to_end = track.at(stop + step * np.arange(group.to_end + 1))
+        x = self.unseen(push.before.points, eye, theta)
+        return x.astype(np.float32), to_stop.astype(np.float32), to_end.astype(np.float32)
+
+
+class _Group(NamedTuple):
+    pushes: tuple[int, ...]
+    to_stop: int
+    to_end: int
+
+
+@lru_cache(maxsize=16)
+def _stepper(scene: Scene, particles: int, effects: tuple[Effect, ...]) -> Callable[..., tuple[jax.Array, jax.Array]]:
+    simulate: Simulate = make_rollout(scene, particle_count=particles, effects=effects)
+
+    @jax.jit
+    def stepped(
+        phi: jax.Array, x: jax.Array, label: jax.Array, time: jax.Array, first: jax.Array, second: jax.Array
+    ) -> tuple[jax.Array, jax.Array]:
+        setting = Setting(label=label, time=time)
+        stopped = simulate(phi, State.at_rest(x), first, setting)
+        return stopped.x, simulate(phi, stopped, second, setting).x
+
+    return stepped
+
+
+def _jittered(points: Points, noise_m: float, rng: np.random.Generator) -> Points:
+    moved = points.copy()
+    moved[:, :2] += rng.normal(0, noise_m, (len(points), 2))
+    return moved
+
+
+def _chunks(jobs: list[tuple[int, int]], sizes: Sequence[int]) -> list[list[tuple[int, int]]]:
+    """Lists of one of these sizes, the last filled up with repetitions: few shapes are compiled."""
+    chunks = list[list[tuple[int, int]]]()
+    at = 0
+    while at < len(jobs):
+        left = len(jobs) - at
+        size = next((size for size in sizes if size >= left), sizes[-1])
+        part = jobs[at : at + size]
+        chunks.append(part + [part[-1]] * (size - len(part)))
+        at += size
+    return chunks
+
+
+def _low_interval(track: Track, low_m: float) -> tuple[float, float]:
+    """From when to when the tool is low enough to touch the object; its last moment twice where it never is."""
+    low = np.flatnonzero(track.poses[:, 2] < low_m)
+    if not len(low):
+        return float(track.times_s[-1]), float(track.times_s[-1])
+    return float(track.times_s[low[0]]), float(track.times_s[low[-1]])
+
+
+def _midway(push: Push, subject: Subject) -> View | None:
+    """The view during the push that is nearest to its later half's beginning."""
+    if not push.during:
+        return None
+    first, last = _low_interval(push.track, subject.low_m)
+    wanted = first + _MIDWAY * (last - first)
+    return min(push.during, key=lambda view: abs(view.time_s - wanted))
+
+
+def _labelled(clouds: Sequence[Points]) -> tuple[Float32[np.ndarray, "K N 4"], Float32[np.ndarray, "K N 3"]]:
+    """Labels of particles (see `state.Setting`) and the middle of the object nearest to each.
+
+    Which end is the first is kept from cloud to cloud, by which lies nearer to where it was.
+    """
+    labels, middles = list[np.ndarray](), list[np.ndarray]()
+    last: np.ndarray | None = None
+    for cloud in clouds:
+        along = arclength_labels(cloud)
+        nodes = centreline_weights(along, _NODES) @ cloud
+        if last is not None and np.linalg.norm(nodes - last) > np.linalg.norm(nodes[::-1] - last):
+            along, nodes = 1 - along, nodes[::-1]
+        last = nodes
+        tangents = np.gradient(nodes[:, :2], axis=0)
+        tangents /= np.maximum(np.linalg.norm(tangents, axis=1, keepdims=True), 1e-9)
+        at = np.clip(along * _NODES - 0.5, 0, _NODES - 1)
+        middle = np.stack([np.interp(at, np.arange(_NODES), nodes[:, axis]) for axis in range(3)], axis=1)
+        tangent = np.stack([np.interp(at, np.arange(_NODES), tangents[:, axis]) for axis in range(2)], axis=1)
+        offset = (cloud[:, :2] - middle[:, :2]) @ np.array([[0.0, 1.0], [-1.0, 0.0]])
+        left = (offset * tangent).sum(1)
+        labels.append(np.concatenate([2 * along[:, None] - 1, left[:, None], tangent], axis=1))
+        middles.append(middle)
+    return np.stack(labels).astype(np.float32), np.stack(middles).astype(np.float32)
+
+
+def resisting(track: Track, x: Points, share: float, subject: Subject) -> Load:
+    """Coulomb friction of a share of the object `x` against the tool's motion, from the first touch on."""
+    tip, velocity = track.positions, track.velocity(track.times_s)
+    near = np.asarray(KDTree(x[:, :2]).query(tip[:, :2])[0])
+    low = tip[:, 2] < subject.low_m
+    touched = np.maximum.accumulate((near < _TOUCH_M) & low) & low
+    speed = np.linalg.norm(velocity, axis=1, keepdims=True)
+    friction = float(subject.nominal[index("table_friction")]) * subject.mass_kg * 9.81
+    return Load(-share * friction * touched[:, None] * velocity / np.maximum(speed, _SLOW_M_S))
+
+
+def _load(push: Push, subject: Subject) -> Load:
+    """Of the share of the object that the push moved."""
+    moved = np.asarray(KDTree(push.after.points[:, :2]).query(push.before.points[:, :2])[0])
+    share = float((moved > 3 * np.median(moved) + _STILL_M).mean())
+    return resisting(push.track, push.before.points, max(share, _LEAST_SHARE), subject)

@@ -1,0 +1,88 @@
+"""What was measured, as discovery reads it: pushes in episodes, with the clouds before, during and after each.
+
+Lengths in metres in the base frame, times in seconds on one clock.
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import final
+
+import numpy as np
+from jaxtyping import Float64
+
+from app.core.types import Cloud, Points, Poses
+
+
+@final
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Track:
+    """Poses of the tool's tip at times: x y z and a quaternion w x y z."""
+
+    times_s: Float64[np.ndarray, " T"]
+    poses: Poses
+
+    @property
+    def positions(self) -> Float64[np.ndarray, "T 3"]:
+        """Where the tip is [m]."""
+        return self.poses[:, :3]
+
+    def at(self, times_s: Float64[np.ndarray, " S"]) -> Float64[np.ndarray, "S 3"]:
+        """The tip's position at other times [m]; at rest before the first and after the last."""
+        return np.stack([np.interp(times_s, self.times_s, self.poses[:, k]) for k in range(3)], axis=1)
+
+    def velocity(self, times_s: Float64[np.ndarray, " S"], over_s: float = 0.04) -> Float64[np.ndarray, "S 3"]:
+        """The tip's velocity at times [m/s], by a central difference."""
+        return (self.at(times_s + over_s / 2) - self.at(times_s - over_s / 2)) / over_s
+
+
+@final
+@dataclass(frozen=True, kw_only=True, eq=False)
+class View:
+    """The object as particles at one moment; with the finger's points in the same images, where there are any."""
+
+    time_s: float
+    points: Points
+    finger: Cloud | None = None
+
+
+@final
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Push:
+    """One motion of the tool: what was seen before it, while it went on and after it, commanded and measured tracks."""
+
+    episode: int
+    before: View
+    during: tuple[View, ...]
+    after: View
+    command: Track
+    measured: Track | None
+
+    @property
+    def track(self) -> Track:
+        """The tool as measured, or as commanded where nobody measured it."""
+        return self.measured or self.command
+
+
+@final
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Study:
+    """All pushes in the order in which they were made. Every view has the same number of points.
+
+    `tables`: points of the bare table by episode. `camera`: where the cameras are, in the middle.
+    """
+
+    task: str
+    pushes: tuple[Push, ...]
+    tables: Mapping[int, Cloud] = field(default_factory=dict[int, Cloud])
+    camera: tuple[float, float, float] = (0.55, 0.0, 0.9)
+
+    @property
+    def episodes(self) -> tuple[int, ...]:
+        """The numbers of the episodes that have a push, in order."""
+        return tuple(sorted({push.episode for push in self.pushes}))
+
+    def session_times(self) -> Float64[np.ndarray, " K"]:
+        """When each push was made, as a share of the session: -0.5 the first, 0.5 the last."""
+        times = np.array([push.before.time_s for push in self.pushes])
+        spread = times.max() - times.min()
+        return (times - times.min()) / spread - 0.5 if spread > 0 else np.zeros(len(times))

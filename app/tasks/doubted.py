@@ -1,0 +1,22 @@
+"""A task's simulator as what discovery doubts."""
+
+from app.core.errors import UsageError
+from app.discovery.subject import Subject
+from app.planner.actions import LOW_ENOUGH_M, Pushes
+from app.tasks.base import Task
+from app.tasks.compiled import nominal_model, phi_of
+
+
+def subject_of(task: Task) -> Subject:
+    """With the CPU preset's number of particles. Raises UsageError for a task without pushes."""
+    if not isinstance(task.actions, Pushes):
+        raise UsageError(f"Discovery reads pushes so far; {task.name} has none.")
+    return Subject(
+        scene=task.scene,
+        haste=task.haste,
+        mass_kg=task.rope.mass_kg,
+        low_m=task.actions.height_m + LOW_ENOUGH_M,
+        particle_count=task.preset("cpu").particle_count,
+        nominal=phi_of(nominal_model(task.name)),
+        calibrated=task.calibrated,
+    )

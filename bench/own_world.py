@@ -1,0 +1,213 @@
+"""Recordings made by our own engine with other numerics, many at once: what discovery is tested on at scale.
+
+Finer cells and time steps, twice the particles, wider contacts. The object keeps the shape in which it was left. Views
+have a millimetre of noise and half as many points as there are particles, in any order.
+"""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from functools import lru_cache
+from typing import NamedTuple, final
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Float32, Float64
+
+from app.core.types import Cloud, Points
+from app.discovery.apparatus.base import Eye, Load
+from app.discovery.predict import Predictor, resisting
+from app.discovery.study import Push, Study, Track, View
+from app.discovery.subject import Theta
+from app.perception.resample import resample
+from app.policy.ordering import arclength_labels
+from app.sim.catalogue import EFFECTS
+from app.sim.params import PARAMETERS
+from app.sim.rollout import make_rollout
+from app.sim.scene import Scene
+from app.sim.state import Setting, State
+from bench.tracks import REGION, Plan, midway_s, random_track
+
+CAMERA_M = (0.55, -0.25, 0.95)
+DENSER = 2
+"""Particles of the world for one of the model."""
+_NOISE_M = 1e-3
+_ENCODER_M = 1e-4
+_MOVED_SHARE = 0.5
+"""Of the object's weight, that a push drags along: what a tool that gives way feels."""
+_PAUSE_S, _SETTLE_S = 0.5, 0.25
+_BATCH = 32
+"""Substeps are rounded up to these, so that few shapes are compiled."""
+_NEIGHBOURS = 41
+
+Step = Callable[..., tuple[jax.Array, jax.Array]]
+
+
+def finer(scene: Scene) -> Scene:
+    """The same scene in other numerics."""
+    x, y, z = scene.low
+    return replace(
+        scene,
+        cell_m=scene.cell_m * 2 / 3,
+        low=(x, y, z * 2 / 3),
+        dt_s=0.6 * scene.dt_s,
+        contact_width_m=1.3 * scene.contact_width_m,
+    )
+
+
+@final
+@dataclass(frozen=True, kw_only=True, eq=False)
+class OwnWorld:
+    """Makes recordings of worlds that differ in theta alone, side by side."""
+
+    predictor: Predictor
+    scene: Scene
+    plan: Plan
+
+    def record(self, truths: Sequence[Theta], starts: Float32[np.ndarray, "B N 3"], seed: int) -> list[Study]:
+        """One study for each truth, of an object that begins as `starts` has it [m]."""
+        rng = np.random.default_rng(seed)
+        simulate = _stepper(self.scene, starts.shape[1])
+        x, clocks = starts.astype(np.float32), np.zeros(len(truths))
+        places = np.stack([2 * arclength_labels(cloud) - 1 for cloud in x])
+        total = self.plan.episodes * self.plan.pushes
+        pushes: list[list[Push]] = [[] for _ in truths]
+        for number in range(total):
+            moves = [self._move(rng, x[b], truth, float(clocks[b])) for b, truth in enumerate(truths)]
+            during, after = simulate(*self._inputs(truths, x, places, moves, number / max(total - 1, 1) - 0.5))
+            scenes = (x, np.asarray(during), np.asarray(after))
+            for b, (truth, move) in enumerate(zip(truths, moves, strict=True)):
+                clouds = [self._seen(rng, cloud[b], places[b], truth) for cloud in scenes]
+                pushes[b].append(self._push(rng, number // self.plan.pushes, move, clouds, truth))
+                clocks[b] = move.end_s + _PAUSE_S
+            x = scenes[2]
+        return [
+            Study(
+                task="rope_push",
+                pushes=tuple(made),
+                tables={episode: self._table(rng, truth) for episode in range(self.plan.episodes)},
+                camera=CAMERA_M,
+            )
+            for made, truth in zip(pushes, truths, strict=True)
+        ]
+
+    def _move(self, rng: np.random.Generator, x: Points, truth: Theta, now_s: float) -> "_Move":
+        subject = self.predictor.subject
+        command = random_track(rng, x, self.plan, start_s=now_s + _PAUSE_S, height_m=subject.low_m - 0.004)
+        load = resisting(command, x, _MOVED_SHARE, subject)
+        told = self._driven(command, load, truth, encoders=True)
+        true = self._driven(command, load, truth, encoders=False)
+        view = midway_s(command)
+        end = max(command.times_s[-1], true.times_s[-1]) + _SETTLE_S
+        return _Move(command, told, true, view, view + self.predictor.late_s(truth), float(end))
+
+    def _driven(self, command: Track, load: Load, truth: Theta, *, encoders: bool) -> Track:
+        """Where the tool goes, or as much of it as the arm's encoders see."""
+        track = command
+        for effect, first in self.predictor.catalogue.apparatus:
+            values = truth[first : first + len(effect.parameters)]
+            if effect.drive is not None and values.any() and (effect.told or not encoders):
+                track = effect.drive(track, load, values)
+        return track
+
+    def _inputs(
+        self,
+        truths: Sequence[Theta],
+        x: Float32[np.ndarray, "B N 3"],
+        places: Float32[np.ndarray, "B N"],
+        moves: Sequence["_Move"],
+        session: float,
+    ) -> tuple[np.ndarray, ...]:
+        step = self.scene.dt_s * self.predictor.subject.haste
+        before = _rounded(max(move.shown_s - move.command.times_s[0] for move in moves) / step)
+        behind = _rounded(max(move.end_s - move.shown_s for move in moves) / step)
+        first = [move.true.at(move.shown_s - step * np.arange(before, -1, -1)) for move in moves]
+        second = [move.true.at(move.shown_s + step * np.arange(behind + 1)) for move in moves]
+        labels = [_labels(cloud, place) for cloud, place in zip(x, places, strict=True)]
+        phi = [truth[: len(PARAMETERS)] for truth in truths]
+        times = np.full(len(truths), session)
+        return tuple(np.asarray(part, np.float32) for part in (phi, x, labels, times, first, second))
+
+    def _push(
+        self, rng: np.random.Generator, episode: int, move: "_Move", clouds: Sequence[Points], truth: Theta
+    ) -> Push:
+        before, during, after = clouds
+        command, tip = move.command, move.true.at(np.array([move.shown_s]))
+        finger = self._shown(rng, (tip + rng.normal(0, _NOISE_M, (60, 3))).astype(np.float32), truth, None)
+        poses = np.concatenate([move.told.at(command.times_s), command.poses[:, 3:]], axis=1)
+        poses[:, :3] += rng.normal(0, _ENCODER_M, (len(poses), 3))
+        return Push(
+            episode=episode,
+            before=View(time_s=float(command.times_s[0]), points=before),
+            during=(View(time_s=move.view_s, points=during, finger=finger),) if self.plan.during else (),
+            after=View(time_s=move.end_s, points=after),
+            command=command,
+            measured=Track(times_s=command.times_s, poses=poses) if self.plan.measured else None,
+        )
+
+    def _seen(self, rng: np.random.Generator, x: Points, place: Float32[np.ndarray, " N"], truth: Theta) -> Points:
+        shown = self._shown(rng, x, truth, _middles(x, place))
+        return resample(shown, self.predictor.subject.particle_count, seed=int(rng.integers(2**31)))
+
+    def _shown(
+        self, rng: np.random.Generator, x: Points, truth: Theta, middle: Float64[np.ndarray, "N 3"] | None
+    ) -> Points:
+        shown = self.predictor.seen(x, Eye(np.asarray(CAMERA_M), middle), truth)
+        return (shown + rng.normal(0, _NOISE_M, shown.shape)).astype(np.float32)
+
+    def _table(self, rng: np.random.Generator, truth: Theta) -> Cloud:
+        level = np.zeros((400, 3), np.float32)
+        level[:, :2] = rng.uniform(REGION[:2], REGION[2:], (400, 2))
+        return self._shown(rng, level, truth, None)
+
+
+class _Move(NamedTuple):
+    """What was commanded, what encoders say of it, what was done; when a view was taken, and what it shows is of."""
+
+    command: Track
+    told: Track
+    true: Track
+    view_s: float
+    shown_s: float
+    end_s: float
+
+
+def _rounded(substeps: float) -> int:
+    return _BATCH * int(np.ceil(substeps / _BATCH))
+
+
+def _middles(x: Points, place: Float32[np.ndarray, " N"]) -> Float64[np.ndarray, "N 3"]:
+    """The middle of the object at each particle: the mean of its neighbours along it."""
+    order, half = np.argsort(place), _NEIGHBOURS // 2
+    padded = np.pad(x[order].astype(np.float64), ((half, half), (0, 0)), mode="edge")
+    middle = np.empty(x.shape)
+    middle[order] = np.stack(
+        [np.convolve(column, np.ones(_NEIGHBOURS) / _NEIGHBOURS, "valid") for column in padded.T], 1
+    )
+    return middle
+
+
+def _labels(x: Points, place: Float32[np.ndarray, " N"]) -> Float32[np.ndarray, "N 4"]:
+    """As `state.Setting` has them, of places along the object that are known."""
+    middle, order = _middles(x, place)[:, :2], np.argsort(place)
+    along = np.empty_like(middle)
+    along[order] = np.gradient(middle[order], axis=0)
+    along /= np.maximum(np.linalg.norm(along, axis=1, keepdims=True), 1e-9)
+    out = x[:, :2] - middle
+    left = out[:, 1] * along[:, 0] - out[:, 0] * along[:, 1]
+    return np.column_stack([place, left, along]).astype(np.float32)
+
+
+@lru_cache
+def _stepper(scene: Scene, particles: int) -> Step:
+    simulate = make_rollout(scene, particle_count=particles, effects=EFFECTS)
+
+    @jax.jit
+    def stepped(
+        phi: jax.Array, x: jax.Array, label: jax.Array, time: jax.Array, first: jax.Array, second: jax.Array
+    ) -> tuple[jax.Array, jax.Array]:
+        setting = Setting(label=label, time=time)
+        shown = simulate(phi, State.at_rest(jnp.asarray(x)), first, setting)
+        return shown.x, simulate(phi, shown, second, setting).x
+
+    return stepped

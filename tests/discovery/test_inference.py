@@ -1,0 +1,86 @@
+"""Evidence on made-up residuals whose truth is known: sizes, false alarms, outliers, episodes that hang together."""
+
+import numpy as np
+import pytest
+
+from app.discovery.evidence import Residuals, fitted
+from app.discovery.inference import CALIBRATED, HABITS, dispersion, finding, weighed
+
+K, R, P = 60, 16, 12
+VARIANCE = np.array([CALIBRATED**2] * 2 + [HABITS**2] * (P - 2))
+
+
+def made(seed: int, theta: np.ndarray, *, outliers: float = 0.0, common: float = 0.0, spread: float = 0.0) -> Residuals:
+    """Residuals of a linear world [m]: noise of 1 mm that neighbouring modes share, in episodes of six pushes."""
+    rng = np.random.default_rng(seed)
+    J = 2e-3 * rng.normal(size=(K, R, P))
+    root = np.linalg.cholesky(1e-6 * np.exp(-np.abs(np.subtract.outer(np.arange(R), np.arange(R))) / 2))
+    noise = rng.normal(size=(K, R)) @ root.T
+    episode = np.arange(K) // 6
+    noise += common * 1e-3 * (J @ rng.normal(size=(P, K // 6)))[np.arange(K), :, episode] / 2e-3
+    wild = rng.uniform(size=K) < outliers
+    noise[wild] *= 20
+    return Residuals(
+        r=J @ theta + noise,
+        J=J,
+        spread=spread * 1e-3 * rng.normal(size=(K, R, 4)),
+        known=np.ones((K, R), bool),
+        episode=episode,
+    )
+
+
+def log_bayes(data: Residuals) -> np.ndarray:
+    nothing = weighed(data, VARIANCE, dispersion(fitted(data, VARIANCE), [0, 1]))
+    return np.array([finding(data, [column], VARIANCE, nothing).log_bayes for column in range(2, P)])
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_a_missing_effect_is_first_and_its_size_within_its_interval(seed: int) -> None:
+    theta = np.zeros(P)
+    theta[0], theta[1], theta[5] = 0.8, -1.2, 0.9
+    data = made(seed, theta, outliers=0.1)
+    assert np.argmax(log_bayes(data)) == 5 - 2
+    found = finding(data, [5], VARIANCE, weighed(data, VARIANCE, 1.0))
+    assert found.mean[0] == pytest.approx(0.9, abs=4 * np.sqrt(found.covariance[0, 0]) + 0.02)
+    assert np.sqrt(found.covariance[0, 0]) < 0.2
+
+
+def test_where_nothing_is_missing_evidence_is_against_everything() -> None:
+    calibrated = np.zeros(P)
+    calibrated[:2] = 1.5, -0.5
+    most = [log_bayes(made(seed, calibrated, outliers=0.1)).max() for seed in range(10)]
+    assert max(most) < 1.0
+
+
+def test_pushes_that_nothing_predicts_change_little() -> None:
+    theta = np.zeros(P)
+    theta[5] = 1.0
+    clean, wild = (fitted(made(3, theta, outliers=share), VARIANCE).theta for share in (0.0, 0.2))
+    np.testing.assert_allclose(wild, clean, atol=0.05)
+
+
+def test_episodes_that_hang_together_temper_the_evidence() -> None:
+    alone = dispersion(fitted(made(1, np.zeros(P)), VARIANCE), [0, 1])
+    together = dispersion(fitted(made(1, np.zeros(P), common=1.0), VARIANCE), [0, 1])
+    assert alone < 2.0
+    assert together > 3 * alone
+
+
+def test_a_push_whose_end_depends_on_its_start_counts_less() -> None:
+    data = made(2, np.zeros(P), spread=0.0)
+    spread = np.zeros((K, R, 4))
+    spread[0] = 0.02
+    chaotic = Residuals(r=data.r, J=data.J, spread=spread, known=data.known, episode=data.episode)
+    fit = fitted(chaotic, VARIANCE)
+    assert fit.noise.size[0] > 10 * np.median(fit.noise.size)
+    assert fit.noise.size[0] > 10 * fitted(data, VARIANCE).noise.size[0]
+
+
+def test_what_was_not_seen_counts_for_nothing() -> None:
+    theta = np.zeros(P)
+    theta[5] = 1.0
+    data = made(4, theta)
+    known = data.known.copy()
+    known[::2, : R // 2] = False
+    hidden = Residuals(r=np.where(known, data.r, 1e3), J=data.J, spread=data.spread, known=known, episode=data.episode)
+    np.testing.assert_allclose(fitted(hidden, VARIANCE).theta[5], 1.0, atol=0.1)

@@ -1,0 +1,72 @@
+"""An effect is hidden in recordings of our own engine in other numerics, and the screening has to find it."""
+
+from functools import cache
+
+import numpy as np
+import pytest
+
+from app.discovery.predict import Predictor, prepare
+from app.discovery.screen import Screening, screen
+from app.discovery.study import Study
+from app.discovery.subject import catalogue
+from app.tasks import load
+from app.tasks.curves import fill_tube
+from app.tasks.doubted import subject_of
+from bench.own_world import DENSER, OwnWorld, finer
+from bench.tracks import Plan
+
+TASK = load("rope_push")
+SUBJECT, CATALOGUE = subject_of(TASK), catalogue()
+PREDICTOR = Predictor(SUBJECT, CATALOGUE)
+ASKED = ("friction_drift", "hand_eye_translation", "table_tilt", "camera_time_offset", "maxwell")
+HIDDEN = {"friction_drift": {"friction_drift": 0.5}, "hand_eye_translation": {"hand_eye_y": 0.004}, "none": {}}
+
+
+@cache
+def studies() -> dict[str, Study]:
+    """One of each, with friction and stiffness off by a fifth."""
+    truths = []
+    for values in HIDDEN.values():
+        theta = CATALOGUE.nominal(SUBJECT)
+        theta[0], theta[1] = theta[0] * 1.2, theta[1] * 0.8
+        for name, value in values.items():
+            theta[CATALOGUE.column(name)] = value
+        truths.append(theta)
+    starts = [fill_tube(TASK.start(seed), TASK.rope.radius_m, DENSER * SUBJECT.particle_count) for seed in (1, 2, 3)]
+    world = OwnWorld(predictor=PREDICTOR, scene=finer(SUBJECT.scene), plan=Plan(episodes=5, pushes=4))
+    return dict(zip(HIDDEN, world.record(truths, np.stack(starts), seed=0), strict=True))
+
+
+@cache
+def screened(name: str) -> Screening:
+    return screen(PREDICTOR, prepare(studies()[name], SUBJECT), only=ASKED)
+
+
+@pytest.mark.parametrize("name", ["friction_drift", "hand_eye_translation"])
+def test_what_was_hidden_is_the_first_suspect(name: str) -> None:
+    found = screened(name)
+    assert found.suspects[0].cause == name
+    assert found.suspects[0].finding.log_bayes > 3.0
+
+
+@pytest.mark.parametrize("name", ["friction_drift", "hand_eye_translation"])
+def test_its_size_is_found_within_half_of_it(name: str) -> None:
+    suspect = screened(name).suspects[0]
+    (hidden,) = HIDDEN[name].values()
+    column = CATALOGUE.column(next(iter(HIDDEN[name])))
+    at = [step.column for step in suspect.steps].index(column)
+    assert suspect.finding.mean[at] * suspect.steps[at].size == pytest.approx(hidden, rel=0.5)
+
+
+def test_where_nothing_was_hidden_nothing_is_found() -> None:
+    assert screened("none").suspects[0].finding.log_bayes < 3.0
+
+
+def test_predictions_of_another_resolution_are_a_small_part_of_the_motion() -> None:
+    trials = prepare(studies()["none"], SUBJECT)
+    theta = CATALOGUE.nominal(SUBJECT)
+    theta[0], theta[1] = theta[0] * 1.2, theta[1] * 0.8
+    error = PREDICTOR(trials, [theta]).after[0].mean(1) - trials.observed.after.mean(1)
+    motion = trials.observed.after.mean(1) - np.stack([push.before.points.mean(0) for push in trials.study.pushes])
+    length = [np.median(np.linalg.norm(shift[:, :2], axis=1)) for shift in (error, motion)]
+    assert length[0] < 0.15 * length[1]
