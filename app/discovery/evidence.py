@@ -142,8 +142,8 @@ def _scatter(
     data: Residuals, theta: Float64[np.ndarray, " P"], size: Float64[np.ndarray, " K"]
 ) -> Float64[np.ndarray, "R R"]:
     """The covariance of what is left, for a push of usual size; a little of it is taken to be without correlation."""
-    left, known = _left(data, theta), data.known.astype(np.float64)
-    raw = np.einsum("k,ki,kj->ij", 1 / size, left, left) / np.maximum(known.T @ known, 1.0)
+    left, seen = _left(data, theta), np.sqrt(np.maximum(data.known.sum(0), 1))
+    raw = np.einsum("k,ki,kj->ij", 1 / size, left, left) / np.outer(seen, seen)  # Positive, whatever is missing.
     shrunk = (len(data) * raw + _SHRINK * np.diag(np.diag(raw))) / (len(data) + _SHRINK)
     return shrunk + _LEAST_M**2 * np.eye(len(raw))
 

@@ -15,7 +15,7 @@ from jaxtyping import Bool, Float32, Float64
 from scipy.spatial import KDTree
 
 from app.core.types import Points
-from app.discovery.apparatus.base import Eye, Load
+from app.discovery.apparatus.base import Eye, Load, Places
 from app.discovery.study import Push, Study, Track, View
 from app.discovery.subject import Catalogue, Subject, Theta
 from app.policy.ordering import arclength_labels, centreline_weights
@@ -134,12 +134,15 @@ class Predictor:
 
     def seen(self, points: Points, eye: Eye, theta: Theta) -> Points:
         """Where the cameras say that points are."""
-        places = points.astype(np.float64)
+        return self.placed(points.astype(np.float64), eye, theta).astype(np.float32)
+
+    def placed(self, places: Places, eye: Eye, theta: Theta) -> Places:
+        """The same in full precision."""
         for effect, first in self.catalogue.apparatus:
             values = theta[first : first + len(effect.parameters)]
             if effect.see is not None and values.any():
                 places = effect.see(places, eye, values)
-        return places.astype(np.float32)
+        return places
 
     def unseen(self, points: Points, eye: Eye, theta: Theta) -> Points:
         """Where points are that the cameras say are here: the inverse of `seen`, by fixed-point iteration."""

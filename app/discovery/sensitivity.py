@@ -10,6 +10,7 @@ from typing import final
 import numpy as np
 from jaxtyping import Float64
 
+from app.discovery.direct import direct_rows
 from app.discovery.evidence import Residuals
 from app.discovery.field import MODES, Basis, registered
 from app.discovery.predict import Predictor, Seen, Trials
@@ -86,7 +87,23 @@ def residuals(
         pairs.append((Seen(found.during[at], found.after[at]), down))
         at += step.sides
     disturbed = [_single(predictor(trials.disturbed(seed), [about])) for seed in range(replicas)]
-    return _assembled(trials, base, pairs, disturbed)
+    clouds = _assembled(trials, base, pairs, disturbed)
+    ends = [_ends(catalogue, about, step) for step in steps]
+    direct = direct_rows(predictor, trials, about, ends)
+    still = np.zeros((*direct.r.shape, clouds.spread.shape[2]))
+    return Residuals(
+        r=np.concatenate([clouds.r, direct.r], axis=1),
+        J=np.concatenate([clouds.J, direct.J], axis=1),
+        spread=np.concatenate([clouds.spread, still], axis=1),
+        known=np.concatenate([clouds.known, direct.known], axis=1),
+        episode=clouds.episode,
+    )
+
+
+def _ends(catalogue: Catalogue, about: Theta, step: Step) -> tuple[Theta, Theta]:
+    """Two models a step apart: half a step to each side, or from the null upwards."""
+    low, high = (-0.5, 0.5) if step.sides == 2 else (0.0, 1.0)
+    return moved(catalogue, about, step, high), moved(catalogue, about, step, low)
 
 
 def _single(found: Seen) -> Seen:

@@ -260,6 +260,14 @@ def test_it_says_what_it_is_and_where_it_is_from(name: str):
         assert spec.low < spec.high
 
 
+@every_effect
+def test_what_makes_it_vanish_has_a_typical_value_other_than_its_null(name: str):
+    effect = CATALOGUE[name]
+    for spec in effect.parameters[: effect.switches]:
+        assert spec.typical is not None
+        assert spec.typical != spec.nominal
+
+
 def test_every_parameter_name_is_its_own():
     assert len({spec.name for spec in PARAMETERS}) == len(PARAMETERS)
 
