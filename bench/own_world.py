@@ -15,7 +15,7 @@ import numpy as np
 from jaxtyping import Float32, Float64
 
 from app.core.types import Cloud, Points
-from app.discovery.apparatus.base import Eye, Load
+from app.discovery.apparatus.base import Eye
 from app.discovery.predict import Predictor, resisting
 from app.discovery.study import Push, Study, Track, View
 from app.discovery.subject import Theta
@@ -95,20 +95,11 @@ class OwnWorld:
         subject = self.predictor.subject
         command = random_track(rng, x, self.plan, start_s=now_s + _PAUSE_S, height_m=subject.low_m - 0.004)
         load = resisting(command, x, _MOVED_SHARE, subject)
-        told = self._driven(command, load, truth, encoders=True)
-        true = self._driven(command, load, truth, encoders=False)
+        told = self.predictor.told(command, load, truth)
+        true = self.predictor.carried_out(command, load, truth, lambda _: True)
         view = midway_s(command)
         end = max(command.times_s[-1], true.times_s[-1]) + _SETTLE_S
         return _Move(command, told, true, view, view + self.predictor.late_s(truth), float(end))
-
-    def _driven(self, command: Track, load: Load, truth: Theta, *, encoders: bool) -> Track:
-        """Where the tool goes, or as much of it as the arm's encoders see."""
-        track = command
-        for effect, first in self.predictor.catalogue.apparatus:
-            values = truth[first : first + len(effect.parameters)]
-            if effect.drive is not None and values.any() and (effect.told or not encoders):
-                track = effect.drive(track, load, values)
-        return track
 
     def _inputs(
         self,

@@ -13,7 +13,7 @@ from jaxtyping import Bool, Float64
 from app.core.types import Cloud
 from app.discovery.apparatus.base import Eye
 from app.discovery.predict import Predictor, Trials
-from app.discovery.study import Push, Track
+from app.discovery.study import Push
 from app.discovery.subject import Theta
 
 _PHASES = 8
@@ -98,19 +98,9 @@ def _log(predictor: Predictor, trials: Trials, k: int, theta: Theta) -> Float64[
     if push.measured is None:
         return None
     times, ahead = _phases(push, predictor.subject.low_m)
-    apart = push.measured.at(times) - _told(predictor, trials, k, theta).at(times)
+    apart = push.measured.at(times) - predictor.told(push.command, trials.loads[k], theta).at(times)
     across = np.array([-ahead[1], ahead[0]])
     return np.concatenate([apart[:, :2] @ ahead, apart[:, :2] @ across])
-
-
-def _told(predictor: Predictor, trials: Trials, k: int, theta: Theta) -> Track:
-    """The command as the arm would carry it out and measure it."""
-    track = trials.study.pushes[k].command
-    for effect, first in predictor.catalogue.apparatus:
-        values = theta[first : first + len(effect.parameters)]
-        if effect.told and effect.drive is not None and values.any():
-            track = effect.drive(track, trials.loads[k], values)
-    return track
 
 
 def _phases(push: Push, low_m: float) -> tuple[Float64[np.ndarray, " S"], Float64[np.ndarray, "2"]]:

@@ -6,7 +6,7 @@ Student t (Lange, Little and Taylor 1989, "Robust statistical modeling using the
 disturbed start already ends elsewhere.
 """
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import NamedTuple, final
 
 import numpy as np
@@ -37,20 +37,6 @@ class Residuals:
 
     def __len__(self) -> int:
         return len(self.r)
-
-    def pushes(self, chosen: np.ndarray) -> "Residuals":
-        """Of some of the pushes, by mask or number."""
-        return Residuals(
-            r=self.r[chosen],
-            J=self.J[chosen],
-            spread=self.spread[chosen],
-            known=self.known[chosen],
-            episode=self.episode[chosen],
-        )
-
-    def columns(self, chosen: list[int]) -> "Residuals":
-        """In some of the parameters, the others being held at 0."""
-        return replace(self, J=self.J[:, :, chosen])
 
 
 class Noise(NamedTuple):

@@ -15,7 +15,7 @@ from jaxtyping import Bool, Float32, Float64
 from scipy.spatial import KDTree
 
 from app.core.types import Points
-from app.discovery.apparatus.base import Eye, Load, Places
+from app.discovery.apparatus.base import Apparatus, Eye, Load, Places
 from app.discovery.study import Push, Study, Track, View
 from app.discovery.subject import Catalogue, Subject, Theta
 from app.policy.ordering import arclength_labels, centreline_weights
@@ -120,11 +120,13 @@ class Predictor:
         count = len(trials)
         during = np.empty((len(thetas), count, *trials.observed.after.shape[1:]), np.float32)
         after = np.empty_like(during)
-        simulate = _stepper(scene or self.subject.scene, self.subject.particle_count, self._effects(thetas))
+        effects = self._effects(thetas)
+        simulate = _stepper(scene or self.subject.scene, self.subject.particle_count, effects)
+        own = columns_of(effects)
         for group in self._groups(trials):
             jobs = [(q, k) for q in range(len(thetas)) for k in group.pushes]
             for chunk in _chunks(jobs, _CHUNKS[self._platform]):
-                inputs = self._inputs(trials, thetas, chunk, group)
+                inputs = self._inputs(trials, thetas, own, chunk, group)
                 found = simulate(*inputs)
                 for (q, k), mid, end in zip(chunk, *map(np.asarray, found), strict=False):
                     eye = Eye(np.asarray(trials.study.camera), trials.middles[k].astype(np.float64))
@@ -138,9 +140,8 @@ class Predictor:
 
     def placed(self, places: Places, eye: Eye, theta: Theta) -> Places:
         """The same in full precision."""
-        for effect, first in self.catalogue.apparatus:
-            values = theta[first : first + len(effect.parameters)]
-            if effect.see is not None and values.any():
+        for effect, values in self.catalogue.wrong(theta):
+            if effect.see is not None:
                 places = effect.see(places, eye, values)
         return places
 
@@ -153,20 +154,24 @@ class Predictor:
 
     def driven(self, push: Push, load: Load, theta: Theta) -> Track:
         """Where the tool really went, of where the record says it went."""
-        track = push.track
-        for effect, first in self.catalogue.apparatus:
-            values = theta[first : first + len(effect.parameters)]
-            if effect.drive is not None and values.any() and not (effect.told and push.measured is not None):
+        measured = push.measured is not None
+        return self.carried_out(push.track, load, theta, lambda effect: not (effect.told and measured))
+
+    def told(self, command: Track, load: Load, theta: Theta) -> Track:
+        """What the arm measures of a command that it carries out."""
+        return self.carried_out(command, load, theta, lambda effect: effect.told)
+
+    def carried_out(self, track: Track, load: Load, theta: Theta, by: Callable[[Apparatus], bool]) -> Track:
+        """The track after what goes wrong with it, by those effects that `by` names."""
+        for effect, values in self.catalogue.wrong(theta):
+            if effect.drive is not None and by(effect):
                 track = effect.drive(track, load, values)
         return track
 
     def late_s(self, theta: Theta) -> float:
         """By how much images are younger than their stamps."""
-        late = 0.0
-        for effect, first in self.catalogue.apparatus:
-            if effect.late_s is not None:
-                late += effect.late_s(theta[first : first + len(effect.parameters)])
-        return late
+        late = (effect.late_s(values) for effect, values in self.catalogue.wrong(theta) if effect.late_s is not None)
+        return sum(late, 0.0)
 
     def _effects(self, thetas: Sequence[Theta]) -> tuple[Effect, ...]:
         """Those that any of the models needs."""
@@ -187,10 +192,13 @@ class Predictor:
         return [_Group(tuple(part.tolist()), int(first[part].max()), int(second[part].max())) for part in parts]
 
     def _inputs(
-        self, trials: Trials, thetas: Sequence[Theta], jobs: Sequence[tuple[int, int]], group: "_Group"
+        self,
+        trials: Trials,
+        thetas: Sequence[Theta],
+        own: list[int],
+        jobs: Sequence[tuple[int, int]],
+        group: "_Group",
     ) -> tuple[np.ndarray, ...]:
-        effects = self._effects(thetas)
-        own = columns_of(effects)
         phi = np.stack([thetas[q][: len(PARAMETERS)][own] for q, _ in jobs]).astype(np.float32)
         made = dict[tuple[int, bytes], tuple[np.ndarray, np.ndarray, np.ndarray]]()
         for q, k in jobs:

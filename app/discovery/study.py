@@ -76,11 +76,6 @@ class Study:
     tables: Mapping[int, Cloud] = field(default_factory=dict[int, Cloud])
     camera: tuple[float, float, float] = (0.55, 0.0, 0.9)
 
-    @property
-    def episodes(self) -> tuple[int, ...]:
-        """The numbers of the episodes that have a push, in order."""
-        return tuple(sorted({push.episode for push in self.pushes}))
-
     def session_times(self) -> Float64[np.ndarray, " K"]:
         """When each push was made, as a share of the session: -0.5 the first, 0.5 the last."""
         times = np.array([push.before.time_s for push in self.pushes])

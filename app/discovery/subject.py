@@ -1,5 +1,6 @@
 """What is doubted: the simulator of a task with its nominal model, and every cause that may be missing in it."""
 
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from typing import Literal, TypeAlias, final
 
@@ -7,8 +8,8 @@ import numpy as np
 from jaxtyping import Float32, Float64
 
 from app.discovery import apparatus as apparatus_files
-from app.discovery.apparatus.base import Apparatus
-from app.sim.catalogue import discover
+from app.discovery.apparatus.base import Apparatus, Values
+from app.sim import effects
 from app.sim.effects.base import Effect
 from app.sim.files import files_of
 from app.sim.parameter import ParameterSpec
@@ -90,6 +91,13 @@ class Catalogue:
         """The cause called `name`."""
         return next(cause for cause in self.causes if cause.name == name)
 
+    def wrong(self, theta: Theta) -> Iterator[tuple[Apparatus, Values]]:
+        """The apparatus's effects that are not at their null, with their values."""
+        for effect, first in self.apparatus:
+            values = theta[first : first + len(effect.parameters)]
+            if values.any():
+                yield effect, values
+
     def nominal(self, subject: Subject) -> Theta:
         """The subject's model, with nothing wrong."""
         theta = np.array([spec.nominal for spec in self.specs])
@@ -100,9 +108,10 @@ class Catalogue:
 def catalogue() -> Catalogue:
     """Every effect file of the simulator and of the apparatus, and numerics."""
     specs, causes = list(PARAMETERS), list[Cause]()
-    for name, effect in discover().items():
+    for name, module in files_of(effects):
+        effect = module.EFFECT
         columns = tuple(index(spec.name) for spec in effect.parameters)
-        causes.append(_cause(name, "physics", _about(_module_doc(name)), columns, effect))
+        causes.append(_cause(name, "physics", _about(module.__doc__ or ""), columns, effect))
     held = list[tuple[Apparatus, int]]()
     for name, module in files_of(apparatus_files):
         effect = module.EFFECT
@@ -120,12 +129,6 @@ def catalogue() -> Catalogue:
 def _cause(name: str, family: Family, about: str, columns: tuple[int, ...], effect: Effect | None) -> Cause:
     switches = effect.switches if effect is not None and effect.switches is not None else len(columns)
     return Cause(name=name, family=family, about=about, columns=columns, switches=switches)
-
-
-def _module_doc(name: str) -> str:
-    from app.sim import effects
-
-    return next(module.__doc__ or "" for found, module in files_of(effects) if found == name)
 
 
 def _about(doc: str) -> str:

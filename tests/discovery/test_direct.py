@@ -57,7 +57,7 @@ def study(truth: Theta, seed: int = 0) -> Study:
             measured=None,
         )
         true = PREDICTOR.driven(bare, Load(np.zeros((len(command.times_s), 3))), truth)
-        told = _told(command, truth)
+        told = PREDICTOR.told(command, Load(np.zeros((len(command.times_s), 3))), truth)
         poses = np.concatenate([told.at(command.times_s), command.poses[:, 3:]], axis=1)
         poses[:, :3] += rng.normal(0, 1e-4, (len(poses), 3))
         at = midway_s(command)
@@ -81,15 +81,6 @@ def _table(rng: np.random.Generator, truth: Theta) -> np.ndarray:
     level = np.concatenate([rng.uniform(REGION[:2], REGION[2:], (400, 2)), np.zeros((400, 1))], axis=1)
     shown = PREDICTOR.seen(level.astype(np.float32), Eye(np.asarray(CAMERA), None), truth)
     return shown + rng.normal(0, 1e-3, (400, 3)).astype(np.float32)
-
-
-def _told(command: Track, truth: Theta) -> Track:
-    track = command
-    for effect, first in CATALOGUE.apparatus:
-        values = truth[first : first + len(effect.parameters)]
-        if effect.told and effect.drive is not None and values.any():
-            track = effect.drive(track, Load(np.zeros((len(track.times_s), 3))), values)
-    return track
 
 
 def data(trials: Trials) -> Residuals:
