@@ -82,6 +82,18 @@ class Particles(Message):
 
 @final
 @dataclass(frozen=True, kw_only=True, eq=False)
+class Sighting(Message):
+    """What else the same frames show: points of the tool, and of the bare table. Either may be empty.
+
+    `time_s` and `cause` are those of the `Particles` made from these frames.
+    """
+
+    tool: Cloud
+    table: Cloud
+
+
+@final
+@dataclass(frozen=True, kw_only=True, eq=False)
 class Goal(Message):
     """Where the object shall be, as particles."""
 

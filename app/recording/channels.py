@@ -22,6 +22,7 @@ from app.core.messages import (
     Particles,
     Proposal,
     ResumeRequest,
+    Sighting,
     StopRequest,
     Transition,
 )
@@ -40,6 +41,7 @@ TOPICS: Final[Mapping[type[Message], str]] = MappingProxyType(
         Goal: "/dipac/goal",
         Frame: "/dipac/frame",
         Particles: "/dipac/particles",
+        Sighting: "/dipac/sighting",
         Proposal: "/dipac/proposal",
         Decision: "/dipac/decision",
         Approved: "/dipac/approved",
