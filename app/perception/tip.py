@@ -1,0 +1,194 @@
+"""Where the cameras see the finger's tip: a capsule fitted to readings of its surface and to its outline.
+
+The surface says where the axis is. How far down it goes is hardly in the surface, whose lowest part faces away from
+cameras above the table; it is in the outline, where pixels of the finger end and pixels of the table behind it begin.
+"""
+
+from collections.abc import Sequence
+from typing import NamedTuple, TypeAlias
+
+import cv2
+import numpy as np
+from jaxtyping import Bool, Float64
+from scipy.optimize import least_squares
+from scipy.special import expit
+
+from app.core.messages import Frame
+from app.core.types import Cloud
+from app.perception.depth import behind_an_edge, deproject
+from app.perception.reconstruct import Reconstruction
+from app.perception.segment import colour_mask
+
+Capsule: TypeAlias = Float64[np.ndarray, "5"]
+"""Its tip x y z [m], and how far its axis goes along x and along y for each metre that it goes up."""
+Vectors: TypeAlias = Float64[np.ndarray, "M 3"]
+
+TIP_POINTS = 60
+_LEAST_POINTS = 60
+"""Readings of the finger fewer than these say too little."""
+_OVER_TABLE_M = 0.005
+"""Five standard deviations of a D400's depth at 0.75 m: what is higher is not the table."""
+_REACH_M = 0.050
+"""How far the finger may be from where the kinematics have it: delays, bent arms and cameras out of place."""
+_CLEAR_M, _TOP_M = 0.025, 0.080
+"""Between these heights over the tip there is the finger alone, neither object nor hand."""
+_OFF_SURFACE_M = 0.004
+_NOISE_M = 0.001
+_OUTLINE_M = 0.0005
+"""Half a pixel at 0.7 m: so sharply do pixels of the finger end."""
+_DOUBT = 0.5
+"""The standard deviation of whether a pixel on the outline is of the finger: it is or it is not."""
+_BESIDE_M = 0.015
+"""Pixels farther than this from the capsule say nothing of its outline."""
+_KNOWN_M = 0.0015
+"""A tip whose standard deviation is larger is not known: something hides the finger's end."""
+_NEAR_TABLE_M = 0.020
+_AROUND_M = 0.150
+"""The table behind the finger's lower part, as cameras above it see it, begins nearer to the tip than this."""
+_SCALE = np.array([0.001, 0.001, 0.001, 0.01, 0.01])
+"""Of the search's steps: millimetres, and a millimetre over a decimetre."""
+_HABITS = np.array([0.01, 0.1, 0.1])
+"""So far may the tip's height be from what is told [m], and the axis from the vertical: held where nothing is seen."""
+_NOTHING: Cloud = np.zeros((0, 3), np.float32)
+
+
+def tool_points(
+    frames: Sequence[Frame],
+    tip: Float64[np.ndarray, "3"],
+    how: Reconstruction,
+    *,
+    radius_m: float,
+    seed: int = 0,
+) -> Cloud:
+    """60 points [m, world] whose mean is the finger's tip as the cameras see it; none where its end is hidden.
+
+    The finger is a capsule of `radius_m` that hangs down, its tip the lowest point on its axis. That capsule is fitted,
+    tip and tilt, to what is near `tip` [m], where the kinematics have it, has not the object's colour, and is higher
+    over the table than depth errs. Each point is the tip that one reading of the finger's surface would have, were the
+    reading's distance from the fitted surface the tip's own: their spread is that of the readings. Frames that were
+    taken at different times of a motion give a tip between them.
+    """
+    looks = [_look(frame, tip, how) for frame in frames]
+    looks = [look for look in looks if len(look.upper) >= _LEAST_POINTS]
+    if not looks:
+        return _NOTHING
+    surface = np.concatenate([look.upper for look in looks])
+    middle = np.mean([_middle(look, radius_m) for look in looks], axis=0)
+    fit, _ = _fitted(np.array([*middle, tip[2], 0.0, 0.0]), tip[2], surface, [], radius_m)
+    surface = surface[np.linalg.norm(_off_surface(fit, surface, radius_m), axis=1) < _OFF_SURFACE_M]
+    outlines = [_outlined(look, fit, radius_m) for look in looks]
+    fit, deviation = _fitted(fit, tip[2], surface, outlines, radius_m)
+    if len(surface) < _LEAST_POINTS or deviation[:3].max() > _KNOWN_M:
+        return _NOTHING
+    spread = np.random.default_rng(seed).permutation(_off_surface(fit, surface, radius_m))[:TIP_POINTS]
+    return (fit[:3] + spread - spread.mean(axis=0)).astype(np.float32)
+
+
+class _Look(NamedTuple):
+    """What one camera, at `eye`, sees about the finger: points on it, also its upper ones alone, and on the table."""
+
+    eye: Float64[np.ndarray, "3"]
+    finger: Vectors
+    upper: Vectors
+    behind: Vectors
+
+
+def _look(frame: Frame, tip: Float64[np.ndarray, "3"], how: Reconstruction) -> _Look:
+    """Pixels beside the object's may be of either and are left out; so are those between finger and table."""
+    camera = frame.camera
+    object_ = cv2.dilate(colour_mask(frame.color, how.colour).astype(np.uint8), np.ones((3, 3), np.uint8)) > 0
+    between = behind_an_edge(frame.depth, how.edge_step_m, camera)
+    solid, doubtful = (
+        deproject(frame.depth, ~object_ & part, camera).astype(np.float64) for part in (~between, between)
+    )
+    solid, doubtful = (points[_beside(points, tip, _AROUND_M)] for points in (solid, doubtful))
+    over = _table_m(solid, how) + _OVER_TABLE_M
+    finger = solid[_beside(solid, tip, _REACH_M) & (solid[:, 2] > over) & (solid[:, 2] < tip[2] + _TOP_M)]
+    behind = np.concatenate([points[points[:, 2] < over] for points in (solid, doubtful)])
+    upper = finger[finger[:, 2] > tip[2] + _CLEAR_M]
+    return _Look(camera.T_world_camera[:3, 3], finger, upper, behind)
+
+
+def _middle(look: _Look, radius_m: float) -> Float64[np.ndarray, "2"]:
+    """About where the axis is: behind the side that the camera sees."""
+    seen = np.median(look.upper[:, :2], axis=0)
+    ahead = seen - look.eye[:2]
+    return seen + radius_m * ahead / np.linalg.norm(ahead)
+
+
+def _beside(points: Vectors, tip: Float64[np.ndarray, "3"], within_m: float) -> Bool[np.ndarray, " M"]:
+    return np.linalg.norm(points[:, :2] - tip[:2], axis=1) < within_m
+
+
+def _table_m(points: Vectors, how: Reconstruction) -> float:
+    """How high the table looks here: a camera out of place sees it higher or lower than it is."""
+    low = points[np.abs(points[:, 2] - how.table_m) < _NEAR_TABLE_M, 2]
+    return float(np.median(low)) if len(low) else how.table_m
+
+
+class _Outline(NamedTuple):
+    """Rays from an eye to what was seen, and whether that is the finger."""
+
+    eye: Float64[np.ndarray, "3"]
+    rays: Vectors
+    is_finger: Bool[np.ndarray, " M"]
+
+
+def _outlined(look: _Look, capsule: Capsule, radius_m: float) -> _Outline:
+    """The pixels about the capsule's outline."""
+    rays = np.concatenate([look.finger, look.behind]) - look.eye
+    rays /= np.linalg.norm(rays, axis=1, keepdims=True)
+    is_finger = np.arange(len(rays)) < len(look.finger)
+    near = np.abs(_clearance(capsule, look.eye, rays, radius_m)) < _BESIDE_M
+    return _Outline(look.eye, rays[near], is_finger[near])
+
+
+def _fitted(
+    start: Capsule, height_m: float, surface: Vectors, outlines: Sequence[_Outline], radius_m: float
+) -> tuple[Capsule, Float64[np.ndarray, "5"]]:
+    """The capsule that agrees best with readings of its surface and with its outlines, and its standard deviations.
+
+    What disagrees by far counts little (soft L1). `height_m`: of the tip, about, and the axis is about vertical.
+    """
+
+    def residuals(capsule: Capsule) -> Float64[np.ndarray, " R"]:
+        parts = [(_from_axis(capsule, surface, radius_m)[1] - radius_m) / _NOISE_M]
+        for eye, rays, is_finger in outlines:
+            parts.append((is_finger - expit(-_clearance(capsule, eye, rays, radius_m) / _OUTLINE_M)) / _DOUBT)
+        parts.append(np.array([capsule[2] - height_m, *capsule[3:]]) / _HABITS)
+        return np.concatenate(parts)
+
+    found = least_squares(residuals, start, loss="soft_l1", x_scale=_SCALE)
+    return found.x, np.sqrt(np.diag(np.linalg.inv(found.jac.T @ found.jac)))
+
+
+def _off_surface(capsule: Capsule, points: Vectors, radius_m: float) -> Vectors:
+    """From the nearest point of the capsule's surface to each point."""
+    out, distance = _from_axis(capsule, points, radius_m)
+    return out * (1 - radius_m / np.maximum(distance, np.finfo(float).tiny))[:, None]
+
+
+def _from_axis(capsule: Capsule, points: Vectors, radius_m: float) -> tuple[Vectors, Float64[np.ndarray, " M"]]:
+    """From the capsule's axis, which ends a radius above its tip, to each point, and how far that is."""
+    end, up = _axis(capsule, radius_m)
+    from_end = points - end
+    out = from_end - np.maximum(from_end @ up, 0.0)[:, None] * up
+    return out, np.linalg.norm(out, axis=1)
+
+
+def _clearance(
+    capsule: Capsule, eye: Float64[np.ndarray, "3"], rays: Vectors, radius_m: float
+) -> Float64[np.ndarray, " M"]:
+    """How far each ray passes by the capsule [m]; negative where it hits."""
+    end, up = _axis(capsule, radius_m)
+    to_end, slant = end - eye, rays @ up
+    along = np.maximum((slant * (rays @ to_end) - up @ to_end) / (1 - slant**2), 0.0)
+    nearest = to_end + along[:, None] * up
+    return np.linalg.norm(np.cross(nearest, rays), axis=1) - radius_m
+
+
+def _axis(capsule: Capsule, radius_m: float) -> tuple[Float64[np.ndarray, "3"], Float64[np.ndarray, "3"]]:
+    """Where the capsule's axis begins, a radius above its tip, and its direction."""
+    up = np.array([capsule[3], capsule[4], 1.0])
+    up /= np.linalg.norm(up)
+    return capsule[:3] + radius_m * up, up
