@@ -1,94 +1,21 @@
-"""Pushes drawn at random, at many speeds and in all directions: what discovery needs to tell causes apart."""
-
-from dataclasses import dataclass
-from typing import final
+"""Random pushes of the simulated cell as tracks of discovery: what bench and tests make its studies of."""
 
 import numpy as np
-from jaxtyping import Float64
 
 from app.core.types import Points
 from app.discovery.study import Track
+from app.rig.simulated import strokes
+from app.rig.simulated.strokes import REGION, Plan
 
-PERIOD_S = 0.02
-TRAVEL_M = 0.12
-REGION = (0.28, -0.32, 0.82, 0.32)
-"""Where the tool may be: x low, y low, x high, y high [m]."""
-_CLEAR_M = 0.026
-"""How far beside the object the tool comes down."""
-_DESCENT, _WAIT, _DWELL = 20, 5, 8
-"""Periods of going down or up, of standing before the push, and after it."""
-_RAMP_S = 0.12
-_TRIES = 200
-_HOMEWARD = 0.5
-"""Share of pushes towards the middle of the table, so that the object does not wander off it."""
-
-
-@final
-@dataclass(frozen=True, kw_only=True)
-class Plan:
-    """How many episodes of how many pushes, how fast [m/s] and how far [m]; what the record has besides."""
-
-    episodes: int = 8
-    pushes: int = 8
-    speeds_m_s: tuple[float, float] = (0.05, 0.30)
-    lengths_m: tuple[float, float] = (0.06, 0.14)
-    measured: bool = True
-    during: bool = True
+__all__ = ["REGION", "Plan", "midway_s", "random_track"]
 
 
 def random_track(rng: np.random.Generator, x: Points, plan: Plan, *, start_s: float, height_m: float) -> Track:
-    """Down beside the object, through it at a speed of its own in a slight bow, a stop, and up; the tool turned."""
-    start, ahead, length = _stroke(rng, x, plan)
-    speed = float(np.exp(rng.uniform(*np.log(plan.speeds_m_s))))
-    side, bow = np.array([-ahead[1], ahead[0]]), rng.uniform(-0.25, 0.25) * length
-    share = _progress(length, speed)
-    level = start + share[:, None] * length * ahead + (4 * bow * share * (1 - share))[:, None] * side
-    down = np.linspace(TRAVEL_M, height_m, _DESCENT)
-    xy = np.concatenate([np.repeat(level[:1], _DESCENT + _WAIT, 0), level, np.repeat(level[-1:], _DWELL + _DESCENT, 0)])
-    z = np.concatenate([down, np.full(_WAIT + len(level) + _DWELL, height_m), down[::-1]])
-    yaw = rng.uniform(-np.pi, np.pi)
-    turned = np.tile([np.cos(yaw / 2), 0.0, 0.0, np.sin(yaw / 2)], (len(xy), 1))
-    poses = np.concatenate([xy, z[:, None], turned], axis=1)
-    return Track(times_s=start_s + PERIOD_S * np.arange(len(poses)), poses=poses)
+    """As `strokes.random_track`."""
+    track = strokes.random_track(rng, x, plan, start_s=start_s, height_m=height_m)
+    return Track(times_s=track.times_s, poses=track.poses)
 
 
 def midway_s(track: Track) -> float:
-    """A moment in the later half of the push."""
-    first, last = track.times_s[_DESCENT + _WAIT], track.times_s[-(_DESCENT + _DWELL)]
-    return float(first + 0.6 * (last - first))
-
-
-def _stroke(
-    rng: np.random.Generator, x: Points, plan: Plan
-) -> tuple[Float64[np.ndarray, "2"], Float64[np.ndarray, "2"], float]:
-    """Start, direction and length of a push within the region that begins beside the object; the last one tried."""
-    low, high = np.array(REGION[:2]), np.array(REGION[2:])
-    drawn = [_drawn(rng, x, plan, (low + high) / 2) for _ in range(_TRIES)]
-    for start, ahead, length in drawn:
-        end = start + length * ahead
-        inside = np.all((start > low) & (start < high) & (end > low) & (end < high))
-        if inside and np.linalg.norm(x[:, :2] - start, axis=1).min() > _CLEAR_M:
-            return start, ahead, length
-    return drawn[-1]
-
-
-def _drawn(
-    rng: np.random.Generator, x: Points, plan: Plan, home: Float64[np.ndarray, "2"]
-) -> tuple[Float64[np.ndarray, "2"], Float64[np.ndarray, "2"], float]:
-    through = x[rng.integers(len(x)), :2].astype(np.float64)
-    angle = rng.uniform(0, 2 * np.pi)
-    if rng.uniform() < _HOMEWARD:
-        to_home = home - through
-        angle = np.arctan2(to_home[1], to_home[0]) + rng.uniform(-0.9, 0.9)
-    ahead = np.array([np.cos(angle), np.sin(angle)])
-    return through - 1.3 * _CLEAR_M * ahead, ahead, float(rng.uniform(*plan.lengths_m))
-
-
-def _progress(length_m: float, speed_m_s: float) -> Float64[np.ndarray, " T"]:
-    """The share of the way made at each period: speeding up, steady, slowing down."""
-    ramp = min(_RAMP_S, length_m / speed_m_s / 3)
-    moving = length_m / speed_m_s + ramp
-    times = np.arange(0, moving + PERIOD_S, PERIOD_S)
-    rate = np.clip(np.minimum(times, moving - times) / ramp, 0, 1)
-    share = np.concatenate([[0.0], np.cumsum((rate[1:] + rate[:-1]) / 2)])
-    return share / share[-1]
+    """As `strokes.midway_s`."""
+    return strokes.midway_s(track.times_s)

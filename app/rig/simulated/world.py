@@ -7,6 +7,7 @@ import numpy as np
 
 from app.rig.simulated.arm_model import Joints, solve_joints
 from app.rig.simulated.engine import mujoco
+from app.rig.simulated.intrusion import Intrusion
 from app.rig.simulated.physics import HOME_TOOL_M, Centreline, Position, WorldPhysics
 from app.rig.simulated.rope import FINGER_BIT, TABLE_BIT, add_rope, resample
 from app.tasks.base import Finger, Rope
@@ -31,7 +32,7 @@ class RopeWorld:
     """A rope on the table z = 0 and a vertical finger whose tip goes exactly where it is told.
 
     `centreline (K, 3)` [m] is where the rope lies at first; the world keeps its own `physics.rope.segments + 1` nodes.
-    The same calls give the same numbers, bit for bit.
+    What an `intrusion` hides in it happens besides. The same calls give the same numbers, bit for bit.
     """
 
     def __init__(
@@ -42,25 +43,37 @@ class RopeWorld:
         *,
         physics: WorldPhysics | None = None,
         tool: tuple[float, float, float] = HOME_TOOL_M,
+        intrusion: Intrusion | None = None,
+        time_s: float = 0.0,
     ) -> None:
-        physics = physics or WorldPhysics()
+        self._intrusion = intrusion or Intrusion(())
+        physics = self._intrusion.physics(physics or WorldPhysics(), rope)
         nodes = resample(centreline, physics.rope.segments + 1)
-        self._model = _compile(rope, finger, physics, nodes)
+        self._model = _compile(rope, finger, physics, nodes, self._intrusion)
         self._data = mujoco.MjData(self._model)
         self._links = np.array([self._model.body(f"rope{index}").id for index in range(physics.rope.segments)])
         self._last_length = float(np.linalg.norm(nodes[-1] - nodes[-2]))
-        self._data.qpos[:3] = tool
+        self._bend = slice(3, int(self._model.body("finger").jntnum[0]))
+        self._data.qpos[:3], self._data.time = tool, time_s
         mujoco.mj_forward(self._model, self._data)
+        self._intrusion.attach(self._model, self._data, self._links, rope, finger)
 
     @property
     def time_s(self) -> float:
-        """The world's own time [s], from 0."""
+        """The world's own time [s], from `time_s`."""
         return float(self._data.time)
 
     @property
     def tool(self) -> Position:
-        """The tip of the finger [m]."""
+        """Where the arm has the tip of the finger [m]."""
         return self._data.qpos[:3].copy()
+
+    @property
+    def tip(self) -> Position:
+        """Where the tip of the finger is [m]: the tool, unless it gives way."""
+        tip, bent = self.tool, self._data.qpos[self._bend]
+        tip[: len(bent)] += bent
+        return tip
 
     def step(self, tool_xyz: Position, duration_s: float) -> None:
         """Move the tip in a straight line to `tool_xyz` while `duration_s` passes (rounded to whole time steps)."""
@@ -69,6 +82,7 @@ class RopeWorld:
         for step in range(1, steps + 1):
             due = start + (tool_xyz - start) * (step / steps)
             self._data.qvel[:3] = (due - self._data.qpos[:3]) / period
+            self._intrusion.act()
             mujoco.mj_step(self._model, self._data)
 
     def place(self, tool_xyz: Position) -> None:
@@ -85,11 +99,11 @@ class RopeWorld:
 
     def snapshot(self) -> Snapshot:
         """The state to draw, with the arm's joints solved for the present tool pose."""
-        tool = self.tool
+        tool = self.tip
         return Snapshot(time_s=self.time_s, centreline=self.centreline(), tool=tool, joints=solve_joints(tool))
 
 
-def _compile(rope: Rope, finger: Finger, physics: WorldPhysics, nodes: Centreline) -> Any:
+def _compile(rope: Rope, finger: Finger, physics: WorldPhysics, nodes: Centreline, intrusion: Intrusion) -> Any:
     """The MuJoCo model: table, finger (its three slides are the first three coordinates), rope."""
     spec = mujoco.MjSpec()
     spec.compiler.degree = False
@@ -103,6 +117,7 @@ def _compile(rope: Rope, finger: Finger, physics: WorldPhysics, nodes: Centrelin
     _add_table(spec, physics)
     _add_finger(spec, finger, physics)
     add_rope(spec, rope, physics, nodes)
+    intrusion.build(spec, physics)
     return spec.compile()
 
 

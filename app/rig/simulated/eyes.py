@@ -1,0 +1,50 @@
+"""The cameras of a rehearsal: images of a snapshot, with the errors that are hidden in them."""
+
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import final
+
+import numpy as np
+
+from app.core.messages import CameraModel, Frame, MessageId
+from app.rig.simulated.cameras import table_cameras
+from app.rig.simulated.hidden.base import Injected, Shot
+from app.rig.simulated.render import render
+from app.rig.simulated.world import Snapshot
+from app.tasks.base import Finger, Rope
+
+_NOISE = 3
+"""The stream of random numbers that is the images' noise."""
+
+
+@final
+class Eyes:
+    """Two calibrated cameras that may stand elsewhere, and see otherwise, than they are believed to."""
+
+    def __init__(self, rope: Rope, finger: Finger, hidden: Sequence[Injected], seed: int) -> None:
+        self._rope, self._finger, self._hidden, self._seed = rope, finger, tuple(hidden), seed
+        self.cameras = table_cameras()
+        middle = np.mean([camera.T_world_camera[:3, 3] for camera in self.cameras], axis=0)
+        self._standing = [_standing(camera, middle, hidden) for camera in self.cameras]
+
+    def look(self, snapshot: Snapshot, *, stamp_s: float, number: int) -> list[Frame]:
+        """The frames of all cameras, stamped `stamp_s`; `number` counts the looks of a session, each with its noise."""
+        rng = np.random.default_rng([self._seed, _NOISE, number])
+        frames = list[Frame]()
+        for index, (believed, standing) in enumerate(zip(self.cameras, self._standing, strict=True)):
+            color, depth = render(snapshot, standing, rng, rope=self._rope, finger=self._finger)
+            for each in self._hidden:
+                if each.effect.seen is not None:
+                    depth = each.effect.seen(Shot(color, depth, believed, self._rope.colour), each.values)
+            identity = MessageId(f"frame-{number * len(self.cameras) + index:06d}")
+            frames.append(Frame(id=identity, time_s=stamp_s, camera=believed, color=color, depth=depth))
+        return frames
+
+
+def _standing(camera: CameraModel, middle: np.ndarray, hidden: Sequence[Injected]) -> CameraModel:
+    """The camera where it really is."""
+    pose = camera.T_world_camera
+    for each in hidden:
+        if each.effect.stands is not None:
+            pose = each.effect.stands(pose, middle, each.values)
+    return replace(camera, T_world_camera=pose)

@@ -1,0 +1,172 @@
+"""What a file of hidden effects has to offer: a module-level `HIDDEN`.
+
+Effects are called as discovery's catalogue calls them and have its parameters, in real SI units; their equations are
+written anew here, for another engine, so that what looks for them is not judged by itself.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any, Literal, NamedTuple, TypeAlias, final
+
+import numpy as np
+from jaxtyping import Float64
+
+from app.core.messages import CameraModel
+from app.core.types import ColourImage, DepthImage, Transform
+from app.rig.simulated.physics import Position, WorldPhysics
+from app.rig.simulated.track import ToolTrack
+
+if TYPE_CHECKING:
+    from app.tasks.base import Rope
+
+Values: TypeAlias = Float64[np.ndarray, " V"]
+"""Of an effect's quantities, in their order."""
+Factors: TypeAlias = Float64[np.ndarray, " S"]
+"""A number for each of the rope's S segments."""
+Vectors: TypeAlias = Float64[np.ndarray, "S 3"]
+"""A vector for each of the rope's segments, in the world frame."""
+
+
+class Moment(NamedTuple):
+    """The world at one time step, as effects see it.
+
+    `session`: -0.5 at the first push of all and 0.5 at the last. `x`, `v`, `mass`: of the rope's segments [m, m/s, kg];
+    `toward (S, 3)`: unit vectors from each to the finger's nearest point, and `gap_m` between their surfaces.
+    """
+
+    time_s: float
+    session: float
+    period_s: float
+    gravity_m_s2: float
+    radius_m: float
+    segment_m: float
+    x: Vectors
+    v: Vectors
+    mass: Factors
+    finger: Position
+    finger_v: Position
+    toward: Vectors
+    gap_m: Factors
+
+
+class Shot(NamedTuple):
+    """An image pair as the sensor gave it, and the colour (RGB, 0..1) of the object in it."""
+
+    color: ColourImage
+    depth: DepthImage
+    camera: CameraModel
+    object_colour: tuple[float, float, float]
+
+
+@final
+@dataclass(frozen=True, kw_only=True)
+class Quantity:
+    """A parameter of an effect: at `null` the effect vanishes, `typical` is a size as it is met, real SI.
+
+    `low` and `high` bound what can be asked for. What only says where or when has no typical value.
+    """
+
+    name: str
+    unit: str
+    null: float = 0.0
+    typical: float | None = None
+    low: float = 0.0
+    high: float = np.inf
+
+
+Draw: TypeAlias = Callable[[float, np.random.Generator], Values]
+
+
+@final
+@dataclass(frozen=True, kw_only=True)
+class Hidden:
+    """An effect that can be hidden: its quantities, how they are drawn for a size, and what it changes.
+
+    What is not given is not changed. In the world: `physics` and `build` act before MuJoCo compiles its model (the
+    latter on the `MjSpec`, whose rope is the bodies rope0, rope1, ...); `friction` is the factor of the table's
+    friction under each segment, `force` acts on each [N], `stiffness` is the factor of the hinges', and `relaxed` the
+    share of the hinges' elastic bend that becomes lasting in so many seconds. Of the arm: `drive` is where the tip
+    went, of where it was sent, and `told` whether its encoders see that. Of the cameras: where they stand (about the
+    `middle` of all), what their images lose, and how much later than stamped they are taken.
+    """
+
+    family: Literal["physics", "sensing", "actuation"]
+    quantities: tuple[Quantity, ...]
+    draw: Draw
+    catalogued: bool = True
+    physics: Callable[[WorldPhysics, "Rope", Values], WorldPhysics] | None = None
+    build: Callable[[Any, WorldPhysics, Values], None] | None = None
+    friction: Callable[[Moment, Values], Factors] | None = None
+    force: Callable[[Moment, Values], Vectors] | None = None
+    stiffness: Callable[[Moment, Values], Factors] | None = None
+    relaxed: Callable[[float, Values], float] | None = None
+    drive: Callable[[ToolTrack, Values], ToolTrack] | None = None
+    told: bool = False
+    stands: Callable[[Transform, Position, Values], Transform] | None = None
+    seen: Callable[[Shot, Values], DepthImage] | None = None
+    late_s: Callable[[Values], float] | None = None
+
+    @property
+    def main(self) -> Quantity:
+        """The quantity that a size is of."""
+        return self.quantities[0]
+
+
+@final
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Injected:
+    """An effect with the values at which it is hidden."""
+
+    name: str
+    effect: Hidden
+    values: Values
+
+
+def plain(size: float, _rng: np.random.Generator) -> Values:
+    """The size itself."""
+    return np.array([size])
+
+
+def signed(size: float, rng: np.random.Generator) -> Values:
+    """Of either sign."""
+    return np.array([size * rng.choice([-1.0, 1.0])])
+
+
+def level(size: float, rng: np.random.Generator) -> Values:
+    """A vector of that length in a plane, in any direction."""
+    angle = rng.uniform(0, 2 * np.pi)
+    return size * np.array([np.cos(angle), np.sin(angle)])
+
+
+def spatial(size: float, rng: np.random.Generator) -> Values:
+    """A vector of that length in space, in any direction."""
+    drawn = rng.standard_normal(3)
+    return size * drawn / np.linalg.norm(drawn)
+
+
+def placed(size: float, rng: np.random.Generator) -> Values:
+    """The size, and a place x, y where pushes come by [m]."""
+    return np.array([size, rng.uniform(0.45, 0.65), rng.uniform(-0.15, 0.15)])
+
+
+def signed_placed(size: float, rng: np.random.Generator) -> Values:
+    """The same of either sign."""
+    return placed(size * rng.choice([-1.0, 1.0]), rng)
+
+
+def components(name: str, axes: str, unit: str, typical: float, high: float) -> tuple[Quantity, ...]:
+    """The components of a vector: `name`_x, `name`_y, ...; the size is its length."""
+    return tuple(Quantity(name=f"{name}_{axis}", unit=unit, typical=typical, high=high) for axis in axes)
+
+
+def where(name: str) -> tuple[Quantity, Quantity]:
+    """`name`_x and `name`_y: a place on the table."""
+    return (
+        Quantity(name=f"{name}_x", unit="m", null=0.55, low=-np.inf),
+        Quantity(name=f"{name}_y", unit="m", low=-np.inf),
+    )
+
+
+def acting(moment: Moment, acceleration: Vectors) -> Vectors:
+    """The forces [N] of an acceleration [m/s^2] of each segment."""
+    return moment.mass[:, None] * acceleration

@@ -1,0 +1,17 @@
+"""Command delay: the arm does everything d later than it was told to, and says so."""
+
+from app.rig.simulated.hidden.base import Hidden, Quantity, Values, plain
+from app.rig.simulated.track import ToolTrack
+
+
+def _drive(track: ToolTrack, values: Values) -> ToolTrack:
+    return ToolTrack(times_s=track.times_s + values[0], poses=track.poses)
+
+
+HIDDEN = Hidden(
+    family="actuation",
+    quantities=(Quantity(name="command_delay", unit="s", typical=0.1, high=0.5),),
+    draw=plain,
+    drive=_drive,
+    told=True,
+)

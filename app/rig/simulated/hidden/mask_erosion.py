@@ -1,0 +1,36 @@
+"""Mask erosion: the object's pixels within e of its outline have no depth.
+
+An outline in an image is that of the silhouette. Where cameras look across the object from both sides, each sees in its
+middle what the other loses, so the cloud of both loses less than e.
+"""
+
+import cv2
+import numpy as np
+
+from app.core.types import DepthImage
+from app.rig.simulated.hidden.base import Hidden, Quantity, Shot, Values, plain
+
+_LIKE = 0.92
+"""Cosine between colours from which on they are the same in other light."""
+_DARK = 30.0
+_HALF_PX = 0.5
+"""From the middle of a pixel at the edge to the edge."""
+
+
+def _seen(shot: Shot, values: Values) -> DepthImage:
+    wanted = np.array(shot.object_colour)
+    colour = shot.color.astype(np.float64)
+    strength = np.linalg.norm(colour, axis=-1)
+    like = colour @ (wanted / np.linalg.norm(wanted)) > _LIKE * strength
+    inside_px = cv2.distanceTransform((like & (strength > _DARK)).astype(np.uint8), cv2.DIST_L2, 5) - _HALF_PX
+    inside_m = inside_px * shot.depth * shot.camera.depth_unit_m / shot.camera.K[0, 0]
+    lost = (inside_px > 0) & (inside_m < values[0])
+    return np.where(lost, 0, shot.depth).astype(np.uint16)
+
+
+HIDDEN = Hidden(
+    family="sensing",
+    quantities=(Quantity(name="mask_erosion", unit="m", typical=0.0015, high=0.004),),
+    draw=plain,
+    seen=_seen,
+)

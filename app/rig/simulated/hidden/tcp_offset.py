@@ -1,0 +1,14 @@
+"""Tool-centre-point offset: the finger's tip is t beside where the kinematics have it, and turns with the tool."""
+
+from scipy.spatial.transform import Rotation
+
+from app.rig.simulated.hidden.base import Hidden, Values, components, spatial
+from app.rig.simulated.track import ToolTrack
+
+
+def _drive(track: ToolTrack, values: Values) -> ToolTrack:
+    turns = Rotation.from_quat(track.poses[:, 3:], scalar_first=True)
+    return track.moved(track.positions + turns.apply(values))
+
+
+HIDDEN = Hidden(family="sensing", quantities=components("tcp", "xyz", "m", 0.003, 0.02), draw=spatial, drive=_drive)

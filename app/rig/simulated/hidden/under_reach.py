@@ -1,0 +1,25 @@
+"""Under-reach: of every stroke, from where the tool came down, the arm leaves out the share k, or adds it."""
+
+import numpy as np
+
+from app.rig.simulated.hidden.base import Hidden, Quantity, Values, signed
+from app.rig.simulated.track import ToolTrack
+
+_DOWN_M = 0.004
+"""Above its lowest, where the tool counts as down."""
+
+
+def _drive(track: ToolTrack, values: Values) -> ToolTrack:
+    positions = track.positions.copy()
+    down = np.argmax(positions[:, 2] <= positions[:, 2].min() + _DOWN_M)
+    positions[:, :2] -= values[0] * (positions[:, :2] - positions[down, :2])
+    return track.moved(positions)
+
+
+HIDDEN = Hidden(
+    family="actuation",
+    quantities=(Quantity(name="under_reach", unit="1", typical=0.03, high=0.2),),
+    draw=signed,
+    drive=_drive,
+    told=True,
+)

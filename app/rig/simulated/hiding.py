@@ -1,0 +1,86 @@
+"""What can be hidden in the simulated world, and what is hidden for a wish and a seed."""
+
+from collections.abc import Iterator, Sequence
+from dataclasses import replace
+from typing import NamedTuple
+
+import numpy as np
+
+from app.core.errors import ParameterError, UsageError
+from app.rig.simulated import hidden as hidden_files
+from app.rig.simulated.hidden.base import Hidden, Injected
+from app.rig.simulated.physics import WorldPhysics
+from app.sim.files import files_of
+
+IMPOSSIBLE = {
+    "cohesion": "there are no grains in this world",
+    "shear_thinning": "there is no liquid in this world",
+    "resolution": "it is an error of our own numerics, which another engine does not have",
+    "contact_softness": "it is an error of our own numerics, which another engine does not have",
+}
+"""Causes of discovery's catalogue that cannot be hidden here, and why."""
+
+MISTUNED = 0.3
+"""Friction of table and finger and the rope's stiffness are off by up to this share of the nominal world's."""
+_DRAWS, _TUNING = 1, 2
+"""Streams of random numbers of a seed, so that none depends on how many another took."""
+
+
+class Wish(NamedTuple):
+    """An effect to hide, and its size in the unit of its main quantity; None for the typical one."""
+
+    name: str
+    size: float | None
+
+
+def known() -> dict[str, Hidden]:
+    """Everything that can be hidden, by name: each file of the folder `hidden`."""
+    return {name: module.HIDDEN for name, module in files_of(hidden_files)}
+
+
+def draw(wishes: Sequence[Wish], seed: int) -> tuple[Injected, ...]:
+    """The effects with the directions, places and signs of `seed`, in alphabetical order.
+
+    Raises UsageError for what cannot be hidden or is asked for twice, ParameterError for a size out of range.
+    """
+    rng = np.random.default_rng([seed, _DRAWS])
+    return tuple(
+        Injected(name=name, effect=effect, values=effect.draw(size, rng)) for name, effect, size in _found(wishes)
+    )
+
+
+def mistuned(seed: int) -> WorldPhysics:
+    """The world's physics with friction and stiffness of its own, as no two tables and ropes are the same."""
+    table, finger, stiffness = np.random.default_rng([seed, _TUNING]).uniform(1 - MISTUNED, 1 + MISTUNED, 3).tolist()
+    nominal = WorldPhysics()
+    return replace(
+        nominal,
+        table_friction=nominal.table_friction * table,
+        finger_friction=nominal.finger_friction * finger,
+        rope=replace(nominal.rope, bend_stiffness_n_m_rad=nominal.rope.bend_stiffness_n_m_rad * stiffness),
+    )
+
+
+def _found(wishes: Sequence[Wish]) -> Iterator[tuple[str, Hidden, float]]:
+    files = known()
+    names = [wish.name for wish in wishes]
+    for wish in sorted(wishes, key=lambda wish: wish.name):
+        if wish.name in IMPOSSIBLE:
+            raise UsageError(f"{wish.name} cannot be hidden: {IMPOSSIBLE[wish.name]}. What can be: {', '.join(files)}.")
+        if wish.name not in files:
+            raise UsageError.unknown("effect", wish.name, files)
+        if names.count(wish.name) > 1:
+            raise UsageError(f"{wish.name} is named twice; name each effect once, as EFFECT or EFFECT=SIZE.")
+        yield wish.name, files[wish.name], _size(wish, files[wish.name])
+
+
+def _size(wish: Wish, effect: Hidden) -> float:
+    main = effect.main
+    if wish.size is None:
+        return float(main.typical or 0.0)
+    if not main.low <= wish.size <= main.high:
+        raise ParameterError(
+            f"{wish.name}={wish.size:g} is outside {main.low:g} to {main.high:g} {main.unit} "
+            f"({main.name}; {main.typical:g} is typical). Signs and directions are drawn from the seed."
+        )
+    return wish.size

@@ -1,0 +1,168 @@
+"""What hidden effects do to a running MuJoCo world: the one place that knows both them and its model."""
+
+from collections.abc import Sequence
+from typing import Any, final
+
+import numpy as np
+from jaxtyping import Float64, Int
+
+from app.rig.simulated.hidden.base import Injected, Moment, Vectors
+from app.rig.simulated.physics import Position, WorldPhysics
+from app.tasks.base import Finger, Rope
+
+_TABLE_GEOM = 0
+_QUIET_M_S, _QUIET_M = 1e-3, 0.02
+"""Where nothing of the rope is faster and the finger is farther, it is at rest: friction holds it, and it may sleep."""
+_HELD = 0.5
+"""Share of the table's friction up to which a steady force does not move a rope at rest."""
+
+
+@final
+class Intrusion:
+    """Effects at work in one world; nothing but a list until it is attached to a model.
+
+    `session` is where the present push stands between the first (-0.5) and the last (0.5); whoever pushes sets it.
+    """
+
+    def __init__(self, hidden: Sequence[Injected]) -> None:
+        self.session = 0.0
+        self._hidden = tuple(hidden)
+        self._acts = any(_acts(each) for each in hidden)
+
+    def physics(self, physics: WorldPhysics, rope: Rope) -> WorldPhysics:
+        """The world's physics with what these effects change of it."""
+        for each in self._hidden:
+            if each.effect.physics is not None:
+                physics = each.effect.physics(physics, rope, each.values)
+        return physics
+
+    def build(self, spec: Any, physics: WorldPhysics) -> None:
+        """Change the MuJoCo `spec` before it is compiled."""
+        for each in self._hidden:
+            if each.effect.build is not None:
+                each.effect.build(spec, physics, each.values)
+
+    def attach(self, model: Any, data: Any, links: Int[np.ndarray, " S"], rope: Rope, finger: Finger) -> None:
+        """Act on this model and its state from now on; `links` are the rope's bodies in order."""
+        if self._acts:
+            self._chain = _Chain(model, data, links, rope, finger)
+            if any(each.effect.friction is not None for each in self._hidden):
+                # Of two geoms the larger friction counts, so the rope's own is free to be anything.
+                model.geom_friction[_TABLE_GEOM, 0] = 0.0
+
+    def act(self) -> None:
+        """Set friction, forces and hinges for the time step that comes."""
+        if not self._acts:
+            return
+        for each in self._hidden:
+            if each.effect.relaxed is not None:
+                self._chain.relax(each.effect.relaxed(self._chain.period_s, each.values))
+        if not self._chain.sleeps:
+            self._stir()
+
+    def _stir(self) -> None:
+        """The same for a rope that is awake."""
+        chain, moment = self._chain, self._chain.moment(self.session)
+        friction, stiffness, force = np.ones(len(moment.x)), np.ones(len(moment.x)), np.zeros_like(moment.x)
+        for effect, values in ((each.effect, each.values) for each in self._hidden):
+            if effect.friction is not None:
+                friction = friction * effect.friction(moment, values)
+            if effect.stiffness is not None:
+                stiffness = stiffness * effect.stiffness(moment, values)
+            if effect.force is not None:
+                force = force + effect.force(moment, values)
+        chain.rub(friction)
+        chain.stiffen(stiffness)
+        chain.pull(force if chain.stirs(moment, force) else np.zeros_like(force))
+
+
+@final
+class _Chain:
+    """The rope and the finger in the arrays of a MuJoCo model and its state."""
+
+    def __init__(self, model: Any, data: Any, links: Int[np.ndarray, " S"], rope: Rope, finger: Finger) -> None:
+        self.period_s = float(model.opt.timestep)
+        self._model, self._data, self._links = model, data, links
+        self._radius_m, self._segment_m = rope.radius_m, rope.length_m / len(links)
+        self._finger_radius_m, self._finger = finger.radius_m, model.body("finger").id
+        # Of a segment's two geoms the second meets the table; of its two hinges the first turns about the vertical.
+        self._soles = model.body_geomadr[links] + 1
+        self._hinges = model.body_jntadr[links[1:]]
+        self._angles, self._lasting = model.jnt_qposadr[self._hinges], model.jnt_plasticadr[self._hinges]
+        self._mass = model.body_mass[links].copy()
+        self._friction = model.geom_friction[self._soles, 0].copy()
+        self._stiffness = model.jnt_stiffness[self._hinges].copy()
+        self._gravity = float(np.linalg.norm(model.opt.gravity))
+        self._last_tip = data.xpos[self._finger].copy()
+        self._tree = model.body_treeid[links[0]]
+
+    @property
+    def sleeps(self) -> bool:
+        """Whether MuJoCo leaves the rope as it is."""
+        return bool(self._data.tree_asleep[self._tree] >= 0)
+
+    def moment(self, session: float) -> Moment:
+        """The state as effects see it."""
+        data, period_s = self._data, self.period_s
+        x = data.xipos[self._links].copy()
+        tip = data.xpos[self._finger].copy()
+        velocity, self._last_tip = (tip - self._last_tip) / period_s, tip
+        away = self._axis_points(x, tip) - x
+        length = np.maximum(np.linalg.norm(away, axis=1), 1e-9)
+        return Moment(
+            time_s=float(data.time),
+            session=session,
+            period_s=period_s,
+            gravity_m_s2=self._gravity,
+            radius_m=self._radius_m,
+            segment_m=self._segment_m,
+            x=x,
+            v=self._velocities(x),
+            mass=self._mass,
+            finger=tip,
+            finger_v=velocity,
+            toward=away / length[:, None],
+            gap_m=length - self._radius_m - self._finger_radius_m,
+        )
+
+    def stirs(self, moment: Moment, force: Vectors) -> bool:
+        """Whether `force` matters: something moves, the finger is near, or friction would not hold the rope."""
+        if moment.gap_m.min() < _QUIET_M or np.abs(moment.v).max() > _QUIET_M_S:
+            return True
+        holds = _HELD * self._model.geom_friction[self._soles, 0] * self._mass * self._gravity
+        return bool(np.any(np.linalg.norm(force, axis=1) > holds))
+
+    def rub(self, factor: Float64[np.ndarray, " S"]) -> None:
+        """Friction of each segment on the table, as a multiple of its own."""
+        self._model.geom_friction[self._soles, 0] = self._friction * factor
+
+    def stiffen(self, factor: Float64[np.ndarray, " S"]) -> None:
+        """Stiffness of the hinge before each segment but the first, as a multiple of its own."""
+        self._model.jnt_stiffness[self._hinges] = self._stiffness * factor[1:]
+
+    def pull(self, force: Vectors) -> None:
+        """A force [N] on the middle of each segment."""
+        self._data.xfrc_applied[self._links, :3] = force
+
+    def relax(self, share: float) -> None:
+        """Make this share of each hinge's elastic bend lasting."""
+        lasting = self._data.plastic[self._lasting]
+        elastic = self._data.qpos[self._angles] - self._model.qpos_spring[self._angles] - lasting
+        self._data.plastic[self._lasting] = lasting + share * elastic
+
+    def _axis_points(self, x: Vectors, tip: Position) -> Vectors:
+        """The nearest point to each segment on the finger's axis, which ends a radius above its tip."""
+        points = np.repeat(tip[None], len(x), axis=0)
+        points[:, 2] = np.maximum(x[:, 2], tip[2] + self._finger_radius_m)
+        return points
+
+    def _velocities(self, x: Vectors) -> Vectors:
+        """Of the segments' middles [m/s]; MuJoCo keeps those of the point at the whole rope's centre of mass."""
+        spin, carried = self._data.cvel[self._links, :3], self._data.cvel[self._links, 3:]
+        return carried + np.cross(spin, x - self._data.subtree_com[self._links[0]])
+
+
+def _acts(each: Injected) -> bool:
+    """Whether an effect has anything to do in each time step."""
+    effect = each.effect
+    return any(hook is not None for hook in (effect.friction, effect.force, effect.stiffness, effect.relaxed))

@@ -1,0 +1,159 @@
+"""Episodes of random pushes in the simulated world, on its own clock: no camera, no process, no real time.
+
+What is hidden in the world and its arm acts; what is recorded is the command, what the arm's encoders say, and
+snapshots for cameras to look at. Everything follows from the seed.
+"""
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from typing import final
+
+import numpy as np
+from jaxtyping import Float64
+
+from app.rig.simulated.hidden.base import Injected
+from app.rig.simulated.intrusion import Intrusion
+from app.rig.simulated.physics import HOME_TOOL_M, Centreline, WorldPhysics
+from app.rig.simulated.strokes import Plan, midway_s, random_track
+from app.rig.simulated.track import ToolTrack
+from app.rig.simulated.world import RopeWorld, Snapshot
+from app.tasks.base import Task
+from app.tasks.curves import fill_tube
+
+SLOT_S = 8.0
+"""From one push to the next: longer than the slowest takes, so that a session's time goes evenly with its pushes."""
+BEGIN_S = 1000.0
+"""The clock of every session at its first view."""
+_SETTLE_S, _PAUSE_S, _REST_S = 1.0, 0.5, 1.0
+"""A rope that was laid comes to rest; the arm comes from its waiting place; the rope comes to rest after the push."""
+_TICK_S = 0.01
+_ENCODER_M = 1e-4
+_BODY_POINTS = 300
+_STARTS, _TRACKS, _ENCODERS = 4, 5, 6
+"""Streams of random numbers of a seed."""
+
+
+@final
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Look:
+    """What there was to see at a moment that cameras stamp `stamp_s`."""
+
+    stamp_s: float
+    snapshot: Snapshot
+
+
+@final
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Take:
+    """One push: looks before, in the middle and after it, and the tool's way as commanded and as measured."""
+
+    episode: int
+    before: Look
+    during: Look
+    after: Look
+    command: ToolTrack
+    measured: ToolTrack
+
+
+def rehearse(task: Task, plan: Plan, physics: WorldPhysics, hidden: Sequence[Injected], seed: int) -> Iterator[Take]:
+    """All pushes of all episodes in order; each episode lays the rope anew, its ends nearest to where they were."""
+    starts = np.random.default_rng([seed, _STARTS]).integers(2**31, size=plan.episodes).tolist()
+    arm, last = _Arm(hidden), None
+    for episode, start in enumerate(starts):
+        laid = _laid(task.start(start), last)
+        intrusion, begin_s = Intrusion(hidden), BEGIN_S + episode * plan.pushes * SLOT_S
+        world = RopeWorld(
+            task.rope, task.finger, laid, physics=physics, intrusion=intrusion, time_s=begin_s - _SETTLE_S
+        )
+        for push in range(plan.pushes):
+            number = episode * plan.pushes + push
+            intrusion.session = _session(number, plan)
+            _wait(world, begin_s + push * SLOT_S)
+            yield _pushed(world, task, plan, arm, seed, episode, number)
+        last = world.centreline()
+
+
+def first_ends(task: Task, plan: Plan, seed: int) -> Float64[np.ndarray, "2"]:
+    """Where the rope's end s = -1 lies at first [m]."""
+    starts = np.random.default_rng([seed, _STARTS]).integers(2**31, size=plan.episodes).tolist()
+    return task.start(starts[0])[0, :2]
+
+
+@final
+class _Arm:
+    """The arm with what is hidden in it."""
+
+    def __init__(self, hidden: Sequence[Injected]) -> None:
+        self._driving = [each for each in hidden if each.effect.drive is not None]
+        late = [each.effect.late_s(each.values) for each in hidden if each.effect.late_s is not None]
+        self.late_s = sum(late, 0.0)
+
+    def goes(self, command: ToolTrack, *, told_only: bool) -> ToolTrack:
+        """Where the tip goes for a command, or what encoders can see of that."""
+        track = command
+        for each in self._driving:
+            if each.effect.drive is not None and (each.effect.told or not told_only):
+                track = each.effect.drive(track, each.values)
+        return track
+
+
+def _pushed(world: RopeWorld, task: Task, plan: Plan, arm: _Arm, seed: int, episode: int, number: int) -> Take:
+    """Make the next push of the world, which is at rest."""
+    before = Look(stamp_s=world.time_s, snapshot=world.snapshot())
+    x = fill_tube(world.centreline(), task.rope.radius_m, _BODY_POINTS)
+    command = random_track(
+        np.random.default_rng([seed, _TRACKS, number]),
+        x,
+        plan,
+        start_s=world.time_s + _PAUSE_S,
+        height_m=task.finger.push_height_m,
+    )
+    made = arm.goes(command, told_only=False)
+    stamp_s = midway_s(command.times_s)
+    world.place(made.positions[0])
+    _follow(world, made, stamp_s + arm.late_s)
+    during = Look(stamp_s=stamp_s, snapshot=world.snapshot())
+    _follow(world, made, max(made.end_s, command.end_s))
+    world.place(np.array(HOME_TOOL_M))
+    _wait(world, world.time_s + _REST_S)
+    return Take(
+        episode=episode,
+        before=before,
+        during=during,
+        after=Look(stamp_s=world.time_s, snapshot=world.snapshot()),
+        command=command,
+        measured=_measured(arm, command, np.random.default_rng([seed, _ENCODERS, number])),
+    )
+
+
+def _measured(arm: _Arm, command: ToolTrack, rng: np.random.Generator) -> ToolTrack:
+    """What the encoders say, at the times of the command."""
+    told = arm.goes(command, told_only=True).at(command.times_s)
+    return command.moved(told + rng.normal(0, _ENCODER_M, told.shape))
+
+
+def _follow(world: RopeWorld, track: ToolTrack, until_s: float) -> None:
+    """Let the tip go along its track until then."""
+    while world.time_s < until_s - _TICK_S / 10:
+        due_s = min(world.time_s + _TICK_S, until_s)
+        world.step(track.at(np.array([due_s]))[0], due_s - world.time_s)
+
+
+def _wait(world: RopeWorld, until_s: float) -> None:
+    """Let time pass with the tool where it is."""
+    if until_s > world.time_s:
+        world.step(world.tool, until_s - world.time_s)
+
+
+def _session(number: int, plan: Plan) -> float:
+    """Where a push stands between the first of all (-0.5) and the last (0.5)."""
+    return number / max(plan.episodes * plan.pushes - 1, 1) - 0.5
+
+
+def _laid(start: Centreline, last: Centreline | None) -> Centreline:
+    """The rope laid as `start` has it, the way round that leaves its ends nearer to where they were."""
+    if last is None:
+        return start
+    ends = last[[0, -1], :2]
+    there, turned = (np.linalg.norm(start[order, :2] - ends) for order in ([0, -1], [-1, 0]))
+    return start if there <= turned else start[::-1].copy()
