@@ -1,0 +1,7 @@
+"""What discovery concluded, for people and for programs: a page, a JSON file and lines in a terminal."""
+
+from app.ui.report.page import write_report
+from app.ui.report.terminal import show_case
+from app.ui.report.verdict_json import verdict_json
+
+__all__ = ["show_case", "verdict_json", "write_report"]

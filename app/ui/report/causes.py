@@ -1,0 +1,131 @@
+"""What was weighed: causes with probability and size, and which of them these pushes would confuse."""
+
+import math
+
+import numpy as np
+
+from app.discovery.case import Blame, Case
+from app.ui.report.chart import label, svg
+from app.ui.report.layout import details, figure, paragraph, table
+from app.ui.report.markup import Markup, joined, tag
+from app.ui.report.size import size
+from app.ui.report.words import best, decimal, effect_name, interval, percent, title
+
+_FIRST = 8
+"""Causes shown at once; the others on demand."""
+_CONFUSED_FROM = 0.15
+_NUMBERED_FROM = 0.01
+_LABELS = 190.0
+
+
+def causes(case: Case) -> Markup:
+    """The ranking as a table, the verdict's causes first."""
+    chosen = {blame.effect for blame in case.causes}
+    rest = sorted((it for it in case.ranking if it.effect not in chosen), key=lambda it: -it.probability)
+    ordered = [*case.causes, *rest]
+    if not ordered:
+        return paragraph("No cause was weighed: there are too few pushes.")
+    first, others = ordered[:_FIRST], ordered[_FIRST:]
+    shown = _table(first, chosen)
+    return joined([shown, details(f"{len(others)} less likely causes", _table(others, chosen))]) if others else shown
+
+
+def _table(blames: list[Blame], chosen: set[str]) -> Markup:
+    heads = ("Cause", "Probability", "", "Size", "90 % interval", "log Bayes factor")
+    rows = [_row(blame, blame.effect in chosen) for blame in blames]
+    return table(heads, rows, numbers=(1, 3, 4, 5), kind="causes")
+
+
+def _row(blame: Blame, chosen: bool) -> tuple[Markup, str, Markup, str, str, str]:
+    whole = size(blame)
+    numbers = (whole.value, whole.low, whole.high, whole.unit)
+    name = joined(
+        [
+            tag("b", title(blame.effect), class_="chosen" if chosen else None),
+            tag("small", f"{blame.family} \N{MIDDLE DOT} {_about(blame)}"),
+        ]
+    )
+    return (
+        name,
+        percent(blame.probability),
+        _bar(blame.probability, "extended" if chosen else "still"),
+        best(*numbers),
+        interval(*numbers),
+        decimal(blame.log_bayes, 1),
+    )
+
+
+def _about(blame: Blame) -> str:
+    """What the cause is, without its name where that comes first."""
+    name, colon, rest = blame.about.partition(": ")
+    return rest if colon and len(name) < 80 else blame.about
+
+
+def _bar(share: float, kind: str, width: float = 110.0) -> Markup:
+    """A probability as a small bar."""
+    filled = min(max(share, 0.0), 1.0) if math.isfinite(share) else 0.0
+    full = tag("rect", x=0.0, y=4.0, width=width, height=9.0, rx=2.0, class_="trough")
+    part = tag("rect", x=0.0, y=4.0, width=max(width * filled, 1.5), height=9.0, rx=2.0, class_=f"fill {kind}")
+    return svg(width, 17.0, f"Probability {percent(share)}", "As a bar of 0 to 100 %.", full, part)
+
+
+def confusions(case: Case) -> Markup:
+    """How often each hidden cause would have been taken for each, as a heat map."""
+    count = len(case.confused)
+    if not count:
+        return paragraph("The test was not tried on hidden causes, so nobody knows what it would confuse.")
+    cell = min(46.0, 560.0 / count)
+    top, width = 130.0, _LABELS + cell * count + 90
+    names = [effect_name(effect) for effect in case.confused]
+    drawing = svg(
+        width,
+        top + cell * count + 8,
+        "Which causes these pushes would confuse",
+        f"Rows: what was hidden; columns: what it was taken for. {_said(case)}",
+        label(_LABELS - 12, top - 10, "hidden \N{DOWNWARDS ARROW}", "strong", anchor="end"),
+        label(_LABELS - 12, top - 32, "taken for, in % \N{RIGHTWARDS ARROW}", "strong", anchor="end"),
+        *(label(_LABELS - 12, top + cell * (k + 0.5) + 4, name, "tick", anchor="end") for k, name in enumerate(names)),
+        *(_column_name(_LABELS + cell * (k + 0.5), top - 8, name) for k, name in enumerate(names)),
+        *(
+            _cell(_LABELS + cell * j, top + cell * i, cell, float(case.confusions[i, j]), i == j)
+            for i in range(count)
+            for j in range(count)
+        ),
+    )
+    return figure(
+        drawing,
+        "Each cause was hidden in simulations of these very pushes, and looked for: a dark diagonal means that it "
+        f"would be named. {_said(case)}",
+    )
+
+
+def _column_name(x: float, y: float, name: str) -> Markup:
+    return tag("text", name, x=x + 4, y=y, class_="tick", transform=f"rotate(-42 {x + 4:.1f} {y:.1f})")
+
+
+def _cell(x: float, y: float, side: float, share: float, own: bool) -> Markup:
+    known = share if math.isfinite(share) else 0.0
+    box = tag(
+        "rect", x=x + 1, y=y + 1, width=side - 2, height=side - 2, rx=3.0, class_="trough own" if own else "trough"
+    )
+    heat = tag("rect", x=x + 1, y=y + 1, width=side - 2, height=side - 2, rx=3.0, class_="heat", opacity=f"{known:.2f}")
+    if known < _NUMBERED_FROM or side < 24:
+        return joined([box, heat])
+    kind = "cell on" if known > 0.62 else "cell"
+    return joined([box, heat, label(x + side / 2, y + side / 2 + 4, f"{100 * known:.0f}", kind, anchor="middle")])
+
+
+def _said(case: Case) -> str:
+    """The pairs that are taken for one another, in words."""
+    mutual = np.maximum(case.confusions, case.confusions.T)
+    pairs = sorted(
+        ((float(mutual[i, j]), i, j) for i in range(len(mutual)) for j in range(i) if mutual[i, j] >= _CONFUSED_FROM),
+        reverse=True,
+    )
+    if not pairs:
+        return "No two of them are often taken for one another."
+    said = [
+        f"{effect_name(case.confused[j])} and {effect_name(case.confused[i])} ({percent(share)})"
+        for share, i, j in pairs[:4]
+    ]
+    return f"Hard to tell apart: {'; '.join(said)}."

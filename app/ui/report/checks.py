@@ -1,0 +1,60 @@
+"""What was measured without simulating anything: a row a check, with its interval beside what would be right."""
+
+import math
+
+from app.discovery.case import Case, Check
+from app.ui.report.chart import Axis, line, svg
+from app.ui.report.layout import paragraph, table
+from app.ui.report.markup import Markup, joined, tag
+from app.ui.report.words import best, decimal, display, interval, with_symbol
+from app.ui.words import NOTHING, sentence
+
+_WIDTH, _HEIGHT = 150.0, 22.0
+
+
+def checks(case: Case) -> Markup:
+    """The table of checks, and how many are sound."""
+    if not case.checks:
+        return paragraph(
+            "Nothing could be checked without simulating: finger, bare table and measured poses are missing."
+        )
+    unsound = [check for check in case.checks if not check.sound]
+    said = (
+        f"{len(unsound)} of {len(case.checks)} checks are off: what would be right lies outside of the interval."
+        if unsound
+        else f"All {len(case.checks)} checks are sound: what would be right lies in every interval."
+    )
+    heads = ("", "Check", "Measured", "90 % interval", "Right would be", "Bar: interval; tick: right value")
+    rows = [_row(check) for check in case.checks]
+    return joined([paragraph(said, "lead"), table(heads, rows, numbers=(2, 3, 4), kind="checks")])
+
+
+def _row(check: Check) -> tuple[Markup, Markup, str, str, str, Markup]:
+    mark = tag("span", "sound" if check.sound else "off", class_=f"mark {'sound' if check.sound else 'unsound'}")
+    name = joined([tag("b", sentence(check.name)), tag("small", check.about)])
+    numbers = (check.value, check.low, check.high, check.unit)
+    return mark, name, best(*numbers), interval(*numbers), _expected(check), _strip(check)
+
+
+def _expected(check: Check) -> str:
+    shown = display(check.unit, check.value, check.low, check.high)
+    return with_symbol(decimal(check.expected * shown.factor, 0), shown) if math.isfinite(check.expected) else NOTHING
+
+
+def _strip(check: Check) -> Markup:
+    """The interval as a bar, and a tick at what would be right."""
+    values = [check.low, check.high, check.value, check.expected]
+    if not all(map(math.isfinite, values)):
+        return tag("span", NOTHING)
+    x = Axis(low=min(values), high=max(values), start=10.0, end=_WIDTH - 10)
+    kind, middle = "sound" if check.sound else "unsound", _HEIGHT / 2
+    return svg(
+        _WIDTH,
+        _HEIGHT,
+        f"{check.name}: {'sound' if check.sound else 'off'}",
+        "The interval as a bar, the value as a dot, and what would be right as a tick.",
+        line((4, middle), (_WIDTH - 4, middle), "grid"),
+        line((x(check.low), middle), (x(check.high), middle), f"bar {kind}"),
+        tag("circle", cx=x(check.value), cy=middle, r=4.5, class_=f"value {kind}"),
+        line((x(check.expected), 2), (x(check.expected), _HEIGHT - 2), "right"),
+    )

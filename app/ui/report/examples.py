@@ -1,0 +1,73 @@
+"""Held-out pushes as they were and as both models predict them, from above, and what differs most through a lens."""
+
+from app.discovery.case import Case, Example
+from app.ui.report.chart import Plot, svg
+from app.ui.report.ground import bounds, cloud, ground, surface, way
+from app.ui.report.layout import chooser, columns, figure, legend, paragraph
+from app.ui.report.lens import LENS_M, apart_mm, close_up, enlarged, frame, lens
+from app.ui.report.markup import Markup, joined, tag
+from app.ui.report.words import decimal
+
+_KEY = (
+    ("before", "before the push"),
+    ("nominal", "nominal model"),
+    ("extended", "extended model"),
+    ("observed", "observed after it"),
+    ("tool", "way of the tool"),
+)
+
+
+def examples(case: Case) -> Markup:
+    """The pushes, of which one at a time is shown."""
+    if not case.examples:
+        return paragraph("No episode was held out, so there is no push that the models had not seen.")
+    options = [(str(index), f"push {it.number}") for index, it in enumerate(case.examples)]
+    shown = [
+        tag("div", _example(it, index), data_of="example", data_key=str(index), class_="off" if index else None)
+        for index, it in enumerate(case.examples)
+    ]
+    return joined([chooser("example", "Held-out push", options), *shown])
+
+
+def _example(it: Example, index: int) -> Markup:
+    whole = ground(bounds((it.before, it.observed, it.nominal, it.extended, it.tool)), 440.0, 480.0)
+    near = lens(it.observed, it.nominal)
+    drawing = svg(
+        whole.width,
+        whole.height,
+        f"Held-out push {it.number}",
+        "The object before and after the push and as both models predict it, from above, with the way of the tool.",
+        surface(whole),
+        cloud(whole, it.before, "before"),
+        _ends(whole, it),
+        way(whole, it.tool),
+        frame(whole, near),
+    )
+    close = close_up(near)
+    detail = enlarged(
+        close,
+        f"example{index}",
+        f"Held-out push {it.number}, where the nominal model is worst",
+        f"Where the nominal model is farthest from what was seen, in a square of {200 * LENS_M:g} cm.",
+        _ends(close, it),
+    )
+    return columns(
+        figure(drawing, _said(it), legend=legend(_KEY)),
+        figure(detail, "What the frame holds: where the nominal model is farthest from what was seen."),
+        kind="lensed",
+    )
+
+
+def _ends(p: Plot, it: Example) -> Markup:
+    """What was seen over what both models predicted."""
+    return joined(
+        [cloud(p, it.nominal, "nominal"), cloud(p, it.extended, "extended"), cloud(p, it.observed, "observed")]
+    )
+
+
+def _said(it: Example) -> str:
+    nominal, extended = (decimal(apart_mm(it.observed, cloud), 1) for cloud in (it.nominal, it.extended))
+    return (
+        "The better a model, the more its dots lie on those observed. From an observed point to the nearest predicted "
+        f"one it is {nominal} mm in the mean with the nominal model, {extended} mm with the extended one."
+    )

@@ -1,0 +1,93 @@
+"""What the extended model gained on episodes that no model was fitted to."""
+
+import math
+
+import numpy as np
+
+from app.discovery.case import Case, Gain
+from app.ui.report.chart import axes, dots, label, line, nice_step, plot, polyline, svg
+from app.ui.report.layout import columns, figure, legend, paragraph
+from app.ui.report.markup import Markup, joined, tag
+from app.ui.report.verdict import gain_sentence
+from app.ui.report.words import decimal
+
+_WIDTH, _HEIGHT = 250.0, 250.0
+_MARGINS = (14.0, 14.0, 46.0, 58.0)
+
+
+def gains(case: Case) -> Markup:
+    """The gain in words, and three small figures of it."""
+    drawn = [_bars(case.gain)] if math.isfinite(case.gain.nominal_mm) else []
+    drawn += [_paired(case)] if len(case.per_episode) else []
+    drawn += [_steps(case)] if len(case.steps) else []
+    key = legend(
+        [("still", "no motion: nothing moves"), ("nominal", "refitted nominal model"), ("extended", "extended model")]
+    )
+    return joined([paragraph(gain_sentence(case.gain), "lead"), key, columns(*drawn, kind="three")])
+
+
+def _bars(gain: Gain) -> Markup:
+    values = (
+        ("no motion", gain.still_mm, "still"),
+        ("nominal", gain.nominal_mm, "nominal"),
+        ("extended", gain.extended_mm, "extended"),
+    )
+    known = [entry for entry in values if math.isfinite(entry[1])]
+    p = plot(_WIDTH, _HEIGHT, (0, len(known)), (0, _above(max(value for _, value, _ in known))), _MARGINS)
+    drawn = list[Markup]()
+    for index, (name, value, kind) in enumerate(known):
+        x, top = p.x(index + 0.5), p.y(value)
+        drawn += [
+            tag("rect", x=x - 21, y=top, width=42.0, height=p.y.start - top, rx=2.0, class_=f"fill {kind}"),
+            label(x, top - 6, decimal(value, 1), "strong", anchor="middle"),
+            label(x, p.y.start + 18, name, "tick", anchor="middle"),
+        ]
+    said = "; ".join(f"{name} {decimal(value, 1)} mm" for name, value, _ in known)
+    drawing = svg(p.width, p.height, "One-step error", said, axes(p, "", "one-step error [mm]", x_count=0), *drawn)
+    return figure(drawing, "Held-out one-step errors. A model is of use where its bar is well below that of no motion.")
+
+
+def _paired(case: Case) -> Markup:
+    values = case.per_episode[np.isfinite(case.per_episode).all(axis=1)]
+    better = int((values[:, 1] < values[:, 0]).sum())
+    p = plot(_WIDTH, _HEIGHT, (-0.35, 1.35), (0, _above(float(values.max(initial=0.0)))), _MARGINS)
+    pairs = [(p.at((0, pair[0])), p.at((1, pair[1]))) for pair in values]
+    drawing = svg(
+        p.width,
+        p.height,
+        "Errors episode by episode",
+        f"The extended model is better in {better} of {len(values)} episodes.",
+        axes(p, "", "one-step error [mm]", x_count=0),
+        *(line(*pair, "pair" if b < a else "pair worse") for pair, (a, b) in zip(pairs, values, strict=True)),
+        dots([start for start, _ in pairs], "mid nominal"),
+        dots([end for _, end in pairs], "mid extended"),
+        label(p.x(0), p.y.start + 18, "nominal", "tick", anchor="middle"),
+        label(p.x(1), p.y.start + 18, "extended", "tick", anchor="middle"),
+    )
+    return figure(drawing, f"A line an episode: better in {better} of {len(values)}. Broken lines rise.")
+
+
+def _steps(case: Case) -> Markup:
+    values = case.steps
+    p = plot(_WIDTH, _HEIGHT, (0.6, len(values) + 0.4), (0, _above(float(np.nanmax(values)))), _MARGINS)
+    curves = [
+        [p.at((step + 1, value)) for step, value in enumerate(values[:, k]) if math.isfinite(value)] for k in range(2)
+    ]
+    drawing = svg(
+        p.width,
+        p.height,
+        "Errors over several pushes",
+        "; ".join(f"after {k + 1}: {a:.1f} and {b:.1f} mm" for k, (a, b) in enumerate(values)),
+        axes(p, "pushes predicted in a row", "error [mm]", x_count=max(len(values), 1)),
+        *(
+            joined([polyline(curve, f"curve {kind}"), dots(curve, f"mid {kind}")])
+            for curve, kind in zip(curves, ("nominal", "extended"), strict=True)
+        ),
+    )
+    return figure(drawing, "How errors grow when pushes are predicted one after another, as a planner does.")
+
+
+def _above(largest: float) -> float:
+    """A round number above the largest value."""
+    step = nice_step(largest / 5) if largest > 0 else 1.0
+    return step * math.ceil(1.12 * largest / step) if largest > 0 else 1.0

@@ -1,0 +1,68 @@
+"""The top of the page: the verdict in large type, its sentences and key numbers; then what was looked at."""
+
+import math
+
+from app.discovery.case import Case
+from app.ui.report.layout import paragraph
+from app.ui.report.markup import Markup, joined, tag
+from app.ui.report.size import size
+from app.ui.report.verdict import KICKERS, chance, headline
+from app.ui.report.words import best, decimal, interval, title
+
+
+def masthead(case: Case) -> Markup:
+    """What a reader takes home who reads nothing else."""
+    return tag(
+        "header",
+        tag("p", tag("b", "dipac discover"), f"case file of {case.amount.task}", class_="brand"),
+        tag("p", KICKERS[case.verdict], class_="kicker"),
+        tag("h1", headline(case)),
+        tag("div", *(paragraph(text) for text in case.sentences), class_="sentences"),
+        tag("dl", *(_figure(*entry) for entry in _key_numbers(case)), class_="key"),
+        class_=f"masthead {case.verdict}",
+    )
+
+
+def _key_numbers(case: Case) -> list[tuple[str, str, str]]:
+    """Name, number and what more there is to say of it."""
+    known = chance(case)
+    entries = [("Probability", *known)] if known is not None else []
+    for blame in case.causes:
+        it = size(blame)
+        numbers = (it.value, it.low, it.high, it.unit)
+        entries.append((title(it.name), best(*numbers), f"90 % interval {interval(*numbers)}"))
+    gain = case.gain
+    if math.isfinite(gain.gain):
+        low, high = decimal(100 * gain.low, 0), decimal(100 * gain.high, 0)
+        entries.append(("Held-out error gone", f"{decimal(100 * gain.gain, 0)} %", f"90 % interval {low} to {high} %"))
+        errors = f"{decimal(gain.nominal_mm, 1)} → {decimal(gain.extended_mm, 1)} mm"
+        entries.append(("One-step error", errors, f"on {gain.episodes} held-out episodes"))
+    return entries
+
+
+def _figure(name: str, number: str, more: str) -> Markup:
+    return tag("div", tag("dt", name), tag("dd", number), tag("dd", more, class_="more"))
+
+
+def scope(case: Case) -> Markup:
+    """How much was looked at, and what cannot be concluded from it."""
+    it = case.amount
+    counts = (
+        (it.episodes, "episodes"),
+        (it.pushes, "pushes"),
+        (it.during, "seen during the push"),
+        (it.measured, "measured tracks"),
+        (it.particles, "particles"),
+    )
+    listed = tag("dl", *(_count(number, name) for number, name in counts), class_="counts")
+    if not case.limits:
+        return joined([listed, paragraph("These data have what discovery needs: no limit was met.")])
+    limits = (
+        tag("li", tag("b", limit.text), " ", limit.consequence, class_="fatal" if limit.fatal else None)
+        for limit in case.limits
+    )
+    return joined([listed, tag("h3", "What these data cannot show"), tag("ul", *limits, class_="limits")])
+
+
+def _count(number: int, name: str) -> Markup:
+    return tag("div", tag("dd", str(number)), tag("dt", name))

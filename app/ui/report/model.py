@@ -1,0 +1,63 @@
+"""The extended model as it is saved, and where the time went."""
+
+import math
+
+from app.discovery.case import Case, Estimate
+from app.ui.report.chart import label, svg
+from app.ui.report.layout import figure, paragraph, table
+from app.ui.report.markup import Markup, joined, tag
+from app.ui.report.words import best, decimal, display, effect_name, interval, title, with_symbol
+from app.ui.words import duration, sentence
+
+_WIDTH, _ROW, _LABELS = 780.0, 24.0, 190.0
+
+
+def model(case: Case) -> Markup:
+    """Every parameter of the extended model with its interval; the formula where there is one."""
+    rows = [_row("Nominal, refitted", it) for it in case.nominal]
+    rows += [_row(title(blame.effect), it) for blame in case.causes for it in blame.estimates]
+    formula = Markup("")
+    if case.formula is not None:
+        rows += [_row(sentence(term.words), it) for term in case.formula.terms for it in term.estimates]
+        terms = (tag("li", tag("code", term.formula), f": {term.words}") for term in case.formula.terms)
+        formula = tag(
+            "div", tag("code", case.formula.text), paragraph(case.formula.words), tag("ul", *terms), class_="formula"
+        )
+    if not rows:
+        return paragraph("There is no extended model: nothing was found to extend it by.")
+    heads = ("Part", "Parameter", "Value", "90 % interval", "Nominal model")
+    return joined([formula, table(heads, rows, numbers=(2, 3, 4))])
+
+
+def _row(part: str, it: Estimate) -> tuple[str, Markup, str, str, str]:
+    numbers = (it.value, it.low, it.high, it.unit)
+    shown = display(it.unit, it.value, it.low, it.high)
+    null = with_symbol(decimal(it.null * shown.factor, _places(it.null * shown.factor)), shown)
+    name = joined([tag("b", sentence(effect_name(it.name))), tag("small", it.about)])
+    return part, name, best(*numbers), interval(*numbers), null
+
+
+def _places(value: float) -> int:
+    """Places that a round number needs."""
+    return next((places for places in range(4) if math.isclose(value, round(value, places), abs_tol=1e-9)), 4)
+
+
+def spent(case: Case) -> Markup:
+    """A bar a stage."""
+    known = [(stage, seconds) for stage, seconds in case.spent_s if math.isfinite(seconds) and seconds >= 0]
+    total = sum(seconds for _, seconds in known)
+    if total <= 0:
+        return paragraph("Nobody took the time.")
+    longest = max(seconds for _, seconds in known)
+    scale = (_WIDTH - _LABELS - 110) / longest
+    drawn = list[Markup]()
+    for index, (stage, seconds) in enumerate(known):
+        y, long = _ROW * index + 12, max(seconds * scale, 1.5)
+        drawn += [
+            label(_LABELS - 12, y + 4, stage, "tick", anchor="end"),
+            tag("rect", x=_LABELS, y=y - 7, width=long, height=14.0, rx=2.0, class_="fill still"),
+            label(_LABELS + long + 8, y + 4, duration(seconds), "tick"),
+        ]
+    said = "; ".join(f"{stage} {duration(seconds)}" for stage, seconds in known)
+    drawing = svg(_WIDTH, _ROW * len(known) + 4, "Time by stage", said, *drawn)
+    return figure(drawing, f"{duration(total)} in all, bars in proportion.")

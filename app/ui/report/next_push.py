@@ -1,0 +1,69 @@
+"""The push that would tell apart what is left, drawn on the table."""
+
+from app.discovery.case import Case, NextPush
+from app.ui.report.chart import Plot, svg
+from app.ui.report.ground import cloud, ground, surface, table_bounds, way
+from app.ui.report.layout import columns, figure, legend, paragraph
+from app.ui.report.lens import close_up, enlarged, frame, lens
+from app.ui.report.markup import Markup, joined, tag
+from app.ui.report.words import best, effect_name
+from app.ui.words import duration
+
+_KINDS = ("end0", "end1", "end2", "end3")
+
+
+def next_push(case: Case) -> Markup:
+    """The sentence, the drawing, and the same through a lens; or that no push is needed."""
+    push = case.next_push
+    if push is None:
+        return paragraph("No push is proposed: there is nothing left that one would tell apart.")
+    side = tag("div", _detail(push), _numbers(push)) if len(push.ends) > 1 else _numbers(push)
+    return joined([paragraph(push.text, "lead"), columns(_drawing(case, push), side, kind="map")])
+
+
+def _drawing(case: Case, push: NextPush) -> Markup:
+    p = ground(table_bounds(case), 540.0)
+    key = [("before", "as it lies"), *_names(push), ("tool", "way of the tool")]
+    drawing = svg(
+        p.width,
+        p.height,
+        "The next push",
+        "The object as it lies, the way of the tool, and where each model sees it end.",
+        surface(p),
+        cloud(p, push.before, "before"),
+        _ends(p, push),
+        way(p, push.track.positions),
+        frame(p, lens(push.ends[0], push.ends[1])) if len(push.ends) > 1 else "",
+    )
+    return figure(drawing, "The push on the table. The tool starts at the dot.", legend=legend(key))
+
+
+def _detail(push: NextPush) -> Markup:
+    close = close_up(lens(push.ends[0], push.ends[1]))
+    said = "Where the models part most: one look at the object there decides between them."
+    return figure(enlarged(close, "parting", "Where the models part most", said, _ends(close, push)), said)
+
+
+def _ends(p: Plot, push: NextPush) -> Markup:
+    return joined(cloud(p, end, kind) for end, kind in zip(push.ends, _kinds(push), strict=True))
+
+
+def _kinds(push: NextPush) -> list[str]:
+    return [_KINDS[index % len(_KINDS)] for index in range(len(push.ends))]
+
+
+def _names(push: NextPush) -> list[tuple[str, str]]:
+    names = (f"end, with {effect_name(effect)}" for effect in push.between)
+    return list(zip(_kinds(push), names, strict=False))
+
+
+def _numbers(push: NextPush) -> Markup:
+    start, end = push.track.positions[0], push.track.positions[-1]
+    rows = (
+        ("Tells apart", " and ".join(effect_name(effect) for effect in push.between)),
+        ("They differ by", best(push.apart_mm * 1e-3, push.apart_mm * 1e-3, push.apart_mm * 1e-3, "m")),
+        ("From", f"({start[0]:.2f}, {start[1]:.2f}) m"),
+        ("To", f"({end[0]:.2f}, {end[1]:.2f}) m"),
+        ("It takes", duration(float(push.track.times_s[-1] - push.track.times_s[0]))),
+    )
+    return tag("dl", *(joined([tag("dt", name), tag("dd", value)]) for name, value in rows), class_="facts")

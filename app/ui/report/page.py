@@ -1,0 +1,83 @@
+"""The case file as one page that needs nothing else: no network, no server, no other file."""
+
+import base64
+import hashlib
+from collections.abc import Callable
+from importlib.resources import files
+from pathlib import Path
+from typing import Final
+
+from app.core.errors import UsageError
+from app.discovery.case import Case
+from app.ui.report.causes import causes, confusions
+from app.ui.report.checks import checks
+from app.ui.report.examples import examples
+from app.ui.report.field import field
+from app.ui.report.frames import frames
+from app.ui.report.gains import gains
+from app.ui.report.layout import section
+from app.ui.report.markup import Markup, tag
+from app.ui.report.masthead import masthead, scope
+from app.ui.report.model import model, spent
+from app.ui.report.next_push import next_push
+from app.ui.report.powers import powers
+from app.ui.report.verdict import headline
+
+SECTIONS: Final[tuple[tuple[str, str, str, Callable[[Case], Markup]], ...]] = (
+    ("scope", "What was looked at", "How much there is, and what it cannot show.", scope),
+    ("field", "Where the model is wrong", "Where the object is, against where the model puts it.", field),
+    ("checks", "Direct checks", "What can be measured without simulating anything.", checks),
+    ("frames", "Frame test", "In which frame is the error constant?", frames),
+    ("causes", "Causes", "How probable each is, and how large it would be.", causes),
+    ("confusions", "What could be confused", "Would these very pushes tell the causes apart?", confusions),
+    ("examples", "Before and after", "A push that no model was fitted to.", examples),
+    ("gains", "What is gained", "How much of the error goes away on such pushes?", gains),
+    ("powers", "What would be visible", "How large a cause has to be to show in these data.", powers),
+    ("next", "The next push", "Which push would tell most?", next_push),
+    ("model", "The extended model", "What is saved, and what a planner loads.", model),
+    ("spent", "Time spent", "Where the time of this analysis went.", spent),
+)
+"""The parts of the page in the order of reading: where to jump to, title, the question it answers, what answers it."""
+
+
+def write_report(path: Path, case: Case) -> None:
+    """Write the case file as HTML. Raises UsageError where the file cannot be written."""
+    try:
+        path.write_text(page(case), encoding="utf-8")
+    except OSError as error:
+        raise UsageError(
+            f"Cannot write the report to {path}: {error.strerror}; choose another place with -o."
+        ) from None
+
+
+def page(case: Case) -> str:
+    """The case file as HTML."""
+    script = _asset("report.js")
+    parts = [section(at, number, title, asks, part(case)) for number, (at, title, asks, part) in enumerate(SECTIONS, 1)]
+    head = tag(
+        "head",
+        tag("meta", charset="utf-8"),
+        tag("meta", http_equiv="Content-Security-Policy", content=_policy(script)),
+        tag("meta", name="viewport", content="width=device-width, initial-scale=1"),
+        tag("meta", name="color-scheme", content="light dark"),
+        tag("title", f"{headline(case)}: case file of {case.amount.task}"),
+        tag("style", Markup(_asset("report.css"))),
+        tag("noscript", tag("style", Markup(".off{display:revert}.chooser{display:none}"))),
+    )
+    body = tag("body", masthead(case), _contents(), tag("main", *parts), tag("script", Markup(script)))
+    return f"<!doctype html>\n{tag('html', head, body, lang='en').text}\n"
+
+
+def _contents() -> Markup:
+    links = (tag("a", title, href=f"#{at}") for at, title, _, _ in SECTIONS)
+    return tag("nav", *links, aria_label="Contents")
+
+
+def _policy(script: str) -> str:
+    """Nothing may be loaded, and no script may run but ours."""
+    digest = base64.b64encode(hashlib.sha256(script.encode()).digest()).decode()
+    return f"default-src 'none'; style-src 'unsafe-inline'; script-src 'sha256-{digest}'; img-src data:"
+
+
+def _asset(name: str) -> str:
+    return files("app.ui.report").joinpath("assets", name).read_text(encoding="utf-8")

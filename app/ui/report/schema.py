@@ -1,0 +1,161 @@
+"""What stands in `verdict.json`: documented in docs/discovery-verdict.md, from which other programs read it.
+
+JSON has no infinity and no NaN: such a number is null, and each description says what that means.
+"""
+
+from typing import Annotated, final
+
+from msgspec import Meta, Struct
+
+from app.discovery.case import Name as Verdict
+from app.discovery.subject import Family
+
+SCHEMA = 1
+
+Maybe = Annotated[float | None, Meta(description="Null where it is not known.")]
+Chance = Annotated[float | None, Meta(description="A probability, 0 to 1; null where it is not known.")]
+
+
+@final
+class ParameterEntry(Struct, frozen=True, kw_only=True):
+    """A parameter with its 90 % interval, in `unit`."""
+
+    name: str
+    value: Maybe
+    unit: str
+    low: Maybe
+    high: Maybe
+
+
+@final
+class CauseEntry(Struct, frozen=True, kw_only=True):
+    """A cause by the id of its effect, with its size and all of its parameters.
+
+    The size of one switch is its value; of several, the length of the vector that they are. `low` and `high` bound it
+    at 90 %; those of a length hold every length that the parts' own intervals allow.
+    """
+
+    effect: str
+    family: Family
+    size: Maybe
+    unit: str
+    low: Maybe
+    high: Maybe
+    probability: Chance
+    log_bayes: Maybe
+    parameters: tuple[ParameterEntry, ...]
+
+
+@final
+class TermEntry(Struct, frozen=True, kw_only=True):
+    """One term of a formula, in symbols and in words."""
+
+    formula: str
+    words: str
+    parameters: tuple[ParameterEntry, ...]
+
+
+@final
+class FormulaEntry(Struct, frozen=True, kw_only=True):
+    """A force on the object, as a share of its weight, that no cause of the catalogue is."""
+
+    text: str
+    words: str
+    terms: tuple[TermEntry, ...]
+
+
+@final
+class HeldoutEntry(Struct, frozen=True, kw_only=True):
+    """One-step errors [mm] on episodes that the models were not fitted to, and the share of the error that is gone.
+
+    Null gain: the nominal model has no error to lose, or there were too few episodes.
+    """
+
+    nominal: Maybe
+    extended: Maybe
+    still: Maybe
+    gain: Maybe
+    low: Maybe
+    high: Maybe
+    episodes: int
+
+
+@final
+class TrackEntry(Struct, frozen=True, kw_only=True):
+    """Times [s] and poses of the tool's tip: x y z [m], quaternion w x y z."""
+
+    times_s: tuple[float, ...]
+    poses: tuple[tuple[float, float, float, float, float, float, float], ...]
+
+
+@final
+class NextPushEntry(Struct, frozen=True, kw_only=True):
+    """The push that would best tell apart the models in `between`, and how far apart they see the object end [mm]."""
+
+    text: str
+    between: tuple[str, ...]
+    apart_mm: Maybe
+    track: TrackEntry
+
+
+@final
+class LimitEntry(Struct, frozen=True, kw_only=True):
+    """What these data lack, and what follows. A fatal one forbids to name any cause."""
+
+    text: str
+    consequence: str
+    fatal: bool
+
+
+@final
+class PowerEntry(Struct, frozen=True, kw_only=True):
+    """The smallest size that these data would have shown, beside a typical one."""
+
+    effect: str
+    parameter: str
+    least: Annotated[float | None, Meta(description="Null where these data cannot show it at any size.")]
+    typical: Maybe
+    unit: str
+
+
+@final
+class AmountEntry(Struct, frozen=True, kw_only=True):
+    """How much was looked at."""
+
+    task: str
+    episodes: int
+    pushes: int
+    during: int
+    measured: int
+    particles: int
+
+
+@final
+class SpentEntry(Struct, frozen=True, kw_only=True):
+    """Time spent in a stage [s]."""
+
+    stage: str
+    seconds: Maybe
+
+
+@final
+class VerdictFile(Struct, frozen=True, kw_only=True):
+    """What `dipac discover` concluded. Intervals are 90 %; units are SI but where `unit` says otherwise.
+
+    `causes`: those that act together where the verdict is `named`, the alternatives where it is `set`, else none.
+    `ranking`: everything that was weighed.
+    """
+
+    schema: int
+    verdict: Verdict
+    sentences: tuple[str, ...]
+    causes: tuple[CauseEntry, ...]
+    formula: FormulaEntry | None
+    leftover: Chance
+    heldout: HeldoutEntry
+    next_push: NextPushEntry | None
+    limits: tuple[LimitEntry, ...]
+    ranking: tuple[CauseEntry, ...]
+    power: tuple[PowerEntry, ...]
+    amount: AmountEntry
+    spent_s: tuple[SpentEntry, ...]

@@ -1,0 +1,88 @@
+"""The verdict in a terminal of 80 columns.
+
+What the case says is printed as Text: as a string, rich would read its brackets as markup.
+"""
+
+from pathlib import Path
+
+from rich import box
+from rich.console import Group, RenderableType
+from rich.padding import Padding
+from rich.panel import Panel
+from rich.table import Table
+from rich.text import Text
+
+from app.discovery.case import Blame, Case
+from app.ui.report.size import size
+from app.ui.report.verdict import KICKERS, chance, gain_sentence, headline
+from app.ui.report.words import best, interval, percent, title
+
+_WIDTH = 80
+_ALTERNATIVES = 4
+"""How many causes that the verdict does not name are shown below those that it does."""
+_STYLES = {"named": "green", "set": "yellow", "none": "green", "none_of_these": "yellow"}
+
+
+def show_case(case: Case, report: Path | None = None) -> RenderableType:
+    """The verdict, its causes, what they gain, the next push, and where the report lies."""
+    parts: list[RenderableType] = [_panel(case)]
+    if case.ranking or case.causes:
+        parts.append(_causes(case))
+    parts += [
+        _line("Gain", gain_sentence(case.gain)),
+        *(_line("Limit", f"{it.text} {it.consequence}") for it in case.limits),
+    ]
+    if case.formula is not None:
+        parts.append(_line("Formula", f"{case.formula.text}: {case.formula.words}"))
+    if case.next_push is not None:
+        parts.append(_line("Next push", case.next_push.text))
+    if report is not None:
+        parts.append(Text.assemble((f"{'Report':<11}", "bold"), str(report), no_wrap=True, overflow="ignore"))
+    return Group(*parts)
+
+
+def _panel(case: Case) -> Panel:
+    said = Text(headline(case), style="bold")
+    known = chance(case)
+    if known is not None:
+        said.append(f"\n{known[0]} {known[1]}", style="not bold dim")
+    said.append("\n")
+    for text in case.sentences:
+        said.append(f"\n{text}", style="not bold")
+    return Panel(
+        said, title=KICKERS[case.verdict], title_align="left", border_style=_STYLES[case.verdict], width=_WIDTH
+    )
+
+
+def _causes(case: Case) -> Table:
+    table = Table(box=box.SIMPLE_HEAD, width=_WIDTH, pad_edge=False)
+    table.add_column("Cause", ratio=1)
+    for column in ("Size", "90 % interval", "Probability"):
+        table.add_column(column, justify="right")
+    named = {blame.effect for blame in case.causes}
+    others = sorted((it for it in case.ranking if it.effect not in named), key=lambda it: -it.probability)
+    for blame in case.causes:
+        table.add_row(*_row(blame), style="bold")
+    for blame in others[:_ALTERNATIVES]:
+        table.add_row(*_row(blame), style="dim")
+    return table
+
+
+def _row(blame: Blame) -> tuple[Text, Text, Text, Text]:
+    whole = size(blame)
+    numbers = (whole.value, whole.low, whole.high, whole.unit)
+    return (
+        Text(title(blame.effect)),
+        Text(best(*numbers), no_wrap=True),
+        Text(interval(*numbers), no_wrap=True),
+        Text(percent(blame.probability)),
+    )
+
+
+def _line(label: str, text: str) -> RenderableType:
+    grid = Table.grid(padding=(0, 1, 0, 0))
+    grid.add_column(width=10, style="bold")
+    grid.add_column(ratio=1)
+    grid.add_row(label, Text(text))
+    grid.width = _WIDTH
+    return Padding(grid, 0)

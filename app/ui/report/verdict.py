@@ -1,0 +1,55 @@
+"""The verdict in one line, above the sentences that the case itself has."""
+
+import math
+
+from app.discovery.case import Case, Gain
+from app.ui.report.words import decimal, gain_and_interval, names, percent
+from app.ui.words import sentence
+
+KICKERS = {
+    "named": "A cause is named",
+    "set": "Several causes are left",
+    "none": "No cause is found",
+    "none_of_these": "None of the known causes",
+}
+"""What kind of verdict it is, in plain words."""
+
+
+def headline(case: Case) -> str:
+    """The verdict in a few words."""
+    effects = tuple(blame.effect for blame in case.causes)
+    if any(limit.fatal for limit in case.limits):
+        return "These data cannot name a cause"
+    if case.verdict == "named":
+        return sentence(names(effects, "and"))
+    if case.verdict == "set":
+        return sentence(names(effects, "or"))
+    if case.verdict == "none":
+        return "The model lacks nothing that these data would show"
+    return "Something acts that no known cause explains"
+
+
+def chance(case: Case) -> tuple[str, str] | None:
+    """The probability of the verdict, and what it is the probability of; None where it is not known."""
+    chances = [blame.probability for blame in case.causes]
+    if case.verdict == "named" and chances:
+        return percent(min(chances)), "that this is missing" if len(chances) == 1 else "that the least sure of them is"
+    if case.verdict == "set" and chances:
+        return percent(min(sum(chances), 1.0)), "that it is one of these"
+    if not math.isfinite(case.leftover):
+        return None
+    if case.verdict == "none":
+        return percent(1 - case.leftover), "that nothing else is there"
+    return percent(case.leftover), "that something else acts"
+
+
+def gain_sentence(gain: Gain) -> str:
+    """The gain in a sentence; where it could not be measured, that."""
+    if not math.isfinite(gain.gain) or gain.episodes == 0:
+        return "What an extended model would gain was not measured: there are no held-out episodes to measure it on."
+    errors = f"{decimal(gain.nominal_mm, 1)} to {decimal(gain.extended_mm, 1)} mm"
+    share = gain_and_interval(gain.gain, gain.low, gain.high)
+    return (
+        f"{share} of the one-step error is gone: {errors} on {gain.episodes} held-out episodes; a model in which "
+        f"nothing moves errs by {decimal(gain.still_mm, 1)} mm."
+    )

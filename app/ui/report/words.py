@@ -1,0 +1,160 @@
+"""Effects, parameters and numbers as people read them; page, terminal and console say the same.
+
+Values come in SI units, or in those of `ParameterSpec.unit`, and are shown in units that make them easy to read, with
+as many digits as their interval supports.
+"""
+
+import math
+import re
+from dataclasses import dataclass
+from typing import Final, final
+
+from app.ui.words import NOTHING, sentence
+
+MINUS: Final = "\N{MINUS SIGN}"
+_SPELLINGS: Final = {
+    "kelvin_voigt": "Kelvin\N{EN DASH}Voigt damping",
+    "maxwell": "Maxwell relaxation",
+    "stribeck": "Stribeck friction",
+    "tcp": "tool-centre-point",
+    "hand_eye": "hand-eye",
+    "under_reach": "under-reach",
+}
+"""Parts of ids that are names, or compounds; everything else is an id with spaces."""
+
+
+@final
+@dataclass(frozen=True, kw_only=True)
+class Display:
+    """A unit as it is shown: `symbol` for `factor` times the number; `close`: no space between them."""
+
+    factor: float
+    symbol: str
+    close: bool = False
+
+
+_PLAIN: Final = {
+    "1": "",
+    "1/m": "m\N{SUPERSCRIPT MINUS}\N{SUPERSCRIPT ONE}",
+    "1/s": "s\N{SUPERSCRIPT MINUS}\N{SUPERSCRIPT ONE}",
+    "1/session": "per session",
+    "session": "of a session",
+    "Pa s": "Pa\N{MIDDLE DOT}s",
+    "kg/m^3": "kg/m\N{SUPERSCRIPT THREE}",
+    "m/s^2": "m/s\N{SUPERSCRIPT TWO}",
+}
+_SMALL: Final = {
+    "m": Display(factor=1e3, symbol="mm"),
+    "s": Display(factor=1e3, symbol="ms"),
+    "m/s": Display(factor=1e3, symbol="mm/s"),
+    "m/N": Display(factor=1e3, symbol="mm/N"),
+    "1/Pa": Display(factor=1e3, symbol="kPa\N{SUPERSCRIPT MINUS}\N{SUPERSCRIPT ONE}"),
+}
+_SMALL_BELOW: Final = {"m": 0.2, "s": 1.0, "m/s": 0.1, "m/N": 1.0, "1/Pa": 1.0}
+_KILO_PASCALS_FROM: Final = 1e4
+
+
+def effect_name(effect: str) -> str:
+    """An effect's id in words, for example `hand-eye translation`."""
+    words = effect
+    for part, spelling in _SPELLINGS.items():
+        words = re.sub(rf"(^|_){part}(?=_|$)", rf"\g<1>{spelling}", words)
+    return words.replace("_", " ")
+
+
+def title(effect: str) -> str:
+    """An effect's id in words, with a capital first letter."""
+    return sentence(effect_name(effect))
+
+
+def names(effects: tuple[str, ...], last: str) -> str:
+    """Effects in words, the last one after the word `last`: `a, b or c`."""
+    said = [effect_name(effect) for effect in effects]
+    return f"{', '.join(said[:-1])} {last} {said[-1]}" if len(said) > 1 else "".join(said)
+
+
+def display(unit: str, *values: float) -> Display:
+    """The unit in which the largest of `values` is easy to read."""
+    largest = max((abs(value) for value in values if math.isfinite(value)), default=0.0)
+    if unit == "rad":
+        return Display(factor=180 / math.pi, symbol="\N{DEGREE SIGN}", close=True)
+    if unit == "deg":
+        return Display(factor=1.0, symbol="\N{DEGREE SIGN}", close=True)
+    if unit in _SMALL and largest < _SMALL_BELOW[unit]:
+        return _SMALL[unit]
+    if unit == "Pa" and largest >= _KILO_PASCALS_FROM:
+        return Display(factor=1e-3, symbol="kPa")
+    return Display(factor=1.0, symbol=_PLAIN.get(unit, unit))
+
+
+def quantity(value: float, unit: str) -> str:
+    """A number of unknown certainty with its unit, in two significant digits: `4.1 mm`."""
+    shown = display(unit, value)
+    return with_symbol(decimal(value * shown.factor, _decimals(abs(value * shown.factor) * 0.3)), shown)
+
+
+def of(value: float, whole: float, unit: str) -> str:
+    """A number against another one in one unit: `0.9 of 3 mm`."""
+    shown = display(unit, value, whole)
+    said = [decimal(it * shown.factor, _decimals(abs(it * shown.factor) * 0.3)) for it in (value, whole)]
+    return with_symbol(" of ".join(said), shown)
+
+
+def measured(value: float, low: float, high: float, unit: str) -> str:
+    """A number with its interval, `4.1 mm (3.6 to 4.6)`, rounded to what the interval supports."""
+    shown, places = _common(value, low, high, unit)
+    return f"{with_symbol(decimal(value * shown.factor, places), shown)} ({interval(value, low, high, unit)})"
+
+
+def best(value: float, low: float, high: float, unit: str) -> str:
+    """The number of `measured` alone: `4.1 mm`."""
+    shown, places = _common(value, low, high, unit)
+    return with_symbol(decimal(value * shown.factor, places), shown)
+
+
+def interval(value: float, low: float, high: float, unit: str) -> str:
+    """The interval of `measured` alone, without its unit: `3.6 to 4.6`."""
+    shown, places = _common(value, low, high, unit)
+    return f"{decimal(low * shown.factor, places)} to {decimal(high * shown.factor, places)}"
+
+
+def percent(share: float) -> str:
+    """A probability: never quite 0 or 100 %."""
+    if not math.isfinite(share):
+        return NOTHING
+    if 0 < share < 0.01:
+        return "< 1 %"
+    return "> 99 %" if 0.99 < share < 1 else f"{decimal(100 * share, 0)} %"
+
+
+def gain_and_interval(value: float, low: float, high: float) -> str:
+    """A share of an error that is gone: `58 % (49 to 66)`."""
+    return f"{decimal(100 * value, 0)} % ({decimal(100 * low, 0)} to {decimal(100 * high, 0)})"
+
+
+def decimal(value: float, places: int) -> str:
+    """A number with so many decimal places, a true minus sign, and no minus zero."""
+    if not math.isfinite(value):
+        return NOTHING
+    text = f"{value:.{places}f}"
+    return text.replace("-", "" if float(text) == 0 else MINUS)
+
+
+def with_symbol(number: str, shown: Display) -> str:
+    """A number and its unit."""
+    return number if not shown.symbol or number == NOTHING else f"{number}{'' if shown.close else ' '}{shown.symbol}"
+
+
+def _common(value: float, low: float, high: float, unit: str) -> tuple[Display, int]:
+    shown = display(unit, value, low, high)
+    half = abs(high - low) * shown.factor / 2
+    return shown, _decimals(half if math.isfinite(half) and half > 0 else abs(value * shown.factor) * 0.3)
+
+
+def _decimals(uncertainty: float) -> int:
+    """Places so that the last digit is that of the uncertainty's first; one more where that is a 1 or 2."""
+    if not math.isfinite(uncertainty) or uncertainty <= 0:
+        return 1
+    order = math.floor(math.log10(uncertainty))
+    leading = uncertainty / 10**order
+    return min(max(-order + (leading < 2.95), 0), 6)
