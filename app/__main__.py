@@ -61,7 +61,8 @@ def _keep_compiled() -> None:
 def command_names() -> dict[str, Path]:
     """Every command by its name on the command line, with its file."""
     files = (file for file in sorted(COMMANDS.glob("*.py")) if not file.stem.startswith("_"))
-    return {file.stem.replace("_", "-"): file for file in files}
+    # A command that is a word of Python's, like `import`, has a file and a function that end in an underscore.
+    return {file.stem.rstrip("_").replace("_", "-"): file for file in files}
 
 
 def _run(arguments: list[str]) -> None:

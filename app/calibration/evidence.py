@@ -40,7 +40,9 @@ class ToolPath(Protocol):
 
 
 def gather(transitions: Sequence[Transition], tool_path: ToolPath) -> Evidence:
-    """What is simulated is the motion as measured, never as commanded. All clouds must have the same size.
+    """What is simulated is the motion as measured; as commanded only where nobody measured it.
+
+    All clouds must have the same size.
 
     Raises UsageError where there are no transitions.
     """
@@ -48,7 +50,7 @@ def gather(transitions: Sequence[Transition], tool_path: ToolPath) -> Evidence:
         raise UsageError("No transitions to learn from; record at least one push.")
     return Evidence(
         before=np.stack([transition.before for transition in transitions]).astype(np.float32),
-        tool=np.stack([tool_path(transition.executed.measured[:, :3]) for transition in transitions]),
+        tool=np.stack([tool_path(transition.executed.made[:, :3]) for transition in transitions]),
         after=np.stack([transition.after for transition in transitions]).astype(np.float32),
     )
 

@@ -89,7 +89,7 @@ class Sighting(Message):
     """
 
     tool: Cloud
-    table: Cloud
+    table: Float32[np.ndarray, "L 3"]
 
 
 @final
@@ -204,14 +204,22 @@ class Proposal(Message):
 @final
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Executed(Message):
-    """What the arm did with an approved motion: commanded and measured tool poses, sampled at `times_s`."""
+    """What the arm did with an approved motion: commanded and measured tool poses, sampled at `times_s`.
+
+    `measured` has none where nobody measured: in data of others that were imported.
+    """
 
     approved_id: MessageId
     outcome: Literal["completed", "stopped", "fault"]
     reason: str
     times_s: Float64[np.ndarray, " T"]
     commanded: Poses
-    measured: Poses
+    measured: Float64[np.ndarray, "M 7"]
+
+    @property
+    def made(self) -> Float64[np.ndarray, "M 7"]:
+        """The poses as measured, or as commanded where nobody measured them."""
+        return self.measured if len(self.measured) else self.commanded
 
 
 @final

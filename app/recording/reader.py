@@ -1,5 +1,6 @@
 """A recording as the messages that were written, in their order."""
 
+import itertools
 from collections.abc import Collection, Iterator
 from pathlib import Path
 from typing import Any, Final, NamedTuple
@@ -10,7 +11,7 @@ import numpy as np
 from mcap.reader import McapReader, make_reader
 
 from app.core.errors import RecordingError
-from app.core.messages import Episode, Frame, Message, Particles, Transition
+from app.core.messages import CameraModel, Episode, Frame, Message, Particles, Transition
 from app.recording.channels import SURFACE_TOPIC, TOPICS, color_topic, depth_topic, record_of
 from app.recording.codec import decode
 from app.recording.integrity import DAMAGE, damaged, inspect, reading
@@ -21,6 +22,9 @@ from app.recording.records import FrameRecord, ParticlesRecord
 _COMPRESSED_IMAGE_DATA: Final = 2
 _RAW_IMAGE_DATA: Final = 6
 _POINT_CLOUD_DATA: Final = 6
+
+_FIRST_FRAMES: Final = 20
+"""Among so many every camera has its turn."""
 
 _KINDS: Final = {topic: kind for kind, topic in TOPICS.items()}
 
@@ -49,6 +53,22 @@ def read_episode(path: Path) -> Episode:
         if isinstance(message, Episode):
             return message
     raise RecordingError(f"{path} names no episode; it was cut off before its first message.")
+
+
+def read_cameras(path: Path) -> list[CameraModel]:
+    """The cameras that the first frames of a recording are of; no image is read. Raises as `read_messages`."""
+    inspect(path)
+    cameras = dict[str, CameraModel]()
+    with reading(path), path.open("rb") as stream:
+        try:
+            reader = make_reader(stream, validate_crcs=True)
+            written = reader.iter_messages([TOPICS[Frame]], log_time_order=False)
+            for _, _, message in itertools.islice(written, _FIRST_FRAMES):
+                camera = decode(message.data, FrameRecord).camera
+                cameras[camera.name] = camera
+        except DAMAGE as error:
+            raise damaged(path, error) from error
+    return list(cameras.values())
 
 
 class _Part(NamedTuple):

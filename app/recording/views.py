@@ -90,7 +90,7 @@ def views(message: Message, epoch: Epoch) -> list[View]:
         case ArmState():
             return _tool(message, stamp)
         case Executed():
-            return [("/executed/path", path_line(message.measured[:, :3], stamp, WORLD))]
+            return [("/executed/path", path_line(message.made[:, :3], stamp, WORLD))]
         case _:
             return _log(message, stamp)
 

@@ -1,0 +1,98 @@
+"""Plain measured data as the messages of a recording."""
+
+import json
+from collections.abc import Iterator, Sequence
+from typing import Final
+
+import numpy as np
+from jaxtyping import Float64
+
+from app import __version__
+from app.core.messages import Episode, Executed, Message, MessageId, Particles, Sighting, Transition, fresh_id
+from app.core.types import Poses
+from app.perception.recount import recounted
+from app.recording.plain import Plain, PlainEpisode, Poseline, Sight
+
+NOBODY: Final = MessageId("imported")
+"""Stands for the approval that imported motions did not have."""
+
+
+def imported_messages(plain: Plain, task: str, particle_count: int) -> Iterator[Message]:
+    """All of it, in the order in which it happened, each object as so many particles.
+
+    A cloud stands in its `Particles` as the surface, as it was given.
+    """
+    for episode in plain.episodes:
+        first = episode.pushes[0][0]
+        yield Episode(
+            id=fresh_id("episode"),
+            time_s=first.time_s,
+            task=task,
+            rig="imported",
+            seed=0,
+            simulated=False,
+            code_version=__version__,
+            config=json.dumps(dict(plain.about)),
+        )
+        for number, sights in enumerate(episode.pushes):
+            seen = [_particles(sight, particle_count) for sight in sights]
+            for sight, particles in zip(sights, seen, strict=True):
+                yield particles
+                table = episode.table if number == 0 and sight is first else episode.table[:0]
+                if len(sight.tool) or len(table):
+                    yield Sighting(
+                        id=fresh_id("sighting"),
+                        time_s=sight.time_s,
+                        tool=sight.tool,
+                        table=table,
+                        cause=particles.cause,
+                    )
+            yield from _made(episode, seen)
+
+
+def _particles(sight: Sight, count: int) -> Particles:
+    return Particles(
+        id=fresh_id("particles"),
+        time_s=sight.time_s,
+        positions=recounted(sight.cloud, count),
+        surface=sight.cloud,
+        reconstruction_s=0.0,
+    )
+
+
+def _made(episode: PlainEpisode, seen: Sequence[Particles]) -> Iterator[Message]:
+    """The motion between the first and the last of what was seen, and what came of it."""
+    before, after = seen[0], seen[-1]
+    command = episode.command.between(before.time_s, after.time_s)
+    state = episode.state.between(before.time_s, after.time_s) if episode.state else None
+    times = command.times_s if state is None else np.union1d(command.times_s, state.times_s)
+    executed = Executed(
+        id=fresh_id("executed"),
+        cause=(before.id,),
+        time_s=float(times[-1]),
+        approved_id=NOBODY,
+        outcome="completed",
+        reason="imported",
+        times_s=times,
+        commanded=_at(command, times),
+        measured=_at(state, times) if state is not None and len(state.times_s) else np.zeros((0, 7)),
+    )
+    yield executed
+    yield Transition(
+        id=fresh_id("transition"),
+        cause=(before.id, executed.id, after.id),
+        time_s=after.time_s,
+        before=before.positions,
+        executed=executed,
+        after=after.positions,
+    )
+
+
+def _at(line: Poseline, times_s: Float64[np.ndarray, " T"]) -> Poses:
+    """The poses at these times, straight between those given: at the times given they are those given."""
+    turns = np.cumprod(np.where((line.poses[1:, 3:] * line.poses[:-1, 3:]).sum(1) < 0, -1.0, 1.0))
+    poses = line.poses.copy()
+    poses[1:, 3:] *= turns[:, None]
+    found = np.stack([np.interp(times_s, line.times_s, column) for column in poses.T], axis=1)
+    found[:, 3:] /= np.linalg.norm(found[:, 3:], axis=1, keepdims=True)
+    return found

@@ -1,0 +1,177 @@
+"""Recordings as discovery reads them: every transition a push, with what was seen before, during and after it."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import final
+
+import numpy as np
+
+from app.core.errors import RecordingError, UsageError
+from app.core.messages import Episode, Executed, Message, MessageId, Particles, Sighting, Transition
+from app.core.types import Cloud, Points
+from app.discovery.study import Push, Study, Track, View
+from app.discovery.subject import Subject
+from app.perception.recount import recounted
+from app.recording.reader import read_cameras, read_messages
+from app.tasks import load
+from app.tasks.doubted import subject_of
+
+_BETWEEN_S = 10.0
+"""From the end of an episode to the start of one whose clock began anew."""
+
+
+def read_study(paths: Sequence[Path], *, task: str | None = None) -> Study:
+    """All pushes of all recordings, in the order of the files; an episode begins with each `Episode` in them.
+
+    Views have as many points as the task's CPU preset has particles. `task` None takes that of the recordings. Where an
+    episode's clock runs behind the one before, it is moved to after it. The cameras' middle is that of the first
+    recording that has images.
+
+    Raises UsageError where recordings are of different tasks, of another than `task`, or there are none;
+    RecordingError where they hold no push or a cloud of too few points, and as `read_messages`.
+    """
+    if not paths:
+        raise UsageError("Name at least one recording: dipac discover recordings/FILE.mcap")
+    episodes = [episode for path in paths for episode in _episodes(path)]
+    name = _task_of(episodes, task)
+    subject, pushes, tables = subject_of(load(name)), list[Push](), dict[int, Cloud]()
+    now_s = -np.inf
+    for number, episode in enumerate(episode for episode in episodes if episode.transitions):
+        found = [_push(number, transition, episode, subject) for transition in episode.transitions]
+        first_s = found[0].before.time_s
+        late_s = now_s + _BETWEEN_S - first_s if first_s < now_s else 0.0
+        found = [_later(push, late_s) for push in found]
+        now_s = max(found[-1].after.time_s, float(found[-1].command.times_s[-1]))
+        pushes += found
+        bare = next((sighting.table for sighting in episode.sightings.values() if len(sighting.table)), None)
+        if bare is not None:
+            tables[number] = bare
+    if not pushes:
+        raise RecordingError(f"{_listed(paths)}: no finished push to learn from; record some with `dipac run {name}`.")
+    study = Study(task=name, pushes=tuple(pushes), tables=tables)
+    camera = _camera(paths)
+    return study if camera is None else replace(study, camera=camera)
+
+
+@final
+@dataclass(kw_only=True, eq=False)
+class _Recorded:
+    """What a recording says of one episode, as far as it has been read."""
+
+    path: Path
+    episode: Episode
+    particles: list[Particles] = field(default_factory=list[Particles])
+    sightings: dict[float, Sighting] = field(default_factory=dict[float, Sighting])
+    transitions: list[Transition] = field(default_factory=list[Transition])
+
+    def add(self, message: Message) -> None:
+        match message:
+            case Particles():
+                # Surfaces are by far the largest part of a recording, and are not needed.
+                self.particles.append(replace(message, surface=message.surface[:0]))
+            case Sighting():
+                self.sightings[message.time_s] = message
+            case Transition():
+                self.transitions.append(message)
+            case _:
+                pass
+
+
+def _episodes(path: Path) -> list[_Recorded]:
+    episodes = list[_Recorded]()
+    for message in read_messages(path, [Episode, Particles, Sighting, Transition]):
+        if isinstance(message, Episode):
+            episodes.append(_Recorded(path=path, episode=message))
+        elif episodes:
+            episodes[-1].add(message)
+    return episodes
+
+
+def _task_of(episodes: Sequence[_Recorded], wanted: str | None) -> str:
+    tasks = {recorded.path: recorded.episode.task for recorded in episodes}
+    names = {recorded.episode.task for recorded in episodes}
+    listed = ", ".join(f"{path}: {task}" for path, task in tasks.items())
+    if len(names) > 1:
+        raise UsageError(f"The recordings are of different tasks ({listed}); give those of one task at a time.")
+    if wanted is not None and names - {wanted}:
+        raise UsageError(f"--task {wanted} contradicts the recordings ({listed}); leave --task out, or give others.")
+    if not names:
+        raise RecordingError("The recordings name no episode; they were cut off before their first message.")
+    return names.pop()
+
+
+def _push(number: int, transition: Transition, episode: _Recorded, subject: Subject) -> Push:
+    executed, count = transition.executed, subject.particle_count
+    before, after = transition.before, transition.after
+    first_s, last_s = _low_s(executed, subject.low_m)
+
+    def view(time_s: float, points: Points) -> View:
+        sighting = episode.sightings.get(time_s)
+        finger = sighting.tool if sighting is not None and len(sighting.tool) else None
+        return View(time_s=time_s, points=_counted(points, count, episode.path), finger=finger)
+
+    return Push(
+        episode=number,
+        before=view(_seen_s(before, transition.cause, episode, float(executed.times_s[0])), before),
+        during=tuple(view(seen.time_s, seen.positions) for seen in episode.particles if first_s < seen.time_s < last_s),
+        after=view(_seen_s(after, transition.cause, episode, float(executed.times_s[-1])), after),
+        command=Track(times_s=executed.times_s, poses=executed.commanded),
+        measured=Track(times_s=executed.times_s, poses=executed.measured) if len(executed.measured) else None,
+    )
+
+
+def _low_s(executed: Executed, low_m: float) -> tuple[float, float]:
+    """From when to when the tool can touch the object; its last moment twice where it never can."""
+    low = executed.times_s[executed.made[:, 2] < low_m]
+    first, last = (low[0], low[-1]) if len(low) else (executed.times_s[-1], executed.times_s[-1])
+    return float(first), float(last)
+
+
+def _seen_s(points: Points, cause: tuple[MessageId, ...], episode: _Recorded, otherwise_s: float) -> float:
+    """When the particles that a transition was made of were seen."""
+    same = [seen for seen in episode.particles if np.array_equal(seen.positions, points)]
+    named = [seen for seen in same if seen.id in cause]
+    return (named or same)[0].time_s if same else otherwise_s
+
+
+def _counted(points: Points, count: int, path: Path) -> Points:
+    try:
+        return recounted(points, count)
+    except ValueError as error:
+        raise RecordingError(f"{path}: a cloud cannot be compared with the simulation: {error}") from None
+
+
+def _later(push: Push, by_s: float) -> Push:
+    """The same push by a clock that is set back by so much."""
+
+    def view(at: View) -> View:
+        return replace(at, time_s=at.time_s + by_s)
+
+    def track(at: Track) -> Track:
+        return replace(at, times_s=at.times_s + by_s)
+
+    if by_s == 0:
+        return push
+    return replace(
+        push,
+        before=view(push.before),
+        during=tuple(map(view, push.during)),
+        after=view(push.after),
+        command=track(push.command),
+        measured=None if push.measured is None else track(push.measured),
+    )
+
+
+def _camera(paths: Sequence[Path]) -> tuple[float, float, float] | None:
+    """The middle of the cameras of the first recording that has any [m]."""
+    for path in paths:
+        places = [camera.T_world_camera[:3, 3] for camera in read_cameras(path)]
+        if places:
+            x, y, z = np.mean(places, axis=0).tolist()
+            return x, y, z
+    return None
+
+
+def _listed(paths: Sequence[Path]) -> str:
+    return ", ".join(map(str, paths))

@@ -1,0 +1,94 @@
+"""Make a recording of data that were measured with other programs (arrays in an .npz file)."""
+
+import os
+from collections.abc import Iterable
+from pathlib import Path
+from typing import Annotated
+
+import tyro
+from rich.console import Console
+
+from app.commands._imported import imported_messages
+from app.commands._preflight import check_writable, unwritable
+from app.core.errors import RecordingError, UsageError
+from app.core.messages import Episode, Message
+from app.recording.file import EpisodeFile
+from app.recording.plain import Plain, read_plain
+from app.tasks import load
+from app.tasks.base import Task
+
+
+def import_(
+    file: tyro.conf.Positional[Path],
+    /,
+    *,
+    output: Annotated[Path, tyro.conf.arg(aliases=["-o"], help="the recording to write, a new .mcap file")],
+    task: Annotated[str | None, tyro.conf.arg(help="the task, where the file does not name it")] = None,
+) -> None:
+    """Check everything, then write; where something is wrong, nothing is written.
+
+    docs/recording-format.md says what the file holds, with a script that makes one.
+    """
+    terminal = Console(highlight=False, soft_wrap=True, markup=False, emoji=False)
+    if output.exists():
+        raise UsageError(f"{output} exists; choose another place with -o, so that no recording is lost.")
+    check_writable(output, "-o")
+    plain = read_plain(file)
+    known = load(_task_name(plain, task, file))
+    count = known.preset("cpu").particle_count
+    _write(output, imported_messages(plain, known.name, count))
+    pushes = sum(len(episode.pushes) for episode in plain.episodes)
+    terminal.print(f"{output}: {pushes} pushes in {len(plain.episodes)} episodes of {known.name}.")
+    for note in _notes(plain, known):
+        terminal.print(note)
+
+
+def _task_name(plain: Plain, given: str | None, file: Path) -> str:
+    named = plain.about.get("task")
+    if named is not None and not isinstance(named, str):
+        raise RecordingError(f"{file}: about says that the task is {named!r}; give its name as a string.")
+    if named is not None and given is not None and named != given:
+        raise UsageError(f"--task {given} contradicts {file}, whose about says {named!r}; leave --task out.")
+    name = given if given is not None else named
+    if name is None:
+        raise UsageError(f'{file} names no task; give one with --task, or in about as {{"task": "rope_push"}}.')
+    return name
+
+
+def _write(path: Path, messages: Iterable[Message]) -> None:
+    """A whole recording at `path`, or none: it gets its name when it is complete."""
+    unfinished = path.with_name(f".{path.name}.{os.getpid()}.unfinished")
+    remaining = iter(messages)
+    first = next(remaining)
+    assert isinstance(first, Episode)
+    try:
+        file = EpisodeFile(unfinished, first)
+        file.write(first, now_s=first.time_s)
+        for message in remaining:
+            file.write(message, now_s=message.time_s)
+        file.close()
+        unfinished.rename(path)
+    except (OSError, RuntimeError) as error:
+        raise _unwritable(path, error) from error
+    finally:
+        unfinished.unlink(missing_ok=True)
+
+
+def _unwritable(path: Path, error: OSError | RuntimeError) -> UsageError:
+    if isinstance(error, OSError):
+        return unwritable(path, "-o", error)
+    return UsageError(f"Cannot write {path}: {error}; choose another place with -o.")
+
+
+def _notes(plain: Plain, task: Task) -> list[str]:
+    """What the file says of tool and object, and the task otherwise."""
+    given = {
+        "object.length_m": (plain.about.get("object", {}).get("length_m"), task.rope.length_m),
+        "object.radius_m": (plain.about.get("object", {}).get("radius_m"), task.rope.radius_m),
+        "tool.radius_m": (plain.about.get("tool", {}).get("radius_m"), task.finger.radius_m),
+    }
+    return [
+        f"about says {name} {said:g}, the task {task.name} has {own:g}: the simulation takes the task's."
+        for name, (said, own) in given.items()
+        if said is not None and said != own
+    ]

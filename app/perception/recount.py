@@ -1,0 +1,34 @@
+"""A cloud of any size as a given number of particles."""
+
+import numpy as np
+from jaxtyping import Float32
+from scipy.spatial import KDTree
+
+from app.core.types import Cloud, Points
+from app.perception.resample import resample
+
+FEWEST = 30
+"""Points of an object that are too few to say where each part of it is."""
+
+
+def recounted(cloud: Cloud, count: int, *, seed: int = 0) -> Points:
+    """`count` particles that share the cloud evenly; the cloud itself where it has as many.
+
+    A cloud of fewer points is filled up first, with points halfway between neighbours. Raises ValueError where it has
+    fewer than `FEWEST`.
+    """
+    if len(cloud) == count:
+        return cloud
+    if len(cloud) < FEWEST:
+        raise ValueError(f"{len(cloud)} points are too few; at least {FEWEST} are needed.")
+    return resample(_filled_up(cloud, 2 * count) if len(cloud) < count else cloud, count, seed=seed)
+
+
+def _filled_up(cloud: Cloud, least: int) -> Float32[np.ndarray, "_ 3"]:
+    """The cloud with points halfway to ever farther neighbours, until there are so many."""
+    parts, neighbours = [cloud], np.asarray(KDTree(cloud).query(cloud, k=FEWEST)[1])
+    for rank in range(1, FEWEST):
+        if sum(map(len, parts)) >= least:
+            break
+        parts.append((cloud + cloud[neighbours[:, rank]]) / 2)
+    return np.concatenate(parts)

@@ -1,0 +1,220 @@
+"""The plain import format: arrays in one .npz file, for what was measured with other programs.
+
+docs/recording-format.md says what each array is. What is read is checked first, so that nobody looks for the reason of
+a strange result in the wrong place: an error names the array and the first bad index.
+"""
+
+import itertools
+import json
+import zipfile
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from types import MappingProxyType
+from typing import Any, Final, Literal, TypeAlias, cast, final
+
+import numpy as np
+from jaxtyping import Float32, Float64, Int64
+
+from app.core.errors import RecordingError, UsageError
+from app.core.types import Cloud, Poses
+from app.recording.plain_checks import (
+    finite,
+    forward,
+    offsets,
+    plausible_about,
+    plausible_cloud,
+    plausible_poses,
+    shaped,
+    whole_pushes,
+)
+
+Phase: TypeAlias = Literal["before", "during", "after"]
+PHASES: Final[tuple[Phase, ...]] = ("before", "during", "after")
+
+_REQUIRED: Final = (
+    *("cloud_points", "cloud_offsets", "cloud_time", "cloud_episode", "cloud_push", "cloud_phase"),
+    *("command_time", "command_pose", "command_episode", "about"),
+)
+_TOGETHER: Final = (
+    ("state_time", "state_pose", "state_episode"),
+    ("tool_points", "tool_offsets"),
+    ("table_points", "table_offsets", "table_episode"),
+)
+"""Optional, but each with the others of its row."""
+
+
+@final
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Sight:
+    """One moment: the object, and the finger's points in the same images (maybe none)."""
+
+    time_s: float
+    phase: Phase
+    cloud: Cloud
+    tool: Float32[np.ndarray, "L 3"]
+
+
+@final
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Poseline:
+    """Poses of the tool's tip at times: x y z [m], quaternion w x y z."""
+
+    times_s: Float64[np.ndarray, " T"]
+    poses: Poses
+
+    def between(self, first_s: float, last_s: float) -> "Poseline":
+        """Those of the times from the one to the other."""
+        own = (self.times_s >= first_s) & (self.times_s <= last_s)
+        return Poseline(times_s=self.times_s[own], poses=self.poses[own])
+
+
+@final
+@dataclass(frozen=True, kw_only=True, eq=False)
+class PlainEpisode:
+    """One episode: each push as what was seen before, during and after it; tracks; points of the bare table."""
+
+    number: int
+    pushes: tuple[tuple[Sight, ...], ...]
+    command: Poseline
+    state: Poseline | None
+    table: Cloud
+
+
+@final
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Plain:
+    """A whole file. `about` is what is known of task, tool and object."""
+
+    about: Mapping[str, Any]
+    episodes: tuple[PlainEpisode, ...]
+
+
+def read_plain(path: Path) -> Plain:
+    """The file's content, checked.
+
+    Raises UsageError where there is no such file or an array is of no known name, and RecordingError, which names the
+    array and the first bad index, where something cannot be.
+    """
+    arrays = _loaded(path)
+    try:
+        return _parsed(arrays)
+    except RecordingError as error:
+        raise RecordingError(f"{path}: {error}") from None
+
+
+def _loaded(path: Path) -> dict[str, np.ndarray]:
+    if not path.is_file():
+        raise UsageError.unknown("file", str(path), map(str, path.parent.glob("*.npz")))
+    known = {*_REQUIRED, *(name for names in _TOGETHER for name in names)}
+    try:
+        with path.open("rb") as stream, np.load(stream, allow_pickle=False) as archive:
+            arrays = {name: cast(np.ndarray, archive[name]) for name in archive.files}
+    except (OSError, ValueError, EOFError, AttributeError, zipfile.BadZipFile) as error:
+        raise RecordingError(
+            f"{path} is no .npz file of plain arrays ({error}); write it with numpy.savez, without objects."
+        ) from error
+    for name in arrays:
+        if name not in known:
+            raise UsageError.unknown("array", name, known)
+    return arrays
+
+
+def _parsed(arrays: Mapping[str, np.ndarray]) -> Plain:
+    missing = [name for name in _REQUIRED if name not in arrays]
+    for names in _TOGETHER:
+        if any(name in arrays for name in names):
+            missing += [name for name in names if name not in arrays]
+    if missing:
+        raise RecordingError(f"the array {missing[0]} is missing; docs/recording-format.md lists what is needed.")
+    about = _about(arrays["about"])
+    command, state = _tracks(arrays, "command"), _tracks(arrays, "state") if "state_time" in arrays else {}
+    clouds = _clouds(arrays, "cloud", None)
+    count = len(clouds)
+    tools = _clouds(arrays, "tool", count) if "tool_points" in arrays else [_NOTHING] * count
+    plausible_cloud(clouds, about)
+    times = finite("cloud_time", shaped("cloud_time", arrays, (count,), np.float64))
+    episode, push = (shaped(name, arrays, (count,), np.int64) for name in ("cloud_episode", "cloud_push"))
+    forward("cloud_time", times, "cloud_episode", episode)
+    phases = _phases(arrays["cloud_phase"], count)
+    groups = whole_pushes(times, episode, push, phases, {number: line.times_s for number, line in command.items()})
+    tables = _tables(arrays)
+    for number in tables:
+        if number not in groups:
+            raise RecordingError(f"table_episode has episode {number}, of which there is no cloud.")
+    return Plain(
+        about=MappingProxyType(about),
+        episodes=tuple(
+            PlainEpisode(
+                number=number,
+                pushes=tuple(
+                    tuple(
+                        Sight(time_s=float(times[k]), phase=phases[k], cloud=clouds[k], tool=tools[k]) for k in members
+                    )
+                    for members in pushes
+                ),
+                command=command[number],
+                state=state.get(number),
+                table=tables.get(number, _NOTHING),
+            )
+            for number, pushes in groups.items()
+        ),
+    )
+
+
+_NOTHING: Cloud = np.zeros((0, 3), np.float32)
+
+
+def _about(array: np.ndarray) -> dict[str, Any]:
+    if array.shape != () or array.dtype.kind != "U":
+        raise RecordingError(f"about must be one string, and is {array.dtype} of the shape {array.shape}.")
+    try:
+        about = json.loads(str(array))
+    except json.JSONDecodeError as error:
+        raise RecordingError(f"about is no JSON ({error}).") from None
+    if not isinstance(about, dict):
+        raise RecordingError('about must be a JSON object, for example {"task": "rope_push"}.')
+    plausible_about(cast(dict[str, Any], about))
+    return cast(dict[str, Any], about)
+
+
+def _clouds(arrays: Mapping[str, np.ndarray], kind: str, count: int | None) -> list[Cloud]:
+    """The points of `kind` cut at its offsets, into `count` clouds where that is given."""
+    points = finite(f"{kind}_points", shaped(f"{kind}_points", arrays, (None, 3), np.float32))
+    ends = offsets(f"{kind}_offsets", arrays, len(points), count)
+    return [points[first:last] for first, last in itertools.pairwise(ends)]
+
+
+def _tables(arrays: Mapping[str, np.ndarray]) -> dict[int, Cloud]:
+    if "table_points" not in arrays:
+        return {}
+    episodes: Int64[np.ndarray, " L"] = shaped("table_episode", arrays, (None,), np.int64)
+    clouds = _clouds(arrays, "table", len(episodes))
+    numbers = episodes.tolist()
+    for index, number in enumerate(numbers):
+        if number in numbers[:index]:
+            raise RecordingError(f"table_episode[{index}] names episode {number} again; one cloud an episode is read.")
+    return dict(zip(numbers, clouds, strict=True))
+
+
+def _tracks(arrays: Mapping[str, np.ndarray], kind: str) -> dict[int, Poseline]:
+    """By episode."""
+    times: Float64[np.ndarray, " T"] = finite(f"{kind}_time", shaped(f"{kind}_time", arrays, (None,), np.float64))
+    poses = finite(f"{kind}_pose", shaped(f"{kind}_pose", arrays, (len(times), 7), np.float64))
+    episode = shaped(f"{kind}_episode", arrays, (len(times),), np.int64)
+    forward(f"{kind}_time", times, f"{kind}_episode", episode)
+    plausible_poses(f"{kind}_pose", times, poses, episode)
+    return {
+        int(number): Poseline(times_s=times[episode == number], poses=poses[episode == number])
+        for number in np.unique(episode)
+    }
+
+
+def _phases(array: np.ndarray, count: int) -> list[Phase]:
+    if array.shape != (count,) or array.dtype.kind not in "US":
+        raise RecordingError(f"cloud_phase must be {count} strings, and is {array.dtype} of the shape {array.shape}.")
+    phases = [value.decode("ascii", "replace") if isinstance(value, bytes) else str(value) for value in array.tolist()]
+    for index, phase in enumerate(phases):
+        if phase not in PHASES:
+            raise RecordingError(f"cloud_phase[{index}] is {phase!r}; known are {', '.join(PHASES)}.")
+    return cast(list[Phase], phases)

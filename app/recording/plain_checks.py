@@ -1,0 +1,200 @@
+"""What arrays of the plain import format must be; every error names the array and the first bad index."""
+
+from collections.abc import Mapping, Sequence
+from typing import Any, Final
+
+import numpy as np
+from jaxtyping import Float64, Int64
+
+from app.core.errors import RecordingError
+from app.core.types import Cloud, Poses
+
+_FEWEST_POINTS: Final = 30
+"""Of an object: fewer do not say where each part of it is."""
+_FARTHEST_M: Final = 5.0
+"""No arm on a table reaches as far, and no object on it is as long."""
+_FASTEST_M_S: Final = 10.0
+_LONGEST_PUSH_S: Final = 600.0
+_EARLIEST_S, _LATEST_S = -1.0e6, 2.4e9
+"""Times since 1970 are below; nanoseconds and milliseconds since then are not."""
+_UNIT_TOLERANCE: Final = 0.02
+_COILED: Final = 1.5
+"""How many times as far as an object is long its points may lie apart: it may stretch, and what sees it errs."""
+
+
+def shaped(
+    name: str, arrays: Mapping[str, np.ndarray], shape: tuple[int | None, ...], kind: type[np.generic]
+) -> np.ndarray:
+    """The array as numbers of `kind`. Raises RecordingError where it has another shape (None: any length) or type."""
+    array = arrays[name]
+    fits = len(array.shape) == len(shape) and all(
+        want in (None, have) for want, have in zip(shape, array.shape, strict=True)
+    )
+    if not fits:
+        wanted = ", ".join("any" if length is None else str(length) for length in shape)
+        raise RecordingError(f"{name} must have the shape ({wanted}), and has {array.shape}.")
+    if array.dtype.kind not in ("iu" if kind is np.int64 else "fiu"):
+        raise RecordingError(
+            f"{name} must hold {'whole ' if kind is np.int64 else ''}numbers, and holds {array.dtype}."
+        )
+    return array.astype(kind)
+
+
+def finite(name: str, array: np.ndarray) -> np.ndarray:
+    """The array. Raises RecordingError where a number of it is NaN or infinite."""
+    bad = ~np.isfinite(array).all(axis=tuple(range(1, array.ndim)))
+    if bad.any():
+        raise RecordingError(f"{name}[{np.argmax(bad)}] is not finite; leave out what was not measured.")
+    return array
+
+
+def offsets(name: str, arrays: Mapping[str, np.ndarray], points: int, clouds: int | None) -> Int64[np.ndarray, " L"]:
+    """Where clouds begin and end. Raises RecordingError where they do not share the points out."""
+    ends = shaped(name, arrays, (None if clouds is None else clouds + 1,), np.int64)
+    if not len(ends) or ends[0] != 0:
+        raise RecordingError(f"{name}[0] must be 0: the first cloud begins with the first point.")
+    back = np.diff(ends) < 0
+    if back.any():
+        raise RecordingError(f"{name}[{np.argmax(back) + 1}] is less than the one before.")
+    if ends[-1] != points:
+        raise RecordingError(f"{name}[{len(ends) - 1}] must be {points}, the number of points, and is {ends[-1]}.")
+    return ends
+
+
+def forward(name: str, times: Float64[np.ndarray, " T"], of_episodes: str, episode: Int64[np.ndarray, " T"]) -> None:
+    """Raises RecordingError where a time does not increase within its episode, or is none in seconds."""
+    back = np.diff(episode) < 0
+    if back.any():
+        raise RecordingError(f"{of_episodes}[{np.argmax(back) + 1}] goes back; give the episodes one after another.")
+    back = (np.diff(times) <= 0) & (np.diff(episode) == 0)
+    if back.any():
+        index = int(np.argmax(back)) + 1
+        raise RecordingError(
+            f"{name}[{index}] = {times[index]:g} s is not after the one before; times increase within an episode."
+        )
+    far = (times < _EARLIEST_S) | (times > _LATEST_S)
+    if far.any():
+        index = int(np.argmax(far))
+        raise RecordingError(f"{name}[{index}] = {times[index]:g} cannot be seconds on a clock; give times in seconds.")
+
+
+def plausible_cloud(clouds: Sequence[Cloud], about: Mapping[str, Any]) -> None:
+    """Raises RecordingError where an object is too few points, or too large or far away for metres."""
+    length_m, first = _number(about, "object", "length_m"), 0
+    for index, cloud in enumerate(clouds):
+        if len(cloud) < _FEWEST_POINTS:
+            raise RecordingError(
+                f"cloud_offsets[{index + 1}] gives cloud {index} {len(cloud)} points; at least {_FEWEST_POINTS} are needed."
+            )
+        far = np.linalg.norm(cloud, axis=1) > _FARTHEST_M
+        if far.any():
+            at = int(np.argmax(far))
+            raise RecordingError(
+                f"cloud_points[{first + at}] lies {np.linalg.norm(cloud[at]):.4g} m from the base; give metres in the "
+                "base frame."
+            )
+        across = float(np.linalg.norm(np.ptp(cloud, axis=0)))
+        if length_m is not None and across > _COILED * length_m:
+            raise RecordingError(
+                f"cloud_points[{first}] and those after it, cloud {index}, are {across:.3g} m across; about says that "
+                f"the object is {length_m:g} m long."
+            )
+        first += len(cloud)
+
+
+def plausible_poses(
+    name: str, times: Float64[np.ndarray, " T"], poses: Poses, episode: Int64[np.ndarray, " T"]
+) -> None:
+    """Raises RecordingError where a pose is out of reach, too fast, or turned by no unit quaternion."""
+    far = np.linalg.norm(poses[:, :3], axis=1) > _FARTHEST_M
+    if far.any():
+        index = int(np.argmax(far))
+        raise RecordingError(
+            f"{name}[{index}] lies {np.linalg.norm(poses[index, :3]):.4g} m from the base; give metres."
+        )
+    bad = np.abs(np.linalg.norm(poses[:, 3:], axis=1) - 1) > _UNIT_TOLERANCE
+    if bad.any():
+        index = int(np.argmax(bad))
+        raise RecordingError(
+            f"{name}[{index}] has a quaternion w x y z of the length {np.linalg.norm(poses[index, 3:]):.4g}, not 1."
+        )
+    steps, same = np.linalg.norm(np.diff(poses[:, :3], axis=0), axis=1), np.diff(episode) == 0
+    fast = same & (steps > _FASTEST_M_S * np.where(same, np.diff(times), 1.0))
+    if fast.any():
+        index = int(np.argmax(fast)) + 1
+        later_s = times[index] - times[index - 1]
+        raise RecordingError(
+            f"{name}[{index}] lies {steps[index - 1]:.3g} m from the one before, {later_s:.3g} s "
+            "later: no arm is as fast; give metres and seconds."
+        )
+
+
+def plausible_about(about: Mapping[str, Any]) -> None:
+    """Raises RecordingError where a size in it is none of a thing on a table."""
+    for thing, name in (("object", "length_m"), ("object", "radius_m"), ("tool", "radius_m")):
+        size = _number(about, thing, name)
+        if size is not None and not 0 < size <= _FARTHEST_M:
+            raise RecordingError(f"about says that {thing}.{name} is {size:g}; give metres, or leave it out.")
+
+
+def whole_pushes(
+    times: Float64[np.ndarray, " K"],
+    episode: Int64[np.ndarray, " K"],
+    push: Int64[np.ndarray, " K"],
+    phases: Sequence[str],
+    command_times: Mapping[int, Float64[np.ndarray, " _"]],
+) -> dict[int, list[list[int]]]:
+    """The indices of the clouds of each push of each episode.
+
+    Raises RecordingError where a push has not one cloud before it, then those during it, then one after it, where it
+    lasts longer than a push can, or where it has no command.
+    """
+    groups: dict[int, dict[int, list[int]]] = {}
+    for index, (number, own) in enumerate(zip(episode.tolist(), push.tolist(), strict=True)):
+        pushes = groups.setdefault(number, {})
+        if own in pushes and next(reversed(pushes)) != own:
+            raise RecordingError(f"cloud_push[{index}] goes back to push {own}; give the pushes one after another.")
+        pushes.setdefault(own, []).append(index)
+    for number, pushes in groups.items():
+        for own, members in pushes.items():
+            _whole_push(f"episode {number}, push {own}", members, times, phases)
+            first, last = members[0], members[-1]
+            commands = command_times.get(number, np.zeros(0))
+            if np.sum((commands >= times[first]) & (commands <= times[last])) < 2:
+                raise RecordingError(
+                    f"command_time has not two values from cloud_time[{first}] = {times[first]:g} s to "
+                    f"cloud_time[{last}] = {times[last]:g} s (episode {number}, push {own}); give the commanded poses "
+                    "of every push."
+                )
+    if not groups:
+        raise RecordingError("cloud_time is empty; there is nothing to import.")
+    return {number: list(pushes.values()) for number, pushes in groups.items()}
+
+
+def _whole_push(name: str, members: Sequence[int], times: Float64[np.ndarray, " K"], phases: Sequence[str]) -> None:
+    first, last = members[0], members[-1]
+    if phases[first] != "before":
+        raise RecordingError(f"cloud_phase[{first}] must be 'before': {name} begins there.")
+    if phases[last] != "after" or first == last:
+        raise RecordingError(f"cloud_phase[{last}] must be 'after': {name} ends there.")
+    for index in members[1:-1]:
+        if phases[index] != "during":
+            raise RecordingError(f"cloud_phase[{index}] must be 'during': it stands amid {name}.")
+    lasts_s = times[last] - times[first]
+    if lasts_s > _LONGEST_PUSH_S:
+        raise RecordingError(
+            f"cloud_time[{last}] is {lasts_s:g} s after cloud_time[{first}], the beginning of {name}; give seconds."
+        )
+
+
+def _number(about: Mapping[str, Any], thing: str, name: str) -> float | None:
+    """A number in `about`, None where it is left out. Raises RecordingError where it is none."""
+    of = about.get(thing, {})
+    if not isinstance(of, Mapping):
+        raise RecordingError(f'about.{thing} must be a JSON object, for example {{"{name}": 0.008}}.')
+    value: Any = of.get(name)
+    if value is None:
+        return None
+    if isinstance(value, bool) or not isinstance(value, int | float):
+        raise RecordingError(f"about says that {thing}.{name} is {value!r}; give a number of metres.")
+    return float(value)
