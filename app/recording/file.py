@@ -18,11 +18,14 @@ from app.recording.views import Viewable, views
 
 @final
 class EpisodeFile:
-    """Writes messages, each with what Foxglove shows of it, to a new file at `path`."""
+    """Writes messages, each with what Foxglove shows of it, to a new file at `path`.
 
-    def __init__(self, path: Path, episode: Episode) -> None:
+    Without an `epoch`, messages are dated by this machine's clocks.
+    """
+
+    def __init__(self, path: Path, episode: Episode, *, epoch: Epoch | None = None) -> None:
         self.path = path
-        self.epoch = Epoch.now()
+        self.epoch = epoch or Epoch.now()
         self._context = foxglove.Context()
         self._channels: dict[str, foxglove.Channel] = {}
         self._log_time_ns = 0

@@ -73,7 +73,7 @@ def rehearse(task: Task, plan: Plan, physics: WorldPhysics, hidden: Sequence[Inj
         last = world.centreline()
 
 
-def first_ends(task: Task, plan: Plan, seed: int) -> Float64[np.ndarray, "2"]:
+def first_end(task: Task, plan: Plan, seed: int) -> Float64[np.ndarray, "2"]:
     """Where the rope's end s = -1 lies at first [m]."""
     starts = np.random.default_rng([seed, _STARTS]).integers(2**31, size=plan.episodes).tolist()
     return task.start(starts[0])[0, :2]

@@ -1,0 +1,199 @@
+"""Rehearsals as recordings: images to particles, particles and motions to messages, messages to files.
+
+Nothing in a recording depends on what is hidden but through what was seen and measured: no seed, no name, and a clock
+that starts at a fixed value. The same session gives the same bytes.
+"""
+
+import json
+import time
+from collections.abc import Generator, Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Final, final
+
+import numpy as np
+
+from app import __version__
+from app.core.errors import RecordingError
+from app.core.messages import Episode, Executed, Frame, Message, MessageId, Particles, Sighting, Transition
+from app.core.types import Cloud
+from app.perception.reconstruct import reconstruct
+from app.perception.surroundings import table_points, tool_points
+from app.recording.epoch import Epoch
+from app.recording.file import EpisodeFile
+from app.rig.simulated.eyes import Eyes
+from app.rig.simulated.hidden.base import Injected
+from app.rig.simulated.physics import WorldPhysics
+from app.rig.simulated.rehearsal import Look, Take, rehearse
+from app.rig.simulated.strokes import Plan
+from app.tasks.base import Task
+
+_PRESET: Final = "cpu"
+"""Whose number of particles clouds have."""
+_LOOKS: Final = 3
+_EPOCH: Final = Epoch(offset_ns=0)
+"""Recordings are dated by the world's clock alone."""
+_NOBODY: Final = MessageId("rehearsed")
+"""Stands for the approval that nobody has to give in a rehearsal."""
+
+
+@final
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Session:
+    """What is rehearsed, and the folder of its recordings."""
+
+    task: Task
+    plan: Plan
+    physics: WorldPhysics
+    hidden: tuple[Injected, ...]
+    seed: int
+    folder: Path
+
+    def path(self, episode: int) -> Path:
+        """The recording of an episode, counted from 0."""
+        return self.folder / f"episode-{episode + 1:02d}.mcap"
+
+
+@final
+@dataclass(kw_only=True)
+class Stopwatch:
+    """How long the parts of a work took together [s]."""
+
+    spent_s: dict[str, float] = field(default_factory=dict[str, float])
+
+    @contextmanager
+    def on(self, part: str) -> Generator[None]:
+        """Counts what happens inside as time of this part."""
+        began_s = time.perf_counter()
+        try:
+            yield
+        finally:
+            self.spent_s[part] = self.spent_s.get(part, 0.0) + time.perf_counter() - began_s
+
+
+def record(session: Session, watch: Stopwatch) -> Iterator[Path]:
+    """Rehearse and write everything; after each push, the recording that it stands in.
+
+    Raises PerceptionError where the object cannot be seen any more, RecordingError where a file cannot be written.
+    """
+    scribe, file = _Scribe(session, watch), None
+    takes = rehearse(session.task, session.plan, session.physics, session.hidden, session.seed)
+    try:
+        for number in range(session.plan.episodes * session.plan.pushes):
+            with watch.on("physics"):
+                take = next(takes)
+            messages = scribe.told(take, number)
+            path = session.path(take.episode)
+            with watch.on("writing"):
+                if file is None or file.path != path:
+                    _close(file)
+                    file = _begun(path, take, session)
+                for message in messages:
+                    file.write(message, now_s=message.time_s)
+            yield path
+    except (OSError, RuntimeError) as error:
+        raise RecordingError(f"Cannot write to {session.folder}: {error}; choose another place with -o.") from error
+    finally:
+        _close(file)
+
+
+def _begun(path: Path, take: Take, session: Session) -> EpisodeFile:
+    """A new file with its first message, which says no more than any episode of a simulated cell would."""
+    episode = Episode(
+        id=MessageId(f"episode-{take.episode:06d}"),
+        time_s=take.before.stamp_s,
+        task=session.task.name,
+        rig="simulated",
+        seed=0,
+        simulated=True,
+        code_version=__version__,
+        config=json.dumps({"preset": _PRESET, "pushes": session.plan.pushes}),
+    )
+    file = EpisodeFile(path, episode, epoch=_EPOCH)
+    file.write(episode, now_s=episode.time_s)
+    return file
+
+
+def _close(file: EpisodeFile | None) -> None:
+    if file is not None:
+        file.close()
+
+
+@final
+class _Scribe:
+    """Says what cameras and encoders say of a push."""
+
+    def __init__(self, session: Session, watch: Stopwatch) -> None:
+        self._watch, self._pushes, self._finger = watch, session.plan.pushes, session.task.finger
+        self._eyes = Eyes(session.task.rope, session.task.finger, session.hidden, session.seed)
+        self._how = session.task.reconstruction(_PRESET)
+
+    def told(self, take: Take, number: int) -> list[Message]:
+        """The messages of push `number` in their order: seen, made, seen, learnt. The first ones bring images."""
+        before, images = self._seen(take.before, _LOOKS * number)
+        during, views = self._seen(take.during, _LOOKS * number + 1)
+        after, _ = self._seen(take.after, _LOOKS * number + 2)
+        first = number % self._pushes == 0
+        with self._watch.on("particles"):
+            table = table_points(images, self._how) if first else _nothing()
+            tip = take.measured.at(np.array([take.during.stamp_s]))[0]
+            tool = tool_points(views, tip, self._how, radius_m=self._finger.radius_m)
+        executed = _executed(take, number, before)
+        shown: list[Message] = [*images] if first else []
+        return [
+            *shown,
+            before,
+            _sighting(before, tool=_nothing(), table=table),
+            during,
+            _sighting(during, tool=tool, table=_nothing()),
+            executed,
+            after,
+            Transition(
+                id=MessageId(f"transition-{number:06d}"),
+                cause=(before.id, executed.id, after.id),
+                time_s=after.time_s,
+                before=before.positions,
+                executed=executed,
+                after=after.positions,
+            ),
+        ]
+
+    def _seen(self, look: Look, number: int) -> tuple[Particles, list[Frame]]:
+        with self._watch.on("images"):
+            frames = self._eyes.look(look.snapshot, stamp_s=look.stamp_s, number=number)
+        with self._watch.on("particles"):
+            found = reconstruct(frames, self._how)
+        particles = Particles(
+            id=MessageId(f"particles-{number:06d}"),
+            cause=tuple(frame.id for frame in frames),
+            time_s=look.stamp_s,
+            positions=found.positions,
+            surface=found.surface,
+            # A rehearsal takes none of the world's time.
+            reconstruction_s=0.0,
+        )
+        return particles, frames
+
+
+def _sighting(particles: Particles, *, tool: Cloud, table: Cloud) -> Sighting:
+    identity = MessageId(particles.id.replace("particles", "sighting"))
+    return Sighting(id=identity, cause=particles.cause, time_s=particles.time_s, tool=tool, table=table)
+
+
+def _executed(take: Take, number: int, before: Particles) -> Executed:
+    return Executed(
+        id=MessageId(f"executed-{number:06d}"),
+        cause=(before.id,),
+        time_s=take.command.end_s,
+        approved_id=_NOBODY,
+        outcome="completed",
+        reason="",
+        times_s=take.command.times_s,
+        commanded=take.command.poses,
+        measured=take.measured.poses,
+    )
+
+
+def _nothing() -> Cloud:
+    return np.zeros((0, 3), np.float32)
