@@ -32,13 +32,14 @@ NUMERICS = {
 class Subject:
     """A task's simulator as discovery uses it.
 
-    `haste`: real seconds in one simulated second; `mass_kg`: the object's; `low_m`: below this height the tool can
-    touch it; `nominal`: values of `PARAMETERS`, of which `calibrated` are fitted whatever the cause.
+    `haste`: real seconds in one simulated second; `mass_kg`, `length_m`: the object's; `low_m`: below this height the
+    tool can touch it; `nominal`: values of `PARAMETERS`, of which `calibrated` are fitted whatever the cause.
     """
 
     scene: Scene
     haste: float
     mass_kg: float
+    length_m: float
     low_m: float
     particle_count: int
     nominal: Float32[np.ndarray, " P"]

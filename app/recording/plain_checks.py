@@ -84,7 +84,8 @@ def plausible_cloud(clouds: Sequence[Cloud], about: Mapping[str, Any]) -> None:
     for index, cloud in enumerate(clouds):
         if len(cloud) < _FEWEST_POINTS:
             raise RecordingError(
-                f"cloud_offsets[{index + 1}] gives cloud {index} {len(cloud)} points; at least {_FEWEST_POINTS} are needed."
+                f"cloud_offsets[{index + 1}] gives cloud {index} {len(cloud)} points; "
+                f"at least {_FEWEST_POINTS} are needed."
             )
         far = np.linalg.norm(cloud, axis=1) > _FARTHEST_M
         if far.any():

@@ -15,6 +15,7 @@ def subject_of(task: Task) -> Subject:
         scene=task.scene,
         haste=task.haste,
         mass_kg=task.rope.mass_kg,
+        length_m=task.rope.length_m,
         low_m=task.actions.height_m + LOW_ENOUGH_M,
         particle_count=task.preset("cpu").particle_count,
         nominal=phi_of(nominal_model(task.name)),
