@@ -129,10 +129,12 @@ def _low_s(executed: Executed, low_m: float) -> tuple[float, float]:
 
 
 def _seen_s(points: Points, cause: tuple[MessageId, ...], episode: _Recorded, otherwise_s: float) -> float:
-    """When the particles that a transition was made of were seen."""
+    """When the particles that a transition was made of were seen; the motion's own time where that is not known."""
     same = [seen for seen in episode.particles if np.array_equal(seen.positions, points)]
     named = [seen for seen in same if seen.id in cause]
-    return (named or same)[0].time_s if same else otherwise_s
+    # An object that did not move may look the same before and after.
+    times = (seen.time_s for seen in named or same)
+    return min(times, key=lambda time_s: abs(time_s - otherwise_s), default=otherwise_s)
 
 
 def _counted(points: Points, count: int, path: Path) -> Points:

@@ -88,9 +88,9 @@ def _instruments(study: Study) -> Iterator[Limit]:
                 + (f", but for {_counted(seen, 'push')} of {len(pushes)}." if seen else ", never during a push.")
             ),
             consequence=(
-                "Delays and lags are invisible (command_delay, actuator_lag, camera_time_offset, kelvin_voigt), and the "
-                "tool was not seen to check the cameras with: keep them on while the tool moves, one view in the later "
-                "half of each push at least."
+                "Delays and lags are invisible (command_delay, actuator_lag, camera_time_offset, kelvin_voigt), and "
+                "there is no tool in view to check the cameras with: keep them on while the tool moves, one view in "
+                "the later half of each push at least."
             ),
         )
     measured = sum(push.measured is not None for push in pushes)

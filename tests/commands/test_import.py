@@ -1,6 +1,8 @@
 """What others measured is in the recording as they measured it, or nothing is, and the error says why."""
 
 import json
+import subprocess
+import sys
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -11,7 +13,10 @@ import pytest
 from app.commands._study import read_study
 from app.commands.import_ import import_
 from app.core.errors import DipacError, RecordingError, UsageError
+from app.discovery.limits import limits_of
 from app.recording.reader import read_transitions
+from app.tasks import load
+from app.tasks.doubted import subject_of
 from tests.plain_data import EPISODES, OPTIONAL, POINTS, PUSHES, plain_arrays, saved
 
 Arrays = dict[str, Any]
@@ -196,3 +201,21 @@ def test_what_is_no_archive_of_arrays_is_refused(tmp_path: Path) -> None:
             import_(path, output=tmp_path / "out.mcap")
     with pytest.raises(UsageError, match="Unknown file"):
         import_(tmp_path / "other.npz", output=tmp_path / "out.mcap")
+
+
+def test_the_script_in_the_documentation_makes_such_a_file(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    page = (Path(__file__).parents[2] / "docs" / "recording-format.md").read_text(encoding="utf-8")
+    script = page.split("```python\n")[1].split("```")[0]
+    monkeypatch.chdir(tmp_path)
+    subprocess.run([sys.executable, "-c", script], check=True)
+    import_(Path("measured.npz"), output=Path("measured.mcap"))
+    study = read_study([Path("measured.mcap")])
+    assert len(study.pushes) == 24
+    assert all(push.during and push.measured is None for push in study.pushes)
+    said = {limit.text for limit in limits_of(study, subject_of(load("rope_push")))}
+    assert said == {
+        "The pushes go in 1 direction; 4 are asked for.",
+        "Where the tool really went was measured in 0 of 24 pushes.",
+        "The tool was not seen during any push.",
+        "The bare table was not seen.",
+    }
