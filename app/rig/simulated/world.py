@@ -46,17 +46,17 @@ class RopeWorld:
         intrusion: Intrusion | None = None,
         time_s: float = 0.0,
     ) -> None:
-        self._intrusion = intrusion or Intrusion(())
-        physics = self._intrusion.physics(physics or WorldPhysics(), rope)
+        self.intrusion = intrusion or Intrusion(())
+        physics = self.intrusion.physics(physics or WorldPhysics(), rope)
         nodes = resample(centreline, physics.rope.segments + 1)
-        self._model = _compile(rope, finger, physics, nodes, self._intrusion)
+        self._model = _compile(rope, finger, physics, nodes, self.intrusion)
         self._data = mujoco.MjData(self._model)
         self._links = np.array([self._model.body(f"rope{index}").id for index in range(physics.rope.segments)])
         self._last_length = float(np.linalg.norm(nodes[-1] - nodes[-2]))
         self._bend = slice(3, int(self._model.body("finger").jntnum[0]))
         self._data.qpos[:3], self._data.time = tool, time_s
         mujoco.mj_forward(self._model, self._data)
-        self._intrusion.attach(self._model, self._data, self._links, rope, finger)
+        self.intrusion.attach(self._model, self._data, self._links, rope, finger)
 
     @property
     def time_s(self) -> float:
@@ -82,7 +82,7 @@ class RopeWorld:
         for step in range(1, steps + 1):
             due = start + (tool_xyz - start) * (step / steps)
             self._data.qvel[:3] = (due - self._data.qpos[:3]) / period
-            self._intrusion.act()
+            self.intrusion.act()
             mujoco.mj_step(self._model, self._data)
 
     def place(self, tool_xyz: Position) -> None:

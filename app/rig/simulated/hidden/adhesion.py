@@ -19,7 +19,7 @@ def _force(moment: Moment, values: Values) -> Vectors:
 
 HIDDEN = Hidden(
     family="physics",
-    quantities=(Quantity(name="adhesion", unit="Pa", typical=41.7, high=170.0),),
+    quantities=(Quantity(name="adhesion", unit="Pa", typical=41.7, high=166.0),),
     draw=plain,
     force=_force,
 )

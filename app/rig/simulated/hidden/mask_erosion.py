@@ -22,7 +22,8 @@ def _seen(shot: Shot, values: Values) -> DepthImage:
     colour = shot.color.astype(np.float64)
     strength = np.linalg.norm(colour, axis=-1)
     like = colour @ (wanted / np.linalg.norm(wanted)) > _LIKE * strength
-    inside_px = cv2.distanceTransform((like & (strength > _DARK)).astype(np.uint8), cv2.DIST_L2, 5) - _HALF_PX
+    object_ = (like & (strength > _DARK)).astype(np.uint8)
+    inside_px = cv2.distanceTransform(object_, cv2.DIST_L2, 5).astype(np.float64) - _HALF_PX
     inside_m = inside_px * shot.depth * shot.camera.depth_unit_m / shot.camera.K[0, 0]
     lost = (inside_px > 0) & (inside_m < values[0])
     return np.where(lost, 0, shot.depth).astype(np.uint16)

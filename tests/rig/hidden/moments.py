@@ -1,0 +1,60 @@
+"""A moment of the world as tests of hidden effects make it, and effects by their names."""
+
+import numpy as np
+
+from app.rig.simulated.hidden.base import Hidden, Injected, Moment
+from app.rig.simulated.hiding import known
+from app.rig.simulated.intrusion import Intrusion
+from app.rig.simulated.physics import WorldPhysics
+from app.rig.simulated.track import ToolTrack
+from app.rig.simulated.world import RopeWorld
+from tests.rig.scene import FINGER, ROPE, straight_rope
+
+SEGMENTS = 40
+
+
+def effect(name: str) -> Hidden:
+    return known()[name]
+
+
+def injected(name: str, *values: float) -> Injected:
+    return Injected(name=name, effect=effect(name), values=np.array(values, float))
+
+
+def world(*hidden: Injected, physics: WorldPhysics | None = None) -> RopeWorld:
+    return RopeWorld(ROPE, FINGER, straight_rope(), physics=physics, intrusion=Intrusion(hidden))
+
+
+def moment(**given: object) -> Moment:
+    """A rope along y through x = 0.5 at rest, with the finger far above it; what is given stands instead."""
+    x = np.column_stack([np.full(SEGMENTS, 0.5), np.linspace(-0.195, 0.195, SEGMENTS), np.full(SEGMENTS, 0.008)])
+    still = Moment(
+        time_s=0.0,
+        session=0.0,
+        period_s=0.002,
+        gravity_m_s2=9.81,
+        radius_m=0.008,
+        segment_m=0.01,
+        x=x,
+        v=np.zeros((SEGMENTS, 3)),
+        mass=np.full(SEGMENTS, 0.002),
+        finger=np.array([0.5, 0.0, 0.3]),
+        finger_v=np.zeros(3),
+        toward=np.tile([0.0, 0.0, 1.0], (SEGMENTS, 1)),
+        gap_m=np.full(SEGMENTS, 0.2),
+    )
+    return still._replace(**given)
+
+
+def moving(x_m_s: float, y_m_s: float) -> np.ndarray:
+    """Every segment at that velocity."""
+    return np.tile([x_m_s, y_m_s, 0.0], (SEGMENTS, 1))
+
+
+def track(yaw: float = 0.0) -> ToolTrack:
+    """Down, 10 cm along x in a second, a second's rest, 4 cm back, and up; the tool turned by `yaw`."""
+    times = np.linspace(0.0, 4.0, 201)
+    x = 0.5 + 0.1 * np.interp(times, [0.5, 1.5, 2.5, 3.0], [0.0, 1.0, 1.0, 0.6])
+    z = np.interp(times, [0.0, 0.4, 3.6, 4.0], [0.1, 0.006, 0.006, 0.1])
+    turn = np.tile([np.cos(yaw / 2), 0.0, 0.0, np.sin(yaw / 2)], (len(times), 1))
+    return ToolTrack(times_s=times, poses=np.column_stack([x, np.zeros_like(x), z, turn]))

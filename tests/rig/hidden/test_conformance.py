@@ -1,0 +1,152 @@
+"""What every hidden effect keeps, found by itself: nulls that change nothing, and the catalogue's names and sizes."""
+
+import ast
+import inspect
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from app.discovery.subject import catalogue
+from app.rig.simulated import hidden
+from app.rig.simulated.cameras import table_cameras
+from app.rig.simulated.hidden.base import Injected, Shot
+from app.rig.simulated.hiding import IMPOSSIBLE, Wish, draw, known
+from app.rig.simulated.world import RopeWorld
+from app.sim.files import files_of
+from app.tasks import load
+from tests.rig.hidden.moments import track, world
+from tests.rig.scene import PUSH_Z, ROPE
+
+FILES, MODULES = known(), dict(files_of(hidden))
+CATALOGUE = catalogue()
+TASK = load("rope_push")
+HEFT = TASK.scene.gravity_m_s2 / 9.81
+FORBIDDEN = ("app.sim", "app.discovery", "app.perception", "app.planner")
+every_effect = pytest.mark.parametrize("name", FILES)
+catalogued = pytest.mark.parametrize("name", [name for name, effect in FILES.items() if effect.catalogued])
+in_the_world = pytest.mark.parametrize("name", [name for name, e in FILES.items() if e.family == "physics" or e.build])
+
+
+def nothing(name: str) -> Injected:
+    effect = FILES[name]
+    return Injected(name=name, effect=effect, values=np.array([quantity.null for quantity in effect.quantities]))
+
+
+def typical(name: str, seed: int = 0) -> Injected:
+    (drawn,) = draw([Wish(name, None)], seed)
+    return drawn
+
+
+def pushed(table: RopeWorld) -> np.ndarray:
+    """The rope after a curved push through its middle, and a little later."""
+    table.place(np.array([0.47, -0.02, PUSH_Z]))
+    for share in np.linspace(0.05, 1.0, 20):
+        table.step(np.array([0.47 + 0.08 * share, -0.02 + 0.06 * share**2, PUSH_Z]), 0.02)
+    table.step(table.tool, 0.1)
+    return table.centreline()
+
+
+@pytest.fixture(scope="module")
+def plain() -> np.ndarray:
+    return pushed(world())
+
+
+@in_the_world
+def test_at_its_null_an_effect_leaves_the_world_as_it_is_to_the_last_bit(name: str, plain: np.ndarray) -> None:
+    assert np.array_equal(pushed(world(nothing(name))), plain)
+
+
+@every_effect
+def test_at_its_null_an_effect_leaves_arm_and_cameras_as_they_are(name: str) -> None:
+    effect, values = FILES[name], nothing(name).values
+    if effect.drive is not None:
+        made = effect.drive(track(), values)
+        np.testing.assert_allclose(made.at(track().times_s), track().positions, atol=1e-12)
+    if effect.stands is not None:
+        pose = table_cameras()[0].T_world_camera
+        np.testing.assert_allclose(effect.stands(pose, np.array([0.5, 0.0, 0.6]), values), pose, atol=1e-12)
+    if effect.seen is not None:
+        camera = table_cameras()[0]
+        depth = np.random.default_rng(0).integers(0, 1000, (camera.height, camera.width)).astype(np.uint16)
+        colour = np.zeros((camera.height, camera.width, 3), np.uint8) + np.array([200, 60, 25], np.uint8)
+        assert np.array_equal(effect.seen(Shot(colour, depth, camera, ROPE.colour), values), depth)
+    if effect.late_s is not None:
+        assert effect.late_s(values) == 0.0
+
+
+@in_the_world
+def test_at_its_typical_size_an_effect_of_the_world_moves_the_rope_otherwise(name: str, plain: np.ndarray) -> None:
+    here = typical(name)
+    # Where the rope is carried to, and a change before which the session begins.
+    instead = {"_x": 0.53, "_y": 0.08, "step_time": -0.1}
+    values = np.array(
+        [
+            next((at for end, at in instead.items() if quantity.name.endswith(end) and quantity.typical is None), value)
+            for quantity, value in zip(here.effect.quantities, here.values, strict=True)
+        ]
+    )
+    table = world(Injected(name=name, effect=here.effect, values=values))
+    table.intrusion.session = -0.5
+    assert 1e-6 < np.abs(pushed(table) - plain).max() < 0.1
+
+
+@every_effect
+def test_what_is_drawn_follows_from_the_seed_and_has_the_size_asked_for(name: str) -> None:
+    effect, size = FILES[name], typical(name).effect.main.typical
+    first, again, others = (
+        np.array([typical(name, seed).values for seed in seeds]) for seeds in ((1,), (1,), range(9))
+    )
+    assert np.array_equal(first, again)
+    sizes = [quantity.typical is not None and quantity.unit == effect.main.unit for quantity in effect.quantities]
+    lengths = {round(float(np.linalg.norm(drawn[sizes])), 9) for drawn in others}
+    several = sum(sizes) > 1 and name == "abrupt_change"
+    assert lengths == {round(size * (np.sqrt(2) if several else 1.0), 9)}
+    assert effect.main.low <= size <= effect.main.high
+
+
+def test_everything_of_the_catalogue_can_be_hidden_or_is_said_to_be_impossible() -> None:
+    causes = {cause.name for cause in CATALOGUE.causes}
+    assert {name for name, effect in FILES.items() if effect.catalogued} == causes - set(IMPOSSIBLE)
+    assert set(IMPOSSIBLE) < causes
+    others = {name for name, effect in FILES.items() if not effect.catalogued}
+    assert len(others) >= 4
+    assert not others & causes
+
+
+@catalogued
+def test_an_effect_has_the_names_units_nulls_and_typical_sizes_of_the_catalogue_in_real_units(name: str) -> None:
+    effect, cause = FILES[name], CATALOGUE.cause(name)
+    specs = [CATALOGUE.specs[column] for column in cause.columns]
+    assert effect.family == cause.family
+    assert [quantity.name for quantity in effect.quantities] == [spec.name for spec in specs]
+    for quantity, spec in zip(effect.quantities, specs, strict=True):
+        assert quantity.unit == spec.unit
+        assert quantity.null == pytest.approx(spec.real(spec.nominal, TASK.haste, HEFT))
+        if spec.typical is None or quantity.typical is None:
+            assert spec.typical is None
+            assert quantity.typical is None
+        else:
+            assert quantity.typical == pytest.approx(spec.real(spec.typical, TASK.haste, HEFT), rel=0.01)
+            assert quantity.high <= 1.01 * spec.real(spec.high, TASK.haste, HEFT)
+
+
+@every_effect
+def test_whether_encoders_see_an_effect_is_as_in_the_catalogue(name: str) -> None:
+    told = {cause.name for cause in CATALOGUE.causes if cause.family == "actuation"} - {"tool_compliance"}
+    assert FILES[name].told == (name in told)
+
+
+@every_effect
+def test_an_effect_says_what_it_is_and_is_short(name: str) -> None:
+    source = inspect.getsource(MODULES[name])
+    assert (MODULES[name].__doc__ or "").partition("\n")[0].endswith(".")
+    assert len(source.splitlines()) <= 70
+
+
+@pytest.mark.parametrize("file", sorted(Path(hidden.__file__).parent.glob("*.py")), ids=lambda file: file.stem)
+def test_an_effect_is_written_anew_and_imports_nothing_of_what_looks_for_it(file: Path) -> None:
+    tree = ast.parse(file.read_text(encoding="utf-8"))
+    imported = [node.module or "" for node in ast.walk(tree) if isinstance(node, ast.ImportFrom)]
+    imported += [alias.name for node in ast.walk(tree) if isinstance(node, ast.Import) for alias in node.names]
+    assert not [module for module in imported if module.startswith(FORBIDDEN)]
