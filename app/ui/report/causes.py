@@ -111,7 +111,7 @@ def _cell(x: float, y: float, side: float, share: float, own: bool) -> Markup:
     heat = tag("rect", x=x + 1, y=y + 1, width=side - 2, height=side - 2, rx=3.0, class_="heat", opacity=f"{known:.2f}")
     if known < _NUMBERED_FROM or side < 24:
         return joined([box, heat])
-    kind = "cell on" if known > 0.62 else "cell"
+    kind = "cell on" if known > 0.7 else "cell"
     return joined([box, heat, label(x + side / 2, y + side / 2 + 4, f"{100 * known:.0f}", kind, anchor="middle")])
 
 

@@ -57,7 +57,7 @@ def plot(
     height: float,
     x: tuple[float, float],
     y: tuple[float, float],
-    margins: tuple[float, float, float, float] = (12, 12, 44, 58),
+    margins: tuple[float, float, float, float] = (12.0, 12.0, 44.0, 58.0),
 ) -> Plot:
     """A plot of these ranges, with margins at the top, right, bottom and left."""
     top, right, bottom, left = margins

@@ -53,8 +53,8 @@ def _strip(check: Check) -> Markup:
         _HEIGHT,
         f"{check.name}: {'sound' if check.sound else 'off'}",
         "The interval as a bar, the value as a dot, and what would be right as a tick.",
-        line((4, middle), (_WIDTH - 4, middle), "grid"),
+        line((4.0, middle), (_WIDTH - 4, middle), "grid"),
         line((x(check.low), middle), (x(check.high), middle), f"bar {kind}"),
         tag("circle", cx=x(check.value), cy=middle, r=4.5, class_=f"value {kind}"),
-        line((x(check.expected), 2), (x(check.expected), _HEIGHT - 2), "right"),
+        line((x(check.expected), 2.0), (x(check.expected), _HEIGHT - 2), "right"),
     )

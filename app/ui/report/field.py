@@ -132,7 +132,7 @@ def _along_figure(arrows: Arrows) -> Markup:
         [float(np.quantile(sizes[bins == k], share)) for k in range(_BINS) if (bins == k).any()]
         for share in (0.1, 0.5, 0.9)
     )
-    p = plot(300.0, 210.0, (-1, 1), (0, max(high) * 1.1 or 1.0))
+    p = plot(300.0, 210.0, (-1.0, 1.0), (0.0, max(high) * 1.1 or 1.0))
     drawing = svg(
         p.width,
         p.height,
@@ -161,7 +161,7 @@ def _pushes_figure(arrows: Arrows) -> Markup:
     sizes, pushes = lengths_mm(arrows), np.unique(arrows.push)
     means = [float(sizes[arrows.push == push].mean()) for push in pushes]
     x_range = (float(pushes[0]) - 0.5, float(pushes[-1]) + 0.5)
-    p = plot(300.0, 190.0, x_range, (0, max(means) * 1.15 or 1.0))
+    p = plot(300.0, 190.0, x_range, (0.0, max(means) * 1.15 or 1.0))
     drawing = svg(
         p.width,
         p.height,

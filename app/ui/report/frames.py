@@ -40,7 +40,7 @@ def _bar(it: FrameTest, kind: str) -> Markup:
         _HEIGHT,
         f"{sentence(it.frame)}: {percent(it.explained)}",
         f"A bar, and an interval from {decimal(100 * it.low, 0)} to {decimal(100 * it.high, 0)} %.",
-        *(line((_SHARE(share), 0), (_SHARE(share), _HEIGHT), "grid") for share in (0.0, 0.25, 0.5, 0.75, 1.0)),
+        *(line((_SHARE(share), 0.0), (_SHARE(share), _HEIGHT), "grid") for share in (0.0, 0.25, 0.5, 0.75, 1.0)),
         tag(
             "rect",
             x=_SHARE.start,
@@ -57,7 +57,7 @@ def _bar(it: FrameTest, kind: str) -> Markup:
 def _scale() -> Markup:
     """The bars' common axis, below them."""
     shares = (0.0, 0.25, 0.5, 0.75, 1.0)
-    numbers = (label(_SHARE(share), 14, f"{100 * share:.0f} %", "tick", anchor="middle") for share in shares)
+    numbers = (label(_SHARE(share), 14.0, f"{100 * share:.0f} %", "tick", anchor="middle") for share in shares)
     return svg(_WIDTH, 18.0, "Axis", "From 0 to 100 %.", *numbers)
 
 

@@ -18,8 +18,8 @@ _MARGINS = (14.0, 14.0, 46.0, 58.0)
 def gains(case: Case) -> Markup:
     """The gain in words, and three small figures of it."""
     drawn = [_bars(case.gain)] if math.isfinite(case.gain.nominal_mm) else []
-    drawn += [_paired(case)] if len(case.per_episode) else []
-    drawn += [_steps(case)] if len(case.steps) else []
+    drawn += [_paired(case)] if np.isfinite(case.per_episode).any() else []
+    drawn += [_steps(case)] if np.isfinite(case.steps).any() else []
     key = legend(
         [("still", "no motion: nothing moves"), ("nominal", "refitted nominal model"), ("extended", "extended model")]
     )
@@ -33,7 +33,7 @@ def _bars(gain: Gain) -> Markup:
         ("extended", gain.extended_mm, "extended"),
     )
     known = [entry for entry in values if math.isfinite(entry[1])]
-    p = plot(_WIDTH, _HEIGHT, (0, len(known)), (0, _above(max(value for _, value, _ in known))), _MARGINS)
+    p = plot(_WIDTH, _HEIGHT, (0.0, float(len(known))), (0.0, _above(max(value for _, value, _ in known))), _MARGINS)
     drawn = list[Markup]()
     for index, (name, value, kind) in enumerate(known):
         x, top = p.x(index + 0.5), p.y(value)
@@ -50,8 +50,8 @@ def _bars(gain: Gain) -> Markup:
 def _paired(case: Case) -> Markup:
     values = case.per_episode[np.isfinite(case.per_episode).all(axis=1)]
     better = int((values[:, 1] < values[:, 0]).sum())
-    p = plot(_WIDTH, _HEIGHT, (-0.35, 1.35), (0, _above(float(values.max(initial=0.0)))), _MARGINS)
-    pairs = [(p.at((0, pair[0])), p.at((1, pair[1]))) for pair in values]
+    p = plot(_WIDTH, _HEIGHT, (-0.35, 1.35), (0.0, _above(float(values.max(initial=0.0)))), _MARGINS)
+    pairs = [(p.at((0.0, pair[0])), p.at((1.0, pair[1]))) for pair in values]
     drawing = svg(
         p.width,
         p.height,
@@ -61,23 +61,23 @@ def _paired(case: Case) -> Markup:
         *(line(*pair, "pair" if b < a else "pair worse") for pair, (a, b) in zip(pairs, values, strict=True)),
         dots([start for start, _ in pairs], "mid nominal"),
         dots([end for _, end in pairs], "mid extended"),
-        label(p.x(0), p.y.start + 18, "nominal", "tick", anchor="middle"),
-        label(p.x(1), p.y.start + 18, "extended", "tick", anchor="middle"),
+        label(p.x(0.0), p.y.start + 18, "nominal", "tick", anchor="middle"),
+        label(p.x(1.0), p.y.start + 18, "extended", "tick", anchor="middle"),
     )
     return figure(drawing, f"A line an episode: better in {better} of {len(values)}. Broken lines rise.")
 
 
 def _steps(case: Case) -> Markup:
     values = case.steps
-    p = plot(_WIDTH, _HEIGHT, (0.6, len(values) + 0.4), (0, _above(float(np.nanmax(values)))), _MARGINS)
+    p = plot(_WIDTH, _HEIGHT, (0.6, len(values) + 0.4), (0.0, _above(float(np.nanmax(values)))), _MARGINS)
     curves = [
-        [p.at((step + 1, value)) for step, value in enumerate(values[:, k]) if math.isfinite(value)] for k in range(2)
+        [p.at((step + 1.0, value)) for step, value in enumerate(values[:, k]) if math.isfinite(value)] for k in range(2)
     ]
     drawing = svg(
         p.width,
         p.height,
         "Errors over several pushes",
-        "; ".join(f"after {k + 1}: {a:.1f} and {b:.1f} mm" for k, (a, b) in enumerate(values)),
+        "; ".join(f"after {k + 1}: {decimal(a, 1)} and {decimal(b, 1)} mm" for k, (a, b) in enumerate(values)),
         axes(p, "pushes predicted in a row", "error [mm]", x_count=max(len(values), 1)),
         *(
             joined([polyline(curve, f"curve {kind}"), dots(curve, f"mid {kind}")])

@@ -11,8 +11,8 @@ from app.discovery.case import Case
 from app.ui.report.chart import Plot, arrow_path, axes, dots, plot, polyline
 from app.ui.report.markup import Markup, joined, tag
 
-Flat: TypeAlias = Float[np.ndarray, "M D"]
-"""Points of which the first two columns are x and y [m]."""
+Flat: TypeAlias = Float[np.ndarray, "_ _"]
+"""Points, shape (M, 2) or (M, 3), of which the first two columns are x and y [m]; many clouds of many sizes."""
 Bounds: TypeAlias = tuple[float, float, float, float]
 """Least and greatest x, least and greatest y [m]."""
 

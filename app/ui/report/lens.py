@@ -8,7 +8,7 @@ from app.ui.report.chart import Plot, svg
 from app.ui.report.ground import DOTS_DRAWN, Bounds, ground, surface
 from app.ui.report.markup import Markup, tag
 
-LENS_M = 0.05
+LENS_M = 0.035
 """Half the side of what is shown."""
 _WIDTH = 360.0
 

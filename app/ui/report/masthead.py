@@ -18,6 +18,7 @@ def masthead(case: Case) -> Markup:
         tag("p", KICKERS[case.verdict], class_="kicker"),
         tag("h1", headline(case)),
         tag("div", *(paragraph(text) for text in case.sentences), class_="sentences"),
+        *(tag("p", tag("b", it.text), " ", it.consequence, class_="forbids") for it in case.limits if it.fatal),
         tag("dl", *(_figure(*entry) for entry in _key_numbers(case)), class_="key"),
         class_=f"masthead {case.verdict}",
     )
@@ -56,7 +57,7 @@ def scope(case: Case) -> Markup:
     )
     listed = tag("dl", *(_count(number, name) for number, name in counts), class_="counts")
     if not case.limits:
-        return joined([listed, paragraph("These data have what discovery needs: no limit was met.")])
+        return joined([listed, paragraph("Nothing that these data lack limits the verdict.")])
     limits = (
         tag("li", tag("b", limit.text), " ", limit.consequence, class_="fatal" if limit.fatal else None)
         for limit in case.limits

@@ -3,14 +3,16 @@
 JSON has no infinity and no NaN: such a number is null, and each description says what that means.
 """
 
-from typing import Annotated, final
+import re
+from typing import Annotated, Literal, final
 
+import msgspec
 from msgspec import Meta, Struct
 
 from app.discovery.case import Name as Verdict
 from app.discovery.subject import Family
 
-SCHEMA = 1
+_DIALECT = "https://json-schema.org/draft/2020-12/schema"
 
 Maybe = Annotated[float | None, Meta(description="Null where it is not known.")]
 Chance = Annotated[float | None, Meta(description="A probability, 0 to 1; null where it is not known.")]
@@ -146,7 +148,7 @@ class VerdictFile(Struct, frozen=True, kw_only=True):
     `ranking`: everything that was weighed.
     """
 
-    schema: int
+    schema: Literal[1]
     verdict: Verdict
     sentences: tuple[str, ...]
     causes: tuple[CauseEntry, ...]
@@ -159,3 +161,10 @@ class VerdictFile(Struct, frozen=True, kw_only=True):
     power: tuple[PowerEntry, ...]
     amount: AmountEntry
     spent_s: tuple[SpentEntry, ...]
+
+
+def json_schema() -> str:
+    """The JSON Schema of a `VerdictFile`, as it stands in docs/verdict.schema.json."""
+    made = {"$schema": _DIALECT, **msgspec.json.schema(VerdictFile)}
+    written = msgspec.json.format(msgspec.json.encode(made), indent=2).decode()
+    return re.sub(r"(\\n\s*)+", " ", written) + "\n"

@@ -14,15 +14,10 @@ def verdict_json(case: Case) -> str:
     return msgspec.json.format(msgspec.json.encode(verdict_file(case)), indent=2).decode() + "\n"
 
 
-def json_schema() -> str:
-    """The JSON Schema of `verdict_json`, as it stands in docs/discovery-verdict.md."""
-    return msgspec.json.format(msgspec.json.encode(msgspec.json.schema(schema.VerdictFile)), indent=2).decode()
-
-
 def verdict_file(case: Case) -> schema.VerdictFile:
     """The case as what the file holds."""
     return schema.VerdictFile(
-        schema=schema.SCHEMA,
+        schema=1,
         verdict=case.verdict,
         sentences=case.sentences,
         causes=tuple(map(_cause, case.causes)),

@@ -387,6 +387,7 @@ def none() -> Case:
     )
     return replace(
         named(),
+        amount=Amount(task="rope_push", episodes=1, pushes=4, during=0, measured=4, particles=N),
         verdict="none",
         sentences=("What is left is as large as the noise of these recordings, and it has no pattern.",),
         limits=(Limit(text="There is one episode only.", consequence="No cause may be named from it.", fatal=True),),
@@ -427,6 +428,7 @@ def none_of_these() -> Case:
     turned = np.stack([-away[:, 1], away[:, 0]], axis=1) / 0.11 * np.exp(-(r**2)) * 0.009
     return replace(
         a_set(),
+        amount=named().amount,
         verdict="none_of_these",
         sentences=(
             "After the refit of every known cause, something is left that has a place on the table.",

@@ -1,0 +1,179 @@
+"""The case file stands alone, its tags match, and everything that a case says is in it, escaped."""
+
+import re
+from dataclasses import replace
+from html import escape
+from html.parser import HTMLParser
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from app.core.errors import UsageError
+from app.discovery.case import Arrows, Case, Limit
+from app.ui.report import write_report
+from app.ui.report.page import SECTIONS, page
+from app.ui.report.verdict import headline
+from app.ui.report.words import effect_name
+from tests.ui.report.cases import CASES, a_set, blame, estimate, named, none
+
+every_case = pytest.mark.parametrize("case", [make() for make in CASES.values()], ids=list(CASES))
+VOID = {"meta", "br", "hr", "input", "col"}
+BYTES_BOUND = 2_000_000
+
+
+class Reader(HTMLParser):
+    """Follows the tags, and keeps text and attributes."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.open: list[str] = []
+        self.text: list[str] = []
+        self.tags: list[tuple[str, dict[str, str | None]]] = []
+
+    def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
+        self.tags.append((tag, dict(attrs)))
+        if tag not in VOID:
+            self.open.append(tag)
+
+    def handle_endtag(self, tag: str) -> None:
+        assert self.open.pop() == tag
+
+    def handle_data(self, data: str) -> None:
+        if self.open and self.open[-1] not in ("style", "script"):
+            self.text.append(data)
+
+
+def read(case: Case) -> Reader:
+    reader = Reader()
+    reader.feed(page(case))
+    reader.close()
+    assert reader.open == []
+    return reader
+
+
+@every_case
+def test_tags_match_and_every_part_is_there(case: Case) -> None:
+    reader = read(case)
+    ids = [attributes["id"] for _, attributes in reader.tags if "id" in attributes]
+    assert len(set(ids)) == len(ids)
+    assert {ident for ident, *_ in SECTIONS} <= set(ids)
+
+
+@every_case
+def test_nothing_is_loaded_from_elsewhere(case: Case) -> None:
+    html = page(case)
+    assert not re.search(r"https?:|//\w+\.|@import|url\((?!#)|\bfetch\b|XMLHttpRequest", html)
+    for tag, attributes in read(case).tags:
+        assert "src" not in attributes
+        assert tag not in ("link", "iframe", "img", "object", "embed")
+        assert (attributes.get("href") or "#").startswith("#")
+    assert "default-src 'none'" in re.sub("&#x27;", "'", html)
+
+
+@every_case
+def test_sentences_limits_causes_and_captions_are_in_the_text(case: Case) -> None:
+    text = " ".join(read(case).text)
+    assert headline(case) in text
+    for said in (*case.sentences, *(it.text for it in case.limits), *(it.consequence for it in case.limits)):
+        assert said in text
+    for it in (*case.causes, *case.ranking):
+        assert effect_name(it.effect).lower() in text.lower()
+    for check in case.checks:
+        assert check.about in text
+    if case.formula is not None:
+        assert case.formula.text in text
+    if case.next_push is not None:
+        assert case.next_push.text in text
+
+
+@every_case
+def test_every_drawing_says_in_words_what_it_shows_and_every_figure_has_a_caption(case: Case) -> None:
+    tags = read(case).tags
+    drawings = [attributes for tag, attributes in tags if tag == "svg"]
+    assert all(attributes["role"] == "img" and len(attributes["aria-label"] or "") > 10 for attributes in drawings)
+    count = [tag for tag, _ in tags].count
+    assert count("figure") == count("figcaption")
+    assert count("svg") == count("desc")
+
+
+@every_case
+def test_no_drawing_holds_a_number_that_is_none(case: Case) -> None:
+    values = [value for tag, attributes in read(case).tags for value in attributes.values() if tag != "meta" and value]
+    assert not [value for value in values if re.search(r"\b(nan|inf)\b", value)]
+
+
+@every_case
+def test_a_page_stays_small(case: Case) -> None:
+    assert len(page(case).encode()) < BYTES_BOUND
+
+
+def test_a_page_of_many_pushes_and_particles_stays_small() -> None:
+    rng = np.random.default_rng(0)
+    count = 200 * 60
+    arrows = Arrows(
+        places=rng.uniform([0.3, -0.3], [0.8, 0.3], (count, 2)).astype(np.float32),
+        displacements=rng.normal(0, 0.004, (count, 2)).astype(np.float32),
+        push=np.repeat(np.arange(200), 60).astype(np.float32),
+        along=rng.uniform(-1, 1, count).astype(np.float32),
+    )
+    clouds = ("before", "observed", "nominal", "extended")
+    dense = [
+        replace(it, **{name: np.repeat(getattr(it, name), 10, axis=0) for name in clouds}) for it in named().examples
+    ]
+    assert len(page(replace(named(), arrows=arrows, examples=tuple(dense * 3))).encode()) < BYTES_BOUND
+
+
+def test_no_word_of_a_case_becomes_markup() -> None:
+    hostile = "<script>alert(1)</script> & \"q\" 'q' <b>"
+    cause = blame("table_tilt", "physics", hostile, 0.9, 3.0, estimate("tilt_x", 1.0, 0.2, "deg", about=hostile))
+    push = a_set().next_push
+    assert push is not None
+    case = replace(
+        a_set(),
+        sentences=(hostile,),
+        limits=(Limit(text=hostile, consequence=hostile, fatal=True),),
+        causes=(cause,),
+        ranking=(cause,),
+        checks=tuple(replace(check, name=hostile, about=hostile) for check in named().checks),
+        frames=tuple(replace(it, frame=hostile, about=hostile) for it in named().frames),
+        next_push=replace(push, text=hostile, between=(hostile, hostile)),
+        confused=(hostile,),
+        confusions=np.ones((1, 1)),
+        spent_s=((hostile, 1.0),),
+    )
+    html = page(case)
+    assert hostile not in html
+    assert escape(hostile) in html
+    assert html.count("<script>") == 1
+    assert hostile in " ".join(read(case).text)
+
+
+@pytest.mark.parametrize(
+    "change",
+    [
+        {"steps": np.full((3, 2), np.nan)},
+        {"per_episode": np.full((2, 2), np.nan)},
+        {"examples": named().examples[:1]},
+        {"powers": ()},
+        {"spent_s": ()},
+        {"ranking": (), "causes": ()},
+        {"confusions": np.full((7, 7), np.nan)},
+        {"nominal": ()},
+        {"arrows": replace(named().arrows, displacements=np.zeros_like(named().arrows.displacements))},
+    ],
+    ids=lambda change: next(iter(change)),
+)
+def test_what_was_not_measured_leaves_the_rest_as_it_is(change: dict[str, Any]) -> None:
+    read(replace(named(), **change))
+
+
+def test_a_report_is_written_where_it_should_be(tmp_path: Path) -> None:
+    write_report(tmp_path / "report.html", none())
+    assert (tmp_path / "report.html").read_text(encoding="utf-8") == page(none())
+
+
+def test_a_place_that_cannot_be_written_is_said_with_the_next_step(tmp_path: Path) -> None:
+    with pytest.raises(UsageError, match="choose another place"):
+        write_report(tmp_path / "missing" / "report.html", none())
