@@ -7,6 +7,7 @@ from typing import final
 
 import numpy as np
 
+from app.commands._sightings import look_beside
 from app.core.errors import RecordingError, UsageError
 from app.core.messages import Episode, Executed, Message, MessageId, Particles, Sighting, Transition
 from app.core.types import Cloud, Points
@@ -15,6 +16,7 @@ from app.discovery.subject import Subject
 from app.perception.recount import recounted
 from app.recording.reader import read_cameras, read_messages
 from app.tasks import load
+from app.tasks.base import Task
 from app.tasks.doubted import subject_of
 
 _BETWEEN_S = 10.0
@@ -26,7 +28,8 @@ def read_study(paths: Sequence[Path], *, task: str | None = None) -> Study:
 
     Views have as many points as the task's CPU preset has particles. `task` None takes that of the recordings. Where an
     episode's clock runs behind the one before, it is moved to after it. The cameras' middle is that of the first
-    recording that has images.
+    recording that has images. Where a recording has images and does not say what they show of tool and table, as those
+    of `dipac run`, both are looked for in them, which takes a few seconds a minute of recording.
 
     Raises UsageError where recordings are of different tasks, of another than `task`, or there are none;
     RecordingError where they hold no push or a cloud of too few points, and as `read_messages`.
@@ -35,7 +38,10 @@ def read_study(paths: Sequence[Path], *, task: str | None = None) -> Study:
         raise UsageError("Name at least one recording: dipac discover recordings/FILE.mcap")
     episodes = [episode for path in paths for episode in _episodes(path)]
     name = _task_of(episodes, task)
-    subject, pushes, tables = subject_of(load(name)), list[Push](), dict[int, Cloud]()
+    known = load(name)
+    subject, pushes, tables = subject_of(known), list[Push](), dict[int, Cloud]()
+    for path in dict.fromkeys(paths):
+        _look(path, [episode for episode in episodes if episode.path == path], known, subject.low_m)
     now_s = -np.inf
     for number, episode in enumerate(episode for episode in episodes if episode.transitions):
         found = [_push(number, transition, episode, subject) for transition in episode.transitions]
@@ -88,6 +94,26 @@ def _episodes(path: Path) -> list[_Recorded]:
     return episodes
 
 
+def _look(path: Path, episodes: Sequence[_Recorded], task: Task, low_m: float) -> None:
+    """Where nobody said what else was seen, look for the tool in views during pushes, for the table in the first view.
+
+    A frame is behind one view at most.
+    """
+    tools, tables = dict[MessageId, tuple[Particles, np.ndarray]](), dict[MessageId, Particles]()
+    blind = [episode for episode in episodes if episode.transitions and not episode.sightings]
+    for episode in blind:
+        first = next((seen for seen in episode.particles if seen.cause), None)
+        tables |= {first.id: first} if first is not None else {}
+        for transition in episode.transitions:
+            made = Track(times_s=transition.executed.times_s, poses=transition.executed.made)
+            for seen in _during(episode, transition.executed, low_m):
+                tools[seen.id] = (seen, made.at(np.array([seen.time_s]))[0])
+    found = look_beside(path, tools, tables, task) if read_cameras(path) else {}
+    for episode in blind:
+        times = {seen.time_s for seen in episode.particles}
+        episode.sightings.update({time_s: sighting for time_s, sighting in found.items() if time_s in times})
+
+
 def _task_of(episodes: Sequence[_Recorded], wanted: str | None) -> str:
     tasks = {recorded.path: recorded.episode.task for recorded in episodes}
     names = {recorded.episode.task for recorded in episodes}
@@ -104,7 +130,6 @@ def _task_of(episodes: Sequence[_Recorded], wanted: str | None) -> str:
 def _push(number: int, transition: Transition, episode: _Recorded, subject: Subject) -> Push:
     executed, count = transition.executed, subject.particle_count
     before, after = transition.before, transition.after
-    first_s, last_s = _low_s(executed, subject.low_m)
 
     def view(time_s: float, points: Points) -> View:
         sighting = episode.sightings.get(time_s)
@@ -114,18 +139,17 @@ def _push(number: int, transition: Transition, episode: _Recorded, subject: Subj
     return Push(
         episode=number,
         before=view(_seen_s(before, transition.cause, episode, float(executed.times_s[0])), before),
-        during=tuple(view(seen.time_s, seen.positions) for seen in episode.particles if first_s < seen.time_s < last_s),
+        during=tuple(view(seen.time_s, seen.positions) for seen in _during(episode, executed, subject.low_m)),
         after=view(_seen_s(after, transition.cause, episode, float(executed.times_s[-1])), after),
         command=Track(times_s=executed.times_s, poses=executed.commanded),
         measured=Track(times_s=executed.times_s, poses=executed.measured) if len(executed.measured) else None,
     )
 
 
-def _low_s(executed: Executed, low_m: float) -> tuple[float, float]:
-    """From when to when the tool can touch the object; its last moment twice where it never can."""
+def _during(episode: _Recorded, executed: Executed, low_m: float) -> list[Particles]:
+    """What was seen while the tool could touch the object."""
     low = executed.times_s[executed.made[:, 2] < low_m]
-    first, last = (low[0], low[-1]) if len(low) else (executed.times_s[-1], executed.times_s[-1])
-    return float(first), float(last)
+    return [seen for seen in episode.particles if len(low) and low[0] < seen.time_s < low[-1]]
 
 
 def _seen_s(points: Points, cause: tuple[MessageId, ...], episode: _Recorded, otherwise_s: float) -> float:

@@ -5,6 +5,7 @@ cameras above the table; it is in the outline, where pixels of the finger end an
 """
 
 from collections.abc import Sequence
+from itertools import product
 from typing import NamedTuple, TypeAlias
 
 import cv2
@@ -13,11 +14,11 @@ from jaxtyping import Bool, Float64
 from scipy.optimize import least_squares
 from scipy.special import expit
 
-from app.core.messages import Frame
+from app.core.messages import CameraModel, Frame
 from app.core.types import Cloud
-from app.perception.depth import behind_an_edge, deproject
+from app.perception.depth import behind_an_edge, deproject, project
 from app.perception.reconstruct import Reconstruction
-from app.perception.segment import colour_mask
+from app.perception.segment import Mask, colour_mask
 
 Capsule: TypeAlias = Float64[np.ndarray, "5"]
 """Its tip x y z [m], and how far its axis goes along x and along y for each metre that it goes up."""
@@ -98,15 +99,28 @@ def _look(frame: Frame, tip: Float64[np.ndarray, "3"], how: Reconstruction) -> _
     camera = frame.camera
     object_ = cv2.dilate(colour_mask(frame.color, how.colour).astype(np.uint8), np.ones((3, 3), np.uint8)) > 0
     between = behind_an_edge(frame.depth, how.edge_step_m, camera)
-    solid, doubtful = (
-        deproject(frame.depth, ~object_ & part, camera).astype(np.float64) for part in (~between, between)
-    )
+    wanted = _window(camera, tip, how) & ~object_
+    solid, doubtful = (deproject(frame.depth, wanted & part, camera).astype(np.float64) for part in (~between, between))
     solid, doubtful = (points[_beside(points, tip, _AROUND_M)] for points in (solid, doubtful))
     over = _table_m(solid, how) + _OVER_TABLE_M
     finger = solid[_beside(solid, tip, _REACH_M) & (solid[:, 2] > over) & (solid[:, 2] < tip[2] + _TOP_M)]
     behind = np.concatenate([points[points[:, 2] < over] for points in (solid, doubtful)])
     upper = finger[finger[:, 2] > tip[2] + _CLEAR_M]
     return _Look(camera.T_world_camera[:3, 3], finger, upper, behind)
+
+
+def _window(camera: CameraModel, tip: Float64[np.ndarray, "3"], how: Reconstruction) -> Mask:
+    """The pixels that can show the finger or the table around it: the others need no deprojection."""
+    sides = [(tip[axis] - _AROUND_M, tip[axis] + _AROUND_M) for axis in range(2)]
+    corners = np.array(list(product(*sides, (how.table_m, tip[2] + _TOP_M))), np.float32)
+    column, row, _ = np.nan_to_num(project(corners, camera)).T
+    mask = np.zeros((camera.height, camera.width), bool)
+    low, high = (
+        np.maximum([row.min(), column.min()], 0).astype(int),
+        np.maximum([row.max(), column.max()], 0).astype(int),
+    )
+    mask[low[0] : high[0] + 1, low[1] : high[1] + 1] = True
+    return mask
 
 
 def _middle(look: _Look, radius_m: float) -> Float64[np.ndarray, "2"]:

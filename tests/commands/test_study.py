@@ -12,6 +12,7 @@ from app.core.errors import RecordingError, UsageError
 from app.core.messages import CameraModel, Episode, Executed, Frame, Message, Particles, Sighting, Transition
 from app.discovery.study import Study
 from app.tasks import load
+from tests.perception.pushed import photographed, pushing
 from tests.recording.samples import Maker, record
 
 PUSH_M = load("rope_push").finger.push_height_m
@@ -108,6 +109,23 @@ def test_the_camera_is_in_the_middle_of_those_that_took_images(make: Maker, tmp_
         camera = make(CameraModel, name=name, T_world_camera=pose)
         frames.append(make(Frame, camera=camera))
     assert study_of(tmp_path, [episode(make), *frames, *push(make, 100.0)]).camera == pytest.approx((0.5, 0.1, 0.6))
+
+
+def test_tool_and_table_are_looked_for_in_images_that_nobody_looked_at(make: Maker, tmp_path: Path) -> None:
+    snapshot = pushing(3)
+    frames = [replace(frame, time_s=103.5) for frame in photographed(snapshot, 3)]
+    *seen, executed, made = push(make, 100.0)
+    assert isinstance(executed, Executed)
+    assert isinstance(made, Transition)
+    poses = executed.measured.copy()
+    poses[:, :2] = snapshot.tool[:2] + 0.003
+    executed = replace(executed, measured=poses)
+    causes = {103.5: tuple(frame.id for frame in frames)}
+    particles = [replace(message, cause=causes.get(message.time_s, ())) for message in seen]
+    study = study_of(tmp_path, [episode(make), *frames, *particles, executed, replace(made, executed=executed)])
+    (finger,) = [view.finger for view in study.pushes[0].during if view.finger is not None]
+    assert finger.mean(axis=0) == pytest.approx(snapshot.tool, abs=0.0015)
+    assert len(study.tables[0]) == 400
 
 
 def test_particles_that_are_not_in_the_recording_were_seen_when_the_motion_began_and_ended(

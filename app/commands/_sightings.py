@@ -1,0 +1,44 @@
+"""Tool and table in the images of a recording that says nothing of them, as those of `dipac run` do not."""
+
+from collections.abc import Mapping
+from pathlib import Path
+
+import numpy as np
+from jaxtyping import Float64
+
+from app.core.messages import Frame, MessageId, Particles, Sighting, fresh_id
+from app.perception.surroundings import table_points, tool_points
+from app.recording.reader import read_messages
+from app.tasks.base import Task
+
+Tip = Float64[np.ndarray, "3"]
+"""Where the kinematics have the tool's tip [m]."""
+
+
+def look_beside(
+    path: Path, tools: Mapping[MessageId, tuple[Particles, Tip]], tables: Mapping[MessageId, Particles], task: Task
+) -> dict[float, Sighting]:
+    """What the images behind some particles show of the tool (`tools`) and of the bare table (`tables`), by their time.
+
+    The recording's images are read through once, which takes some 10 ms each. Raises as `read_messages`.
+    """
+    wanted = {seen.id: seen for seen, _ in tools.values()} | dict(tables)
+    owners = {frame: seen.id for seen in wanted.values() for frame in seen.cause}
+    found, waiting = dict[float, Sighting](), dict[MessageId, list[Frame]]()
+    for frame in read_messages(path, [Frame]) if wanted else ():
+        if not isinstance(frame, Frame) or frame.id not in owners:
+            continue
+        seen = wanted[owners[frame.id]]
+        frames = waiting.setdefault(seen.id, [])
+        frames.append(frame)
+        if len(frames) < len(seen.cause):
+            continue
+        del waiting[seen.id]
+        tool = np.zeros((0, 3), np.float32)
+        if seen.id in tools:
+            tool = tool_points(frames, tools[seen.id][1], task.seeing, radius_m=task.finger.radius_m)
+        table = table_points(frames, task.seeing) if seen.id in tables else tool[:0]
+        found[seen.time_s] = Sighting(
+            id=fresh_id("sighting"), cause=seen.cause, time_s=seen.time_s, tool=tool, table=table
+        )
+    return found
