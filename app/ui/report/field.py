@@ -13,7 +13,7 @@ from app.ui.report.words import MINUS, decimal, percent
 _CELL_M = 0.06
 """Residuals are averaged over squares of this size where all pushes are shown."""
 _LEAST_IN_CELL = 4
-_DRAWN = 6000
+_DRAWN = 3000
 """Arrows, at most."""
 _LONGEST_M = 0.04
 """About as long are the larger arrows drawn on the table."""

@@ -26,7 +26,7 @@ def model(case: Case) -> Markup:
     if not rows:
         return paragraph("There is no extended model: nothing was found to extend it by.")
     heads = ("Part", "Parameter", "Value", "90 % interval", "Nominal model")
-    return joined([formula, table(heads, rows, numbers=(2, 3, 4))])
+    return joined([formula, table(heads, rows, numbers=(2, 3, 4), kind="model")])
 
 
 def _row(part: str, it: Estimate) -> tuple[str, Markup, str, str, str]:
