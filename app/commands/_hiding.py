@@ -10,14 +10,14 @@ from collections.abc import Generator, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Final, final
+from typing import Final, TypeAlias, final
 
 import numpy as np
+from jaxtyping import Float32
 
 from app import __version__
 from app.core.errors import RecordingError
 from app.core.messages import Episode, Executed, Frame, Message, MessageId, Particles, Sighting, Transition
-from app.core.types import Cloud
 from app.perception.reconstruct import reconstruct
 from app.perception.surroundings import table_points, tool_points
 from app.recording.epoch import Epoch
@@ -28,6 +28,9 @@ from app.rig.simulated.physics import WorldPhysics
 from app.rig.simulated.rehearsal import Look, Take, rehearse
 from app.rig.simulated.strokes import Plan
 from app.tasks.base import Task
+
+Some: TypeAlias = Float32[np.ndarray, "_ 3"]
+"""So many points as there are [m]."""
 
 _PRESET: Final = "cpu"
 """Whose number of particles clouds have."""
@@ -176,7 +179,7 @@ class _Scribe:
         return particles, frames
 
 
-def _sighting(particles: Particles, *, tool: Cloud, table: Cloud) -> Sighting:
+def _sighting(particles: Particles, *, tool: Some, table: Some) -> Sighting:
     identity = MessageId(particles.id.replace("particles", "sighting"))
     return Sighting(id=identity, cause=particles.cause, time_s=particles.time_s, tool=tool, table=table)
 
@@ -195,5 +198,5 @@ def _executed(take: Take, number: int, before: Particles) -> Executed:
     )
 
 
-def _nothing() -> Cloud:
+def _nothing() -> Some:
     return np.zeros((0, 3), np.float32)

@@ -29,6 +29,8 @@ _SETTLE_S, _PAUSE_S, _REST_S = 1.0, 0.5, 1.0
 _TICK_S = 0.01
 _ENCODER_M = 1e-4
 _BODY_POINTS = 300
+_DIGITS = 6
+"""Of a second, that are kept of the sum of many time steps."""
 _STARTS, _TRACKS, _ENCODERS = 4, 5, 6
 """Streams of random numbers of a seed."""
 
@@ -58,9 +60,9 @@ class Take:
 def rehearse(task: Task, plan: Plan, physics: WorldPhysics, hidden: Sequence[Injected], seed: int) -> Iterator[Take]:
     """All pushes of all episodes in order; each episode lays the rope anew, its ends nearest to where they were."""
     starts = np.random.default_rng([seed, _STARTS]).integers(2**31, size=plan.episodes).tolist()
-    arm, last = _Arm(hidden), None
+    arm, ends = _Arm(hidden), None
     for episode, start in enumerate(starts):
-        laid = _laid(task.start(start), last)
+        laid = _laid(task.start(start), ends)
         intrusion, begin_s = Intrusion(hidden), BEGIN_S + episode * plan.pushes * SLOT_S
         world = RopeWorld(
             task.rope, task.finger, laid, physics=physics, intrusion=intrusion, time_s=begin_s - _SETTLE_S
@@ -70,7 +72,7 @@ def rehearse(task: Task, plan: Plan, physics: WorldPhysics, hidden: Sequence[Inj
             intrusion.session = _session(number, plan)
             _wait(world, begin_s + push * SLOT_S)
             yield _pushed(world, task, plan, arm, seed, episode, number)
-        last = world.centreline()
+        ends = world.centreline()[[0, -1], :2]
 
 
 def first_end(task: Task, plan: Plan, seed: int) -> Float64[np.ndarray, "2"]:
@@ -99,7 +101,7 @@ class _Arm:
 
 def _pushed(world: RopeWorld, task: Task, plan: Plan, arm: _Arm, seed: int, episode: int, number: int) -> Take:
     """Make the next push of the world, which is at rest."""
-    before = Look(stamp_s=world.time_s, snapshot=world.snapshot())
+    before = _rest(world)
     x = fill_tube(world.centreline(), task.rope.radius_m, _BODY_POINTS)
     command = random_track(
         np.random.default_rng([seed, _TRACKS, number]),
@@ -120,10 +122,15 @@ def _pushed(world: RopeWorld, task: Task, plan: Plan, arm: _Arm, seed: int, epis
         episode=episode,
         before=before,
         during=during,
-        after=Look(stamp_s=world.time_s, snapshot=world.snapshot()),
+        after=_rest(world),
         command=command,
         measured=_measured(arm, command, np.random.default_rng([seed, _ENCODERS, number])),
     )
+
+
+def _rest(world: RopeWorld) -> Look:
+    """A look at a world that is at rest, when time offsets show nothing."""
+    return Look(stamp_s=round(world.time_s, _DIGITS), snapshot=world.snapshot())
 
 
 def _measured(arm: _Arm, command: ToolTrack, rng: np.random.Generator) -> ToolTrack:
@@ -150,10 +157,9 @@ def _session(number: int, plan: Plan) -> float:
     return number / max(plan.episodes * plan.pushes - 1, 1) - 0.5
 
 
-def _laid(start: Centreline, last: Centreline | None) -> Centreline:
+def _laid(start: Centreline, ends: Float64[np.ndarray, "2 2"] | None) -> Centreline:
     """The rope laid as `start` has it, the way round that leaves its ends nearer to where they were."""
-    if last is None:
+    if ends is None:
         return start
-    ends = last[[0, -1], :2]
     there, turned = (np.linalg.norm(start[order, :2] - ends) for order in ([0, -1], [-1, 0]))
     return start if there <= turned else start[::-1].copy()

@@ -1,0 +1,147 @@
+"""`dipac hide`: whole recordings that say nothing of what is hidden, and a sealed file that says all."""
+
+import hashlib
+import json
+import stat
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from app.__main__ import main
+from app.commands._study import read_study
+from app.core.errors import ParameterError, UsageError
+from app.core.messages import Episode, Executed, Frame, Particles, Sighting, Transition
+from app.recording.integrity import inspect
+from app.recording.reader import read_messages, read_transitions
+from app.rig.simulated.hiding import known
+
+SEED = 730915
+SMALL = ["--seed", str(SEED), "--episodes", "2", "--pushes", "1"]
+HIDDEN = ["depth_bias=0.01", "table_tilt"]
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("hide") / "session"
+    assert main(["hide", *HIDDEN, *SMALL, "-o", str(folder)]) == 0
+    return folder
+
+
+def truth(folder: Path) -> dict:
+    return json.loads(folder.with_name(f"{folder.name}.truth.json").read_text())
+
+
+def recordings(folder: Path) -> list[Path]:
+    return sorted(folder.iterdir())
+
+
+def test_recordings_are_whole_and_hold_pushes_that_discovery_and_calibration_read(folder: Path) -> None:
+    assert [path.name for path in recordings(folder)] == ["episode-01.mcap", "episode-02.mcap"]
+    for path in recordings(folder):
+        inspect(path)
+        (transition,) = read_transitions(path)
+        assert transition.before.shape == transition.after.shape == (300, 3)
+    study = read_study(recordings(folder))
+    assert [push.episode for push in study.pushes] == [0, 1]
+    assert study.session_times() == pytest.approx([-0.5, 0.5])
+    for push in study.pushes:
+        assert len(push.during) == 1
+        assert push.measured is not None
+        assert push.before.time_s < push.command.times_s[0] < push.command.times_s[-1] < push.after.time_s
+    assert sorted(study.tables) == [0, 1]
+
+
+def test_what_was_hidden_in_the_cameras_is_in_the_recordings(folder: Path) -> None:
+    """Depth that is too long by a centimetre puts the table below zero."""
+    study = read_study(recordings(folder))
+    bias = truth(folder)["effects"][0]["parameters"]["depth_bias"]["value"]
+    height = np.mean([table[:, 2].mean() for table in study.tables.values()])
+    assert abs(bias) == 0.01
+    assert height == pytest.approx(-bias * 0.8, abs=0.002)
+
+
+def test_no_byte_of_a_recording_tells_what_is_hidden(folder: Path) -> None:
+    told = [str(SEED), "seed-", "hidden", "truth", *known()]
+    told += [quantity.name for effect in known().values() for quantity in effect.quantities]
+    for path in recordings(folder):
+        # Chunks are compressed; their channels' bytes are read apart.
+        contents = [path.read_bytes(), *raw(path)]
+        assert not [word for word in told if any(word.encode() in content for content in contents)]
+
+
+def raw(path: Path) -> list[bytes]:
+    from mcap.reader import make_reader
+
+    with path.open("rb") as stream:
+        reader = make_reader(stream)
+        metadata = [json.dumps(record.metadata).encode() for record in reader.iter_metadata()]
+        return metadata + [message.data for _, channel, message in reader.iter_messages()]
+
+
+def test_every_session_begins_at_the_same_time_with_the_same_words(folder: Path) -> None:
+    for number, path in enumerate(recordings(folder)):
+        messages = list(read_messages(path, [Episode, Frame, Particles, Sighting, Executed, Transition]))
+        episode = messages[0]
+        assert isinstance(episode, Episode)
+        assert (episode.seed, episode.simulated, episode.rig) == (0, True, "simulated")
+        assert json.loads(episode.config) == {"preset": "cpu", "pushes": 1}
+        assert episode.time_s == pytest.approx(1000.0 + 8.0 * number)
+        assert len([message for message in messages if isinstance(message, Frame)]) == 2
+        assert all(message.reconstruction_s == 0.0 for message in messages if isinstance(message, Particles))
+
+
+def test_the_truth_is_sealed_outside_and_names_effects_world_and_recordings(folder: Path) -> None:
+    sealed = folder.with_name(f"{folder.name}.truth.json")
+    assert stat.S_IMODE(sealed.stat().st_mode) == 0o400
+    said = truth(folder)
+    assert said["seed"] == SEED
+    assert [each["effect"] for each in said["effects"]] == ["depth_bias", "table_tilt"]
+    tilt = said["effects"][1]["parameters"]
+    assert np.hypot(tilt["tilt_x"]["value"], tilt["tilt_y"]["value"]) == pytest.approx(1.0)
+    assert said["world"]["table_friction"] == pytest.approx(0.5, rel=0.3)
+    digests = {path.name: hashlib.sha256(path.read_bytes()).hexdigest() for path in recordings(folder)}
+    assert said["recordings"] == digests
+
+
+def test_another_process_makes_the_same_bytes_of_the_same_seed_and_other_pushes_of_another(
+    folder: Path, tmp_path: Path
+) -> None:
+    again, other = tmp_path / "again", tmp_path / "other"
+    command = [sys.executable, "-m", "app", "hide", *HIDDEN, *SMALL, "-o", str(again)]
+    subprocess.run(command, check=True, capture_output=True)
+    assert truth(again)["recordings"] == truth(folder)["recordings"]
+    assert main(["hide", "--seed", "4", "--episodes", "1", "--pushes", "1", "-o", str(other)]) == 0
+    first, second = (read_transitions(recordings(each)[0])[0] for each in (folder, other))
+    assert not np.array_equal(first.before, second.before)
+    assert truth(other)["effects"] == []
+
+
+@pytest.mark.parametrize(
+    ("arguments", "said", "error"),
+    [
+        (["cohesion", "--seed", "1"], "no grains in this world", UsageError),
+        (["table_tilt=much", "--seed", "1"], "no number after its =", UsageError),
+        (["table_tilt=50", "--seed", "1"], "outside 0 to 5 deg", ParameterError),
+        (["--seed", "-1"], "--seed -1 is negative", UsageError),
+        (["--seed", "1", "--pushes", "0"], "--pushes 0 is outside 1 to 99", UsageError),
+    ],
+)
+def test_a_wrong_order_says_what_is_wrong_before_anything_is_made(arguments, said, error, tmp_path, capsys) -> None:
+    assert main(["hide", *arguments, "-o", str(tmp_path / "session")]) == error.exit_code
+    assert said in capsys.readouterr().err
+    assert not list(tmp_path.iterdir())
+
+
+def test_nothing_is_overwritten_and_the_truth_never_lies_with_the_recordings(folder: Path, tmp_path, capsys) -> None:
+    new = tmp_path / "new"
+    for arguments, said in (
+        (["-o", str(folder), "--truth", str(tmp_path / "t.json")], "is not empty"),
+        (["-o", str(new), "--truth", str(folder.with_name(f"{folder.name}.truth.json"))], "exists; choose another"),
+        (["-o", str(new), "--truth", str(new / "t.json")], "with the recordings"),
+    ):
+        assert main(["hide", *SMALL, *arguments]) == UsageError.exit_code
+        assert said in capsys.readouterr().err
+    assert not list(tmp_path.iterdir())

@@ -1,0 +1,56 @@
+"""What may be wished for, and what is drawn for it."""
+
+import numpy as np
+import pytest
+
+from app.core.errors import ParameterError, UsageError
+from app.rig.simulated.hiding import IMPOSSIBLE, MISTUNED, Wish, draw, known, mistuned
+from app.rig.simulated.physics import WorldPhysics
+
+
+@pytest.mark.parametrize("name", IMPOSSIBLE)
+def test_what_this_world_cannot_hide_is_said_with_the_reason_and_what_it_can(name: str) -> None:
+    with pytest.raises(UsageError, match=f"{name} cannot be hidden: .*table_tilt"):
+        draw([Wish(name, None)], 0)
+
+
+def test_an_unknown_effect_names_the_nearest() -> None:
+    with pytest.raises(UsageError, match="Did you mean 'table_tilt'"):
+        draw([Wish("table_tlit", None)], 0)
+
+
+@pytest.mark.parametrize("size", [-1.0, 5.1, np.nan, np.inf])
+def test_a_size_out_of_range_names_range_unit_and_what_is_typical(size: float) -> None:
+    with pytest.raises(ParameterError, match=r"outside 0 to 5 deg \(tilt_x; 1 is typical\)"):
+        draw([Wish("table_tilt", size)], 0)
+
+
+def test_an_effect_is_hidden_once() -> None:
+    with pytest.raises(UsageError, match="named twice"):
+        draw([Wish("table_tilt", None), Wish("table_tilt", 2.0)], 0)
+
+
+def test_effects_act_in_one_order_however_they_are_named() -> None:
+    wishes = [Wish("table_tilt", None), Wish("backlash", None), Wish("draught", 0.2)]
+    first, again = ([each.name for each in draw(order, 3)] for order in (wishes, wishes[::-1]))
+    assert first == again == sorted(first)
+
+
+def test_signs_and_directions_are_drawn_both_ways() -> None:
+    drifts = {float(np.sign(draw([Wish("friction_drift", 0.4)], seed)[0].values[0])) for seed in range(20)}
+    tilts = np.array([draw([Wish("table_tilt", 1.0)], seed)[0].values for seed in range(40)])
+    assert drifts == {-1.0, 1.0}
+    assert np.abs(tilts.mean(0)).max() < 0.4
+    assert len(known()) > 30
+
+
+def test_every_world_is_tuned_otherwise_by_up_to_thirty_per_cent() -> None:
+    nominal, worlds = WorldPhysics(), [mistuned(seed) for seed in range(60)]
+    for off in (
+        np.array([world.table_friction / nominal.table_friction for world in worlds]),
+        np.array([world.finger_friction / nominal.finger_friction for world in worlds]),
+        np.array([w.rope.bend_stiffness_n_m_rad / nominal.rope.bend_stiffness_n_m_rad for w in worlds]),
+    ):
+        assert np.abs(off - 1).max() <= MISTUNED
+        assert np.ptp(off) > MISTUNED
+    assert mistuned(5) == mistuned(5)
