@@ -21,6 +21,7 @@ from tests.rig.scene import PUSH_Z, ROPE
 FILES, MODULES = known(), dict(files_of(hidden))
 CATALOGUE = catalogue()
 TASK = load("rope_push")
+PAGE = (Path(__file__).parents[3] / "docs" / "hidden-effects.md").read_text(encoding="utf-8")
 HEFT = TASK.scene.gravity_m_s2 / 9.81
 FORBIDDEN = ("app.sim", "app.discovery", "app.perception", "app.planner")
 every_effect = pytest.mark.parametrize("name", FILES)
@@ -135,6 +136,13 @@ def test_an_effect_has_the_names_units_nulls_and_typical_sizes_of_the_catalogue_
 def test_whether_encoders_see_an_effect_is_as_in_the_catalogue(name: str) -> None:
     told = {cause.name for cause in CATALOGUE.causes if cause.family == "actuation"} - {"tool_compliance"}
     assert FILES[name].told == (name in told)
+
+
+@every_effect
+def test_the_page_about_hidden_effects_has_its_row(name: str) -> None:
+    main = FILES[name].main
+    row = f"| `{name}` | {main.typical:g} | {main.unit} | {main.low:g} to {main.high:g} | "
+    assert row in PAGE, f"docs/hidden-effects.md lacks: {row}"
 
 
 @every_effect

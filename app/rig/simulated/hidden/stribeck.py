@@ -7,7 +7,7 @@ import numpy as np
 
 from app.rig.simulated.hidden.base import Factors, Hidden, Moment, Quantity, Values
 
-_SPEED_M_S = 0.02
+_SPEED_M_S = 0.06
 
 
 def _draw(size: float, rng: np.random.Generator) -> Values:

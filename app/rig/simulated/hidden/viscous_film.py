@@ -14,7 +14,7 @@ def _force(moment: Moment, values: Values) -> Vectors:
 
 HIDDEN = Hidden(
     family="physics",
-    quantities=(Quantity(name="film_drag", unit="1/s", typical=2.5, high=20.0),),
+    quantities=(Quantity(name="film_drag", unit="1/s", typical=4.17, high=20.0),),
     draw=plain,
     force=_force,
 )
