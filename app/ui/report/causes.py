@@ -16,6 +16,8 @@ _FIRST = 8
 _CONFUSED_FROM = 0.15
 _NUMBERED_FROM = 0.01
 _LABELS = 190.0
+_NARROW = 24.0
+"""Cells below this hold no numbers, and the names above them stand upright."""
 
 
 def causes(case: Case) -> Markup:
@@ -75,7 +77,7 @@ def confusions(case: Case) -> Markup:
     if not count:
         return paragraph("The test was not tried on hidden causes, so nobody knows what it would confuse.")
     cell = min(46.0, 560.0 / count)
-    top, width = 130.0, _LABELS + cell * count + 90
+    top, width = 148.0, _LABELS + cell * count + 90
     names = [effect_name(effect) for effect in case.confused]
     drawing = svg(
         width,
@@ -85,7 +87,10 @@ def confusions(case: Case) -> Markup:
         label(_LABELS - 12, top - 10, "hidden \N{DOWNWARDS ARROW}", "strong", anchor="end"),
         label(_LABELS - 12, top - 32, "taken for, in % \N{RIGHTWARDS ARROW}", "strong", anchor="end"),
         *(label(_LABELS - 12, top + cell * (k + 0.5) + 4, name, "tick", anchor="end") for k, name in enumerate(names)),
-        *(_column_name(_LABELS + cell * (k + 0.5), top - 8, name) for k, name in enumerate(names)),
+        *(
+            _column_name(_LABELS + cell * (k + 0.5), top - 8, name, slanted=cell > _NARROW)
+            for k, name in enumerate(names)
+        ),
         *(
             _cell(_LABELS + cell * j, top + cell * i, cell, float(case.confusions[i, j]), i == j)
             for i in range(count)
@@ -99,8 +104,9 @@ def confusions(case: Case) -> Markup:
     )
 
 
-def _column_name(x: float, y: float, name: str) -> Markup:
-    return tag("text", name, x=x + 4, y=y, class_="tick", transform=f"rotate(-42 {x + 4:.1f} {y:.1f})")
+def _column_name(x: float, y: float, name: str, *, slanted: bool) -> Markup:
+    turn = -42 if slanted else -90
+    return tag("text", name, x=x + 4, y=y, class_="tick", transform=f"rotate({turn} {x + 4:.1f} {y:.1f})")
 
 
 def _cell(x: float, y: float, side: float, share: float, own: bool) -> Markup:
@@ -109,7 +115,7 @@ def _cell(x: float, y: float, side: float, share: float, own: bool) -> Markup:
         "rect", x=x + 1, y=y + 1, width=side - 2, height=side - 2, rx=3.0, class_="trough own" if own else "trough"
     )
     heat = tag("rect", x=x + 1, y=y + 1, width=side - 2, height=side - 2, rx=3.0, class_="heat", opacity=f"{known:.2f}")
-    if known < _NUMBERED_FROM or side < 24:
+    if known < _NUMBERED_FROM or side < _NARROW:
         return joined([box, heat])
     kind = "cell on" if known > 0.7 else "cell"
     return joined([box, heat, label(x + side / 2, y + side / 2 + 4, f"{100 * known:.0f}", kind, anchor="middle")])

@@ -6,7 +6,7 @@ from app.discovery.case import Case
 from app.ui.report.layout import paragraph
 from app.ui.report.markup import Markup, joined, tag
 from app.ui.report.size import size
-from app.ui.report.verdict import KICKERS, chance, headline
+from app.ui.report.verdict import chance, headline, kind
 from app.ui.report.words import best, decimal, interval, title
 
 
@@ -15,7 +15,7 @@ def masthead(case: Case) -> Markup:
     return tag(
         "header",
         tag("p", tag("b", "dipac discover"), f"case file of {case.amount.task}", class_="brand"),
-        tag("p", KICKERS[case.verdict], class_="kicker"),
+        tag("p", kind(case), class_="kicker"),
         tag("h1", headline(case)),
         tag("div", *(paragraph(text) for text in case.sentences), class_="sentences"),
         *(tag("p", tag("b", it.text), " ", it.consequence, class_="forbids") for it in case.limits if it.fatal),

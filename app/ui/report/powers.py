@@ -12,6 +12,8 @@ _ROW, _WIDTH, _LABELS, _NUMBERS = 26.0, 780.0, 220.0, 170.0
 _LOW, _HIGH = 0.1, 10.0
 """Ends of the axis, in typical sizes."""
 _DRAWN = 18
+_TOLD = 5
+"""Rows of the figure, and causes named in its caption, at most."""
 
 
 def powers(case: Case) -> Markup:
@@ -104,8 +106,9 @@ def said(worst: list[Power]) -> str:
         for it in worst
         if 1 < ratio(it) < math.inf
     ]
+    more = f" and {len(weak) - _TOLD} others" if len(weak) > _TOLD else ""
     seen = sum(ratio(it) <= 1 for it in worst)
     parts = [f"At its typical size, {seen} of {len(worst)} causes would have been seen."]
-    parts += [f"Only when larger: {', '.join(weak)}."] if weak else []
+    parts += [f"Only when larger: {', '.join(weak[:_TOLD])}{more}."] if weak else []
     parts += [f"Never in these data: {', '.join(never)}."] if never else []
     return " ".join(parts)

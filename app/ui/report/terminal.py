@@ -14,7 +14,7 @@ from rich.text import Text
 
 from app.discovery.case import Blame, Case
 from app.ui.report.size import size
-from app.ui.report.verdict import KICKERS, chance, gain_sentence, headline
+from app.ui.report.verdict import chance, gain_sentence, headline, kind
 from app.ui.report.words import best, interval, percent, title
 
 _WIDTH = 80
@@ -49,9 +49,7 @@ def _panel(case: Case) -> Panel:
     said.append("\n")
     for text in case.sentences:
         said.append(f"\n{text}", style="not bold")
-    return Panel(
-        said, title=KICKERS[case.verdict], title_align="left", border_style=_STYLES[case.verdict], width=_WIDTH
-    )
+    return Panel(said, title=kind(case), title_align="left", border_style=_STYLES[case.verdict], width=_WIDTH)
 
 
 def _causes(case: Case) -> Table:

@@ -6,13 +6,17 @@ from app.discovery.case import Case, Gain
 from app.ui.report.words import decimal, gain_and_interval, names, percent
 from app.ui.words import sentence
 
-KICKERS = {
+_KINDS = {
     "named": "A cause is named",
     "set": "Several causes are left",
     "none": "No cause is found",
     "none_of_these": "None of the known causes",
 }
-"""What kind of verdict it is, in plain words."""
+
+
+def kind(case: Case) -> str:
+    """What kind of verdict it is, in plain words."""
+    return "Causes that act together" if case.verdict == "named" and len(case.causes) > 1 else _KINDS[case.verdict]
 
 
 def headline(case: Case) -> str:
@@ -33,7 +37,7 @@ def chance(case: Case) -> tuple[str, str] | None:
     """The probability of the verdict, and what it is the probability of; None where it is not known."""
     chances = [blame.probability for blame in case.causes]
     if case.verdict == "named" and chances:
-        return percent(min(chances)), "that this is missing" if len(chances) == 1 else "that the least sure of them is"
+        return percent(min(chances)), "that this is missing" if len(chances) == 1 else "for the least certain of them"
     if case.verdict == "set" and chances:
         return percent(min(sum(chances), 1.0)), "that it is one of these"
     if not math.isfinite(case.leftover):

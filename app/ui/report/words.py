@@ -133,10 +133,10 @@ def gain_and_interval(value: float, low: float, high: float) -> str:
 
 
 def decimal(value: float, places: int) -> str:
-    """A number with so many decimal places, a true minus sign, and no minus zero."""
+    """A number with so many decimal places (negative: round tens), a true minus sign, and no minus zero."""
     if not math.isfinite(value):
         return NOTHING
-    text = f"{value:.{places}f}"
+    text = f"{round(value, places):.{max(places, 0)}f}"
     return text.replace("-", "" if float(text) == 0 else MINUS)
 
 
@@ -157,4 +157,4 @@ def _decimals(uncertainty: float) -> int:
         return 1
     order = math.floor(math.log10(uncertainty))
     leading = uncertainty / 10**order
-    return min(max(-order + (leading < 2.95), 0), 6)
+    return min(-order + (leading < 2.95), 6)

@@ -43,6 +43,7 @@ def test_every_unit_of_the_catalogue_is_shown_and_keeps_the_value(spec) -> None:
         ((-0.82, -1.4, -0.2), "deg", f"{words.MINUS}0.8° ({words.MINUS}1.4 to {words.MINUS}0.2)"),
         ((23123.0, 19900.0, 26300.0), "Pa", "23 kPa (20 to 26)"),
         ((0.312, 0.12, 0.5), "1/session", "0.31 per session (0.12 to 0.50)"),
+        ((736.0, 690.0, 790.0), "1/s", "740 s⁻¹ (690 to 790)"),
         ((0.0013, 0.0004, 0.0021), "1/Pa", "1.3 kPa⁻¹ (0.4 to 2.1)"),
     ],
 )
