@@ -4,7 +4,7 @@ These see errors of cameras and arm before physics is blamed for them. They are 
 pushes, with slopes of their own, so that one inference weighs them together with the clouds.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -12,16 +12,29 @@ from jaxtyping import Bool, Float64
 
 from app.core.types import Cloud
 from app.discovery.apparatus.base import Eye
+from app.discovery.evidence import Block
 from app.discovery.predict import Predictor, Trials
 from app.discovery.study import Push
 from app.discovery.subject import Theta
+from app.sim.params import PARAMETERS
 
 _PHASES = 8
 """Moments of a push at which the arm's log is compared with its command."""
 _ARM_M = 0.3
 """A slope of the table counts as the height that it makes over this length."""
 _FINGER, _TABLE, _LOG = 3, 3, 2 * _PHASES
+_LEAST_M = (5e-4, 3e-4, 2e-4)
+"""How exact finger, table and log are at best, however many points are averaged: half a millimetre of bias in seeing
+a finger or a table, and a fifth in following a command, is not worth a name."""
 _LEAST_POINTS = 3
+
+
+class Change(NamedTuple):
+    """Two models, and how many steps of a parameter they are apart."""
+
+    up: Theta
+    down: Theta
+    apart: float
 
 
 class DirectRows(NamedTuple):
@@ -32,16 +45,29 @@ class DirectRows(NamedTuple):
     known: Bool[np.ndarray, "K R"]
 
 
-def direct_rows(predictor: Predictor, trials: Trials, about: Theta, moves: list[tuple[Theta, Theta]]) -> DirectRows:
-    """Of all pushes; `moves`: for each step the two models whose difference is a slope, a unit step apart."""
-    first = _first_of_episodes(trials)
+def direct_blocks(first: int) -> tuple[Block, ...]:
+    """Finger, table and log as blocks of rows, from row `first` on."""
+    ends = first + np.cumsum([0, _FINGER, _TABLE, _LOG])
+    return tuple(
+        Block(slice(int(low), int(high)), least) for low, high, least in zip(ends[:-1], ends[1:], _LEAST_M, strict=True)
+    )
+
+
+def direct_rows(predictor: Predictor, trials: Trials, about: Theta, changes: Sequence[Change]) -> DirectRows:
+    """Of all pushes about a model, and what changes of it do."""
+    first, physics = _first_of_episodes(trials), len(PARAMETERS)
+    seen = [
+        (column, change)
+        for column, change in enumerate(changes)
+        if change.apart > 0 and (change.up != change.down)[physics:].any()
+    ]
     sources: list[tuple[int, Callable[[int, Theta], Float64[np.ndarray, " S"] | None]]] = [
         (_FINGER, lambda k, theta: _finger(predictor, trials, k, theta)),
         (_TABLE, lambda k, theta: _table(predictor, trials, k, theta) if k in first else None),
         (_LOG, lambda k, theta: _log(predictor, trials, k, theta)),
     ]
     count, rows = len(trials), sum(width for width, _ in sources)
-    r, J = np.zeros((count, rows)), np.zeros((count, rows, len(moves)))
+    r, J = np.zeros((count, rows)), np.zeros((count, rows, len(changes)))
     known = np.zeros((count, rows), bool)
     at = 0
     for width, residual in sources:
@@ -51,10 +77,10 @@ def direct_rows(predictor: Predictor, trials: Trials, about: Theta, moves: list[
                 continue
             own = slice(at, at + width)
             r[k, own], known[k, own] = here, True
-            for column, (up, down) in enumerate(moves):
-                above, below = residual(k, up), residual(k, down)
+            for column, change in seen:
+                above, below = residual(k, change.up), residual(k, change.down)
                 if above is not None and below is not None:
-                    J[k, own, column] = below - above  # A residual falls as its prediction rises.
+                    J[k, own, column] = (below - above) / change.apart  # A residual falls as its prediction rises.
         at += width
     return DirectRows(r, J, known)
 

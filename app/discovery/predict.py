@@ -115,16 +115,26 @@ class Predictor:
         self.subject, self.catalogue = subject, catalogue
         self._platform = "cpu" if jax.default_backend() == "cpu" else "gpu"
 
-    def __call__(self, trials: Trials, thetas: Sequence[Theta], *, scene: Scene | None = None) -> Seen:
-        """What each of the models predicts for every push; NaN where the simulation left its grid."""
+    def __call__(
+        self,
+        trials: Trials,
+        thetas: Sequence[Theta],
+        *,
+        scene: Scene | None = None,
+        where: Bool[np.ndarray, "Q K"] | None = None,
+    ) -> Seen:
+        """What each of the models predicts for every push, or for those of `where`.
+
+        NaN where nothing was simulated, or the simulation left its grid.
+        """
         count = len(trials)
-        during = np.empty((len(thetas), count, *trials.observed.after.shape[1:]), np.float32)
-        after = np.empty_like(during)
+        during = np.full((len(thetas), count, *trials.observed.after.shape[1:]), np.nan, np.float32)
+        after = np.full_like(during, np.nan)
         effects = self._effects(thetas)
         simulate = _stepper(scene or self.subject.scene, self.subject.particle_count, effects)
         own = columns_of(effects)
         for group in self._groups(trials):
-            jobs = [(q, k) for q in range(len(thetas)) for k in group.pushes]
+            jobs = [(q, k) for q in range(len(thetas)) for k in group.pushes if where is None or where[q, k]]
             for chunk in _chunks(jobs, _CHUNKS[self._platform]):
                 inputs = self._inputs(trials, thetas, own, chunk, group)
                 found = simulate(*inputs)

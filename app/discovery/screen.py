@@ -8,22 +8,30 @@ import numpy as np
 from jaxtyping import Float64
 
 from app.discovery.evidence import Residuals, fitted
-from app.discovery.inference import CALIBRATED, HABITS, NUMERIC, Finding, Weighed, dispersion, finding, weighed
+from app.discovery.field import MODES, Basis
+from app.discovery.inference import CALIBRATED, Finding, Prior, Weighing, habit, weigh
 from app.discovery.predict import Predictor, Trials
 from app.discovery.sensitivity import Step, moved, residuals, steps_of
-from app.discovery.subject import NUMERICS, Theta
+from app.discovery.subject import NUMERICS, Catalogue, Theta
 
 _REFITS = 2
 _FAR = 2.0
 """Steps of a calibrated parameter that a refit takes at most."""
+_PEAKS = 8
+_PEAK_M = 0.03
+"""Where residuals are large something may be in the way: so many places, no two nearer than this [m]."""
 
 
 @final
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Suspect:
-    """A cause with what the screening says of it; `steps` are its columns, `finding.mean` their values in steps."""
+    """A cause with what the screening says of it; `columns` of the data are its own, `steps` what they are.
+
+    `finding.mean` are their values in steps.
+    """
 
     cause: str
+    columns: tuple[int, ...]
     steps: tuple[Step, ...]
     finding: Finding
 
@@ -31,17 +39,18 @@ class Suspect:
 @final
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Screening:
-    """All causes, the most probable first, about the refitted nominal model."""
+    """All causes, the most probable first, about the refitted nominal model; a placed cause where it fits best."""
 
     about: Theta
     steps: tuple[Step, ...]
     data: Residuals
-    nothing: Weighed
+    prior: Prior
+    weighing: Weighing
     suspects: tuple[Suspect, ...]
 
 
-def screen(predictor: Predictor, trials: Trials, *, only: Sequence[str] | None = None) -> Screening:
-    """Refit the calibrated parameters, then ask about every cause, or of `only` those."""
+def refit(predictor: Predictor, trials: Trials) -> Theta:
+    """The nominal model with the calibrated parameters that fit these pushes."""
     catalogue, calibrated = predictor.catalogue, predictor.subject.calibrated
     own = [step for step in steps_of(catalogue, calibrated, np.zeros((0, 2))) if step.cause in calibrated]
     about = catalogue.nominal(predictor.subject)
@@ -49,38 +58,98 @@ def screen(predictor: Predictor, trials: Trials, *, only: Sequence[str] | None =
         found = fitted(residuals(predictor, trials, about, own, replicas=2), np.full(len(own), CALIBRATED**2))
         for step, share in zip(own, np.clip(found.theta, -_FAR, _FAR), strict=True):
             about = moved(catalogue, about, step, float(share))
+    return about
+
+
+def screen(predictor: Predictor, trials: Trials, about: Theta, *, only: Sequence[str] | None = None) -> Screening:
+    """Weigh every cause, or those of `only`, against the refitted nominal model."""
+    catalogue, calibrated = predictor.catalogue, predictor.subject.calibrated
     wanted = None if only is None else {*only, *calibrated, *NUMERICS}
     steps = [
-        step for step in steps_of(catalogue, calibrated, _places(trials)) if wanted is None or step.cause in wanted
+        step
+        for step in steps_of(catalogue, calibrated, places_of(predictor, trials, about))
+        if wanted is None or step.cause in wanted
     ]
-    variance = prior(steps, calibrated)
-    nuisance = [column for column, step in enumerate(steps) if step.cause in calibrated or step.cause in NUMERICS]
     data = residuals(predictor, trials, about, steps)
-    nothing = weighed(data, variance, dispersion(fitted(data, variance), nuisance))
+    return screened(catalogue, calibrated, about, steps, data)
+
+
+def screened(
+    catalogue: Catalogue, calibrated: Sequence[str], about: Theta, steps: Sequence[Step], data: Residuals
+) -> Screening:
+    """What the residuals and slopes about a model say of every cause."""
+    prior = prior_of(catalogue, calibrated, steps)
     groups: dict[tuple[str, tuple[tuple[int, float], ...]], list[int]] = {}
     for column, step in enumerate(steps):
-        if column not in nuisance:
+        if column not in prior.nuisance:
             groups.setdefault((step.cause, step.given), []).append(column)
-    suspects = [
-        Suspect(
-            cause=cause,
-            steps=tuple(steps[column] for column in columns),
-            finding=finding(data, columns, variance, nothing),
-        )
-        for (cause, _), columns in groups.items()
-    ]
-    suspects.sort(key=lambda suspect: -suspect.finding.log_bayes)
-    return Screening(about=about, steps=tuple(steps), data=data, nothing=nothing, suspects=tuple(suspects))
+    weighing = weigh(data, list(groups.values()), prior)
+    best = dict[str, Suspect]()
+    for (cause, _), columns, weighed in zip(groups, groups.values(), weighing.findings, strict=True):
+        finding = _possible(weighed, [steps[column] for column in columns])
+        if cause not in best or finding.log_bayes > best[cause].finding.log_bayes:
+            own = tuple(steps[column] for column in columns)
+            best[cause] = Suspect(cause=cause, columns=tuple(columns), steps=own, finding=finding)
+    suspects = sorted(best.values(), key=lambda suspect: -suspect.finding.log_bayes)
+    return Screening(
+        about=about, steps=tuple(steps), data=data, prior=prior, weighing=weighing, suspects=tuple(suspects)
+    )
 
 
-def prior(steps: Sequence[Step], calibrated: Sequence[str]) -> Float64[np.ndarray, " P"]:
-    """Variances, in steps squared, where nothing is missing."""
-    spread = dict.fromkeys(calibrated, CALIBRATED) | dict.fromkeys(NUMERICS, NUMERIC)
-    return np.array([spread.get(step.cause, HABITS) ** 2 for step in steps])
+def _possible(finding: Finding, steps: Sequence[Step]) -> Finding:
+    """A cause that only a value beyond its null would explain is not one."""
+    beyond = all(step.sides == 1 and value < 0 for step, value in zip(steps, finding.mean, strict=True))
+    return finding._replace(log_bayes=min(finding.log_bayes, 0.0)) if beyond else finding
 
 
-def _places(trials: Trials) -> Float64[np.ndarray, "S 2"]:
-    """Where something might be: the corners of the inner half of where the object was."""
+def prior_of(catalogue: Catalogue, calibrated: Sequence[str], steps: Sequence[Step]) -> Prior:
+    """Where nothing is missing."""
+    habits = {cause.name: habit(cause) for cause in catalogue.causes}
+    deviations = [CALIBRATED if step.cause in calibrated else habits[step.cause] for step in steps]
+    return Prior(
+        mean=np.zeros(len(steps)),
+        variance=np.array(deviations) ** 2,
+        nuisance=tuple(n for n, step in enumerate(steps) if step.cause in calibrated or step.cause in NUMERICS),
+    )
+
+
+def places_of(predictor: Predictor, trials: Trials, about: Theta) -> Float64[np.ndarray, "S 2"]:
+    """Where something might be: the corners of the inner half of where the object was, and where it is not as told."""
     seen = np.concatenate([push.before.points[:, :2] for push in trials.study.pushes])
     low, high = np.quantile(seen, [0.25, 0.75], axis=0)
-    return np.array([[x, y] for x in (low[0], high[0]) for y in (low[1], high[1])], np.float64)
+    corners = [[x, y] for x in (low[0], high[0]) for y in (low[1], high[1])]
+    places, arrows = arrows_of(trials, residuals(predictor, trials, about, [], replicas=0), predictor, about)
+    return np.array(corners + _peaks(places.reshape(-1, 2), np.linalg.norm(arrows, axis=2).ravel()), np.float64)
+
+
+def arrows_of(
+    trials: Trials, data: Residuals, predictor: Predictor, about: Theta
+) -> tuple[Float64[np.ndarray, "K N 2"], Float64[np.ndarray, "K N 2"]]:
+    """Where each push is predicted to leave the object's points, and how far from there they are seen [m]."""
+    predicted = predictor(trials, [about]).after[0]
+    rows = slice(2 * MODES, 4 * MODES)
+    arrows = np.zeros((*predicted.shape[:2], 2))
+    for k, cloud in enumerate(predicted):
+        if np.isfinite(cloud).all():
+            arrows[k] = Basis.along(cloud, trials.labels[k, :, 0]).field(data.r[k, rows])
+    return np.nan_to_num(predicted[:, :, :2].astype(np.float64)), arrows
+
+
+def _peaks(places: Float64[np.ndarray, "M 2"], size: Float64[np.ndarray, " M"]) -> list[list[float]]:
+    """Places around which residuals are larger than elsewhere."""
+    low = places.min(0)
+    cells = np.floor((places - low) / _PEAK_M).astype(int)
+    grid = np.zeros(cells.max(0) + 1)
+    count = np.zeros_like(grid)
+    np.add.at(grid, tuple(cells.T), size)
+    np.add.at(count, tuple(cells.T), 1)
+    usual = np.median(size)
+    excess = np.where(count > 0, grid - usual * count, 0.0)
+    found = list[list[float]]()
+    for flat in np.argsort(excess, axis=None)[::-1]:
+        place = (np.array(np.unravel_index(flat, grid.shape)) + 0.5) * _PEAK_M + low
+        if all(np.linalg.norm(place - other) > 1.5 * _PEAK_M for other in found):
+            found.append(place.tolist())
+        if len(found) == _PEAKS:
+            break
+    return found

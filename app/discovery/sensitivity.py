@@ -4,20 +4,24 @@ Parameters vary along the candidate axis, so that all slopes of all pushes are o
 derivatives, because friction of the finger, viscosity and what has a threshold bend within that step.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import final
 
 import numpy as np
-from jaxtyping import Float64
+from jaxtyping import Bool, Float64
 
-from app.discovery.direct import direct_rows
-from app.discovery.evidence import Residuals
+from app.core.types import Points
+from app.discovery.direct import Change, direct_blocks, direct_rows
+from app.discovery.evidence import Block, Residuals
 from app.discovery.field import MODES, Basis, registered
 from app.discovery.predict import Predictor, Seen, Trials
-from app.discovery.subject import NUMERICS, Catalogue, Theta
+from app.discovery.subject import NUMERICS, Catalogue, Cause, Theta
 
 _NUISANCE_STEP = 0.3
 """Of the calibrated parameters, in a logarithm."""
+_WAYS = (0.25, 0.5, 0.75)
+"""Shares of the range of a parameter that says when or how an effect acts."""
 REPLICAS = 6
 """Simulations of each push from a start that is disturbed by the noise of the cameras."""
 
@@ -42,18 +46,35 @@ def steps_of(catalogue: Catalogue, calibrated: tuple[str, ...], places: Float64[
     """A step for each parameter that makes a cause, nuisances first. `places` [m]: where something might be."""
     steps = [Step(cause=name, column=catalogue.column(name), size=_NUISANCE_STEP, sides=2) for name in calibrated]
     for cause in catalogue.causes:
-        switches, where = cause.columns[: cause.switches], cause.columns[cause.switches :]
-        asked: list[tuple[tuple[int, float], ...]] = [()]
-        if len(where) == 2:
-            asked = [tuple(zip(where, place.tolist(), strict=True)) for place in places]
-        for given in asked:
-            for column in switches:
-                spec = catalogue.specs[column]
-                assert spec.typical is not None, spec.name
-                size = spec.coordinate(spec.typical) - spec.coordinate(spec.nominal)
-                one_sided = spec.nominal in (spec.low, spec.high) or cause.family == "numerics"
-                steps.append(Step(cause=cause.name, column=column, size=size, sides=1 if one_sided else 2, given=given))
+        for given in _asked(catalogue, cause, places):
+            steps += [switch_of(catalogue, cause, column, given) for column in cause.columns[: cause.switches]]
     return steps
+
+
+def _asked(
+    catalogue: Catalogue, cause: Cause, places: Float64[np.ndarray, "S 2"]
+) -> list[tuple[tuple[int, float], ...]]:
+    """Where, when or how a cause is asked about: values of the parameters that do not make it vanish."""
+    others = cause.columns[cause.switches :]
+    if cause.placed:
+        return [tuple(zip(others, place.tolist(), strict=True)) for place in places]
+    if not others:
+        return [()]
+    ways = list[tuple[tuple[int, float], ...]]()
+    for share in _WAYS:
+        specs = [(column, catalogue.specs[column]) for column in others]
+        ends = [(column, spec, spec.coordinate(spec.low), spec.coordinate(spec.high)) for column, spec in specs]
+        ways.append(tuple((column, spec.value(low + share * (high - low))) for column, spec, low, high in ends))
+    return ways
+
+
+def switch_of(catalogue: Catalogue, cause: Cause, column: int, given: tuple[tuple[int, float], ...] = ()) -> Step:
+    """The step from a parameter's null to its typical value."""
+    spec = catalogue.specs[column]
+    assert spec.typical is not None, spec.name
+    size = spec.coordinate(spec.typical) - spec.coordinate(spec.nominal)
+    one_sided = spec.nominal in (spec.low, spec.high) or cause.family == "numerics"
+    return Step(cause=cause.name, column=column, size=size, sides=1 if one_sided else 2, given=given)
 
 
 def moved(catalogue: Catalogue, about: Theta, step: Step, share: float) -> Theta:
@@ -67,29 +88,15 @@ def moved(catalogue: Catalogue, about: Theta, step: Step, share: float) -> Theta
 
 
 def residuals(
-    predictor: Predictor, trials: Trials, about: Theta, steps: list[Step], replicas: int = REPLICAS
+    predictor: Predictor, trials: Trials, about: Theta, steps: Sequence[Step], replicas: int = REPLICAS
 ) -> Residuals:
     """Residuals about a model, what each step changes, and how far a millimetre at the start goes."""
     catalogue = predictor.catalogue
-    thetas = [about]
-    for step in steps:
-        if step.cause not in NUMERICS:
-            thetas += [moved(catalogue, about, step, share) for share in ((1.0, -1.0) if step.sides == 2 else (1.0,))]
-    found = predictor(trials, thetas)
-    base = Seen(found.during[0], found.after[0])
-    pairs, at = list[tuple[Seen, Seen | None]](), 1
-    for step in steps:
-        if step.cause in NUMERICS:
-            other = predictor(trials, [about], scene=predictor.subject.numeric(step.cause))
-            pairs.append((Seen(other.during[0], other.after[0]), None))
-            continue
-        down = Seen(found.during[at + 1], found.after[at + 1]) if step.sides == 2 else None
-        pairs.append((Seen(found.during[at], found.after[at]), down))
-        at += step.sides
+    changes = [change_of(catalogue, about, step) for step in steps]
+    base, ends = _simulated(predictor, trials, about, steps, changes)
     disturbed = [_single(predictor(trials.disturbed(seed), [about])) for seed in range(replicas)]
-    clouds = _assembled(trials, base, pairs, disturbed)
-    ends = [_ends(catalogue, about, step) for step in steps]
-    direct = direct_rows(predictor, trials, about, ends)
+    clouds = _assembled(trials, base, ends, [change.apart for change in changes], disturbed)
+    direct = direct_rows(predictor, trials, about, changes)
     still = np.zeros((*direct.r.shape, clouds.spread.shape[2]))
     return Residuals(
         r=np.concatenate([clouds.r, direct.r], axis=1),
@@ -97,24 +104,87 @@ def residuals(
         spread=np.concatenate([clouds.spread, still], axis=1),
         known=np.concatenate([clouds.known, direct.known], axis=1),
         episode=clouds.episode,
+        blocks=(*clouds.blocks, *direct_blocks(clouds.r.shape[1])),
     )
 
 
-def _ends(catalogue: Catalogue, about: Theta, step: Step) -> tuple[Theta, Theta]:
-    """Two models a step apart: half a step to each side, or from the null upwards."""
-    low, high = (-0.5, 0.5) if step.sides == 2 else (0.0, 1.0)
-    return moved(catalogue, about, step, high), moved(catalogue, about, step, low)
+def change_of(catalogue: Catalogue, about: Theta, step: Step) -> Change:
+    """The models at a step's ends; they may be less far apart than it asks, as ranges end somewhere."""
+    here = moved(catalogue, about, step, 0.0)
+    up = moved(catalogue, about, step, 1.0)
+    down = moved(catalogue, about, step, -1.0) if step.sides == 2 else here
+    spec = catalogue.specs[step.column]
+    apart = (spec.coordinate(up[step.column]) - spec.coordinate(down[step.column])) / step.size
+    return Change(up, down, apart)
+
+
+def _simulated(
+    predictor: Predictor, trials: Trials, about: Theta, steps: Sequence[Step], changes: Sequence[Change]
+) -> tuple[Seen, list[tuple[Seen, Seen]]]:
+    """The model's own predictions, and those of both ends of every change. NaN where nothing changes."""
+    thetas, where = [about], [np.ones(len(trials), bool)]
+    at, felt = dict[tuple[int, int], int](), _felt(predictor.catalogue, trials)
+    for number, (step, change) in enumerate(zip(steps, changes, strict=True)):
+        if step.cause in NUMERICS:
+            continue
+        near = _within(predictor.catalogue, trials, step)
+        for side, end in enumerate((change.up, change.down)):
+            if (side == 0 or step.sides == 2) and (end != about)[felt].any() and change.apart > 0:
+                at[number, side] = len(thetas)
+                thetas.append(end)
+                where.append(near)
+    found = predictor(trials, thetas, where=np.stack(where))
+    base = Seen(found.during[0], found.after[0])
+
+    def end_of(number: int, step: Step, side: int) -> Seen:
+        if step.cause in NUMERICS and side == 0:
+            scene = predictor.subject.numeric(step.cause)
+            return _single(predictor(trials, [about], scene=scene))
+        index = at.get((number, side), 0)
+        return Seen(found.during[index], found.after[index])
+
+    return base, [(end_of(n, step, 0), end_of(n, step, 1)) for n, step in enumerate(steps)]
+
+
+def _felt(catalogue: Catalogue, trials: Trials) -> Bool[np.ndarray, " P"]:
+    """Which parameters can change a prediction: not those of the arm that its own log has told already."""
+    felt = np.ones(len(catalogue.specs), bool)
+    if all(push.measured is not None for push in trials.study.pushes):
+        for effect, first in catalogue.apparatus:
+            felt[first : first + len(effect.parameters)] = not effect.told
+    return felt
+
+
+def _within(catalogue: Catalogue, trials: Trials, step: Step) -> Bool[np.ndarray, " K"]:
+    """In which pushes the object came near the place that a step is about."""
+    reach = next((cause.reach_m for cause in catalogue.causes if cause.name == step.cause), None)
+    if reach is None or not step.given:
+        return np.ones(len(trials), bool)
+    place = np.array([value for _, value in step.given])
+    clouds = ([push.before.points for push in trials.study.pushes], trials.observed.during, trials.observed.after)
+    return np.any([[_nearest(cloud, place) < reach for cloud in views] for views in clouds], axis=0)
+
+
+def _nearest(cloud: Points, place: Float64[np.ndarray, "2"]) -> float:
+    return float(np.linalg.norm(cloud[:, :2] - place, axis=1).min())
 
 
 def _single(found: Seen) -> Seen:
     return Seen(found.during[0], found.after[0])
 
 
-def _assembled(trials: Trials, base: Seen, pairs: list[tuple[Seen, Seen | None]], replicas: list[Seen]) -> Residuals:
+def _assembled(
+    trials: Trials,
+    base: Seen,
+    ends: Sequence[tuple[Seen, Seen]],
+    apart: Sequence[float],
+    replicas: Sequence[Seen],
+) -> Residuals:
     """Amplitudes of the view during and after each push, in that order; 0 with no certainty for one nobody took."""
     count, width = len(trials), 2 * MODES
     r, known = np.zeros((count, 2 * width)), np.zeros((count, 2 * width), bool)
-    J, spread = np.zeros((count, 2 * width, len(pairs))), np.zeros((count, 2 * width, len(replicas)))
+    J, spread = np.zeros((count, 2 * width, len(ends))), np.zeros((count, 2 * width, len(replicas)))
+    scale = np.array([1 / steps if steps > 0 else 0.0 for steps in apart])
     for view, name in enumerate(("during", "after")):
         rows = slice(view * width, (view + 1) * width)
         for k in range(count):
@@ -122,15 +192,13 @@ def _assembled(trials: Trials, base: Seen, pairs: list[tuple[Seen, Seen | None]]
             if (name == "during" and not trials.has_during[k]) or not np.isfinite(predicted).all():
                 continue
             basis = Basis.along(predicted, trials.labels[k, :, 0])
-
-            def change(seen: Seen, name: str = name, k: int = k, predicted: np.ndarray = predicted) -> np.ndarray:
-                return (getattr(seen, name)[k] - predicted)[:, :2].astype(np.float64)
-
-            up = np.stack([change(above) for above, _ in pairs])
-            down = np.stack([-change(above) if below is None else change(below) for above, below in pairs])
             r[k, rows] = registered(predicted, observed, basis)
-            J[k, rows] = basis.projected(np.nan_to_num((up - down) / 2)).T
-            spread[k, rows] = basis.projected(np.nan_to_num(np.stack([change(seen) for seen in replicas]))).T
+            if ends:
+                changes = np.stack([(getattr(up, name)[k] - getattr(down, name)[k])[:, :2] for up, down in ends])
+                J[k, rows] = basis.projected(np.nan_to_num(changes.astype(np.float64))).T * scale
+            if replicas:
+                moved_on = np.stack([(getattr(seen, name)[k] - predicted)[:, :2] for seen in replicas])
+                spread[k, rows] = basis.projected(np.nan_to_num(moved_on.astype(np.float64))).T
             known[k, rows] = True
     return Residuals(
         r=r,
@@ -138,4 +206,5 @@ def _assembled(trials: Trials, base: Seen, pairs: list[tuple[Seen, Seen | None]]
         spread=spread,
         known=known,
         episode=np.array([push.episode for push in trials.study.pushes]),
+        blocks=(Block(slice(0, 2 * width)),),
     )

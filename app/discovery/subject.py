@@ -65,6 +65,7 @@ class Cause:
     """Something that may be wrong: an effect by its file's name, or a numeric one.
 
     `columns` are where its parameters stand in a catalogue's `specs`; the first `switches` of them make it vanish.
+    `reach_m`: see `Effect`.
     """
 
     name: str
@@ -72,6 +73,12 @@ class Cause:
     about: str
     columns: tuple[int, ...]
     switches: int
+    reach_m: float | None = None
+
+    @property
+    def placed(self) -> bool:
+        """Whether the other parameters are a place on the table."""
+        return len(self.columns) - self.switches == 2
 
 
 @final
@@ -129,7 +136,8 @@ def catalogue() -> Catalogue:
 
 def _cause(name: str, family: Family, about: str, columns: tuple[int, ...], effect: Effect | None) -> Cause:
     switches = effect.switches if effect is not None and effect.switches is not None else len(columns)
-    return Cause(name=name, family=family, about=about, columns=columns, switches=switches)
+    reach_m = effect.reach_m if effect is not None else None
+    return Cause(name=name, family=family, about=about, columns=columns, switches=switches, reach_m=reach_m)
 
 
 def _about(doc: str) -> str:

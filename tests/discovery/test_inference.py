@@ -1,13 +1,18 @@
 """Evidence on made-up residuals whose truth is known: sizes, false alarms, outliers, episodes that hang together."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
-from app.discovery.evidence import Residuals, fitted
-from app.discovery.inference import CALIBRATED, HABITS, dispersion, finding, weighed
+from app.discovery.evidence import Block, Residuals, fitted
+from app.discovery.inference import CALIBRATED, Prior, Weighing, dispersion, weigh
 
 K, R, P = 60, 16, 12
-VARIANCE = np.array([CALIBRATED**2] * 2 + [HABITS**2] * (P - 2))
+HABIT = 0.08
+VARIANCE = np.array([CALIBRATED**2] * 2 + [HABIT**2] * (P - 2))
+PRIOR = Prior(mean=np.zeros(P), variance=VARIANCE, nuisance=(0, 1))
+BLOCKS = (Block(slice(0, R)),)
 
 
 def made(seed: int, theta: np.ndarray, *, outliers: float = 0.0, common: float = 0.0, spread: float = 0.0) -> Residuals:
@@ -26,12 +31,16 @@ def made(seed: int, theta: np.ndarray, *, outliers: float = 0.0, common: float =
         spread=spread * 1e-3 * rng.normal(size=(K, R, 4)),
         known=np.ones((K, R), bool),
         episode=episode,
+        blocks=BLOCKS,
     )
 
 
+def weighed(data: Residuals) -> Weighing:
+    return weigh(data, [[column] for column in range(2, P)], PRIOR)
+
+
 def log_bayes(data: Residuals) -> np.ndarray:
-    nothing = weighed(data, VARIANCE, dispersion(fitted(data, VARIANCE), [0, 1]))
-    return np.array([finding(data, [column], VARIANCE, nothing).log_bayes for column in range(2, P)])
+    return np.array([finding.log_bayes for finding in weighed(data).findings])
 
 
 @pytest.mark.parametrize("seed", range(5))
@@ -40,7 +49,7 @@ def test_a_missing_effect_is_first_and_its_size_within_its_interval(seed: int) -
     theta[0], theta[1], theta[5] = 0.8, -1.2, 0.9
     data = made(seed, theta, outliers=0.1)
     assert np.argmax(log_bayes(data)) == 5 - 2
-    found = finding(data, [5], VARIANCE, weighed(data, VARIANCE, 1.0))
+    found = weighed(data).findings[5 - 2]
     assert found.mean[0] == pytest.approx(0.9, abs=4 * np.sqrt(found.covariance[0, 0]) + 0.02)
     assert np.sqrt(found.covariance[0, 0]) < 0.2
 
@@ -69,11 +78,20 @@ def test_episodes_that_hang_together_temper_the_evidence() -> None:
 def test_a_push_whose_end_depends_on_its_start_counts_less() -> None:
     data = made(2, np.zeros(P), spread=0.0)
     spread = np.zeros((K, R, 4))
-    spread[0] = 0.02
-    chaotic = Residuals(r=data.r, J=data.J, spread=spread, known=data.known, episode=data.episode)
-    fit = fitted(chaotic, VARIANCE)
-    assert fit.noise.size[0] > 10 * np.median(fit.noise.size)
-    assert fit.noise.size[0] > 10 * fitted(data, VARIANCE).noise.size[0]
+    spread[:6] = 0.02
+    chaotic = replace(data, spread=spread)
+    share = [fitted(each, VARIANCE).forms.A[0].trace() for each in (data, chaotic)]
+    assert share[1] < 0.1 * share[0]
+
+
+@pytest.mark.parametrize("size", [0.3, 1.0, 3.0])
+def test_an_effect_in_rows_measured_directly_is_not_taken_for_their_noise(size: float) -> None:
+    theta = np.zeros(P)
+    theta[5] = size
+    quiet = made(7, theta)
+    exact = replace(quiet, r=quiet.J @ theta, blocks=(Block(slice(0, R), 1e-4),))
+    assert fitted(exact, VARIANCE + np.eye(P)[5]).theta[5] == pytest.approx(size, rel=0.02)
+    assert np.argmax(log_bayes(exact)) == 5 - 2
 
 
 def test_what_was_not_seen_counts_for_nothing() -> None:
@@ -82,5 +100,5 @@ def test_what_was_not_seen_counts_for_nothing() -> None:
     data = made(4, theta)
     known = data.known.copy()
     known[::2, : R // 2] = False
-    hidden = Residuals(r=np.where(known, data.r, 1e3), J=data.J, spread=data.spread, known=known, episode=data.episode)
+    hidden = replace(data, r=np.where(known, data.r, 1e3), known=known)
     np.testing.assert_allclose(fitted(hidden, VARIANCE).theta[5], 1.0, atol=0.1)

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from app.discovery.predict import Predictor, prepare
-from app.discovery.screen import Screening, screen
+from app.discovery.screen import Screening, refit, screen
 from app.discovery.study import Study
 from app.discovery.subject import catalogue
 from app.tasks import load
@@ -39,7 +39,8 @@ def studies() -> dict[str, Study]:
 
 @cache
 def screened(name: str) -> Screening:
-    return screen(PREDICTOR, prepare(studies()[name], SUBJECT), only=ASKED)
+    trials = prepare(studies()[name], SUBJECT)
+    return screen(PREDICTOR, trials, refit(PREDICTOR, trials), only=ASKED)
 
 
 @pytest.mark.parametrize("name", ["friction_drift", "hand_eye_translation"])

@@ -79,6 +79,8 @@ class Effect:
 
     parameters: tuple[ParameterSpec, ...]
     switches: int | None = None
+    reach_m: float | None = None
+    """Farther than this from its place it does nothing; None: it acts everywhere."""
 
     node_velocity: WarpFunction | None = None
     """Of a node's velocity [m/s], after gravity and before contact."""

@@ -44,5 +44,6 @@ EFFECT = Effect(
         *place("obstacle", "the hidden post"),
     ),
     switches=1,
+    reach_m=0.045,
     node_velocity=obstructed_velocity,
 )

@@ -39,5 +39,6 @@ EFFECT = Effect(
         *place("constraint", "the spot that holds"),
     ),
     switches=1,
+    reach_m=0.05,
     node_velocity=held_velocity,
 )

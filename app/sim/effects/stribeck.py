@@ -37,9 +37,9 @@ EFFECT = Effect(
         ParameterSpec(
             name="stribeck_speed",
             unit="m/s",
-            nominal=0.1,
-            low=0.005,
-            high=0.5,
+            nominal=0.3,
+            low=0.02,
+            high=2.0,
             scaling=(-1, 0),
             scale="log",
             about="Sliding speed beyond which the excess is gone.",

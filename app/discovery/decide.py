@@ -1,0 +1,182 @@
+"""From suspects to a decision: the best of them refitted, a second and a third cause where the first is not enough.
+
+A cause is accepted where it makes the data enough more likely, and where episodes that it was not fitted to are
+predicted better. Probabilities are evidence divided by `TEMPERATURE`: every simulator is wrong in ways that no cause of
+the catalogue is, and evidence believes in none of them.
+"""
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import NamedTuple, final
+
+import numpy as np
+from jaxtyping import Float64
+
+from app.discovery.evidence import Residuals, fitted, log_likelihood
+from app.discovery.inference import Prior, weigh
+from app.discovery.predict import Predictor, Trials
+from app.discovery.refine import Model, refine, started
+from app.discovery.screen import Screening, Suspect
+from app.discovery.sensitivity import moved
+from app.discovery.subject import Catalogue, Theta
+
+TEMPERATURE = 3.0
+_NOTHING = 0.25
+"""Prior probability that nothing is missing; the rest is shared evenly among the causes."""
+_SHORTLIST = 5
+_CLOSE = 3.0
+"""Suspects whose evidence is so near the last of the shortlist's are on it, too."""
+_MOST = 3
+_ASKED = 2
+"""Candidates for a further cause that are refitted."""
+ENOUGH = 14.0
+"""Logarithm of the Bayes factor that a further cause must have against the model without it."""
+
+Progress = Callable[[str], None]
+
+
+class Held(NamedTuple):
+    """By how much a model makes left-out episodes more likely than nothing missing does: mean and standard error."""
+
+    gain: float
+    error: float
+
+
+@final
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Decision:
+    """The refitted singles, the most probable first, and the model that is accepted, if any.
+
+    `probabilities` of each cause alone; what is left to 1 is that nothing is missing.
+    """
+
+    singles: tuple[Model, ...]
+    probabilities: Mapping[str, float]
+    nothing: float
+    accepted: Model | None
+    held: Held
+
+
+def decide(predictor: Predictor, trials: Trials, screening: Screening, said: Progress) -> Decision:
+    """Refit the shortlist, weigh it, and add causes while they are needed."""
+    singles = list[Model]()
+    for suspect in shortlist(screening):
+        said(f"refitting {suspect.cause}")
+        start = started(predictor.catalogue, screening.about, suspect)
+        singles.append(refine(predictor, trials, screening, [(suspect.cause, start)]))
+    singles.sort(key=lambda model: -model.log_evidence)
+    probabilities, nothing = probabilities_of(screening, singles)
+    best = singles[0]
+    best = _extended(predictor, trials, screening, best, singles, said)
+    held = held_out(screening, best)
+    accepted = best if nothing < 0.5 and held.gain > 2 * held.error else None
+    return Decision(singles=tuple(singles), probabilities=probabilities, nothing=nothing, accepted=accepted, held=held)
+
+
+def shortlist(screening: Screening) -> list[Suspect]:
+    """The suspects worth a refit."""
+    suspects = screening.suspects
+    least = suspects[min(_SHORTLIST, len(suspects)) - 1].finding.log_bayes - _CLOSE
+    close = [suspect for suspect in suspects if suspect.finding.log_bayes > max(least, 0.0)]
+    return close[: _SHORTLIST + _ASKED] or list(suspects[:1])
+
+
+def probabilities_of(screening: Screening, singles: Sequence[Model]) -> tuple[Mapping[str, float], float]:
+    """Of each cause, and of none: those that were not refitted count with the screening's evidence."""
+    logs = {suspect.cause: suspect.finding.log_bayes for suspect in screening.suspects}
+    logs |= {model.causes[0]: model.log_evidence - screening.weighing.log_evidence for model in singles}
+    share = np.log((1 - _NOTHING) / max(len(logs), 1))
+    weights = np.array([np.log(_NOTHING), *(share + value / TEMPERATURE for value in logs.values())])
+    probabilities = np.exp(weights - weights.max())
+    probabilities /= probabilities.sum()
+    return dict(zip(logs, probabilities[1:].tolist(), strict=True)), float(probabilities[0])
+
+
+def _extended(
+    predictor: Predictor,
+    trials: Trials,
+    screening: Screening,
+    best: Model,
+    singles: Sequence[Model],
+    said: Progress,
+) -> Model:
+    """The best model with more causes, while each makes the data enough more likely; none that is not needed."""
+    starts = {model.causes[0]: model.theta for model in singles}
+    while len(best.causes) < _MOST:
+        found = list[Model]()
+        for suspect in _further(best)[:_ASKED]:
+            said(f"adding {suspect.cause} to {', '.join(best.causes)}")
+            start = starts.get(suspect.cause)
+            if start is None:
+                start = started(predictor.catalogue, screening.about, suspect)
+            both = [*((name, best.theta) for name in best.causes), (suspect.cause, start)]
+            found.append(refine(predictor, trials, screening, both, (best.fit.covariances,)))
+        better = max(found, key=lambda model: model.log_evidence, default=None)
+        if better is None or better.log_evidence < best.log_evidence + ENOUGH:
+            return best
+        best = _without_needless(better, [best, *singles])
+    return best
+
+
+def _without_needless(model: Model, simpler: Sequence[Model]) -> Model:
+    """A simpler model with some of its causes that is nearly as likely, or itself."""
+    for other in sorted(simpler, key=lambda other: -other.log_evidence):
+        if set(other.causes) < set(model.causes) and other.log_evidence > model.log_evidence - ENOUGH:
+            return other
+    return model
+
+
+def _further(model: Model) -> list[Suspect]:
+    """What else may be missing, the most likely first."""
+    groups: dict[tuple[str, tuple[tuple[int, float], ...]], list[int]] = {}
+    for column in range(model.own, len(model.steps)):
+        step = model.steps[column]
+        if column not in model.prior.nuisance and step.cause not in model.causes:
+            groups.setdefault((step.cause, step.given), []).append(column)
+    weighing = weigh(model.data, list(groups.values()), model.prior)
+    suspects = [
+        Suspect(
+            cause=cause,
+            columns=tuple(columns),
+            steps=tuple(model.steps[column] for column in columns),
+            finding=finding,
+        )
+        for (cause, _), columns, finding in zip(groups, groups.values(), weighing.findings, strict=True)
+    ]
+    suspects.sort(key=lambda suspect: -suspect.finding.log_bayes)
+    first = dict[str, Suspect]()
+    for suspect in suspects:
+        if suspect.finding.log_bayes > 0:
+            first.setdefault(suspect.cause, suspect)
+    return list(first.values())
+
+
+def held_out(screening: Screening, model: Model) -> Held:
+    """Leave-one-episode-out: the mean over episodes of the gain in log likelihood, and its standard error."""
+    nothing = (screening.data, screening.prior)
+    gains = np.array(
+        [_likelihood(model.data, model.prior, e) - _likelihood(*nothing, e) for e in np.unique(model.data.episode)]
+    )
+    return Held(float(gains.mean()), float(gains.std(ddof=1) / np.sqrt(len(gains))) if len(gains) > 1 else np.inf)
+
+
+def _likelihood(data: Residuals, prior: Prior, episode: int) -> float:
+    fit = fitted(data.without(episode), prior.variance, prior.mean)
+    return log_likelihood(data.of(data.episode == episode), fit.theta, fit.covariances)
+
+
+def left_out_thetas(model: Model) -> dict[int, Float64[np.ndarray, " P"]]:
+    """The own columns' values, in steps from the model's theta, when an episode is left out."""
+    found = dict[int, Float64[np.ndarray, " P"]]()
+    for episode in np.unique(model.data.episode):
+        fit = fitted(model.data.without(int(episode)), model.prior.variance, model.prior.mean, (model.fit.covariances,))
+        found[int(episode)] = fit.theta[: model.own]
+    return found
+
+
+def theta_of(catalogue: Catalogue, model: Model, shares: Float64[np.ndarray, " Q"]) -> Theta:
+    """The model's theta moved by so many of its own steps."""
+    theta = model.theta
+    for step, share in zip(model.steps[: model.own], shares, strict=True):
+        theta = moved(catalogue, theta, step, float(share))
+    return theta

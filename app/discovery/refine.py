@@ -1,0 +1,184 @@
+"""Causes that are taken for present, fitted together with friction and stiffness: Gauss-Newton about where they act.
+
+The screening's slopes are those about the nominal model; what is strong, or acts at a place, needs slopes about itself.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import final
+
+import numpy as np
+from jaxtyping import Float64
+
+from app.discovery.evidence import Covariances, Fit, Residuals, fitted
+from app.discovery.inference import Prior, log_evidence, posterior
+from app.discovery.predict import Predictor, Trials
+from app.discovery.screen import Screening, Suspect
+from app.discovery.sensitivity import Step, moved, residuals, switch_of
+from app.discovery.subject import Catalogue, Theta
+
+_ROUNDS = 4
+_PART = 0.4
+"""Of a screening's step: slopes about a fitted value are taken over less."""
+_SHARE = 0.05
+"""Of its range: the step of what says where, when or how a cause acts; its prior's deviation is five of them."""
+_DEVIATION = 5.0
+_FARTHEST = 3.0
+"""Steps at most in a round."""
+_SETTLED = 0.15
+
+
+@final
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Model:
+    """Causes taken for present, with what they take, about which everything else is linear.
+
+    `own`: the first columns of the data, those of the causes and of the calibrated parameters; the rest are the
+    screening's.
+    """
+
+    causes: tuple[str, ...]
+    theta: Theta
+    steps: tuple[Step, ...]
+    own: int
+    data: Residuals
+    prior: Prior
+    fit: Fit
+    log_evidence: float
+    temper: float
+
+    @property
+    def covariance(self) -> Float64[np.ndarray, "Q Q"]:
+        """Of the own columns, in their steps."""
+        return posterior(self.fit, self.prior, self.temper)[: self.own, : self.own]
+
+
+def refine(
+    predictor: Predictor,
+    trials: Trials,
+    screening: Screening,
+    starts: Sequence[tuple[str, Theta]],
+    noises: Sequence[Covariances] = (),
+) -> Model:
+    """The best model with these causes; each start says a cause and a theta that has it."""
+    catalogue = predictor.catalogue
+    causes = tuple(name for name, _ in starts)
+    theta = _joined(catalogue, screening.about, starts)
+    own = own_steps(catalogue, predictor.subject.calibrated, causes)
+    best, sloped = None, None
+    for _ in range(_ROUNDS):
+        sloped = residuals(predictor, trials, theta, own, replicas=0)
+        model = _fitted(catalogue, screening, causes, theta, own, sloped, noises)
+        if best is None or model.log_evidence > best.log_evidence:
+            best = model
+        shift = np.clip(model.fit.theta[: len(own)], -_FARTHEST, _FARTHEST)
+        for step, share in zip(own, shift, strict=True):
+            theta = moved(catalogue, theta, step, float(share))
+        if float(np.abs(shift).max()) < _SETTLED:
+            break
+    assert best is not None
+    return best
+
+
+def started(catalogue: Catalogue, about: Theta, suspect: Suspect, *, share: float = 1.0) -> Theta:
+    """The model with a suspect's cause as the screening found it."""
+    theta = about.copy()
+    for step, value in zip(suspect.steps, suspect.finding.mean, strict=True):
+        theta = moved(catalogue, theta, step, share * float(value))
+    return theta
+
+
+def own_steps(catalogue: Catalogue, calibrated: Sequence[str], causes: Sequence[str]) -> tuple[Step, ...]:
+    """Steps of the calibrated parameters and of everything that these causes have."""
+    steps = [Step(cause=name, column=catalogue.column(name), size=0.3 * _PART, sides=2) for name in calibrated]
+    for name in causes:
+        cause = catalogue.cause(name)
+        for column in cause.columns[: cause.switches]:
+            full = switch_of(catalogue, cause, column)
+            steps.append(replace(full, size=_PART * full.size, sides=2))
+        for column in cause.columns[cause.switches :]:
+            spec = catalogue.specs[column]
+            size = _SHARE * (spec.coordinate(spec.high) - spec.coordinate(spec.low))
+            steps.append(Step(cause=name, column=column, size=size, sides=2))
+    return tuple(steps)
+
+
+def _joined(catalogue: Catalogue, about: Theta, starts: Sequence[tuple[str, Theta]]) -> Theta:
+    """One theta with the parameters of each cause from its own start."""
+    theta = about.copy()
+    if len(starts) == 1:
+        return starts[0][1].copy()
+    for name, start in starts:
+        columns = list(catalogue.cause(name).columns)
+        theta[columns] = start[columns]
+    return theta
+
+
+def _fitted(
+    catalogue: Catalogue,
+    screening: Screening,
+    causes: tuple[str, ...],
+    theta: Theta,
+    own: tuple[Step, ...],
+    sloped: Residuals,
+    noises: Sequence[Covariances],
+) -> Model:
+    present = {step.column for step in own}
+    others = [n for n, step in enumerate(screening.steps) if step.column not in present]
+    base = screening.data
+    data = Residuals(
+        r=sloped.r,
+        J=np.concatenate([sloped.J, base.J[:, :, others]], axis=2),
+        spread=base.spread,
+        known=sloped.known & base.known,
+        episode=base.episode,
+        blocks=base.blocks,
+    )
+    prior = _prior(catalogue, screening, theta, own, others)
+    weighing = screening.weighing
+    fit = fitted(data, prior.variance, prior.mean, (weighing.nothing.covariances, None, *noises))
+    return Model(
+        causes=causes,
+        theta=theta,
+        steps=(*own, *(screening.steps[n] for n in others)),
+        own=len(own),
+        data=data,
+        prior=prior,
+        fit=fit,
+        log_evidence=log_evidence(fit, prior, weighing.temper),
+        temper=weighing.temper,
+    )
+
+
+def _prior(
+    catalogue: Catalogue, screening: Screening, theta: Theta, own: tuple[Step, ...], others: Sequence[int]
+) -> Prior:
+    """Of the own columns in their steps from theta: what is calibrated anything, a cause as its size is typical."""
+    mean, variance = np.zeros(len(own)), np.empty(len(own))
+    full = {step.column: (step.size, n) for n, step in enumerate(screening.steps)}
+    for n, step in enumerate(own):
+        spec = catalogue.specs[step.column]
+        size, at = full.get(step.column, (0.0, -1))
+        here = spec.coordinate(float(theta[step.column]))
+        if at < 0:  # Where, when or how: anywhere in the range, more likely in its middle.
+            middle = (spec.coordinate(spec.low) + spec.coordinate(spec.high)) / 2
+            mean[n], variance[n] = (middle - here) / step.size, _DEVIATION**2
+        elif step.cause in catalogue_names(catalogue):
+            null = spec.coordinate(spec.nominal)
+            mean[n] = (null - here) / step.size
+            variance[n] = (1 + screening.prior.variance[at]) * (size / step.size) ** 2
+        else:
+            centre = spec.coordinate(float(screening.about[step.column]))
+            mean[n] = (centre - here) / step.size
+            variance[n] = screening.prior.variance[at] * (size / step.size) ** 2
+    return Prior(
+        mean=np.concatenate([mean, screening.prior.mean[list(others)]]),
+        variance=np.concatenate([variance, screening.prior.variance[list(others)]]),
+        nuisance=tuple(range(len(own)))
+        + tuple(len(own) + n for n, at in enumerate(others) if at in screening.prior.nuisance),
+    )
+
+
+def catalogue_names(catalogue: Catalogue) -> frozenset[str]:
+    """Of all causes."""
+    return frozenset(cause.name for cause in catalogue.causes)
