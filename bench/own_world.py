@@ -14,19 +14,20 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Float32, Float64
 
+from app.core.track import Track
 from app.core.types import Cloud, Points
 from app.discovery.apparatus.base import Eye
 from app.discovery.predict import Predictor, resisting
-from app.discovery.study import Push, Study, Track, View
+from app.discovery.study import Push, Study, View
 from app.discovery.subject import Theta
 from app.perception.resample import resample
 from app.policy.ordering import arclength_labels
+from app.policy.strokes import REGION, Plan, midway_s, random_track
 from app.sim.catalogue import EFFECTS
 from app.sim.params import PARAMETERS
 from app.sim.rollout import make_rollout
 from app.sim.scene import Scene
 from app.sim.state import Setting, State
-from bench.tracks import REGION, Plan, midway_s, random_track
 
 CAMERA_M = (0.55, -0.25, 0.95)
 DENSER = 2
@@ -97,7 +98,7 @@ class OwnWorld:
         load = resisting(command, x, _MOVED_SHARE, subject)
         told = self.predictor.told(command, load, truth)
         true = self.predictor.carried_out(command, load, truth, lambda _: True)
-        view = midway_s(command)
+        view = midway_s(command.times_s)
         end = max(command.times_s[-1], true.times_s[-1]) + _SETTLE_S
         return _Move(command, told, true, view, view + self.predictor.late_s(truth), float(end))
 

@@ -6,10 +6,10 @@ from typing import Any
 
 import numpy as np
 
-from app.discovery.study import Track
+from app.core.track import Track
+from app.policy.strokes import Plan, midway_s, random_track
 from app.tasks import load
 from app.tasks.curves import fill_tube
-from bench.tracks import Plan, midway_s, random_track
 
 TASK = load("rope_push")
 POINTS = TASK.preset("cpu").particle_count
@@ -26,7 +26,7 @@ def plain_arrays(*, without: tuple[str, ...] = (), points: int = POINTS, seed: i
         x = fill_tube(TASK.start(episode), TASK.rope.radius_m, points)
         for push in range(PUSHES):
             track = random_track(rng, x, Plan(), start_s=now_s + 1.0, height_m=TASK.finger.push_height_m)
-            middle_s, end_s = midway_s(track), float(track.times_s[-1]) + 0.5
+            middle_s, end_s = midway_s(track.times_s), float(track.times_s[-1]) + 0.5
             for time_s, phase in ((now_s + 0.5, "before"), (middle_s, "during"), (end_s, "after")):
                 if phase == "during" and "during" in without:
                     continue

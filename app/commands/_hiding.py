@@ -20,13 +20,13 @@ from app.core.errors import RecordingError
 from app.core.messages import Episode, Executed, Frame, Message, MessageId, Particles, Sighting, Transition
 from app.perception.reconstruct import reconstruct
 from app.perception.surroundings import table_points, tool_points
+from app.policy.strokes import Plan
 from app.recording.epoch import Epoch
 from app.recording.file import EpisodeFile
 from app.rig.simulated.eyes import Eyes
 from app.rig.simulated.hidden.base import Injected
 from app.rig.simulated.physics import WorldPhysics
 from app.rig.simulated.rehearsal import Look, Take, rehearse
-from app.rig.simulated.strokes import Plan
 from app.tasks.base import Task
 
 Some: TypeAlias = Float32[np.ndarray, "_ 3"]

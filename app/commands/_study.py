@@ -10,8 +10,9 @@ import numpy as np
 from app.commands._sightings import look_beside
 from app.core.errors import RecordingError, UsageError
 from app.core.messages import Episode, Executed, Message, MessageId, Particles, Sighting, Transition
+from app.core.track import Track
 from app.core.types import Cloud, Points
-from app.discovery.study import Push, Study, Track, View
+from app.discovery.study import Push, Study, View
 from app.discovery.subject import Subject
 from app.perception.recount import recounted
 from app.recording.reader import read_cameras, read_messages

@@ -16,11 +16,11 @@ from app.commands._hiding import Session, Stopwatch, record
 from app.commands._preflight import unwritable
 from app.config import Site
 from app.core.errors import UsageError
+from app.policy.strokes import Plan
 from app.recording.preflight import check_folder
 from app.rig.simulated.hidden.base import Injected
 from app.rig.simulated.hiding import Wish, draw, mistuned
 from app.rig.simulated.rehearsal import first_end
-from app.rig.simulated.strokes import Plan
 from app.tasks import load
 
 _TASK = "rope_push"

@@ -9,8 +9,8 @@ from typing import Literal, TypeAlias, final
 import numpy as np
 from jaxtyping import Float32, Float64
 
+from app.core.track import Track
 from app.core.types import Points
-from app.discovery.study import Track
 from app.discovery.subject import Family, Theta
 
 Name: TypeAlias = Literal["named", "set", "none", "none_of_these"]

@@ -14,9 +14,10 @@ import numpy as np
 from jaxtyping import Bool, Float32, Float64
 from scipy.spatial import KDTree
 
+from app.core.track import Track
 from app.core.types import Points
 from app.discovery.apparatus.base import Apparatus, Eye, Load, Places
-from app.discovery.study import Push, Study, Track, View
+from app.discovery.study import Push, Study, View
 from app.discovery.subject import Catalogue, Subject, Theta
 from app.policy.ordering import arclength_labels, centreline_weights
 from app.sim.effects.base import Effect

@@ -10,29 +10,8 @@ from typing import final
 import numpy as np
 from jaxtyping import Float64
 
-from app.core.types import Cloud, Points, Poses
-
-
-@final
-@dataclass(frozen=True, kw_only=True, eq=False)
-class Track:
-    """Poses of the tool's tip at times: x y z and a quaternion w x y z."""
-
-    times_s: Float64[np.ndarray, " T"]
-    poses: Poses
-
-    @property
-    def positions(self) -> Float64[np.ndarray, "T 3"]:
-        """Where the tip is [m]."""
-        return self.poses[:, :3]
-
-    def at(self, times_s: Float64[np.ndarray, " S"]) -> Float64[np.ndarray, "S 3"]:
-        """The tip's position at other times [m]; at rest before the first and after the last."""
-        return np.stack([np.interp(times_s, self.times_s, self.poses[:, k]) for k in range(3)], axis=1)
-
-    def velocity(self, times_s: Float64[np.ndarray, " S"], over_s: float = 0.04) -> Float64[np.ndarray, "S 3"]:
-        """The tip's velocity at times [m/s], by a central difference."""
-        return (self.at(times_s + over_s / 2) - self.at(times_s - over_s / 2)) / over_s
+from app.core.track import Track
+from app.core.types import Cloud, Points
 
 
 @final

@@ -6,9 +6,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from app.core.track import Track
 from app.discovery import apparatus
 from app.discovery.apparatus.base import Apparatus, Eye, Load
-from app.discovery.study import Track
 from app.sim.files import files_of
 from app.sim.params import PARAMETERS
 

@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from app.core.track import Track
 from app.discovery.apparatus.base import Eye, Load
 from app.discovery.direct import direct_blocks, direct_rows
 from app.discovery.evidence import Residuals
@@ -10,12 +11,12 @@ from app.discovery.inference import weigh
 from app.discovery.predict import Predictor, Trials, prepare
 from app.discovery.screen import prior_of
 from app.discovery.sensitivity import Step, change_of, steps_of
-from app.discovery.study import Push, Study, Track, View
+from app.discovery.study import Push, Study, View
 from app.discovery.subject import Theta, catalogue
+from app.policy.strokes import REGION, Plan, midway_s, random_track
 from app.tasks import load
 from app.tasks.curves import fill_tube
 from app.tasks.doubted import subject_of
-from bench.tracks import REGION, Plan, midway_s, random_track
 
 TASK = load("rope_push")
 SUBJECT, CATALOGUE = subject_of(TASK), catalogue()
@@ -61,7 +62,7 @@ def study(truth: Theta, seed: int = 0) -> Study:
         told = PREDICTOR.told(command, Load(np.zeros((len(command.times_s), 3))), truth)
         poses = np.concatenate([told.at(command.times_s), command.poses[:, 3:]], axis=1)
         poses[:, :3] += rng.normal(0, 1e-4, (len(poses), 3))
-        at = midway_s(command)
+        at = midway_s(command.times_s)
         tip = true.at(np.array([at + PREDICTOR.late_s(truth)])) + rng.normal(0, 1e-3, (60, 3))
         finger = PREDICTOR.seen(tip.astype(np.float32), eye, truth)
         pushes.append(

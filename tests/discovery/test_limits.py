@@ -7,13 +7,14 @@ from typing import Any
 import numpy as np
 import pytest
 
+from app.core.track import Track
 from app.discovery.case import Limit
 from app.discovery.limits import limits_of
-from app.discovery.study import Push, Study, Track, View
+from app.discovery.study import Push, Study, View
+from app.policy.strokes import Plan, midway_s, random_track
 from app.tasks import load
 from app.tasks.curves import fill_tube
 from app.tasks.doubted import subject_of
-from bench.tracks import Plan, midway_s, random_track
 
 TASK = load("rope_push")
 SUBJECT = subject_of(TASK)
@@ -26,7 +27,7 @@ def good() -> Study:
     for number in range(36):
         x = fill_tube(TASK.start(number // 6), TASK.rope.radius_m, 300)
         command = random_track(rng, x, Plan(), start_s=now_s + 0.5, height_m=TASK.finger.push_height_m)
-        at = midway_s(command)
+        at = midway_s(command.times_s)
         finger = (command.at(np.array([at])) + rng.normal(0, 1e-3, (60, 3))).astype(np.float32)
         now_s = float(command.times_s[-1]) + 0.5
         pushes.append(
@@ -84,7 +85,7 @@ def at_speed(push: Push, speed_m_s: float) -> Push:
     steps = np.linalg.norm(np.diff(push.command.positions[:, :2], axis=0), axis=1)
     times = push.command.times_s[0] + np.concatenate([[0.0], np.cumsum(np.maximum(steps / speed_m_s, 0.005))])
     moved = with_track(push, replace(push.command, times_s=times))
-    during = tuple(replace(view, time_s=midway_s(moved.command)) for view in push.during)
+    during = tuple(replace(view, time_s=midway_s(moved.command.times_s)) for view in push.during)
     return replace(
         moved,
         before=replace(push.before, time_s=float(times[0])),

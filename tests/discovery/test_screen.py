@@ -9,11 +9,11 @@ from app.discovery.predict import Predictor, prepare
 from app.discovery.screen import Screening, refit, screen
 from app.discovery.study import Study
 from app.discovery.subject import catalogue
+from app.policy.strokes import Plan
 from app.tasks import load
 from app.tasks.curves import fill_tube
 from app.tasks.doubted import subject_of
 from bench.own_world import DENSER, OwnWorld, finer
-from bench.tracks import Plan
 
 TASK = load("rope_push")
 SUBJECT, CATALOGUE = subject_of(TASK), catalogue()

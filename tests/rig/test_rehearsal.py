@@ -3,10 +3,10 @@
 import numpy as np
 import pytest
 
+from app.policy.strokes import REGION, Plan
 from app.rig.simulated.hidden.base import Injected
 from app.rig.simulated.physics import WorldPhysics
 from app.rig.simulated.rehearsal import BEGIN_S, SLOT_S, Take, first_end, rehearse
-from app.rig.simulated.strokes import REGION, Plan
 from app.tasks import load
 from tests.rig.hidden.moments import injected
 

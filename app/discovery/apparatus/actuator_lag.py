@@ -6,8 +6,8 @@ Dynamic Systems", ch. 3); 30 to 100 ms. Integrated exactly for a command that is
 
 import numpy as np
 
+from app.core.track import Track
 from app.discovery.apparatus.base import Apparatus, Load, Values, one
-from app.discovery.study import Track
 
 _LEAST_S = 1e-4
 

@@ -6,8 +6,8 @@ arm that is new, more of one that is not. Along x and along y each.
 
 import numpy as np
 
+from app.core.track import Track
 from app.discovery.apparatus.base import Apparatus, Load, Values, one
-from app.discovery.study import Track
 
 
 def _drive(track: Track, _load: Load, values: Values) -> Track:

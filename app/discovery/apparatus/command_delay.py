@@ -3,8 +3,8 @@
 Transport and queueing, tens to hundreds of milliseconds. The tool is behind by d times its velocity.
 """
 
+from app.core.track import Track
 from app.discovery.apparatus.base import Apparatus, Load, Values, one
-from app.discovery.study import Track
 
 
 def _drive(track: Track, _load: Load, values: Values) -> Track:

@@ -6,8 +6,8 @@ where the tool never turns, the two cannot be told apart.
 
 from scipy.spatial.transform import Rotation
 
+from app.core.track import Track
 from app.discovery.apparatus.base import Apparatus, Load, Values, lengths
-from app.discovery.study import Track
 
 
 def _drive(track: Track, _load: Load, values: Values) -> Track:

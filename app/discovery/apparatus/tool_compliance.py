@@ -4,8 +4,8 @@ Hooke's law for finger, gripper and joints together; what bends beyond the arm's
 the same length at every speed, but only in contact.
 """
 
+from app.core.track import Track
 from app.discovery.apparatus.base import Apparatus, Load, Values, one
-from app.discovery.study import Track
 
 
 def _drive(track: Track, load: Load, values: Values) -> Track:

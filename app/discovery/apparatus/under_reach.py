@@ -3,8 +3,8 @@
 A gain that is not 1: gear ratio, link lengths, thermal growth. 0.5 to 3 % of the stroke, whatever the speed.
 """
 
+from app.core.track import Track
 from app.discovery.apparatus.base import Apparatus, Load, Values, one
-from app.discovery.study import Track
 
 
 def _drive(track: Track, _load: Load, values: Values) -> Track:

@@ -11,11 +11,11 @@ from typing import final
 import numpy as np
 from jaxtyping import Float64
 
+from app.core.track import Track
+from app.policy.strokes import Plan, midway_s, random_track
 from app.rig.simulated.hidden.base import Injected
 from app.rig.simulated.intrusion import Intrusion
 from app.rig.simulated.physics import HOME_TOOL_M, Centreline, WorldPhysics
-from app.rig.simulated.strokes import Plan, midway_s, random_track
-from app.rig.simulated.track import ToolTrack
 from app.rig.simulated.world import RopeWorld, Snapshot
 from app.tasks.base import Task
 from app.tasks.curves import fill_tube
@@ -53,8 +53,8 @@ class Take:
     before: Look
     during: Look
     after: Look
-    command: ToolTrack
-    measured: ToolTrack
+    command: Track
+    measured: Track
 
 
 def rehearse(task: Task, plan: Plan, physics: WorldPhysics, hidden: Sequence[Injected], seed: int) -> Iterator[Take]:
@@ -90,7 +90,7 @@ class _Arm:
         late = [each.effect.late_s(each.values) for each in hidden if each.effect.late_s is not None]
         self.late_s = sum(late, 0.0)
 
-    def goes(self, command: ToolTrack, *, told_only: bool) -> ToolTrack:
+    def goes(self, command: Track, *, told_only: bool) -> Track:
         """Where the tip goes for a command, or what encoders can see of that."""
         track = command
         for each in self._driving:
@@ -133,13 +133,13 @@ def _rest(world: RopeWorld) -> Look:
     return Look(stamp_s=round(world.time_s, _DIGITS), snapshot=world.snapshot())
 
 
-def _measured(arm: _Arm, command: ToolTrack, rng: np.random.Generator) -> ToolTrack:
+def _measured(arm: _Arm, command: Track, rng: np.random.Generator) -> Track:
     """What the encoders say, at the times of the command."""
     told = arm.goes(command, told_only=True).at(command.times_s)
     return command.moved(told + rng.normal(0, _ENCODER_M, told.shape))
 
 
-def _follow(world: RopeWorld, track: ToolTrack, until_s: float) -> None:
+def _follow(world: RopeWorld, track: Track, until_s: float) -> None:
     """Let the tip go along its track until then."""
     while world.time_s < until_s - _TICK_S / 10:
         due_s = min(world.time_s + _TICK_S, until_s)

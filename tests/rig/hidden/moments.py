@@ -2,11 +2,11 @@
 
 import numpy as np
 
+from app.core.track import Track
 from app.rig.simulated.hidden.base import Hidden, Injected, Moment
 from app.rig.simulated.hiding import known
 from app.rig.simulated.intrusion import Intrusion
 from app.rig.simulated.physics import WorldPhysics
-from app.rig.simulated.track import ToolTrack
 from app.rig.simulated.world import RopeWorld
 from tests.rig.scene import FINGER, ROPE, straight_rope
 
@@ -51,10 +51,10 @@ def moving(x_m_s: float, y_m_s: float) -> np.ndarray:
     return np.tile([x_m_s, y_m_s, 0.0], (SEGMENTS, 1))
 
 
-def track(yaw: float = 0.0) -> ToolTrack:
+def track(yaw: float = 0.0) -> Track:
     """Down, 10 cm along x in a second, a second's rest, 4 cm back, and up; the tool turned by `yaw`."""
     times = np.linspace(0.0, 4.0, 201)
     x = 0.5 + 0.1 * np.interp(times, [0.5, 1.5, 2.5, 3.0], [0.0, 1.0, 1.0, 0.6])
     z = np.interp(times, [0.0, 0.4, 3.6, 4.0], [0.1, 0.006, 0.006, 0.1])
     turn = np.tile([np.cos(yaw / 2), 0.0, 0.0, np.sin(yaw / 2)], (len(times), 1))
-    return ToolTrack(times_s=times, poses=np.column_stack([x, np.zeros_like(x), z, turn]))
+    return Track(times_s=times, poses=np.column_stack([x, np.zeros_like(x), z, turn]))

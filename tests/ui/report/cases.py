@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from app.core.track import Track
 from app.discovery.case import (
     Amount,
     Arrows,
@@ -20,7 +21,6 @@ from app.discovery.case import (
     Power,
     Term,
 )
-from app.discovery.study import Track
 from app.discovery.subject import Family
 
 N = 240

@@ -5,15 +5,15 @@ Many small steps of x' = (u - x) / T, of which each is a weighted mean of where 
 
 import numpy as np
 
+from app.core.track import Track
 from app.rig.simulated.hidden.base import Hidden, Quantity, Values, plain
-from app.rig.simulated.track import ToolTrack
 
 _STEP_S = 1e-3
 _SETTLING = 5.0
 """Time constants after the command's end that the arm is still followed for."""
 
 
-def _drive(track: ToolTrack, values: Values) -> ToolTrack:
+def _drive(track: Track, values: Values) -> Track:
     if values[0] == 0:
         return track
     sampled = _prolonged(track, _SETTLING * float(values[0]))
@@ -30,12 +30,12 @@ def _drive(track: ToolTrack, values: Values) -> ToolTrack:
     return sampled.moved(np.array(positions))
 
 
-def _prolonged(track: ToolTrack, by_s: float) -> ToolTrack:
+def _prolonged(track: Track, by_s: float) -> Track:
     """The same, resting at its end for as long as `by_s`."""
     period_s = float(track.times_s[-1] - track.times_s[-2])
     more = track.times_s[-1] + period_s * np.arange(1, int(np.ceil(by_s / period_s)) + 1)
     rest = np.repeat(track.poses[-1:], len(more), axis=0)
-    return ToolTrack(times_s=np.concatenate([track.times_s, more]), poses=np.concatenate([track.poses, rest]))
+    return Track(times_s=np.concatenate([track.times_s, more]), poses=np.concatenate([track.poses, rest]))
 
 
 HIDDEN = Hidden(

@@ -2,11 +2,11 @@
 
 import numpy as np
 
+from app.core.track import Track
 from app.rig.simulated.hidden.base import Hidden, Quantity, Values, plain
-from app.rig.simulated.track import ToolTrack
 
 
-def _drive(track: ToolTrack, values: Values) -> ToolTrack:
+def _drive(track: Track, values: Values) -> Track:
     positions, half = track.positions.copy(), values[0] / 2
     for index in range(1, len(positions)):
         wanted = positions[index, :2]

@@ -12,9 +12,9 @@ import numpy as np
 from jaxtyping import Float64
 
 from app.core.messages import CameraModel
+from app.core.track import Track
 from app.core.types import ColourImage, DepthImage, Transform
 from app.rig.simulated.physics import Position, WorldPhysics
-from app.rig.simulated.track import ToolTrack
 
 if TYPE_CHECKING:
     from app.tasks.base import Rope
@@ -100,7 +100,7 @@ class Hidden:
     force: Callable[[Moment, Values], Vectors] | None = None
     stiffness: Callable[[Moment, Values], Factors] | None = None
     relaxed: Callable[[float, Values], float] | None = None
-    drive: Callable[[ToolTrack, Values], ToolTrack] | None = None
+    drive: Callable[[Track, Values], Track] | None = None
     told: bool = False
     stands: Callable[[Transform, Position, Values], Transform] | None = None
     seen: Callable[[Shot, Values], DepthImage] | None = None

@@ -1,11 +1,11 @@
 """Command delay: the arm does everything d later than it was told to, and says so."""
 
+from app.core.track import Track
 from app.rig.simulated.hidden.base import Hidden, Quantity, Values, plain
-from app.rig.simulated.track import ToolTrack
 
 
-def _drive(track: ToolTrack, values: Values) -> ToolTrack:
-    return ToolTrack(times_s=track.times_s + values[0], poses=track.poses)
+def _drive(track: Track, values: Values) -> Track:
+    return Track(times_s=track.times_s + values[0], poses=track.poses)
 
 
 HIDDEN = Hidden(

@@ -2,11 +2,11 @@
 
 from scipy.spatial.transform import Rotation
 
+from app.core.track import Track
 from app.rig.simulated.hidden.base import Hidden, Values, components, spatial
-from app.rig.simulated.track import ToolTrack
 
 
-def _drive(track: ToolTrack, values: Values) -> ToolTrack:
+def _drive(track: Track, values: Values) -> Track:
     turns = Rotation.from_quat(track.poses[:, 3:], scalar_first=True)
     return track.moved(track.positions + turns.apply(values))
 

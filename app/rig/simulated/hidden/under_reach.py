@@ -2,14 +2,14 @@
 
 import numpy as np
 
+from app.core.track import Track
 from app.rig.simulated.hidden.base import Hidden, Quantity, Values, signed
-from app.rig.simulated.track import ToolTrack
 
 _DOWN_M = 0.004
 """Above its lowest, where the tool counts as down."""
 
 
-def _drive(track: ToolTrack, values: Values) -> ToolTrack:
+def _drive(track: Track, values: Values) -> Track:
     positions = track.positions.copy()
     down = np.argmax(positions[:, 2] <= positions[:, 2].min() + _DOWN_M)
     positions[:, :2] -= values[0] * (positions[:, :2] - positions[down, :2])

@@ -11,8 +11,8 @@ from app.core.types import Path3, Poses
 
 @final
 @dataclass(frozen=True, kw_only=True, eq=False)
-class ToolTrack:
-    """Poses of the tip at increasing times [s]; it rests before the first and after the last."""
+class Track:
+    """Poses of the tip at increasing times [s]: x y z and a quaternion w x y z. At rest before and after."""
 
     times_s: Float64[np.ndarray, " T"]
     poses: Poses
@@ -31,6 +31,10 @@ class ToolTrack:
         """The tip's position at other times [m]."""
         return np.stack([np.interp(times_s, self.times_s, self.poses[:, axis]) for axis in range(3)], axis=1)
 
-    def moved(self, positions: Path3) -> "ToolTrack":
+    def velocity(self, times_s: Float64[np.ndarray, " S"], over_s: float = 0.04) -> Float64[np.ndarray, "S 3"]:
+        """The tip's velocity at times [m/s], by a central difference."""
+        return (self.at(times_s + over_s / 2) - self.at(times_s - over_s / 2)) / over_s
+
+    def moved(self, positions: Path3) -> "Track":
         """The same with its tip elsewhere."""
-        return ToolTrack(times_s=self.times_s, poses=np.concatenate([positions, self.poses[:, 3:]], axis=1))
+        return Track(times_s=self.times_s, poses=np.concatenate([positions, self.poses[:, 3:]], axis=1))

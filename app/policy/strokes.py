@@ -6,8 +6,8 @@ from typing import final
 import numpy as np
 from jaxtyping import Float64
 
+from app.core.track import Track
 from app.core.types import Points
-from app.rig.simulated.track import ToolTrack
 
 PERIOD_S = 0.02
 TRAVEL_M = 0.12
@@ -36,7 +36,7 @@ class Plan:
     during: bool = True
 
 
-def random_track(rng: np.random.Generator, x: Points, plan: Plan, *, start_s: float, height_m: float) -> ToolTrack:
+def random_track(rng: np.random.Generator, x: Points, plan: Plan, *, start_s: float, height_m: float) -> Track:
     """Down beside the object, through it at a speed of its own in a slight bow, a stop, and up; the tool turned."""
     start, ahead, length = _stroke(rng, x, plan)
     speed = float(np.exp(rng.uniform(*np.log(plan.speeds_m_s))))
@@ -49,7 +49,7 @@ def random_track(rng: np.random.Generator, x: Points, plan: Plan, *, start_s: fl
     yaw = rng.uniform(-np.pi, np.pi)
     turned = np.tile([np.cos(yaw / 2), 0.0, 0.0, np.sin(yaw / 2)], (len(xy), 1))
     poses = np.concatenate([xy, z[:, None], turned], axis=1)
-    return ToolTrack(times_s=start_s + PERIOD_S * np.arange(len(poses)), poses=poses)
+    return Track(times_s=start_s + PERIOD_S * np.arange(len(poses)), poses=poses)
 
 
 def midway_s(times_s: Float64[np.ndarray, " T"]) -> float:
