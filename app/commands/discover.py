@@ -1,0 +1,50 @@
+"""Show what the simulation gets wrong in recorded pushes, name the cause, extend the model, measure the gain."""
+
+import time
+from pathlib import Path
+from typing import Annotated
+
+import tyro
+from rich.console import Console
+
+from app.commands._study import read_study
+from app.core.errors import UsageError
+from app.discovery.chain import discover as investigate
+from app.tasks import load
+from app.tasks.doubted import subject_of
+from app.ui.report import show_case, verdict_json, write_report
+
+
+def discover(
+    recordings: tyro.conf.Positional[tuple[Path, ...]],
+    /,
+    *,
+    task: Annotated[str | None, tyro.conf.arg(help="the task, where the recordings do not say it")] = None,
+    output: Annotated[Path, tyro.conf.arg(aliases=["-o"], help="the folder of the report")] = Path("discovery"),
+) -> None:
+    """Recordings of one task, each with its pushes. Writes report.html, verdict.json and model.toml to OUTPUT."""
+    terminal = Console(highlight=False)
+    if not recordings:
+        raise UsageError("Name at least one recording: dipac discover recordings/*.mcap -o discovery")
+    _prepare(output)
+    with terminal.status("reading the recordings") as status:
+        study = read_study(recordings, task=task)
+        began = time.monotonic()
+
+        def said(stage: str) -> None:
+            terminal.print(f"[dim]{time.monotonic() - began:6.0f} s[/]  {stage}")
+            status.update(stage)
+
+        case = investigate(study, subject_of(load(study.task)), said)
+    report = output / "report.html"
+    write_report(report, case)
+    (output / "verdict.json").write_text(verdict_json(case), encoding="utf-8")
+    terminal.print(show_case(case, report))
+
+
+def _prepare(output: Path) -> None:
+    """Make the folder. Raises UsageError where that cannot be."""
+    try:
+        output.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise UsageError(f"Cannot write to {output}: {error.strerror}; choose another folder with -o.") from None

@@ -1,0 +1,169 @@
+"""The whole chain, from a study to a case file: each stage a function with a typed result."""
+
+import time
+from collections.abc import Callable, Generator
+from contextlib import contextmanager
+from dataclasses import replace
+
+import jax
+import numpy as np
+from jaxtyping import Float64
+
+from app.discovery.case import Amount, Arrows, Blame, Case, Gain
+from app.discovery.checks import direct_checks
+from app.discovery.conclude import estimates_of, powers_of, ranking_of, sentences_of, verdict_of
+from app.discovery.decide import Decision, decide
+from app.discovery.frames import frame_tests
+from app.discovery.gain import gained
+from app.discovery.limits import limits_of
+from app.discovery.next_push import next_push
+from app.discovery.predict import Predictor, Trials, prepare
+from app.discovery.refine import Model
+from app.discovery.screen import Screening, arrows_of, refit, screen
+from app.discovery.study import Study
+from app.discovery.subject import Subject, Theta, catalogue
+
+Progress = Callable[[str], None]
+
+_ARROWS = 40
+"""Drawn for each push."""
+_SURVIVOR = 0.05
+
+
+def discover(study: Study, subject: Subject, said: Progress) -> Case:
+    """Everything that a study says about a task's simulator. `said` is told what is being done."""
+    watch, limits = _Watch(said), limits_of(study, subject)
+    predictor = Predictor(subject, catalogue())
+    trials = prepare(study, subject)
+    with watch.stage("direct checks"):
+        checks = direct_checks(predictor, trials, predictor.catalogue.nominal(subject))
+    with watch.stage("nominal fit"):
+        about = refit(predictor, trials)
+    with watch.stage("screening of every cause"):
+        screening = screen(predictor, trials, about)
+        places, arrows = arrows_of(trials, screening.data, predictor, about)
+        frames = frame_tests(trials, places, arrows)
+    with watch.stage("decision"):
+        decision = decide(predictor, trials, screening, said)
+    verdict, names = verdict_of(decision, limits)
+    model = decision.accepted if verdict != "none" else None
+    with watch.stage("gain on episodes left out"):
+        gain = gained(predictor, trials, screening, model)
+    ranking = ranking_of(predictor.catalogue, subject, screening, decision)
+    with watch.stage("next push"):
+        rivals = _rivals(screening, decision)
+        platform = "cpu" if jax.default_backend() == "cpu" else "gpu"
+        ahead = next_push(predictor, trials, rivals, platform=platform, height_m=subject.low_m - _BELOW_M)
+    causes = _causes(predictor, ranking, names, model)
+    return Case(
+        amount=_amount(study, subject),
+        limits=limits,
+        checks=checks,
+        verdict=verdict,
+        sentences=sentences_of(verdict, causes, _gain_text(gain.gain), limits, decision.probabilities),
+        causes=causes,
+        formula=None,
+        ranking=ranking,
+        leftover=float("nan"),
+        confused=(),
+        confusions=np.zeros((0, 0)),
+        arrows=_arrows(trials, places, arrows),
+        frames=frames,
+        gain=gain.gain,
+        per_episode=gain.per_episode,
+        steps=gain.steps,
+        examples=gain.examples,
+        powers=powers_of(predictor.catalogue, subject, screening),
+        next_push=ahead,
+        nominal=estimates_of(predictor.catalogue, subject, decision.singles[0], None),
+        about=about,
+        extended=model.theta if model is not None else about,
+        spent_s=tuple(watch.spent_s),
+    )
+
+
+_BELOW_M = 0.004
+"""How far below the height at which it can touch the object the tool pushes."""
+
+
+class _Watch:
+    """Says which stage runs and keeps how long it took."""
+
+    def __init__(self, said: Progress) -> None:
+        self._said = said
+        self.spent_s = list[tuple[str, float]]()
+
+    @contextmanager
+    def stage(self, name: str) -> Generator[None]:
+        self._said(name)
+        began = time.perf_counter()
+        yield
+        self.spent_s.append((name, time.perf_counter() - began))
+
+
+def _amount(study: Study, subject: Subject) -> Amount:
+    pushes = study.pushes
+    return Amount(
+        task=study.task,
+        episodes=len({push.episode for push in pushes}),
+        pushes=len(pushes),
+        during=sum(bool(push.during) for push in pushes),
+        measured=sum(push.measured is not None for push in pushes),
+        particles=subject.particle_count,
+    )
+
+
+def _causes(
+    predictor: Predictor, ranking: tuple[Blame, ...], names: tuple[str, ...], model: Model | None
+) -> tuple[Blame, ...]:
+    """Those of the verdict; where several act together, with the sizes of the model that has them all."""
+    found = [next(blame for blame in ranking if blame.effect == name) for name in names]
+    if model is None or len(model.causes) == 1:
+        return tuple(found)
+    return tuple(
+        replace(
+            blame,
+            estimates=estimates_of(predictor.catalogue, predictor.subject, model, blame.effect),
+            probability=max(blame.probability, _ACCEPTED),
+        )
+        for blame in found
+    )
+
+
+_ACCEPTED = 0.9
+"""What a further cause that was accepted is at least worth: it had to beat everything else."""
+
+
+def _rivals(screening: Screening, decision: Decision) -> dict[str, tuple[float, Theta]]:
+    """What is still probable, with its model."""
+    rivals = {
+        model.causes[0]: (decision.probabilities[model.causes[0]], model.theta)
+        for model in decision.singles
+        if decision.probabilities[model.causes[0]] > _SURVIVOR
+    }
+    if decision.nothing > _SURVIVOR or len(rivals) == 1:
+        rivals["nothing missing"] = (max(decision.nothing, _SURVIVOR), screening.about)
+    return rivals
+
+
+def _gain_text(gain: Gain) -> str:
+    return (
+        f"On episodes that it was not fitted to, the extended model errs by {gain.extended_mm:.1f} mm a push where the "
+        f"nominal one errs by {gain.nominal_mm:.1f} mm (gain {gain.gain:.0%}, 90 % interval {gain.low:.0%} to "
+        f"{gain.high:.0%})."
+    )
+
+
+def _arrows(trials: Trials, places: Float64[np.ndarray, "K N 2"], arrows: Float64[np.ndarray, "K N 2"]) -> Arrows:
+    """Evenly chosen along the object, so many a push."""
+    count = places.shape[1]
+    order = np.argsort(trials.labels[:, :, 0], axis=1)
+    chosen = order[:, np.linspace(0, count - 1, min(_ARROWS, count)).round().astype(int)]
+    pick = np.arange(len(places))[:, None], chosen
+    push = np.broadcast_to(pick[0], chosen.shape)
+    return Arrows(
+        places=places[pick].reshape(-1, 2).astype(np.float32),
+        displacements=arrows[pick].reshape(-1, 2).astype(np.float32),
+        push=push.ravel().astype(np.float32),
+        along=trials.labels[:, :, 0][pick].ravel(),
+    )

@@ -1,0 +1,165 @@
+"""From a decision to a verdict in words and numbers: names, sizes in real units, what could not have been seen."""
+
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+
+from app.discovery.case import Blame, Estimate, Limit, Name, Power
+from app.discovery.decide import ENOUGH, Decision
+from app.discovery.inference import Prior
+from app.discovery.refine import Model
+from app.discovery.screen import Screening
+from app.discovery.subject import Catalogue, Subject, Theta
+
+NAMED = 0.8
+"""Probability above which a cause is named alone; below, the smallest set that has `_SET` of it."""
+_SET = 0.9
+_Z = 1.645
+"""Of a 90 % interval."""
+
+
+def verdict_of(decision: Decision, limits: Sequence[Limit]) -> tuple[Name, tuple[str, ...]]:
+    """The kind of verdict, and the causes that it is about."""
+    if decision.accepted is None or any(limit.fatal for limit in limits):
+        return "none", ()
+    if len(decision.accepted.causes) > 1:
+        return "named", decision.accepted.causes
+    ranked = sorted(decision.probabilities.items(), key=lambda pair: -pair[1])
+    if ranked[0][1] > NAMED:
+        return "named", (ranked[0][0],)
+    chosen, mass = list[str](), decision.nothing
+    for name, probability in ranked:
+        chosen.append(name)
+        mass += probability
+        if mass > _SET:
+            break
+    return "set", tuple(chosen)
+
+
+def ranking_of(catalogue: Catalogue, subject: Subject, screening: Screening, decision: Decision) -> tuple[Blame, ...]:
+    """Every cause that was weighed, the most probable first; refitted sizes where there are some."""
+    models = {model.causes[0]: model for model in decision.singles}
+    blames = list[Blame]()
+    for suspect in screening.suspects:
+        cause, model = catalogue.cause(suspect.cause), models.get(suspect.cause)
+        if model is not None:
+            estimates = estimates_of(catalogue, subject, model, suspect.cause)
+            log_bayes = model.log_evidence - screening.weighing.log_evidence
+        else:
+            sizes = np.array([step.size for step in suspect.steps])
+            shifts = suspect.finding.mean * sizes
+            spread = np.sqrt(np.diag(suspect.finding.covariance)) * np.abs(sizes)
+            estimates = tuple(
+                _estimate(catalogue, subject, step.column, screening.about, float(shift), float(deviation))
+                for step, shift, deviation in zip(suspect.steps, shifts, spread, strict=True)
+            )
+            log_bayes = suspect.finding.log_bayes
+        blames.append(
+            Blame(
+                effect=cause.name,
+                family=cause.family,
+                about=cause.about,
+                estimates=estimates,
+                probability=decision.probabilities[cause.name],
+                log_bayes=float(log_bayes),
+            )
+        )
+    return tuple(sorted(blames, key=lambda blame: -blame.probability))
+
+
+def estimates_of(catalogue: Catalogue, subject: Subject, model: Model, cause: str | None) -> tuple[Estimate, ...]:
+    """The parameters of a cause that the model has; of the calibrated ones where `cause` is None."""
+    deviations = np.sqrt(np.diag(model.covariance))
+    names = {one.name for one in catalogue.causes}
+    return tuple(
+        _estimate(catalogue, subject, step.column, model.theta, 0.0, float(sd) * step.size)
+        for step, sd in zip(model.steps[: model.own], deviations, strict=True)
+        if (step.cause == cause if cause is not None else step.cause not in names)
+    )
+
+
+def _estimate(
+    catalogue: Catalogue, subject: Subject, column: int, about: Theta, shift: float, deviation: float
+) -> Estimate:
+    spec = catalogue.specs[column]
+    here = spec.coordinate(float(about[column])) + shift
+
+    def real(coordinate: float) -> float:
+        return spec.real(spec.value(coordinate), subject.haste, subject.heft)
+
+    return Estimate(
+        name=spec.name,
+        about=spec.about,
+        value=real(here),
+        unit=spec.unit,
+        low=real(here - _Z * deviation),
+        high=real(here + _Z * deviation),
+        null=spec.real(spec.nominal, subject.haste, subject.heft),
+    )
+
+
+def powers_of(catalogue: Catalogue, subject: Subject, screening: Screening) -> tuple[Power, ...]:
+    """For each switch the smallest size whose expected evidence, everything else being free, is enough for a name."""
+    A = screening.weighing.nothing.forms.A.sum(0) / screening.weighing.temper
+    powers = list[Power]()
+    for suspect in screening.suspects:
+        for column, step in zip(suspect.columns, suspect.steps, strict=True):
+            spec = catalogue.specs[step.column]
+            information = _information(A, screening.prior, column)
+            needed = np.sqrt(2 * ENOUGH / information) if information > 0 else np.inf
+            null, typical = spec.nominal, spec.typical
+            assert typical is not None
+            least = spec.coordinate(null) + needed * step.size
+            low, high = spec.coordinate(spec.low), spec.coordinate(spec.high)
+            visible = low <= least <= high
+            powers.append(
+                Power(
+                    effect=suspect.cause,
+                    parameter=spec.name,
+                    least=_size(catalogue, subject, step.column, spec.value(least)) if visible else float("inf"),
+                    typical=_size(catalogue, subject, step.column, typical),
+                    unit=spec.unit,
+                )
+            )
+    return tuple(powers)
+
+
+def _size(catalogue: Catalogue, subject: Subject, column: int, value: float) -> float:
+    spec = catalogue.specs[column]
+    return abs(spec.real(value, subject.haste, subject.heft) - spec.real(spec.nominal, subject.haste, subject.heft))
+
+
+def _information(A: np.ndarray, prior: Prior, column: int) -> float:
+    """About one column, with all others free within their priors."""
+    others = [n for n in range(len(A)) if n != column]
+    rest = A[np.ix_(others, others)] + np.diag(1 / prior.variance[others])
+    return float(A[column, column] - A[column, others] @ np.linalg.solve(rest, A[others, column]))
+
+
+def sentences_of(
+    verdict: Name, causes: Sequence[Blame], gain_text: str, limits: Sequence[Limit], probabilities: Mapping[str, float]
+) -> tuple[str, ...]:
+    """Two or three sentences that stand for themselves."""
+    if any(limit.fatal for limit in limits):
+        return ("These recordings cannot carry a name: see what they lack, below.",)
+    if verdict == "none":
+        likely = max(probabilities.items(), key=lambda pair: pair[1], default=("", 0.0))
+        rest = f" The likeliest cause, {_said(likely[0])}, has a probability of {likely[1]:.0%}." if likely[0] else ""
+        return ("Nothing is missing that these recordings show: the refitted nominal model explains them." + rest,)
+    if verdict == "set":
+        names = " or ".join(_said(blame.effect) for blame in causes)
+        first = f"Something is missing in the model: {names}. These recordings cannot tell them apart."
+        return (first, gain_text)
+    parts = " and ".join(f"{_said(blame.effect)} ({_sized(blame)})" for blame in causes)
+    return (f"What the simulation lacks is {parts}.", gain_text)
+
+
+def _sized(blame: Blame) -> str:
+    return ", ".join(
+        f"{it.name.replace('_', ' ')} {it.value:.3g} {'' if it.unit == '1' else it.unit}".strip()
+        for it in blame.estimates
+    )
+
+
+def _said(name: str) -> str:
+    return name.replace("_", " ")

@@ -1,0 +1,173 @@
+"""What an extended model gains, on episodes that it was not fitted to, as a planner would have used it.
+
+A planner knows commands and not what an arm will make of them; so here both models are given the commanded tracks.
+Errors are the mean length of the displacement field between the predicted and the observed object.
+"""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from typing import NamedTuple
+
+import numpy as np
+from jaxtyping import Float64
+
+from app.core.types import Points
+from app.discovery.case import Example, Gain
+from app.discovery.decide import left_out_thetas, theta_of
+from app.discovery.evidence import fitted
+from app.discovery.field import Basis, registered
+from app.discovery.predict import Predictor, Trials, prepare
+from app.discovery.refine import Model
+from app.discovery.screen import Screening
+from app.discovery.sensitivity import moved
+from app.discovery.subject import Theta
+
+_HORIZON = 3
+_EXAMPLES = 6
+_DRAWS = 2000
+_MM = 1e3
+
+
+class Gained(NamedTuple):
+    """The gain with all that shows it. See `Case`."""
+
+    gain: Gain
+    per_episode: Float64[np.ndarray, "E 2"]
+    steps: Float64[np.ndarray, "S 2"]
+    examples: tuple[Example, ...]
+
+
+class Folds(NamedTuple):
+    """For each episode a nominal and an extended model that were fitted to the others."""
+
+    nominal: Mapping[int, Theta]
+    extended: Mapping[int, Theta]
+
+
+def gained(predictor: Predictor, trials: Trials, screening: Screening, model: Model | None) -> Gained:
+    """Errors over one push and over several, with and without the extension."""
+    folds = _folds(predictor, screening, model)
+    planned = _as_planned(trials)
+    ends = [_predicted(predictor, planned, thetas) for thetas in folds]
+    errors = np.stack([_errors_mm(planned, end) for end in ends], axis=1)
+    still = _errors_mm(planned, np.stack([push.before.points for push in trials.study.pushes]))
+    steps = [errors.mean(0), *_further(predictor, planned, folds, ends)]
+    numbers = np.unique(screening.data.episode)
+    per_episode = np.stack([errors[screening.data.episode == number].mean(0) for number in numbers])
+    low, high = _interval(per_episode)
+    nominal, extended = errors.mean(0)
+    return Gained(
+        gain=Gain(
+            still_mm=float(still.mean()),
+            nominal_mm=float(nominal),
+            extended_mm=float(extended),
+            gain=float(1 - extended / nominal),
+            low=low,
+            high=high,
+            episodes=len(numbers),
+        ),
+        per_episode=per_episode,
+        steps=np.stack(steps),
+        examples=_examples(planned, ends, errors),
+    )
+
+
+def _folds(predictor: Predictor, screening: Screening, model: Model | None) -> Folds:
+    catalogue, calibrated = predictor.catalogue, predictor.subject.calibrated
+    own = [n for n, step in enumerate(screening.steps) if step.cause in calibrated]
+    data, variance = screening.data, screening.prior.variance[own]
+    nominal = dict[int, Theta]()
+    for number in np.unique(data.episode).tolist():
+        rest = data.without(number)
+        fit = fitted(replace(rest, J=rest.J[:, :, own]), variance)
+        theta = screening.about
+        for n, share in zip(own, np.clip(fit.theta, -1, 1), strict=True):
+            theta = moved(catalogue, theta, screening.steps[n], float(share))
+        nominal[number] = theta
+    if model is None:
+        return Folds(nominal, nominal)
+    extended = {number: theta_of(catalogue, model, shares) for number, shares in left_out_thetas(model).items()}
+    return Folds(nominal, extended)
+
+
+def _as_planned(trials: Trials) -> Trials:
+    """With commands alone."""
+    pushes = tuple(replace(push, measured=None) for push in trials.study.pushes)
+    return replace(trials, study=replace(trials.study, pushes=pushes))
+
+
+def _predicted(predictor: Predictor, trials: Trials, thetas: Mapping[int, Theta]) -> Points:
+    """Where each push leaves the object (K, N, 3), by the model of its episode."""
+    episode = np.array([push.episode for push in trials.study.pushes])
+    numbers = list(thetas)
+    where = np.stack([episode == number for number in numbers])
+    found = predictor(trials, [thetas[number] for number in numbers], where=where).after
+    return found[where.argmax(0), np.arange(len(episode))]
+
+
+def _errors_mm(trials: Trials, predicted: Points) -> Float64[np.ndarray, " K"]:
+    return np.array([_error_mm(trials, k, cloud) for k, cloud in enumerate(predicted)])
+
+
+def _error_mm(trials: Trials, k: int, predicted: Points) -> float:
+    """The mean length of the displacement that leads from the prediction to what was seen."""
+    if not np.isfinite(predicted).all():
+        return float("nan")
+    basis = Basis.along(predicted, trials.labels[k, :, 0])
+    field = basis.field(registered(predicted, trials.observed.after[k], basis))
+    return _MM * float(np.linalg.norm(field, axis=1).mean())
+
+
+def _further(
+    predictor: Predictor, trials: Trials, folds: Folds, ends: Sequence[Points]
+) -> list[Float64[np.ndarray, "2"]]:
+    """Mean errors over two and more pushes, each begun where the one before it was predicted to end."""
+    episode = np.array([push.episode for push in trials.study.pushes])
+    errors = list[Float64[np.ndarray, "2"]]()
+    starts = [dict(enumerate(end)) for end in ends]
+    for _ in range(1, _HORIZON):
+        row = list[float]()
+        for side, thetas in enumerate(folds):
+            follow = [
+                k
+                for k in starts[side]
+                if k + 1 < len(episode) and episode[k + 1] == episode[k] and np.isfinite(starts[side][k]).all()
+            ]
+            if not follow:
+                return errors
+            pushes = tuple(
+                replace(push, before=replace(push.before, points=starts[side][k]))
+                for k, push in ((k, trials.study.pushes[k + 1]) for k in follow)
+            )
+            chained = prepare(replace(trials.study, pushes=pushes), predictor.subject)
+            found = _predicted(predictor, chained, thetas)
+            row.append(float(np.nanmean(_errors_mm(chained, found))))
+            starts[side] = {k + 1: cloud for k, cloud in zip(follow, found, strict=True)}
+        errors.append(np.array(row))
+    return errors
+
+
+def _interval(per_episode: Float64[np.ndarray, "E 2"]) -> tuple[float, float]:
+    """Of the gain, 90 %: a bootstrap over episodes."""
+    rng = np.random.default_rng(0)
+    drawn = per_episode[rng.integers(len(per_episode), size=(_DRAWS, len(per_episode)))].mean(1)
+    low, high = np.quantile(1 - drawn[:, 1] / drawn[:, 0], [0.05, 0.95])
+    return float(low), float(high)
+
+
+def _examples(trials: Trials, ends: Sequence[Points], errors: Float64[np.ndarray, "K 2"]) -> tuple[Example, ...]:
+    """Pushes from the most to the least improved, evenly spread: no selection of the best."""
+    order = np.argsort(errors[:, 1] - errors[:, 0])
+    order = order[np.isfinite(errors[order]).all(1)]
+    chosen = order[np.unique(np.linspace(0, len(order) - 1, _EXAMPLES).round().astype(int))]
+    return tuple(
+        Example(
+            number=int(k),
+            before=trials.study.pushes[k].before.points,
+            observed=trials.observed.after[k],
+            nominal=ends[0][k],
+            extended=ends[1][k],
+            tool=trials.study.pushes[k].command.positions,
+        )
+        for k in chosen
+    )
