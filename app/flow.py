@@ -350,7 +350,7 @@ class Flow:
 
     async def _learn(self, proposal: Proposal, before: Particles, executed: Executed, after: Particles) -> None:
         """Score the push and hand the transition to the calibrator."""
-        goal, now_s = self.wish.goal.positions, self.clock.now()
+        goal, now_s = self.wish.target, self.clock.now()
         self.say(self.summary.scored(proposal, before, executed, after, goal, now_s=now_s))
         transition = Transition(
             id=fresh_id("transition"),
@@ -382,4 +382,4 @@ class Flow:
         self.doing, self._doing_since_s = doing, self.clock.now()
 
     def _to_goal(self, particles: Particles) -> float:
-        return float(chamfer_m2(particles.positions, self.wish.goal.positions))
+        return float(chamfer_m2(particles.positions, self.wish.target))

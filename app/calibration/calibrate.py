@@ -1,7 +1,7 @@
 """The next version of a model from transitions."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import final
 
 import numpy as np
@@ -42,7 +42,10 @@ def phi_of(model: Model) -> Float32[np.ndarray, " P"]:
 
 
 def next_model(old: Model, found: Fit, names: Sequence[str], transitions: Sequence[Transition]) -> Model:
-    """`old` with the fitted parameters; dated as the newest transition behind it."""
+    """`old` with the fitted parameters; dated as the newest transition behind it.
+
+    What cameras and arm get wrong stays, and so does where an extended model is from.
+    """
     estimates = {
         name: (float(value), float(low), float(high))
         for name, value, low, high in zip(names, found.values, found.low, found.high, strict=True)
@@ -59,12 +62,12 @@ def next_model(old: Model, found: Fit, names: Sequence[str], transitions: Sequen
         )
         for parameter in old.parameters
     )
-    return Model(
+    return replace(
+        old,
         id=fresh_id("model"),
         cause=(old.id, *(transition.id for transition in transitions)),
         time_s=max(transition.time_s for transition in transitions),
         version=old.version + 1,
-        task=old.task,
         parameters=parameters,
         loss_m2=found.loss_m2,
         transition_count=len(transitions),

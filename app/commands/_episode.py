@@ -5,7 +5,7 @@ import subprocess
 import time
 from collections.abc import AsyncGenerator, AsyncIterator, Generator
 from contextlib import AsyncExitStack, asynccontextmanager, contextmanager
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Literal, final
 
@@ -28,7 +28,7 @@ from app.recording.writer import open_recording
 from app.rig.simulated.rig import simulated_rig
 from app.tasks import Task, load
 from app.tasks.base import Wish
-from app.tasks.jobs import check_model, choose_preset
+from app.tasks.jobs import check_model, choose_preset, shown_goal
 from app.ui.console import Console, open_console
 from app.ui.desk import Request
 from app.ui.terminal import Output, Terminal, open_terminal
@@ -133,6 +133,7 @@ async def episode(order: Order, output: Output) -> Report:
             wish = await to_thread.run_sync(_wish, task, order, preset)
             if wish.model:
                 await planner.run(check_model, wish.model)
+                wish = replace(wish, shown_goal=await planner.run(shown_goal, wish.goal.positions, wish.model))
         start = await to_thread.run_sync(_start, order, preset)
         async with (
             open_recording(site.recordings, start, min_free_bytes=site.min_free_bytes) as recorder,

@@ -7,7 +7,7 @@ particles, model version and plan behind it. `time_s` is `time.monotonic()`, whi
 import hashlib
 import uuid
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Literal, NewType, TypeAlias, final
 
 import numpy as np
@@ -113,22 +113,48 @@ class Parameter:
 
 
 @final
+@dataclass(frozen=True, kw_only=True)
+class Extension:
+    """Where a model is from that discovery extended; empty where nobody did.
+
+    `effects`: what was found, by name; `camera_m`: the cameras' middle [m], about which errors of what they see are;
+    `covariance`: of the values of the parameters `estimated`, in products of their units; `recordings`: the SHA-256 of
+    each file behind it, by its name.
+    """
+
+    effects: tuple[str, ...] = ()
+    camera_m: tuple[float, ...] = ()
+    estimated: tuple[str, ...] = ()
+    covariance: tuple[tuple[float, ...], ...] = ()
+    recordings: Mapping[str, str] = field(default_factory=dict[str, str])
+
+
+@final
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Model(Message):
-    """The simulator's physical parameters, version by version. Version 0 is the task's nominal model."""
+    """The simulator's physical parameters, version by version. Version 0 is the task's nominal model.
+
+    `apparatus`: what cameras and arm get wrong, the parameters that are not at their null.
+    """
 
     version: int
     task: str
     parameters: tuple[Parameter, ...]
     loss_m2: float = float("nan")
     transition_count: int = 0
+    apparatus: tuple[Parameter, ...] = ()
+    extension: Extension = Extension()
 
     def value(self, name: str) -> float:
-        """The value of the parameter called `name`; KeyError where there is none."""
+        """The value of the simulator's parameter called `name`; KeyError where there is none."""
         for parameter in self.parameters:
             if parameter.name == name:
                 return parameter.value
         raise KeyError(name)
+
+
+TOOL_DOWN = (0.0, 1.0, 0.0, 0.0)
+"""The tool's quaternion w x y z in every motion: z down, x along the world's."""
 
 
 @final

@@ -83,7 +83,7 @@ class Trials:
 def prepare(study: Study, subject: Subject) -> Trials:
     """Label particles by their place along the object, and find when the tool could touch it."""
     pushes = study.pushes
-    labels, middles = _labelled([push.before.points for push in pushes])
+    labels, middles = labelled([push.before.points for push in pushes])
     during = [_midway(push, subject) for push in pushes]
     low = [_low_interval(push.track, subject.low_m) for push in pushes]
     starts = np.array([first - _LEAD_S for first, _ in low])
@@ -99,7 +99,7 @@ def prepare(study: Study, subject: Subject) -> Trials:
         starts_s=starts,
         stops_s=stops,
         ends_s=ends,
-        loads=tuple(_load(push, subject) for push in pushes),
+        loads=tuple(dragging(push.track, push.before.points, push.after.points, subject) for push in pushes),
         has_during=np.array([view is not None for view in during]),
         observed=Seen(
             during=np.stack([(view or push.before).points for view, push in zip(during, pushes, strict=True)]),
@@ -298,7 +298,7 @@ def _midway(push: Push, subject: Subject) -> View | None:
     return min(push.during, key=lambda view: abs(view.time_s - wanted))
 
 
-def _labelled(clouds: Sequence[Points]) -> tuple[Float32[np.ndarray, "K N 4"], Float32[np.ndarray, "K N 3"]]:
+def labelled(clouds: Sequence[Points]) -> tuple[Float32[np.ndarray, "K N 4"], Float32[np.ndarray, "K N 3"]]:
     """Labels of particles (see `state.Setting`) and the middle of the object nearest to each.
 
     Which end is the first is kept from cloud to cloud, by which lies nearer to where it was.
@@ -334,8 +334,8 @@ def resisting(track: Track, x: Points, share: float, subject: Subject) -> Load:
     return Load(-share * friction * touched[:, None] * velocity / np.maximum(speed, _SLOW_M_S))
 
 
-def _load(push: Push, subject: Subject) -> Load:
-    """Of the share of the object that the push moved."""
-    moved = np.asarray(KDTree(push.after.points[:, :2]).query(push.before.points[:, :2])[0])
+def dragging(track: Track, before: Points, after: Points, subject: Subject) -> Load:
+    """What a push along `track` feels, of the share of the object that it moved."""
+    moved = np.asarray(KDTree(after[:, :2]).query(before[:, :2])[0])
     share = float((moved > 3 * np.median(moved) + _STILL_M).mean())
-    return resisting(push.track, push.before.points, max(share, _LEAST_SHARE), subject)
+    return resisting(track, before, max(share, _LEAST_SHARE), subject)

@@ -169,14 +169,14 @@ class Pushes:
         return Motion(positions=positions, speeds=np.minimum(speeds, site.limits.speed_m_s))
 
     def measured_path(self, positions: Float[np.ndarray, "M 3"]) -> Float32[np.ndarray, "T 3"]:
-        """The part of the way near push height, resampled to equal steps; without such a part the finger stays put.
+        """The part of the way near push height, or near its lowest point above that, resampled to equal steps.
 
         Raises ValueError where nothing was measured.
         """
         if not len(positions):
             raise ValueError("No tool positions were measured; the transition cannot be simulated.")
-        low = positions[positions[:, 2] < self.height_m + LOW_ENOUGH_M]
-        path = low if len(low) else positions[-1:]
+        heights = positions[:, 2]
+        path = positions[heights < max(self.height_m, float(heights.min())) + LOW_ENOUGH_M]
         arc = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(path[:, :2], axis=0), axis=1))])
         nodes = np.linspace(0.0, arc[-1], self.displacements + 1)
         points = np.stack([np.interp(nodes, arc, path[:, k]) for k in range(3)], axis=1)

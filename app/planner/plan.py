@@ -1,8 +1,9 @@
 """One decision, as in the paper: sample, roll out, descend, choose."""
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import partial
-from typing import final
+from typing import TypeAlias, final
 
 import jax
 import jax.numpy as jnp
@@ -16,6 +17,10 @@ from app.core.messages import Branch, Motion
 from app.core.types import Points
 from app.planner.optimise import Descended, Descent, descend
 from app.planner.tree import Search, roll_out, simulate, start
+
+Command: TypeAlias = Callable[[Motion, Points, Points], Motion]
+"""What to tell an arm that does not do what it is told: for the motion that it is to make, and the particles before and
+after that."""
 
 
 @final
@@ -52,14 +57,17 @@ class TreePlanner:
         *,
         seed: int,
         site: Site,
+        command: Command | None = None,
     ) -> Plan:
         """Sample, roll out, descend, choose: what to do with the object `observed` (N, 3) [m] under the model `phi`.
+
+        Without a `command` the arm is told the motion that it is to make.
 
         Raises PlanningError where no branch stayed finite.
         """
         tree = start(self.search, observed, goal, phi, seed)
         descended = _descended(self, tree.phi, tree.x, jnp.asarray(goal), _rolled_out(self.search, tree))
-        return choose(self.search, jax.device_get(descended), observed, goal, site)
+        return choose(self.search, jax.device_get(descended), observed, goal, site, command)
 
     def compile(self, example: Points, phi: Float32[np.ndarray, " P"]) -> None:
         """Compile for states and goals of the size of `example` (N, 3); simulates one action, and descends nowhere."""
@@ -88,13 +96,18 @@ def _descended(
     )
 
 
-def choose(search: Search, found: Descended, observed: Points, goal: Points, site: Site) -> Plan:
-    """The cheapest branch that is finite, whose pushes may be made, and whose motion the site allows.
+def choose(
+    search: Search, found: Descended, observed: Points, goal: Points, site: Site, command: Command | None = None
+) -> Plan:
+    """The cheapest branch that is finite, whose pushes may be made, and whose motion, as told, the site allows.
 
     Raises PlanningError where there is none.
     """
     branches = tuple(_branch(search, found, index) for index in range(search.branches))
     motions = [search.space.motion(branch.actions[0], site) for branch in branches]
+    if command is not None:
+        pairs = zip(motions, branches, strict=True)
+        motions = [command(motion, observed, branch.predicted) for motion, branch in pairs]
     inside = np.array([site.limits.workspace.contains(motion.positions) for motion in motions])
     cost = np.where(found.finite & found.best.allowed & inside, found.best.cost, np.inf)
     best = int(np.argmin(cost))

@@ -67,7 +67,8 @@ def _rebuilt(plain: Any, kind: Any) -> Any:
     """The value annotated as `kind` that `_plain` made `plain` of."""
     origin = get_origin(kind)
     if dataclasses.is_dataclass(kind):
-        return cast(type, kind)(**{name: _rebuilt(plain[name], of) for name, of in _fields(kind).items()})
+        given = {name: of for name, of in _fields(kind).items() if name in plain or name not in _optional(kind)}
+        return cast(type, kind)(**{name: _rebuilt(plain[name], of) for name, of in given.items()})
     if _is_array(kind):
         return _listed(plain, kind) if _is_fixed(kind) else _unpacked(plain, kind)
     if origin is tuple:
@@ -82,6 +83,16 @@ def _fields(kind: Any) -> dict[str, Any]:
     """The annotation of each field of a dataclass."""
     hints = get_type_hints(kind)
     return {field.name: hints[field.name] for field in dataclasses.fields(kind)}
+
+
+@functools.cache
+def _optional(kind: Any) -> frozenset[str]:
+    """The fields that files of before they were thought of may lack."""
+    return frozenset(
+        field.name
+        for field in dataclasses.fields(kind)
+        if field.default is not dataclasses.MISSING or field.default_factory is not dataclasses.MISSING
+    )
 
 
 def _item(kind: Any) -> Any:

@@ -1,6 +1,10 @@
-"""Models as TOML files: what `dipac calibrate` writes and `--model` reads."""
+"""Models as TOML files: what `dipac calibrate` and `dipac discover` write and `--model` reads.
+
+Schema 1 has the simulator's parameters alone; 2 may have those of cameras and arm, and what an extension is from.
+"""
 
 import tomllib
+from collections.abc import Mapping
 from dataclasses import asdict
 from pathlib import Path
 from typing import Any
@@ -8,9 +12,10 @@ from typing import Any
 import tomli_w
 
 from app.core.errors import RecordingError, UsageError
-from app.core.messages import Model, Parameter, fresh_id
+from app.core.messages import Extension, Model, Parameter, fresh_id
 
-SCHEMA = 1
+SCHEMA = 2
+_READ = (1, 2)
 
 
 def save_model(path: Path, model: Model) -> None:
@@ -24,8 +29,12 @@ def save_model(path: Path, model: Model) -> None:
         "version": model.version,
         "loss_m2": model.loss_m2,
         "transition_count": model.transition_count,
-        "parameters": {p.name: {k: v for k, v in asdict(p).items() if k != "name"} for p in model.parameters},
+        "parameters": _entries(model.parameters),
     }
+    if model.apparatus:
+        table["apparatus"] = _entries(model.apparatus)
+    if model.extension != Extension():
+        table["extension"] = vars(model.extension) | {"recordings": dict(model.extension.recordings)}
     try:
         path.write_text(tomli_w.dumps(table), encoding="utf-8")
     except OSError as error:
@@ -36,25 +45,48 @@ def load_model(path: Path, *, task: str, time_s: float) -> Model:
     """The model in `path`, as a message of now.
 
     Raises UsageError where the file is not there or belongs to another task, RecordingError where it is not a model.
+    Whether its parameters are known and within their ranges is the task's to say (`app.tasks.jobs.check_model`).
     """
     try:
         table = tomllib.loads(path.read_text(encoding="utf-8"))
-        if table["schema"] != SCHEMA:
-            raise RecordingError(f"{path} has model schema {table['schema']}; this version reads schema {SCHEMA}.")
+        if table["schema"] not in _READ:
+            raise RecordingError(
+                f"{path} has model schema {table['schema']}; this version reads schema {_READ[0]} and {_READ[1]}. "
+                "Use the version of dipac that wrote it, or calibrate again."
+            )
         model = _model(table, time_s)
     except OSError as error:
         raise UsageError(f"Cannot read the model {path}: {error.strerror}.") from None
     except (tomllib.TOMLDecodeError, UnicodeDecodeError, KeyError, TypeError, AttributeError, ValueError) as error:
         raise RecordingError(
-            f"{path} is not a model file ({type(error).__name__}: {error}); `dipac calibrate` writes one."
+            f"{path} is not a model file ({type(error).__name__}: {error}); `dipac calibrate` and `dipac discover` "
+            "write one."
         ) from None
     if model.task != task:
         raise UsageError(f"{path} is a model of task {model.task!r}, not of {task!r}; calibrate one for it.")
     return model
 
 
+def _entries(parameters: tuple[Parameter, ...]) -> dict[str, dict[str, Any]]:
+    return {p.name: {k: v for k, v in asdict(p).items() if k != "name"} for p in parameters}
+
+
 def _model(table: dict[str, Any], time_s: float) -> Model:
-    parameters = tuple(
+    return Model(
+        id=fresh_id("model"),
+        time_s=time_s,
+        version=int(table["version"]),
+        task=str(table["task"]),
+        parameters=_parameters(table["parameters"]),
+        loss_m2=float(table["loss_m2"]),
+        transition_count=int(table["transition_count"]),
+        apparatus=_parameters(table.get("apparatus", {})),
+        extension=_extension(table["extension"]) if "extension" in table else Extension(),
+    )
+
+
+def _parameters(entries: Mapping[str, Any]) -> tuple[Parameter, ...]:
+    return tuple(
         Parameter(
             name=name,
             value=float(entry["value"]),
@@ -62,14 +94,23 @@ def _model(table: dict[str, Any], time_s: float) -> Model:
             low=float(entry["low"]),
             high=float(entry["high"]),
         )
-        for name, entry in table["parameters"].items()
+        for name, entry in entries.items()
     )
-    return Model(
-        id=fresh_id("model"),
-        time_s=time_s,
-        version=int(table["version"]),
-        task=str(table["task"]),
-        parameters=parameters,
-        loss_m2=float(table["loss_m2"]),
-        transition_count=int(table["transition_count"]),
+
+
+def _extension(entry: Mapping[str, Any]) -> Extension:
+    """Raises ValueError where the covariance does not fit the names, or the cameras' middle is no place."""
+    estimated = tuple(map(str, entry["estimated"]))
+    covariance = tuple(tuple(map(float, row)) for row in entry["covariance"])
+    camera_m = tuple(map(float, entry["camera_m"]))
+    if any(len(rows) != len(estimated) for rows in (covariance, *covariance)):
+        raise ValueError(f"extension.covariance must have a row and a column for each of {len(estimated)} estimated")
+    if len(camera_m) not in (0, 3):
+        raise ValueError(f"extension.camera_m must be x, y, z, not {len(camera_m)} numbers")
+    return Extension(
+        effects=tuple(map(str, entry["effects"])),
+        camera_m=camera_m,
+        estimated=estimated,
+        covariance=covariance,
+        recordings={str(name): str(digest) for name, digest in entry["recordings"].items()},
     )

@@ -109,7 +109,11 @@ class Task:
 @final
 @dataclass(frozen=True, kw_only=True)
 class Wish:
-    """What this episode is to do. `model` None starts from the task's nominal one."""
+    """What this episode is to do. `model` None starts from the task's nominal one.
+
+    `goal` is in the true world frame; `shown_goal` is where cameras that err will show an object that is there, and
+    None where they do not.
+    """
 
     task: Task
     preset: str
@@ -119,6 +123,12 @@ class Wish:
     pushes: int
     automatic: bool
     calibrating: bool
+    shown_goal: Points | None = None
+
+    @property
+    def target(self) -> Points:
+        """What observations are compared with [m]."""
+        return self.goal.positions if self.shown_goal is None else self.shown_goal
 
     def proposal(self, plan: Plan, observed: Particles, model: Model, *, began_s: float, now_s: float) -> Proposal:
         """`plan`, made for `observed` with `model` from `began_s` to `now_s` [s], as an offer to the operator."""

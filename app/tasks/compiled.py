@@ -5,6 +5,7 @@ from dataclasses import dataclass
 from functools import lru_cache
 from typing import NamedTuple, final
 
+import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float, Float32
 
@@ -17,20 +18,24 @@ from app.planner.tree import Advance, Search
 from app.sim.effects.base import Effect
 from app.sim.params import PARAMETERS, acting, columns_of
 from app.sim.rollout import make_rollout
-from app.sim.state import State
+from app.sim.state import Setting, State
 from app.tasks import load
 from app.tasks.base import Task
 
-__all__ = ["advance", "calibrated", "nominal_model", "phi_of", "planner", "stages"]
+__all__ = ["advance", "calibrated", "nominal_model", "now", "phi_of", "planner", "stages"]
 
 _CHUNK = 8
+_NOW = 0.5
+"""The end of a session."""
 
 
 @lru_cache
 def advance(task: str, particle_count: int, effects: tuple[Effect, ...] = ()) -> Advance:
     """The task's simulator from rest to rest for objects of `particle_count` particles.
 
-    It takes all of phi and heeds the nominal parameters and those of `effects`; see `params.acting`.
+    It takes all of phi and heeds the nominal parameters and those of `effects`; see `params.acting`. What changes in
+    the course of a session is as at its end. Where along the object a particle is, nobody knows here: effects that
+    depend on that do nothing.
     """
     simulate = make_rollout(load(task).scene, particle_count=particle_count, effects=effects)
     own = np.array(columns_of(effects))
@@ -38,9 +43,14 @@ def advance(task: str, particle_count: int, effects: tuple[Effect, ...] = ()) ->
     def from_rest(
         phi: Float[Array, "B P"], x: Float[Array, "B N 3"], tool: Float[Array, "B T 3"]
     ) -> Float[Array, "B N 3"]:
-        return simulate(phi[:, own], State.at_rest(x), tool).x
+        return simulate(phi[:, own], State.at_rest(x), tool, now(x.shape[0], particle_count)).x
 
     return from_rest
+
+
+def now(candidates: int, particle_count: int) -> Setting:
+    """What is known besides the state of an action that is planned: it comes after the session of the model."""
+    return Setting.unknown(candidates, particle_count)._replace(time=jnp.full(candidates, _NOW))
 
 
 def planner(task: str, preset: str, phi: Float32[np.ndarray, " P"]) -> TreePlanner:

@@ -20,6 +20,7 @@ from app.sim.checks import Arrays, Setup
 from app.sim.dump import Dump, leave_dump
 from app.sim.state import State
 from app.tasks import load
+from app.tasks.compiled import now
 
 DUMPS = 3
 """That one process leaves at most, about 50 kB each: what fails after them fails alike."""
@@ -50,7 +51,7 @@ def of_transitions(task: str, lost: Sequence[Transition], phi: Float32[np.ndarra
 
 def _left(task: str, about: str, phi: Float32[np.ndarray, " P"], x: Arrays, tool: Arrays, site: Site) -> str:
     setup = Setup(scene=load(task).scene, counts=(x.shape[1],), effects=EFFECTS)
-    case = single(setup, phi[None], State.at_rest(jnp.asarray(x)), tool)
+    case = single(setup, phi[None], State.at_rest(jnp.asarray(x)), tool, now(1, x.shape[1]))
     if next(_room(), None) is None:
         return f" This process has left {DUMPS} dumps already, and leaves no more."
     try:

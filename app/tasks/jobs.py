@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import logging
 from collections.abc import Sequence
+from functools import partial
 from typing import TYPE_CHECKING
 
 from app.config import Site
@@ -23,6 +24,7 @@ if TYPE_CHECKING:
     from app.core.messages import Model, Transition
     from app.core.types import Points
     from app.planner.plan import Plan
+    from app.tasks.correction import Correction
 
 
 def plan(
@@ -34,18 +36,26 @@ def plan(
     seed: int,
     site: Site | None = None,
 ) -> Plan:
-    """Decide on the next action for the object `observed` (N, 3) [m].
+    """Decide on the next action for the object that the cameras say is at `observed` (N, 3) [m].
 
-    The model is what the simulation runs with. Raises PlanningError where no branch stays finite, and leaves a dump of
-    one that did not; UsageError for an unknown task or preset.
+    The model is what the simulation runs with. What it says of cameras and arm is allowed for: the plan is made for
+    the object where it is, its motion is what to tell the arm, and what it predicts is what the cameras will show.
+    `goal` (M, 3) [m] is where the object shall truly be. Raises PlanningError where no branch stays finite, and leaves
+    a dump of one that did not; UsageError for an unknown task or preset.
     """
     from app.tasks import compiled
 
     phi = compiled.phi_of(model)
     planner = compiled.planner(task, preset, phi)
     where = site or Site()
+    allowed_for = _allowed_for(model)
+    if allowed_for:
+        observed = allowed_for.unseen(observed)
     try:
-        return planner(observed, goal, phi, seed=seed, site=where)
+        if not allowed_for:
+            return planner(observed, goal, phi, seed=seed, site=where)
+        command = partial(allowed_for.command, site=where)
+        return allowed_for.shown(planner(observed, goal, phi, seed=seed, site=where, command=command))
     except PlanningError as error:
         search = getattr(planner, "search", None)
         if search is None:  # A planner without a tree has simulated nothing.
@@ -84,6 +94,8 @@ def _fitted(
 ) -> Model:
     from app.tasks import compiled, failures
 
+    if allowed_for := _allowed_for(model):
+        transitions = [allowed_for.transition(transition) for transition in transitions]
     try:
         new, lost = compiled.calibrated(task, preset, transitions, model, settings)
     except SimulationError as error:
@@ -109,17 +121,25 @@ def nominal_model(task: str) -> Model:
 
 
 def check_model(model: Model) -> None:
-    """Raises ParameterError where a parameter of the simulator is missing, non-finite or outside its range."""
-    import numpy as np
+    """Raises ParameterError where a parameter is missing, unknown, non-finite or outside its range."""
+    from app.tasks import extended
 
-    from app.core.errors import ParameterError
-    from app.sim.params import PARAMETERS, validated
+    extended.check(model)
 
-    values = {parameter.name: parameter.value for parameter in model.parameters}
-    missing = [spec.name for spec in PARAMETERS if spec.name not in values]
-    if missing:
-        raise ParameterError(f"The model lacks {', '.join(missing)}; calibrate one with this version.")
-    validated(np.array([values[spec.name] for spec in PARAMETERS]))
+
+def shown_goal(goal: Points, model: Model) -> Points:
+    """Where the cameras will say that the object is when it is at the goal (M, 3) [m]."""
+    allowed_for = _allowed_for(model)
+    return allowed_for.seen(goal) if allowed_for else goal
+
+
+def _allowed_for(model: Model) -> Correction | None:
+    """What the model says of cameras and arm; None where they are right."""
+    if not model.apparatus:
+        return None
+    from app.tasks.correction import correction
+
+    return correction(model)
 
 
 def warm_up_stages(task: str, preset: str) -> list[str]:

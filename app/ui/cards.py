@@ -99,7 +99,7 @@ def _health_rows(seen: Health, model: Model | None, silent_s: float) -> Iterable
     mode = _toned(seen.arm_mode, seen.arm_mode in ("stopping", "stopped"), seen.arm_mode == "fault")
     yield "Arm, longest period", f"{mode}, {_toned(words.duration(seen.arm_period_s), late, False)}"
     yield "Model, loss", f"v{seen.model_version}, {words.square(seen.calibration_loss_m2)}"
-    for parameter in model.parameters if model else ():
+    for parameter in (*model.parameters, *model.apparatus) if model else ():
         yield f"· {escape(parameter.name.replace('_', ' '))}", _parameter(parameter)
     drops = sum(seen.drops.values())
     listed = ", ".join(f"{escape(name)}: {count}" for name, count in seen.drops.items())

@@ -9,7 +9,7 @@ import pytest
 from app.calibration.calibrate import Calibrator, next_model, phi_of
 from app.calibration.evidence import Evidence, Predictor, gather
 from app.calibration.fit import Settings
-from app.core.messages import Executed, MessageId, Transition
+from app.core.messages import Executed, Extension, MessageId, Parameter, Transition
 from app.sim.params import index
 from app.tasks import compiled, load, nominal_model
 from app.tasks.curves import fill_tube
@@ -77,6 +77,15 @@ def test_the_next_model_names_its_causes_and_changes_the_fitted_parameters_alone
     assert changed == ["table_friction"]
     parameter = new.parameters[index("table_friction")]
     assert parameter.low <= parameter.value <= parameter.high
+
+
+def test_the_next_model_keeps_what_cameras_and_arm_get_wrong(evidence: Evidence) -> None:
+    found = Calibrator(predictor=PREDICTOR, names=("table_friction",), settings=Settings(steps=1)).fit(evidence, TRUTH)
+    erring = Parameter(name="hand_eye_x", value=0.004, unit="m", low=0.003, high=0.005)
+    extension = Extension(effects=("hand_eye_translation",), camera_m=(0.55, -0.25, 0.95))
+    old = replace(nominal_model("rope_push"), apparatus=(erring,), extension=extension)
+    new = next_model(old, found, ("table_friction",), [_transition(evidence, 0)])
+    assert (new.apparatus, new.extension) == (old.apparatus, old.extension)
 
 
 def test_what_is_simulated_is_the_measured_motion_and_not_the_commanded_one(evidence: Evidence) -> None:

@@ -3,10 +3,22 @@
 import dataclasses
 from pathlib import Path
 
+import msgspec
 import numpy as np
 import pytest
 
-from app.core.messages import ArmState, Episode, Frame, Message, Model, Motion, Particles, Proposal, Transition
+from app.core.messages import (
+    ArmState,
+    Episode,
+    Extension,
+    Frame,
+    Message,
+    Model,
+    Motion,
+    Particles,
+    Proposal,
+    Transition,
+)
 from app.recording.channels import TOPICS, record_of
 from app.recording.codec import decode, encode
 from app.recording.reader import read_episode, read_messages, read_transitions
@@ -51,6 +63,16 @@ def test_images_of_several_cameras_are_not_confused(make: Maker, tmp_path: Path)
     frames = [dataclasses.replace(frame, camera=cameras[n % 2]) for n, frame in enumerate(frames)]
     read = read_messages(record(tmp_path, make(Episode), list(frames)), [Frame])
     assert all(same_as_read(a, b) for a, b in zip(frames, read, strict=True))
+
+
+def test_a_model_of_before_there_were_extended_ones_is_read_as_one_that_is_none(make: Maker) -> None:
+    plain = msgspec.json.decode(encode(make(Model), Model))
+    del plain["apparatus"], plain["extension"]
+    read = decode(msgspec.json.encode(plain), Model)
+    assert (read.apparatus, read.extension) == ((), Extension())
+    del plain["parameters"]
+    with pytest.raises(KeyError, match="parameters"):
+        decode(msgspec.json.encode(plain), Model)
 
 
 @pytest.mark.parametrize("value", [np.nan, np.inf, -np.inf])

@@ -12,13 +12,11 @@ from jaxtyping import Float64
 from app.config import Site
 from app.core.approval import Approved
 from app.core.errors import ApprovalRefused, DeviceError, MotionRefused
-from app.core.messages import ArmState, Executed, MessageId, Motion, fresh_id
+from app.core.messages import TOOL_DOWN, ArmState, Executed, MessageId, Motion, fresh_id
 from app.core.types import Poses
 from app.rig.simulated.arm_model import solve_joints
 from app.rig.simulated.arm_process import MAX_WAYPOINTS, MODES, ArmMemory
 
-TOOL_DOWN = (0.0, 1.0, 0.0, 0.0)
-"""The tool's quaternion w x y z: z down, x along the world's."""
 _CLOSED = 1.0
 _SILENCE_S = 2.0
 """An arm whose process has reported no state for this long is taken for gone."""

@@ -1,0 +1,110 @@
+"""What cameras and arm get wrong, according to a model, allowed for: where the object is, and what to tell the arm.
+
+The simulator, the planner and goals are in the true world frame, that of the robot's base. Clouds and what is compared
+with them are where the cameras say; motions are what the arm is told. Recordings hold both as they were.
+"""
+
+from dataclasses import dataclass, replace
+from functools import lru_cache
+from typing import final
+
+import numpy as np
+from jaxtyping import Float64
+
+from app.config import Site
+from app.core.messages import TOOL_DOWN, Branch, Model, Motion, Transition
+from app.core.track import Track
+from app.core.types import Path3, Points
+from app.discovery.apparatus.base import Eye, Load
+from app.discovery.predict import Predictor, dragging, labelled
+from app.discovery.subject import Theta, catalogue
+from app.planner.plan import Plan
+from app.tasks import load
+from app.tasks.doubted import subject_of
+
+_PAUSE_S = 1e4
+"""Between two positions of a way that is gone so slowly that no delay or lag shows."""
+_ROUNDS = 12
+"""Of an inverse by iteration: an arm that leaves out a fifth of a stroke, the most of all, is undone to a nanometre."""
+
+
+@final
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Correction:
+    """`theta`: a model's values by discovery's catalogue; `camera_m`: about where errors of the cameras are."""
+
+    predictor: Predictor
+    theta: Theta
+    camera_m: Float64[np.ndarray, "3"]
+
+    def unseen(self, points: Points) -> Points:
+        """Where the object is that the cameras say is here [m]."""
+        return self.predictor.unseen(points, self._eye(points), self.theta)
+
+    def seen(self, points: Points) -> Points:
+        """Where the cameras will say that the object is which is here [m]; non-finite where that is."""
+        if not np.isfinite(points).all():
+            return points
+        return self.predictor.seen(points, self._eye(points), self.theta)
+
+    def command(self, motion: Motion, before: Points, after: Points, site: Site) -> Motion:
+        """What to tell the arm so that its tip makes `motion`, which moves the object from `before` to `after`.
+
+        It allows for what changes the way, however slowly it is gone, and not for delay and lag, which change when the
+        arm is there (docs/decisions/0007-extended-models.md). No lower than the site's workspace.
+        """
+        felt = self._felt(motion, before, after)
+        told = motion.positions
+        for _ in range(_ROUNDS):
+            told = told + motion.positions - self.made(told, felt)
+        told[:, 2] = np.maximum(told[:, 2], min(site.limits.workspace.low[2], float(motion.positions[:, 2].min())))
+        return Motion(positions=told, speeds=motion.speeds)
+
+    def made(self, told: Path3, felt: Load) -> Path3:
+        """The way of the tip [m] of an arm that is told to go this one, slowly, against these forces."""
+        track = _track(told, _PAUSE_S * np.arange(len(told)))
+        return self.predictor.carried_out(track, felt, self.theta, lambda _: True).positions
+
+    def transition(self, seen: Transition) -> Transition:
+        """What really happened: the object where it was, and where the tip went in place of what was measured."""
+        before, after = self.unseen(seen.before), self.unseen(seen.after)
+        executed, measured = seen.executed, len(seen.executed.measured) > 0
+        track = Track(times_s=executed.times_s, poses=executed.made)
+        felt = dragging(track, before, after, self.predictor.subject)
+        made = self.predictor.carried_out(track, felt, self.theta, lambda effect: not (effect.told and measured))
+        return replace(seen, before=before, after=after, executed=replace(executed, measured=made.poses))
+
+    def shown(self, plan: Plan) -> Plan:
+        """The plan with what it predicts as the cameras will show it; its distances to the goal are the true ones."""
+        branches = tuple(self._shown(branch) for branch in plan.branches)
+        return replace(plan, branches=branches, predicted=branches[plan.best].predicted)
+
+    def _shown(self, branch: Branch) -> Branch:
+        return replace(branch, predicted=self.seen(branch.predicted), final=self.seen(branch.final))
+
+    def _eye(self, points: Points) -> Eye:
+        return Eye(self.camera_m, labelled([points])[1][0].astype(np.float64))
+
+    def _felt(self, motion: Motion, before: Points, after: Points) -> Load:
+        lengths = np.linalg.norm(np.diff(motion.positions, axis=0), axis=1)
+        times = np.concatenate([[0.0], np.cumsum(lengths / motion.speeds[1:])])
+        known = after if np.isfinite(after).all() else before
+        return dragging(_track(motion.positions, times), before, known, self.predictor.subject)
+
+
+def correction(model: Model) -> Correction:
+    """What `model` says of cameras and arm, which has to be something. Raises UsageError for a task without pushes."""
+    predictor = _predictor(model.task)
+    theta = predictor.catalogue.nominal(predictor.subject)
+    for parameter in model.apparatus:
+        theta[predictor.catalogue.column(parameter.name)] = parameter.value
+    return Correction(predictor=predictor, theta=theta, camera_m=np.array(model.extension.camera_m))
+
+
+@lru_cache
+def _predictor(task: str) -> Predictor:
+    return Predictor(subject_of(load(task)), catalogue())
+
+
+def _track(positions: Path3, times_s: Float64[np.ndarray, " T"]) -> Track:
+    return Track(times_s=times_s, poses=np.concatenate([positions, np.tile(TOOL_DOWN, (len(positions), 1))], axis=1))

@@ -1,0 +1,116 @@
+"""Models that discovery extended: from its estimates to a message, and what makes one fit to be used."""
+
+from collections.abc import Iterable, Mapping, Sequence
+from typing import NamedTuple, final
+
+import numpy as np
+from jaxtyping import Float64
+
+from app.core.errors import ParameterError
+from app.core.messages import Extension, Model, Parameter, fresh_id
+from app.discovery.subject import NUMERICS, catalogue
+from app.sim.parameter import ParameterSpec
+from app.sim.params import PARAMETERS, require_ranges, validated
+from app.tasks.compiled import nominal_model
+
+
+@final
+class Estimated(NamedTuple):
+    """The value of a parameter with the ends of its 90 % interval, in the simulator's units."""
+
+    value: float
+    low: float
+    high: float
+
+
+@final
+class Covariance(NamedTuple):
+    """Of the values of parameters, by their names, in products of their units."""
+
+    names: tuple[str, ...]
+    matrix: Float64[np.ndarray, "Q Q"]
+
+
+def extended_model(
+    task: str,
+    values: Mapping[str, Estimated],
+    *,
+    effects: Sequence[str],
+    covariance: Covariance,
+    recordings: Mapping[str, str],
+    camera_m: tuple[float, float, float],
+    pushes: int,
+    time_s: float,
+) -> Model:
+    """Version 1: the task's nominal model with `values` of parameters of the simulator, of cameras and of the arm.
+
+    Parameters of cameras and arm at their null are left out, and so are those of our own numerics, which the planner's
+    grid keeps as they are. `effects`, `recordings`, `camera_m`: see `Extension`; `pushes`: how many are behind it.
+
+    Raises ParameterError for a parameter that nobody knows, or a value outside its range.
+    """
+    nominal, apparatus = nominal_model(task), _apparatus_specs()
+    _require_known(values, [*(spec.name for spec in PARAMETERS), *apparatus, *NUMERICS])
+    model = Model(
+        id=fresh_id("model"),
+        cause=(nominal.id,),
+        time_s=time_s,
+        version=1,
+        task=task,
+        parameters=tuple(_estimated(old, values.get(old.name)) for old in nominal.parameters),
+        transition_count=pushes,
+        apparatus=tuple(_erring(spec, values[name]) for name, spec in apparatus.items() if _wrong(spec, values)),
+        extension=Extension(
+            effects=tuple(effects),
+            camera_m=camera_m,
+            estimated=covariance.names,
+            covariance=tuple(tuple(row) for row in np.asarray(covariance.matrix, np.float64).tolist()),
+            recordings=dict(recordings),
+        ),
+    )
+    check(model)
+    return model
+
+
+def check(model: Model) -> None:
+    """Raises ParameterError where a parameter is missing, unknown, non-finite or outside its range."""
+    values = {parameter.name: parameter.value for parameter in model.parameters}
+    _require_known(values, [spec.name for spec in PARAMETERS])
+    missing = [spec.name for spec in PARAMETERS if spec.name not in values]
+    if missing:
+        raise ParameterError(f"The model lacks {', '.join(missing)}; calibrate one with this version.")
+    validated(np.array([values[spec.name] for spec in PARAMETERS]))
+    specs = _apparatus_specs()
+    _require_known([parameter.name for parameter in model.apparatus], specs)
+    for parameter in model.apparatus:
+        require_ranges([specs[parameter.name]], np.array([[parameter.value]], np.float32))
+    if model.apparatus and not (len(model.extension.camera_m) == 3 and np.isfinite(model.extension.camera_m).all()):
+        raise ParameterError(
+            "The model says what cameras and arm get wrong, but not where the cameras are; give their middle as "
+            "camera_m = [x, y, z] in [extension], or let `dipac discover` write the file."
+        )
+
+
+def _apparatus_specs() -> dict[str, ParameterSpec]:
+    return {spec.name: spec for effect, _ in catalogue().apparatus for spec in effect.parameters}
+
+
+def _require_known(names: Iterable[str], known: Iterable[str]) -> None:
+    listed = list(known)
+    for name in names:
+        if name not in listed:
+            raise ParameterError.unknown("parameter", name, listed)
+
+
+def _estimated(old: Parameter, found: Estimated | None) -> Parameter:
+    if found is None:
+        return old
+    return Parameter(name=old.name, unit=old.unit, value=found.value, low=found.low, high=found.high)
+
+
+def _wrong(spec: ParameterSpec, values: Mapping[str, Estimated]) -> bool:
+    return spec.name in values and values[spec.name].value != spec.nominal
+
+
+def _erring(spec: ParameterSpec, found: Estimated) -> Parameter:
+    return Parameter(name=spec.name, unit=spec.unit, value=found.value, low=found.low, high=found.high)

@@ -1,0 +1,98 @@
+"""Models that discovery extended: made of its estimates, written, read, and refused where they cannot be used."""
+
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from app.calibration.calibrate import phi_of
+from app.core.errors import ParameterError
+from app.core.messages import Extension, Model
+from app.recording.model_file import load_model, save_model
+from app.sim.params import PARAMETERS, acting, index
+from app.tasks import nominal_model
+from app.tasks.correction import correction
+from app.tasks.extended import Covariance, Estimated, extended_model
+from app.tasks.jobs import check_model
+
+FOUND = {
+    "stiffness": Estimated(5.0e4, 4.0e4, 6.0e4),
+    "tilt_x": Estimated(1.5, 1.0, 2.0),
+    "hand_eye_x": Estimated(0.004, 0.003, 0.005),
+    "hand_eye_y": Estimated(0.0, 0.0, 0.0),
+    "resolution": Estimated(0.3, 0.1, 0.5),
+}
+ESTIMATED = Covariance(("stiffness", "tilt_x", "hand_eye_x"), np.diag([4e7, 0.09, 4e-7]))
+
+
+def made(**changes: Any) -> Model:
+    given: dict[str, Any] = {
+        "effects": ("table_tilt", "hand_eye_translation"),
+        "covariance": ESTIMATED,
+        "recordings": {"episode-01.mcap": "ab" * 32},
+        "camera_m": (0.55, -0.25, 0.95),
+        "pushes": 24,
+        "time_s": 1.0,
+    }
+    return extended_model("rope_push", **({"values": FOUND} | given | changes))
+
+
+def test_what_was_found_stands_beside_what_is_nominal() -> None:
+    model, nominal = made(), nominal_model("rope_push")
+    assert (model.version, model.cause, model.transition_count) == (1, (nominal.id,), 24)
+    changed = [new.name for new, old in zip(model.parameters, nominal.parameters, strict=True) if new != old]
+    assert changed == ["stiffness", "tilt_x"]
+    assert [parameter.unit for parameter in model.parameters] == [spec.unit for spec in PARAMETERS]
+
+
+def test_of_cameras_and_arm_only_what_is_wrong_is_kept_and_of_numerics_nothing() -> None:
+    (parameter,) = made().apparatus
+    assert (parameter.name, parameter.value, parameter.unit, parameter.high) == ("hand_eye_x", 0.004, "m", 0.005)
+
+
+def test_the_simulator_runs_with_the_effects_that_the_model_has() -> None:
+    phi = phi_of(made())
+    assert phi[index("tilt_x")] == pytest.approx(1.5)
+    names = {effect.parameters[0].name for effect in acting(phi)}
+    assert names == {effect.parameters[0].name for effect in acting(phi_of(nominal_model("rope_push")))} | {"tilt_x"}
+
+
+def test_a_model_goes_through_its_file_unchanged(tmp_path: Path) -> None:
+    model = made()
+    save_model(tmp_path / "model.toml", model)
+    read = load_model(tmp_path / "model.toml", task="rope_push", time_s=2.0)
+    check_model(read)
+    assert read.parameters == model.parameters
+    assert read.apparatus == model.apparatus
+    assert read.extension == model.extension
+    np.testing.assert_array_equal(correction(read).theta, correction(model).theta)
+
+
+def test_a_parameter_that_nobody_knows_is_refused_with_the_known_ones() -> None:
+    with pytest.raises(ParameterError, match=r"Unknown parameter 'tilt_z'\. Did you mean 'tilt_[xy]'.*hand_eye_x"):
+        made(values={"tilt_z": Estimated(1.0, 0.0, 2.0)})
+    model = made()
+    odd = replace(model, apparatus=(replace(model.apparatus[0], name="hand_aye_x"),))
+    with pytest.raises(ParameterError, match="Did you mean 'hand_eye_x'"):
+        check_model(odd)
+    odd = replace(model, parameters=(*model.parameters, model.apparatus[0]))
+    with pytest.raises(ParameterError, match="Unknown parameter 'hand_eye_x'"):
+        check_model(odd)
+
+
+@pytest.mark.parametrize("value", [0.5, float("nan")])
+def test_an_error_of_cameras_or_arm_outside_of_its_range_is_refused(value: float) -> None:
+    with pytest.raises(ParameterError, match="hand_eye_x"):
+        made(values={"hand_eye_x": Estimated(value, 0.0, 1.0)})
+
+
+def test_errors_of_cameras_need_the_cameras_place() -> None:
+    with pytest.raises(ParameterError, match=r"camera_m = \[x, y, z\]"):
+        check_model(replace(made(), extension=Extension()))
+
+
+def test_a_model_that_lacks_a_parameter_of_the_simulator_is_refused() -> None:
+    with pytest.raises(ParameterError, match="lacks stiffness; calibrate"):
+        check_model(replace(made(), parameters=made().parameters[1:]))
