@@ -243,12 +243,13 @@ class Flow:
 
     async def _warm_up(self) -> None:
         """Compile what planning needs, by name, while the cameras already run."""
-        task, planner = self.wish.task.name, self.planner
+        task, preset, planner = self.wish.task.name, self.wish.preset, self.planner
         self._do("starting the planner")
-        self.models.put(self.say(self.wish.model or await planner.run(nominal_model, task)))
-        for index, stage in enumerate(await planner.run(warm_up_stages, task, self.wish.preset)):
+        model = self.say(self.wish.model or await planner.run(nominal_model, task))
+        self.models.put(model)
+        for index, stage in enumerate(await planner.run(warm_up_stages, task, preset, model)):
             self._do(f"compiling {stage}")
-            await planner.run(warm_up_stage, task, self.wish.preset, index)
+            await planner.run(warm_up_stage, task, preset, index, model)
 
     async def _settled(self, *, after_s: float) -> Particles:
         """The first particles whose every frame was taken with the arm at rest, `settle_s` after `after_s`."""

@@ -100,7 +100,7 @@ def _branch(origin: Literal["policy", "random"], path: np.ndarray, observed: Poi
     )
 
 
-def _stages(task: str, preset: str) -> list[object]:
+def _stages(task: str, preset: str, model: Model) -> list[object]:
     return []
 
 

@@ -1,13 +1,16 @@
 """How a run of the flow ends, and what it says then; each test has a run of its own, in a small cell."""
 
+from dataclasses import replace
 from pathlib import Path
 
 import anyio
+import numpy as np
 import pytest
 
 from app.core.approval import Approved
 from app.core.errors import DeviceError, MotionRefused, PlanningError, WorkerError
 from app.core.messages import ArmState, Executed, Fault, Health, Notice, Proposal
+from app.tasks.curves import fill_tube
 from tests.flow_cell import Run, for_a_while, narrower, running, small_site, small_wish, some, withdrawn
 from tests.flow_planner import Habits
 from tests.flow_rig import SmallRig, photographs
@@ -108,3 +111,14 @@ async def test_an_automatic_run_that_was_stopped_ends_where_nobody_resumes(
         begun = len(run.rig.arm.begun)
         await anyio.sleep(0.2)
         assert len(run.rig.arm.begun) == begun
+
+
+async def test_where_cameras_err_the_goal_is_reached_when_they_show_what_they_would_show_there(tmp_path: Path) -> None:
+    wish = small_wish()
+    y = np.linspace(-0.2, 0.2, 41)
+    here = fill_tube(np.stack([np.full_like(y, 0.54), y, np.full_like(y, 0.008)], axis=1), 0.008, 60)
+    async with running(small_site(tmp_path), replace(wish, shown_goal=here)) as run:
+        assert await run.end() is None
+        assert run.flow.summary.pushes == 0
+        assert run.flow.summary.chamfer_m2[0] < wish.task.success_m2
+        assert run.rig.arm.begun == []

@@ -133,12 +133,12 @@ class Stage:
     run: Callable[[], object]
 
 
-def stages(task: str, preset: str) -> list[Stage]:
-    """In order; each one after the first is quick where the first was done."""
+def stages(task: str, preset: str, model: Model | None = None) -> list[Stage]:
+    """For `model`, or the nominal one, in order; each one after the first is quick where the first was done."""
     data, size = load(task), load(task).preset(preset)
     x = data.goal(0, size.particle_count)
     still = np.zeros((1, 2, 3), np.float32) + np.array([0, 0, 1], np.float32)
-    phi = phi_of(nominal_model(task))
+    phi = phi_of(model or nominal_model(task))
     effects = acting(phi, data.calibrated)
 
     def simulator() -> None:

@@ -5,11 +5,11 @@ with them are where the cameras say; motions are what the arm is told. Recording
 """
 
 from dataclasses import dataclass, replace
-from functools import lru_cache
+from functools import lru_cache, partial
 from typing import final
 
 import numpy as np
-from jaxtyping import Float64
+from jaxtyping import Float32, Float64
 
 from app.config import Site
 from app.core.messages import TOOL_DOWN, Branch, Model, Motion, Transition
@@ -18,7 +18,7 @@ from app.core.types import Path3, Points
 from app.discovery.apparatus.base import Eye, Load
 from app.discovery.predict import Predictor, dragging, labelled
 from app.discovery.subject import Theta, catalogue
-from app.planner.plan import Plan
+from app.planner.plan import Plan, TreePlanner
 from app.tasks import load
 from app.tasks.doubted import subject_of
 
@@ -36,6 +36,25 @@ class Correction:
     predictor: Predictor
     theta: Theta
     camera_m: Float64[np.ndarray, "3"]
+
+    def plan(
+        self,
+        planner: TreePlanner,
+        observed: Points,
+        goal: Points,
+        phi: Float32[np.ndarray, " P"],
+        *,
+        seed: int,
+        site: Site,
+    ) -> Plan:
+        """What to do with the object that the cameras say is at `observed` [m], so that it is truly at `goal` [m].
+
+        The motion is what to tell the arm, and predictions are what the cameras will show; distances are the true ones.
+        """
+        command = partial(self.command, site=site)
+        found = planner(self.unseen(observed), goal, phi, seed=seed, site=site, command=command)
+        branches = tuple(self._shown(branch) for branch in found.branches)
+        return replace(found, branches=branches, predicted=branches[found.best].predicted)
 
     def unseen(self, points: Points) -> Points:
         """Where the object is that the cameras say is here [m]."""
@@ -73,11 +92,6 @@ class Correction:
         felt = dragging(track, before, after, self.predictor.subject)
         made = self.predictor.carried_out(track, felt, self.theta, lambda effect: not (effect.told and measured))
         return replace(seen, before=before, after=after, executed=replace(executed, measured=made.poses))
-
-    def shown(self, plan: Plan) -> Plan:
-        """The plan with what it predicts as the cameras will show it; its distances to the goal are the true ones."""
-        branches = tuple(self._shown(branch) for branch in plan.branches)
-        return replace(plan, branches=branches, predicted=branches[plan.best].predicted)
 
     def _shown(self, branch: Branch) -> Branch:
         return replace(branch, predicted=self.seen(branch.predicted), final=self.seen(branch.final))

@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import logging
 from collections.abc import Sequence
-from functools import partial
 from typing import TYPE_CHECKING
 
 from app.config import Site
@@ -49,20 +48,18 @@ def plan(
     planner = compiled.planner(task, preset, phi)
     where = site or Site()
     allowed_for = _allowed_for(model)
-    if allowed_for:
-        observed = allowed_for.unseen(observed)
     try:
-        if not allowed_for:
-            return planner(observed, goal, phi, seed=seed, site=where)
-        command = partial(allowed_for.command, site=where)
-        return allowed_for.shown(planner(observed, goal, phi, seed=seed, site=where, command=command))
+        if allowed_for:
+            return allowed_for.plan(planner, observed, goal, phi, seed=seed, site=where)
+        return planner(observed, goal, phi, seed=seed, site=where)
     except PlanningError as error:
         search = getattr(planner, "search", None)
         if search is None:  # A planner without a tree has simulated nothing.
             raise
         from app.tasks import failures
 
-        raise PlanningError(f"{error}{failures.of_plan(task, search, observed, goal, phi, seed, where)}") from None
+        x = allowed_for.unseen(observed) if allowed_for else observed
+        raise PlanningError(f"{error}{failures.of_plan(task, search, x, goal, phi, seed, where)}") from None
 
 
 def calibrate(
@@ -142,15 +139,18 @@ def _allowed_for(model: Model) -> Correction | None:
     return correction(model)
 
 
-def warm_up_stages(task: str, preset: str) -> list[str]:
-    """What has to be compiled before the first decision, in order and in words, for people to read while they wait."""
+def warm_up_stages(task: str, preset: str, model: Model | None = None) -> list[str]:
+    """What has to be compiled before the first decision, in order and in words, for people to read while they wait.
+
+    The nominal model is the one where none is given.
+    """
     from app.tasks import compiled
 
-    return [stage.name for stage in compiled.stages(task, preset)]
+    return [stage.name for stage in compiled.stages(task, preset, model)]
 
 
-def warm_up_stage(task: str, preset: str, index: int) -> None:
+def warm_up_stage(task: str, preset: str, index: int, model: Model | None = None) -> None:
     """Compile stage `index` of `warm_up_stages`, in the process that is going to plan."""
     from app.tasks import compiled
 
-    compiled.stages(task, preset)[index].run()
+    compiled.stages(task, preset, model)[index].run()
