@@ -50,7 +50,7 @@ def extended_model(
     Raises ParameterError for a parameter that nobody knows, or a value outside its range.
     """
     nominal, apparatus = nominal_model(task), _apparatus_specs()
-    _require_known(values, [*(spec.name for spec in PARAMETERS), *apparatus, *NUMERICS])
+    _require_known("parameter", values, [*(spec.name for spec in PARAMETERS), *apparatus, *NUMERICS])
     model = Model(
         id=fresh_id("model"),
         cause=(nominal.id,),
@@ -75,13 +75,13 @@ def extended_model(
 def check(model: Model) -> None:
     """Raises ParameterError where a parameter is missing, unknown, non-finite or outside its range."""
     values = {parameter.name: parameter.value for parameter in model.parameters}
-    _require_known(values, [spec.name for spec in PARAMETERS])
+    _require_known("parameter of the simulator", values, [spec.name for spec in PARAMETERS])
     missing = [spec.name for spec in PARAMETERS if spec.name not in values]
     if missing:
         raise ParameterError(f"The model lacks {', '.join(missing)}; calibrate one with this version.")
     validated(np.array([values[spec.name] for spec in PARAMETERS]))
     specs = _apparatus_specs()
-    _require_known([parameter.name for parameter in model.apparatus], specs)
+    _require_known("parameter of cameras and arm", [parameter.name for parameter in model.apparatus], specs)
     for parameter in model.apparatus:
         require_ranges([specs[parameter.name]], np.array([[parameter.value]], np.float32))
     if model.apparatus and not (len(model.extension.camera_m) == 3 and np.isfinite(model.extension.camera_m).all()):
@@ -95,11 +95,11 @@ def _apparatus_specs() -> dict[str, ParameterSpec]:
     return {spec.name: spec for effect, _ in catalogue().apparatus for spec in effect.parameters}
 
 
-def _require_known(names: Iterable[str], known: Iterable[str]) -> None:
+def _require_known(kind: str, names: Iterable[str], known: Iterable[str]) -> None:
     listed = list(known)
     for name in names:
         if name not in listed:
-            raise ParameterError.unknown("parameter", name, listed)
+            raise ParameterError.unknown(kind, name, listed)
 
 
 def _estimated(old: Parameter, found: Estimated | None) -> Parameter:

@@ -118,6 +118,18 @@ def test_and_its_pushes_end_nearer_to_their_goals(kind: str) -> None:
     assert reached[1] < 0.9 * reached[0]
 
 
+def test_what_drifts_in_a_session_is_planned_with_as_it_was_at_its_end() -> None:
+    drifting, constant = World().phi, World().phi
+    drifting[index("friction_drift")] = 0.4
+    constant[index("table_friction")] *= 1.2
+    tool = SPACE.tool_path(jnp.asarray(SPACE.sample(np.random.default_rng(0), rope(), 1)))
+    ends = [
+        compiled.advance("rope_push", PARTICLES, acting(phi))(jnp.asarray(phi)[None], jnp.asarray(rope())[None], tool)
+        for phi in (drifting, constant)
+    ]
+    np.testing.assert_allclose(ends[0], ends[1], atol=5e-4)
+
+
 def test_what_is_predicted_is_where_the_cameras_will_see_it_and_distances_are_the_true_ones() -> None:
     world, model = CASES["hand_eye_translation"]
     shown = extended_plan(world, model, world.seen(rope()), rope(0.05), 0)
