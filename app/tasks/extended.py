@@ -8,10 +8,13 @@ from jaxtyping import Float64
 
 from app.core.errors import ParameterError
 from app.core.messages import Extension, Model, Parameter, fresh_id
-from app.discovery.subject import NUMERICS, catalogue
+from app.discovery.sensitivity import Step
+from app.discovery.subject import NUMERICS, Catalogue, Theta, catalogue
 from app.sim.parameter import ParameterSpec
 from app.sim.params import PARAMETERS, require_ranges, validated
 from app.tasks.compiled import nominal_model
+
+_Z90 = 1.645
 
 
 @final
@@ -57,12 +60,12 @@ def extended_model(
         time_s=time_s,
         version=1,
         task=task,
-        parameters=tuple(_estimated(old, values.get(old.name)) for old in nominal.parameters),
+        parameters=tuple(_taken(old, values.get(old.name)) for old in nominal.parameters),
         transition_count=pushes,
         apparatus=tuple(_erring(spec, values[name]) for name, spec in apparatus.items() if _wrong(spec, values)),
         extension=Extension(
             effects=tuple(effects),
-            camera_m=camera_m,
+            camera_m=tuple(map(float, camera_m)),
             estimated=covariance.names,
             covariance=tuple(tuple(row) for row in np.asarray(covariance.matrix, np.float64).tolist()),
             recordings=dict(recordings),
@@ -70,6 +73,29 @@ def extended_model(
     )
     check(model)
     return model
+
+
+def estimated(
+    known: Catalogue, nominal: Theta, theta: Theta, steps: Sequence[Step], covariance: Float64[np.ndarray, "Q Q"]
+) -> tuple[dict[str, Estimated], Covariance]:
+    """A discovery's `theta`, of which `steps` with their covariance were fitted, as `extended_model` takes it.
+
+    What is as in `nominal` and was not fitted is left out. On a logarithmic scale errors are taken to be small for the
+    covariance, though not for the intervals.
+    """
+    fitted = {step.column: number for number, step in enumerate(steps)}
+    scale = np.array([_slope(known.specs[step.column], theta[step.column]) * step.size for step in steps])
+    values = dict[str, Estimated]()
+    for column, spec in enumerate(known.specs):
+        if column in fitted:
+            number = fitted[column]
+            margin = _Z90 * float(np.sqrt(covariance[number, number])) * abs(steps[number].size)
+            here = spec.coordinate(float(theta[column]))
+            values[spec.name] = Estimated(*(spec.value(here + side * margin) for side in (0.0, -1.0, 1.0)))
+        elif theta[column] != nominal[column]:
+            values[spec.name] = Estimated(*[float(theta[column])] * 3)
+    names = tuple(known.specs[step.column].name for step in steps)
+    return values, Covariance(names, covariance * np.outer(scale, scale))
 
 
 def check(model: Model) -> None:
@@ -91,6 +117,11 @@ def check(model: Model) -> None:
         )
 
 
+def _slope(spec: ParameterSpec, value: float) -> float:
+    """Of the value by its coordinate."""
+    return float(value) if spec.scale == "log" else 1.0
+
+
 def _apparatus_specs() -> dict[str, ParameterSpec]:
     return {spec.name: spec for effect, _ in catalogue().apparatus for spec in effect.parameters}
 
@@ -102,7 +133,7 @@ def _require_known(kind: str, names: Iterable[str], known: Iterable[str]) -> Non
             raise ParameterError.unknown(kind, name, listed)
 
 
-def _estimated(old: Parameter, found: Estimated | None) -> Parameter:
+def _taken(old: Parameter, found: Estimated | None) -> Parameter:
     if found is None:
         return old
     return Parameter(name=old.name, unit=old.unit, value=found.value, low=found.low, high=found.high)

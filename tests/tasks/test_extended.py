@@ -10,11 +10,14 @@ import pytest
 from app.calibration.calibrate import phi_of
 from app.core.errors import ParameterError
 from app.core.messages import Extension, Model
+from app.discovery.sensitivity import Step
+from app.discovery.subject import catalogue
 from app.recording.model_file import load_model, save_model
 from app.sim.params import PARAMETERS, acting, index
-from app.tasks import nominal_model
+from app.tasks import load, nominal_model
 from app.tasks.correction import correction
-from app.tasks.extended import Covariance, Estimated, extended_model
+from app.tasks.doubted import subject_of
+from app.tasks.extended import Covariance, Estimated, estimated, extended_model
 from app.tasks.jobs import check_model
 
 FOUND = {
@@ -57,6 +60,24 @@ def test_the_simulator_runs_with_the_effects_that_the_model_has() -> None:
     assert phi[index("tilt_x")] == pytest.approx(1.5)
     names = {effect.parameters[0].name for effect in acting(phi)}
     assert names == {effect.parameters[0].name for effect in acting(phi_of(nominal_model("rope_push")))} | {"tilt_x"}
+
+
+def test_what_a_discovery_fitted_becomes_values_with_intervals_and_their_covariance() -> None:
+    known, subject = catalogue(), subject_of(load("rope_push"))
+    nominal = known.nominal(subject)
+    theta = nominal.copy()
+    stiffness, shift, friction = (known.column(name) for name in ("stiffness", "hand_eye_x", "table_friction"))
+    theta[[stiffness, shift, friction]] = 5.0e4, 0.004, 0.6
+    steps = [Step(cause="", column=column, size=size, sides=2) for column, size in ((stiffness, 0.1), (shift, 1e-3))]
+    values, covariance = estimated(known, nominal, theta, steps, np.array([[4.0, 0.5], [0.5, 0.25]]))
+    assert values.keys() == {"stiffness", "hand_eye_x", "table_friction"}
+    assert values["hand_eye_x"] == pytest.approx((0.004, 0.004 - 1.645 * 5e-4, 0.004 + 1.645 * 5e-4))
+    assert values["stiffness"] == pytest.approx((5.0e4, 5.0e4 * np.exp(-0.329), 5.0e4 * np.exp(0.329)))
+    assert values["table_friction"] == (0.6, 0.6, 0.6)
+    # A logarithm off by 0.2 and a shift off by half a millimetre, half as correlated as they could be.
+    np.testing.assert_allclose(covariance.matrix, [[1e8, 2.5], [2.5, 2.5e-7]])
+    model = made(values=values, covariance=covariance)
+    np.testing.assert_allclose(correction(model).theta[shift], 0.004)
 
 
 def test_a_model_goes_through_its_file_unchanged(tmp_path: Path) -> None:
