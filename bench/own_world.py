@@ -13,6 +13,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Float32, Float64
+from scipy.interpolate import CubicSpline
 
 from app.core.track import Track
 from app.core.types import Cloud, Points
@@ -21,7 +22,7 @@ from app.discovery.predict import Predictor, resisting
 from app.discovery.study import Push, Study, View
 from app.discovery.subject import Theta
 from app.perception.resample import resample
-from app.policy.ordering import arclength_labels
+from app.policy.ordering import arclength_labels, centreline_weights
 from app.policy.strokes import REGION, Plan, midway_s, random_track
 from app.sim.catalogue import EFFECTS
 from app.sim.params import PARAMETERS
@@ -40,6 +41,9 @@ _PAUSE_S, _SETTLE_S = 0.5, 0.25
 _BATCH = 32
 """Substeps are rounded up to these, so that few shapes are compiled."""
 _NEIGHBOURS = 41
+_NODES = 24
+_REST_M = 1e-4
+"""Of the lowest particle above the table."""
 
 Step = Callable[..., tuple[jax.Array, jax.Array]]
 
@@ -71,6 +75,7 @@ class OwnWorld:
         simulate = _stepper(self.scene, starts.shape[1])
         x, clocks = starts.astype(np.float32), np.zeros(len(truths))
         places = np.stack([2 * arclength_labels(cloud) - 1 for cloud in x])
+        sections = [_Section.of(cloud, place) for cloud, place in zip(x, places, strict=True)]
         total = self.plan.episodes * self.plan.pushes
         pushes: list[list[Push]] = [[] for _ in truths]
         for number in range(total):
@@ -81,7 +86,7 @@ class OwnWorld:
                 clouds = [self._seen(rng, cloud[b], places[b], truth) for cloud in scenes]
                 pushes[b].append(self._push(rng, number // self.plan.pushes, move, clouds, truth))
                 clocks[b] = move.end_s + _PAUSE_S
-            x = scenes[2]
+            x = np.stack([section.around(cloud) for section, cloud in zip(sections, scenes[2], strict=True)])
         return [
             Study(
                 task="rope_push",
@@ -151,6 +156,63 @@ class OwnWorld:
         level = np.zeros((400, 3), np.float32)
         level[:, :2] = rng.uniform(REGION[:2], REGION[2:], (400, 2))
         return self._shown(rng, level, truth, None)
+
+
+class _Section(NamedTuple):
+    """The object's cross-section: each particle's offset from its point on the middle line, which has a length [m].
+
+    `beside` (N, 3) [m]: to the left of the line, along it, and up.
+
+    A simulator of matter lets a rope that is squeezed and left at rest grow flat, push by push. Ropes do not.
+    """
+
+    place: Float32[np.ndarray, " N"]
+    beside: Float64[np.ndarray, "N 3"]
+    length_m: float
+
+    @classmethod
+    def of(cls, x: Points, place: Float32[np.ndarray, " N"]) -> "_Section":
+        """That of an object at rest."""
+        line = _line(x, place)
+        middle, axes = _on_line(line, place)
+        out = x.astype(np.float64) - middle
+        return cls(place, np.einsum("nd,nad->na", out, axes), _length_m(line))
+
+    def around(self, x: Points) -> Points:
+        """The same cross-section about the middle line that the object has now, as long as it was."""
+        line = _line(x, self.place)
+        centre = line.mean(0)
+        line = centre + (line - centre) * (self.length_m / _length_m(line))
+        middle, axes = _on_line(line, self.place)
+        raised = middle + np.einsum("na,nad->nd", self.beside, axes)
+        raised[:, 2] -= raised[:, 2].min() - _REST_M
+        return raised.astype(np.float32)
+
+
+def _line(x: Points, place: Float32[np.ndarray, " N"]) -> Float64[np.ndarray, "M 3"]:
+    """Nodes of the middle line, its ends extrapolated."""
+    nodes = centreline_weights((place + 1) / 2, _NODES).astype(np.float64) @ x.astype(np.float64)
+    first, last = 1.5 * nodes[0] - 0.5 * nodes[1], 1.5 * nodes[-1] - 0.5 * nodes[-2]
+    return np.concatenate([first[None], nodes, last[None]])
+
+
+def _length_m(line: Float64[np.ndarray, "M 3"]) -> float:
+    return float(np.linalg.norm(np.diff(line, axis=0), axis=1).sum())
+
+
+def _on_line(
+    line: Float64[np.ndarray, "M 3"], place: Float32[np.ndarray, " N"]
+) -> tuple[Float64[np.ndarray, "N 3"], Float64[np.ndarray, "N 3 3"]]:
+    """For each particle its point on the line, and unit vectors (N, 3, 3): to the left, along, and up."""
+    at = np.concatenate([[0.0], (np.arange(_NODES) + 0.5) / _NODES, [1.0]])
+    share = (place.astype(np.float64) + 1) / 2
+    curve = CubicSpline(at, line)
+    along = curve(share, 1)
+    along[:, 2] = 0
+    along /= np.linalg.norm(along, axis=1, keepdims=True)
+    left = np.stack([-along[:, 1], along[:, 0], np.zeros(len(share))], axis=1)
+    up = np.tile([0.0, 0.0, 1.0], (len(share), 1))
+    return curve(share), np.stack([left, along, up], axis=1)
 
 
 class _Move(NamedTuple):

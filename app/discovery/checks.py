@@ -7,7 +7,7 @@ from jaxtyping import Float64
 from scipy.stats import t as student
 
 from app.discovery.case import Check
-from app.discovery.direct import direct_rows
+from app.discovery.direct import direct_rows, row_of
 from app.discovery.predict import Predictor, Trials
 from app.discovery.sensitivity import change_of, switch_of
 from app.discovery.subject import Theta
@@ -24,7 +24,7 @@ def direct_checks(predictor: Predictor, trials: Trials, about: Theta) -> tuple[C
     steps = [switch_of(catalogue, catalogue.cause(name), catalogue.cause(name).columns[0]) for name in asked]
     rows = direct_rows(predictor, trials, about, [change_of(catalogue, about, step) for step in steps])
     episode = np.array([push.episode for push in trials.study.pushes])
-    finger, table, log = slice(0, 3), slice(3, 6), slice(6, None)
+    finger, table, log, girth = (row_of(kind) for kind in ("finger", "table", "log", "girth"))
 
     def of(values: Float64[np.ndarray, " K"], seen: Float64[np.ndarray, " K"]) -> Float64[np.ndarray, " E"]:
         chosen = seen > 0
@@ -35,9 +35,8 @@ def direct_checks(predictor: Predictor, trials: Trials, about: Theta) -> tuple[C
         J, r = rows.J[:, block, column], rows.r[:, block]
         return (J * r).sum(1) / np.maximum((J**2).sum(1), 1e-12) * steps[column].size
 
-    seen = {
-        name: rows.known[:, block].any(1).astype(float) for name, block in (("f", finger), ("t", table), ("l", log))
-    }
+    kinds = {"f": finger, "t": table, "l": log, "g": girth}
+    seen = {name: rows.known[:, block].any(1).astype(float) for name, block in kinds.items()}
     makers: list[tuple[str, str, str, str, Callable[[], Float64[np.ndarray, " K"]]]] = [
         ("arm's delay", "By how much the arm's own log is behind its command.", "s", "l", lambda: slope(log, 0)),
         (
@@ -66,6 +65,15 @@ def direct_checks(predictor: Predictor, trials: Trials, about: Theta) -> tuple[C
                 lambda axis=axis: rows.r[:, table][:, axis] / _ARM_M / _DEGREE,
             )
         )
+    makers.append(
+        (
+            "object's girth",
+            "Of half of its points about its middle line, more than that of its radius.",
+            "m",
+            "g",
+            lambda: rows.r[:, girth][:, 0],
+        )
+    )
     checks = list[Check]()
     for name, about_it, unit, kind, values in makers:
         found = of(values(), seen[kind])

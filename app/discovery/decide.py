@@ -12,7 +12,7 @@ from typing import NamedTuple, final
 import numpy as np
 from jaxtyping import Float64
 
-from app.discovery.evidence import Residuals, fitted, log_likelihood
+from app.discovery.evidence import Covariances, Residuals, fitted, log_likelihood
 from app.discovery.inference import Prior, weigh
 from app.discovery.predict import Predictor, Trials
 from app.discovery.refine import Model, refine, started
@@ -23,6 +23,8 @@ from app.discovery.subject import Catalogue, Theta
 TEMPERATURE = 3.0
 _NOTHING = 0.25
 """Prior probability that nothing is missing; the rest is shared evenly among the causes."""
+_DOUBT = 0.5
+"""Probability of nothing missing above which no cause is taken for present."""
 _SHORTLIST = 5
 _CLOSE = 3.0
 """Suspects whose evidence is so near the last of the shortlist's are on it, too."""
@@ -67,9 +69,10 @@ def decide(predictor: Predictor, trials: Trials, screening: Screening, said: Pro
     singles.sort(key=lambda model: -model.log_evidence)
     probabilities, nothing = probabilities_of(screening, singles)
     best = singles[0]
-    best = _extended(predictor, trials, screening, best, singles, said)
-    held = held_out(screening, best)
-    accepted = best if nothing < 0.5 and held.gain > 2 * held.error else None
+    if nothing < _DOUBT:
+        best = _extended(predictor, trials, screening, best, singles, said)
+    held = held_out((screening.data, screening.prior), best)
+    accepted = best if nothing < _DOUBT and held.gain > 2 * held.error else None
     return Decision(singles=tuple(singles), probabilities=probabilities, nothing=nothing, accepted=accepted, held=held)
 
 
@@ -114,6 +117,9 @@ def _extended(
         better = max(found, key=lambda model: model.log_evidence, default=None)
         if better is None or better.log_evidence < best.log_evidence + ENOUGH:
             return best
+        gained = held_out((best.data, best.prior), better)
+        if gained.gain < 2 * gained.error:
+            return best
         best = _without_needless(better, [best, *singles])
     return best
 
@@ -151,17 +157,20 @@ def _further(model: Model) -> list[Suspect]:
     return list(first.values())
 
 
-def held_out(screening: Screening, model: Model) -> Held:
+def held_out(simpler: tuple[Residuals, Prior], model: Model) -> Held:
     """Leave-one-episode-out: the mean over episodes of the gain in log likelihood, and its standard error."""
-    nothing = (screening.data, screening.prior)
+    starts = (None, model.fit.covariances)
     gains = np.array(
-        [_likelihood(model.data, model.prior, e) - _likelihood(*nothing, e) for e in np.unique(model.data.episode)]
+        [
+            _likelihood(model.data, model.prior, episode, starts) - _likelihood(*simpler, episode, starts)
+            for episode in np.unique(model.data.episode).tolist()
+        ]
     )
     return Held(float(gains.mean()), float(gains.std(ddof=1) / np.sqrt(len(gains))) if len(gains) > 1 else np.inf)
 
 
-def _likelihood(data: Residuals, prior: Prior, episode: int) -> float:
-    fit = fitted(data.without(episode), prior.variance, prior.mean)
+def _likelihood(data: Residuals, prior: Prior, episode: int, starts: Sequence[Covariances | None]) -> float:
+    fit = fitted(data.without(episode), prior.variance, prior.mean, starts)
     return log_likelihood(data.of(data.episode == episode), fit.theta, fit.covariances)
 
 

@@ -22,10 +22,12 @@ _PHASES = 8
 """Moments of a push at which the arm's log is compared with its command."""
 _ARM_M = 0.3
 """A slope of the table counts as the height that it makes over this length."""
-_FINGER, _TABLE, _LOG = 3, 3, 2 * _PHASES
-_LEAST_M = (5e-4, 3e-4, 2e-4)
-"""How exact finger, table and log are at best, however many points are averaged: half a millimetre of bias in seeing
-a finger or a table, and a fifth in following a command, is not worth a name."""
+_WIDTHS = {"finger": 3, "table": 3, "log": 2 * _PHASES, "girth": 1}
+_LEAST_M = {"finger": 5e-4, "table": 3e-4, "log": 2e-4, "girth": 3e-4}
+"""How exact each is at best, however many points are averaged: half a millimetre of bias in seeing a finger, a third in
+seeing a table or a rope, and a fifth in following a command, is not worth a name."""
+_HALF_INSIDE = 0.404
+"""Half of a disc lies nearer than u radii to a line through its middle: 2/pi (asin u + u sqrt(1 - u^2)) = 1/2."""
 _LEAST_POINTS = 3
 
 
@@ -45,12 +47,17 @@ class DirectRows(NamedTuple):
     known: Bool[np.ndarray, "K R"]
 
 
+def row_of(kind: str) -> slice:
+    """Where the rows of finger, table, log or girth stand."""
+    before = list(_WIDTHS).index(kind)
+    first = sum(list(_WIDTHS.values())[:before])
+    return slice(first, first + _WIDTHS[kind])
+
+
 def direct_blocks(first: int) -> tuple[Block, ...]:
-    """Finger, table and log as blocks of rows, from row `first` on."""
-    ends = first + np.cumsum([0, _FINGER, _TABLE, _LOG])
-    return tuple(
-        Block(slice(int(low), int(high)), least) for low, high, least in zip(ends[:-1], ends[1:], _LEAST_M, strict=True)
-    )
+    """Each kind as a block of rows, from row `first` on."""
+    own = {kind: row_of(kind) for kind in _WIDTHS}
+    return tuple(Block(slice(first + at.start, first + at.stop), _LEAST_M[kind]) for kind, at in own.items())
 
 
 def direct_rows(predictor: Predictor, trials: Trials, about: Theta, changes: Sequence[Change]) -> DirectRows:
@@ -61,27 +68,26 @@ def direct_rows(predictor: Predictor, trials: Trials, about: Theta, changes: Seq
         for column, change in enumerate(changes)
         if change.apart > 0 and (change.up != change.down)[physics:].any()
     ]
-    sources: list[tuple[int, Callable[[int, Theta], Float64[np.ndarray, " S"] | None]]] = [
-        (_FINGER, lambda k, theta: _finger(predictor, trials, k, theta)),
-        (_TABLE, lambda k, theta: _table(predictor, trials, k, theta) if k in first else None),
-        (_LOG, lambda k, theta: _log(predictor, trials, k, theta)),
-    ]
-    count, rows = len(trials), sum(width for width, _ in sources)
+    sources: dict[str, Callable[[int, Theta], Float64[np.ndarray, " S"] | None]] = {
+        "finger": lambda k, theta: _finger(predictor, trials, k, theta),
+        "table": lambda k, theta: _table(predictor, trials, k, theta) if k in first else None,
+        "log": lambda k, theta: _log(predictor, trials, k, theta),
+        "girth": lambda k, theta: _girth(predictor, trials, k, theta),
+    }
+    count, rows = len(trials), sum(_WIDTHS.values())
     r, J = np.zeros((count, rows)), np.zeros((count, rows, len(changes)))
     known = np.zeros((count, rows), bool)
-    at = 0
-    for width, residual in sources:
+    for kind, residual in sources.items():
+        own = row_of(kind)
         for k in range(count):
             here = residual(k, about)
             if here is None:
                 continue
-            own = slice(at, at + width)
             r[k, own], known[k, own] = here, True
             for column, change in seen:
                 above, below = residual(k, change.up), residual(k, change.down)
                 if above is not None and below is not None:
                     J[k, own, column] = (below - above) / change.apart  # A residual falls as its prediction rises.
-        at += width
     return DirectRows(r, J, known)
 
 
@@ -127,6 +133,16 @@ def _log(predictor: Predictor, trials: Trials, k: int, theta: Theta) -> Float64[
     apart = push.measured.at(times) - predictor.told(push.command, trials.loads[k], theta).at(times)
     across = np.array([-ahead[1], ahead[0]])
     return np.concatenate([apart[:, :2] @ ahead, apart[:, :2] @ across])
+
+
+def _girth(predictor: Predictor, trials: Trials, k: int, theta: Theta) -> Float64[np.ndarray, "1"]:
+    """How far half of the object's points are at most from its middle line, less that of an object of known radius."""
+    eye = Eye(np.asarray(trials.study.camera), trials.middles[k].astype(np.float64))
+    points = predictor.unseen(trials.study.pushes[k].before.points, eye, theta)
+    tangent = trials.labels[k, :, 2:4]
+    out = points[:, :2] - trials.middles[k][:, :2]
+    beside = np.abs(out[:, 1] * tangent[:, 0] - out[:, 0] * tangent[:, 1])
+    return np.array([float(np.median(beside)) - _HALF_INSIDE * predictor.subject.radius_m])
 
 
 def _phases(push: Push, low_m: float) -> tuple[Float64[np.ndarray, " S"], Float64[np.ndarray, "2"]]:

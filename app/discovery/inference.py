@@ -17,11 +17,10 @@ from jaxtyping import Float64
 from app.discovery.evidence import Covariances, Fit, Residuals, fitted
 from app.discovery.subject import Cause, Family
 
-HABITS: Mapping[Family, float] = {"sensing": 0.06, "actuation": 0.02, "physics": 0.15}
+HABITS: Mapping[Family, float] = {"sensing": 0.04, "actuation": 0.02, "physics": 0.15}
 """Standard deviation, in steps, of what effects seem to have where nothing is wrong."""
 _OWN_HABITS: Mapping[str, float] = {
     "camera_time_offset": 0.02,
-    "depth_bias": 0.12,
     "friction_map": 0.2,
     "hand_eye_rotation": 0.03,
     "kelvin_voigt": 0.3,

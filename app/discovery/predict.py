@@ -35,7 +35,7 @@ _TOUCH_M = 0.018
 _SLOW_M_S = 0.01
 _STILL_M = 2e-3
 _LEAST_SHARE = 0.1
-_CHUNKS = {"cpu": (32, 64), "gpu": (256, 512, 1024, 2048, 4096)}
+_CHUNKS = {"cpu": (32, 64), "gpu": (256, 512, 1024, 2048)}
 _GROUPS = 4
 
 

@@ -16,6 +16,7 @@ def subject_of(task: Task) -> Subject:
         haste=task.haste,
         mass_kg=task.rope.mass_kg,
         length_m=task.rope.length_m,
+        radius_m=task.rope.radius_m,
         low_m=task.actions.height_m + LOW_ENOUGH_M,
         particle_count=task.preset("cpu").particle_count,
         nominal=phi_of(nominal_model(task.name)),
