@@ -1,6 +1,8 @@
 """Show what the simulation gets wrong in recorded pushes, name the cause, extend the model, measure the gain."""
 
+import hashlib
 import time
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Annotated
 
@@ -9,9 +11,15 @@ from rich.console import Console
 
 from app.commands._study import read_study
 from app.core.errors import UsageError
+from app.core.messages import Model
+from app.discovery.case import Case
 from app.discovery.chain import discover as investigate
+from app.discovery.study import Study
+from app.discovery.subject import catalogue
+from app.recording.model_file import save_model
 from app.tasks import load
 from app.tasks.doubted import subject_of
+from app.tasks.extended import estimated, extended_model
 from app.ui.report import show_case, verdict_json, write_report
 
 
@@ -38,6 +46,7 @@ def discover(
         case = investigate(study, subject_of(load(study.task)), said)
     report = output / "report.html"
     write_report(report, case)
+    save_model(output / "model.toml", _model(case, study, recordings))
     (output / "verdict.json").write_text(verdict_json(case), encoding="utf-8")
     terminal.print(show_case(case, report))
 
@@ -48,3 +57,20 @@ def _prepare(output: Path) -> None:
         output.mkdir(parents=True, exist_ok=True)
     except OSError as error:
         raise UsageError(f"Cannot write to {output}: {error.strerror}; choose another folder with -o.") from None
+
+
+def _model(case: Case, study: Study, recordings: Sequence[Path]) -> Model:
+    """The extended model for `--model`; where nothing is missing, the refitted nominal one."""
+    known = catalogue()
+    nominal = known.nominal(subject_of(load(study.task)))
+    values, covariance = estimated(known, nominal, case.extended, case.estimated, case.covariance)
+    return extended_model(
+        study.task,
+        values,
+        effects=[cause.name for cause in known.causes if any(step.cause == cause.name for step in case.estimated)],
+        covariance=covariance,
+        recordings={path.name: hashlib.sha256(path.read_bytes()).hexdigest() for path in recordings},
+        camera_m=study.camera,
+        pushes=len(study.pushes),
+        time_s=time.monotonic(),
+    )

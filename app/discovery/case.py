@@ -11,6 +11,7 @@ from jaxtyping import Float32, Float64
 
 from app.core.track import Track
 from app.core.types import Points
+from app.discovery.sensitivity import Step
 from app.discovery.subject import Family, Theta
 
 Name: TypeAlias = Literal["named", "set", "none", "none_of_these"]
@@ -194,7 +195,8 @@ class Case:
     `causes` are those of the verdict: one or more that act together where it is `named`, the alternatives where it is
     a `set`. `ranking` is everything that was weighed. `confusions[i][j]`: how often `confused[i]`, hidden in these
     very pushes, would have been taken for `confused[j]`. `about`: the refitted nominal model; `extended`: what is
-    saved. `per_episode`: one-step errors [mm] (E, 2), nominal and extended. `steps`: the same over 1, 2, ... pushes.
+    saved, and `estimated` the steps in which it was fitted, with their `covariance`. `per_episode`: one-step errors
+    [mm] (E, 2), nominal and extended; `steps`: the same over 1, 2, ... pushes.
     `spent_s`: seconds by stage.
     """
 
@@ -221,4 +223,6 @@ class Case:
     nominal: tuple[Estimate, ...]
     about: Theta
     extended: Theta
+    estimated: tuple[Step, ...]
+    covariance: Float64[np.ndarray, "Q Q"]
     spent_s: tuple[tuple[str, float], ...]

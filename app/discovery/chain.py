@@ -77,7 +77,9 @@ def discover(study: Study, subject: Subject, said: Progress) -> Case:
         next_push=ahead,
         nominal=estimates_of(predictor.catalogue, subject, decision.singles[0], None),
         about=about,
-        extended=model.theta if model is not None else about,
+        extended=model.estimate if model is not None else about,
+        estimated=model.steps[: model.own] if model is not None else (),
+        covariance=model.covariance if model is not None else np.zeros((0, 0)),
         spent_s=tuple(watch.spent_s),
     )
 
@@ -137,7 +139,7 @@ _ACCEPTED = 0.9
 def _rivals(screening: Screening, decision: Decision) -> dict[str, tuple[float, Theta]]:
     """What is still probable, with its model."""
     rivals = {
-        model.causes[0]: (decision.probabilities[model.causes[0]], model.theta)
+        model.causes[0]: (decision.probabilities[model.causes[0]], model.estimate)
         for model in decision.singles
         if decision.probabilities[model.causes[0]] > _SURVIVOR
     }

@@ -72,7 +72,7 @@ def estimates_of(catalogue: Catalogue, subject: Subject, model: Model, cause: st
     deviations = np.sqrt(np.diag(model.covariance))
     names = {one.name for one in catalogue.causes}
     return tuple(
-        _estimate(catalogue, subject, step.column, model.theta, 0.0, float(sd) * step.size)
+        _estimate(catalogue, subject, step.column, model.estimate, 0.0, float(sd) * step.size)
         for step, sd in zip(model.steps[: model.own], deviations, strict=True)
         if (step.cause == cause if cause is not None else step.cause not in names)
     )

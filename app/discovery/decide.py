@@ -104,7 +104,7 @@ def _extended(
     said: Progress,
 ) -> Model:
     """The best model with more causes, while each makes the data enough more likely; none that is not needed."""
-    starts = {model.causes[0]: model.theta for model in singles}
+    starts = {model.causes[0]: model.estimate for model in singles}
     while len(best.causes) < _MOST:
         found = list[Model]()
         for suspect in _further(best)[:_ASKED]:
@@ -112,7 +112,7 @@ def _extended(
             start = starts.get(suspect.cause)
             if start is None:
                 start = started(predictor.catalogue, screening.about, suspect)
-            both = [*((name, best.theta) for name in best.causes), (suspect.cause, start)]
+            both = [*((name, best.estimate) for name in best.causes), (suspect.cause, start)]
             found.append(refine(predictor, trials, screening, both, (best.fit.covariances,)))
         better = max(found, key=lambda model: model.log_evidence, default=None)
         if better is None or better.log_evidence < best.log_evidence + ENOUGH:

@@ -34,11 +34,12 @@ class Model:
     """Causes taken for present, with what they take, about which everything else is linear.
 
     `own`: the first columns of the data, those of the causes and of the calibrated parameters; the rest are the
-    screening's.
+    screening's. `estimate`: `theta` moved by the fit.
     """
 
     causes: tuple[str, ...]
     theta: Theta
+    estimate: Theta
     steps: tuple[Step, ...]
     own: int
     data: Residuals
@@ -65,16 +66,14 @@ def refine(
     causes = tuple(name for name, _ in starts)
     theta = _joined(catalogue, screening.about, starts)
     own = own_steps(catalogue, predictor.subject.calibrated, causes)
-    best, sloped = None, None
+    best: Model | None = None
     for _ in range(_ROUNDS):
         sloped = residuals(predictor, trials, theta, own, replicas=0)
         model = _fitted(catalogue, screening, causes, theta, own, sloped, noises)
         if best is None or model.log_evidence > best.log_evidence:
             best = model
-        shift = np.clip(model.fit.theta[: len(own)], -_FARTHEST, _FARTHEST)
-        for step, share in zip(own, shift, strict=True):
-            theta = moved(catalogue, theta, step, float(share))
-        if float(np.abs(shift).max()) < _SETTLED:
+        theta = model.estimate
+        if float(np.abs(model.fit.theta[: len(own)]).max()) < _SETTLED:
             break
     assert best is not None
     return best
@@ -137,9 +136,13 @@ def _fitted(
     prior = _prior(catalogue, screening, theta, own, others)
     weighing = screening.weighing
     fit = fitted(data, prior.variance, prior.mean, (weighing.nothing.covariances, None, *noises))
+    estimate = theta
+    for step, share in zip(own, np.clip(fit.theta[: len(own)], -_FARTHEST, _FARTHEST), strict=True):
+        estimate = moved(catalogue, estimate, step, float(share))
     return Model(
         causes=causes,
         theta=theta,
+        estimate=estimate,
         steps=(*own, *(screening.steps[n] for n in others)),
         own=len(own),
         data=data,

@@ -335,6 +335,8 @@ def named() -> Case:
         ),
         about=theta,
         extended=theta,
+        estimated=(),
+        covariance=np.zeros((0, 0)),
         spent_s=(
             ("direct checks", 1.4),
             ("nominal fit", 38.2),
