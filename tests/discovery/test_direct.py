@@ -5,7 +5,7 @@ import pytest
 
 from app.core.track import Track
 from app.discovery.apparatus.base import Eye, Load
-from app.discovery.direct import direct_blocks, direct_rows
+from app.discovery.direct import direct_blocks, direct_rows, row_of
 from app.discovery.evidence import Residuals
 from app.discovery.inference import weigh
 from app.discovery.predict import Predictor, Trials, prepare
@@ -130,6 +130,11 @@ def test_where_cameras_and_arm_are_right_nothing_is_named() -> None:
     assert ranked(NOMINAL.copy())[0][0] < 1.0
 
 
+def test_half_of_a_ropes_points_are_as_near_to_its_middle_as_its_radius_says() -> None:
+    girth = data(prepare(study(NOMINAL.copy()), SUBJECT)).r[:, row_of("girth")]
+    assert abs(float(np.median(girth))) < 0.5e-3
+
+
 def test_what_was_not_measured_has_no_rows() -> None:
     bare = study(NOMINAL)
     bare = Study(
@@ -147,4 +152,4 @@ def test_what_was_not_measured_has_no_rows() -> None:
         ),
         camera=CAMERA,
     )
-    assert not data(prepare(bare, SUBJECT)).known.any()
+    assert not data(prepare(bare, SUBJECT)).known[:, : row_of("girth").start].any()

@@ -5,7 +5,10 @@ from functools import cache
 import numpy as np
 import pytest
 
+from app.discovery.conclude import NAMED
+from app.discovery.decide import held_out, probabilities_of
 from app.discovery.predict import Predictor, prepare
+from app.discovery.refine import refine, started
 from app.discovery.screen import Screening, refit, screen
 from app.discovery.study import Study
 from app.discovery.subject import catalogue
@@ -59,8 +62,27 @@ def test_its_size_is_found_within_half_of_it(name: str) -> None:
     assert suspect.finding.mean[at] * suspect.steps[at].size == pytest.approx(hidden, rel=0.5)
 
 
-def test_where_nothing_was_hidden_nothing_is_found() -> None:
-    assert screened("none").suspects[0].finding.log_bayes < 3.0
+def test_where_nothing_was_hidden_nothing_is_named() -> None:
+    probabilities, _ = probabilities_of(screened("none"), [])
+    assert max(probabilities.values()) < NAMED
+
+
+@pytest.mark.parametrize("name", ["friction_drift", "hand_eye_translation"])
+def test_what_was_hidden_is_named_before_any_refit(name: str) -> None:
+    probabilities, _ = probabilities_of(screened(name), [])
+    assert probabilities[name] > NAMED
+
+
+def test_a_refit_keeps_the_size_of_what_was_found_and_its_evidence() -> None:
+    name = "hand_eye_translation"
+    found, trials = screened(name), prepare(studies()[name], SUBJECT)
+    suspect = found.suspects[0]
+    start = started(CATALOGUE, found.about, suspect)
+    model = refine(PREDICTOR, trials, found, [(name, start)])
+    assert model.estimate[CATALOGUE.column("hand_eye_y")] == pytest.approx(HIDDEN[name]["hand_eye_y"], rel=0.15)
+    assert model.log_evidence - found.weighing.log_evidence > 0.8 * suspect.finding.log_bayes
+    kept = held_out((found.data, found.prior), model)
+    assert kept.gain > 2 * kept.error
 
 
 def test_predictions_of_another_resolution_are_a_small_part_of_the_motion() -> None:
