@@ -47,7 +47,8 @@ def random_track(rng: np.random.Generator, x: Points, plan: Plan, *, start_s: fl
     xy = np.concatenate([np.repeat(level[:1], _DESCENT + _WAIT, 0), level, np.repeat(level[-1:], _DWELL + _DESCENT, 0)])
     z = np.concatenate([down, np.full(_WAIT + len(level) + _DWELL, height_m), down[::-1]])
     yaw = rng.uniform(-np.pi, np.pi)
-    turned = np.tile([np.cos(yaw / 2), 0.0, 0.0, np.sin(yaw / 2)], (len(xy), 1))
+    # The tool's z axis points down, as the arm's does: a turn about the vertical after half a turn about x.
+    turned = np.tile([0.0, np.cos(yaw / 2), np.sin(yaw / 2), 0.0], (len(xy), 1))
     poses = np.concatenate([xy, z[:, None], turned], axis=1)
     return Track(times_s=start_s + PERIOD_S * np.arange(len(poses)), poses=poses)
 
