@@ -70,7 +70,7 @@ def test_what_encoders_see_is_measured_and_what_they_do_not_is_only_done() -> No
     told = takes(injected("command_delay", 0.2), plan=once)[0]
     behind = told.command.at(told.command.times_s - 0.2)
     assert np.abs(told.measured.positions - behind).max() < 6e-4
-    askew = takes(injected("tcp_offset", 0.0, 0.0, 0.01), plan=once)[0]
+    askew = takes(injected("tcp_offset", 0.0, 0.0, -0.01), plan=once)[0]  # The tool points down.
     assert np.abs(askew.measured.positions - askew.command.positions).max() < 6e-4
     at = askew.command.at(np.array([askew.during.stamp_s]))[0]
     assert askew.during.snapshot.tool[2] - at[2] == pytest.approx(0.01, abs=1e-4)
