@@ -1,7 +1,7 @@
 """The whole chain, from a study to a case file: each stage a function with a typed result."""
 
 import time
-from collections.abc import Callable, Generator
+from collections.abc import Generator
 from contextlib import contextmanager
 from dataclasses import replace
 
@@ -12,7 +12,7 @@ from jaxtyping import Float64
 from app.discovery.case import Amount, Arrows, Blame, Case, Gain
 from app.discovery.checks import direct_checks
 from app.discovery.conclude import estimates_of, powers_of, ranking_of, sentences_of, verdict_of
-from app.discovery.decide import Decision, decide
+from app.discovery.decide import Decision, Progress, decide
 from app.discovery.frames import frame_tests
 from app.discovery.gain import gained
 from app.discovery.limits import limits_of
@@ -23,11 +23,14 @@ from app.discovery.screen import Screening, arrows_of, refit, screen
 from app.discovery.study import Study
 from app.discovery.subject import Subject, Theta, catalogue
 
-Progress = Callable[[str], None]
-
 _ARROWS = 40
 """Drawn for each push."""
 _SURVIVOR = 0.05
+"""Probability above which a cause is worth a push to tell it from the others."""
+_ACCEPTED = 0.9
+"""What a further cause that was accepted is at least worth: it had to beat everything else."""
+_BELOW_M = 0.004
+"""How far below the height at which it can touch the object the tool pushes."""
 
 
 def discover(study: Study, subject: Subject, said: Progress) -> Case:
@@ -84,10 +87,6 @@ def discover(study: Study, subject: Subject, said: Progress) -> Case:
     )
 
 
-_BELOW_M = 0.004
-"""How far below the height at which it can touch the object the tool pushes."""
-
-
 class _Watch:
     """Says which stage runs and keeps how long it took."""
 
@@ -130,10 +129,6 @@ def _causes(
         )
         for blame in found
     )
-
-
-_ACCEPTED = 0.9
-"""What a further cause that was accepted is at least worth: it had to beat everything else."""
 
 
 def _rivals(screening: Screening, decision: Decision) -> dict[str, tuple[float, Theta]]:

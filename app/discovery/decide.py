@@ -7,7 +7,7 @@ the catalogue is, and evidence believes in none of them.
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import NamedTuple, final
+from typing import NamedTuple, TypeAlias, final
 
 import numpy as np
 from jaxtyping import Float64
@@ -34,7 +34,8 @@ _ASKED = 2
 ENOUGH = 14.0
 """Logarithm of the Bayes factor that a further cause must have against the model without it."""
 
-Progress = Callable[[str], None]
+Progress: TypeAlias = Callable[[str], None]
+"""Is told what is being done."""
 
 
 class Held(NamedTuple):

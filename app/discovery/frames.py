@@ -1,6 +1,7 @@
 """The frame test: in which frame is the mean residual constant? It says where to look before any cause is named."""
 
 from collections.abc import Callable
+from typing import TypeAlias
 
 import numpy as np
 from jaxtyping import Float64, Int
@@ -8,10 +9,10 @@ from jaxtyping import Float64, Int
 from app.discovery.case import FrameTest
 from app.discovery.predict import Trials
 
-_DRAWS = 1000
+_DRAWS = 250
 _BINS = 8
 
-Means = Float64[np.ndarray, "K 2"]
+Means: TypeAlias = Float64[np.ndarray, "K 2"]
 """The mean residual of each push [m]."""
 
 
@@ -49,7 +50,7 @@ def frame_tests(
     return tuple(sorted(tests, key=lambda test: -test.explained))
 
 
-Share = Callable[[Int[np.ndarray, " L"]], float]
+Share: TypeAlias = Callable[[Int[np.ndarray, " L"]], float]
 """Of the variance, explained among some of the pushes."""
 
 
@@ -57,8 +58,7 @@ def _test(name: str, about: str, episode: Int[np.ndarray, " K"], means: Means, s
     rng, numbers = np.random.default_rng(0), np.unique(episode)
     rows = [np.flatnonzero(episode == number) for number in numbers]
     drawn = [
-        share(np.concatenate([rows[index] for index in rng.integers(len(rows), size=len(rows))]))
-        for _ in range(_DRAWS // 4)
+        share(np.concatenate([rows[index] for index in rng.integers(len(rows), size=len(rows))])) for _ in range(_DRAWS)
     ]
     low, high = np.quantile(drawn, [0.05, 0.95])
     explained = share(np.arange(len(means)))
