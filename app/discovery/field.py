@@ -14,6 +14,7 @@ from typing import final
 import numpy as np
 from jaxtyping import Float32, Float64
 from scipy.spatial import KDTree
+from scipy.spatial.distance import cdist
 
 from app.core.types import Points
 
@@ -68,7 +69,8 @@ class Basis:
 def registered(predicted: Points, observed: Points, basis: Basis) -> Float64[np.ndarray, " Q"]:
     """The amplitudes [m] that move the predicted cloud onto the observed one."""
     x, y = predicted[:, :2].astype(np.float64), observed[:, :2].astype(np.float64)
-    amplitudes = np.zeros(basis.vectors.shape[1])
+    flat = basis.vectors.transpose(0, 2, 1).reshape(-1, basis.vectors.shape[1])
+    amplitudes = np.zeros(flat.shape[1])
     for width in _WIDTHS_M:
         centres = _lattice(np.concatenate([x, y]), width)
         target = _kernel(y, centres, width).mean(1)
@@ -76,9 +78,8 @@ def registered(predicted: Points, observed: Points, basis: Basis) -> Float64[np.
         for _ in range(_ROUNDS):
             here = x + basis.field(amplitudes)
             k = _kernel(here, centres, width) / len(here)
-            slope = np.einsum(
-                "cn,cnd,nqd->cq", k, (centres[:, None] - here[None]) / width**2, basis.vectors, optimize=True
-            )
+            pull = k[:, :, None] * (centres[:, None] - here[None]) / width**2
+            slope = pull.reshape(len(centres), -1) @ flat
             W, r = root @ slope, root @ (target - k.sum(1))
             normal = W.T @ W + np.diag(1 / _PRIOR_M**2)
             step = np.linalg.solve(normal, W.T @ r - amplitudes / _PRIOR_M**2)
@@ -92,7 +93,7 @@ def registered(predicted: Points, observed: Points, basis: Basis) -> Float64[np.
 def _kernel(
     x: Float64[np.ndarray, "N 2"], centres: Float64[np.ndarray, "C 2"], width: float
 ) -> Float64[np.ndarray, "C N"]:
-    return np.exp(-((centres[:, None] - x[None]) ** 2).sum(-1) / (2 * width**2))
+    return np.exp(-cdist(centres, x, "sqeuclidean") / (2 * width**2))
 
 
 def _covariance(

@@ -1,0 +1,110 @@
+"""What a decision becomes: a name, a set, or nothing; and never a name from data that cannot carry one."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from app.discovery.case import Limit
+from app.discovery.conclude import estimates_of, sentences_of, verdict_of
+from app.discovery.decide import Decision, Held
+from app.discovery.evidence import Block, Residuals, fitted
+from app.discovery.inference import Prior
+from app.discovery.refine import Model, own_steps
+from app.discovery.subject import catalogue
+from app.tasks import load
+from app.tasks.doubted import subject_of
+
+SUBJECT, CATALOGUE = subject_of(load("rope_push")), catalogue()
+FATAL = Limit(text="Nothing was touched.", consequence="No cause can be named: push the object.", fatal=True)
+MILD = Limit(text="One speed only.", consequence="Delay and compliance cannot be told apart.")
+
+
+def model(*causes: str, values: dict[str, float] | None = None) -> Model:
+    """A fit of these causes to rows that say their values, in their own steps, exactly."""
+    theta = CATALOGUE.nominal(SUBJECT)
+    for name, value in (values or {}).items():
+        theta[CATALOGUE.column(name)] = value
+    steps = own_steps(CATALOGUE, SUBJECT.calibrated, causes)
+    count = len(steps)
+    rng = np.random.default_rng(0)
+    J = rng.normal(size=(20, 8, count))
+    data = Residuals(
+        r=1e-3 * rng.normal(size=(20, 8)),
+        J=J,
+        spread=np.zeros((20, 8, 1)),
+        known=np.ones((20, 8), bool),
+        episode=np.arange(20) // 4,
+        blocks=(Block(slice(0, 8), 1e-3),),
+    )
+    prior = Prior(mean=np.zeros(count), variance=np.ones(count), nuisance=(0, 1))
+    return Model(
+        causes=causes,
+        theta=theta,
+        estimate=theta,
+        steps=steps,
+        own=count,
+        data=data,
+        prior=prior,
+        fit=fitted(data, prior.variance),
+        log_evidence=0.0,
+        temper=1.0,
+    )
+
+
+def decision(probabilities: dict[str, float], accepted: Model | None) -> Decision:
+    return Decision(
+        singles=(),
+        probabilities=probabilities,
+        nothing=1 - sum(probabilities.values()),
+        accepted=accepted,
+        held=Held(5.0, 1.0),
+    )
+
+
+SURE = decision({"table_tilt": 0.95, "draught": 0.04}, model("table_tilt"))
+TORN = decision({"stribeck": 0.5, "viscous_film": 0.42, "friction_map": 0.05, "draught": 0.01}, model("stribeck"))
+
+
+def test_a_cause_that_is_probable_enough_is_named() -> None:
+    assert verdict_of(SURE, [MILD]) == ("named", ("table_tilt",))
+
+
+def test_causes_that_cannot_be_told_apart_are_a_set_no_larger_than_it_must_be() -> None:
+    assert verdict_of(TORN, []) == ("set", ("stribeck", "viscous_film"))
+
+
+def test_what_was_not_accepted_is_not_named_however_probable() -> None:
+    assert verdict_of(replace(SURE, accepted=None), []) == ("none", ())
+
+
+def test_data_that_cannot_carry_a_name_get_none() -> None:
+    assert verdict_of(SURE, [MILD, FATAL]) == ("none", ())
+    assert "cannot carry" in sentences_of("none", (), "", [FATAL], SURE.probabilities)[0]
+
+
+def test_causes_that_act_together_are_named_together() -> None:
+    both = model("table_tilt", "hand_eye_translation")
+    found = decision({"table_tilt": 0.6, "hand_eye_translation": 0.3}, both)
+    assert verdict_of(found, []) == ("named", ("table_tilt", "hand_eye_translation"))
+
+
+@pytest.mark.parametrize(
+    ("cause", "name", "value", "real"),
+    [
+        ("table_tilt", "tilt_x", 1.5, 1.5),
+        ("hand_eye_translation", "hand_eye_y", 0.004, 0.004),
+        ("viscous_film", "film_drag", 12.0, 12.0 * SUBJECT.haste / SUBJECT.heft),
+        ("command_delay", "command_delay", 0.08, 0.08),
+    ],
+)
+def test_sizes_are_those_of_the_real_world(cause: str, name: str, value: float, real: float) -> None:
+    estimates = estimates_of(CATALOGUE, SUBJECT, model(cause, values={name: value}), cause)
+    found = next(estimate for estimate in estimates if estimate.name == name)
+    assert found.value == pytest.approx(real, rel=1e-6)
+    assert found.low <= found.value <= found.high
+
+
+def test_the_calibrated_parameters_are_no_cause() -> None:
+    names = [estimate.name for estimate in estimates_of(CATALOGUE, SUBJECT, model("table_tilt"), None)]
+    assert names == list(SUBJECT.calibrated)
