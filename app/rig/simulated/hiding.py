@@ -15,8 +15,10 @@ from app.sim.files import files_of
 IMPOSSIBLE = {
     "cohesion": "there are no grains in this world",
     "shear_thinning": "there is no liquid in this world",
-    "resolution": "it is an error of our own numerics, which another engine does not have",
-    "contact_softness": "it is an error of our own numerics, which another engine does not have",
+    **dict.fromkeys(
+        ("resolution", "contact_softness", "contact_distance"),
+        "it is an error of our own numerics, which another engine does not have",
+    ),
 }
 """Causes of discovery's catalogue that cannot be hidden here, and why."""
 
