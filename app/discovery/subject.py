@@ -120,10 +120,12 @@ class Catalogue:
 
 
 def catalogue() -> Catalogue:
-    """Every effect file of the simulator and of the apparatus, and numerics."""
+    """Every effect file of the simulator and of the apparatus, and numerics; all parameters, libraries' too."""
     specs, causes = list(PARAMETERS), list[Cause]()
     for name, module in files_of(effects):
         effect = module.EFFECT
+        if not effect.catalogued:
+            continue
         columns = tuple(index(spec.name) for spec in effect.parameters)
         causes.append(_cause(name, "physics", _about(module.__doc__ or ""), columns, effect))
     held = list[tuple[Apparatus, int]]()

@@ -343,3 +343,61 @@ def test_after_an_abrupt_change_of_stiffness_a_rope_gives_more():
     model = {"stiffness_step": -1.0, "step_time": 0.0}
     before, after = run(floating(), stretching(8.0), far_tool(40), model, times=(-0.4, 0.4))
     assert after.F[:, 0, 0].mean() > before.F[:, 0, 0].mean() + 0.01
+
+
+# What no cause of the catalogue is.
+
+
+def drawn_off(x: np.ndarray, model: dict[str, float], velocity: tuple[float, float, float] = (0, 0, 0)) -> np.ndarray:
+    """How far [m] a rope without friction on the table gets in 70 ms that it would not without the model."""
+    start = flung(x, np.tile(velocity, (PARTICLES, 1)))
+    free, moved = run(TABLE, start, far_tool(140), {"table_friction": 0.0}, {"table_friction": 0.0, **model})
+    return (moved.x - free.x).mean(0)[:2]
+
+
+FALL_M = G * 0.07**2 / 2
+AWAY = np.float32([0.02, 0.03, 0.0])
+"""Of a rope about (0.51, 0), to (-0.02, 0.03) m from the middle of the workspace."""
+
+
+@pytest.mark.parametrize(
+    ("model", "share"),
+    [
+        ({"push_x": 0.2}, (0.2, 0.0)),
+        ({"spread": 4.0}, (-0.08, 0.12)),
+        ({"swirl": 4.0}, (-0.12, -0.08)),
+        ({"stretch_axes": 4.0}, (-0.08, -0.12)),
+        ({"stretch_diagonals": 4.0}, (0.12, -0.08)),
+    ],
+    ids=["push", "spread", "swirl", "axes", "diagonals"],
+)
+def test_a_force_of_place_is_the_linear_field_that_it_says(model: dict[str, float], share: tuple[float, float]):
+    assert drawn_off(ROPE + AWAY, model) == pytest.approx(np.array(share) * FALL_M, abs=0.05 * 0.15 * FALL_M)
+
+
+def test_drag_by_the_square_of_speed_slows_a_fast_rope_more_than_a_slow_one():
+    def lost(model: dict[str, float], speed: float) -> float:
+        return -float(drawn_off(ROPE, model, (speed, 0.0, 0.0))[0]) / speed
+
+    assert lost({"drag_squared": 20.0}, 0.4) == pytest.approx(2 * lost({"drag_squared": 20.0}, 0.2), rel=0.2)
+    assert lost({"drag": 5.0}, 0.4) == pytest.approx(lost({"drag": 5.0}, 0.2), rel=0.02)
+
+
+def test_what_is_pulled_sideways_goes_to_the_left_of_its_way_and_no_faster():
+    pulls = [drawn_off(ROPE, {"sideways": 0.1}, velocity) for velocity in ((0.4, 0.0, 0.0), (-0.4, 0.0, 0.0))]
+    assert pulls[0][1] == pytest.approx(0.1 * FALL_M, rel=0.1)
+    assert pulls[1][1] == pytest.approx(-pulls[0][1], rel=0.05)
+    turned = drawn_off(ROPE, {"sideways_rate": 20.0}, (0.4, 0.0, 0.0))
+    start = flung(ROPE, np.full((PARTICLES, 3), [0.4, 0.0, 0.0]))
+    ends = run(TABLE, start, far_tool(140), {"table_friction": 0.0}, {"table_friction": 0.0, "sideways_rate": 20.0})
+    speeds = [np.linalg.norm(end.v.mean(0)[:2]) for end in ends]
+    assert turned[1] > 0.005
+    assert speeds[1] == pytest.approx(speeds[0], rel=0.02)
+
+
+def test_a_push_that_grows_with_the_session_turns_round_in_its_middle():
+    ends = run(TABLE, still(ROPE), far_tool(140), {"growth_y": 0.4, "table_friction": 0.0}, times=(-0.5, 0.0, 0.5))
+    early, middle, late = (float((end.x - ROPE).mean(0)[1]) for end in ends)
+    assert late == pytest.approx(0.2 * FALL_M, rel=0.05)
+    assert early == pytest.approx(-late, rel=0.05)
+    assert abs(middle) < 0.02 * late

@@ -81,6 +81,8 @@ class Effect:
     switches: int | None = None
     reach_m: float | None = None
     """Farther than this from its place it does nothing; None: it acts everywhere."""
+    catalogued: bool = True
+    """Whether discovery may name it as a cause; else it is a library of terms for what no cause explains."""
 
     node_velocity: WarpFunction | None = None
     """Of a node's velocity [m/s], after gravity and before contact."""

@@ -1,0 +1,59 @@
+"""A force that depends on motion alone: a = -c v - q |v| v + s g n x v / |v| + w n x v, of the level velocity v.
+
+Drag by powers of speed (Newton 1687, "Principia", book II) and what pulls to the left of the way: as a nap or a thread
+does, or in proportion to speed (Coriolis 1835). A library for what no cause of the catalogue explains, and no cause
+itself: see `discovery/formula.py`. Drag that does not grow with speed is the table's friction.
+"""
+
+# As static types, Warp's numbers have no operators.
+# pyright: reportOperatorIssue=false
+
+from typing import Any
+
+import warp as wp
+
+from app.sim.effects.base import Effect, Node
+from app.sim.parameter import ParameterSpec
+
+REST = wp.constant(0.02)
+"""Far below this speed [m/s] the pull to the left is in proportion to it."""
+
+
+@wp.func
+def moving_velocity(v: wp.vec3, node: Node, phi: Any, at: int) -> wp.vec3:
+    """The velocity after one substep; drag and turn are integrated exactly, so that neither can run away."""
+    speed = wp.sqrt(v[0] * v[0] + v[1] * v[1] + REST * REST)
+    slowed = wp.exp(-phi[at] * node.dt) / (1.0 + phi[at + 1] * speed * node.dt)
+    turn = (phi[at + 2] * node.gravity / speed + phi[at + 3]) * node.dt
+    ahead, aside = slowed * wp.cos(turn), slowed * wp.sin(turn)
+    return wp.vec3(ahead * v[0] - aside * v[1], ahead * v[1] + aside * v[0], v[2])
+
+
+def _term(
+    name: str, unit: str, ends: tuple[float, float, float], about: str, scaling: tuple[int, int] = (0, 0)
+) -> ParameterSpec:
+    """`ends`: low, typical, high."""
+    low, typical, high = ends
+    return ParameterSpec(
+        name=name,
+        unit=unit,
+        nominal=0.0,
+        low=low,
+        high=high,
+        typical=typical,
+        scaling=scaling,
+        scale="linear",
+        about=about,
+    )
+
+
+EFFECT = Effect(
+    parameters=(
+        _term("drag", "1/s", (-10.0, 10.0, 50.0), "Drag in proportion to speed.", (1, -1)),
+        _term("drag_squared", "1/m", (-20.0, 20.0, 100.0), "Drag that grows with the square of speed.", (2, -1)),
+        _term("sideways", "1", (-0.5, 0.15, 0.5), "Pull to the left of the way, as a share of weight."),
+        _term("sideways_rate", "1/s", (-50.0, 10.0, 50.0), "Pull to the left in proportion to speed.", (1, -1)),
+    ),
+    catalogued=False,
+    node_velocity=moving_velocity,
+)

@@ -1,0 +1,47 @@
+"""A force that depends on place alone, to first order: f / (m g) = p + r d + s n x d + (a dx + b dy, b dx - a dy).
+
+d is the way from (0.55, 0) m. Every linear field is a spread r, a swirl s and two stretches a, b (Helmholtz 1858, "On
+integrals of the hydrodynamical equations"); with the push p, each of them is about a point of its own. A library for
+what no cause of the catalogue explains, and no cause itself: see `discovery/formula.py`.
+"""
+
+from typing import Any
+
+import warp as wp
+
+from app.sim.effects.base import Effect, Node
+from app.sim.parameter import ParameterSpec
+
+MIDDLE_X, MIDDLE_Y = 0.55, 0.0
+"""The middle of the workspace [m]."""
+
+
+@wp.func
+def placed_velocity(v: wp.vec3, node: Node, phi: Any, at: int) -> wp.vec3:
+    """The velocity after one substep of the force."""
+    x, y = node.x[0] - wp.static(MIDDLE_X), node.x[1] - wp.static(MIDDLE_Y)
+    ahead = phi[at] + (phi[at + 2] + phi[at + 4]) * x + (phi[at + 5] - phi[at + 3]) * y
+    aside = phi[at + 1] + (phi[at + 5] + phi[at + 3]) * x + (phi[at + 2] - phi[at + 4]) * y
+    return v + node.gravity * node.dt * wp.vec3(ahead, aside, 0.0)
+
+
+def _share(name: str, unit: str, typical: float, about: str) -> ParameterSpec:
+    """A coefficient of either sign, up to five times as large as it is typically met."""
+    end = 5 * typical
+    return ParameterSpec(
+        name=name, unit=unit, nominal=0.0, low=-end, high=end, typical=typical, scale="linear", about=about
+    )
+
+
+EFFECT = Effect(
+    parameters=(
+        _share("push_x", "1", 0.1, "Push along x, as a share of weight."),
+        _share("push_y", "1", 0.1, "Push along y, as a share of weight."),
+        _share("spread", "1/m", 0.8, "Push away from a point by each metre from it, as a share of weight."),
+        _share("swirl", "1/m", 0.8, "Push round a point, to the left, by each metre from it, as a share of weight."),
+        _share("stretch_axes", "1/m", 0.8, "Push outwards along x and inwards along y, a metre, as a share of weight."),
+        _share("stretch_diagonals", "1/m", 0.8, "The same along the diagonals x = y and x = -y."),
+    ),
+    catalogued=False,
+    node_velocity=placed_velocity,
+)
