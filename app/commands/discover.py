@@ -15,8 +15,9 @@ from app.core.messages import Model
 from app.discovery.case import Case
 from app.discovery.chain import discover as investigate
 from app.discovery.study import Study
-from app.discovery.subject import catalogue
+from app.discovery.subject import Catalogue, catalogue
 from app.recording.model_file import save_model
+from app.sim.catalogue import discover as effects_of_the_simulator
 from app.tasks import load
 from app.tasks.doubted import subject_of
 from app.tasks.extended import estimated, extended_model
@@ -67,10 +68,22 @@ def _model(case: Case, study: Study, recordings: Sequence[Path]) -> Model:
     return extended_model(
         study.task,
         values,
-        effects=[cause.name for cause in known.causes if any(step.cause == cause.name for step in case.estimated)],
+        effects=_effects(known, case),
         covariance=covariance,
         recordings={path.name: hashlib.sha256(path.read_bytes()).hexdigest() for path in recordings},
         camera_m=study.camera,
         pushes=len(study.pushes),
         time_s=time.monotonic(),
     )
+
+
+def _effects(known: Catalogue, case: Case) -> list[str]:
+    """What was found, by the names of its files: causes, and libraries that a formula has terms of."""
+    causes = {step.cause for step in case.estimated}
+    names = {known.specs[step.column].name for step in case.estimated}
+    terms = [
+        name
+        for name, effect in effects_of_the_simulator().items()
+        if not effect.catalogued and any(spec.name in names for spec in effect.parameters)
+    ]
+    return [cause.name for cause in known.causes if cause.name in causes] + terms

@@ -154,7 +154,10 @@ class Term:
 @final
 @dataclass(frozen=True, kw_only=True)
 class Formula:
-    """A force on the object that no cause of the catalogue is: a share of weight, as a sum of terms."""
+    """A force on the object that no cause of the catalogue is: a share of weight, as a sum of terms.
+
+    x [m] and v [m/s] are a point of the object and its velocity on the table, n points up, t is as in a session.
+    """
 
     text: str
     words: str
@@ -209,7 +212,7 @@ class Case:
     formula: Formula | None
     ranking: tuple[Blame, ...]
     leftover: float
-    """Probability that something is left which the extended model does not say."""
+    """Probability that something acts which the causes of the verdict do not say."""
     confused: tuple[str, ...]
     confusions: Float64[np.ndarray, "C C"]
     arrows: Arrows

@@ -9,12 +9,14 @@ import jax
 import numpy as np
 from jaxtyping import Float64
 
-from app.discovery.case import Amount, Arrows, Blame, Case, Gain
+from app.discovery.case import Amount, Arrows, Blame, Case, Gain, Name
 from app.discovery.checks import direct_checks
 from app.discovery.conclude import estimates_of, powers_of, ranking_of, sentences_of, verdict_of
 from app.discovery.decide import Decision, Progress, decide
+from app.discovery.formula import Opened, opened
 from app.discovery.frames import frame_tests
 from app.discovery.gain import gained
+from app.discovery.library import FORMULA
 from app.discovery.limits import limits_of
 from app.discovery.next_push import next_push
 from app.discovery.predict import Predictor, Trials, prepare
@@ -22,6 +24,7 @@ from app.discovery.refine import Model
 from app.discovery.screen import Screening, arrows_of, refit, screen
 from app.discovery.study import Study
 from app.discovery.subject import Subject, Theta, catalogue
+from app.discovery.wording import formula_of
 
 _ARROWS = 40
 """Drawn for each push."""
@@ -48,13 +51,17 @@ def discover(study: Study, subject: Subject, said: Progress) -> Case:
         frames = frame_tests(trials, places, arrows)
     with watch.stage("decision"):
         decision = decide(predictor, trials, screening, said)
-    verdict, names = verdict_of(decision, limits)
-    model = decision.accepted if verdict != "none" else None
+    with watch.stage("what is left"):
+        open_ended = opened(predictor, trials, screening, decision, said)
+    verdict, names = verdict_of(decision, limits, open_ended)
+    model = _model(verdict, decision, open_ended)
+    formula = formula_of(subject, open_ended.found) if open_ended.found and model else None
+    left = open_ended.left.probability
     with watch.stage("gain on episodes left out"):
         gain = gained(predictor, trials, screening, model)
     ranking = ranking_of(predictor.catalogue, subject, screening, decision)
     with watch.stage("next push"):
-        rivals = _rivals(screening, decision)
+        rivals = _rivals(screening, decision, open_ended)
         platform = "cpu" if jax.default_backend() == "cpu" else "gpu"
         ahead = next_push(predictor, trials, rivals, platform=platform, height_m=subject.low_m - _BELOW_M)
     causes = _causes(predictor, ranking, names, model)
@@ -63,11 +70,11 @@ def discover(study: Study, subject: Subject, said: Progress) -> Case:
         limits=limits,
         checks=checks,
         verdict=verdict,
-        sentences=sentences_of(verdict, causes, _gain_text(gain.gain), limits, decision.probabilities),
+        sentences=sentences_of(verdict, causes, _gain_text(gain.gain), limits, decision.probabilities, left, formula),
         causes=causes,
-        formula=None,
+        formula=formula,
         ranking=ranking,
-        leftover=float("nan"),
+        leftover=left,
         confused=(),
         confusions=np.zeros((0, 0)),
         arrows=_arrows(trials, places, arrows),
@@ -85,6 +92,13 @@ def discover(study: Study, subject: Subject, said: Progress) -> Case:
         covariance=model.covariance if model is not None else np.zeros((0, 0)),
         spent_s=tuple(watch.spent_s),
     )
+
+
+def _model(verdict: Name, decision: Decision, open_ended: Opened) -> Model | None:
+    """What is saved: with the formula, or with the causes, of the verdict."""
+    if verdict == "none":
+        return None
+    return open_ended.found.model if open_ended.found else decision.accepted
 
 
 class _Watch:
@@ -131,13 +145,15 @@ def _causes(
     )
 
 
-def _rivals(screening: Screening, decision: Decision) -> dict[str, tuple[float, Theta]]:
+def _rivals(screening: Screening, decision: Decision, open_ended: Opened) -> dict[str, tuple[float, Theta]]:
     """What is still probable, with its model."""
     rivals = {
         model.causes[0]: (decision.probabilities[model.causes[0]], model.estimate)
         for model in decision.singles
         if decision.probabilities[model.causes[0]] > _SURVIVOR
     }
+    if open_ended.found is not None:
+        rivals[FORMULA] = (open_ended.left.probability, open_ended.found.model.estimate)
     if decision.nothing > _SURVIVOR or len(rivals) == 1:
         rivals["nothing missing"] = (max(decision.nothing, _SURVIVOR), screening.about)
     return rivals

@@ -4,9 +4,11 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from app.discovery.case import Blame, Estimate, Limit, Name, Power
+from app.discovery.case import Blame, Estimate, Formula, Limit, Name, Power
 from app.discovery.decide import ENOUGH, Decision
+from app.discovery.formula import Opened
 from app.discovery.inference import Prior
+from app.discovery.leftover import LEFT
 from app.discovery.refine import Model
 from app.discovery.screen import Screening
 from app.discovery.subject import Catalogue, Subject, Theta
@@ -18,10 +20,14 @@ _Z = 1.645
 """Of a 90 % interval."""
 
 
-def verdict_of(decision: Decision, limits: Sequence[Limit]) -> tuple[Name, tuple[str, ...]]:
+def verdict_of(decision: Decision, limits: Sequence[Limit], opened: Opened) -> tuple[Name, tuple[str, ...]]:
     """The kind of verdict, and the causes that it is about."""
-    if decision.accepted is None or any(limit.fatal for limit in limits):
+    if any(limit.fatal for limit in limits):
         return "none", ()
+    if opened.found is not None:
+        return "none_of_these", ()
+    if decision.accepted is None:
+        return "none_of_these" if opened.left.probability > LEFT else "none", ()
     if len(decision.accepted.causes) > 1:
         return "named", decision.accepted.causes
     ranked = sorted(decision.probabilities.items(), key=lambda pair: -pair[1])
@@ -137,7 +143,13 @@ def _information(A: np.ndarray, prior: Prior, column: int) -> float:
 
 
 def sentences_of(
-    verdict: Name, causes: Sequence[Blame], gain_text: str, limits: Sequence[Limit], probabilities: Mapping[str, float]
+    verdict: Name,
+    causes: Sequence[Blame],
+    gain_text: str,
+    limits: Sequence[Limit],
+    probabilities: Mapping[str, float],
+    left: float,
+    formula: Formula | None,
 ) -> tuple[str, ...]:
     """Two or three sentences that stand for themselves."""
     if any(limit.fatal for limit in limits):
@@ -146,12 +158,22 @@ def sentences_of(
         likely = max(probabilities.items(), key=lambda pair: pair[1], default=("", 0.0))
         rest = f" The likeliest cause, {_said(likely[0])}, has a probability of {likely[1]:.0%}." if likely[0] else ""
         return ("Nothing is missing that these recordings show: the refitted nominal model explains them." + rest,)
+    if verdict == "none_of_these":
+        return _unnamed(left, formula, gain_text)
+    more = (f"Something is left that this does not say, with a probability of {left:.0%}.",) if left > LEFT else ()
     if verdict == "set":
         names = " or ".join(_said(blame.effect) for blame in causes)
         first = f"Something is missing in the model: {names}. These recordings cannot tell them apart."
-        return (first, gain_text)
+        return (first, gain_text, *more)
     parts = " and ".join(f"{_said(blame.effect)} ({_sized(blame)})" for blame in causes)
-    return (f"What the simulation lacks is {parts}.", gain_text)
+    return (f"What the simulation lacks is {parts}.", gain_text, *more)
+
+
+def _unnamed(left: float, formula: Formula | None, gain_text: str) -> tuple[str, ...]:
+    first = f"Something acts that no known cause explains, with a probability of {left:.0%}."
+    if formula is None:
+        return (first, "No force that was tried predicts pushes that it was not fitted to: the model is left as it is.")
+    return (first, f"It is best said as a force. {formula.words}", gain_text)
 
 
 def _sized(blame: Blame) -> str:

@@ -9,7 +9,10 @@ from app.discovery.case import Limit
 from app.discovery.conclude import estimates_of, sentences_of, verdict_of
 from app.discovery.decide import Decision, Held
 from app.discovery.evidence import Block, Residuals, fitted
+from app.discovery.formula import Found, Opened
 from app.discovery.inference import Prior
+from app.discovery.leftover import Leftover
+from app.discovery.library import FORMULA, with_formula
 from app.discovery.refine import Model, own_steps
 from app.discovery.subject import catalogue
 from app.tasks import load
@@ -66,27 +69,54 @@ SURE = decision({"table_tilt": 0.95, "draught": 0.04}, model("table_tilt"))
 TORN = decision({"stribeck": 0.5, "viscous_film": 0.42, "friction_map": 0.05, "draught": 0.01}, model("stribeck"))
 
 
+NOTHING_LEFT = Opened(Leftover(0.1, 0.6), None)
+MUCH_LEFT = Opened(Leftover(0.98, 0.008), None)
+
+
 def test_a_cause_that_is_probable_enough_is_named() -> None:
-    assert verdict_of(SURE, [MILD]) == ("named", ("table_tilt",))
+    assert verdict_of(SURE, [MILD], NOTHING_LEFT) == ("named", ("table_tilt",))
 
 
 def test_causes_that_cannot_be_told_apart_are_a_set_no_larger_than_it_must_be() -> None:
-    assert verdict_of(TORN, []) == ("set", ("stribeck", "viscous_film"))
+    assert verdict_of(TORN, [], NOTHING_LEFT) == ("set", ("stribeck", "viscous_film"))
 
 
 def test_what_was_not_accepted_is_not_named_however_probable() -> None:
-    assert verdict_of(replace(SURE, accepted=None), []) == ("none", ())
+    assert verdict_of(replace(SURE, accepted=None), [], NOTHING_LEFT) == ("none", ())
 
 
 def test_data_that_cannot_carry_a_name_get_none() -> None:
-    assert verdict_of(SURE, [MILD, FATAL]) == ("none", ())
-    assert "cannot carry" in sentences_of("none", (), "", [FATAL], SURE.probabilities)[0]
+    assert verdict_of(SURE, [MILD, FATAL], MUCH_LEFT) == ("none", ())
+    assert "cannot carry" in sentences_of("none", (), "", [FATAL], SURE.probabilities, 0.1, None)[0]
 
 
 def test_causes_that_act_together_are_named_together() -> None:
     both = model("table_tilt", "hand_eye_translation")
     found = decision({"table_tilt": 0.6, "hand_eye_translation": 0.3}, both)
-    assert verdict_of(found, []) == ("named", ("table_tilt", "hand_eye_translation"))
+    assert verdict_of(found, [], NOTHING_LEFT) == ("named", ("table_tilt", "hand_eye_translation"))
+
+
+def test_what_is_left_where_no_cause_was_accepted_is_none_of_these() -> None:
+    assert verdict_of(replace(SURE, accepted=None), [], MUCH_LEFT) == ("none_of_these", ())
+    said = sentences_of("none_of_these", (), "", [], SURE.probabilities, 0.98, None)
+    assert "no known cause" in said[0]
+    assert "98%" in said[0]
+
+
+def test_what_is_left_beside_a_named_cause_is_said_and_the_cause_keeps_its_name() -> None:
+    assert verdict_of(SURE, [], MUCH_LEFT) == ("named", ("table_tilt",))
+    assert "Something is left" in sentences_of("named", (), "", [], SURE.probabilities, 0.98, None)[-1]
+
+
+def test_a_formula_that_is_better_than_every_cause_takes_their_place() -> None:
+    found = Found(features=("swirl",), model=model("table_tilt"), catalogue=with_formula(CATALOGUE, ("swirl",)))
+    assert verdict_of(SURE, [MILD], Opened(Leftover(0.98, 0.008), found)) == ("none_of_these", ())
+    assert FORMULA not in {cause.name for cause in CATALOGUE.causes}
+
+
+def test_forces_that_no_cause_is_are_never_named_by_themselves() -> None:
+    named = {CATALOGUE.specs[column].name for cause in CATALOGUE.causes for column in cause.columns}
+    assert not named & {"swirl", "push_x", "drag_squared", "sideways", "growth_x"}
 
 
 @pytest.mark.parametrize(

@@ -1,0 +1,112 @@
+"""Whether something is left that a model does not say: its residuals against every feature of the library.
+
+The score of each feature, everything else projected out, is a sum over episodes, which are independent. Where nothing
+is left each episode's share is as likely to be of either sign; so signs drawn at random say how much evidence the
+likeliest of all features has by chance (a wild bootstrap with Rademacher's signs; Cameron, Gelbach and Miller 2008,
+"Bootstrap-based improvements for inference with clustered errors"), with what the simulator's own errors look like
+added. No distribution of squared residuals is assumed: chi-square finds something in every recording.
+"""
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+from jaxtyping import Float64
+
+from app.discovery.decide import TEMPERATURE
+from app.discovery.evidence import Forms, fitted
+from app.discovery.inference import Prior
+from app.discovery.library import Widened
+
+LEFT = 0.95
+"""Probability above which something is left."""
+_BEFORE = 0.25
+"""That something is, before anything was looked at."""
+_DRAWS = 4000
+
+
+class Leftover(NamedTuple):
+    """The probability that something is left, and how often chance alone looks as much like it.
+
+    Of E episodes chance can be excluded no further than to about one in 2^E, and the probability is no higher than
+    what that leaves.
+    """
+
+    probability: float
+    by_chance: float
+
+
+class _Scores(NamedTuple):
+    """Of the features, all else projected out: each episode's score, and the information of all."""
+
+    each: Float64[np.ndarray, "E F"]
+    information: Float64[np.ndarray, "F F"]
+
+
+def leftover(wide: Widened, deviation: float) -> Leftover:
+    """Beside the model that these residuals are of. `deviation`: see `Library`."""
+    probability = something_left([finding.log_bayes for finding in wide.weighing.findings])
+    chance = by_chance(_scores(wide), _groups(wide), deviation)
+    return Leftover(probability=min(probability, 1 - chance), by_chance=chance)
+
+
+def something_left(log_bayes: Sequence[float]) -> float:
+    """The probability of any of what would be left, by the logarithms of their Bayes factors against nothing."""
+    shares = np.log(_BEFORE / len(log_bayes)) + np.array(log_bayes) / TEMPERATURE
+    logs = np.concatenate([[np.log(1 - _BEFORE)], shares])
+    weights = np.exp(logs - logs.max())
+    return 1 - float(weights[0] / weights.sum())
+
+
+def by_chance(scores: _Scores, groups: Sequence[Sequence[int]], deviation: float, seed: int = 0) -> float:
+    """How often signs at random make the likeliest group at least as likely as it is: the family's p-value."""
+    rng = np.random.default_rng(seed)
+    signs = rng.choice([-1.0, 1.0], (_DRAWS, len(scores.each)))
+    habits = rng.normal(0, deviation, (_DRAWS, len(scores.information)))
+    drawn = signs @ scores.each + habits @ scores.information
+    found = _likeliest(scores.each.sum(0)[None], scores.information, groups)[0]
+    # Equal sums of the same numbers differ by rounding.
+    as_likely = _likeliest(drawn, scores.information, groups) >= found - 1e-9 * abs(found)
+    return float((1 + as_likely.sum()) / (1 + _DRAWS))
+
+
+def _likeliest(
+    totals: Float64[np.ndarray, "D F"], information: Float64[np.ndarray, "F F"], groups: Sequence[Sequence[int]]
+) -> Float64[np.ndarray, " D"]:
+    """The largest of the groups' logarithmic Bayes factors, where a feature that is there is of typical size."""
+    logs = np.empty((len(groups), len(totals)))
+    for row, group in enumerate(map(list, groups)):
+        A = information[np.ix_(group, group)]
+        precision = A + np.eye(len(group))
+        pull = np.linalg.solve(precision, totals[:, group].T)
+        logs[row] = 0.5 * ((totals[:, group].T * pull).sum(0) - np.linalg.slogdet(precision)[1])
+    return logs.max(0)
+
+
+def _scores(wide: Widened) -> _Scores:
+    """With the noise that is learnt while all features are free: else what they do is taken for noise."""
+    columns = sorted({column for own in wide.at.values() for column in own})
+    prior = wide.prior.wider(columns)
+    starts = (wide.weighing.nothing.covariances, None)
+    return projected(fitted(wide.data, prior.variance, prior.mean, starts).forms, wide.prior, columns)
+
+
+def projected(forms: Forms, prior: Prior, columns: Sequence[int]) -> _Scores:
+    """The scores of these columns at zero, where all others are at their most probable."""
+    own, rest = list(columns), [n for n in range(len(prior.mean)) if n not in set(columns)]
+    A, b = forms.A.sum(0), forms.b.sum(0)
+    precision = A[np.ix_(rest, rest)] + np.diag(1 / prior.variance[rest])
+    theta = np.linalg.solve(precision, b[rest] + prior.mean[rest] / prior.variance[rest])
+    cross = A[np.ix_(rest, own)]
+    projection = np.linalg.solve(precision, cross)
+    scores = forms.b - forms.A[:, :, rest] @ theta
+    return _Scores(
+        each=scores[:, own] - scores[:, rest] @ projection,
+        information=A[np.ix_(own, own)] - cross.T @ projection,
+    )
+
+
+def _groups(wide: Widened) -> list[list[int]]:
+    """The features' columns, counted from the first of them all."""
+    first = min(column for own in wide.at.values() for column in own)
+    return [[column - first for column in own] for own in wide.at.values()]
