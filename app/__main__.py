@@ -83,7 +83,8 @@ def _run_command(name: str, arguments: list[str]) -> None:
 
     stem = files[name].stem
     module = importlib.import_module(f"app.commands.{stem}")
-    tyro.cli(getattr(module, stem), prog=f"dipac {name}", args=arguments)
+    read = getattr(module, "ARGUMENTS", list[str])
+    tyro.cli(getattr(module, stem), prog=f"dipac {name}", args=read(arguments))
 
 
 def _overview() -> str:

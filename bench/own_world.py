@@ -25,7 +25,8 @@ from app.perception.resample import resample
 from app.policy.ordering import arclength_labels, centreline_weights
 from app.policy.strokes import REGION, Plan, midway_s, random_track
 from app.sim.catalogue import EFFECTS
-from app.sim.params import PARAMETERS
+from app.sim.effects.base import Effect
+from app.sim.params import PARAMETERS, acting, columns_of
 from app.sim.rollout import make_rollout
 from app.sim.scene import Scene
 from app.sim.state import Setting, State
@@ -63,16 +64,32 @@ def finer(scene: Scene) -> Scene:
 @final
 @dataclass(frozen=True, kw_only=True, eq=False)
 class OwnWorld:
-    """Makes recordings of worlds that differ in theta alone, side by side."""
+    """Makes recordings of worlds that differ in theta alone, side by side.
+
+    `outside`: further effects, which no catalogue knows.
+    """
 
     predictor: Predictor
     scene: Scene
     plan: Plan
+    outside: tuple[Effect, ...] = ()
 
-    def record(self, truths: Sequence[Theta], starts: Float32[np.ndarray, "B N 3"], seed: int) -> list[Study]:
-        """One study for each truth, of an object that begins as `starts` has it [m]."""
+    def record(
+        self,
+        truths: Sequence[Theta],
+        starts: Float32[np.ndarray, "B N 3"],
+        seed: int,
+        beside: Float64[np.ndarray, "B Q"] | None = None,
+    ) -> list[Study]:
+        """One study for each truth, of an object that begins as `starts` has it [m].
+
+        `beside`: the parameters of what is `outside`, for each truth.
+        """
         rng = np.random.default_rng(seed)
-        simulate = _stepper(self.scene, starts.shape[1])
+        effects = _needed(truths)
+        extra = np.zeros((len(truths), 0)) if beside is None else beside
+        phi = np.concatenate([np.stack(truths)[:, columns_of(effects)], extra], axis=1)
+        simulate = _stepper(self.scene, starts.shape[1], (*effects, *self.outside))
         x, clocks = starts.astype(np.float32), np.zeros(len(truths))
         places = np.stack([2 * arclength_labels(cloud) - 1 for cloud in x])
         sections = [_Section.of(cloud, place) for cloud, place in zip(x, places, strict=True)]
@@ -80,7 +97,7 @@ class OwnWorld:
         pushes: list[list[Push]] = [[] for _ in truths]
         for number in range(total):
             moves = [self._move(rng, x[b], truth, float(clocks[b])) for b, truth in enumerate(truths)]
-            during, after = simulate(*self._inputs(truths, x, places, moves, number / max(total - 1, 1) - 0.5))
+            during, after = simulate(*self._inputs(phi, x, places, moves, number / max(total - 1, 1) - 0.5))
             scenes = (x, np.asarray(during), np.asarray(after))
             for b, (truth, move) in enumerate(zip(truths, moves, strict=True)):
                 clouds = [self._seen(rng, cloud[b], places[b], truth) for cloud in scenes]
@@ -109,7 +126,7 @@ class OwnWorld:
 
     def _inputs(
         self,
-        truths: Sequence[Theta],
+        phi: Float64[np.ndarray, "B P"],
         x: Float32[np.ndarray, "B N 3"],
         places: Float32[np.ndarray, "B N"],
         moves: Sequence["_Move"],
@@ -121,8 +138,7 @@ class OwnWorld:
         first = [move.true.at(move.shown_s - step * np.arange(before, -1, -1)) for move in moves]
         second = [move.true.at(move.shown_s + step * np.arange(behind + 1)) for move in moves]
         labels = [_labels(cloud, place) for cloud, place in zip(x, places, strict=True)]
-        phi = [truth[: len(PARAMETERS)] for truth in truths]
-        times = np.full(len(truths), session)
+        times = np.full(len(phi), session)
         return tuple(np.asarray(part, np.float32) for part in (phi, x, labels, times, first, second))
 
     def _push(
@@ -252,9 +268,15 @@ def _labels(x: Points, place: Float32[np.ndarray, " N"]) -> Float32[np.ndarray, 
     return np.column_stack([place, left, along]).astype(np.float32)
 
 
+def _needed(truths: Sequence[Theta]) -> tuple[Effect, ...]:
+    """The effects that any of the truths has: fewer compile sooner."""
+    found = [acting(truth[: len(PARAMETERS)].astype(np.float32)) for truth in truths]
+    return tuple(effect for effect in EFFECTS if any(effect in own for own in found))
+
+
 @lru_cache
-def _stepper(scene: Scene, particles: int) -> Step:
-    simulate = make_rollout(scene, particle_count=particles, effects=EFFECTS)
+def _stepper(scene: Scene, particles: int, effects: tuple[Effect, ...]) -> Step:
+    simulate = make_rollout(scene, particle_count=particles, effects=effects)
 
     @jax.jit
     def stepped(

@@ -2,6 +2,7 @@
 
 import ast
 import importlib
+from collections.abc import Sequence
 from pathlib import Path
 
 import tyro
@@ -10,6 +11,7 @@ from rich.console import Console
 from app.core.errors import PreflightError, UsageError
 
 FOLDER = Path(__file__).parents[2] / "bench"
+_OWN = ("-h", "--help", "--list-only", "--no-list-only", "--json")
 
 
 def bench(
@@ -18,29 +20,48 @@ def bench(
     """Run the named benches one after the other, or all of them; `--list-only` says what there is.
 
     Benches live beside the package, in a checkout of the project, and each takes minutes. `--json FILE` also writes the
-    rows of a single bench that makes them: sim.
+    rows of a single bench that makes them: sim. Options of a single bench that has some come last: discovery --n 20.
     """
     output = Console()
     known = _known()
+    names, options = _divided(names)
+    if options and (len(names) != 1 or names[0] not in known or not _takes(names[0], "options")):
+        takers = ", ".join(name for name in known if _takes(name, "options"))
+        raise UsageError(f"{options[0]} is no option of `dipac bench`; a single bench has options: {takers}.")
     for name in names:
         if name not in known:
             raise UsageError.unknown("bench", name, known)
-    if json is not None and (len(names) != 1 or not _writes_rows(names[0])):
-        raise UsageError(
-            f"--json takes one bench that makes rows; those are: {', '.join(filter(_writes_rows, known))}."
-        )
+    if json is not None and (len(names) != 1 or not _takes(names[0], "json")):
+        makers = ", ".join(name for name in known if _takes(name, "json"))
+        raise UsageError(f"--json takes one bench that makes rows; those are: {makers}.")
     for name in names or known:
         output.print(f"[bold]{name}[/]: {known[name]}", highlight=False)
         if not list_only:
-            rows = {} if json is None else {"json": json}
-            importlib.import_module(f"bench.{name}").main(**rows)
+            given = {"json": json, "options": options}
+            importlib.import_module(f"bench.{name}").main(**{key: value for key, value in given.items() if value})
 
 
-def _writes_rows(name: str) -> bool:
-    """Whether a bench's `main` takes a file to write its rows to."""
+def _marked(given: Sequence[str]) -> list[str]:
+    """The command line, on which `--` stands before the first option that is a bench's own."""
+    at = next((at for at, word in enumerate(given) if word[:1] == "-" and word.split("=")[0] not in _OWN), None)
+    return list(given) if at is None else [*given[:at], "--", *given[at:]]
+
+
+ARGUMENTS = _marked
+"""How the command line is read before its options are."""
+
+
+def _divided(words: Sequence[str]) -> tuple[tuple[str, ...], tuple[str, ...]]:
+    """The names of benches, and from the first option on what is for the bench."""
+    at = next((at for at, word in enumerate(words) if word[:1] == "-"), len(words))
+    return tuple(words[:at]), tuple(words[at:])
+
+
+def _takes(name: str, parameter: str) -> bool:
+    """Whether a bench's `main` has this parameter."""
     tree = ast.parse((FOLDER / f"{name}.py").read_text(encoding="utf-8"))
     mains = [node for node in tree.body if isinstance(node, ast.FunctionDef) and node.name == "main"]
-    return any(argument.arg == "json" for main in mains for argument in main.args.args + main.args.kwonlyargs)
+    return any(argument.arg == parameter for main in mains for argument in main.args.args + main.args.kwonlyargs)
 
 
 def _known() -> dict[str, str]:

@@ -1,0 +1,42 @@
+"""Shares and medians with 95 % intervals, of few cases."""
+
+import math
+from collections.abc import Iterable
+from typing import NamedTuple
+
+import numpy as np
+from scipy.stats import binom
+
+_Z = 1.96
+"""Of a 95 % interval."""
+
+
+class Measured(NamedTuple):
+    """A share or a median of `n` cases with its 95 % interval; NaN where there is no case."""
+
+    value: float
+    low: float
+    high: float
+    n: int
+
+
+def share(events: Iterable[bool]) -> Measured:
+    """The share of what is true, with Wilson's interval (1927, "Probable inference, the law of succession")."""
+    known = list(events)
+    n = len(known)
+    if n == 0:
+        return Measured(math.nan, math.nan, math.nan, 0)
+    p = sum(known) / n
+    middle = (p + _Z**2 / (2 * n)) / (1 + _Z**2 / n)
+    half = _Z / (1 + _Z**2 / n) * math.sqrt(p * (1 - p) / n + _Z**2 / (4 * n**2))
+    return Measured(p, max(0.0, middle - half), min(1.0, middle + half), n)
+
+
+def median(values: Iterable[float]) -> Measured:
+    """The median of what is finite, with the interval of order statistics that a binomial law gives."""
+    known = np.sort([value for value in values if math.isfinite(value)])
+    n = len(known)
+    if n == 0:
+        return Measured(math.nan, math.nan, math.nan, 0)
+    below = int(binom.ppf(0.025, n, 0.5))
+    return Measured(float(np.median(known)), float(known[max(below - 1, 0)]), float(known[min(n - below, n - 1)]), n)

@@ -1,0 +1,44 @@
+"""What could have been gained: `python -m bench.hidden.oracle --causes A B -o FILE RECORDINGS...`
+
+A process of its own. The causes that were hidden are taken for known and fitted as discovery fits those that it finds;
+FILE gets the one-step errors [mm] of that model and of the refitted nominal one, on episodes left out.
+"""
+
+import argparse
+import json
+from collections.abc import Sequence
+from pathlib import Path
+
+from app.commands._study import read_study
+from app.discovery.gain import gained
+from app.discovery.predict import Predictor, prepare
+from app.discovery.refine import refine, started
+from app.discovery.screen import refit, screen
+from app.discovery.subject import catalogue
+from app.tasks import load
+from app.tasks.doubted import subject_of
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("recordings", type=Path, nargs="+")
+    parser.add_argument("--causes", nargs="+", required=True)
+    parser.add_argument("-o", "--output", type=Path, required=True)
+    options = parser.parse_args()
+    options.output.write_text(json.dumps(errors_mm(options.recordings, options.causes)), encoding="utf-8")
+
+
+def errors_mm(recordings: Sequence[Path], causes: Sequence[str]) -> dict[str, float]:
+    """Of the refitted nominal model and of the oracle's [mm]."""
+    study = read_study(recordings)
+    subject = subject_of(load(study.task))
+    predictor, trials = Predictor(subject, catalogue()), prepare(study, subject)
+    screening = screen(predictor, trials, refit(predictor, trials), only=causes)
+    suspects = [suspect for suspect in screening.suspects if suspect.cause in causes]
+    starts = [(suspect.cause, started(predictor.catalogue, screening.about, suspect)) for suspect in suspects]
+    gain = gained(predictor, trials, screening, refine(predictor, trials, screening, starts)).gain
+    return {"nominal": gain.nominal_mm, "extended": gain.extended_mm}
+
+
+if __name__ == "__main__":
+    main()

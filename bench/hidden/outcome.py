@@ -1,0 +1,195 @@
+"""What came of one case, as scores need it: what was hidden, what was concluded, and how good the models are.
+
+Pure: made of the truth and of `verdict.json` as they stand in a line of results.
+"""
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any, final
+
+SENSING = "sensing"
+ACTUATION = "actuation"
+CONTACT = "environment and contact"
+MATERIAL = "material"
+TIME = "time"
+NUMERICS = "numerics"
+OUTSIDE = "outside the catalogue"
+NOTHING = "nothing"
+CLASSES = (SENSING, ACTUATION, CONTACT, MATERIAL, TIME, NUMERICS, OUTSIDE, NOTHING)
+"""Of causes, as the catalogue of discovery groups them."""
+
+_MATERIAL = frozenset(
+    {
+        "stiffness_heterogeneity",
+        "mass_heterogeneity",
+        "rest_curvature",
+        "kelvin_voigt",
+        "maxwell",
+        "plastic_yield",
+        "cohesion",
+        "shear_thinning",
+    }
+)
+_TIME = frozenset({"friction_drift", "abrupt_change"})
+_EITHER_END = frozenset({"mass_heterogeneity", "stiffness_heterogeneity", "rest_curvature"})
+"""Act along the object, whose ends nobody can tell apart: their signs say nothing."""
+
+
+@final
+@dataclass(frozen=True, kw_only=True)
+class Truth:
+    """An effect that was hidden. `typical`: its size in typical ones; `size`: as `verdict.json` sums sizes up."""
+
+    effect: str
+    category: str
+    typical: float
+    size: float
+    null: float
+    catalogued: bool = True
+
+
+@final
+@dataclass(frozen=True, kw_only=True)
+class Blamed:
+    """A cause of a verdict or of its ranking. NaN where nothing was estimated."""
+
+    effect: str
+    category: str
+    probability: float
+    size: float
+    low: float
+    high: float
+
+
+@final
+@dataclass(frozen=True, kw_only=True)
+class Outcome:
+    """One case. Errors [mm] are on episodes left out; `oracle_mm` is NaN where nobody asked the oracle.
+
+    `screening_s` and `whole_s`: how long the verdict took. `world`: who made the recordings.
+    """
+
+    world: str
+    truths: tuple[Truth, ...]
+    verdict: str
+    causes: tuple[Blamed, ...]
+    ranking: tuple[Blamed, ...]
+    nominal_mm: float = math.nan
+    extended_mm: float = math.nan
+    oracle_nominal_mm: float = math.nan
+    oracle_mm: float = math.nan
+    screening_s: float = math.nan
+    whole_s: float = math.nan
+    pushes: int = 0
+
+    @property
+    def outside(self) -> bool:
+        """Whether what was hidden is no cause of the catalogue."""
+        return any(not truth.catalogued for truth in self.truths)
+
+    @property
+    def single(self) -> Truth | None:
+        """The only thing hidden, where it is one and a cause of the catalogue."""
+        return self.truths[0] if len(self.truths) == 1 and not self.outside else None
+
+    @property
+    def hidden(self) -> frozenset[str]:
+        """The names of what was hidden."""
+        return frozenset(truth.effect for truth in self.truths)
+
+    @property
+    def named(self) -> tuple[str, ...]:
+        """The causes that the verdict says act, without those of our own numerics; none where it is a set."""
+        if self.verdict != "named":
+            return ()
+        return tuple(cause.effect for cause in self.causes if cause.category != NUMERICS)
+
+    @property
+    def first(self) -> str:
+        """What the verdict puts first: a cause, `NOTHING`, or `OUTSIDE`."""
+        if self.verdict == "none_of_these":
+            return OUTSIDE
+        if self.verdict == "none" or not self.ranking:
+            return NOTHING
+        return self.causes[0].effect if self.causes else self.ranking[0].effect
+
+
+def outcome(line: Mapping[str, Any]) -> Outcome:
+    """Of a line of results. KeyError where it holds no verdict."""
+    verdict, oracle = line["verdict"], line.get("oracle") or {}
+    sizes: dict[str, float] = dict(line["case"]["hidden"])
+    stages = [(spent["stage"], _number(spent["seconds"])) for spent in verdict["spent_s"]]
+    names = [stage for stage, _ in stages]
+    screened = next((at for at, name in enumerate(names) if name.startswith("screening")), len(names) - 1)
+    return Outcome(
+        world=line["case"]["world"],
+        truths=tuple(_truth(each, sizes[each["effect"]]) for each in line["truth"]["effects"]),
+        verdict=verdict["verdict"],
+        causes=tuple(map(_blamed, verdict["causes"])),
+        ranking=tuple(map(_blamed, verdict["ranking"])),
+        nominal_mm=_number(verdict["heldout"]["nominal"]),
+        extended_mm=_number(verdict["heldout"]["extended"]),
+        oracle_nominal_mm=_number(oracle.get("nominal")),
+        oracle_mm=_number(oracle.get("extended")),
+        screening_s=sum(seconds for _, seconds in stages[: screened + 1]),
+        whole_s=sum(seconds for _, seconds in stages),
+        pushes=verdict["amount"]["pushes"],
+    )
+
+
+def category_of(effect: str, family: str, *, catalogued: bool = True) -> str:
+    """The class of a cause, of those in `CLASSES`."""
+    if not catalogued:
+        return OUTSIDE
+    if family != "physics":
+        return family
+    if effect in _MATERIAL:
+        return MATERIAL
+    return TIME if effect in _TIME else CONTACT
+
+
+def size_of(parameters: Sequence[Mapping[str, Any]]) -> tuple[float, float]:
+    """A size as docs/discovery-verdict.md sums it up, of a truth's parameters, and its null.
+
+    The leading ones of one unit: of one its value, of several the length of their vector from their nulls.
+    """
+    unit = parameters[0]["unit"]
+    last = next((at for at, each in enumerate(parameters) if each["unit"] != unit), len(parameters))
+    leading = parameters[:last]
+    if len(leading) == 1:
+        return float(leading[0]["value"]), float(leading[0]["null"])
+    return math.dist([each["value"] for each in leading], [each["null"] for each in leading]), 0.0
+
+
+def away(truth: Truth, size: float) -> float:
+    """How far an estimated size is from the null, on the side of the truth; of either where that says nothing."""
+    gone = size - truth.null
+    return abs(gone) if truth.effect in _EITHER_END else math.copysign(1.0, truth.size - truth.null) * gone
+
+
+def _truth(told: Mapping[str, Any], typical: float) -> Truth:
+    size, null = size_of(list(told["parameters"].values()))
+    return Truth(
+        effect=told["effect"],
+        category=category_of(told["effect"], told["family"], catalogued=told["catalogued"]),
+        typical=typical,
+        size=size,
+        null=null,
+        catalogued=told["catalogued"],
+    )
+
+
+def _blamed(entry: Mapping[str, Any]) -> Blamed:
+    return Blamed(
+        effect=entry["effect"],
+        category=category_of(entry["effect"], entry["family"]),
+        probability=_number(entry["probability"]),
+        size=_number(entry["size"]),
+        low=_number(entry["low"]),
+        high=_number(entry["high"]),
+    )
+
+
+def _number(value: float | None) -> float:
+    return math.nan if value is None else float(value)

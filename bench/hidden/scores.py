@@ -1,0 +1,255 @@
+"""The table of targets of docs/discovery.md: each a quantity of many outcomes, what is aimed at, and whether it is met.
+
+"First" is what a verdict puts first: a cause, nothing, or that it is none of these.
+"""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import Literal, TypeAlias, final
+
+from bench.hidden.draws import WORLDS, World
+from bench.hidden.intervals import Measured, median, share
+from bench.hidden.outcome import NUMERICS, OUTSIDE, Blamed, Outcome, Truth, away
+
+CONFIDENT = 0.8
+"""Probability from which a name is one with confidence."""
+FULL = 1.0
+"""Size in typical ones from which a cause ought to be found."""
+_WORTH = 0.05
+"""Share of the nominal model's error that an oracle must take away, for shares of its gain to mean anything."""
+
+Score: TypeAlias = Callable[[Sequence[Outcome]], Measured]
+Limit: TypeAlias = tuple[Literal["<=", ">=", "in"], float, float]
+"""How a value is compared, and with what: with the first number, or between both."""
+
+
+@final
+@dataclass(frozen=True, kw_only=True)
+class Target:
+    """A row of the table; `limits` for the own engine and for the other one, None where there is no aim."""
+
+    name: str
+    score: Score
+    limits: tuple[Limit | None, Limit | None]
+    scale: Literal["share", "ratio", "seconds"] = "share"
+
+
+@final
+@dataclass(frozen=True, kw_only=True)
+class Row:
+    """A target in one world; `met` is None where there is no aim or no case."""
+
+    target: Target
+    world: World
+    limit: Limit | None
+    measured: Measured
+    met: bool | None
+
+
+def rows(outcomes: Sequence[Outcome]) -> list[Row]:
+    """Every target in every world."""
+    return [
+        _row(target, world, limit, [outcome for outcome in outcomes if outcome.world == world])
+        for target in TARGETS
+        for world, limit in zip(WORLDS, target.limits, strict=True)
+    ]
+
+
+def passes(outcomes: Sequence[Outcome]) -> bool:
+    """Whether every aim is met for which there are cases."""
+    return all(row.met is not False for row in rows(outcomes))
+
+
+def right(outcome: Outcome) -> bool:
+    """Whether what the verdict puts first was hidden, or nothing where nothing was."""
+    if outcome.outside:
+        return outcome.first == OUTSIDE
+    return outcome.first in outcome.hidden if outcome.truths else not alarming(outcome)
+
+
+def alarming(outcome: Outcome) -> bool:
+    """Whether a verdict says that something is missing; numerics do not count, which own recordings do have."""
+    if outcome.verdict == "none_of_these":
+        return True
+    return any(cause.category != NUMERICS for cause in outcome.causes)
+
+
+def found(outcome: Outcome, truth: Truth) -> Blamed | None:
+    """What the verdict says of a cause that was hidden, where it is first or one of several that act."""
+    return next((cause for cause in outcome.causes if cause.effect == truth.effect), None)
+
+
+def size_error(outcome: Outcome) -> float:
+    """The relative error of the size, of a cause that was first."""
+    truth = outcome.single
+    assert truth is not None
+    blamed = found(outcome, truth)
+    real = abs(truth.size - truth.null)
+    return float("nan") if blamed is None else abs(away(truth, blamed.size) - real) / real
+
+
+def covered(truth: Truth, blamed: Blamed) -> bool:
+    """Whether the interval holds the true size, whatever its sign where that says nothing."""
+    ends = sorted((away(truth, blamed.low), away(truth, blamed.high)))
+    if blamed.low <= truth.null <= blamed.high:
+        ends[0] = min(ends[0], 0.0)
+    return ends[0] <= abs(truth.size - truth.null) <= ends[1]
+
+
+def _row(target: Target, world: World, limit: Limit | None, outcomes: Sequence[Outcome]) -> Row:
+    measured = target.score(outcomes)
+    met = None if limit is None or measured.n == 0 else _within(measured.value, limit)
+    return Row(target=target, world=world, limit=limit, measured=measured, met=met)
+
+
+def _within(value: float, limit: Limit) -> bool:
+    kind, first, second = limit
+    if kind == "in":
+        return first <= value <= second
+    return value <= first if kind == "<=" else value >= first
+
+
+def _controls(outcomes: Sequence[Outcome]) -> list[Outcome]:
+    return [outcome for outcome in outcomes if not outcome.truths]
+
+
+def _full(outcomes: Sequence[Outcome]) -> list[tuple[Outcome, Truth]]:
+    """Cases with one effect of the catalogue of at least its typical size."""
+    singles = ((outcome, outcome.single) for outcome in outcomes)
+    return [(outcome, truth) for outcome, truth in singles if truth is not None and truth.typical >= FULL]
+
+
+def _two(outcomes: Sequence[Outcome]) -> list[Outcome]:
+    return [outcome for outcome in outcomes if len(outcome.truths) == 2 and not outcome.outside]
+
+
+def _strangers(outcomes: Sequence[Outcome]) -> list[Outcome]:
+    return [outcome for outcome in outcomes if outcome.outside]
+
+
+def _alarms(outcomes: Sequence[Outcome]) -> Measured:
+    return share(alarming(outcome) for outcome in _controls(outcomes))
+
+
+def _confident_alarms(outcomes: Sequence[Outcome]) -> Measured:
+    return share(
+        any(cause.probability > CONFIDENT and cause.category != NUMERICS for cause in outcome.causes)
+        for outcome in _controls(outcomes)
+    )
+
+
+def _top(outcomes: Sequence[Outcome]) -> Measured:
+    return share(outcome.first == truth.effect for outcome, truth in _full(outcomes))
+
+
+def _class(outcomes: Sequence[Outcome]) -> Measured:
+    return share(_first_category(outcome) == truth.category for outcome, truth in _full(outcomes))
+
+
+def _first_category(outcome: Outcome) -> str:
+    causes = [*outcome.causes, *outcome.ranking]
+    return next((cause.category for cause in causes if cause.effect == outcome.first), outcome.first)
+
+
+def _three(outcomes: Sequence[Outcome]) -> Measured:
+    return share(truth.effect in [each.effect for each in outcome.ranking[:3]] for outcome, truth in _full(outcomes))
+
+
+def _named(outcomes: Sequence[Outcome]) -> Measured:
+    return share(outcome.named == (truth.effect,) for outcome, truth in _full(outcomes))
+
+
+def _sizes(outcomes: Sequence[Outcome]) -> Measured:
+    return median(size_error(outcome) for outcome in outcomes if outcome.single is not None)
+
+
+def _intervals(outcomes: Sequence[Outcome]) -> Measured:
+    pairs = [(truth, found(outcome, truth)) for outcome in outcomes if (truth := outcome.single) is not None]
+    return share(covered(truth, blamed) for truth, blamed in pairs if blamed is not None)
+
+
+def _sets(outcomes: Sequence[Outcome]) -> Measured:
+    return share(
+        any(cause.effect == truth.effect for cause in outcome.causes)
+        for outcome in outcomes
+        if (truth := outcome.single) is not None and outcome.verdict in ("named", "set")
+    )
+
+
+def _gains(outcomes: Sequence[Outcome]) -> Measured:
+    return median(
+        (1 - outcome.extended_mm / outcome.nominal_mm) / (1 - outcome.oracle_mm / outcome.oracle_nominal_mm)
+        for outcome in outcomes
+        if not outcome.outside and outcome.oracle_mm < (1 - _WORTH) * outcome.oracle_nominal_mm
+    )
+
+
+def _both(outcomes: Sequence[Outcome]) -> Measured:
+    return share(outcome.hidden <= set(outcome.named) for outcome in _two(outcomes))
+
+
+def _one_of_two(outcomes: Sequence[Outcome]) -> Measured:
+    return share(bool(outcome.hidden & {cause.effect for cause in outcome.causes}) for outcome in _two(outcomes))
+
+
+def _third(outcomes: Sequence[Outcome]) -> Measured:
+    return share(len(outcome.named) > 2 and not set(outcome.named) <= outcome.hidden for outcome in _two(outcomes))
+
+
+def _says_so(outcomes: Sequence[Outcome]) -> Measured:
+    return share(outcome.verdict == "none_of_these" for outcome in _strangers(outcomes))
+
+
+def _falsely_sure(outcomes: Sequence[Outcome]) -> Measured:
+    return share(
+        any(cause.probability > CONFIDENT for cause in outcome.causes) and outcome.verdict == "named"
+        for outcome in _strangers(outcomes)
+    )
+
+
+def _worse(outcomes: Sequence[Outcome]) -> Measured:
+    return share(outcome.extended_mm > outcome.nominal_mm for outcome in outcomes)
+
+
+def _screening(outcomes: Sequence[Outcome]) -> Measured:
+    return median(outcome.screening_s for outcome in outcomes)
+
+
+def _whole(outcomes: Sequence[Outcome]) -> Measured:
+    return median(outcome.whole_s for outcome in outcomes)
+
+
+TARGETS = (
+    Target(name="says that something is missing, of none", score=_alarms, limits=(("<=", 0.05, 0), None)),
+    Target(
+        name="names with confidence > 0.8, of none",
+        score=_confident_alarms,
+        limits=(("<=", 0.05, 0), ("<=", 0.10, 0)),
+    ),
+    Target(name="first is right, at >= 1x typical", score=_top, limits=((">=", 0.85, 0), (">=", 0.70, 0))),
+    Target(name="its class is right", score=_class, limits=((">=", 0.95, 0), (">=", 0.85, 0))),
+    Target(name="among the first three", score=_three, limits=((">=", 0.97, 0), (">=", 0.90, 0))),
+    Target(name="named alone", score=_named, limits=(None, None)),
+    Target(name="size, median relative error", score=_sizes, limits=(("<=", 0.15, 0), ("<=", 0.30, 0)), scale="ratio"),
+    Target(name="size within its 90 % interval", score=_intervals, limits=(("in", 0.85, 0.95), (">=", 0.75, 0))),
+    Target(name="cause among those of the verdict", score=_sets, limits=((">=", 0.88, 0), (">=", 0.80, 0))),
+    Target(
+        name="share of the oracle's held-out gain, median",
+        score=_gains,
+        limits=((">=", 0.90, 0), (">=", 0.75, 0)),
+        scale="ratio",
+    ),
+    Target(name="two effects: both named", score=_both, limits=((">=", 0.60, 0), (">=", 0.40, 0))),
+    Target(name="two effects: at least one", score=_one_of_two, limits=((">=", 0.95, 0), (">=", 0.85, 0))),
+    Target(name="two effects: a spurious third", score=_third, limits=(("<=", 0.10, 0), None)),
+    Target(name="outside the catalogue: says so", score=_says_so, limits=((">=", 0.80, 0), (">=", 0.70, 0))),
+    Target(name="outside the catalogue: a wrong name, > 0.8", score=_falsely_sure, limits=(("<=", 0.05, 0), None)),
+    Target(name="saved model worse than nominal, held out", score=_worse, limits=(("<=", 0.02, 0), ("<=", 0.05, 0))),
+    Target(name="screening verdict, median", score=_screening, limits=(None, None), scale="seconds"),
+    Target(name="whole chain, median", score=_whole, limits=(None, None), scale="seconds"),
+)
+"""Aims of docs/discovery.md, and of its background those of sets and of wrong names.
+
+Times have aims for 10 episodes of 20 pushes alone: a verdict after screening within 90 s, the whole within 30 min on
+two cores or 60 s on one GPU.
+"""

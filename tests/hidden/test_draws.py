@@ -1,0 +1,40 @@
+"""What is hidden is drawn by the stated shares, and a number and a seed say it all."""
+
+import numpy as np
+import pytest
+
+from bench.hidden.draws import NONE, SIZES, TWO, UNKNOWN, WORLDS, drawn, kinds, outsiders
+
+COUNT = 2000
+
+
+@pytest.mark.parametrize("world", WORLDS)
+def test_shares_are_those_that_discovery_states(world) -> None:
+    cases = [drawn(5, number, world) for number in range(COUNT)]
+    strange = [any(each.effect in outsiders(world) for each in case.hidden) for case in cases]
+    two = [len(case.hidden) == 2 for case in cases]
+    none = [not case.hidden for case in cases]
+    for share, drawn_so in ((NONE, none), (TWO, two), (UNKNOWN, strange)):
+        assert np.mean(drawn_so) == pytest.approx(share, abs=0.03)
+    assert (NONE, TWO, UNKNOWN) == (0.25, 0.15, 0.15)
+
+
+@pytest.mark.parametrize("world", WORLDS)
+def test_every_kind_comes_up_and_sizes_are_even_on_a_logarithmic_scale(world) -> None:
+    hidden = [each for number in range(COUNT) for each in drawn(5, number, world).hidden]
+    assert {each.effect for each in hidden} == {*kinds(world), *outsiders(world)}
+    logs = np.log([each.size for each in hidden])
+    assert np.log(SIZES[0]) <= logs.min() < logs.max() <= np.log(SIZES[1])
+    assert np.median(logs) == pytest.approx(np.mean(np.log(SIZES)), abs=0.08)
+
+
+def test_a_case_depends_on_nothing_but_its_seed_number_and_world() -> None:
+    first = [drawn(5, number, "own") for number in range(50)]
+    assert [drawn(5, number, "own") for number in reversed(range(50))] == first[::-1]
+    assert [drawn(6, number, "own") for number in range(50)] != first
+    assert [drawn(5, number, "mujoco").hidden for number in range(50)] != [case.hidden for case in first]
+
+
+def test_both_worlds_hide_more_than_twenty_kinds_and_some_that_no_catalogue_has() -> None:
+    assert all(len(kinds(world)) > 20 and len(outsiders(world)) >= 3 for world in WORLDS)
+    assert not any(set(kinds(world)) & set(outsiders(world)) for world in WORLDS)

@@ -1,0 +1,62 @@
+"""Results survive a cut, and those of several machines are read as one."""
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from bench import discovery
+from bench.hidden import ledger
+from bench.hidden.draws import drawn
+from tests.hidden.synthetic import SEED, good, line
+
+
+def lines(count: int) -> list[dict]:
+    rng = np.random.default_rng(SEED)
+    cases = [drawn(SEED, number, "own") for number in range(count)]
+    return [line(case, good(case, rng)) for case in cases]
+
+
+def test_a_line_that_was_cut_off_counts_for_nothing_and_harms_no_other(tmp_path: Path) -> None:
+    path = tmp_path / "results.jsonl"
+    first, second, third = lines(3)
+    ledger.append(path, first)
+    with path.open("a") as file:
+        file.write(json.dumps(second)[:40])
+    ledger.append(path, third)
+    assert ledger.read([path]) == [first, third]
+
+
+def test_files_are_read_as_one_and_a_failure_gives_way_to_a_verdict(tmp_path: Path) -> None:
+    one, other = tmp_path / "one.jsonl", tmp_path / "other.jsonl"
+    first, second = lines(2)
+    failed = {"case": first["case"], "failure": "TimeoutExpired"}
+    ledger.append(one, failed)
+    ledger.append(other, first)
+    ledger.append(other, second)
+    for paths in ([one, other], [other, one]):
+        assert ledger.finished(ledger.read(paths)) == [first, second]
+    assert ledger.read([one, tmp_path / "none.jsonl"]) == [failed]
+
+
+def test_the_bench_scores_what_is_there_and_draws_it(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    path, report = tmp_path / "results.jsonl", tmp_path / "report"
+    for each in lines(40):
+        ledger.append(path, each)
+    discovery.main(["--n", "0", "--into", str(path), "--report", str(report)])
+    said = capsys.readouterr().out
+    assert "Targets" in said
+    assert "expected calibration error" in said
+    names = {"confusion.svg", "reliability.svg", "power.svg"}
+    assert {each.name for each in (report / "own").iterdir()} == names
+    assert "| first is right, at >= 1x typical | >= 85% |" in (report / "targets.md").read_text()
+
+
+def test_what_is_done_is_not_done_again(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    path = tmp_path / "results.jsonl"
+    for each in lines(5):
+        ledger.append(path, each)
+    before = path.read_text()
+    discovery.main(["--n", "5", "--world", "own", "--seed", str(SEED), "--into", str(path)])
+    assert path.read_text() == before
