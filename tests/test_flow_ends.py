@@ -56,7 +56,7 @@ async def test_an_object_that_stays_out_of_sight_ends_the_run_with_what_to_do(
         proposal = await run.person.sees(Proposal)
         run.rig.table.place = "covered"
         await run.person.sees(Fault, "perception")
-        monkeypatch.setattr("app.flow._OBSERVE_DEADLINE_S", 0.5)
+        monkeypatch.setattr("app.flow.flow._OBSERVE_DEADLINE_S", 0.5)
         await run.person.decides(proposal, approve=False)
         error = await run.end()
         assert isinstance(error, DeviceError)
@@ -101,7 +101,7 @@ async def test_an_automatic_run_makes_its_pushes_and_records_everything_it_shows
 async def test_an_automatic_run_that_was_stopped_ends_where_nobody_resumes(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("app.flow._UNATTENDED_S", 0.5)
+    monkeypatch.setattr("app.flow.flow._UNATTENDED_S", 0.5)
     async with running(small_site(tmp_path), small_wish(automatic=True)) as run:
         await run.person.sees(ArmState, "moving")
         await run.person.presses_stop()

@@ -184,10 +184,11 @@ class Branch:
 
     `actions (D, A)`: D steps deep, in the task's action space; `tool_path (W, 3)`: the first action's path;
     `predicted (N, 3)`: the particles after the first action; `final (N, 3)`: at the end of the branch.
+    An `asked` one is a push that somebody wanted, and costs nothing: its costs are NaN.
     A branch that became non-finite is kept for the record with `finite=False` and is never chosen.
     """
 
-    origin: Literal["policy", "random"]
+    origin: Literal["policy", "random", "asked"]
     actions: Float32[np.ndarray, "D A"]
     tool_path: Float32[np.ndarray, "W 3"]
     predicted: Points

@@ -5,6 +5,7 @@ from types import MappingProxyType
 from typing import Final
 
 from app.core.approval import Approved
+from app.core.doubt import Verdict, Watched
 from app.core.errors import RecordingError
 from app.core.messages import (
     ArmState,
@@ -48,6 +49,8 @@ TOPICS: Final[Mapping[type[Message], str]] = MappingProxyType(
         Executed: "/dipac/executed",
         Transition: "/dipac/transition",
         Outcome: "/dipac/outcome",
+        Verdict: "/dipac/verdict",
+        Watched: "/dipac/watched",
         ArmState: "/dipac/arm_state",
         StopRequest: "/dipac/stop_request",
         ResumeRequest: "/dipac/resume_request",

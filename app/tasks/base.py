@@ -14,7 +14,8 @@ from app.core.messages import Proposal, fresh_id
 if TYPE_CHECKING:  # Rigs need ropes and fingers alone: their processes shall not load JAX and Warp for these names.
     from jaxtyping import Float64
 
-    from app.core.messages import Goal, Model, Particles
+    from app.core.doubt import Verdict
+    from app.core.messages import Goal, Model, Motion, Particles
     from app.core.types import Points
     from app.perception.reconstruct import Reconstruction
     from app.planner.actions import ActionSpace
@@ -112,7 +113,7 @@ class Wish:
     """What this episode is to do. `model` None starts from the task's nominal one.
 
     `goal` is in the true world frame; `shown_goal` is where cameras that err will show an object that is there, and
-    None where they do not.
+    None where they do not. `asked`: a push to offer before anything is planned; `verdict`: what a discovery concluded.
     """
 
     task: Task
@@ -124,6 +125,8 @@ class Wish:
     automatic: bool
     calibrating: bool
     shown_goal: Points | None = None
+    asked: Motion | None = None
+    verdict: Verdict | None = None
 
     @property
     def target(self) -> Points:

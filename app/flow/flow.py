@@ -4,6 +4,7 @@ Every stage runs all the time, in one task group, joined by channels that say wh
 is heavy runs in worker processes; STOP goes from the console to the arm's process without passing through here.
 """
 
+from pathlib import Path
 from typing import final
 
 import anyio
@@ -41,6 +42,8 @@ from app.core.messages import (
 from app.core.ports import Camera, Clock, Operator, Recorder, Rig
 from app.core.summary import Summary
 from app.core.worker import Worker
+from app.flow.asking import Asking
+from app.flow.watching import Push, Watching
 from app.perception.reconstruct import reconstruct
 from app.tasks.base import Wish
 from app.tasks.jobs import nominal_model, plan, update, warm_up_stage, warm_up_stages
@@ -67,6 +70,7 @@ class Flow:
         recorder: Recorder,
         clock: Clock,
         planner: Worker,
+        recording: Path | None = None,
     ) -> None:
         if wish.automatic and not rig.simulated:
             raise MotionRefused("Automatic approval is allowed on the simulated rig alone; use `dipac console`.")
@@ -78,6 +82,8 @@ class Flow:
         self.gate = ApprovalGate(max_age_s=age_s, max_unseen_s=unseen_s, max_drift_m=drift_m)
         self.perceiver = Worker("perception")
         self.planner = planner
+        self.asking = Asking(wish, self.announcer, planner, site)
+        self.watching = Watching(self.announcer, clock, wish.verdict, recording)
         self.calibrator = Worker("calibrator", idle=True)  # A decision waits for the planner, nothing for this.
         self.frames = {camera.model.name: Latest[Frame](f"frames {camera.model.name}") for camera in rig.cameras}
         self.particles = Latest[Particles]("particles")
@@ -100,7 +106,7 @@ class Flow:
                 async with anyio.create_task_group() as stages:
                     for camera in self.rig.cameras:
                         stages.start_soon(self._capture, camera)
-                    for stage in (self._reconstruct, self._calibrate, self._listen, self._report):
+                    for stage in (self._reconstruct, self._calibrate, self.watching.run, self._listen, self._report):
                         stages.start_soon(stage)
                     self.say(self.wish.goal)
                     await self._push_to_the_goal()
@@ -237,7 +243,7 @@ class Flow:
                 await self._learn(proposal, before, executed, observed)
         self._do("finishing the calibration")
         with anyio.move_on_after(_LAST_CALIBRATION_S):
-            while self._calibrated < self.summary.pushes:
+            while min(self._calibrated, self.watching.seen) < self.summary.pushes:
                 await self.clock.sleep(self.site.timing.health_period_s)
         self._do("done")
 
@@ -274,7 +280,9 @@ class Flow:
             seed = hash((wish.seed, self.summary.pushes, salt, attempt)) % 2**31
             try:
                 x, goal = observed.positions, wish.goal.positions
-                found = await self.planner.run(plan, wish.task.name, wish.preset, x, goal, model, seed, self.site)
+                found = await self.asking.plan(observed, model) or await self.planner.run(
+                    plan, wish.task.name, wish.preset, x, goal, model, seed, self.site
+                )
             except (PlanningError, WorkerError) as error:
                 self.fault("planner", error)
                 if attempt + 1 == _FAILURES_IN_A_ROW:
@@ -303,6 +311,7 @@ class Flow:
                 if decision.proposal_id != proposal.id:
                     self.notice("approval", f"{decision.proposal_id} is not the plan shown; nothing was done.")
                 elif not decision.approve:
+                    self.asking.answered()
                     why = f"Rejected by {decision.operator}: {decision.reason or 'no reason given'}."
                     self.notice("approval", why, proposal.id)
                     return None
@@ -322,10 +331,12 @@ class Flow:
         latest = self.particles.value
         assert latest is not None
         try:
-            return self.say(self.gate.approve(decision, latest=latest, now_s=self.clock.now()))
+            approved = self.gate.approve(decision, latest=latest, now_s=self.clock.now())
         except ApprovalRefused as refusal:
             self.notice("approval", str(refusal), decision.proposal_id)
             return None
+        self.asking.answered()
+        return self.say(approved)
 
     async def _execute(self, approved: Approved) -> Executed | None:
         """Make the motion; None where a stop is in force, or the arm refused it before anything moved.
@@ -361,7 +372,8 @@ class Flow:
             executed=executed,
             after=after.positions,
         )
-        await self.transitions.put(self.say(transition))
+        await self.watching.put(Push(proposal, self.say(transition), self.models.value))
+        await self.transitions.put(transition)
 
     def _hold(self, why: str) -> None:
         """Nothing moves from now on until the operator resumes, and the plan that is shown never."""

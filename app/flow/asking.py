@@ -1,0 +1,57 @@
+"""A push that somebody asked for, such as the next one of a discovery: offered until it has been decided on."""
+
+from typing import TYPE_CHECKING, final
+
+import numpy as np
+
+from app.config import Site
+from app.core.announcer import Announcer
+from app.core.errors import PlanningError, WorkerError
+from app.core.messages import Model, Motion, Particles
+from app.core.worker import Worker
+from app.tasks.asked import asked_plan
+from app.tasks.base import Wish
+
+if TYPE_CHECKING:  # The planner is loaded in its own process alone.
+    from app.planner.plan import Plan
+
+_MOVED_M = 1e-3
+
+
+@final
+class Asking:
+    """Makes a plan of the wish's push. Like any plan it is shown, approved and checked before the arm moves."""
+
+    def __init__(self, wish: Wish, announcer: Announcer, planner: Worker, site: Site) -> None:
+        self._wish, self._site = wish, site
+        self._announcer, self._planner = announcer, planner
+        self._motion = wish.asked
+
+    def answered(self) -> None:
+        """It has been decided on, and is not offered again."""
+        self._motion = None
+
+    async def plan(self, observed: Particles, model: Model) -> "Plan | None":
+        """The push, aimed at where the object is now; None where nothing was asked for, or it does not fit here."""
+        motion, wish = self._motion, self._wish
+        if motion is None:
+            return None
+        try:
+            x, goal = observed.positions, wish.goal.positions
+            found = await self._planner.run(asked_plan, wish.task.name, x, goal, model, motion, self._site)
+        except (PlanningError, WorkerError) as error:
+            self._motion = None
+            self._announcer.notice("discovery", f"The push that discovery asks for cannot be offered: {error}")
+            return None
+        self._announcer.notice("discovery", _about(motion, found.motion))
+        return found
+
+
+def _about(wanted: Motion, offered: Motion) -> str:
+    apart_m = float(np.linalg.norm((offered.positions[0] - wanted.positions[0])[:2]))
+    if apart_m < _MOVED_M:
+        return "The next plan is the push that discovery asks for."
+    return (
+        f"The next plan is the push that discovery asks for, moved by {apart_m * 1e3:.0f} mm to where the object lies "
+        "now: direction, length and speed are as asked."
+    )
