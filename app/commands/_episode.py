@@ -14,17 +14,18 @@ from anyio import to_thread
 from rich.text import Text
 
 from app import __version__
+from app.commands._case import MODEL, Found, read_case
 from app.commands._goal import read_goal
 from app.commands._preflight import check_port
 from app.config import Limits, Site, checked
-from app.core.errors import DipacError, PreflightError, UsageError
+from app.core.errors import DipacError, ParameterError, PreflightError, UsageError
 from app.core.messages import Episode, Goal, Message, fresh_id
-from app.core.ports import Recorder, Rig
+from app.core.ports import Rig
 from app.core.summary import Summary
 from app.core.worker import Worker
 from app.flow import Flow
 from app.recording.model_file import load_model
-from app.recording.writer import open_recording
+from app.recording.writer import EpisodeRecorder, open_recording
 from app.rig.simulated.rig import simulated_rig
 from app.tasks import Task, load
 from app.tasks.base import Wish
@@ -79,11 +80,17 @@ class Options:
 @final
 @dataclass(frozen=True, kw_only=True)
 class Order:
-    """What the command line asked for."""
+    """What the command line asked for. `case`: a folder that a discovery wrote."""
 
     task: str
     options: Options
     automatic: bool
+    case: Path | None = None
+
+    @property
+    def model(self) -> Path | None:
+        """The model file to start from: that of the case where none is named."""
+        return self.options.model or (self.case / MODEL if self.case else None)
 
 
 @final
@@ -130,10 +137,7 @@ async def episode(order: Order, output: Output) -> Report:
     async with Worker("planner", niceness=PLANNER_NICENESS) as planner:
         with output.status("starting the planner's process"):
             preset = options.preset if options.preset != "auto" else await planner.run(choose_preset)
-            wish = await to_thread.run_sync(_wish, task, order, preset)
-            if wish.model:
-                await planner.run(check_model, wish.model)
-                wish = replace(wish, shown_goal=await planner.run(shown_goal, wish.goal.positions, wish.model))
+            wish = await _doubted(await to_thread.run_sync(_wish, task, order, preset), order, site, planner)
         start = await to_thread.run_sync(_start, order, preset)
         async with (
             open_recording(site.recordings, start, min_free_bytes=site.min_free_bytes) as recorder,
@@ -156,6 +160,21 @@ async def episode(order: Order, output: Output) -> Report:
         recorded=recorder.written,
         failure=failure,
     )
+
+
+async def _doubted(wish: Wish, order: Order, site: Site, planner: Worker) -> Wish:
+    """With what the model and the case say beyond the simulator. Raises ParameterError, which names the file."""
+    if order.case:
+        own = order.options.model is None
+        case: Found = await planner.run(read_case, order.case, order.task, site, time.monotonic(), own)
+        wish = replace(wish, verdict=case.verdict, asked=case.asked)
+    if wish.model is None:
+        return wish
+    try:
+        await planner.run(check_model, wish.model)
+    except ParameterError as error:
+        raise ParameterError(f"{order.model}: {error}") from None
+    return replace(wish, shown_goal=await planner.run(shown_goal, wish.goal.positions, wish.model))
 
 
 @contextmanager
@@ -190,9 +209,18 @@ async def _cell(task: Task, seed: int, site: Site, output: Output) -> AsyncGener
 
 
 async def _run(
-    wish: Wish, site: Site, rig: Rig, audience: "Audience", recorder: Recorder, planner: Worker
+    wish: Wish, site: Site, rig: Rig, audience: "Audience", recorder: EpisodeRecorder, planner: Worker
 ) -> tuple[Summary, DipacError | None]:
-    flow = Flow(wish, site=site, rig=rig, operator=audience, recorder=recorder, clock=SystemClock(), planner=planner)
+    flow = Flow(
+        wish,
+        site=site,
+        rig=rig,
+        operator=audience,
+        recorder=recorder,
+        clock=SystemClock(),
+        planner=planner,
+        recording=recorder.path,
+    )
     try:
         return await flow.run(), None
     except DipacError as error:
@@ -209,7 +237,7 @@ def _wish(task: Task, order: Order, preset: str) -> Wish:
         positions = read_goal(options.goal, workspace, particle_count=particle_count, seed=options.seed)
     else:
         positions = task.goal(options.seed, particle_count)
-    model = load_model(options.model, task=task.name, time_s=now_s) if options.model else None
+    model = load_model(order.model, task=task.name, time_s=now_s) if order.model else None
     return Wish(
         task=task,
         preset=preset,

@@ -1,5 +1,6 @@
 """Open the operator console on the simulated cell; every push waits for approval by hand."""
 
+from pathlib import Path
 from typing import Annotated
 
 import anyio
@@ -15,10 +16,17 @@ def console(
     /,
     *,
     options: Annotated[Options, tyro.conf.arg(name="")] = Options(),
+    case: Annotated[
+        Path | None,
+        tyro.conf.arg(
+            help="a folder of `dipac discover`: its verdict is shown, its model used (where --model names no other), "
+            "and the push that it asks for offered first"
+        ),
+    ] = None,
 ) -> None:
     """Serve the console at the printed address until the goal is reached, the pushes are used up, or Ctrl-C."""
     output = Output()
-    order = Order(task=task, options=options, automatic=False)
+    order = Order(task=task, options=options, automatic=False, case=case)
     report = anyio.run(episode, order, output)
     output.print(Text(f"Recording: {report.recording}"), soft_wrap=True)
     if report.failure is not None:

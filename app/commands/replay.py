@@ -18,6 +18,8 @@ _ROWS = 8
 def replay(*, file: Positional[Path]) -> None:
     """Replay the dump of a failed simulation.
 
+    There is no --model: a dump holds the parameters that failed, and is simulated again with exactly those.
+
     Args:
         file: The .npz that the failure named.
     """

@@ -36,14 +36,12 @@ class Watched(Message):
 @final
 @dataclass(frozen=True, kw_only=True)
 class Blamed:
-    """A cause that a discovery weighed: its size with a 90 % interval, and how probable it is. NaN where not known."""
+    """A cause that a discovery weighed: what it is called, its size with a 90 % interval in words, its probability."""
 
     effect: str
+    title: str
     family: str
-    size: float
-    unit: str
-    low: float
-    high: float
+    size: str
     probability: float
 
 

@@ -80,7 +80,7 @@ def alarm(watched: Watched) -> str:
     to_know = f" To know, end the session and run `{watched.advice}`." if watched.advice else ""
     return (
         f"The model has stopped being right, it seems since push {watched.since} (false alarms: at most "
-        f"{watched.false_alarm:.0%} of sessions). Suspected: {suspected}.{to_know}"
+        f"{100 * watched.false_alarm:.0f} % of sessions). Suspected: {suspected}.{to_know}"
     )
 
 

@@ -48,6 +48,12 @@ class Beads:
             visible=self._visible,
         )
 
+    def clear(self) -> None:
+        """Draw none until the next `put`."""
+        if self._handle is not None:
+            self._handle.remove()
+            self._handle = None
+
     def show(self, visible: bool) -> None:
         """Draw or hide them."""
         self._visible = visible

@@ -9,6 +9,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from typing import final
 
+from app.core.approval import Approved
+from app.core.doubt import Verdict, Watched
 from app.core.messages import (
     ArmMode,
     ArmState,
@@ -28,7 +30,9 @@ from app.core.messages import (
     Proposal,
     ResumeRequest,
     StopRequest,
+    Transition,
 )
+from app.core.types import Points
 
 LOG_LENGTH = 8
 _DECIDED_LENGTH = 64
@@ -40,7 +44,8 @@ class Board:
     """The latest of everything, and the short histories that the plots and the log show.
 
     `pending` is the proposal that may be decided on; `shown` is the one that is drawn, which stays to be compared with
-    what came of it. `losses` holds (model version, one-step loss [m^2]).
+    what came of it. `expected` is where the last push was predicted to leave the object, from when that has been seen
+    until the next push begins. `losses` holds (model version, one-step loss [m^2]).
     """
 
     episode: Episode | None = None
@@ -51,6 +56,9 @@ class Board:
     shown: Proposal | None = None
     pending: Proposal | None = None
     executed: Executed | None = None
+    expected: Points | None = None
+    watched: Watched | None = None
+    verdict: Verdict | None = None
     arm: ArmState | None = None
     health: Health | None = None
     outcomes: tuple[Outcome, ...] = ()
@@ -102,6 +110,14 @@ class Board:
                 return self if message.id in self.decided else replace(self, shown=message, pending=message)
             case Executed():
                 return replace(self, executed=message, pending=None)
+            case Approved():
+                return replace(self, expected=None)
+            case Transition():
+                return replace(self, expected=self.shown.chosen.predicted if self.shown else None)
+            case Watched():
+                return replace(self, watched=message)
+            case Verdict():
+                return replace(self, verdict=message)
             case Decision():
                 return self._without(message.proposal_id)
             case StopRequest():

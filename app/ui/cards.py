@@ -1,5 +1,6 @@
 """The texts of the panel as HTML: board in, string out. Pure. Every word that came from outside is escaped."""
 
+import math
 from collections.abc import Iterable
 from html import escape
 from typing import Literal, TypeAlias
@@ -35,12 +36,18 @@ def _mode(board: Board, now_s: float) -> tuple[str, str, Tone]:
     if health is not None and now_s - health.time_s > _SILENCE_S:
         return f"No news for {words.duration(now_s - health.time_s)}", f"It was: {doing}. STOP still works.", "bad"
     if board.pending is not None:
-        return "Waiting for your approval", "Look at the plan, then approve or reject it.", "ask"
+        return "Waiting for your approval", _to_decide(board.pending), "ask"
     if health is None and not board.frames:
         return "Waiting for the cameras", "Nothing has come in yet.", ""
     if board.arm_mode == "moving":
         return doing, "The arm moves.", "go"
     return doing, _latest_notice(board), ""
+
+
+def _to_decide(pending: Proposal) -> str:
+    if pending.chosen.origin == "asked":
+        return "This push is for finding out what the model lacks. Approve or reject it; a reject goes on to the goal."
+    return "Look at the plan, then approve or reject it."
 
 
 def _latest_notice(board: Board) -> str:
@@ -59,7 +66,7 @@ def plan(board: Board, now_s: float) -> str:
         f'<div class="dp-big"><b>{words.distance(proposal.chamfer_m2)}</b><i>→</i>'
         f"<b>{words.distance(proposal.predicted_chamfer_m2)}</b><em class='{tone}'>{change}</em></div>"
     )
-    return f'<div class="dp">{big}{_table(_plan_rows(proposal, state, now_s))}</div>'
+    return f'<div class="dp">{big}{table(_plan_rows(proposal, state, now_s))}</div>'
 
 
 def _plan_rows(proposal: Proposal, state: str, now_s: float) -> Iterable[tuple[str, str]]:
@@ -67,7 +74,8 @@ def _plan_rows(proposal: Proposal, state: str, now_s: float) -> Iterable[tuple[s
     squares = f"{proposal.chamfer_m2:.2e} → {words.square(proposal.predicted_chamfer_m2)}"
     cost = f"{words.number(best.cost_before)} → {words.number(best.cost_after)}"
     yield "Chamfer, squared", squares
-    yield "Cost, before → after descent", f"{cost} <small>{words.change(best.cost_before, best.cost_after)}</small>"
+    if math.isfinite(best.cost_after):
+        yield "Cost, before → after descent", f"{cost} <small>{words.change(best.cost_before, best.cost_after)}</small>"
     for name, value in best.terms.items():
         yield f"· {escape(name)}", words.number(value)
     yield "Chosen", words.origin(proposal)
@@ -85,28 +93,28 @@ def health(board: Board, now_s: float) -> str:
     if seen is None:
         return '<div class="dp"><small>No report yet.</small></div>'
     silent_s = max(now_s - seen.time_s, 0.0)
-    return f'<div class="dp">{_table(_health_rows(seen, board.model, silent_s))}</div>'
+    return f'<div class="dp">{table(_health_rows(seen, board.model, silent_s))}</div>'
 
 
 def _health_rows(seen: Health, model: Model | None, silent_s: float) -> Iterable[tuple[str, str]]:
     for name, age_s in seen.frame_age_s.items():
         age_s += silent_s
-        yield f"Camera {escape(name)}", _toned(words.duration(age_s), age_s > _FRAME_LATE_S, age_s > _FRAME_LOST_S)
+        yield f"Camera {escape(name)}", toned(words.duration(age_s), age_s > _FRAME_LATE_S, age_s > _FRAME_LOST_S)
     age_s = seen.particles_age_s + silent_s
-    yield "Particles", _toned(words.duration(age_s), age_s > 2 * _FRAME_LATE_S, age_s > 2 * _FRAME_LOST_S)
+    yield "Particles", toned(words.duration(age_s), age_s > 2 * _FRAME_LATE_S, age_s > 2 * _FRAME_LOST_S)
     yield "Plan age, time", f"{words.duration(seen.plan_age_s + silent_s)}, {words.duration(seen.plan_s)}"
     late = seen.arm_period_s > _ARM_PERIOD_LATE_S
-    mode = _toned(seen.arm_mode, seen.arm_mode in ("stopping", "stopped"), seen.arm_mode == "fault")
-    yield "Arm, longest period", f"{mode}, {_toned(words.duration(seen.arm_period_s), late, False)}"
+    mode = toned(seen.arm_mode, seen.arm_mode in ("stopping", "stopped"), seen.arm_mode == "fault")
+    yield "Arm, longest period", f"{mode}, {toned(words.duration(seen.arm_period_s), late, False)}"
     yield "Model, loss", f"v{seen.model_version}, {words.square(seen.calibration_loss_m2)}"
     for parameter in (*model.parameters, *model.apparatus) if model else ():
         yield f"· {escape(parameter.name.replace('_', ' '))}", _parameter(parameter)
     drops = sum(seen.drops.values())
     listed = ", ".join(f"{escape(name)}: {count}" for name, count in seen.drops.items())
     yield "Dropped", f"<span title='{listed}'>{drops}</span>"
-    yield "Faults", _toned(str(seen.faults), seen.faults > 0, False)
+    yield "Faults", toned(str(seen.faults), seen.faults > 0, False)
     free = seen.disk_free_bytes
-    yield "Disk free", _toned(words.size(free), free < _DISK_LOW_BYTES, free < _DISK_OUT_BYTES)
+    yield "Disk free", toned(words.size(free), free < _DISK_LOW_BYTES, free < _DISK_OUT_BYTES)
 
 
 def _parameter(parameter: Parameter) -> str:
@@ -142,7 +150,7 @@ def episode(board: Board) -> str:
         ("Code", escape(seen.code_version)),
         ("Pushes", str(len(board.outcomes))),
     )
-    return f'<div class="dp">{_table(rows)}</div>'
+    return f'<div class="dp">{table(rows)}</div>'
 
 
 def key() -> str:
@@ -152,6 +160,7 @@ def key() -> str:
         ("", palette.GOAL, "goal"),
         ("", palette.PREDICTED, "after this push"),
         ("", palette.HORIZON, "at the horizon"),
+        ("", palette.EXPECTED, "last push, as predicted"),
         ("line", palette.BEST, "plan"),
         ("line", palette.CHEAP, "cheap branch"),
         ("line", palette.DEAR, "costly branch"),
@@ -162,10 +171,12 @@ def key() -> str:
     return f'<div class="dp"><div class="dp-key">{spans}</div></div>'
 
 
-def _table(rows: Iterable[tuple[str, str]]) -> str:
+def table(rows: Iterable[tuple[str, str]]) -> str:
+    """Names and values, both HTML."""
     return "<table>" + "".join(f"<tr><td>{name}</td><td>{value}</td></tr>" for name, value in rows) + "</table>"
 
 
-def _toned(text: str, warn: bool, bad: bool) -> str:
+def toned(text: str, warn: bool, bad: bool) -> str:
+    """A text in the colour that says how things are."""
     tone = "dp-bad" if bad else "dp-warn" if warn else ""
     return f'<span class="{tone}">{escape(text)}</span>' if tone else escape(text)

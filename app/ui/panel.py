@@ -7,7 +7,7 @@ import viser
 from viser import theme
 
 from app.core.messages import Frame
-from app.ui import cards
+from app.ui import cards, doubt
 from app.ui.board import Board
 from app.ui.decision import DecisionForm
 from app.ui.desk import Desk
@@ -32,6 +32,8 @@ class Panel:
         self._decision = DecisionForm(self._gui, desk)
         with self._gui.add_folder("Plan"):
             self._plan = Text(self._gui, cards.plan(self._last, desk.now()))
+        with self._gui.add_folder("Is the model right?"):
+            self._watch = Text(self._gui, doubt.watch(self._last))
         with self._gui.add_folder("Health"):
             self._health = Text(self._gui, cards.health(self._last, desk.now()))
         self._place_main()
@@ -43,6 +45,8 @@ class Panel:
         self._mode.put(cards.mode(board, now_s))
         self._decision.paint(board, now_s)
         self._plan.put(cards.plan(board, now_s))
+        self._watch.put(doubt.watch(board))
+        self._verdict.put(doubt.verdict(board))
         self._health.put(cards.health(board, now_s))
         self._log.put(cards.log(board, now_s))
         self._episode.put(cards.episode(board))
@@ -74,6 +78,8 @@ class Panel:
                 self._log = Text(self._gui, cards.log(self._last, 0.0))
         with side.add_tab("Progress", viser.Icon.CHART_LINE):
             self._plots = Plots(self._gui)
+        with side.add_tab("Discovery", viser.Icon.MICROSCOPE):
+            self._verdict = Text(self._gui, doubt.verdict(self._last))
         with side.add_tab("View", viser.Icon.EYE):
             self._gui.add_html(cards.key())
             self._add_switches()
@@ -87,6 +93,7 @@ class Panel:
             ("Observed", scene.observed.show, True),
             ("Goal", scene.goal.show, True),
             ("After this push", scene.predicted.show, True),
+            ("Last push, as predicted", scene.expected.show, True),
             ("At the horizon", scene.horizon.show, False),
             ("Other branches", scene.paths.show_branches, True),
             ("Cameras", scene.show_cameras, True),

@@ -31,6 +31,7 @@ class Scene:
         self.predicted = Beads(server, "/predicted", palette.PREDICTED, opacity=0.45)
         self.horizon = Beads(server, "/horizon", palette.HORIZON, opacity=0.3)
         self.horizon.show(False)
+        self.expected = Beads(server, "/expected", palette.EXPECTED, opacity=0.45)
         self.paths = Paths(server)
         self.tool = Tool(server, "/tool", palette.STEEL, opacity=None)
         self.ghost = Tool(server, "/ghost", palette.BEST, opacity=0.55)
@@ -46,6 +47,11 @@ class Scene:
         if board.shown is not last.shown and board.shown is not None:
             self.predicted.put(board.shown.chosen.predicted)
             self.horizon.put(board.shown.chosen.final)
+        if board.expected is not last.expected:
+            if board.expected is None:
+                self.expected.clear()
+            else:
+                self.expected.put(board.expected)
         if board.arm is not last.arm and board.arm is not None:
             self.tool.put(board.arm.pose[:3], board.arm.gripper)
         self.paths.paint(board, last)

@@ -60,5 +60,7 @@ def change(before: float, after: float) -> str:
 
 
 def origin(proposal: Proposal) -> str:
-    """Which kind of branch was chosen, of how many."""
+    """Which kind of branch was chosen, of how many; or that it is a push that was asked for."""
+    if proposal.chosen.origin == "asked":
+        return "the push that discovery asks for"
     return f"{proposal.chosen.origin} branch, {proposal.best + 1} of {len(proposal.branches)}"

@@ -1,0 +1,96 @@
+"""What `dipac discover` left in a folder, for the console: its verdict, its model, and the push that it asks for."""
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, final
+
+from app.config import Site
+from app.core.doubt import Blamed, Verdict
+from app.core.errors import RecordingError, UsageError
+from app.core.messages import Motion, fresh_id
+
+if TYPE_CHECKING:
+    from app.ui.report.schema import CauseEntry, HeldoutEntry, NextPushEntry
+
+VERDICT, MODEL = "verdict.json", "model.toml"
+_UNKNOWN = float("nan")
+
+
+@final
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Found:
+    """`asked`: the next push as a motion of the tool, where the discovery asks for one."""
+
+    verdict: Verdict
+    asked: Motion | None
+
+
+def read_case(folder: Path, task: str, site: Site, time_s: float, own_model: bool) -> Found:
+    """The verdict in `folder`, as a message of now; to be run in a process that may load the simulator.
+
+    `own_model`: whether the model in use is the one beside it, which the verdict says the errors of.
+
+    Raises UsageError where there is no verdict or it is about another task, RecordingError where it is none.
+    """
+    import msgspec
+
+    from app.ui.report.schema import VerdictFile
+
+    path = folder / VERDICT
+    try:
+        file = msgspec.json.decode(path.read_bytes(), type=VerdictFile)
+    except OSError as error:
+        raise UsageError(
+            f"Cannot read {path}: {error.strerror}; give --case the folder that `dipac discover ... -o DIR` wrote."
+        ) from None
+    except msgspec.DecodeError as error:
+        raise RecordingError(f"{path} is not a verdict of this version: {error}; run `dipac discover` again.") from None
+    if file.amount.task != task:
+        raise UsageError(f"{path} is about task {file.amount.task!r}, not {task!r}; name that task.")
+    verdict = Verdict(
+        id=fresh_id("verdict"),
+        time_s=time_s,
+        source=str(path),
+        kind=file.verdict,
+        sentences=file.sentences,
+        causes=tuple(map(_blamed, file.causes)),
+        ranking=tuple(sorted(map(_blamed, file.ranking), key=lambda it: -it.probability)),
+        next_push=file.next_push.text if file.next_push else "",
+        promised_share=_promised(file.heldout) if own_model else _UNKNOWN,
+    )
+    return Found(verdict=verdict, asked=_asked(file.next_push, task, site) if file.next_push else None)
+
+
+def _blamed(cause: "CauseEntry") -> Blamed:
+    from app.ui.report.words import measured, title
+
+    size, low, high = (_UNKNOWN if it is None else it for it in (cause.size, cause.low, cause.high))
+    return Blamed(
+        effect=cause.effect,
+        title=title(cause.effect),
+        family=cause.family,
+        size=measured(size, low, high, cause.unit),
+        probability=0.0 if cause.probability is None else cause.probability,
+    )
+
+
+def _promised(heldout: "HeldoutEntry") -> float:
+    """The share of the object's motion by which the model erred on episodes left out; NaN where that is not known."""
+    if not heldout.extended or not heldout.still:
+        return _UNKNOWN
+    return heldout.extended / heldout.still
+
+
+def _asked(push: "NextPushEntry", task: str, site: Site) -> Motion:
+    import numpy as np
+
+    from app.core.track import Track
+    from app.planner.actions import Pushes
+    from app.tasks import load
+    from app.tasks.asked import motion_of
+
+    actions = load(task).actions
+    if not isinstance(actions, Pushes):
+        raise UsageError(f"The verdict asks for a push, and {task} has none; use another task.")
+    track = Track(times_s=np.array(push.track.times_s, float), poses=np.array(push.track.poses, float).reshape(-1, 7))
+    return motion_of(track, actions, site)
