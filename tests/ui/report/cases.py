@@ -411,17 +411,19 @@ def none() -> Case:
 def none_of_these() -> Case:
     """Something that no cause of the catalogue is, with the formula that was found for it."""
     swirl = Term(
-        formula="a (r / w) exp(-(r / w)^2) t",
-        words="a swirl about a point of the table",
+        formula="0.815/m n x (x - (0.51, 0.08) m)",
+        words="a force that swirls about (0.51, 0.08) m, counter-clockwise, 8 1/s^2",
         estimates=(
-            estimate("swirl", 0.083, 0.02, "1", about="Largest pull, as a share of weight."),
-            estimate("swirl_x", 0.512, 0.014, "m", about="Where the point is along x."),
-            estimate("swirl_y", 0.083, 0.011, "m", about="Where the point is along y."),
+            estimate("push_x", 0.068, 0.01, "1", about="Push along x, as a share of weight."),
+            estimate("push_y", 0.031, 0.012, "1", about="Push along y, as a share of weight."),
+            estimate("swirl", 0.815, 0.09, "1/m", about="Push round a point, by each metre from it."),
+            estimate("about_x", 0.512, 0.014, "m", null=np.nan, about="Where the force vanishes, along x."),
+            estimate("about_y", 0.083, 0.011, "m", null=np.nan, about="Where the force vanishes, along y."),
         ),
     )
     formula = Formula(
-        text="f / (m g) = 0.083 (r / 0.11 m) exp(-(r / 0.11 m)^2) t",
-        words="A swirl, against the clock, about (0.51, 0.08) m, strongest at 8 cm from there.",
+        text="f / (m g) = 0.815/m n x (x - (0.51, 0.08) m)",
+        words="A force that swirls about (0.51, 0.08) m, counter-clockwise, 8 1/s^2.",
         terms=(swirl,),
     )
     field = arrows((0.0, 0.0), 0.0006)
@@ -433,8 +435,8 @@ def none_of_these() -> Case:
         amount=named().amount,
         verdict="none_of_these",
         sentences=(
-            "After the refit of every known cause, something is left that has a place on the table.",
-            "It is best said as a force: a swirl about (0.51, 0.08) m of 8 % of the rope's weight.",
+            "Something acts that no known cause explains, with a probability of 96%.",
+            "It is best said as a force. A force that swirls about (0.51, 0.08) m, counter-clockwise, 8 1/s^2.",
         ),
         limits=(),
         causes=(),
