@@ -2,8 +2,8 @@
 
 `dipac bench discovery --n 200 --into results.jsonl` draws 200 cases in each world and keeps a line a case; what is in
 the file already is not done again, so that a long run survives a cut. `--first` and `--n` divide the cases over
-machines; `--merge` names the files of the others. `--n 0` only scores. `--report FOLDER` writes figures as SVG and the
-table of targets as Markdown.
+machines; `--merge` names the files of the others. Without `--n` it only scores what is there. `--report FOLDER` writes
+figures as SVG and the table of targets as Markdown.
 """
 
 import argparse
@@ -102,7 +102,7 @@ def _clock(seconds: float) -> str:
 
 def _given(options: Sequence[str] | None) -> argparse.Namespace:
     parser = argparse.ArgumentParser(prog="dipac bench discovery", description=__doc__)
-    parser.add_argument("--n", type=int, default=20, help="cases in each world")
+    parser.add_argument("--n", type=int, default=0, help="cases in each world; 0: score what is there")
     parser.add_argument("--first", type=int, default=0, help="number of the first of them")
     parser.add_argument("--world", choices=(*WORLDS, "both"), default="both")
     parser.add_argument("--seed", type=int, default=_SEED)

@@ -20,7 +20,7 @@ import numpy as np
 
 from app.policy.strokes import Plan
 from app.rig.simulated.hiding import known
-from bench.hidden.draws import Case
+from bench.hidden.draws import WORLDS, Case
 
 _KEPT = ("verdict", "causes", "ranking", "formula", "leftover", "heldout", "limits", "amount", "spent_s")
 """Of a verdict, in a line of results: all but tracks and sentences."""
@@ -74,7 +74,7 @@ def told(case: Case, setup: Setup) -> dict[str, Any]:
 
 def make(case: Case, setup: Setup, folder: Path) -> dict[str, Any]:
     """Recordings in `folder`/recordings; returns the truth."""
-    seed = int(np.random.SeedSequence([setup.seed, case.number, len(case.world)]).generate_state(1)[0])
+    seed = int(np.random.SeedSequence([setup.seed, case.number, WORLDS.index(case.world)]).generate_state(1)[0])
     size = ["--episodes", str(setup.plan.episodes), "--pushes", str(setup.plan.pushes)]
     if case.world == "own":
         orders = folder / "orders.json"

@@ -1,0 +1,47 @@
+"""A trial: recordings with their truth, a solver that is given the former, and failures that are lines, too."""
+
+import subprocess
+from pathlib import Path
+
+import pytest
+
+from app.policy.strokes import Plan
+from bench.hidden.draws import WORLDS, Case, Chosen
+from bench.hidden.outcome import outcome
+from bench.hidden.trial import Setup, handed_over, make, solved, told, tried
+from tests.hidden.synthetic import blamed, line
+
+SETUP = Setup(seed=3, plan=Plan(episodes=1, pushes=1), oracle=False, deadline_s=550.0)
+
+
+@pytest.mark.parametrize("world", WORLDS)
+def test_both_worlds_hide_the_same_size_and_hand_over_recordings_alone(world, tmp_path: Path) -> None:
+    case = Case(number=0, world=world, hidden=(Chosen(effect="depth_bias", size=2.0),))
+    truth = make(case, SETUP, tmp_path)
+    (effect,) = truth["effects"]
+    assert effect["effect"] == "depth_bias"
+    assert abs(effect["parameters"]["depth_bias"]["value"]) == pytest.approx(0.008)
+    seen = tmp_path / "seen"
+    seen.mkdir()
+    assert [path.name for path in handed_over(tmp_path / "recordings", seen)] == ["episode-01.mcap"]
+    assert [path.name for path in seen.iterdir()] == ["episode-01.mcap"]
+    scored = outcome(line(case, ("named", [blamed("depth_bias", 0.9)], [])) | {"truth": truth})
+    assert abs(scored.truths[0].size) == pytest.approx(0.008)
+    assert scored.truths[0].typical == 2.0
+
+
+def test_what_cannot_be_read_is_a_failure_and_no_verdict(tmp_path: Path) -> None:
+    path = tmp_path / "episode-01.mcap"
+    path.write_bytes(b"no recording")
+    with pytest.raises(subprocess.CalledProcessError) as caught:
+        solved([path], tmp_path, 550.0)
+    assert "episode-01.mcap" in caught.value.stderr
+
+
+def test_a_case_that_takes_too_long_is_a_line_that_says_so() -> None:
+    case = Case(number=1, world="own", hidden=())
+    hasty = Setup(seed=3, plan=SETUP.plan, oracle=False, deadline_s=0.05)
+    made = tried(case, hasty)
+    assert made["case"] == told(case, hasty)
+    assert made["failure"].startswith("TimeoutExpired")
+    assert "verdict" not in made
