@@ -178,7 +178,7 @@ def _about(array: np.ndarray) -> dict[str, Any]:
     return cast(dict[str, Any], about)
 
 
-def _clouds(arrays: Mapping[str, np.ndarray], kind: str, count: int | None) -> list[Cloud]:
+def _clouds(arrays: Mapping[str, np.ndarray], kind: str, count: int | None) -> list[Float32[np.ndarray, "_ 3"]]:
     """The points of `kind` cut at its offsets, into `count` clouds where that is given."""
     points = finite(f"{kind}_points", shaped(f"{kind}_points", arrays, (None, 3), np.float32))
     ends = offsets(f"{kind}_offsets", arrays, len(points), count)

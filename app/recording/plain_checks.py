@@ -4,10 +4,10 @@ from collections.abc import Mapping, Sequence
 from typing import Any, Final
 
 import numpy as np
-from jaxtyping import Float64, Int64
+from jaxtyping import Float32, Float64, Int64
 
 from app.core.errors import RecordingError
-from app.core.types import Cloud, Poses
+from app.core.types import Poses
 
 _FEWEST_POINTS: Final = 30
 """Of an object: fewer do not say where each part of it is."""
@@ -78,7 +78,7 @@ def forward(name: str, times: Float64[np.ndarray, " T"], of_episodes: str, episo
         raise RecordingError(f"{name}[{index}] = {times[index]:g} cannot be seconds on a clock; give times in seconds.")
 
 
-def plausible_cloud(clouds: Sequence[Cloud], about: Mapping[str, Any]) -> None:
+def plausible_cloud(clouds: Sequence[Float32[np.ndarray, "_ 3"]], about: Mapping[str, Any]) -> None:
     """Raises RecordingError where an object is too few points, or too large or far away for metres."""
     length_m, first = _number(about, "object", "length_m"), 0
     for index, cloud in enumerate(clouds):
