@@ -82,6 +82,12 @@ class Board:
         return self.stop_s > self.resume_s or self.arm_mode in ("stopping", "stopped", "fault")
 
     @property
+    def ahead(self) -> Points | None:
+        """Where the push that is shown is expected to leave the object, until that has been seen."""
+        predicted = self.shown.chosen.predicted if self.shown else None
+        return None if predicted is self.expected else predicted
+
+    @property
     def decidable(self) -> bool:
         """Whether a decision on the pending proposal would mean anything now."""
         return self.pending is not None and not self.stopped and self.fatal is None

@@ -46,7 +46,7 @@ def _mode(board: Board, now_s: float) -> tuple[str, str, Tone]:
 
 def _to_decide(pending: Proposal) -> str:
     if pending.chosen.origin == "asked":
-        return "This push is for finding out what the model lacks. Approve or reject it; a reject goes on to the goal."
+        return "This push is for finding out what the model lacks. Rejected, it does not come again."
     return "Look at the plan, then approve or reject it."
 
 

@@ -19,6 +19,7 @@ _KINDS: Final = {
 _ROWS = 6
 _MOST = 10.0
 """Evidence beyond this many alarms is shown as so many."""
+_LEAST = 0.01
 _MM = 1e3
 
 
@@ -97,7 +98,9 @@ def _counted(pushes: int) -> str:
 
 
 def _percent(share: float) -> str:
-    return f"{100 * share:.0f} %" if math.isfinite(share) else words.NOTHING
+    if not math.isfinite(share):
+        return words.NOTHING
+    return "< 1 %" if 0 < share < _LEAST else f"{100 * share:.0f} %"
 
 
 def _mm(length_m: float) -> str:

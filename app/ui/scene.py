@@ -8,6 +8,7 @@ from viser import transforms
 
 from app.config import Workspace
 from app.core.messages import Frame
+from app.core.types import Points
 from app.ui import palette
 from app.ui.beads import Beads
 from app.ui.board import Board
@@ -31,7 +32,7 @@ class Scene:
         self.predicted = Beads(server, "/predicted", palette.PREDICTED, opacity=0.45)
         self.horizon = Beads(server, "/horizon", palette.HORIZON, opacity=0.3)
         self.horizon.show(False)
-        self.expected = Beads(server, "/expected", palette.EXPECTED, opacity=0.45)
+        self.expected = Beads(server, "/expected", palette.EXPECTED, opacity=0.6)
         self.paths = Paths(server)
         self.tool = Tool(server, "/tool", palette.STEEL, opacity=None)
         self.ghost = Tool(server, "/ghost", palette.BEST, opacity=0.55)
@@ -45,13 +46,9 @@ class Scene:
         if board.goal is not last.goal and board.goal is not None:
             self.goal.put(board.goal.positions)
         if board.shown is not last.shown and board.shown is not None:
-            self.predicted.put(board.shown.chosen.predicted)
             self.horizon.put(board.shown.chosen.final)
-        if board.expected is not last.expected:
-            if board.expected is None:
-                self.expected.clear()
-            else:
-                self.expected.put(board.expected)
+        _follow(self.predicted, board.ahead, last.ahead)
+        _follow(self.expected, board.expected, last.expected)
         if board.arm is not last.arm and board.arm is not None:
             self.tool.put(board.arm.pose[:3], board.arm.gripper)
         self.paths.paint(board, last)
@@ -89,6 +86,14 @@ class Scene:
             self.ghost.hide()
             return
         self.ghost.put(along(board.pending.motion, now_s - board.pending.time_s), 1.0)
+
+
+def _follow(beads: Beads, now: Points | None, last: Points | None) -> None:
+    """Draw what changed, or nothing where there is nothing any more."""
+    if now is not last and now is None:
+        beads.clear()
+    elif now is not last and now is not None:
+        beads.put(now)
 
 
 def thumbnail(image: np.ndarray) -> np.ndarray:

@@ -105,8 +105,11 @@ def test_where_the_last_push_was_to_end_is_shown_until_the_next_one_is_approved(
     assert board.expected is None
     board = board.after(made)
     assert board.expected is proposal.chosen.predicted
-    board = board.after(synthetic.proposal(synthetic.rope(0.4), seed=1))
+    assert board.ahead is None
+    following = synthetic.proposal(synthetic.rope(0.4), seed=1)
+    board = board.after(following)
     assert board.expected is proposal.chosen.predicted
+    assert board.ahead is following.chosen.predicted
 
 
 def test_a_push_that_was_asked_for_is_called_one_and_has_no_cost() -> None:
