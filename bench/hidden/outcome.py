@@ -119,9 +119,7 @@ def outcome(line: Mapping[str, Any]) -> Outcome:
     """Of a line of results. KeyError where it holds no verdict."""
     verdict, oracle = line["verdict"], line.get("oracle") or {}
     sizes: dict[str, float] = dict(line["case"]["hidden"])
-    stages = [(spent["stage"], _number(spent["seconds"])) for spent in verdict["spent_s"]]
-    names = [stage for stage, _ in stages]
-    screened = next((at for at, name in enumerate(names) if name.startswith("screening")), len(names) - 1)
+    spent = [(each["stage"], _number(each["seconds"])) for each in verdict["spent_s"]]
     return Outcome(
         world=line["case"]["world"],
         truths=tuple(_truth(each, sizes[each["effect"]]) for each in line["truth"]["effects"]),
@@ -132,8 +130,8 @@ def outcome(line: Mapping[str, Any]) -> Outcome:
         extended_mm=_number(verdict["heldout"]["extended"]),
         oracle_nominal_mm=_number(oracle.get("nominal")),
         oracle_mm=_number(oracle.get("extended")),
-        screening_s=sum(seconds for _, seconds in stages[: screened + 1]),
-        whole_s=sum(seconds for _, seconds in stages),
+        screening_s=_until_screened_s(spent),
+        whole_s=sum(seconds for _, seconds in spent),
         pushes=verdict["amount"]["pushes"],
     )
 
@@ -189,6 +187,12 @@ def _blamed(entry: Mapping[str, Any]) -> Blamed:
         low=_number(entry["low"]),
         high=_number(entry["high"]),
     )
+
+
+def _until_screened_s(spent: Sequence[tuple[str, float]]) -> float:
+    """All stages up to the screening; NaN where there is none."""
+    ends = [at + 1 for at, (stage, _) in enumerate(spent) if stage.startswith("screening")]
+    return sum(seconds for _, seconds in spent[: ends[0]]) if ends else math.nan
 
 
 def _number(value: float | None) -> float:

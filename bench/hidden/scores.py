@@ -9,7 +9,7 @@ from typing import Literal, TypeAlias, final
 
 from bench.hidden.draws import WORLDS, World
 from bench.hidden.intervals import Measured, median, share
-from bench.hidden.outcome import NUMERICS, OUTSIDE, Blamed, Outcome, Truth, away
+from bench.hidden.outcome import NUMERICS, Blamed, Outcome, Truth, away
 
 CONFIDENT = 0.8
 """Probability from which a name is one with confidence."""
@@ -58,13 +58,6 @@ def rows(outcomes: Sequence[Outcome]) -> list[Row]:
 def passes(outcomes: Sequence[Outcome]) -> bool:
     """Whether every aim is met for which there are cases."""
     return all(row.met is not False for row in rows(outcomes))
-
-
-def right(outcome: Outcome) -> bool:
-    """Whether what the verdict puts first was hidden, or nothing where nothing was."""
-    if outcome.outside:
-        return outcome.first == OUTSIDE
-    return outcome.first in outcome.hidden if outcome.truths else not alarming(outcome)
 
 
 def alarming(outcome: Outcome) -> bool:

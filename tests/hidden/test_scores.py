@@ -1,10 +1,12 @@
 """Shares, intervals, sizes and curves of outcomes that are known."""
 
+import json
 import math
 
 import numpy as np
 import pytest
 
+from app.ui.report import verdict_json
 from bench.hidden.curves import calibration_error, confusion, confusion_of_classes, power, reliability
 from bench.hidden.draws import Case, Chosen
 from bench.hidden.figures import confusion_svg, power_svg, reliability_svg
@@ -13,11 +15,29 @@ from bench.hidden.outcome import Outcome, Truth, outcome, size_of
 from bench.hidden.scores import alarming, covered, rows, size_error
 from tests.hidden import synthetic
 from tests.hidden.synthetic import blamed, line
+from tests.ui.report.cases import CASES
 
 
 def made(hidden: list[tuple[str, float]], kind: str, causes: list[dict], ranking: list[dict] | None = None) -> Outcome:
     chosen = tuple(Chosen(effect=name, size=size) for name, size in hidden)
     return outcome(line(Case(number=0, world="own", hidden=chosen), (kind, causes, ranking or causes)))
+
+
+@pytest.mark.parametrize("name", CASES)
+def test_a_real_verdict_is_read_as_it_is_written(name: str) -> None:
+    case = CASES[name]()
+    hidden = Case(number=0, world="own", hidden=(Chosen(effect="backlash", size=1.0),))
+    read = outcome(line(hidden, ("none", [], [])) | {"verdict": json.loads(verdict_json(case))})
+    assert read.verdict == case.verdict
+    assert [cause.effect for cause in read.causes] == [blame.effect for blame in case.causes]
+    assert [cause.probability for cause in read.ranking] == [blame.probability for blame in case.ranking]
+    assert (read.nominal_mm, read.extended_mm) == (case.gain.nominal_mm, case.gain.extended_mm)
+    assert read.whole_s == pytest.approx(sum(seconds for _, seconds in case.spent_s))
+
+
+def test_the_screening_verdict_takes_all_stages_up_to_it() -> None:
+    read = made([], "none", [])
+    assert (read.screening_s, read.whole_s) == (60.0, 160.0)
 
 
 def test_wilsons_interval_is_that_of_the_textbook() -> None:
