@@ -58,9 +58,9 @@ def load_model(path: Path, *, task: str, time_s: float) -> Model:
     except OSError as error:
         raise UsageError(f"Cannot read the model {path}: {error.strerror}.") from None
     except (tomllib.TOMLDecodeError, UnicodeDecodeError, KeyError, TypeError, AttributeError, ValueError) as error:
+        why = f"it lacks {error}" if isinstance(error, KeyError) else f"{type(error).__name__}: {error}"
         raise RecordingError(
-            f"{path} is not a model file ({type(error).__name__}: {error}); `dipac calibrate` and `dipac discover` "
-            "write one."
+            f"{path} is not a model file ({why}); `dipac calibrate` and `dipac discover` write one."
         ) from None
     if model.task != task:
         raise UsageError(f"{path} is a model of task {model.task!r}, not of {task!r}; calibrate one for it.")
@@ -77,25 +77,28 @@ def _model(table: dict[str, Any], time_s: float) -> Model:
         time_s=time_s,
         version=int(table["version"]),
         task=str(table["task"]),
-        parameters=_parameters(table["parameters"]),
+        parameters=_parameters("parameters", table["parameters"]),
         loss_m2=float(table["loss_m2"]),
         transition_count=int(table["transition_count"]),
-        apparatus=_parameters(table.get("apparatus", {})),
+        apparatus=_parameters("apparatus", table.get("apparatus", {})),
         extension=_extension(table["extension"]) if "extension" in table else Extension(),
     )
 
 
-def _parameters(entries: Mapping[str, Any]) -> tuple[Parameter, ...]:
-    return tuple(
-        Parameter(
-            name=name,
-            value=float(entry["value"]),
-            unit=str(entry["unit"]),
-            low=float(entry["low"]),
-            high=float(entry["high"]),
-        )
-        for name, entry in entries.items()
-    )
+def _parameters(part: str, entries: Mapping[str, Any]) -> tuple[Parameter, ...]:
+    return tuple(_parameter(f"{part}.{name}", name, entry) for name, entry in entries.items())
+
+
+def _parameter(place: str, name: str, entry: Mapping[str, Any]) -> Parameter:
+    """Raises ValueError, which names the `place` in the file and the key."""
+    for key in ("value", "unit", "low", "high"):
+        if key not in entry:
+            raise ValueError(f"[{place}] lacks {key!r}")
+    try:
+        value, low, high = (float(entry[key]) for key in ("value", "low", "high"))
+    except (TypeError, ValueError) as error:
+        raise ValueError(f"[{place}] {error}") from None
+    return Parameter(name=name, value=value, unit=str(entry["unit"]), low=low, high=high)
 
 
 def _extension(entry: Mapping[str, Any]) -> Extension:

@@ -22,8 +22,8 @@ if TYPE_CHECKING:
 
 _WAYPOINTS = 20
 _SLOWEST_M_S = 1e-3
-_REACH_M = 0.03
-"""A push that comes no nearer to the object than this touches nothing."""
+_THROUGH_M = 0.006
+"""A way that comes this near to a particle goes through the object, and does not graze it."""
 _AHEAD_M = 0.034
 """As pushes are drawn (`app.policy.strokes`): so far before a particle they begin."""
 _STILL_M, _LOW_M = 1e-5, 1e-3
@@ -125,8 +125,9 @@ def aimed(asked: Motion, x: Points, pushes: Pushes, site: Site) -> Motion:
 
 
 def _fits(way: Float64[np.ndarray, "W 2"], object_: Float64[np.ndarray, "N 2"], pushes: Pushes) -> bool:
+    """Whether it begins beside the object, and meets it in the first half of its way, all within the region."""
     low, high = np.array(pushes.region[:2]), np.array(pushes.region[2:])
     if ((way < low) | (way > high)).any():
         return False
     near = np.linalg.norm(way[:, None] - object_[None], axis=2).min(1)
-    return bool(near[0] >= pushes.clearance_m and near.min() < _REACH_M)
+    return bool(near[0] >= pushes.clearance_m and near[: len(way) // 2 + 1].min() < _THROUGH_M)

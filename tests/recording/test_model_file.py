@@ -53,6 +53,21 @@ def test_a_file_that_lacks_something_is_no_model_file(lost: str, path: Path):
         load_model(path, task="rope_push", time_s=0.0)
 
 
+@pytest.mark.parametrize(
+    ("sound", "broken", "says"),
+    [
+        ("value = 30000.0", "", r"\[parameters.stiffness\] lacks 'value'"),
+        ("value = 30000.0", 'value = "soft"', r"\[parameters.stiffness\] could not convert"),
+        ("version = 3", "", "it lacks 'version'"),
+        ("version = 3", "version = = 3", "line 3"),
+    ],
+)
+def test_what_is_wrong_in_a_file_is_said_by_its_place(sound: str, broken: str, says: str, path: Path):
+    path.write_text(path.read_text().replace(sound, broken))
+    with pytest.raises(RecordingError, match=rf"{path.name} is not a model file \(.*{says}"):
+        load_model(path, task="rope_push", time_s=0.0)
+
+
 def test_a_file_of_another_schema_is_refused_whatever_else_it_holds(path: Path):
     path.write_text("schema = 3")
     with pytest.raises(RecordingError, match="schema 3; this version reads schema 1 and 2"):

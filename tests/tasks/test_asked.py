@@ -50,7 +50,7 @@ def test_a_push_follows_an_object_that_lies_elsewhere(shift: tuple[float, float]
     np.testing.assert_array_equal(found.speeds, motion.speeds)
     near = np.linalg.norm(found.positions[1:-1, None, :2] - x[None, :, :2], axis=2).min(1)
     assert near[0] >= PUSHES.clearance_m
-    assert near.min() < 0.03
+    assert near.min() < 0.006
     assert SITE.limits.workspace.contains(found.positions)
 
 
