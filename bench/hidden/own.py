@@ -72,7 +72,7 @@ def record(orders: Sequence[Order], plan: Plan, folder: Path) -> None:
     """All of them, each with its truth beside the folder of its recordings."""
     task, known = load(_TASK), catalogue()
     subject = subject_of(task)
-    worlds = [_world(order, known, subject) for order in orders]
+    worlds = [world_of(order, known, subject) for order in orders]
     starts = np.stack(
         [fill_tube(task.start(order.seed), task.rope.radius_m, DENSER * subject.particle_count) for order in orders]
     )
@@ -92,7 +92,7 @@ def record(orders: Sequence[Order], plan: Plan, folder: Path) -> None:
         (folder / order.name / "truth.json").write_text(json.dumps(truth), encoding="utf-8")
 
 
-def _world(order: Order, known: Catalogue, subject: Subject) -> World:
+def world_of(order: Order, known: Catalogue, subject: Subject) -> World:
     """Friction and stiffness off by up to 30 %, and every effect with a direction, sign and place of its own."""
     rng = np.random.default_rng(order.seed)
     theta, beyond = known.nominal(subject), _BEYOND.copy()
