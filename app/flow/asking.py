@@ -50,8 +50,8 @@ class Asking:
 def _about(wanted: Motion, offered: Motion) -> str:
     apart_m = float(np.linalg.norm((offered.positions[0] - wanted.positions[0])[:2]))
     if apart_m < _MOVED_M:
-        return "The next plan is the push that discovery asks for."
+        return "Offered: the push that discovery asks for, as it asks for it."
     return (
-        f"The next plan is the push that discovery asks for, moved by {apart_m * 1e3:.0f} mm to where the object lies "
-        "now: direction, length and speed are as asked."
+        f"Offered: the push that discovery asks for, moved by {apart_m * 1e3:.0f} mm to where the object lies now. Its "
+        "direction, length and speed are as asked."
     )

@@ -6,6 +6,7 @@ A thread of its own prints: a terminal that was halted (Ctrl-S) or a pipe that n
 likes, and the program's loop must go on meanwhile.
 """
 
+import math
 import threading
 from collections.abc import AsyncGenerator
 from contextlib import asynccontextmanager, nullcontext, suppress
@@ -18,7 +19,7 @@ from rich.console import Console
 from rich.text import Text
 
 from app.core.messages import Fault, Health, Message, Notice, Outcome
-from app.ui.words import millimetres
+from app.ui.words import NOTHING, millimetres
 
 _HEADER = "push   distance to goal  predicted  cost, descent [1e-3]     plan  model"
 """Each title ends where its column does in `outcome_line`; both fit 80 characters."""
@@ -127,8 +128,11 @@ def outcome_line(outcome: Outcome) -> str:
     """One push as a line; distances as the root of half the Chamfer distance, in millimetres."""
     chamfers_m2 = (outcome.chamfer_before_m2, outcome.chamfer_after_m2, outcome.predicted_chamfer_m2)
     before, after, predicted = map(millimetres, chamfers_m2)
+    costs = f"{1e3 * outcome.cost_before:8.2f} -> {1e3 * outcome.cost_after:7.2f}"
+    if math.isnan(outcome.cost_after):  # A push that somebody asked for has none.
+        costs = f"{NOTHING:>8}    {NOTHING:>7}"
     return (
         f"{outcome.index:4d}  {before:5.1f} -> {after:5.1f} mm  {predicted:6.1f} mm   "
-        f"{1e3 * outcome.cost_before:8.2f} -> {1e3 * outcome.cost_after:7.2f}  {outcome.plan_s:5.1f} s  "
+        f"{costs}  {outcome.plan_s:5.1f} s  "
         f"v{outcome.model_version}"
     )

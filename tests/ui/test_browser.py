@@ -2,6 +2,7 @@
 
 import time
 from collections.abc import Callable
+from dataclasses import replace
 
 import cv2
 import numpy as np
@@ -12,6 +13,7 @@ from app.core.messages import Decision, ResumeRequest, StopRequest
 from app.ui import palette
 from tests.ui import synthetic
 from tests.ui.conftest import Served
+from tests.ui.test_doubt import VERDICT, WATCHED, WRONG
 
 pytestmark = pytest.mark.browser
 
@@ -99,3 +101,27 @@ def test_stop_reaches_the_arm_by_button_and_by_key_and_resume_asks_to_go_on(serv
     page.keyboard.press("Escape")
     assert served.stopped.wait(10)
     assert isinstance(served.next_request(), StopRequest)
+
+
+def test_the_verdict_and_what_the_watch_says_are_seen_and_the_asked_push_is_approved_like_any(
+    served: Served, browser_page: Page
+) -> None:
+    page = opened(browser_page, served)
+    served.console.show(VERDICT)
+    page.get_by_text("Discovery", exact=True).click()
+    expect(page.get_by_text(VERDICT.sentences[0])).to_be_visible()
+    expect(page.get_by_text("Viscous film")).to_be_visible()
+
+    plain = synthetic.proposal(synthetic.rope(0.5), seed=3, branches=1)
+    served.console.show(replace(plain, branches=(replace(plain.branches[0], origin="asked"),), best=0))
+    expect(page.get_by_text("finding out what the model lacks")).to_be_visible()
+    page.get_by_role("button", name=APPROVE).click()
+    decision = served.next_request()
+    assert isinstance(decision, Decision)
+    assert (decision.proposal_id, decision.digest) == (plain.id, plain.motion.digest())
+
+    served.console.show(WATCHED)
+    expect(page.get_by_text("Right so far, 7 pushes")).to_be_visible()
+    served.console.show(WRONG)
+    expect(page.get_by_text("it seems since push 5")).to_be_visible()
+    expect(page.get_by_text(WRONG.advice)).to_be_visible()
