@@ -12,6 +12,7 @@ from jaxtyping import Float64
 from app.discovery.case import Amount, Arrows, Blame, Case, Gain, Name
 from app.discovery.checks import direct_checks
 from app.discovery.conclude import estimates_of, powers_of, ranking_of, sentences_of, verdict_of
+from app.discovery.confusion import confusions
 from app.discovery.decide import Decision, Progress, decide
 from app.discovery.formula import Opened, opened
 from app.discovery.frames import frame_tests
@@ -28,6 +29,8 @@ from app.discovery.wording import formula_of
 
 _ARROWS = 40
 """Drawn for each push."""
+_CONFUSED = 8
+"""Causes, the most probable, whose confusions are shown."""
 _SURVIVOR = 0.05
 """Probability above which a cause is worth a push to tell it from the others."""
 _ACCEPTED = 0.9
@@ -65,6 +68,7 @@ def discover(study: Study, subject: Subject, said: Progress) -> Case:
         platform = "cpu" if jax.default_backend() == "cpu" else "gpu"
         ahead = next_push(predictor, trials, rivals, platform=platform, height_m=subject.low_m - _BELOW_M)
     causes = _causes(predictor, ranking, names, model)
+    confused = tuple(blame.effect for blame in ranking[:_CONFUSED])
     return Case(
         amount=_amount(study, subject),
         limits=limits,
@@ -75,8 +79,8 @@ def discover(study: Study, subject: Subject, said: Progress) -> Case:
         formula=formula,
         ranking=ranking,
         leftover=left,
-        confused=(),
-        confusions=np.zeros((0, 0)),
+        confused=confused,
+        confusions=confusions(screening, confused),
         arrows=_arrows(trials, places, arrows),
         frames=frames,
         gain=gain.gain,

@@ -89,6 +89,18 @@ def probabilities_of(screening: Screening, singles: Sequence[Model]) -> tuple[Ma
     """Of each cause, and of none: those that were not refitted count with the screening's evidence."""
     logs = {suspect.cause: suspect.finding.log_bayes for suspect in screening.suspects}
     logs |= {model.causes[0]: model.log_evidence - screening.weighing.log_evidence for model in singles}
+    return _shared(logs)
+
+
+def named_of(logs: Mapping[str, float]) -> str | None:
+    """The cause that is the most probable by evidence alone; None where nothing missing is more probable."""
+    probabilities, nothing = _shared(logs)
+    cause = max(probabilities, key=lambda cause: probabilities[cause])
+    return cause if probabilities[cause] > nothing else None
+
+
+def _shared(logs: Mapping[str, float]) -> tuple[Mapping[str, float], float]:
+    """Probabilities from logarithmic Bayes factors against nothing missing, and that of nothing missing."""
     share = np.log((1 - _NOTHING) / max(len(logs), 1))
     weights = np.array([np.log(_NOTHING), *(share + value / TEMPERATURE for value in logs.values())])
     probabilities = np.exp(weights - weights.max())

@@ -99,8 +99,9 @@ def confusions(case: Case) -> Markup:
     )
     return figure(
         drawing,
-        "Each cause was hidden in simulations of these very pushes, and looked for: a dark diagonal means that it "
-        f"would be named. {_said(case)}",
+        "Each cause was hidden in these very pushes at its typical size, and looked for, by their slopes about the "
+        "nominal model: a dark diagonal means that it would be named, a light row that it would stay unseen. "
+        f"{_said(case)}",
     )
 
 

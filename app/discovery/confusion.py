@@ -1,0 +1,87 @@
+"""What these very pushes would confuse: causes hidden in their linear model, and looked for as in the screening.
+
+The noise, everything that may be a little wrong besides, and the slopes are those of the screening. What the pushes say
+of a cause is then its score, with all else integrated out, and that is normal: so hundreds of hidden causes cost what
+one does (a parametric bootstrap; Davison and Hinkley 1997, "Bootstrap Methods and their Application", chapter 4).
+"""
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+from jaxtyping import Float64
+
+from app.discovery.decide import named_of
+from app.discovery.inference import Prior
+from app.discovery.screen import Screening
+
+_DRAWS = 200
+_LEAST = 1e-12
+"""Of the largest information: below it, pushes say nothing."""
+
+
+class _Design(NamedTuple):
+    """What the pushes would say of every column: information on it, and a root of that."""
+
+    information: Float64[np.ndarray, "P P"]
+    root: Float64[np.ndarray, "P P"]
+
+
+def confusions(screening: Screening, causes: Sequence[str], seed: int = 0) -> Float64[np.ndarray, "C C"]:
+    """How often each of `causes`, hidden at its typical size, comes out as each; what is left to 1 as another or none.
+
+    A cause that has a place is hidden at one of those that the screening asked about.
+    """
+    rng, groups, known = np.random.default_rng(seed), _groups(screening), _design(screening)
+    names = list(groups)
+    found = np.zeros((len(causes), len(causes)))
+    for row, cause in enumerate(causes):
+        scores = np.stack([_score(rng, screening, known, groups[cause]) for _ in range(_DRAWS)])
+        logs = [np.max([_log_bayes(scores, known, columns) for columns in groups[name]], axis=0) for name in names]
+        taken = [named_of(dict(zip(names, draw.tolist(), strict=True))) for draw in np.array(logs).T]
+        found[row] = [taken.count(other) / _DRAWS for other in causes]
+    return found
+
+
+def _groups(screening: Screening) -> dict[str, list[list[int]]]:
+    """The columns of each cause, once for each place or way that was asked about."""
+    found = dict[str, dict[tuple[tuple[int, float], ...], list[int]]]()
+    for column, step in enumerate(screening.steps):
+        if column not in screening.prior.nuisance:
+            found.setdefault(step.cause, {}).setdefault(step.given, []).append(column)
+    return {cause: list(ways.values()) for cause, ways in found.items()}
+
+
+def _design(screening: Screening) -> _Design:
+    weighing = screening.weighing
+    return design_of(weighing.nothing.forms.A.sum(0) / weighing.temper, screening.prior)
+
+
+def design_of(A: Float64[np.ndarray, "P P"], prior: Prior) -> _Design:
+    """Of columns whose likelihood has the information A, once each column's own prior is integrated out."""
+    weights = 1 / prior.variance
+    information = np.diag(weights) - weights[:, None] * np.linalg.inv(A + np.diag(weights)) * weights
+    values, vectors = np.linalg.eigh((information + information.T) / 2)
+    kept = np.maximum(values, _LEAST * max(float(values.max()), _LEAST))
+    return _Design((vectors * kept) @ vectors.T, vectors * np.sqrt(kept))
+
+
+def _score(
+    rng: np.random.Generator, screening: Screening, known: _Design, ways: Sequence[Sequence[int]]
+) -> Float64[np.ndarray, " P"]:
+    """Of all columns, where the cause is at its typical size in a direction at random."""
+    own = list(ways[int(rng.integers(len(ways)))])
+    size = rng.normal(size=len(own))
+    size /= np.linalg.norm(size)
+    one_sided = [screening.steps[column].sides == 1 for column in own]
+    hidden = np.zeros(len(known.information))
+    hidden[own] = np.where(one_sided, np.abs(size), size)
+    return known.information @ hidden + known.root @ rng.normal(size=len(hidden))
+
+
+def _log_bayes(scores: Float64[np.ndarray, "D P"], known: _Design, columns: Sequence[int]) -> Float64[np.ndarray, " D"]:
+    """The logarithm of the Bayes factor of a cause of these columns against nothing missing, for each draw."""
+    own = list(columns)
+    precision = known.information[np.ix_(own, own)] + np.eye(len(own))
+    pull = np.linalg.solve(precision, scores[:, own].T)
+    return 0.5 * ((scores[:, own].T * pull).sum(0) - np.linalg.slogdet(precision)[1])
