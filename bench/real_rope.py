@@ -31,6 +31,14 @@ from bench.rope_pushes import FOLDER, Recorded, real_rope, recorded_pushes, writ
 IMAGES: Final = Path(__file__).parents[1] / "docs" / "images"
 PHYSICS: Final = ("stiffness", "table_friction")
 TOOL: Final = ("tool_radius", "tcp_x", "tcp_y")
+CAUSES: Final = (
+    "mask_erosion",
+    "hand_eye_rotation",
+    "stiffness_heterogeneity",
+    "friction_anisotropy",
+    "finger_friction",
+)
+"""What might widen a rope, turn its way, or keep a free end straight."""
 _FACTOR = 0.4
 """A step of stiffness and of friction, in a logarithm."""
 _STEP_M = 0.003
@@ -41,7 +49,6 @@ _MM = 1e3
 _ROUNDS = 12
 _REFITTED = 5
 """Causes that are refitted together with friction and stiffness: the best few after one step of each."""
-_FURTHER = 4
 
 
 class Row(NamedTuple):
@@ -134,12 +141,12 @@ def fitted_tool(rope: Rope) -> tuple[Fitted, Fitted]:
     return nominal, descend(rope.errors, nominal, (*PHYSICS, *TOOL), _ROUNDS)
 
 
-def screened(rope: Rope, start: Fitted, only: Collection[str] | None = None) -> dict[str, Fitted]:
+def screened(rope: Rope, start: Fitted, only: Collection[str]) -> dict[str, Fitted]:
     """For each cause and each fold the best of no change and of one typical size either way, wherever it may be."""
     changes = {
         cause.name: _changes(rope, cause)
         for cause in rope.catalogue.causes
-        if cause.family != "numerics" and (only is None or cause.name in only)
+        if cause.family != "numerics" and cause.name in only
     }
     tried = {
         name: {fold: [place, *(_joined(place, change) for change in own)] for fold, place in enumerate(start.places)}
@@ -153,13 +160,13 @@ def screened(rope: Rope, start: Fitted, only: Collection[str] | None = None) -> 
     }
 
 
-def refitted(rope: Rope, found: dict[str, Fitted]) -> dict[str, Fitted]:
+def refitted(rope: Rope, found: dict[str, Fitted], rounds: int) -> dict[str, Fitted]:
     """The same, those that any fold finds best refined together with friction and stiffness."""
     better = dict(found)
     wanted = {name for fold in range(len(rope.trials) + 1) for name in _ranked(rope, found, fold)[:_REFITTED]}
     for name in sorted(wanted):
         axes = [rope.catalogue.specs[column].name for column in rope.catalogue.cause(name).columns]
-        better[name] = descend(rope.errors, found[name], (*PHYSICS, *axes), _FURTHER)
+        better[name] = descend(rope.errors, found[name], (*PHYSICS, *axes), rounds)
     return better
 
 
@@ -224,15 +231,19 @@ def _compared(trials: Trials, after: Points) -> Predicted:
     return Predicted(after, np.array(flat), np.array(squared))
 
 
-def main(folder: Path = FOLDER, images: Path = IMAGES, causes: tuple[str, ...] | None = None) -> None:
-    """Fit, predict the push left out, print the tables, draw each push into `images`; hours with all causes.
+def main(folder: Path = FOLDER, images: Path = IMAGES, causes: tuple[str, ...] = CAUSES, refit: int = 0) -> None:
+    """Fit, predict the push left out, print the tables, draw each push into `images`: half an hour on two cores.
 
-    `causes`: those of the catalogue that are tried; left out, all but those of numerics.
+    `causes`: those of the catalogue that are tried beside the tool, at one typical size either way; `refit`: in how
+    many rounds the best of them are then refitted with friction and stiffness.
     """
+    if not folder.is_dir():
+        print(f"Nothing to measure: the pushes are not in {folder}.")
+        return
     pushes = recorded_pushes(folder)
     rope = Rope(read_pushes(pushes), pushes)
     known = [cause.name for cause in rope.catalogue.causes]
-    for name in causes or ():
+    for name in causes:
         if name not in known:
             raise UsageError.unknown("cause", name, known)
     nominal, tool = fitted_tool(rope)
@@ -243,8 +254,8 @@ def main(folder: Path = FOLDER, images: Path = IMAGES, causes: tuple[str, ...] |
         row(rope, "and the unknown tool", tool),
     ]
     best = tool
-    if causes is None or causes:
-        found = refitted(rope, screened(rope, tool, causes))
+    if causes:
+        found = refitted(rope, screened(rope, tool, causes), refit)
         every = [row(rope, name, fitted) for name, fitted in found.items()]
         rows += sorted(every, key=lambda each: float(each.chamfer_mm.mean()))
         best, names = best_on_the_others(rope, found)
