@@ -8,6 +8,7 @@ from dataclasses import replace
 import jax
 import numpy as np
 from jaxtyping import Float64
+from threadpoolctl import threadpool_limits
 
 from app.discovery.case import Amount, Arrows, Blame, Case, Gain, Name
 from app.discovery.checks import direct_checks
@@ -39,8 +40,12 @@ _BELOW_M = 0.004
 """How far below the height at which it can touch the object the tool pushes."""
 
 
+@threadpool_limits.wrap(limits=1, user_api="blas")
 def discover(study: Study, subject: Subject, said: Progress) -> Case:
-    """Everything that a study says about a task's simulator. `said` is told what is being done."""
+    """Everything that a study says about a task's simulator. `said` is told what is being done.
+
+    Registrations and fits are linear algebra so small that threads make it ten times slower.
+    """
     watch, limits = _Watch(said), limits_of(study, subject)
     predictor = Predictor(subject, catalogue())
     trials = prepare(study, subject)

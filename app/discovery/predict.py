@@ -4,12 +4,14 @@ Time runs as it was measured, `haste` times as fast. The simulation stops once o
 that was taken during the push, where there is one.
 """
 
+import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import lru_cache
 from typing import NamedTuple, final
 
 import jax
+import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Bool, Float32, Float64
 from scipy.spatial import KDTree
@@ -20,8 +22,7 @@ from app.discovery.apparatus.base import Apparatus, Eye, Load, Places
 from app.discovery.study import Push, Study, View
 from app.discovery.subject import Catalogue, Subject, Theta
 from app.policy.ordering import arclength_labels, centreline_weights
-from app.sim.effects.base import Effect
-from app.sim.params import PARAMETERS, acting, columns_of, index
+from app.sim.params import PARAMETERS, index
 from app.sim.rollout import Simulate, make_rollout
 from app.sim.scene import Scene
 from app.sim.state import Setting, State
@@ -35,8 +36,12 @@ _TOUCH_M = 0.018
 _SLOW_M_S = 0.01
 _STILL_M = 2e-3
 _LEAST_SHARE = 0.1
-_CHUNKS = {"cpu": (32, 64), "gpu": (256, 512, 1024, 2048)}
-_GROUPS = 4
+_CHUNKS = {"cpu": (8, 32), "gpu": (256, 512, 1024, 2048)}
+"""Simulations at once."""
+_BLOCK = 32
+"""Substeps that are compiled as one, of which every path is a whole number: few shapes are compiled."""
+_LENGTHS = {"cpu": 1.0, "gpu": 2.0}
+"""Ratio of one length of paths to the next: a GPU rather simulates more pushes at once, some of them for longer."""
 
 
 class Seen(NamedTuple):
@@ -131,13 +136,12 @@ class Predictor:
         count = len(trials)
         during = np.full((len(thetas), count, *trials.observed.after.shape[1:]), np.nan, np.float32)
         after = np.full_like(during, np.nan)
-        effects = self._effects(thetas)
-        simulate = _stepper(scene or self.subject.scene, self.subject.particle_count, effects)
-        own = columns_of(effects)
-        for group in self._groups(trials):
+        own = scene or self.subject.scene
+        simulate, step_s = _stepper(own, self.subject.particle_count), own.dt_s * self.subject.haste
+        for group in self._groups(trials, step_s):
             jobs = [(q, k) for q in range(len(thetas)) for k in group.pushes if where is None or where[q, k]]
             for chunk in _chunks(jobs, _CHUNKS[self._platform]):
-                inputs = self._inputs(trials, thetas, own, chunk, group)
+                inputs = self._inputs(trials, thetas, chunk, group)
                 found = simulate(*inputs)
                 for (q, k), mid, end in zip(chunk, *map(np.asarray, found), strict=False):
                     eye = Eye(np.asarray(trials.study.camera), trials.middles[k].astype(np.float64))
@@ -184,33 +188,23 @@ class Predictor:
         late = (effect.late_s(values) for effect, values in self.catalogue.wrong(theta) if effect.late_s is not None)
         return sum(late, 0.0)
 
-    def _effects(self, thetas: Sequence[Theta]) -> tuple[Effect, ...]:
-        """Those that any of the models needs."""
-        needed = {
-            effect.parameters[0].name: effect
-            for theta in thetas
-            for effect in acting(theta[: len(PARAMETERS)].astype(np.float32))
-        }
-        return tuple(needed[name] for name in sorted(needed, key=[spec.name for spec in PARAMETERS].index))
-
-    def _groups(self, trials: Trials) -> list["_Group"]:
-        """Pushes of like length together: a batch takes as long as its longest."""
-        step = self.subject.scene.dt_s * self.subject.haste
-        first = np.ceil((trials.stops_s - trials.starts_s) / step).astype(int)
-        second = np.ceil((trials.ends_s - trials.stops_s) / step).astype(int)
-        order = np.argsort(first + second, kind="stable")
-        parts = np.array_split(order, min(_GROUPS, max(1, len(order) // 8)))
-        return [_Group(tuple(part.tolist()), int(first[part].max()), int(second[part].max())) for part in parts]
+    def _groups(self, trials: Trials, step_s: float) -> list["_Group"]:
+        """Pushes whose paths have as many blocks of substeps of `step_s` [s, real] together."""
+        found = dict[tuple[int, int], list[int]]()
+        for k, (start, stop, end) in enumerate(zip(trials.starts_s, trials.stops_s, trials.ends_s, strict=True)):
+            steps = [math.ceil((stop - start) / step_s), math.ceil((end - stop) / step_s)]
+            first, second = (_blocks(count, _LENGTHS[self._platform]) for count in steps)
+            found.setdefault((first, second), []).append(k)
+        return [_Group(tuple(pushes), *lengths, step_s) for lengths, pushes in found.items()]
 
     def _inputs(
         self,
         trials: Trials,
         thetas: Sequence[Theta],
-        own: list[int],
         jobs: Sequence[tuple[int, int]],
         group: "_Group",
     ) -> tuple[np.ndarray, ...]:
-        phi = np.stack([thetas[q][: len(PARAMETERS)][own] for q, _ in jobs]).astype(np.float32)
+        phi = np.stack([thetas[q][: len(PARAMETERS)] for q, _ in jobs]).astype(np.float32)
         made = dict[tuple[int, bytes], tuple[np.ndarray, np.ndarray, np.ndarray]]()
         for q, k in jobs:
             key = (k, thetas[q][len(PARAMETERS) :].tobytes())
@@ -231,35 +225,52 @@ class Predictor:
         self, trials: Trials, k: int, theta: Theta, group: "_Group"
     ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Where particles were before push k, and the tool's way to the stop and on, if the apparatus errs so."""
-        push, step = trials.study.pushes[k], self.subject.scene.dt_s * self.subject.haste
+        push, step = trials.study.pushes[k], group.step_s
         eye = Eye(np.asarray(trials.study.camera), trials.middles[k].astype(np.float64))
         track = self.driven(push, trials.loads[k], theta)
         stop = trials.stops_s[k] + self.late_s(theta)
-        to_stop = track.at(stop - step * np.arange(group.to_stop, -1, -1))
-        to_end = track.at(stop + step * np.arange(group.to_end + 1))
+        to_stop = track.at(stop - step * np.arange(_BLOCK * group.to_stop, -1, -1))
+        to_end = track.at(stop + step * np.arange(_BLOCK * group.to_end + 1))
         x = self.unseen(push.before.points, eye, theta)
         return x.astype(np.float32), to_stop.astype(np.float32), to_end.astype(np.float32)
 
 
 class _Group(NamedTuple):
+    """Pushes whose view on the way is after `to_stop` blocks, and whose end is `to_end` after that."""
+
     pushes: tuple[int, ...]
     to_stop: int
     to_end: int
+    step_s: float
 
 
 @lru_cache(maxsize=16)
-def _stepper(scene: Scene, particles: int, effects: tuple[Effect, ...]) -> Callable[..., tuple[jax.Array, jax.Array]]:
-    simulate: Simulate = make_rollout(scene, particle_count=particles, effects=effects)
+def _stepper(scene: Scene, particles: int) -> Callable[..., tuple[jax.Array, jax.Array]]:
+    """With all effects, whichever are asked for: to compile a few takes longer than all take in a whole study."""
+    simulate: Simulate = make_rollout(scene, particle_count=particles)
 
     @jax.jit
+    def block(phi: jax.Array, state: State, tool: jax.Array, label: jax.Array, time: jax.Array) -> State:
+        return simulate(phi, state, tool, Setting(label=label, time=time))
+
+    def moved(phi: np.ndarray, state: State, tool: np.ndarray, label: np.ndarray, time: np.ndarray) -> State:
+        for first in range(0, tool.shape[1] - 1, _BLOCK):
+            state = block(phi, state, tool[:, first : first + _BLOCK + 1], label, time)
+        return state
+
     def stepped(
-        phi: jax.Array, x: jax.Array, label: jax.Array, time: jax.Array, first: jax.Array, second: jax.Array
+        phi: np.ndarray, x: np.ndarray, label: np.ndarray, time: np.ndarray, first: np.ndarray, second: np.ndarray
     ) -> tuple[jax.Array, jax.Array]:
-        setting = Setting(label=label, time=time)
-        stopped = simulate(phi, State.at_rest(x), first, setting)
-        return stopped.x, simulate(phi, stopped, second, setting).x
+        stopped = moved(phi, State.at_rest(jnp.asarray(x)), first, label, time)
+        return stopped.x, moved(phi, stopped, second, label, time).x
 
     return stepped
+
+
+def _blocks(steps: int, ratio: float) -> int:
+    """How many blocks these substeps take, in powers of `ratio` where that is above 1."""
+    needed = max(1, math.ceil(steps / _BLOCK))
+    return needed if ratio == 1 else math.ceil(ratio ** math.ceil(math.log(needed, ratio)))
 
 
 def _jittered(points: Points, noise_m: float, rng: np.random.Generator) -> Points:
