@@ -16,6 +16,8 @@ from app.discovery.subject import Catalogue, Subject, Theta
 NAMED = 0.8
 """Probability above which a cause is named alone; below, the smallest set that has `_SET` of it."""
 _SET = 0.9
+_LIKELIER = 0.5
+"""Probability above which a cause that is not accepted is likelier than anything else."""
 _Z = 1.645
 """Of a 90 % interval."""
 
@@ -155,9 +157,7 @@ def sentences_of(
     if any(limit.fatal for limit in limits):
         return ("These recordings cannot carry a name: see what they lack, below.",)
     if verdict == "none":
-        likely = max(probabilities.items(), key=lambda pair: pair[1], default=("", 0.0))
-        rest = f" The likeliest cause, {_said(likely[0])}, has a probability of {likely[1]:.0%}." if likely[0] else ""
-        return ("Nothing is missing that these recordings show: the refitted nominal model explains them." + rest,)
+        return _nothing(probabilities)
     if verdict == "none_of_these":
         return _unnamed(left, formula, gain_text)
     more = (f"Something is left that this does not say, with a probability of {left:.0%}.",) if left > LEFT else ()
@@ -167,6 +167,19 @@ def sentences_of(
         return (first, gain_text, *more)
     parts = " and ".join(f"{_said(blame.effect)} ({_sized(blame)})" for blame in causes)
     return (f"What the simulation lacks is {parts}.", gain_text, *more)
+
+
+def _nothing(probabilities: Mapping[str, float]) -> tuple[str, ...]:
+    """Of a model that nothing is added to: because nothing is likelier, or because what is does not predict."""
+    likely, probability = max(probabilities.items(), key=lambda pair: pair[1], default=("", 0.0))
+    if not likely:
+        return ("Nothing is missing that these recordings show.",)
+    said = f"{_said(likely)[0].upper()}{_said(likely)[1:]}"
+    if probability > _LIKELIER:
+        first = "Nothing can be named: the likeliest cause does not predict pushes that it was not fitted to."
+        return (first, f"{said} would have a probability of {probability:.0%} by the fit alone.")
+    first = "Nothing is missing that these recordings show: no cause explains them better than the refitted model."
+    return (first, f"{said}, the likeliest, has a probability of {probability:.0%}.")
 
 
 def _unnamed(left: float, formula: Formula | None, gain_text: str) -> tuple[str, ...]:

@@ -14,7 +14,9 @@ from app.discovery.predict import Predictor, Trials
 from app.discovery.sensitivity import Step, moved, residuals, steps_of
 from app.discovery.subject import NUMERICS, Catalogue, Theta
 
-_REFITS = 2
+_REFITS = 5
+_SETTLED = 0.2
+"""Steps of 30 %, below which a refit is done."""
 _FAR = 2.0
 """Steps of a calibrated parameter that a refit takes at most."""
 _PEAKS = 8
@@ -56,9 +58,18 @@ def refit(predictor: Predictor, trials: Trials) -> Theta:
     about = catalogue.nominal(predictor.subject)
     for _ in range(_REFITS):
         found = fitted(residuals(predictor, trials, about, own, replicas=2), np.full(len(own), CALIBRATED**2))
+        before = about
         for step, share in zip(own, np.clip(found.theta, -_FAR, _FAR), strict=True):
             about = moved(catalogue, about, step, float(share))
+        if max(abs(_apart(catalogue, before, about, step)) for step in own) < _SETTLED:
+            break
     return about
+
+
+def _apart(catalogue: Catalogue, one: Theta, other: Theta, step: Step) -> float:
+    """From one model to the other, in steps; less than was asked for at the end of a range."""
+    spec = catalogue.specs[step.column]
+    return (spec.coordinate(float(other[step.column])) - spec.coordinate(float(one[step.column]))) / step.size
 
 
 def screen(predictor: Predictor, trials: Trials, about: Theta, *, only: Sequence[str] | None = None) -> Screening:
