@@ -1,0 +1,116 @@
+"""A swirl that no cause of the catalogue is, hidden in recordings of our own engine in other numerics."""
+
+from functools import cache
+
+import numpy as np
+import pytest
+
+from app.core.messages import Model
+from app.discovery.conclude import verdict_of
+from app.discovery.decide import Decision, decide
+from app.discovery.formula import Opened, opened
+from app.discovery.predict import Predictor, Trials, prepare
+from app.discovery.screen import Screening, refit, screen
+from app.discovery.study import Study
+from app.discovery.subject import catalogue
+from app.discovery.wording import formula_of
+from app.policy.strokes import Plan
+from app.sim.params import acting
+from app.tasks import load
+from app.tasks.compiled import phi_of
+from app.tasks.curves import fill_tube
+from app.tasks.doubted import subject_of
+from app.tasks.extended import estimated, extended_model
+from app.tasks.jobs import check_model
+from bench.own_world import DENSER, OwnWorld, finer
+
+pytestmark = [pytest.mark.slow, pytest.mark.timeout(3600)]
+
+TASK = load("rope_push")
+SUBJECT, CATALOGUE = subject_of(TASK), catalogue()
+PREDICTOR = Predictor(SUBJECT, CATALOGUE)
+SWIRL, MIDDLE = -1.6, (0.60, -0.05)
+HIDDEN = {
+    "swirl": {"swirl": SWIRL, "push_x": SWIRL * MIDDLE[1], "push_y": -SWIRL * (MIDDLE[0] - 0.55)},
+    "tilt": {"tilt_x": 1.5},
+}
+
+
+@cache
+def studies() -> dict[str, Study]:
+    """One of each."""
+    truths = []
+    for values in HIDDEN.values():
+        theta = CATALOGUE.nominal(SUBJECT)
+        for name, value in values.items():
+            theta[CATALOGUE.column(name)] = value
+        truths.append(theta)
+    starts = [fill_tube(TASK.start(seed), TASK.rope.radius_m, DENSER * SUBJECT.particle_count) for seed in (1, 2)]
+    world = OwnWorld(predictor=PREDICTOR, scene=finer(SUBJECT.scene), plan=Plan(episodes=8, pushes=3))
+    return dict(zip(HIDDEN, world.record(truths, np.stack(starts), seed=0), strict=True))
+
+
+@cache
+def decided(name: str) -> tuple[Trials, Screening, Decision, Opened]:
+    """With a tilted table as the only known cause, which is what a swirl looks most like."""
+    trials = prepare(studies()[name], SUBJECT)
+    screening = screen(PREDICTOR, trials, refit(PREDICTOR, trials), only=("table_tilt",))
+    decision = decide(PREDICTOR, trials, screening, lambda _: None)
+    return trials, screening, decision, opened(PREDICTOR, trials, screening, decision, lambda _: None)
+
+
+def test_what_no_cause_of_the_catalogue_explains_is_none_of_these() -> None:
+    _, _, decision, open_ended = decided("swirl")
+    assert verdict_of(decision, (), open_ended) == ("none_of_these", ())
+    assert open_ended.left.probability > 0.95
+
+
+def test_the_formula_says_which_force_it_is_where_and_how_strong() -> None:
+    found = decided("swirl")[3].found
+    assert found is not None
+    assert found.features[0] == "swirl"
+    said = formula_of(SUBJECT, found)
+    assert "swirls about" in said.words
+    assert ", clockwise" in said.words
+    values = {it.name: it for it in said.terms[0].estimates}
+    assert values["swirl"].value == pytest.approx(SWIRL, rel=0.3)
+    assert np.hypot(values["about_x"].value - MIDDLE[0], values["about_y"].value - MIDDLE[1]) < 0.03
+
+
+def test_what_a_cause_of_the_catalogue_explains_is_no_force_of_no_known_cause() -> None:
+    _, _, decision, open_ended = decided("tilt")
+    assert open_ended.found is None
+    assert verdict_of(decision, (), open_ended)[0] != "none_of_these"
+
+
+def saved() -> Model:
+    """The formula as `dipac discover` writes it."""
+    found = decided("swirl")[3].found
+    assert found is not None
+    model = found.model
+    steps = model.steps[: model.own]
+    values, covariance = estimated(CATALOGUE, CATALOGUE.nominal(SUBJECT), model.estimate, steps, model.covariance)
+    return extended_model(
+        "rope_push",
+        values,
+        effects=("place_force",),
+        covariance=covariance,
+        recordings={},
+        camera_m=(0.55, -0.25, 0.95),
+        pushes=24,
+        time_s=1.0,
+    )
+
+
+def test_the_planners_simulator_runs_the_term_that_was_found() -> None:
+    model = saved()
+    check_model(model)
+    assert "swirl" in {spec.name for effect in acting(phi_of(model)) for spec in effect.parameters}
+
+
+def test_with_the_formula_pushes_end_nearer_to_where_they_did() -> None:
+    trials, screening, _, open_ended = decided("swirl")
+    assert open_ended.found is not None
+    ends = PREDICTOR(trials, [screening.about, open_ended.found.model.estimate]).after[:, :, :, :2].mean(2)
+    errors = np.linalg.norm(ends - trials.observed.after[:, :, :2].mean(1), axis=2).mean(1)
+    assert errors[1] < 0.6 * errors[0]
