@@ -52,7 +52,7 @@ test: setup ## everything that CI runs: lint, types, layering, tests, documentat
 	$(BIN)/basedpyright
 	$(BIN)/lint-imports
 	NO_MKDOCS_2_WARNING=1 $(BIN)/mkdocs build --strict
-	$(BIN)/pytest -m "not slow"
+	OPENBLAS_NUM_THREADS=1 $(BIN)/pytest -m "not slow"  # small linear algebra, which threads make slower
 
 check: test ## the same as test
 
