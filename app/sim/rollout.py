@@ -10,6 +10,7 @@ from jaxtyping import Bool, Float
 
 from app.sim.catalogue import EFFECTS
 from app.sim.checks import Setup, require_counts, require_shapes
+from app.sim.directions import directed
 from app.sim.effects.base import Effect
 from app.sim.launch import make_operations
 from app.sim.order import morton_order, reordered
@@ -102,6 +103,7 @@ def make_rollout(
         known = setting or Setting.unknown(phi.shape[0], sizes.particles)
         require_shapes(phi, state, tool, known, sizes)
         phi, state, tool, known = jax.tree.map(_float32, (phi, state, tool, known))
+        known = directed(scene, known, state.x)
         if not launched.sorts:
             return rollout(phi, state, tool, known)
         order = jax.lax.stop_gradient(morton_order(state.x, scene.cell_m, counts))

@@ -33,7 +33,9 @@ class Setting(NamedTuple):
     """What effects may depend on besides the state; a JAX pytree. Nothing is differentiated with respect to it."""
 
     label: Float[jax.Array, "B N 4"]
-    """Where a particle is in its object: along it (-1 to 1), offset from its middle [m], direction there (x, y)."""
+    """Where a particle is in its object: along it (-1 to 1), offset from its middle [m], direction there (x, y).
+
+    A direction of 0 is unknown; materials that need one look for it (`directions`)."""
     time: Float[jax.Array, " B"]
     """Of the session in which the action happens: -0.5 at its beginning, 0.5 at its end."""
 

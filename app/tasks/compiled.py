@@ -37,8 +37,9 @@ def advance(task: str, particle_count: int, effects: tuple[Effect, ...] = ()) ->
     the course of a session is as at its end. Where along the object a particle is, nobody knows here: effects that
     depend on that do nothing.
     """
-    simulate = make_rollout(load(task).scene, particle_count=particle_count, effects=effects)
-    own = np.array(columns_of(effects))
+    known = tuple(effect for effect in effects if not effect.oriented)
+    simulate = make_rollout(load(task).scene, particle_count=particle_count, effects=known)
+    own = np.array(columns_of(known))
 
     def from_rest(
         phi: Float[Array, "B P"], x: Float[Array, "B N 3"], tool: Float[Array, "B T 3"]

@@ -81,6 +81,8 @@ class Effect:
     switches: int | None = None
     reach_m: float | None = None
     """Farther than this from its place it does nothing; None: it acts everywhere."""
+    oriented: bool = False
+    """Whether it depends on which end of its object is the first; plans, where nobody knows that, go without it."""
     catalogued: bool = True
     """Whether discovery may name it as a cause; else it is a library of terms for what no cause explains."""
 

@@ -37,4 +37,5 @@ EFFECT = Effect(
         ),
     ),
     rest=curved_rest,
+    oriented=True,
 )

@@ -27,12 +27,13 @@ class Law:
 
     `make(hooks)` is the Warp function `law(m, E, C, F, grain, phi) -> tau, F`: the Kirchhoff stress [Pa] and the
     deformation after a substep with velocity gradient C [1/s], for Young's modulus E [Pa]. What F means is the law's
-    own; its determinant is the relative volume.
+    own; its determinant is the relative volume. `directed`: particles' directions (`state.Setting.label`) matter.
     """
 
     name: str
     make: Callable[[Hooks], WarpFunction]
     fluid: bool = False
+    directed: bool = False
 
 
 class Material(Protocol):
