@@ -152,7 +152,7 @@ def screened(rope: Rope, start: Fitted, only: Collection[str]) -> dict[str, Fitt
         name: {fold: [place, *(_joined(place, change) for change in own)] for fold, place in enumerate(start.places)}
         for name, own in changes.items()
     }
-    # In one batch, so that the simulator is compiled once with all effects.
+    # All in one batch; what follows finds them known.
     rope.errors([place for by_fold in tried.values() for places in by_fold.values() for place in places])
     return {
         name: Fitted(places=tuple(chosen(rope.errors, by_fold, start.train).values()), train=start.train)

@@ -13,7 +13,7 @@ from jaxtyping import Float64
 from rich.console import Console
 from rich.table import Table
 
-from app.discovery.field import Basis, registered
+from app.discovery.gain import error_mm
 from app.discovery.predict import Predictor, Trials, prepare
 from app.discovery.screen import refit
 from app.discovery.study import Push, Study, View
@@ -79,20 +79,14 @@ def errors_mm(subject: Subject, trials: Trials) -> tuple[Float64[np.ndarray, " K
     predictor = Predictor(subject, catalogue())
     theta = refit(predictor, trials)
     ends = predictor(trials, [theta]).after[0]
-    return np.array([_apart_mm(trials, k, cloud) for k, cloud in enumerate(ends)]), theta
-
-
-def _apart_mm(trials: Trials, k: int, predicted: np.ndarray) -> float:
-    basis = Basis.along(predicted, trials.labels[k, :, 0])
-    field = basis.field(registered(predicted, trials.observed.after[k], basis))
-    return 1e3 * float(np.linalg.norm(field, axis=1).mean())
+    return np.array([error_mm(trials, k, cloud) for k, cloud in enumerate(ends)]), theta
 
 
 def main() -> None:
     """A row a material, over the pushes of all seeds."""
     subject, studies = subject_of(TASK), [study(seed) for seed in SEEDS]
     still = [
-        _apart_mm(trials, k, push.before.points)
+        error_mm(trials, k, push.before.points)
         for trials in (prepare(each, subject) for each in studies)
         for k, push in enumerate(trials.study.pushes)
     ]

@@ -9,6 +9,7 @@ from typing import Annotated
 import tyro
 from rich.console import Console
 
+from app.commands._case import MODEL, VERDICT
 from app.commands._study import read_study
 from app.core.errors import UsageError
 from app.core.messages import Model
@@ -47,8 +48,8 @@ def discover(
         case = investigate(study, subject_of(load(study.task)), said)
     report = output / "report.html"
     write_report(report, case)
-    save_model(output / "model.toml", _model(case, study, recordings))
-    (output / "verdict.json").write_text(verdict_json(case), encoding="utf-8")
+    save_model(output / MODEL, _model(case, study, recordings))
+    (output / VERDICT).write_text(verdict_json(case), encoding="utf-8")
     terminal.print(show_case(case, report))
 
 

@@ -12,8 +12,9 @@ import numpy as np
 from jaxtyping import Float64
 
 from app.discovery.decide import named_of
-from app.discovery.inference import Prior
+from app.discovery.inference import log_bayes_of
 from app.discovery.screen import Screening
+from app.discovery.sensitivity import ways_of
 
 _DRAWS = 200
 _LEAST = 1e-12
@@ -37,7 +38,7 @@ def confusions(screening: Screening, causes: Sequence[str], seed: int = 0) -> Fl
     found = np.zeros((len(causes), len(causes)))
     for row, cause in enumerate(causes):
         scores = np.stack([_score(rng, screening, known, groups[cause]) for _ in range(_DRAWS)])
-        logs = [np.max([_log_bayes(scores, known, columns) for columns in groups[name]], axis=0) for name in names]
+        logs = [_best(scores, known, groups[name]) for name in names]
         taken = [named_of(dict(zip(names, draw.tolist(), strict=True))) for draw in np.array(logs).T]
         found[row] = [taken.count(other) / _DRAWS for other in causes]
     return found
@@ -45,25 +46,28 @@ def confusions(screening: Screening, causes: Sequence[str], seed: int = 0) -> Fl
 
 def _groups(screening: Screening) -> dict[str, list[list[int]]]:
     """The columns of each cause, once for each place or way that was asked about."""
-    found = dict[str, dict[tuple[tuple[int, float], ...], list[int]]]()
-    for column, step in enumerate(screening.steps):
-        if column not in screening.prior.nuisance:
-            found.setdefault(step.cause, {}).setdefault(step.given, []).append(column)
-    return {cause: list(ways.values()) for cause, ways in found.items()}
+    steps, nuisance = screening.steps, screening.prior.nuisance
+    found = dict[str, list[list[int]]]()
+    for (cause, _), columns in ways_of(steps, (n for n in range(len(steps)) if n not in nuisance)).items():
+        found.setdefault(cause, []).append(columns)
+    return found
 
 
 def _design(screening: Screening) -> _Design:
-    weighing = screening.weighing
-    return design_of(weighing.nothing.forms.A.sum(0) / weighing.temper, screening.prior)
-
-
-def design_of(A: Float64[np.ndarray, "P P"], prior: Prior) -> _Design:
-    """Of columns whose likelihood has the information A, once each column's own prior is integrated out."""
-    weights = 1 / prior.variance
+    """Of all columns, once each column's own prior is integrated out."""
+    weighing, weights = screening.weighing, 1 / screening.prior.variance
+    A = weighing.nothing.forms.A.sum(0) / weighing.temper
     information = np.diag(weights) - weights[:, None] * np.linalg.inv(A + np.diag(weights)) * weights
     values, vectors = np.linalg.eigh((information + information.T) / 2)
     kept = np.maximum(values, _LEAST * max(float(values.max()), _LEAST))
     return _Design((vectors * kept) @ vectors.T, vectors * np.sqrt(kept))
+
+
+def _best(
+    scores: Float64[np.ndarray, "D P"], known: _Design, ways: Sequence[Sequence[int]]
+) -> Float64[np.ndarray, " D"]:
+    """The largest logarithmic Bayes factor of a cause's ways."""
+    return np.max([log_bayes_of(scores, known.information, columns) for columns in ways], axis=0)
 
 
 def _score(
@@ -77,11 +81,3 @@ def _score(
     hidden = np.zeros(len(known.information))
     hidden[own] = np.where(one_sided, np.abs(size), size)
     return known.information @ hidden + known.root @ rng.normal(size=len(hidden))
-
-
-def _log_bayes(scores: Float64[np.ndarray, "D P"], known: _Design, columns: Sequence[int]) -> Float64[np.ndarray, " D"]:
-    """The logarithm of the Bayes factor of a cause of these columns against nothing missing, for each draw."""
-    own = list(columns)
-    precision = known.information[np.ix_(own, own)] + np.eye(len(own))
-    pull = np.linalg.solve(precision, scores[:, own].T)
-    return 0.5 * ((scores[:, own].T * pull).sum(0) - np.linalg.slogdet(precision)[1])

@@ -17,7 +17,7 @@ from app.discovery.inference import Prior, weigh
 from app.discovery.predict import Predictor, Trials
 from app.discovery.refine import Model, refine, started
 from app.discovery.screen import Screening, Suspect
-from app.discovery.sensitivity import moved
+from app.discovery.sensitivity import moved, ways_of
 from app.discovery.subject import Catalogue, Theta
 
 TEMPERATURE = 3.0
@@ -147,11 +147,8 @@ def _without_needless(model: Model, simpler: Sequence[Model]) -> Model:
 
 def _further(model: Model) -> list[Suspect]:
     """What else may be missing, the most likely first."""
-    groups: dict[tuple[str, tuple[tuple[int, float], ...]], list[int]] = {}
-    for column in range(model.own, len(model.steps)):
-        step = model.steps[column]
-        if column not in model.prior.nuisance and step.cause not in model.causes:
-            groups.setdefault((step.cause, step.given), []).append(column)
+    free = [n for n in range(model.own, len(model.steps)) if n not in model.prior.nuisance]
+    groups = ways_of(model.steps, (n for n in free if model.steps[n].cause not in model.causes))
     weighing = weigh(model.data, list(groups.values()), model.prior)
     suspects = [
         Suspect(

@@ -106,10 +106,10 @@ def _predicted(predictor: Predictor, trials: Trials, thetas: Mapping[int, Theta]
 
 
 def _errors_mm(trials: Trials, predicted: Points) -> Float64[np.ndarray, " K"]:
-    return np.array([_error_mm(trials, k, cloud) for k, cloud in enumerate(predicted)])
+    return np.array([error_mm(trials, k, cloud) for k, cloud in enumerate(predicted)])
 
 
-def _error_mm(trials: Trials, k: int, predicted: Points) -> float:
+def error_mm(trials: Trials, k: int, predicted: Points) -> float:
     """The mean length of the displacement that leads from the prediction to what was seen."""
     if not np.isfinite(predicted).all():
         return float("nan")

@@ -123,6 +123,19 @@ def _quick(forms: Forms, prior: Prior, columns: Sequence[int], temper: float) ->
     return Finding(evidence - without, theta[own], np.linalg.inv(precision)[np.ix_(own, own)])
 
 
+def log_bayes_of(
+    scores: Float64[np.ndarray, "D P"], information: Float64[np.ndarray, "P P"], columns: Sequence[int]
+) -> Float64[np.ndarray, " D"]:
+    """The logarithm of the Bayes factor of a cause of these columns and of typical size, for each row of scores.
+
+    Scores and information are those in which all else has been integrated out already.
+    """
+    own = list(columns)
+    precision = information[np.ix_(own, own)] + np.eye(len(own))
+    pull = np.linalg.solve(precision, scores[:, own].T)
+    return 0.5 * ((scores[:, own].T * pull).sum(0) - np.linalg.slogdet(precision)[1])
+
+
 def log_evidence(fit: Fit, prior: Prior, temper: float) -> float:
     """Laplace's approximation, likelihoods tempered; but for a constant of the data."""
     precision = fit.forms.A.sum(0) / temper + np.diag(1 / prior.variance)

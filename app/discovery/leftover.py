@@ -15,7 +15,7 @@ from jaxtyping import Float64
 
 from app.discovery.decide import TEMPERATURE
 from app.discovery.evidence import Forms, fitted
-from app.discovery.inference import Prior
+from app.discovery.inference import Prior, log_bayes_of
 from app.discovery.library import Widened
 
 LEFT = 0.95
@@ -74,13 +74,7 @@ def _likeliest(
     totals: Float64[np.ndarray, "D F"], information: Float64[np.ndarray, "F F"], groups: Sequence[Sequence[int]]
 ) -> Float64[np.ndarray, " D"]:
     """The largest of the groups' logarithmic Bayes factors, where a feature that is there is of typical size."""
-    logs = np.empty((len(groups), len(totals)))
-    for row, group in enumerate(map(list, groups)):
-        A = information[np.ix_(group, group)]
-        precision = A + np.eye(len(group))
-        pull = np.linalg.solve(precision, totals[:, group].T)
-        logs[row] = 0.5 * ((totals[:, group].T * pull).sum(0) - np.linalg.slogdet(precision)[1])
-    return logs.max(0)
+    return np.max([log_bayes_of(totals, information, group) for group in groups], axis=0)
 
 
 def _scores(wide: Widened) -> _Scores:

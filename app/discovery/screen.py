@@ -11,7 +11,7 @@ from app.discovery.evidence import Residuals, fitted
 from app.discovery.field import MODES, Basis
 from app.discovery.inference import CALIBRATED, Finding, Prior, Weighing, habit, weigh
 from app.discovery.predict import Predictor, Trials
-from app.discovery.sensitivity import Step, moved, residuals, steps_of
+from app.discovery.sensitivity import Step, apart, moved, residuals, steps_of, ways_of
 from app.discovery.subject import NUMERICS, Catalogue, Theta
 
 _REFITS = 5
@@ -61,15 +61,9 @@ def refit(predictor: Predictor, trials: Trials) -> Theta:
         before = about
         for step, share in zip(own, np.clip(found.theta, -_FAR, _FAR), strict=True):
             about = moved(catalogue, about, step, float(share))
-        if max(abs(_apart(catalogue, before, about, step)) for step in own) < _SETTLED:
+        if max(abs(apart(catalogue, before, about, step)) for step in own) < _SETTLED:
             break
     return about
-
-
-def _apart(catalogue: Catalogue, one: Theta, other: Theta, step: Step) -> float:
-    """From one model to the other, in steps; less than was asked for at the end of a range."""
-    spec = catalogue.specs[step.column]
-    return (spec.coordinate(float(other[step.column])) - spec.coordinate(float(one[step.column]))) / step.size
 
 
 def screen(predictor: Predictor, trials: Trials, about: Theta, *, only: Sequence[str] | None = None) -> Screening:
@@ -90,10 +84,7 @@ def screened(
 ) -> Screening:
     """What the residuals and slopes about a model say of every cause."""
     prior = prior_of(catalogue, calibrated, steps)
-    groups: dict[tuple[str, tuple[tuple[int, float], ...]], list[int]] = {}
-    for column, step in enumerate(steps):
-        if column not in prior.nuisance:
-            groups.setdefault((step.cause, step.given), []).append(column)
+    groups = ways_of(steps, (column for column in range(len(steps)) if column not in prior.nuisance))
     weighing = weigh(data, list(groups.values()), prior)
     best = dict[str, Suspect]()
     for (cause, _), columns, weighed in zip(groups, groups.values(), weighing.findings, strict=True):

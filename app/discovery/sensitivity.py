@@ -4,9 +4,9 @@ Parameters vary along the candidate axis, so that all slopes of all pushes are o
 derivatives, because friction of the finger, viscosity and what has a threshold bend within that step.
 """
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
-from typing import final
+from typing import TypeAlias, final
 
 import numpy as np
 from jaxtyping import Bool, Float64
@@ -17,6 +17,9 @@ from app.discovery.evidence import Block, Residuals
 from app.discovery.field import MODES, Basis, registered
 from app.discovery.predict import Predictor, Seen, Trials
 from app.discovery.subject import NUMERICS, Catalogue, Cause, Theta
+
+Way: TypeAlias = tuple[str, tuple[tuple[int, float], ...]]
+"""A cause, with the place, or the other values, that it is asked about with."""
 
 _NUISANCE_STEP = 0.3
 """Of the calibrated parameters, in a logarithm."""
@@ -113,9 +116,21 @@ def change_of(catalogue: Catalogue, about: Theta, step: Step) -> Change:
     here = moved(catalogue, about, step, 0.0)
     up = moved(catalogue, about, step, 1.0)
     down = moved(catalogue, about, step, -1.0) if step.sides == 2 else here
+    return Change(up, down, apart(catalogue, down, up, step))
+
+
+def apart(catalogue: Catalogue, one: Theta, other: Theta, step: Step) -> float:
+    """From one model to the other, in steps; less than was asked for at the end of a range."""
     spec = catalogue.specs[step.column]
-    apart = (spec.coordinate(up[step.column]) - spec.coordinate(down[step.column])) / step.size
-    return Change(up, down, apart)
+    return (spec.coordinate(float(other[step.column])) - spec.coordinate(float(one[step.column]))) / step.size
+
+
+def ways_of(steps: Sequence[Step], columns: Iterable[int]) -> dict[Way, list[int]]:
+    """Those of the columns of `steps` that belong together: of one cause at one place, or in one way."""
+    found = dict[Way, list[int]]()
+    for column in columns:
+        found.setdefault((steps[column].cause, steps[column].given), []).append(column)
+    return found
 
 
 def _simulated(

@@ -12,7 +12,7 @@ from app.core.errors import PlanningError
 from app.core.messages import Branch, Motion
 
 if TYPE_CHECKING:
-    from jaxtyping import Float64
+    from jaxtyping import Float64, Int
 
     from app.core.messages import Model
     from app.core.track import Track
@@ -35,7 +35,7 @@ def motion_of(track: Track, pushes: Pushes, site: Site) -> Motion:
 
     No faster and no higher than the site allows.
     """
-    low = np.flatnonzero(track.positions[:, 2] < track.positions[:, 2].min() + _LOW_M)
+    low = _down(track.positions)
     way, times = track.positions[low], track.times_s[low]
     steps = np.concatenate([[0.0], np.linalg.norm(np.diff(way[:, :2], axis=0), axis=1)])
     arc = np.cumsum(steps)
@@ -109,8 +109,7 @@ def aimed(asked: Motion, x: Points, pushes: Pushes, site: Site) -> Motion:
 
     Raises PlanningError where there is no such place within the region of pushes.
     """
-    low = np.flatnonzero(asked.positions[:, 2] < asked.positions[:, 2].min() + _LOW_M)
-    way, object_ = asked.positions[low, :2], x[:, :2].astype(np.float64)
+    way, object_ = asked.positions[_down(asked.positions), :2], x[:, :2].astype(np.float64)
     ahead = (way[-1] - way[0]) / max(float(np.linalg.norm(way[-1] - way[0])), 1e-9)
     shifts = np.concatenate([np.zeros((1, 2)), object_ - (way[0] + _AHEAD_M * ahead)])
     for shift in shifts[np.argsort(np.linalg.norm(shifts, axis=1), kind="stable")]:
@@ -122,6 +121,11 @@ def aimed(asked: Motion, x: Points, pushes: Pushes, site: Site) -> Motion:
         "wherever it begins beside the object it leaves the region of pushes or the workspace; move the object towards "
         "the middle of the table and start again, or go on with plans as usual."
     )
+
+
+def _down(positions: Float64[np.ndarray, "T 3"]) -> Int[np.ndarray, " L"]:
+    """When the tool is down."""
+    return np.flatnonzero(positions[:, 2] < positions[:, 2].min() + _LOW_M)
 
 
 def _fits(way: Float64[np.ndarray, "W 2"], object_: Float64[np.ndarray, "N 2"], pushes: Pushes) -> bool:

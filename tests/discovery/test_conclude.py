@@ -2,21 +2,19 @@
 
 from dataclasses import replace
 
-import numpy as np
 import pytest
 
 from app.discovery.case import Limit
 from app.discovery.conclude import estimates_of, sentences_of, verdict_of
 from app.discovery.decide import Decision, Held
-from app.discovery.evidence import Block, Residuals, fitted
 from app.discovery.formula import Found, Opened
-from app.discovery.inference import Prior
 from app.discovery.leftover import Leftover
 from app.discovery.library import FORMULA, with_formula
-from app.discovery.refine import Model, own_steps
+from app.discovery.refine import Model
 from app.discovery.subject import catalogue
 from app.tasks import load
 from app.tasks.doubted import subject_of
+from tests.discovery.exact import exact_model
 
 SUBJECT, CATALOGUE = subject_of(load("rope_push")), catalogue()
 FATAL = Limit(text="Nothing was touched.", consequence="No cause can be named: push the object.", fatal=True)
@@ -24,35 +22,7 @@ MILD = Limit(text="One speed only.", consequence="Delay and compliance cannot be
 
 
 def model(*causes: str, values: dict[str, float] | None = None) -> Model:
-    """A fit of these causes to rows that say their values, in their own steps, exactly."""
-    theta = CATALOGUE.nominal(SUBJECT)
-    for name, value in (values or {}).items():
-        theta[CATALOGUE.column(name)] = value
-    steps = own_steps(CATALOGUE, SUBJECT.calibrated, causes)
-    count = len(steps)
-    rng = np.random.default_rng(0)
-    J = rng.normal(size=(20, 8, count))
-    data = Residuals(
-        r=1e-3 * rng.normal(size=(20, 8)),
-        J=J,
-        spread=np.zeros((20, 8, 1)),
-        known=np.ones((20, 8), bool),
-        episode=np.arange(20) // 4,
-        blocks=(Block(slice(0, 8), 1e-3),),
-    )
-    prior = Prior(mean=np.zeros(count), variance=np.ones(count), nuisance=(0, 1))
-    return Model(
-        causes=causes,
-        theta=theta,
-        estimate=theta,
-        steps=steps,
-        own=count,
-        data=data,
-        prior=prior,
-        fit=fitted(data, prior.variance),
-        log_evidence=0.0,
-        temper=1.0,
-    )
+    return exact_model(SUBJECT, CATALOGUE, causes, values or {})
 
 
 def decision(probabilities: dict[str, float], accepted: Model | None) -> Decision:

@@ -1,18 +1,15 @@
 """A formula in words: what swirls, drags or pulls is said so, in real units and about the right point."""
 
-import numpy as np
 import pytest
 
 from app.discovery.case import Formula
-from app.discovery.evidence import Block, Residuals, fitted
 from app.discovery.formula import Found
-from app.discovery.inference import Prior
 from app.discovery.library import FORMULA, with_formula
-from app.discovery.refine import Model, own_steps
 from app.discovery.subject import catalogue
 from app.discovery.wording import formula_of
 from app.tasks import load
 from app.tasks.doubted import subject_of
+from tests.discovery.exact import exact_model
 
 SUBJECT, CATALOGUE = subject_of(load("rope_push")), catalogue()
 FASTER, HEAVIER = SUBJECT.haste, SUBJECT.heft
@@ -21,32 +18,7 @@ FASTER, HEAVIER = SUBJECT.haste, SUBJECT.heft
 def said(*features: str, **values: float) -> Formula:
     """Of a fit that is exact, of these features with these values of the simulator's parameters."""
     known = with_formula(CATALOGUE, features)
-    theta = known.nominal(SUBJECT)
-    for name, value in values.items():
-        theta[known.column(name)] = value
-    steps = own_steps(known, SUBJECT.calibrated, (FORMULA,))
-    count = len(steps)
-    data = Residuals(
-        r=np.zeros((20, 8)),
-        J=np.random.default_rng(0).normal(size=(20, 8, count)),
-        spread=np.zeros((20, 8, 1)),
-        known=np.ones((20, 8), bool),
-        episode=np.arange(20) // 4,
-        blocks=(Block(slice(0, 8), 1e-3),),
-    )
-    prior = Prior(mean=np.zeros(count), variance=np.ones(count), nuisance=(0, 1))
-    model = Model(
-        causes=(FORMULA,),
-        theta=theta,
-        estimate=theta,
-        steps=steps,
-        own=count,
-        data=data,
-        prior=prior,
-        fit=fitted(data, prior.variance),
-        log_evidence=0.0,
-        temper=1.0,
-    )
+    model = exact_model(SUBJECT, known, (FORMULA,), values)
     return formula_of(SUBJECT, Found(features=features, model=model, catalogue=known))
 
 

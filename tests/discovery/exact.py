@@ -1,0 +1,41 @@
+"""A fit that is exact: what a decision or a formula is made of, without a simulation."""
+
+from collections.abc import Mapping
+
+import numpy as np
+
+from app.discovery.evidence import Block, Residuals, fitted
+from app.discovery.inference import Prior
+from app.discovery.refine import Model, own_steps
+from app.discovery.subject import Catalogue, Subject
+
+
+def exact_model(subject: Subject, known: Catalogue, causes: tuple[str, ...], values: Mapping[str, float]) -> Model:
+    """A fit of these causes, at these values, to rows that say them in their own steps."""
+    theta = known.nominal(subject)
+    for name, value in values.items():
+        theta[known.column(name)] = value
+    steps = own_steps(known, subject.calibrated, causes)
+    count = len(steps)
+    rng = np.random.default_rng(0)
+    data = Residuals(
+        J=rng.normal(size=(20, 8, count)),
+        r=1e-3 * rng.normal(size=(20, 8)),
+        spread=np.zeros((20, 8, 1)),
+        known=np.ones((20, 8), bool),
+        episode=np.arange(20) // 4,
+        blocks=(Block(slice(0, 8), 1e-3),),
+    )
+    prior = Prior(mean=np.zeros(count), variance=np.ones(count), nuisance=(0, 1))
+    return Model(
+        causes=causes,
+        theta=theta,
+        estimate=theta,
+        steps=steps,
+        own=count,
+        data=data,
+        prior=prior,
+        fit=fitted(data, prior.variance),
+        log_evidence=0.0,
+        temper=1.0,
+    )
