@@ -2,8 +2,9 @@
 
 `dipac bench discovery --n 200 --into results.jsonl` draws 200 cases in each world and keeps a line a case; what is in
 the file already is not done again, so that a long run survives a cut. `--first` and `--n` divide the cases over
-machines; `--merge` names the files of the others. Without `--n` it only scores what is there. `--report FOLDER` writes
-figures as SVG and the table of targets as Markdown.
+machines; `--merge` names the files of the others. `--made FOLDER` keeps the recordings, for another solver to be tried
+on the same. Without `--n` it only scores what is there. `--report FOLDER` writes figures as SVG and the table of
+targets as Markdown.
 """
 
 import argparse
@@ -36,6 +37,7 @@ def main(options: Sequence[str] | None = None) -> None:
         plan=Plan(episodes=given.episodes, pushes=given.pushes),
         oracle=not given.no_oracle,
         deadline_s=given.deadline,
+        made=given.made,
     )
     given.into.parent.mkdir(parents=True, exist_ok=True)
     worlds: tuple[World, ...] = WORLDS if given.world == "both" else (given.world,)
@@ -111,6 +113,7 @@ def _given(options: Sequence[str] | None) -> argparse.Namespace:
     parser.add_argument("--jobs", type=int, default=1, help="cases side by side")
     parser.add_argument("--into", type=Path, default=Path(".cache/bench-discovery/results.jsonl"))
     parser.add_argument("--merge", type=Path, nargs="*", default=[], help="results of other machines")
+    parser.add_argument("--made", type=Path, help="a folder where recordings are kept, and taken from another time")
     parser.add_argument("--report", type=Path, help="a folder for figures and the table of targets")
     parser.add_argument("--no-oracle", action="store_true", help="do not ask what knowing the cause would gain")
     parser.add_argument("--deadline", type=float, default=_DEADLINE_S, help="seconds that a process may take")

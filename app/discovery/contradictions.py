@@ -33,8 +33,13 @@ def contradictions(study: Study, subject: Subject) -> Iterator[Limit]:
 
 def _size(study: Study, subject: Subject) -> Iterator[Limit]:
     """An object much longer or shorter than the task's."""
-    length = float(np.median([_length_m(push.before.points) for push in study.pushes])) if study.pushes else 0.0
-    if not study.pushes or _SHORTER * subject.length_m <= length <= _LONGER * subject.length_m:
+    lengths = [_length_m(push.before.points) for push in study.pushes]
+    if not lengths:
+        return
+    # One that is coiled up touches itself and looks short: it is as long as it ever was.
+    longest = max(lengths)
+    length = longest if longest < _SHORTER * subject.length_m else float(np.median(lengths))
+    if longest >= _SHORTER * subject.length_m and length <= _LONGER * subject.length_m:
         return
     millimetres = _SHORTER <= length / (_MILLI * subject.length_m) <= _LONGER
     yield Limit(

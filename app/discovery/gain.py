@@ -48,9 +48,12 @@ def gained(predictor: Predictor, trials: Trials, screening: Screening, model: Mo
     """Errors over one push and over several, with and without the extension."""
     folds = _folds(predictor, screening, model)
     planned = _as_planned(trials)
-    ends = [_predicted(predictor, planned, thetas) for thetas in folds]
-    errors = np.stack([_errors_mm(planned, end) for end in ends], axis=1)
+    ends = [_predicted(predictor, planned, folds.nominal)]
+    ends.append(ends[0] if model is None else _predicted(predictor, planned, folds.extended))
     still = _errors_mm(planned, np.stack([push.before.points for push in trials.study.pushes]))
+    errors = np.stack([_errors_mm(planned, end) for end in ends], axis=1)
+    # A push that the simulation does not survive is as good as one of which it says that nothing moves.
+    errors = np.where(np.isfinite(errors), errors, still[:, None])
     steps = [errors.mean(0), *_further(predictor, planned, folds, ends)]
     numbers = np.unique(screening.data.episode)
     per_episode = np.stack([errors[screening.data.episode == number].mean(0) for number in numbers])

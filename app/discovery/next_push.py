@@ -34,7 +34,8 @@ def next_push(
 ) -> NextPush | None:
     """Between two or more models, each with its probability; None where there is nothing to tell apart.
 
-    `height_m`: of the tool's tip above the table while it pushes.
+    None, too, where none of the pushes that were tried can be simulated by all of them. `height_m`: of the tool's tip
+    above the table while it pushes.
     """
     if len(models) < 2:  # A single model has no rival.
         return None
@@ -42,6 +43,8 @@ def next_push(
     asked = _asked(trials.study, last, _CANDIDATES[platform], height_m, seed)
     ends = predictor(prepare(asked, predictor.subject), [theta for _, theta in models.values()]).after
     apart = _apart(ends, [probability for probability, _ in models.values()])
+    if not np.isfinite(apart).any():  # No push that every model survives.
+        return None
     best = int(np.nanargmax(apart))
     first, second = _rivals(ends[:, best], list(models))
     distance = _distance_m(ends[first, best], ends[second, best])

@@ -34,10 +34,15 @@ def _label(x: Float[jax.Array, "N 3"], width_m: float) -> Float[jax.Array, "N 4"
     apart = jnp.square(place[:, None] - place[None]).sum(-1)
     weight = jnp.exp(-0.5 * apart)
     weight /= weight.sum(1, keepdims=True)
-    middle = weight @ place
-    xx, yy, xy = (weight @ jnp.stack([place[:, 0] ** 2, place[:, 1] ** 2, place[:, 0] * place[:, 1]], 1)).T
+    middle = _mean(weight, place)
+    xx, yy, xy = _mean(weight, jnp.stack([place[:, 0] ** 2, place[:, 1] ** 2, place[:, 0] * place[:, 1]], 1)).T
     xx, yy, xy = xx - middle[:, 0] ** 2, yy - middle[:, 1] ** 2, xy - middle[:, 0] * middle[:, 1]
     angle = 0.5 * jnp.arctan2(2 * xy, xx - yy)
     along = jnp.stack([jnp.cos(angle), jnp.sin(angle)], 1)
     left = (place - middle)[:, 1] * along[:, 0] - (place - middle)[:, 0] * along[:, 1]
     return jnp.concatenate([jnp.zeros_like(left)[:, None], left[:, None] * width_m, along], 1)
+
+
+def _mean(weight: Float[jax.Array, "N N"], values: Float[jax.Array, "N D"]) -> Float[jax.Array, "N D"]:
+    """Weighted means, in full precision on every device."""
+    return jnp.matmul(weight, values, precision=jax.lax.Precision.HIGHEST)

@@ -33,12 +33,16 @@ _CURRENT = ("PATH", "HOME", "LANG", "TMPDIR", "XDG_CACHE_HOME", "CUDA_VISIBLE_DE
 @final
 @dataclass(frozen=True, kw_only=True)
 class Setup:
-    """How cases are made and solved. `seed` is of all draws; `deadline_s` of each process."""
+    """How cases are made and solved. `seed` is of all draws; `deadline_s` of each process.
+
+    `made`: where recordings are kept with their truth, a folder a case, and taken from where they are there already.
+    """
 
     seed: int
     plan: Plan
     oracle: bool
     deadline_s: float
+    made: Path | None = None
 
 
 def tried(case: Case, setup: Setup) -> dict[str, Any]:
@@ -47,8 +51,8 @@ def tried(case: Case, setup: Setup) -> dict[str, Any]:
     line: dict[str, Any] = {"case": told(case, setup)}
     with tempfile.TemporaryDirectory() as sealed, tempfile.TemporaryDirectory() as seen:
         try:
-            truth = make(case, setup, Path(sealed))
-            recordings = handed_over(Path(sealed) / "recordings", Path(seen))
+            truth = _made(case, setup, Path(sealed))
+            recordings = handed_over((_kept(case, setup) or Path(sealed)) / "recordings", Path(seen))
             line["verdict"] = solved(recordings, Path(seen), setup.deadline_s)
             line["truth"] = truth
             causes = [each["effect"] for each in truth["effects"]]
@@ -88,6 +92,28 @@ def make(case: Case, setup: Setup, folder: Path) -> dict[str, Any]:
     places = ["-o", str(folder / "recordings"), "--truth", str(truth)]
     _run(["app", "hide", *wishes, "--seed", str(seed), *size, *places], setup.deadline_s)
     return json.loads(truth.read_text(encoding="utf-8"))
+
+
+def _kept(case: Case, setup: Setup) -> Path | None:
+    """The folder of a case whose recordings are kept."""
+    plan = setup.plan
+    name = f"{case.key}-{setup.seed}-{plan.episodes}x{plan.pushes}"
+    return None if setup.made is None else setup.made / name
+
+
+def _made(case: Case, setup: Setup, folder: Path) -> dict[str, Any]:
+    """The truth of recordings in `folder`, or in the one where they are kept: those that are there, or new ones."""
+    kept = _kept(case, setup)
+    if kept is None:
+        return make(case, setup, folder)
+    finished = kept / "truth.json"
+    if not finished.exists():
+        shutil.rmtree(kept, ignore_errors=True)
+        kept.parent.mkdir(parents=True, exist_ok=True)
+        truth = make(case, setup, folder)
+        shutil.move(folder / "recordings", kept / "recordings")
+        finished.write_text(json.dumps(truth), encoding="utf-8")
+    return json.loads(finished.read_text(encoding="utf-8"))
 
 
 def handed_over(made: Path, folder: Path) -> list[Path]:

@@ -1,6 +1,7 @@
 """A trial: recordings with their truth, a solver that is given the former, and failures that are lines, too."""
 
 import subprocess
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -28,6 +29,16 @@ def test_both_worlds_hide_the_same_size_and_hand_over_recordings_alone(world, tm
     scored = outcome(line(case, ("named", [blamed("depth_bias", 0.9)], [])) | {"truth": truth})
     assert abs(scored.truths[0].size) == pytest.approx(0.008)
     assert scored.truths[0].typical == 2.0
+
+
+def test_recordings_that_are_kept_are_not_made_again(tmp_path: Path) -> None:
+    kept = tmp_path / "own-0-3-1x1"
+    kept.mkdir()
+    (kept / "truth.json").write_text('{"effects": []}')
+    (kept / "recordings").mkdir()
+    (kept / "recordings" / "episode-01.mcap").write_bytes(b"no recording")
+    made = tried(Case(number=0, world="own", hidden=()), replace(SETUP, made=tmp_path))
+    assert "episode-01.mcap" in made["failure"]
 
 
 def test_what_cannot_be_read_is_a_failure_and_no_verdict(tmp_path: Path) -> None:

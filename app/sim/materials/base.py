@@ -93,10 +93,13 @@ def norm(a: wp.mat33) -> float:
 def flowed(F: wp.mat33, D: wp.mat33, mean: float, keep: float) -> wp.mat33:
     """F after plastic flow that keeps the share `keep` of the deviator D of F F^T, whose trace is 3 `mean`.
 
-    Radial return (Simo and Hughes 1998, box 9.1) to first order in the step, F <- (I - (1 - keep) / (2 mean) D) F:
-    volume stays and no singular values are needed. What is left over flows in the next substep.
+    Radial return (Simo and Hughes 1998, box 9.1) to first order in the step, F <- (I - (1 - keep) / (2 mean) D) F, so
+    that no singular values are needed; what is left over flows in the next substep. Volume stays: what the second
+    order takes of it, in every substep, would leave nothing of what flows for long.
     """
-    return F - ((1.0 - keep) / (2.0 * mean)) * (D * F)
+    part = (1.0 - keep) / (2.0 * mean)
+    volume = 1.0 - part * part * (0.5 * wp.ddot(D, D) + part * wp.determinant(D))
+    return wp.pow(wp.max(volume, LEAST_VOLUME), -1.0 / 3.0) * (F - part * (D * F))
 
 
 def relaxation(hooks: Hooks) -> WarpFunction:
