@@ -37,10 +37,11 @@ def _size(study: Study, subject: Subject) -> Iterator[Limit]:
     if not lengths:
         return
     # One that is coiled up touches itself and looks short: it is as long as it ever was.
-    longest = max(lengths)
-    length = longest if longest < _SHORTER * subject.length_m else float(np.median(lengths))
-    if longest >= _SHORTER * subject.length_m and length <= _LONGER * subject.length_m:
+    longest, usual = max(lengths), float(np.median(lengths))
+    short = longest < _SHORTER * subject.length_m
+    if not short and usual <= _LONGER * subject.length_m:
         return
+    length = longest if short else usual
     millimetres = _SHORTER <= length / (_MILLI * subject.length_m) <= _LONGER
     yield Limit(
         text=f"The object is {length:.3g} m long, that of {study.task} {subject.length_m:g} m.",

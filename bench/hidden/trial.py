@@ -49,10 +49,11 @@ def tried(case: Case, setup: Setup) -> dict[str, Any]:
     """A line of results; where something failed, `failure` says what."""
     began = time.monotonic()
     line: dict[str, Any] = {"case": told(case, setup)}
+    kept = _kept(case, setup)
     with tempfile.TemporaryDirectory() as sealed, tempfile.TemporaryDirectory() as seen:
         try:
-            truth = _made(case, setup, Path(sealed))
-            recordings = handed_over((_kept(case, setup) or Path(sealed)) / "recordings", Path(seen))
+            truth = make(case, setup, Path(sealed)) if kept is None else _made(kept, case, setup, Path(sealed))
+            recordings = handed_over((kept or Path(sealed)) / "recordings", Path(seen))
             line["verdict"] = solved(recordings, Path(seen), setup.deadline_s)
             line["truth"] = truth
             causes = [each["effect"] for each in truth["effects"]]
@@ -96,21 +97,21 @@ def make(case: Case, setup: Setup, folder: Path) -> dict[str, Any]:
 
 def _kept(case: Case, setup: Setup) -> Path | None:
     """The folder of a case whose recordings are kept."""
-    plan = setup.plan
-    name = f"{case.key}-{setup.seed}-{plan.episodes}x{plan.pushes}"
-    return None if setup.made is None else setup.made / name
+    if setup.made is None:
+        return None
+    return setup.made / f"{case.key}-{setup.seed}-{setup.plan.episodes}x{setup.plan.pushes}"
 
 
-def _made(case: Case, setup: Setup, folder: Path) -> dict[str, Any]:
-    """The truth of recordings in `folder`, or in the one where they are kept: those that are there, or new ones."""
-    kept = _kept(case, setup)
-    if kept is None:
-        return make(case, setup, folder)
+def _made(kept: Path, case: Case, setup: Setup, folder: Path) -> dict[str, Any]:
+    """The truth of the recordings that are kept; where there are none they are made in `folder`, and moved.
+
+    The truth is written last: a folder without it is half done, and made anew.
+    """
     finished = kept / "truth.json"
     if not finished.exists():
         shutil.rmtree(kept, ignore_errors=True)
-        kept.parent.mkdir(parents=True, exist_ok=True)
         truth = make(case, setup, folder)
+        kept.mkdir(parents=True)
         shutil.move(folder / "recordings", kept / "recordings")
         finished.write_text(json.dumps(truth), encoding="utf-8")
     return json.loads(finished.read_text(encoding="utf-8"))
