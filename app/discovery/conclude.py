@@ -5,7 +5,7 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from app.discovery.case import Blame, Estimate, Formula, Limit, Name, Power
-from app.discovery.decide import ENOUGH, Decision
+from app.discovery.decide import TEMPERATURE, Decision
 from app.discovery.formula import Opened
 from app.discovery.inference import Prior
 from app.discovery.leftover import LEFT
@@ -18,6 +18,8 @@ NAMED = 0.8
 _SET = 0.9
 _LIKELIER = 0.5
 """Probability above which a cause that is not accepted is likelier than anything else."""
+_NAMEABLE = 4.0 * TEMPERATURE
+"""Evidence of the screening from which a cause is named alone, in a catalogue of this size."""
 _Z = 1.645
 """Of a 90 % interval."""
 
@@ -114,7 +116,7 @@ def powers_of(catalogue: Catalogue, subject: Subject, screening: Screening) -> t
         for column, step in zip(suspect.columns, suspect.steps, strict=True):
             spec = catalogue.specs[step.column]
             information = _information(A, screening.prior, column)
-            needed = np.sqrt(2 * ENOUGH / information) if information > 0 else np.inf
+            needed = np.sqrt(2 * _NAMEABLE / information) if information > 0 else np.inf
             null, typical = spec.nominal, spec.typical
             assert typical is not None
             least = spec.coordinate(null) + needed * step.size

@@ -108,4 +108,4 @@ def library(predictor: Predictor, trials: Trials, screening: Screening) -> Libra
     cause = catalogue.cause(FORMULA)
     steps = tuple(switch_of(catalogue, cause, column) for column in cause.columns)
     sloped = residuals(Predictor(predictor.subject, catalogue), trials, screening.about, steps, replicas=0)
-    return Library(steps=steps, J=sloped.J, deviation=habit(cause))
+    return Library(steps=steps, J=sloped.J, deviation=habit(cause)[1])

@@ -17,7 +17,7 @@ from app.discovery.screen import Screening, Suspect
 from app.discovery.sensitivity import Step, moved, residuals, switch_of
 from app.discovery.subject import Catalogue, Theta
 
-_ROUNDS = 4
+_ROUNDS = 5
 _PART = 0.4
 """Of a screening's step: slopes about a fitted value are taken over less."""
 _SHARE = 0.05
@@ -34,7 +34,7 @@ class Model:
     """Causes taken for present, with what they take, about which everything else is linear.
 
     `own`: the first columns of the data, those of the causes and of the calibrated parameters; the rest are the
-    screening's. `estimate`: `theta` moved by the fit.
+    screening's. `estimate`: `theta` moved by the fit, by the share of it that is trusted.
     """
 
     causes: tuple[str, ...]
@@ -47,6 +47,7 @@ class Model:
     fit: Fit
     log_evidence: float
     temper: float
+    trust: float = 1.0
 
     @property
     def covariance(self) -> Float64[np.ndarray, "Q Q"]:
@@ -61,7 +62,10 @@ def refine(
     starts: Sequence[tuple[str, Theta]],
     noises: Sequence[Covariances] = (),
 ) -> Model:
-    """The best model with these causes; each start says a cause and a theta that has it."""
+    """The best model with these causes; each start says a cause and a theta that has it.
+
+    Where a step makes the data less likely, half of it is tried.
+    """
     catalogue = predictor.catalogue
     causes = tuple(name for name, _ in starts)
     theta = _joined(catalogue, screening.about, starts)
@@ -72,11 +76,22 @@ def refine(
         model = _fitted(catalogue, screening, causes, theta, own, sloped, noises)
         if best is None or model.log_evidence > best.log_evidence:
             best = model
-        theta = model.estimate
-        if float(np.abs(model.fit.theta[: len(own)]).max()) < _SETTLED:
+        else:
+            best = replace(best, trust=best.trust / 2, estimate=_ahead(catalogue, best, best.trust / 2))
+        theta = best.estimate
+        if best.trust * float(np.abs(best.fit.theta[: len(own)]).max()) < _SETTLED:
             break
     assert best is not None
     return best
+
+
+def _ahead(catalogue: Catalogue, model: Model, share: float) -> Theta:
+    """The model's theta moved by a share of what its fit says."""
+    estimate = model.theta
+    shares = np.clip(model.fit.theta[: model.own], -_FARTHEST, _FARTHEST)
+    for step, value in zip(model.steps[: model.own], shares, strict=True):
+        estimate = moved(catalogue, estimate, step, share * float(value))
+    return estimate
 
 
 def started(catalogue: Catalogue, about: Theta, suspect: Suspect, *, share: float = 1.0) -> Theta:
@@ -136,13 +151,10 @@ def _fitted(
     prior = _prior(catalogue, screening, theta, own, others)
     weighing = screening.weighing
     fit = fitted(data, prior.variance, prior.mean, (weighing.nothing.covariances, None, *noises))
-    estimate = theta
-    for step, share in zip(own, np.clip(fit.theta[: len(own)], -_FARTHEST, _FARTHEST), strict=True):
-        estimate = moved(catalogue, estimate, step, float(share))
-    return Model(
+    model = Model(
         causes=causes,
         theta=theta,
-        estimate=estimate,
+        estimate=theta,
         steps=(*own, *(screening.steps[n] for n in others)),
         own=len(own),
         data=data,
@@ -151,6 +163,7 @@ def _fitted(
         log_evidence=log_evidence(fit, prior, weighing.temper),
         temper=weighing.temper,
     )
+    return replace(model, estimate=_ahead(catalogue, model, 1.0))
 
 
 def _prior(

@@ -1,7 +1,7 @@
 """The first verdict, from one batch of simulations: a refitted nominal model, and every cause weighed against it."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import final
 
 import numpy as np
@@ -86,16 +86,25 @@ def screened(
     prior = prior_of(catalogue, calibrated, steps)
     groups = ways_of(steps, (column for column in range(len(steps)) if column not in prior.nuisance))
     weighing = weigh(data, list(groups.values()), prior)
-    best = dict[str, Suspect]()
+    ways = dict[str, list[Suspect]]()
     for (cause, _), columns, weighed in zip(groups, groups.values(), weighing.findings, strict=True):
-        finding = _possible(weighed, [steps[column] for column in columns])
-        if cause not in best or finding.log_bayes > best[cause].finding.log_bayes:
-            own = tuple(steps[column] for column in columns)
-            best[cause] = Suspect(cause=cause, columns=tuple(columns), steps=own, finding=finding)
-    suspects = sorted(best.values(), key=lambda suspect: -suspect.finding.log_bayes)
+        own = tuple(steps[column] for column in columns)
+        finding = _possible(weighed, own)
+        ways.setdefault(cause, []).append(Suspect(cause=cause, columns=tuple(columns), steps=own, finding=finding))
+    suspects = sorted(map(_likeliest, ways.values()), key=lambda suspect: -suspect.finding.log_bayes)
     return Screening(
         about=about, steps=tuple(steps), data=data, prior=prior, weighing=weighing, suspects=tuple(suspects)
     )
+
+
+def _likeliest(ways: Sequence[Suspect]) -> Suspect:
+    """The best of the places, or ways, that a cause was asked about in, with the mean evidence of all of them.
+
+    It has one that nobody knows, and the best of many is good by chance.
+    """
+    best = max(ways, key=lambda suspect: suspect.finding.log_bayes)
+    mean = np.logaddexp.reduce([suspect.finding.log_bayes for suspect in ways]) - np.log(len(ways))
+    return replace(best, finding=best.finding._replace(log_bayes=float(mean)))
 
 
 def _possible(finding: Finding, steps: Sequence[Step]) -> Finding:
@@ -107,10 +116,10 @@ def _possible(finding: Finding, steps: Sequence[Step]) -> Finding:
 def prior_of(catalogue: Catalogue, calibrated: Sequence[str], steps: Sequence[Step]) -> Prior:
     """Where nothing is missing."""
     habits = {cause.name: habit(cause) for cause in catalogue.causes}
-    deviations = [CALIBRATED if step.cause in calibrated else habits[step.cause] for step in steps]
+    usual = np.array([(0.0, CALIBRATED) if step.cause in calibrated else habits[step.cause] for step in steps])
     return Prior(
-        mean=np.zeros(len(steps)),
-        variance=np.array(deviations) ** 2,
+        mean=usual[:, 0],
+        variance=usual[:, 1] ** 2,
         nuisance=tuple(n for n, step in enumerate(steps) if step.cause in calibrated or step.cause in NUMERICS),
     )
 

@@ -9,6 +9,7 @@ from app.planner.actions import Pushes
 from app.planner.cost import Weights
 from app.planner.optimise import Descent
 from app.policy.scripted import ScriptedPush
+from app.sim.materials.rope import Rope as RopeMaterial
 from app.sim.scene import Body, Scene
 from app.sim.tools import finger as sim_finger
 from app.tasks.base import Finger, Preset, Rope, Task
@@ -38,13 +39,14 @@ TASK = Task(
             Body(
                 volume_m3=pi * ROPE.radius_m**2 * ROPE.length_m,
                 density_kg_m3=ROPE.mass_kg / (pi * ROPE.radius_m**2 * ROPE.length_m),
+                material=RopeMaterial(fibre_pa=2.5e5, core_m=0.004, yield_strain=0.1),
             ),
         ),
         tools=(sim_finger.Finger(radius_m=FINGER.radius_m, below_m=0.0035, fade_m=0.001),),
         contact_margin_m=0.0035,
         contact_width_m=0.001,
         contact_substeps=3.0,
-        damping_1_s=20.0,
+        damping_1_s=4.0,
     ),
     actions=Pushes(
         region=(0.27, -0.33, 0.83, 0.33),
@@ -67,7 +69,7 @@ TASK = Task(
     weights=Weights(progress=1.0, contact=0.002, discount=0.7),
     descent=Descent(learning_rate=1.0, clip=1.0, shrink=0.5),
     problems=Problems(),
-    nominal=MappingProxyType({"stiffness": 4.0e4, "table_friction": 0.5, "finger_friction": 0.3}),
+    nominal=MappingProxyType({"stiffness": 6.0e4, "table_friction": 0.5, "finger_friction": 0.3}),
     calibrated=("stiffness", "table_friction"),
     success_m2=2 * 0.010**2,
     haste=5.0,
