@@ -30,8 +30,9 @@ CHANCE = 50.0
 """Evidence that refits find where nothing is: in 18 recordings the best cause had 35 in the median, 64 once."""
 _ROUGH = 10.0
 """What a refit's further evidence is divided by."""
-_NOTHING = 0.25
-"""Prior probability that nothing is missing; the rest is shared evenly among the causes."""
+_ODDS = 0.09
+"""Prior odds of each cause against nothing missing: three to one that one of a whole catalogue of 34 acts. Who asks
+about a few of them alone does not make these more probable."""
 _SHARES = 1.0, 0.4
 """Of what the screening found, from which a refit begins: what is strong is often overdone there."""
 _SHORTLIST = 5
@@ -130,8 +131,7 @@ def _weight(linear: float, refitted: float | None) -> float:
 
 def shared(logs: Mapping[str, float]) -> tuple[Mapping[str, float], float]:
     """Probabilities from logarithmic weights against nothing missing, and that of nothing missing."""
-    share = np.log((1 - _NOTHING) / max(len(logs), 1))
-    weights = np.array([np.log(_NOTHING), *(share + value for value in logs.values())])
+    weights = np.array([0.0, *(np.log(_ODDS) + value for value in logs.values())])
     probabilities = np.exp(weights - weights.max())
     probabilities /= probabilities.sum()
     return dict(zip(logs, probabilities[1:].tolist(), strict=True)), float(probabilities[0])
