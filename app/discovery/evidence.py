@@ -1,10 +1,13 @@
 """What the pushes say of all parameters together: residuals, slopes, and a noise that is learnt from both.
 
-Residuals of clouds are amplitudes of displacement modes; their covariance is the same for all pushes but for its size.
-Most pushes are predicted to a millimetre, and a few, where the object slips off the tool or not, by nothing: a
-multivariate Student t (Lange, Little and Taylor 1989, "Robust statistical modeling using the t distribution"), wider
-where a disturbed start already ends elsewhere. What was measured directly has independent errors of one size a kind: a
-covariance that is free would take a delay for noise of the arm's log.
+Residuals of clouds are amplitudes of displacement modes. Their covariance has a part that is the same for all pushes
+and is learnt, and one of each push by itself: where a slightly other start, friction or grid already ends elsewhere, a
+simulator errs, in just these ways, and otherwise in the next push (random slopes, as in Laird and Ware 1982,
+"Random-effects models for longitudinal data"). Without it a few pushes that nearly anything would move say the most of
+every cause, and the same wrong thing. Most pushes are predicted to a millimetre, and a few, where the object slips off
+the tool or not, by nothing: a multivariate Student t (Lange, Little and Taylor 1989, "Robust statistical modeling using
+the t distribution"). What was measured directly has independent errors of one size a kind: a covariance that is free
+would take a delay for noise of the arm's log.
 """
 
 from collections.abc import Sequence
@@ -15,13 +18,12 @@ import numpy as np
 from jaxtyping import Bool, Float64, Int
 
 _DEGREES = 2.0
-_ROUNDS = 25
-_LEAST_ROUNDS = 3
+_ROUNDS = 100
 _SHRINK = 16.0
 """Pushes' worth of a diagonal covariance that is added to the learnt one."""
 _LEAST_M = 1e-4
-_SETTLED = 2e-3
-"""Steps."""
+_SETTLED = 1e-3
+"""Relative change of a learnt variance in a round. The likelihood would stop too soon: it turns on its way."""
 
 Covariances: TypeAlias = tuple[Float64[np.ndarray, "_ _"], ...]
 """Of each block of rows [m^2], for a push of usual size."""
@@ -37,9 +39,10 @@ class Block(NamedTuple):
 @final
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Residuals:
-    """Of K pushes: residuals (K, R) [m], slopes (K, R, P) [m a step], ends of disturbed starts (K, R, D) [m].
+    """Of K pushes: residuals (K, R) [m], slopes (K, R, P) [m a step], and what errs in each by itself (K, R, D) [m].
 
-    `known`: what was seen; the rest counts for nothing.
+    `spread`: its columns are independent errors of one standard deviation. `known`: what was seen; the rest counts for
+    nothing.
     """
 
     r: Float64[np.ndarray, "K R"]
@@ -118,7 +121,7 @@ def fitted(
 def log_likelihood(data: Residuals, theta: Float64[np.ndarray, " P"], covariances: Covariances) -> float:
     """Of all pushes under a noise that is known, but for a constant."""
     rows = zip(_blocks(data), covariances, strict=True)
-    return float(sum(_log_likelihood(block, _root(covariance), theta) for block, covariance in rows))
+    return float(sum(_log_likelihood(block, _roots(block, covariance), theta) for block, covariance in rows))
 
 
 def _blocks(data: Residuals) -> list[_Rows]:
@@ -130,7 +133,7 @@ def _blocks(data: Residuals) -> list[_Rows]:
             _Rows(
                 r=data.r[use, rows] * known,
                 J=data.J[use, rows] * known[:, :, None],
-                spread=data.spread[use, rows],
+                spread=data.spread[use, rows] * known[:, :, None],
                 known=known,
                 seen=known.sum(1).astype(np.float64),
                 episode=data.episode[use],
@@ -148,24 +151,25 @@ def _climbed(
 ) -> Fit:
     theta, precision = centre.copy(), np.diag(1 / variance)
     covariances = start or tuple(_first(block) for block in blocks)
+    roots = [_roots(block, covariance) for block, covariance in zip(blocks, covariances, strict=True)]
     for turn in range(_ROUNDS):
         total, pull = precision.copy(), precision @ centre
-        roots = [_root(covariance) for covariance in covariances]
         # Before theta is known at all no push may pass for an outlier.
-        size_of = _size if turn else _start
-        sizes = [size_of(block, root, theta) for block, root in zip(blocks, roots, strict=True)]
+        pairs = list(zip(blocks, roots, strict=True))
+        sizes = [_size(block, root, theta) if turn else np.ones(len(block.r)) for block, root in pairs]
         for block, root, size in zip(blocks, roots, sizes, strict=True):
             WJ, Wr = _whitened(block, root, size)
             flat = WJ.reshape(-1, len(theta))
             total += flat.T @ flat
             pull += flat.T @ Wr.ravel()
-        new = np.linalg.solve(total, pull)
-        covariances = tuple(_scatter(block, new, size) for block, size in zip(blocks, sizes, strict=True))
-        settled = float(np.abs(new - theta).max()) < _SETTLED
-        theta = new
-        if settled and turn + 1 >= _LEAST_ROUNDS:
+        theta = np.linalg.solve(total, pull)
+        parts = zip(blocks, covariances, roots, sizes, strict=True)
+        learnt = tuple(_scatter(block, old, root, theta, size) for block, old, root, size in parts)
+        changes = [np.abs(np.diag(new) / np.diag(old) - 1).max() for new, old in zip(learnt, covariances, strict=True)]
+        covariances = learnt
+        roots = [_roots(block, covariance) for block, covariance in zip(blocks, covariances, strict=True)]
+        if max(changes) < _SETTLED:
             break
-    roots = [_root(covariance) for covariance in covariances]
     likelihood = sum(_log_likelihood(block, root, theta) for block, root in zip(blocks, roots, strict=True))
     return Fit(theta, covariances, _forms(blocks, roots, theta), float(likelihood))
 
@@ -177,67 +181,72 @@ def _first(block: _Rows) -> Float64[np.ndarray, "S S"]:
     return np.diag(np.median(np.abs(block.r), 0) ** 2 / 0.45 + (block.least_m or _LEAST_M) ** 2)
 
 
-def _root(covariance: Float64[np.ndarray, "S S"]) -> Float64[np.ndarray, "S S"]:
-    """What makes errors of this covariance independent and of unit size."""
-    return np.linalg.inv(np.linalg.cholesky(covariance))
+def _roots(block: _Rows, covariance: Float64[np.ndarray, "S S"]) -> Float64[np.ndarray, "K S S"]:
+    """What makes each push's errors independent and of unit size: the learnt ones, and its own."""
+    own = block.spread @ np.swapaxes(block.spread, 1, 2)
+    return np.linalg.inv(np.linalg.cholesky(covariance + own))
 
 
 def _distances(
-    block: _Rows, root: Float64[np.ndarray, "S S"], theta: Float64[np.ndarray, " P"]
-) -> tuple[Float64[np.ndarray, " K"], Float64[np.ndarray, " K"]]:
-    """The width that each push's start gives it, and Mahalanobis' squared distance of what is left."""
-    ends = ((root @ block.spread) ** 2).sum((1, 2))
-    start = 1 + ends / np.maximum(block.spread.shape[2] * block.seen, 1)
-    return start, ((block.left(theta) @ root.T) ** 2).sum(1) / start
-
-
-def _start(
-    block: _Rows, root: Float64[np.ndarray, "S S"], theta: Float64[np.ndarray, " P"]
+    block: _Rows, roots: Float64[np.ndarray, "K S S"], theta: Float64[np.ndarray, " P"]
 ) -> Float64[np.ndarray, " K"]:
-    return _distances(block, root, theta)[0]
+    """Mahalanobis' squared distance of what is left of each push."""
+    return (_times(roots, block.left(theta)) ** 2).sum(1)
 
 
 def _size(
-    block: _Rows, root: Float64[np.ndarray, "S S"], theta: Float64[np.ndarray, " P"]
+    block: _Rows, roots: Float64[np.ndarray, "K S S"], theta: Float64[np.ndarray, " P"]
 ) -> Float64[np.ndarray, " K"]:
-    """How much wider than usual each push is: because its end depends on its start, and as Student's t weighs it."""
-    start, distance = _distances(block, root, theta)
-    return start * (_DEGREES + distance) / (_DEGREES + block.seen)
+    """How much wider than usual each push is, as Student's t weighs it."""
+    return (_DEGREES + _distances(block, roots, theta)) / (_DEGREES + block.seen)
 
 
-def _log_likelihood(block: _Rows, root: Float64[np.ndarray, "S S"], theta: Float64[np.ndarray, " P"]) -> float:
-    start, distance = _distances(block, root, theta)
-    volume = -2 * float(np.log(np.diag(root)).sum()) / len(root)
-    each = (_DEGREES + block.seen) * np.log1p(distance / _DEGREES) + block.seen * (np.log(start) + volume)
-    return -0.5 * float(each.sum())
+def _log_likelihood(block: _Rows, roots: Float64[np.ndarray, "K S S"], theta: Float64[np.ndarray, " P"]) -> float:
+    volume = -2 * np.log(np.diagonal(roots, axis1=1, axis2=2)).mean(1)
+    distance = _distances(block, roots, theta)
+    return -0.5 * float(((_DEGREES + block.seen) * np.log1p(distance / _DEGREES) + block.seen * volume).sum())
 
 
 def _whitened(
-    block: _Rows, root: Float64[np.ndarray, "S S"], size: Float64[np.ndarray, " K"]
+    block: _Rows, roots: Float64[np.ndarray, "K S S"], size: Float64[np.ndarray, " K"]
 ) -> tuple[Float64[np.ndarray, "K S P"], Float64[np.ndarray, "K S"]]:
     weight = 1 / np.sqrt(size)
-    return (root @ block.J) * weight[:, None, None], (block.r @ root.T) * weight[:, None]
+    return (roots @ block.J) * weight[:, None, None], _times(roots, block.r) * weight[:, None]
+
+
+def _times(matrices: Float64[np.ndarray, "K S S"], vectors: Float64[np.ndarray, "K S"]) -> Float64[np.ndarray, "K S"]:
+    return (matrices @ vectors[:, :, None])[:, :, 0]
 
 
 def _scatter(
-    block: _Rows, theta: Float64[np.ndarray, " P"], size: Float64[np.ndarray, " K"]
+    block: _Rows,
+    covariance: Float64[np.ndarray, "S S"],
+    roots: Float64[np.ndarray, "K S S"],
+    theta: Float64[np.ndarray, " P"],
+    size: Float64[np.ndarray, " K"],
 ) -> Float64[np.ndarray, "S S"]:
-    """The covariance of what is left, for a push of usual size; a little of it is taken to be without correlation."""
+    """The common covariance of what is left, for a push of usual size; a little of it is taken to be uncorrelated.
+
+    A step of expectation and maximisation from the one before: of what is left, what is expected to be common.
+    """
     rows = block.r.shape[1]
     if not len(block.r):
         return np.eye(rows) * (block.least_m or _LEAST_M) ** 2
-    left = block.left(theta)
+    left = block.left(theta) / np.sqrt(size)[:, None]
     if block.least_m is not None:
-        one = float((left**2 / size[:, None]).sum() / block.seen.sum())
+        one = float((left**2).sum() / block.seen.sum())
         return np.eye(rows) * max(one, block.least_m**2)
+    precisions = np.swapaxes(roots, 1, 2) @ roots
+    common = _times(covariance @ precisions, left) * block.known
     seen = np.sqrt(np.maximum(block.known.sum(0), 1))
-    raw = (left / size[:, None]).T @ left / np.outer(seen, seen)  # Positive, whatever is missing.
+    unsure = covariance - covariance @ precisions.mean(0) @ covariance
+    raw = common.T @ common / np.outer(seen, seen) + unsure  # Positive, whatever is missing.
     shrunk = (len(left) * raw + _SHRINK * np.diag(np.diag(raw))) / (len(left) + _SHRINK)
     return shrunk + _LEAST_M**2 * np.eye(rows)
 
 
 def _forms(
-    blocks: Sequence[_Rows], roots: Sequence[Float64[np.ndarray, "_ _"]], theta: Float64[np.ndarray, " P"]
+    blocks: Sequence[_Rows], roots: Sequence[Float64[np.ndarray, "_ _ _"]], theta: Float64[np.ndarray, " P"]
 ) -> Forms:
     episodes = np.unique(np.concatenate([block.episode for block in blocks]))
     A, b = np.zeros((len(episodes), len(theta), len(theta))), np.zeros((len(episodes), len(theta)))

@@ -17,27 +17,24 @@ from jaxtyping import Float64
 from app.discovery.evidence import Covariances, Fit, Forms, Residuals, fitted
 from app.discovery.subject import Cause, Family
 
-HABITS: Mapping[Family, float] = {"sensing": 0.03, "actuation": 0.01, "physics": 0.2}
+HABITS: Mapping[Family, float] = {"sensing": 0.03, "actuation": 0.01, "physics": 0.1}
 """Standard deviation, in steps, of what effects seem to have where nothing is wrong."""
 _OWN_HABITS: Mapping[str, float] = {
-    "draught": 0.3,
-    "friction_anisotropy": 0.26,
-    "friction_drift": 0.38,
-    "friction_map": 0.33,
-    "kelvin_voigt": 0.8,
-    "mask_erosion": 0.18,
-    "mass_heterogeneity": 0.4,
-    "maxwell": 0.47,
-    "plastic_yield": 0.1,
-    "point_constraint": 0.37,
-    "rest_curvature": 0.34,
-    "stiffness_heterogeneity": 0.35,
-    "stribeck": 0.54,
+    "finger_friction": 0.2,
+    "friction_anisotropy": 0.14,
+    "friction_map": 0.12,
+    "mask_erosion": 0.15,
+    "mass_heterogeneity": 0.5,
+    "maxwell": 0.3,
+    "plastic_yield": 0.05,
+    "stiffness_heterogeneity": 0.17,
+    "tcp_offset": 0.04,
 }
-"""Of those that differ."""
-_USUAL: Mapping[str, float] = {"mask_erosion": -0.3}
-"""What they seem to have on average, where that is not 0. Like the deviations it was learnt, by expectation and
-maximisation, from recordings of our own engine in other numerics and of MuJoCo's world in which nothing was hidden."""
+"""Of those that differ. That of mass along the object is MuJoCo's: its rope moves as if its ends were lighter."""
+_USUAL: Mapping[str, float] = {"mask_erosion": -0.29}
+"""What they seem to have on average, where that is not 0. Like the deviations it was learnt by expectation and
+maximisation, from 62 recordings of 32 pushes: 39 of our own engine in other numerics and 23 of MuJoCo's world, which
+count as much; what was hidden in some of them was left out."""
 CALIBRATED = 10.0
 """That of the calibrated parameters, whose step is 30 %: anything."""
 NUMERIC = 1.0

@@ -77,11 +77,38 @@ def test_episodes_that_hang_together_temper_the_evidence() -> None:
 
 def test_a_push_whose_end_depends_on_its_start_counts_less() -> None:
     data = made(2, np.zeros(P), spread=0.0)
-    spread = np.zeros((K, R, 4))
-    spread[:6] = 0.02
+    spread = np.zeros((K, R, R))
+    spread[:6] = 0.02 * np.eye(R)
     chaotic = replace(data, spread=spread)
     share = [fitted(each, VARIANCE).forms.A[0].trace() for each in (data, chaotic)]
     assert share[1] < 0.1 * share[0]
+
+
+def test_a_push_counts_less_only_where_its_end_depends_on_its_start() -> None:
+    data = made(2, np.zeros(P), spread=0.0)
+    J = data.J.copy()
+    J[:, : R // 2] = 0.0
+    spread = np.zeros((K, R, R // 2))
+    spread[:, : R // 2] = 0.02 * np.eye(R // 2)
+    blind = replace(data, J=J, known=np.arange(R) >= np.full((K, 1), R // 2))
+    share = [fitted(each, VARIANCE).forms.A.sum(0).trace() for each in (blind, replace(data, J=J, spread=spread))]
+    assert share[1] == pytest.approx(share[0], rel=0.15)
+
+
+def test_where_each_push_errs_by_itself_estimates_scatter_as_much_as_they_say() -> None:
+    erring, wrong = 0.3, list[np.ndarray]()
+    for seed in range(30):
+        data = made(seed, np.zeros(P))
+        # A few pushes that nearly anything would move, in all ways.
+        J = data.J * np.where(np.arange(K) % 6 == 0, 10.0, 1.0)[:, None, None]
+        slopes = erring * np.random.default_rng(1000 + seed).normal(size=(K, P))
+        data = replace(data, r=data.r + (J @ slopes[:, :, None])[:, :, 0], J=J)
+        each = [replace(data, spread=erring * J), replace(data, spread=np.zeros((K, R, 1)))]
+        fits = [fitted(of, np.full(P, CALIBRATED**2)) for of in each]
+        wrong.append(np.array([fit.theta / np.sqrt(np.diag(np.linalg.inv(fit.forms.A.sum(0)))) for fit in fits]))
+    told, untold = np.sqrt((np.array(wrong) ** 2).mean((0, 2)))
+    assert told == pytest.approx(1.0, abs=0.25)
+    assert untold > 1.5 * told
 
 
 @pytest.mark.parametrize("size", [0.3, 1.0, 3.0])
