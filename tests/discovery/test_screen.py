@@ -22,11 +22,11 @@ TASK = load("rope_push")
 SUBJECT, CATALOGUE = subject_of(TASK), catalogue()
 PREDICTOR = Predictor(SUBJECT, CATALOGUE)
 ASKED = ("friction_drift", "hand_eye_translation", "table_tilt", "camera_time_offset", "maxwell")
-LOST = pytest.mark.xfail(
+HALF = pytest.mark.xfail(
     strict=True,
-    reason="Since the task's rope is made of fibres, 20 pushes show a third of a drift of friction: docs/discovery.md",
+    reason="Of a rope of fibres 20 pushes show half of a drift of friction, as 70 % probable: docs/discovery.md",
 )
-FOUND = [pytest.param("friction_drift", marks=LOST), "hand_eye_translation"]
+FOUND = [pytest.param("friction_drift", marks=HALF), "hand_eye_translation"]
 HIDDEN = {"friction_drift": {"friction_drift": 0.5}, "hand_eye_translation": {"hand_eye_y": 0.004}, "none": {}}
 
 
@@ -51,7 +51,7 @@ def screened(name: str) -> Screening:
     return screen(PREDICTOR, trials, refit(PREDICTOR, trials), only=ASKED)
 
 
-@pytest.mark.parametrize("name", FOUND)
+@pytest.mark.parametrize("name", ["friction_drift", "hand_eye_translation"])
 def test_what_was_hidden_is_the_first_suspect(name: str) -> None:
     found = screened(name)
     assert found.suspects[0].cause == name
