@@ -18,6 +18,8 @@ NAMED = 0.8
 _SET = 0.9
 _LIKELIER = 0.5
 """Probability above which a cause that is not accepted is likelier than anything else."""
+_LISTED = 4
+"""Causes of a set that a sentence lists."""
 _NAMEABLE = 4.0 * TEMPERATURE
 """Evidence of the screening from which a cause is named alone, in a catalogue of this size."""
 _Z = 1.645
@@ -164,8 +166,7 @@ def sentences_of(
         return _unnamed(left, formula, gain_text)
     more = (f"Something is left that this does not say, with a probability of {left:.0%}.",) if left > LEFT else ()
     if verdict == "set":
-        names = " or ".join(_said(blame.effect) for blame in causes)
-        first = f"Something is missing in the model: {names}. These recordings cannot tell them apart."
+        first = f"Something is missing in the model: {_one_of(causes)}. These recordings cannot tell them apart."
         return (first, gain_text, *more)
     parts = " and ".join(f"{_said(blame.effect)} ({_sized(blame)})" for blame in causes)
     return (f"What the simulation lacks is {parts}.", gain_text, *more)
@@ -180,8 +181,19 @@ def _nothing(probabilities: Mapping[str, float]) -> tuple[str, ...]:
     if probability > _LIKELIER:
         first = "Nothing can be named: the likeliest cause does not predict pushes that it was not fitted to."
         return (first, f"{said} would have a probability of {probability:.0%} by the fit alone.")
+    if (some := sum(probabilities.values())) > _LIKELIER:
+        first = f"Nothing can be named: something is missing with a probability of {some:.0%}, which is not enough."
+        return (first, f"{said}, the likeliest of many, has one of {probability:.0%}.")
     first = "Nothing is missing that these recordings show: no cause explains them better than the refitted model."
     return (first, f"{said}, the likeliest, has a probability of {probability:.0%}.")
+
+
+def _one_of(causes: Sequence[Blame]) -> str:
+    """The likeliest in words; how many more there are where they are many."""
+    names = [_said(blame.effect) for blame in causes]
+    few = names if len(names) <= _LISTED else names[: _LISTED - 1]
+    more = [f"one of {len(names) - len(few)} more"] if len(few) < len(names) else []
+    return " or ".join([*few, *more])
 
 
 def _unnamed(left: float, formula: Formula | None, gain_text: str) -> tuple[str, ...]:

@@ -33,6 +33,8 @@ _ROUGH = 10.0
 _ODDS = 0.09
 """Prior odds of each cause against nothing missing: three to one that one of a whole catalogue of 34 acts. Who asks
 about a few of them alone does not make these more probable."""
+_DOUBT = 0.1
+"""Probability of nothing missing from which no cause is taken for present: a set that holds 90 % would hold it, too."""
 _SHARES = 1.0, 0.4
 """Of what the screening found, from which a refit begins: what is strong is often overdone there."""
 _SHORTLIST = 5
@@ -79,11 +81,10 @@ def decide(predictor: Predictor, trials: Trials, screening: Screening, said: Pro
     probabilities, nothing = probabilities_of(screening, singles)
     singles.sort(key=lambda model: -probabilities[model.causes[0]])
     best = singles[0]
-    likelier = probabilities[best.causes[0]] > nothing
-    if likelier:
+    if nothing < _DOUBT:
         best = _extended(predictor, trials, screening, best, singles, said)
     held = held_out((screening.data, screening.prior), best)
-    accepted = best if likelier and held.gain > held.error else None
+    accepted = best if nothing < _DOUBT and held.gain > held.error else None
     return Decision(singles=tuple(singles), probabilities=probabilities, nothing=nothing, accepted=accepted, held=held)
 
 

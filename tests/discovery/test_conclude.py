@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import pytest
 
-from app.discovery.case import Limit
+from app.discovery.case import Blame, Limit
 from app.discovery.conclude import estimates_of, sentences_of, verdict_of
 from app.discovery.decide import Decision, Held
 from app.discovery.formula import Found, Opened
@@ -49,6 +49,27 @@ def test_a_cause_that_is_probable_enough_is_named() -> None:
 
 def test_causes_that_cannot_be_told_apart_are_a_set_no_larger_than_it_must_be() -> None:
     assert verdict_of(TORN, [], NOTHING_LEFT) == ("set", ("stribeck", "viscous_film"))
+
+
+def test_of_many_causes_that_cannot_be_told_apart_a_sentence_lists_the_likeliest() -> None:
+    names = ("stribeck", "viscous_film", "friction_map", "draught", "adhesion")
+    few, many = (
+        sentences_of("set", [blame(name) for name in chosen], "", [], TORN.probabilities, 0.1, None)[0]
+        for chosen in (names[:4], names)
+    )
+    assert "stribeck or viscous film or friction map or draught." in few
+    assert "stribeck or viscous film or friction map or one of 2 more." in many
+
+
+def test_where_something_may_well_be_missing_but_nothing_is_sure_the_sentence_says_so() -> None:
+    unsure = sentences_of("none", (), "", [], {"stribeck": 0.3, "draught": 0.4}, 0.1, None)
+    assert unsure[0].startswith("Nothing can be named: something is missing with a probability of 70%")
+    assert unsure[1] == "Draught, the likeliest of many, has one of 40%."
+    assert sentences_of("none", (), "", [], {"stribeck": 0.1}, 0.1, None)[0].startswith("Nothing is missing")
+
+
+def blame(name: str) -> Blame:
+    return Blame(effect=name, family="physics", about="", estimates=(), probability=0.2, log_bayes=5.0)
 
 
 def test_what_was_not_accepted_is_not_named_however_probable() -> None:

@@ -185,3 +185,17 @@ def test_one_thing_that_is_wrong_is_one_limit(name: str) -> None:
 
 def test_nothing_at_all_is_fatal() -> None:
     assert any(limit.fatal for limit in limits(replace(GOOD, pushes=())))
+
+
+def test_an_object_that_is_coiled_up_now_and_then_is_not_another_one() -> None:
+    coiled = limits(some(2, coiled_up))
+    assert not any("long" in limit.text for limit in coiled)
+    assert any("long" in limit.text for limit in limits(each(coiled_up)))
+
+
+def coiled_up(push: Push) -> Push:
+    """The object as a ring of half of its length's way round: it touches itself and looks short."""
+    turn = np.linspace(0, 4 * np.pi, 200)
+    ring = np.stack([0.05 * np.cos(turn), 0.05 * np.sin(turn), np.zeros(200)], 1) + push.before.points.mean(0)
+    x = fill_tube(ring, TASK.rope.radius_m, 300)
+    return replace(push, before=replace(push.before, points=x), after=replace(push.after, points=x + MOVED))

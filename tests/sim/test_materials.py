@@ -8,8 +8,10 @@ from itertools import pairwise
 import jax.numpy as jnp
 import numpy as np
 import pytest
+import warp as wp
 from scipy.spatial import cKDTree
 
+from app.sim.materials.base import deviator, flowed
 from app.sim.materials.elastic import Elastic
 from app.sim.materials.granular import Granular
 from app.sim.materials.liquid import Liquid
@@ -449,6 +451,28 @@ def test_sheared_far_a_plastic_bears_its_yield_stress_and_no_more():
 def test_a_plastic_that_has_flowed_does_not_come_back():
     # Sheared back by as much, it yields to the other side: what it had flowed is its new rest shape.
     assert shear_stress(sheared((6.0, -6.0))) == pytest.approx(-YIELD_PA / np.sqrt(3), rel=0.05)
+
+
+def test_what_flows_keeps_its_volume_however_long_it_flows():
+    rng, keep = np.random.default_rng(0), 0.6
+    gradients = np.eye(3) + 0.25 * rng.normal(size=(32, 3, 3))
+    gradients = gradients[np.linalg.det(gradients) > 0.3].astype(np.float32)
+    F = wp.array(gradients, dtype=wp.mat33, device="cpu")
+    wp.launch(_stretched_and_flowed, dim=len(gradients), inputs=[F, keep, 2000], device="cpu")
+    np.testing.assert_allclose(np.linalg.det(F.numpy()), np.linalg.det(gradients), rtol=5e-3)
+
+
+@wp.kernel
+def _stretched_and_flowed(F: wp.array[wp.mat33], keep: float, times: int):
+    """Shear that keeps volume, and flow after it, in turns."""
+    at = wp.tid()
+    part = F[at]
+    for turn in range(times):
+        slide = 0.02 * wp.sin(0.1 * float(turn))
+        part = wp.mat33(1.0, slide, 0.0, 0.0, 1.0, -slide, 0.0, 0.0, 1.0) * part
+        b = part * wp.transpose(part)
+        part = flowed(part, deviator(b), wp.trace(b) / 3.0, keep)
+    F[at] = part
 
 
 def test_a_column_of_dough_slumps_only_where_its_weight_exceeds_its_yield_stress():

@@ -11,6 +11,8 @@ from typing import Final, final
 
 from app.ui.words import NOTHING, sentence
 
+_LISTED: Final = 4
+"""Effects that a sentence lists."""
 MINUS: Final = "\N{MINUS SIGN}"
 _SPELLINGS: Final = {
     "kelvin_voigt": "Kelvin\N{EN DASH}Voigt damping",
@@ -68,8 +70,10 @@ def title(effect: str) -> str:
 
 
 def names(effects: tuple[str, ...], last: str) -> str:
-    """Effects in words, the last one after the word `last`: `a, b or c`."""
+    """Effects in words, the last one after the word `last`: `a, b or c`; of many the first ones: `a, b or 7 more`."""
     said = [effect_name(effect) for effect in effects]
+    if len(said) > _LISTED:
+        said = [*said[: _LISTED - 1], f"{len(said) - _LISTED + 1} more"]
     return f"{', '.join(said[:-1])} {last} {said[-1]}" if len(said) > 1 else "".join(said)
 
 
