@@ -89,11 +89,14 @@ class Fit(NamedTuple):
 
 
 class _Rows(NamedTuple):
-    """The rows of one block, of the pushes in which something of it was seen; 0 where nothing was."""
+    """The rows of one block, of the pushes in which something of it was seen; 0 where nothing was.
+
+    `own`: the covariance of what errs in each push by itself [m^2].
+    """
 
     r: Float64[np.ndarray, "K S"]
     J: Float64[np.ndarray, "K S P"]
-    spread: Float64[np.ndarray, "K S D"]
+    own: Float64[np.ndarray, "K S S"]
     known: Bool[np.ndarray, "K S"]
     seen: Float64[np.ndarray, " K"]
     episode: Int[np.ndarray, " K"]
@@ -129,11 +132,12 @@ def _blocks(data: Residuals) -> list[_Rows]:
     for rows, least in data.blocks:
         use = data.known[:, rows].any(1)
         known = data.known[use, rows]
+        spread = data.spread[use, rows] * known[:, :, None]
         found.append(
             _Rows(
                 r=data.r[use, rows] * known,
                 J=data.J[use, rows] * known[:, :, None],
-                spread=data.spread[use, rows] * known[:, :, None],
+                own=spread @ np.swapaxes(spread, 1, 2),
                 known=known,
                 seen=known.sum(1).astype(np.float64),
                 episode=data.episode[use],
@@ -183,8 +187,7 @@ def _first(block: _Rows) -> Float64[np.ndarray, "S S"]:
 
 def _roots(block: _Rows, covariance: Float64[np.ndarray, "S S"]) -> Float64[np.ndarray, "K S S"]:
     """What makes each push's errors independent and of unit size: the learnt ones, and its own."""
-    own = block.spread @ np.swapaxes(block.spread, 1, 2)
-    return np.linalg.inv(np.linalg.cholesky(covariance + own))
+    return np.linalg.inv(np.linalg.cholesky(covariance + block.own))
 
 
 def _distances(

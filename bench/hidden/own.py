@@ -61,11 +61,15 @@ def main() -> None:
     parser.add_argument("--episodes", type=int, default=8)
     parser.add_argument("--pushes", type=int, default=8)
     options = parser.parse_args()
-    orders = [
+    record(read_orders(options.orders), Plan(episodes=options.episodes, pushes=options.pushes), options.output)
+
+
+def read_orders(path: Path) -> list[Order]:
+    """What a file of orders asks for."""
+    return [
         Order(name=each["name"], seed=each["seed"], hidden=tuple(map(tuple, each["hidden"])))
-        for each in json.loads(options.orders.read_text(encoding="utf-8"))
+        for each in json.loads(path.read_text(encoding="utf-8"))
     ]
-    record(orders, Plan(episodes=options.episodes, pushes=options.pushes), options.output)
 
 
 def record(orders: Sequence[Order], plan: Plan, folder: Path) -> None:

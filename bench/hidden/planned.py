@@ -7,7 +7,6 @@ the truth takes off. What grows with a session stands still here.
 """
 
 import argparse
-import json
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -37,8 +36,8 @@ from app.tasks import compiled, load, nominal_model
 from app.tasks.correction import correction
 from app.tasks.curves import fill_tube
 from app.tasks.doubted import subject_of
-from app.tasks.extended import Covariance, Estimated, extended_model
-from bench.hidden.own import Order, world_of
+from app.tasks.extended import estimated, extended_model
+from bench.hidden.own import read_orders, world_of
 from bench.own_world import CAMERA_M, finer
 
 _TASK = "rope_push"
@@ -121,13 +120,12 @@ def reached_m2(bench: Bench, models: Sequence[Model], problems: int) -> Float64[
 def truth_of(theta: Theta) -> Model:
     """The model that knows the world but for its numerics."""
     known = catalogue()
-    nominal = known.nominal(subject_of(load(_TASK)))
-    wrong = np.flatnonzero(theta != nominal)
+    values, covariance = estimated(known, known.nominal(subject_of(load(_TASK))), theta, (), np.zeros((0, 0)))
     return extended_model(
         _TASK,
-        {known.specs[n].name: Estimated(*[float(theta[n])] * 3) for n in wrong},
+        values,
         effects=(),
-        covariance=Covariance((), np.zeros((0, 0))),
+        covariance=covariance,
         recordings={},
         camera_m=CAMERA_M,
         pushes=0,
@@ -153,15 +151,11 @@ def main() -> None:
     parser.add_argument("--model", type=Path, nargs="+", required=True, help="one for each order")
     parser.add_argument("--problems", type=int, default=PROBLEMS)
     options = parser.parse_args()
-    orders = [
-        Order(name=each["name"], seed=each["seed"], hidden=tuple(map(tuple, each["hidden"])))
-        for each in json.loads(options.orders.read_text(encoding="utf-8"))
-    ]
     plain = nominal_model(_TASK) if options.nominal is None else load_model(options.nominal, task=_TASK, time_s=0.0)
     table = Table(title="Chamfer distance to the goals after one push, summed [mm^2]")
     for column in ("world", "nominal", "extended", "truth", "share of the truth's gain"):
         table.add_column(column)
-    for order, path in zip(orders, options.model, strict=True):
+    for order, path in zip(read_orders(options.orders), options.model, strict=True):
         theta = world_of(order, catalogue(), subject_of(load(_TASK))).theta
         models = (plain, load_model(path, task=_TASK, time_s=0.0), truth_of(theta))
         sums = 1e6 * reached_m2(Bench(truth=theta), models, options.problems).sum(1)
