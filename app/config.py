@@ -33,6 +33,8 @@ class Limits:
     speed_m_s: float = 0.30
     acceleration_m_s2: float = 1.5
     stop_deceleration_m_s2: float = 6.0
+    opening_m: float = 0.085
+    """The stroke of the two-finger gripper (Robotiq 2F-85)."""
     workspace: Workspace = field(default_factory=Workspace)
 
 

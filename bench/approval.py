@@ -3,7 +3,8 @@
 import numpy as np
 
 from app.core.approval import ApprovalGate, Approved
-from app.core.messages import Branch, Decision, Motion, Particles, Proposal, fresh_id
+from app.core.messages import Branch, Decision, Particles, Proposal, fresh_id
+from app.core.motion import Motion
 from app.core.types import Points
 
 

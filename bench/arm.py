@@ -19,7 +19,8 @@ from rich.table import Table
 
 from app.commands._episode import PLANNER_NICENESS
 from app.config import Site
-from app.core.messages import Executed, Motion
+from app.core.messages import Executed
+from app.core.motion import Motion
 from app.core.worker import Worker
 from app.rig.simulated.rig import SimulatedRig, simulated_rig
 from app.tasks import Task, load
@@ -78,7 +79,7 @@ async def _table() -> Table:
 @asynccontextmanager
 async def _cell(task: Task) -> AsyncGenerator[Cell]:
     async with (
-        simulated_rig(rope=task.rope, finger=task.finger, centreline=task.start(0), site=_SITE, seed=0) as rig,
+        simulated_rig(stage=task.stage, start=task.start(0), site=_SITE, seed=0) as rig,
         open_console(host="127.0.0.1", port=0, title="bench", simulated=True, stop=rig.arm.stop) as console,
         aiohttp.ClientSession(cookie_jar=aiohttp.CookieJar(unsafe=True)) as browser,
     ):

@@ -20,6 +20,7 @@ from app.calibration.evidence import Evidence, Predictor, gather
 from app.calibration.fit import Settings
 from app.config import Site
 from app.core.messages import Transition
+from app.policy.base import AWAY, Now
 from app.sim.params import PARAMETERS, index
 from app.tasks import Task, load, nominal_model
 from app.tasks.compiled import advance
@@ -31,12 +32,13 @@ def episode(task: Task, seed: int, pushes: int, particle_count: int) -> list[Tra
     table, rng, seen = Table(task, seed, particle_count), np.random.default_rng(seed), list[Transition]()
     goal, x = task.goal(seed, particle_count), table.observe()
     for number in range(pushes):
+        now = Now.at_rest(jnp.asarray(x)[None])
         if number % 2:
-            action = jnp.asarray(task.actions.sample(rng, x, 1))
+            action = jnp.asarray(task.actions.sample(rng, x, AWAY, 1))
         else:
-            action = task.policy.act(task.policy.prepare(x, goal), jnp.asarray(x)[None])
-        allowed = np.asarray(task.actions.project(action, jnp.asarray(x)[None]))[0]
-        seen.append(table.push(task.actions.motion(allowed, Site()), x))
+            action = task.policy.act(task.policy.prepare(x, goal), now)
+        allowed = np.asarray(task.actions.project(action, now))[0]
+        seen.append(table.push(task.actions.motion(allowed, AWAY, Site()), x))
         x = seen[-1].after
     return seen
 

@@ -19,6 +19,7 @@ from app.core.chamfer import chamfer_m2
 from app.planner.actions import Pushes
 from app.planner.plan import TreePlanner
 from app.planner.tree import Search
+from app.policy.base import AWAY, Now
 from app.sim.materials.cloth import Cloth
 from app.sim.materials.granular import Granular
 from app.sim.params import NOMINAL_PHYSICS, nominal_phi
@@ -61,7 +62,7 @@ def rope(repeats: int) -> Decision:
             space=space,
             policy=task.policy,
             weights=task.weights,
-            advance=compiled.advance("rope_push", size.particle_count),
+            advance=compiled.carried("rope_push", size.particle_count),
             branches=16,
             depth=3,
         ),
@@ -145,10 +146,11 @@ def calibration(repeats: int) -> Decision:
     particles, transitions = 2000, 200
     x, after = (task.goal(seed, particles) for seed in (0, 1))
     rng = np.random.default_rng(0)
-    actions = task.actions.sample(rng, x, transitions)
+    actions = task.actions.sample(rng, x, AWAY, transitions)
+    away = Now.at_rest(jnp.tile(x, (transitions, 1, 1))).tool
     evidence = Evidence(
         before=np.tile(x, (transitions, 1, 1)),
-        tool=np.asarray(task.actions.tool_path(jnp.asarray(actions))),
+        tool=np.asarray(task.actions.tool_path(jnp.asarray(actions), away)),
         after=np.tile(after, (transitions, 1, 1)),
     )
     predictor = Predictor(advance=compiled.advance("rope_push", particles), chunk=50)

@@ -21,7 +21,8 @@ from app.perception.reconstruct import Reconstruction, reconstruct
 from app.perception.resample import resample
 from app.rig.simulated.cameras import table_cameras
 from app.rig.simulated.render import render
-from app.rig.simulated.world import RopeWorld, Snapshot
+from app.rig.simulated.rope_world import RopeWorld
+from app.rig.simulated.world import Snapshot
 from app.tasks.rope_push import TASK
 from bench.tube import Tube
 
@@ -90,7 +91,7 @@ def scores(seeds: int) -> Iterator[tuple[str, Score]]:
     """The score of each situation, by name."""
     for seed in range(seeds):
         for name, snapshot in _situations(seed):
-            tube = Tube(curve=snapshot.centreline, radius_m=TASK.rope.radius_m)
+            tube = Tube(curve=snapshot.nodes, radius_m=TASK.rope.radius_m)
             yield f"{seed} {name}", _score(_frames(snapshot, np.random.default_rng(seed)), TASK.seeing, tube)
 
 
@@ -99,7 +100,7 @@ def _situations(seed: int) -> Iterator[tuple[str, Snapshot]]:
     world = RopeWorld(TASK.rope, TASK.finger, TASK.start(seed))
     world.step(world.tool, _SETTLE_S)
     yield "at rest", world.snapshot()
-    middle = world.centreline()[len(world.centreline()) // 2]
+    middle = world.nodes()[len(world.nodes()) // 2]
     start = np.array([*middle[:2], TASK.finger.push_height_m]) - _PUSH_M / 2
     for waypoint in (start + _LIFT_M, start, start + _PUSH_M):
         world.step(waypoint, _PUSH_S)
@@ -109,7 +110,7 @@ def _situations(seed: int) -> Iterator[tuple[str, Snapshot]]:
 def _frames(snapshot: Snapshot, rng: np.random.Generator) -> list[Frame]:
     frames: list[Frame] = []
     for camera in table_cameras():
-        color, depth = render(snapshot, camera, rng, rope=TASK.rope, finger=TASK.finger)
+        color, depth = render(snapshot, camera, rng, stage=TASK.stage)
         frame_id = fresh_id("frame")
         frames.append(Frame(id=frame_id, time_s=snapshot.time_s, camera=camera, color=color, depth=depth))
     return frames

@@ -56,7 +56,7 @@ def study(seed: int) -> Study:
 
 
 def _view(look: Look) -> View:
-    points = fill_tube(look.snapshot.centreline, TASK.rope.radius_m, TASK.preset("cpu").particle_count)
+    points = fill_tube(look.snapshot.nodes, TASK.rope.radius_m, TASK.preset("cpu").particle_count)
     return View(time_s=look.stamp_s, points=points)
 
 

@@ -5,9 +5,10 @@ from typing import final
 import numpy as np
 
 from app.config import Site
-from app.core.messages import Executed, Motion, Transition, fresh_id
+from app.core.messages import Executed, Transition, fresh_id
+from app.core.motion import Motion, pointing_down
 from app.core.types import Points
-from app.rig.simulated.world import RopeWorld
+from app.rig.simulated.rope_world import RopeWorld
 from app.tasks import Task
 from app.tasks.curves import fill_tube
 
@@ -30,7 +31,7 @@ class Table:
     def observe(self) -> Points:
         """Particles (N, 3) [m] as perception would give them."""
         x = fill_tube(
-            self._world.centreline(),
+            self._world.nodes(),
             self._task.rope.radius_m,
             self._particle_count,
             seed=int(self._rng.integers(2**31)),
@@ -41,18 +42,18 @@ class Table:
 
     def execute(self, motion: Motion) -> Executed:
         """Make the motion exactly, at its speeds, by way of the travel height, and let the rope settle."""
-        above = np.array([*motion.positions[0, :2], Site().travel_height_m])
+        above = pointing_down(np.array([*motion.positions[0, :2], Site().travel_height_m]))
         self._world.step(above, _PERIOD_S)
         times, measured = [self._world.time_s], [self._world.tool]
-        for target, speed in zip(motion.positions, motion.speeds, strict=True):
+        for target, speed in zip(motion.poses, motion.speeds, strict=True):
             begin = self._world.tool
-            steps = max(1, round(float(np.linalg.norm(target - begin)) / speed / _PERIOD_S))
+            steps = max(1, round(float(np.linalg.norm((target - begin)[:3])) / speed / _PERIOD_S))
             for step in range(1, steps + 1):
                 self._world.step(begin + (target - begin) * step / steps, _PERIOD_S)
                 times.append(self._world.time_s)
                 measured.append(self._world.tool)
         self._world.step(self._world.tool, _SETTLE_S)
-        poses = np.concatenate([np.array(measured), np.tile([0.0, 1.0, 0.0, 0.0], (len(measured), 1))], axis=1)
+        poses = np.array(measured)[:, :7]
         return Executed(
             id=fresh_id("executed"),
             time_s=self._world.time_s,

@@ -9,10 +9,10 @@ from collections.abc import Iterator
 
 import numpy as np
 
+from app.core.stage import Finger, Rope, Stage
 from app.rig.simulated.cameras import table_cameras
 from app.rig.simulated.render import render
-from app.rig.simulated.world import RopeWorld
-from app.tasks.base import Finger, Rope
+from app.rig.simulated.rope_world import RopeWorld
 
 ROPE = Rope(length_m=0.40, radius_m=0.008, mass_kg=0.08, colour=(0.9, 0.25, 0.08))
 FINGER = Finger(radius_m=0.009, push_height_m=0.006)
@@ -48,10 +48,10 @@ def _pushed(speed_m_s: float) -> tuple[float, float]:
     for tick in range(1, ticks + 1):
         world.step(begin + (end - begin) * tick / ticks, _TICK_S)
     spent_s = time.process_time() - started
-    settle_s, last = 0.0, world.centreline()
+    settle_s, last = 0.0, world.nodes()
     for tick in range(1, 151):
         world.step(end, _TICK_S)
-        now = world.centreline()
+        now = world.nodes()
         if np.linalg.norm(now - last, axis=1).max() / _TICK_S > _STILL_M_S:
             settle_s = tick * _TICK_S
         last = now
@@ -65,7 +65,7 @@ def _camera_rows() -> Iterator[tuple[str, str]]:
         spent_ms: list[float] = []
         for _ in range(12):
             started = time.process_time()
-            render(snapshot, camera, rng, rope=ROPE, finger=FINGER)
+            render(snapshot, camera, rng, stage=Stage(body=ROPE, tool=FINGER))
             spent_ms.append((time.process_time() - started) * 1e3)
         yield f"render a 640x480 view, {name}", f"{np.median(spent_ms[2:]):.0f} ms CPU"
 

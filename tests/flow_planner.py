@@ -18,8 +18,9 @@ import numpy as np
 from app.config import Site
 from app.core.chamfer import chamfer_m2
 from app.core.errors import PlanningError
-from app.core.messages import Branch, Model, Motion
-from app.core.types import Points
+from app.core.messages import Branch, Model
+from app.core.motion import Motion
+from app.core.types import Points, ToolPose
 
 if TYPE_CHECKING:
     from app.planner.plan import Plan
@@ -66,7 +67,7 @@ class Strokes:
         *,
         seed: int,
         site: Site,
-        previous: "Plan | None" = None,
+        tool: ToolPose | None = None,
     ) -> "_Sent":
         """Two strokes, drawn from the seed; the second is the motion."""
         time.sleep(self._habits.thinking_s)

@@ -17,6 +17,7 @@ from app.config import Site
 from app.core.approval import Approved
 from app.core.errors import ApprovalRefused, DeviceError, MotionRefused
 from app.core.messages import ArmState, CameraModel, Executed, Frame, MessageId, fresh_id
+from app.core.motion import pointing_down
 from app.core.types import ColourImage, DepthImage, Poses
 from app.rig.simulated.arm_control import ArmControl
 from app.rig.simulated.arm_model import solve_joints
@@ -33,7 +34,6 @@ _ROPE_M: Mapping[Place, tuple[float, float]] = {"here": (0.54, 0.008), "aside": 
 """x and z [m] of a straight rope along y."""
 _TAKES = 3
 _MAX_TICKS = 3.0
-_DOWN = (0.0, 1.0, 0.0, 0.0)
 
 
 @lru_cache
@@ -49,15 +49,13 @@ def small_cameras() -> tuple[CameraModel, ...]:
 def photographs() -> Mapping[tuple[Place, str], Sequence[tuple[ColourImage, DepthImage]]]:
     """Some pictures of each place by each camera, which differ in their noise."""
     rng, y = np.random.default_rng(0), np.linspace(-0.2, 0.2, 41)
-    home = np.array(HOME_TOOL_M)
+    home = pointing_down(np.array(HOME_TOOL_M))
     pictures: dict[tuple[Place, str], list[tuple[ColourImage, DepthImage]]] = {}
     for place, (x_m, z_m) in _ROPE_M.items():
         rope = np.stack([np.full_like(y, x_m), y, np.full_like(y, z_m)], axis=1)
-        world = Snapshot(time_s=0.0, centreline=rope, tool=home, joints=solve_joints(home))
+        world = Snapshot(time_s=0.0, nodes=rope, tool=home, joints=solve_joints(home))
         for camera in small_cameras():
-            pictures[place, camera.name] = [
-                render(world, camera, rng, rope=TASK.rope, finger=TASK.finger) for _ in range(_TAKES)
-            ]
+            pictures[place, camera.name] = [render(world, camera, rng, stage=TASK.stage) for _ in range(_TAKES)]
     return pictures
 
 
@@ -101,7 +99,7 @@ class TickedArm:
     def __init__(self, site: Site) -> None:
         self.begun: list[MessageId] = []
         self._stop_s = 0.0
-        self._tool = np.array(HOME_TOOL_M)
+        self._tool = pointing_down(np.array(HOME_TOOL_M))
         self.obey(site)
 
     def obey(self, site: Site) -> None:
@@ -114,7 +112,7 @@ class TickedArm:
         return ArmState(
             id=fresh_id("state"),
             time_s=time.monotonic(),
-            pose=np.array([*control.measured, *_DOWN]),
+            pose=control.measured[:7].copy(),
             velocity=control.velocity.copy(),
             joints=solve_joints(control.measured),
             gripper=1.0,
@@ -175,11 +173,7 @@ class TickedArm:
             rows.append((now_s, control.commanded.copy(), control.measured.copy()))
         self._tool = control.commanded
         times_s, commanded, measured = (np.array(column) for column in zip(*rows, strict=True))
-        return times_s, _poses(commanded), _poses(measured)
-
-
-def _poses(positions: np.ndarray) -> Poses:
-    return np.concatenate([positions, np.tile(_DOWN, (len(positions), 1))], axis=1)
+        return times_s, commanded[:, :7], measured[:, :7]
 
 
 @final

@@ -120,5 +120,5 @@ async def test_where_cameras_err_the_goal_is_reached_when_they_show_what_they_wo
     async with running(small_site(tmp_path), replace(wish, shown_goal=here)) as run:
         assert await run.end() is None
         assert run.flow.summary.pushes == 0
-        assert run.flow.summary.chamfer_m2[0] < wish.task.success_m2
+        assert run.flow.summary.chamfer_m2[0] < wish.task.aim.limit_m2
         assert run.rig.arm.begun == []

@@ -7,7 +7,7 @@ from blockbuster import BlockingError
 from jaxtyping import TypeCheckError
 
 from app.__main__ import command_names
-from app.core.messages import Motion
+from app.core.motion import Motion
 
 
 def test_a_wrong_shape_is_noticed():

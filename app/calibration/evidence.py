@@ -14,17 +14,17 @@ from app.core.chamfer import chamfer_m2
 from app.core.errors import UsageError
 from app.core.messages import Transition
 
-Advance = Callable[[Float[Array, "B P"], Float[Array, "B N 3"], Float[Array, "B T 3"]], Float[Array, "B N 3"]]
-"""The simulator from rest to rest: parameters, particles before, tool path -> particles after."""
+Advance = Callable[[Float[Array, "B P"], Float[Array, "B N 3"], Float[Array, "B T C"]], Float[Array, "B N 3"]]
+"""The simulator of an object that is seen, at rest: parameters, particles before, tool path -> particles after."""
 
 
 @final
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Evidence:
-    """K transitions: particles before and after [m], and the tool path that was measured between them [m]."""
+    """K transitions: particles before and after [m], and the tool path that was measured between them."""
 
     before: Float32[np.ndarray, "K N 3"]
-    tool: Float32[np.ndarray, "K T 3"]
+    tool: Float32[np.ndarray, "K T C"]
     after: Float32[np.ndarray, "K N 3"]
 
     def __len__(self) -> int:
@@ -32,10 +32,10 @@ class Evidence:
 
 
 class ToolPath(Protocol):
-    """Turns measured tool-tip positions into the path to simulate (`app.planner.actions.ActionSpace.measured_path`)."""
+    """Turns measured tool poses into the path to simulate (`app.planner.actions.ActionSpace.measured_path`)."""
 
-    def __call__(self, positions: Float[np.ndarray, "M 3"]) -> Float32[np.ndarray, "T 3"]:
-        """The simulated path [m]."""
+    def __call__(self, tool: Float[np.ndarray, "M K"]) -> Float32[np.ndarray, "T C"]:
+        """The simulated path."""
         ...
 
 
@@ -50,7 +50,7 @@ def gather(transitions: Sequence[Transition], tool_path: ToolPath) -> Evidence:
         raise UsageError("No transitions to learn from; record at least one push.")
     return Evidence(
         before=np.stack([transition.before for transition in transitions]).astype(np.float32),
-        tool=np.stack([tool_path(transition.executed.made[:, :3]) for transition in transitions]),
+        tool=np.stack([tool_path(transition.executed.tool) for transition in transitions]),
         after=np.stack([transition.after for transition in transitions]).astype(np.float32),
     )
 
@@ -90,7 +90,7 @@ def _predicted_losses(
     advance: Advance,
     phi: Float[Array, "K P"],
     before: Float[Array, "K N 3"],
-    tool: Float[Array, "K T 3"],
+    tool: Float[Array, "K T C"],
     after: Float[Array, "K N 3"],
 ) -> Float[Array, " K"]:
     return chamfer_m2(advance(phi, before, tool), after)

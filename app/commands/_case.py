@@ -7,7 +7,8 @@ from typing import TYPE_CHECKING, final
 from app.config import Site
 from app.core.doubt import Blamed, Verdict
 from app.core.errors import RecordingError, UsageError
-from app.core.messages import Motion, fresh_id
+from app.core.messages import fresh_id
+from app.core.motion import Motion
 
 if TYPE_CHECKING:
     from app.ui.report.schema import CauseEntry, HeldoutEntry, NextPushEntry

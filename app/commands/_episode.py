@@ -193,7 +193,7 @@ async def _cell(task: Task, seed: int, site: Site, output: Output) -> AsyncGener
     async with AsyncExitStack() as opened:
         with output.status("starting the cell"):
             rig = await opened.enter_async_context(
-                simulated_rig(rope=task.rope, finger=task.finger, centreline=task.start(seed), site=site, seed=seed)
+                simulated_rig(stage=task.stage, start=task.start(seed), site=site, seed=seed)
             )
             console = await opened.enter_async_context(
                 open_console(

@@ -129,7 +129,7 @@ class _Scribe:
 
     def __init__(self, session: Session, watch: Stopwatch) -> None:
         self._watch, self._pushes, self._finger = watch, session.plan.pushes, session.task.finger
-        self._eyes = Eyes(session.task.rope, session.task.finger, session.hidden, session.seed)
+        self._eyes = Eyes(session.task.stage, session.hidden, session.seed)
         self._how = session.task.reconstruction(_PRESET)
 
     def told(self, take: Take, number: int) -> list[Message]:

@@ -12,7 +12,8 @@ import numpy as np
 
 from app.core.chamfer import chamfer_m2
 from app.core.errors import ApprovalRefused
-from app.core.messages import Decision, Message, MessageId, Motion, Particles, Proposal, fresh_id
+from app.core.messages import Decision, Message, MessageId, Particles, Proposal, fresh_id
+from app.core.motion import Motion
 
 _SEAL = secrets.token_hex(16)
 

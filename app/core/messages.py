@@ -4,7 +4,6 @@
 particles, model version and plan behind it. `time_s` is `time.monotonic()`, which all processes of one machine share.
 """
 
-import hashlib
 import uuid
 from collections.abc import Mapping
 from dataclasses import dataclass, field
@@ -13,14 +12,16 @@ from typing import Literal, NewType, TypeAlias, final
 import numpy as np
 from jaxtyping import Float32, Float64
 
+from app.core.motion import Motion
 from app.core.types import (
     Cloud,
     ColourImage,
     DepthImage,
     Intrinsics,
-    Path3,
     Points,
     Poses,
+    ToolPath,
+    ToolPose,
     Transform,
 )
 
@@ -153,30 +154,6 @@ class Model(Message):
         raise KeyError(name)
 
 
-TOOL_DOWN = (0.0, 1.0, 0.0, 0.0)
-"""The tool's quaternion w x y z in every motion: z down, x along the world's."""
-
-
-@final
-@dataclass(frozen=True, kw_only=True, eq=False)
-class Motion:
-    """A path of the tool tip: straight lines between `positions`, each approached at its own speed.
-
-    The first position is reached from wherever the arm is, by way of the travel height.
-    `positions [m] (W, 3)`, `speeds [m/s] (W,)`.
-    """
-
-    positions: Path3
-    speeds: Float64[np.ndarray, " W"]
-
-    def digest(self) -> str:
-        """SHA-256 over the exact numbers: what the operator saw is what this names."""
-        digest = hashlib.sha256()
-        for array in (self.positions, self.speeds):
-            digest.update(np.ascontiguousarray(array, dtype="<f8").tobytes())
-        return digest.hexdigest()
-
-
 @final
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Branch:
@@ -233,7 +210,8 @@ class Proposal(Message):
 class Executed(Message):
     """What the arm did with an approved motion: commanded and measured tool poses, sampled at `times_s`.
 
-    `measured` has none where nobody measured: in data of others that were imported.
+    `measured` has none where nobody measured: in data of others that were imported. `openings` [m] of the tool go with
+    `made`; none where it stayed closed.
     """
 
     approved_id: MessageId
@@ -242,6 +220,13 @@ class Executed(Message):
     times_s: Float64[np.ndarray, " T"]
     commanded: Poses
     measured: Float64[np.ndarray, "M 7"]
+    openings: Float64[np.ndarray, " G"] = field(default_factory=lambda: np.zeros(0))
+
+    @property
+    def tool(self) -> ToolPath:
+        """The way of the tool as it was made, shape (T, 8)."""
+        openings = self.openings if len(self.openings) else np.zeros(len(self.made))
+        return np.concatenate([self.made, openings[:, None]], axis=1)
 
     @property
     def made(self) -> Float64[np.ndarray, "M 7"]:
@@ -284,7 +269,10 @@ ArmMode: TypeAlias = Literal["idle", "moving", "stopping", "stopped", "fault"]
 @final
 @dataclass(frozen=True, kw_only=True, eq=False)
 class ArmState(Message):
-    """The arm as last measured. `period_s` is the longest control period since the previous state was read."""
+    """The arm as last measured. `period_s` is the longest control period since the previous state was read.
+
+    `gripper`: 0 open to 1 closed, as the arm counts; `opening_m`: how far its fingers, or the tool's, are apart.
+    """
 
     pose: Float64[np.ndarray, "7"]
     velocity: Float64[np.ndarray, "3"]
@@ -293,6 +281,12 @@ class ArmState(Message):
     mode: ArmMode
     period_s: float
     reason: str = ""
+    opening_m: float = 0.0
+
+    @property
+    def tool(self) -> ToolPose:
+        """The tool's pose and opening."""
+        return np.array([*self.pose, self.opening_m])
 
 
 @final

@@ -21,5 +21,9 @@ Path3: TypeAlias = Float64[np.ndarray, "W 3"]
 """Tool-tip positions [m] in the world frame."""
 Poses: TypeAlias = Float64[np.ndarray, "T 7"]
 """x y z [m], quaternion w x y z; the tool tip in the world frame."""
+ToolPose: TypeAlias = Float64[np.ndarray, "8"]
+"""x y z [m], quaternion w x y z, opening [m] of the tool: how far its fingers are apart, 0 where it has none."""
+ToolPath: TypeAlias = Float64[np.ndarray, "T 8"]
+"""Poses of the tool in order."""
 Vector: TypeAlias = Float[np.ndarray, " A"]
 """A flat vector of numbers; the owner documents units."""

@@ -7,7 +7,8 @@ import numpy as np
 from app.config import Site
 from app.core.announcer import Announcer
 from app.core.errors import PlanningError, WorkerError
-from app.core.messages import Model, Motion, Particles
+from app.core.messages import Model, Particles
+from app.core.motion import Motion
 from app.core.worker import Worker
 from app.tasks.asked import asked_plan
 from app.tasks.base import Wish

@@ -232,7 +232,7 @@ class Flow:
         observed = await self._settled(after_s=self._began_s)
         self.summary.chamfer_m2.append(self._to_goal(observed))
         attempts = 0
-        while self.summary.pushes < self.wish.pushes and self._to_goal(observed) > self.wish.task.success_m2:
+        while self.summary.pushes < self.wish.pushes and not self.wish.reached(observed):
             proposal = await self._plan(observed, salt=attempts)
             approved = await self._approval(proposal)
             before = self.particles.value  # what the approval was checked against, maybe minutes after the plan
@@ -279,9 +279,9 @@ class Flow:
         for attempt in range(_FAILURES_IN_A_ROW):
             seed = hash((wish.seed, self.summary.pushes, salt, attempt)) % 2**31
             try:
-                x, goal = observed.positions, wish.goal.positions
+                x, goal, arm = observed.positions, wish.goal.positions, await self.rig.arm.state()
                 found = await self.asking.plan(observed, model) or await self.planner.run(
-                    plan, wish.task.name, wish.preset, x, goal, model, seed, self.site
+                    plan, wish.task.name, wish.preset, x, goal, model, seed, self.site, arm.tool
                 )
             except (PlanningError, WorkerError) as error:
                 self.fault("planner", error)

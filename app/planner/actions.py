@@ -10,8 +10,9 @@ from jax.lax import Precision
 from jaxtyping import Array, Bool, Float, Float32, Int
 
 from app.config import Site
-from app.core.messages import Motion
-from app.core.types import Points
+from app.core.motion import Motion
+from app.core.types import Points, ToolPose
+from app.policy.base import Now
 
 _CLEARING_STEPS = 12
 """Between the parts of a curled rope a start needs a few steps to come free; alone beside one it needs two."""
@@ -21,7 +22,11 @@ LOW_ENOUGH_M = 0.004
 
 
 class ActionSpace(Protocol):
-    """The actions of a task. B candidates, A numbers of an action, N particles, T tool positions a substep apart."""
+    """The actions of a task. B candidates, A numbers of an action, N particles, T tool positions a substep apart.
+
+    C are the coordinates of the scene's tools (`app.sim.tools.base.Motion`). An action may begin where the tool is, as
+    carrying does, or anywhere, as pushing does.
+    """
 
     @property
     def size(self) -> int:
@@ -33,15 +38,15 @@ class ActionSpace(Protocol):
         """S: simulated substeps an action takes."""
         ...
 
-    def sample(self, rng: np.random.Generator, x: Points, count: int) -> Float32[np.ndarray, "count A"]:
-        """Random allowed actions for the state `x`, as the paper draws first actions."""
+    def sample(self, rng: np.random.Generator, x: Points, tool: ToolPose, count: int) -> Float32[np.ndarray, "count A"]:
+        """Random allowed actions for the object `x` and the tool there, as the paper draws first actions."""
         ...
 
-    def project(self, actions: Float[Array, "B A"], x: Float[Array, "B N 3"]) -> Float[Array, "B A"]:
-        """The nearest actions, or nearly so, that are allowed in the states `x`."""
+    def project(self, actions: Float[Array, "B A"], now: Now) -> Float[Array, "B A"]:
+        """The nearest actions, or nearly so, that are allowed now."""
         ...
 
-    def allowed(self, actions: Float[Array, "B A"], x: Float[Array, "B N 3"]) -> Bool[Array, " B"]:
+    def allowed(self, actions: Float[Array, "B A"], now: Now) -> Bool[Array, " B"]:
         """Whether projection succeeded: the arm may start there."""
         ...
 
@@ -49,16 +54,23 @@ class ActionSpace(Protocol):
         """What a typical change of each number is: the unit of one step of gradient descent."""
         ...
 
-    def tool_path(self, actions: Float[Array, "B A"]) -> Float[Array, "B T 3"]:
-        """Tool-tip positions [m] at the ends of all substeps."""
+    def tool_path(self, actions: Float[Array, "B A"], tool: Float[Array, "B 8"]) -> Float[Array, "B T C"]:
+        """The tools' coordinates at the ends of all substeps, from poses `tool` on; the first three are a place [m]."""
         ...
 
-    def motion(self, action: Float32[np.ndarray, " A"], site: Site) -> Motion:
-        """What the arm shall do to make the action."""
+    def after(self, actions: Float[Array, "B A"], tool: Float[Array, "B 8"]) -> Float[Array, "B 8"]:
+        """Where the tool is once the actions are made."""
         ...
 
-    def measured_path(self, positions: Float[np.ndarray, "M 3"]) -> Float32[np.ndarray, "T 3"]:
-        """The tool path to simulate for an action that was made along measured tool-tip `positions` [m]."""
+    def motion(self, action: Float32[np.ndarray, " A"], tool: ToolPose, site: Site) -> Motion:
+        """What the arm, with its tool there, shall do to make the action."""
+        ...
+
+    def measured_path(self, tool: Float[np.ndarray, "M K"]) -> Float32[np.ndarray, "T C"]:
+        """The tool path to simulate for an action that was made along measured poses of the tool.
+
+        Of those K = 8 numbers are known, or the first 3, the position, where the actions need no more.
+        """
         ...
 
 
@@ -100,12 +112,13 @@ class Pushes:
         """Pushing and resting."""
         return self.push_substeps + self.rest_substeps
 
-    def sample(self, rng: np.random.Generator, x: Points, count: int) -> Float32[np.ndarray, "count A"]:
+    def sample(self, rng: np.random.Generator, x: Points, tool: ToolPose, count: int) -> Float32[np.ndarray, "count A"]:
         """A random particle and a random angle: the push starts beside the object and goes straight through both.
 
         Starts on top of the object or outside the region are drawn again; where none is left (a rope curled up
         tightly) the least bad ones are kept, for projection to mend.
         """
+        del tool
         tries = _SAMPLES_PER_BRANCH * count
         through = x[rng.integers(len(x), size=tries), :2].astype(np.float64)
         angle = rng.uniform(0, 2 * np.pi, tries)
@@ -120,14 +133,14 @@ class Pushes:
         steps = np.repeat((length * direction / self.displacements)[chosen, None], self.displacements, axis=1)
         return np.concatenate([start[chosen], steps.reshape(count, -1)], axis=1).astype(np.float32)
 
-    def project(self, actions: Float[Array, "B A"], x: Float[Array, "B N 3"]) -> Float[Array, "B A"]:
+    def project(self, actions: Float[Array, "B A"], now: Now) -> Float[Array, "B A"]:
         """Bounded displacements and length, a start beside the object, every waypoint inside the region.
 
         The start moves away from the nearest particle, again and again; between two close parts of a rope that may
         end nowhere, which `allowed` tells.
         """
         start, steps = self._split(actions)
-        start = self._clear(start, x[..., :2])
+        start = self._clear(start, now.x[..., :2])
         size = _length(steps)
         steps = steps * jnp.minimum(1.0, self.max_displacement_m / size)[..., None]
         total = _length(steps).sum(-1)
@@ -136,12 +149,12 @@ class Pushes:
         points = jnp.clip(start[:, None] + jnp.cumsum(steps, axis=1), low, high)
         return self._join(start, jnp.diff(points, axis=1, prepend=start[:, None]))
 
-    def allowed(self, actions: Float[Array, "B A"], x: Float[Array, "B N 3"]) -> Bool[Array, " B"]:
+    def allowed(self, actions: Float[Array, "B A"], now: Now) -> Bool[Array, " B"]:
         """Whether the finger comes down beside the object (within a tenth of a millimetre) and inside the region."""
         start, _ = self._split(actions)
         low, high = self._bounds()
         inside = jnp.all((start >= low - 1e-6) & (start <= high + 1e-6), axis=-1)
-        return inside & (_length(start[:, None] - x[..., :2]).min(-1) >= self.clearance_m - 1e-4)
+        return inside & (_length(start[:, None] - now.x[..., :2]).min(-1) >= self.clearance_m - 1e-4)
 
     def scale(self) -> Float32[np.ndarray, " A"]:
         """A start may move further in a step than a displacement, as all displacements add up."""
@@ -149,17 +162,24 @@ class Pushes:
             np.array([self.start_scale_m, self.displacement_scale_m], np.float32), [2, 2 * self.displacements]
         )
 
-    def tool_path(self, actions: Float[Array, "B A"]) -> Float[Array, "B T 3"]:
+    def tool_path(self, actions: Float[Array, "B A"], tool: Float[Array, "B 8"]) -> Float[Array, "B T 3"]:
         """Straight lines between the waypoints, slowly at first and last, then at rest; all at the push height.
 
         In full precision: a GPU's default, TF32, would move the finger by a quarter of a millimetre.
         """
+        del tool
         path = jnp.matmul(self._interpolation(), self._waypoints(actions), precision=Precision.HIGHEST)
         height = jnp.full((*path.shape[:2], 1), self.height_m, path.dtype)
         return jnp.concatenate([path, height], axis=-1)
 
-    def motion(self, action: Float32[np.ndarray, " A"], site: Site) -> Motion:
+    def after(self, actions: Float[Array, "B A"], tool: Float[Array, "B 8"]) -> Float[Array, "B 8"]:
+        """Wherever it is is of no account to the next push."""
+        del actions
+        return tool
+
+    def motion(self, action: Float32[np.ndarray, " A"], tool: ToolPose, site: Site) -> Motion:
         """From above the start down to the push height, along the push, and up; no faster than the site allows."""
+        del tool
         flat = np.asarray(self._waypoints(jnp.asarray(action)[None])[0], np.float64)
         push = np.concatenate([flat, np.full((len(flat), 1), self.height_m)], axis=1)
         above = np.array([0.0, 0.0, site.travel_height_m - self.height_m])
@@ -168,13 +188,14 @@ class Pushes:
         positions = np.concatenate([push[:1] + above, push, push[-1:] + above])
         return Motion(positions=positions, speeds=np.minimum(speeds, site.limits.speed_m_s))
 
-    def measured_path(self, positions: Float[np.ndarray, "M 3"]) -> Float32[np.ndarray, "T 3"]:
+    def measured_path(self, tool: Float[np.ndarray, "M K"]) -> Float32[np.ndarray, "T 3"]:
         """The part of the way near push height, or near its lowest point above that, resampled to equal steps.
 
         Raises ValueError where nothing was measured.
         """
-        if not len(positions):
+        if not len(tool):
             raise ValueError("No tool positions were measured; the transition cannot be simulated.")
+        positions = tool[:, :3]
         heights = positions[:, 2]
         path = positions[heights < max(self.height_m, float(heights.min())) + LOW_ENOUGH_M]
         arc = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(path[:, :2], axis=0), axis=1))])

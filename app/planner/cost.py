@@ -18,12 +18,13 @@ class Weights:
 
     Each step's terms count `discount` times those of the step before. 1 is the paper's equation as printed; with it a
     branch that does nothing now and everything later costs as little as the reverse, and a planner that executes one
-    action and plans again may put things off for ever.
+    action and plans again may put things off for ever. `level`: contact is measured over the table, not in space.
     """
 
     progress: float
     contact: float
     discount: float = 1.0
+    level: bool = True
 
 
 class Terms(NamedTuple):
@@ -45,16 +46,19 @@ def step_terms(
     x_before: Float[Array, "B N 3"],
     x_after: Float[Array, "B N 3"],
     goal: Float[Array, "M 3"],
-    tool_path: Float[Array, "B T 3"],
+    tool_path: Float[Array, "B T C"],
+    *,
+    level: bool = True,
 ) -> Terms:
     """One step's terms: chamfer(x_t, goal) - chamfer(x_{t-1}, goal), and the distance between gripper and object.
 
     Summed over a branch the first telescopes to the final minus the initial Chamfer distance, so nothing but the end
     of the horizon and the contact terms steers, unless later steps are discounted. The paper's contact term, an L2
-    distance between gripper and object, is read as the horizontal distance from where the finger ends to the nearest
-    particle then: it draws a finger that misses the object towards it, and a push that touches pays about the finger's
-    radius.
+    distance between gripper and object, is read as the distance, horizontal where it is `level`, from where the tool
+    ends to the nearest particle then: it draws a finger that misses the object towards it, and a push that touches pays
+    about the finger's radius.
     """
+    axes = 2 if level else 3
     progress = chamfer_m2(x_after, goal[None]) - chamfer_m2(x_before, goal[None])
-    squared = ((x_after[..., :2] - tool_path[:, -1:, :2]) ** 2).sum(-1).min(-1)
+    squared = ((x_after[..., :axes] - tool_path[:, -1:, :axes]) ** 2).sum(-1).min(-1)
     return Terms(progress, jnp.sqrt(squared + _SMOOTH_M**2))

@@ -6,8 +6,8 @@ import jax
 import numpy as np
 from jaxtyping import Array, Float, Float32
 
-from app.core.types import Points
-from app.planner.tree import Search, start
+from app.core.types import Points, ToolPose
+from app.planner.tree import Search, moved, roll_out, start
 
 
 @final
@@ -21,20 +21,26 @@ class Failed(NamedTuple):
 
 
 def failed_action(
-    search: Search, observed: Points, goal: Points, phi: Float32[np.ndarray, " P"], seed: int
+    search: Search,
+    observed: Points,
+    goal: Points,
+    phi: Float32[np.ndarray, " P"],
+    seed: int,
+    tool: ToolPose | None = None,
 ) -> Failed | None:
     """The first one of the tree that this seed samples, before descent; None where all branches stay finite.
 
     Descent leaves a branch where it began unless it gets cheaper, and nothing is cheaper than NaN: what failed then
     fails here.
     """
-    prepared, parameters, x, action = start(search, observed, goal, phi, seed)
+    tree = start(search, observed, goal, phi, seed, tool)
+    now, actions = tree.now, roll_out(search, tree)
     for depth in range(search.depth):
-        path = search.space.tool_path(search.space.project(action, x))
-        after = search.advance(parameters, x, path)
-        broken = ~np.isfinite(jax.device_get(after)).all(axis=(1, 2))
+        action = search.space.project(actions[:, depth], now)
+        path, after = search.space.tool_path(action, now.tool), moved(search, tree.phi, now, action)
+        broken = ~np.isfinite(jax.device_get(after.x)).all(axis=(1, 2))
         if broken.any():
             branch = int(np.argmax(broken))
-            return Failed(branch, depth, x[branch : branch + 1], path[branch : branch + 1])
-        x, action = after, search.policy.act(prepared, after)
+            return Failed(branch, depth, now.x[branch : branch + 1], path[branch : branch + 1])
+        now = after
     return None

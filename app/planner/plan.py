@@ -13,10 +13,12 @@ from jaxtyping import Array, Float, Float32
 from app.config import Site
 from app.core.chamfer import chamfer_m2
 from app.core.errors import PlanningError
-from app.core.messages import Branch, Motion
-from app.core.types import Points
+from app.core.messages import Branch
+from app.core.motion import Motion
+from app.core.types import Points, ToolPose
 from app.planner.optimise import Descended, Descent, descend
 from app.planner.tree import Search, roll_out, simulate, start
+from app.policy.base import AWAY, Now
 
 Command: TypeAlias = Callable[[Motion, Points, Points], Motion]
 """What to tell an arm that does not do what it is told: for the motion that it is to make, and the particles before and
@@ -57,23 +59,25 @@ class TreePlanner:
         *,
         seed: int,
         site: Site,
+        tool: ToolPose | None = None,
         command: Command | None = None,
     ) -> Plan:
         """Sample, roll out, descend, choose: what to do with the object `observed` (N, 3) [m] under the model `phi`.
 
-        Without a `command` the arm is told the motion that it is to make.
+        `tool`: where the tool is; None where actions begin anywhere. Without a `command` the arm is told the motion
+        that it is to make.
 
         Raises PlanningError where no branch stayed finite.
         """
-        tree = start(self.search, observed, goal, phi, seed)
-        descended = _descended(self, tree.phi, tree.x, jnp.asarray(goal), _rolled_out(self.search, tree))
-        return choose(self.search, jax.device_get(descended), observed, goal, site, command)
+        tree = start(self.search, observed, goal, phi, seed, tool)
+        descended = _descended(self, tree.phi, tree.now, jnp.asarray(goal), _rolled_out(self.search, tree))
+        return choose(self.search, jax.device_get(descended), observed, goal, site, tool, command)
 
     def compile(self, example: Points, phi: Float32[np.ndarray, " P"]) -> None:
         """Compile for states and goals of the size of `example` (N, 3); simulates one action, and descends nowhere."""
         tree = start(self.search, example, example, phi, seed=0)
         actions = _rolled_out(self.search, tree)
-        _descended.lower(self, tree.phi, tree.x, jnp.asarray(example), actions).compile()
+        _descended.lower(self, tree.phi, tree.now, jnp.asarray(example), actions).compile()
 
 
 _rolled_out = jax.jit(roll_out, static_argnums=0)
@@ -83,12 +87,12 @@ _rolled_out = jax.jit(roll_out, static_argnums=0)
 def _descended(
     planner: TreePlanner,
     phi: Float[Array, "B P"],
-    x: Float[Array, "B N 3"],
+    now: Now,
     goal: Float[Array, "M 3"],
     actions: Float[Array, "B D A"],
 ) -> Descended:
     return descend(
-        partial(simulate, planner.search, phi, x, goal),
+        partial(simulate, planner.search, phi, now, goal),
         actions,
         steps=planner.gradient_steps,
         descent=planner.descent,
@@ -97,14 +101,21 @@ def _descended(
 
 
 def choose(
-    search: Search, found: Descended, observed: Points, goal: Points, site: Site, command: Command | None = None
+    search: Search,
+    found: Descended,
+    observed: Points,
+    goal: Points,
+    site: Site,
+    tool: ToolPose | None = None,
+    command: Command | None = None,
 ) -> Plan:
     """The cheapest branch that is finite, whose pushes may be made, and whose motion, as told, the site allows.
 
     Raises PlanningError where there is none.
     """
-    branches = tuple(_branch(search, found, index) for index in range(search.branches))
-    motions = [search.space.motion(branch.actions[0], site) for branch in branches]
+    pose = AWAY if tool is None else tool
+    branches = tuple(_branch(search, found, pose, index) for index in range(search.branches))
+    motions = [search.space.motion(branch.actions[0], pose, site) for branch in branches]
     if command is not None:
         pairs = zip(motions, branches, strict=True)
         motions = [command(motion, observed, branch.predicted) for motion, branch in pairs]
@@ -128,14 +139,14 @@ def choose(
     )
 
 
-def _branch(search: Search, found: Descended, index: int) -> Branch:
+def _branch(search: Search, found: Descended, tool: ToolPose, index: int) -> Branch:
     best = found.best
-    first = jnp.asarray(best.actions[index, :1])
+    first, there = jnp.asarray(best.actions[index, :1]), jnp.asarray(tool, jnp.float32)[None]
     weights = search.weights
     return Branch(
-        origin="policy" if index == 0 else "random",
+        origin="policy" if index == 0 and search.guided else "random",
         actions=np.asarray(best.actions[index]),
-        tool_path=np.asarray(search.space.tool_path(first)[0]),
+        tool_path=np.asarray(search.space.tool_path(first, there)[0, :, :3]),
         predicted=np.asarray(best.first[index]),
         final=np.asarray(best.final[index]),
         cost_before=float(found.cost_before[index]),

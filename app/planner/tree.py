@@ -9,19 +9,25 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool, Float, Float32
 
-from app.core.types import Points
+from app.core.types import Points, ToolPose
 from app.planner.actions import ActionSpace
 from app.planner.cost import Terms, Weights, step_terms
-from app.policy.base import Policy, Prepared
+from app.policy.base import AWAY, Now, Policy, Prepared
+from app.sim.state import State
 
-Advance = Callable[[Float[Array, "B P"], Float[Array, "B N 3"], Float[Array, "B T 3"]], Float[Array, "B N 3"]]
-"""The simulator from rest to rest: parameters, particles before, tool path -> particles after."""
+Advance = Callable[[Float[Array, "B P"], State, Float[Array, "B T C"]], State]
+"""The simulator: parameters, state before, tool path -> state after."""
+Begin = Callable[[Float[Array, "B N 3"]], State]
+"""The state of an object of which the cameras see where its particles are."""
 
 
 @final
 @dataclass(frozen=True, kw_only=True)
 class Search:
-    """What a decision is searched with; the same for every decision of a task and preset."""
+    """What a decision is searched with; the same for every decision of a task and preset.
+
+    Without `guided` no policy has a say: all actions are drawn at random.
+    """
 
     space: ActionSpace
     policy: Policy
@@ -29,6 +35,8 @@ class Search:
     advance: Advance
     branches: int
     depth: int
+    begin: Begin = State.at_rest
+    guided: bool = True
 
 
 class Rollout(NamedTuple):
@@ -43,59 +51,94 @@ class Rollout(NamedTuple):
 
 
 class Start(NamedTuple):
-    """What a tree grows from: model and state for each branch, and the first actions."""
+    """What a tree grows from: model and situation of each branch, first actions, and later ones if not by policy."""
 
     prepared: Prepared
     phi: Float[Array, "B P"]
-    x: Float[Array, "B N 3"]
+    now: Now
     first: Float[Array, "B A"]
+    later: Float[Array, "B L A"]
 
 
-def start(search: Search, observed: Points, goal: Points, phi: Float32[np.ndarray, " P"], seed: int) -> Start:
-    """First actions: the policy's, then k = branches - 1 random ones."""
-    prepared = search.policy.prepare(observed, goal)
-    policy = search.policy.act(prepared, jnp.asarray(observed)[None])
-    random = search.space.sample(np.random.default_rng(seed), observed, search.branches - 1)
+def start(
+    search: Search,
+    observed: Points,
+    goal: Points,
+    phi: Float32[np.ndarray, " P"],
+    seed: int,
+    tool: ToolPose | None = None,
+) -> Start:
+    """First actions: the policy's, then k = branches - 1 random ones; unguided all are random, and those after them."""
+    rng, count, depth = np.random.default_rng(seed), search.branches, search.depth
+    pose = AWAY if tool is None else tool
+    now = situation(search, observed, pose, count)
+    kept = start_by_policy(search, observed, goal, pose) if search.guided else (None, [])
+    random = search.space.sample(rng, observed, pose, count - len(kept[1]))
+    later = [search.space.sample(rng, observed, pose, count) for _ in range(0 if search.guided else depth - 1)]
     return Start(
-        prepared=prepared,
-        phi=jnp.repeat(jnp.asarray(phi)[None], search.branches, axis=0),
-        x=jnp.repeat(jnp.asarray(observed)[None], search.branches, axis=0),
-        first=jnp.concatenate([policy, random]),
+        prepared=kept[0],
+        phi=jnp.repeat(jnp.asarray(phi)[None], count, axis=0),
+        now=now,
+        first=jnp.concatenate([*kept[1], random]),
+        later=jnp.stack(later, axis=1) if later else jnp.zeros((count, 0, search.space.size)),
     )
 
 
+def start_by_policy(
+    search: Search, observed: Points, goal: Points, tool: ToolPose
+) -> tuple[Prepared, list[Float[Array, "1 A"]]]:
+    """What the policy makes of the observation, and the action that it takes first."""
+    prepared = search.policy.prepare(observed, goal)
+    return prepared, [search.policy.act(prepared, situation(search, observed, tool, 1))]
+
+
+def situation(search: Search, observed: Points, tool: ToolPose, count: int) -> Now:
+    """The same for `count` candidates: the object as it is seen, and the tool."""
+    x = jnp.repeat(jnp.asarray(observed)[None], count, axis=0)
+    return Now(search.begin(x), jnp.tile(jnp.asarray(tool, jnp.float32), (count, 1)))
+
+
 def roll_out(search: Search, tree: Start) -> Float[Array, "B D A"]:
-    """All actions of all branches: after the first, the policy acts on the simulated states."""
-    x = tree.x
-    actions = [search.space.project(tree.first, x)]
-    for _ in range(search.depth - 1):
-        x = search.advance(tree.phi, x, search.space.tool_path(actions[-1]))
-        actions.append(search.space.project(search.policy.act(tree.prepared, x), x))
+    """All actions of all branches: after the first, the policy acts on the simulated states, or chance has."""
+    now = tree.now
+    actions = [search.space.project(tree.first, now)]
+    for step in range(search.depth - 1):
+        now = moved(search, tree.phi, now, actions[-1])
+        wanted = search.policy.act(tree.prepared, now) if search.guided else tree.later[:, step]
+        actions.append(search.space.project(wanted, now))
     return jnp.stack(actions, axis=1)
+
+
+def moved(search: Search, phi: Float[Array, "B P"], now: Now, action: Float[Array, "B A"]) -> Now:
+    """The situation after an action of each candidate."""
+    state = search.advance(phi, now.state, search.space.tool_path(action, now.tool))
+    return Now(state, search.space.after(action, now.tool))
 
 
 def simulate(
     search: Search,
     phi: Float[Array, "B P"],
-    x: Float[Array, "B N 3"],
+    now: Now,
     goal: Float[Array, "M 3"],
     actions: Float[Array, "B D A"],
 ) -> Rollout:
-    """Simulate every branch and cost it. Differentiable in `actions`, `x` and `phi`.
+    """Simulate every branch and cost it. Differentiable in `actions`, `now` and `phi`.
 
     Actions are projected onto what is allowed in the state they meet; gradients pass the projection straight through
     (its own derivative would forget how a start that was moved aside got there).
     """
     taken: list[Float[Array, "B A"]] = []
-    states = [x]
-    terms = Terms(jnp.zeros(len(x)), jnp.zeros(len(x)))
-    allowed = jnp.ones(len(x), bool)
+    seen = [now]
+    terms = Terms(jnp.zeros(len(phi)), jnp.zeros(len(phi)))
+    allowed = jnp.ones(len(phi), bool)
     for step in range(search.depth):
         wanted = actions[:, step]
-        here, start = jax.lax.stop_gradient((wanted, states[-1]))
+        here, start = jax.lax.stop_gradient((wanted, seen[-1]))
         taken.append(wanted + (search.space.project(here, start) - here))
-        allowed &= search.space.allowed(taken[-1], states[-1])
-        path = search.space.tool_path(taken[-1])
-        states.append(search.advance(phi, states[-1], path))
-        terms = terms.plus(step_terms(states[-2], states[-1], goal, path), search.weights.discount**step)
-    return Rollout(jnp.stack(taken, axis=1), states[1], states[-1], terms, terms.total(search.weights), allowed)
+        allowed &= search.space.allowed(taken[-1], seen[-1])
+        path = search.space.tool_path(taken[-1], seen[-1].tool)
+        state = search.advance(phi, seen[-1].state, path)
+        made = step_terms(seen[-1].x, state.x, goal, path, level=search.weights.level)
+        terms = terms.plus(made, search.weights.discount**step)
+        seen.append(Now(state, search.space.after(taken[-1], seen[-1].tool)))
+    return Rollout(jnp.stack(taken, axis=1), seen[1].x, seen[-1].x, terms, terms.total(search.weights), allowed)

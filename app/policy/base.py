@@ -1,13 +1,40 @@
 """What an initial policy is: something that proposes an action for a state, inside a rollout as well."""
 
-from typing import Any, Protocol, TypeAlias
+from typing import Any, NamedTuple, Protocol, Self, TypeAlias, final
 
+import jax.numpy as jnp
+import numpy as np
 from jaxtyping import Array, Float
 
-from app.core.types import Points
+from app.core.motion import pointing_down
+from app.core.types import Points, ToolPose
+from app.sim.state import State
 
 Prepared: TypeAlias = Any
 """A pytree of arrays that only the policy which made it understands."""
+
+
+AWAY = pointing_down(np.array([0.30, 0.0, 0.30]))
+"""Where a tool is that begins its next action anywhere: high over the table."""
+
+
+@final
+class Now(NamedTuple):
+    """What B candidates act on; a JAX pytree. `tool`: where each has its tool, as poses with openings."""
+
+    state: State
+    tool: Float[Array, "B 8"]
+
+    @property
+    def x(self) -> Float[Array, "B N 3"]:
+        """Where the particles are [m]."""
+        return self.state.x
+
+    @classmethod
+    def at_rest(cls, x: Float[Array, "B N 3"], tool: ToolPose | None = None) -> Self:
+        """Objects that are unmoving and undeformed, all with the same tool; without one, high over the table."""
+        pose = jnp.asarray(AWAY if tool is None else tool, jnp.float32)
+        return cls(State.at_rest(x), jnp.tile(pose, (len(x), 1)))
 
 
 class Policy(Protocol):
@@ -17,6 +44,6 @@ class Policy(Protocol):
         """What is worked out once an observation, in NumPy: orderings, matches, embeddings."""
         ...
 
-    def act(self, prepared: Prepared, x: Float[Array, "B N 3"]) -> Float[Array, "B A"]:
-        """One action for each candidate state `x` [m]; a pure JAX function."""
+    def act(self, prepared: Prepared, now: Now) -> Float[Array, "B A"]:
+        """One action for each candidate; a pure JAX function."""
         ...

@@ -9,6 +9,7 @@ from jax.lax import Precision
 from jaxtyping import Array, Float, Float32
 
 from app.core.types import Points
+from app.policy.base import Now
 from app.policy.ordering import arclength_labels, centreline_weights
 
 _BLOCKED_M = 10.0
@@ -51,8 +52,9 @@ class ScriptedPush:
         line = (centreline_weights(arclength_labels(goal), self.nodes) @ goal)[:, :2]
         return Matched(weights, np.stack([line, line[::-1]]))
 
-    def act(self, prepared: Matched, x: Float[Array, "B N 3"]) -> Float[Array, "B A"]:
+    def act(self, prepared: Matched, now: Now) -> Float[Array, "B A"]:
         """The push that helps most, for each candidate."""
+        x = now.x
         nodes = jnp.einsum("mn,bnk->bmk", prepared.weights, x[..., :2], precision=Precision.HIGHEST)
         error = _nearer_goal(jnp.asarray(prepared.goals), nodes) - nodes
         direction = self._directions(nodes, error)

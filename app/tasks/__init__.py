@@ -20,7 +20,7 @@ __all__ = [
     "warm_up_stages",
 ]
 
-_NOT_TASKS = ("asked", "base", "compiled", "correction", "curves", "doubted", "extended", "failures", "jobs")
+_NOT_TASKS = ("aim", "asked", "base", "compiled", "correction", "curves", "doubted", "extended", "failures", "jobs")
 
 
 def names() -> list[str]:

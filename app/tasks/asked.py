@@ -9,7 +9,8 @@ import numpy as np
 from app.config import Site
 from app.core.chamfer import chamfer_m2
 from app.core.errors import PlanningError
-from app.core.messages import Branch, Motion
+from app.core.messages import Branch
+from app.core.motion import Motion
 
 if TYPE_CHECKING:
     from jaxtyping import Float64, Int

@@ -4,47 +4,32 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, final
+from typing import TYPE_CHECKING, Protocol, TypeAlias, final
 
 import numpy as np
+from jaxtyping import Float64
 
 from app.core.errors import UsageError
 from app.core.messages import Proposal, fresh_id
+from app.core.stage import Finger, Rope, Stage
+from app.core.types import Points
 
-if TYPE_CHECKING:  # Rigs need ropes and fingers alone: their processes shall not load JAX and Warp for these names.
-    from jaxtyping import Float64
+if TYPE_CHECKING:  # Whoever needs these names alone shall not load JAX and Warp for them.
+    from jaxtyping import Array, Float
 
     from app.core.doubt import Verdict
-    from app.core.messages import Goal, Model, Motion, Particles
-    from app.core.types import Points
+    from app.core.messages import Goal, Model, Particles
+    from app.core.motion import Motion
     from app.perception.reconstruct import Reconstruction
     from app.planner.actions import ActionSpace
     from app.planner.cost import Weights
     from app.planner.optimise import Descent
     from app.planner.plan import Plan
+    from app.planner.tree import Begin
     from app.policy.base import Policy
     from app.sim.scene import Scene
-    from app.tasks.curves import Problems
-
-
-@final
-@dataclass(frozen=True, kw_only=True)
-class Rope:
-    """A rope lying on the table. `colour` is its RGB albedo in 0..1."""
-
-    length_m: float
-    radius_m: float
-    mass_kg: float
-    colour: tuple[float, float, float]
-
-
-@final
-@dataclass(frozen=True, kw_only=True)
-class Finger:
-    """The closed two-finger gripper as a vertical capsule; `push_height_m` is its tip's height above the table."""
-
-    radius_m: float
-    push_height_m: float
+    from app.sim.state import State
+    from app.tasks.aim import Aim
 
 
 @final
@@ -58,20 +43,47 @@ class Preset:
     gradient_steps: int
 
 
+Nodes: TypeAlias = Float64[np.ndarray, "K 3"]
+"""Where a simulated world has the object [m], in its own terms: a rope's centreline, or the centres of many pieces."""
+
+
+def _at_rest(x: Float[Array, "B N 3"]) -> State:
+    """Unmoving and undeformed."""
+    from app.sim.state import State
+
+    return State.at_rest(x)
+
+
+class Problems(Protocol):
+    """Where the object starts and where it shall go, by seed."""
+
+    def start(self, seed: int) -> Nodes:
+        """The object at the start."""
+        ...
+
+    def goal(self, seed: int, particle_count: int) -> Points:
+        """Where it shall be, as particles [m]."""
+        ...
+
+    def particles(self, nodes: Nodes, particle_count: int) -> Points:
+        """A world's object as evenly spread particles [m]."""
+        ...
+
+
 @final
 @dataclass(frozen=True, kw_only=True)
 class Task:
     """Everything about a task that is not the site's.
 
-    `seeing`: how perception finds the object; its particle count is the preset's.
+    `seeing`: how perception finds the object; its particle count is the preset's. `begin`: the simulator's state of an
+    object that is seen; `at_rest`: actions end at rest, and nothing but where the object is matters to the next one.
     `nominal`: parameters of the simulator, by name, whose nominal value for this task is not the simulator's own;
-    `calibrated`: those that calibration estimates from transitions. `success_m2`: the Chamfer distance to the goal
-    [m^2] at which the task is done. `haste`: real seconds in a simulated one.
+    `calibrated`: those that calibration estimates from transitions. `aim`: when it is done; `horizon`: after how many
+    actions an evaluation ends otherwise. `haste`: real seconds in a simulated one.
     """
 
     name: str
-    rope: Rope
-    finger: Finger
+    stage: Stage
     seeing: Reconstruction
     scene: Scene
     actions: ActionSpace
@@ -81,9 +93,26 @@ class Task:
     problems: Problems
     nominal: Mapping[str, float]
     calibrated: tuple[str, ...]
-    success_m2: float
+    aim: Aim
+    horizon: int
     presets: Mapping[str, Preset]
     haste: float = 1.0
+    begin: Begin = _at_rest
+    at_rest: bool = True
+
+    @property
+    def rope(self) -> Rope:
+        """The object, where it is a rope. Raises UsageError where it is not."""
+        if not isinstance(self.stage.body, Rope):
+            raise UsageError(f"{self.name} is about a {type(self.stage.body).__name__}; this works for ropes so far.")
+        return self.stage.body
+
+    @property
+    def finger(self) -> Finger:
+        """The tool, where it is a finger. Raises UsageError where it is not."""
+        if not isinstance(self.stage.tool, Finger):
+            raise UsageError(f"{self.name} uses a {type(self.stage.tool).__name__}; this works for fingers so far.")
+        return self.stage.tool
 
     def preset(self, name: str) -> Preset:
         """The preset called `name`. Raises UsageError with the known ones."""
@@ -96,15 +125,17 @@ class Task:
         """How to see the object as so many particles as the preset plans with."""
         return replace(self.seeing, particle_count=self.preset(preset).particle_count)
 
-    def start(self, seed: int) -> Float64[np.ndarray, "points 3"]:
-        """Centreline of the rope at the start of episode `seed` [m]."""
-        return self.problems.draw(seed, self.rope)[0]
+    def start(self, seed: int) -> Nodes:
+        """The object at the start of episode `seed`, as the nodes of a simulated world [m]."""
+        return self.problems.start(seed)
 
     def goal(self, seed: int, particle_count: int) -> Points:
-        """Where the rope shall be at the end of episode `seed`, as particles [m]."""
-        from app.tasks.curves import fill_tube
+        """Where the object shall be at the end of episode `seed`, as particles [m]."""
+        return self.problems.goal(seed, particle_count)
 
-        return fill_tube(self.problems.draw(seed, self.rope)[1], self.rope.radius_m, particle_count)
+    def particles(self, nodes: Nodes, particle_count: int) -> Points:
+        """What perfect cameras would see of a simulated world's object, as particles [m]."""
+        return self.problems.particles(nodes, particle_count)
 
 
 @final
@@ -132,6 +163,10 @@ class Wish:
     def target(self) -> Points:
         """What observations are compared with [m]."""
         return self.goal.positions if self.shown_goal is None else self.shown_goal
+
+    def reached(self, particles: Particles) -> bool:
+        """Whether the task is done, by what is observed."""
+        return self.task.aim.reached(particles.positions, self.target)
 
     def proposal(self, plan: Plan, observed: Particles, model: Model, *, began_s: float, now_s: float) -> Proposal:
         """`plan`, made for `observed` with `model` from `began_s` to `now_s` [s], as an offer to the operator."""

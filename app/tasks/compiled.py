@@ -10,11 +10,13 @@ import numpy as np
 from jaxtyping import Array, Float, Float32
 
 from app.calibration.calibrate import Calibrator, next_model, phi_of
+from app.calibration.evidence import Advance as FromRest
 from app.calibration.evidence import Evidence, Predictor, gather
 from app.calibration.fit import Settings
 from app.core.messages import MessageId, Model, Parameter, Transition
 from app.planner.plan import TreePlanner
 from app.planner.tree import Advance, Search
+from app.policy.base import AWAY
 from app.sim.effects.base import Effect
 from app.sim.params import PARAMETERS, acting, columns_of
 from app.sim.rollout import make_rollout
@@ -30,23 +32,36 @@ _NOW = 0.5
 
 
 @lru_cache
-def advance(task: str, particle_count: int, effects: tuple[Effect, ...] = ()) -> Advance:
-    """The task's simulator from rest to rest for objects of `particle_count` particles.
+def advance(task: str, particle_count: int, effects: tuple[Effect, ...] = ()) -> FromRest:
+    """The task's simulator of one action on an object that is seen at rest, as `particle_count` particles."""
+    carry, begin = carried(task, particle_count, effects), load(task).begin
+
+    def from_rest(
+        phi: Float[Array, "B P"], x: Float[Array, "B N 3"], tool: Float[Array, "B T C"]
+    ) -> Float[Array, "B N 3"]:
+        return carry(phi, begin(x), tool).x
+
+    return from_rest
+
+
+@lru_cache
+def carried(task: str, particle_count: int, effects: tuple[Effect, ...] = ()) -> Advance:
+    """The task's simulator of one action, from state to state: to rest, where the task's actions end at rest.
 
     It takes all of phi and heeds the nominal parameters and those of `effects`; see `params.acting`. What changes in
     the course of a session is as at its end. Where along the object a particle is, nobody knows here: effects that
     depend on that do nothing.
     """
     known = tuple(effect for effect in effects if not effect.oriented)
-    simulate = make_rollout(load(task).scene, particle_count=particle_count, effects=known)
+    data = load(task)
+    simulate = make_rollout(data.scene, particle_count=particle_count, effects=known)
     own = np.array(columns_of(known))
 
-    def from_rest(
-        phi: Float[Array, "B P"], x: Float[Array, "B N 3"], tool: Float[Array, "B T 3"]
-    ) -> Float[Array, "B N 3"]:
-        return simulate(phi[:, own], State.at_rest(x), tool, now(x.shape[0], particle_count)).x
+    def carry(phi: Float[Array, "B P"], state: State, tool: Float[Array, "B T C"]) -> State:
+        end = simulate(phi[:, own], state, tool, now(len(phi), particle_count))
+        return State.at_rest(end.x) if data.at_rest else end
 
-    return from_rest
+    return carry
 
 
 def now(candidates: int, particle_count: int) -> Setting:
@@ -68,7 +83,8 @@ def _planner(task: str, preset: str, effects: tuple[Effect, ...]) -> TreePlanner
             space=data.actions,
             policy=data.policy,
             weights=data.weights,
-            advance=advance(task, size.particle_count, effects),
+            advance=carried(task, size.particle_count, effects),
+            begin=data.begin,
             branches=size.branches,
             depth=size.depth,
         ),
@@ -138,13 +154,13 @@ def stages(task: str, preset: str, model: Model | None = None) -> list[Stage]:
     """For `model`, or the nominal one, in order; each one after the first is quick where the first was done."""
     data, size = load(task), load(task).preset(preset)
     x = data.goal(0, size.particle_count)
-    still = np.zeros((1, 2, 3), np.float32) + np.array([0, 0, 1], np.float32)
+    away = data.actions.measured_path(np.tile(AWAY, (2, 1)))[None, :2]
     phi = phi_of(model or nominal_model(task))
     effects = acting(phi, data.calibrated)
 
     def simulator() -> None:
         predictor = Predictor(advance=advance(task, size.particle_count, effects), chunk=1)
-        predictor.slopes(phi, Evidence(before=x[None], tool=still, after=x[None]))
+        predictor.slopes(phi, Evidence(before=x[None], tool=away, after=x[None]))
 
     return [
         Stage("the simulator and its adjoint", simulator),

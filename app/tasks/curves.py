@@ -9,8 +9,9 @@ from scipy.stats import qmc
 
 from app.config import Workspace
 from app.core.chamfer import chamfer_m2
+from app.core.stage import Rope
 from app.core.types import Points
-from app.tasks.base import Rope
+from app.tasks.base import Nodes
 
 _TRIES = 1000
 _MIN_GAP_M = 0.04
@@ -70,6 +71,27 @@ class Problems:
         length_m = float(np.linalg.norm(np.diff(curve, axis=0), axis=1).sum())
         gap_ok = _self_gap(curve[:, :2], length_m) >= _MIN_GAP_M
         return gap_ok and bool(np.all(curve[:, :2] >= low) and np.all(curve[:, :2] <= high))
+
+
+@final
+@dataclass(frozen=True, kw_only=True)
+class RopeProblems:
+    """Those of `curves` for one rope: a world's nodes are its centreline."""
+
+    rope: Rope
+    curves: Problems = field(default_factory=Problems)
+
+    def start(self, seed: int) -> Nodes:
+        """The centreline at the start."""
+        return self.curves.draw(seed, self.rope)[0]
+
+    def goal(self, seed: int, particle_count: int) -> Points:
+        """The rope at the end, filled evenly."""
+        return self.particles(self.curves.draw(seed, self.rope)[1], particle_count)
+
+    def particles(self, nodes: Nodes, particle_count: int) -> Points:
+        """The tube about the centreline, filled evenly."""
+        return fill_tube(nodes, self.rope.radius_m, particle_count)
 
 
 def fill_tube(

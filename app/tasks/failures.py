@@ -11,14 +11,13 @@ from app.calibration.evidence import gather
 from app.config import Site
 from app.core.errors import UsageError
 from app.core.messages import Transition
-from app.core.types import Points
+from app.core.types import Points, ToolPose
 from app.planner.failure import failed_action
 from app.planner.tree import Search
 from app.sim.autopsy import single
 from app.sim.catalogue import EFFECTS
 from app.sim.checks import Arrays, Setup
 from app.sim.dump import Dump, leave_dump
-from app.sim.state import State
 from app.tasks import load
 from app.tasks.compiled import now
 
@@ -30,10 +29,17 @@ FOLDER = "failed"
 
 
 def of_plan(
-    task: str, search: Search, observed: Points, goal: Points, phi: Float32[np.ndarray, " P"], seed: int, site: Site
+    task: str,
+    search: Search,
+    observed: Points,
+    goal: Points,
+    phi: Float32[np.ndarray, " P"],
+    seed: int,
+    site: Site,
+    tool: ToolPose | None = None,
 ) -> str:
     """A sentence about the first branch that became non-finite, with the dump it left; empty where none did."""
-    failed = failed_action(search, observed, goal, phi, seed)
+    failed = failed_action(search, observed, goal, phi, seed, tool)
     if failed is None:
         return ""
     about = f"{task}, seed {seed}, branch {failed.branch}, action {failed.depth}"
@@ -51,7 +57,7 @@ def of_transitions(task: str, lost: Sequence[Transition], phi: Float32[np.ndarra
 
 def _left(task: str, about: str, phi: Float32[np.ndarray, " P"], x: Arrays, tool: Arrays, site: Site) -> str:
     setup = Setup(scene=load(task).scene, counts=(x.shape[1],), effects=EFFECTS)
-    case = single(setup, phi[None], State.at_rest(jnp.asarray(x)), tool, now(1, x.shape[1]))
+    case = single(setup, phi[None], load(task).begin(jnp.asarray(x)), tool, now(1, x.shape[1]))
     if next(_room(), None) is None:
         return f" This process has left {DUMPS} dumps already, and leaves no more."
     try:

@@ -21,7 +21,7 @@ _RECENT = 16
 if TYPE_CHECKING:
     from app.calibration.fit import Settings
     from app.core.messages import Model, Transition
-    from app.core.types import Points
+    from app.core.types import Points, ToolPose
     from app.planner.plan import Plan
     from app.tasks.correction import Correction
 
@@ -34,12 +34,14 @@ def plan(
     model: Model,
     seed: int,
     site: Site | None = None,
+    tool: ToolPose | None = None,
 ) -> Plan:
     """Decide on the next action for the object that the cameras say is at `observed` (N, 3) [m].
 
     The model is what the simulation runs with. What it says of cameras and arm is allowed for: the plan is made for
     the object where it is, its motion is what to tell the arm, and what it predicts is what the cameras will show.
-    `goal` (M, 3) [m] is where the object shall truly be. Raises PlanningError where no branch stays finite, and leaves
+    `goal` (M, 3) [m] is where the object shall truly be; `tool`, where the tool is: None for actions that begin
+    anywhere. Raises PlanningError where no branch stays finite, and leaves
     a dump of one that did not; UsageError for an unknown task or preset.
     """
     from app.tasks import compiled
@@ -50,8 +52,8 @@ def plan(
     allowed_for = _allowed_for(model)
     try:
         if allowed_for:
-            return allowed_for.plan(planner, observed, goal, phi, seed=seed, site=where)
-        return planner(observed, goal, phi, seed=seed, site=where)
+            return allowed_for.plan(planner, observed, goal, phi, seed=seed, site=where, tool=tool)
+        return planner(observed, goal, phi, seed=seed, site=where, tool=tool)
     except PlanningError as error:
         search = getattr(planner, "search", None)
         if search is None:  # A planner without a tree has simulated nothing.
@@ -59,7 +61,7 @@ def plan(
         from app.tasks import failures
 
         x = allowed_for.unseen(observed) if allowed_for else observed
-        raise PlanningError(f"{error}{failures.of_plan(task, search, x, goal, phi, seed, where)}") from None
+        raise PlanningError(f"{error}{failures.of_plan(task, search, x, goal, phi, seed, where, tool)}") from None
 
 
 def calibrate(

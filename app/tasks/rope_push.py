@@ -3,6 +3,7 @@
 from math import pi
 from types import MappingProxyType
 
+from app.core.stage import Finger, Rope, Stage
 from app.perception.reconstruct import Reconstruction
 from app.perception.segment import ColourRange
 from app.planner.actions import Pushes
@@ -12,8 +13,9 @@ from app.policy.scripted import ScriptedPush
 from app.sim.materials.rope import Rope as RopeMaterial
 from app.sim.scene import Body, Scene
 from app.sim.tools import finger as sim_finger
-from app.tasks.base import Finger, Preset, Rope, Task
-from app.tasks.curves import Problems
+from app.tasks.aim import Near
+from app.tasks.base import Preset, Task
+from app.tasks.curves import RopeProblems
 
 ROPE = Rope(length_m=0.40, radius_m=0.008, mass_kg=0.064, colour=(0.80, 0.24, 0.10))
 FINGER = Finger(radius_m=0.009, push_height_m=0.006)
@@ -24,8 +26,7 @@ TOUCH_M = ROPE.radius_m + FINGER.radius_m
 
 TASK = Task(
     name="rope_push",
-    rope=ROPE,
-    finger=FINGER,
+    stage=Stage(body=ROPE, tool=FINGER),
     seeing=Reconstruction(colour=ColourRange.around(ROPE.colour), particle_count=300, half_width_m=0.010),
     # A real push takes 1 s, a simulated one 0.2 s. Weight and stiffness are twelve times the real ones, which leaves
     # their ratio, and with it every quasi-static shape, as it is, and keeps inertia small beside them.
@@ -68,10 +69,11 @@ TASK = Task(
     ),
     weights=Weights(progress=1.0, contact=0.002, discount=0.7),
     descent=Descent(learning_rate=1.0, clip=1.0, shrink=0.5),
-    problems=Problems(),
+    problems=RopeProblems(rope=ROPE),
     nominal=MappingProxyType({"stiffness": 6.0e4, "table_friction": 0.5, "finger_friction": 0.3}),
     calibrated=("stiffness", "table_friction"),
-    success_m2=2 * 0.010**2,
+    aim=Near(limit_m2=2 * 0.010**2),
+    horizon=30,
     haste=5.0,
     presets=MappingProxyType(
         {

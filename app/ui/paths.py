@@ -6,7 +6,8 @@ import numpy as np
 import viser
 from jaxtyping import Float64
 
-from app.core.messages import Motion, Proposal
+from app.core.messages import Proposal
+from app.core.motion import Motion
 from app.ui import palette
 from app.ui.board import Board
 

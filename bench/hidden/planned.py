@@ -21,7 +21,8 @@ from rich.table import Table
 
 from app.config import Site
 from app.core.chamfer import chamfer_m2
-from app.core.messages import TOOL_DOWN, Model, Motion
+from app.core.messages import Model
+from app.core.motion import TOOL_DOWN, Motion
 from app.core.track import Track
 from app.core.types import Points
 from app.discovery.apparatus.base import Eye
@@ -30,6 +31,7 @@ from app.discovery.study import Push, Study, View
 from app.discovery.subject import Theta, catalogue
 from app.planner.plan import Plan, TreePlanner
 from app.planner.tree import Search
+from app.policy.base import AWAY
 from app.recording.model_file import load_model
 from app.sim.params import acting
 from app.tasks import compiled, load, nominal_model
@@ -93,7 +95,7 @@ def planned(model: Model, observed: Points, goal: Points, seed: int) -> Plan:
         space=task.actions,
         policy=task.policy,
         weights=task.weights,
-        advance=compiled.advance(_TASK, task.preset(_PRESET).particle_count, acting(phi)),
+        advance=compiled.carried(_TASK, task.preset(_PRESET).particle_count, acting(phi)),
         branches=_BRANCHES,
         depth=1,
     )
@@ -109,8 +111,8 @@ def reached_m2(bench: Bench, models: Sequence[Model], problems: int) -> Float64[
     rows = np.full((len(models), problems), math.nan)
     for number in range(problems):
         x = fill_tube(task.start(100 + number), task.rope.radius_m, task.preset(_PRESET).particle_count)
-        action = task.actions.sample(np.random.default_rng(number), x, 1)[0]
-        goal = bench.after(x, task.actions.motion(action, Site()), obeyed=True)
+        action = task.actions.sample(np.random.default_rng(number), x, AWAY, 1)[0]
+        goal = bench.after(x, task.actions.motion(action, AWAY, Site()), obeyed=True)
         for row, model in enumerate(models):
             plan = planned(model, bench.seen(x), goal, number)
             rows[row, number] = float(chamfer_m2(bench.after(x, plan.motion), goal))

@@ -118,13 +118,13 @@ def test_tool_and_table_are_looked_for_in_images_that_nobody_looked_at(make: Mak
     assert isinstance(executed, Executed)
     assert isinstance(made, Transition)
     poses = executed.measured.copy()
-    poses[:, :2] = snapshot.tool[:2] + 0.003
+    poses[:, :2] = snapshot.tip[:2] + 0.003
     executed = replace(executed, measured=poses)
     causes = {103.5: tuple(frame.id for frame in frames)}
     particles = [replace(message, cause=causes.get(message.time_s, ())) for message in seen]
     study = study_of(tmp_path, [episode(make), *frames, *particles, executed, replace(made, executed=executed)])
     (finger,) = [view.finger for view in study.pushes[0].during if view.finger is not None]
-    assert finger.mean(axis=0) == pytest.approx(snapshot.tool, abs=0.0015)
+    assert finger.mean(axis=0) == pytest.approx(snapshot.tip, abs=0.0015)
     assert len(study.tables[0]) == 400
 
 

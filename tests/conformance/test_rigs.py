@@ -15,8 +15,10 @@ import pytest
 
 from app.config import Site
 from app.core.errors import DeviceError, MotionRefused
-from app.core.messages import ArmMode, Executed, Motion
+from app.core.messages import ArmMode, Executed
+from app.core.motion import Motion
 from app.core.ports import Arm, Rig
+from app.core.stage import Stage
 from app.rig.simulated.rig import simulated_rig
 from tests.rig.scene import FINGER, PUSH_Z, ROPE, approved, push, straight_rope
 
@@ -28,7 +30,7 @@ pytestmark = pytest.mark.anyio
 
 
 def _simulated() -> AbstractAsyncContextManager[Rig]:
-    return simulated_rig(rope=ROPE, finger=FINGER, centreline=straight_rope(0.6), site=SITE, seed=0)
+    return simulated_rig(stage=Stage(body=ROPE, tool=FINGER), start=straight_rope(0.6), site=SITE, seed=0)
 
 
 RIGS: dict[str, Callable[[], AbstractAsyncContextManager[Rig]]] = {"simulated": _simulated}

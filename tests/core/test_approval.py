@@ -7,7 +7,8 @@ import pytest
 
 from app.core.approval import ApprovalGate, Approved, drift
 from app.core.errors import ApprovalRefused
-from app.core.messages import Branch, Decision, Motion, Particles, Proposal, fresh_id
+from app.core.messages import Branch, Decision, Particles, Proposal, fresh_id
+from app.core.motion import Motion
 
 SHOWN_AT_S = 1000.0
 ROPE = np.stack([np.linspace(0.4, 0.8, 60), np.zeros(60), np.full(60, 0.01)], axis=-1).astype(np.float32)

@@ -3,7 +3,8 @@
 import numpy as np
 import pytest
 
-from app.core.messages import Model, Motion, Parameter, fresh_id
+from app.core.messages import Model, Parameter, fresh_id
+from app.core.motion import Motion
 
 
 @pytest.fixture

@@ -5,7 +5,8 @@ import numpy as np
 from app.core.messages import Frame, fresh_id
 from app.rig.simulated.cameras import table_cameras
 from app.rig.simulated.render import render
-from app.rig.simulated.world import RopeWorld, Snapshot
+from app.rig.simulated.rope_world import RopeWorld
+from app.rig.simulated.world import Snapshot
 from app.tasks import load
 
 TASK = load("rope_push")
@@ -17,7 +18,7 @@ def pushing(seed: int) -> Snapshot:
     rng = np.random.default_rng(seed)
     world = RopeWorld(TASK.rope, TASK.finger, TASK.start(seed))
     world.step(world.tool, 0.2)
-    place = np.array([*world.centreline()[rng.integers(3, 30), :2], TASK.finger.push_height_m])
+    place = np.array([*world.nodes()[rng.integers(3, 30), :2], TASK.finger.push_height_m])
     angle = rng.uniform(0, 2 * np.pi)
     ahead = np.array([np.cos(angle), np.sin(angle), 0.0])
     first = place - 0.03 * ahead
@@ -30,6 +31,6 @@ def photographed(snapshot: Snapshot, seed: int, cameras: int = 2) -> list[Frame]
     """From so many sides."""
     rng, frames = np.random.default_rng(seed), list[Frame]()
     for camera in table_cameras(cameras):
-        color, depth = render(snapshot, camera, rng, rope=TASK.rope, finger=TASK.finger)
+        color, depth = render(snapshot, camera, rng, stage=TASK.stage)
         frames.append(Frame(id=fresh_id("frame"), time_s=snapshot.time_s, camera=camera, color=color, depth=depth))
     return frames

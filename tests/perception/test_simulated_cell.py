@@ -4,12 +4,12 @@ import numpy as np
 import pytest
 
 from app.core.messages import Frame, fresh_id
+from app.core.stage import Finger, Rope, Stage
 from app.perception.reconstruct import Reconstruction, reconstruct
 from app.perception.segment import ColourRange
 from app.rig.simulated.cameras import table_cameras
 from app.rig.simulated.render import render
-from app.rig.simulated.world import RopeWorld
-from app.tasks.base import Finger, Rope
+from app.rig.simulated.rope_world import RopeWorld
 from bench.tube import Tube
 from tests.perception.scene import random_tube
 
@@ -22,7 +22,7 @@ def photographed(world: RopeWorld, seed: int) -> list[Frame]:
     snapshot, rng = world.snapshot(), np.random.default_rng(seed)
     frames = []
     for camera in table_cameras():
-        color, depth = render(snapshot, camera, rng, rope=ROPE, finger=FINGER)
+        color, depth = render(snapshot, camera, rng, stage=Stage(body=ROPE, tool=FINGER))
         frames.append(Frame(id=fresh_id("frame"), time_s=world.time_s, camera=camera, color=color, depth=depth))
     return frames
 
@@ -31,10 +31,10 @@ def photographed(world: RopeWorld, seed: int) -> list[Frame]:
 def test_the_rope_is_recovered_at_rest_and_with_the_finger_beside_it(seed):
     world = RopeWorld(ROPE, FINGER, random_tube(seed).curve)
     world.step(world.tool, 0.3)
-    middle = world.centreline()[len(world.centreline()) // 2]
+    middle = world.nodes()[len(world.nodes()) // 2]
     for tool in (world.tool, np.array([middle[0], middle[1], 0.05])):
         world.step(tool, 0.5)
-        rope = Tube(curve=world.centreline(), radius_m=ROPE.radius_m)
+        rope = Tube(curve=world.nodes(), radius_m=ROPE.radius_m)
         positions = reconstruct(photographed(world, seed), HOW).positions
         truth = rope.samples(3000, np.random.default_rng(0))
         assert rope.outside(positions).mean() < 0.0005

@@ -31,7 +31,7 @@ def test_the_plane_through_the_points_is_the_table(seed: int) -> None:
 def test_no_point_is_near_the_rope_or_the_finger() -> None:
     snapshot = pushing(1)
     points = table_points(photographed(snapshot, 1), SEEING)[:, :2]
-    things = np.vstack([snapshot.centreline[:, :2], snapshot.tool[None, :2]])
+    things = np.vstack([snapshot.nodes[:, :2], snapshot.tip[None, :2]])
     assert np.linalg.norm(points[:, None] - things, axis=-1).min() > 0.025
 
 

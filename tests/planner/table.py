@@ -9,6 +9,7 @@ import numpy as np
 from app.core.types import Points
 from app.planner.plan import TreePlanner
 from app.planner.tree import Search
+from app.policy.base import AWAY, Now
 from app.tasks import compiled, load
 from app.tasks.curves import fill_tube
 
@@ -31,7 +32,7 @@ def search(branches: int = 4, depth: int = 2) -> Search:
         space=SPACE,
         policy=TASK.policy,
         weights=TASK.weights,
-        advance=compiled.advance("rope_push", PARTICLES),
+        advance=compiled.carried("rope_push", PARTICLES),
         branches=branches,
         depth=depth,
     )
@@ -39,6 +40,15 @@ def search(branches: int = 4, depth: int = 2) -> Search:
 
 def planner() -> TreePlanner:
     return TreePlanner(search=search(), descent=TASK.descent, gradient_steps=3)
+
+
+def now(x: np.ndarray, count: int) -> Now:
+    """The same object for so many candidates, the tool away."""
+    return Now.at_rest(batch(x, count))
+
+
+def tool(count: int) -> jnp.ndarray:
+    return jnp.tile(jnp.asarray(AWAY, jnp.float32), (count, 1))
 
 
 def batch(x: np.ndarray, count: int) -> jnp.ndarray:

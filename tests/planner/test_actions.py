@@ -8,7 +8,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from app.config import Site
-from tests.planner.table import SPACE, batch, rope
+from app.policy.base import AWAY
+from tests.planner.table import SPACE, now, rope, tool
 
 ROPE = rope()
 project, allowed = jax.jit(SPACE.project), jax.jit(SPACE.allowed)
@@ -30,7 +31,7 @@ def waypoints(actions: jnp.ndarray) -> np.ndarray:
 @settings(max_examples=20, deadline=None)
 @given(SEEDS)
 def test_projected_pushes_keep_to_the_region_and_to_the_limits_of_displacement_and_length(seed: int) -> None:
-    pushes = waypoints(project(wild(seed), batch(ROPE, 16)))
+    pushes = waypoints(project(wild(seed), now(ROPE, 16)))
     assert np.all(pushes >= np.array(SPACE.region[:2]) - 1e-5)
     assert np.all(pushes <= np.array(SPACE.region[2:]) + 1e-5)
     lengths = np.linalg.norm(np.diff(pushes, axis=1), axis=2)
@@ -41,8 +42,8 @@ def test_projected_pushes_keep_to_the_region_and_to_the_limits_of_displacement_a
 @settings(max_examples=20, deadline=None)
 @given(SEEDS)
 def test_projection_moves_every_start_off_a_lone_rope(seed: int) -> None:
-    projected = project(wild(seed), batch(ROPE, 16))
-    assert np.all(allowed(projected, batch(ROPE, 16)))
+    projected = project(wild(seed), now(ROPE, 16))
+    assert np.all(allowed(projected, now(ROPE, 16)))
     near = np.linalg.norm(waypoints(projected)[:, :1] - ROPE[None, :, :2], axis=-1).min(1)
     assert near.min() >= SPACE.clearance_m - 2e-4
 
@@ -50,21 +51,21 @@ def test_projection_moves_every_start_off_a_lone_rope(seed: int) -> None:
 @settings(max_examples=20, deadline=None)
 @given(SEEDS)
 def test_projection_leaves_allowed_pushes_alone(seed: int) -> None:
-    x = batch(ROPE, 16)
+    x = now(ROPE, 16)
     once = project(wild(seed), x)
     np.testing.assert_allclose(project(once, x), once, atol=2e-6)
 
 
 def test_a_start_on_top_of_the_rope_is_not_allowed() -> None:
     on_top = jnp.zeros((1, 42)).at[0, :2].set(ROPE[0, :2])
-    assert not allowed(on_top, batch(ROPE, 1))[0]
+    assert not allowed(on_top, now(ROPE, 1))[0]
 
 
 @settings(max_examples=20, deadline=None)
 @given(SEEDS)
 def test_random_pushes_start_beside_the_rope_and_go_through_one_of_its_particles(seed: int) -> None:
-    drawn = SPACE.sample(np.random.default_rng(seed), ROPE, 8)
-    assert np.all(allowed(jnp.asarray(drawn), batch(ROPE, 8)))
+    drawn = SPACE.sample(np.random.default_rng(seed), ROPE, AWAY, 8)
+    assert np.all(allowed(jnp.asarray(drawn), now(ROPE, 8)))
     start, direction = drawn[:, :2], drawn[:, 2:4] / np.linalg.norm(drawn[:, 2:4], axis=1, keepdims=True)
     offset = ROPE[None, :, :2] - start[:, None]
     aside = np.abs(offset[..., 0] * direction[:, None, 1] - offset[..., 1] * direction[:, None, 0])
@@ -72,8 +73,8 @@ def test_random_pushes_start_beside_the_rope_and_go_through_one_of_its_particles
 
 
 def test_the_tool_path_goes_through_start_and_end_at_push_height_and_rests_at_the_end() -> None:
-    action = project(wild(3, 1), batch(ROPE, 1))
-    path, points = np.asarray(SPACE.tool_path(action))[0], waypoints(action)[0]
+    action = project(wild(3, 1), now(ROPE, 1))
+    path, points = np.asarray(SPACE.tool_path(action, tool(1)))[0], waypoints(action)[0]
     assert path.shape == (SPACE.substeps + 1, 3)
     np.testing.assert_allclose(path[0, :2], points[0], atol=1e-6)
     np.testing.assert_allclose(
@@ -84,14 +85,14 @@ def test_the_tool_path_goes_through_start_and_end_at_push_height_and_rests_at_th
 
 def test_the_tool_path_is_linear_in_the_action_so_its_derivative_is_exact() -> None:
     a, b = wild(1, 1), wild(2, 1)
-    path, tangent = jax.jvp(SPACE.tool_path, (a,), (b,))
-    np.testing.assert_allclose(SPACE.tool_path(a + b) - path, tangent - jnp.array([0, 0, 0.0]), atol=1e-5)
+    path, tangent = jax.jvp(lambda actions: SPACE.tool_path(actions, tool(1)), (a,), (b,))
+    np.testing.assert_allclose(SPACE.tool_path(a + b, tool(1)) - path, tangent - jnp.array([0, 0, 0.0]), atol=1e-5)
 
 
 def test_the_motion_comes_down_beside_the_rope_and_goes_up_at_the_end_within_the_limits() -> None:
     site = Site()
-    action = np.asarray(project(wild(5, 1), batch(ROPE, 1)))[0]
-    motion = SPACE.motion(action, site)
+    action = np.asarray(project(wild(5, 1), now(ROPE, 1)))[0]
+    motion = SPACE.motion(action, AWAY, site)
     assert motion.positions[0, 2] == motion.positions[-1, 2] == pytest.approx(site.travel_height_m)
     np.testing.assert_array_equal(motion.positions[0, :2], motion.positions[1, :2])
     np.testing.assert_array_equal(motion.positions[-1, :2], motion.positions[-2, :2])
@@ -100,11 +101,11 @@ def test_the_motion_comes_down_beside_the_rope_and_goes_up_at_the_end_within_the
 
 
 def test_what_was_measured_of_a_motion_is_simulated_like_the_action_itself() -> None:
-    action = SPACE.sample(np.random.default_rng(0), ROPE, 1)
-    motion = SPACE.motion(action[0], Site())
+    action = SPACE.sample(np.random.default_rng(0), ROPE, AWAY, 1)
+    motion = SPACE.motion(action[0], AWAY, Site())
     fine = np.concatenate([np.linspace(a, b, 20) for a, b in zip(motion.positions, motion.positions[1:], strict=False)])
     np.testing.assert_allclose(
-        SPACE.measured_path(fine)[:, :2], SPACE.tool_path(jnp.asarray(action))[0, :, :2], atol=1e-3
+        SPACE.measured_path(fine)[:, :2], SPACE.tool_path(jnp.asarray(action), tool(1))[0, :, :2], atol=1e-3
     )
 
 

@@ -11,8 +11,9 @@ from app.config import Site
 from app.core.chamfer import chamfer_m2
 from app.core.errors import PlanningError
 from app.planner.plan import Plan
-from app.planner.tree import roll_out, simulate, start
-from tests.planner.table import PHI, SPACE, batch, planner, rope, search
+from app.planner.tree import moved, roll_out, simulate, start
+from app.policy.base import AWAY
+from tests.planner.table import PHI, SPACE, now, planner, rope, search
 
 START, GOAL = rope(), rope(0.05)
 
@@ -44,7 +45,7 @@ def test_the_terms_of_a_branch_add_up_to_its_cost(decision: Plan) -> None:
 
 
 def test_the_motion_is_the_first_action_of_the_best_branch(decision: Plan) -> None:
-    expected = SPACE.motion(decision.branches[decision.best].actions[0], Site())
+    expected = SPACE.motion(decision.branches[decision.best].actions[0], AWAY, Site())
     assert decision.motion.digest() == expected.digest()
 
 
@@ -66,11 +67,10 @@ def test_the_tree_multiplies_matrices_in_full_precision_on_every_device() -> Non
 def test_a_tree_begins_with_the_policy_and_continues_every_branch_with_it() -> None:
     tree = search()
     begun = start(tree, START, GOAL, PHI, seed=0)
-    prepared, phi, x, first = begun
-    assert first.shape == (tree.branches, SPACE.size)
-    np.testing.assert_allclose(first[0], tree.policy.act(prepared, batch(START, 1))[0], atol=1e-6)
+    assert begun.first.shape == (tree.branches, SPACE.size)
+    np.testing.assert_allclose(begun.first[0], tree.policy.act(begun.prepared, now(START, 1))[0], atol=1e-6)
     actions = roll_out(tree, begun)
-    after = tree.advance(phi, x, SPACE.tool_path(actions[:, 0]))
+    after, prepared = moved(tree, begun.phi, begun.now, actions[:, 0]), begun.prepared
     np.testing.assert_allclose(actions[:, 1], SPACE.project(tree.policy.act(prepared, after), after), atol=1e-5)
 
 
@@ -81,7 +81,7 @@ def test_the_gradient_of_a_branchs_cost_agrees_with_central_differences() -> Non
     action = jnp.zeros((1, 1, 42)).at[0, 0, :2].set(jnp.array([0.55, -0.03])).at[0, 0, 3::2].set(0.003)
 
     def cost(action: jax.Array) -> jax.Array:
-        return simulate(tree, batch(PHI, 1), batch(START, 1), goal, action).cost.sum()
+        return simulate(tree, jnp.asarray(PHI)[None], now(START, 1), goal, action).cost.sum()
 
     direction = jnp.zeros_like(action).at[0, 0, 3::2].set(1.0)
     slope = float((jax.grad(cost)(action) * direction).sum())

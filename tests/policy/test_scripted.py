@@ -8,6 +8,7 @@ import pytest
 from app.config import Site
 from app.core.chamfer import chamfer_m2
 from app.core.types import Points
+from app.policy.base import AWAY, Now
 from app.tasks import load
 from app.tasks.curves import fill_tube
 
@@ -30,9 +31,13 @@ def bent(height_m: float) -> Points:
     return fill_tube(curve, 0.008, 300)
 
 
+def at(x: Points) -> Now:
+    return Now.at_rest(jnp.asarray(x)[None])
+
+
 def pushed(x: Points, goal: Points) -> np.ndarray:
     """The policy's push as waypoints (21, 2) [m]."""
-    action = np.asarray(act(POLICY.prepare(x, goal), jnp.asarray(x)[None]))[0]
+    action = np.asarray(act(POLICY.prepare(x, goal), at(x)))[0]
     return action[:2] + np.concatenate([np.zeros((1, 2)), action[2:].reshape(-1, 2).cumsum(0)])
 
 
@@ -56,14 +61,15 @@ def test_which_end_of_the_goal_comes_first_does_not_matter() -> None:
     goal = bent(0.05)
     prepared = POLICY.prepare(straight(0.0), goal)
     reversed_ends = prepared._replace(goals=prepared.goals[::-1])
-    x = jnp.asarray(straight(0.0))[None]
+    x = at(straight(0.0))
     np.testing.assert_allclose(act(prepared, x), act(reversed_ends, x), atol=1e-5)
 
 
 def test_candidates_do_not_hear_of_each_other() -> None:
     prepared = POLICY.prepare(straight(0.0), bent(0.05))
     states = jnp.stack([jnp.asarray(straight(y)) for y in (0.0, 0.03)])
-    np.testing.assert_allclose(act(prepared, states)[1], act(prepared, states[1:])[0], atol=1e-5)
+    both, second = act(prepared, Now.at_rest(states)), act(prepared, Now.at_rest(states[1:]))
+    np.testing.assert_allclose(both[1], second[0], atol=1e-5)
 
 
 @pytest.mark.parametrize("noise_m", [0.0, 1e-7, 1e-5])
@@ -82,8 +88,8 @@ def test_alone_it_brings_the_rope_of_another_engine_nearer_to_its_goal(seed: int
     x = table.observe()
     distances = [chamfer_m2(x, goal)]
     for _ in range(6):
-        action = project(act(POLICY.prepare(x, goal), jnp.asarray(x)[None]), jnp.asarray(x)[None])
-        table.execute(SPACE.motion(np.asarray(action)[0], Site()))
+        action = project(act(POLICY.prepare(x, goal), at(x)), at(x))
+        table.execute(SPACE.motion(np.asarray(action)[0], AWAY, Site()))
         x = table.observe()
         distances.append(chamfer_m2(x, goal))
     assert min(distances) < 0.5 * distances[0]

@@ -7,18 +7,8 @@ import msgspec
 import numpy as np
 import pytest
 
-from app.core.messages import (
-    ArmState,
-    Episode,
-    Extension,
-    Frame,
-    Message,
-    Model,
-    Motion,
-    Particles,
-    Proposal,
-    Transition,
-)
+from app.core.messages import ArmState, Episode, Extension, Frame, Message, Model, Particles, Proposal, Transition
+from app.core.motion import Motion
 from app.recording.channels import TOPICS, record_of
 from app.recording.codec import decode, encode
 from app.recording.reader import read_episode, read_messages, read_transitions

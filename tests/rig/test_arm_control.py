@@ -7,11 +7,11 @@ import pytest
 
 from app.config import Site
 from app.core.errors import MotionRefused
-from app.core.messages import Motion
+from app.core.motion import Motion, pointing_down
 from app.rig.simulated.arm_control import ArmControl
 from tests.rig.scene import push
 
-HOME = np.array([0.30, 0.0, 0.30])
+HOME = pointing_down(np.array([0.30, 0.0, 0.30]))
 TICK_S = 0.01
 GOOD = push((0.5, 0.0), (0.6, 0.0))
 
@@ -74,12 +74,12 @@ def test_a_motion_ends_above_its_last_position() -> None:
     assert arm.mode == "moving"
     finish(arm)
     assert arm.mode == "idle"
-    assert np.allclose(arm.measured, [0.6, 0.0, Site().travel_height_m], atol=1e-4)
+    assert np.allclose(arm.measured[:3], [0.6, 0.0, Site().travel_height_m], atol=1e-4)
 
 
 def test_a_motion_to_where_the_arm_is_ends_at_once() -> None:
-    arm = ArmControl(Site(), np.array([0.5, 0.0, Site().travel_height_m]))
-    here = Motion(positions=arm.measured[None], speeds=np.array([0.1]))
+    arm = ArmControl(Site(), pointing_down(np.array([0.5, 0.0, Site().travel_height_m])))
+    here = Motion(positions=arm.measured[None, :3], speeds=np.array([0.1]))
     arm.begin(here, here.digest())
     arm.advance(TICK_S)
     assert arm.mode == "idle"

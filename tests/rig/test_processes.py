@@ -15,6 +15,7 @@ import pytest
 
 from app.config import Site
 from app.core.errors import DeviceError
+from app.core.stage import Stage
 from app.rig.simulated.rig import SimulatedRig, simulated_rig
 from tests.conftest import ROOT
 from tests.rig.scene import FINGER, ROPE, approved, push, straight_rope
@@ -24,7 +25,7 @@ NAMES = {"dipac arm", "dipac world", "dipac cameras"}
 
 
 def opened() -> AbstractAsyncContextManager[SimulatedRig]:
-    return simulated_rig(rope=ROPE, finger=FINGER, centreline=straight_rope(), site=SITE, seed=0)
+    return simulated_rig(stage=Stage(body=ROPE, tool=FINGER), start=straight_rope(), site=SITE, seed=0)
 
 
 def process_ids() -> dict[str, int]:

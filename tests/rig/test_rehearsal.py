@@ -29,7 +29,7 @@ def test_pushes_come_at_even_times_and_move_the_rope(plain: list[Take]) -> None:
     for take in plain:
         times = (take.before.stamp_s, take.command.times_s[0], take.during.stamp_s, take.command.end_s)
         assert np.all(np.diff([*times, take.after.stamp_s]) > 0)
-        moved = np.abs(take.after.snapshot.centreline - take.before.snapshot.centreline).max()
+        moved = np.abs(take.after.snapshot.nodes - take.before.snapshot.nodes).max()
         assert 0.005 < moved < 0.3
         xy = take.command.positions[:, :2]
         assert np.all((xy > np.array(REGION[:2]) - 0.05) & (xy < np.array(REGION[2:]) + 0.05))
@@ -39,7 +39,7 @@ def test_an_arm_without_errors_is_where_it_was_told_to_be_and_says_so(plain: lis
     for take in plain:
         at = take.command.at(np.array([take.during.stamp_s]))[0]
         # To within a time step of the world.
-        assert take.during.snapshot.tool == pytest.approx(at, abs=0.3 * 0.002)
+        assert take.during.snapshot.tip == pytest.approx(at, abs=0.3 * 0.002)
         assert np.abs(take.measured.positions - take.command.positions).max() < 6e-4
         assert take.during.snapshot.time_s == pytest.approx(take.during.stamp_s, abs=1.1e-3)
 
@@ -47,16 +47,16 @@ def test_an_arm_without_errors_is_where_it_was_told_to_be_and_says_so(plain: lis
 def test_the_same_seed_gives_the_same_session_to_the_last_bit_and_another_gives_another(plain: list[Take]) -> None:
     again, other = takes(), takes(seed=2)
     for one, two in zip(plain, again, strict=True):
-        assert np.array_equal(one.after.snapshot.centreline, two.after.snapshot.centreline)
+        assert np.array_equal(one.after.snapshot.nodes, two.after.snapshot.nodes)
         assert np.array_equal(one.measured.poses, two.measured.poses)
-    assert not np.array_equal(plain[0].before.snapshot.centreline, other[0].before.snapshot.centreline)
+    assert not np.array_equal(plain[0].before.snapshot.nodes, other[0].before.snapshot.nodes)
 
 
 def test_the_rope_is_laid_anew_in_each_episode_with_its_ends_nearest_to_where_they_were(plain: list[Take]) -> None:
-    last, laid = plain[1].after.snapshot.centreline, plain[2].before.snapshot.centreline
+    last, laid = plain[1].after.snapshot.nodes, plain[2].before.snapshot.nodes
     ends = last[[0, -1], :2]
     assert np.linalg.norm(laid[[0, -1], :2] - ends) <= np.linalg.norm(laid[[-1, 0], :2] - ends)
-    assert plain[0].before.snapshot.centreline[0, :2] == pytest.approx(first_end(TASK, PLAN, 1), abs=2e-3)
+    assert plain[0].before.snapshot.nodes[0, :2] == pytest.approx(first_end(TASK, PLAN, 1), abs=2e-3)
 
 
 def test_a_late_image_shows_a_later_world_and_is_stamped_as_any(plain: list[Take]) -> None:
@@ -73,4 +73,4 @@ def test_what_encoders_see_is_measured_and_what_they_do_not_is_only_done() -> No
     askew = takes(injected("tcp_offset", 0.0, 0.0, -0.01), plan=once)[0]  # The tool points down.
     assert np.abs(askew.measured.positions - askew.command.positions).max() < 6e-4
     at = askew.command.at(np.array([askew.during.stamp_s]))[0]
-    assert askew.during.snapshot.tool[2] - at[2] == pytest.approx(0.01, abs=1e-4)
+    assert askew.during.snapshot.tip[2] - at[2] == pytest.approx(0.01, abs=1e-4)

@@ -6,9 +6,11 @@ import numpy as np
 import pytest
 
 from app.core.messages import CameraModel
+from app.core.stage import Stage
 from app.rig.simulated.cameras import CameraNoise, table_cameras
 from app.rig.simulated.render import render
-from app.rig.simulated.world import RopeWorld, Snapshot
+from app.rig.simulated.rope_world import RopeWorld
+from app.rig.simulated.world import Snapshot
 from tests.rig.scene import FINGER, ROPE, straight_rope
 
 NOISELESS = CameraNoise(depth_per_m=0.0, edge_dropout=0.0, grazing_dropout=0.0, colour_levels=0.0)
@@ -21,7 +23,7 @@ def snapshot() -> Snapshot:
 
 
 def image(camera: CameraModel, noise: CameraNoise = NOISELESS, seed: int = 0) -> tuple[np.ndarray, np.ndarray]:
-    return render(snapshot(), camera, np.random.default_rng(seed), rope=ROPE, finger=FINGER, noise=noise)
+    return render(snapshot(), camera, np.random.default_rng(seed), stage=Stage(body=ROPE, tool=FINGER), noise=noise)
 
 
 def points(camera: CameraModel, depth: np.ndarray) -> np.ndarray:
@@ -57,7 +59,7 @@ def test_the_table_is_at_height_zero_in_every_pixel(camera: CameraModel) -> None
 def test_every_pixel_of_the_rope_lies_on_its_surface(camera: CameraModel) -> None:
     color, depth = image(camera)
     surface = points(camera, depth)[on_rope(color)]
-    middle = snapshot().centreline
+    middle = snapshot().nodes
     fine = np.stack([np.interp(np.linspace(0, 1, 800), np.linspace(0, 1, len(middle)), axis) for axis in middle.T], 1)
     away = np.linalg.norm(surface[:, None] - fine[None], axis=-1).min(axis=1)
     assert len(surface) > 1500
@@ -103,7 +105,9 @@ def test_the_same_seed_gives_the_same_images_and_another_gives_others() -> None:
 
 def test_the_finger_hides_what_is_behind_it() -> None:
     world = RopeWorld(ROPE, FINGER, straight_rope(), tool=(0.5, 0.12, 0.05))
-    color, _ = render(world.snapshot(), CAMERAS[0], np.random.default_rng(0), rope=ROPE, finger=FINGER, noise=NOISELESS)
+    color, _ = render(
+        world.snapshot(), CAMERAS[0], np.random.default_rng(0), stage=Stage(body=ROPE, tool=FINGER), noise=NOISELESS
+    )
     assert on_rope(color).sum() < on_rope(image(CAMERAS[0])[0]).sum()
 
 

@@ -7,7 +7,7 @@ import pytest
 
 from app.config import Workspace
 from app.rig.simulated.physics import WorldPhysics
-from app.rig.simulated.world import RopeWorld
+from app.rig.simulated.rope_world import RopeWorld
 from app.tasks.curves import random_curve
 from tests.rig.scene import FINGER, PUSH_Z, ROPE, straight_rope
 
@@ -28,7 +28,7 @@ def drive(
     seen: list[tuple[np.ndarray, np.ndarray]] = []
     for tick in range(1, ticks + 1):
         table.step(begin + (finish - begin) * tick / ticks, TICK_S)
-        seen.append((table.tool, table.centreline()))
+        seen.append((table.tool, table.nodes()))
     return seen
 
 
@@ -38,12 +38,12 @@ def length(rope: np.ndarray) -> float:
 
 def wait(table: RopeWorld, duration_s: float) -> np.ndarray:
     table.step(table.tool, duration_s)
-    return table.centreline()
+    return table.nodes()
 
 
 def test_the_rope_keeps_its_length_through_a_push() -> None:
     table = world()
-    before = length(table.centreline())
+    before = length(table.nodes())
     seen = drive(table, (0.46, 0.02), (0.64, 0.05), 0.2)
     assert max(abs(length(rope) - before) for _, rope in seen) < 1e-9
 
@@ -71,7 +71,7 @@ def test_the_rope_settles_in_less_than_a_second_after_a_push(speed_m_s: float) -
 
 def test_the_middle_goes_with_the_finger_and_the_ends_trail() -> None:
     table = world()
-    before = table.centreline()
+    before = table.nodes()
     _, after = drive(table, (0.46, 0.0), (0.62, 0.0), 0.2)[-1]
     moved = after - before
     middle = len(moved) // 2
@@ -102,17 +102,17 @@ def test_a_finger_that_does_not_touch_the_rope_does_not_move_it() -> None:
     table = world()
     before = wait(table, 0.5)
     drive(table, (0.60, 0.0), (0.80, 0.1), 0.3)
-    assert np.abs(table.centreline() - before).max() < 1e-4
+    assert np.abs(table.nodes() - before).max() < 1e-4
 
 
 def test_the_rope_bears_a_finger_that_comes_down_on_it() -> None:
     table = world()
     table.place(np.array([0.502, 0.003, 0.05]))
-    last = table.centreline()
+    last = table.nodes()
     fastest = 0.0
     for height in np.linspace(0.05, PUSH_Z, 22):
         table.step(np.array([0.502, 0.003, height]), TICK_S)
-        rope = table.centreline()
+        rope = table.nodes()
         fastest = max(fastest, float(np.linalg.norm(rope - last, axis=1).max()) / TICK_S)
         last = rope
     assert fastest < 0.5
@@ -142,5 +142,5 @@ def test_a_snapshot_has_the_arm_reach_the_tool() -> None:
     table = world()
     drive(table, (0.46, 0.0), (0.48, 0.02), 0.2)
     snapshot = table.snapshot()
-    assert np.allclose(link_frames(snapshot.joints)[-1][:3, 3], table.tool, atol=1e-9)
-    assert np.array_equal(snapshot.centreline, table.centreline())
+    assert np.allclose(link_frames(snapshot.joints)[-1][:3, 3], table.tool[:3], atol=1e-9)
+    assert np.array_equal(snapshot.nodes, table.nodes())

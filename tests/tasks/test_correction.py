@@ -6,9 +6,11 @@ import numpy as np
 import pytest
 
 from app.config import Site
-from app.core.messages import TOOL_DOWN, Executed, Extension, Model, Motion, Parameter, Transition, fresh_id
+from app.core.messages import Executed, Extension, Model, Parameter, Transition, fresh_id
+from app.core.motion import TOOL_DOWN, Motion
 from app.core.types import Points
 from app.discovery.apparatus.base import Load
+from app.policy.base import AWAY
 from app.tasks import nominal_model
 from app.tasks.correction import Correction, correction
 from tests.planner.table import SPACE, rope
@@ -42,7 +44,7 @@ def curved() -> Motion:
     """A push through the rope that turns back at its end."""
     angle = np.linspace(-1.2, 2.2, 20)
     steps = 0.006 * np.stack([np.sin(angle), np.cos(angle)], axis=1)
-    return SPACE.motion(np.concatenate([[0.55, -0.03], steps.ravel()]).astype(np.float32), SITE)
+    return SPACE.motion(np.concatenate([[0.55, -0.03], steps.ravel()]).astype(np.float32), AWAY, SITE)
 
 
 def told(error: Correction, motion: Motion, before: Points, after: Points) -> Motion:

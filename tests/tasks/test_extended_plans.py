@@ -15,10 +15,12 @@ import pytest
 
 from app.config import Site
 from app.core.chamfer import chamfer_m2
-from app.core.messages import Extension, Model, Motion, Parameter
+from app.core.messages import Extension, Model, Parameter
+from app.core.motion import Motion
 from app.core.types import Path3, Points
 from app.planner.plan import Plan, TreePlanner
 from app.planner.tree import Search
+from app.policy.base import AWAY
 from app.sim.params import acting, index
 from app.tasks import compiled, nominal_model
 from app.tasks.correction import correction
@@ -97,8 +99,8 @@ def outcomes(name: str, plan: Callable[[World, Model | None, Points, Points, int
     (world, model), rows = CASES[name], list[tuple[float, float]]()
     for number in range(PROBLEMS):
         x = rope(0.0, 0.3 * number)
-        action = SPACE.sample(np.random.default_rng(100 + number), x, 1)[0]
-        goal = replace(world, tip=NOWHERE).after(x, SPACE.motion(action, Site()).positions)
+        action = SPACE.sample(np.random.default_rng(100 + number), x, AWAY, 1)[0]
+        goal = replace(world, tip=NOWHERE).after(x, SPACE.motion(action, AWAY, Site()).positions)
         found = plan(world, model, world.seen(x), goal, number)
         reached = world.after(x, found.motion.positions)
         rows.append((float(chamfer_m2(reached, goal)), found.predicted_chamfer_m2))
@@ -122,7 +124,9 @@ def test_what_drifts_in_a_session_is_planned_with_as_it_was_at_its_end() -> None
     drifting, constant = World().phi, World().phi
     drifting[index("friction_drift")] = 0.4
     constant[index("table_friction")] *= 1.2
-    tool = SPACE.tool_path(jnp.asarray(SPACE.sample(np.random.default_rng(0), rope(), 1)))
+    tool = SPACE.tool_path(
+        jnp.asarray(SPACE.sample(np.random.default_rng(0), rope(), AWAY, 1)), jnp.asarray(AWAY, jnp.float32)[None]
+    )
     ends = [
         compiled.advance("rope_push", PARTICLES, acting(phi))(jnp.asarray(phi)[None], jnp.asarray(rope())[None], tool)
         for phi in (drifting, constant)

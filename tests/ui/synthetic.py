@@ -16,7 +16,6 @@ from app.core.messages import (
     Health,
     Message,
     Model,
-    Motion,
     Notice,
     Outcome,
     Parameter,
@@ -24,6 +23,7 @@ from app.core.messages import (
     Proposal,
     fresh_id,
 )
+from app.core.motion import Motion
 
 N = 300
 

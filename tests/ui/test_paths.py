@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from app.core.messages import Motion
+from app.core.motion import Motion
 from app.ui import palette
 from app.ui.paths import along, segments
 

@@ -4,26 +4,30 @@ from typing import final
 
 import numpy as np
 
-from app.config import Site
+from app.config import Limits, Site
 from app.core.errors import MotionRefused
-from app.core.messages import ArmMode, Motion
-from app.rig.simulated.path import PathFollower, route
-from app.rig.simulated.physics import Position
+from app.core.messages import ArmMode
+from app.core.motion import Motion
+from app.core.types import ToolPose
+from app.rig.simulated.path import PathFollower, route, whole
 
 _SERVO_TIME_S = 0.004
 """Time constant with which the drives follow their command: a stiff position-controlled arm."""
 _ARRIVED_M, _STILL_M_S = 1e-4, 1e-3
 _ROUNDING = 1e-9
+_JOINED_M, _UNIT = 0.005, 1e-6
+"""How far from the tool a motion that continues may begin, and how far from unit length a quaternion may be."""
 
 
 @final
 class ArmControl:
     """The arm between two ticks of its control loop.
 
-    `commanded` and `measured` are the tool tip [m], `velocity` the measured one [m/s]. A stop holds until `reset`.
+    `commanded` and `measured` are the tool's pose, `velocity` the measured one of its tip [m/s]. A stop holds until
+    `reset`.
     """
 
-    def __init__(self, site: Site, tool: Position) -> None:
+    def __init__(self, site: Site, tool: ToolPose) -> None:
         self._site = site
         self._path: PathFollower | None = None
         self.mode: ArmMode = "idle"
@@ -35,8 +39,13 @@ class ArmControl:
         if self.mode != "idle":
             raise MotionRefused(f"The arm is {self.mode}; wait for its end, or reset it after a stop.")
         check_motion(motion, digest, self._site)
+        away_m = float(np.linalg.norm(motion.positions[0] - self.commanded[:3]))
+        if motion.continues and away_m > _JOINED_M:
+            raise MotionRefused(
+                f"The motion continues from where the tool was, and the tool is {1e3 * away_m:.0f} mm away; plan again."
+            )
         points, speeds = route(self.commanded, motion, self._site)
-        if not self._site.limits.workspace.contains(points):
+        if not self._site.limits.workspace.contains(points[:, :3]):
             raise MotionRefused("The way to the motion leaves the workspace; lower the travel height.")
         self._path = PathFollower(points, speeds, self._site.limits.acceleration_m_s2)
         self.mode, self.reason = "moving", ""
@@ -60,8 +69,8 @@ class ArmControl:
         if self._path is not None:
             self.commanded = self._path.advance(duration_s)
         before = self.measured
-        self.measured = self.commanded + (before - self.commanded) * np.exp(-duration_s / _SERVO_TIME_S)
-        self.velocity = (self.measured - before) / duration_s
+        self.measured = whole(self.commanded + (before - self.commanded) * np.exp(-duration_s / _SERVO_TIME_S))
+        self.velocity = (self.measured - before)[:3] / duration_s
         if self._path is not None and self._path.at_rest and self._arrived():
             self._path = None
             self.mode = "stopped" if self.mode == "stopping" else "idle"
@@ -83,6 +92,18 @@ def check_motion(motion: Motion, digest: str, site: Site) -> None:
     if not limits.workspace.contains(positions):
         box = limits.workspace
         raise MotionRefused(f"The motion leaves the workspace {box.low} to {box.high} m; plan inside it.")
+    _check_tool(motion, limits)
     if np.any(speeds <= 0) or np.any(speeds > limits.speed_m_s * (1 + _ROUNDING)):
         fastest = float(np.max(speeds))
         raise MotionRefused(f"Speeds must be above 0 and up to {limits.speed_m_s} m/s; the fastest is {fastest:.3f}.")
+
+
+def _check_tool(motion: Motion, limits: Limits) -> None:
+    """Raise MotionRefused where the tool is to turn or open in a way that it cannot."""
+    for name, told in (("turns", motion.turns), ("openings", motion.openings)):
+        if len(told) not in (0, len(motion.positions)):
+            raise MotionRefused(f"A motion needs as many {name} as positions, or none; it has {len(told)}.")
+    if not (np.abs(np.linalg.norm(motion.turns, axis=1) - 1) < _UNIT).all():
+        raise MotionRefused("The motion turns the tool by quaternions that are not of unit length; plan again.")
+    if not ((motion.openings >= 0) & (motion.openings <= limits.opening_m)).all():
+        raise MotionRefused(f"The motion opens the tool beyond 0 to {limits.opening_m} m; plan inside that.")

@@ -8,8 +8,9 @@ from typing import TypeAlias
 
 import numpy as np
 from jaxtyping import Float64
+from scipy.spatial.transform import Rotation
 
-from app.rig.simulated.physics import Position
+from app.core.types import ToolPose
 
 Joints: TypeAlias = Float64[np.ndarray, "7"]
 """Joint angles [rad], from base to wrist."""
@@ -20,6 +21,8 @@ SHOULDER_M, UPPER_ARM_M, FOREARM_M, HAND_M = 0.33, 0.54, 0.52, 0.31
 """Base to shoulder, shoulder to elbow, elbow to wrist, wrist to tool tip [m]."""
 
 _OFFSETS_M = (SHOULDER_M, 0.0, UPPER_ARM_M / 2, UPPER_ARM_M / 2, FOREARM_M / 2, FOREARM_M / 2, HAND_M / 2)
+_STRAIGHT = 1e-9
+"""Of a wrist that is bent by less, joints 5 and 7 turn alike, and joint 7 does it all."""
 _TIP_M = HAND_M / 2
 """Each joint lies `_OFFSETS_M` up the previous link's z axis; the tip `_TIP_M` up the last link's."""
 
@@ -34,19 +37,29 @@ def link_frames(joints: Joints) -> LinkFrames:
     return frames
 
 
-def solve_joints(tool: Position) -> Joints:
-    """Joint angles that put the tip at `tool`, pointing straight down with its x axis along the world's.
+def solve_joints(tool: ToolPose) -> Joints:
+    """Joint angles that put the tip at the pose `tool`, which points along its own z axis.
 
-    Closed form, elbow up: with joints 3 and 5 at zero the arm is a planar two-link arm in the vertical plane through
-    the tool, and the wrist turns what is left. Out of reach, the arm stretches towards the tool.
+    Closed form, elbow up: with joint 3 at zero the arm is a planar two-link arm in the vertical plane through the
+    wrist, and the three joints of the wrist turn what is left. Out of reach, the arm stretches towards the tool.
     """
-    yaw = np.arctan2(tool[1], tool[0])
-    forward, up = np.hypot(tool[0], tool[1]), tool[2] + HAND_M - SHOULDER_M
+    turned = Rotation.from_quat(tool[3:7], scalar_first=True).as_matrix()
+    wrist = tool[:3] - HAND_M * turned[:, 2]
+    yaw = np.arctan2(wrist[1], wrist[0])
+    forward, up = np.hypot(wrist[0], wrist[1]), wrist[2] - SHOULDER_M
     cosine = (forward**2 + up**2 - UPPER_ARM_M**2 - FOREARM_M**2) / (2 * UPPER_ARM_M * FOREARM_M)
     elbow = np.arccos(np.clip(cosine, -1.0, 1.0))
     inside = np.arctan2(FOREARM_M * np.sin(elbow), UPPER_ARM_M + FOREARM_M * np.cos(elbow))
     shoulder = np.arctan2(forward, up) - inside
-    return np.array([yaw, shoulder, 0.0, elbow, 0.0, np.pi - shoulder - elbow, yaw - np.pi])
+    left = Rotation.from_euler("ZY", [yaw, shoulder + elbow]).as_matrix().T @ turned
+    bend = np.arccos(np.clip(left[2, 2], -1.0, 1.0))
+    if np.sin(bend) < _STRAIGHT:
+        return np.array([yaw, shoulder, 0.0, elbow, 0.0, bend, np.arctan2(left[1, 0], left[1, 1])])
+    roll, spin = np.arctan2(left[1, 2], left[0, 2]), np.arctan2(left[2, 1], -left[2, 0])
+    # Of the same turn, that which is nearest to what it is where the tool points down and is not turned.
+    untwisted = yaw - np.pi
+    spin = untwisted + np.angle(np.exp(1j * (spin - untwisted)))
+    return np.array([yaw, shoulder, 0.0, elbow, roll, bend, spin])
 
 
 def _joint_transform(offset_m: float, angle: float, *, about_y: bool) -> Float64[np.ndarray, "4 4"]:

@@ -4,15 +4,15 @@ import contextlib
 import os
 import signal
 import time
-from typing import final
+from typing import Any, final
 
 import numpy as np
 
 from app.config import Site
 from app.core.errors import MotionRefused
-from app.core.messages import Motion
+from app.core.motion import Motion
+from app.core.types import ToolPose
 from app.rig.simulated.arm_control import ArmControl
-from app.rig.simulated.physics import Position
 from app.rig.simulated.ring import Ring, Stamp
 
 MAX_WAYPOINTS = 1024
@@ -25,8 +25,8 @@ _STATE = np.dtype(
     [
         ("time_s", "f8"),
         ("period_s", "f8"),
-        ("commanded", "f8", (3,)),
-        ("measured", "f8", (3,)),
+        ("commanded", "f8", (8,)),
+        ("measured", "f8", (8,)),
         ("velocity", "f8", (3,)),
         ("mode", "i4"),
         ("motion", "i8"),
@@ -38,7 +38,10 @@ _MOTION = np.dtype(
     [
         ("waypoints", "i8"),
         ("digest", "S64"),
-        ("positions", "f8", (MAX_WAYPOINTS, 3)),
+        ("turned", "?"),
+        ("opened", "?"),
+        ("continues", "?"),
+        ("poses", "f8", (MAX_WAYPOINTS, 8)),
         ("speeds", "f8", (MAX_WAYPOINTS,)),
     ]
 )
@@ -62,7 +65,34 @@ class ArmMemory:
         self.keepalives, self.stop_ns, self.reset_ns, self.closing = Stamp(), Stamp(), Stamp(), Stamp()
 
 
-def run_arm(memory: ArmMemory, site: Site, tool: Position, parent: int) -> None:
+def posted(motion: Motion) -> dict[str, object]:
+    """The record of `motion` for `ArmMemory.motions`, but for its digest."""
+    rows = np.zeros((MAX_WAYPOINTS, 9))
+    rows[: len(motion.positions)] = np.concatenate([motion.poses, motion.speeds[:, None]], axis=1)
+    return {
+        "waypoints": len(motion.positions),
+        "turned": len(motion.turns) > 0,
+        "opened": len(motion.openings) > 0,
+        "continues": motion.continues,
+        "poses": rows[:, :8],
+        "speeds": rows[:, 8],
+    }
+
+
+def _motion(request: Any) -> Motion:
+    """What was posted."""
+    waypoints = int(request["waypoints"])
+    poses = request["poses"][:waypoints]
+    return Motion(
+        positions=poses[:, :3].copy(),
+        speeds=request["speeds"][:waypoints].copy(),
+        turns=poses[:, 3:7].copy() if request["turned"] else np.zeros((0, 4)),
+        openings=poses[:, 7].copy() if request["opened"] else np.zeros(0),
+        continues=bool(request["continues"]),
+    )
+
+
+def run_arm(memory: ArmMemory, site: Site, tool: ToolPose, parent: int) -> None:
     """The body of the process: tick every `site.timing.arm_period_s` until closed or until `parent` is gone."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     _ask_for_real_time()
@@ -89,7 +119,7 @@ def _ask_for_real_time() -> None:
 class _Loop:
     """The control loop between two ticks."""
 
-    def __init__(self, memory: ArmMemory, site: Site, tool: Position) -> None:
+    def __init__(self, memory: ArmMemory, site: Site, tool: ToolPose) -> None:
         self._memory, self._timing = memory, site.timing
         self._control = ArmControl(site, tool)
         self._heard = self._begun = self._stop_ns = self._reset_ns = self._keepalives = 0
@@ -118,8 +148,7 @@ class _Loop:
         if self._memory.motions.count == self._heard:
             return
         self._heard, request = self._memory.motions.count, self._memory.motions.newest()
-        waypoints = int(request["waypoints"])
-        motion = Motion(positions=request["positions"][:waypoints].copy(), speeds=request["speeds"][:waypoints].copy())
+        motion = _motion(request)
         try:
             self._control.begin(motion, bytes(request["digest"]).decode())
             self._begun, self._heard_s = self._heard, now_s

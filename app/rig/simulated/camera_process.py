@@ -7,11 +7,11 @@ import time
 import numpy as np
 
 from app.core.messages import CameraModel
+from app.core.stage import Stage
 from app.rig.simulated.arm_process import ArmMemory
 from app.rig.simulated.render import render
 from app.rig.simulated.ring import Ring
 from app.rig.simulated.world_process import newest_snapshot
-from app.tasks.base import Finger, Rope
 
 _NICENESS = 5
 _IMAGES_KEPT = 3
@@ -28,8 +28,7 @@ def run_cameras(
     snapshots: Ring,
     images: dict[str, Ring],
     cameras: tuple[CameraModel, ...],
-    rope: Rope,
-    finger: Finger,
+    stage: Stage,
     period_s: float,
     seed: int,
     parent: int,
@@ -48,7 +47,7 @@ def run_cameras(
         if snapshot is not None and snapshot.time_s > shown_s:
             shown_s = snapshot.time_s
             for camera in cameras:
-                color, depth = render(snapshot, camera, rng, rope=rope, finger=finger)
+                color, depth = render(snapshot, camera, rng, stage=stage)
                 images[camera.name].append(time_s=snapshot.time_s, color=color, depth=depth)
         due = max(due + period_s, time.monotonic())
         time.sleep(max(0.0, due - time.monotonic()))

@@ -7,11 +7,11 @@ from typing import final
 import numpy as np
 
 from app.core.messages import CameraModel, Frame, MessageId
+from app.core.stage import Stage
 from app.rig.simulated.cameras import table_cameras
 from app.rig.simulated.hidden.base import Injected, Shot
 from app.rig.simulated.render import render
 from app.rig.simulated.world import Snapshot
-from app.tasks.base import Finger, Rope
 
 _NOISE = 3
 """The stream of random numbers that is the images' noise."""
@@ -21,8 +21,8 @@ _NOISE = 3
 class Eyes:
     """Two calibrated cameras that may stand elsewhere, and see otherwise, than they are believed to."""
 
-    def __init__(self, rope: Rope, finger: Finger, hidden: Sequence[Injected], seed: int) -> None:
-        self._rope, self._finger, self._hidden, self._seed = rope, finger, tuple(hidden), seed
+    def __init__(self, stage: Stage, hidden: Sequence[Injected], seed: int) -> None:
+        self._stage, self._hidden, self._seed = stage, tuple(hidden), seed
         self.cameras = table_cameras()
         middle = np.mean([camera.T_world_camera[:3, 3] for camera in self.cameras], axis=0)
         self._standing = [_standing(camera, middle, hidden) for camera in self.cameras]
@@ -32,10 +32,10 @@ class Eyes:
         rng = np.random.default_rng([self._seed, _NOISE, number])
         frames = list[Frame]()
         for index, (believed, standing) in enumerate(zip(self.cameras, self._standing, strict=True)):
-            color, depth = render(snapshot, standing, rng, rope=self._rope, finger=self._finger)
+            color, depth = render(snapshot, standing, rng, stage=self._stage)
             for each in self._hidden:
                 if each.effect.seen is not None:
-                    depth = each.effect.seen(Shot(color, depth, believed, self._rope.colour), each.values)
+                    depth = each.effect.seen(Shot(color, depth, believed, self._stage.body.colour), each.values)
             identity = MessageId(f"frame-{number * len(self.cameras) + index:06d}")
             frames.append(Frame(id=identity, time_s=stamp_s, camera=believed, color=color, depth=depth))
         return frames

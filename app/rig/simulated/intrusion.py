@@ -6,9 +6,9 @@ from typing import Any, final
 import numpy as np
 from jaxtyping import Float64, Int
 
+from app.core.stage import Finger, Rope
 from app.rig.simulated.hidden.base import Injected, Moment, Vectors
 from app.rig.simulated.physics import Position, WorldPhysics
-from app.tasks.base import Finger, Rope
 
 _TABLE_GEOM = 0
 _QUIET_M_S, _QUIET_M = 1e-3, 0.02

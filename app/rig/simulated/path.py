@@ -1,4 +1,8 @@
-"""How the arm moves along a path: straight lines, within speed and acceleration limits, and able to brake anywhere."""
+"""How the arm moves along a path: straight lines, within speed and acceleration limits, and able to brake anywhere.
+
+A path runs through coordinates in which all of a tool's pose is a length: a turn by an angle counts as the way that a
+point `_LEVER_M` from the tip makes with it, an opening as it is. So one speed holds for moving, turning and opening.
+"""
 
 from typing import final
 
@@ -6,41 +10,65 @@ import numpy as np
 from jaxtyping import Float64
 
 from app.config import Site
-from app.core.messages import Motion
-from app.core.types import Path3
-from app.rig.simulated.physics import Position
+from app.core.motion import Motion
+from app.core.types import ToolPath, ToolPose
 
 _SAME_PLACE_M = 1e-6
+_LEVER_M = 0.1
+"""About the size of what tools hold. A unit quaternion moves by half the angle of a turn."""
+_SCALE = np.array([1.0] * 3 + [2 * _LEVER_M] * 4 + [1.0])
 _CORNER_TIME_S = 0.04
 """A corner is taken at the speed at which its change of velocity is what the acceleration limit gives in this time:
 at 1.5 m/s^2 a jump of the command by at most 60 mm/s, which the drives round off."""
 
 
-def route(start: Position, motion: Motion, site: Site) -> tuple[Path3, Float64[np.ndarray, " S"]]:
+def route(start: ToolPose, motion: Motion, site: Site) -> tuple[ToolPath, Float64[np.ndarray, " S"]]:
     """The whole path of `motion` from `start`, and the speed of each of its segments [m/s].
 
-    Up to the travel height, across to above the first position, down, along the motion, and up again at its end.
+    Up to the travel height, across to above the first position, down, along the motion, and up again at its end; a
+    motion that continues has the way from `start` along it alone.
     """
-    first, last, travel = motion.positions[0], motion.positions[-1], site.travel_height_m
-    raised = np.array([start[0], start[1], max(start[2], travel)])
-    over = [np.array([place[0], place[1], max(place[2], travel)]) for place in (first, last)]
-    points = np.stack([start, raised, over[0], *motion.positions, over[1]])
-    fast = site.limits.speed_m_s
-    speeds = np.concatenate([[fast, fast], motion.speeds, [fast]])
-    kept = np.linalg.norm(np.diff(points, axis=0), axis=1) > _SAME_PLACE_M
+    way, fast = motion.poses, site.limits.speed_m_s
+    if motion.continues:
+        points, speeds = np.stack([start, *way]), motion.speeds
+    else:
+        points = np.stack([start, _raised(start, site), _raised(way[0], site), *way, _raised(way[-1], site)])
+        speeds = np.concatenate([[fast, fast], motion.speeds, [fast]])
+    points = _same_sided(points)
+    kept = np.linalg.norm(np.diff(points * _SCALE, axis=0), axis=1) > _SAME_PLACE_M
     return points[np.concatenate([[True], kept])], speeds[kept]
+
+
+def _raised(pose: ToolPose, site: Site) -> ToolPose:
+    """The pose at the travel height, or as high as it is."""
+    raised = pose.copy()
+    raised[2] = max(pose[2], site.travel_height_m)
+    return raised
+
+
+def _same_sided(poses: ToolPath) -> ToolPath:
+    """The same poses with each quaternion of the sign that is nearer to the one before it."""
+    turns = poses[:, 3:7]
+    flips = np.where((turns[1:] * turns[:-1]).sum(1) < 0, -1.0, 1.0)
+    return np.concatenate([poses[:, :3], turns * np.cumprod([1.0, *flips])[:, None], poses[:, 7:]], axis=1)
+
+
+def whole(pose: ToolPose) -> ToolPose:
+    """The pose with its quaternion of unit length, as one between two others is not."""
+    turn = pose[3:7]
+    return np.array([*pose[:3], *(turn / np.linalg.norm(turn)), pose[7]])
 
 
 @final
 class PathFollower:
-    """A point that runs along `points (P, 3)` and comes to rest at the last.
+    """A tool that runs along the poses `points (P, 8)` and comes to rest at the last.
 
     It speeds up and slows down along the path by at most `acceleration_m_s2`, keeps to each segment's speed, and slows
     down before corners. Called `advance` by `advance`: whoever calls owns the clock.
     """
 
-    def __init__(self, points: Path3, speeds: Float64[np.ndarray, " S"], acceleration_m_s2: float) -> None:
-        steps = np.diff(points, axis=0)
+    def __init__(self, points: ToolPath, speeds: Float64[np.ndarray, " S"], acceleration_m_s2: float) -> None:
+        steps = np.diff(points * _SCALE, axis=0)
         lengths = np.linalg.norm(steps, axis=1)
         self._points, self._speeds, self._acceleration = points, speeds, acceleration_m_s2
         self._at = np.concatenate([[0.0], np.cumsum(lengths)])
@@ -58,7 +86,7 @@ class PathFollower:
         """Come to rest on the path as soon as this deceleration allows, for good."""
         self._braking_m_s2 = deceleration_m_s2
 
-    def advance(self, duration_s: float) -> Position:
+    def advance(self, duration_s: float) -> ToolPose:
         """Where it is `duration_s` later."""
         if self.at_rest:
             self._speed = 0.0
@@ -67,7 +95,7 @@ class PathFollower:
         else:
             self._speed = min(self._speed + self._acceleration * duration_s, self._allowed(duration_s))
         self._distance = min(self._distance + self._speed * duration_s, self._length)
-        return np.array([np.interp(self._distance, self._at, self._points[:, axis]) for axis in range(3)])
+        return whole(np.array([np.interp(self._distance, self._at, column) for column in self._points.T]))
 
     def _allowed(self, duration_s: float) -> float:
         """The fastest from which the next node's speed can still be met, one tick's travel included."""
@@ -78,7 +106,7 @@ class PathFollower:
 
 
 def _node_speeds(
-    directions: Float64[np.ndarray, "S 3"],
+    directions: Float64[np.ndarray, "S 8"],
     lengths: Float64[np.ndarray, " S"],
     speeds: Float64[np.ndarray, " S"],
     acceleration_m_s2: float,

@@ -16,7 +16,8 @@ from app.policy.strokes import Plan, midway_s, random_track
 from app.rig.simulated.hidden.base import Injected
 from app.rig.simulated.intrusion import Intrusion
 from app.rig.simulated.physics import HOME_TOOL_M, Centreline, WorldPhysics
-from app.rig.simulated.world import RopeWorld, Snapshot
+from app.rig.simulated.rope_world import RopeWorld
+from app.rig.simulated.world import Snapshot
 from app.tasks.base import Task
 from app.tasks.curves import fill_tube
 
@@ -72,7 +73,7 @@ def rehearse(task: Task, plan: Plan, physics: WorldPhysics, hidden: Sequence[Inj
             intrusion.session = _session(number, plan)
             _wait(world, begin_s + push * SLOT_S)
             yield _pushed(world, task, plan, arm, seed, episode, number)
-        ends = world.centreline()[[0, -1], :2]
+        ends = world.nodes()[[0, -1], :2]
 
 
 def first_end(task: Task, plan: Plan, seed: int) -> Float64[np.ndarray, "2"]:
@@ -102,7 +103,7 @@ class _Arm:
 def _pushed(world: RopeWorld, task: Task, plan: Plan, arm: _Arm, seed: int, episode: int, number: int) -> Take:
     """Make the next push of the world, which is at rest."""
     before = _rest(world)
-    x = fill_tube(world.centreline(), task.rope.radius_m, _BODY_POINTS)
+    x = fill_tube(world.nodes(), task.rope.radius_m, _BODY_POINTS)
     command = random_track(
         np.random.default_rng([seed, _TRACKS, number]),
         x,

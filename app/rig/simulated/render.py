@@ -14,11 +14,12 @@ from jaxtyping import Bool, Float32, Float64, UInt8
 
 from app.core.messages import CameraModel
 from app.core.native import load_open3d
+from app.core.stage import Stage
 from app.core.types import ColourImage, DepthImage
+from app.rig.simulated.appearance import surfaces
 from app.rig.simulated.cameras import CameraNoise
-from app.rig.simulated.shapes import SIDES, Surface, surfaces
+from app.rig.simulated.shapes import Surface
 from app.rig.simulated.world import Snapshot
-from app.tasks.base import Finger, Rope
 
 Image: TypeAlias = Float32[np.ndarray, "height width"]
 Directions: TypeAlias = Float32[np.ndarray, "height width 3"]
@@ -47,12 +48,11 @@ def render(
     camera: CameraModel,
     rng: np.random.Generator,
     *,
-    rope: Rope,
-    finger: Finger,
+    stage: Stage,
     noise: CameraNoise | None = None,
 ) -> tuple[ColourImage, DepthImage]:
     """The image pair that `camera` takes of `snapshot`: RGB and aligned depth (in the camera's unit, 0 = none)."""
-    layer = _with_moving(_background(camera), surfaces(snapshot, rope, finger), camera)
+    layer = _with_moving(_background(camera), surfaces(snapshot, stage), camera)
     return _exposed(layer, camera, rng, noise or CameraNoise())
 
 
@@ -111,13 +111,12 @@ def _covered(moving: list[Surface], camera: CameraModel) -> Bool[np.ndarray, "he
 
 
 def _cover(mask: UInt8[np.ndarray, "height width"], surface: Surface, camera: CameraModel) -> None:
-    """Fill the hulls of the surface's convex pieces, each what lies between two neighbouring rings.
+    """Fill the hulls of the surface's convex pieces.
 
     A piece that reaches behind the camera and is not beside the view covers everything.
     """
     R, eye = camera.T_world_camera[:3, :3], camera.T_world_camera[:3, 3]
-    rings = ((surface.vertices[:-2] - eye) @ R @ camera.K.T).reshape(-1, SIDES, 3)
-    pieces = np.concatenate([rings[:-1], rings[1:]], axis=1)
+    pieces = ((surface.vertices - eye) @ R @ camera.K.T)[surface.pieces]
     pieces = pieces[~_beside(pieces, camera)]
     if np.any(pieces[..., 2] < _NEAREST_M):
         mask[:] = 1

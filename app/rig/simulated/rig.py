@@ -14,17 +14,18 @@ from anyio import to_thread
 from app.config import Site
 from app.core.errors import DeviceError
 from app.core.messages import CameraModel
+from app.core.motion import pointing_down
 from app.core.ports import Arm, Camera
+from app.core.stage import Stage
 from app.rig.simulated.arm_process import ArmMemory, run_arm
 from app.rig.simulated.camera import SimulatedCamera
 from app.rig.simulated.camera_process import image_ring, run_cameras
 from app.rig.simulated.cameras import table_cameras
-from app.rig.simulated.physics import HOME_TOOL_M, Centreline, WorldPhysics
+from app.rig.simulated.physics import HOME_TOOL_M
 from app.rig.simulated.ring import SPAWN, Ring
 from app.rig.simulated.simulated_arm import SimulatedArm
-from app.rig.simulated.world import Snapshot
+from app.rig.simulated.world import Nodes, Snapshot
 from app.rig.simulated.world_process import newest_snapshot, run_world, snapshot_ring
-from app.tasks.base import Finger, Rope
 
 _START_S = 60.0
 _POLL_S = 0.02
@@ -33,7 +34,7 @@ _CLOSE_S = 3.0
 
 @final
 class SimulatedRig:
-    """An arm that pushes a rope in another physics engine than the planner's, and cameras that look at it."""
+    """An arm that acts in another physics than the planner's, and cameras that look at it."""
 
     def __init__(self, arm: SimulatedArm, cameras: Sequence[SimulatedCamera], snapshots: Ring) -> None:
         self._arm, self._cameras, self._snapshots = arm, cameras, snapshots
@@ -67,24 +68,20 @@ class SimulatedRig:
 
 def simulated_rig(
     *,
-    rope: Rope,
-    finger: Finger,
-    centreline: Centreline,
+    stage: Stage,
+    start: Nodes,
     site: Site,
     seed: int,
-    physics: WorldPhysics | None = None,
     cameras: tuple[CameraModel, ...] | None = None,
 ) -> AbstractAsyncContextManager[SimulatedRig]:
-    """A rig with `rope` lying along `centreline (K, 3)` [m]; `seed` is that of the cameras' noise.
+    """A rig with the stage's object at `start (K, 3)` [m]; `seed` is that of the cameras' noise.
 
     Raises DeviceError on entry where a process does not come up. All processes have ended when it is left, and end by
     themselves when the application is killed.
     """
     scene = _Scene(
-        rope=rope,
-        finger=finger,
-        centreline=centreline,
-        physics=physics or WorldPhysics(),
+        stage=stage,
+        start=start,
         cameras=cameras or table_cameras(),
         seed=seed,
     )
@@ -96,10 +93,8 @@ def simulated_rig(
 class _Scene:
     """What is to be simulated."""
 
-    rope: Rope
-    finger: Finger
-    centreline: Centreline
-    physics: WorldPhysics
+    stage: Stage
+    start: Nodes
     cameras: tuple[CameraModel, ...]
     seed: int
 
@@ -110,19 +105,18 @@ class _Processes:
 
     def __init__(self, scene: _Scene, site: Site) -> None:
         timing, parent = site.timing, os.getpid()
-        self.memory, self.snapshots = ArmMemory(), snapshot_ring(scene.physics)
+        self.memory, self.snapshots = ArmMemory(), snapshot_ring(scene.stage)
         self.images = {camera.name: image_ring(camera) for camera in scene.cameras}
-        self.arm = _process("arm", run_arm, self.memory, site, np.array(HOME_TOOL_M), parent)
+        self.arm = _process("arm", run_arm, self.memory, site, pointing_down(np.array(HOME_TOOL_M)), parent)
         self.world = _process(
             "world",
             run_world,
-            *(self.memory, self.snapshots, scene.rope, scene.finger, scene.centreline, scene.physics),
-            *(timing.arm_period_s, parent),
+            *(self.memory, self.snapshots, scene.stage, scene.start, timing.arm_period_s, parent),
         )
         self.eyes = _process(
             "cameras",
             run_cameras,
-            *(self.memory, self.snapshots, self.images, scene.cameras, scene.rope, scene.finger),
+            *(self.memory, self.snapshots, self.images, scene.cameras, scene.stage),
             *(timing.camera_period_s, scene.seed, parent),
         )
         self.all = (self.arm, self.world, self.eyes)

@@ -10,9 +10,9 @@ from typing import Any
 import numpy as np
 from jaxtyping import Float64
 
+from app.core.stage import Rope
 from app.rig.simulated.engine import mujoco
 from app.rig.simulated.physics import Centreline, WorldPhysics
-from app.tasks.base import Rope
 
 TABLE_BIT, FINGER_BIT = 1, 2
 _NEIGHBOURS_APART = 4

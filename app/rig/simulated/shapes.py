@@ -1,72 +1,34 @@
-"""What the cameras see that moves, as coloured meshes: the rope, the arm's links, the finger."""
+"""What the cameras see, as coloured meshes: tubes, boxes, bodies of revolution."""
 
 from dataclasses import dataclass
 from typing import TypeAlias, final
 
 import numpy as np
-from jaxtyping import Float32, Float64, UInt32
+from jaxtyping import Float32, Float64, Int, UInt32
 from scipy.interpolate import CubicSpline
 
-from app.rig.simulated.arm_model import FOREARM_M, HAND_M, SHOULDER_M, UPPER_ARM_M, link_frames
-from app.rig.simulated.world import Snapshot
-from app.tasks.base import Finger, Rope
+from app.core.stage import Colour, Vector
 
 Vertices: TypeAlias = Float32[np.ndarray, "V 3"]
 Triangles: TypeAlias = UInt32[np.ndarray, "F 3"]
-Colour: TypeAlias = tuple[float, float, float]
+Pieces: TypeAlias = Int[np.ndarray, "pieces corners"]
 
 SIDES = 16
 _RINGS_A_NODE = 3
-_FINGER_LENGTH_M = 0.10
-_WHITE: Colour = (0.82, 0.83, 0.85)
-_DARK: Colour = (0.13, 0.13, 0.15)
 
 
 @final
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Surface:
-    """A closed mesh of one colour (RGB albedo 0..1), in the world frame [m].
+    """A mesh of one colour (RGB albedo 0..1), in the world frame [m].
 
-    Its vertices are rings of `SIDES`, then the centres of the first and of the last ring; what lies between two
-    neighbouring rings is convex.
+    Each of its `pieces` lists vertices in whose convex hull a part of it lies; together they hold all of it.
     """
 
     vertices: Vertices
     triangles: Triangles
+    pieces: Pieces
     colour: Colour
-
-
-@final
-@dataclass(frozen=True, kw_only=True)
-class _Rod:
-    """A straight tapered rod on the z axis of a link, `low` to `high` [m], as drawn."""
-
-    link: int
-    low: float
-    high: float
-    radius: float
-    colour: Colour
-
-
-_ARM = (
-    _Rod(link=0, low=-SHOULDER_M, high=-SHOULDER_M + 0.12, radius=0.075, colour=_DARK),
-    _Rod(link=0, low=-SHOULDER_M + 0.12, high=0.05, radius=0.06, colour=_WHITE),
-    _Rod(link=1, low=0.0, high=UPPER_ARM_M / 2, radius=0.055, colour=_WHITE),
-    _Rod(link=2, low=0.0, high=UPPER_ARM_M / 2 + 0.05, radius=0.05, colour=_WHITE),
-    _Rod(link=3, low=0.0, high=FOREARM_M / 2, radius=0.045, colour=_WHITE),
-    _Rod(link=4, low=0.0, high=FOREARM_M / 2 + 0.04, radius=0.042, colour=_WHITE),
-    _Rod(link=6, low=-HAND_M / 2, high=-0.03, radius=0.04, colour=_WHITE),
-    _Rod(link=6, low=-0.03, high=HAND_M / 2 - _FINGER_LENGTH_M, radius=0.032, colour=_DARK),
-)
-
-
-def surfaces(snapshot: Snapshot, rope: Rope, finger: Finger) -> list[Surface]:
-    """Everything that moves, where it is in `snapshot`: the rope first."""
-    frames = link_frames(snapshot.joints)
-    parts = [tube(snapshot.centreline, rope.radius_m, rope.colour)]
-    parts += [_placed(rod, frames[rod.link]) for rod in _ARM]
-    parts.append(_placed_finger(finger, frames[7]))
-    return parts
 
 
 def tube(centreline: Float64[np.ndarray, "K 3"], radius_m: float, colour: Colour) -> Surface:
@@ -79,7 +41,7 @@ def tube(centreline: Float64[np.ndarray, "K 3"], radius_m: float, colour: Colour
     # The rope lies on the table and is nowhere near vertical, so the world's z axis serves as its frame.
     side = np.cross(along, [0.0, 0.0, 1.0])
     side /= np.linalg.norm(side, axis=1, keepdims=True)
-    return _swept(middle, side, np.cross(side, along), radii, colour)
+    return swept(middle, side, np.cross(side, along), radii, colour)
 
 
 def _rounded_ends(
@@ -95,21 +57,7 @@ def _rounded_ends(
     return centres, directions, np.concatenate([shrunk, np.full(len(middle), radius_m), shrunk[::-1]])
 
 
-def _placed(rod: _Rod, frame: Float64[np.ndarray, "4 4"]) -> Surface:
-    heights = np.array([rod.low, rod.low + 0.3 * rod.radius, rod.high - 0.3 * rod.radius, rod.high])
-    radii = rod.radius * np.array([0.7, 1.0, 1.0, 0.7])
-    return _turned(heights, radii, frame, rod.colour)
-
-
-def _placed_finger(finger: Finger, tip: Float64[np.ndarray, "4 4"]) -> Surface:
-    """The finger as the world has it: a capsule whose lowest point is the tip (the tip's z axis points down)."""
-    angle = np.radians([0.0, 25.0, 50.0, 75.0, 88.0])
-    heights = finger.radius_m * (np.sin(angle) - 1.0)
-    heights, radii = np.concatenate([[-_FINGER_LENGTH_M], heights]), finger.radius_m * np.cos(angle)
-    return _turned(heights, np.concatenate([[finger.radius_m], radii]), tip, _DARK)
-
-
-def _turned(
+def turned(
     heights: Float64[np.ndarray, " R"],
     radii: Float64[np.ndarray, " R"],
     frame: Float64[np.ndarray, "4 4"],
@@ -118,10 +66,10 @@ def _turned(
     """A body of revolution about the z axis of `frame`."""
     middle = frame[:3, 3] + heights[:, None] * frame[:3, 2]
     rings = len(heights)
-    return _swept(middle, np.tile(frame[:3, 0], (rings, 1)), np.tile(frame[:3, 1], (rings, 1)), radii, colour)
+    return swept(middle, np.tile(frame[:3, 0], (rings, 1)), np.tile(frame[:3, 1], (rings, 1)), radii, colour)
 
 
-def _swept(
+def swept(
     middle: Float64[np.ndarray, "R 3"],
     side: Float64[np.ndarray, "R 3"],
     up: Float64[np.ndarray, "R 3"],
@@ -133,7 +81,22 @@ def _swept(
     ring = np.cos(turn)[:, None] * side[:, None] + np.sin(turn)[:, None] * up[:, None]
     vertices = (middle[:, None] + radii[:, None, None] * ring).reshape(-1, 3)
     vertices = np.concatenate([vertices, middle[:1], middle[-1:]]).astype(np.float32)
-    return Surface(vertices=vertices, triangles=_ring_triangles(len(middle)), colour=colour)
+    rings = np.arange(len(middle) * SIDES).reshape(-1, SIDES)
+    pieces = np.concatenate([rings[:-1], rings[1:]], axis=1)
+    return Surface(vertices=vertices, triangles=_ring_triangles(len(middle)), pieces=pieces, colour=colour)
+
+
+def box(half_m: Vector, frame: Float64[np.ndarray, "4 4"], colour: Colour) -> Surface:
+    """A box of these half sides about the origin of `frame`."""
+    places = np.stack(np.meshgrid(*[[-1.0, 1.0]] * 3, indexing="ij"), axis=-1).reshape(8, 3) * half_m
+    sides = [(0, 1, 3, 2), (4, 6, 7, 5), (0, 4, 5, 1), (2, 3, 7, 6), (0, 2, 6, 4), (1, 5, 7, 3)]
+    triangles = [corners for a, b, c, d in sides for corners in ((a, b, c), (a, c, d))]
+    return Surface(
+        vertices=(places @ frame[:3, :3].T + frame[:3, 3]).astype(np.float32),
+        triangles=np.array(triangles, np.uint32),
+        pieces=np.arange(8)[None],
+        colour=colour,
+    )
 
 
 def _ring_triangles(rings: int) -> Triangles:

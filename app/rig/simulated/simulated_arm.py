@@ -7,17 +7,15 @@ from typing import Any, Literal, final
 
 import anyio
 import numpy as np
-from jaxtyping import Float64
 
 from app.config import Site
 from app.core.approval import Approved
 from app.core.errors import ApprovalRefused, DeviceError, MotionRefused
-from app.core.messages import TOOL_DOWN, ArmState, Executed, MessageId, Motion, fresh_id
-from app.core.types import Poses
+from app.core.messages import ArmState, Executed, MessageId, fresh_id
+from app.core.motion import Motion
 from app.rig.simulated.arm_model import solve_joints
-from app.rig.simulated.arm_process import MAX_WAYPOINTS, MODES, ArmMemory
+from app.rig.simulated.arm_process import MAX_WAYPOINTS, MODES, ArmMemory, posted
 
-_CLOSED = 1.0
 _SILENCE_S = 2.0
 """An arm whose process has reported no state for this long is taken for gone."""
 _ANSWER_S = 1.0
@@ -44,10 +42,11 @@ class SimulatedArm:
         return ArmState(
             id=fresh_id("state"),
             time_s=float(newest["time_s"]),
-            pose=_poses(newest["measured"][None])[0],
+            pose=newest["measured"][:7].copy(),
             velocity=newest["velocity"].copy(),
             joints=solve_joints(newest["measured"]),
-            gripper=_CLOSED,
+            gripper=1.0 - float(newest["measured"][7]) / self._site.limits.opening_m,
+            opening_m=float(newest["measured"][7]),
             mode=MODES[newest["mode"]],
             period_s=float(unread["period_s"].max()),
             reason=bytes(newest["reason"]).decode(errors="ignore"),
@@ -113,12 +112,7 @@ class SimulatedArm:
     async def _followed(self, motion: Motion, digest: str) -> Any:
         """Post the motion, keep the watchdog fed until the arm is at rest again, and return its states meanwhile."""
         memory, seen = self._memory, self._memory.states.count
-        memory.motions.append(
-            waypoints=len(motion.positions),
-            digest=digest.encode(),
-            positions=_padded(motion.positions),
-            speeds=_padded(motion.speeds),
-        )
+        memory.motions.append(digest=digest.encode(), **posted(motion))
         number, log = memory.motions.count, memory.states.since(seen)[:0]
         while not len(log) or MODES[log["mode"][-1]] in ("moving", "stopping"):
             memory.keepalives.value += 1
@@ -149,16 +143,6 @@ class SimulatedArm:
             )
 
 
-def _padded(rows: np.ndarray) -> np.ndarray:
-    """`rows (W, ...)` followed by zeros up to the length of a motion record."""
-    return np.concatenate([rows, np.zeros((MAX_WAYPOINTS - len(rows), *rows.shape[1:]))])
-
-
-def _poses(positions: Float64[np.ndarray, "T 3"]) -> Poses:
-    """Tool poses at `positions`, pointing down."""
-    return np.concatenate([positions, np.tile(TOOL_DOWN, (len(positions), 1))], axis=1)
-
-
 def _executed(approved: Approved, log: Any) -> Executed:
     """What the arm's `log` of one motion says."""
     outcomes: dict[str, Literal["completed", "stopped"]] = {"idle": "completed", "stopped": "stopped"}
@@ -171,6 +155,7 @@ def _executed(approved: Approved, log: Any) -> Executed:
         outcome=outcomes.get(MODES[last["mode"]], "fault"),
         reason=bytes(last["reason"]).decode(errors="ignore"),
         times_s=log["time_s"].copy(),
-        commanded=_poses(log["commanded"]),
-        measured=_poses(log["measured"]),
+        commanded=log["commanded"][:, :7].copy(),
+        measured=log["measured"][:, :7].copy(),
+        openings=log["measured"][:, 7].copy(),
     )

@@ -1,19 +1,16 @@
-"""The simulated table: a rope that a finger pushes, in MuJoCo. No clock, no process: it steps when told to."""
+"""What a simulated world is: an object and a tool that goes where it is told. No clock: it steps when told to."""
 
 from dataclasses import dataclass
-from typing import Any, final
+from typing import Protocol, TypeAlias, final
 
 import numpy as np
+from jaxtyping import Float64
 
-from app.rig.simulated.arm_model import Joints, solve_joints
-from app.rig.simulated.engine import mujoco
-from app.rig.simulated.intrusion import Intrusion
-from app.rig.simulated.physics import HOME_TOOL_M, Centreline, Position, WorldPhysics
-from app.rig.simulated.rope import FINGER_BIT, TABLE_BIT, add_rope, resample
-from app.tasks.base import Finger, Rope
+from app.core.types import ToolPose
+from app.rig.simulated.arm_model import Joints
 
-_PRESCRIBED_KG = 1000.0
-"""Inertia of the finger's slides: so large that no contact changes the velocity it is given."""
+Nodes: TypeAlias = Float64[np.ndarray, "K 3"]
+"""Points [m] that say where an object is: a rope's centreline, or the centres of many pieces, or of a mesh's knots."""
 
 
 @final
@@ -22,130 +19,41 @@ class Snapshot:
     """The world at one moment: all that a camera needs. `time_s` is the world's own time."""
 
     time_s: float
-    centreline: Centreline
-    tool: Position
+    nodes: Nodes
+    tool: ToolPose
     joints: Joints
 
+    @property
+    def tip(self) -> Float64[np.ndarray, "3"]:
+        """Where the tool's tip is [m]."""
+        return self.tool[:3]
 
-@final
-class RopeWorld:
-    """A rope on the table z = 0 and a vertical finger whose tip goes exactly where it is told.
 
-    `centreline (K, 3)` [m] is where the rope lies at first; the world keeps its own `physics.rope.segments + 1` nodes.
-    What an `intrusion` hides in it happens besides. The same calls give the same numbers, bit for bit.
-    """
-
-    def __init__(
-        self,
-        rope: Rope,
-        finger: Finger,
-        centreline: Centreline,
-        *,
-        physics: WorldPhysics | None = None,
-        tool: tuple[float, float, float] = HOME_TOOL_M,
-        intrusion: Intrusion | None = None,
-        time_s: float = 0.0,
-    ) -> None:
-        self.intrusion = intrusion or Intrusion(())
-        physics = self.intrusion.physics(physics or WorldPhysics(), rope)
-        nodes = resample(centreline, physics.rope.segments + 1)
-        self._model = _compile(rope, finger, physics, nodes, self.intrusion)
-        self._data = mujoco.MjData(self._model)
-        self._links = np.array([self._model.body(f"rope{index}").id for index in range(physics.rope.segments)])
-        self._last_length = float(np.linalg.norm(nodes[-1] - nodes[-2]))
-        self._bend = slice(3, int(self._model.body("finger").jntnum[0]))
-        self._data.qpos[:3], self._data.time = tool, time_s
-        mujoco.mj_forward(self._model, self._data)
-        self.intrusion.attach(self._model, self._data, self._links, rope, finger)
+class World(Protocol):
+    """The same calls give the same numbers, bit for bit."""
 
     @property
     def time_s(self) -> float:
-        """The world's own time [s], from `time_s`."""
-        return float(self._data.time)
+        """The world's own time [s]."""
+        ...
 
     @property
-    def tool(self) -> Position:
-        """Where the arm has the tip of the finger [m]."""
-        return self._data.qpos[:3].copy()
+    def tool(self) -> ToolPose:
+        """Where the arm has the tool."""
+        ...
 
-    @property
-    def tip(self) -> Position:
-        """Where the tip of the finger is [m]: the tool, unless it gives way."""
-        tip, bent = self.tool, self._data.qpos[self._bend]
-        tip[: len(bent)] += bent
-        return tip
+    def step(self, tool: ToolPose, duration_s: float) -> None:
+        """Move the tool in a straight line to the pose `tool` while `duration_s` passes."""
+        ...
 
-    def step(self, tool_xyz: Position, duration_s: float) -> None:
-        """Move the tip in a straight line to `tool_xyz` while `duration_s` passes (rounded to whole time steps)."""
-        period = self._model.opt.timestep
-        start, steps = self.tool, max(1, round(duration_s / period))
-        for step in range(1, steps + 1):
-            due = start + (tool_xyz - start) * (step / steps)
-            self._data.qvel[:3] = (due - self._data.qpos[:3]) / period
-            self.intrusion.act()
-            mujoco.mj_step(self._model, self._data)
+    def place(self, tool: ToolPose) -> None:
+        """Put the tool there without passing anything on the way; no time passes."""
+        ...
 
-    def place(self, tool_xyz: Position) -> None:
-        """Put the tip at `tool_xyz` without passing anything on the way; no time passes."""
-        self._data.qpos[:3] = tool_xyz
-        self._data.qvel[:3] = 0.0
-        mujoco.mj_forward(self._model, self._data)
-
-    def centreline(self) -> Centreline:
-        """The rope's nodes [m], shape (segments + 1, 3)."""
-        starts, tail = self._data.xpos[self._links], self._links[-1]
-        along = self._data.xmat[tail].reshape(3, 3)[:, 0]
-        return np.vstack([starts, starts[-1] + along * self._last_length])
+    def nodes(self) -> Nodes:
+        """Where the object is [m]."""
+        ...
 
     def snapshot(self) -> Snapshot:
         """The state to draw, with the arm's joints solved for the present tool pose."""
-        tool = self.tip
-        return Snapshot(time_s=self.time_s, centreline=self.centreline(), tool=tool, joints=solve_joints(tool))
-
-
-def _compile(rope: Rope, finger: Finger, physics: WorldPhysics, nodes: Centreline, intrusion: Intrusion) -> Any:
-    """The MuJoCo model: table, finger (its three slides are the first three coordinates), rope."""
-    spec = mujoco.MjSpec()
-    spec.compiler.degree = False
-    spec.option.timestep = physics.time_step_s
-    spec.option.gravity = [0.0, 0.0, -physics.gravity_m_s2]
-    spec.option.integrator = mujoco.mjtIntegrator.mjINT_DISCRETE
-    spec.option.cone = mujoco.mjtCone.mjCONE_ELLIPTIC
-    spec.option.impratio = physics.friction_stiffness
-    # A rope at rest sleeps: it cannot creep and costs nothing.
-    spec.option.enableflags |= mujoco.mjtEnableBit.mjENBL_SLEEP
-    _add_table(spec, physics)
-    _add_finger(spec, finger, physics)
-    add_rope(spec, rope, physics, nodes)
-    intrusion.build(spec, physics)
-    return spec.compile()
-
-
-def _add_table(spec: Any, physics: WorldPhysics) -> None:
-    spec.worldbody.add_geom(
-        type=mujoco.mjtGeom.mjGEOM_PLANE,
-        size=[2.0, 2.0, 0.1],
-        contype=TABLE_BIT,
-        conaffinity=TABLE_BIT,
-        friction=[physics.table_friction, 0.0, 0.0],
-        solref=[physics.contact_time_s, 1.0],
-    )
-
-
-def _add_finger(spec: Any, finger: Finger, physics: WorldPhysics) -> None:
-    """A capsule on three heavy slides, so that contacts see its true velocity (a mocap body's is zero)."""
-    body = spec.worldbody.add_body(name="finger", gravcomp=1.0)
-    for axis in np.eye(3):
-        body.add_joint(type=mujoco.mjtJoint.mjJNT_SLIDE, axis=axis, armature=_PRESCRIBED_KG)
-    body.add_geom(
-        type=mujoco.mjtGeom.mjGEOM_CAPSULE,
-        size=[finger.radius_m, 0, 0],
-        fromto=[0, 0, finger.radius_m, 0, 0, physics.finger_length_m],
-        contype=FINGER_BIT,
-        conaffinity=FINGER_BIT,
-        mass=1.0,
-        friction=[physics.finger_friction, 0.0, 0.0],
-        solref=[physics.contact_time_s, 1.0],
-        # MuJoCo takes the larger friction of two geoms unless one of them has priority.
-        priority=1,
-    )
+        ...

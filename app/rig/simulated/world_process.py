@@ -1,4 +1,4 @@
-"""The world's own process: the rope is pushed by wherever the arm's tool goes, in real time.
+"""The world's own process: the object is moved by wherever the arm's tool goes, in real time.
 
 It works through the arm's log of states in order. Where it falls behind real time it catches up, tick by tick along
 the same path, and the arm never waits for it; snapshots are dated with the arm's time that they show.
@@ -11,20 +11,20 @@ from typing import Any, final
 
 import numpy as np
 
+from app.core.stage import Stage
 from app.rig.simulated.arm_model import solve_joints
 from app.rig.simulated.arm_process import ArmMemory
-from app.rig.simulated.physics import Centreline, WorldPhysics
+from app.rig.simulated.kinds import kind_of
 from app.rig.simulated.ring import Ring
-from app.rig.simulated.world import RopeWorld, Snapshot
-from app.tasks.base import Finger, Rope
+from app.rig.simulated.world import Nodes, Snapshot, World
 
 _CATCH_UP_TICKS = 20
 
 
-def snapshot_ring(physics: WorldPhysics) -> Ring:
-    """Room for the last snapshots of a world with these `physics`."""
-    dtype = np.dtype([("time_s", "f8"), ("tool", "f8", (3,)), ("centreline", "f8", (physics.rope.segments + 1, 3))])
-    return Ring(dtype, 16)
+def snapshot_ring(stage: Stage) -> Ring:
+    """Room for the last snapshots of a world of this stage."""
+    count = kind_of(stage).node_count(stage)
+    return Ring(np.dtype([("time_s", "f8"), ("tool", "f8", (8,)), ("nodes", "f8", (count, 3))]), 16)
 
 
 def newest_snapshot(snapshots: Ring) -> Snapshot | None:
@@ -33,18 +33,14 @@ def newest_snapshot(snapshots: Ring) -> Snapshot | None:
     if record is None:
         return None
     tool: np.ndarray = record["tool"]
-    return Snapshot(
-        time_s=float(record["time_s"]), centreline=record["centreline"], tool=tool, joints=solve_joints(tool)
-    )
+    return Snapshot(time_s=float(record["time_s"]), nodes=record["nodes"], tool=tool, joints=solve_joints(tool))
 
 
 def run_world(
     arm: ArmMemory,
     snapshots: Ring,
-    rope: Rope,
-    finger: Finger,
-    centreline: Centreline,
-    physics: WorldPhysics,
+    stage: Stage,
+    start: Nodes,
     period_s: float,
     parent: int,
 ) -> None:
@@ -54,7 +50,8 @@ def run_world(
     while not arm.closing.value and os.getppid() == parent:
         if follower is None and arm.states.count:
             state = arm.states.newest()
-            world = RopeWorld(rope, finger, centreline, physics=physics, tool=tuple(state["measured"].tolist()))
+            world = kind_of(stage).build(stage, start, 0.0)
+            world.place(state["measured"])
             follower = _Follower(world, arm.states, snapshots, float(state["time_s"]))
         if follower is None or not follower.follow():
             time.sleep(period_s)
@@ -64,7 +61,7 @@ def run_world(
 class _Follower:
     """A world that repeats what the arm's log says."""
 
-    def __init__(self, world: RopeWorld, states: Ring, snapshots: Ring, start_s: float) -> None:
+    def __init__(self, world: World, states: Ring, snapshots: Ring, start_s: float) -> None:
         self._world, self._states, self._snapshots, self._start_s = world, states, snapshots, start_s
         self._done = states.count
 
@@ -76,7 +73,5 @@ class _Follower:
             self._world.step(state["measured"], max(due_s, 0.0))
         self._done += len(todo)
         if len(todo):
-            self._snapshots.append(
-                time_s=float(todo[-1]["time_s"]), tool=self._world.tool, centreline=self._world.centreline()
-            )
+            self._snapshots.append(time_s=float(todo[-1]["time_s"]), tool=self._world.tool, nodes=self._world.nodes())
         return len(todo) == _CATCH_UP_TICKS

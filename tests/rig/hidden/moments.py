@@ -7,7 +7,7 @@ from app.rig.simulated.hidden.base import Hidden, Injected, Moment
 from app.rig.simulated.hiding import known
 from app.rig.simulated.intrusion import Intrusion
 from app.rig.simulated.physics import WorldPhysics
-from app.rig.simulated.world import RopeWorld
+from app.rig.simulated.rope_world import RopeWorld
 from tests.rig.scene import FINGER, ROPE, straight_rope
 
 SEGMENTS = 40

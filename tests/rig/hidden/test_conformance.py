@@ -12,7 +12,7 @@ from app.rig.simulated import hidden
 from app.rig.simulated.cameras import table_cameras
 from app.rig.simulated.hidden.base import Injected, Shot
 from app.rig.simulated.hiding import IMPOSSIBLE, Wish, draw, known
-from app.rig.simulated.world import RopeWorld
+from app.rig.simulated.rope_world import RopeWorld
 from app.sim.files import files_of
 from app.tasks import load
 from tests.rig.hidden.moments import track, world
@@ -45,7 +45,7 @@ def pushed(table: RopeWorld) -> np.ndarray:
     for share in np.linspace(0.05, 1.0, 20):
         table.step(np.array([0.47 + 0.08 * share, -0.02 + 0.06 * share**2, PUSH_Z]), 0.02)
     table.step(table.tool, 0.1)
-    return table.centreline()
+    return table.nodes()
 
 
 @pytest.fixture(scope="module")

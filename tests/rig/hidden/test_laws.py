@@ -7,13 +7,14 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from app.core.messages import CameraModel
+from app.core.stage import Stage
 from app.rig.simulated.cameras import CameraNoise, table_cameras
 from app.rig.simulated.engine import mujoco
 from app.rig.simulated.hidden.base import Shot
 from app.rig.simulated.physics import RopePhysics, WorldPhysics
 from app.rig.simulated.render import render
 from app.rig.simulated.rope import add_rope, resample
-from app.rig.simulated.world import RopeWorld
+from app.rig.simulated.rope_world import RopeWorld
 from tests.rig.hidden.moments import effect, injected, moment, moving, track, world
 from tests.rig.scene import FINGER, PUSH_Z, ROPE, straight_rope
 
@@ -42,41 +43,41 @@ def driven(name: str, *values: float, yaw: float = 0.0) -> np.ndarray:
 
 def test_on_a_tilted_table_without_friction_the_rope_slides_with_g_sin_a() -> None:
     table = world(injected("table_tilt", 0.0, 2.0), physics=ICE)
-    before = table.centreline().mean(0)
+    before = table.nodes().mean(0)
     table.step(table.tool, 0.5)
-    moved = table.centreline().mean(0) - before
+    moved = table.nodes().mean(0) - before
     assert moved[0] == pytest.approx(9.81 * np.sin(np.radians(2.0)) * 0.5**2 / 2, rel=0.02)
     assert abs(moved[1]) < 1e-6
 
 
 def test_a_tilt_that_raises_the_far_left_side_pulls_to_the_right() -> None:
     table = world(injected("table_tilt", 2.0, 0.0), physics=ICE)
-    before = table.centreline().mean(0)
+    before = table.nodes().mean(0)
     table.step(table.tool, 0.3)
-    assert table.centreline().mean(0)[1] < before[1] - 0.005
+    assert table.nodes().mean(0)[1] < before[1] - 0.005
 
 
 def test_a_tilt_that_friction_holds_moves_nothing() -> None:
     table = world(injected("table_tilt", 0.0, 4.0))
-    before = table.centreline()
+    before = table.nodes()
     table.step(table.tool, 2.0)
-    assert np.abs(table.centreline()[:, :2] - before[:, :2]).max() < 1e-4
+    assert np.abs(table.nodes()[:, :2] - before[:, :2]).max() < 1e-4
 
 
 def test_a_draught_that_friction_holds_moves_nothing_and_lets_the_rope_sleep() -> None:
     table = world(injected("draught", 0.3, 0.0))
-    before = table.centreline()
+    before = table.nodes()
     table.step(table.tool, 2.0)
-    assert np.abs(table.centreline()[:, :2] - before[:, :2]).max() < 1e-4
+    assert np.abs(table.nodes()[:, :2] - before[:, :2]).max() < 1e-4
 
 
 def test_a_draught_blows_a_rope_on_ice_with_its_share_of_weight() -> None:
     table = world(injected("draught", 0.0, 0.2), physics=ICE)
-    before = table.centreline().mean(0)
+    before = table.nodes().mean(0)
     table.step(table.tool, 0.5)
     # The mean of (z / 2 cm)^2 over a disc of 8 mm that lies on the table.
     exposed = (0.008**2 + 0.008**2 / 4) / 0.02**2
-    assert table.centreline().mean(0)[1] - before[1] == pytest.approx(0.2 * exposed * 9.81 * 0.5**2 / 2, rel=0.03)
+    assert table.nodes().mean(0)[1] - before[1] == pytest.approx(0.2 * exposed * 9.81 * 0.5**2 / 2, rel=0.03)
 
 
 def test_a_film_drags_with_c_m_v_and_less_with_height() -> None:
@@ -190,7 +191,7 @@ def pushed(table: RopeWorld, start: tuple[float, float], end: tuple[float, float
     ticks = round(float(np.linalg.norm(finish - begin)) / speed_m_s / 0.01)
     for tick in range(1, ticks + 1):
         table.step(begin + (finish - begin) * tick / ticks, 0.01)
-    return table.centreline()
+    return table.nodes()
 
 
 def test_a_hidden_post_holds_the_rope_and_lets_the_finger_pass() -> None:
@@ -206,7 +207,7 @@ def test_a_hidden_post_holds_the_rope_and_lets_the_finger_pass() -> None:
 def test_a_rope_with_rest_curvature_curls_by_it_on_ice() -> None:
     table = world(injected("rest_curvature", 3.0), injected("viscous_film", 10.0), physics=ICE)
     table.step(table.tool, 6.0)
-    steps = np.diff(table.centreline()[:, :2], axis=0)
+    steps = np.diff(table.nodes()[:, :2], axis=0)
     turns = np.diff(np.unwrap(np.arctan2(steps[:, 1], steps[:, 0])))
     assert turns[5:-5].mean() == pytest.approx(3.0 * ROPE.length_m / 40, rel=0.1)
 
@@ -317,7 +318,9 @@ def test_what_misplaced_cameras_see_is_displaced_or_turned_about_their_middle() 
 def shot(camera: CameraModel) -> Shot:
     table = world()
     table.step(table.tool, 0.2)
-    color, depth = render(table.snapshot(), camera, np.random.default_rng(0), rope=ROPE, finger=FINGER, noise=NOISELESS)
+    color, depth = render(
+        table.snapshot(), camera, np.random.default_rng(0), stage=Stage(body=ROPE, tool=FINGER), noise=NOISELESS
+    )
     return Shot(color, depth, camera, ROPE.colour)
 
 

@@ -17,7 +17,7 @@ from app.core.types import ColourImage, DepthImage, Transform
 from app.rig.simulated.physics import Position, WorldPhysics
 
 if TYPE_CHECKING:
-    from app.tasks.base import Rope
+    from app.core.stage import Rope
 
 Values: TypeAlias = Float64[np.ndarray, " V"]
 """Of an effect's quantities, in their order."""

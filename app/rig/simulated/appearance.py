@@ -1,0 +1,86 @@
+"""What cameras see of a cell: its object, the arm's links, the tool, and what is fixed to the table."""
+
+from dataclasses import dataclass
+from typing import TypeAlias, final
+
+import numpy as np
+from jaxtyping import Float64
+
+from app.core.stage import Block, Colour, Finger, Fixture, Stage, Tool
+from app.core.types import ToolPose
+from app.rig.simulated.arm_model import FOREARM_M, HAND_M, SHOULDER_M, UPPER_ARM_M, link_frames
+from app.rig.simulated.kinds import kind_of
+from app.rig.simulated.shapes import Surface, box, turned
+from app.rig.simulated.world import Snapshot
+
+Frame: TypeAlias = Float64[np.ndarray, "4 4"]
+
+_FINGER_LENGTH_M = 0.10
+_WHITE: Colour = (0.82, 0.83, 0.85)
+_DARK: Colour = (0.13, 0.13, 0.15)
+
+
+@final
+@dataclass(frozen=True, kw_only=True)
+class _Rod:
+    """A straight tapered rod on the z axis of a link, `low` to `high` [m], as drawn."""
+
+    link: int
+    low: float
+    high: float
+    radius: float
+    colour: Colour
+
+
+_ARM = (
+    _Rod(link=0, low=-SHOULDER_M, high=-SHOULDER_M + 0.12, radius=0.075, colour=_DARK),
+    _Rod(link=0, low=-SHOULDER_M + 0.12, high=0.05, radius=0.06, colour=_WHITE),
+    _Rod(link=1, low=0.0, high=UPPER_ARM_M / 2, radius=0.055, colour=_WHITE),
+    _Rod(link=2, low=0.0, high=UPPER_ARM_M / 2 + 0.05, radius=0.05, colour=_WHITE),
+    _Rod(link=3, low=0.0, high=FOREARM_M / 2, radius=0.045, colour=_WHITE),
+    _Rod(link=4, low=0.0, high=FOREARM_M / 2 + 0.04, radius=0.042, colour=_WHITE),
+    _Rod(link=6, low=-HAND_M / 2, high=-0.03, radius=0.04, colour=_WHITE),
+    _Rod(link=6, low=-0.03, high=HAND_M / 2 - _FINGER_LENGTH_M, radius=0.032, colour=_DARK),
+)
+
+
+def surfaces(snapshot: Snapshot, stage: Stage) -> list[Surface]:
+    """All that stands in the cell, where it is in `snapshot`: the object first."""
+    frames = link_frames(snapshot.joints)
+    parts = kind_of(stage).surfaces(stage, snapshot.nodes)
+    parts += [_placed(rod, frames[rod.link]) for rod in _ARM]
+    parts += _tool(stage.tool, snapshot.tool, frames[7])
+    for fixture in stage.fixtures:
+        parts += _fixture(fixture)
+    return parts
+
+
+def _placed(rod: _Rod, frame: Frame) -> Surface:
+    heights = np.array([rod.low, rod.low + 0.3 * rod.radius, rod.high - 0.3 * rod.radius, rod.high])
+    radii = rod.radius * np.array([0.7, 1.0, 1.0, 0.7])
+    return turned(heights, radii, frame, rod.colour)
+
+
+def _tool(tool: Tool, pose: ToolPose, tip: Frame) -> list[Surface]:
+    """The tool at its pose; `tip` is the frame of the arm's last link there."""
+    del pose
+    match tool:
+        case Finger():
+            return [_finger(tool, tip)]
+
+
+def _fixture(fixture: Fixture) -> list[Surface]:
+    """What is fixed to the table."""
+    match fixture:
+        case Block():
+            frame = np.eye(4)
+            frame[:3, 3] = fixture.place_m
+            return [box(fixture.half_m, frame, fixture.colour)]
+
+
+def _finger(finger: Finger, tip: Frame) -> Surface:
+    """The finger as the world has it: a capsule whose lowest point is the tip (the tip's z axis points down)."""
+    angle = np.radians([0.0, 25.0, 50.0, 75.0, 88.0])
+    heights = finger.radius_m * (np.sin(angle) - 1.0)
+    heights, radii = np.concatenate([[-_FINGER_LENGTH_M], heights]), finger.radius_m * np.cos(angle)
+    return turned(heights, np.concatenate([[finger.radius_m], radii]), tip, _DARK)

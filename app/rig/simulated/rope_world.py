@@ -1,0 +1,171 @@
+"""The simulated table: a rope that a finger pushes, in MuJoCo. No clock, no process: it steps when told to."""
+
+from collections.abc import Sequence
+from typing import Any, final
+
+import numpy as np
+from jaxtyping import Float64
+
+from app.core.motion import pointing_down
+from app.core.stage import Block, Finger, Rope
+from app.core.types import ToolPose
+from app.rig.simulated.arm_model import solve_joints
+from app.rig.simulated.engine import mujoco
+from app.rig.simulated.intrusion import Intrusion
+from app.rig.simulated.physics import HOME_TOOL_M, Centreline, Position, WorldPhysics
+from app.rig.simulated.rope import FINGER_BIT, TABLE_BIT, add_rope, resample
+from app.rig.simulated.world import Snapshot
+
+_PRESCRIBED_KG = 1000.0
+"""Inertia of the finger's slides: so large that no contact changes the velocity it is given."""
+
+
+@final
+class RopeWorld:
+    """A rope on the table z = 0 and a vertical finger whose tip goes exactly where it is told.
+
+    `centreline (K, 3)` [m] is where the rope lies at first; the world keeps its own `physics.rope.segments + 1` nodes.
+    What an `intrusion` hides in it happens besides. The same calls give the same numbers, bit for bit.
+    """
+
+    def __init__(
+        self,
+        rope: Rope,
+        finger: Finger,
+        centreline: Centreline,
+        *,
+        physics: WorldPhysics | None = None,
+        tool: tuple[float, float, float] = HOME_TOOL_M,
+        intrusion: Intrusion | None = None,
+        time_s: float = 0.0,
+        fixtures: Sequence[Block] = (),
+    ) -> None:
+        self.intrusion = intrusion or Intrusion(())
+        physics = self.intrusion.physics(physics or WorldPhysics(), rope)
+        nodes = resample(centreline, physics.rope.segments + 1)
+        self._model = _compile(rope, finger, physics, nodes, self.intrusion, fixtures)
+        self._data = mujoco.MjData(self._model)
+        self._links = np.array([self._model.body(f"rope{index}").id for index in range(physics.rope.segments)])
+        self._last_length = float(np.linalg.norm(nodes[-1] - nodes[-2]))
+        self._bend = slice(3, int(self._model.body("finger").jntnum[0]))
+        self._data.qpos[:3], self._data.time = tool, time_s
+        mujoco.mj_forward(self._model, self._data)
+        self.intrusion.attach(self._model, self._data, self._links, rope, finger)
+
+    @property
+    def time_s(self) -> float:
+        """The world's own time [s], from `time_s`."""
+        return float(self._data.time)
+
+    @property
+    def tool(self) -> ToolPose:
+        """Where the arm has the finger: it neither turns nor opens."""
+        return pointing_down(self._data.qpos[:3])
+
+    @property
+    def tip(self) -> Position:
+        """Where the tip of the finger is [m]: the tool, unless it gives way."""
+        tip, bent = self._data.qpos[:3].copy(), self._data.qpos[self._bend]
+        tip[: len(bent)] += bent
+        return tip
+
+    def step(self, tool: Float64[np.ndarray, " _"], duration_s: float) -> None:
+        """Move the tip in a straight line to `tool` while `duration_s` passes (rounded to whole time steps).
+
+        Of a pose its first three numbers, the position, matter to a finger.
+        """
+        period = self._model.opt.timestep
+        start, steps = self._data.qpos[:3].copy(), max(1, round(duration_s / period))
+        for step in range(1, steps + 1):
+            due = start + (tool[:3] - start) * (step / steps)
+            self._data.qvel[:3] = (due - self._data.qpos[:3]) / period
+            self.intrusion.act()
+            mujoco.mj_step(self._model, self._data)
+
+    def place(self, tool: Float64[np.ndarray, " _"]) -> None:
+        """Put the tip at `tool` without passing anything on the way; no time passes."""
+        self._data.qpos[:3] = tool[:3]
+        self._data.qvel[:3] = 0.0
+        mujoco.mj_forward(self._model, self._data)
+
+    def nodes(self) -> Centreline:
+        """The rope's nodes [m], shape (segments + 1, 3)."""
+        starts, tail = self._data.xpos[self._links], self._links[-1]
+        along = self._data.xmat[tail].reshape(3, 3)[:, 0]
+        return np.vstack([starts, starts[-1] + along * self._last_length])
+
+    def snapshot(self) -> Snapshot:
+        """The state to draw, with the arm's joints solved for the present tool pose."""
+        tool = pointing_down(self.tip)
+        return Snapshot(time_s=self.time_s, nodes=self.nodes(), tool=tool, joints=solve_joints(tool))
+
+
+def _compile(
+    rope: Rope,
+    finger: Finger,
+    physics: WorldPhysics,
+    nodes: Centreline,
+    intrusion: Intrusion,
+    fixtures: Sequence[Block],
+) -> Any:
+    """The MuJoCo model: table, finger (its three slides are the first three coordinates), rope."""
+    spec = mujoco.MjSpec()
+    spec.compiler.degree = False
+    spec.option.timestep = physics.time_step_s
+    spec.option.gravity = [0.0, 0.0, -physics.gravity_m_s2]
+    spec.option.integrator = mujoco.mjtIntegrator.mjINT_DISCRETE
+    spec.option.cone = mujoco.mjtCone.mjCONE_ELLIPTIC
+    spec.option.impratio = physics.friction_stiffness
+    # A rope at rest sleeps: it cannot creep and costs nothing.
+    spec.option.enableflags |= mujoco.mjtEnableBit.mjENBL_SLEEP
+    _add_table(spec, physics)
+    _add_finger(spec, finger, physics)
+    add_rope(spec, rope, physics, nodes)
+    for block in fixtures:
+        _add_block(spec, block, physics)
+    intrusion.build(spec, physics)
+    return spec.compile()
+
+
+def _add_block(spec: Any, block: Block, physics: WorldPhysics) -> None:
+    """An obstacle that stands still."""
+    spec.worldbody.add_geom(
+        type=mujoco.mjtGeom.mjGEOM_BOX,
+        size=block.half_m,
+        pos=block.place_m,
+        contype=FINGER_BIT,
+        conaffinity=FINGER_BIT,
+        friction=[block.friction, 0.0, 0.0],
+        solref=[physics.contact_time_s, 1.0],
+        priority=1,
+    )
+
+
+def _add_table(spec: Any, physics: WorldPhysics) -> None:
+    spec.worldbody.add_geom(
+        type=mujoco.mjtGeom.mjGEOM_PLANE,
+        size=[2.0, 2.0, 0.1],
+        contype=TABLE_BIT,
+        conaffinity=TABLE_BIT,
+        friction=[physics.table_friction, 0.0, 0.0],
+        solref=[physics.contact_time_s, 1.0],
+    )
+
+
+def _add_finger(spec: Any, finger: Finger, physics: WorldPhysics) -> None:
+    """A capsule on three heavy slides, so that contacts see its true velocity (a mocap body's is zero)."""
+    body = spec.worldbody.add_body(name="finger", gravcomp=1.0)
+    for axis in np.eye(3):
+        body.add_joint(type=mujoco.mjtJoint.mjJNT_SLIDE, axis=axis, armature=_PRESCRIBED_KG)
+    body.add_geom(
+        type=mujoco.mjtGeom.mjGEOM_CAPSULE,
+        size=[finger.radius_m, 0, 0],
+        fromto=[0, 0, finger.radius_m, 0, 0, physics.finger_length_m],
+        contype=FINGER_BIT,
+        conaffinity=FINGER_BIT,
+        mass=1.0,
+        friction=[physics.finger_friction, 0.0, 0.0],
+        solref=[physics.contact_time_s, 1.0],
+        # MuJoCo takes the larger friction of two geoms unless one of them has priority.
+        priority=1,
+    )

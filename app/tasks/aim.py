@@ -1,0 +1,38 @@
+"""When a task is done: laws of where the object shall be, for what cameras see of it and for the truth alike."""
+
+from dataclasses import dataclass
+from typing import Protocol, final
+
+import numpy as np
+from scipy.spatial import KDTree
+
+from app.core.chamfer import chamfer_m2
+from app.core.types import Points
+
+
+class Aim(Protocol):
+    """Judges particles `x` (N, 3) [m] by the goal (M, 3) [m]."""
+
+    def reached(self, x: Points, goal: Points) -> bool:
+        """Whether the task is done."""
+        ...
+
+    def share(self, x: Points, goal: Points) -> float:
+        """How much of the object is where it shall be, 0 to 1."""
+        ...
+
+
+@final
+@dataclass(frozen=True, kw_only=True)
+class Near:
+    """The object lies like the goal: their Chamfer distance is at most `limit_m2` [m^2]."""
+
+    limit_m2: float
+
+    def reached(self, x: Points, goal: Points) -> bool:
+        """Within the limit."""
+        return bool(chamfer_m2(x, goal) <= self.limit_m2)
+
+    def share(self, x: Points, goal: Points) -> float:
+        """Of the particles, those as near to the goal as the limit lets all be."""
+        return float(np.mean(KDTree(goal).query(x)[0] ** 2 <= self.limit_m2 / 2))
