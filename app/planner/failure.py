@@ -8,16 +8,17 @@ from jaxtyping import Array, Float, Float32
 
 from app.core.types import Points, ToolPose
 from app.planner.tree import Search, moved, roll_out, start
+from app.sim.state import State
 
 
 @final
 class Failed(NamedTuple):
-    """An action that ended in NaN: branch and depth, the particles before it [m], and the tool path [m]."""
+    """An action that ended in NaN: branch and depth, the state before it, and the tool path."""
 
     branch: int
     depth: int
-    x: Float[Array, "1 N 3"]
-    tool: Float[Array, "1 T A"]
+    state: State
+    tool: Float[Array, "1 T C"]
 
 
 def failed_action(
@@ -33,14 +34,15 @@ def failed_action(
     Descent leaves a branch where it began unless it gets cheaper, and nothing is cheaper than NaN: what failed then
     fails here.
     """
-    tree = start(search, observed, goal, phi, seed, tool)
-    now, actions = tree.now, roll_out(search, tree)
+    grown = start(search, observed, goal, phi, seed, tool)
+    now, actions = grown.now, roll_out(search, grown)
     for depth in range(search.depth):
         action = search.space.project(actions[:, depth], now)
-        path, after = search.space.tool_path(action, now.tool), moved(search, tree.phi, now, action)
+        path, after = search.space.tool_path(action, now.tool), moved(search, grown.phi, now, action)
         broken = ~np.isfinite(jax.device_get(after.x)).all(axis=(1, 2))
         if broken.any():
             branch = int(np.argmax(broken))
-            return Failed(branch, depth, now.x[branch : branch + 1], path[branch : branch + 1])
+            only = slice(branch, branch + 1)
+            return Failed(branch, depth, State(*(part[only] for part in now.state)), path[only])
         now = after
     return None

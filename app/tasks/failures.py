@@ -18,6 +18,7 @@ from app.sim.autopsy import single
 from app.sim.catalogue import EFFECTS
 from app.sim.checks import Arrays, Setup
 from app.sim.dump import Dump, leave_dump
+from app.sim.state import State
 from app.tasks import load
 from app.tasks.compiled import now
 
@@ -43,7 +44,7 @@ def of_plan(
     if failed is None:
         return ""
     about = f"{task}, seed {seed}, branch {failed.branch}, action {failed.depth}"
-    return _left(task, about, phi, failed.x, failed.tool, site)
+    return _left(task, about, phi, failed.state, failed.tool, site)
 
 
 def of_transitions(task: str, lost: Sequence[Transition], phi: Float32[np.ndarray, " P"], site: Site) -> str:
@@ -52,12 +53,12 @@ def of_transitions(task: str, lost: Sequence[Transition], phi: Float32[np.ndarra
         return ""
     first = gather(lost[:1], load(task).actions.measured_path)
     about = f"{task}, transition {lost[0].id}, one of {len(lost)} that left their grid"
-    return _left(task, about, phi, first.before, first.tool, site)
+    return _left(task, about, phi, load(task).begin(jnp.asarray(first.before)), first.tool, site)
 
 
-def _left(task: str, about: str, phi: Float32[np.ndarray, " P"], x: Arrays, tool: Arrays, site: Site) -> str:
-    setup = Setup(scene=load(task).scene, counts=(x.shape[1],), effects=EFFECTS)
-    case = single(setup, phi[None], load(task).begin(jnp.asarray(x)), tool, now(1, x.shape[1]))
+def _left(task: str, about: str, phi: Float32[np.ndarray, " P"], state: State, tool: Arrays, site: Site) -> str:
+    setup = Setup(scene=load(task).scene, counts=(state.x.shape[1],), effects=EFFECTS)
+    case = single(setup, phi[None], state, tool, now(1, state.x.shape[1]))
     if next(_room(), None) is None:
         return f" This process has left {DUMPS} dumps already, and leaves no more."
     try:

@@ -10,6 +10,7 @@ from app.calibration.calibrate import Calibrator, next_model, phi_of
 from app.calibration.evidence import Evidence, Predictor, gather
 from app.calibration.fit import Settings
 from app.core.messages import Executed, Extension, MessageId, Parameter, Transition
+from app.policy.base import AWAY
 from app.sim.params import index
 from app.tasks import compiled, load, nominal_model
 from app.tasks.curves import fill_tube
@@ -26,8 +27,8 @@ def evidence() -> Evidence:
     """Five pushes of the simulator itself, with the true parameters."""
     rng = np.random.default_rng(0)
     before = np.stack([fill_tube(TASK.start(seed), TASK.rope.radius_m, PARTICLES) for seed in range(5)])
-    actions = jnp.concatenate([jnp.asarray(SPACE.sample(rng, x, 1)) for x in before])
-    tool = SPACE.tool_path(actions)
+    actions = jnp.concatenate([jnp.asarray(SPACE.sample(rng, x, AWAY, 1)) for x in before])
+    tool = SPACE.tool_path(actions, jnp.tile(jnp.asarray(AWAY, jnp.float32), (5, 1)))
     after = PREDICTOR.advance(jnp.tile(TRUTH, (5, 1)), jnp.asarray(before), tool)
     return Evidence(before=before, tool=np.asarray(tool), after=np.asarray(after))
 

@@ -5,10 +5,11 @@ import pytest
 
 from app.core.chamfer import chamfer_m2
 from app.tasks import load
-from app.tasks.curves import Problems, fill_tube
+from app.tasks.curves import Problems, RopeProblems, fill_tube
 
 TASK = load("rope_push")
-PROBLEMS = TASK.problems
+assert isinstance(TASK.problems, RopeProblems)
+PROBLEMS = TASK.problems.curves
 
 
 @pytest.mark.parametrize("seed", range(12))

@@ -15,6 +15,7 @@ from app.core.messages import Executed, Transition, fresh_id
 from app.planner.tree import Search
 from app.sim.autopsy import dissect
 from app.sim.dump import load_dump
+from app.sim.state import State
 from app.tasks import calibrate, failures, load, nominal_model, plan
 from tests.planner.table import PHI, SPACE, rope, search
 
@@ -28,14 +29,14 @@ def fresh_process() -> Iterator[None]:
     failures._room.cache_clear()
 
 
-def still(phi: jax.Array, x: jax.Array, tool: jax.Array) -> jax.Array:
+def still(phi: jax.Array, state: State, tool: jax.Array) -> State:
     """Nothing moves."""
-    return x
+    return state
 
 
-def breaking(phi: jax.Array, x: jax.Array, tool: jax.Array) -> jax.Array:
+def breaking(phi: jax.Array, state: State, tool: jax.Array) -> State:
     """Nothing moves, and one branch becomes NaN."""
-    return x.at[BAD].set(jnp.nan)
+    return state._replace(x=state.x.at[BAD].set(jnp.nan))
 
 
 def of_plan(tree: Search, folder: Path, seed: int = 0) -> str:

@@ -11,6 +11,7 @@ import pytest
 from app.config import Site
 from app.core.errors import UsageError
 from app.core.messages import Transition
+from app.policy.base import AWAY
 from app.sim.params import PARAMETERS
 from app.tasks import calibrate, load, names, nominal_model, plan, update, warm_up_stage, warm_up_stages
 from bench.table import Table
@@ -46,8 +47,8 @@ def test_the_nominal_model_is_version_0_and_inside_every_range(name: str) -> Non
 def test_every_push_may_be_made_in_the_site_as_it_is(name: str) -> None:
     task, site = load(name), Site()
     x = task.goal(0, 100)
-    for action in task.actions.sample(np.random.default_rng(0), x, 8):
-        assert site.limits.workspace.contains(task.actions.motion(action, site).positions)
+    for action in task.actions.sample(np.random.default_rng(0), x, AWAY, 8):
+        assert site.limits.workspace.contains(task.actions.motion(action, AWAY, site).positions)
 
 
 def test_naming_a_rope_loads_neither_jax_nor_warp() -> None:

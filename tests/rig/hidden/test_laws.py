@@ -258,7 +258,7 @@ def test_a_compliant_finger_stays_behind_by_no_more_than_its_load_bends_it() -> 
     assert 1e-3 < table.tool[0] - table.tip[0] < 0.02 * 1.5 * friction_n
     # Nothing but what little the rope's own bend presses is left of it at rest, and nothing in the air.
     table.step(np.array([0.58, 0.0, 0.1]), 0.5)
-    assert table.tip == pytest.approx(table.tool, abs=1e-5)
+    assert table.tip == pytest.approx(table.tool[:3], abs=1e-5)
 
 
 def test_a_rougher_finger_is_what_its_coefficient_says() -> None:
