@@ -15,6 +15,7 @@ from pathlib import Path
 
 from rich.console import Console
 
+from app.evaluation.ledger import append
 from app.policy.strokes import Plan
 from bench.hidden import ledger
 from bench.hidden.curves import calibration_error, confusion, confusion_of_classes, power, reliability
@@ -81,7 +82,7 @@ def _try(output: Console, cases: Sequence[Case], setup: Setup, into: Path, other
         try:
             for count, future in enumerate(as_completed(running), 1):
                 line = future.result()
-                ledger.append(into, line)
+                append(into, line)
                 rest_s = (time.monotonic() - began) / count * (len(left) - count)
                 said = line.get("failure") or _short(line)
                 output.print(f"{count}/{len(left)} {running[future].key}: {said}; {_clock(rest_s)} left", markup=False)

@@ -9,7 +9,7 @@ from typing import final
 import numpy as np
 from jaxtyping import Int64
 
-from bench.hidden.intervals import Measured, share
+from app.evaluation.intervals import Measured, share
 from bench.hidden.outcome import CLASSES, NOTHING, OUTSIDE, Outcome, Truth
 
 BINS = 10

@@ -7,8 +7,8 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Literal, TypeAlias, final
 
+from app.evaluation.intervals import Measured, median, share
 from bench.hidden.draws import WORLDS, World
-from bench.hidden.intervals import Measured, median, share
 from bench.hidden.outcome import NUMERICS, Blamed, Outcome, Truth, away
 
 CONFIDENT = 0.8

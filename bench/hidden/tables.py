@@ -5,9 +5,9 @@ from collections.abc import Sequence
 
 from rich.table import Table
 
+from app.evaluation.intervals import Measured
 from bench.hidden.curves import Bin, Confusion, Power
 from bench.hidden.draws import WORLDS, World
-from bench.hidden.intervals import Measured
 from bench.hidden.scores import Limit, Row
 
 _TITLES = {"own": "own engine, other numerics", "mujoco": "other engine (MuJoCo)"}

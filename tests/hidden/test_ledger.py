@@ -6,6 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from app.evaluation.ledger import append
 from bench import discovery
 from bench.hidden import ledger
 from bench.hidden.draws import drawn
@@ -21,10 +22,10 @@ def lines(count: int) -> list[dict]:
 def test_a_line_that_was_cut_off_counts_for_nothing_and_harms_no_other(tmp_path: Path) -> None:
     path = tmp_path / "results.jsonl"
     first, second, third = lines(3)
-    ledger.append(path, first)
+    append(path, first)
     with path.open("a") as file:
         file.write(json.dumps(second)[:40])
-    ledger.append(path, third)
+    append(path, third)
     assert ledger.read([path]) == [first, third]
 
 
@@ -32,9 +33,9 @@ def test_files_are_read_as_one_and_a_failure_gives_way_to_a_verdict(tmp_path: Pa
     one, other = tmp_path / "one.jsonl", tmp_path / "other.jsonl"
     first, second = lines(2)
     failed = {"case": first["case"], "failure": "TimeoutExpired"}
-    ledger.append(one, failed)
-    ledger.append(other, first)
-    ledger.append(other, second)
+    append(one, failed)
+    append(other, first)
+    append(other, second)
     for paths in ([one, other], [other, one]):
         assert ledger.finished(ledger.read(paths)) == [first, second]
     assert ledger.read([one, tmp_path / "none.jsonl"]) == [failed]
@@ -43,7 +44,7 @@ def test_files_are_read_as_one_and_a_failure_gives_way_to_a_verdict(tmp_path: Pa
 def test_the_bench_scores_what_is_there_and_draws_it(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     path, report = tmp_path / "results.jsonl", tmp_path / "report"
     for each in lines(40):
-        ledger.append(path, each)
+        append(path, each)
     discovery.main(["--n", "0", "--into", str(path), "--report", str(report)])
     said = capsys.readouterr().out
     assert "Targets" in said
@@ -56,7 +57,7 @@ def test_the_bench_scores_what_is_there_and_draws_it(tmp_path: Path, capsys: pyt
 def test_what_is_done_is_not_done_again(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     path = tmp_path / "results.jsonl"
     for each in lines(5):
-        ledger.append(path, each)
+        append(path, each)
     before = path.read_text()
     discovery.main(["--n", "5", "--world", "own", "--seed", str(SEED), "--into", str(path)])
     assert path.read_text() == before

@@ -6,11 +6,11 @@ import math
 import numpy as np
 import pytest
 
+from app.evaluation.intervals import median, share
 from app.ui.report import verdict_json
 from bench.hidden.curves import calibration_error, confusion, confusion_of_classes, power, reliability
 from bench.hidden.draws import Case, Chosen
 from bench.hidden.figures import confusion_svg, power_svg, reliability_svg
-from bench.hidden.intervals import median, share
 from bench.hidden.outcome import Outcome, Truth, outcome, size_of
 from bench.hidden.scores import alarming, covered, rows, size_error
 from tests.hidden import synthetic

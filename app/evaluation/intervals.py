@@ -1,11 +1,11 @@
-"""Shares and medians with 95 % intervals, of few cases."""
+"""Shares, means and medians with 95 % intervals, of few cases."""
 
 import math
 from collections.abc import Iterable
 from typing import NamedTuple
 
 import numpy as np
-from scipy.stats import binom
+from scipy.stats import binom, bootstrap
 
 _Z = 1.96
 """Of a 95 % interval."""
@@ -40,3 +40,19 @@ def median(values: Iterable[float]) -> Measured:
         return Measured(math.nan, math.nan, math.nan, 0)
     below = int(binom.ppf(0.025, n, 0.5))
     return Measured(float(np.median(known)), float(known[max(below - 1, 0)]), float(known[min(n - below, n - 1)]), n)
+
+
+def mean(values: Iterable[float]) -> Measured:
+    """The mean of what is finite, with the bootstrap's interval (Efron 1987, "Better bootstrap confidence intervals").
+
+    No law of the values is assumed, only that there are enough of them.
+    """
+    known = np.array([value for value in values if math.isfinite(value)])
+    n = len(known)
+    if n == 0:
+        return Measured(math.nan, math.nan, math.nan, 0)
+    middle = float(known.mean())
+    if n == 1 or np.ptp(known) == 0:
+        return Measured(middle, middle if n > 1 else math.nan, middle if n > 1 else math.nan, n)
+    found = bootstrap((known,), np.mean, rng=np.random.default_rng(0), method="BCa").confidence_interval
+    return Measured(middle, float(found.low), float(found.high), n)

@@ -1,0 +1,166 @@
+"""Compare planners and ablations on the simulated cell, over seeds: a table, curves, and one line an episode."""
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Annotated, Any, Final, Literal
+
+import tyro
+from rich.console import Console
+from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
+
+from app.commands._preflight import unwritable
+from app.core.errors import UsageError
+from app.evaluation import ledger
+from app.evaluation.curves import draw
+from app.evaluation.demonstrate import calibrated
+from app.evaluation.play import Eyes
+from app.evaluation.scores import scores
+from app.evaluation.tables import markdown, table
+from app.evaluation.trial import WHOLE, Trial, run_trial
+from app.evaluation.workers import Where, finished
+from app.planner.method import ABLATIONS, PAPER, planners
+from app.tasks import load, names
+from app.tasks.jobs import choose_preset
+
+EPISODES: Final = "episodes.jsonl"
+_Names = Annotated[tuple[str, ...], tyro.conf.arg(metavar="NAME [NAME ...]")]
+
+
+def evaluate(
+    *,
+    task: _Names = (),
+    planner: _Names = (),
+    ablation: _Names = (),
+    seeds: int = 10,
+    demonstrations: int = 10,
+    online: bool = False,
+    eyes: Eyes = "cameras",
+    preset: Literal["auto", "cpu", "gpu"] = "auto",
+    actions: int | None = None,
+    workers: Where = "local",
+    jobs: int = 1,
+    output: Annotated[Path, tyro.conf.arg(aliases=["-o"])],
+) -> None:
+    """Episodes that stand in OUTPUT/episodes.jsonl are not played again, so the same command goes on after a kill.
+
+    Args:
+        task: all tasks where none is named.
+        planner: all planners where none is named; dipac is the paper's.
+        ablation: of dipac; all where none is named and no planner is; "none" for the whole planner alone.
+        seeds: problems 0, 1, ... of each task.
+        demonstrations: by the scripted expert, which the model of each task is calibrated from first.
+        online: the model also learns from each action of an episode.
+        eyes: rendered images, or the truth with the noise that particles from images have, which is faster.
+        preset: how much is computed for a decision; auto asks this machine.
+        actions: at most, in an episode; the task's horizon where none is said.
+        workers: processes of this machine, or those of a Ray cluster.
+        jobs: so many processes of this machine at a time.
+        output: the folder of results, new or one to go on with.
+    """
+    terminal = Console(highlight=False, soft_wrap=True)
+    _check(seeds, demonstrations, jobs, actions)
+    size = preset if preset != "auto" else choose_preset()
+    methods, tasks = _methods(planner, ablation), task or tuple(names())
+    for name in tasks:
+        load(name).preset(size)
+    _make(output)
+    models = {name: output / "models" / f"{name}.toml" for name in tasks}
+    trials = [
+        Trial(
+            task=name,
+            planner=chosen,
+            ablation=left_out,
+            seed=seed,
+            preset=size,
+            eyes=eyes,
+            online=online,
+            model=models[name],
+            actions=actions,
+        )
+        for seed in range(seeds)
+        for name in tasks
+        for chosen, left_out in methods
+    ]
+    _calibrate(terminal, [trial for trial in trials if trial.seed == 0], models, demonstrations)
+    _play(terminal, trials, output / EPISODES, workers, jobs)
+    _report(terminal, _rows(output / EPISODES, trials), output)
+
+
+def _check(seeds: int, demonstrations: int, jobs: int, actions: int | None) -> None:
+    counts = {"--seeds": seeds, "--demonstrations": demonstrations, "--jobs": jobs, "--actions": actions or 1}
+    for option, count in counts.items():
+        if count < 1:
+            raise UsageError(f"{option} {count} must be at least 1.")
+
+
+def _methods(chosen: Sequence[str], left_out: Sequence[str]) -> list[tuple[str, str]]:
+    """Planner and ablation of each method."""
+    for name in chosen:
+        if name not in planners():
+            raise UsageError.unknown("planner", name, planners())
+    for name in left_out:
+        if name not in (WHOLE, *ABLATIONS):
+            raise UsageError.unknown("ablation", name, [WHOLE, *ABLATIONS])
+    parts = left_out or ((WHOLE,) if chosen else (WHOLE, *ABLATIONS))
+    return [(name, part) for name in chosen or planners() for part in (parts if name == PAPER else (WHOLE,))]
+
+
+def _make(output: Path) -> None:
+    try:
+        (output / "models").mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise unwritable(output, "-o", error) from None
+
+
+def _calibrate(terminal: Console, trials: Sequence[Trial], models: dict[str, Path], episodes: int) -> None:
+    """The models that are not there yet, of tasks some method of which needs one."""
+    for name, path in models.items():
+        wanting = [trial for trial in trials if trial.task == name and trial.method.calibrated]
+        if wanting and not path.exists():
+            trial = wanting[0]
+            with terminal.status(f"{name}: {episodes} demonstrations, and the model that they calibrate"):
+                calibrated(name, trial.preset, episodes, trial.eyes, path)
+            terminal.print(f"{path}: calibrated from {episodes} demonstrations", markup=False)
+
+
+def _play(terminal: Console, trials: Sequence[Trial], path: Path, workers: Where, jobs: int) -> None:
+    done = {row["key"] for row in ledger.lines(path) if "key" in row}
+    left = [trial for trial in trials if trial.key not in done]
+    columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn())
+    with Progress(*columns, TimeRemainingColumn(), console=terminal, transient=True) as progress:
+        bar = progress.add_task("episodes", total=len(trials), completed=len(trials) - len(left))
+        for trial, outcome in finished(run_trial, left, where=workers, processes=jobs):
+            row = outcome if isinstance(outcome, dict) else _lost(trial, outcome)
+            ledger.append(path, {"key": trial.key} | row)
+            progress.update(bar, advance=1)
+            progress.console.print(f"{trial.key}: {_told(row)}", markup=False)
+
+
+def _lost(trial: Trial, why: str) -> dict[str, Any]:
+    """The row of a trial whose process was lost."""
+    told = {"task": trial.task, "planner": trial.planner, "ablation": trial.ablation, "seed": trial.seed}
+    empty = {name: list[Any]() for name in ("chamfers_m2", "rewards", "decisions_s", "parameters")}
+    return told | empty | {"chamfer_m2": None, "success": False, "reward": 0.0, "decision_s": 0.0, "failure": why}
+
+
+def _told(row: dict[str, Any]) -> str:
+    if row["failure"]:
+        return f"failed: {row['failure']}"
+    ends = f"{1e6 * row['chamfers_m2'][0]:.0f} -> {1e6 * row['chamfer_m2']:.0f} mm^2"
+    outcome = "success" if row["success"] else "no success"
+    return f"{outcome}, {ends} in {len(row['decisions_s'])} actions, {row['decision_s']:.1f} s a decision"
+
+
+def _rows(path: Path, trials: Sequence[Trial]) -> list[dict[str, Any]]:
+    """Of these trials, each once."""
+    found = {row["key"]: row for row in ledger.lines(path) if "key" in row}
+    return [found[trial.key] for trial in trials if trial.key in found]
+
+
+def _report(terminal: Console, rows: Sequence[dict[str, Any]], output: Path) -> None:
+    found = scores(rows)
+    terminal.print(table(found))
+    (output / "table.md").write_text(markdown(found), encoding="utf-8")
+    drawn = draw(rows, output)
+    listed = ", ".join(map(str, [output / "table.md", *drawn]))
+    terminal.print(f"{output / EPISODES}: {len(rows)} episodes; {listed}", markup=False)

@@ -1,0 +1,43 @@
+"""The Chamfer distance over the actions of episodes, as the paper draws it: means with their spread."""
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from jaxtyping import Float64
+
+from app.evaluation.scores import MM2
+from app.evaluation.trial import WHOLE
+from app.planner.method import PAPER
+
+
+def draw(rows: Sequence[dict[str, Any]], folder: Path) -> list[Path]:
+    """A figure a task, `TASK-chamfer.svg`, of all methods; returns the files."""
+    from matplotlib.figure import Figure  # Takes a second to load, which nobody pays who draws nothing.
+
+    drawn = list[Path]()
+    for task in sorted({row["task"] for row in rows}):
+        figure = Figure(figsize=(7.5, 4.5), layout="constrained")
+        axes = figure.add_subplot(xlabel="actions", ylabel="Chamfer distance to the goal [mm$^2$]", yscale="log")
+        axes.set_title(f"{task}: mean over seeds, and the middle four fifths")
+        for name, curves in _methods([row for row in rows if row["task"] == task]).items():
+            low, high = np.quantile(curves, (0.1, 0.9), axis=0)
+            (line,) = axes.plot(curves.mean(axis=0), label=f"{name} (n = {len(curves)})")
+            axes.fill_between(np.arange(curves.shape[1]), low, high, color=line.get_color(), alpha=0.12, linewidth=0)
+        axes.legend(fontsize="small")
+        drawn.append(folder / f"{task}-chamfer.svg")
+        figure.savefig(drawn[-1], metadata={"Date": None})
+    return drawn
+
+
+def _methods(rows: Sequence[dict[str, Any]]) -> dict[str, Float64[np.ndarray, "episodes actions"]]:
+    """Each method's episodes [mm^2]; one that has ended stays where it was."""
+    longest = max((len(row["chamfers_m2"]) for row in rows), default=0)
+    found = dict[str, list[list[float]]]()
+    for row in sorted(rows, key=lambda row: (row["planner"] != PAPER, row["ablation"] != WHOLE)):
+        ended = row["chamfers_m2"]
+        if ended:
+            name = row["planner"] if row["ablation"] == WHOLE else f"{row['planner']}, {row['ablation']}"
+            found.setdefault(name, []).append([*ended, *[ended[-1]] * (longest - len(ended))])
+    return {name: MM2 * np.array(curves) for name, curves in found.items()}

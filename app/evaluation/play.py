@@ -1,0 +1,175 @@
+"""One episode in lock step: see, plan, act, learn, and all begins again, as in the running application."""
+
+import time
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
+from typing import Literal, TypeAlias, final
+
+import numpy as np
+
+from app.config import Site
+from app.core.chamfer import chamfer_m2
+from app.core.errors import DipacError, PlanningError
+from app.core.messages import Executed, Frame, Model, Particles, Transition, fresh_id
+from app.core.types import Points
+from app.perception.reconstruct import reconstruct
+from app.planner.method import Method
+from app.planner.plan import Plan
+from app.rig.simulated.lockstep import LockStep
+from app.tasks import jobs
+from app.tasks.base import Task
+
+Eyes: TypeAlias = Literal["cameras", "truth"]
+"""Rendered images that perception makes particles of; or the truth, spread as evenly and with the noise of that."""
+
+NOISE_M = 0.0015
+"""Of particles from the truth: as particles from images differ from it (docs/results.md)."""
+_ATTEMPTS = 3
+"""A planner whose branches all fail draws others; the third failure in a row ends the episode."""
+
+
+@final
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Order:
+    """What is to be played. `online`: the model learns from every action; `actions` at most, the task's horizon."""
+
+    task: Task
+    preset: str
+    seed: int
+    method: Method
+    model: Model
+    online: bool = False
+    eyes: Eyes = "cameras"
+    actions: int | None = None
+
+
+@final
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Step:
+    """One action: what was seen, planned and made, and what was seen then. `frames` are those of `before`."""
+
+    frames: Sequence[Frame]
+    before: Particles
+    plan: Plan
+    transition: Transition
+    after: Particles
+    model: Model
+
+
+@final
+@dataclass(kw_only=True, eq=False)
+class Played:
+    """What came of it so far. Distances and shares are of the truth, at the start and after every action.
+
+    `failure`: what ended it before its time, in words.
+    """
+
+    chamfer_m2: list[float] = field(default_factory=list[float])
+    share: list[float] = field(default_factory=list[float])
+    decision_s: list[float] = field(default_factory=list[float])
+    models: list[Model] = field(default_factory=list[Model])
+    success: bool = False
+    failure: str = ""
+
+
+Listener: TypeAlias = Callable[[Step], None]
+
+
+def play(order: Order, listen: Listener | None = None, site: Site | None = None) -> Played:
+    """Play until the object is seen where it shall be, the actions are used up, or something fails."""
+    episode, played = _Episode(order, site or Site()), Played()
+    try:
+        episode.run(played, listen)
+    except DipacError as error:
+        played.failure = str(error)
+    return played
+
+
+@final
+class _Episode:
+    """The cell and what is known of it."""
+
+    def __init__(self, order: Order, site: Site) -> None:
+        self._order, self._site, self._task = order, site, order.task
+        self._count = order.task.preset(order.preset).particle_count
+        self._cell = LockStep(order.task.stage, order.task.start(order.seed), site, order.seed)
+        self._goal, self._model = order.task.goal(order.seed, self._count), order.model
+        self._rng, self._learnt = np.random.default_rng([order.seed, 1]), list[Transition]()
+        self._frames: Sequence[Frame] = ()
+
+    def run(self, played: Played, listen: Listener | None) -> None:
+        """Into `played`, which is told how far it got also where something fails."""
+        self._judge(played)
+        before, actions = self._see(), self._order.actions
+        limit = self._task.horizon if actions is None else actions
+        while len(played.decision_s) < limit and not self._task.aim.reached(before.positions, self._goal):
+            frames, began_s = self._frames, time.perf_counter()
+            plan = self._plan(before.positions, len(played.decision_s))
+            played.decision_s.append(time.perf_counter() - began_s)
+            executed = self._cell.execute(plan.motion)
+            self._judge(played)
+            after = self._see()
+            learnt = self._learn(before, executed, after)
+            played.models.append(self._model)
+            if listen is not None:
+                listen(Step(frames=frames, before=before, plan=plan, transition=learnt, after=after, model=self._model))
+            before = after
+
+    def _judge(self, played: Played) -> None:
+        """By the truth."""
+        x = self._task.particles(self._cell.nodes(), self._count)
+        played.chamfer_m2.append(float(chamfer_m2(x, self._goal)))
+        played.share.append(self._task.aim.share(x, self._goal))
+        played.success = self._task.aim.reached(x, self._goal)
+
+    def _see(self) -> Particles:
+        began_s = time.perf_counter()
+        self._frames = self._cell.look() if self._order.eyes == "cameras" else ()
+        if self._frames:
+            seen = reconstruct(self._frames, self._task.reconstruction(self._order.preset))
+            positions, surface = seen.positions, seen.surface
+        else:
+            positions = surface = self._noisy(self._task.particles(self._cell.nodes(), self._count))
+        return Particles(
+            id=fresh_id("particles"),
+            cause=tuple(frame.id for frame in self._frames),
+            time_s=self._cell.time_s,
+            positions=positions,
+            surface=surface,
+            reconstruction_s=time.perf_counter() - began_s,
+        )
+
+    def _noisy(self, x: Points) -> Points:
+        noisy = x + NOISE_M * self._rng.standard_normal(x.shape)
+        noisy[:, 2] = np.maximum(noisy[:, 2], 0.0)
+        return noisy.astype(np.float32)
+
+    def _plan(self, x: Points, index: int) -> Plan:
+        order = self._order
+        for attempt in range(_ATTEMPTS):
+            seed = hash((order.seed, index, attempt)) % 2**31
+            try:
+                return jobs.plan(
+                    *(self._task.name, order.preset, x, self._goal, self._model, seed, self._site),
+                    tool=self._cell.tool,
+                    method=order.method,
+                )
+            except PlanningError:
+                if attempt + 1 == _ATTEMPTS:
+                    raise
+        raise AssertionError("the last attempt returns or raises")
+
+    def _learn(self, before: Particles, executed: Executed, after: Particles) -> Transition:
+        transition = Transition(
+            id=fresh_id("transition"),
+            cause=(before.id, executed.id, after.id),
+            time_s=after.time_s,
+            before=before.positions,
+            executed=executed,
+            after=after.positions,
+        )
+        self._learnt.append(transition)
+        if self._order.online:
+            task, preset = self._task.name, self._order.preset
+            self._model = jobs.update(task, preset, self._learnt, self._model, self._site)
+        return transition

@@ -1,0 +1,92 @@
+"""One episode as a row of an evaluation: plain data in and out, to be run in any process of any machine."""
+
+import time
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Any, final
+
+import numpy as np
+
+from app.config import Site
+from app.core.messages import Model
+from app.evaluation.play import Eyes, Order, play
+from app.planner.method import Method
+from app.recording.model_file import load_model
+from app.tasks import compiled, load
+from app.tasks.jobs import nominal_model
+
+WHOLE = "none"
+"""The name of what leaves nothing out, where ablations are listed."""
+
+
+@final
+@dataclass(frozen=True, kw_only=True)
+class Trial:
+    """An episode of `task` by `planner` with an `ablation`, or `none`.
+
+    `model`: the file of the calibrated model; None where the method does without.
+    """
+
+    task: str
+    planner: str
+    ablation: str
+    seed: int
+    preset: str
+    eyes: Eyes = "cameras"
+    online: bool = False
+    model: Path | None = None
+    actions: int | None = None
+
+    @property
+    def key(self) -> str:
+        """What tells it from others in the same evaluation."""
+        return f"{self.task} {self.planner} {self.ablation} {self.seed}"
+
+    @property
+    def method(self) -> Method:
+        """How it decides. Raises UsageError for a planner or an ablation that does not exist."""
+        return Method.named(self.planner, None if self.ablation == WHOLE else self.ablation)
+
+
+def run_trial(trial: Trial) -> dict[str, Any]:
+    """Play it. The row says what came of it, `failure` included; what is wrong with the program itself is raised."""
+    began_s, method = time.perf_counter(), trial.method
+    model = _model(trial, method)
+    order = Order(
+        task=load(trial.task),
+        preset=trial.preset,
+        seed=trial.seed,
+        method=method,
+        model=model,
+        online=trial.online and method.calibrated,
+        eyes=trial.eyes,
+        actions=trial.actions,
+    )
+    compiled.warm(trial.task, trial.preset, model, method)
+    played = play(order, site=Site())
+    return asdict(trial) | {
+        "model": str(trial.model) if trial.model else None,
+        "chamfer_m2": played.chamfer_m2[-1] if played.chamfer_m2 else None,
+        "success": played.success and not played.failure,
+        "reward": played.share[-1] if played.share else 0.0,
+        "decision_s": float(np.mean(played.decision_s)) if played.decision_s else 0.0,
+        "failure": played.failure,
+        "chamfers_m2": played.chamfer_m2,
+        "rewards": played.share,
+        "decisions_s": played.decision_s,
+        "parameters": [_calibrated(trial.task, model) for model in played.models] if order.online else [],
+        "took_s": time.perf_counter() - began_s,
+    }
+
+
+def _model(trial: Trial, method: Method) -> Model:
+    """The calibrated one from its file; without calibration, what the simulator would be without any demonstration."""
+    if not method.calibrated:
+        return compiled.uncalibrated_model(trial.task)
+    if trial.model is None:
+        return nominal_model(trial.task)
+    return load_model(trial.model, task=trial.task, time_s=0.0)
+
+
+def _calibrated(task: str, model: Model) -> dict[str, float]:
+    return {name: model.value(name) for name in load(task).calibrated}

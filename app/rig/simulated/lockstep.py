@@ -1,0 +1,85 @@
+"""A simulated cell on its own clock: arm, world and cameras of the running one, and nothing happens until it is told.
+
+What takes the running cell real time takes this one as long as the computer needs, and what somebody thinks meanwhile
+takes none of the world's: the same seed gives the same episode, however busy the machine is.
+"""
+
+from typing import Final, final
+
+import numpy as np
+
+from app.config import Site
+from app.core.errors import MotionRefused
+from app.core.messages import Executed, Frame, fresh_id
+from app.core.motion import Motion, pointing_down
+from app.core.stage import Stage
+from app.core.types import ToolPose
+from app.rig.simulated.arm_control import ArmControl
+from app.rig.simulated.eyes import Eyes
+from app.rig.simulated.kinds import kind_of
+from app.rig.simulated.physics import HOME_TOOL_M
+from app.rig.simulated.world import Nodes
+
+_LAID_S: Final = 1.0
+"""An object that was laid on the table comes to rest."""
+_LONGEST_S: Final = 300.0
+"""No motion takes longer: one that does is stuck."""
+
+
+@final
+class LockStep:
+    """The stage's object at `start (K, 3)` [m], the tool at home; `seed` is that of the cameras' noise."""
+
+    def __init__(self, stage: Stage, start: Nodes, site: Site, seed: int) -> None:
+        home = pointing_down(np.array(HOME_TOOL_M))
+        self._site, self._arm = site, ArmControl(site, home)
+        self._world = kind_of(stage).build(stage, start, 0.0)
+        self._eyes, self._looks = Eyes(stage, (), seed), 0
+        self._world.place(home)
+        self._world.step(home, _LAID_S)
+
+    @property
+    def tool(self) -> ToolPose:
+        """Where the arm has its tool."""
+        return self._arm.measured
+
+    @property
+    def time_s(self) -> float:
+        """The world's own time [s]."""
+        return self._world.time_s
+
+    def nodes(self) -> Nodes:
+        """The truth: where the object is, in the world's own terms [m]."""
+        return self._world.nodes()
+
+    def look(self) -> list[Frame]:
+        """What all cameras see now."""
+        self._looks += 1
+        return self._eyes.look(self._world.snapshot(), stamp_s=self._world.time_s, number=self._looks)
+
+    def execute(self, motion: Motion) -> Executed:
+        """Make the motion as the arm's own process would, and let the object come to rest.
+
+        Raises MotionRefused, with nothing moved, where the arm's limits do not allow it.
+        """
+        period, rows = self._site.timing.arm_period_s, list[tuple[float, ToolPose, ToolPose]]()
+        self._arm.begin(motion, motion.digest())
+        while self._arm.mode == "moving":
+            self._arm.advance(period)
+            self._world.step(self._arm.measured, period)
+            rows.append((self._world.time_s, self._arm.commanded.copy(), self._arm.measured.copy()))
+            if len(rows) * period > _LONGEST_S:
+                raise MotionRefused(f"The motion has not come to its end in {_LONGEST_S:.0f} s; it is stuck.")
+        self._world.step(self._arm.measured, self._site.timing.settle_s)
+        times, commanded, measured = (np.array(column) for column in zip(*rows, strict=True))
+        return Executed(
+            id=fresh_id("executed"),
+            time_s=float(times[-1]),
+            approved_id=fresh_id("lockstep"),
+            outcome="completed",
+            reason="",
+            times_s=times,
+            commanded=commanded[:, :7],
+            measured=measured[:, :7],
+            openings=measured[:, 7],
+        )
