@@ -21,6 +21,7 @@ from app.core.errors import PlanningError
 from app.core.messages import Branch, Model
 from app.core.motion import Motion
 from app.core.types import Points, ToolPose
+from app.planner.method import Method
 
 if TYPE_CHECKING:
     from app.planner.plan import Plan
@@ -44,7 +45,7 @@ def take_up(habits: Habits) -> None:
     """From now on, plan by strokes with these habits. To be run in the planner's process."""
     strokes = Strokes(habits)
 
-    def planner(task: str, preset: str, phi: np.ndarray) -> Strokes:
+    def planner(task: str, preset: str, phi: np.ndarray, method: Method) -> Strokes:
         return strokes
 
     compiled = SimpleNamespace(planner=planner, phi_of=_phi_of, stages=_stages)
@@ -101,7 +102,7 @@ def _branch(origin: Literal["policy", "random"], path: np.ndarray, observed: Poi
     )
 
 
-def _stages(task: str, preset: str, model: Model) -> list[object]:
+def _stages(task: str, preset: str, model: Model, method: Method) -> list[object]:
     return []
 
 

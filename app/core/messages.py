@@ -154,10 +154,14 @@ class Model(Message):
         raise KeyError(name)
 
 
+Origin: TypeAlias = Literal["policy", "random", "sampled", "asked"]
+"""Where a branch's actions came from: the initial policy, chance, a distribution that was fitted, or somebody."""
+
+
 @final
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Branch:
-    """One branch of the search tree, before and after gradient descent on its actions.
+    """One branch of the search tree, before and after its actions were optimised.
 
     `actions (D, A)`: D steps deep, in the task's action space; `tool_path (W, 3)`: the first action's path;
     `predicted (N, 3)`: the particles after the first action; `final (N, 3)`: at the end of the branch.
@@ -165,7 +169,7 @@ class Branch:
     A branch that became non-finite is kept for the record with `finite=False` and is never chosen.
     """
 
-    origin: Literal["policy", "random", "asked"]
+    origin: Origin
     actions: Float32[np.ndarray, "D A"]
     tool_path: Float32[np.ndarray, "W 3"]
     predicted: Points

@@ -249,13 +249,14 @@ class Flow:
 
     async def _warm_up(self) -> None:
         """Compile what planning needs, by name, while the cameras already run."""
-        task, preset, planner = self.wish.task.name, self.wish.preset, self.planner
+        wish, planner = self.wish, self.planner
+        task, preset, method = wish.task.name, wish.preset, wish.method
         self._do("starting the planner")
-        model = self.say(self.wish.model or await planner.run(nominal_model, task))
+        model = self.say(wish.model or await planner.run(nominal_model, task))
         self.models.put(model)
-        for index, stage in enumerate(await planner.run(warm_up_stages, task, preset, model)):
+        for index, stage in enumerate(await planner.run(warm_up_stages, task, preset, model, method)):
             self._do(f"compiling {stage}")
-            await planner.run(warm_up_stage, task, preset, index, model)
+            await planner.run(warm_up_stage, task, preset, index, model, method)
 
     async def _settled(self, *, after_s: float) -> Particles:
         """The first particles whose every frame was taken with the arm at rest, `settle_s` after `after_s`."""
@@ -281,7 +282,7 @@ class Flow:
             try:
                 x, goal, arm = observed.positions, wish.goal.positions, await self.rig.arm.state()
                 found = await self.asking.plan(observed, model) or await self.planner.run(
-                    plan, wish.task.name, wish.preset, x, goal, model, seed, self.site, arm.tool
+                    plan, wish.task.name, wish.preset, x, goal, model, seed, self.site, arm.tool, wish.method
                 )
             except (PlanningError, WorkerError) as error:
                 self.fault("planner", error)

@@ -68,7 +68,13 @@ def descend(
     descent: Descent,
     scale: Float32[np.ndarray, " A"],
 ) -> Descended:
-    """`steps` gradient steps from `actions`: steps + 1 simulations, and the gradients of the first `steps` of them."""
+    """`steps` gradient steps from `actions`: steps + 1 simulations, and the gradients of the first `steps` of them.
+
+    Without steps the actions are what they were, simulated once.
+    """
+    if not steps:
+        rollout = evaluate(actions)
+        return Descended(rollout, rollout.cost, rollout.cost[None], jnp.zeros(len(actions), jnp.int32), rollout.finite)
     optimiser = descent.optimiser()
 
     def slope(actions: Float[Array, "B D A"]) -> tuple[Rollout, Float[Array, "B D A"], Bool[Array, " B"]]:
@@ -100,16 +106,12 @@ def descend(
     last = evaluate(propose(climber)[0])
     best = _choose(_better(last, climber.best), last, climber.best)
     iterates = jnp.concatenate([first.cost[None], costs, last.cost[None]])
-    return Descended(best, first.cost, iterates, climber.lost, _finite(best))
+    return Descended(best, first.cost, iterates, climber.lost, best.finite)
 
 
 def _better(new: Rollout, old: Rollout) -> Bool[Array, " B"]:
     """Whether a candidate's new iterate is allowed, finite and cheaper."""
-    return new.allowed & _finite(new) & (new.cost < old.cost)
-
-
-def _finite(rollout: Rollout) -> Bool[Array, " B"]:
-    return jnp.isfinite(rollout.cost) & jnp.isfinite(rollout.final).all((1, 2))
+    return new.allowed & new.finite & (new.cost < old.cost)
 
 
 def _choose(which: Bool[Array, " B"], yes: TreeT, no: TreeT) -> TreeT:

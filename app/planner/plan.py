@@ -1,6 +1,6 @@
 """One decision, as in the paper: sample, roll out, descend, choose."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import partial
 from typing import TypeAlias, final
@@ -13,7 +13,7 @@ from jaxtyping import Array, Float, Float32
 from app.config import Site
 from app.core.chamfer import chamfer_m2
 from app.core.errors import PlanningError
-from app.core.messages import Branch
+from app.core.messages import Branch, Origin
 from app.core.motion import Motion
 from app.core.types import Points, ToolPose
 from app.planner.optimise import Descended, Descent, descend
@@ -71,7 +71,10 @@ class TreePlanner:
         """
         tree = start(self.search, observed, goal, phi, seed, tool)
         descended = _descended(self, tree.phi, tree.now, jnp.asarray(goal), _rolled_out(self.search, tree))
-        return choose(self.search, jax.device_get(descended), observed, goal, site, tool, command)
+        origins: list[Origin] = ["random"] * self.search.branches
+        if self.search.guided:
+            origins[0] = "policy"
+        return choose(self.search, jax.device_get(descended), origins, observed, goal, site, tool, command)
 
     def compile(self, example: Points, phi: Float32[np.ndarray, " P"]) -> None:
         """Compile for states and goals of the size of `example` (N, 3); simulates one action, and descends nowhere."""
@@ -103,18 +106,20 @@ def _descended(
 def choose(
     search: Search,
     found: Descended,
+    origins: Sequence[Origin],
     observed: Points,
     goal: Points,
     site: Site,
     tool: ToolPose | None = None,
     command: Command | None = None,
 ) -> Plan:
-    """The cheapest branch that is finite, whose pushes may be made, and whose motion, as told, the site allows.
+    """The cheapest branch that is finite, whose actions may be made, and whose motion, as told, the site allows.
 
+    `origins` says of each branch found where its actions came from.
     Raises PlanningError where there is none.
     """
     pose = AWAY if tool is None else tool
-    branches = tuple(_branch(search, found, pose, index) for index in range(search.branches))
+    branches = tuple(_branch(search, found, pose, index, origin) for index, origin in enumerate(origins))
     motions = [search.space.motion(branch.actions[0], pose, site) for branch in branches]
     if command is not None:
         pairs = zip(motions, branches, strict=True)
@@ -124,7 +129,7 @@ def choose(
     best = int(np.argmin(cost))
     if not np.isfinite(cost[best]):
         raise PlanningError(
-            f"Of {search.branches} branches {int((~found.finite).sum())} became non-finite, {int((~inside).sum())} "
+            f"Of {len(branches)} branches {int((~found.finite).sum())} became non-finite, {int((~inside).sum())} "
             "leave the workspace and the others start on top of the object; plan again with another seed, or "
             "straighten the object out by hand."
         )
@@ -139,12 +144,12 @@ def choose(
     )
 
 
-def _branch(search: Search, found: Descended, tool: ToolPose, index: int) -> Branch:
+def _branch(search: Search, found: Descended, tool: ToolPose, index: int, origin: Origin) -> Branch:
     best = found.best
     first, there = jnp.asarray(best.actions[index, :1]), jnp.asarray(tool, jnp.float32)[None]
     weights = search.weights
     return Branch(
-        origin="policy" if index == 0 and search.guided else "random",
+        origin=origin,
         actions=np.asarray(best.actions[index]),
         tool_path=np.asarray(search.space.tool_path(first, there)[0, :, :3]),
         predicted=np.asarray(best.first[index]),

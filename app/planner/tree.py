@@ -49,6 +49,16 @@ class Rollout(NamedTuple):
     cost: Float[Array, " B"]
     allowed: Bool[Array, " B"]
 
+    @property
+    def finite(self) -> Bool[Array, " B"]:
+        """Whether cost and particles stayed numbers."""
+        return jnp.isfinite(self.cost) & jnp.isfinite(self.final).all((1, 2))
+
+    @property
+    def judged(self) -> Float[Array, " B"]:
+        """The cost; infinite where a branch is not finite, or has an action that may not be made."""
+        return jnp.where(self.finite & self.allowed, self.cost, jnp.inf)
+
 
 class Start(NamedTuple):
     """What a tree grows from: model and situation of each branch, first actions, and later ones if not by policy."""
@@ -73,13 +83,14 @@ def start(
     pose = AWAY if tool is None else tool
     now = situation(search, observed, pose, count)
     kept = start_by_policy(search, observed, goal, pose) if search.guided else (None, [])
-    random = search.space.sample(rng, observed, pose, count - len(kept[1]))
+    missing = count - len(kept[1])
+    random = [search.space.sample(rng, observed, pose, missing)] if missing else []
     later = [search.space.sample(rng, observed, pose, count) for _ in range(0 if search.guided else depth - 1)]
     return Start(
         prepared=kept[0],
         phi=jnp.repeat(jnp.asarray(phi)[None], count, axis=0),
         now=now,
-        first=jnp.concatenate([*kept[1], random]),
+        first=jnp.concatenate([*kept[1], *random]),
         later=jnp.stack(later, axis=1) if later else jnp.zeros((count, 0, search.space.size)),
     )
 

@@ -13,6 +13,7 @@ from app.core.errors import UsageError
 from app.core.messages import Proposal, fresh_id
 from app.core.stage import Finger, Rope, Stage
 from app.core.types import Points
+from app.planner.method import DIPAC, Method
 
 if TYPE_CHECKING:  # Whoever needs these names alone shall not load JAX and Warp for them.
     from jaxtyping import Array, Float
@@ -141,7 +142,7 @@ class Task:
 @final
 @dataclass(frozen=True, kw_only=True)
 class Wish:
-    """What this episode is to do. `model` None starts from the task's nominal one.
+    """What this episode is to do. `model` None starts from the task's nominal one; `method`: how it is decided.
 
     `goal` is in the true world frame; `shown_goal` is where cameras that err will show an object that is there, and
     None where they do not. `asked`: a push to offer before anything is planned; `verdict`: what a discovery concluded.
@@ -155,6 +156,7 @@ class Wish:
     pushes: int
     automatic: bool
     calibrating: bool
+    method: Method = DIPAC
     shown_goal: Points | None = None
     asked: Motion | None = None
     verdict: Verdict | None = None

@@ -14,7 +14,9 @@ from app.calibration.evidence import Advance as FromRest
 from app.calibration.evidence import Evidence, Predictor, gather
 from app.calibration.fit import Settings
 from app.core.messages import MessageId, Model, Parameter, Transition
-from app.planner.plan import TreePlanner
+from app.planner.base import Planner
+from app.planner.made import made
+from app.planner.method import DIPAC, Method
 from app.planner.tree import Advance, Search
 from app.policy.base import AWAY
 from app.sim.effects.base import Effect
@@ -69,28 +71,25 @@ def now(candidates: int, particle_count: int) -> Setting:
     return Setting.unknown(candidates, particle_count)._replace(time=jnp.full(candidates, _NOW))
 
 
-def planner(task: str, preset: str, phi: Float32[np.ndarray, " P"]) -> TreePlanner:
+def planner(task: str, preset: str, phi: Float32[np.ndarray, " P"], method: Method = DIPAC) -> Planner:
     """The task's planner, sized by the preset, for models that need the effects that `phi` does."""
-    return _planner(task, preset, acting(phi))
+    return _planner(task, preset, acting(phi), method)
 
 
 @lru_cache
-def _planner(task: str, preset: str, effects: tuple[Effect, ...]) -> TreePlanner:
+def _planner(task: str, preset: str, effects: tuple[Effect, ...], method: Method) -> Planner:
     data = load(task)
     size = data.preset(preset)
-    return TreePlanner(
-        search=Search(
-            space=data.actions,
-            policy=data.policy,
-            weights=data.weights,
-            advance=carried(task, size.particle_count, effects),
-            begin=data.begin,
-            branches=size.branches,
-            depth=size.depth,
-        ),
-        descent=data.descent,
-        gradient_steps=size.gradient_steps,
+    search = Search(
+        space=data.actions,
+        policy=data.policy,
+        weights=data.weights,
+        advance=carried(task, size.particle_count, effects),
+        begin=data.begin,
+        branches=size.branches,
+        depth=size.depth,
     )
+    return made(method, search, data.descent, size.gradient_steps)
 
 
 def calibrator(task: str, preset: str, settings: Settings, phi: Float32[np.ndarray, " P"]) -> Calibrator:
@@ -150,7 +149,7 @@ class Stage:
     run: Callable[[], object]
 
 
-def stages(task: str, preset: str, model: Model | None = None) -> list[Stage]:
+def stages(task: str, preset: str, model: Model | None = None, method: Method = DIPAC) -> list[Stage]:
     """For `model`, or the nominal one, in order; each one after the first is quick where the first was done."""
     data, size = load(task), load(task).preset(preset)
     x = data.goal(0, size.particle_count)
@@ -164,5 +163,5 @@ def stages(task: str, preset: str, model: Model | None = None) -> list[Stage]:
 
     return [
         Stage("the simulator and its adjoint", simulator),
-        Stage("the tree search", lambda: planner(task, preset, phi).compile(x, phi)),
+        Stage("the planner's search", lambda: planner(task, preset, phi, method).compile(x, phi)),
     ]

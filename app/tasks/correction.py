@@ -19,7 +19,8 @@ from app.core.types import Path3, Points, ToolPose
 from app.discovery.apparatus.base import Eye, Load
 from app.discovery.predict import Predictor, dragging, labelled
 from app.discovery.subject import Theta, catalogue
-from app.planner.plan import Plan, TreePlanner
+from app.planner.base import Planner
+from app.planner.plan import Plan
 from app.tasks import load
 from app.tasks.doubted import subject_of
 
@@ -40,7 +41,7 @@ class Correction:
 
     def plan(
         self,
-        planner: TreePlanner,
+        planner: Planner,
         observed: Points,
         goal: Points,
         phi: Float32[np.ndarray, " P"],

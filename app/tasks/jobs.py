@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING
 
 from app.config import Site
 from app.core.errors import PlanningError, SimulationError
+from app.planner.method import DIPAC, Method
 
 _log = logging.getLogger(__name__)
 
@@ -35,19 +36,20 @@ def plan(
     seed: int,
     site: Site | None = None,
     tool: ToolPose | None = None,
+    method: Method = DIPAC,
 ) -> Plan:
     """Decide on the next action for the object that the cameras say is at `observed` (N, 3) [m].
 
     The model is what the simulation runs with. What it says of cameras and arm is allowed for: the plan is made for
     the object where it is, its motion is what to tell the arm, and what it predicts is what the cameras will show.
     `goal` (M, 3) [m] is where the object shall truly be; `tool`, where the tool is: None for actions that begin
-    anywhere. Raises PlanningError where no branch stays finite, and leaves
+    anywhere; `method`, how it is decided. Raises PlanningError where no branch stays finite, and leaves
     a dump of one that did not; UsageError for an unknown task or preset.
     """
     from app.tasks import compiled
 
     phi = compiled.phi_of(model)
-    planner = compiled.planner(task, preset, phi)
+    planner = compiled.planner(task, preset, phi, method)
     where = site or Site()
     allowed_for = _allowed_for(model)
     try:
@@ -141,18 +143,18 @@ def _allowed_for(model: Model) -> Correction | None:
     return correction(model)
 
 
-def warm_up_stages(task: str, preset: str, model: Model | None = None) -> list[str]:
+def warm_up_stages(task: str, preset: str, model: Model | None = None, method: Method = DIPAC) -> list[str]:
     """What has to be compiled before the first decision, in order and in words, for people to read while they wait.
 
     The nominal model is the one where none is given.
     """
     from app.tasks import compiled
 
-    return [stage.name for stage in compiled.stages(task, preset, model)]
+    return [stage.name for stage in compiled.stages(task, preset, model, method)]
 
 
-def warm_up_stage(task: str, preset: str, index: int, model: Model | None = None) -> None:
+def warm_up_stage(task: str, preset: str, index: int, model: Model | None = None, method: Method = DIPAC) -> None:
     """Compile stage `index` of `warm_up_stages`, in the process that is going to plan."""
     from app.tasks import compiled
 
-    compiled.stages(task, preset, model)[index].run()
+    compiled.stages(task, preset, model, method)[index].run()

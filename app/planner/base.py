@@ -1,0 +1,38 @@
+"""What a planner is: something that decides on the next action for an object that is seen."""
+
+from typing import Protocol
+
+import numpy as np
+from jaxtyping import Float32
+
+from app.config import Site
+from app.core.types import Points, ToolPose
+from app.planner.plan import Command, Plan
+
+
+class Planner(Protocol):
+    """Decides by simulation. Frozen, so that what is compiled for it can be cached; P parameters of the simulator."""
+
+    def __call__(
+        self,
+        observed: Points,
+        goal: Points,
+        phi: Float32[np.ndarray, " P"],
+        *,
+        seed: int,
+        site: Site,
+        tool: ToolPose | None = None,
+        command: Command | None = None,
+    ) -> Plan:
+        """What to do with the object `observed` (N, 3) [m] so that it gets to `goal` (M, 3) [m], under the model `phi`.
+
+        `tool`: where the tool is; None where actions begin anywhere. Without a `command` the arm is told the motion
+        that it is to make. The same `seed` decides the same on a CPU.
+
+        Raises PlanningError where nothing that was tried is finite and may be done.
+        """
+        ...
+
+    def compile(self, example: Points, phi: Float32[np.ndarray, " P"]) -> None:
+        """Compile for states and goals of the size of `example` (N, 3)."""
+        ...

@@ -1,0 +1,184 @@
+"""The cross-entropy method over sequences of actions, with or without gradient steps between its refits."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import partial
+from typing import NamedTuple, final
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Float, Float32, Int, PRNGKeyArray
+
+from app.config import Site
+from app.core.messages import Origin
+from app.core.types import Points, ToolPose
+from app.planner.optimise import Descended, Descent, descend
+from app.planner.plan import Command, Plan, choose
+from app.planner.tree import Rollout, Search, Start, simulate, start
+
+Improve = Callable[[Float[Array, "B D A"]], Descended]
+"""Simulates the samples of a generation, and may move each of them downhill."""
+
+
+@final
+@dataclass(frozen=True, kw_only=True)
+class Refit:
+    """How often and to what the distribution is fitted: a Gaussian, independent in each number of a sequence.
+
+    A first generation drawn at random is followed by others from the Gaussian of the `elites` best of the one before,
+    until there were `generations`. Its spread is at least `floor` of the action space's scale, so that elites which
+    agree too early do not end the search. `kept` of the best of all generations are told apart in the plan.
+    """
+
+    generations: int
+    elites: int
+    kept: int
+    floor: float = 0.25
+
+
+@final
+@dataclass(frozen=True, kw_only=True)
+class CemPlanner:
+    """Samples, simulates, refits, again and again; then executes the first action of the best sequence of all.
+
+    The population is the `search`'s branches, and it is not guided: no policy has a say. With `gradient_steps` every
+    sample is descended from before the elites are chosen (Bharadhwaj et al. 2020, "Model-predictive control via
+    cross-entropy and gradient-based optimization", algorithm 1).
+    """
+
+    search: Search
+    refit: Refit
+    descent: Descent
+    gradient_steps: int = 0
+
+    def __call__(
+        self,
+        observed: Points,
+        goal: Points,
+        phi: Float32[np.ndarray, " P"],
+        *,
+        seed: int,
+        site: Site,
+        tool: ToolPose | None = None,
+        command: Command | None = None,
+    ) -> Plan:
+        """See `app.planner.base.Planner`. Of a branch, the cost before is that of its rank as first sampled."""
+        begun = start(self.search, observed, goal, phi, seed, tool)
+        found = _evolved(self, begun, jnp.asarray(goal), _key(seed))
+        origins: list[Origin] = ["sampled"] * self.refit.kept
+        return choose(self.search, jax.device_get(found), origins, observed, goal, site, tool, command)
+
+    def compile(self, example: Points, phi: Float32[np.ndarray, " P"]) -> None:
+        """Compile for states and goals of the size of `example` (N, 3); simulates nothing."""
+        begun = start(self.search, example, example, phi, seed=0)
+        _evolved.lower(self, begun, jnp.asarray(example), _key(0)).compile()
+
+
+def _key(seed: int) -> PRNGKeyArray:
+    """Of the later generations; the first is drawn by the action space, from the seed itself."""
+    return jax.random.key(int(np.random.default_rng([seed, 1]).integers(2**31)))
+
+
+@partial(jax.jit, static_argnums=0)
+def _evolved(planner: CemPlanner, begun: Start, goal: Float[Array, "M 3"], key: PRNGKeyArray) -> Descended:
+    search, scale = planner.search, planner.search.space.scale()
+    improve = partial(
+        descend,
+        partial(simulate, search, begun.phi, begun.now, goal),
+        steps=planner.gradient_steps,
+        descent=planner.descent,
+        scale=scale,
+    )
+    first = jnp.concatenate([begun.first[:, None], begun.later], axis=1)
+    return evolve(improve, first, key, refit=planner.refit, scale=scale)
+
+
+class Gaussian(NamedTuple):
+    """Of a sequence of D actions of A numbers: mean and standard deviation of each number."""
+
+    mean: Float[Array, "D A"]
+    spread: Float[Array, "D A"]
+
+
+class _Kept(NamedTuple):
+    """The best of all generations so far, the cheapest first; what is not finite or not allowed costs infinity."""
+
+    rollout: Rollout
+    lost: Int[Array, " K"]
+    cost: Float[Array, " K"]
+
+    def with_those(self, found: Descended) -> "_Kept":
+        """The best of these and of a generation."""
+        new = _Kept(found.best, found.lost_gradients, found.best.judged)
+        order = jnp.argsort(jnp.concatenate([new.cost, self.cost]))[: len(self.cost)]
+
+        def merged(a: Array, b: Array) -> Array:
+            return jnp.concatenate([a, b])[order]
+
+        return jax.tree.map(merged, new, self)
+
+
+class _Generation(NamedTuple):
+    """What is evaluated next, where it came from, and what is worth keeping."""
+
+    actions: Float[Array, "B D A"]
+    drawn: Gaussian
+    kept: _Kept
+
+
+def evolve(
+    improve: Improve,
+    first: Float[Array, "B D A"],
+    key: PRNGKeyArray,
+    *,
+    refit: Refit,
+    scale: Float32[np.ndarray, " A"],
+) -> Descended:
+    """The best `refit.kept` sequences of all generations, the cheapest first, of which `first` is the first.
+
+    `cost_before` and `iterates` are by rank: the cost of the first generation as it was sampled, and those of every
+    generation by itself. By construction no rank costs more than before.
+    """
+
+    def step(now: _Generation, key: PRNGKeyArray) -> tuple[_Generation, tuple[Array, Array]]:
+        found = improve(now.actions)
+        before = jnp.where(jnp.isfinite(found.best.judged), found.cost_before, jnp.inf)
+        costs = (jnp.sort(before)[: refit.kept], jnp.sort(found.best.judged)[: refit.kept])
+        fitted = fit(found.best, now.drawn, refit.elites, refit.floor * scale)
+        actions = fitted.mean + fitted.spread * jax.random.normal(key, first.shape)
+        return _Generation(actions, fitted, now.kept.with_those(found)), costs
+
+    begin = _Generation(first, Gaussian(first.mean(0), first.std(0)), _none(improve, first, refit.kept))
+    end, (before, after) = jax.lax.scan(step, begin, jax.random.split(key, refit.generations))
+    best = end.kept.rollout
+    return Descended(best, _known(before[0]), _known(after), end.kept.lost, best.finite)
+
+
+def fit(
+    rollout: Rollout, before: Gaussian, elites: int, least: Float32[np.ndarray, " A"] | Float[Array, " A"]
+) -> Gaussian:
+    """The Gaussian of the best samples; `before` where none of them is finite and allowed. At least `least` wide."""
+    order = jnp.argsort(rollout.judged)[:elites]
+    usable = jnp.isfinite(rollout.judged[order])
+    share = (usable / jnp.maximum(usable.sum(), 1))[:, None, None]
+    chosen = jnp.where(usable[:, None, None], rollout.actions[order], 0.0)
+    mean = (share * chosen).sum(0)
+    spread = jnp.sqrt((share * (chosen - mean) ** 2).sum(0))
+    found = Gaussian(mean, jnp.maximum(spread, least))
+    return Gaussian(*(jnp.where(usable.any(), new, old) for new, old in zip(found, before, strict=True)))
+
+
+def _none(improve: Improve, first: Float[Array, "B D A"], kept: int) -> _Kept:
+    """Nothing kept yet, in the shapes of what will be."""
+    shapes = jax.eval_shape(improve, first)
+
+    def empty(a: jax.ShapeDtypeStruct) -> Array:
+        return jnp.zeros((kept, *a.shape[1:]), a.dtype)
+
+    return _Kept(jax.tree.map(empty, shapes.best), empty(shapes.lost_gradients), jnp.full(kept, jnp.inf))
+
+
+def _known(costs: Float[Array, "*axes"]) -> Float[Array, "*axes"]:
+    """NaN for a rank that nobody took."""
+    return jnp.where(jnp.isfinite(costs), costs, jnp.nan)

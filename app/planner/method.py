@@ -1,0 +1,72 @@
+"""Which planner decides, and what of it is left out: plain data, made into a planner by `app.planner.methods`."""
+
+from __future__ import annotations
+
+import pkgutil
+from dataclasses import dataclass
+from types import MappingProxyType
+from typing import Self, final
+
+from app.core.errors import UsageError
+from app.planner import methods
+
+PAPER = "dipac"
+"""The planner of the paper, of which all ablations are."""
+
+ABLATIONS = MappingProxyType(
+    {
+        "no_calibration": {"calibrated": False},
+        "no_optimisation": {"descending": False},
+        "no_planning": {"branching": False, "descending": False},
+        "no_policy": {"guided": False},
+    }
+)
+"""What the paper leaves out, one at a time, to see what it is worth: an ablation's name, and the options it changes."""
+
+
+@final
+@dataclass(frozen=True, kw_only=True)
+class Method:
+    """How decisions are made. `planner`: a file of `app/planner/methods`.
+
+    `descending`: actions are optimised along their gradient; without, the best branch is executed as it was sampled.
+    `branching`: there are branches besides the policy's. `guided`: the initial policy has a say; without, all actions
+    are drawn at random. Neither branching nor descending, the policy's action is executed as it is, and simulated only
+    for what is shown. `calibrated`: the model is calibrated; without, it stays the nominal one, which is for those to
+    heed who have the model.
+
+    Raises UsageError for a planner that does not exist, and for options that make no sense together.
+    """
+
+    planner: str = PAPER
+    descending: bool = True
+    branching: bool = True
+    guided: bool = True
+    calibrated: bool = True
+
+    def __post_init__(self) -> None:
+        """Checks that there is such a method."""
+        if self.planner not in planners():
+            raise UsageError.unknown("planner", self.planner, planners())
+        if not (self.guided or self.branching):
+            raise UsageError("Without initial policy and without branches beside its own nothing is left to plan with.")
+        if self.planner != PAPER and not (self.descending and self.branching and self.guided):
+            raise UsageError(f"Only {PAPER} has parts to leave out; {self.planner} can do without calibration alone.")
+
+    @classmethod
+    def named(cls, planner: str = PAPER, ablation: str | None = None) -> Self:
+        """The method of these names. Raises UsageError with the known ones, and for an ablation that is not of it."""
+        if ablation is None:
+            return cls(planner=planner)
+        if ablation not in ABLATIONS:
+            raise UsageError.unknown("ablation", ablation, ABLATIONS)
+        return cls(planner=planner, **ABLATIONS[ablation])
+
+
+def planners() -> list[str]:
+    """The names of all planners: the files of their folder."""
+    return sorted(module.name for module in pkgutil.iter_modules(methods.__path__))
+
+
+DIPAC = Method()
+"""The paper's, whole."""

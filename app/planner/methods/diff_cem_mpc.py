@@ -1,0 +1,31 @@
+"""Diff-CEM-MPC: CEM whose samples take gradient steps between refits (Bharadhwaj et al. 2020; paper, baselines)."""
+
+from dataclasses import replace
+
+from app.planner.base import Planner
+from app.planner.budget import at_least, generation_rollouts, tree_rollouts
+from app.planner.cem import CemPlanner, Refit
+from app.planner.optimise import Descent
+from app.planner.tree import Search
+
+GENERATIONS = 3
+STEPS = 1
+"""Of each sample and generation. More would leave fewer samples than a Gaussian of a sequence can be fitted to."""
+SMALLEST, LARGEST = 16, 128
+"""Samples of a generation: fewer are no population; more, differentiated at once, become more generations."""
+ELITE_SHARE = 4
+"""One in so many is an elite."""
+
+
+def planner(search: Search, descent: Descent, gradient_steps: int) -> Planner:
+    """Generations that together simulate as much as the tree, or more where they would be smaller than `SMALLEST`."""
+    rollouts, each = tree_rollouts(search, gradient_steps), generation_rollouts(STEPS)
+    generations = max(GENERATIONS, at_least(rollouts, LARGEST * each))
+    population = max(SMALLEST, at_least(rollouts, generations * each))
+    kept = min(search.branches, population)
+    return CemPlanner(
+        search=replace(search, branches=population, guided=False),
+        refit=Refit(generations=generations, elites=max(2, population // ELITE_SHARE), kept=kept),
+        descent=descent,
+        gradient_steps=STEPS,
+    )

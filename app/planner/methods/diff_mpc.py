@@ -1,0 +1,15 @@
+"""Diff-MPC: one trajectory of random actions, and nothing but gradient descent on it (paper, baselines)."""
+
+from dataclasses import replace
+
+from app.planner.base import Planner
+from app.planner.budget import SLOPE_ROLLOUTS, at_least, tree_rollouts
+from app.planner.optimise import Descent
+from app.planner.plan import TreePlanner
+from app.planner.tree import Search
+
+
+def planner(search: Search, descent: Descent, gradient_steps: int) -> Planner:
+    """A tree of one branch without a policy, with as many gradient steps as the tree takes of all its branches."""
+    steps = at_least(tree_rollouts(search, gradient_steps), SLOPE_ROLLOUTS)
+    return TreePlanner(search=replace(search, branches=1, guided=False), descent=descent, gradient_steps=steps)
