@@ -120,7 +120,7 @@ def _calibrate(terminal: Console, trials: Sequence[Trial], models: dict[str, Pat
             trial = wanting[0]
             with terminal.status(f"{name}: {episodes} demonstrations, and the model that they calibrate"):
                 calibrated(name, trial.preset, episodes, trial.eyes, path)
-            terminal.print(f"{path}: calibrated from {episodes} demonstrations", markup=False)
+            terminal.print(f"{path}: calibrated; demonstrations: {episodes}.", markup=False)
 
 
 def _play(terminal: Console, trials: Sequence[Trial], path: Path, workers: Where, jobs: int) -> None:

@@ -9,6 +9,8 @@ from scipy.stats import binom, bootstrap
 
 _Z = 1.96
 """Of a 95 % interval."""
+_SAME = 1e-9
+"""Numbers that differ by less than this share of their mean are the same number, rounded."""
 
 
 class Measured(NamedTuple):
@@ -52,7 +54,7 @@ def mean(values: Iterable[float]) -> Measured:
     if n == 0:
         return Measured(math.nan, math.nan, math.nan, 0)
     middle = float(known.mean())
-    if n == 1 or np.ptp(known) == 0:
+    if n == 1 or np.ptp(known) <= _SAME * abs(middle):
         return Measured(middle, middle if n > 1 else math.nan, middle if n > 1 else math.nan, n)
     found = bootstrap((known,), np.mean, rng=np.random.default_rng(0), method="BCa").confidence_interval
     return Measured(middle, float(found.low), float(found.high), n)

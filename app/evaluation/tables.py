@@ -32,10 +32,10 @@ def _cells(found: Sequence[Score]) -> list[list[str]]:
     return [
         [
             *(score.task, score.name, str(score.episodes), str(score.failed)),
-            _measured(score.success, 100, "%"),
+            _measured(score.success, 100.0, "%"),
             _measured(score.chamfer_m2, MM2),
             _measured(score.worse_m2, MM2),
-            _measured(score.reward, 1),
+            _measured(score.reward, 1.0),
             *(f"{score.actions:.1f}", f"{score.decision_s:.2f} / {score.longest_s:.2f}"),
         ]
         for score in found

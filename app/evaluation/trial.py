@@ -12,8 +12,7 @@ from app.core.messages import Model
 from app.evaluation.play import Eyes, Order, play
 from app.planner.method import Method
 from app.recording.model_file import load_model
-from app.tasks import compiled, load
-from app.tasks.jobs import nominal_model
+from app.tasks import jobs, load
 
 WHOLE = "none"
 """The name of what leaves nothing out, where ablations are listed."""
@@ -62,7 +61,8 @@ def run_trial(trial: Trial) -> dict[str, Any]:
         eyes=trial.eyes,
         actions=trial.actions,
     )
-    compiled.warm(trial.task, trial.preset, model, method)
+    for stage in range(len(jobs.warm_up_stages(trial.task, trial.preset, model, method))):
+        jobs.warm_up_stage(trial.task, trial.preset, stage, model, method)
     played = play(order, site=Site())
     return asdict(trial) | {
         "model": str(trial.model) if trial.model else None,
@@ -82,9 +82,9 @@ def run_trial(trial: Trial) -> dict[str, Any]:
 def _model(trial: Trial, method: Method) -> Model:
     """The calibrated one from its file; without calibration, what the simulator would be without any demonstration."""
     if not method.calibrated:
-        return compiled.uncalibrated_model(trial.task)
+        return jobs.uncalibrated_model(trial.task)
     if trial.model is None:
-        return nominal_model(trial.task)
+        return jobs.nominal_model(trial.task)
     return load_model(trial.model, task=trial.task, time_s=0.0)
 
 

@@ -2,7 +2,7 @@
 
 import multiprocessing
 import os
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Generator, Sequence
 from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
 from concurrent.futures.process import BrokenProcessPool
 from typing import Any, Literal, TypeAlias, TypeVar
@@ -13,12 +13,13 @@ Where: TypeAlias = Literal["local", "ray"]
 JobT = TypeVar("JobT")
 Row: TypeAlias = dict[str, Any]
 Run: TypeAlias = Callable[[JobT], Row]
+Finished: TypeAlias = tuple[JobT, Row | str]
 
 _THREADS = ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS")
 """Small linear algebra is slower in threads, and the more so beside others'."""
 
 
-def finished(run: Run[JobT], jobs: Sequence[JobT], *, where: Where, processes: int) -> Iterator[tuple[JobT, Row | str]]:
+def finished(run: Run[JobT], jobs: Sequence[JobT], *, where: Where, processes: int) -> Generator[Finished[JobT]]:
     """Each job with its row as it is finished, in whatever order; with why, in words, where its process was lost.
 
     With Ray, `processes` are as many as the cluster has processors. Raises UsageError where Ray is not installed.
@@ -28,30 +29,30 @@ def finished(run: Run[JobT], jobs: Sequence[JobT], *, where: Where, processes: i
     yield from _with_ray(run, jobs) if where == "ray" else _local(run, jobs, processes)
 
 
-def _local(run: Run[JobT], jobs: Sequence[JobT], processes: int) -> Iterator[tuple[JobT, Row | str]]:
+def _local(run: Run[JobT], jobs: Sequence[JobT], processes: int) -> Generator[Finished[JobT]]:
     left = list(jobs)
     while left:
-        # A process that is killed takes its pool with it: the others' jobs are done again in a new one.
-        with ProcessPoolExecutor(processes, mp_context=multiprocessing.get_context("spawn")) as pool:
-            running = {pool.submit(run, job): job for job in left[:processes]}
-            waiting = left[processes:]
-            lost = list[JobT]()
-            while running:
-                for future in wait(running, return_when=FIRST_COMPLETED).done:
-                    job = running.pop(future)
-                    outcome = _outcome(future)
-                    if outcome is None:
-                        lost.append(job)
-                        continue
-                    if waiting and not lost:
-                        running[pool.submit(run, waiting[0])] = waiting.pop(0)
+        # A process that is killed takes its pool with it; alone, one by one, the next kill tells whose fault it was.
+        for job in (yield from _pooled(run, left, processes)):
+            for again in (yield from _pooled(run, [job], 1)):
+                yield again, "its process was killed; if that was for want of memory, use fewer --jobs"
+
+
+def _pooled(run: Run[JobT], left: list[JobT], processes: int) -> Generator[Finished[JobT], None, list[JobT]]:
+    """Take jobs from `left` until it is empty or a process was lost; returns those that were running then."""
+    running, lost = dict[Future[Row], JobT](), list[JobT]()
+    with ProcessPoolExecutor(processes, mp_context=multiprocessing.get_context("spawn")) as pool:
+        while running or (left and not lost):
+            while left and not lost and len(running) < processes:
+                job = left.pop(0)
+                running[pool.submit(run, job)] = job
+            for future in wait(running, return_when=FIRST_COMPLETED).done:
+                job, outcome = running.pop(future), _outcome(future)
+                if outcome is None:
+                    lost.append(job)
+                else:
                     yield job, outcome
-        if len(lost) == 1 or processes == 1:
-            yield lost[0], "its process was killed; if that was for want of memory, use fewer --jobs"
-            lost = lost[1:]
-        # Nobody knows whose fault it was: alone, one by one, the next kill tells.
-        processes = 1 if lost else processes
-        left = [*lost, *waiting]
+    return lost
 
 
 def _outcome(future: Future[Row]) -> Row | None:
@@ -62,9 +63,9 @@ def _outcome(future: Future[Row]) -> Row | None:
         return None
 
 
-def _with_ray(run: Run[JobT], jobs: Sequence[JobT]) -> Iterator[tuple[JobT, Row | str]]:
+def _with_ray(run: Run[JobT], jobs: Sequence[JobT]) -> Generator[Finished[JobT]]:
     try:
-        import ray
+        import ray  # pyright: ignore[reportMissingImports] - an extra
     except ImportError:
         raise UsageError('--workers ray needs Ray; install it with `.venv/bin/pip install "dipac[ray]"`.') from None
     ray.init(ignore_reinit_error=True, log_to_driver=False)

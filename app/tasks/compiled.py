@@ -1,7 +1,7 @@
 """What a task compiles, kept once a process: simulator, planner, calibrator, and the stages of warming them up."""
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import lru_cache
 from typing import NamedTuple, final
 
@@ -134,6 +134,20 @@ def nominal_model(task: str) -> Model:
             for spec, value in zip(PARAMETERS, _nominal_values(load(task)), strict=True)
         ),
     )
+
+
+def uncalibrated_model(task: str) -> Model:
+    """What the simulator would be for this task without any demonstration: its own defaults for what is calibrated.
+
+    The task's nominal values of those came from fits to what the object does.
+    """
+    known = nominal_model(task)
+    defaults = {spec.name: spec.nominal for spec in PARAMETERS if spec.name in load(task).calibrated}
+    parameters = tuple(
+        replace(each, **dict.fromkeys(("value", "low", "high"), defaults[each.name])) if each.name in defaults else each
+        for each in known.parameters
+    )
+    return replace(known, id=MessageId(f"model-uncalibrated-{task}"), parameters=parameters)
 
 
 def _nominal_values(task: Task) -> list[float]:

@@ -121,6 +121,13 @@ def nominal_model(task: str) -> Model:
     return compiled.nominal_model(task)
 
 
+def uncalibrated_model(task: str) -> Model:
+    """What the simulator would be for this task without any demonstration."""
+    from app.tasks import compiled
+
+    return compiled.uncalibrated_model(task)
+
+
 def check_model(model: Model) -> None:
     """Raises ParameterError where a parameter is missing, unknown, non-finite or outside its range."""
     from app.tasks import extended
