@@ -148,7 +148,7 @@ def _fitted(
     wall_s, cpu_s = time.perf_counter() - wall_s, time.process_time() - cpu_s
     values = dict(zip(data.calibrated, map(float, found.values), strict=True))
     low, high = (dict(zip(data.calibrated, map(float, end), strict=True)) for end in (found.low, found.high))
-    row = {"factor": factor, "trials": len(found.trials_m2), "wall_s": wall_s, "cpu_s": cpu_s}
+    row = {"factor": factor, "trials": len(found.trials), "wall_s": wall_s, "cpu_s": cpu_s}
     row |= values | {f"{name} low": low[name] for name in low} | {f"{name} high": high[name] for name in high}
     return row | {"fitted_m2": found.loss_m2, "held_out_m2": _mean(predictor, with_values(phi, values), held_out)}
 

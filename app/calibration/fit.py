@@ -12,7 +12,7 @@ the fitted model is then better in the plain mean, too (docs/decisions/0004-robu
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import final
+from typing import NamedTuple, final
 
 import numpy as np
 from jaxtyping import Float64
@@ -53,16 +53,23 @@ class Settings:
     tolerance: float = 0.01
 
 
+class Tried(NamedTuple):
+    """Values of a trial, and its mean loss [m^2]; NaN where nothing could be predicted with them."""
+
+    values: Vector
+    loss_m2: float
+
+
 @final
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Fit:
-    """The best values with their 90 % intervals, and the mean loss [m^2] of every trial, best or not."""
+    """The best values with their 90 % intervals, and every trial on the way, from the start, better or not."""
 
     values: Vector
     low: Vector
     high: Vector
     loss_m2: float
-    trials_m2: tuple[float, ...]
+    trials: tuple[Tried, ...]
     lost: tuple[int, ...]
     """Which transitions these values do not predict: they count for nothing."""
 
@@ -121,7 +128,7 @@ def fit(slopes: Slopes, start: Vector, specs: Sequence[ParameterSpec], settings:
     if here is None:
         raise SimulationError("The model predicts none of the transitions; start from the nominal model instead.")
     start_u, trust = here.u, here.loss_m2 / np.log(settings.trust_factor) ** 2
-    trials = [here.loss_m2]
+    trials = [Tried(start, here.loss_m2)]
     damping = settings.damping
     for _ in range(settings.steps):
         objective = _Objective(start=start_u, trust=trust, threshold_m=_OUTLYING * float(np.median(here.r)))
@@ -131,7 +138,7 @@ def fit(slopes: Slopes, start: Vector, specs: Sequence[ParameterSpec], settings:
         if length < settings.tolerance / 10:
             break
         trial = _evaluated(slopes, there, specs)
-        trials.append(trial.loss_m2 if trial else float("nan"))
+        trials.append(Tried(_values(there, specs), trial.loss_m2 if trial else float("nan")))
         if trial is not None and len(trial.r) >= len(here.r) and objective.total(trial) < objective.total(here):
             here, damping = trial, damping / 3
             if length < settings.tolerance and damping < settings.damping:
@@ -144,7 +151,7 @@ def fit(slopes: Slopes, start: Vector, specs: Sequence[ParameterSpec], settings:
         low=_values(_bounded(here.u - margin, specs), specs),
         high=_values(_bounded(here.u + margin, specs), specs),
         loss_m2=here.loss_m2,
-        trials_m2=tuple(trials),
+        trials=tuple(trials),
         lost=here.lost,
     )
 

@@ -24,6 +24,7 @@ from app.core.ports import Rig
 from app.core.summary import Summary
 from app.core.worker import Worker
 from app.flow import Flow
+from app.planner.method import PAPER, Method
 from app.recording.model_file import load_model
 from app.recording.writer import EpisodeRecorder, open_recording
 from app.rig.simulated.rig import simulated_rig
@@ -53,6 +54,10 @@ class Options:
     """at most; fewer where the goal is reached before"""
     preset: Preset = "auto"
     """how much is computed for a decision; auto asks this machine"""
+    planner: str = PAPER
+    """who decides: the paper's tree, dipac, or a baseline: cem_mpc, diff_mpc, diff_cem_mpc"""
+    ablation: str | None = None
+    """what dipac is to do without: no_calibration, no_optimisation, no_planning or no_policy"""
     goal: Path | None = None
     """an .npy file of points (M, 3) [m] instead of a random goal; at least as many as the preset's particles"""
     model: Path | None = None
@@ -92,6 +97,16 @@ class Order:
         """The model file to start from: that of the case where none is named."""
         return self.options.model or (self.case / MODEL if self.case else None)
 
+    @property
+    def method(self) -> Method:
+        """How decisions are made. Raises UsageError where there is no such method, or it must not have this model."""
+        method = Method.named(self.options.planner, self.options.ablation)
+        if self.model and not method.calibrated:
+            raise UsageError(
+                f"--ablation {self.options.ablation} plans without calibration, not with {self.model}; leave one out."
+            )
+        return method
+
 
 @final
 @dataclass(frozen=True, kw_only=True)
@@ -113,6 +128,8 @@ class Report:
         """The keys that `dipac run --json` promises, and the timings behind the results page."""
         row = asdict(self.summary) | {
             "task": self.order.task,
+            "planner": self.order.options.planner,
+            "ablation": self.order.options.ablation,
             "seed": self.order.options.seed,
             "rig": self.rig,
             "faults": [*self.summary.faults, *([str(self.failure)] if self.failure else [])],
@@ -133,11 +150,12 @@ async def episode(order: Order, output: Output) -> Report:
         raise UsageError(f"--pushes {options.pushes} must not be negative.")
     if options.seed < 0:
         raise UsageError(f"--seed {options.seed} must not be negative.")
+    method = order.method
     check_port(site)
     async with Worker("planner", niceness=PLANNER_NICENESS) as planner:
         with output.status("starting the planner's process"):
             preset = options.preset if options.preset != "auto" else await planner.run(choose_preset)
-            wish = await _doubted(await to_thread.run_sync(_wish, task, order, preset), order, site, planner)
+            wish = await _doubted(await to_thread.run_sync(_wish, task, order, preset, method), order, site, planner)
         start = await to_thread.run_sync(_start, order, preset)
         async with (
             open_recording(site.recordings, start, min_free_bytes=site.min_free_bytes) as recorder,
@@ -227,7 +245,7 @@ async def _run(
         return flow.summary, error
 
 
-def _wish(task: Task, order: Order, preset: str) -> Wish:
+def _wish(task: Task, order: Order, preset: str, method: Method) -> Wish:
     """Reads the goal and the model from their files where the order names some."""
     now_s = time.monotonic()
     particle_count = task.preset(preset).particle_count
@@ -246,7 +264,8 @@ def _wish(task: Task, order: Order, preset: str) -> Wish:
         seed=options.seed,
         pushes=options.pushes,
         automatic=order.automatic,
-        calibrating=options.calibrate,
+        calibrating=options.calibrate and method.calibrated,
+        method=method,
     )
 
 

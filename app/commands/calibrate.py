@@ -1,4 +1,4 @@
-"""Estimate stiffness and friction from recorded pushes and write them as a model file."""
+"""Estimate stiffness and friction from recorded actions; write them as a model file, with a plot of how it went."""
 
 from pathlib import Path
 from typing import Annotated
@@ -11,12 +11,12 @@ from rich.text import Text
 from app.commands._preflight import check_writable
 from app.core.errors import RecordingError, UsageError
 from app.core.messages import Model, Transition
+from app.evaluation.progress import draw_trials
 from app.recording.model_file import load_model, save_model
 from app.recording.reader import read_episode, read_transitions
 from app.tasks import load
 from app.tasks.base import Task
-from app.tasks.jobs import calibrate as fit
-from app.tasks.jobs import check_model, nominal_model
+from app.tasks.jobs import calibration, check_model, nominal_model
 
 
 def calibrate(
@@ -37,13 +37,15 @@ def calibrate(
     with terminal.status("loading the simulator"):
         old = _checked(start, task) if start else nominal_model(task.name)
     with terminal.status(f"fitting {', '.join(task.calibrated)} to {len(transitions)} transitions"):
-        new = fit(task.name, preset, transitions, old)
+        found = calibration(task.name, preset, transitions, old)
+    new, picture = found.model, output.with_suffix(".svg")
     save_model(output, new)
+    draw_trials(found, picture)
     terminal.print(_table(task, old, new))
     terminal.print(
         Text(
             f"One-step Chamfer distance {new.loss_m2:.3e} m^2 over {len(transitions)} transitions. "
-            f"Written to {output}; use it with `dipac run {task.name} --model {output}`."
+            f"Written to {output}, how it went to {picture}; use it with `dipac run {task.name} --model {output}`."
         ),
         soft_wrap=True,
     )

@@ -15,7 +15,7 @@ from app.evaluation.curves import draw
 from app.evaluation.demonstrate import calibrated
 from app.evaluation.play import Eyes
 from app.evaluation.scores import scores
-from app.evaluation.tables import markdown, table
+from app.evaluation.tables import markdown, tables
 from app.evaluation.trial import WHOLE, Trial, run_trial
 from app.evaluation.workers import Where, finished
 from app.planner.method import ABLATIONS, PAPER, planners
@@ -87,7 +87,7 @@ def evaluate(
 
 
 def _check(seeds: int, demonstrations: int, jobs: int, actions: int | None) -> None:
-    counts = {"--seeds": seeds, "--demonstrations": demonstrations, "--jobs": jobs, "--actions": actions or 1}
+    counts = {"--seeds": seeds, "--demonstrations": demonstrations, "--jobs": jobs, "--actions": 1 if actions is None else actions}
     for option, count in counts.items():
         if count < 1:
             raise UsageError(f"{option} {count} must be at least 1.")
@@ -124,8 +124,10 @@ def _calibrate(terminal: Console, trials: Sequence[Trial], models: dict[str, Pat
 
 
 def _play(terminal: Console, trials: Sequence[Trial], path: Path, workers: Where, jobs: int) -> None:
-    done = {row["key"] for row in ledger.lines(path) if "key" in row}
-    left = [trial for trial in trials if trial.key not in done]
+    done = _rows(path, trials)
+    _check_same(path, trials, done)
+    keys = {row["key"] for row in done}
+    left = [trial for trial in trials if trial.key not in keys]
     columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn())
     with Progress(*columns, TimeRemainingColumn(), console=terminal, transient=True) as progress:
         bar = progress.add_task("episodes", total=len(trials), completed=len(trials) - len(left))
@@ -136,11 +138,27 @@ def _play(terminal: Console, trials: Sequence[Trial], path: Path, workers: Where
             progress.console.print(f"{trial.key}: {_told(row)}", markup=False)
 
 
+def _check_same(path: Path, trials: Sequence[Trial], done: Sequence[dict[str, Any]]) -> None:
+    """Raises UsageError where what was played before was played with other options."""
+    for row in done:
+        for name, value in trials[0].settings.items():
+            if row.get(name, value) != value:
+                raise UsageError(
+                    f"{path} holds episodes with --{name} {row[name]}, not {value}; go on with that, or choose another "
+                    "folder with -o."
+                )
+
+
 def _lost(trial: Trial, why: str) -> dict[str, Any]:
     """The row of a trial whose process was lost."""
     told = {"task": trial.task, "planner": trial.planner, "ablation": trial.ablation, "seed": trial.seed}
     empty = {name: list[Any]() for name in ("chamfers_m2", "rewards", "decisions_s", "parameters")}
-    return told | empty | {"chamfer_m2": None, "success": False, "reward": 0.0, "decision_s": 0.0, "failure": why}
+    return (
+        told
+        | trial.settings
+        | empty
+        | {"chamfer_m2": None, "success": False, "reward": 0.0, "decision_s": 0.0, "failure": why}
+    )
 
 
 def _told(row: dict[str, Any]) -> str:
@@ -159,8 +177,8 @@ def _rows(path: Path, trials: Sequence[Trial]) -> list[dict[str, Any]]:
 
 def _report(terminal: Console, rows: Sequence[dict[str, Any]], output: Path) -> None:
     found = scores(rows)
-    terminal.print(table(found))
+    for drawn in tables(found):
+        terminal.print(drawn)
     (output / "table.md").write_text(markdown(found), encoding="utf-8")
-    drawn = draw(rows, output)
-    listed = ", ".join(map(str, [output / "table.md", *drawn]))
+    listed = ", ".join(map(str, [output / "table.md", *draw(rows, output)]))
     terminal.print(f"{output / EPISODES}: {len(rows)} episodes; {listed}", markup=False)

@@ -1,14 +1,22 @@
-"""Demonstrations by a task's scripted expert, and the model that they calibrate."""
+"""Demonstrations by a task's scripted expert, what is recorded of them, and the model that they calibrate."""
 
-from collections.abc import Iterator
+import json
+import time
+from collections.abc import Iterator, Sequence
 from pathlib import Path
+from typing import NamedTuple
 
+from app import __version__
 from app.core.errors import RecordingError
-from app.core.messages import Transition
+from app.core.messages import Episode, Goal, Message, Transition, fresh_id
+from app.core.summary import Summary
 from app.evaluation.play import Eyes, Order, Played, Step, play
 from app.planner.method import Method
+from app.recording.epoch import Epoch
+from app.recording.file import EpisodeFile
 from app.recording.model_file import save_model
 from app.tasks import load
+from app.tasks.base import Wish
 from app.tasks.jobs import calibrate, nominal_model
 
 EXPERT = Method.named(ablation="no_planning")
@@ -17,13 +25,82 @@ FIRST_SEED = 1000
 """Of demonstrations: other problems than those of evaluations, which count from 0."""
 
 
-def demonstrations(task: str, preset: str, seeds: range, eyes: Eyes) -> Iterator[tuple[int, list[Step], Played]]:
-    """Each episode of the expert with its seed, in order."""
+class Demonstration(NamedTuple):
+    """An episode of the expert: what it was to do, every action, and what came of it."""
+
+    wish: Wish
+    steps: Sequence[Step]
+    played: Played
+
+
+def demonstrations(task: str, preset: str, seeds: range, eyes: Eyes) -> Iterator[Demonstration]:
+    """Each episode of the expert, in the order of the seeds."""
+    known, model = load(task), nominal_model(task)
     for seed in seeds:
         steps = list[Step]()
-        model = nominal_model(task)
-        order = Order(task=load(task), preset=preset, seed=seed, method=EXPERT, model=model, eyes=eyes)
-        yield seed, steps, play(order, steps.append)
+        goal = known.goal(seed, known.preset(preset).particle_count)
+        wish = Wish(
+            task=known,
+            preset=preset,
+            goal=Goal(id=fresh_id("goal"), time_s=0.0, positions=goal),
+            model=model,
+            seed=seed,
+            pushes=known.horizon,
+            automatic=True,
+            calibrating=False,
+            method=EXPERT,
+        )
+        order = Order(task=known, preset=preset, seed=seed, method=EXPERT, model=model, eyes=eyes)
+        yield Demonstration(wish, steps, play(order, steps.append))
+
+
+def record(shown: Demonstration, path: Path) -> int:
+    """Write it as a new recording, dated by the world's clock from now on; returns the number of messages.
+
+    Raises RecordingError where the file cannot be written.
+    """
+    wish = shown.wish
+    begin_s = shown.steps[0].before.time_s if shown.steps else 0.0
+    episode = Episode(
+        id=fresh_id("episode"),
+        time_s=begin_s,
+        task=wish.task.name,
+        rig="simulated",
+        seed=wish.seed,
+        simulated=True,
+        code_version=__version__,
+        config=json.dumps({"preset": wish.preset, "actions": wish.pushes, "expert": True}),
+    )
+    said = [episode, *_said(shown)]
+    try:
+        file = EpisodeFile(path, episode, epoch=Epoch(offset_ns=time.time_ns()))
+        try:
+            for message in said:
+                file.write(message, now_s=message.time_s)
+        finally:
+            file.close()
+    except (OSError, RuntimeError) as error:
+        raise RecordingError(f"Cannot write to {path}: {error}; choose another place with -o.") from error
+    return len(said)
+
+
+def _said(shown: Demonstration) -> Iterator[Message]:
+    """What the running application would have said."""
+    wish, summary = shown.wish, Summary()
+    assert wish.model is not None
+    yield wish.model
+    yield wish.goal
+    for index, step in enumerate(shown.steps):
+        if index == 0:
+            yield from step.frames
+            yield step.before
+        seen_s, executed = step.before.time_s, step.transition.executed
+        proposal = wish.proposal(step.plan, step.before, wish.model, began_s=seen_s, now_s=seen_s)
+        yield proposal
+        yield executed
+        yield step.after
+        yield step.transition
+        yield summary.scored(proposal, step.before, executed, step.after, wish.target, now_s=step.transition.time_s)
 
 
 def calibrated(task: str, preset: str, episodes: int, eyes: Eyes, output: Path) -> Path:
@@ -32,8 +109,8 @@ def calibrated(task: str, preset: str, episodes: int, eyes: Eyes, output: Path) 
     Raises RecordingError where none of them moved anything.
     """
     seen = list[Transition]()
-    for _, steps, _ in demonstrations(task, preset, range(FIRST_SEED, FIRST_SEED + episodes), eyes):
-        seen += [step.transition for step in steps]
+    for shown in demonstrations(task, preset, range(FIRST_SEED, FIRST_SEED + episodes), eyes):
+        seen += [step.transition for step in shown.steps]
     if not seen:
         raise RecordingError(f"The expert of {task} made no action in {episodes} episodes; is its aim reached already?")
     save_model(output, calibrate(task, preset, seen, nominal_model(task)))

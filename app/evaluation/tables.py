@@ -1,7 +1,8 @@
 """Scores as tables: for the terminal, and as Markdown for a page."""
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from itertools import groupby
 
 from rich.table import Table
 
@@ -9,29 +10,37 @@ from app.evaluation.intervals import Measured
 from app.evaluation.scores import MM2, Score
 
 _HEADS = (
-    *("task", "method", "episodes", "failed", "success", "final Chamfer [mm^2]", "more than dipac [mm^2]"),
+    *("method", "episodes", "failed", "success", "final Chamfer [mm^2]", "more than dipac [mm^2]"),
     *("reward", "actions", "decision, median / longest [s]"),
 )
+_SHORT = ("method", "n", "failed", "success", "Chamfer [mm^2]", "more than dipac", "reward", "actions", "decision [s]")
 
 
-def table(found: Sequence[Score]) -> Table:
-    """For the terminal."""
-    drawn = Table(*_HEADS, title="Means and shares with 95 % intervals")
-    for row in _cells(found):
-        drawn.add_row(*row)
-    return drawn
+def tables(found: Sequence[Score]) -> Iterator[Table]:
+    """For the terminal, one a task."""
+    for task, scores in groupby(found, key=lambda score: score.task):
+        drawn = Table(title=f"{task}: means and shares with 95 % intervals")
+        for index, head in enumerate(_SHORT):
+            drawn.add_column(head, no_wrap=index == 0)
+        for row in _cells(list(scores)):
+            # An interval stands under its value, so that all columns fit beside each other.
+            drawn.add_row(*(cell.replace(" (", "\n(").replace(" / ", "\n") for cell in row))
+        yield drawn
 
 
 def markdown(found: Sequence[Score]) -> str:
-    """The same as Markdown."""
-    rows = [_HEADS, ["---"] * len(_HEADS), *_cells(found)]
-    return "".join("| " + " | ".join(row) + " |\n" for row in rows)
+    """The same as Markdown: a section a task."""
+    text = list[str]()
+    for task, scores in groupby(found, key=lambda score: score.task):
+        rows = [_HEADS, ["---"] * len(_HEADS), *_cells(list(scores))]
+        text.append(f"## {task}\n\n" + "".join("| " + " | ".join(row) + " |\n" for row in rows))
+    return "\n".join(text)
 
 
 def _cells(found: Sequence[Score]) -> list[list[str]]:
     return [
         [
-            *(score.task, score.name, str(score.episodes), str(score.failed)),
+            *(score.name, str(score.episodes), str(score.failed)),
             _measured(score.success, 100.0, "%"),
             _measured(score.chamfer_m2, MM2),
             _measured(score.worse_m2, MM2),
@@ -45,11 +54,12 @@ def _cells(found: Sequence[Score]) -> list[list[str]]:
 def _measured(value: Measured, unit: float, sign: str = "") -> str:
     if not value.n:
         return "-"
-    return f"{_number(value.value * unit)}{sign} ({_number(value.low * unit)} to {_number(value.high * unit)})"
+    text = f"{_number(value.value * unit)}{sign}"
+    if not (math.isfinite(value.low) and math.isfinite(value.high)):
+        return text
+    return f"{text} ({_number(value.low * unit)} to {_number(value.high * unit)})"
 
 
 def _number(value: float) -> str:
     """Three digits that matter."""
-    if not math.isfinite(value):
-        return "-"
     return f"{value:.0f}" if abs(value) >= 100 else f"{value:.3g}"

@@ -42,6 +42,11 @@ class Trial:
         return f"{self.task} {self.planner} {self.ablation} {self.seed}"
 
     @property
+    def settings(self) -> dict[str, Any]:
+        """What all episodes of an evaluation share, as it stands in their rows."""
+        return {"preset": self.preset, "eyes": self.eyes, "online": self.online, "actions": self.actions}
+
+    @property
     def method(self) -> Method:
         """How it decides. Raises UsageError for a planner or an ablation that does not exist."""
         return Method.named(self.planner, None if self.ablation == WHOLE else self.ablation)

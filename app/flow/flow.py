@@ -46,7 +46,7 @@ from app.flow.asking import Asking
 from app.flow.watching import Push, Watching
 from app.perception.reconstruct import reconstruct
 from app.tasks.base import Wish
-from app.tasks.jobs import nominal_model, plan, update, warm_up_stage, warm_up_stages
+from app.tasks.jobs import nominal_model, plan, uncalibrated_model, update, warm_up_stage, warm_up_stages
 
 _OBSERVE_DEADLINE_S = 30.0
 _FAILURES_IN_A_ROW = 3
@@ -252,7 +252,8 @@ class Flow:
         wish, planner = self.wish, self.planner
         task, preset, method = wish.task.name, wish.preset, wish.method
         self._do("starting the planner")
-        model = self.say(wish.model or await planner.run(nominal_model, task))
+        known = nominal_model if method.calibrated else uncalibrated_model
+        model = self.say(wish.model or await planner.run(known, task))
         self.models.put(model)
         for index, stage in enumerate(await planner.run(warm_up_stages, task, preset, model, method)):
             self._do(f"compiling {stage}")

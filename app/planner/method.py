@@ -32,8 +32,8 @@ class Method:
     `descending`: actions are optimised along their gradient; without, the best branch is executed as it was sampled.
     `branching`: there are branches besides the policy's. `guided`: the initial policy has a say; without, all actions
     are drawn at random. Neither branching nor descending, the policy's action is executed as it is, and simulated only
-    for what is shown. `calibrated`: the model is calibrated; without, it stays the nominal one, which is for those to
-    heed who have the model.
+    for what is shown. `calibrated`: the model is calibrated; without, it is what the simulator would be without any
+    demonstration, which is for those to heed who have the model.
 
     Raises UsageError for a planner that does not exist, and for options that make no sense together.
     """

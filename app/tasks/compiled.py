@@ -12,7 +12,7 @@ from jaxtyping import Array, Float, Float32
 from app.calibration.calibrate import Calibrator, next_model, phi_of
 from app.calibration.evidence import Advance as FromRest
 from app.calibration.evidence import Evidence, Predictor, gather
-from app.calibration.fit import Settings
+from app.calibration.fit import Settings, Tried
 from app.core.messages import MessageId, Model, Parameter, Transition
 from app.planner.base import Planner
 from app.planner.made import made
@@ -106,10 +106,15 @@ def _calibrator(task: str, preset: str, settings: Settings, effects: tuple[Effec
 
 @final
 class Calibrated(NamedTuple):
-    """The next version of a model, and the indices of the transitions that it does not predict."""
+    """The next version of a model, the indices of the transitions that it does not predict, and how it was found.
+
+    `trials`: values of `names` and their loss, from the start.
+    """
 
     model: Model
     lost: tuple[int, ...]
+    names: tuple[str, ...]
+    trials: tuple[Tried, ...]
 
 
 def calibrated(
@@ -119,7 +124,8 @@ def calibrated(
     phi = phi_of(model)
     fitter = calibrator(task, preset, settings, phi)
     found = fitter.fit(gather(transitions, load(task).actions.measured_path), phi)
-    return Calibrated(next_model(model, found, fitter.names, transitions), found.lost)
+    new = next_model(model, found, fitter.names, transitions)
+    return Calibrated(new, found.lost, fitter.names, found.trials)
 
 
 def nominal_model(task: str) -> Model:

@@ -24,6 +24,7 @@ if TYPE_CHECKING:
     from app.core.messages import Model, Transition
     from app.core.types import Points, ToolPose
     from app.planner.plan import Plan
+    from app.tasks.compiled import Calibrated
     from app.tasks.correction import Correction
 
 
@@ -74,6 +75,13 @@ def calibrate(
     Where transitions cannot be predicted, the log names a dump of one. Raises SimulationError where none can be,
     UsageError where there are no transitions.
     """
+    return calibration(task, preset, transitions, model, site).model
+
+
+def calibration(
+    task: str, preset: str, transitions: Sequence[Transition], model: Model, site: Site | None = None
+) -> Calibrated:
+    """As `calibrate`, with every trial on the way."""
     from app.calibration.fit import Settings
 
     return _fitted(task, preset, transitions, model, Settings(), site or Site())
@@ -87,24 +95,26 @@ def update(task: str, preset: str, transitions: Sequence[Transition], model: Mod
     from app.calibration.fit import Settings
 
     settings = Settings(steps=2, trust_factor=1.5)
-    return _fitted(task, preset, transitions[-_RECENT:], model, settings, site or Site())
+    return _fitted(task, preset, transitions[-_RECENT:], model, settings, site or Site()).model
 
 
 def _fitted(
     task: str, preset: str, transitions: Sequence[Transition], model: Model, settings: Settings, site: Site
-) -> Model:
+) -> Calibrated:
     from app.tasks import compiled, failures
 
     if allowed_for := _allowed_for(model):
         transitions = [allowed_for.transition(transition) for transition in transitions]
     try:
-        new, lost = compiled.calibrated(task, preset, transitions, model, settings)
+        found = compiled.calibrated(task, preset, transitions, model, settings)
     except SimulationError as error:
         left = failures.of_transitions(task, transitions, compiled.phi_of(model), site)
         raise SimulationError(f"{error}{left}") from None
-    if left := failures.of_transitions(task, [transitions[index] for index in lost], compiled.phi_of(new), site):
+    if left := failures.of_transitions(
+        task, [transitions[index] for index in found.lost], compiled.phi_of(found.model), site
+    ):
         _log.warning("A transition of the calibration is not predicted.%s", left)
-    return new
+    return found
 
 
 def choose_preset() -> str:

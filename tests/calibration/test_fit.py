@@ -41,8 +41,10 @@ def test_a_hidden_truth_is_recovered_from_a_start_wrong_by_a_factor_of_three(fac
 
 def test_the_result_is_the_best_of_all_trials() -> None:
     result = found(0.05, np.array([2e4, -0.5]))
-    assert result.loss_m2 == np.nanmin(result.trials_m2)
-    assert result.loss_m2 < result.trials_m2[0]
+    losses = [trial.loss_m2 for trial in result.trials]
+    assert result.loss_m2 == np.nanmin(losses)
+    assert result.loss_m2 < losses[0]
+    assert any(np.array_equal(trial.values, result.values) for trial in result.trials)
 
 
 def test_the_interval_holds_the_value_and_shrinks_with_less_noise() -> None:

@@ -50,7 +50,7 @@ def test_a_model_learns_from_what_really_happened(job: object, monkeypatch: pyte
         task: str, preset: str, transitions: Sequence[Transition], model: Model, settings: Settings
     ) -> compiled.Calibrated:
         learnt.extend(transitions)
-        return compiled.Calibrated(replace(model, id=fresh_id("model")), ())
+        return compiled.Calibrated(replace(model, id=fresh_id("model")), (), (), ())
 
     monkeypatch.setattr(compiled, "calibrated", calibrated)
     seen = transition(measured=True)

@@ -1,0 +1,80 @@
+"""Record demonstrations: the scripted expert of a task plays episodes in a simulated cell."""
+
+from pathlib import Path
+from typing import Annotated, Literal
+
+import tyro
+from rich.console import Console
+from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
+
+from app.commands._preflight import unwritable
+from app.core.errors import UsageError
+from app.evaluation.demonstrate import FIRST_SEED, Demonstration, demonstrations, record
+from app.evaluation.play import Eyes
+from app.tasks import load
+from app.tasks.jobs import choose_preset
+
+
+def collect(
+    task: tyro.conf.Positional[str],
+    /,
+    *,
+    episodes: int = 10,
+    seed: int = FIRST_SEED,
+    preset: Literal["auto", "cpu", "gpu"] = "auto",
+    eyes: Eyes = "cameras",
+    output: Annotated[Path | None, tyro.conf.arg(aliases=["-o"])] = None,
+) -> None:
+    """One recording an episode, for `dipac calibrate` and for learning a policy. What is there already is kept.
+
+    Args:
+        task: whose expert.
+        episodes: how many.
+        seed: of the first problem; the next ones count up.
+        preset: whose number of particles the clouds have; auto asks this machine.
+        eyes: rendered images, or the truth with the noise that particles from images have, which is faster.
+        output: the folder of the recordings; recordings/TASK where none is named.
+    """
+    terminal = Console(highlight=False, soft_wrap=True)
+    if episodes < 1 or seed < 0:
+        raise UsageError(f"--episodes {episodes} must be at least 1, and --seed {seed} at least 0.")
+    size = preset if preset != "auto" else choose_preset()
+    load(task).preset(size)
+    folder = output or Path("recordings") / task
+    _make(folder)
+    columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn())
+    reached = actions = 0
+    with Progress(*columns, TimeRemainingColumn(), console=terminal, transient=True) as progress:
+        bar = progress.add_task("episodes", total=episodes)
+        for shown in demonstrations(task, size, range(seed, seed + episodes), eyes):
+            path = _free(folder, f"{task}-{shown.wish.seed:04d}")
+            record(shown, path)
+            reached, actions = reached + shown.played.success, actions + len(shown.steps)
+            progress.update(bar, advance=1)
+            progress.console.print(f"{path}: {_told(shown)}", markup=False)
+    terminal.print(f"{reached} of {episodes} episodes reached their goal, in {actions} actions together.")
+    terminal.print(f"Calibrate with `dipac calibrate {folder}/*.mcap -o {task}.toml`.", markup=False)
+
+
+def _make(folder: Path) -> None:
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise unwritable(folder, "-o", error) from None
+
+
+def _free(folder: Path, name: str) -> Path:
+    """A file that is not there yet: recordings are never written over."""
+    path, number = folder / f"{name}.mcap", 2
+    while path.exists():
+        path, number = folder / f"{name}-{number}.mcap", number + 1
+    return path
+
+
+def _told(shown: Demonstration) -> str:
+    played = shown.played
+    if played.failure:
+        return f"failed after {len(shown.steps)} actions: {played.failure}"
+    outcome = "reached its goal" if played.success else "did not reach its goal"
+    first_mm2, last_mm2 = 1e6 * played.chamfer_m2[0], 1e6 * played.chamfer_m2[-1]
+    return f"{outcome}, {first_mm2:.0f} -> {last_mm2:.0f} mm^2 in {len(shown.steps)} actions"

@@ -1,0 +1,88 @@
+"""`dipac collect` records its expert's episodes, and `dipac calibrate` learns from them and draws how it went."""
+
+from pathlib import Path
+
+import pytest
+
+from app.__main__ import main
+from app.commands.calibrate import calibrate
+from app.core.errors import UsageError
+from app.core.messages import Episode, Executed, Frame, Goal, Outcome, Particles, Proposal, Transition
+from app.evaluation import demonstrate
+from app.recording.integrity import inspect
+from app.recording.model_file import load_model
+from app.recording.reader import read_episode, read_messages, read_transitions
+from app.tasks import load
+
+
+@pytest.fixture
+def short(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Two actions an episode."""
+    orders = demonstrate.Order
+
+    def order(**said: object) -> demonstrate.Order:
+        return orders(**{**said, "actions": 2})  # pyright: ignore[reportArgumentType]
+
+    monkeypatch.setattr(demonstrate, "Order", order)
+
+
+@pytest.mark.usefixtures("short")
+def test_a_demonstration_is_a_whole_recording_of_what_was_seen_planned_and_made(tmp_path: Path) -> None:
+    assert main(["collect", "rope_push", "--episodes", "1", "--preset", "cpu", "-o", str(tmp_path)]) == 0
+    (path,) = tmp_path.iterdir()
+    assert path.name == "rope_push-1000.mcap"
+    inspect(path)
+    assert read_episode(path).task == "rope_push"
+    kinds = (Episode, Goal, Frame, Particles, Proposal, Executed, Transition, Outcome)
+    messages = list(read_messages(path, kinds))
+    counts = {kind: sum(isinstance(message, kind) for message in messages) for kind in kinds}
+    assert counts == {Episode: 1, Goal: 1, Frame: 2, Particles: 3, Proposal: 2, Executed: 2, Transition: 2, Outcome: 2}
+    first, second = read_transitions(path)
+    assert first.after.shape == (load("rope_push").preset("cpu").particle_count, 3)
+    assert (first.after == second.before).all()
+    outcomes = [message for message in messages if isinstance(message, Outcome)]
+    assert outcomes[0].chamfer_after_m2 == outcomes[1].chamfer_before_m2
+
+
+@pytest.mark.usefixtures("short")
+def test_recordings_are_never_written_over_and_calibrate_a_model_with_a_plot(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    order = ["collect", "rope_push", "--episodes", "1", "--preset", "cpu", "--eyes", "truth", "-o", str(tmp_path)]
+    assert main(order) == main(order) == 0
+    paths = sorted(tmp_path.iterdir())
+    assert [path.name for path in paths] == ["rope_push-1000-2.mcap", "rope_push-1000.mcap"]
+    one, other = (read_transitions(path) for path in paths)
+    assert [(first.after == again.after).all() for first, again in zip(one, other, strict=True)] == [True, True]
+    model = tmp_path / "model.toml"
+    assert main(["calibrate", *map(str, paths), "-o", str(model)]) == 0
+    assert f"how it went to {tmp_path / 'model.svg'}" in capsys.readouterr().out.replace("\n", "")
+    drawn = (tmp_path / "model.svg").read_text()
+    for name in load("rope_push").calibrated:
+        assert name in drawn
+    found = load_model(model, task="rope_push", time_s=0.0)
+    assert found.transition_count == 4
+    assert found.version == 1
+
+
+def test_a_demonstration_of_another_task_is_refused_by_name(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("app.commands.calibrate.read_episode", lambda path: _Other(path.stem))
+    recordings = [tmp_path / "rope_push.mcap", tmp_path / "bean_sweep.mcap"]
+    with pytest.raises(UsageError, match=r"bean_sweep\.mcap: bean_sweep"):
+        calibrate(tuple(recordings), output=tmp_path / "model.toml")
+
+
+class _Other:
+    """An episode of a task."""
+
+    def __init__(self, task: str) -> None:
+        self.task = task
+
+
+@pytest.mark.parametrize("wrong", [["nothing"], ["rope_push", "--episodes", "0"], ["rope_push", "--seed", "-1"]])
+def test_an_impossible_order_is_refused_before_anything_is_played(
+    wrong: list[str], tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert main(["collect", *wrong, "--preset", "cpu", "-o", str(tmp_path / "new")]) == UsageError.exit_code
+    assert wrong[-1] in capsys.readouterr().err
+    assert not (tmp_path / "new").exists()

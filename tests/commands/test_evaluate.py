@@ -1,0 +1,97 @@
+"""`dipac evaluate` goes on where it was killed, mixes nothing up, and says what is wrong with an order."""
+
+import json
+import os
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import pytest
+
+from app.__main__ import main
+from app.core.errors import UsageError
+from app.recording.model_file import save_model
+from app.tasks import nominal_model
+
+POLICY = ["--task", "rope_push", "--planner", "dipac", "--ablation", "no_planning", "--preset", "cpu"]
+SHORT = [*POLICY, "--eyes", "truth", "--actions", "1", "--seeds", "3"]
+PATIENCE_S = 300
+
+
+@pytest.fixture
+def folder(tmp_path: Path) -> Path:
+    """A folder of results with its model: what demonstrations calibrate is tested where they are."""
+    (tmp_path / "models").mkdir()
+    save_model(tmp_path / "models" / "rope_push.toml", nominal_model("rope_push"))
+    return tmp_path
+
+
+def rows(folder: Path) -> list[dict]:
+    return [json.loads(line) for line in (folder / "episodes.jsonl").read_text().splitlines()]
+
+
+def killed_after_one(folder: Path) -> None:
+    """Run it in a process group of its own, and kill that once the first episode is told."""
+    command = [sys.executable, "-m", "app", "evaluate", *SHORT, "-o", str(folder)]
+    process = subprocess.Popen(command, start_new_session=True, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
+    try:
+        given_up_s = time.monotonic() + PATIENCE_S
+        path = folder / "episodes.jsonl"
+        while not (path.exists() and path.read_text().count("\n")):
+            assert process.poll() is None
+            assert time.monotonic() < given_up_s
+            time.sleep(0.02)
+    finally:
+        os.killpg(process.pid, signal.SIGKILL)
+        process.wait()
+
+
+def test_an_evaluation_that_was_killed_goes_on_and_plays_nothing_twice(
+    folder: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    killed_after_one(folder)
+    before = rows(folder)
+    with (folder / "episodes.jsonl").open("a") as file:
+        file.write('{"key": "rope_push dipac no_planning 2", "cut o')
+    assert 1 <= len(before) < 3
+    assert main(["evaluate", *SHORT, "-o", str(folder)]) == 0
+    lines = (folder / "episodes.jsonl").read_text().splitlines()
+    whole = [json.loads(line) for line in lines if "cut o" not in line]
+    assert whole[: len(before)] == before
+    assert sorted(row["seed"] for row in whole) == [0, 1, 2]
+    for row in whole:
+        assert {"task", "planner", "ablation", "seed", "chamfer_m2", "success", "reward", "decision_s"} <= row.keys()
+        assert row["failure"] == ""
+        assert row["chamfers_m2"][-1] == row["chamfer_m2"] != row["chamfers_m2"][0]
+    assert "| dipac, no planning | 3 | 0 |" in (folder / "table.md").read_text()
+    assert (folder / "rope_push-chamfer.svg").exists()
+    said = capsys.readouterr().out
+    assert "rope_push dipac no_planning" in said
+    # Once more, there is nothing to play, and what stands there is told with the same numbers.
+    table = (folder / "table.md").read_text()
+    assert main(["evaluate", *SHORT, "-o", str(folder)]) == 0
+    assert (folder / "table.md").read_text() == table
+    # Other options would mix what cannot be compared.
+    assert main(["evaluate", *SHORT, "--actions", "2", "-o", str(folder)]) == UsageError.exit_code
+    assert "holds episodes with --actions 1, not 2" in capsys.readouterr().err.replace("\n", " ")
+
+
+@pytest.mark.parametrize(
+    "wrong",
+    [
+        ["--task", "rope_pull"],
+        ["--planner", "dipack"],
+        ["--ablation", "no_hope"],
+        ["--seeds", "0"],
+        ["--jobs", "0"],
+        ["--actions", "0"],
+    ],
+)
+def test_an_impossible_order_is_refused_before_anything_is_played(
+    wrong: list[str], tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert main(["evaluate", *wrong, "--preset", "cpu", "-o", str(tmp_path / "new")]) == UsageError.exit_code
+    assert wrong[-1] in capsys.readouterr().err
+    assert not (tmp_path / "new").exists()
