@@ -37,6 +37,7 @@ def evaluate(
     eyes: Eyes = "cameras",
     preset: Literal["auto", "cpu", "gpu"] = "auto",
     actions: int | None = None,
+    play_on: bool = False,
     workers: Where = "local",
     jobs: int = 1,
     output: Annotated[Path, tyro.conf.arg(aliases=["-o"])],
@@ -53,6 +54,7 @@ def evaluate(
         eyes: rendered images, or the truth with the noise that particles from images have, which is faster.
         preset: how much is computed for a decision; auto asks this machine.
         actions: at most, in an episode; the task's horizon where none is said.
+        play_on: make all actions, also once the goal is reached, so that ends compare; success counts when it was seen.
         workers: processes of this machine, or those of a Ray cluster.
         jobs: so many processes of this machine at a time.
         output: the folder of results, new or one to go on with.
@@ -76,6 +78,7 @@ def evaluate(
             online=online,
             model=models[name],
             actions=actions,
+            play_on=play_on,
         )
         for seed in range(seeds)
         for name in tasks
@@ -87,7 +90,12 @@ def evaluate(
 
 
 def _check(seeds: int, demonstrations: int, jobs: int, actions: int | None) -> None:
-    counts = {"--seeds": seeds, "--demonstrations": demonstrations, "--jobs": jobs, "--actions": 1 if actions is None else actions}
+    counts = {
+        "--seeds": seeds,
+        "--demonstrations": demonstrations,
+        "--jobs": jobs,
+        "--actions": 1 if actions is None else actions,
+    }
     for option, count in counts.items():
         if count < 1:
             raise UsageError(f"{option} {count} must be at least 1.")
@@ -143,9 +151,9 @@ def _check_same(path: Path, trials: Sequence[Trial], done: Sequence[dict[str, An
     for row in done:
         for name, value in trials[0].settings.items():
             if row.get(name, value) != value:
+                option = f"{name.replace('_', '-')} {row[name]}"
                 raise UsageError(
-                    f"{path} holds episodes with --{name} {row[name]}, not {value}; go on with that, or choose another "
-                    "folder with -o."
+                    f"{path} holds episodes with {option}, not {value}; go on with that, or choose another folder with -o."
                 )
 
 

@@ -31,7 +31,10 @@ _ATTEMPTS = 3
 @final
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Order:
-    """What is to be played. `online`: the model learns from every action; `actions` at most, the task's horizon."""
+    """What is to be played. `online`: the model learns from every action; `actions` at most, the task's horizon.
+
+    `play_on`: all actions are made, also once the object is seen where it shall be, so that all methods make as many.
+    """
 
     task: Task
     preset: str
@@ -41,6 +44,7 @@ class Order:
     online: bool = False
     eyes: Eyes = "cameras"
     actions: int | None = None
+    play_on: bool = False
 
 
 @final
@@ -59,17 +63,24 @@ class Step:
 @final
 @dataclass(kw_only=True, eq=False)
 class Played:
-    """What came of it so far. Distances and shares are of the truth, at the start and after every action.
+    """What came of it so far. Distances, shares and what was reached are of the truth, at first and after each action.
 
-    `failure`: what ended it before its time, in words.
+    `done`: after how many actions the object was first seen where it shall be, which is when an operator would go
+    home; None where it never was. `failure`: what ended it before its time, in words.
     """
 
     chamfer_m2: list[float] = field(default_factory=list[float])
     share: list[float] = field(default_factory=list[float])
+    reached: list[bool] = field(default_factory=list[bool])
     decision_s: list[float] = field(default_factory=list[float])
     models: list[Model] = field(default_factory=list[Model])
-    success: bool = False
+    done: int | None = None
     failure: str = ""
+
+    @property
+    def success(self) -> bool:
+        """Whether the object truly was where it shall be when it was seen there, or else at the end."""
+        return not self.failure and bool(self.reached) and self.reached[-1 if self.done is None else self.done]
 
 
 Listener: TypeAlias = Callable[[Step], None]
@@ -102,7 +113,11 @@ class _Episode:
         self._judge(played)
         before, actions = self._see(), self._order.actions
         limit = self._task.horizon if actions is None else actions
-        while len(played.decision_s) < limit and not self._task.aim.reached(before.positions, self._goal):
+        while True:
+            if played.done is None and self._task.aim.reached(before.positions, self._goal):
+                played.done = len(played.decision_s)
+            if len(played.decision_s) >= limit or (played.done is not None and not self._order.play_on):
+                return
             frames, began_s = self._frames, time.perf_counter()
             plan = self._plan(before.positions, len(played.decision_s))
             played.decision_s.append(time.perf_counter() - began_s)
@@ -120,7 +135,7 @@ class _Episode:
         x = self._task.particles(self._cell.nodes(), self._count)
         played.chamfer_m2.append(float(chamfer_m2(x, self._goal)))
         played.share.append(self._task.aim.share(x, self._goal))
-        played.success = self._task.aim.reached(x, self._goal)
+        played.reached.append(self._task.aim.reached(x, self._goal))
 
     def _see(self) -> Particles:
         began_s = time.perf_counter()

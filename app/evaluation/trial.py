@@ -35,6 +35,7 @@ class Trial:
     online: bool = False
     model: Path | None = None
     actions: int | None = None
+    play_on: bool = False
 
     @property
     def key(self) -> str:
@@ -44,7 +45,8 @@ class Trial:
     @property
     def settings(self) -> dict[str, Any]:
         """What all episodes of an evaluation share, as it stands in their rows."""
-        return {"preset": self.preset, "eyes": self.eyes, "online": self.online, "actions": self.actions}
+        names = ("preset", "eyes", "online", "actions", "play_on")
+        return {name: getattr(self, name) for name in names}
 
     @property
     def method(self) -> Method:
@@ -65,6 +67,7 @@ def run_trial(trial: Trial) -> dict[str, Any]:
         online=trial.online and method.calibrated,
         eyes=trial.eyes,
         actions=trial.actions,
+        play_on=trial.play_on,
     )
     for stage in range(len(jobs.warm_up_stages(trial.task, trial.preset, model, method))):
         jobs.warm_up_stage(trial.task, trial.preset, stage, model, method)
@@ -72,7 +75,8 @@ def run_trial(trial: Trial) -> dict[str, Any]:
     return asdict(trial) | {
         "model": str(trial.model) if trial.model else None,
         "chamfer_m2": played.chamfer_m2[-1] if played.chamfer_m2 else None,
-        "success": played.success and not played.failure,
+        "success": played.success,
+        "done": played.done,
         "reward": played.share[-1] if played.share else 0.0,
         "decision_s": float(np.mean(played.decision_s)) if played.decision_s else 0.0,
         "failure": played.failure,

@@ -75,7 +75,7 @@ def test_an_evaluation_that_was_killed_goes_on_and_plays_nothing_twice(
     assert (folder / "table.md").read_text() == table
     # Other options would mix what cannot be compared.
     assert main(["evaluate", *SHORT, "--actions", "2", "-o", str(folder)]) == UsageError.exit_code
-    assert "holds episodes with --actions 1, not 2" in capsys.readouterr().err.replace("\n", " ")
+    assert "holds episodes with actions 1, not 2" in capsys.readouterr().err.replace("\n", " ")
 
 
 @pytest.mark.parametrize(

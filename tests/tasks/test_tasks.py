@@ -1,22 +1,16 @@
-"""What every task offers the application; each file in `app/tasks` is tested by its presence."""
+"""What tasks offer the application: jobs that cross pipes, and learning."""
 
 import pickle
 import subprocess
 import sys
 from dataclasses import replace
 
-import numpy as np
 import pytest
 
-from app.config import Site
 from app.core.errors import UsageError
 from app.core.messages import Transition
-from app.policy.base import AWAY
-from app.sim.params import PARAMETERS
-from app.tasks import calibrate, load, names, nominal_model, plan, update, warm_up_stage, warm_up_stages
+from app.tasks import calibrate, load, nominal_model, plan, update, warm_up_stage, warm_up_stages
 from bench.table import Table
-
-TASKS = names()
 
 
 def test_an_unknown_task_or_preset_names_the_known_ones() -> None:
@@ -24,31 +18,6 @@ def test_an_unknown_task_or_preset_names_the_known_ones() -> None:
         load("rope_pusch")
     with pytest.raises(UsageError, match="Known: cpu, gpu"):
         load("rope_push").preset("tpu")
-
-
-@pytest.mark.parametrize("name", TASKS)
-def test_a_task_is_named_as_its_file_and_has_presets_for_cpu_and_gpu(name: str) -> None:
-    task = load(name)
-    assert task.name == name
-    assert set(task.presets) == {"cpu", "gpu"}
-    assert task.preset("cpu").branches >= 8
-
-
-@pytest.mark.parametrize("name", TASKS)
-def test_the_nominal_model_is_version_0_and_inside_every_range(name: str) -> None:
-    model = nominal_model(name)
-    assert model.version == 0
-    assert [parameter.name for parameter in model.parameters] == [spec.name for spec in PARAMETERS]
-    for parameter, spec in zip(model.parameters, PARAMETERS, strict=True):
-        assert spec.low <= parameter.value <= spec.high
-
-
-@pytest.mark.parametrize("name", TASKS)
-def test_every_push_may_be_made_in_the_site_as_it_is(name: str) -> None:
-    task, site = load(name), Site()
-    x = task.goal(0, 100)
-    for action in task.actions.sample(np.random.default_rng(0), x, AWAY, 8):
-        assert site.limits.workspace.contains(task.actions.motion(action, AWAY, site).positions)
 
 
 def test_naming_a_rope_loads_neither_jax_nor_warp() -> None:
