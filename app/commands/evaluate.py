@@ -151,10 +151,8 @@ def _check_same(path: Path, trials: Sequence[Trial], done: Sequence[dict[str, An
     for row in done:
         for name, value in trials[0].settings.items():
             if row.get(name, value) != value:
-                option = f"{name.replace('_', '-')} {row[name]}"
-                raise UsageError(
-                    f"{path} holds episodes with {option}, not {value}; go on with that, or choose another folder with -o."
-                )
+                held = f"{path} holds episodes with {name.replace('_', '-')} {row[name]}, not {value}"
+                raise UsageError(f"{held}; go on with that, or choose another folder with -o.")
 
 
 def _lost(trial: Trial, why: str) -> dict[str, Any]:
