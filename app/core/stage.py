@@ -26,11 +26,38 @@ class Rope:
 
 @final
 @dataclass(frozen=True, kw_only=True)
+class Beans:
+    """So many loose beans on the table, each a cylinder with round ends, `length_m` from tip to tip.
+
+    `mass_kg` is that of all together. Their nodes are the middles of their round ends, two a bean, one after another.
+    """
+
+    count: int
+    length_m: float
+    radius_m: float
+    mass_kg: float
+    colour: Colour
+
+
+@final
+@dataclass(frozen=True, kw_only=True)
 class Finger:
     """The closed two-finger gripper as a vertical capsule; `push_height_m` is its tip's height above the table."""
 
     radius_m: float
     push_height_m: float
+
+
+@final
+@dataclass(frozen=True, kw_only=True)
+class Paddle:
+    """A flat upright board, whose middle is the tool's position; `sweep_height_m` is that of its middle in a sweep.
+
+    Half sides [m] across, along its thickness, and up: along x, y and z where the tool, pointing down, is not turned.
+    """
+
+    half_m: Vector
+    sweep_height_m: float
 
 
 @final
@@ -44,9 +71,19 @@ class Block:
     friction: float = 0.3
 
 
-Body: TypeAlias = Rope
-Tool: TypeAlias = Finger
-Fixture: TypeAlias = Block
+@final
+@dataclass(frozen=True, kw_only=True)
+class Mat:
+    """A round mark on the table that nothing feels."""
+
+    radius_m: float
+    place_m: tuple[float, float]
+    colour: Colour = (0.20, 0.35, 0.60)
+
+
+Body: TypeAlias = Rope | Beans
+Tool: TypeAlias = Finger | Paddle
+Fixture: TypeAlias = Block | Mat
 
 
 @final

@@ -7,6 +7,7 @@ import numpy as np
 from scipy.spatial import KDTree
 
 from app.core.chamfer import chamfer_m2
+from app.core.stage import Mat
 from app.core.types import Points
 
 
@@ -36,3 +37,21 @@ class Near:
     def share(self, x: Points, goal: Points) -> float:
         """Of the particles, those as near to the goal as the limit lets all be."""
         return float(np.mean(KDTree(goal).query(x)[0] ** 2 <= self.limit_m2 / 2))
+
+
+@final
+@dataclass(frozen=True, kw_only=True)
+class OnMat:
+    """Nearly all of the object lies on a round mat: the share `enough` of it or more, seen from above."""
+
+    mat: Mat
+    enough: float
+
+    def reached(self, x: Points, goal: Points) -> bool:
+        """Enough of it is there, wherever on the mat."""
+        return self.share(x, goal) >= self.enough
+
+    def share(self, x: Points, goal: Points) -> float:
+        """Of the particles, those over the mat."""
+        del goal
+        return float(np.mean(np.linalg.norm(x[:, :2] - self.mat.place_m, axis=1) <= self.mat.radius_m))

@@ -5,8 +5,9 @@ from typing import TypeAlias, final
 
 import numpy as np
 from jaxtyping import Float64
+from scipy.spatial.transform import Rotation
 
-from app.core.stage import Block, Colour, Finger, Fixture, Stage, Tool
+from app.core.stage import Block, Colour, Finger, Fixture, Mat, Paddle, Stage, Tool
 from app.core.types import ToolPose
 from app.rig.simulated.arm_model import FOREARM_M, HAND_M, SHOULDER_M, UPPER_ARM_M, link_frames
 from app.rig.simulated.kinds import kind_of
@@ -16,6 +17,9 @@ from app.rig.simulated.world import Snapshot
 Frame: TypeAlias = Float64[np.ndarray, "4 4"]
 
 _FINGER_LENGTH_M = 0.10
+_HANDLE_M = 0.008
+_MAT_M = 0.0005
+"""How thick a mark on the table is drawn: less than the cameras' noise."""
 _WHITE: Colour = (0.82, 0.83, 0.85)
 _DARK: Colour = (0.13, 0.13, 0.15)
 
@@ -63,10 +67,11 @@ def _placed(rod: _Rod, frame: Frame) -> Surface:
 
 def _tool(tool: Tool, pose: ToolPose, tip: Frame) -> list[Surface]:
     """The tool at its pose; `tip` is the frame of the arm's last link there."""
-    del pose
     match tool:
         case Finger():
             return [_finger(tool, tip)]
+        case Paddle():
+            return _paddle(tool, pose, tip)
 
 
 def _fixture(fixture: Fixture) -> list[Surface]:
@@ -76,6 +81,19 @@ def _fixture(fixture: Fixture) -> list[Surface]:
             frame = np.eye(4)
             frame[:3, 3] = fixture.place_m
             return [box(fixture.half_m, frame, fixture.colour)]
+        case Mat():
+            frame = np.eye(4)
+            frame[:2, 3] = fixture.place_m
+            return [turned(np.array([0.0, _MAT_M]), np.full(2, fixture.radius_m), frame, fixture.colour)]
+
+
+def _paddle(paddle: Paddle, pose: ToolPose, tip: Frame) -> list[Surface]:
+    """The board about the tool's position, and its handle up to the hand (the tip's z axis points down)."""
+    frame = np.eye(4)
+    frame[:3, :3] = Rotation.from_quat(pose[3:7], scalar_first=True).as_matrix()
+    frame[:3, 3] = pose[:3]
+    heights = np.array([-_FINGER_LENGTH_M, -paddle.half_m[2]])
+    return [box(paddle.half_m, frame, _DARK), turned(heights, np.full(2, _HANDLE_M), tip, _DARK)]
 
 
 def _finger(finger: Finger, tip: Frame) -> Surface:

@@ -1,11 +1,18 @@
 """A rope, or a rigid rod of its size, that a finger pushes over the table."""
 
-from app.core.stage import Rope, Stage
+from app.core.stage import Block, Finger, Rope, Stage
 from app.rig.simulated.kind import Kind
 from app.rig.simulated.physics import WorldPhysics
 from app.rig.simulated.rope_world import RopeWorld
 from app.rig.simulated.shapes import Surface, tube
 from app.rig.simulated.world import Nodes
+
+
+def _of(stage: Stage) -> tuple[Rope, Finger]:
+    """The rope and the finger; TypeError for another tool."""
+    if not isinstance(stage.body, Rope) or not isinstance(stage.tool, Finger):
+        raise TypeError(f"A Rope is pushed with a Finger, not with a {type(stage.tool).__name__}.")
+    return stage.body, stage.tool
 
 
 def _node_count(stage: Stage) -> int:
@@ -14,11 +21,13 @@ def _node_count(stage: Stage) -> int:
 
 
 def _build(stage: Stage, start: Nodes, time_s: float) -> RopeWorld:
-    return RopeWorld(stage.body, stage.tool, start, fixtures=stage.fixtures, time_s=time_s)
+    blocks = [each for each in stage.fixtures if isinstance(each, Block)]
+    return RopeWorld(*_of(stage), start, fixtures=blocks, time_s=time_s)
 
 
 def _surfaces(stage: Stage, nodes: Nodes) -> list[Surface]:
-    return [tube(nodes, stage.body.radius_m, stage.body.colour)]
+    rope, _ = _of(stage)
+    return [tube(nodes, rope.radius_m, rope.colour)]
 
 
 KIND = Kind(body=Rope, node_count=_node_count, build=_build, surfaces=_surfaces)

@@ -1,0 +1,90 @@
+"""The scripted initial policy of sweeping: the stroke towards the goal that has most of what is outside in its way."""
+
+from dataclasses import dataclass
+from typing import NamedTuple, final
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Float, Float32
+
+from app.core.types import Points
+from app.policy.base import Now
+
+_TINY_M = 1e-6
+
+
+class Aim(NamedTuple):
+    """What is prepared once an observation: the middle of the goal and the radius of a disc as large [m]."""
+
+    middle: Float32[np.ndarray, "2"]
+    radius: Float32[np.ndarray, ""]
+
+
+@final
+@dataclass(frozen=True, kw_only=True)
+class ScriptedSweep:
+    """Tries strokes from all sides that end inside the goal, and takes the one with the greatest gain.
+
+    A stroke goes past the goal's middle at one of `offsets_m` aside and ends `stop` of the goal's radius before it; the
+    paddle, half of which is `half_m` wide and thick, starts up to `far_m` from there. Each particle outside the goal
+    that lies in its way gains how far outside it is, and `worth_m` for being outside at all; less towards the ends of
+    the paddle, over `edge_m`, and less the longer the paddle has to take it along: a share of 1/e is left after
+    `keep_m`. Returns actions as `app.planner.sweeps.Sweeps` has them.
+    """
+
+    half_m: tuple[float, float]
+    gap_m: float
+    stop: float = 0.8
+    far_m: float = 0.36
+    edge_m: float = 0.015
+    worth_m: float = 0.03
+    keep_m: float = 0.35
+    offsets_m: tuple[float, ...] = (-0.04, -0.02, 0.0, 0.02, 0.04)
+    angles: int = 48
+    starts: int = 14
+
+    def prepare(self, observed: Points, goal: Points) -> Aim:
+        """Of points that fill a disc evenly, the mean square distance from the middle is half the squared radius."""
+        del observed
+        middle = goal[:, :2].mean(axis=0)
+        return Aim(middle, np.sqrt(2 * ((goal[:, :2] - middle) ** 2).sum(1).mean()))
+
+    def act(self, prepared: Aim, now: Now) -> Float[Array, "B 4"]:
+        """The stroke that gains most, for each candidate."""
+        angle = jnp.asarray(np.linspace(0, 2 * np.pi, self.angles, endpoint=False), jnp.float32)
+        ahead = jnp.stack([jnp.cos(angle), jnp.sin(angle)], axis=-1)
+        offset = now.x[..., :2] - prepared.middle
+        radius = jnp.asarray(prepared.radius)
+
+        def gains_along(way: Float[Array, "2"]) -> Float[Array, "B O S"]:
+            return self._gains(offset, way, radius)
+
+        gains = jax.lax.map(gains_along, ahead)
+        best = jnp.argmax(jnp.moveaxis(gains, 0, 1).reshape(len(offset), -1), axis=1)
+        way, aside, start = jnp.unravel_index(best, (self.angles, len(self.offsets_m), self.starts))
+        ahead = ahead[way]
+        normal = jnp.stack([-ahead[:, 1], ahead[:, 0]], axis=-1)
+        line = prepared.middle + jnp.asarray(self.offsets_m, jnp.float32)[aside][:, None] * normal
+        end = self.stop * radius + self.half_m[1]
+        begin = self._starts(radius)[start] + self.half_m[1] + self.gap_m
+        return jnp.concatenate([line - begin[:, None] * ahead, line - end * ahead], axis=1)
+
+    def _starts(self, radius: Float[Array, ""]) -> Float[Array, " S"]:
+        """How far before the middle the paddle's face may start [m]: at the goal's rim or farther out."""
+        return jnp.linspace(radius, self.far_m, self.starts)
+
+    def _gains(
+        self, offset: Float[Array, "B N 2"], ahead: Float[Array, "2"], radius: Float[Array, ""]
+    ) -> Float[Array, "B O S"]:
+        """Of all strokes in one direction."""
+        outside = jnp.sqrt((offset**2).sum(-1) + _TINY_M**2) - radius
+        value = jnp.where(outside > 0, outside + self.worth_m, 0.0)
+        along = -(offset * ahead).sum(-1)
+        across = offset[..., 1] * ahead[0] - offset[..., 0] * ahead[1]
+        aside = jnp.abs(across[:, None] - jnp.asarray(self.offsets_m, jnp.float32)[:, None])
+        share = jnp.clip((self.half_m[0] - aside) / self.edge_m, 0.0, 1.0)
+        stop = self.stop * radius
+        value = value * jnp.exp(-jnp.clip(along - stop, 0.0) / self.keep_m)
+        reached = (along[:, None] > stop) & (along[:, None] < self._starts(radius)[:, None])
+        return jnp.einsum("bn,bon,bsn->bos", value, share, reached.astype(value.dtype))

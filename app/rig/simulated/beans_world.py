@@ -1,0 +1,185 @@
+"""The simulated table with loose beans that a paddle sweeps, in MuJoCo. No clock, no process: it steps when told to."""
+
+from dataclasses import dataclass, field
+from typing import Any, final
+
+import numpy as np
+from jaxtyping import Float64
+
+from app.core.motion import TOOL_DOWN, pointing_down
+from app.core.stage import Beans, Paddle
+from app.core.types import ToolPose
+from app.rig.simulated.arm_model import solve_joints
+from app.rig.simulated.engine import mujoco
+from app.rig.simulated.physics import HOME_TOOL_M, WorldPhysics
+from app.rig.simulated.world import Nodes, Snapshot
+
+_PRESCRIBED = 1000.0
+"""Inertia of the paddle's joints [kg, kg m^2]: so large that no contact changes the velocity it is given."""
+_POSE = slice(0, 7)
+"""The paddle's coordinates are the first: its slides, then its ball joint's quaternion."""
+_SPEED = slice(0, 6)
+_TABLE_BIT, _PADDLE_BIT = 1, 2
+_ROLLING_SLIDING_AND_SPIN = 6
+"""MuJoCo's number of contact dimensions with friction against sliding, spin and rolling."""
+
+
+@final
+@dataclass(frozen=True, kw_only=True)
+class BeanPhysics:
+    """How beans rub and roll; MuJoCo's lengths [m] of friction against rolling and against spin about the contact.
+
+    `rolling_m` is a tenth of a bean's radius: coefficients of rolling resistance reach 0.1 for angular grains (Ai et
+    al. 2011, "Assessment of rolling resistance models in discrete element simulations"), and beans are not round.
+    `spin_m`: two thirds of the friction coefficient times a contact patch of 4 mm across, as of two flattish sides.
+    """
+
+    world: WorldPhysics = field(default_factory=lambda: WorldPhysics(table_friction=0.4))
+    rolling_m: float = 5e-4
+    spin_m: float = 1e-3
+
+
+@final
+class BeansWorld:
+    """Beans on the table z = 0 and an upright paddle whose middle goes, and turns, exactly as it is told.
+
+    `ends (2 C, 3)` [m]: the middles of the round ends of the C beans at first, two a bean (see `stage.Beans`).
+    The same calls give the same numbers, bit for bit.
+    """
+
+    def __init__(
+        self,
+        beans: Beans,
+        paddle: Paddle,
+        ends: Nodes,
+        *,
+        physics: BeanPhysics | None = None,
+        tool: tuple[float, float, float] = HOME_TOOL_M,
+        time_s: float = 0.0,
+    ) -> None:
+        self._reach = beans.length_m / 2 - beans.radius_m
+        self._model = _compile(beans, paddle, physics or BeanPhysics(), ends.reshape(-1, 2, 3))
+        self._data = mujoco.MjData(self._model)
+        self._beans = np.array([self._model.body(f"bean{index}").id for index in range(len(ends) // 2)])
+        self._data.time = time_s
+        self.place(pointing_down(np.array(tool)))
+
+    @property
+    def time_s(self) -> float:
+        """The world's own time [s], from `time_s`."""
+        return float(self._data.time)
+
+    @property
+    def tool(self) -> ToolPose:
+        """The middle of the paddle, and how it is turned; it does not open."""
+        upright = self._data.qpos[_POSE]
+        return np.array([*upright[:3], *_product(upright[3:], np.array(TOOL_DOWN)), 0.0])
+
+    def step(self, tool: ToolPose, duration_s: float) -> None:
+        """Move the paddle straight to `tool`, turning it evenly, while `duration_s` passes (in whole time steps)."""
+        period = self._model.opt.timestep
+        start, steps = self._data.qpos[_POSE].copy(), max(1, round(duration_s / period))
+        way, turn = tool[:3] - start[:3], _difference(_upright(tool), start[3:])
+        for step in range(1, steps + 1):
+            share = step / steps
+            due = start[3:].copy()
+            mujoco.mju_quatIntegrate(due, turn, share)
+            self._data.qvel[:3] = (start[:3] + share * way - self._data.qpos[:3]) / period
+            self._data.qvel[3:6] = _difference(due, self._data.qpos[3:7]) / period
+            mujoco.mj_step(self._model, self._data)
+
+    def place(self, tool: ToolPose) -> None:
+        """Put the paddle there without passing anything on the way; no time passes."""
+        self._data.qpos[:3], self._data.qpos[3:7] = tool[:3], _upright(tool)
+        self._data.qvel[_SPEED] = 0.0
+        mujoco.mj_forward(self._model, self._data)
+
+    def nodes(self) -> Nodes:
+        """The middles of the beans' round ends [m], shape (2 C, 3)."""
+        along = self._reach * self._data.xmat[self._beans].reshape(-1, 3, 3)[:, :, 0]
+        middle = self._data.xpos[self._beans]
+        return np.stack([middle - along, middle + along], axis=1).reshape(-1, 3)
+
+    def snapshot(self) -> Snapshot:
+        """The state to draw, with the arm's joints solved for the present tool pose."""
+        tool = self.tool
+        return Snapshot(time_s=self.time_s, nodes=self.nodes(), tool=tool, joints=solve_joints(tool))
+
+
+def _upright(tool: ToolPose) -> Float64[np.ndarray, "4"]:
+    """The paddle's own quaternion: that of a tool which points down, not turned, is the identity."""
+    return _product(tool[3:7], np.array([1.0, -1.0, -1.0, -1.0]) * TOOL_DOWN)
+
+
+def _product(a: Float64[np.ndarray, "4"], b: Float64[np.ndarray, "4"]) -> Float64[np.ndarray, "4"]:
+    """The quaternion of the turn b, then a."""
+    product = np.empty(4)
+    mujoco.mju_mulQuat(product, a, b)
+    return product
+
+
+def _difference(after: Float64[np.ndarray, "4"], before: Float64[np.ndarray, "4"]) -> Float64[np.ndarray, "3"]:
+    """The turn [rad], in the body's own frame, that leads from one quaternion to the other."""
+    turn = np.empty(3)
+    mujoco.mju_subQuat(turn, after, before)
+    return turn
+
+
+def _compile(beans: Beans, paddle: Paddle, physics: BeanPhysics, ends: Float64[np.ndarray, "C 2 3"]) -> Any:
+    """The MuJoCo model: table, paddle, beans."""
+    world = physics.world
+    spec = mujoco.MjSpec()
+    spec.compiler.degree = False
+    spec.option.timestep = world.time_step_s
+    spec.option.gravity = [0.0, 0.0, -world.gravity_m_s2]
+    spec.option.integrator = mujoco.mjtIntegrator.mjINT_DISCRETE
+    spec.option.cone = mujoco.mjtCone.mjCONE_ELLIPTIC
+    spec.option.impratio = world.friction_stiffness
+    # Beans at rest sleep: they cannot creep and cost nothing.
+    spec.option.enableflags |= mujoco.mjtEnableBit.mjENBL_SLEEP
+    geom = mujoco.mjtGeom
+    table = _contact(physics, world.table_friction, _TABLE_BIT)
+    spec.worldbody.add_geom(type=geom.mjGEOM_PLANE, size=[2.0, 2.0, 0.1], **table)
+    _add_paddle(spec, paddle, _contact(physics, world.finger_friction, _PADDLE_BIT))
+    for index, (first, last) in enumerate(ends):
+        along, up = last - first, np.zeros(4)
+        mujoco.mju_mat2Quat(up, _frame(along).ravel())
+        bean = spec.worldbody.add_body(name=f"bean{index}", pos=(first + last) / 2, quat=up)
+        bean.add_freejoint()
+        half = beans.length_m / 2 - beans.radius_m
+        bean.add_geom(
+            type=geom.mjGEOM_CAPSULE,
+            size=[beans.radius_m, 0, 0],
+            fromto=[-half, 0, 0, half, 0, 0],
+            mass=beans.mass_kg / len(ends),
+            **_contact(physics, world.table_friction, _TABLE_BIT | _PADDLE_BIT),
+        )
+    return spec.compile()
+
+
+def _frame(along: Float64[np.ndarray, "3"]) -> Float64[np.ndarray, "3 3"]:
+    """Axes as columns, the first one along `along`, which is not vertical."""
+    first = along / np.linalg.norm(along)
+    second = np.cross([0.0, 0.0, 1.0], first)
+    second /= np.linalg.norm(second)
+    return np.stack([first, second, np.cross(first, second)], axis=1)
+
+
+def _add_paddle(spec: Any, paddle: Paddle, contact: dict[str, Any]) -> None:
+    """A box on heavy joints, so that contacts see its true velocity (a mocap body's is zero)."""
+    body = spec.worldbody.add_body(name="paddle", gravcomp=1.0)
+    for axis in np.eye(3):
+        body.add_joint(type=mujoco.mjtJoint.mjJNT_SLIDE, axis=axis, armature=_PRESCRIBED)
+    body.add_joint(type=mujoco.mjtJoint.mjJNT_BALL, armature=_PRESCRIBED)
+    # MuJoCo takes the larger friction of two geoms unless one of them has priority.
+    body.add_geom(type=mujoco.mjtGeom.mjGEOM_BOX, size=paddle.half_m, mass=1.0, priority=1, **contact)
+
+
+def _contact(physics: BeanPhysics, friction: float, bits: int) -> dict[str, Any]:
+    return {
+        "contype": bits,
+        "conaffinity": bits,
+        "condim": _ROLLING_SLIDING_AND_SPIN,
+        "friction": [friction, physics.spin_m, physics.rolling_m],
+        "solref": [physics.world.contact_time_s, 1.0],
+    }

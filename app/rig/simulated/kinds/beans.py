@@ -1,0 +1,30 @@
+"""Beans that a paddle sweeps over the table."""
+
+from app.core.stage import Beans, Paddle, Stage
+from app.rig.simulated.beans_world import BeansWorld
+from app.rig.simulated.kind import Kind
+from app.rig.simulated.shapes import Surface, tube
+from app.rig.simulated.world import Nodes
+
+
+def _of(stage: Stage) -> tuple[Beans, Paddle]:
+    """The beans and the paddle; TypeError for another tool."""
+    if not isinstance(stage.body, Beans) or not isinstance(stage.tool, Paddle):
+        raise TypeError(f"Beans are swept with a Paddle, not with a {type(stage.tool).__name__}.")
+    return stage.body, stage.tool
+
+
+def _node_count(stage: Stage) -> int:
+    return 2 * _of(stage)[0].count
+
+
+def _build(stage: Stage, start: Nodes, time_s: float) -> BeansWorld:
+    return BeansWorld(*_of(stage), start, time_s=time_s)
+
+
+def _surfaces(stage: Stage, nodes: Nodes) -> list[Surface]:
+    beans, _ = _of(stage)
+    return [tube(ends, beans.radius_m, beans.colour) for ends in nodes.reshape(-1, 2, 3)]
+
+
+KIND = Kind(body=Beans, node_count=_node_count, build=_build, surfaces=_surfaces)

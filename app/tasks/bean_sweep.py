@@ -1,0 +1,81 @@
+"""Sweeping beans on a table onto a mat with a paddle (paper, bean task)."""
+
+from math import pi
+from types import MappingProxyType
+
+from app.core.stage import Beans, Mat, Paddle, Stage
+from app.perception.reconstruct import Reconstruction
+from app.perception.segment import ColourRange
+from app.planner.cost import Weights
+from app.planner.optimise import Descent
+from app.planner.sweeps import Sweeps
+from app.policy.scripted_sweep import ScriptedSweep
+from app.sim.materials.granular import Granular
+from app.sim.scene import Body, Scene
+from app.sim.tools.box import Box
+from app.tasks.aim import OnMat
+from app.tasks.base import Preset, Task
+from app.tasks.scatter import BeanProblems
+
+BEANS = Beans(count=50, length_m=0.016, radius_m=0.005, mass_kg=0.05, colour=(0.62, 0.08, 0.07))
+PADDLE = Paddle(half_m=(0.05, 0.005, 0.02), sweep_height_m=0.0215)
+# Flat, where a tray could be entered from one side only: a straight sweep takes beans onto it from anywhere, and may
+# take them off again on the other side.
+MAT = Mat(radius_m=0.08, place_m=(0.55, 0.0))
+# A particle lies up to 5 mm inside its bean, and perception errs by up to 3 mm.
+CLEARANCE_M = 0.010
+
+_VOLUME_M3 = BEANS.count * pi * BEANS.radius_m**2 * (BEANS.length_m - 2 / 3 * BEANS.radius_m)
+
+TASK = Task(
+    name="bean_sweep",
+    stage=Stage(body=BEANS, tool=PADDLE, fixtures=(MAT,)),
+    seeing=Reconstruction(colour=ColourRange.around(BEANS.colour), particle_count=300, half_width_m=0.007),
+    # A real sweep takes 2 s, a simulated one 0.3 s. Three times the weight, and air as thick as syrup, let beans come
+    # to rest near the paddle all the same, as they truly do: measured in the simulated cell.
+    scene=Scene(
+        low=(0.20, -0.40, -0.025),
+        high=(0.90, 0.40, 0.075),
+        cell_m=0.0125,
+        dt_s=2.3e-3,
+        gravity_m_s2=30.0,
+        bodies=(
+            Body(
+                volume_m3=_VOLUME_M3,
+                density_kg_m3=BEANS.mass_kg / _VOLUME_M3,
+                material=Granular(friction_angle_deg=38.0),
+                stiffness=0.1,
+            ),
+        ),
+        tools=(Box(half_m=PADDLE.half_m, motion="turns"),),
+        contact_margin_m=0.005,
+        damping_1_s=15.0,
+    ),
+    actions=Sweeps(
+        region=(0.265, -0.335, 0.835, 0.335),
+        height_m=PADDLE.sweep_height_m,
+        half_m=PADDLE.half_m[:2],
+        clearance_m=CLEARANCE_M,
+        length_m=(0.03, 0.40),
+        random_length_m=(0.08, 0.30),
+        speed_m_s=0.15,
+        approach_m_s=0.25,
+        sweep_substeps=130,
+        rest_substeps=12,
+    ),
+    policy=ScriptedSweep(half_m=PADDLE.half_m[:2], gap_m=CLEARANCE_M + 0.002),
+    weights=Weights(progress=1.0, contact=0.002),
+    descent=Descent(learning_rate=1.0, clip=1.0, shrink=0.5),
+    problems=BeanProblems(beans=BEANS, mat=MAT, region=(0.31, -0.29, 0.79, 0.29), goal_m=0.065),
+    nominal=MappingProxyType({"stiffness": 3.0e4, "table_friction": 0.4, "finger_friction": 0.3}),
+    calibrated=("stiffness", "table_friction"),
+    aim=OnMat(mat=MAT, enough=0.9),
+    horizon=20,
+    haste=7.0,
+    presets=MappingProxyType(
+        {
+            "cpu": Preset(branches=16, depth=1, particle_count=300, gradient_steps=5),
+            "gpu": Preset(branches=150, depth=1, particle_count=300, gradient_steps=10),
+        }
+    ),
+)
