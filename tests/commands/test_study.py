@@ -137,12 +137,12 @@ def test_particles_that_are_not_in_the_recording_were_seen_when_the_motion_began
 
 
 def test_recordings_of_other_tasks_are_refused(make: Maker, tmp_path: Path) -> None:
-    ropes, beans = ([episode(make, task), *push(make, 100.0)] for task in ("rope_push", "bean_sweep"))
+    ropes, beans = ([episode(make, task), *push(make, 100.0)] for task in ("rope_push", "bean_count"))
     with pytest.raises(UsageError, match="different tasks"):
         study_of(tmp_path, ropes, beans)
-    with pytest.raises(UsageError, match="--task bean_sweep contradicts"):
-        study_of(tmp_path, ropes, task="bean_sweep")
-    with pytest.raises(UsageError, match="Unknown task 'bean_sweep'"):
+    with pytest.raises(UsageError, match="--task bean_count contradicts"):
+        study_of(tmp_path, ropes, task="bean_count")
+    with pytest.raises(UsageError, match="Unknown task 'bean_count'"):
         study_of(tmp_path, beans)
     with pytest.raises(UsageError, match="at least one recording"):
         read_study([])
