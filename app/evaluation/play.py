@@ -114,7 +114,7 @@ class _Episode:
         before, actions = self._see(), self._order.actions
         limit = self._task.horizon if actions is None else actions
         while True:
-            if played.done is None and self._task.aim.reached(before.positions, self._goal):
+            if played.done is None and self._task.ended(before.positions, self._goal):
                 played.done = len(played.decision_s)
             if len(played.decision_s) >= limit or (played.done is not None and not self._order.play_on):
                 return

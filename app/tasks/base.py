@@ -79,8 +79,9 @@ class Task:
     `seeing`: how perception finds the object; its particle count is the preset's. `begin`: the simulator's state of an
     object that is seen; `at_rest`: actions end at rest, and nothing but where the object is matters to the next one.
     `nominal`: parameters of the simulator, by name, whose nominal value for this task is not the simulator's own;
-    `calibrated`: those that calibration estimates from transitions. `aim`: when it is done; `horizon`: after how many
-    actions an evaluation ends otherwise. `haste`: real seconds in a simulated one.
+    `calibrated`: those that calibration estimates from transitions. `aim`: when it is done, truly; `ends`: when what
+    cameras see is enough to stop, where that has to be more than the aim; `horizon`: after how many actions an
+    evaluation ends otherwise. `haste`: real seconds in a simulated one.
     """
 
     name: str
@@ -100,6 +101,7 @@ class Task:
     haste: float = 1.0
     begin: Begin = _at_rest
     at_rest: bool = True
+    ends: Aim | None = None
 
     @property
     def rope(self) -> Rope:
@@ -138,6 +140,10 @@ class Task:
         """What perfect cameras would see of a simulated world's object, as particles [m]."""
         return self.problems.particles(nodes, particle_count)
 
+    def ended(self, seen: Points, goal: Points) -> bool:
+        """Whether an object that cameras see so (N, 3) [m] needs no further action."""
+        return (self.ends or self.aim).reached(seen, goal)
+
 
 @final
 @dataclass(frozen=True, kw_only=True)
@@ -168,7 +174,7 @@ class Wish:
 
     def reached(self, particles: Particles) -> bool:
         """Whether the task is done, by what is observed."""
-        return self.task.aim.reached(particles.positions, self.target)
+        return self.task.ended(particles.positions, self.target)
 
     def proposal(self, plan: Plan, observed: Particles, model: Model, *, began_s: float, now_s: float) -> Proposal:
         """`plan`, made for `observed` with `model` from `began_s` to `now_s` [s], as an offer to the operator."""

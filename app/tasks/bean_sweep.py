@@ -70,6 +70,7 @@ TASK = Task(
     nominal=MappingProxyType({"stiffness": 3.0e4, "table_friction": 0.4, "finger_friction": 0.3}),
     calibrated=("stiffness", "table_friction"),
     aim=OnMat(mat=MAT, enough=0.9),
+    ends=OnMat(mat=MAT, enough=0.98),
     horizon=20,
     haste=7.0,
     presets=MappingProxyType(
