@@ -91,3 +91,14 @@ def test_the_aim_counts_what_lies_on_the_mat() -> None:
     assert aim.share(x, x) == 0.75
     assert aim.reached(x, x)
     assert not replace(aim, enough=0.8).reached(x, x)
+
+
+def test_sweeping_ends_only_when_cameras_see_more_on_the_mat_than_the_aim_asks() -> None:
+    goal = TASK.goal(0, 300)
+    some_off, nearly_none = goal.copy(), goal.copy()
+    some_off[:21, :2] += 0.2
+    nearly_none[:5, :2] += 0.2
+    assert TASK.aim.reached(some_off, goal)
+    assert not TASK.ended(some_off, goal)
+    assert TASK.ended(nearly_none, goal)
+    assert replace(TASK, ends=None).ended(some_off, goal)
