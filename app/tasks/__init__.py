@@ -34,11 +34,17 @@ def names() -> list[str]:
 def load(name: str) -> Task:
     """The task in the file `name`.
 
-    Raises UsageError with the known tasks where there is no such file, TypeError where the file defines no `TASK`.
+    Raises UsageError with the known tasks where there is no such file, and with the file, the field and the value where
+    what it defines is no task: a field is missing or unknown, a number impossible, the name another one.
     """
     if name not in names():
         raise UsageError.unknown("task", name, names())
-    task = getattr(importlib.import_module(f"{__name__}.{name}"), "TASK", None)
-    if not isinstance(task, Task) or task.name != name:
-        raise TypeError(f"app/tasks/{name}.py must define TASK, a Task of the name {name!r}.")
+    module = f"{__name__}.{name}"
+    file = Path(__file__).with_name(f"{name}.py")
+    try:
+        task = importlib.import_module(module).TASK
+    except (TypeError, UsageError) as error:
+        raise UsageError(f"{file} defines no task: {error}") from error
+    if task.name != name:
+        raise UsageError(f"{file} defines a task of the name {task.name!r}; it must be that of the file, {name!r}.")
     return task

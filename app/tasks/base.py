@@ -9,7 +9,8 @@ from typing import TYPE_CHECKING, Protocol, TypeAlias, final
 import numpy as np
 from jaxtyping import Float64
 
-from app.core.errors import UsageError
+from app.config import checked
+from app.core.errors import ParameterError, UsageError
 from app.core.messages import Proposal, fresh_id
 from app.core.stage import Finger, Rope, Stage
 from app.core.types import Points
@@ -31,6 +32,10 @@ if TYPE_CHECKING:  # Whoever needs these names alone shall not load JAX and Warp
     from app.sim.scene import Scene
     from app.sim.state import State
     from app.tasks.aim import Aim
+
+
+_LONGEST, _HASTIEST, _MOST = 1e3, 1e2, 1e6
+"""No episode has more actions, no simulation is faster, no preset larger: such a number is a slip."""
 
 
 @final
@@ -102,6 +107,24 @@ class Task:
     begin: Begin = _at_rest
     at_rest: bool = True
     ends: Aim | None = None
+
+    def __post_init__(self) -> None:
+        """Raises ParameterError, which names the field and the value, where a number or a name cannot be."""
+        from app.sim.params import PARAMETERS, index
+
+        for name, value in self.nominal.items():
+            spec = PARAMETERS[index(name)]
+            checked(f"nominal {name}", value, spec.low, spec.high)
+        for name in self.calibrated:
+            index(name)
+        checked("horizon", float(self.horizon), 1.0, _LONGEST)
+        checked("haste", self.haste, 1 / _HASTIEST, _HASTIEST)
+        for kind in ("cpu", "gpu"):
+            if kind not in self.presets:
+                raise ParameterError(f"presets = {sorted(self.presets)} must have one named {kind!r}.")
+        for kind, preset in self.presets.items():
+            for name, value in vars(preset).items():
+                checked(f"presets[{kind!r}].{name}", float(value), float(name != "gradient_steps"), _MOST)
 
     @property
     def rope(self) -> Rope:

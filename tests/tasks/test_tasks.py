@@ -4,12 +4,14 @@ import pickle
 import subprocess
 import sys
 from dataclasses import replace
+from pathlib import Path
 
 import pytest
 
+from app import tasks
 from app.core.errors import UsageError
 from app.core.messages import Transition
-from app.tasks import calibrate, load, nominal_model, plan, update, warm_up_stage, warm_up_stages
+from app.tasks import calibrate, load, names, nominal_model, plan, update, warm_up_stage, warm_up_stages
 from bench.table import Table
 
 
@@ -18,6 +20,43 @@ def test_an_unknown_task_or_preset_names_the_known_ones() -> None:
         load("rope_pusch")
     with pytest.raises(UsageError, match="Known: cpu, gpu"):
         load("rope_push").preset("tpu")
+
+
+FILE = Path(tasks.__file__).parent / "rope_push.py"
+
+
+@pytest.mark.parametrize(
+    ("change", "said"),
+    [
+        (("    aim=Near(limit_m2=2 * 0.010**2),\n", ""), "argument: 'aim'"),
+        (("    horizon=30,", "    horizons=30,"), "argument"),
+        (("    horizon=30,", "    horizon=0,"), "horizon = 0 is outside its range 1 to 1000"),
+        (('"stiffness": 6.0e4', '"stiffness": -1.0'), "nominal stiffness = -1 is outside its range"),
+        (('"stiffness": 6.0e4', '"stifness": 6.0e4'), "Unknown parameter 'stifness'. Did you mean 'stiffness'"),
+        (('calibrated=("stiffness"', 'calibrated=("softness"'), "Unknown parameter 'softness'"),
+        (("branches=8,", "branches=0,"), "presets['cpu'].branches = 0 is outside its range"),
+        (('"gpu": Preset', '"tpu": Preset'), "presets = ['cpu', 'tpu'] must have one named 'gpu'"),
+        (('name="rope_push"', 'name="rope_pull"'), "defines a task of the name 'rope_pull'"),
+    ],
+)
+def test_a_task_file_that_is_wrong_is_refused_with_file_field_and_value(
+    change: tuple[str, str], said: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(tasks, "__file__", str(tmp_path / "__init__.py"))
+    monkeypatch.setattr(tasks, "__path__", [str(tmp_path)])
+    for name in ("rope_push", "other"):
+        text = FILE.read_text()
+        (tmp_path / f"{name}.py").write_text(text.replace(*change) if name == "rope_push" else text)
+        assert text.count(change[0]) == 1
+    monkeypatch.delitem(sys.modules, "app.tasks.rope_push", raising=False)
+    names.cache_clear()
+    try:
+        with pytest.raises(UsageError) as refusal:
+            load("rope_push")
+    finally:
+        names.cache_clear()
+    assert str(tmp_path / "rope_push.py") in str(refusal.value)
+    assert said in str(refusal.value)
 
 
 def test_naming_a_rope_loads_neither_jax_nor_warp() -> None:
@@ -57,5 +96,5 @@ def test_learning_from_nothing_is_refused() -> None:
 
 def test_a_preset_sizes_what_is_seen() -> None:
     task = load("rope_push")
-    smaller = replace(task, presets={"cpu": replace(task.preset("cpu"), particle_count=123)})
+    smaller = replace(task, presets={**task.presets, "cpu": replace(task.preset("cpu"), particle_count=123)})
     assert smaller.reconstruction("cpu").particle_count == 123
