@@ -10,7 +10,7 @@ import numpy as np
 from jaxtyping import Float64
 
 from app.config import checked
-from app.core.errors import ParameterError, UsageError
+from app.core.errors import UsageError
 from app.core.messages import Proposal, fresh_id
 from app.core.stage import Finger, Rope, Stage
 from app.core.types import Points
@@ -119,9 +119,6 @@ class Task:
             index(name)
         checked("horizon", float(self.horizon), 1.0, _LONGEST)
         checked("haste", self.haste, 1 / _HASTIEST, _HASTIEST)
-        for kind in ("cpu", "gpu"):
-            if kind not in self.presets:
-                raise ParameterError(f"presets = {sorted(self.presets)} must have one named {kind!r}.")
         for kind, preset in self.presets.items():
             for name, value in vars(preset).items():
                 checked(f"presets[{kind!r}].{name}", float(value), float(name != "gradient_steps"), _MOST)

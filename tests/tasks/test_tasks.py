@@ -35,7 +35,6 @@ FILE = Path(tasks.__file__).parent / "rope_push.py"
         (('"stiffness": 6.0e4', '"stifness": 6.0e4'), "Unknown parameter 'stifness'. Did you mean 'stiffness'"),
         (('calibrated=("stiffness"', 'calibrated=("softness"'), "Unknown parameter 'softness'"),
         (("branches=8,", "branches=0,"), "presets['cpu'].branches = 0 is outside its range"),
-        (('"gpu": Preset', '"tpu": Preset'), "presets = ['cpu', 'tpu'] must have one named 'gpu'"),
         (('name="rope_push"', 'name="rope_pull"'), "defines a task of the name 'rope_pull'"),
     ],
 )
