@@ -41,6 +41,64 @@ class Beans:
 
 @final
 @dataclass(frozen=True, kw_only=True)
+class Liquid:
+    """A coloured liquid, at first in the bowl that the tool is; `drops`: the particles that a simulated world has."""
+
+    volume_m3: float
+    colour: Colour
+    density_kg_m3: float = 1000.0
+    drops: int = 2400
+
+
+@final
+@dataclass(frozen=True, kw_only=True)
+class Pieces:
+    """Elastic cubes of one kind. Each is `along`^3 particles in a simulated world."""
+
+    count: int
+    edge_m: float
+    density_kg_m3: float
+    young_pa: float
+    colour: Colour
+    along: int = 4
+
+    @property
+    def volume_m3(self) -> float:
+        """Of all of them."""
+        return self.count * self.edge_m**3
+
+    @property
+    def grains(self) -> int:
+        """The particles of all of them in a simulated world."""
+        return self.count * self.along**3
+
+
+@final
+@dataclass(frozen=True, kw_only=True)
+class Soup:
+    """A liquid and what swims in it, at first in the bowl that the tool is. `liquid`: without the pieces."""
+
+    liquid: Liquid
+    pieces: tuple[Pieces, ...]
+
+    @property
+    def colour(self) -> Colour:
+        """The liquid's."""
+        return self.liquid.colour
+
+    @property
+    def solid_m3(self) -> float:
+        """The volume of all pieces."""
+        return sum(kind.volume_m3 for kind in self.pieces)
+
+    @property
+    def volume_m3(self) -> float:
+        """Of all of it."""
+        return self.liquid.volume_m3 + self.solid_m3
+
+
+@final
+@dataclass(frozen=True, kw_only=True)
 class Finger:
     """The closed two-finger gripper as a vertical capsule; `push_height_m` is its tip's height above the table."""
 
@@ -58,6 +116,32 @@ class Paddle:
 
     half_m: Vector
     sweep_height_m: float
+
+
+@final
+@dataclass(frozen=True, kw_only=True)
+class HeldBowl:
+    """Half of a hollow sphere in the hand, whose centre is the tool's place; upright where the tool points down.
+
+    `radius_m`: the inner one.
+    """
+
+    radius_m: float
+    thickness_m: float
+    friction: float = 0.1
+    colour: Colour = (0.85, 0.84, 0.80)
+
+
+@final
+@dataclass(frozen=True, kw_only=True)
+class Bowl:
+    """The same, upright and fixed, with its sphere's centre at `place_m`."""
+
+    radius_m: float
+    thickness_m: float
+    place_m: Vector
+    friction: float = 0.1
+    colour: Colour = (0.85, 0.84, 0.80)
 
 
 @final
@@ -81,9 +165,9 @@ class Mat:
     colour: Colour = (0.20, 0.35, 0.60)
 
 
-Body: TypeAlias = Rope | Beans
-Tool: TypeAlias = Finger | Paddle
-Fixture: TypeAlias = Block | Mat
+Body: TypeAlias = Rope | Beans | Liquid | Soup
+Tool: TypeAlias = Finger | Paddle | HeldBowl
+Fixture: TypeAlias = Block | Bowl | Mat
 
 
 @final

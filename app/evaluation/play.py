@@ -141,7 +141,7 @@ class _Episode:
         began_s = time.perf_counter()
         self._frames = self._cell.look() if self._order.eyes == "cameras" else ()
         if self._frames:
-            seen = reconstruct(self._frames, self._task.reconstruction(self._order.preset))
+            seen = reconstruct(self._frames, self._task.reconstruction(self._order.preset), self._cell.tool)
             positions, surface = seen.positions, seen.surface
         else:
             positions = surface = self._noisy(self._task.particles(self._cell.nodes(), self._count))

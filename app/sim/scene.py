@@ -107,6 +107,12 @@ class Scene:
             for mu, lam in [body.material.lame()]
         )
 
+    def split(self, particle_count: int) -> tuple[int, ...]:
+        """How many of so many particles each body has: as many as its volume is of all."""
+        volumes = np.cumsum([body.volume_m3 for body in self.bodies])
+        ends = np.rint(particle_count * volumes / volumes[-1]).astype(int)
+        return tuple(int(count) for count in np.diff(ends, prepend=0))
+
     def _require_positive(self) -> None:
         for name in ("cell_m", "dt_s", "contact_width_m", "contact_substeps", "escape_speed_m_s", "slip_speed_m_s"):
             if getattr(self, name) <= 0:

@@ -55,3 +55,23 @@ class OnMat:
         """Of the particles, those over the mat."""
         del goal
         return float(np.mean(np.linalg.norm(x[:, :2] - self.mat.place_m, axis=1) <= self.mat.radius_m))
+
+
+@final
+@dataclass(frozen=True, kw_only=True)
+class InBowl:
+    """At least `least` of the object is in the ball `radius_m` about `place_m`, below its middle: in the bowl there."""
+
+    place_m: tuple[float, float, float]
+    radius_m: float
+    least: float
+
+    def reached(self, x: Points, goal: Points) -> bool:
+        """Enough of it."""
+        return self.share(x, goal) >= self.least
+
+    def share(self, x: Points, goal: Points) -> float:
+        """Of the particles."""
+        del goal
+        away = x - np.asarray(self.place_m)
+        return float(np.mean((np.linalg.norm(away, axis=1) < self.radius_m) & (away[:, 2] < 0)))

@@ -56,7 +56,7 @@ def carried(task: str, particle_count: int, effects: tuple[Effect, ...] = ()) ->
     """
     known = tuple(effect for effect in effects if not effect.oriented)
     data = load(task)
-    simulate = make_rollout(data.scene, particle_count=particle_count, effects=known)
+    simulate = make_rollout(data.scene, particle_count=data.scene.split(particle_count), effects=known)
     own = np.array(columns_of(known))
 
     def carry(phi: Float[Array, "B P"], state: State, tool: Float[Array, "B T C"]) -> State:

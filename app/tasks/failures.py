@@ -57,7 +57,8 @@ def of_transitions(task: str, lost: Sequence[Transition], phi: Float32[np.ndarra
 
 
 def _left(task: str, about: str, phi: Float32[np.ndarray, " P"], state: State, tool: Arrays, site: Site) -> str:
-    setup = Setup(scene=load(task).scene, counts=(state.x.shape[1],), effects=EFFECTS)
+    scene = load(task).scene
+    setup = Setup(scene=scene, counts=scene.split(state.x.shape[1]), effects=EFFECTS)
     case = single(setup, phi[None], state, tool, now(1, state.x.shape[1]))
     if next(_room(), None) is None:
         return f" This process has left {DUMPS} dumps already, and leaves no more."

@@ -7,11 +7,11 @@ import numpy as np
 from jaxtyping import Float64
 from scipy.spatial.transform import Rotation
 
-from app.core.stage import Block, Colour, Finger, Fixture, Mat, Paddle, Stage, Tool
+from app.core.stage import Block, Bowl, Colour, Finger, Fixture, HeldBowl, Mat, Paddle, Stage, Tool
 from app.core.types import ToolPose
 from app.rig.simulated.arm_model import FOREARM_M, HAND_M, SHOULDER_M, UPPER_ARM_M, link_frames
 from app.rig.simulated.kinds import kind_of
-from app.rig.simulated.shapes import Surface, box, turned
+from app.rig.simulated.shapes import Surface, bowl, box, turned
 from app.rig.simulated.world import Snapshot
 
 Frame: TypeAlias = Float64[np.ndarray, "4 4"]
@@ -72,6 +72,12 @@ def _tool(tool: Tool, pose: ToolPose, tip: Frame) -> list[Surface]:
             return [_finger(tool, tip)]
         case Paddle():
             return _paddle(tool, pose, tip)
+        case HeldBowl():
+            frame = np.eye(4)
+            # Upright where the tool points down: it is then turned about x by half a turn.
+            turn = Rotation.from_quat(pose[3:7], scalar_first=True).as_matrix()
+            frame[:3, :3], frame[:3, 3] = turn @ np.diag([1.0, -1.0, -1.0]), pose[:3]
+            return [bowl(tool.radius_m, tool.thickness_m, frame, tool.colour)]
 
 
 def _fixture(fixture: Fixture) -> list[Surface]:
@@ -85,6 +91,10 @@ def _fixture(fixture: Fixture) -> list[Surface]:
             frame = np.eye(4)
             frame[:2, 3] = fixture.place_m
             return [turned(np.array([0.0, _MAT_M]), np.full(2, fixture.radius_m), frame, fixture.colour)]
+        case Bowl():
+            frame = np.eye(4)
+            frame[:3, 3] = fixture.place_m
+            return [bowl(fixture.radius_m, fixture.thickness_m, frame, fixture.colour)]
 
 
 def _paddle(paddle: Paddle, pose: ToolPose, tip: Frame) -> list[Surface]:

@@ -11,13 +11,12 @@ import numpy as np
 from app.config import Site
 from app.core.errors import MotionRefused
 from app.core.messages import Executed, Frame, fresh_id
-from app.core.motion import Motion, pointing_down
+from app.core.motion import Motion
 from app.core.stage import Stage
 from app.core.types import ToolPose
 from app.rig.simulated.arm_control import ArmControl
 from app.rig.simulated.eyes import Eyes
 from app.rig.simulated.kinds import kind_of
-from app.rig.simulated.physics import HOME_TOOL_M
 from app.rig.simulated.world import Nodes
 
 _LAID_S: Final = 1.0
@@ -31,9 +30,10 @@ class LockStep:
     """The stage's object at `start (K, 3)` [m], the tool at home; `seed` is that of the cameras' noise."""
 
     def __init__(self, stage: Stage, start: Nodes, site: Site, seed: int) -> None:
-        home = pointing_down(np.array(HOME_TOOL_M))
+        kind = kind_of(stage)
+        home = kind.home(stage, start)
         self._site, self._arm = site, ArmControl(site, home)
-        self._world = kind_of(stage).build(stage, start, 0.0)
+        self._world = kind.build(stage, start, 0.0)
         self._eyes, self._looks = Eyes(stage, (), seed), 0
         self._world.place(home)
         self._world.step(home, _LAID_S)

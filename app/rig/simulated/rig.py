@@ -8,20 +8,18 @@ from multiprocessing.process import BaseProcess
 from typing import final
 
 import anyio
-import numpy as np
 from anyio import to_thread
 
 from app.config import Site
 from app.core.errors import DeviceError
 from app.core.messages import CameraModel
-from app.core.motion import pointing_down
 from app.core.ports import Arm, Camera
 from app.core.stage import Stage
 from app.rig.simulated.arm_process import ArmMemory, run_arm
 from app.rig.simulated.camera import SimulatedCamera
 from app.rig.simulated.camera_process import image_ring, run_cameras
 from app.rig.simulated.cameras import table_cameras
-from app.rig.simulated.physics import HOME_TOOL_M
+from app.rig.simulated.kinds import kind_of
 from app.rig.simulated.ring import SPAWN, Ring
 from app.rig.simulated.simulated_arm import SimulatedArm
 from app.rig.simulated.world import Nodes, Snapshot
@@ -107,7 +105,8 @@ class _Processes:
         timing, parent = site.timing, os.getpid()
         self.memory, self.snapshots = ArmMemory(), snapshot_ring(scene.stage)
         self.images = {camera.name: image_ring(camera) for camera in scene.cameras}
-        self.arm = _process("arm", run_arm, self.memory, site, pointing_down(np.array(HOME_TOOL_M)), parent)
+        home = kind_of(scene.stage).home(scene.stage, scene.start)
+        self.arm = _process("arm", run_arm, self.memory, site, home, parent)
         self.world = _process(
             "world",
             run_world,

@@ -6,6 +6,7 @@ from typing import TypeAlias, final
 import numpy as np
 from jaxtyping import Float32, Float64, Int, UInt32
 from scipy.interpolate import CubicSpline
+from scipy.spatial import ConvexHull
 
 from app.core.stage import Colour, Vector
 
@@ -15,6 +16,7 @@ Pieces: TypeAlias = Int[np.ndarray, "pieces corners"]
 
 SIDES = 16
 _RINGS_A_NODE = 3
+_BOWL_RINGS = 10
 
 
 @final
@@ -111,3 +113,42 @@ def _ring_triangles(rings: int) -> Triangles:
         for start, centre in ((0, rings * SIDES), (last, rings * SIDES + 1))
     ]
     return np.concatenate([quads, *fans]).astype(np.uint32)
+
+
+def drops(middles: Float64[np.ndarray, "K 3"], radius_m: float, colour: Colour) -> Surface:
+    """Many small balls: an icosahedron about each of `middles`, whose corners are `radius_m` away."""
+    golden = (1 + 5**0.5) / 2
+    corners = np.array([[0, a, b * golden] for a in (-1, 1) for b in (-1, 1)])
+    corners = np.concatenate([np.roll(corners, turn, axis=1) for turn in range(3)]) / np.hypot(1, golden)
+    faces = ConvexHull(corners).simplices
+    first = np.arange(len(middles))[:, None, None] * len(corners)
+    return Surface(
+        vertices=(middles[:, None] + radius_m * corners).reshape(-1, 3).astype(np.float32),
+        triangles=(first + faces).reshape(-1, 3).astype(np.uint32),
+        pieces=np.arange(len(middles) * len(corners)).reshape(len(middles), -1),
+        colour=colour,
+    )
+
+
+def lump(points: Float64[np.ndarray, "K 3"], skin_m: float, colour: Colour) -> Surface:
+    """The convex hull of `points`, whose corners stand out by `skin_m` more from its middle."""
+    hull = ConvexHull(points)
+    away = points[hull.vertices] - points.mean(axis=0)
+    away *= 1 + skin_m / np.linalg.norm(away, axis=1, keepdims=True)
+    number = np.zeros(len(points), np.uint32)
+    number[hull.vertices] = np.arange(len(hull.vertices))
+    return Surface(
+        vertices=(points.mean(axis=0) + away).astype(np.float32),
+        triangles=number[hull.simplices],
+        pieces=np.arange(len(away))[None],
+        colour=colour,
+    )
+
+
+def bowl(radius_m: float, thickness_m: float, frame: Float64[np.ndarray, "4 4"], colour: Colour) -> Surface:
+    """Half of a hollow sphere about the origin of `frame`, open towards its z axis; `radius_m` is the inner one."""
+    angle = np.linspace(np.pi / 2 * 0.999, 0.0, _BOWL_RINGS)
+    outer, inner = radius_m + thickness_m, radius_m
+    heights = np.concatenate([-outer * np.sin(angle), -inner * np.sin(angle[::-1])])
+    radii = np.concatenate([outer * np.cos(angle), inner * np.cos(angle[::-1])])
+    return turned(heights, radii, frame, colour)

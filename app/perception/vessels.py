@@ -1,0 +1,83 @@
+"""What is known of bowls, and so of a liquid at rest in one: it is level, and reaches down to the inner wall.
+
+Cameras need to see some of its surface only: much of it is behind the wall of a bowl that is tilted.
+"""
+
+from dataclasses import dataclass
+from typing import final
+
+import numpy as np
+from jaxtyping import Bool
+from scipy.spatial.transform import Rotation
+
+from app.core.types import Cloud, ToolPose
+
+_RIM_M = 0.012
+"""How far over a bowl's rim liquid may stand that is still in it, as drops do and errors of depth."""
+_SPACING_M = 0.002
+"""Of the points that a pool's volume is counted with: 120 ml are 15 000."""
+
+
+_LOWEST, _UNEVEN_M = 0.1, 0.006
+"""The share of what is seen in a bowl that is surely not higher than its level, and what is seen of that as a range."""
+
+
+def level_of(seen: Cloud) -> float:
+    """The height [m] at which liquid stands in a bowl in which cameras see `seen` of it.
+
+    Nothing of it can be seen below; above, it still falls, splashes, or clings to the wall. So it is the middle of what
+    is no higher over the lowest tenth than the errors of depth and the waves of a surface nearly at rest.
+    """
+    low = np.quantile(seen[:, 2], _LOWEST)
+    return float(np.median(seen[seen[:, 2] < low + _UNEVEN_M, 2]))
+
+
+@final
+@dataclass(frozen=True, kw_only=True)
+class Vessel:
+    """Half of a hollow sphere of this inner radius about `place_m`, open towards `up`."""
+
+    radius_m: float
+    place_m: tuple[float, float, float]
+    up: tuple[float, float, float] = (0.0, 0.0, 1.0)
+
+    def at(self, tool: ToolPose) -> "Vessel":
+        """The same in the hand, with the tool there: upright where that points down."""
+        up = -Rotation.from_quat(tool[3:7], scalar_first=True).as_matrix()[:, 2]
+        x, y, z = (float(number) for number in tool[:3])
+        return Vessel(radius_m=self.radius_m, place_m=(x, y, z), up=(float(up[0]), float(up[1]), float(up[2])))
+
+    def holds(self, points: Cloud, margin_m: float = _RIM_M) -> Bool[np.ndarray, " M"]:
+        """Which points are in it, within a margin at the rim and half of that at the wall."""
+        away = points - np.asarray(self.place_m, np.float32)
+        near = np.linalg.norm(away, axis=1) < self.radius_m + margin_m / 2
+        return near & (away @ np.asarray(self.up, np.float32) < margin_m)
+
+    def filled(self, volume_m3: float) -> "Pool":
+        """With so much in it, at rest; full where it does not hold as much."""
+        z = np.sort(Pool(vessel=self, level_m=self.place_m[2] + self.radius_m).points(_SPACING_M)[:, 2])
+        count = min(max(1, round(volume_m3 / _SPACING_M**3)), len(z))
+        return Pool(vessel=self, level_m=float(z[count - 1]) + _SPACING_M / 2)
+
+
+@final
+@dataclass(frozen=True, kw_only=True)
+class Pool:
+    """A liquid at rest in a vessel, up to the height `level_m` in the world."""
+
+    vessel: Vessel
+    level_m: float
+
+    @property
+    def volume_m3(self) -> float:
+        """Its volume [m^3]."""
+        return len(self.points(_SPACING_M)) * _SPACING_M**3
+
+    def points(self, spacing_m: float) -> Cloud:
+        """Points throughout it, one for each `spacing_m`^3."""
+        place, radius = np.asarray(self.vessel.place_m), self.vessel.radius_m
+        axis = np.arange(-radius + spacing_m / 2, radius, spacing_m)
+        below = np.arange(self.level_m - spacing_m / 2, place[2] - radius, -spacing_m)
+        grid = np.stack(np.meshgrid(place[0] + axis, place[1] + axis, below, indexing="ij"), axis=-1)
+        cloud = grid.reshape(-1, 3).astype(np.float32)
+        return cloud[self.vessel.holds(cloud, margin_m=0.0)]

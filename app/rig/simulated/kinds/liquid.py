@@ -1,0 +1,50 @@
+"""A liquid that is poured from a held bowl into a fixed one."""
+
+import numpy as np
+
+from app.core.bowls import centre_of_bowl
+from app.core.motion import pointing_down
+from app.core.stage import HeldBowl, Liquid, Soup, Stage
+from app.core.types import ToolPose
+from app.rig.simulated.kind import Kind
+from app.rig.simulated.shapes import Surface, drops
+from app.rig.simulated.world import Nodes, World
+
+OVERLAP = 0.70
+"""Radius of a drawn drop in spacings: the middle of what is seen of a pool of them is within 1 mm of its level."""
+
+
+def _node_count(stage: Stage) -> int:
+    return _liquid(stage).drops
+
+
+def build(stage: Stage, start: Nodes, time_s: float) -> World:
+    """A world of liquids."""
+    from app.rig.simulated.liquid_world import LiquidWorld  # Other worlds' processes shall not load JAX and Warp.
+
+    return LiquidWorld(stage, start, time_s=time_s)
+
+
+def _surfaces(stage: Stage, nodes: Nodes) -> list[Surface]:
+    return [pool(_liquid(stage), nodes)]
+
+
+def pool(liquid: Liquid, nodes: Nodes) -> Surface:
+    """The liquid that is at `nodes`."""
+    return drops(nodes, OVERLAP * float(np.cbrt(liquid.volume_m3 / len(nodes))), liquid.colour)
+
+
+def home(stage: Stage, start: Nodes) -> ToolPose:
+    """Where its bowl is in which what is poured rests."""
+    if not (isinstance(stage.tool, HeldBowl) and isinstance(stage.body, Liquid | Soup)):
+        raise TypeError(f"A liquid is poured from a held bowl, not from a {type(stage.tool).__name__}.")
+    return pointing_down(centre_of_bowl(start, stage.tool.radius_m, stage.body.volume_m3))
+
+
+def _liquid(stage: Stage) -> Liquid:
+    if not isinstance(stage.body, Liquid):
+        raise TypeError(f"{type(stage.body).__name__} is not a liquid.")
+    return stage.body
+
+
+KIND = Kind(body=Liquid, node_count=_node_count, build=build, surfaces=_surfaces, home=home)

@@ -1,0 +1,161 @@
+"""A liquid, what swims in it, and a bowl that pours it into a fixed one: our own engine, as MuJoCo has no liquids.
+
+The planner's model is the same method, so this world is not another engine. It differs in its numerics: half the
+spacing of particles and half the cells, so that flow thins and turns where the model's cannot; time steps of its own,
+stiffer water, narrower contacts and less damping. What both get wrong alike, it does not show.
+"""
+
+from typing import final
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Float64
+from scipy.spatial.transform import Rotation
+
+from app.core.bowls import centre_of_bowl
+from app.core.motion import pointing_down
+from app.core.stage import Block, Bowl, HeldBowl, Liquid, Soup, Stage
+from app.core.types import ToolPose
+from app.rig.simulated.arm_model import solve_joints
+from app.rig.simulated.world import Nodes, Snapshot
+from app.sim.materials.elastic import Elastic
+from app.sim.materials.liquid import Liquid as LiquidMaterial
+from app.sim.rollout import make_rollout
+from app.sim.scene import Body, Scene
+from app.sim.state import State
+from app.sim.tools.base import Tool
+from app.sim.tools.bowl import Bowl as SimBowl
+from app.sim.tools.box import Box
+
+CELL_M, DT_S = 0.0075, 4e-4
+_STIFFNESS_PA, _TABLE_FRICTION = 4e4, 0.4
+_CHUNKS = (25, 5, 1)
+"""Substeps simulated at a time, of which each number is compiled once: a period of the arm is 25."""
+_LOW_M, _HIGH_M = (0.1425, -0.30, -0.0225), (0.9075, 0.30, 0.4275)
+_DAMPING_1_S = 0.2
+
+
+@final
+class LiquidWorld:
+    """Particles (K, 3) of a liquid that is at rest at first, in a bowl upright about their middle.
+
+    What is placed takes along, unmoved in the bowl, what it holds.
+    """
+
+    def __init__(self, stage: Stage, start: Nodes, *, time_s: float = 0.0) -> None:
+        self._stage, self._steps, self._start_s = stage, 0, time_s
+        body, held = stage.body, stage.tool
+        if not (isinstance(body, Liquid | Soup) and isinstance(held, HeldBowl)):
+            raise TypeError(f"A world of liquid has a held bowl, not a {type(held).__name__}.")
+        self._held = held
+        self._tool = pointing_down(centre_of_bowl(start, held.radius_m, body.volume_m3))
+        scene, counts = _scene(stage, body, held, len(start)), particles(body, len(start))
+        self._simulate = jax.jit(make_rollout(scene, particle_count=counts, effects=()))
+        self._phi = jnp.array([[_STIFFNESS_PA, _TABLE_FRICTION]], jnp.float32)
+        self._state = State.at_rest(jnp.asarray(start[None], jnp.float32))
+
+    @property
+    def time_s(self) -> float:
+        """The world's own time [s]."""
+        return self._start_s + self._steps * DT_S
+
+    @property
+    def tool(self) -> ToolPose:
+        """Where the arm has the bowl."""
+        return self._tool.copy()
+
+    def step(self, tool: ToolPose, duration_s: float) -> None:
+        """Move the bowl in a straight line, turning evenly, while `duration_s` passes (whole substeps, at least 1)."""
+        begin, end = self._tool, _same_sided(tool, self._tool)
+        substeps, done = max(1, round(duration_s / DT_S)), 0
+        for chunk in _CHUNKS:
+            while substeps - done >= chunk:
+                share = (done + np.arange(chunk + 1)) / substeps
+                path = bowl_coordinates(begin + share[:, None] * (end - begin))
+                self._state = self._simulate(self._phi, self._state, jnp.asarray(path[None], jnp.float32))
+                done += chunk
+        self._steps += substeps
+        self._tool = np.array(tool, np.float64)
+
+    def place(self, tool: ToolPose) -> None:
+        """Put the bowl there with what it holds; no time passes."""
+        x = self.nodes()
+        inside = self.held(x)
+        before, after = (Rotation.from_quat(pose[3:7], scalar_first=True) for pose in (self._tool, tool))
+        x[inside] = (after * before.inv()).apply(x[inside] - self._tool[:3]) + tool[:3]
+        self._state = self._state._replace(x=jnp.asarray(x[None], jnp.float32))
+        self._tool = np.array(tool, np.float64)
+
+    def held(self, x: Nodes) -> np.ndarray:
+        """Which of the points are in the held bowl's ball."""
+        return np.linalg.norm(x - self._tool[:3], axis=1) < self._held.radius_m + self._held.thickness_m
+
+    def nodes(self) -> Nodes:
+        """The particles [m]."""
+        return np.asarray(self._state.x[0], np.float64)
+
+    def snapshot(self) -> Snapshot:
+        """The state to draw, with the arm's joints solved for the present tool pose."""
+        return Snapshot(time_s=self.time_s, nodes=self.nodes(), tool=self.tool, joints=solve_joints(self._tool))
+
+
+def bowl_coordinates(poses: Float64[np.ndarray, "T 8"]) -> Float64[np.ndarray, "T 7"]:
+    """Of the simulator's bowl: its place and its turn from upright, w x y z, of unit length."""
+    w, x, y, z = poses[:, 3:7].T
+    # The quaternion times the conjugate of (0, 1, 0, 0), which points down.
+    turn = np.stack([x, -w, -z, y], axis=1)
+    return np.concatenate([poses[:, :3], turn / np.linalg.norm(turn, axis=1, keepdims=True)], axis=1)
+
+
+def particles(body: Liquid | Soup, count: int) -> tuple[int, ...]:
+    """How many of `count` nodes are the liquid, and then each kind of piece."""
+    solid = [kind.grains for kind in body.pieces] if isinstance(body, Soup) else []
+    return (count - sum(solid), *solid)
+
+
+def _scene(stage: Stage, body: Liquid | Soup, held: HeldBowl, count: int) -> Scene:
+    spacing = (body.volume_m3 / count) ** (1 / 3)
+    tools: list[Tool] = [SimBowl(radius_m=held.radius_m, thickness_m=held.thickness_m, friction=held.friction)]
+    for each in stage.fixtures:
+        match each:
+            case Bowl():
+                tools.append(
+                    SimBowl(
+                        radius_m=each.radius_m,
+                        thickness_m=each.thickness_m,
+                        friction=each.friction,
+                        place_m=each.place_m,
+                        motion="fixed",
+                    )
+                )
+            case Block():
+                tools.append(Box(half_m=each.half_m, place_m=each.place_m, friction=each.friction))
+    return Scene(
+        low=_LOW_M,
+        high=_HIGH_M,
+        cell_m=CELL_M,
+        dt_s=DT_S,
+        damping_1_s=_DAMPING_1_S,
+        contact_margin_m=0.5 * spacing,
+        contact_width_m=0.0008,
+        bodies=tuple(_bodies(body)),
+        tools=tuple(tools),
+    )
+
+
+def _bodies(body: Liquid | Soup) -> list[Body]:
+    """The liquid and then each kind of piece."""
+    liquid = body.liquid if isinstance(body, Soup) else body
+    bodies = [Body(volume_m3=liquid.volume_m3, density_kg_m3=liquid.density_kg_m3, material=LiquidMaterial())]
+    for kind in body.pieces if isinstance(body, Soup) else ():
+        stiffness, density = kind.young_pa / _STIFFNESS_PA, kind.density_kg_m3
+        bodies.append(Body(volume_m3=kind.volume_m3, density_kg_m3=density, material=Elastic(), stiffness=stiffness))
+    return bodies
+
+
+def _same_sided(tool: ToolPose, before: ToolPose) -> ToolPose:
+    """The same pose with the sign of its quaternion that is nearer to the one before."""
+    flipped = np.array(tool, np.float64)
+    flipped[3:7] *= 1.0 if tool[3:7] @ before[3:7] >= 0 else -1.0
+    return flipped

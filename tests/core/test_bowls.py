@@ -1,0 +1,36 @@
+"""A liquid in half of a hollow sphere stands as geometry says."""
+
+import numpy as np
+import pytest
+
+from app.core.bowls import cap_centroid_m, cap_depth_m, centre_of_bowl
+
+RADIUS_M = 0.055
+
+
+def cap(depth_m: float, count: int = 400_000) -> np.ndarray:
+    """Points evenly through what stands so deep about the origin."""
+    rng = np.random.default_rng(0)
+    points = rng.uniform([-RADIUS_M, -RADIUS_M, -RADIUS_M], [RADIUS_M, RADIUS_M, depth_m - RADIUS_M], (count, 3))
+    return points[np.linalg.norm(points, axis=1) < RADIUS_M]
+
+
+@pytest.mark.parametrize("depth_m", [0.005, 0.02, 0.05])
+def test_a_volume_stands_as_deep_as_it_fills_the_bowl(depth_m: float) -> None:
+    box_m3 = (2 * RADIUS_M) ** 2 * depth_m
+    assert cap_depth_m(box_m3 * len(cap(depth_m)) / 400_000, RADIUS_M) == pytest.approx(depth_m, rel=0.01)
+
+
+@pytest.mark.parametrize("depth_m", [0.005, 0.02, 0.05])
+def test_its_middle_is_as_far_below_the_centre_as_its_points_are(depth_m: float) -> None:
+    assert cap_centroid_m(depth_m, RADIUS_M) == pytest.approx(-cap(depth_m)[:, 2].mean(), rel=0.01)
+
+
+def test_the_bowl_is_found_about_what_rests_in_it() -> None:
+    place = np.array([0.4, -0.1, 0.2])
+    depth = cap_depth_m(1.2e-4, RADIUS_M)
+    np.testing.assert_allclose(centre_of_bowl(cap(depth) + place, RADIUS_M, 1.2e-4), place, atol=3e-4)
+
+
+def test_more_than_it_holds_stands_up_to_the_rim() -> None:
+    assert cap_depth_m(1.0, RADIUS_M) == RADIUS_M
