@@ -30,7 +30,7 @@ def images(task: Task, seed: int, camera: int) -> list[ColourImage]:
     for made in count():
         frames = cell.look()
         seen.append(frames[camera].color)
-        x = reconstruct(frames, task.reconstruction("cpu")).positions
+        x = reconstruct(frames, task.reconstruction("cpu"), cell.tool).positions
         if made == task.horizon or task.ended(x, goal):
             return seen
         now = Now.at_rest(jnp.asarray(x)[None], cell.tool)
