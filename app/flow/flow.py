@@ -138,11 +138,9 @@ class Flow:
         await self.perceiver.run(callable, reconstruct)  # Starts the process and loads what it will use.
         while True:
             frames = [await anext(change) for change in changes]
-            # A bowl in the hand is where the arm has it.
-            tool = None if how.held is None else (await self.rig.arm.state()).tool
             started_s = self.clock.now()
             try:
-                seen = await self.perceiver.run(reconstruct, frames, how, tool)
+                seen = await self.perceiver.run(reconstruct, frames, how, (await self.rig.arm.state()).tool)
             except (PerceptionError, WorkerError) as error:
                 self.fault("perception", error)
                 continue

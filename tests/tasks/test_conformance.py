@@ -113,7 +113,7 @@ def test_random_actions_are_allowed_stay_in_the_site_and_end_where_they_say(name
 def test_the_cameras_see_the_object_where_it_is(name: str) -> None:
     task, cell = opened(name)
     count = task.preset("cpu").particle_count
-    seen = reconstruct(cell.look(), task.reconstruction("cpu")).positions
+    seen = reconstruct(cell.look(), task.reconstruction("cpu"), cell.tool).positions
     assert seen.shape == (count, 3)
     assert np.sqrt(chamfer_m2(seen, truth(name, count)) / 2) < SEEN_M
 

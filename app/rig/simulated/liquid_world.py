@@ -15,7 +15,7 @@ from scipy.spatial.transform import Rotation
 
 from app.core.bowls import centre_of_bowl
 from app.core.motion import pointing_down
-from app.core.stage import Block, Bowl, HeldBowl, Liquid, Soup, Stage
+from app.core.stage import Block, Bowl, HeldBowl, Liquid, Mat, Soup, Stage
 from app.core.types import ToolPose
 from app.rig.simulated.arm_model import solve_joints
 from app.rig.simulated.world import Nodes, Snapshot
@@ -131,6 +131,8 @@ def _scene(stage: Stage, body: Liquid | Soup, held: HeldBowl, count: int) -> Sce
                 )
             case Block():
                 tools.append(Box(half_m=each.half_m, place_m=each.place_m, friction=each.friction))
+            case Mat():
+                pass
     return Scene(
         low=_LOW_M,
         high=_HIGH_M,
