@@ -31,7 +31,7 @@ def images(task: Task, seed: int, camera: int) -> list[ColourImage]:
         frames = cell.look()
         seen.append(frames[camera].color)
         x = reconstruct(frames, task.reconstruction("cpu"), cell.tool).positions
-        if made == task.horizon or task.ended(x, goal):
+        if made == task.horizon or task.ended(x, goal, cell.tool):
             return seen
         now = Now.at_rest(jnp.asarray(x)[None], cell.tool)
         action = task.actions.project(task.policy.act(task.policy.prepare(x, goal), now), now)

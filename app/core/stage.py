@@ -146,6 +146,30 @@ class Bowl:
 
 @final
 @dataclass(frozen=True, kw_only=True)
+class Cloth:
+    """A square cloth, as a simulated world knows it at `nodes_a_side` squared knots."""
+
+    size_m: float
+    mass_kg: float
+    colour: Colour
+    nodes_a_side: int = 15
+
+
+@final
+@dataclass(frozen=True, kw_only=True)
+class Gripper:
+    """Two upright fingers, boxes of the half sides `half_m`, that open along y; the tool is the point between the tips.
+
+    They open up to `opening_m`, and hold what is between them where they are `closed_m` apart or less.
+    """
+
+    half_m: Vector
+    opening_m: float
+    closed_m: float
+
+
+@final
+@dataclass(frozen=True, kw_only=True)
 class Block:
     """An upright box that stands on the table or floats: half sides and middle [m]."""
 
@@ -165,9 +189,29 @@ class Mat:
     colour: Colour = (0.20, 0.35, 0.60)
 
 
-Body: TypeAlias = Rope | Beans | Liquid | Soup
-Tool: TypeAlias = Finger | Paddle | HeldBowl
-Fixture: TypeAlias = Block | Bowl | Mat
+@final
+@dataclass(frozen=True, kw_only=True)
+class Rack:
+    """`count` level rods along x, `spacing_m` apart; `place_m`: the middle of them all."""
+
+    count: int
+    spacing_m: float
+    half_length_m: float
+    radius_m: float
+    place_m: Vector
+    colour: Colour = (0.30, 0.32, 0.36)
+    friction: float = 0.3
+
+    def ends_m(self) -> list[tuple[Vector, Vector]]:
+        """Both ends of the axis of each rod."""
+        x, y, z = self.place_m
+        across = [y + (index - (self.count - 1) / 2) * self.spacing_m for index in range(self.count)]
+        return [((x - self.half_length_m, at, z), (x + self.half_length_m, at, z)) for at in across]
+
+
+Body: TypeAlias = Rope | Beans | Cloth | Liquid | Soup
+Tool: TypeAlias = Finger | Paddle | Gripper | HeldBowl
+Fixture: TypeAlias = Block | Bowl | Mat | Rack
 
 
 @final

@@ -114,7 +114,7 @@ class _Episode:
         before, actions = self._see(), self._order.actions
         limit = self._task.horizon if actions is None else actions
         while True:
-            if played.done is None and self._task.ended(before.positions, self._goal):
+            if played.done is None and self._task.ended(before.positions, self._goal, self._cell.tool):
                 played.done = len(played.decision_s)
             if len(played.decision_s) >= limit or (played.done is not None and not self._order.play_on):
                 return
@@ -135,7 +135,7 @@ class _Episode:
         x = self._task.particles(self._cell.nodes(), self._count)
         played.chamfer_m2.append(float(chamfer_m2(x, self._goal)))
         played.share.append(self._task.aim.share(x, self._goal))
-        played.reached.append(self._task.aim.reached(x, self._goal))
+        played.reached.append(self._task.done(x, self._goal, self._cell.tool))
 
     def _see(self) -> Particles:
         began_s = time.perf_counter()

@@ -231,8 +231,8 @@ class Flow:
         await self._warm_up()
         observed = await self._settled(after_s=self._began_s)
         self.summary.chamfer_m2.append(self._to_goal(observed))
-        attempts = 0
-        while self.summary.pushes < self.wish.pushes and not self.wish.reached(observed):
+        wish, arm, attempts = self.wish, self.rig.arm, 0
+        while self.summary.pushes < wish.pushes and not wish.reached(observed, (await arm.state()).tool):
             proposal = await self._plan(observed, salt=attempts)
             approved = await self._approval(proposal)
             before = self.particles.value  # what the approval was checked against, maybe minutes after the plan

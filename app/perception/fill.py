@@ -13,8 +13,9 @@ from jaxtyping import Bool, Float32, Float64, Int
 
 from app.core.types import Cloud
 
-Underside: TypeAlias = Literal["round", "flat"]
-"""`round`: the cross-section is as round below as above, as of a rope or a bean. `flat`: solid down to the table."""
+Underside: TypeAlias = Literal["round", "flat", "thin"]
+"""`round`: the cross-section is as round below as above, as of a rope or a bean. `flat`: solid down to the table.
+`thin`: there is nothing but the surface, as of a cloth, and nothing to fill."""
 Cells: TypeAlias = Int[np.ndarray, "M 2"]
 """Row and column of the cell under each point."""
 Map: TypeAlias = Float32[np.ndarray, "rows columns"]

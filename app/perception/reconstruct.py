@@ -41,7 +41,8 @@ class Reconstruction:
 
     `half_width_m`: at least half the width of the object where it is slenderest in the plan, for a rope its radius and
     a little more; less than the distance between strands. `table_margin_m`: what lies lower over the table is taken
-    for the table; two standard deviations of the depth. `edge_step_m`, `see_through_m`: see `depth.behind_an_edge` and
+    for the table; two standard deviations of the depth, and negative where colour alone tells what lies flat
+    on it from it. `edge_step_m`, `see_through_m`: see `depth.behind_an_edge` and
     `fuse.not_seen_through`. Of a liquid, `standing` are the bowls that are fixed, `held` is that in the hand, and
     `volume_m3` is all of it: what is not seen is in the hand, behind a wall. What is `swimming` in it are the last of
     its particles.
@@ -81,6 +82,8 @@ def reconstruct(frames: Sequence[Frame], how: Reconstruction, tool: ToolPose | N
     """
     surface, tops = fused_surface(frames, how), _tops(frames, how)
     surface = np.concatenate([surface, tops])
+    if how.underside == "thin":
+        return Reconstructed(positions=resample(surface, how.particle_count, seed=how.seed), surface=surface)
     pools, rest = _pools(surface, how)
     solids = [_under(rest, how)] if len(rest) >= _FEWEST or not how.standing else []
     if how.held is not None and tool is not None:

@@ -31,14 +31,16 @@ class Code:
     def name(self) -> str:
         """A word that no other code has."""
         laws = [law.name for law in self.laws]
-        parts = [(part.surface.__name__, part.motion, part.at, part.side, part.thin) for part in self.parts]
+        parts = [
+            (part.surface.__name__, part.motion, part.at, part.side, part.thin, part.grasps) for part in self.parts
+        ]
         specs = [(spec.name, spec.nominal) for effect in self.effects for spec in effect.parameters]
         hooks = [[hook for hook, value in vars(effect).items() if value is not None] for effect in self.effects]
         return sha256(repr((laws, parts, self.coordinates, specs, hooks)).encode()).hexdigest()[:10]
 
     def grips(self) -> bool:
         """Whether anything can be held between two sides of a tool."""
-        return any(part.side for part in self.parts)
+        return any(part.side or part.grasps for part in self.parts)
 
 
 def particle_function(code: Code, law: Law, hooks: Hooks) -> WarpFunction:
@@ -128,7 +130,7 @@ def node_function(code: Code, hooks: Hooks) -> WarpFunction:
             v = table_contact(k, v, table_friction(phi[0], here, phi))
         v = tool_contact(k, v, node[3], touch, aim, adhesion(0.0, here, phi))
         if wp.static(grips):
-            v = pinch(v, node[3], touch, aim)
+            v = pinch(k, v, node[3], touch, aim)
         return v
 
     return velocity

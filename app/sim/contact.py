@@ -79,11 +79,13 @@ def tool_contact(k: Constants, v: wp.vec3, mass: float, touch: wp.vec4, aim: wp.
 
 
 @wp.func
-def pinch(v: wp.vec3, mass: float, touch: wp.vec4, aim: wp.vec4) -> wp.vec3:
+def pinch(k: Constants, v: wp.vec3, mass: float, touch: wp.vec4, aim: wp.vec4) -> wp.vec3:
     """A node's velocity where tools press from opposite sides, so that their normals cancel: it goes with them."""
     result = v
-    if touch[3] > 0.0:
-        agreement = wp.length_sq(wp.vec3(touch[0], touch[1], touch[2])) / (touch[3] * touch[3])
-        hold = wp.max(0.0, 1.0 - 4.0 * agreement) * wp.min(1.0, touch[3] / mass)
+    if touch[3] > LEAST_TOUCH * k.least_mass:
+        # Divided before it is squared: the derivative has the denominator's square, which would be 0 in float32.
+        agreement = wp.length_sq(wp.vec3(touch[0], touch[1], touch[2]) / touch[3])
+        spared = 1.0 - wp.min(1.0, touch[3] / mass)
+        hold = wp.max(0.0, 1.0 - 4.0 * agreement) * (1.0 - spared * spared * spared * spared)
         result = v + hold * (wp.vec3(aim[0], aim[1], aim[2]) / touch[3] - v)
     return result

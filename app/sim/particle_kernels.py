@@ -83,7 +83,7 @@ def particle_kernels(code: Code) -> ParticleKernels:
     p2g, g2p, node = pieces.to_grid, pieces.to_particles, pieces.node
     p2g_adjoint, g2p_adjoint, node_adjoint = pieces.to_grid_adjoint, pieces.to_particles_adjoint, pieces.node_adjoint
     grain_total, node_total, pose_total = (_sum_over_warp(kind) for kind in (PhiGrain, PhiNode, Pose))
-    holds = any(part.thin for part in code.parts)
+    holds = any(part.thin or part.grasps for part in code.parts)
     kernel = wp.kernel(module=module, enable_backward=False)
 
     @kernel

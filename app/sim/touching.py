@@ -11,7 +11,7 @@ from typing import Any, final
 import warp as wp
 
 from app.sim.constants import Constants, Shape
-from app.sim.contact import FAR, LEAST_TOUCH, touch_aim, touch_share
+from app.sim.contact import FAR, LEAST_TOUCH, sigmoid, touch_aim, touch_share
 from app.sim.effects.base import Grain, WarpFunction
 from app.sim.hooks import Hooks
 from app.sim.tools.base import COORDINATES, Motion, Primitive, Tool
@@ -22,6 +22,9 @@ PATIENCE = 20.0
 Water that is filled into a bowl with some particles nearer to the wall than the margin was thrown up by 7 % of its
 depth at 1, and by 1 % at 20.
 """
+
+CLOSING = wp.constant(0.002)
+"""Over this opening [m] a grasp closes and lets go: of a gripper that opens by 40 mm, hardly anything."""
 
 
 @final
@@ -34,6 +37,7 @@ class Part:
     at: int
     side: int
     thin: bool
+    grasps: bool
 
 
 def parts(tools: Sequence[Tool]) -> tuple[tuple[Part, ...], tuple[Primitive, ...], int]:
@@ -51,6 +55,7 @@ def parts(tools: Sequence[Tool]) -> tuple[tuple[Part, ...], tuple[Primitive, ...
                     at=at,
                     side=primitive.side,
                     thin=primitive.thin,
+                    grasps=primitive.grasps,
                 )
             )
         at += COORDINATES[tool.motion]
@@ -70,8 +75,14 @@ def touching(parts: Sequence[Part], hooks: Hooks) -> WarpFunction:
 
 
 def barrier(parts: Sequence[Part]) -> WarpFunction | None:
-    """`hold(k, x, v, now, then) -> x, v`: a particle is moved back out of what is thin; None where nothing is."""
+    """`hold(k, x, v, now, then) -> x, v`: a particle is taken along by what grasps it, then moved out of what is thin.
+
+    None where nothing grasps and nothing is thin.
+    """
     function: WarpFunction | None = None
+    for i, part in enumerate(parts):
+        if part.grasps:
+            function = _grasping_too(function or _holds_nothing, part, i)
     for i, part in enumerate(parts):
         if part.thin:
             function = _holding_too(function or _holds_nothing, part, i)
@@ -89,7 +100,7 @@ def _holds_nothing(_k: Constants, x: wp.vec3, v: wp.vec3, _now: Any, _then: Any)
 
 
 def _touching_too(before: WarpFunction, part: Part, i: int, tool_friction: WarpFunction) -> WarpFunction:
-    surface, (into, turned, drift) = part.surface, _motion(part)
+    surface, (into, turned, drift), closed = part.surface, _motion(part), _closed(part)
     patience = wp.constant(PATIENCE if part.thin else 1.0)
 
     @wp.func
@@ -99,7 +110,7 @@ def _touching_too(before: WarpFunction, part: Part, i: int, tool_friction: WarpF
         n, distance, cover = surface(k.shapes[i], p)
         gap = distance - k.contact_margin
         if gap < FAR * k.contact_width:
-            share = cover * touch_share(k, gap)
+            share = cover * touch_share(k, gap) * closed(k.shapes[i], now)
             if share > LEAST_TOUCH:
                 normal = turned(k.shapes[i], n, now)
                 target = touch_aim(k, gap / patience, normal, drift(k.shapes[i], p, now, then) / k.dt)
@@ -109,6 +120,21 @@ def _touching_too(before: WarpFunction, part: Part, i: int, tool_friction: WarpF
         return touch, aim
 
     return touch_all
+
+
+def _closed(part: Part) -> WarpFunction:
+    """`closed(s, c)`: the share of what there is to touch that is touched, at the opening in the coordinates c."""
+    at = part.at
+
+    @wp.func
+    def always(_s: Shape, _c: Any) -> float:
+        return 1.0
+
+    @wp.func
+    def when_closed(s: Shape, c: Any) -> float:
+        return sigmoid((s.size[3] - c[at + 7]) / CLOSING)
+
+    return when_closed if part.grasps else always
 
 
 def _holding_too(before: WarpFunction, part: Part, i: int) -> WarpFunction:
@@ -127,6 +153,25 @@ def _holding_too(before: WarpFunction, part: Part, i: int) -> WarpFunction:
         return x_held, v_held
 
     return hold_all
+
+
+def _grasping_too(before: WarpFunction, part: Part, i: int) -> WarpFunction:
+    """Particle by particle: of a node's matter only some is within reach, and what is held shall not slip."""
+    surface, (into, _turned, drift), closed = part.surface, _motion(part), _closed(part)
+
+    @wp.func
+    def grasp_all(k: Constants, x: wp.vec3, v: wp.vec3, now: Any, then: Any):
+        x_held, v_held = before(k, x, v, now, then)
+        p = into(k.shapes[i], x_held, then)
+        _n, _gap, cover = surface(k.shapes[i], p)
+        share = cover * closed(k.shapes[i], then)
+        if share > LEAST_TOUCH:
+            missing = share * (drift(k.shapes[i], p, now, then) / k.dt - v_held)
+            x_held = x_held + k.dt * missing
+            v_held = v_held + missing
+        return x_held, v_held
+
+    return grasp_all
 
 
 def _motion(part: Part) -> tuple[WarpFunction, WarpFunction, WarpFunction]:

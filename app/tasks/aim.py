@@ -75,3 +75,29 @@ class InBowl:
         del goal
         away = x - np.asarray(self.place_m)
         return float(np.mean((np.linalg.norm(away, axis=1) < self.radius_m) & (away[:, 2] < 0)))
+
+
+@final
+@dataclass(frozen=True, kw_only=True)
+class Hung:
+    """A cloth stays on a rack along x: it hangs on both sides of its middle `y_m`.
+
+    Nearly all of it is above `low_m` [m] and within `reach_m` of the rack's middle, and `least_side` of it at least is
+    on either side. Whether something else than the rods holds it is for those to say who know the tool.
+    """
+
+    y_m: float
+    reach_m: float
+    low_m: float
+    least_side: float = 0.25
+    nearly: float = 0.97
+
+    def reached(self, x: Points, goal: Points) -> bool:
+        """Whether it hangs."""
+        before = float(np.mean(x[:, 1] < self.y_m))
+        return self.share(x, goal) >= self.nearly and self.least_side <= before <= 1 - self.least_side
+
+    def share(self, x: Points, goal: Points) -> float:
+        """Of the particles, those that are off the table and near the rack."""
+        del goal
+        return float(np.mean((x[:, 2] > self.low_m) & (np.abs(x[:, 1] - self.y_m) < self.reach_m)))

@@ -13,7 +13,7 @@ from app.config import checked
 from app.core.errors import UsageError
 from app.core.messages import Proposal, fresh_id
 from app.core.stage import Finger, Rope, Stage
-from app.core.types import Points
+from app.core.types import Points, ToolPose
 from app.planner.method import DIPAC, Method
 
 if TYPE_CHECKING:  # Whoever needs these names alone shall not load JAX and Warp for them.
@@ -86,7 +86,8 @@ class Task:
     `nominal`: parameters of the simulator, by name, whose nominal value for this task is not the simulator's own;
     `calibrated`: those that calibration estimates from transitions. `aim`: when it is done, truly; `ends`: when what
     cameras see is enough to stop, where that has to be more than the aim; `horizon`: after how many actions an
-    evaluation ends otherwise. `haste`: real seconds in a simulated one.
+    evaluation ends otherwise. `haste`: real seconds in a simulated one. `empty_m`: a tool that opens less may hold the
+    object, which is not done then, wherever it is.
     """
 
     name: str
@@ -107,6 +108,7 @@ class Task:
     begin: Begin = _at_rest
     at_rest: bool = True
     ends: Aim | None = None
+    empty_m: float = 0.0
 
     def __post_init__(self) -> None:
         """Raises ParameterError, which names the field and the value, where a number or a name cannot be."""
@@ -160,9 +162,17 @@ class Task:
         """What perfect cameras would see of a simulated world's object, as particles [m]."""
         return self.problems.particles(nodes, particle_count)
 
-    def ended(self, seen: Points, goal: Points) -> bool:
-        """Whether an object that cameras see so (N, 3) [m] needs no further action."""
-        return (self.ends or self.aim).reached(seen, goal)
+    def done(self, x: Points, goal: Points, tool: ToolPose) -> bool:
+        """Whether an object that truly is at `x` (N, 3) [m] is where it shall be and stays there without the tool."""
+        return self._empty(tool) and self.aim.reached(x, goal)
+
+    def ended(self, seen: Points, goal: Points, tool: ToolPose | None = None) -> bool:
+        """Whether an object that cameras see so (N, 3) [m], with the tool there, needs no further action."""
+        return self._empty(tool) and (self.ends or self.aim).reached(seen, goal)
+
+    def _empty(self, tool: ToolPose | None) -> bool:
+        """Whether the tool holds nothing for sure; one that is nowhere near does not."""
+        return tool is None or bool(tool[7] >= self.empty_m)
 
 
 @final
@@ -192,9 +202,9 @@ class Wish:
         """What observations are compared with [m]."""
         return self.goal.positions if self.shown_goal is None else self.shown_goal
 
-    def reached(self, particles: Particles) -> bool:
-        """Whether the task is done, by what is observed."""
-        return self.task.ended(particles.positions, self.target)
+    def reached(self, particles: Particles, tool: ToolPose) -> bool:
+        """Whether the task is done, by what is observed and where the tool is."""
+        return self.task.ended(particles.positions, self.target, tool)
 
     def proposal(self, plan: Plan, observed: Particles, model: Model, *, began_s: float, now_s: float) -> Proposal:
         """`plan`, made for `observed` with `model` from `began_s` to `now_s` [s], as an offer to the operator."""

@@ -7,7 +7,21 @@ import numpy as np
 from jaxtyping import Float64
 from scipy.spatial.transform import Rotation
 
-from app.core.stage import Block, Bowl, Colour, Finger, Fixture, HeldBowl, Mat, Paddle, Stage, Tool
+from app.core.stage import (
+    Block,
+    Bowl,
+    Colour,
+    Finger,
+    Fixture,
+    Gripper,
+    HeldBowl,
+    Mat,
+    Paddle,
+    Rack,
+    Stage,
+    Tool,
+    Vector,
+)
 from app.core.types import ToolPose
 from app.rig.simulated.arm_model import FOREARM_M, HAND_M, SHOULDER_M, UPPER_ARM_M, link_frames
 from app.rig.simulated.kinds import kind_of
@@ -78,6 +92,8 @@ def _tool(tool: Tool, pose: ToolPose, tip: Frame) -> list[Surface]:
             turn = Rotation.from_quat(pose[3:7], scalar_first=True).as_matrix()
             frame[:3, :3], frame[:3, 3] = turn @ np.diag([1.0, -1.0, -1.0]), pose[:3]
             return [bowl(tool.radius_m, tool.thickness_m, frame, tool.colour)]
+        case Gripper():
+            return [_jaw(tool, pose, side) for side in (-1, 1)]
 
 
 def _fixture(fixture: Fixture) -> list[Surface]:
@@ -95,6 +111,8 @@ def _fixture(fixture: Fixture) -> list[Surface]:
             frame = np.eye(4)
             frame[:3, 3] = fixture.place_m
             return [bowl(fixture.radius_m, fixture.thickness_m, frame, fixture.colour)]
+        case Rack():
+            return [_rack_rod(fixture, begin, end) for begin, end in fixture.ends_m()]
 
 
 def _paddle(paddle: Paddle, pose: ToolPose, tip: Frame) -> list[Surface]:
@@ -112,3 +130,22 @@ def _finger(finger: Finger, tip: Frame) -> Surface:
     heights = finger.radius_m * (np.sin(angle) - 1.0)
     heights, radii = np.concatenate([[-_FINGER_LENGTH_M], heights]), finger.radius_m * np.cos(angle)
     return turned(heights, np.concatenate([[finger.radius_m], radii]), tip, _DARK)
+
+
+def _jaw(gripper: Gripper, pose: ToolPose, side: int) -> Surface:
+    """A finger of the gripper, beside the tool's z axis, which points down."""
+    _, thick, tall = gripper.half_m
+    frame = np.eye(4)
+    frame[:3, :3] = Rotation.from_quat(pose[3:7], scalar_first=True).as_matrix()
+    frame[:3, 3] = pose[:3] + frame[:3, :3] @ [0.0, side * (pose[7] / 2 + thick), -tall]
+    return box(gripper.half_m, frame, _DARK)
+
+
+def _rack_rod(rack: Rack, begin: Vector, end: Vector) -> Surface:
+    """A rod of the rack, a cylinder about its axis, which is the world's x."""
+    frame = np.eye(4)
+    # Its z axis is the world's x, and so on.
+    frame[:3, :3] = np.roll(np.eye(3), 1, axis=0)
+    frame[:3, 3] = begin
+    heights = np.array([0.0, end[0] - begin[0]])
+    return turned(heights, np.full(2, rack.radius_m), frame, rack.colour)

@@ -133,6 +133,8 @@ def _scene(stage: Stage, body: Liquid | Soup, held: HeldBowl, count: int) -> Sce
                 tools.append(Box(half_m=each.half_m, place_m=each.place_m, friction=each.friction))
             case Mat():
                 pass
+            case _:
+                raise TypeError(f"The world of a liquid knows bowls and blocks, not a {type(each).__name__}.")
     return Scene(
         low=_LOW_M,
         high=_HIGH_M,

@@ -49,6 +49,30 @@ class WorldPhysics:
     finger_length_m: float = 0.12
 
 
+@final
+@dataclass(frozen=True, kw_only=True)
+class ClothPhysics:
+    """A light woven cloth: it hardly stretches, and bends freely.
+
+    `membrane_n_m`: Young's modulus times thickness; a cloth of 12 g that hangs from a grip of 60 mm stretches by 2 %.
+    `cloth_half_thickness_m`: of the layer in which contacts act; the time step and the mesh ask for more than a cloth
+    has. `air_drag_1_s`: rate at which motion through the air decays. `hold_time_s`: in which held knots follow.
+    """
+
+    membrane_n_m: float = 100.0
+    poisson: float = 0.2
+    membrane_damping_s: float = 1e-3
+    cloth_half_thickness_m: float = 0.002
+    air_drag_1_s: float = 3.0
+    table_friction: float = 0.5
+    finger_friction: float = 0.8
+    gravity_m_s2: float = 9.81
+    time_step_s: float = 0.002
+    contact_time_s: float = 0.006
+    hold_time_s: float = 0.010
+    friction_stiffness: float = 10.0
+
+
 Position = Float64[ndarray, "3"]
 """x y z [m] in the world frame."""
 Centreline = Float64[ndarray, "K 3"]

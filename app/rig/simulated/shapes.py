@@ -101,6 +101,20 @@ def box(half_m: Vector, frame: Float64[np.ndarray, "4 4"], colour: Colour) -> Su
     )
 
 
+def sheet(knots: Float64[np.ndarray, "rows columns 3"], colour: Colour) -> Surface:
+    """A surface through the `knots` of a square mesh, in two triangles a mesh; it has no thickness and two sides."""
+    rows, columns = knots.shape[:2]
+    number = np.arange(rows * columns).reshape(rows, columns)
+    a, b, c, d = (each.ravel() for each in (number[:-1, :-1], number[:-1, 1:], number[1:, :-1], number[1:, 1:]))
+    triangles = np.concatenate([np.stack([a, b, c], axis=1), np.stack([b, d, c], axis=1)])
+    return Surface(
+        vertices=knots.reshape(-1, 3).astype(np.float32),
+        triangles=triangles.astype(np.uint32),
+        pieces=np.stack([a, b, c, d], axis=1),
+        colour=colour,
+    )
+
+
 def _ring_triangles(rings: int) -> Triangles:
     """Triangles between `rings` rings in order, then the fans; their winding is of no account to a ray."""
     k, j = np.meshgrid(np.arange(rings - 1), np.arange(SIDES), indexing="ij")

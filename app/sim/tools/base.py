@@ -31,7 +31,8 @@ class Primitive:
     `surface(s, p) -> n, gap, cover`, a Warp function: for a point p [m] in the primitive's frame and its numbers
     `constants.Shape`, the outward normal, the signed distance [m], and how much of the contact there is (0..1).
     `place` and `turn` say where it is in its tool's frame, or in the world where it is fixed. `thin`: nothing is let
-    through, particle by particle, however thin it is. `side`: of what it opens to.
+    through, particle by particle, however thin it is. `side`: of what it opens to. `grasps`: it acts while its tool's
+    opening is less than the last number of `size`; the normal of what holds matter from all sides is 0.
     """
 
     surface: WarpFunction
@@ -41,6 +42,7 @@ class Primitive:
     turn: Quaternion = (1.0, 0.0, 0.0, 0.0)
     thin: bool = False
     side: int = 0
+    grasps: bool = False
 
 
 class Tool(Protocol):

@@ -5,12 +5,17 @@
 # pyright: reportCallIssue=false
 
 from dataclasses import dataclass
-from typing import final
+from math import sqrt
+from typing import Literal, final
 
 import warp as wp
 
 from app.sim.constants import Shape
-from app.sim.tools.base import Motion, Primitive, Vector, safe_norm
+from app.sim.tools.base import Motion, Primitive, Quaternion, Vector, safe_norm
+
+_AS_THEY_ARE: Quaternion = (1.0, 0.0, 0.0, 0.0)
+_QUARTER_TURN: Quaternion = (sqrt(0.5), 0.0, 0.0, sqrt(0.5))
+"""About the vertical: takes y to x."""
 
 
 @wp.func
@@ -41,7 +46,7 @@ class Rod:
 @final
 @dataclass(frozen=True, kw_only=True)
 class Rack:
-    """`count` parallel rods along y, `spacing_m` apart along x, their middle at `place_m`."""
+    """`count` parallel rods, `spacing_m` apart, the middle of all at `place_m`; along y, or along x."""
 
     count: int
     spacing_m: float
@@ -49,14 +54,17 @@ class Rack:
     radius_m: float
     place_m: Vector = (0.0, 0.0, 0.0)
     friction: float = 0.3
+    along: Literal["x", "y"] = "y"
     motion: Motion = "fixed"
 
     def primitives(self) -> tuple[Primitive, ...]:
         """One a rod."""
         x, y, z = self.place_m
         offsets = [(i - (self.count - 1) / 2) * self.spacing_m for i in range(self.count)]
+        places = [(x + at, y, z) if self.along == "y" else (x, y + at, z) for at in offsets]
         size = (self.half_length_m, self.radius_m, 0.0, 0.0)
+        turn = _AS_THEY_ARE if self.along == "y" else _QUARTER_TURN
         return tuple(
-            Primitive(surface=rod_surface, size=size, friction=self.friction, place=(x + dx, y, z), thin=True)
-            for dx in offsets
+            Primitive(surface=rod_surface, size=size, friction=self.friction, place=place, turn=turn, thin=True)
+            for place in places
         )

@@ -1,0 +1,226 @@
+"""The simulated table: a cloth that a gripper picks up and hangs over a rack, in MuJoCo. No clock: it is stepped.
+
+The cloth is a flex: a mesh of linear triangles that resist stretch and shear, and bend freely. It touches table, rods
+and fingers, but not itself, which would take twice the time and is of little account to a cloth that hangs.
+"""
+
+from collections.abc import Sequence
+from typing import Any, final
+
+import numpy as np
+from jaxtyping import Bool, Float64
+
+from app.core.motion import pointing_down
+from app.core.stage import Cloth, Fixture, Gripper, Rack
+from app.core.types import ToolPose
+from app.rig.simulated.arm_model import solve_joints
+from app.rig.simulated.engine import mujoco
+from app.rig.simulated.physics import HOME_TOOL_M, ClothPhysics
+from app.rig.simulated.world import Nodes, Snapshot
+
+_PRESCRIBED_KG = 1000.0
+"""Inertia of the gripper's slides: so large that no contact changes the velocity it is given."""
+_STANDING_BIT, _FINGER_BIT = 1, 2
+_SLIDES = 5
+"""Coordinates of the gripper: x, y, z of the point between its tips, and half of the opening, once a finger."""
+_STRETCH = 2
+"""MuJoCo's `elastic2d` of a sheet with membrane forces alone."""
+
+
+@final
+class ClothWorld:
+    """A cloth and a gripper whose tips point down and go exactly where they are told.
+
+    `nodes (K, 3)` [m]: where the knots of the mesh are at first, row by row, K = `cloth.nodes_a_side` squared; at rest
+    they are a flat square. Fingers that close to `gripper.closed_m` take hold of the knots that are between them, until
+    they open again: a fold that is pinched is a few millimetres wide, which a mesh of this size cannot form, so that
+    friction would have nothing to act on. The same calls give the same numbers, bit for bit.
+    """
+
+    def __init__(
+        self,
+        cloth: Cloth,
+        gripper: Gripper,
+        nodes: Nodes,
+        *,
+        fixtures: Sequence[Fixture] = (),
+        physics: ClothPhysics | None = None,
+        tool: ToolPose | None = None,
+        time_s: float = 0.0,
+    ) -> None:
+        self._gripper = gripper
+        self._reach = _reach(cloth, gripper)
+        self._model = _compile(cloth, gripper, physics or ClothPhysics(), fixtures)
+        self._data = mujoco.MjData(self._model)
+        first = int(self._model.body("cloth_0").id)
+        flat = self._model.body_pos[first : first + len(nodes)]
+        self._data.qpos[_SLIDES:] = (nodes - flat).ravel()
+        self._data.time = time_s
+        self.place(pointing_down(np.array(HOME_TOOL_M)) if tool is None else tool)
+
+    @property
+    def time_s(self) -> float:
+        """The world's own time [s], from `time_s`."""
+        return float(self._data.time)
+
+    @property
+    def tool(self) -> ToolPose:
+        """Where the arm has the point between the fingertips, and how far they are apart."""
+        pose = pointing_down(self._data.qpos[:3])
+        pose[7] = 2 * self._data.qpos[3]
+        return pose
+
+    @property
+    def held(self) -> Bool[np.ndarray, " K"]:
+        """Which knots the fingers hold."""
+        return self._data.eq_active.astype(bool)
+
+    def step(self, tool: ToolPose, duration_s: float) -> None:
+        """Move the tool in a straight line there while `duration_s` passes (rounded to whole time steps)."""
+        period = self._model.opt.timestep
+        start, end, steps = self._data.qpos[:_SLIDES].copy(), _slides(tool), max(1, round(duration_s / period))
+        for step in range(1, steps + 1):
+            due = start + (end - start) * (step / steps)
+            self._data.qvel[:_SLIDES] = (due - self._data.qpos[:_SLIDES]) / period
+            self._grasp(opening_m=2 * due[3])
+            mujoco.mj_step(self._model, self._data)
+
+    def place(self, tool: ToolPose) -> None:
+        """Put the tool there without passing anything on the way, with nothing in its fingers; no time passes."""
+        self._data.qpos[:_SLIDES] = _slides(tool)
+        self._data.qvel[:_SLIDES] = 0.0
+        self._data.eq_active[:] = 0
+        self._open = bool(tool[7] > self._gripper.closed_m)
+        mujoco.mj_forward(self._model, self._data)
+
+    def nodes(self) -> Nodes:
+        """The knots of the mesh [m], row by row."""
+        return self._data.flexvert_xpos.copy()
+
+    def snapshot(self) -> Snapshot:
+        """The state to draw, with the arm's joints solved for the present tool pose."""
+        tool = self.tool
+        return Snapshot(time_s=self.time_s, nodes=self.nodes(), tool=tool, joints=solve_joints(tool))
+
+    def _grasp(self, opening_m: float) -> None:
+        """Take hold when the fingers close on something, and let go when they open."""
+        opened = opening_m > self._gripper.closed_m
+        if opened:
+            self._data.eq_active[:] = 0
+        elif self._open:
+            self._hold(opening_m)
+        self._open = opened
+
+    def _hold(self, opening_m: float) -> None:
+        """Tie the knots whose part of the cloth is between the fingers to where they are pressed."""
+        away = self.nodes() - self._data.qpos[:3]
+        across, aside, up = self._reach
+        low = self._model.flex_radius[0]
+        near = np.abs(away[:, 0]) < across
+        near &= np.abs(away[:, 1]) < aside + opening_m / 2
+        near &= (away[:, 2] > -3 * low) & (away[:, 2] < up)
+        pressed = away * [1.0, opening_m / (opening_m + 2 * aside), 1.0]
+        # From a place of the hand to the middle of the knot: as compiled, a tie is as long as they were apart.
+        self._model.eq_data[near, :3] = pressed[near]
+        self._model.eq_data[near, 3:6] = 0.0
+        self._data.eq_active[:] = near
+
+
+def _slides(tool: ToolPose) -> Float64[np.ndarray, "5"]:
+    return np.array([*tool[:3], tool[7] / 2, tool[7] / 2])
+
+
+def _reach(cloth: Cloth, gripper: Gripper) -> Float64[np.ndarray, "3"]:
+    """How far from the tool a knot is held: half a mesh width beyond a finger's side, and up to a finger's length."""
+    half_mesh = cloth.size_m / (cloth.nodes_a_side - 1) / 2
+    return np.array([gripper.half_m[0] + half_mesh, half_mesh, 2 * gripper.half_m[2]])
+
+
+def _compile(cloth: Cloth, gripper: Gripper, physics: ClothPhysics, fixtures: Sequence[Fixture]) -> Any:
+    """The MuJoCo model: table, rods, gripper (its slides are the first coordinates), cloth."""
+    spec = mujoco.MjSpec()
+    spec.option.timestep = physics.time_step_s
+    spec.option.gravity = [0.0, 0.0, -physics.gravity_m_s2]
+    spec.option.integrator = mujoco.mjtIntegrator.mjINT_DISCRETE
+    spec.option.cone = mujoco.mjtCone.mjCONE_ELLIPTIC
+    spec.option.impratio = physics.friction_stiffness
+    standing = {"contype": _STANDING_BIT, "conaffinity": _STANDING_BIT, "solref": [physics.contact_time_s, 1.0]}
+    # Of two friction coefficients that of the geom counts, which has priority over the cloth.
+    table = {"friction": [physics.table_friction, 0.0, 0.0], "priority": 1}
+    spec.worldbody.add_geom(type=mujoco.mjtGeom.mjGEOM_PLANE, size=[2.0, 2.0, 0.1], **table, **standing)
+    for fixture in fixtures:
+        _add_fixture(spec, fixture, standing)
+    _add_gripper(spec, gripper, physics)
+    _add_cloth(spec, cloth, physics)
+    model = spec.compile()
+    model.dof_damping[_SLIDES:] = physics.air_drag_1_s * cloth.mass_kg / cloth.nodes_a_side**2
+    return model
+
+
+def _add_fixture(spec: Any, fixture: Fixture, standing: dict[str, Any]) -> None:
+    """A rack's rods. Raises TypeError for what this world has no shape for."""
+    if not isinstance(fixture, Rack):
+        raise TypeError(f"The world of a cloth knows racks, not a {type(fixture).__name__}.")
+    for begin, end in fixture.ends_m():
+        spec.worldbody.add_geom(
+            type=mujoco.mjtGeom.mjGEOM_CAPSULE,
+            size=[fixture.radius_m, 0, 0],
+            fromto=[*begin, *end],
+            friction=[fixture.friction, 0.0, 0.0],
+            priority=1,
+            **standing,
+        )
+
+
+def _add_gripper(spec: Any, gripper: Gripper, physics: ClothPhysics) -> None:
+    """Two boxes on heavy slides, so that contacts see their true velocity (a mocap body's is zero)."""
+    hand = spec.worldbody.add_body(name="hand", gravcomp=1.0)
+    hand.explicitinertial, hand.mass, hand.inertia = True, 1.0, [1e-3] * 3
+    for axis in np.eye(3):
+        hand.add_joint(type=mujoco.mjtJoint.mjJNT_SLIDE, axis=axis, armature=_PRESCRIBED_KG)
+    _, thick, tall = gripper.half_m
+    for side in (1, -1):
+        finger = hand.add_body(gravcomp=1.0)
+        finger.add_joint(type=mujoco.mjtJoint.mjJNT_SLIDE, axis=[0, side, 0], armature=_PRESCRIBED_KG)
+        finger.add_geom(
+            type=mujoco.mjtGeom.mjGEOM_BOX,
+            size=gripper.half_m,
+            pos=[0.0, side * thick, tall],
+            mass=0.1,
+            contype=_FINGER_BIT,
+            conaffinity=_FINGER_BIT,
+            friction=[physics.finger_friction, 0.0, 0.0],
+            solref=[physics.contact_time_s, 1.0],
+            priority=2,
+        )
+
+
+def _add_cloth(spec: Any, cloth: Cloth, physics: ClothPhysics) -> None:
+    """The flex, flat about the origin, and for each knot an idle tie to the hand."""
+    count = cloth.nodes_a_side
+    sheet = spec.worldbody.make_flex(
+        name="cloth",
+        type="grid",
+        dim=2,
+        count=[count, count, 1],
+        spacing=[cloth.size_m / (count - 1)] * 3,
+        radius=physics.cloth_half_thickness_m,
+        mass=cloth.mass_kg,
+    )
+    sheet.elastic2d = _STRETCH
+    sheet.thickness = 2 * physics.cloth_half_thickness_m
+    sheet.young = physics.membrane_n_m / sheet.thickness
+    sheet.poisson, sheet.damping = physics.poisson, physics.membrane_damping_s
+    sheet.contype = sheet.conaffinity = _STANDING_BIT | _FINGER_BIT
+    sheet.condim, sheet.selfcollide = 3, mujoco.mjtFlexSelf.mjFLEXSELF_NONE
+    sheet.solref = [physics.contact_time_s, 1.0]
+    for knot in range(count**2):
+        spec.add_equality(
+            type=mujoco.mjtEq.mjEQ_CONNECT,
+            objtype=mujoco.mjtObj.mjOBJ_BODY,
+            name1="hand",
+            name2=f"cloth_{knot}",
+            active=False,
+            data=np.zeros(12),
+            solref=[physics.hold_time_s, 1.0],
+        )

@@ -1,0 +1,31 @@
+"""A cloth that a gripper carries."""
+
+from app.core.stage import Cloth, Gripper, Stage
+from app.rig.simulated.cloth_world import ClothWorld
+from app.rig.simulated.kind import Kind
+from app.rig.simulated.shapes import Surface, sheet
+from app.rig.simulated.world import Nodes
+
+
+def _node_count(stage: Stage) -> int:
+    return _cloth(stage).nodes_a_side ** 2
+
+
+def _build(stage: Stage, start: Nodes, time_s: float) -> ClothWorld:
+    """Raises TypeError where the tool cannot hold a cloth."""
+    if not isinstance(stage.tool, Gripper):
+        raise TypeError(f"A cloth is held by a Gripper, not by a {type(stage.tool).__name__}.")
+    return ClothWorld(_cloth(stage), stage.tool, start, fixtures=stage.fixtures, time_s=time_s)
+
+
+def _surfaces(stage: Stage, nodes: Nodes) -> list[Surface]:
+    return [sheet(nodes.reshape(_cloth(stage).nodes_a_side, -1, 3), _cloth(stage).colour)]
+
+
+def _cloth(stage: Stage) -> Cloth:
+    if not isinstance(stage.body, Cloth):
+        raise TypeError(f"This is about a Cloth, not a {type(stage.body).__name__}.")
+    return stage.body
+
+
+KIND = Kind(body=Cloth, node_count=_node_count, build=_build, surfaces=_surfaces)

@@ -1,0 +1,111 @@
+"""Hanging a cloth that lies on the table over a rack: grasp, carry, release (paper, cloth task)."""
+
+from types import MappingProxyType
+
+from app.core.stage import Cloth, Gripper, Rack, Stage
+from app.perception.fuse import Box
+from app.perception.reconstruct import Reconstruction
+from app.perception.segment import ColourRange
+from app.planner.carries import Carries, KeptClear
+from app.planner.cost import Weights
+from app.planner.optimise import Descent
+from app.policy.scripted_carry import ScriptedCarry
+from app.sim.materials.cloth import Cloth as ClothMaterial
+from app.sim.materials.threads import unstretched
+from app.sim.scene import Body, Scene
+from app.sim.tools.grasp import Grasp
+from app.sim.tools.rod import Rack as SimRack
+from app.tasks.aim import Hung
+from app.tasks.base import Preset, Task
+from app.tasks.sheets import ClothProblems
+
+CLOTH = Cloth(size_m=0.25, mass_kg=0.0125, colour=(0.15, 0.35, 0.80))
+GRIPPER = Gripper(half_m=(0.030, 0.006, 0.025), opening_m=0.040, closed_m=0.012)
+RACK = Rack(count=2, spacing_m=0.06, half_length_m=0.20, radius_m=0.010, place_m=(0.55, 0.10, 0.18), friction=0.5)
+OPENINGS_M = (0.004, GRIPPER.opening_m)
+# The fingers' outer sides, when open, and a centimetre, beside the outer sides of the rods; and above them.
+CLEAR = KeptClear(y_m=RACK.place_m[1], half_m=0.082, top_m=0.215)
+STEP_M = 0.03
+
+# A grid feels matter as thick as a cell, whatever its thickness is said to be.
+_THICK_M = 0.001
+
+TASK = Task(
+    name="cloth_hang",
+    stage=Stage(body=CLOTH, tool=GRIPPER, fixtures=(RACK,)),
+    seeing=Reconstruction(
+        colour=ColourRange.around(CLOTH.colour),
+        particle_count=256,
+        box=Box(low=(0.20, -0.40, -0.02), high=(0.90, 0.40, 0.47)),
+        table_margin_m=-0.02,
+        underside="thin",
+        voxel_m=0.004,
+    ),
+    scene=Scene(
+        low=(0.15, -0.45, -0.03),
+        high=(0.96, 0.45, 0.48),
+        cell_m=0.03,
+        dt_s=2.0e-3,
+        bodies=(
+            Body(
+                volume_m3=CLOTH.size_m**2 * _THICK_M,
+                density_kg_m3=CLOTH.mass_kg / (CLOTH.size_m**2 * _THICK_M),
+                material=ClothMaterial(),
+                stiffness=0.2,
+            ),
+        ),
+        tools=(
+            Grasp(reach_m=(0.035, 0.020, 0.020), closed_m=GRIPPER.closed_m),
+            SimRack(
+                count=RACK.count,
+                spacing_m=RACK.spacing_m,
+                half_length_m=RACK.half_length_m,
+                radius_m=RACK.radius_m,
+                place_m=RACK.place_m,
+                friction=RACK.friction,
+                along="x",
+            ),
+        ),
+        contact_margin_m=0.003,
+        contact_width_m=0.001,
+        damping_1_s=6.0,
+    ),
+    actions=Carries(
+        low=(0.26, -0.34, 0.006),
+        high=(0.84, 0.34, 0.36),
+        clear=CLEAR,
+        max_displacement_m=STEP_M,
+        openings_m=OPENINGS_M,
+        speed_m_s=0.20,
+        move_substeps=230,
+        rest_substeps=70,
+    ),
+    policy=ScriptedCarry(
+        rack_y_m=CLEAR.y_m,
+        half_m=CLEAR.half_m,
+        low_m=0.006,
+        approach_m=0.08,
+        carry_m=0.32,
+        beyond_m=0.12,
+        release_m=0.16,
+        inset_m=0.012,
+        openings_m=OPENINGS_M,
+        steps_m=(STEP_M, 0.05),
+    ),
+    weights=Weights(progress=1.0, contact=0.0005, discount=0.9, level=False),
+    descent=Descent(learning_rate=1.0, clip=1.0, shrink=0.5),
+    problems=ClothProblems(cloth=CLOTH, rack=RACK, middle_m=(0.55, -0.175), shift_m=(0.06, 0.02), turn_rad=0.15),
+    nominal=MappingProxyType({"stiffness": 8.0e4, "table_friction": 0.5, "finger_friction": 0.3}),
+    calibrated=("stiffness", "finger_friction"),
+    aim=Hung(y_m=CLEAR.y_m, reach_m=0.12, low_m=0.03),
+    empty_m=GRIPPER.closed_m + 0.008,
+    horizon=60,
+    begin=unstretched,
+    at_rest=False,
+    presets=MappingProxyType(
+        {
+            "cpu": Preset(branches=6, depth=3, particle_count=256, gradient_steps=3),
+            "gpu": Preset(branches=16, depth=3, particle_count=1000, gradient_steps=10),
+        }
+    ),
+)
