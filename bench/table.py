@@ -7,6 +7,7 @@ import numpy as np
 from app.config import Site
 from app.core.messages import Executed, Transition, fresh_id
 from app.core.motion import Motion, pointing_down
+from app.core.stage import Block
 from app.core.types import Points
 from app.rig.simulated.rope_world import RopeWorld
 from app.tasks import Task
@@ -26,7 +27,8 @@ class Table:
         self._task = task
         self._particle_count = particle_count
         self._rng = np.random.default_rng([seed, 1])
-        self._world = RopeWorld(task.rope, task.finger, task.start(seed))
+        walls = [fixture for fixture in task.stage.fixtures if isinstance(fixture, Block)]
+        self._world = RopeWorld(task.rope, task.finger, task.start(seed), fixtures=walls)
 
     def observe(self) -> Points:
         """Particles (N, 3) [m] as perception would give them."""

@@ -1,5 +1,6 @@
 """What a task looks like: images of a simulated camera while the initial policy does it, side by side in one file."""
 
+from collections.abc import Sequence
 from itertools import count
 from pathlib import Path
 from typing import Annotated
@@ -47,14 +48,19 @@ def main(
     output: Path = Path("docs/images"),
 ) -> None:
     """Write `OUTPUT/TASK.png`."""
-    seen = images(load(task), seed, camera)
-    chosen = np.linspace(0, len(seen) - 1, shown).round().astype(int)
+    file = output / f"{task}.png"
+    chosen = save(images(load(task), seed, camera), shown, file)
+    print(f"{file}: seed {seed}, camera {camera}, before and after {', '.join(map(str, chosen[1:]))} actions")
+
+
+def save(seen: Sequence[ColourImage], shown: int, file: Path) -> list[int]:
+    """Write so many of the images, evenly over all, beside each other; returns which."""
+    chosen = [int(index) for index in np.linspace(0, len(seen) - 1, shown).round()]
     small = [_small(seen[index]) for index in chosen]
     gap = np.full((len(small[0]), _GAP_PX, 3), 255, np.uint8)
     row = np.concatenate([part for image in small for part in (image, gap)][:-1], axis=1)
-    file = output / f"{task}.png"
     cv2.imwrite(str(file), cv2.cvtColor(row, cv2.COLOR_RGB2BGR))
-    print(f"{file}: seed {seed}, camera {camera}, before and after {', '.join(map(str, chosen[1:]))} actions")
+    return chosen
 
 
 def _small(image: ColourImage) -> ColourImage:

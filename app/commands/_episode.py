@@ -57,7 +57,7 @@ class Options:
     planner: str = PAPER
     """who decides: the paper's tree, dipac, or a baseline: cem_mpc, diff_mpc, diff_cem_mpc"""
     ablation: str | None = None
-    """what dipac is to do without: no_calibration, no_optimisation, no_planning or no_policy"""
+    """what dipac is to do without: no_calibration, no_optimisation, no_planning, no_policy or no_online"""
     goal: Path | None = None
     """an .npy file of points (M, 3) [m] instead of a random goal; at least as many as the preset's particles"""
     model: Path | None = None
@@ -264,7 +264,7 @@ def _wish(task: Task, order: Order, preset: str, method: Method) -> Wish:
         seed=options.seed,
         pushes=options.pushes,
         automatic=order.automatic,
-        calibrating=options.calibrate and method.calibrated,
+        calibrating=options.calibrate and method.calibrated and method.following,
         method=method,
     )
 

@@ -18,7 +18,7 @@ from app.evaluation.scores import scores
 from app.evaluation.tables import markdown, tables
 from app.evaluation.trial import WHOLE, Trial, run_trial
 from app.evaluation.workers import Where, finished
-from app.planner.method import ABLATIONS, PAPER, planners
+from app.planner.method import ABLATIONS, NO_ONLINE, PAPER, planners
 from app.tasks import load, names
 from app.tasks.jobs import choose_preset
 
@@ -50,7 +50,8 @@ def evaluate(
         ablation: of dipac; all where none is named and no planner is; "none" for the whole planner alone.
         seeds: problems 0, 1, ... of each task.
         demonstrations: by the scripted expert, which the model of each task is calibrated from first.
-        online: the model also learns from each action of an episode.
+        online: the model also learns from each action of an episode, as it always does where demonstrations are of
+            another object.
         eyes: rendered images, or the truth with the noise that particles from images have, which is faster.
         preset: how much is computed for a decision; auto asks this machine.
         actions: at most, in an episode; the task's horizon where none is said.
@@ -65,7 +66,6 @@ def evaluate(
     methods, tasks = _methods(planner, ablation), task or tuple(names())
     for name in tasks:
         load(name).preset(size)
-    _make(output)
     models = {name: output / "models" / f"{name}.toml" for name in tasks}
     trials = [
         Trial(
@@ -83,7 +83,11 @@ def evaluate(
         for seed in range(seeds)
         for name in tasks
         for chosen, left_out in methods
+        if online or load(name).lesson or left_out != NO_ONLINE
     ]
+    if not trials:
+        raise UsageError(f"--ablation {NO_ONLINE} leaves nothing out where no model learns in use; add --online.")
+    _make(output)
     _calibrate(terminal, [trial for trial in trials if trial.seed == 0], models, demonstrations)
     _play(terminal, trials, output / EPISODES, workers, jobs)
     _report(terminal, _rows(output / EPISODES, trials), output)

@@ -34,8 +34,8 @@ class Demonstration(NamedTuple):
 
 
 def demonstrations(task: str, preset: str, seeds: range, eyes: Eyes) -> Iterator[Demonstration]:
-    """Each episode of the expert, in the order of the seeds."""
-    known, model = load(task), nominal_model(task)
+    """Each episode of the expert, in the order of the seeds; of the task's lesson, where it has one."""
+    known, model = load(task).demonstrated, nominal_model(task)
     for seed in seeds:
         steps = list[Step]()
         goal = known.goal(seed, known.preset(preset).particle_count)

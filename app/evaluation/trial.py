@@ -49,6 +49,15 @@ class Trial:
         return {name: getattr(self, name) for name in names}
 
     @property
+    def follows(self) -> bool:
+        """Whether the model learns from each action: where that is asked for, or the model is of another object.
+
+        Not where no decision heeds it.
+        """
+        method, asked = self.method, self.online or load(self.task).lesson is not None
+        return asked and method.calibrated and method.following and (method.branching or method.descending)
+
+    @property
     def method(self) -> Method:
         """How it decides. Raises UsageError for a planner or an ablation that does not exist."""
         return Method.named(self.planner, None if self.ablation == WHOLE else self.ablation)
@@ -64,7 +73,7 @@ def run_trial(trial: Trial) -> dict[str, Any]:
         seed=trial.seed,
         method=method,
         model=model,
-        online=trial.online and method.calibrated,
+        online=trial.follows,
         eyes=trial.eyes,
         actions=trial.actions,
         play_on=trial.play_on,

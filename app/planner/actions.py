@@ -17,6 +17,8 @@ from app.policy.base import Now
 _CLEARING_STEPS = 12
 """Between the parts of a curled rope a start needs a few steps to come free; alone beside one it needs two."""
 _SAMPLES_PER_BRANCH = 64
+_CLOSE_M = 1e-4
+"""By which an allowed push may fail to keep a distance: projection's rounding."""
 LOW_ENOUGH_M = 0.004
 """A measured tip this far above the push height is down: below the top of any object that the finger pushes."""
 
@@ -83,7 +85,9 @@ class Pushes:
     The tool path of the simulator leaves out descent and lift, which touch nothing: a
     start is allowed only where the finger comes down `clearance_m` or more beside every particle.
 
-    `region`: bounds (x low, y low, x high, y high) [m] of the finger; `rest_substeps`: substeps at rest after the push;
+    `region`: bounds (x low, y low, x high, y high) [m] of the finger; `keep_out`: rectangles, told alike, which it does
+    not enter: what stands there, and beyond it the finger's radius and a displacement at a corner. A push that would
+    slides along them. `rest_substeps`: substeps at rest after the push;
     `speed_m_s`, `approach_m_s`: of the real arm, along the push and above it; the simulated finger is faster, which a
     quasi-static object does not mind.
     """
@@ -101,6 +105,7 @@ class Pushes:
     start_scale_m: float = 0.004
     displacement_scale_m: float = 0.001
     displacements: int = 20
+    keep_out: tuple[tuple[float, float, float, float], ...] = ()
 
     @property
     def size(self) -> int:
@@ -128,7 +133,8 @@ class Pushes:
         low, high = self._bounds()
         outside = np.maximum(low - start, start - high).max(1).clip(min=0)
         near = np.linalg.norm(start[:, None] - x[None, :, :2], axis=-1).min(1)
-        badness = outside + (self.clearance_m - near).clip(min=0)
+        hindered = np.linalg.norm(self._outside(jnp.asarray(start)) - start, axis=1)
+        badness = outside + hindered + (self.clearance_m - near).clip(min=0)
         chosen = np.argsort(badness, kind="stable")[:count]
         steps = np.repeat((length * direction / self.displacements)[chosen, None], self.displacements, axis=1)
         return np.concatenate([start[chosen], steps.reshape(count, -1)], axis=1).astype(np.float32)
@@ -147,14 +153,23 @@ class Pushes:
         steps = steps * jnp.minimum(1.0, self.max_length_m / total)[:, None, None]
         low, high = self._bounds()
         points = jnp.clip(start[:, None] + jnp.cumsum(steps, axis=1), low, high)
+        if self.keep_out:
+            points = self._slid(start, steps)
         return self._join(start, jnp.diff(points, axis=1, prepend=start[:, None]))
 
     def allowed(self, actions: Float[Array, "B A"], now: Now) -> Bool[Array, " B"]:
-        """Whether the finger comes down beside the object (within a tenth of a millimetre) and inside the region."""
+        """Whether the finger comes down beside the object (within a tenth of a millimetre) and inside the region.
+
+        And whether it nowhere enters what it shall keep out of.
+        """
         start, _ = self._split(actions)
         low, high = self._bounds()
         inside = jnp.all((start >= low - 1e-6) & (start <= high + 1e-6), axis=-1)
-        return inside & (_length(start[:, None] - now.x[..., :2]).min(-1) >= self.clearance_m - 1e-4)
+        beside = _length(start[:, None] - now.x[..., :2]).min(-1) >= self.clearance_m - _CLOSE_M
+        if not self.keep_out:
+            return inside & beside
+        way = self._waypoints(actions)
+        return inside & beside & (_length(self._outside(way) - way).max(-1) <= _CLOSE_M)
 
     def scale(self) -> Float32[np.ndarray, " A"]:
         """A start may move further in a step than a displacement, as all displacements add up."""
@@ -231,9 +246,33 @@ class Pushes:
             away = jnp.take_along_axis(away, nearest[:, None, None], axis=1)[:, 0]
             distance = _length(away)
             missing = jnp.maximum(0.0, self.clearance_m - distance)
-            return jnp.clip(start + (missing / distance)[:, None] * away, low, high)
+            return self._outside(jnp.clip(start + (missing / distance)[:, None] * away, low, high))
 
         return jax.lax.fori_loop(0, _CLEARING_STEPS, step, start)
+
+    def _slid(self, start: Float[Array, "B 2"], steps: Float[Array, "B D 2"]) -> Float[Array, "B D 2"]:
+        """Where displacements, one after the other, lead within the region and outside of what is kept out of.
+
+        A displacement is shorter than half of any rectangle, so that none is stepped over.
+        """
+        low, high = self._bounds()
+
+        def step(at: Float[Array, "B 2"], by: Float[Array, "B 2"]) -> tuple[Float[Array, "B 2"], Float[Array, "B 2"]]:
+            there = self._outside(jnp.clip(at + by, low, high))
+            return there, there
+
+        return jnp.swapaxes(jax.lax.scan(step, start, jnp.swapaxes(steps, 0, 1))[1], 0, 1)
+
+    def _outside(self, points: Float[Array, "*axes 2"]) -> Float[Array, "*axes 2"]:
+        """The points, those in a rectangle moved to the nearest of its sides."""
+        for x_low, y_low, x_high, y_high in self.keep_out:
+            x, y = points[..., 0], points[..., 1]
+            ways = jnp.stack([x_low - x, x_high - x, y_low - y, y_high - y], axis=-1)
+            within = (ways[..., 0] < 0) & (ways[..., 1] > 0) & (ways[..., 2] < 0) & (ways[..., 3] > 0)
+            side = jnp.argmin(jnp.abs(ways), axis=-1)
+            by = jnp.where(within, jnp.take_along_axis(ways, side[..., None], axis=-1)[..., 0], 0.0)
+            points = points + jnp.stack([jnp.where(side < 2, by, 0.0), jnp.where(side < 2, 0.0, by)], axis=-1)
+        return points
 
     def _bounds(self) -> tuple[Float32[np.ndarray, "2"], Float32[np.ndarray, "2"]]:
         return np.asarray(self.region[:2], np.float32), np.asarray(self.region[2:], np.float32)

@@ -1,7 +1,7 @@
 """The cost of a sequence of actions: eq. 2 of the paper, step by step."""
 
 from dataclasses import dataclass
-from typing import NamedTuple, final
+from typing import NamedTuple, Protocol, final
 
 import jax.numpy as jnp
 from jaxtyping import Array, Float
@@ -9,6 +9,19 @@ from jaxtyping import Array, Float
 from app.core.chamfer import chamfer_m2
 
 _SMOOTH_M = 1e-4
+
+
+class Distance(Protocol):
+    """How far objects are from a goal; frozen and hashable, so that what is compiled for it can be cached."""
+
+    def __call__(self, x: Float[Array, "B N 3"], goal: Float[Array, "M 3"]) -> Float[Array, " B"]:
+        """A squared distance [m^2], as the Chamfer distance is one."""
+        ...
+
+
+def straight(x: Float[Array, "B N 3"], goal: Float[Array, "M 3"]) -> Float[Array, " B"]:
+    """The Chamfer distance [m^2]: nothing is in the way."""
+    return chamfer_m2(x, goal[None])
 
 
 @final
@@ -19,12 +32,14 @@ class Weights:
     Each step's terms count `discount` times those of the step before. 1 is the paper's equation as printed; with it a
     branch that does nothing now and everything later costs as little as the reverse, and a planner that executes one
     action and plans again may put things off for ever. `level`: contact is measured over the table, not in space.
+    `distance`: what progress is made in, where the paper has the Chamfer distance.
     """
 
     progress: float
     contact: float
     discount: float = 1.0
     level: bool = True
+    distance: Distance = straight
 
 
 class Terms(NamedTuple):
@@ -49,6 +64,7 @@ def step_terms(
     tool_path: Float[Array, "B T C"],
     *,
     level: bool = True,
+    distance: Distance = straight,
 ) -> Terms:
     """One step's terms: chamfer(x_t, goal) - chamfer(x_{t-1}, goal), and the distance between gripper and object.
 
@@ -59,6 +75,6 @@ def step_terms(
     about the finger's radius.
     """
     axes = 2 if level else 3
-    progress = chamfer_m2(x_after, goal[None]) - chamfer_m2(x_before, goal[None])
+    progress = distance(x_after, goal) - distance(x_before, goal)
     squared = ((x_after[..., :axes] - tool_path[:, -1:, :axes]) ** 2).sum(-1).min(-1)
     return Terms(progress, jnp.sqrt(squared + _SMOOTH_M**2))

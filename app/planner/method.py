@@ -12,6 +12,8 @@ from app.planner import methods
 
 PAPER = "dipac"
 """The planner of the paper, of which all ablations are."""
+NO_ONLINE = "no_online"
+"""The paper's DiPac-Online without what sets it apart: it leaves nothing out where no model learns while it is used."""
 
 ABLATIONS = MappingProxyType(
     {
@@ -19,6 +21,7 @@ ABLATIONS = MappingProxyType(
         "no_optimisation": {"descending": False},
         "no_planning": {"branching": False, "descending": False},
         "no_policy": {"guided": False},
+        NO_ONLINE: {"following": False},
     }
 )
 """What the paper leaves out, one at a time, to see what it is worth: an ablation's name, and the options it changes."""
@@ -33,7 +36,7 @@ class Method:
     `branching`: there are branches besides the policy's. `guided`: the initial policy has a say; without, all actions
     are drawn at random. Neither branching nor descending, the policy's action is executed as it is, and simulated only
     for what is shown. `calibrated`: the model is calibrated; without, it is what the simulator would be without any
-    demonstration, which is for those to heed who have the model.
+    demonstration. `following`: it goes on learning where it is used. Both are for those to heed who have the model.
 
     Raises UsageError for a planner that does not exist, and for options that make no sense together.
     """
@@ -43,6 +46,7 @@ class Method:
     branching: bool = True
     guided: bool = True
     calibrated: bool = True
+    following: bool = True
 
     def __post_init__(self) -> None:
         """Checks that there is such a method."""

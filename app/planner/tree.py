@@ -149,7 +149,9 @@ def simulate(
         allowed &= search.space.allowed(taken[-1], seen[-1])
         path = search.space.tool_path(taken[-1], seen[-1].tool)
         state = search.advance(phi, seen[-1].state, path)
-        made = step_terms(seen[-1].x, state.x, goal, path, level=search.weights.level)
+        made = step_terms(
+            *(seen[-1].x, state.x, goal, path), level=search.weights.level, distance=search.weights.distance
+        )
         terms = terms.plus(made, search.weights.discount**step)
         seen.append(Now(state, search.space.after(taken[-1], seen[-1].tool)))
     return Rollout(jnp.stack(taken, axis=1), seen[1].x, seen[-1].x, terms, terms.total(search.weights), allowed)

@@ -101,3 +101,21 @@ class Hung:
         """Of the particles, those that are off the table and near the rack."""
         del goal
         return float(np.mean((x[:, 2] > self.low_m) & (np.abs(x[:, 1] - self.y_m) < self.reach_m)))
+
+
+@final
+@dataclass(frozen=True, kw_only=True)
+class Beyond:
+    """The object has passed x = `x_m` [m]: the share `enough` of it or more, wherever it then lies."""
+
+    x_m: float
+    enough: float
+
+    def reached(self, x: Points, goal: Points) -> bool:
+        """Enough of it is beyond."""
+        return self.share(x, goal) >= self.enough
+
+    def share(self, x: Points, goal: Points) -> float:
+        """Of the particles, those beyond."""
+        del goal
+        return float(np.mean(x[:, 0] > self.x_m))

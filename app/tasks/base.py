@@ -78,6 +78,15 @@ class Problems(Protocol):
 
 @final
 @dataclass(frozen=True, kw_only=True)
+class Lesson:
+    """Another object, and the problems with it, that demonstrations of a task are about."""
+
+    stage: Stage
+    problems: Problems
+
+
+@final
+@dataclass(frozen=True, kw_only=True)
 class Task:
     """Everything about a task that is not the site's.
 
@@ -87,7 +96,8 @@ class Task:
     `calibrated`: those that calibration estimates from transitions. `aim`: when it is done, truly; `ends`: when what
     cameras see is enough to stop, where that has to be more than the aim; `horizon`: after how many actions an
     evaluation ends otherwise. `haste`: real seconds in a simulated one. `empty_m`: a tool that opens less may hold the
-    object, which is not done then, wherever it is.
+    object, which is not done then, wherever it is. `lesson`: what demonstrations are about, where that is another
+    object; a model that they calibrate has to go on learning in use.
     """
 
     name: str
@@ -109,6 +119,14 @@ class Task:
     at_rest: bool = True
     ends: Aim | None = None
     empty_m: float = 0.0
+    lesson: Lesson | None = None
+
+    @property
+    def demonstrated(self) -> Task:
+        """What the expert demonstrates: the task itself, or the same with the object of its lesson."""
+        if self.lesson is None:
+            return self
+        return replace(self, stage=self.lesson.stage, problems=self.lesson.problems, lesson=None)
 
     def __post_init__(self) -> None:
         """Raises ParameterError, which names the field and the value, where a number or a name cannot be."""

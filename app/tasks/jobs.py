@@ -18,6 +18,8 @@ _log = logging.getLogger(__name__)
 
 _RECENT = 16
 """Transitions of one update: about those of the last episode, in about the time of one decision."""
+_TRUSTED, _TRUSTED_OF_ANOTHER = 1.5, 4.0
+"""Factors by which a model in use may be off. With 4, a rod's stiffness falls to a rope's, a fifth, in 3 pushes."""
 
 if TYPE_CHECKING:
     from app.calibration.fit import Settings
@@ -90,11 +92,14 @@ def calibration(
 def update(task: str, preset: str, transitions: Sequence[Transition], model: Model, site: Site | None = None) -> Model:
     """As `calibrate`, in the background of an episode: two trial steps on the newest transitions.
 
-    The model in use is trusted to a factor of 1.5, so that one odd transition does not throw it off.
+    The model in use is trusted to a factor of 1.5, so that one odd transition does not throw it off; one that was
+    calibrated on another object, to a factor of 4, so that a handful of transitions makes it this one's.
     """
     from app.calibration.fit import Settings
+    from app.tasks import load
 
-    settings = Settings(steps=2, trust_factor=1.5)
+    trust_factor = _TRUSTED if load(task).lesson is None else _TRUSTED_OF_ANOTHER
+    settings = Settings(steps=2, trust_factor=trust_factor)
     return _fitted(task, preset, transitions[-_RECENT:], model, settings, site or Site()).model
 
 

@@ -84,6 +84,7 @@ def test_an_evaluation_that_was_killed_goes_on_and_plays_nothing_twice(
         ["--task", "rope_pull"],
         ["--planner", "dipack"],
         ["--ablation", "no_hope"],
+        ["--task", "rope_push", "--ablation", "no_online"],
         ["--seeds", "0"],
         ["--jobs", "0"],
         ["--actions", "0"],

@@ -29,14 +29,17 @@ def resample(centreline: Centreline, points: int) -> Float64[np.ndarray, "points
 def add_rope(spec: Any, rope: Rope, physics: WorldPhysics, nodes: Centreline) -> None:
     """Add the chain through `nodes` (S + 1, 3) to the MuJoCo `spec`; its bodies are called `rope0`, `rope1`, ...
 
-    The chain starts level: only the heading of each segment is taken from `nodes`.
+    The chain starts level: only the heading of each segment is taken from `nodes`. That of a rod does not bend.
     """
     steps = np.diff(nodes, axis=0)
     lengths, headings = np.linalg.norm(steps, axis=1), np.unwrap(np.arctan2(steps[:, 1], steps[:, 0]))
     parent, place, turn = spec.worldbody, nodes[0], headings[0]
     for index, length in enumerate(lengths):
         body = parent.add_body(name=f"rope{index}", pos=place, quat=_about_z(turn))
-        _add_joints(body, physics, root=index == 0)
+        if index == 0:
+            _add_freedom(body)
+        elif not rope.rigid:
+            _add_hinges(body, physics)
         _add_shape(body, rope, physics, float(length), mass_kg=rope.mass_kg / len(lengths))
         for near in range(max(0, index - _NEIGHBOURS_APART), index):
             spec.add_exclude(bodyname1=f"rope{near}", bodyname2=f"rope{index}")
@@ -49,14 +52,16 @@ def _about_z(angle: float) -> Float64[np.ndarray, "4"]:
     return np.array([np.cos(angle / 2), 0.0, 0.0, np.sin(angle / 2)])
 
 
-def _add_joints(body: Any, physics: WorldPhysics, *, root: bool) -> None:
-    """Free but for roll at the root; two sprung hinges elsewhere."""
-    if root:
-        for axis in np.eye(3):
-            body.add_joint(type=mujoco.mjtJoint.mjJNT_SLIDE, axis=axis)
-        body.add_joint(axis=[0, 0, 1])
-        body.add_joint(axis=[0, 1, 0])
-        return
+def _add_freedom(body: Any) -> None:
+    """Of the chain's root: to slide, to turn and to pitch, but not to roll."""
+    for axis in np.eye(3):
+        body.add_joint(type=mujoco.mjtJoint.mjJNT_SLIDE, axis=axis)
+    body.add_joint(axis=[0, 0, 1])
+    body.add_joint(axis=[0, 1, 0])
+
+
+def _add_hinges(body: Any, physics: WorldPhysics) -> None:
+    """Two sprung ones. A rod has none: its segments are one body."""
     rope = physics.rope
     limits = {"limited": True, "range": [-rope.bend_limit_rad, rope.bend_limit_rad]}
     body.add_joint(
