@@ -47,7 +47,8 @@ class Passing:
     """Problems: an object laid across in front of the wall, by seed, and a goal that leads away from the gap behind it.
 
     The start is drawn about `start_m` (x, y), within `start_spread_m` of it, and turned from the wall's direction by at
-    most `start_turn_rad`; a rope is bent by up to `bend_rad`, which a rod is not. The goal is straight.
+    most `start_turn_rad`; a rope is bent by up to `bend_rad`, which a rod is not. The goal is straight, and its near end
+    `goal_gap_m` behind the wall's middle plane: the farther one is at the border of where the arm may go.
     """
 
     rope: Rope
@@ -56,7 +57,7 @@ class Passing:
     start_spread_m: tuple[float, float] = (0.02, 0.05)
     start_turn_rad: float = 0.5
     bend_rad: float = 0.4
-    goal_gap_m: float = 0.02
+    goal_gap_m: float = 0.008
     goal_turn_rad: float = 0.2
 
     def start(self, seed: int) -> Nodes:
@@ -69,7 +70,7 @@ class Passing:
     def goal(self, seed: int, particle_count: int) -> Points:
         """Behind the gap, pointing away from it."""
         turn = float(np.random.default_rng([seed, 1]).uniform(-1, 1)) * self.goal_turn_rad
-        away = self.wall.thickness_m / 2 + self.goal_gap_m + self.rope.length_m / 2
+        away = self.goal_gap_m + self.rope.length_m / 2
         middle = np.array([self.wall.x_m, 0.0]) + away * np.array([np.cos(turn), np.sin(turn)])
         return self.particles(self._curve(middle, turn, 0.0), particle_count)
 

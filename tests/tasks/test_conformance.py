@@ -155,5 +155,7 @@ def test_the_simulator_lets_an_action_that_touches_nothing_change_little(name: s
 def test_where_a_tool_is_away_actions_that_begin_anywhere_may_be_made(name: str) -> None:
     task, site = load(name), Site()
     x = task.goal(0, 100)
-    for action in task.actions.sample(np.random.default_rng(0), x, AWAY, 8):
+    drawn = task.actions.sample(np.random.default_rng(0), x, AWAY, 8)
+    now = Now.at_rest(jnp.tile(jnp.asarray(x)[None], (8, 1, 1)), AWAY)
+    for action in np.asarray(task.actions.project(jnp.asarray(drawn), now)):
         assert site.limits.workspace.contains(task.actions.motion(action, AWAY, site).positions)
