@@ -4,7 +4,6 @@ from pathlib import Path
 
 from app.config import Site
 from app.core.errors import PreflightError, UsageError
-from app.ui import proxy
 
 
 def check_writable(path: Path, option: str) -> None:
@@ -25,6 +24,8 @@ def unwritable(path: Path, option: str, error: OSError) -> UsageError:
 
 def check_port(site: Site) -> None:
     """Raises PreflightError where the console's port is taken. Another program may still take it afterwards."""
+    from app.ui import proxy  # Takes a second to load, which only those who open a console pay.
+
     try:
         proxy.listen(site.console_host, site.console_port).close()
     except OSError as error:
