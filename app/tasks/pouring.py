@@ -22,6 +22,8 @@ _SOFTENED = 0.25
 """Of phi's stiffness: at 4e4 Pa, 3 cm of water shrink by 3 %, and time steps may be twice as long."""
 _PIECES_SOFTENED = 0.15
 """The same for Young's modulus of pieces: 6 kPa, that of soft tofu."""
+_SPRAY = 3.0
+"""What is poured stands as high as its volume: see the material."""
 _RANDOM_M = 0.02
 """Standard deviation of where the held bowl is at first, along x and y, as in the reference problem; cut off at two."""
 
@@ -95,7 +97,7 @@ def _bodies(body: Liquid | Soup) -> Sequence[Body]:
     poured = Body(
         volume_m3=liquid.volume_m3,
         density_kg_m3=liquid.density_kg_m3,
-        material=LiquidMaterial(),
+        material=LiquidMaterial(spray=_SPRAY),
         stiffness=_SOFTENED,
     )
     if not isinstance(body, Soup):

@@ -34,6 +34,8 @@ _CHUNKS = (25, 5, 1)
 """Substeps simulated at a time, of which each number is compiled once: a period of the arm is 25."""
 _LOW_M, _HIGH_M = (0.1425, -0.30, -0.0225), (0.9075, 0.30, 0.4275)
 _DAMPING_1_S = 0.2
+_SPRAY = 3.0
+"""What is poured stands as high as its volume: see the material."""
 
 
 @final
@@ -151,7 +153,9 @@ def _scene(stage: Stage, body: Liquid | Soup, held: HeldBowl, count: int) -> Sce
 def _bodies(body: Liquid | Soup) -> list[Body]:
     """The liquid and then each kind of piece."""
     liquid = body.liquid if isinstance(body, Soup) else body
-    bodies = [Body(volume_m3=liquid.volume_m3, density_kg_m3=liquid.density_kg_m3, material=LiquidMaterial())]
+    bodies = [
+        Body(volume_m3=liquid.volume_m3, density_kg_m3=liquid.density_kg_m3, material=LiquidMaterial(spray=_SPRAY))
+    ]
     for kind in body.pieces if isinstance(body, Soup) else ():
         stiffness, density = kind.young_pa / _STIFFNESS_PA, kind.density_kg_m3
         bodies.append(Body(volume_m3=kind.volume_m3, density_kg_m3=density, material=Elastic(), stiffness=stiffness))

@@ -19,16 +19,13 @@ from app.sim.effects.base import Grain, WarpFunction
 from app.sim.hooks import Hooks
 from app.sim.materials.base import LEAST_VOLUME, Law
 
-SPRAY = wp.constant(1.05)
-"""A drop's relative volume does not grow beyond this: what flies apart is not thinner water."""
-
 
 def _make(hooks: Hooks) -> WarpFunction:
     del hooks
 
     @wp.func
     def liquid(m: Matter, E: float, C: wp.mat33, F: wp.mat33, grain: Grain, _phi: Any):
-        J = wp.clamp(F[0, 0] * (1.0 + grain.dt * wp.trace(C)), LEAST_VOLUME, SPRAY)
+        J = wp.clamp(F[0, 0] * (1.0 + grain.dt * wp.trace(C)), LEAST_VOLUME, m.own[0])
         tension = wp.max(0.0, wp.log(J))
         tau = (E * m.lam_per_stiffness * (wp.log(J) - tension)) * wp.identity(n=3, dtype=float)
         return tau, wp.mat33(J, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0)
@@ -42,9 +39,15 @@ _LAW = Law(name="liquid", make=_make, fluid=True)
 @final
 @dataclass(frozen=True, kw_only=True)
 class Liquid:
-    """Its bulk modulus [Pa] is phi's `stiffness`, times the body's share: 2e4 lets 5 cm of water shrink by 2.5 %."""
+    """Its bulk modulus [Pa] is phi's `stiffness`, times the body's share: 2e4 lets 5 cm of water shrink by 2.5 %.
+
+    A drop's relative volume does not grow beyond `spray`: what flies apart is not thinner water. What it forgets so of
+    how far it was apart, keeps it apart when it comes together: the upper tenth of 120 ml, poured from one bowl into
+    another on cells of 7.5 mm, then begins 13 mm too high with 1.05, 2 mm with 2, and 0.1 mm with 3.
+    """
 
     viscosity_pa_s: float = 1.0e-3
+    spray: float = 1.05
     law: Law = _LAW
 
     def lame(self) -> tuple[float, float]:
@@ -52,5 +55,5 @@ class Liquid:
         return (0.0, 1.0)
 
     def own(self) -> tuple[float, float, float, float]:
-        """None."""
-        return (0.0, 0.0, 0.0, 0.0)
+        """The spray."""
+        return (self.spray, 0.0, 0.0, 0.0)
