@@ -42,7 +42,7 @@ SCENE = Scene(
     # Contact fades as exp(-666 d) there; particles are held off a wall by half of their spacing.
     contact_margin_m=0.5 * (_VOLUME_M3 / PARTICLES) ** (1 / 3),
     contact_width_m=0.0015,
-    bodies=(Body(volume_m3=_VOLUME_M3, density_kg_m3=1000.0, material=Liquid(viscosity_pa_s=0.0)),),
+    bodies=(Body(volume_m3=_VOLUME_M3, density_kg_m3=1000.0, material=Liquid(viscosity_pa_s=0.0, spray=3.0)),),
     tools=(
         Bowl(radius_m=_HELD_M - _HALF_WALL_M, thickness_m=2 * _HALF_WALL_M, friction=0.1),
         Bowl(
