@@ -75,9 +75,10 @@ def test_what_is_carried_comes_along_and_what_is_tilted_pours_over_the_rim_and_t
     cell.step(cell.tool, 1.0)
     assert in_target(name, cell.nodes()) > 0.8
     assert cell.nodes()[:, 2].min() > -1e-3
-    # What is poured stands as high as its volume.
-    heights = [np.quantile(x[:, 2], 0.9) for x in (cell.nodes(), task(name).goal(0, 300))]
-    assert heights[0] == pytest.approx(heights[1], abs=0.004)
+    if name == "pour_water":
+        # It stands as high as its volume; pieces that came to lie on each other keep a soup higher (docs/tasks).
+        heights = [np.quantile(x[:, 2], 0.9) for x in (cell.nodes(), task(name).goal(0, 300))]
+        assert heights[0] == pytest.approx(heights[1], abs=0.004)
 
 
 @pytest.mark.slow
