@@ -28,7 +28,7 @@ from bench.task_pictures import save
 TASK: Final = "rod_to_rope"
 
 
-def table(evaluation: Path, images: Path = Path("docs/images")) -> None:
+def table(evaluation: tyro.conf.Positional[Path], images: Path = Path("docs/images")) -> None:
     """Print the parameters before the first push and after each, seed by seed; draw them into `images`.
 
     Args:

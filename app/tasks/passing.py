@@ -47,7 +47,7 @@ class Passing:
     """Problems: an object laid across in front of the wall, by seed, and a goal that leads away from the gap behind it.
 
     The start is drawn about `start_m` (x, y), within `start_spread_m` of it, and turned from the wall's direction by at
-    most `start_turn_rad`; a rope is bent by up to `bend_rad`, which a rod is not. The goal is straight, and its near end
+    most `start_turn_rad`; a rope is bent by up to `bend_rad`, which a rod is not. The goal is straight, its near end
     `goal_gap_m` behind the wall's middle plane: the farther one is at the border of where the arm may go.
     """
 
