@@ -64,7 +64,7 @@ TASK = Task(
         rest_substeps=12,
     ),
     policy=ScriptedSweep(half_m=PADDLE.half_m[:2], gap_m=CLEARANCE_M + 0.002),
-    weights=Weights(progress=1.0, contact=0.002),
+    weights=Weights(progress=1.0, contact=0.0002),
     descent=Descent(learning_rate=1.0, clip=1.0, shrink=0.5),
     problems=BeanProblems(beans=BEANS, mat=MAT, region=(0.31, -0.29, 0.79, 0.29), goal_m=0.065),
     nominal=MappingProxyType({"stiffness": 3.0e4, "table_friction": 0.4, "finger_friction": 0.3}),
