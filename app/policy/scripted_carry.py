@@ -14,6 +14,8 @@ _NEAR_MIDDLE_M = 0.02
 """Particles this near to the line through the cloth's middle tell where its edge is there."""
 _IN_HAND_M = 0.045
 """A closed gripper holds something where a particle is as near as this: its own fingers hide what is nearer."""
+_DOWN_M = 0.01
+"""Fingers as near as this to the height of a grasp have come down for one."""
 _DRAWN = 0.05
 """With more of it than this on one side of the rack, a cloth that is held on the other is drawn over it."""
 _COARSE = 1e-6
@@ -68,7 +70,9 @@ class ScriptedCarry:
         near = jnp.sqrt(((x - tool[:3]) ** 2).sum(-1)).min() < _IN_HAND_M
         held = near & (tool[7] < (closed + opened) / 2)
         side = jnp.where(held, self._onwards(x, tool[1]), jnp.where(x[:, 1].mean() < self.rack_y_m, 1.0, -1.0))
-        edge = self._edge(x, side)
+        # Over the edge, low and open, the gripper hides the very edge from the cameras: it closes where it came to.
+        come = near & (tool[2] < self.low_m + _DOWN_M)
+        edge = jnp.where(come, tool[:2], self._edge(x, side))
         carried = self._carried(here, held, edge, x_m, side)
         to_it = self._taking(here, held, edge)
         away = jnp.concatenate([here[:2], jnp.array([self.carry_m, opened])])

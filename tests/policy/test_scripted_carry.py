@@ -112,3 +112,19 @@ def test_it_alone_hangs_a_cloth_in_the_simulated_cell() -> None:
             break
         cell.execute(SPACE.motion(action(x, cell.tool), cell.tool, site))
     assert TASK.done(TASK.particles(cell.nodes(), 256), GOAL, cell.tool)
+
+
+def test_open_fingers_that_have_come_down_close_where_they_are_though_they_hide_the_edge() -> None:
+    x = lying(0)
+    tool = hand(0.30, 0.0, 0.30, 0.0)
+    for _ in range(4):
+        tool = hand(*way(x, tool)[-1])
+        if tool[2] < POLICY.low_m + 0.001:
+            break
+    left = x[np.abs(x[:, :2] - tool[:2]).max(1) > 0.025]
+    seen = left[np.arange(len(x)) % len(left)]
+    assert seen[np.abs(seen[:, 0] - tool[0]) < 0.02, 1].max() < tool[1] - 0.02
+    closing = way(seen, hand(*tool[:3], OPEN_M))
+    low = closing[:, 2] < POLICY.low_m + 0.001
+    np.testing.assert_allclose(closing[low, :2], np.tile(tool[:2], (low.sum(), 1)), atol=1e-4)
+    assert closing[low, 3].min() == pytest.approx(CLOSED_M)
