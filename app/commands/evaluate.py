@@ -46,7 +46,7 @@ def evaluate(
 
     Args:
         task: all tasks where none is named.
-        planner: all planners where none is named; dipac is the paper's.
+        planner: all planners where none is named, dipac, which is the paper's, where an ablation is.
         ablation: of dipac; all where none is named and no planner is; "none" for the whole planner alone.
         seeds: problems 0, 1, ... of each task.
         demonstrations: by the scripted expert, which the model of each task is calibrated from first.
@@ -114,7 +114,8 @@ def _methods(chosen: Sequence[str], left_out: Sequence[str]) -> list[tuple[str, 
         if name not in (WHOLE, *ABLATIONS):
             raise UsageError.unknown("ablation", name, [WHOLE, *ABLATIONS])
     parts = left_out or ((WHOLE,) if chosen else (WHOLE, *ABLATIONS))
-    return [(name, part) for name in chosen or planners() for part in (parts if name == PAPER else (WHOLE,))]
+    among = chosen or ([PAPER] if left_out else planners())
+    return [(name, part) for name in among for part in (parts if name == PAPER else (WHOLE,))]
 
 
 def _make(output: Path) -> None:
