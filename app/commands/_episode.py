@@ -30,6 +30,7 @@ from app.recording.writer import EpisodeRecorder, open_recording
 from app.rig.simulated.rig import simulated_rig
 from app.tasks import Task, load
 from app.tasks.base import Wish
+from app.tasks.feasible import check_goal
 from app.tasks.jobs import check_model, choose_preset, shown_goal
 from app.ui.console import Console, open_console
 from app.ui.desk import Request
@@ -253,6 +254,7 @@ def _wish(task: Task, order: Order, preset: str, method: Method) -> Wish:
     if options.goal:
         workspace = options.site().limits.workspace
         positions = read_goal(options.goal, workspace, particle_count=particle_count, seed=options.seed)
+        check_goal(task, positions, f"The goal {options.goal}")
     else:
         positions = task.goal(options.seed, particle_count)
     model = load_model(order.model, task=task.name, time_s=now_s) if order.model else None

@@ -1,7 +1,7 @@
 """Actions: flat vectors of numbers and the tool paths they mean, as JAX functions so that gradients reach them."""
 
 from dataclasses import dataclass
-from typing import Protocol, final
+from typing import Protocol, TypeAlias, final
 
 import jax
 import jax.numpy as jnp
@@ -23,6 +23,11 @@ LOW_ENOUGH_M = 0.004
 """A measured tip this far above the push height is down: below the top of any object that the finger pushes."""
 
 
+Reach: TypeAlias = tuple[tuple[float, float, float], tuple[float, float, float]]
+ON_TABLE_M = 0.05
+"""What is pushed along a table stays on it: its middle is no higher."""
+
+
 class ActionSpace(Protocol):
     """The actions of a task. B candidates, A numbers of an action, N particles, T tool positions a substep apart.
 
@@ -38,6 +43,11 @@ class ActionSpace(Protocol):
     @property
     def substeps(self) -> int:
         """S: simulated substeps an action takes."""
+        ...
+
+    @property
+    def reach(self) -> Reach:
+        """Lower and upper corner of where actions can bring the middle of an object [m]."""
         ...
 
     def sample(self, rng: np.random.Generator, x: Points, tool: ToolPose, count: int) -> Float32[np.ndarray, "count A"]:
@@ -116,6 +126,12 @@ class Pushes:
     def substeps(self) -> int:
         """Pushing and resting."""
         return self.push_substeps + self.rest_substeps
+
+    @property
+    def reach(self) -> Reach:
+        """Where the finger may go, on the table."""
+        x0, y0, x1, y1 = self.region
+        return (x0, y0, 0.0), (x1, y1, ON_TABLE_M)
 
     def sample(self, rng: np.random.Generator, x: Points, tool: ToolPose, count: int) -> Float32[np.ndarray, "count A"]:
         """A random particle and a random angle: the push starts beside the object and goes straight through both.

@@ -10,6 +10,7 @@ from jaxtyping import Array, Bool, Float, Float32, Float64
 from app.config import Site
 from app.core.motion import Motion
 from app.core.types import Points, ToolPose
+from app.planner.actions import Reach
 from app.policy.base import Now
 
 Corner: TypeAlias = tuple[float, float, float]
@@ -48,6 +49,12 @@ class Pours:
     def substeps(self) -> int:
         """Moving and resting."""
         return self.move_substeps + self.rest_substeps
+
+    @property
+    def reach(self) -> Reach:
+        """Where the bowl may go, and below."""
+        (x0, y0, _), (x1, y1, z1) = self.low, self.high
+        return (x0, y0, 0.0), (x1, y1, z1)
 
     def sample(self, rng: np.random.Generator, x: Points, tool: ToolPose, count: int) -> Float32[np.ndarray, "count A"]:
         """Evenly from the balls of shifts and turns that are allowed, and then projected."""

@@ -11,7 +11,7 @@ from jaxtyping import Array, Bool, Float, Float32
 from app.config import Site
 from app.core.motion import Motion
 from app.core.types import Points, ToolPose
-from app.planner.actions import LOW_ENOUGH_M
+from app.planner.actions import LOW_ENOUGH_M, ON_TABLE_M, Reach
 from app.policy.base import Now
 
 _SAMPLES_PER_BRANCH = 32
@@ -59,6 +59,12 @@ class Sweeps:
     def substeps(self) -> int:
         """Sweeping and resting."""
         return self.sweep_substeps + self.rest_substeps
+
+    @property
+    def reach(self) -> Reach:
+        """Where the paddle may go, on the table."""
+        x0, y0, x1, y1 = self.region
+        return (x0, y0, 0.0), (x1, y1, ON_TABLE_M)
 
     def sample(self, rng: np.random.Generator, x: Points, tool: ToolPose, count: int) -> Float32[np.ndarray, "count 4"]:
         """A random particle and a random angle: the sweep starts behind the particle and goes straight through it.
