@@ -19,14 +19,15 @@ def draw(rows: Sequence[dict[str, Any]], folder: Path) -> list[Path]:
 
     drawn = list[Path]()
     for task in sorted({row["task"] for row in rows}):
-        figure = Figure(figsize=(7.5, 4.5), layout="constrained")
+        figure = Figure(figsize=(9.5, 4.5), layout="constrained")
         axes = figure.add_subplot(xlabel="actions", ylabel="Chamfer distance to the goal [mm$^2$]", yscale="log")
         axes.set_title(f"{task}: mean over seeds, and the middle four fifths")
         for name, curves in _methods([row for row in rows if row["task"] == task]).items():
             low, high = np.quantile(curves, (0.1, 0.9), axis=0)
             (line,) = axes.plot(curves.mean(axis=0), label=f"{name} (n = {len(curves)})")
             axes.fill_between(np.arange(curves.shape[1]), low, high, color=line.get_color(), alpha=0.12, linewidth=0)
-        axes.legend(fontsize="small")
+        axes.xaxis.get_major_locator().set_params(integer=True)
+        figure.legend(loc="outside right upper", fontsize="small")
         drawn.append(folder / f"{task}-chamfer.svg")
         with rc_context({"svg.fonttype": "none", "svg.hashsalt": task}):  # The same rows give the same bytes.
             figure.savefig(drawn[-1], metadata={"Date": None})
