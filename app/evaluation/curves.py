@@ -16,6 +16,7 @@ def draw(rows: Sequence[dict[str, Any]], folder: Path) -> list[Path]:
     """A figure a task, `TASK-chamfer.svg`, of all methods; returns the files."""
     from matplotlib import rc_context  # Takes a second to load, which nobody pays who draws nothing.
     from matplotlib.figure import Figure
+    from matplotlib.ticker import MaxNLocator
 
     drawn = list[Path]()
     for task in sorted({row["task"] for row in rows}):
@@ -26,7 +27,7 @@ def draw(rows: Sequence[dict[str, Any]], folder: Path) -> list[Path]:
             low, high = np.quantile(curves, (0.1, 0.9), axis=0)
             (line,) = axes.plot(curves.mean(axis=0), label=f"{name} (n = {len(curves)})")
             axes.fill_between(np.arange(curves.shape[1]), low, high, color=line.get_color(), alpha=0.12, linewidth=0)
-        axes.xaxis.get_major_locator().set_params(integer=True)
+        axes.xaxis.set_major_locator(MaxNLocator(integer=True))
         figure.legend(loc="outside right upper", fontsize="small")
         drawn.append(folder / f"{task}-chamfer.svg")
         with rc_context({"svg.fonttype": "none", "svg.hashsalt": task}):  # The same rows give the same bytes.
