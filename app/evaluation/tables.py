@@ -4,6 +4,7 @@ import math
 from collections.abc import Iterator, Sequence
 from itertools import groupby
 
+from rich.box import SIMPLE_HEAD
 from rich.table import Table
 
 from app.evaluation.intervals import Measured
@@ -13,18 +14,24 @@ _HEADS = (
     *("method", "episodes", "failed", "success", "final Chamfer [mm^2]", "more than dipac [mm^2]"),
     *("reward", "actions", "decision, median / longest [s]"),
 )
-_SHORT = ("method", "n", "failed", "success", "Chamfer [mm^2]", "more than dipac", "reward", "actions", "decision [s]")
+_SHORT = ("method", "n", "success", "Chamfer [mm^2]", "more than dipac", "reward", "decision [s]")
 
 
 def tables(found: Sequence[Score]) -> Iterator[Table]:
-    """For the terminal, one a task."""
+    """For the terminal, one a task, in 80 columns."""
     for task, scores in groupby(found, key=lambda score: score.task):
-        drawn = Table(title=f"{task}: means and shares with 95 % intervals")
+        drawn = Table(
+            title=f"{task}: means and shares with 95 % intervals", box=SIMPLE_HEAD, padding=(0, 0, 0, 1), pad_edge=False
+        )
         for index, head in enumerate(_SHORT):
             drawn.add_column(head, no_wrap=index == 0)
-        for row in _cells(list(scores)):
+        for method, episodes, failed, success, chamfer, more, reward, _, decision in _cells(list(scores)):
+            counted = episodes if failed == "0" else f"{episodes}, {failed} failed"
             # An interval stands under its value, so that all columns fit beside each other.
-            drawn.add_row(*(cell.replace(" (", "\n(").replace(" / ", "\n") for cell in row))
+            measured = (
+                cell.replace(" (", "\n(").replace(" / ", "\n") for cell in (success, chamfer, more, reward, decision)
+            )
+            drawn.add_row(method, counted, *measured)
         yield drawn
 
 
