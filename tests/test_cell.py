@@ -150,7 +150,7 @@ def test_a_recording_calibrates_a_model_that_another_run_starts_from(ran: Ran, t
 @pytest.mark.parametrize(
     ("arguments", "says"),
     [
-        (["run", "rope_pull"], "Known: rope_push"),
+        (["run", "rope_pull"], "Did you mean 'rope_push'"),
         (["run", "rope_push", "--goal", "nowhere.npy"], "nowhere.npy"),
         (["run", "rope_push", "--goal", "outside.npy"], "outside the workspace"),
         (["run", "rope_push", "--model", "bad.toml"], "stiffness"),
