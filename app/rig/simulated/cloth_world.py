@@ -16,6 +16,7 @@ from app.core.types import ToolPose
 from app.rig.simulated.arm_model import solve_joints
 from app.rig.simulated.engine import mujoco
 from app.rig.simulated.physics import HOME_TOOL_M, ClothPhysics
+from app.rig.simulated.rest import Rest
 from app.rig.simulated.world import Nodes, Snapshot
 
 _PRESCRIBED_KG = 1000.0
@@ -79,17 +80,23 @@ class ClothWorld:
         """Move the tool in a straight line there while `duration_s` passes (rounded to whole time steps)."""
         period = self._model.opt.timestep
         start, end, steps = self._data.qpos[:_SLIDES].copy(), _slides(tool), max(1, round(duration_s / period))
+        if self._rest.lasts(start, end):
+            self._data.time += steps * period
+            return
+        before = self.nodes()
         for step in range(1, steps + 1):
             due = start + (end - start) * (step / steps)
             self._data.qvel[:_SLIDES] = (due - self._data.qpos[:_SLIDES]) / period
             self._grasp(opening_m=2 * due[3])
             mujoco.mj_step(self._model, self._data)
+        self._rest.watch(before, self.nodes(), steps * period)
 
     def place(self, tool: ToolPose) -> None:
         """Put the tool there without passing anything on the way, with nothing in its fingers; no time passes."""
         self._data.qpos[:_SLIDES] = _slides(tool)
         self._data.qvel[:_SLIDES] = 0.0
         self._data.eq_active[:] = 0
+        self._rest = Rest()
         self._open = bool(tool[7] > self._gripper.closed_m)
         mujoco.mj_forward(self._model, self._data)
 

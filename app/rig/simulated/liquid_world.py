@@ -18,6 +18,7 @@ from app.core.motion import pointing_down
 from app.core.stage import Block, Bowl, HeldBowl, Liquid, Mat, Soup, Stage
 from app.core.types import ToolPose
 from app.rig.simulated.arm_model import solve_joints
+from app.rig.simulated.rest import Rest
 from app.rig.simulated.world import Nodes, Snapshot
 from app.sim.materials.elastic import Elastic
 from app.sim.materials.liquid import Liquid as LiquidMaterial
@@ -50,7 +51,7 @@ class LiquidWorld:
         body, held = stage.body, stage.tool
         if not (isinstance(body, Liquid | Soup) and isinstance(held, HeldBowl)):
             raise TypeError(f"A world of liquid has a held bowl, not a {type(held).__name__}.")
-        self._held = held
+        self._held, self._rest = held, Rest()
         self._tool = pointing_down(centre_of_bowl(start, held.radius_m, body.volume_m3))
         scene, counts = _scene(stage, body, held, len(start)), particles(body, len(start))
         self._simulate = jax.jit(make_rollout(scene, particle_count=counts, effects=()))
@@ -71,14 +72,18 @@ class LiquidWorld:
         """Move the bowl in a straight line, turning evenly, while `duration_s` passes (whole substeps, at least 1)."""
         begin, end = self._tool, _same_sided(tool, self._tool)
         substeps, done = max(1, round(duration_s / DT_S)), 0
+        self._steps += substeps
+        self._tool = np.array(tool, np.float64)
+        if self._rest.lasts(begin, end):
+            return
+        before = self.nodes()
         for chunk in _CHUNKS:
             while substeps - done >= chunk:
                 share = (done + np.arange(chunk + 1)) / substeps
                 path = bowl_coordinates(begin + share[:, None] * (end - begin))
                 self._state = self._simulate(self._phi, self._state, jnp.asarray(path[None], jnp.float32))
                 done += chunk
-        self._steps += substeps
-        self._tool = np.array(tool, np.float64)
+        self._rest.watch(before, self.nodes(), substeps * DT_S)
 
     def place(self, tool: ToolPose) -> None:
         """Put the bowl there with what it holds; no time passes."""
