@@ -22,7 +22,7 @@ __all__ = [
     "warm_up_stages",
 ]
 
-_DEFINES = re.compile(r"^TASK = Task\(", re.MULTILINE)
+_DEFINES = re.compile(r"^TASK = ", re.MULTILINE)
 
 
 @cache

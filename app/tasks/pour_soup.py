@@ -1,22 +1,17 @@
 """Pouring a soup, a liquid and what swims in it, from a bowl in the hand into one on the table (paper, Pour-Soup).
 
-Bowls, actions and policy are those of `pour_water`. Cubes of fried tofu and of broccoli are lighter than the broth.
+What is not said here is as in `pour_water`: bowls, actions, policy, presets. Cubes of fried
+tofu and of broccoli are lighter than the broth.
 """
 
-from types import MappingProxyType
+from dataclasses import replace
 
-from app.core.stage import Bowl, HeldBowl, Liquid, Pieces, Soup, Stage
-from app.perception.fuse import Box
-from app.perception.reconstruct import Reconstruction
+from app.core.stage import Liquid, Pieces, Soup
 from app.perception.segment import ColourRange
 from app.perception.swimming import Swimming
-from app.perception.vessels import Vessel
-from app.planner.cost import Weights
-from app.planner.optimise import Descent
-from app.planner.pours import Pours
-from app.policy.scripted_pour import ScriptedPour
 from app.tasks.aim import InBowl
-from app.tasks.base import Preset, Task
+from app.tasks.pour_water import HELD, HOME_M, PARTICLES, TARGET
+from app.tasks.pour_water import TASK as POUR_WATER
 from app.tasks.pouring import pouring_scene
 from app.tasks.swimming import SoupProblems
 
@@ -25,63 +20,22 @@ BROTH = Liquid(volume_m3=96e-6, colour=(0.75, 0.18, 0.06), drops=1500)
 TOFU = Pieces(count=3, edge_m=0.016, density_kg_m3=900.0, young_pa=1e4, colour=(0.92, 0.78, 0.20))
 BROCCOLI = Pieces(count=3, edge_m=0.016, density_kg_m3=700.0, young_pa=2e4, colour=(0.15, 0.55, 0.18))
 SOUP = Soup(liquid=BROTH, pieces=(TOFU, BROCCOLI))
-HELD = HeldBowl(radius_m=0.055, thickness_m=0.004)
-TARGET = Bowl(radius_m=0.060, thickness_m=0.004, place_m=(0.55, 0.0, 0.065))
-PARTICLES = 300
-# The held bowl's lip clears the other's rim by 2 cm however it is turned.
-LOWEST_M = TARGET.place_m[2] + HELD.radius_m + HELD.thickness_m + 0.02
 SWIMMING = Swimming(
     colours=tuple(ColourRange.around(kind.colour) for kind in SOUP.pieces),
     share=SOUP.solid_m3 / SOUP.volume_m3,
     below_m=TOFU.edge_m / 2,
 )
 
-TASK = Task(
+TASK = replace(
+    POUR_WATER,
     name="pour_soup",
-    stage=Stage(body=SOUP, tool=HELD, fixtures=(TARGET,)),
-    seeing=Reconstruction(
-        colour=ColourRange.around(BROTH.colour),
-        particle_count=PARTICLES,
-        box=Box(low=(0.20, -0.30, -0.02), high=(0.85, 0.30, 0.40)),
-        underside="flat",
-        standing=(Vessel(radius_m=TARGET.radius_m, place_m=TARGET.place_m),),
-        held=Vessel(radius_m=HELD.radius_m, place_m=(0.0, 0.0, 0.0)),
-        volume_m3=SOUP.volume_m3,
-        swimming=SWIMMING,
+    stage=replace(POUR_WATER.stage, body=SOUP),
+    seeing=replace(
+        POUR_WATER.seeing, colour=ColourRange.around(BROTH.colour), volume_m3=SOUP.volume_m3, swimming=SWIMMING
     ),
     scene=pouring_scene(SOUP, HELD, TARGET, particle_count=PARTICLES),
-    actions=Pours(
-        low=(0.28, -0.15, LOWEST_M),
-        high=(0.70, 0.15, 0.32),
-        max_shift_m=0.12,
-        max_turn_rad=0.30,
-        max_tilt_rad=1.8,
-        move_substeps=250,
-        rest_substeps=200,
-        move_s=0.5,
-    ),
-    policy=ScriptedPour(
-        radius_m=HELD.radius_m,
-        height_m=LOWEST_M,
-        short_m=0.02,
-        step_rad=0.28,
-        full_rad=1.75,
-        max_shift_m=0.12,
-    ),
-    weights=Weights(progress=1.0, contact=0.0, discount=0.9),
-    descent=Descent(learning_rate=0.5, clip=1.0, shrink=0.5),
-    problems=SoupProblems(soup=SOUP, seen=SWIMMING, held=HELD, target=TARGET, home_m=(0.34, 0.0, 0.25)),
-    nominal=MappingProxyType({"stiffness": 4.0e4, "table_friction": 0.4}),
-    # The bulk modulus, which that of the pieces is a share of, and friction on the bowls.
-    calibrated=("stiffness", "finger_friction"),
+    problems=SoupProblems(soup=SOUP, seen=SWIMMING, held=HELD, target=TARGET, home_m=HOME_M),
     aim=InBowl(place_m=TARGET.place_m, radius_m=TARGET.radius_m, least=0.80),
     # A millimetre of its level, by which cameras err, is 7 % of what is poured.
     ends=InBowl(place_m=TARGET.place_m, radius_m=TARGET.radius_m, least=0.88),
-    horizon=14,
-    presets=MappingProxyType(
-        {
-            "cpu": Preset(branches=8, depth=2, particle_count=PARTICLES, gradient_steps=3),
-            "gpu": Preset(branches=16, depth=4, particle_count=PARTICLES, gradient_steps=8),
-        }
-    ),
 )

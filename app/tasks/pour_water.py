@@ -23,6 +23,7 @@ WATER = Liquid(volume_m3=120e-6, colour=(0.10, 0.35, 0.80))
 HELD = HeldBowl(radius_m=0.055, thickness_m=0.004)
 TARGET = Bowl(radius_m=0.060, thickness_m=0.004, place_m=(0.55, 0.0, 0.065))
 PARTICLES = 300
+HOME_M = (0.34, 0.0, 0.25)
 # The held bowl's lip clears the other's rim by 2 cm however it is turned.
 LOWEST_M = TARGET.place_m[2] + HELD.radius_m + HELD.thickness_m + 0.02
 
@@ -59,7 +60,7 @@ TASK = Task(
     ),
     weights=Weights(progress=1.0, contact=0.0, discount=0.9),
     descent=Descent(learning_rate=0.5, clip=1.0, shrink=0.5),
-    problems=PouringProblems(liquid=WATER, held=HELD, target=TARGET, home_m=(0.34, 0.0, 0.25)),
+    problems=PouringProblems(liquid=WATER, held=HELD, target=TARGET, home_m=HOME_M),
     nominal=MappingProxyType({"stiffness": 4.0e4, "table_friction": 0.4}),
     # The bulk modulus, and friction on the bowls: the catalogue scales that of every tool as the finger's.
     calibrated=("stiffness", "finger_friction"),
