@@ -27,6 +27,8 @@ PROBE_TIMEOUT_S = 120.0
 """Generous: importing JAX or Open3D from a cold disk takes tens of seconds."""
 
 SETUP = "make setup"
+EXTRAS = {"ray": "only `dipac evaluate --workers ray` needs it"}
+"""What needs each extra of pyproject.toml."""
 KORTEX = (
     "only a real arm needs it: take kortex_api (2.6.0 or newer for a Gen3) from Kinova's artifact server, then "
     ".venv/bin/pip install protobuf==3.20.3 deprecated==1.2.7 and .venv/bin/pip install --no-deps kortex_api-*.whl; "
@@ -97,13 +99,19 @@ def _libraries() -> list[Finding]:
         declared = metadata.requires("dipac") or []
     except metadata.PackageNotFoundError:
         return [Finding(what="installation", state="missing", found="dipac is not installed", mend=SETUP)]
-    return [_library(re.split(r"[^\w.-]", requirement)[0]) for requirement in declared]
+    return [_library(requirement) for requirement in declared]
 
 
-def _library(name: str) -> Finding:
+def _library(requirement: str) -> Finding:
+    """`requirement` is as in the metadata: `ray>=2.50; extra == "ray"` is of an extra, which most do without."""
+    name = re.split(r"[^\w.-]", requirement)[0]
+    extra = re.search(r"extra == ['\"]([\w.-]+)", requirement)
     try:
         return Finding(what=name, state="ok", found=metadata.version(name))
     except metadata.PackageNotFoundError:
+        if extra:
+            mend = f'{EXTRAS[extra[1]]}: .venv/bin/pip install -e ".[{extra[1]}]"'
+            return Finding(what=name, state="optional", found="not installed", mend=mend)
         return Finding(what=name, state="missing", found="not installed", mend=SETUP)
 
 

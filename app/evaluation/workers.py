@@ -67,7 +67,7 @@ def _with_ray(run: Run[JobT], jobs: Sequence[JobT]) -> Generator[Finished[JobT]]
     try:
         import ray  # pyright: ignore[reportMissingImports] - an extra
     except ImportError:
-        raise UsageError('--workers ray needs Ray; install it with `.venv/bin/pip install "dipac[ray]"`.') from None
+        raise UsageError('--workers ray needs Ray; install it with `.venv/bin/pip install -e ".[ray]"`.') from None
     ray.init(ignore_reinit_error=True, log_to_driver=False)
     remote: Any = ray.remote(max_retries=1)(run)
     pending = {remote.remote(job): job for job in jobs}

@@ -83,6 +83,16 @@ def test_a_library_that_is_not_there_is_missing():
     assert (row.state, row.mend) == ("missing", "make setup")
 
 
+def test_a_library_of_an_extra_is_optional():
+    declared = metadata.requires("dipac") or []
+    extras = [requirement for requirement in declared if "extra ==" in requirement]
+    assert {_checks._library(requirement).state for requirement in extras} <= {"ok", "optional"}
+    assert set(_checks.EXTRAS) == set(metadata.metadata("dipac").get_all("Provides-Extra") or [])
+    row = _checks._library("no-such-library-of-dipac>=2; extra == 'ray'")
+    assert row.state == "optional"
+    assert ".[ray]" in row.mend
+
+
 def test_a_probe_reports_what_was_said_and_every_way_to_fail():
     assert _checks._probe("say({'devices': ['cpu']})").said == {"devices": ["cpu"]}
     assert "no_such_module" in _checks._probe("import no_such_module").failure

@@ -2,6 +2,7 @@
 
 import os
 import signal
+from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 
@@ -37,9 +38,7 @@ def test_a_job_whose_process_was_killed_from_outside_is_done_again(tmp_path: Pat
     assert list(finished(once_killed, [tmp_path], where="local", processes=2)) == [(tmp_path, {"done": True})]
 
 
+@pytest.mark.skipif(find_spec("ray") is not None, reason="Ray is installed")
 def test_without_ray_the_error_says_how_to_install_it() -> None:
-    try:
-        import ray  # noqa: F401
-    except ImportError:
-        with pytest.raises(UsageError, match=r"dipac\[ray\]"):
-            list(finished(squared, [1], where="ray", processes=1))
+    with pytest.raises(UsageError, match=r'-e "\.\[ray\]"'):
+        list(finished(squared, [1], where="ray", processes=1))
