@@ -22,6 +22,14 @@ def unwritable(path: Path, option: str, error: OSError) -> UsageError:
     return UsageError(f"Cannot write {path}: {error.strerror}; choose another place with {option}.")
 
 
+def make_folder(folder: Path, option: str) -> None:
+    """Make a folder for results. Raises UsageError, which names `option`, where that cannot be."""
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise unwritable(folder, option, error) from None
+
+
 def check_port(site: Site) -> None:
     """Raises PreflightError where the console's port is taken. Another program may still take it afterwards."""
     from app.ui import proxy  # Takes a second to load, which only those who open a console pay.

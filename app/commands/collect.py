@@ -5,9 +5,10 @@ from typing import Annotated, Literal
 
 import tyro
 from rich.console import Console
-from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
+from rich.progress import TimeRemainingColumn
 
-from app.commands._preflight import unwritable
+from app.commands._preflight import make_folder
+from app.commands._progress import counting
 from app.core.errors import UsageError
 from app.evaluation.demonstrate import FIRST_SEED, Demonstration, demonstrations, record
 from app.evaluation.play import Eyes
@@ -41,10 +42,9 @@ def collect(
     size = preset if preset != "auto" else choose_preset()
     load(task).preset(size)
     folder = output or Path("recordings") / task
-    _make(folder)
-    columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn())
+    make_folder(folder, "-o")
     reached = actions = 0
-    with Progress(*columns, TimeRemainingColumn(), console=terminal, transient=True) as progress:
+    with counting(terminal, TimeRemainingColumn()) as progress:
         bar = progress.add_task("episodes", total=episodes)
         for shown in demonstrations(task, size, range(seed, seed + episodes), eyes):
             path = _free(folder, f"{task}-{shown.wish.seed:04d}")
@@ -54,13 +54,6 @@ def collect(
             progress.console.print(f"{path}: {_told(shown)}", markup=False)
     terminal.print(f"{reached} of {episodes} episodes reached their goal, in {actions} actions together.")
     terminal.print(f"Calibrate with `dipac calibrate {folder}/*.mcap -o {task}.toml`.", markup=False)
-
-
-def _make(folder: Path) -> None:
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise unwritable(folder, "-o", error) from None
 
 
 def _free(folder: Path, name: str) -> Path:

@@ -6,9 +6,10 @@ from typing import Annotated, Any, Final, Literal
 
 import tyro
 from rich.console import Console
-from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
+from rich.progress import TimeRemainingColumn
 
-from app.commands._preflight import unwritable
+from app.commands._preflight import make_folder
+from app.commands._progress import counting
 from app.core.errors import UsageError
 from app.evaluation import ledger
 from app.evaluation.curves import draw
@@ -87,7 +88,7 @@ def evaluate(
     ]
     if not trials:
         raise UsageError(f"--ablation {NO_ONLINE} leaves nothing out where no model learns in use; add --online.")
-    _make(output)
+    make_folder(output / "models", "-o")
     _calibrate(terminal, [trial for trial in trials if trial.seed == 0], models, demonstrations)
     _play(terminal, trials, output / EPISODES, workers, jobs)
     _report(terminal, _rows(output / EPISODES, trials), output)
@@ -118,13 +119,6 @@ def _methods(chosen: Sequence[str], left_out: Sequence[str]) -> list[tuple[str, 
     return [(name, part) for name in among for part in (parts if name == PAPER else (WHOLE,))]
 
 
-def _make(output: Path) -> None:
-    try:
-        (output / "models").mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise unwritable(output, "-o", error) from None
-
-
 def _calibrate(terminal: Console, trials: Sequence[Trial], models: dict[str, Path], episodes: int) -> None:
     """The models that are not there yet, of tasks some method of which needs one."""
     for name, path in models.items():
@@ -141,8 +135,7 @@ def _play(terminal: Console, trials: Sequence[Trial], path: Path, workers: Where
     _check_same(path, trials, done)
     keys = {row["key"] for row in done}
     left = [trial for trial in trials if trial.key not in keys]
-    columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn())
-    with Progress(*columns, TimeRemainingColumn(), console=terminal, transient=True) as progress:
+    with counting(terminal, TimeRemainingColumn()) as progress:
         bar = progress.add_task("episodes", total=len(trials), completed=len(trials) - len(left))
         for trial, outcome in finished(run_trial, left, where=workers, processes=jobs):
             row = outcome if isinstance(outcome, dict) else _lost(trial, outcome)

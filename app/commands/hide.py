@@ -9,11 +9,11 @@ from typing import Annotated, Any
 
 import tyro
 from rich.console import Console
-from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
 
 from app import __version__
 from app.commands._hiding import Session, Stopwatch, record
 from app.commands._preflight import unwritable
+from app.commands._progress import counting
 from app.config import Site
 from app.core.errors import UsageError
 from app.policy.strokes import Plan
@@ -95,9 +95,8 @@ def _check_places(output: Path, sealed: Path) -> None:
 
 
 def _record(terminal: Console, session: Session, watch: Stopwatch) -> None:
-    columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn())
     total = session.plan.episodes * session.plan.pushes
-    with Progress(*columns, console=terminal, transient=True) as progress:
+    with counting(terminal) as progress:
         bar = progress.add_task("pushes", total=total)
         for path in record(session, watch):
             progress.update(bar, advance=1, description=path.name)

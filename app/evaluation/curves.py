@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 from jaxtyping import Float64
 
+from app.evaluation.figure import save
 from app.evaluation.scores import MM2
 from app.evaluation.trial import WHOLE
 from app.planner.method import PAPER
@@ -14,8 +15,7 @@ from app.planner.method import PAPER
 
 def draw(rows: Sequence[dict[str, Any]], folder: Path) -> list[Path]:
     """A figure a task, `TASK-chamfer.svg`, of all methods; returns the files."""
-    from matplotlib import rc_context  # Takes a second to load, which nobody pays who draws nothing.
-    from matplotlib.figure import Figure
+    from matplotlib.figure import Figure  # Takes a second to load, which nobody pays who draws nothing.
     from matplotlib.ticker import MaxNLocator
 
     drawn = list[Path]()
@@ -30,8 +30,7 @@ def draw(rows: Sequence[dict[str, Any]], folder: Path) -> list[Path]:
         axes.xaxis.set_major_locator(MaxNLocator(integer=True))
         figure.legend(loc="outside right upper", fontsize="small")
         drawn.append(folder / f"{task}-chamfer.svg")
-        with rc_context({"svg.fonttype": "none", "svg.hashsalt": task}):  # The same rows give the same bytes.
-            figure.savefig(drawn[-1], metadata={"Date": None})
+        save(figure, drawn[-1], salt=task)
     return drawn
 
 

@@ -4,14 +4,14 @@ from pathlib import Path
 
 import numpy as np
 
+from app.evaluation.figure import save
 from app.evaluation.scores import MM2
 from app.tasks.compiled import Calibrated
 
 
 def draw_trials(found: Calibrated, path: Path) -> None:
     """Write an SVG: the loss above, a panel a parameter below, with its final value and 90 % interval."""
-    from matplotlib import rc_context  # Takes a second to load, which nobody pays who draws nothing.
-    from matplotlib.figure import Figure
+    from matplotlib.figure import Figure  # Takes a second to load, which nobody pays who draws nothing.
 
     values = np.array([trial.values for trial in found.trials])
     losses = MM2 * np.array([trial.loss_m2 for trial in found.trials])
@@ -30,5 +30,4 @@ def draw_trials(found: Calibrated, path: Path) -> None:
         panel.set(ylabel=f"{name} [{parameter.unit}]", yscale="log")
         panel.legend(fontsize="small")
     panels[-1].set_xlabel("trial")
-    with rc_context({"svg.fonttype": "none", "svg.hashsalt": found.model.task}):
-        figure.savefig(path, metadata={"Date": None})
+    save(figure, path, salt=found.model.task)
