@@ -1,11 +1,16 @@
 """Cloths on the table and over the rack, and when a cloth is said to hang."""
 
+import jax.numpy as jnp
 import numpy as np
 import pytest
 
+from app.calibration.calibrate import phi_of
 from app.core.motion import pointing_down
+from app.planner.carries import Carries
 from app.tasks import load
 from app.tasks.aim import Hung
+from app.tasks.compiled import carried
+from app.tasks.jobs import nominal_model
 from app.tasks.sheets import ClothProblems
 
 TASK = load("cloth_hang")
@@ -14,6 +19,7 @@ assert isinstance(PROBLEMS, ClothProblems)
 assert isinstance(AIM, Hung)
 SIDE, SIZE_M, RACK = PROBLEMS.cloth.nodes_a_side, PROBLEMS.cloth.size_m, PROBLEMS.rack
 GOAL = TASK.goal(0, 256)
+PHI = jnp.asarray(phi_of(nominal_model(TASK.name)))[None]
 
 
 @pytest.mark.parametrize("seed", range(10))
@@ -72,3 +78,20 @@ def test_particles_of_a_world_are_evenly_spread_over_its_mesh() -> None:
     assert away.min(1).max() < 0.02
     near = np.sort(np.linalg.norm(x[:, None] - x, axis=-1), axis=1)[:, 1]
     assert near.min() > 0.5 * SIZE_M / 16
+
+
+@pytest.mark.parametrize("aside_m", [0.0, 0.01, 0.02])
+def test_a_cloth_that_hangs_from_the_gripper_stays_whole(aside_m: float) -> None:
+    """Wherever the grid's nodes are: what a planner takes to tear off, it will take elsewhere."""
+    assert isinstance(TASK.actions, Carries)
+    low_m, high_m, lifting, hanging = 0.006, 0.32, 660, 1000
+    x = TASK.particles(TASK.start(0), 256) + np.float32([aside_m, 0.0, 0.0])
+    middle = x[np.abs(x[:, 0] - x[:, 0].mean()) < 0.02]
+    edge = middle[np.argmax(middle[:, 1])] - np.float32([0.0, 0.012, 0.0])
+    path = np.zeros((1, lifting + hanging + 1, 8), np.float32)
+    path[..., :2], path[..., 3], path[..., 7] = edge[:2], 1.0, TASK.actions.openings_m[0]
+    path[0, :, 2] = np.interp(np.arange(path.shape[1]), [0, lifting], [low_m, high_m])
+    end = np.asarray(carried(TASK.name, 256)(PHI, TASK.begin(jnp.asarray(x)[None]), jnp.asarray(path)).x[0])
+    below_m = high_m - end[:, 2]
+    assert below_m.max() < 1.1 * SIZE_M
+    assert np.diff(np.sort(below_m)).max() < 1.5 * SIZE_M / 16
