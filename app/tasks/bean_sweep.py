@@ -62,6 +62,7 @@ TASK = Task(
         approach_m_s=0.25,
         sweep_substeps=130,
         rest_substeps=12,
+        scale_m=0.015,
     ),
     policy=ScriptedSweep(half_m=PADDLE.half_m[:2], gap_m=CLEARANCE_M + 0.002),
     weights=Weights(progress=1.0, contact=0.0002),
