@@ -14,7 +14,7 @@ MEASURED = Path(__file__).parents[1] / "docs" / "measured" / "evaluation.jsonl"
 
 def main(file: Annotated[Path, tyro.conf.Positional] = MEASURED) -> None:
     """Print what the rows of an evaluation say, as Markdown."""
-    print(markdown(scores(list(ledger.lines(file)))))
+    print(markdown(scores(ledger.latest(file))))
 
 
 if __name__ == "__main__":

@@ -35,7 +35,7 @@ def table(evaluation: tyro.conf.Positional[Path], images: Path = Path("docs/imag
         evaluation: a folder of results, with the model that demonstrations on the rod calibrated.
         images: where the plot goes.
     """
-    rows = [row for row in ledger.lines(evaluation / "episodes.jsonl") if _online(row)]
+    rows = [row for row in ledger.latest(evaluation / "episodes.jsonl") if _online(row)]
     start = load_model(evaluation / "models" / f"{TASK}.toml", task=TASK, time_s=0.0)
     names = load(TASK).calibrated
     print(f"| seed | push | {' | '.join(map(_headed, names))} | beyond the wall |")

@@ -1,6 +1,6 @@
 """Compare planners and ablations on the simulated cell, over seeds: a table, curves, and one line an episode."""
 
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from pathlib import Path
 from typing import Annotated, Any, Final, Literal
 
@@ -18,7 +18,7 @@ from app.evaluation.play import Eyes
 from app.evaluation.scores import scores
 from app.evaluation.tables import markdown, tables
 from app.evaluation.trial import WHOLE, Trial, run_trial
-from app.evaluation.workers import Where, finished
+from app.evaluation.workers import Where, finished, share_the_machine
 from app.planner.method import ABLATIONS, NO_ONLINE, PAPER, planners
 from app.tasks import load, names
 from app.tasks.jobs import choose_preset
@@ -64,7 +64,7 @@ def evaluate(
     terminal = Console(highlight=False, soft_wrap=True)
     _check(seeds, demonstrations, jobs, actions)
     size = preset if preset != "auto" else choose_preset()
-    methods, tasks = _methods(planner, ablation), task or tuple(names())
+    methods, tasks = _methods(planner, ablation), tuple(dict.fromkeys(task or names()))
     for name in tasks:
         load(name).preset(size)
     models = {name: output / "models" / f"{name}.toml" for name in tasks}
@@ -89,9 +89,10 @@ def evaluate(
     if not trials:
         raise UsageError(f"--ablation {NO_ONLINE} leaves nothing out where no model learns in use; add --online.")
     make_folder(output / "models", "-o")
-    _calibrate(terminal, [trial for trial in trials if trial.seed == 0], models, demonstrations)
-    _play(terminal, trials, output / EPISODES, workers, jobs)
-    _report(terminal, _rows(output / EPISODES, trials), output)
+    with ledger.held(output):
+        _calibrate(terminal, [trial for trial in trials if trial.seed == 0], models, demonstrations)
+        _play(terminal, trials, output / EPISODES, workers, jobs)
+        _report(terminal, _rows(output / EPISODES, tasks), output)
 
 
 def _check(seeds: int, demonstrations: int, jobs: int, actions: int | None) -> None:
@@ -116,7 +117,9 @@ def _methods(chosen: Sequence[str], left_out: Sequence[str]) -> list[tuple[str, 
             raise UsageError.unknown("ablation", name, [WHOLE, *ABLATIONS])
     parts = left_out or ((WHOLE,) if chosen else (WHOLE, *ABLATIONS))
     among = chosen or ([PAPER] if left_out else planners())
-    return [(name, part) for name in among for part in (parts if name == PAPER else (WHOLE,))]
+    if left_out and PAPER not in among:
+        raise UsageError(f"--ablation {left_out[0]} is of {PAPER}, which --planner leaves out; add it there.")
+    return list(dict.fromkeys((name, part) for name in among for part in (parts if name == PAPER else (WHOLE,))))
 
 
 def _calibrate(terminal: Console, trials: Sequence[Trial], models: dict[str, Path], episodes: int) -> None:
@@ -125,15 +128,16 @@ def _calibrate(terminal: Console, trials: Sequence[Trial], models: dict[str, Pat
         wanting = [trial for trial in trials if trial.task == name and trial.method.calibrated]
         if wanting and not path.exists():
             trial = wanting[0]
+            share_the_machine()
             with terminal.status(f"{name}: {episodes} demonstrations, and the model that they calibrate"):
                 calibrated(name, trial.preset, episodes, trial.eyes, path)
             terminal.print(f"{path}: calibrated; demonstrations: {episodes}.", markup=False)
 
 
 def _play(terminal: Console, trials: Sequence[Trial], path: Path, workers: Where, jobs: int) -> None:
-    done = _rows(path, trials)
-    _check_same(path, trials, done)
-    keys = {row["key"] for row in done}
+    before = _rows(path, {trial.task for trial in trials})
+    _check_same(path, trials[0], before)
+    keys = {row["key"] for row in before if not row.get("lost")}
     left = [trial for trial in trials if trial.key not in keys]
     with counting(terminal, TimeRemainingColumn()) as progress:
         bar = progress.add_task("episodes", total=len(trials), completed=len(trials) - len(left))
@@ -144,24 +148,24 @@ def _play(terminal: Console, trials: Sequence[Trial], path: Path, workers: Where
             progress.console.print(f"{trial.key}: {_told(row)}", markup=False)
 
 
-def _check_same(path: Path, trials: Sequence[Trial], done: Sequence[dict[str, Any]]) -> None:
-    """Raises UsageError where what was played before was played with other options."""
-    for row in done:
-        for name, value in trials[0].settings.items():
+def _check_same(path: Path, trial: Trial, before: Sequence[dict[str, Any]]) -> None:
+    """Raises UsageError where any episode before was played with other options."""
+    for row in before:
+        for name, value in trial.settings.items():
             if row.get(name, value) != value:
                 held = f"{path} holds episodes with {name.replace('_', '-')} {row[name]}, not {value}"
                 raise UsageError(f"{held}; go on with that, or choose another folder with -o.")
 
 
 def _lost(trial: Trial, why: str) -> dict[str, Any]:
-    """The row of a trial whose process was lost."""
+    """The row of a trial whose process was lost, which the next evaluation plays again."""
     told = {"task": trial.task, "planner": trial.planner, "ablation": trial.ablation, "seed": trial.seed}
     empty = {name: list[Any]() for name in ("chamfers_m2", "rewards", "decisions_s", "parameters")}
     return (
         told
         | trial.settings
         | empty
-        | {"chamfer_m2": None, "success": False, "reward": 0.0, "decision_s": 0.0, "failure": why}
+        | {"chamfer_m2": None, "success": False, "reward": 0.0, "decision_s": 0.0, "failure": why, "lost": True}
     )
 
 
@@ -173,10 +177,9 @@ def _told(row: dict[str, Any]) -> str:
     return f"{outcome}, {ends} in {len(row['decisions_s'])} actions, {row['decision_s']:.1f} s a decision"
 
 
-def _rows(path: Path, trials: Sequence[Trial]) -> list[dict[str, Any]]:
-    """Of these trials, each once."""
-    found = {row["key"]: row for row in ledger.lines(path) if "key" in row}
-    return [found[trial.key] for trial in trials if trial.key in found]
+def _rows(path: Path, tasks: Collection[str]) -> list[dict[str, Any]]:
+    """All episodes of these tasks, by whatever command."""
+    return [row for row in ledger.latest(path) if row["task"] in tasks]
 
 
 def _report(terminal: Console, rows: Sequence[dict[str, Any]], output: Path) -> None:

@@ -5,16 +5,16 @@ from collections.abc import Iterable
 from typing import NamedTuple
 
 import numpy as np
-from scipy.stats import binom, bootstrap
+from scipy.stats import binom, t
 
 _Z = 1.96
 """Of a 95 % interval."""
-_SAME = 1e-9
-"""Numbers that differ by less than this share of their mean are the same number, rounded."""
+_FEWEST = 4
+"""Fewer values say next to nothing about their spread."""
 
 
 class Measured(NamedTuple):
-    """A share or a median of `n` cases with its 95 % interval; NaN where there is no case."""
+    """A share, mean or median of `n` cases with its 95 % interval; NaN where there are too few for one."""
 
     value: float
     low: float
@@ -45,16 +45,16 @@ def median(values: Iterable[float]) -> Measured:
 
 
 def mean(values: Iterable[float]) -> Measured:
-    """The mean of what is finite, with the bootstrap's interval (Efron 1987, "Better bootstrap confidence intervals").
+    """The mean of what is finite, with Student's interval (1908, "The probable error of a mean"), of four or more.
 
-    No law of the values is assumed, only that there are enough of them.
+    Of ten values a bootstrap's interval covers the mean in nine cases of ten, of three in three of four.
     """
     known = np.array([value for value in values if math.isfinite(value)])
     n = len(known)
     if n == 0:
         return Measured(math.nan, math.nan, math.nan, 0)
     middle = float(known.mean())
-    if n == 1 or np.ptp(known) <= _SAME * abs(middle):
-        return Measured(middle, middle if n > 1 else math.nan, middle if n > 1 else math.nan, n)
-    found = bootstrap((known,), np.mean, rng=np.random.default_rng(0), method="BCa").confidence_interval
-    return Measured(middle, float(found.low), float(found.high), n)
+    if n < _FEWEST:
+        return Measured(middle, math.nan, math.nan, n)
+    half = float(t.ppf(0.975, n - 1) * known.std(ddof=1)) / math.sqrt(n)
+    return Measured(middle, middle - half, middle + half, n)

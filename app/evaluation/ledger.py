@@ -1,9 +1,27 @@
 """Lines of results in a file: what is done is not done again, also after a line that a kill cut off."""
 
+import fcntl
 import json
-from collections.abc import Iterator
+import os
+from collections.abc import Generator, Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any, cast
+
+from app.core.errors import UsageError
+
+
+@contextmanager
+def held(folder: Path) -> Generator[None]:
+    """Nobody else holds the folder meanwhile. Raises UsageError where somebody does."""
+    here = os.open(folder, os.O_RDONLY)
+    try:
+        fcntl.flock(here, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        yield
+    except BlockingIOError:
+        raise UsageError(f"Another evaluation writes to {folder}; wait for it, or choose another with -o.") from None
+    finally:
+        os.close(here)
 
 
 def lines(path: Path) -> Iterator[dict[str, Any]]:
@@ -15,6 +33,11 @@ def lines(path: Path) -> Iterator[dict[str, Any]]:
             continue
         if isinstance(line, dict):
             yield cast(dict[str, Any], line)
+
+
+def latest(path: Path) -> list[dict[str, Any]]:
+    """The last line of each `key`, in the order in which keys first came."""
+    return list({line["key"]: line for line in lines(path) if "key" in line}.values())
 
 
 def append(path: Path, line: dict[str, Any]) -> None:

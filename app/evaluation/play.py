@@ -2,6 +2,7 @@
 
 import time
 from collections.abc import Callable, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, field
 from typing import Literal, TypeAlias, final
 
@@ -80,7 +81,9 @@ class Played:
     @property
     def success(self) -> bool:
         """Whether the object truly was where it shall be when it was seen there, or else at the end."""
-        return not self.failure and bool(self.reached) and self.reached[-1 if self.done is None else self.done]
+        if self.done is not None:
+            return self.reached[self.done]
+        return not self.failure and bool(self.reached) and self.reached[-1]
 
 
 Listener: TypeAlias = Callable[[Step], None]
@@ -186,5 +189,6 @@ class _Episode:
         self._learnt.append(transition)
         if self._order.online:
             task, preset = self._task.name, self._order.preset
-            self._model = jobs.update(task, preset, self._learnt, self._model, self._site)
+            with suppress(DipacError):  # What cannot be learnt from leaves the model as it was, as in the application.
+                self._model = jobs.update(task, preset, self._learnt, self._model, self._site)
         return transition

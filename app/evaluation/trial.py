@@ -82,7 +82,7 @@ def run_trial(trial: Trial) -> dict[str, Any]:
         jobs.warm_up_stage(trial.task, trial.preset, stage, model, method)
     played = play(order, site=Site())
     return asdict(trial) | {
-        "model": str(trial.model) if trial.model else None,
+        "model": str(trial.model) if trial.model and method.calibrated else None,
         "chamfer_m2": played.chamfer_m2[-1] if played.chamfer_m2 else None,
         "success": played.success,
         "done": played.done,

@@ -1,7 +1,9 @@
 """Where trials run: processes of this machine, or with Ray the machines of a cluster."""
 
 import multiprocessing
+import multiprocessing.process
 import os
+import threading
 from collections.abc import Callable, Generator, Sequence
 from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
 from concurrent.futures.process import BrokenProcessPool
@@ -15,8 +17,8 @@ Row: TypeAlias = dict[str, Any]
 Run: TypeAlias = Callable[[JobT], Row]
 Finished: TypeAlias = tuple[JobT, Row | str]
 
-_THREADS = ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS")
-"""Small linear algebra is slower in threads, and the more so beside others'."""
+_ENVIRONMENT = {"OPENBLAS_NUM_THREADS": "1", "OMP_NUM_THREADS": "1", "XLA_PYTHON_CLIENT_PREALLOCATE": "false"}
+"""Small linear algebra is slower in threads, the more so beside others', and several share the memory of a GPU."""
 
 
 def finished(run: Run[JobT], jobs: Sequence[JobT], *, where: Where, processes: int) -> Generator[Finished[JobT]]:
@@ -24,9 +26,14 @@ def finished(run: Run[JobT], jobs: Sequence[JobT], *, where: Where, processes: i
 
     With Ray, `processes` are as many as the cluster has processors. Raises UsageError where Ray is not installed.
     """
-    for name in _THREADS:
-        os.environ.setdefault(name, "1")
+    share_the_machine()
     yield from _with_ray(run, jobs) if where == "ray" else _local(run, jobs, processes)
+
+
+def share_the_machine() -> None:
+    """Leave room for other processes; what the environment says already stands. Before JAX is loaded."""
+    for name, value in _ENVIRONMENT.items():
+        os.environ.setdefault(name, value)
 
 
 def _local(run: Run[JobT], jobs: Sequence[JobT], processes: int) -> Generator[Finished[JobT]]:
@@ -39,28 +46,43 @@ def _local(run: Run[JobT], jobs: Sequence[JobT], processes: int) -> Generator[Fi
 
 
 def _pooled(run: Run[JobT], left: list[JobT], processes: int) -> Generator[Finished[JobT], None, list[JobT]]:
-    """Take jobs from `left` until it is empty or a process was lost; returns those that were running then."""
-    running, lost = dict[Future[Row], JobT](), list[JobT]()
-    with ProcessPoolExecutor(processes, mp_context=multiprocessing.get_context("spawn")) as pool:
-        while running or (left and not lost):
-            while left and not lost and len(running) < processes:
+    """Take jobs from `left` until it is empty or a process was lost; returns those that were running then.
+
+    Defects of the program are raised when all that were running beside it are finished.
+    """
+    running, lost, defects = dict[Future[Row], JobT](), list[JobT](), list[BaseException]()
+    spawning = multiprocessing.get_context("spawn")
+    with ProcessPoolExecutor(processes, mp_context=spawning, initializer=_end_with_parent) as pool:
+        while running or (left and not (lost or defects)):
+            while left and not (lost or defects) and len(running) < processes:
                 job = left.pop(0)
-                running[pool.submit(run, job)] = job
+                try:
+                    running[pool.submit(run, job)] = job
+                except BrokenProcessPool:  # A process was lost between two jobs.
+                    lost.append(job)
             for future in wait(running, return_when=FIRST_COMPLETED).done:
-                job, outcome = running.pop(future), _outcome(future)
-                if outcome is None:
+                job, error = running.pop(future), future.exception()
+                if error is None:
+                    yield job, future.result()
+                elif isinstance(error, BrokenProcessPool):
                     lost.append(job)
                 else:
-                    yield job, outcome
+                    defects.append(error)
+    if defects:
+        raise defects[0]
     return lost
 
 
-def _outcome(future: Future[Row]) -> Row | None:
-    """The row; None where the process was lost. Defects of the program are raised."""
-    try:
-        return future.result()
-    except BrokenProcessPool:
-        return None
+def _end_with_parent() -> None:
+    """A worker whose parent is killed would play on, and what it plays nobody would read."""
+    parent = multiprocessing.process.parent_process()
+    assert parent is not None
+
+    def watch() -> None:
+        parent.join()
+        os._exit(1)
+
+    threading.Thread(target=watch, daemon=True).start()
 
 
 def _with_ray(run: Run[JobT], jobs: Sequence[JobT]) -> Generator[Finished[JobT]]:

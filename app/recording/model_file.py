@@ -36,7 +36,9 @@ def save_model(path: Path, model: Model) -> None:
     if model.extension != Extension():
         table["extension"] = vars(model.extension) | {"recordings": dict(model.extension.recordings)}
     try:
-        path.write_text(tomli_w.dumps(table), encoding="utf-8")
+        new = path.with_name(f".{path.name}.new")
+        new.write_text(tomli_w.dumps(table), encoding="utf-8")
+        new.replace(path)  # A cut leaves the old file or the new one, and never half of one.
     except OSError as error:
         raise UsageError(f"Cannot write the model to {path}: {error.strerror}; choose another place with -o.") from None
 

@@ -12,6 +12,7 @@ import pytest
 
 from app.__main__ import main
 from app.core.errors import UsageError
+from app.evaluation import ledger
 from app.recording.model_file import save_model
 from app.tasks import nominal_model
 
@@ -76,6 +77,30 @@ def test_an_evaluation_that_was_killed_goes_on_and_plays_nothing_twice(
     # Other options would mix what cannot be compared.
     assert main(["evaluate", *SHORT, "--actions", "2", "-o", str(folder)]) == UsageError.exit_code
     assert "holds episodes with actions 1, not 2" in capsys.readouterr().err.replace("\n", " ")
+    # Nor may another planner's: their rows would stand in the same table.
+    other = ["evaluate", "--task", "rope_push", "--planner", "cem_mpc", "--preset", "cpu", "--eyes", "truth"]
+    assert main([*other, "--actions", "2", "-o", str(folder)]) == UsageError.exit_code
+    assert "holds episodes with actions 1, not 2" in capsys.readouterr().err.replace("\n", " ")
+
+
+def test_an_episode_whose_process_was_lost_is_played_again(folder: Path) -> None:
+    once = [*SHORT[:-1], "1", "-o", str(folder)]
+    assert main(["evaluate", *once]) == 0
+    (played,) = rows(folder)
+    lost = played | {"lost": True, "failure": "its process was killed", "chamfer_m2": None, "success": False}
+    (folder / "episodes.jsonl").write_text(json.dumps(lost) + "\n")
+    assert main(["evaluate", *once]) == 0
+    again = rows(folder)
+    assert [row.get("lost", False) for row in again] == [True, False]
+    assert again[1]["chamfers_m2"] == played["chamfers_m2"]
+    assert "| dipac, no planning | 1 | 0 |" in (folder / "table.md").read_text()
+
+
+def test_two_evaluations_do_not_write_to_one_folder(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    with ledger.held(folder):
+        assert main(["evaluate", *SHORT, "-o", str(folder)]) == UsageError.exit_code
+    assert "Another evaluation writes to" in capsys.readouterr().err.replace("\n", " ")
+    assert not (folder / "episodes.jsonl").exists()
 
 
 @pytest.mark.parametrize(
@@ -85,6 +110,7 @@ def test_an_evaluation_that_was_killed_goes_on_and_plays_nothing_twice(
         ["--planner", "dipack"],
         ["--ablation", "no_hope"],
         ["--task", "rope_push", "--ablation", "no_online"],
+        ["--planner", "cem_mpc", "--ablation", "no_policy"],
         ["--seeds", "0"],
         ["--jobs", "0"],
         ["--actions", "0"],

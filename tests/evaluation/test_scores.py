@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from app.evaluation.curves import draw
+from app.evaluation.intervals import mean
 from app.evaluation.scores import scores
 from app.evaluation.tables import markdown
 
@@ -44,6 +45,15 @@ def test_the_whole_planner_comes_first_and_the_others_are_compared_seed_by_seed(
     assert whole.worse_m2.n == 0
     # The same difference in every seed has no spread, however far apart the seeds are.
     assert tuple(other.worse_m2) == pytest.approx((1e-4, 1e-4, 1e-4, 9))
+
+
+def test_intervals_of_a_mean_cover_it_as_often_as_they_say_and_few_values_have_none() -> None:
+    rng = np.random.default_rng(0)
+    for n in (4, 10):
+        found = [mean(values) for values in rng.standard_normal((2000, n))]
+        assert 0.93 < np.mean([one.low < 0.0 < one.high for one in found]) < 0.97
+    assert np.isnan([mean([1.0, 2.0, 3.0]).low, mean([1.0]).high]).all()
+    assert mean([1.0, np.nan, 3.0]).value == 2.0
 
 
 def test_failures_are_counted_as_episodes_without_success() -> None:

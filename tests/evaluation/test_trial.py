@@ -2,6 +2,7 @@
 
 import pytest
 
+from app.evaluation.play import Played
 from app.evaluation.trial import WHOLE, Trial
 
 
@@ -23,3 +24,14 @@ def test_other_models_learn_in_use_where_that_is_asked_for() -> None:
 @pytest.mark.parametrize("online", [True, False])
 def test_nothing_is_learnt_without_calibration_or_where_no_decision_heeds_it(ablation: str, online: bool) -> None:
     assert not trial("rod_to_rope", ablation, online=online).follows
+
+
+def test_what_was_reached_when_it_was_seen_stays_reached_and_else_the_end_counts() -> None:
+    played = Played(reached=[False, False, True, False])
+    assert not played.success
+    played.done = 2
+    assert played.success
+    played.failure = "no branch is left"
+    assert played.success
+    assert not Played(reached=[False, True], failure="no branch is left").success
+    assert not Played().success

@@ -2,14 +2,20 @@
 
 import os
 import signal
+import subprocess
+import sys
+import time
 from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 
+import psutil
 import pytest
 
 from app.core.errors import UsageError
 from app.evaluation.workers import finished
+
+PATIENCE_S = 60.0
 
 
 def squared(number: int) -> dict[str, Any]:
@@ -36,6 +42,44 @@ def test_each_job_is_finished_once_and_the_one_that_kills_its_process_says_so(pr
 
 def test_a_job_whose_process_was_killed_from_outside_is_done_again(tmp_path: Path) -> None:
     assert list(finished(once_killed, [tmp_path], where="local", processes=2)) == [(tmp_path, {"done": True})]
+
+
+def defective(number: int) -> dict[str, Any]:
+    if number == 0:
+        raise ArithmeticError("a defect")
+    time.sleep(1.0)
+    return {"number": number}
+
+
+def test_a_defect_is_raised_after_what_ran_beside_it_is_finished() -> None:
+    seen = list[int]()
+    with pytest.raises(ArithmeticError, match="a defect"):
+        seen.extend(job for job, _ in finished(defective, range(4), where="local", processes=2))
+    assert seen == [1]
+
+
+def ticking(folder: Path) -> dict[str, Any]:
+    while True:
+        (folder / str(os.getpid())).touch()
+        time.sleep(0.05)
+
+
+def test_workers_end_with_their_parent_even_if_it_is_killed(tmp_path: Path) -> None:
+    code = "import sys; from pathlib import Path; from tests.evaluation.test_workers import ticking\n"
+    code += "from app.evaluation.workers import finished\n"
+    code += "if __name__ == '__main__': list(finished(ticking, [Path(sys.argv[1])], where='local', processes=1))"
+    process = subprocess.Popen([sys.executable, "-c", code, str(tmp_path)])
+    given_up_s = time.monotonic() + PATIENCE_S
+    while not any(tmp_path.iterdir()):
+        assert process.poll() is None
+        assert time.monotonic() < given_up_s
+        time.sleep(0.05)
+    process.kill()
+    process.wait()
+    (worker,) = (int(mark.name) for mark in tmp_path.iterdir())
+    while psutil.pid_exists(worker) and psutil.Process(worker).status() != psutil.STATUS_ZOMBIE:
+        assert time.monotonic() < given_up_s
+        time.sleep(0.05)
 
 
 @pytest.mark.skipif(find_spec("ray") is not None, reason="Ray is installed")

@@ -1,0 +1,110 @@
+"""Planners that are compared: none simulates less than the tree, none but it asks the policy, and CEM finds minima."""
+
+import math
+from dataclasses import replace
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+from jaxtyping import Array, Float
+
+from app.core.errors import UsageError
+from app.planner.base import Planner
+from app.planner.budget import SLOPE_ROLLOUTS, tree_rollouts
+from app.planner.cem import CemPlanner, Refit, evolve
+from app.planner.cost import Terms
+from app.planner.made import made
+from app.planner.method import ABLATIONS, PAPER, Method, planners
+from app.planner.optimise import Descended, Descent, descend
+from app.planner.plan import TreePlanner
+from app.planner.tree import Rollout, start
+from app.policy.base import Now, Prepared
+from app.tasks import load, names
+from tests.planner.table import PHI, TASK, rope, search
+
+BASELINES = sorted(set(planners()) - {PAPER})
+DESCENT = Descent(learning_rate=1.0, clip=1.0, shrink=0.5)
+
+
+def simulated(planner: Planner) -> int:
+    """How many rollouts a decision of it takes, counted from what it will do and not from what it was budgeted."""
+    assert isinstance(planner, TreePlanner | CemPlanner)
+    if isinstance(planner, TreePlanner):
+        return planner.search.branches * SLOPE_ROLLOUTS * planner.gradient_steps
+    samples = planner.refit.generations * planner.search.branches
+    return samples * (1 + SLOPE_ROLLOUTS * planner.gradient_steps)
+
+
+@pytest.mark.parametrize("baseline", BASELINES)
+@pytest.mark.parametrize("task", names())
+def test_a_baseline_simulates_at_least_as_much_as_the_tree_and_at_most_three_times(task: str, baseline: str) -> None:
+    for name in ("cpu", "gpu"):
+        preset = load(task).preset(name)
+        sized = replace(search(), branches=preset.branches, depth=preset.depth)
+        baseline_planner = made(Method(planner=baseline), sized, DESCENT, preset.gradient_steps)
+        tree = tree_rollouts(sized, preset.gradient_steps)
+        assert tree <= simulated(baseline_planner) <= 3 * tree  # Small trees are small populations' minimum.
+
+
+class Forbidden:
+    """A policy that must not be asked."""
+
+    def prepare(self, observed: np.ndarray, goal: np.ndarray) -> Prepared:
+        raise AssertionError("the policy was asked to prepare")
+
+    def act(self, prepared: Prepared, now: Now) -> Float[Array, "B A"]:
+        raise AssertionError("the policy was asked to act")
+
+
+@pytest.mark.parametrize("method", [*map(Method.named, BASELINES), Method.named(ablation="no_policy")])
+def test_who_plans_without_policy_does_not_ask_it(method: Method) -> None:
+    planner = made(method, replace(search(), policy=Forbidden()), DESCENT, 1)
+    assert isinstance(planner, TreePlanner | CemPlanner)
+    tree = start(planner.search, rope(), rope(0.05), PHI, seed=0)
+    assert tree.first.shape == (planner.search.branches, TASK.actions.size)
+    assert tree.later.shape[1] == planner.search.depth - 1
+    assert len(np.unique(np.asarray(tree.first), axis=0)) == planner.search.branches
+
+
+def test_an_ablation_leaves_out_what_it_says() -> None:
+    whole, *others = (
+        made(Method.named(ablation=name), search(), DESCENT, 3) for name in (None, "no_optimisation", "no_planning")
+    )
+    assert isinstance(whole, TreePlanner)
+    for planner in others:
+        assert isinstance(planner, TreePlanner)
+        assert planner.gradient_steps == 0
+    assert [planner.search.branches for planner in (whole, *others)] == [4, 4, 1]
+
+
+@pytest.mark.parametrize("options", [{"guided": False, "branching": False}, {"planner": "cem_mpc", "guided": False}])
+def test_methods_that_make_no_sense_are_refused(options: dict[str, object]) -> None:
+    with pytest.raises(UsageError, match=r"policy|parts to leave out"):
+        Method(**options)  # pyright: ignore[reportArgumentType]
+    assert set(ABLATIONS) >= {"no_calibration", "no_optimisation", "no_planning", "no_policy"}
+
+
+def bowl(actions: Float[Array, "B D A"]) -> Rollout:
+    """Costs their squared distance from 1; below -0.5 nothing is finite, and above 2 nothing allowed."""
+    cost = jnp.where((actions < -0.5).any((1, 2)), jnp.nan, ((actions - 1.0) ** 2).sum((1, 2)))
+    points = jnp.zeros((len(actions), 1, 3))
+    terms = Terms(cost, jnp.zeros_like(cost))
+    return Rollout(actions, points, points, terms, cost, (actions < 2.0).all((1, 2)))
+
+
+@pytest.mark.parametrize("steps", [0, 1])
+def test_the_cross_entropy_method_finds_a_minimum_among_what_is_finite_and_allowed(steps: int) -> None:
+    scale = np.full(2, 0.05, np.float32)
+
+    def improve(actions: Float[Array, "B D A"]) -> Descended:
+        return descend(bowl, actions, steps=steps, descent=DESCENT, scale=scale)
+
+    first = 2.0 * jax.random.normal(jax.random.key(1), (64, 2, 2))
+    refit = Refit(generations=12, elites=8, kept=5)
+    found = evolve(improve, first, jax.random.key(2), refit=refit, scale=scale)
+    assert math.isfinite(float(found.best.cost[0]))
+    assert float(found.best.cost[0]) < 0.01 < float(jnp.nanmin(found.cost_before))
+    assert (np.diff(np.asarray(found.best.cost)) >= 0).all()
+    assert (np.asarray(found.best.actions) < 2.0).all()
+    assert (np.asarray(found.best.actions) > -0.5).all()
