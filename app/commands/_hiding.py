@@ -152,14 +152,7 @@ class _Scribe:
             _sighting(during, tool=tool, table=_nothing()),
             executed,
             after,
-            Transition(
-                id=MessageId(f"transition-{number:06d}"),
-                cause=(before.id, executed.id, after.id),
-                time_s=after.time_s,
-                before=before.positions,
-                executed=executed,
-                after=after.positions,
-            ),
+            Transition.between(before, executed, after, named=MessageId(f"transition-{number:06d}")),
         ]
 
     def _seen(self, look: Look, number: int) -> tuple[Particles, list[Frame]]:

@@ -78,14 +78,7 @@ def _made(episode: PlainEpisode, seen: Sequence[Particles]) -> Iterator[Message]
         measured=_at(state, times) if state is not None and len(state.times_s) else np.zeros((0, 7)),
     )
     yield executed
-    yield Transition(
-        id=fresh_id("transition"),
-        cause=(before.id, executed.id, after.id),
-        time_s=after.time_s,
-        before=before.positions,
-        executed=executed,
-        after=after.positions,
-    )
+    yield Transition.between(before, executed, after)
 
 
 def _at(line: Poseline, times_s: Float64[np.ndarray, " T"]) -> Poses:

@@ -7,7 +7,7 @@ particles, model version and plan behind it. `time_s` is `time.monotonic()`, whi
 import uuid
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import Literal, NewType, TypeAlias, final
+from typing import Literal, NewType, Self, TypeAlias, final
 
 import numpy as np
 from jaxtyping import Float32, Float64
@@ -246,6 +246,26 @@ class Transition(Message):
     before: Points
     executed: Executed
     after: Points
+
+    @classmethod
+    def between(
+        cls,
+        before: Particles,
+        executed: Executed,
+        after: Particles,
+        *,
+        named: MessageId | None = None,
+        time_s: float | None = None,
+    ) -> Self:
+        """From what was seen to what was seen then; of the time of that, where no other is said."""
+        return cls(
+            id=named or fresh_id("transition"),
+            cause=(before.id, executed.id, after.id),
+            time_s=after.time_s if time_s is None else time_s,
+            before=before.positions,
+            executed=executed,
+            after=after.positions,
+        )
 
 
 @final

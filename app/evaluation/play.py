@@ -178,14 +178,7 @@ class _Episode:
         raise AssertionError("the last attempt returns or raises")
 
     def _learn(self, before: Particles, executed: Executed, after: Particles) -> Transition:
-        transition = Transition(
-            id=fresh_id("transition"),
-            cause=(before.id, executed.id, after.id),
-            time_s=after.time_s,
-            before=before.positions,
-            executed=executed,
-            after=after.positions,
-        )
+        transition = Transition.between(before, executed, after)
         self._learnt.append(transition)
         if self._order.online:
             task, preset = self._task.name, self._order.preset

@@ -366,14 +366,7 @@ class Flow:
         """Score the push and hand the transition to the calibrator."""
         goal, now_s = self.wish.target, self.clock.now()
         self.say(self.summary.scored(proposal, before, executed, after, goal, now_s=now_s))
-        transition = Transition(
-            id=fresh_id("transition"),
-            cause=(before.id, executed.id, after.id),
-            time_s=self.clock.now(),
-            before=before.positions,
-            executed=executed,
-            after=after.positions,
-        )
+        transition = Transition.between(before, executed, after, time_s=self.clock.now())
         await self.watching.put(Push(proposal, self.say(transition), self.models.value))
         await self.transitions.put(transition)
 

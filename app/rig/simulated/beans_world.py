@@ -10,7 +10,7 @@ from app.core.motion import TOOL_DOWN, pointing_down
 from app.core.stage import Beans, Paddle
 from app.core.types import ToolPose
 from app.rig.simulated.arm_model import solve_joints
-from app.rig.simulated.engine import mujoco
+from app.rig.simulated.engine import mujoco, new_spec
 from app.rig.simulated.physics import HOME_TOOL_M, WorldPhysics
 from app.rig.simulated.world import Nodes, Snapshot
 
@@ -128,13 +128,7 @@ def _difference(after: Float64[np.ndarray, "4"], before: Float64[np.ndarray, "4"
 def _compile(beans: Beans, paddle: Paddle, physics: BeanPhysics, ends: Float64[np.ndarray, "C 2 3"]) -> Any:
     """The MuJoCo model: table, paddle, beans."""
     world = physics.world
-    spec = mujoco.MjSpec()
-    spec.compiler.degree = False
-    spec.option.timestep = world.time_step_s
-    spec.option.gravity = [0.0, 0.0, -world.gravity_m_s2]
-    spec.option.integrator = mujoco.mjtIntegrator.mjINT_DISCRETE
-    spec.option.cone = mujoco.mjtCone.mjCONE_ELLIPTIC
-    spec.option.impratio = world.friction_stiffness
+    spec = new_spec(world)
     # Beans at rest sleep: they cannot creep and cost nothing.
     spec.option.enableflags |= mujoco.mjtEnableBit.mjENBL_SLEEP
     geom = mujoco.mjtGeom

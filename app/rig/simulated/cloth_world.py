@@ -14,7 +14,7 @@ from app.core.motion import pointing_down
 from app.core.stage import Cloth, Fixture, Gripper, Rack
 from app.core.types import ToolPose
 from app.rig.simulated.arm_model import solve_joints
-from app.rig.simulated.engine import mujoco
+from app.rig.simulated.engine import mujoco, new_spec
 from app.rig.simulated.physics import HOME_TOOL_M, ClothPhysics
 from app.rig.simulated.rest import Rest
 from app.rig.simulated.world import Nodes, Snapshot
@@ -145,12 +145,7 @@ def _reach(cloth: Cloth, gripper: Gripper) -> Float64[np.ndarray, "3"]:
 
 def _compile(cloth: Cloth, gripper: Gripper, physics: ClothPhysics, fixtures: Sequence[Fixture]) -> Any:
     """The MuJoCo model: table, rods, gripper (its slides are the first coordinates), cloth."""
-    spec = mujoco.MjSpec()
-    spec.option.timestep = physics.time_step_s
-    spec.option.gravity = [0.0, 0.0, -physics.gravity_m_s2]
-    spec.option.integrator = mujoco.mjtIntegrator.mjINT_DISCRETE
-    spec.option.cone = mujoco.mjtCone.mjCONE_ELLIPTIC
-    spec.option.impratio = physics.friction_stiffness
+    spec = new_spec(physics)
     standing = {"contype": _STANDING_BIT, "conaffinity": _STANDING_BIT, "solref": [physics.contact_time_s, 1.0]}
     # Of two friction coefficients that of the geom counts, which has priority over the cloth.
     table = {"friction": [physics.table_friction, 0.0, 0.0], "priority": 1}

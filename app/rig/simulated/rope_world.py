@@ -10,7 +10,7 @@ from app.core.motion import pointing_down
 from app.core.stage import Block, Finger, Rope
 from app.core.types import ToolPose
 from app.rig.simulated.arm_model import solve_joints
-from app.rig.simulated.engine import mujoco
+from app.rig.simulated.engine import mujoco, new_spec
 from app.rig.simulated.intrusion import Intrusion
 from app.rig.simulated.physics import HOME_TOOL_M, Centreline, Position, WorldPhysics
 from app.rig.simulated.rope import FINGER_BIT, TABLE_BIT, add_rope, resample
@@ -109,13 +109,7 @@ def _compile(
     fixtures: Sequence[Block],
 ) -> Any:
     """The MuJoCo model: table, finger (its three slides are the first three coordinates), rope."""
-    spec = mujoco.MjSpec()
-    spec.compiler.degree = False
-    spec.option.timestep = physics.time_step_s
-    spec.option.gravity = [0.0, 0.0, -physics.gravity_m_s2]
-    spec.option.integrator = mujoco.mjtIntegrator.mjINT_DISCRETE
-    spec.option.cone = mujoco.mjtCone.mjCONE_ELLIPTIC
-    spec.option.impratio = physics.friction_stiffness
+    spec = new_spec(physics)
     # A rope at rest sleeps: it cannot creep and costs nothing.
     spec.option.enableflags |= mujoco.mjtEnableBit.mjENBL_SLEEP
     _add_table(spec, physics)
