@@ -12,6 +12,7 @@ from app.commands._preflight import check_writable
 from app.core.errors import RecordingError, UsageError
 from app.core.messages import Model, Transition
 from app.evaluation.progress import draw_trials
+from app.evaluation.scores import MM2
 from app.recording.model_file import load_model, save_model
 from app.recording.reader import read_episode, read_transitions
 from app.tasks import load
@@ -27,16 +28,18 @@ def calibrate(
     start: Annotated[Path | None, tyro.conf.arg(help="a model.toml to start from instead of the nominal model")] = None,
 ) -> None:
     """All recordings must be of one task; each push in them is one transition."""
-    terminal = Console()
+    terminal = Console(highlight=False)
     if not recordings:
         raise UsageError("Name at least one recording: dipac calibrate recordings/FILE.mcap -o model.toml")
     check_writable(output, "-o")
     task = load(_task_of(recordings))
     transitions = _transitions_of(recordings)
     preset = _preset_for(task, transitions)
+    fitting = f"{', '.join(task.calibrated)} to {len(transitions)} transitions of {len(recordings)} recordings"
+    terminal.print(Text(f"Fitting {fitting}; that takes minutes."), soft_wrap=True)
     with terminal.status("loading the simulator"):
         old = _checked(start, task) if start else nominal_model(task.name)
-    with terminal.status(f"fitting {', '.join(task.calibrated)} to {len(transitions)} transitions"):
+    with terminal.status(f"fitting {fitting}"):
         found = calibration(task.name, preset, transitions, old)
     new, picture = found.model, output.with_suffix(".svg")
     save_model(output, new)
@@ -44,7 +47,8 @@ def calibrate(
     terminal.print(_table(task, old, new))
     terminal.print(
         Text(
-            f"One-step Chamfer distance {new.loss_m2:.3e} m^2 over {len(transitions)} transitions. "
+            f"One-step Chamfer distance {MM2 * found.trials[0].loss_m2:.4g} mm^2 at the start, now "
+            f"{MM2 * new.loss_m2:.4g} mm^2. "
             f"Written to {output}, how it went to {picture}; use it with `dipac run {task.name} --model {output}`."
         ),
         soft_wrap=True,

@@ -28,8 +28,10 @@ def collect(
 ) -> None:
     """One recording an episode, for `dipac calibrate` and for learning a policy. What is there already is kept.
 
+    Episodes that miss their goal are recorded too: a calibration learns from every action, whatever it was good for.
+
     Args:
-        task: whose expert.
+        task: whose expert plays, such as rope_push; an unknown one is answered with all names.
         episodes: how many.
         seed: of the first problem; the next ones count up.
         preset: whose number of particles the clouds have; auto asks this machine.

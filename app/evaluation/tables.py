@@ -14,7 +14,7 @@ _HEADS = (
     *("method", "episodes", "failed", "success", "final Chamfer [mm^2]", "more than dipac [mm^2]"),
     *("reward", "actions", "decision, median / longest [s]"),
 )
-_SHORT = ("method", "n", "success", "Chamfer [mm^2]", "more than dipac", "reward", "decision [s]")
+_SHORT = ("method", "n", "success", "Chamfer [mm^2]", "more than dipac", "reward", "decision, longest [s]")
 
 
 def tables(found: Sequence[Score]) -> Iterator[Table]:

@@ -130,8 +130,8 @@ def choose(
     if not np.isfinite(cost[best]):
         raise PlanningError(
             f"Of {len(branches)} branches {int((~found.finite).sum())} became non-finite, {int((~inside).sum())} "
-            "leave the workspace and the others start on top of the object; plan again with another seed, or "
-            "straighten the object out by hand."
+            "leave the workspace and the others start on top of the object; plan again with another seed"
+            f"{'' if len(branches) > 1 else ' or with branches besides the policy'}, or move the object by hand."
         )
     predicted = branches[best].predicted
     return Plan(

@@ -34,6 +34,14 @@ LZ4 raises RuntimeError; a seek to before the start of a file is an OSError.
 """
 
 
+def require_file(path: Path) -> None:
+    """Raises UsageError where there is no such file, with those that there are."""
+    if path.is_dir():
+        raise UsageError(f"{path} is a folder; name its recordings: {path}/*.mcap")
+    if not path.is_file():
+        raise UsageError.unknown("recording", str(path), map(str, path.parent.glob("*.mcap")))
+
+
 def inspect(path: Path) -> dict[str, str]:
     """The metadata of a recording that this version can read.
 
@@ -41,8 +49,7 @@ def inspect(path: Path) -> dict[str, str]:
     of a newer kind.
     """
     with reading(path):
-        if not path.is_file():
-            raise UsageError.unknown("recording", str(path), map(str, path.parent.glob("*.mcap")))
+        require_file(path)
         if not starts_as_mcap(path):
             raise RecordingError(f"{path} is not an MCAP file; recordings end in .mcap and `dipac run` makes them.")
         if not ends_as_mcap(path):

@@ -12,8 +12,8 @@ from mcap.stream_reader import StreamReader, breakup_chunk
 from mcap.summary import Summary
 from mcap.writer import CompressionType, Writer
 
-from app.core.errors import RecordingError, UsageError
-from app.recording.integrity import DAMAGE, ends_as_mcap, reading, starts_as_mcap
+from app.core.errors import RecordingError
+from app.recording.integrity import DAMAGE, ends_as_mcap, reading, require_file, starts_as_mcap
 
 
 @final
@@ -41,8 +41,7 @@ def recover(path: Path) -> Recovered:
     it is intact or the new file cannot be written.
     """
     with reading(path):
-        if not path.is_file():
-            raise UsageError.unknown("recording", str(path), map(str, path.parent.glob("*.mcap")))
+        require_file(path)
         if not starts_as_mcap(path):
             raise RecordingError(f"{path} is not an MCAP file; there is nothing to recover.")
     goal = path.with_name(f"{path.stem}.recovered.mcap")

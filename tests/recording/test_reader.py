@@ -32,7 +32,7 @@ def test_a_recording_that_is_not_there_is_named_with_those_that_are(recording: R
 
 
 def test_a_folder_is_no_recording(tmp_path: Path) -> None:
-    with pytest.raises(UsageError, match="Unknown recording"):
+    with pytest.raises(UsageError, match=r"is a folder; name its recordings: .*/\*\.mcap"):
         read_messages(tmp_path)
 
 
