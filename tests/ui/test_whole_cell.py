@@ -28,6 +28,11 @@ SPEED = "0.02"
 """[m/s] A push then takes so long that a browser which renders in software still stops it in the middle."""
 
 
+def heed_interrupts() -> None:
+    """What a script starts in the background ignores them, and so does what that starts: tests, and this program."""
+    signal.signal(signal.SIGINT, signal.default_int_handler)
+
+
 @pytest.fixture
 def console(tmp_path: Path) -> Iterator["subprocess.Popen[str]"]:
     """`dipac console` as a user starts it."""
@@ -54,12 +59,16 @@ def console(tmp_path: Path) -> Iterator["subprocess.Popen[str]"]:
         stdout=subprocess.PIPE,
         stderr=subprocess.STDOUT,
         text=True,
+        preexec_fn=heed_interrupts,
     ) as process:
         try:
             yield process
         finally:
             process.send_signal(signal.SIGINT)
-            process.wait(timeout=30)
+            try:
+                process.wait(timeout=30)
+            finally:
+                process.kill()
 
 
 def address(console: "subprocess.Popen[str]") -> str:
