@@ -23,6 +23,8 @@ _POINTS_A_PARTICLE = 8
 """The body is that many points, or that many times the particles: more do not spread the particles better."""
 _FEWEST = 30
 """Points that show a pool, or a puddle beside the bowls: fewer are drops."""
+_LEAST_SEEN = 0.03
+"""Of a pool's surface: what shows less of the surface that stands so high are drops over the rim."""
 _LEAST_HIDDEN = 0.01
 """Of a liquid's volume: what is less is error."""
 _SPILT_M = 0.02
@@ -116,7 +118,9 @@ def _pools(surface: Cloud, how: Reconstruction) -> tuple[list[Pool], Float32[np.
     for vessel in how.standing:
         inside = vessel.holds(rest)
         if inside.sum() >= _FEWEST:
-            pools.append(Pool(vessel=vessel, level_m=level_of(rest[inside])))
+            pool = Pool(vessel=vessel, level_m=level_of(rest[inside]))
+            if inside.sum() * how.voxel_m**2 >= _LEAST_SEEN * pool.surface_m2:
+                pools.append(pool)
         rest = rest[~inside]
     return pools, rest[rest[:, 2] < how.table_m + _SPILT_M] if how.standing else rest
 

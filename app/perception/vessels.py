@@ -69,6 +69,12 @@ class Pool:
     level_m: float
 
     @property
+    def surface_m2(self) -> float:
+        """Of its surface [m^2], in a vessel that stands upright."""
+        below_m = max(0.0, self.vessel.place_m[2] - self.level_m)
+        return float(np.pi * max(0.0, self.vessel.radius_m**2 - below_m**2))
+
+    @property
     def volume_m3(self) -> float:
         """Its volume [m^3]."""
         return len(self.points(_SPACING_M)) * _SPACING_M**3

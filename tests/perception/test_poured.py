@@ -7,7 +7,7 @@ from app.core.chamfer import chamfer_m2
 from app.core.motion import pointing_down
 from app.core.stage import Bowl
 from app.core.types import Points
-from app.perception.reconstruct import reconstruct
+from app.perception.reconstruct import _pools, reconstruct
 from app.perception.resample import resample
 from app.rig.simulated.arm_model import solve_joints
 from app.rig.simulated.eyes import Eyes
@@ -72,3 +72,19 @@ def test_what_is_all_in_the_target_is_seen_there(task: Task) -> None:
     lowest = np.array(target.place_m) - [0, 0, target.radius_m - task.stage.tool.radius_m - 0.001]
     found = seen(task, x + lowest - home[:3], AWAY)
     assert task.aim.share(found, found) > 0.9
+
+
+def test_drops_over_the_rim_are_no_full_bowl() -> None:
+    how = load("pour_soup").seeing
+    (bowl,) = how.standing
+    rng = np.random.default_rng(0)
+    drops = rng.uniform([0.54, 0.04, 0.063], [0.56, 0.05, 0.074], (40, 3)).astype(np.float32)
+    pools, rest = _pools(drops, how)
+    assert not pools
+    assert not len(rest)
+    # A tenth of a surface that stands half way up is one: the rest is behind the bowl in the hand.
+    level_m = bowl.place_m[2] - bowl.radius_m / 2
+    shown = rng.uniform([0.53, -0.02, level_m - 0.001], [0.57, 0.02, level_m + 0.001], (400, 3)).astype(np.float32)
+    (pool,), _ = _pools(np.concatenate([shown, drops]), how)
+    assert pool.level_m == pytest.approx(level_m, abs=1e-3)
+    assert pool.surface_m2 == pytest.approx(0.75 * np.pi * bowl.radius_m**2, rel=0.05)
