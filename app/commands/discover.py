@@ -10,6 +10,7 @@ import tyro
 from rich.console import Console
 
 from app.commands._case import MODEL, VERDICT
+from app.commands._preflight import make_folder
 from app.commands._study import read_study
 from app.core.errors import UsageError
 from app.core.messages import Model
@@ -36,7 +37,7 @@ def discover(
     terminal = Console(highlight=False)
     if not recordings:
         raise UsageError("Name at least one recording: dipac discover recordings/*.mcap -o discovery")
-    _prepare(output)
+    make_folder(output, "-o")
     with terminal.status("reading the recordings") as status:
         study = read_study(recordings, task=task)
         began = time.monotonic()
@@ -51,14 +52,6 @@ def discover(
     save_model(output / MODEL, _model(case, study, recordings))
     (output / VERDICT).write_text(verdict_json(case), encoding="utf-8")
     terminal.print(show_case(case, report))
-
-
-def _prepare(output: Path) -> None:
-    """Make the folder. Raises UsageError where that cannot be."""
-    try:
-        output.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise UsageError(f"Cannot write to {output}: {error.strerror}; choose another folder with -o.") from None
 
 
 def _model(case: Case, study: Study, recordings: Sequence[Path]) -> Model:

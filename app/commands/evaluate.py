@@ -63,6 +63,7 @@ def evaluate(
     """
     terminal = Console(highlight=False, soft_wrap=True)
     _check(seeds, demonstrations, jobs, actions)
+    share_the_machine()
     size = preset if preset != "auto" else choose_preset()
     methods, tasks = _methods(planner, ablation), tuple(dict.fromkeys(task or names()))
     for name in tasks:
@@ -128,7 +129,6 @@ def _calibrate(terminal: Console, trials: Sequence[Trial], models: dict[str, Pat
         wanting = [trial for trial in trials if trial.task == name and trial.method.calibrated]
         if wanting and not path.exists():
             trial = wanting[0]
-            share_the_machine()
             with terminal.status(f"{name}: {episodes} demonstrations, and the model that they calibrate"):
                 calibrated(name, trial.preset, episodes, trial.eyes, path)
             terminal.print(f"{path}: calibrated; demonstrations: {episodes}.", markup=False)

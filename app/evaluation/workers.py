@@ -31,7 +31,7 @@ def finished(run: Run[JobT], jobs: Sequence[JobT], *, where: Where, processes: i
 
 
 def share_the_machine() -> None:
-    """Leave room for other processes; what the environment says already stands. Before JAX is loaded."""
+    """Leave room for other processes; what the environment says already stands. Before JAX looks for devices."""
     for name, value in _ENVIRONMENT.items():
         os.environ.setdefault(name, value)
 

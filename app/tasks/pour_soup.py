@@ -1,7 +1,7 @@
 """Pouring a soup, a liquid and what swims in it, from a bowl in the hand into one on the table (paper, Pour-Soup).
 
-What is not said here is as in `pour_water`: bowls, actions, policy, presets. Cubes of fried
-tofu and of broccoli are lighter than the broth.
+What is not said here is as in `pour_water`: bowls, actions, policy, presets. Cubes of fried tofu and of broccoli are
+lighter than the broth.
 """
 
 from dataclasses import replace

@@ -44,7 +44,7 @@ def test_a_baseline_simulates_at_least_as_much_as_the_tree_and_at_most_three_tim
         sized = replace(search(), branches=preset.branches, depth=preset.depth)
         baseline_planner = made(Method(planner=baseline), sized, DESCENT, preset.gradient_steps)
         tree = tree_rollouts(sized, preset.gradient_steps)
-        assert tree <= simulated(baseline_planner) <= 3 * tree  # Small trees are small populations' minimum.
+        assert tree <= simulated(baseline_planner) <= 3 * tree  # A population has a least size, however small the tree.
 
 
 class Forbidden:
