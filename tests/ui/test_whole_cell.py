@@ -28,13 +28,21 @@ SPEED = "0.02"
 """[m/s] A push then takes so long that a browser which renders in software still stops it in the middle."""
 
 
-def heed_interrupts() -> None:
-    """What a script starts in the background ignores them, and so does what that starts: tests, and this program."""
-    signal.signal(signal.SIGINT, signal.default_int_handler)
+@pytest.fixture
+def heeding_interrupts() -> Iterator[None]:
+    """What a script starts in the background ignores SIGINT, and so does what that starts: tests, and this program.
+
+    A signal that is handled here has its default action in a program started from here; one that is ignored stays so.
+    """
+    before = signal.signal(signal.SIGINT, signal.default_int_handler)
+    try:
+        yield
+    finally:
+        signal.signal(signal.SIGINT, before)
 
 
 @pytest.fixture
-def console(tmp_path: Path) -> Iterator["subprocess.Popen[str]"]:
+def console(heeding_interrupts: None, tmp_path: Path) -> Iterator["subprocess.Popen[str]"]:
     """`dipac console` as a user starts it."""
     with subprocess.Popen(
         [
@@ -59,7 +67,6 @@ def console(tmp_path: Path) -> Iterator["subprocess.Popen[str]"]:
         stdout=subprocess.PIPE,
         stderr=subprocess.STDOUT,
         text=True,
-        preexec_fn=heed_interrupts,
     ) as process:
         try:
             yield process
