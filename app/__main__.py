@@ -1,7 +1,8 @@
 """The command line `dipac`: chooses a command, imports that one alone, and says every error in one line.
 
 A command is a file in `app/commands` that defines a function of its own name; the function's typed parameters become
-the command's options and the first line of the file's docstring its help. So a new command is one new file.
+the command's options and the first line of the file's docstring its help. So a new command is one new file. A folder
+there is a command with commands of its own, found in the same way; the docstring of its package is its help.
 """
 
 import ast
@@ -58,46 +59,53 @@ def _keep_compiled() -> None:
     os.environ.setdefault("JAX_PERSISTENT_CACHE_MIN_COMPILE_TIME_SECS", "0.2")
 
 
-def command_names() -> dict[str, Path]:
-    """Every command by its name on the command line, with its file."""
-    files = (file for file in sorted(COMMANDS.glob("*.py")) if not file.stem.startswith("_"))
+def command_names(folder: Path = COMMANDS) -> dict[str, Path]:
+    """Every command by its name on the command line, with its file, or its folder where it has commands of its own."""
+    found = (path for path in sorted(folder.iterdir()) if path.suffix == ".py" or (path / "__init__.py").is_file())
+    public = (path for path in found if not path.stem.startswith("_"))
     # A command that is a word of Python's, like `import`, has a file and a function that end in an underscore.
-    return {file.stem.rstrip("_").replace("_", "-"): file for file in files}
+    return {path.stem.rstrip("_").replace("_", "-"): path for path in public}
 
 
 def _run(arguments: list[str]) -> None:
-    name, *rest = arguments or ["--help"]
-    if name in ("-h", "--help", "help"):
-        sys.stdout.write(_overview())
-    elif name == "--version":
+    if arguments[:1] == ["--version"]:
         sys.stdout.write(f"dipac {__version__}\n")
     else:
-        _run_command(name, rest)
+        _run_among(COMMANDS, "dipac", arguments)
 
 
-def _run_command(name: str, arguments: list[str]) -> None:
-    files = command_names()
-    if name not in files:
+def _run_among(folder: Path, prog: str, arguments: list[str]) -> None:
+    name, *rest = arguments or ["--help"]
+    files = command_names(folder)
+    if name in ("-h", "--help", "help"):
+        sys.stdout.write(_overview(files, prog))
+    elif name not in files:
         raise UsageError.unknown("command", name, files)
+    elif files[name].is_dir():
+        _run_among(files[name], f"{prog} {name}", rest)
+    else:
+        _run_command(files[name], f"{prog} {name}", rest)
+
+
+def _run_command(file: Path, prog: str, arguments: list[str]) -> None:
     import tyro  # Costs more than everything else here together, and `--help` does without it.
 
-    stem = files[name].stem
-    module = importlib.import_module(f"app.commands.{stem}")
+    module = importlib.import_module(".".join(("app", *file.relative_to(COMMANDS.parent).with_suffix("").parts)))
     read = getattr(module, "ARGUMENTS", list[str])
-    tyro.cli(getattr(module, stem), prog=f"dipac {name}", args=read(arguments))
+    tyro.cli(getattr(module, file.stem), prog=prog, args=read(arguments))
 
 
-def _overview() -> str:
-    files = command_names()
+def _overview(files: dict[str, Path], prog: str) -> str:
     width = max(map(len, files), default=0)
     lines = [f"  {name:<{width}}  {_first_line(file)}" for name, file in files.items()]
     return "\n".join(
-        ["usage: dipac COMMAND [options]", "", *lines, "", "`dipac COMMAND --help` lists a command's options.", ""]
+        [f"usage: {prog} COMMAND [options]", "", *lines, "", f"`{prog} COMMAND --help` lists a command's options.", ""]
     )
 
 
-def _first_line(file: Path) -> str:
+def _first_line(path: Path) -> str:
     """The first line of a module's docstring, read without importing the module."""
+    file = path / "__init__.py" if path.is_dir() else path
     docstring = ast.get_docstring(ast.parse(file.read_text(encoding="utf-8"))) or ""
     return docstring.partition("\n")[0]
 

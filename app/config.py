@@ -65,6 +65,10 @@ class Site:
     travel_height_m: float = 0.12
     recordings: Path = Path("recordings")
     min_free_bytes: int = 2_000_000_000
+    budget_bytes: int | None = None
+    """Of recordings in their folder, at most."""
+    recording_bytes_s: float = 1.5e6
+    """Of two cameras that look twice a second, with all else: 43 MB in 32 s (docs/recording-format.md)."""
     console_host: str = "127.0.0.1"
     console_port: int = 8088
 

@@ -19,6 +19,7 @@ from rich.table import Table
 from app.core.messages import CameraModel, Episode, Executed, Frame, Goal, Message, Notice, Particles, fresh_id
 from app.recording.codec import encode
 from app.recording.file import EpisodeFile
+from app.recording.preflight import Room
 from app.recording.reader import read_messages
 from app.recording.recover import recover
 from app.recording.writer import open_recording
@@ -173,7 +174,7 @@ def _run_episode(folder: str, taken: Connection) -> None:
 
     async def run() -> None:
         picture, count = frame(np.random.default_rng(0)), 0
-        async with open_recording(Path(folder), episode(), min_free_bytes=0) as recorder:
+        async with open_recording(Path(folder), episode(), Room()) as recorder:
             while True:
                 await recorder.write(notice(count))
                 if count % _FRAME_EVERY == 0:

@@ -23,11 +23,23 @@ def test_the_overview_names_every_command_with_its_docstring(capsys):
     overview = capsys.readouterr().out
     assert main(["--help"]) == 0
     assert capsys.readouterr().out == overview
-    files = {file.stem for file in COMMANDS.glob("*.py") if not file.stem.startswith("_")}
+    places = [*COMMANDS.glob("*.py"), *(file.parent for file in COMMANDS.glob("*/__init__.py"))]
+    files = {place.stem for place in places if not place.stem.startswith("_")}
     assert {name.replace("-", "_") for name in command_names()} == {file.rstrip("_") for file in files}
     for name in command_names():
         line = next(line for line in overview.splitlines() if line.split()[:1] == [name])
         assert len(line.split()) > 2
+
+
+def test_a_folder_of_commands_has_an_overview_of_its_own(capsys):
+    assert main(["recordings"]) == 0
+    overview = capsys.readouterr().out
+    assert overview.startswith("usage: dipac recordings COMMAND")
+    for name in command_names(COMMANDS / "recordings"):
+        line = next(line for line in overview.splitlines() if line.split()[:1] == [name])
+        assert len(line.split()) > 2
+    assert main(["recordings", "lst"]) == UsageError.exit_code
+    assert "Did you mean 'list'?" in capsys.readouterr().err
 
 
 def test_the_overview_imports_no_command_and_nothing_heavy():

@@ -12,7 +12,7 @@ from app import tasks
 
 ROOT = Path(__file__).parent.parent
 MODULES = sorted(ROOT.glob("app/**/*.py"))
-COMMANDS = sorted(file for file in ROOT.glob("app/commands/*.py") if not file.stem.startswith("_"))
+COMMANDS = sorted(file for file in ROOT.glob("app/commands/**/*.py") if not file.stem.startswith("_"))
 MAX_LINES = 400
 MACHINE_SPECIFIC = re.compile(
     r"(?<![\w.])/(home|root|Users|work|opt|mnt)/\w"  # a folder of one machine

@@ -27,7 +27,10 @@ PROBE_TIMEOUT_S = 120.0
 """Generous: importing JAX or Open3D from a cold disk takes tens of seconds."""
 
 SETUP = "make setup"
-EXTRAS = {"ray": "only `dipac evaluate --workers ray` needs it"}
+EXTRAS = {
+    "ray": "only `dipac evaluate --workers ray` needs it",
+    "lerobot": "only `dipac recordings export --to lerobot` needs it",
+}
 """What needs each extra of pyproject.toml."""
 KORTEX = (
     "only a real arm needs it: take kortex_api (2.6.0 or newer for a Gen3) from Kinova's artifact server, then "

@@ -26,6 +26,7 @@ from app.core.worker import Worker
 from app.flow import Flow
 from app.planner.method import PAPER, Method
 from app.recording.model_file import load_model
+from app.recording.preflight import Room
 from app.recording.writer import EpisodeRecorder, open_recording
 from app.rig.simulated.rig import simulated_rig
 from app.tasks import Task, load
@@ -40,6 +41,9 @@ Preset = Literal["auto", "cpu", "gpu"]
 
 _LAST_PORT = 65535
 _SLOWEST_M_S = 0.005
+_LARGEST_GB = 1e6
+_AROUND_S, _LONGEST_ROUND_S = 60.0, 30.0
+"""What an episode takes beside its pushes, and each of these with its decision, at most as a rule."""
 PLANNER_NICENESS = 10
 """The planner gives way to the arm and the cameras."""
 
@@ -69,18 +73,28 @@ class Options:
     """the fastest that the tool may move [m/s]; lower it to watch what it does"""
     recordings: Path = Path("recordings")
     """folder of the MCAP file"""
+    budget_gb: float | None = None
+    """at most so many GB of recordings in that folder: an episode that may not fit is refused before it begins"""
     port: int = 8088
     """of the console; 0 takes a free one"""
 
     def site(self) -> Site:
         """The default site with what the command line may change.
 
-        Raises PreflightError for an impossible port, ParameterError for an impossible speed.
+        Raises PreflightError for an impossible port, ParameterError for an impossible speed or budget.
         """
         if not 0 <= self.port <= _LAST_PORT:
             raise PreflightError(f"Port {self.port} does not exist; choose one from 1024 to {_LAST_PORT} with --port.")
         limits = Limits(speed_m_s=checked("--speed", self.speed, _SLOWEST_M_S, Limits().speed_m_s))
-        return Site(limits=limits, recordings=self.recordings, console_port=self.port)
+        budget: int | None = None
+        if self.budget_gb is not None:
+            budget = round(checked("--budget-gb", self.budget_gb, 0.0, _LARGEST_GB) * 1e9)
+        return Site(
+            limits=limits,
+            recordings=self.recordings,
+            console_port=self.port,
+            budget_bytes=budget,
+        )
 
 
 @final
@@ -159,7 +173,7 @@ async def episode(order: Order, output: Output) -> Report:
             wish = await _doubted(await to_thread.run_sync(_wish, task, order, preset, method), order, site, planner)
         start = await to_thread.run_sync(_start, order, preset)
         async with (
-            open_recording(site.recordings, start, min_free_bytes=site.min_free_bytes) as recorder,
+            open_recording(site.recordings, start, _room(site, options.pushes)) as recorder,
             _cell(task, options.seed, site, output) as (rig, console),
         ):
             heading = (
@@ -268,6 +282,16 @@ def _wish(task: Task, order: Order, preset: str, method: Method) -> Wish:
         automatic=order.automatic,
         calibrating=options.calibrate and method.calibrated and method.following,
         method=method,
+    )
+
+
+def _room(site: Site, pushes: int) -> Room:
+    """What the episode may take on the disk, and must leave there."""
+    expected_s = _AROUND_S + pushes * _LONGEST_ROUND_S
+    return Room(
+        min_free_bytes=site.min_free_bytes,
+        expected_bytes=round(expected_s * site.recording_bytes_s),
+        budget_bytes=site.budget_bytes,
     )
 
 

@@ -17,7 +17,7 @@ from app.commands._progress import counting
 from app.config import Site
 from app.core.errors import UsageError
 from app.policy.strokes import Plan
-from app.recording.preflight import check_folder
+from app.recording.preflight import Room, check_folder
 from app.rig.simulated.hidden.base import Injected
 from app.rig.simulated.hiding import Wish, draw, mistuned
 from app.rig.simulated.rehearsal import first_end
@@ -91,7 +91,7 @@ def _check_places(output: Path, sealed: Path) -> None:
         raise UsageError(f"{sealed} exists; choose another place with --truth, so that no truth is lost.")
     if not os.access(sealed.resolve().parent, os.W_OK):
         raise UsageError(f"Cannot write {sealed}: no such folder, or not writable; choose another place with --truth.")
-    check_folder(output, min_free_bytes=Site().min_free_bytes)
+    check_folder(output, Room(min_free_bytes=Site().min_free_bytes))
 
 
 def _record(terminal: Console, session: Session, watch: Stopwatch) -> None:

@@ -12,6 +12,7 @@ from app.commands._imported import imported_messages
 from app.commands._preflight import check_writable, unwritable
 from app.core.errors import RecordingError, UsageError
 from app.core.messages import Episode, Message
+from app.recording import digests
 from app.recording.file import EpisodeFile
 from app.recording.plain import Plain, read_plain
 from app.tasks import load
@@ -68,6 +69,7 @@ def _write(path: Path, messages: Iterable[Message]) -> None:
             file.write(message, now_s=message.time_s)
         file.close()
         unfinished.rename(path)
+        digests.note(path)
     except (OSError, RuntimeError) as error:
         raise _unwritable(path, error) from error
     finally:

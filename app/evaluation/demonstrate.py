@@ -1,5 +1,6 @@
 """Demonstrations by a task's scripted expert, what is recorded of them, and the model that they calibrate."""
 
+import itertools
 import json
 import time
 from collections.abc import Iterator, Sequence
@@ -12,6 +13,7 @@ from app.core.messages import Episode, Goal, Message, Transition, fresh_id
 from app.core.summary import Summary
 from app.evaluation.play import Eyes, Order, Played, Step, play
 from app.planner.method import Method
+from app.recording import digests
 from app.recording.epoch import Epoch
 from app.recording.file import EpisodeFile
 from app.recording.model_file import save_model
@@ -79,6 +81,7 @@ def record(shown: Demonstration, path: Path) -> int:
                 file.write(message, now_s=message.time_s)
         finally:
             file.close()
+        digests.note(path)
     except (OSError, RuntimeError) as error:
         raise RecordingError(f"Cannot write to {path}: {error}; choose another place with -o.") from error
     return len(said)
@@ -90,14 +93,16 @@ def _said(shown: Demonstration) -> Iterator[Message]:
     assert wish.model is not None
     yield wish.model
     yield wish.goal
-    for index, step in enumerate(shown.steps):
-        if index == 0:
+    for step, later in itertools.zip_longest(shown.steps, shown.steps[1:]):
+        if step is shown.steps[0]:
             yield from step.frames
             yield step.before
         seen_s, executed = step.before.time_s, step.transition.executed
         proposal = wish.proposal(step.plan, step.before, wish.model, began_s=seen_s, now_s=seen_s)
         yield proposal
         yield executed
+        if later is not None:
+            yield from later.frames
         yield step.after
         yield step.transition
         yield summary.scored(proposal, step.before, executed, step.after, wish.target, now_s=step.transition.time_s)

@@ -13,6 +13,7 @@ from app.core.messages import Episode, Message
 from app.recording.channels import METADATA, SCHEMA_VERSION, record_of, topic_of
 from app.recording.codec import encode, schema
 from app.recording.epoch import Epoch
+from app.recording.lock import hold
 from app.recording.views import Viewable, views
 
 
@@ -31,6 +32,7 @@ class EpisodeFile:
         self._log_time_ns = 0
         self._unflushed = False
         self._mcap = foxglove.open_mcap(path, context=self._context, writer_options=_options())
+        self._lock = hold(path)
         self._mcap.write_metadata(METADATA, self._metadata(episode))
         self.flush()
 
@@ -60,14 +62,11 @@ class EpisodeFile:
         """Finish the file with its index and put it on the disk. Raises RuntimeError or OSError where that fails."""
         try:
             self._mcap.close()
+            os.fsync(self._lock)
         finally:
+            os.close(self._lock)
             for channel in self._channels.values():
                 channel.close()
-        descriptor = os.open(self.path, os.O_RDONLY)
-        try:
-            os.fsync(descriptor)
-        finally:
-            os.close(descriptor)
 
     def _metadata(self, episode: Episode) -> dict[str, str]:
         """The episode in MCAP's own strings, with what is needed to read the rest."""

@@ -2,12 +2,27 @@
 
 import shutil
 import tempfile
+from dataclasses import dataclass
 from pathlib import Path
+from typing import final
 
 from app.core.errors import PreflightError
 
 
-def check_folder(folder: Path, *, min_free_bytes: int) -> None:
+@final
+@dataclass(frozen=True, kw_only=True)
+class Room:
+    """What an episode must leave: `min_free_bytes` on the disk, and no more than `budget_bytes` of recordings.
+
+    `expected_bytes`: what it may take itself, so that it is refused before it begins and not cut off in its middle.
+    """
+
+    min_free_bytes: int = 0
+    expected_bytes: int = 0
+    budget_bytes: int | None = None
+
+
+def check_folder(folder: Path, room: Room) -> None:
     """Make sure that `folder` exists, can be written to and has room; creates it where it is missing.
 
     Raises PreflightError, in one line with the next step.
@@ -18,13 +33,23 @@ def check_folder(folder: Path, *, min_free_bytes: int) -> None:
         folder.mkdir(parents=True, exist_ok=True)
         with tempfile.TemporaryFile(dir=folder) as probe:
             probe.write(b"dipac")
+        taken_bytes = sum(path.stat().st_size for path in folder.rglob("*.mcap"))
     except OSError as error:
         raise PreflightError(
             f"Cannot write to {folder} ({error.strerror}); make it writable or choose another recordings folder."
         ) from error
-    free_bytes = shutil.disk_usage(folder).free
-    if free_bytes < min_free_bytes:
+    free_bytes, wanted_bytes = shutil.disk_usage(folder).free, room.min_free_bytes + room.expected_bytes
+    if free_bytes < wanted_bytes:
         raise PreflightError(
-            f"Only {free_bytes / 1e9:.2f} GB are free in {folder}, an episode wants {min_free_bytes / 1e9:.2f} GB; "
-            "delete old recordings or choose another folder."
+            f"Only {_gb(free_bytes)} are free in {folder}, an episode wants {_gb(wanted_bytes)}; delete old recordings "
+            f"(`dipac recordings prune {folder}` says which may go) or choose another folder."
         )
+    if room.budget_bytes is not None and taken_bytes + room.expected_bytes > room.budget_bytes:
+        raise PreflightError(
+            f"The recordings in {folder} take {_gb(taken_bytes)} of {_gb(room.budget_bytes)}, and this episode may "
+            f"take {_gb(room.expected_bytes)}; make room with `dipac recordings prune {folder}`, or raise --budget-gb."
+        )
+
+
+def _gb(count: int) -> str:
+    return f"{count / 1e9:.2f} GB"

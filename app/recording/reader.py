@@ -71,6 +71,40 @@ def read_cameras(path: Path) -> list[CameraModel]:
     return list(cameras.values())
 
 
+class Picture(NamedTuple):
+    """A colour image as it is in the file, as JPEG; `time_s` is the moment of its exposure."""
+
+    camera: str
+    time_s: float
+    width: int
+    height: int
+    jpeg: bytes
+
+
+def read_pictures(path: Path) -> Iterator[Picture]:
+    """Every colour image of a recording, in the order in which they were written; nothing is decoded.
+
+    Raises as `read_messages`.
+    """
+    inspect(path)
+    parts: dict[str, _Part] = {}
+    with reading(path), path.open("rb") as stream:
+        try:
+            reader = make_reader(stream, validate_crcs=True)
+            topics = [topic for topic in _topics(reader, [Frame]) if not topic.endswith(("/depth", "/calibration"))]
+            for _, channel, written in reader.iter_messages(topics, log_time_order=False):
+                if channel.topic != TOPICS[Frame]:
+                    parts[channel.topic] = _Part(written.log_time, written.data)
+                    continue
+                record = decode(written.data, FrameRecord)
+                part, camera = parts.get(color_topic(record.camera.name)), record.camera
+                if part and part.log_time_ns == written.log_time:
+                    jpeg = bytes_field(part.data, _COMPRESSED_IMAGE_DATA)
+                    yield Picture(camera.name, record.time_s, camera.width, camera.height, jpeg)
+        except DAMAGE as error:
+            raise damaged(path, error) from error
+
+
 class _Part(NamedTuple):
     """The newest Foxglove message of a channel: it belongs to the record with the same log time."""
 

@@ -13,7 +13,9 @@ from mcap.summary import Summary
 from mcap.writer import CompressionType, Writer
 
 from app.core.errors import RecordingError
+from app.recording import digests
 from app.recording.integrity import DAMAGE, ends_as_mcap, reading, require_file, starts_as_mcap
+from app.recording.lock import held
 
 
 @final
@@ -44,6 +46,8 @@ def recover(path: Path) -> Recovered:
         require_file(path)
         if not starts_as_mcap(path):
             raise RecordingError(f"{path} is not an MCAP file; there is nothing to recover.")
+        if held(path):
+            raise RecordingError(f"{path} is being written; end the program that records it first.")
     goal = path.with_name(f"{path.stem}.recovered.mcap")
     draft = goal.with_suffix(".draft")
     try:
@@ -54,6 +58,7 @@ def recover(path: Path) -> Recovered:
         if salvage.lost_bytes == 0 and ends_as_mcap(path) and _is_whole(path, messages):
             return Recovered(path=path, messages=messages, lost_bytes=0, was_whole=True)
         draft.replace(goal)
+        digests.note(goal)
     except OSError as error:
         raise RecordingError(
             f"Cannot recover {path} to {goal.name} ({error.strerror}); "

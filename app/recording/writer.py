@@ -18,9 +18,10 @@ from anyio import to_thread
 
 from app.core.errors import PreflightError, RecordingError
 from app.core.messages import Episode, Message
+from app.recording import digests
 from app.recording.channels import topic_of
 from app.recording.file import EpisodeFile
-from app.recording.preflight import check_folder
+from app.recording.preflight import Room, check_folder
 
 FLUSH_PERIOD_S: Final = 0.25
 """How long a written message may stay in this process, where a SIGKILL would take it."""
@@ -32,13 +33,14 @@ _END: Final = "end"
 
 
 @asynccontextmanager
-async def open_recording(folder: Path, episode: Episode, *, min_free_bytes: int) -> AsyncGenerator["EpisodeRecorder"]:
+async def open_recording(folder: Path, episode: Episode, room: Room) -> AsyncGenerator["EpisodeRecorder"]:
     """A recorder that writes a new file in `folder`, named by the time of day (UTC), the task and the seed.
 
-    The file is whole once the context is left, however it is left. Raises PreflightError before anything is written
-    where the folder cannot take a recording, and RecordingError on leaving where something was lost.
+    The file is whole once the context is left, however it is left, and its SHA-256 is written down. Raises
+    PreflightError before anything is written where the folder cannot take a recording, and RecordingError on leaving
+    where something was lost.
     """
-    file = await to_thread.run_sync(lambda: _start(folder, episode, min_free_bytes=min_free_bytes))
+    file = await to_thread.run_sync(_start, folder, episode, room)
     recorder = EpisodeRecorder(file)
     try:
         await recorder.write(episode)
@@ -110,6 +112,7 @@ class EpisodeRecorder:
                 flush_at_s = time.monotonic() + FLUSH_PERIOD_S
         with self._noting_failure():
             self._file.close()
+            digests.note(self.path)
 
     def _next(self, until_s: float) -> "_Entry | Literal['end'] | None":
         """The next entry, None where none comes in time."""
@@ -143,9 +146,9 @@ class _Entry:
     came_s: float
 
 
-def _start(folder: Path, episode: Episode, *, min_free_bytes: int) -> EpisodeFile:
+def _start(folder: Path, episode: Episode, room: Room) -> EpisodeFile:
     """A new file in `folder`, which is checked first. Raises PreflightError."""
-    check_folder(folder, min_free_bytes=min_free_bytes)
+    check_folder(folder, room)
     path = _unused(folder, f"{datetime.now(UTC):%Y%m%dT%H%M%SZ}-{_plain(episode.task)}-seed{episode.seed}")
     try:
         return EpisodeFile(path, episode)

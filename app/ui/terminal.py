@@ -21,7 +21,7 @@ from rich.text import Text
 from app.core.messages import Fault, Health, Message, Notice, Outcome
 from app.ui.words import NOTHING, millimetres
 
-_HEADER = "push   distance to goal  predicted  cost, descent [1e-3]     plan  model"
+HEADER = "push   distance to goal  predicted  cost, descent [1e-3]     plan  model"
 """Each title ends where its column does in `outcome_line`; both fit 80 characters."""
 
 LINES_BOUND: Final = 200
@@ -69,7 +69,7 @@ class Terminal:
         self._status = output.status("starting") if output.is_terminal else None
         self._stage = ""
         self._lines: SimpleQueue[Text | None] = SimpleQueue()
-        for line in (*heading, Text(_HEADER, "bold")):
+        for line in (*heading, Text(HEADER, "bold")):
             self._lines.put(line)
         self._thread = threading.Thread(target=self._print_all, name="terminal")
 

@@ -29,14 +29,18 @@ def short(monkeypatch: pytest.MonkeyPatch) -> None:
 @pytest.mark.usefixtures("short")
 def test_a_demonstration_is_a_whole_recording_of_what_was_seen_planned_and_made(tmp_path: Path) -> None:
     assert main(["collect", "rope_push", "--episodes", "1", "--preset", "cpu", "-o", str(tmp_path)]) == 0
-    (path,) = tmp_path.iterdir()
+    (path,) = tmp_path.glob("*.mcap")
     assert path.name == "rope_push-1000.mcap"
     inspect(path)
     assert read_episode(path).task == "rope_push"
     kinds = (Episode, Goal, Frame, Particles, Proposal, Executed, Transition, Outcome)
     messages = list(read_messages(path, kinds))
     counts = {kind: sum(isinstance(message, kind) for message in messages) for kind in kinds}
-    assert counts == {Episode: 1, Goal: 1, Frame: 2, Particles: 3, Proposal: 2, Executed: 2, Transition: 2, Outcome: 2}
+    assert counts == {Episode: 1, Goal: 1, Frame: 4, Particles: 3, Proposal: 2, Executed: 2, Transition: 2, Outcome: 2}
+    # What the object looked like before each action: the images that a policy learns from.
+    seen = [message for message in messages if isinstance(message, Particles)]
+    frames = {message.id for message in messages if isinstance(message, Frame)}
+    assert all(len(particles.cause) == 2 and frames.issuperset(particles.cause) for particles in seen[:2])
     first, second = read_transitions(path)
     assert first.after.shape == (load("rope_push").preset("cpu").particle_count, 3)
     assert (first.after == second.before).all()
@@ -50,7 +54,7 @@ def test_recordings_are_never_written_over_and_calibrate_a_model_with_a_plot(
 ) -> None:
     order = ["collect", "rope_push", "--episodes", "1", "--preset", "cpu", "--eyes", "truth", "-o", str(tmp_path)]
     assert main(order) == main(order) == 0
-    paths = sorted(tmp_path.iterdir())
+    paths = sorted(tmp_path.glob("*.mcap"))
     assert [path.name for path in paths] == ["rope_push-1000-2.mcap", "rope_push-1000.mcap"]
     one, other = (read_transitions(path) for path in paths)
     assert [(first.after == again.after).all() for first, again in zip(one, other, strict=True)] == [True, True]

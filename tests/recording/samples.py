@@ -14,6 +14,7 @@ from scipy.spatial.transform import Rotation
 
 from app.core.approval import ApprovalGate, Approved
 from app.core.messages import Decision, Episode, Frame, Message, Particles, Proposal, fresh_id
+from app.recording.preflight import Room
 from app.recording.records import ApprovalRecord
 from app.recording.writer import open_recording
 
@@ -141,7 +142,7 @@ def record(folder: Path, episode: Episode, messages: list[Message]) -> Path:
     """A whole recording of `messages`."""
 
     async def run() -> Path:
-        async with open_recording(folder, episode, min_free_bytes=0) as recorder:
+        async with open_recording(folder, episode, Room()) as recorder:
             for message in messages:
                 await recorder.write(message)
         return recorder.path

@@ -18,12 +18,13 @@ import sys, time
 from pathlib import Path
 import anyio
 from app.core.messages import Episode, Frame, Notice
+from app.recording.preflight import Room
 from app.recording.writer import open_recording
 from tests.recording.samples import Maker
 
 async def main():
     make = Maker(seed=3)
-    async with open_recording(Path(sys.argv[1]), make(Episode), min_free_bytes=0) as recorder:
+    async with open_recording(Path(sys.argv[1]), make(Episode), Room()) as recorder:
         frame = make(Frame)
         for count in range(100_000):
             await recorder.write(make(Notice, text=str(count), time_s=time.monotonic()))

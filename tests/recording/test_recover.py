@@ -123,7 +123,7 @@ def test_a_whole_file_is_left_alone(recording: Recording) -> None:
     recovered = recover(path)
     assert recovered.was_whole
     assert recovered.path == path
-    assert [file.name for file in path.parent.iterdir()] == [path.name]
+    assert [file.name for file in path.parent.glob("*.mcap")] == [path.name]
 
 
 def test_a_file_without_its_index_is_given_one(recording: Recording, tmp_path: Path) -> None:

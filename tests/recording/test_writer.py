@@ -14,6 +14,7 @@ from anyio import to_thread
 from app.core.errors import PreflightError, RecordingError
 from app.core.messages import Episode, Frame, Message, Notice
 from app.recording.channels import TOPICS
+from app.recording.preflight import Room
 from app.recording.reader import read_messages
 from app.recording.recover import recover
 from app.recording.writer import EpisodeRecorder, open_recording
@@ -27,7 +28,7 @@ async def read(path: Path, kinds: Collection[type[Message]] = tuple(TOPICS)) -> 
 
 
 def files_in(folder: Path) -> list[Path]:
-    return list(folder.iterdir())
+    return list(folder.glob("*.mcap"))
 
 
 def only_file(folder: Path) -> Path:
@@ -37,7 +38,7 @@ def only_file(folder: Path) -> Path:
 
 async def test_the_file_is_named_by_date_task_and_seed(make: Maker, tmp_path: Path) -> None:
     episode = make(Episode, task="rope_push", seed=12)
-    async with open_recording(tmp_path / "new" / "folder", episode, min_free_bytes=0) as recorder:
+    async with open_recording(tmp_path / "new" / "folder", episode, Room()) as recorder:
         pass
     date, task, seed = recorder.path.stem.split("-")
     assert (task, seed) == ("rope_push", "seed12")
@@ -47,8 +48,8 @@ async def test_the_file_is_named_by_date_task_and_seed(make: Maker, tmp_path: Pa
 
 async def test_two_episodes_within_a_second_have_files_of_their_own(make: Maker, tmp_path: Path) -> None:
     episode = make(Episode)
-    async with open_recording(tmp_path, episode, min_free_bytes=0) as first:
-        async with open_recording(tmp_path, episode, min_free_bytes=0) as second:
+    async with open_recording(tmp_path, episode, Room()) as first:
+        async with open_recording(tmp_path, episode, Room()) as second:
             await second.write(make(Notice))
         await first.write(make(Notice))
     assert first.path != second.path
@@ -57,7 +58,7 @@ async def test_two_episodes_within_a_second_have_files_of_their_own(make: Maker,
 
 
 async def test_a_task_name_cannot_leave_the_folder(make: Maker, tmp_path: Path) -> None:
-    async with open_recording(tmp_path, make(Episode, task="../../a b"), min_free_bytes=0) as recorder:
+    async with open_recording(tmp_path, make(Episode, task="../../a b"), Room()) as recorder:
         pass
     assert recorder.path.parent == tmp_path
 
@@ -74,7 +75,7 @@ async def test_writers_wait_while_the_queue_is_full_and_nothing_is_lost(make: Ma
             await anyio.lowlevel.checkpoint()
 
     async with (
-        open_recording(tmp_path, make(Episode), min_free_bytes=0) as recorder,
+        open_recording(tmp_path, make(Episode), Room()) as recorder,
         anyio.create_task_group() as group,
     ):
         group.start_soon(others)
@@ -94,7 +95,7 @@ async def test_many_tasks_may_write_at_once(make: Maker, tmp_path: Path) -> None
     frames = [make(Frame) for _ in range(3)]
     notices = [[make(Notice) for _ in range(40)] for _ in frames]
 
-    async with open_recording(tmp_path, make(Episode), min_free_bytes=0) as recorder:
+    async with open_recording(tmp_path, make(Episode), Room()) as recorder:
 
         async def stage(index: int) -> None:
             for notice in notices[index]:
@@ -112,7 +113,7 @@ async def test_many_tasks_may_write_at_once(make: Maker, tmp_path: Path) -> None
 
 async def test_an_error_in_the_episode_comes_through_and_the_file_is_whole(make: Maker, tmp_path: Path) -> None:
     async def fail() -> None:
-        async with open_recording(tmp_path, make(Episode), min_free_bytes=0) as recorder:
+        async with open_recording(tmp_path, make(Episode), Room()) as recorder:
             await recorder.write(make(Notice))
             raise ZeroDivisionError
 
@@ -123,7 +124,7 @@ async def test_an_error_in_the_episode_comes_through_and_the_file_is_whole(make:
 
 async def test_a_cancelled_episode_leaves_a_whole_file(make: Maker, tmp_path: Path) -> None:
     with anyio.CancelScope() as scope:
-        async with open_recording(tmp_path, make(Episode), min_free_bytes=0) as recorder:
+        async with open_recording(tmp_path, make(Episode), Room()) as recorder:
             for _ in range(20):
                 await recorder.write(make(Frame))
             scope.cancel()
@@ -132,14 +133,14 @@ async def test_a_cancelled_episode_leaves_a_whole_file(make: Maker, tmp_path: Pa
 
 
 async def test_a_message_without_a_channel_is_refused_by_name(make: Maker, tmp_path: Path) -> None:
-    async with open_recording(tmp_path, make(Episode), min_free_bytes=0) as recorder:
+    async with open_recording(tmp_path, make(Episode), Room()) as recorder:
         with pytest.raises(RecordingError, match="Message have no channel"):
             await recorder.write(Message(id=make(Notice).id, time_s=1.0))
 
 
 async def test_what_cannot_be_encoded_is_told_and_costs_nothing_else(make: Maker, tmp_path: Path) -> None:
     async def write_nonsense() -> None:
-        async with open_recording(tmp_path, make(Episode), min_free_bytes=0) as recorder:
+        async with open_recording(tmp_path, make(Episode), Room()) as recorder:
             await recorder.write(make(Notice))
             await recorder.write(make(Notice, time_s=float("nan")))
 
@@ -152,7 +153,7 @@ async def test_what_failed_is_told_though_the_folder_is_gone(make: Maker, tmp_pa
     folder = tmp_path / "recordings"
 
     async def write_nonsense() -> None:
-        async with open_recording(folder, make(Episode), min_free_bytes=0) as recorder:
+        async with open_recording(folder, make(Episode), Room()) as recorder:
             await to_thread.run_sync(shutil.rmtree, folder)
             await recorder.write(make(Notice, time_s=float("nan")))
 
@@ -164,7 +165,7 @@ async def test_a_file_that_is_gone_at_the_end_is_told(make: Maker, tmp_path: Pat
     folder = tmp_path / "recordings"
 
     async def lose_the_file() -> None:
-        async with open_recording(folder, make(Episode), min_free_bytes=0):
+        async with open_recording(folder, make(Episode), Room()):
             await to_thread.run_sync(shutil.rmtree, folder)
 
     with pytest.raises(RecordingError, match=r"is incomplete: .*No such file"):
@@ -184,7 +185,7 @@ async def test_those_who_wait_while_a_write_fails_are_told(make: Maker, tmp_path
 
     async def write_at_once() -> None:
         async with (
-            open_recording(tmp_path, make(Episode), min_free_bytes=0) as recorder,
+            open_recording(tmp_path, make(Episode), Room()) as recorder,
             anyio.create_task_group() as group,
         ):
             for message in (*[frame] * 20, nonsense, *[frame] * 180):
@@ -201,20 +202,20 @@ async def test_a_file_in_place_of_the_folder_is_told(make: Maker, tmp_path: Path
     (tmp_path / "file").write_text("x")
     for folder in (tmp_path / "file", tmp_path / "file" / "below"):
         with pytest.raises(PreflightError, match="recordings folder"):
-            async with open_recording(folder, make(Episode), min_free_bytes=0):
+            async with open_recording(folder, make(Episode), Room()):
                 pytest.fail("an episode started")
 
 
 async def test_a_folder_that_nobody_can_write_to_is_told(make: Maker) -> None:
     with pytest.raises(PreflightError, match=r"Cannot write to /proc/recordings .*choose another") as caught:
-        async with open_recording(Path("/proc/recordings"), make(Episode), min_free_bytes=0):
+        async with open_recording(Path("/proc/recordings"), make(Episode), Room()):
             pytest.fail("an episode started")
     assert "\n" not in str(caught.value)
 
 
 async def test_too_little_free_disk_is_told_before_a_file_is_made(make: Maker, tmp_path: Path) -> None:
     with pytest.raises(PreflightError, match=r"GB are free in .*delete old recordings"):
-        async with open_recording(tmp_path, make(Episode), min_free_bytes=1 << 60):
+        async with open_recording(tmp_path, make(Episode), Room(min_free_bytes=1 << 60)):
             pytest.fail("an episode started")
     assert files_in(tmp_path) == []
 
@@ -225,12 +226,13 @@ from pathlib import Path
 import anyio
 from app.core.errors import RecordingError
 from app.core.messages import Episode, Frame
+from app.recording.preflight import Room
 from app.recording.writer import open_recording
 from tests.recording.samples import Maker
 
 async def main():
     make = Maker(seed=3)
-    async with open_recording(Path(sys.argv[1]), make(Episode), min_free_bytes=0) as recorder:
+    async with open_recording(Path(sys.argv[1]), make(Episode), Room()) as recorder:
         for count in range(1000):
             await recorder.write(make(Frame))
 

@@ -1,0 +1,1 @@
+"""What to do with recordings: list, show, check, label, recover, export, import, prune."""

@@ -1,0 +1,40 @@
+"""Say of recordings whether they succeeded, or take back what was said."""
+
+import getpass
+from pathlib import Path
+
+import tyro
+from rich.console import Console
+
+from app.core.errors import UsageError
+from app.recording import digests
+from app.recording.label import VERDICTS, Label, Verdict, relabel
+from app.recording.shelf import shelf
+
+
+def label(
+    said: tyro.conf.Positional[Verdict],
+    files: tyro.conf.Positional[tuple[Path, ...]],
+    /,
+    *,
+    note: str = "",
+    operator: str | None = None,
+) -> None:
+    """The label becomes part of the file, which is replaced at once; earlier labels stay in it.
+
+    Args:
+        said: success, failure, or unlabelled.
+        files: the recordings, or folders of them.
+        note: why, in words.
+        operator: who says so; whoever is logged in where none is named.
+    """
+    if not files:
+        raise UsageError(f"Name at least one recording: dipac recordings label {'|'.join(VERDICTS)} FILE...")
+    terminal = Console(highlight=False, soft_wrap=True, markup=False)
+    told = Label.now(said, note=note, operator=operator or getpass.getuser())
+    for entry in shelf(files):
+        sound = digests.noted(entry.path) in (None, digests.digest(entry.path))
+        relabel(entry.path, told)
+        if sound:  # Of a file that somebody changed, the sum goes on saying so.
+            digests.note(entry.path)
+        terminal.print(f"{entry.path}: {said}{f', {note}' if note else ''}")

@@ -1,0 +1,16 @@
+"""Whole files out of recordings that a crash cut off; the same as `dipac recover`."""
+
+from pathlib import Path
+
+import tyro
+
+from app.commands import recover as command
+
+
+def recover(files: tyro.conf.Positional[tuple[Path, ...]], /) -> None:
+    """Make whole files of recordings that were cut off or damaged; the originals stay as they are.
+
+    Args:
+        files: The recordings. Each gets a NAME.recovered.mcap beside it, unless nothing is wrong with it.
+    """
+    command.recover(files=files)

@@ -1,0 +1,120 @@
+"""One more metadata record at the end of a whole MCAP file, as `mcap add metadata` does; the file is replaced at once.
+
+The data section stays as it is, byte for byte. Behind it come the new record and the summary, written anew with the
+record in it: https://mcap.dev/spec, "Summary Section" and "Footer".
+"""
+
+import dataclasses
+import os
+import shutil
+import struct
+import zlib
+from collections.abc import Iterable, Mapping
+from pathlib import Path
+from typing import Final
+
+from mcap.data_stream import RecordBuilder
+from mcap.opcode import Opcode
+from mcap.reader import make_reader
+from mcap.records import DataEnd, Footer, McapRecord, Metadata, MetadataIndex, SummaryOffset
+from mcap.summary import Summary
+
+from app.core.errors import RecordingError
+from app.recording.integrity import DAMAGE, MAGIC, damaged
+from app.recording.lock import held
+
+_FOOTER_BYTES: Final = 1 + 8 + 8 + 8 + 4
+_DATA_END_BYTES: Final = 1 + 8 + 4
+_GROUPS: Final = (Opcode.SCHEMA, Opcode.CHANNEL, Opcode.STATISTICS, Opcode.CHUNK_INDEX, Opcode.ATTACHMENT_INDEX)
+
+
+def append_metadata(path: Path, name: str, metadata: Mapping[str, str]) -> None:
+    """Add the record to the whole file at `path`. A cut leaves the old file or the new one, and never half of one.
+
+    Raises RecordingError where the file is damaged or the new one cannot be written; the old one stays then.
+    """
+    if held(path):
+        raise RecordingError(f"{path} is being written; wait for its end.")
+    summary, end = _summary_and_end(path)
+    record = _bytes([Metadata(name=name, metadata=dict(metadata))])
+    index = MetadataIndex(offset=end, length=len(record), name=name)
+    new = path.with_name(f".{path.name}.new")
+    try:
+        with path.open("rb") as source, new.open("wb") as target:
+            _copy(source.fileno(), target.fileno(), end)
+            target.seek(end)
+            target.write(record + _bytes([DataEnd(data_section_crc=0)]))
+            target.write(_tail(summary, index, start=end + len(record) + _DATA_END_BYTES))
+            target.flush()
+            os.fsync(target.fileno())
+        shutil.copystat(path, new)
+        new.replace(path)
+    except OSError as error:
+        raise RecordingError(f"Cannot write beside {path} ({error.strerror}); make room on its disk.") from error
+    finally:
+        new.unlink(missing_ok=True)
+
+
+def _summary_and_end(path: Path) -> tuple[Summary, int]:
+    """What the summary says, and where the data section ends: at the record before the summary."""
+    with path.open("rb") as stream:
+        try:
+            summary = make_reader(stream).get_summary()
+            stream.seek(-(len(MAGIC) + _FOOTER_BYTES), os.SEEK_END)
+            opcode, _, summary_start, _, _ = struct.unpack("<BQQQI", stream.read(_FOOTER_BYTES))
+            end = summary_start - _DATA_END_BYTES
+            stream.seek(end)
+            if summary is None or opcode != Opcode.FOOTER or stream.read(1)[0] != Opcode.DATA_END:
+                raise ValueError("its summary is not where its footer says")
+        except DAMAGE as error:
+            raise damaged(path, error) from error
+    return summary, end
+
+
+def _copy(source: int, target: int, count: int) -> None:
+    """The first `count` bytes of a file, by the system alone."""
+    done = 0
+    while done < count:
+        copied = os.sendfile(target, source, done, count - done)
+        if not copied:
+            raise OSError(0, "the file became shorter meanwhile")
+        done += copied
+
+
+def _tail(summary: Summary, added: MetadataIndex, *, start: int) -> bytes:
+    """Summary, its offsets, footer and magic, for a summary that begins at `start`."""
+    statistics = summary.statistics
+    counted = [dataclasses.replace(statistics, metadata_count=statistics.metadata_count + 1)] if statistics else []
+    groups: dict[Opcode, Iterable[McapRecord]] = dict(
+        zip(
+            _GROUPS,
+            (
+                summary.schemas.values(),
+                summary.channels.values(),
+                counted,
+                summary.chunk_indexes,
+                summary.attachment_indexes,
+            ),
+            strict=True,
+        )
+    )
+    groups[Opcode.METADATA_INDEX] = [*summary.metadata_indexes, added]
+    body, offsets = b"", list[McapRecord]()
+    for opcode, records in groups.items():
+        data = _bytes(records)
+        if data:
+            offsets.append(SummaryOffset(group_opcode=opcode, group_start=start + len(body), group_length=len(data)))
+        body += data
+    told = body + _bytes(offsets)
+    places = struct.pack("<BQQQ", Opcode.FOOTER, 8 + 8 + 4, start, start + len(body))
+    footer = Footer(
+        summary_start=start, summary_offset_start=start + len(body), summary_crc=zlib.crc32(places, zlib.crc32(told))
+    )
+    return told + _bytes([footer]) + MAGIC
+
+
+def _bytes(records: Iterable[McapRecord]) -> bytes:
+    builder = RecordBuilder()
+    for record in records:
+        record.write(builder)
+    return builder.end()

@@ -1,0 +1,114 @@
+"""Whether a recording is what it says: every byte, every message, every cause, and its checksum."""
+
+from collections import Counter
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Final, final
+
+from mcap.reader import make_reader
+from mcap.stream_reader import StreamReader
+
+from app.core.messages import Frame, Message, MessageId, Particles
+from app.recording import digests
+from app.recording.channels import SURFACE_TOPIC, TOPICS, color_topic, depth_topic, record_of
+from app.recording.codec import decode
+from app.recording.integrity import DAMAGE
+from app.recording.records import FrameRecord
+from app.recording.shelf import entry
+
+_KINDS: Final = {topic: kind for kind, topic in TOPICS.items()}
+_OURS: Final = "/dipac/"
+
+
+@final
+@dataclass(frozen=True, kw_only=True)
+class Finding:
+    """Something that is not as it should be. `grave`: part of the recording is lost or cannot be trusted."""
+
+    grave: bool
+    text: str
+
+
+def check(path: Path) -> Sequence[Finding]:
+    """What is wrong with the recording at `path`; nothing where nothing is. Reads all of it.
+
+    Raises RecordingError where it may not be read.
+    """
+    found = entry(path)
+    if found.condition != "whole":
+        said = "it is being written" if found.condition == "recording" else found.why
+        return [Finding(grave=found.condition != "recording", text=f"{found.condition}: {said}")]
+    with path.open("rb") as stream:
+        try:
+            # Without the index, and the checksums of chunks and of the data section with it.
+            list(StreamReader(stream, validate_crcs=True).records)
+            stream.seek(0)
+            return [*_checksum(path), *_contents(path, sum(found.counts.values()))]
+        except DAMAGE as error:
+            why = str(error) or type(error).__name__
+            return [Finding(grave=True, text=f"damaged: {why}; `dipac recordings recover {path}` saves what is intact")]
+
+
+def _checksum(path: Path) -> Iterator[Finding]:
+    noted = digests.noted(path)
+    if noted is None:
+        yield Finding(grave=False, text=f"no checksum of it in {digests.SUMS}")
+    elif noted != digests.digest(path):
+        yield Finding(grave=True, text=f"its SHA-256 is not the one in {digests.SUMS}: somebody changed it")
+
+
+@dataclass(kw_only=True)
+class _Seen:
+    """What came before a message."""
+
+    ids: set[MessageId] = field(default_factory=set[MessageId])
+    parts: dict[str, int] = field(default_factory=dict[str, int])
+    last_ns: int = 0
+    last_of_ours_ns: int = -1
+    count: int = 0
+    faults: Counter[str] = field(default_factory=Counter[str])
+
+
+def _contents(path: Path, counted: int) -> Iterator[Finding]:
+    """One pass over all messages, in the order in which they were written."""
+    seen = _Seen()
+    with path.open("rb") as stream:
+        for _, channel, written in make_reader(stream, validate_crcs=True).iter_messages(log_time_order=False):
+            seen.count += 1
+            if written.log_time < seen.last_ns:
+                seen.faults["go back in time"] += 1
+            seen.last_ns = written.log_time
+            kind = _KINDS.get(channel.topic)
+            if kind is not None:
+                _look(decode(written.data, record_of(kind)), kind, written.log_time, seen)
+            elif channel.topic.startswith(_OURS):
+                seen.faults[f"are of a kind that this version does not know ({channel.topic})"] += 1
+            else:
+                seen.parts[channel.topic] = written.log_time
+    if seen.count != counted:
+        yield Finding(grave=True, text=f"{seen.count} messages, where its summary counts {counted}")
+    for text, count in seen.faults.items():
+        yield Finding(grave="cause" not in text, text=f"messages that {text}: {count}")
+
+
+def _look(message: Message, kind: type[Message], log_time_ns: int, seen: _Seen) -> None:
+    """One message of ours: its place in time, its parts, its id and its causes."""
+    if log_time_ns == seen.last_of_ours_ns:
+        seen.faults["share their log time with another"] += 1
+    seen.last_of_ours_ns = log_time_ns
+    if any(seen.parts.get(topic) != log_time_ns for topic in _parts(message, kind)):
+        seen.faults["lack their images or their cloud"] += 1
+    if message.id in seen.ids:
+        seen.faults["have an id that another has"] += 1
+    seen.ids.add(message.id)
+    if not seen.ids.issuperset(message.cause):
+        seen.faults["name a cause that is not in the recording before them"] += 1
+
+
+def _parts(message: Message, kind: type[Message]) -> list[str]:
+    """The channels that hold the rest of it."""
+    if kind is Frame and isinstance(message, FrameRecord):
+        camera = message.camera.name
+        return [color_topic(camera), depth_topic(camera), f"/camera/{camera}/calibration"]
+    return [SURFACE_TOPIC] if kind is Particles else []

@@ -1,0 +1,135 @@
+"""One recording as evenly sampled steps: tool, images, object and goal, and where the tool is told to be next."""
+
+from bisect import bisect_right
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import NamedTuple, final
+
+import numpy as np
+from jaxtyping import Float32, Float64
+
+from app.core.errors import RecordingError
+from app.core.messages import Episode, Executed, Goal, Particles
+from app.core.types import Points
+from app.recording.reader import Picture, read_messages, read_pictures
+
+STATE_NAMES = ("x", "y", "z", "qw", "qx", "qy", "qz", "opening")
+"""Of the tool: position [m], quaternion, and how far it is open [m]."""
+
+
+@final
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Samples:
+    """The steps of one episode: `state (S, 8)`, `action (S, 8)`, `object (S, N, 3)` [m], `goal (M, 3)` [m].
+
+    `pictures`: of each camera, the newest image at each step, as it is in the recording.
+    """
+
+    episode: Episode
+    state: Float32[np.ndarray, "S 8"]
+    action: Float32[np.ndarray, "S 8"]
+    object: Float32[np.ndarray, "S N 3"]
+    goal: Points
+    pictures: Mapping[str, Sequence[Picture]]
+
+    def __len__(self) -> int:
+        return len(self.state)
+
+
+def sample(path: Path, fps: int) -> Samples:
+    """The actions in the recording, `fps` steps a second.
+
+    Raises RecordingError where there is no action in it, or nothing was seen before the first; and as `read_messages`.
+    """
+    said = list(read_messages(path, [Episode, Goal, Particles, Executed]))
+    episode = next((message for message in said if isinstance(message, Episode)), None)
+    goal = next((message.positions for message in said if isinstance(message, Goal)), None)
+    seen = [message for message in said if isinstance(message, Particles)]
+    made = [message for message in said if isinstance(message, Executed) and len(message.times_s) > 1]
+    if episode is None or goal is None or not made or not seen:
+        raise RecordingError(
+            f"{path} holds no goal, object or action; a demonstration has all three. Leave it out, or record one with "
+            "`dipac collect`."
+        )
+    steps = [_along(executed, fps) for executed in made]
+    times = np.concatenate([step.times_s for step in steps])
+    newest = _newest([particles.time_s for particles in seen], times, path)
+    return Samples(
+        episode=episode,
+        state=np.concatenate([step.state for step in steps]).astype(np.float32),
+        action=np.concatenate([step.action for step in steps]).astype(np.float32),
+        object=_alike([seen[index].positions for index in newest], path),
+        goal=goal,
+        pictures={name: _pictures(of_one, times, path) for name, of_one in _by_camera(path).items()},
+    )
+
+
+class _Steps(NamedTuple):
+    """Of one action: when, where the tool was, and where it was told to be at the next step."""
+
+    times_s: Float64[np.ndarray, " S"]
+    state: Float64[np.ndarray, "S 8"]
+    action: Float64[np.ndarray, "S 8"]
+
+
+def _along(executed: Executed, fps: int) -> _Steps:
+    times_s, tool = executed.times_s, executed.tool
+    told = np.concatenate([executed.commanded, tool[:, 7:]], axis=1)
+    at = np.arange(times_s[0], times_s[-1], 1 / fps)
+    return _Steps(at, _poses_at(at, times_s, tool), _poses_at(at + 1 / fps, times_s, told))
+
+
+def _poses_at(at: np.ndarray, times_s: np.ndarray, poses: np.ndarray) -> Float64[np.ndarray, "S 8"]:
+    """Poses between those that were measured; the quaternions of unit length and on one side."""
+    sides = np.cumprod(np.where((poses[1:, 3:7] * poses[:-1, 3:7]).sum(1) < 0, -1.0, 1.0))
+    smooth = poses.copy()
+    smooth[1:, 3:7] *= sides[:, None]
+    found = np.stack([np.interp(at, times_s, column) for column in smooth.T], axis=1)
+    found[:, 3:7] /= np.linalg.norm(found[:, 3:7], axis=1, keepdims=True)
+    return found
+
+
+def _newest(dated_s: Sequence[float], at_s: np.ndarray, path: Path) -> Sequence[int]:
+    """For each moment the index of the newest of what is `dated_s`; what is first came in time for the first action."""
+    found = [bisect_right(dated_s, moment) - 1 for moment in at_s]
+    if min(found) < 0:
+        raise RecordingError(f"{path}: nothing was seen before its first action; leave it out.")
+    return found
+
+
+def _alike(clouds: Sequence[Float32[np.ndarray, "_ 3"]], path: Path) -> Float32[np.ndarray, "S N 3"]:
+    if len({cloud.shape for cloud in clouds}) > 1:
+        raise RecordingError(f"{path}: its object does not always have as many particles; leave it out.")
+    return np.stack(clouds)
+
+
+def _by_camera(path: Path) -> dict[str, list[Picture]]:
+    found: dict[str, list[Picture]] = {}
+    for picture in read_pictures(path):
+        found.setdefault(picture.camera, []).append(picture)
+    return found
+
+
+def _pictures(of_one: Sequence[Picture], at_s: np.ndarray, path: Path) -> Sequence[Picture]:
+    return [of_one[index] for index in _newest([picture.time_s for picture in of_one], at_s, path)]
+
+
+def sampled(paths: Sequence[Path], fps: int) -> Iterator[tuple[Path, Samples]]:
+    """Each recording; all of one kind. Raises RecordingError, which names the file, where one is unlike the first."""
+    first: tuple[object, ...] | None = None
+    for path in paths:
+        samples = sample(path, fps)
+        kind = _kind(samples)
+        if first is not None and kind != first:
+            raise RecordingError(
+                f"{path} is unlike {paths[0]}: rig, cameras with their image sizes, particles of object and goal are "
+                f"{kind} here and {first} there; export them apart."
+            )
+        first = kind
+        yield path, samples
+
+
+def _kind(samples: Samples) -> tuple[object, ...]:
+    cameras = {name: (of_one[0].width, of_one[0].height) for name, of_one in sorted(samples.pictures.items())}
+    return samples.episode.rig, cameras, samples.object.shape[1], len(samples.goal)

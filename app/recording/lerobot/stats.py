@@ -1,0 +1,48 @@
+"""What LeRobot normalises with: range, mean, spread and quantiles of each feature, over an episode or all of them."""
+
+from collections.abc import Mapping, Sequence
+from typing import Any, Final, TypeAlias
+
+import cv2
+import numpy as np
+from jaxtyping import Float, UInt8
+
+Stats: TypeAlias = Mapping[str, list[Any]]
+"""Of one feature, as nested lists: `min`, `max`, `mean`, `std` and `q01` to `q99` in its shape, and `count`."""
+
+_QUANTILES: Final = {"q01": 0.01, "q10": 0.10, "q50": 0.50, "q90": 0.90, "q99": 0.99}
+_MOST_IMAGES: Final = 100
+_EVERY_PIXEL: Final = 4
+"""Images are thinned: their mean needs no more."""
+
+
+def of_numbers(values: Float[np.ndarray, "S D"]) -> Stats:
+    """Over the steps, of each component."""
+    return _described(values, len(values))
+
+
+def of_images(images: Sequence[bytes]) -> Stats:
+    """Over steps and pixels, of red, green and blue in 0..1, each of shape (3, 1, 1), as LeRobot wants them."""
+    chosen = np.unique(np.linspace(0, len(images) - 1, min(len(images), _MOST_IMAGES)).round().astype(int))
+    pixels = np.concatenate([_pixels(images[index]) for index in chosen])
+    found = _described(pixels / 255.0, len(chosen))
+    return {name: value if name == "count" else np.reshape(value, (3, 1, 1)).tolist() for name, value in found.items()}
+
+
+def _pixels(jpeg: bytes) -> UInt8[np.ndarray, "P 3"]:
+    image = cv2.imdecode(np.frombuffer(jpeg, np.uint8), cv2.IMREAD_COLOR)
+    if image is None:
+        raise ValueError("an image cannot be decoded")
+    return image[::_EVERY_PIXEL, ::_EVERY_PIXEL, ::-1].reshape(-1, 3)
+
+
+def _described(values: Float[np.ndarray, "S D"], count: int) -> Stats:
+    quantiles = np.quantile(values, list(_QUANTILES.values()), axis=0)
+    return {
+        "min": values.min(0).tolist(),
+        "max": values.max(0).tolist(),
+        "mean": values.mean(0).tolist(),
+        "std": values.std(0).tolist(),
+        "count": [count],
+        **{name: row.tolist() for name, row in zip(_QUANTILES, quantiles, strict=True)},
+    }

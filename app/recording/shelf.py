@@ -1,0 +1,171 @@
+"""A folder of recordings: what each file is, read from its first and last bytes alone."""
+
+import json
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, field
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import Any, Final, Literal, TypeAlias, final
+
+from mcap.reader import make_reader
+from mcap.records import Chunk, Metadata
+from mcap.stream_reader import StreamReader
+
+from app.core.errors import DipacError, RecordingError, UsageError
+from app.core.messages import Fault, Outcome, Transition
+from app.recording.channels import METADATA, topic_of
+from app.recording.integrity import DAMAGE, ends_as_mcap, inspect, starts_as_mcap
+from app.recording.label import LABEL, Label
+from app.recording.lock import held
+
+Condition: TypeAlias = Literal["whole", "recording", "cut off", "unreadable"]
+"""`recording`: somebody is writing it now; `unreadable`: damaged, another program's, or of a newer kind."""
+
+_FIRST_RECORDS: Final = 8
+"""Among so many is the metadata record of a recording that was cut off."""
+_NS: Final = 1e9
+
+
+@final
+@dataclass(frozen=True, kw_only=True)
+class Entry:
+    """One file. What could not be read is empty; `why` then says why.
+
+    `began`: when it was started, in UTC; `duration_s` from its first message to its last; `counts`: messages by topic.
+    """
+
+    path: Path
+    size_bytes: int
+    condition: Condition
+    why: str = ""
+    metadata: Mapping[str, str] = field(default_factory=dict[str, str])
+    began: datetime | None = None
+    duration_s: float = float("nan")
+    counts: Mapping[str, int] = field(default_factory=dict[str, int])
+    label: Label | None = None
+
+    @property
+    def task(self) -> str:
+        """Of what it is a recording."""
+        return self.metadata.get("task", "")
+
+    @property
+    def pushes(self) -> int:
+        """How many actions were made in it, of which the object was seen before and after."""
+        return max(self.counts.get(topic_of(kind), 0) for kind in (Outcome, Transition))
+
+    @property
+    def faults(self) -> int:
+        """How many things went wrong in it."""
+        return self.counts.get(topic_of(Fault), 0)
+
+    @property
+    def demonstration(self) -> bool:
+        """Whether it was made to learn from: by a scripted expert or by hand."""
+        try:
+            config: Any = json.loads(self.metadata.get("config", "{}"))
+        except ValueError:
+            return False
+        return isinstance(config, dict) and bool(config.get("expert") or config.get("demonstration"))
+
+    @property
+    def said(self) -> str:
+        """The verdict of its label."""
+        return self.label.said if self.label and self.label.said != "unlabelled" else ""
+
+    def row(self) -> dict[str, Any]:
+        """It as plain values, for JSON."""
+        return {
+            "path": str(self.path),
+            "condition": self.condition,
+            "why": self.why,
+            "task": self.task,
+            "began": self.began.isoformat(timespec="seconds") if self.began else None,
+            "duration_s": None if self.duration_s != self.duration_s else round(self.duration_s, 3),
+            "size_bytes": self.size_bytes,
+            "pushes": self.pushes,
+            "faults": self.faults,
+            "demonstration": self.demonstration,
+            "label": self.said,
+            "note": self.label.note if self.label else "",
+        }
+
+
+def shelf(places: Iterable[Path]) -> Sequence[Entry]:
+    """The recordings that are named, and those in the folders that are named, oldest first.
+
+    Raises UsageError where there is no such file or folder.
+    """
+    paths = dict[Path, None]()
+    for place in places:
+        if not place.exists():
+            raise UsageError.unknown("recording", str(place), map(str, place.parent.glob("*.mcap")))
+        paths |= dict.fromkeys(sorted(place.rglob("*.mcap")) if place.is_dir() else [place])
+    return sorted((entry(path) for path in paths), key=_age)
+
+
+def entry(path: Path) -> Entry:
+    """What the file is. Raises RecordingError where it has gone or may not be looked at."""
+    try:
+        size_bytes = path.stat().st_size
+        if held(path):
+            return _begun(path, size_bytes, "recording", "")
+        whole = ends_as_mcap(path)
+    except OSError as error:
+        raise RecordingError(f"Cannot read {path} ({error.strerror}); make sure that you may.") from error
+    if not whole and starts_as_mcap(path):
+        return _begun(path, size_bytes, "cut off", f"`dipac recordings recover {path}` makes it whole")
+    try:
+        inspect(path)
+        return _whole(path, size_bytes)
+    except DipacError as error:
+        return Entry(path=path, size_bytes=size_bytes, condition="unreadable", why=str(error))
+
+
+def _whole(path: Path, size_bytes: int) -> Entry:
+    with path.open("rb") as stream:
+        try:
+            reader = make_reader(stream)
+            summary, records = reader.get_summary(), list(reader.iter_metadata())
+            statistics = summary.statistics if summary else None
+            if summary is None or statistics is None:
+                raise ValueError("it has no summary")
+        except DAMAGE as error:
+            raise RecordingError(f"{path} is damaged ({error or type(error).__name__}).") from error
+    metadata = next(dict(record.metadata) for record in records if record.name == METADATA)
+    labels = [Label.read(record.metadata) for record in records if record.name == LABEL]
+    first_ns, last_ns = statistics.message_start_time, statistics.message_end_time
+    return Entry(
+        path=path,
+        size_bytes=size_bytes,
+        condition="whole",
+        metadata=metadata,
+        began=datetime.fromtimestamp(first_ns / _NS, UTC) if statistics.message_count else None,
+        duration_s=(last_ns - first_ns) / _NS,
+        counts={
+            channel.topic: statistics.channel_message_counts.get(channel.id, 0) for channel in summary.channels.values()
+        },
+        label=labels[-1] if labels else None,
+    )
+
+
+def _begun(path: Path, size_bytes: int, condition: Condition, why: str) -> Entry:
+    """One without an end: what its first records say."""
+    metadata, began = dict[str, str](), datetime.fromtimestamp(path.stat().st_mtime, UTC)
+    with path.open("rb") as stream:
+        try:
+            # A garbled length would otherwise be allocated before it is found out.
+            records = StreamReader(stream, emit_chunks=True, record_size_limit=max(size_bytes, 1)).records
+            for _, record in zip(range(_FIRST_RECORDS), records, strict=False):
+                if isinstance(record, Metadata) and record.name == METADATA:
+                    metadata = dict(record.metadata)
+                if isinstance(record, Chunk):
+                    began = datetime.fromtimestamp(record.message_start_time / _NS, UTC)
+                    break
+        except DAMAGE as error:
+            why = why or f"{error or type(error).__name__}"
+    return Entry(path=path, size_bytes=size_bytes, condition=condition, why=why, metadata=metadata, began=began)
+
+
+def _age(entry: Entry) -> tuple[datetime, str]:
+    return entry.began or datetime.min.replace(tzinfo=UTC), str(entry.path)
