@@ -1,6 +1,7 @@
 """What `run` and `console` share: check, open the rig, the console and the recording, and let the flow run."""
 
 import json
+import socket
 import subprocess
 import time
 from collections.abc import AsyncGenerator, AsyncIterator, Generator
@@ -36,6 +37,7 @@ from app.tasks.jobs import check_model, choose_preset, shown_goal
 from app.ui.console import Console, open_console
 from app.ui.desk import Request
 from app.ui.terminal import Output, Terminal, open_terminal
+from app.ui.tls import Tls
 
 Preset = Literal["auto", "cpu", "gpu"]
 
@@ -77,6 +79,23 @@ class Options:
     """at most so many GB of recordings in that folder: an episode that may not fit is refused before it begins"""
     port: int = 8088
     """of the console; 0 takes a free one"""
+    host: str = "127.0.0.1"
+    """where the console is served; another one than loopback needs --tls-cert and --tls-key"""
+    tls_cert: Path | None = None
+    """certificate of the console, a PEM file, for use from other machines"""
+    tls_key: Path | None = None
+    """its key, a PEM file"""
+    tls_name: str | None = None
+    """the host name that it is for; this machine's where none is given"""
+
+    @property
+    def tls(self) -> Tls | None:
+        """The console's certificate, where one is given. Raises UsageError where half of it is."""
+        if self.tls_cert is None and self.tls_key is None:
+            return None
+        if self.tls_cert is None or self.tls_key is None:
+            raise UsageError("--tls-cert and --tls-key belong together; give both, or neither.")
+        return Tls(certificate=self.tls_cert, key=self.tls_key, name=self.tls_name or socket.getfqdn())
 
     def site(self) -> Site:
         """The default site with what the command line may change.
@@ -92,6 +111,7 @@ class Options:
         return Site(
             limits=limits,
             recordings=self.recordings,
+            console_host=self.host,
             console_port=self.port,
             budget_bytes=budget,
         )
@@ -166,6 +186,8 @@ async def episode(order: Order, output: Output) -> Report:
     if options.seed < 0:
         raise UsageError(f"--seed {options.seed} must not be negative.")
     method = order.method
+    if options.tls is not None:
+        options.tls.context()  # What is wrong with its files shall be said now, and not once all has started.
     check_port(site)
     async with Worker("planner", niceness=PLANNER_NICENESS) as planner:
         with output.status("starting the planner's process"):
@@ -174,7 +196,7 @@ async def episode(order: Order, output: Output) -> Report:
         start = await to_thread.run_sync(_start, order, preset)
         async with (
             open_recording(site.recordings, start, _room(site, options.pushes)) as recorder,
-            _cell(task, options.seed, site, output) as (rig, console),
+            _cell(task, options, site, output) as (rig, console),
         ):
             heading = (
                 Text.assemble("Operator console: ", (console.url, "bold"), no_wrap=True),
@@ -221,12 +243,12 @@ def _announced_if_interrupted(output: Output, recording: Path) -> Generator[None
 
 
 @asynccontextmanager
-async def _cell(task: Task, seed: int, site: Site, output: Output) -> AsyncGenerator[tuple[Rig, Console]]:
+async def _cell(task: Task, options: Options, site: Site, output: Output) -> AsyncGenerator[tuple[Rig, Console]]:
     """The simulated rig and its console. The terminal says that they start: it takes seconds."""
     async with AsyncExitStack() as opened:
         with output.status("starting the cell"):
             rig = await opened.enter_async_context(
-                simulated_rig(stage=task.stage, start=task.start(seed), site=site, seed=seed)
+                simulated_rig(stage=task.stage, start=task.start(options.seed), site=site, seed=options.seed)
             )
             console = await opened.enter_async_context(
                 open_console(
@@ -236,6 +258,7 @@ async def _cell(task: Task, seed: int, site: Site, output: Output) -> AsyncGener
                     simulated=rig.simulated,
                     stop=rig.arm.stop,
                     workspace=site.limits.workspace,
+                    tls=options.tls,
                 )
             )
         yield rig, console

@@ -1,4 +1,4 @@
-"""Open the operator console on the simulated cell; every push waits for approval by hand."""
+"""Open the operator console on the simulated cell; every motion waits for approval by hand."""
 
 from pathlib import Path
 from typing import Annotated

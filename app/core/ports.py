@@ -4,6 +4,7 @@ from collections.abc import AsyncIterator, Sequence
 from typing import Protocol
 
 from app.core.approval import Approved
+from app.core.control import Lease
 from app.core.messages import (
     ArmState,
     CameraModel,
@@ -11,6 +12,7 @@ from app.core.messages import (
     Executed,
     Frame,
     Message,
+    Notice,
     ResumeRequest,
     StopRequest,
 )
@@ -102,7 +104,7 @@ class Operator(Protocol):
         """Put a message before the operator. Never blocks."""
         ...
 
-    def requests(self) -> AsyncIterator[Decision | StopRequest | ResumeRequest]:
+    def requests(self) -> AsyncIterator[Decision | StopRequest | ResumeRequest | Lease | Notice]:
         """What the operator asks for, in order."""
         ...
 

@@ -15,6 +15,7 @@ from app.core.announcer import Announcer
 from app.core.approval import ApprovalGate, Approved, automatic_decision, drift
 from app.core.chamfer import chamfer_m2
 from app.core.channel import Latest, Lossless
+from app.core.control import Lease
 from app.core.disk import free_bytes
 from app.core.errors import (
     ApprovalRefused,
@@ -32,6 +33,7 @@ from app.core.messages import (
     Frame,
     Health,
     Model,
+    Notice,
     Particles,
     Proposal,
     ResumeRequest,
@@ -185,6 +187,8 @@ class Flow:
                     self._hold(f"Stopped by {request.operator}.")
                 case ResumeRequest():
                     await self._resume(request)
+                case Lease() | Notice():
+                    pass  # Saying it is all.
 
     async def _resume(self, request: ResumeRequest) -> None:
         try:

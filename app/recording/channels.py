@@ -5,6 +5,7 @@ from types import MappingProxyType
 from typing import Final
 
 from app.core.approval import Approved
+from app.core.control import Lease
 from app.core.doubt import Verdict, Watched
 from app.core.errors import RecordingError
 from app.core.messages import (
@@ -54,6 +55,7 @@ TOPICS: Final[Mapping[type[Message], str]] = MappingProxyType(
         ArmState: "/dipac/arm_state",
         StopRequest: "/dipac/stop_request",
         ResumeRequest: "/dipac/resume_request",
+        Lease: "/dipac/lease",
         Health: "/dipac/health",
         Notice: "/dipac/notice",
         Fault: "/dipac/fault",

@@ -1,8 +1,8 @@
 """Who may come in: the rules of the console's front door, as functions of request headers. Pure.
 
 A page on another site can make the operator's browser send requests here, and a name under an attacker's control can be
-pointed at 127.0.0.1; so a request needs the token (as a cookie), a loopback Host and, where it changes anything, an
-Origin equal to that Host.
+pointed at 127.0.0.1; so a request needs the token (as a cookie), a Host that is one of our names and, where it changes
+anything, an Origin equal to that Host.
 """
 
 import hmac
@@ -16,10 +16,15 @@ LOOPBACK = ("127.0.0.1", "localhost", "::1")
 @final
 @dataclass(frozen=True, kw_only=True)
 class Access:
-    """The key to one console. `cookie` is the name under which the browser keeps the token."""
+    """The key to one console. `cookie` is the name under which the browser keeps the token.
+
+    `names`: those under which the console answers; `secure`: over TLS alone.
+    """
 
     token: str = field(repr=False)
     cookie: str
+    names: tuple[str, ...] = LOOPBACK
+    secure: bool = False
 
     def knows(self, given: str | None) -> bool:
         """Whether `given` is the token; takes equally long for every wrong one."""
@@ -27,30 +32,27 @@ class Access:
 
     def refusal(self, *, host: str, origin: str | None, cookie: str | None, acts: bool) -> str | None:
         """Why this request is refused, or None where it may pass. `acts`: a WebSocket or anything but a GET."""
-        if (said := misdirected(host)) is not None:
-            return said
+        if not self.answers_to(host):
+            return "The console does not answer to this name."
         if origin is None and acts:
             return "The request does not say which page it comes from."
-        if origin is not None and _authority(origin) != host:
+        if origin is not None and self._authority(origin) != host:
             return "The request comes from another page."
         if not self.knows(cookie):
             return "The token is missing or is not the one of this run."
         return None
 
+    def answers_to(self, host: str) -> bool:
+        """Whether a Host header is ours. Any port will do: an SSH tunnel may use another one."""
+        try:
+            return urlsplit(f"//{host}").hostname in self.names
+        except ValueError:
+            return False
 
-def misdirected(host: str) -> str | None:
-    """Why a Host header is refused, or None. Any port will do: an SSH tunnel may use another one."""
-    try:
-        name = urlsplit(f"//{host}").hostname
-    except ValueError:
-        name = None
-    return None if name in LOOPBACK else "The console answers on loopback names alone."
-
-
-def _authority(origin: str) -> str | None:
-    """Host and port of an Origin header, None where it is opaque or malformed."""
-    try:
-        parts = urlsplit(origin)
-    except ValueError:
-        return None
-    return parts.netloc if parts.scheme in ("http", "https") else None
+    def _authority(self, origin: str) -> str | None:
+        """Host and port of an Origin header, None where it is opaque, malformed or of another scheme."""
+        try:
+            parts = urlsplit(origin)
+        except ValueError:
+            return None
+        return parts.netloc if parts.scheme == ("https" if self.secure else "http") else None

@@ -4,8 +4,9 @@ Viser has neither authentication nor an Origin check. Its websocket server calls
 first byte is sent or read; there a connection without our passphrase, a header that only the proxy knows, is closed.
 What an outsider still gets from this port is viser's public client page.
 
-This is the only module that touches viser's private parts (1.1.1): `ViserServer._websock_server` and
-`WebsockServer._live_connections`. Where a later version renames them, starting fails; the door does not open.
+This is the only module that touches viser's private parts (1.1.1): `ViserServer._websock_server`,
+`WebsockServer._live_connections` and `viser._messages.Message`. Where a later version renames them, starting fails; the
+door does not open.
 """
 
 # pyright: reportPrivateUsage=false
@@ -19,6 +20,7 @@ from contextlib import contextmanager, redirect_stdout, suppress
 from typing import Protocol, TextIO, cast, final
 
 import viser
+from viser._messages import Message
 from viser.infra import WebsockClientConnection
 from websockets.exceptions import ConnectionClosed
 
@@ -70,6 +72,15 @@ class _Unshared(viser.ViserServer):
     def request_share_url(self, verbose: bool = True) -> str | None:  # noqa: ARG002 (viser's signature)
         """No tunnel."""
         return None
+
+
+def understood(data: bytes) -> bool:
+    """Whether viser can make a message of what a browser sent."""
+    try:
+        Message.deserialize(data)
+    except Exception:  # Whatever it raises on bytes from outside, it would raise when it reads them.
+        return False
+    return True
 
 
 async def _current_thread() -> int:

@@ -10,6 +10,7 @@ from dataclasses import dataclass, field, replace
 from typing import final
 
 from app.core.approval import Approved
+from app.core.control import Lease
 from app.core.doubt import Verdict, Watched
 from app.core.messages import (
     ArmMode,
@@ -57,6 +58,7 @@ class Board:
     pending: Proposal | None = None
     executed: Executed | None = None
     expected: Points | None = None
+    lease: Lease | None = None
     watched: Watched | None = None
     verdict: Verdict | None = None
     arm: ArmState | None = None
@@ -88,6 +90,11 @@ class Board:
         return None if predicted is self.expected else predicted
 
     @property
+    def holder(self) -> str:
+        """Who has control; empty where nobody has."""
+        return self.lease.holder if self.lease else ""
+
+    @property
     def decidable(self) -> bool:
         """Whether a decision on the pending proposal would mean anything now."""
         return self.pending is not None and not self.stopped and self.fatal is None
@@ -106,7 +113,7 @@ class Board:
             case Health():
                 return replace(self, health=message)
             case Episode():
-                return Board(episode=message, stop_s=self.stop_s, resume_s=self.resume_s)
+                return Board(episode=message, stop_s=self.stop_s, resume_s=self.resume_s, lease=self.lease)
             case Model():
                 known = () if math.isnan(message.loss_m2) else ((message.version, message.loss_m2),)
                 return replace(self, model=message, losses=self.losses + known)
@@ -130,6 +137,8 @@ class Board:
                 return replace(self, stop_s=max(self.stop_s, message.time_s))
             case ResumeRequest():
                 return replace(self, resume_s=max(self.resume_s, message.time_s))
+            case Lease():
+                return replace(self, lease=message)
             case Notice() | Fault():
                 return self._logged(message)
             case _:

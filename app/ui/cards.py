@@ -46,12 +46,26 @@ def _mode(board: Board, now_s: float) -> tuple[str, str, Tone]:
 
 def _to_decide(pending: Proposal) -> str:
     if pending.chosen.origin == "asked":
-        return "This push is for finding out what the model lacks. Rejected, it does not come again."
+        return "This motion is for finding out what the model lacks. Rejected, it does not come again."
     return "Look at the plan, then approve or reject it."
 
 
 def _latest_notice(board: Board) -> str:
     return board.log[-1].text if board.log else "Nothing to decide."
+
+
+def you(name: str) -> str:
+    """What a browser is called."""
+    return f'<div class="dp"><small>You are <b>{escape(name)}</b>.</small></div>'
+
+
+def control(board: Board) -> str:
+    """Who may command; anybody may stop."""
+    if board.holder:
+        said = f"<b>{escape(board.holder)}</b> has control; all others watch."
+    else:
+        said = "Nobody has control; whoever decides first takes it."
+    return f"<div class='dp'><small>{said} STOP is everybody's.</small></div>"
 
 
 def plan(board: Board, now_s: float) -> str:
@@ -71,7 +85,7 @@ def plan(board: Board, now_s: float) -> str:
 
 def _plan_rows(proposal: Proposal, state: str, now_s: float) -> Iterable[tuple[str, str]]:
     best = proposal.chosen
-    squares = f"{proposal.chamfer_m2:.2e} → {words.square(proposal.predicted_chamfer_m2)}"
+    squares = f"{words.square(proposal.chamfer_m2)} → {words.square(proposal.predicted_chamfer_m2)}"
     cost = f"{words.number(best.cost_before)} → {words.number(best.cost_after)}"
     yield "Chamfer, squared", squares
     if math.isfinite(best.cost_after):
@@ -163,9 +177,9 @@ def key() -> str:
     entries = (
         ("", palette.OBSERVED, "observed"),
         ("", palette.GOAL, "goal"),
-        ("", palette.PREDICTED, "after this push"),
+        ("", palette.PREDICTED, "after this motion"),
         ("", palette.HORIZON, "at the horizon"),
-        ("", palette.EXPECTED, "last push, as predicted"),
+        ("", palette.EXPECTED, "last motion, as predicted"),
         ("line", palette.BEST, "plan"),
         ("line", palette.CHEAP, "cheap branch"),
         ("line", palette.DEAR, "costly branch"),

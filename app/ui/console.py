@@ -2,27 +2,30 @@
 
 import asyncio
 import socket
+import ssl
 from collections.abc import AsyncGenerator, AsyncIterator, Callable, Coroutine
 from contextlib import asynccontextmanager
 from functools import partial
 from typing import final
 
 import anyio
+import viser
 from anyio import to_thread
 
 from app.config import Workspace
 from app.core.channel import Lossless
 from app.core.errors import PreflightError
 from app.core.messages import Message
-from app.ui import proxy
+from app.ui import cards, proxy
 from app.ui.access import LOOPBACK, Access
-from app.ui.backstage import Backstage
+from app.ui.backstage import Backstage, understood
 from app.ui.board import Board
 from app.ui.desk import Desk, Request
 from app.ui.page import Page
 from app.ui.painter import Painter
 from app.ui.panel import Panel
 from app.ui.scene import Scene
+from app.ui.tls import Tls
 
 _REQUESTS_BOUND = 1000
 
@@ -56,17 +59,19 @@ async def open_console(
     simulated: bool,
     stop: Callable[[], None],
     workspace: Workspace | None = None,
+    tls: Tls | None = None,
 ) -> AsyncGenerator[Console]:
     """A console that serves until the block is left.
 
     `stop` tells the arm to stop: it is called from other threads than the caller's and must not block. `port` 0 takes
-    a free one. Raises PreflightError where the port is taken or `host` is not a loopback address.
+    a free one. Raises PreflightError where the port is taken, or `host` is no loopback address and there is no `tls`.
     """
-    if host not in LOOPBACK:
+    if host not in LOOPBACK and tls is None:
         raise PreflightError(
-            f"The console is served on loopback alone, not on {host!r}; to see it from another machine use "
-            f"`ssh -L {port}:127.0.0.1:{port}`."
+            f"Without TLS the console is served on loopback alone, not on {host!r}; to see it from another machine use "
+            f"`ssh -L {port}:127.0.0.1:{port}`, or give --tls-cert and --tls-key."
         )
+    context = tls.context() if tls else None
     try:
         listening = proxy.listen(host, port)
     except OSError as error:
@@ -77,24 +82,42 @@ async def open_console(
     post = partial(asyncio.get_running_loop().call_soon_threadsafe, requests.put_nowait)
     desk = Desk(stop=stop, post=post)
     with listening:
-        async with _serving(listening, desk, Page(title=title, simulated=simulated), workspace or Workspace()) as url:
+        page = Page(title=title, simulated=simulated)
+        async with _serving(listening, desk, page, workspace or Workspace(), tls, context) as url:
             yield Console(url=url, desk=desk, requests=requests)
 
 
 @asynccontextmanager
-async def _serving(listening: socket.socket, desk: Desk, page: Page, workspace: Workspace) -> AsyncGenerator[str]:
+async def _serving(
+    listening: socket.socket,
+    desk: Desk,
+    page: Page,
+    workspace: Workspace,
+    tls: Tls | None,
+    context: ssl.SSLContext | None,
+) -> AsyncGenerator[str]:
     """Viser, the painter and the proxy, started in this order and closed in the opposite one; yields the URL."""
     host, port = listening.getsockname()[:2]
-    access = Access(token=proxy.fresh_secret(), cookie=f"dipac_{port}")
+    names = (*LOOPBACK, tls.name) if tls else LOOPBACK
+    access = Access(token=proxy.fresh_secret(), cookie=f"dipac_{port}", names=names, secure=tls is not None)
     passphrase = proxy.fresh_secret()
     backstage = await to_thread.run_sync(lambda: Backstage(label=page.title, passphrase=passphrase))
     try:
         painter = await to_thread.run_sync(_set_scene, backstage, desk, workspace)
-        front = proxy.Proxy(access=access, page=page, viser_port=backstage.port, passphrase=passphrase, stop=desk.stop)
+        front = proxy.Proxy(
+            access=access,
+            page=page,
+            viser_port=backstage.port,
+            passphrase=passphrase,
+            stop=desk.stop,
+            understood=understood,
+            refused=desk.turned_away,
+        )
         try:
-            await _over_there(front.start(listening), backstage)
+            await _over_there(front.start(listening, context), backstage)
             painter.start()
-            yield f"http://{f'[{host}]' if ':' in host else host}:{port}/?token={access.token}"
+            address = tls.name if tls else f"[{host}]" if ":" in host else host
+            yield f"{'https' if tls else 'http'}://{address}:{port}/?token={access.token}"
         finally:
             with anyio.CancelScope(shield=True):
                 await to_thread.run_sync(painter.close)
@@ -106,6 +129,7 @@ async def _serving(listening: socket.socket, desk: Desk, page: Page, workspace: 
 
 def _set_scene(backstage: Backstage, desk: Desk, workspace: Workspace) -> Painter:
     """Furnish the server, and say who repaints it."""
+    _greet(backstage.server, desk)
     scene = Scene(backstage.server, workspace)
     panel = Panel(backstage.server, desk, scene)
 
@@ -115,6 +139,16 @@ def _set_scene(backstage: Backstage, desk: Desk, workspace: Workspace) -> Painte
             panel.paint(board, now_s)
 
     return Painter(desk, paint)
+
+
+def _greet(server: viser.ViserServer, desk: Desk) -> None:
+    """Tell each browser who it is, as control and records name it; and the desk when it leaves."""
+
+    def came(client: viser.ClientHandle) -> None:
+        client.gui.add_html(cards.you(f"client {client.client_id}"), order=-1.0)
+
+    server.on_client_connect(came)
+    server.on_client_disconnect(lambda client: desk.left(f"client {client.client_id}"))
 
 
 async def _over_there(coroutine: Coroutine[None, None, None], backstage: Backstage) -> None:

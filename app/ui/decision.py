@@ -1,4 +1,4 @@
-"""Approve, Reject and Resume.
+"""Approve, Reject and Resume, and who may press them.
 
 Every proposal gets buttons of its own, made when it appears and removed when it is gone. A press is therefore a
 decision on the plan that was on that browser's screen, however late it arrives: removed buttons have no effect.
@@ -9,6 +9,7 @@ from typing import Any, final
 import viser
 
 from app.core.messages import Proposal
+from app.ui import cards
 from app.ui.board import Board
 from app.ui.desk import Desk
 
@@ -25,6 +26,7 @@ class DecisionForm:
         self._desk = desk
         self._resume = gui.add_button("Resume", color="orange", icon=viser.Icon.PLAYER_PLAY, visible=False)
         self._resume.on_click(lambda event: desk.resume(operator(event)))
+        self._control = Control(gui, desk)
         self._place = gui.add_folder(None)
         self._shown_s = 0.0
         self._build(None)
@@ -33,6 +35,7 @@ class DecisionForm:
         """Buttons for what can be decided now."""
         if self._resume.visible != board.stopped:
             self._resume.visible = board.stopped
+        self._control.paint(board)
         if board.pending is not self._proposal:
             for widget in (self._mark, self._approve, self._form):
                 widget.remove()
@@ -48,7 +51,7 @@ class DecisionForm:
         with self._place:
             self._mark = self._gui.add_html('<i class="dp-next-is-large"></i>')
             self._approve = self._gui.add_button(
-                "Approve this push", color="green", icon=viser.Icon.CHECK, disabled=True
+                "Approve this motion", color="green", icon=viser.Icon.CHECK, disabled=True
             )
             self._form = self._gui.add_form(None)
             with self._form:
@@ -67,6 +70,25 @@ class DecisionForm:
 
     def _decide(self, proposal: Proposal, event: viser.GuiEvent[Any], *, approve: bool, reason: str) -> None:
         self._desk.decide(proposal, approve=approve, operator=operator(event), reason=reason)
+
+
+@final
+class Control:
+    """Who has control, and the buttons to take it and to give it back."""
+
+    def __init__(self, gui: viser.GuiApi, desk: Desk) -> None:
+        self._held = gui.add_html("")
+        self._take = gui.add_button("Take control", icon=viser.Icon.HAND_GRAB, color="gray")
+        self._give = gui.add_button("Release control", icon=viser.Icon.HAND_OFF, color="gray", visible=False)
+        self._take.on_click(lambda event: desk.take(operator(event)))
+        self._give.on_click(lambda event: desk.release(operator(event)))
+
+    def paint(self, board: Board) -> None:
+        """Say who has it."""
+        content = cards.control(board)
+        if content != self._held.content:
+            self._held.content = content
+            self._give.visible = bool(board.holder)
 
 
 def operator(event: viser.GuiEvent[Any]) -> str:

@@ -4,15 +4,25 @@ Everything here is short and under one lock; nothing waits. STOP reaches the arm
 before anything else is done.
 """
 
+import math
 import threading
 import time
 from collections.abc import Callable
 from typing import TypeAlias, final
 
-from app.core.messages import Decision, Message, Proposal, ResumeRequest, StopRequest, fresh_id
+from app.core.control import Lease
+from app.core.messages import Decision, Message, Notice, Proposal, ResumeRequest, StopRequest, fresh_id
 from app.ui.board import Board
+from app.ui.pace import Pace
 
-Request: TypeAlias = Decision | StopRequest | ResumeRequest
+Request: TypeAlias = Decision | StopRequest | ResumeRequest | Lease | Notice
+"""What goes from the console to the program; a notice is of something that the console saw, for the record."""
+
+_REFUSALS_EVERY_S = 10.0
+"""Somebody who knocks a thousand times is one line."""
+_COMMANDS_HZ, _COMMANDS_AT_ONCE = 2.0, 10.0
+_IDLE_S = 60.0
+"""Control that was not used for so long may be taken by another."""
 
 
 @final
@@ -35,6 +45,9 @@ class Desk:
         self._lock = threading.Lock()
         self._board = Board()
         self.changed = threading.Event()
+        self._turned_away: dict[str, int] = {}
+        self._told_s = self._used_s = -math.inf
+        self._paces: dict[str, Pace] = {}
 
     @property
     def board(self) -> Board:
@@ -61,7 +74,7 @@ class Desk:
     def resume(self, operator: str) -> None:
         """Ask to go on; ignored where nothing is stopped."""
         with self._lock:
-            if self._board.stopped:
+            if self._board.stopped and self._may(operator):
                 self._issue(ResumeRequest(id=fresh_id("resume"), time_s=self.now(), operator=operator))
 
     def decide(self, proposal: Proposal, *, approve: bool, operator: str, reason: str = "") -> None:
@@ -78,10 +91,74 @@ class Desk:
         )
         with self._lock:
             pending = self._board.pending
-            if self._board.decidable and pending is not None and pending.id == proposal.id:
+            if self._board.decidable and pending is not None and pending.id == proposal.id and self._may(operator):
                 self._issue(decision)
+
+    def take(self, operator: str) -> None:
+        """Take control, where nobody else uses it."""
+        with self._lock:
+            holder = self._board.holder
+            if holder == operator:
+                return
+            idle_s = self.now() - self._used_s
+            if holder and idle_s < _IDLE_S:
+                self._notice(
+                    "control", f"{operator} cannot take control: {holder} has it, and used it {idle_s:.0f} s ago."
+                )
+            else:
+                self._lend(operator, f"from {holder}, who did not use it" if holder else "nobody had it")
+
+    def release(self, operator: str) -> None:
+        """Give control back."""
+        with self._lock:
+            if self._board.holder == operator:
+                self._lend("", f"{operator} gave it back")
+
+    def left(self, operator: str) -> None:
+        """A browser has gone, and control with it."""
+        with self._lock:
+            self._paces.pop(operator, None)
+            if self._board.holder == operator:
+                self._lend("", f"{operator} has left")
+
+    def _may(self, operator: str) -> bool:
+        """Whether `operator` may command now. Where nobody has control, whoever commands takes it."""
+        now_s = self.now()
+        pace = self._paces.setdefault(operator, Pace(now_s, steady_hz=_COMMANDS_HZ, burst=_COMMANDS_AT_ONCE))
+        if not pace.allows(now_s):
+            self._notice("control", f"{operator} sends commands too fast; one was ignored.")
+            return False
+        if self._board.holder not in ("", operator):
+            self._notice("control", f"{operator} has no control; {self._board.holder} has. Take it first.")
+            return False
+        if not self._board.holder:
+            self._lend(operator, "nobody had it")
+        self._used_s = now_s
+        return True
+
+    def _lend(self, holder: str, why: str) -> None:
+        self._used_s = self.now()
+        self._issue(Lease(id=fresh_id("lease"), time_s=self.now(), holder=holder, why=why))
+
+    def _notice(self, where: str, text: str) -> None:
+        """Something for everybody to read, which the program puts on record."""
+        self._post(Notice(id=fresh_id("notice"), time_s=self.now(), where=where, text=text))
+
+    def turned_away(self, why: str) -> None:
+        """Count somebody who was refused at the door; say so now and then."""
+        with self._lock:
+            self._turned_away[why] = self._turned_away.get(why, 0) + 1
+            if self.now() - self._told_s < _REFUSALS_EVERY_S:
+                return
+            told = "; ".join(f"{text.rstrip('.')}, {_times(count)}" for text, count in self._turned_away.items())
+            self._turned_away, self._told_s = {}, self.now()
+            self._notice("door", f"Somebody was refused. {told}.")
 
     def _issue(self, request: Request) -> None:
         self._board = self._board.after(request)
         self._post(request)
         self.changed.set()
+
+
+def _times(count: int) -> str:
+    return "once" if count == 1 else f"{count} times"

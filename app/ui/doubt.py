@@ -46,7 +46,7 @@ def _state(seen: Watched) -> tuple[str, str]:
 
 
 def _watch_rows(seen: Watched) -> Iterable[tuple[str, str]]:
-    yield "Last push, off by", f"{_mm(seen.error_m)} <small>of {_mm(seen.moved_m)} moved</small>"
+    yield "Last motion, off by", f"{_mm(seen.error_m)} <small>of {_mm(seen.moved_m)} moved</small>"
     if math.isfinite(seen.promised_m):
         yield "The model promised", _mm(seen.promised_m)
     if seen.state != "learning":

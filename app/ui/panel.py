@@ -92,8 +92,8 @@ class Panel:
         for label, show, shown in (
             ("Observed", scene.observed.show, True),
             ("Goal", scene.goal.show, True),
-            ("After this push", scene.predicted.show, True),
-            ("Last push, as predicted", scene.expected.show, True),
+            ("After this motion", scene.predicted.show, True),
+            ("Last motion, as predicted", scene.expected.show, True),
             ("At the horizon", scene.horizon.show, False),
             ("Other branches", scene.paths.show_branches, True),
             ("Cameras", scene.show_cameras, True),

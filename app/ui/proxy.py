@@ -6,6 +6,8 @@ It runs on viser's own event loop and thread, so that STOP gets through while th
 import re
 import secrets
 import socket
+import ssl
+import time
 from collections.abc import Awaitable, Callable
 from typing import Literal, final
 
@@ -15,6 +17,8 @@ from aiohttp import web
 
 from app.ui.access import Access
 from app.ui.backstage import PROXY_HEADER
+from app.ui.doorkeeper import BURST, STEADY_HZ, refusal
+from app.ui.pace import Pace
 from app.ui.page import ASSETS, ENTERING, Page, refused
 
 Handler = Callable[[web.Request], Awaitable[web.StreamResponse]]
@@ -22,6 +26,10 @@ Handler = Callable[[web.Request], Awaitable[web.StreamResponse]]
 _BROWSER_MESSAGE_BYTES = 4 * 2**20
 _HEARTBEAT_S = 20.0
 _RELAY_CHUNK_BYTES = 64 * 1024
+_MOST_BROWSERS, _MOST_REQUESTS = 16, 64
+"""At a time. A page of viser's asks for about ten files at once."""
+_REFUSED = 1008
+"""WebSocket: policy violation."""
 _HEADERS = {
     "Cache-Control": "no-store",
     "Content-Security-Policy": "frame-ancestors 'none'; form-action 'none'; base-uri 'none'; "
@@ -37,9 +45,22 @@ class Proxy:
     """Serves one viser server on one listening socket. Start and close it on the loop it is to live on.
 
     `stop` is called with the operator's name in the handler of the STOP request itself; it must not block.
+    `understood`: whether viser can make something of a message; `refused` hears why somebody was turned away.
     """
 
-    def __init__(self, *, access: Access, page: Page, viser_port: int, passphrase: str, stop: Callable[[str], None]):
+    def __init__(
+        self,
+        *,
+        access: Access,
+        page: Page,
+        viser_port: int,
+        passphrase: str,
+        stop: Callable[[str], None],
+        understood: Callable[[bytes], bool],
+        refused: Callable[[str], None],
+    ) -> None:
+        self._understood, self._refused = understood, refused
+        self._browsers = self._requests = 0
         self._access = access
         self._page = page
         self._viser = f"127.0.0.1:{viser_port}"
@@ -49,7 +70,7 @@ class Proxy:
         self._runner: web.AppRunner | None = None
         self._html = b""
 
-    async def start(self, listening: socket.socket) -> None:
+    async def start(self, listening: socket.socket, tls: ssl.SSLContext | None = None) -> None:
         """Fetch viser's page and serve it, ours around it."""
         self._session = aiohttp.ClientSession(auto_decompress=False, headers={PROXY_HEADER: self._passphrase})
         async with self._session.get(f"http://{self._viser}/", headers={"Accept-Encoding": "identity"}) as reply:
@@ -61,7 +82,7 @@ class Proxy:
         application.router.add_get("/{path:.*}", self._relay_http)
         self._runner = web.AppRunner(application, access_log=None, shutdown_timeout=1.0)
         await self._runner.setup()
-        await web.SockSite(self._runner, listening).start()
+        await web.SockSite(self._runner, listening, ssl_context=tls).start()
 
     async def close(self) -> None:
         """Stop serving and hang up."""
@@ -78,10 +99,18 @@ class Proxy:
         origin = request.headers.get("Origin")
         if request.method == "GET" and not acts and self._access.knows(request.query.get("token")):
             cookie = self._access.token
-        refusal = self._access.refusal(host=request.host, origin=origin, cookie=cookie, acts=acts)
-        if refusal is not None:
-            return web.Response(status=403, text=refused(refusal), content_type="text/html", headers=_HEADERS)
-        return await handler(request)
+        why = self._access.refusal(host=request.host, origin=origin, cookie=cookie, acts=acts)
+        if why is not None:
+            self._refused(why)
+            return web.Response(status=403, text=refused(why), content_type="text/html", headers=_HEADERS)
+        if self._requests >= _MOST_REQUESTS and request.path != "/stop":
+            self._refused("Too many requests at a time.")
+            return web.Response(status=503, text="Too many requests at a time.", headers=_HEADERS)
+        self._requests += 1
+        try:
+            return await handler(request)
+        finally:
+            self._requests -= 1
 
     async def _enter(self, request: web.Request) -> web.StreamResponse:
         """The page, its websocket, or the step from the printed URL to the page."""
@@ -91,7 +120,14 @@ class Proxy:
             return web.Response(body=self._html, content_type="text/html", charset="utf-8", headers=_HEADERS)
         # A page, not a redirect: after a link from elsewhere a redirect would not carry a SameSite=Strict cookie.
         entering = web.Response(text=ENTERING, content_type="text/html", headers=_HEADERS)
-        entering.set_cookie(self._access.cookie, self._access.token, httponly=True, samesite="Strict", path="/")
+        entering.set_cookie(
+            self._access.cookie,
+            self._access.token,
+            httponly=True,
+            samesite="Strict",
+            path="/",
+            secure=self._access.secure,
+        )
         return entering
 
     async def _press_stop(self, request: web.Request) -> web.StreamResponse:
@@ -118,18 +154,51 @@ class Proxy:
     async def _relay_websocket(self, request: web.Request) -> web.StreamResponse:
         """Both ways until either side hangs up; each direction waits for its receiver."""
         assert self._session is not None
+        if self._browsers >= _MOST_BROWSERS:
+            self._refused("Too many browsers at a time.")
+            return web.Response(status=503, text="Too many browsers at a time.", headers=_HEADERS)
+        self._browsers += 1
+        self._requests -= 1  # From now on it counts as a browser, for as long as the page is open.
+        try:
+            return await self._joined(request, self._session)
+        finally:
+            self._browsers -= 1
+            self._requests += 1
+
+    async def _joined(self, request: web.Request, session: aiohttp.ClientSession) -> web.StreamResponse:
         offered = re.split(r",\s*", request.headers.get("Sec-WebSocket-Protocol", ""))
-        async with self._session.ws_connect(f"ws://{self._viser}/", protocols=offered, max_msg_size=0) as viser:
+        async with session.ws_connect(f"ws://{self._viser}/", protocols=offered, max_msg_size=0) as viser:
             browser = web.WebSocketResponse(
                 protocols=offered, max_msg_size=_BROWSER_MESSAGE_BYTES, heartbeat=_HEARTBEAT_S, compress=False
             )
             await browser.prepare(request)
             async with anyio.create_task_group() as directions:
                 directions.start_soon(_pump, viser, browser, directions.cancel_scope)
-                directions.start_soon(_pump, browser, viser, directions.cancel_scope)
+                directions.start_soon(self._hear, browser, viser, directions.cancel_scope)
             with anyio.CancelScope(shield=True), anyio.move_on_after(1.0):
                 await browser.close()
         return browser
+
+    async def _hear(
+        self, browser: web.WebSocketResponse, viser: aiohttp.ClientWebSocketResponse, hang_up: anyio.CancelScope
+    ) -> None:
+        """Pass on what a browser may say, as fast as it may; at the first other word, hang up."""
+        pace = Pace(time.monotonic(), steady_hz=STEADY_HZ, burst=BURST)
+        try:
+            async for message in browser:
+                why = "it is no message"
+                if message.type is aiohttp.WSMsgType.BINARY:
+                    why = refusal(message.data, self._understood)
+                if why is not None:
+                    self._refused(f"A message through the websocket was refused: {why}.")
+                    await browser.close(code=_REFUSED, message=why.encode())
+                    break
+                await viser.send_bytes(message.data)
+                await anyio.sleep(pace.wait_s(time.monotonic()))
+        except ConnectionError:
+            # Either side hung up in the middle of a message, as a closed tab does.
+            pass
+        hang_up.cancel()
 
 
 Socket = aiohttp.ClientWebSocketResponse | web.WebSocketResponse

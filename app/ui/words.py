@@ -6,6 +6,7 @@ from app.core.messages import Proposal
 
 NOTHING = "\N{EN DASH}"
 """Shown where there is no number yet."""
+_HUNDRED = 99.95
 
 
 def duration(seconds: float) -> str:
@@ -31,13 +32,18 @@ def millimetres(chamfer_m2: float) -> float:
 
 
 def square(chamfer_m2: float) -> str:
-    """A squared distance with its unit, for example `1.23e-04 m²`."""
-    return f"{chamfer_m2:.2e} m²" if math.isfinite(chamfer_m2) else NOTHING
+    """A squared distance with its unit, for example `123 mm²`."""
+    return f"{_rounded(1e6 * chamfer_m2)} mm²" if math.isfinite(chamfer_m2) else NOTHING
 
 
 def number(value: float) -> str:
     """Three significant digits."""
     return f"{value:.3g}" if math.isfinite(value) else NOTHING
+
+
+def _rounded(value: float) -> str:
+    """Three significant digits, and all before the point."""
+    return f"{value:.0f}" if abs(value) >= _HUNDRED else f"{value:.3g}"
 
 
 def size(count: int) -> str:

@@ -11,6 +11,7 @@ import pytest
 from anyio.from_thread import start_blocking_portal
 from playwright.sync_api import Page, sync_playwright
 
+from app.core.control import Lease
 from app.ui import Console, open_console
 from app.ui.desk import Request
 from tests.ui import synthetic
@@ -39,9 +40,12 @@ class Served:
     heard: threading.Semaphore = field(default_factory=lambda: threading.Semaphore(0))
 
     def next_request(self) -> Request:
-        """The next request that has not been taken yet."""
-        assert self.heard.acquire(timeout=20), "The console sent no request."
-        return self.requests.pop(0)
+        """The next request that has not been taken yet, without who took control for it."""
+        while True:
+            assert self.heard.acquire(timeout=20), "The console sent no request."
+            request = self.requests.pop(0)
+            if not isinstance(request, Lease):
+                return request
 
 
 @pytest.fixture

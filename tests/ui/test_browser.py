@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from playwright.sync_api import Page, expect
 
-from app.core.messages import Decision, ResumeRequest, StopRequest
+from app.core.messages import Decision, Notice, ResumeRequest, StopRequest
 from app.ui import palette
 from tests.ui import synthetic
 from tests.ui.conftest import Served
@@ -18,7 +18,7 @@ from tests.ui.test_doubt import VERDICT, WATCHED, WRONG
 pytestmark = pytest.mark.browser
 
 SECONDS = 1000
-APPROVE, REJECT, RESUME, STOP = "Approve this push", "Reject and plan again", "Resume", "STOP"
+APPROVE, REJECT, RESUME, STOP = "Approve this motion", "Reject and plan again", "Resume", "STOP"
 
 
 def pixels(page: Page, colour: palette.Colour) -> int:
@@ -125,3 +125,30 @@ def test_the_verdict_and_what_the_watch_says_are_seen_and_the_asked_push_is_appr
     served.console.show(WRONG)
     expect(page.get_by_text("it seems since push 5")).to_be_visible()
     expect(page.get_by_text(WRONG.advice)).to_be_visible()
+
+
+def test_one_browser_has_control_the_others_watch_and_may_stop(served: Served, browser_page: Page) -> None:
+    first = opened(browser_page, served)
+    second = first.context.new_page()
+    second.goto(served.console.url)
+    expect(first.get_by_text("You are client 0.")).to_be_visible()
+    expect(second.get_by_text("You are client 1.")).to_be_visible()
+
+    second.get_by_role("button", name="Take control").click()
+    expect(first.get_by_text("client 1 has control")).to_be_visible()
+    first.get_by_role("button", name=APPROVE).click()
+    refused = served.next_request()
+    assert isinstance(refused, Notice)
+    assert refused.text == "client 0 has no control; client 1 has. Take it first."
+
+    first.get_by_role("button", name=STOP).click()
+    assert served.stopped.wait(10)
+    assert isinstance(served.next_request(), StopRequest)
+
+    second.close()
+    expect(first.get_by_text("Nobody has control")).to_be_visible()
+    first.get_by_role("button", name=RESUME).click()
+    assert isinstance(served.next_request(), ResumeRequest)
+    expect(first.get_by_text("client 0 has control")).to_be_visible()
+    first.get_by_role("button", name="Release control").click()
+    expect(first.get_by_text("Nobody has control")).to_be_visible()

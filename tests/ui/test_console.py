@@ -16,6 +16,7 @@ import viser
 from aiohttp import web
 from yarl import URL
 
+from app.core.control import Lease
 from app.core.errors import PreflightError
 from app.core.messages import Decision, StopRequest
 from app.ui import Console, open_console
@@ -249,8 +250,8 @@ async def test_requests_come_in_the_order_of_the_presses():
         assert await anyio.to_thread.run_sync(press_stop, it.url) == 200
         requests = it.console.requests()
         with anyio.fail_after(20):
-            kinds = [type(await anext(requests)) for _ in range(2)]
-        assert kinds == [Decision, StopRequest]
+            kinds = [type(await anext(requests)) for _ in range(3)]
+        assert kinds == [Lease, Decision, StopRequest]
 
 
 async def test_a_client_that_does_not_read_makes_the_sender_wait_instead_of_filling_memory():
@@ -283,6 +284,8 @@ async def test_a_client_that_does_not_read_makes_the_sender_wait_instead_of_fill
         viser_port=listening.getsockname()[1],
         passphrase="p",
         stop=lambda operator: None,
+        understood=lambda data: True,
+        refused=lambda why: None,
     )
     front = listen("127.0.0.1", 0)
     await proxy.start(front)

@@ -4,7 +4,8 @@ import itertools
 import threading
 from concurrent.futures import ThreadPoolExecutor
 
-from app.core.messages import Decision, ResumeRequest, StopRequest
+from app.core.control import Lease
+from app.core.messages import Decision, Notice, ResumeRequest, StopRequest
 from app.ui.desk import Desk, Request
 from tests.ui import synthetic
 
@@ -23,7 +24,17 @@ class Program:
 
     @property
     def requests(self) -> list[Request]:
-        return [entry for entry in self.heard if not isinstance(entry, str)]
+        """What was asked of the program, without who took control for it."""
+        return [entry for entry in self.heard if not isinstance(entry, str | Lease)]
+
+    @property
+    def said(self) -> list[str]:
+        """Who got control and why, and what was refused."""
+        return [
+            f"{entry.holder or 'nobody'}: {entry.why}" if isinstance(entry, Lease) else entry.text
+            for entry in self.heard
+            if isinstance(entry, Lease | Notice)
+        ]
 
 
 def test_a_press_on_stop_reaches_the_arm_first_and_in_its_own_thread():
@@ -114,3 +125,80 @@ def test_of_many_simultaneous_decisions_one_counts():
     with ThreadPoolExecutor(16) as clients:
         list(clients.map(press, range(16)))
     assert len(program.requests) == 1
+
+
+def decided(program: Program) -> list[str]:
+    return [request.operator for request in program.requests if isinstance(request, Decision)]
+
+
+def test_whoever_commands_first_takes_control_and_nobody_else_may_command_then():
+    program = Program()
+    program.desk.show(PROPOSAL)
+    program.desk.stop("client 2")
+    program.desk.resume("client 0")
+    program.desk.decide(PROPOSAL, approve=True, operator="client 1")
+    assert decided(program) == []
+    program.desk.decide(PROPOSAL, approve=True, operator="client 0")
+    assert decided(program) == ["client 0"]
+    assert program.said == ["client 0: nobody had it", "client 1 has no control; client 0 has. Take it first."]
+
+
+def test_everybody_may_stop_whoever_has_control():
+    program = Program()
+    program.desk.take("client 0")
+    program.desk.stop("client 1")
+    assert program.heard.count("arm stopped") == 1
+    assert isinstance(program.requests[-1], StopRequest)
+    program.desk.resume("client 1")
+    assert isinstance(program.requests[-1], Notice)
+    assert program.desk.board.stopped
+
+
+def test_control_is_given_back_left_behind_or_taken_from_who_does_not_use_it():
+    now_s = 0.0
+    program = Program()
+    program.desk.now = lambda: now_s
+    program.desk.take("client 0")
+    program.desk.take("client 1")
+    program.desk.release("client 1")
+    assert program.desk.board.holder == "client 0"
+    program.desk.release("client 0")
+    program.desk.take("client 1")
+    program.desk.left("client 0")
+    assert program.desk.board.holder == "client 1"
+    program.desk.left("client 1")
+    assert program.desk.board.holder == ""
+    program.desk.take("client 2")
+    now_s = 59.0
+    program.desk.take("client 3")
+    assert program.desk.board.holder == "client 2"
+    now_s = 61.0
+    program.desk.take("client 3")
+    assert program.desk.board.holder == "client 3"
+    assert program.said[1] == "client 1 cannot take control: client 0 has it, and used it 0 s ago."
+    assert program.said[-1] == "client 3: from client 2, who did not use it"
+
+
+def test_commands_come_no_faster_than_a_person_presses_and_stop_as_fast_as_it_is_pressed():
+    program, ticks = Program(), itertools.count()
+    program.desk.now = lambda: 1e-6 * next(ticks)
+    for _ in range(50):
+        program.desk.stop("client 0")
+        program.desk.resume("client 0")
+    assert program.heard.count("arm stopped") == 50
+    assert sum(isinstance(request, ResumeRequest) for request in program.requests) == 10
+    assert "client 0 sends commands too fast; one was ignored." in program.said
+
+
+def test_who_is_turned_away_a_thousand_times_is_one_line():
+    now_s = 0.0
+    program = Program()
+    program.desk.now = lambda: now_s
+    for _ in range(1000):
+        program.desk.turned_away("The token is wrong.")
+    now_s = 11.0
+    program.desk.turned_away("Too many browsers at a time.")
+    assert program.said == [
+        "Somebody was refused. The token is wrong, once.",
+        "Somebody was refused. The token is wrong, 999 times; Too many browsers at a time, once.",
+    ]

@@ -1,0 +1,26 @@
+"""How fast somebody may go: a bucket of permits that fills up steadily. Pure; whoever calls owns the clock."""
+
+from typing import final
+
+
+@final
+class Pace:
+    """`steady_hz` a second for as long as one likes, `burst` at once after a pause."""
+
+    def __init__(self, now_s: float, *, steady_hz: float, burst: float) -> None:
+        self._steady_hz, self._burst = steady_hz, burst
+        self._left, self._last_s = burst, now_s
+
+    def wait_s(self, now_s: float) -> float:
+        """Count one; how long to wait before the next [s]."""
+        self._left = min(self._burst, self._left + (now_s - self._last_s) * self._steady_hz) - 1.0
+        self._last_s = now_s
+        return max(0.0, -self._left / self._steady_hz)
+
+    def allows(self, now_s: float) -> bool:
+        """Whether one more is within the pace; it counts where it is."""
+        self._left = min(self._burst, self._left + (now_s - self._last_s) * self._steady_hz)
+        self._last_s = now_s
+        allowed = self._left >= 1.0
+        self._left -= float(allowed)
+        return allowed

@@ -1,0 +1,32 @@
+"""The certificate with which the console is served to other machines."""
+
+import ssl
+from dataclasses import dataclass
+from pathlib import Path
+from typing import final
+
+from app.core.errors import PreflightError
+
+
+@final
+@dataclass(frozen=True, kw_only=True)
+class Tls:
+    """A certificate with its key, in PEM files; `name`: the host name that it is for, under which people come."""
+
+    certificate: Path
+    key: Path
+    name: str
+
+    def context(self) -> ssl.SSLContext:
+        """For a server, TLS 1.2 or newer. Raises PreflightError where the files are not there or do not fit."""
+        context = ssl.SSLContext(ssl.PROTOCOL_TLS_SERVER)
+        context.minimum_version = ssl.TLSVersion.TLSv1_2
+        try:
+            context.load_cert_chain(self.certificate, self.key)
+        except (OSError, ssl.SSLError) as error:
+            why = error.strerror or str(error)
+            raise PreflightError(
+                f"Cannot serve with --tls-cert {self.certificate} and --tls-key {self.key} ({why}); give a certificate "
+                "and its key without a passphrase, as PEM files."
+            ) from error
+        return context

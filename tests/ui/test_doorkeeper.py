@@ -1,0 +1,91 @@
+"""What a browser may say: what viser's page says, and nothing else."""
+
+import math
+
+import msgspec
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from app.ui.backstage import understood
+from app.ui.doorkeeper import BURST, SPOKEN, STEADY_HZ, refusal
+from app.ui.pace import Pace
+
+CLICK = {"type": "GuiUpdateMessage", "uuid": "abc", "updates": {"value": True}}
+CAMERA = {
+    "type": "ViewerCameraMessage",
+    "wxyz": [1.0, 0.0, 0.0, 0.0],
+    "position": [0.0, 0.0, 1.0],
+    "fov": 1.0,
+    "near": 0.01,
+    "far": 1000.0,
+    "image_height": 900,
+    "image_width": 1600,
+    "look_at": [0.0, 0.0, 0.0],
+    "up_direction": [0.0, 0.0, 1.0],
+}
+
+
+def heard(said: object) -> str | None:
+    return refusal(msgspec.msgpack.encode(said), understood)
+
+
+@pytest.mark.parametrize("said", [CLICK, CAMERA], ids=["click", "camera"])
+def test_what_the_page_says_is_passed_on(said: dict[str, object]) -> None:
+    assert heard(said) is None
+
+
+@pytest.mark.parametrize("kind", sorted(SPOKEN))
+def test_all_that_may_be_said_is_known_to_viser(kind: str) -> None:
+    import viser._messages
+
+    assert issubclass(getattr(viser._messages, kind), viser._messages.Message)
+
+
+@pytest.mark.parametrize(
+    "kind", ["ShareUrlRequest", "RunJavascriptMessage", "GuiModalMessage", "os.system", "", 7, None]
+)
+def test_what_only_a_server_says_or_nobody_is_refused(kind: object) -> None:
+    assert heard({"type": kind}) == "no page says such a thing"
+
+
+@pytest.mark.parametrize("number", [math.nan, math.inf, -math.inf])
+def test_a_number_that_is_not_finite_is_refused_wherever_it_stands(number: float) -> None:
+    assert "not finite" in str(heard(CLICK | {"updates": {"value": number}}))
+    assert "not finite" in str(heard(CLICK | {"updates": {"value": [1.0, {"a": [number]}]}}))
+    assert "not finite" in str(heard(CAMERA | {"position": [0.0, number, 1.0]}))
+
+
+def test_what_is_nested_too_deeply_is_refused() -> None:
+    value: object = 1.0
+    for _ in range(200):
+        value = [value]
+    assert "nested" in str(heard(CLICK | {"updates": {"value": value}}))
+    assert refusal(b"\x91" * 5000 + b"\x01", understood) == "it is no message"
+
+
+def test_fields_that_make_no_sense_are_refused() -> None:
+    assert heard({"type": "GuiUpdateMessage", "nonsense": 1}) == "its fields make no sense"
+    assert heard({"type": "ViewerCameraMessage"}) == "its fields make no sense"
+
+
+@given(st.binary(max_size=200))
+def test_bytes_at_random_are_refused_and_raise_nothing(data: bytes) -> None:
+    assert refusal(data, understood) is not None
+
+
+@given(st.recursive(st.none() | st.booleans() | st.integers(0, 9) | st.floats() | st.text(max_size=4), st.lists))
+def test_any_value_is_answered(value: object) -> None:
+    heard(value)
+    heard({"type": "GuiUpdateMessage", "uuid": value, "updates": value})
+
+
+def test_a_page_that_is_used_never_waits_and_one_that_floods_is_slowed_to_the_steady_pace() -> None:
+    pace, now_s = Pace(0.0, steady_hz=STEADY_HZ, burst=BURST), 0.0
+    for _ in range(1200):  # Ten seconds of a camera that is turned and a handle that is dragged.
+        now_s += 1 / 120
+        assert pace.wait_s(now_s) == 0.0
+    flood, now_s = Pace(0.0, steady_hz=STEADY_HZ, burst=BURST), 0.0
+    for _ in range(2400):
+        now_s += flood.wait_s(now_s)
+    assert now_s == pytest.approx(2000 / 200, rel=0.05)
