@@ -111,7 +111,7 @@ async def _periods(cell: Cell) -> str:
 
 
 async def _periods_of_one(cell: Cell) -> np.ndarray:
-    executed = await cell.rig.arm.execute(approved(_across(0.1), _SEEN))
+    executed = await cell.rig.arm.execute(approved(across(0.1), _SEEN))
     assert executed.outcome == "completed", executed.reason
     return np.diff(executed.times_s) * 1e3
 
@@ -120,7 +120,7 @@ async def _stops(cell: Cell) -> str:
     """From the press to the first logged state at rest, at the full speed of the arm."""
     taken_ms: list[float] = []
     for _ in range(_STOPS):
-        pressed_s, executed = await _stopped(cell, _across(_SITE.limits.speed_m_s))
+        pressed_s, executed = await _stopped(cell, across(_SITE.limits.speed_m_s))
         speed = np.linalg.norm(np.diff(executed.measured[:, :3], axis=0), axis=1) / np.diff(executed.times_s)
         at_rest = executed.times_s[1:][(speed < _AT_REST_M_S) & (executed.times_s[1:] > pressed_s)]
         taken_ms.append((at_rest[0] - pressed_s) * 1e3)
@@ -147,7 +147,7 @@ async def _stopped(cell: Cell, motion: Motion) -> tuple[float, Executed]:
     raise AssertionError("the task group ends with its body")
 
 
-def _across(speed_m_s: float) -> Motion:
+def across(speed_m_s: float) -> Motion:
     """From one side of the table to the other, above the rope."""
     return Motion(positions=np.array([[0.4, -0.25, 0.05], [0.4, 0.25, 0.05]]), speeds=np.full(2, speed_m_s))
 
