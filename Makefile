@@ -4,7 +4,7 @@
 SHELL := /bin/sh
 .DEFAULT_GOAL := help
 .SUFFIXES:
-.PHONY: help setup run console test check test-slow bench docs lock clean
+.PHONY: help setup run console test check test-slow bench docs pictures lock clean
 
 CANDIDATES := python3.11 python3.12 python3
 IS_SUPPORTED := import sys, venv, ensurepip; sys.exit(sys.version_info[:2] not in ((3, 11), (3, 12)))
@@ -64,6 +64,9 @@ bench: setup ## measure what docs/results.md states
 
 docs: setup ## serve the documentation on http://127.0.0.1:8000
 	$(BIN)/mkdocs serve
+
+pictures: setup ## take the pictures of the console anew, from the running program; needs Chromium
+	$(BIN)/python -m bench.console_pictures
 
 lock: setup ## resolve requirements.lock anew from pyproject.toml
 	UV_CUSTOM_COMPILE_COMMAND="make lock" $(BIN)/uv pip compile --quiet --universal --python-version 3.11 \

@@ -64,7 +64,7 @@ def control(board: Board) -> str:
     if board.holder:
         said = f"<b>{escape(board.holder)}</b> has control; all others watch."
     else:
-        said = "Nobody has control; whoever decides first takes it."
+        said = "Nobody has control; deciding takes it."
     return f"<div class='dp'><small>{said} STOP is everybody's.</small></div>"
 
 

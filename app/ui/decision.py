@@ -13,6 +13,7 @@ from app.ui import cards
 from app.ui.board import Board
 from app.ui.desk import Desk
 
+_TAKE, _GIVE = "Take", "Release"
 _ARMING_S = 0.5
 """New buttons take presses only after this long: the finger may have been on its way to the previous plan's."""
 
@@ -74,21 +75,23 @@ class DecisionForm:
 
 @final
 class Control:
-    """Who has control, and the buttons to take it and to give it back."""
+    """Who has control, and the buttons to take it and to give it back. They never move the buttons below them."""
 
     def __init__(self, gui: viser.GuiApi, desk: Desk) -> None:
-        self._held = gui.add_html("")
-        self._take = gui.add_button("Take control", icon=viser.Icon.HAND_GRAB, color="gray")
-        self._give = gui.add_button("Release control", icon=viser.Icon.HAND_OFF, color="gray", visible=False)
-        self._take.on_click(lambda event: desk.take(operator(event)))
-        self._give.on_click(lambda event: desk.release(operator(event)))
+        self._held = gui.add_html(cards.control(desk.board))
+        buttons = gui.add_button_group("Control", (_TAKE, _GIVE))
+
+        def pressed(event: viser.GuiEvent[Any]) -> None:
+            act = desk.take if event.target.value == _TAKE else desk.release
+            act(operator(event))
+
+        buttons.on_click(pressed)
 
     def paint(self, board: Board) -> None:
         """Say who has it."""
         content = cards.control(board)
         if content != self._held.content:
             self._held.content = content
-            self._give.visible = bool(board.holder)
 
 
 def operator(event: viser.GuiEvent[Any]) -> str:

@@ -134,7 +134,7 @@ def test_one_browser_has_control_the_others_watch_and_may_stop(served: Served, b
     expect(first.get_by_text("You are client 0.")).to_be_visible()
     expect(second.get_by_text("You are client 1.")).to_be_visible()
 
-    second.get_by_role("button", name="Take control").click()
+    second.get_by_role("button", name="Take", exact=True).click()
     expect(first.get_by_text("client 1 has control")).to_be_visible()
     first.get_by_role("button", name=APPROVE).click()
     refused = served.next_request()
@@ -150,5 +150,5 @@ def test_one_browser_has_control_the_others_watch_and_may_stop(served: Served, b
     first.get_by_role("button", name=RESUME).click()
     assert isinstance(served.next_request(), ResumeRequest)
     expect(first.get_by_text("client 0 has control")).to_be_visible()
-    first.get_by_role("button", name="Release control").click()
+    first.get_by_role("button", name="Release", exact=True).click()
     expect(first.get_by_text("Nobody has control")).to_be_visible()

@@ -1,0 +1,76 @@
+"""The pictures of the console in README and docs, taken from the running program: `make pictures`. See `--help`.
+
+It starts `dipac console` as a user does, opens its page in Chromium, approves the first motion and looks again.
+"""
+
+import os
+import shutil
+import signal
+import subprocess
+import sys
+import tempfile
+from collections.abc import Generator
+from contextlib import contextmanager
+from pathlib import Path
+
+import tyro
+from playwright.sync_api import Page, sync_playwright
+
+IMAGES = Path(__file__).parents[1] / "docs" / "images"
+_BROWSERS = ("chromium", "chromium-browser", "google-chrome")
+_FLAGS = ["--no-sandbox", "--use-angle=swiftshader", "--enable-unsafe-swiftshader"]
+_PATIENCE_MS = 300_000
+_SETTLED_MS = 3_000
+_SIZE = {"width": 1600, "height": 900}
+
+
+def main(folder: Path = IMAGES, task: str = "rope_push", seed: int = 1) -> None:
+    """Write console-plan.png and console-progress.png into the folder."""
+    with tempfile.TemporaryDirectory() as recordings, _program(task, seed, Path(recordings)) as url, _page() as page:
+        page.goto(url)
+        page.get_by_text("Waiting for your approval").wait_for()
+        page.get_by_text("Software WebGL rendering detected").locator("xpath=../..").get_by_role("button").click()
+        page.wait_for_timeout(_SETTLED_MS)
+        page.screenshot(path=folder / "console-plan.png")
+        page.get_by_role("button", name="Approve this motion").click()
+        page.get_by_text("Progress", exact=True).click()
+        page.get_by_text("Distance to the goal").wait_for()
+        page.get_by_text("Waiting for your approval").wait_for()
+        page.wait_for_timeout(_SETTLED_MS)
+        page.screenshot(path=folder / "console-progress.png")
+
+
+@contextmanager
+def _program(task: str, seed: int, recordings: Path) -> Generator[str]:
+    """The running console; yields its URL."""
+    command = ["-m", "app", "console", task, "--seed", str(seed), "--port", "0", "--preset", "cpu"]
+    with subprocess.Popen(
+        [sys.executable, *command, "--recordings", str(recordings)],
+        stdout=subprocess.PIPE,
+        text=True,
+        env=os.environ | {"PYTHONUNBUFFERED": "1"},
+    ) as process:
+        assert process.stdout is not None
+        try:
+            head = "Operator console: "
+            yield next(line.removeprefix(head).strip() for line in process.stdout if line.startswith(head))
+        finally:
+            process.send_signal(signal.SIGINT)
+            process.wait(timeout=60)
+
+
+@contextmanager
+def _page() -> Generator[Page]:
+    executable = next(filter(None, map(shutil.which, _BROWSERS)), None)
+    if executable is None:
+        raise SystemExit("Chromium is missing; install it (`apt-get install chromium`).")
+    with sync_playwright() as playwright:
+        browser = playwright.chromium.launch(executable_path=executable, args=_FLAGS)
+        page = browser.new_page(viewport=_SIZE)  # pyright: ignore[reportArgumentType]
+        page.set_default_timeout(_PATIENCE_MS)
+        yield page
+        browser.close()
+
+
+if __name__ == "__main__":
+    tyro.cli(main)
