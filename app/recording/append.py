@@ -21,7 +21,7 @@ from mcap.summary import Summary
 
 from app.core.errors import RecordingError
 from app.recording.integrity import DAMAGE, MAGIC, damaged
-from app.recording.lock import held
+from app.recording.lock import held, locked
 
 _FOOTER_BYTES: Final = 1 + 8 + 8 + 8 + 4
 _DATA_END_BYTES: Final = 1 + 8 + 4
@@ -33,30 +33,37 @@ def append_metadata(path: Path, name: str, metadata: Mapping[str, str]) -> None:
 
     Raises RecordingError where the file is damaged or the new one cannot be written; the old one stays then.
     """
-    if held(path):
-        raise RecordingError(f"{path} is being written; wait for its end.")
-    summary, end = _summary_and_end(path)
-    record = _bytes([Metadata(name=name, metadata=dict(metadata))])
-    index = MetadataIndex(offset=end, length=len(record), name=name)
-    new = path.with_name(f".{path.name}.new")
+    file = path.resolve()
+    with locked(file.parent):
+        if held(file):
+            raise RecordingError(f"{path} is being written; wait for its end.")
+        _replace(file, Metadata(name=name, metadata=dict(metadata)))
+
+
+def _replace(path: Path, added: Metadata) -> None:
+    summary, end, crc = _summary_and_end(path)
+    record = _bytes([added])
+    index = MetadataIndex(offset=end, length=len(record), name=added.name)
+    new = path.with_name(f".{path.name}.{os.getpid()}.new")
     try:
         with path.open("rb") as source, new.open("wb") as target:
             _copy(source.fileno(), target.fileno(), end)
             target.seek(end)
-            target.write(record + _bytes([DataEnd(data_section_crc=0)]))
+            # Zero says that there is none.
+            target.write(record + _bytes([DataEnd(data_section_crc=zlib.crc32(record, crc) if crc else 0)]))
             target.write(_tail(summary, index, start=end + len(record) + _DATA_END_BYTES))
             target.flush()
             os.fsync(target.fileno())
         shutil.copystat(path, new)
         new.replace(path)
     except OSError as error:
-        raise RecordingError(f"Cannot write beside {path} ({error.strerror}); make room on its disk.") from error
+        raise RecordingError(f"Cannot write beside {path} ({error.strerror}); see its disk and its folder.") from error
     finally:
         new.unlink(missing_ok=True)
 
 
-def _summary_and_end(path: Path) -> tuple[Summary, int]:
-    """What the summary says, and where the data section ends: at the record before the summary."""
+def _summary_and_end(path: Path) -> tuple[Summary, int, int]:
+    """What the summary says, where the data section ends, at the record before the summary, and its checksum."""
     with path.open("rb") as stream:
         try:
             summary = make_reader(stream).get_summary()
@@ -64,11 +71,12 @@ def _summary_and_end(path: Path) -> tuple[Summary, int]:
             opcode, _, summary_start, _, _ = struct.unpack("<BQQQI", stream.read(_FOOTER_BYTES))
             end = summary_start - _DATA_END_BYTES
             stream.seek(end)
-            if summary is None or opcode != Opcode.FOOTER or stream.read(1)[0] != Opcode.DATA_END:
+            kind, _, crc = struct.unpack("<BQI", stream.read(_DATA_END_BYTES))
+            if summary is None or opcode != Opcode.FOOTER or kind != Opcode.DATA_END:
                 raise ValueError("its summary is not where its footer says")
         except DAMAGE as error:
             raise damaged(path, error) from error
-    return summary, end
+    return summary, end, crc
 
 
 def _copy(source: int, target: int, count: int) -> None:

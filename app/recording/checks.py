@@ -31,10 +31,7 @@ class Finding:
 
 
 def check(path: Path) -> Sequence[Finding]:
-    """What is wrong with the recording at `path`; nothing where nothing is. Reads all of it.
-
-    Raises RecordingError where it may not be read.
-    """
+    """What is wrong with the recording at `path`; nothing where nothing is. Reads all of it."""
     found = entry(path)
     if found.condition != "whole":
         said = "it is being written" if found.condition == "recording" else found.why

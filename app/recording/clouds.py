@@ -25,10 +25,11 @@ def write_ply(path: Path, folder: Path, what: What) -> int:
     """
     import trimesh  # Loaded where it is needed alone: it takes its time.
 
-    folder.mkdir(parents=True, exist_ok=True)
     count, first_s = 0, float("nan")
     for particles in _clouds(path):
-        first_s = particles.time_s if count == 0 else first_s
+        if count == 0:
+            folder.mkdir(parents=True)
+            first_s = particles.time_s
         cloud = particles.positions if what == "particles" else particles.surface
         name = f"{count:05d}-{particles.time_s - first_s:08.3f}s.ply"
         trimesh.PointCloud(cloud).export(str(folder / name))

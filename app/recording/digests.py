@@ -1,16 +1,17 @@
 """SHA-256 of each finished recording, in a file `SHA256SUMS` beside it that `sha256sum --check` reads as well."""
 
-import fcntl
 import hashlib
-import os
 from collections.abc import Generator
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Final
 
 from app.core.errors import RecordingError
+from app.recording.lock import locked
 
 SUMS: Final = "SHA256SUMS"
+_SUM: Final = 64
+"""Characters of a sum; two more stand between it and the name."""
 
 
 def digest(path: Path) -> str:
@@ -20,46 +21,55 @@ def digest(path: Path) -> str:
 
 
 def note(path: Path) -> None:
-    """Write down what the file is now. Raises RecordingError where that cannot be written."""
-    with _changing(path.parent) as sums:
-        sums[path.name] = digest(path)
+    """Write down what the file is now; a name of several lines has no place there.
+
+    Raises RecordingError where that cannot be written.
+    """
+    if "\n" not in path.name:
+        with _changing(path.parent) as lines:
+            lines[path.name] = f"{digest(path)}  {path.name}"
 
 
 def forget(path: Path) -> None:
     """Strike it out. Raises RecordingError as `note`."""
     if (path.parent / SUMS).exists():
-        with _changing(path.parent) as sums:
-            sums.pop(path.name, None)
+        with _changing(path.parent) as lines:
+            lines.pop(path.name, None)
 
 
 def noted(path: Path) -> str | None:
-    """What was written down of it, None where nothing was."""
-    return _read(path.parent / SUMS).get(path.name)
+    """What was written down of it, None where nothing was. Raises RecordingError where that cannot be read."""
+    line = _read(path.parent / SUMS).get(path.name)
+    return line[:_SUM] if line else None
 
 
 @contextmanager
 def _changing(folder: Path) -> Generator[dict[str, str]]:
-    """The sums of a folder, written anew at the end; two programs that do so take turns."""
+    """The lines of a folder's sums by the names in them, written anew at the end; what is no sum stays as it is."""
     file = folder / SUMS
-    try:
-        lock = os.open(folder, os.O_RDONLY | os.O_CLOEXEC)
+    with locked(folder):
+        lines = _read(file)
         try:
-            fcntl.flock(lock, fcntl.LOCK_EX)
-            sums = _read(file)
-            yield sums
+            yield lines
             new = file.with_name(f".{SUMS}.new")
-            new.write_text("".join(f"{value}  {name}\n" for name, value in sorted(sums.items())), encoding="utf-8")
+            text = "".join(f"{line}\n" for _, line in sorted(lines.items()))
+            new.write_text(text, encoding="utf-8", errors="surrogateescape")
             new.replace(file)
-        finally:
-            os.close(lock)
-    except OSError as error:
-        raise RecordingError(f"Cannot write {file} ({error.strerror}); make its folder writable.") from error
+        except OSError as error:
+            raise RecordingError(f"Cannot write {file} ({error.strerror}); make its folder writable.") from error
 
 
 def _read(file: Path) -> dict[str, str]:
-    """Name and sum of each line that has both, in the text or the binary mode of `sha256sum`."""
+    """Each line by the name in it, in the text or the binary mode of `sha256sum`; by itself, where it is no sum."""
     try:
-        lines = file.read_text(encoding="utf-8").splitlines()
-    except OSError:
+        lines = file.read_text(encoding="utf-8", errors="surrogateescape").splitlines()
+    except FileNotFoundError:
         return {}
-    return {line[66:]: line[:64] for line in lines if line[64:66] in ("  ", " *")}
+    except OSError as error:
+        raise RecordingError(f"Cannot read {file} ({error.strerror}); see who owns it.") from error
+    return {_name(line): line for line in lines}
+
+
+def _name(line: str) -> str:
+    is_sum = line[_SUM : _SUM + 2] in ("  ", " *")
+    return line[_SUM + 2 :].removeprefix("./") if is_sum else line

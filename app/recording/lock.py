@@ -2,16 +2,20 @@
 
 import fcntl
 import os
-from contextlib import suppress
+from collections.abc import Generator
+from contextlib import contextmanager, suppress
 from pathlib import Path
+
+from app.core.errors import RecordingError
 
 
 def hold(path: Path) -> int:
     """Mark the file as being written, until the descriptor that is returned is closed."""
     descriptor = os.open(path, os.O_RDONLY | os.O_CLOEXEC)
-    # Some network drives know no locks: there a file that is being written looks like one that was cut off.
+    # Some network drives know no locks: there a file that is being written looks like one that was cut off. Otherwise
+    # nobody has one for longer than it takes to ask.
     with suppress(OSError):
-        fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        fcntl.flock(descriptor, fcntl.LOCK_EX)
     return descriptor
 
 
@@ -27,3 +31,18 @@ def held(path: Path) -> bool:
     finally:
         os.close(descriptor)
     return False
+
+
+@contextmanager
+def locked(folder: Path) -> Generator[None]:
+    """Two programs that change what is in a folder take turns. Raises RecordingError where there is no such folder."""
+    try:
+        descriptor = os.open(folder, os.O_RDONLY | os.O_CLOEXEC)
+    except OSError as error:
+        raise RecordingError(f"Cannot open {folder} ({error.strerror}); see who owns it.") from error
+    try:
+        with suppress(OSError):
+            fcntl.flock(descriptor, fcntl.LOCK_EX)
+        yield
+    finally:
+        os.close(descriptor)

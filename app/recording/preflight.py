@@ -33,7 +33,7 @@ def check_folder(folder: Path, room: Room) -> None:
         folder.mkdir(parents=True, exist_ok=True)
         with tempfile.TemporaryFile(dir=folder) as probe:
             probe.write(b"dipac")
-        taken_bytes = sum(path.stat().st_size for path in folder.rglob("*.mcap"))
+        taken_bytes = sum(path.stat().st_size for path in folder.rglob("*.mcap") if path.is_file())
     except OSError as error:
         raise PreflightError(
             f"Cannot write to {folder} ({error.strerror}); make it writable or choose another recordings folder."

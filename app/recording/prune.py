@@ -2,15 +2,17 @@
 
 import time
 from collections.abc import Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Final, final
+from typing import final
 
 from app.core.errors import RecordingError
 from app.recording import digests
+from app.recording.lock import held
 from app.recording.shelf import Entry
 
-_DAY_S: Final = 86400.0
+_DAY_S, _JUST_S = 86400.0, 600.0
 
 
 @final
@@ -32,7 +34,7 @@ def prunable(entries: Sequence[Entry], rule: Rule, *, now_s: float | None = None
     Never one that is being written, or that cannot be read: it may be another program's.
     """
     moment_s = time.time() if now_s is None else now_s
-    free = [entry for entry in entries if _loose(entry, rule)]
+    free = [entry for entry in entries if _loose(entry, rule, moment_s)]
     gone = {entry.path for entry in free if rule.days is not None and _age_s(entry, moment_s) > rule.days * _DAY_S}
     if rule.keep_bytes is not None:
         left = sum(entry.size_bytes for entry in entries if entry.path not in gone)
@@ -44,19 +46,32 @@ def prunable(entries: Sequence[Entry], rule: Rule, *, now_s: float | None = None
 
 
 def discard(path: Path) -> None:
-    """Delete a recording, and its checksum with it. Raises RecordingError where that cannot be."""
+    """Delete a recording, and its checksum with it. Raises RecordingError where that cannot be, or it is written to."""
     try:
+        if held(path):
+            raise RecordingError(f"{path} is being written; it stays.")
         path.unlink()
     except OSError as error:
         raise RecordingError(f"Cannot delete {path} ({error.strerror}); see who owns it.") from error
     digests.forget(path)
 
 
-def _loose(entry: Entry, rule: Rule) -> bool:
+def _loose(entry: Entry, rule: Rule, now_s: float) -> bool:
     if entry.condition in ("recording", "unreadable"):
+        return False
+    # On a drive that knows no locks a recording that is being written looks like this.
+    if entry.condition == "cut off" and now_s - _changed_s(entry) < _JUST_S:
         return False
     return rule.all_kinds or not (entry.said or entry.demonstration)
 
 
 def _age_s(entry: Entry, now_s: float) -> float:
-    return now_s - entry.began.timestamp() if entry.began else 0.0
+    """Since it began, or since it was made where that is later: imported data bring a clock of their own."""
+    began_s = entry.began.timestamp() if entry.began else now_s
+    return min(now_s - began_s, now_s - _changed_s(entry))
+
+
+def _changed_s(entry: Entry) -> float:
+    with suppress(OSError):
+        return entry.path.stat().st_mtime
+    return float("inf")

@@ -14,7 +14,9 @@ from mcap.writer import CompressionType, Writer
 
 from app.core.errors import RecordingError
 from app.recording import digests
+from app.recording.append import append_metadata
 from app.recording.integrity import DAMAGE, ends_as_mcap, reading, require_file, starts_as_mcap
+from app.recording.label import LABEL, labels
 from app.recording.lock import held
 
 
@@ -57,6 +59,8 @@ def recover(path: Path) -> Recovered:
             raise RecordingError(f"{path} was cut off before its first message; there is nothing to recover.")
         if salvage.lost_bytes == 0 and ends_as_mcap(path) and _is_whole(path, messages):
             return Recovered(path=path, messages=messages, lost_bytes=0, was_whole=True)
+        for label in labels(goal) if goal.is_file() else ():  # Of what was recovered before.
+            append_metadata(draft, LABEL, label.written())
         draft.replace(goal)
         digests.note(goal)
     except OSError as error:

@@ -96,28 +96,30 @@ def shelf(places: Iterable[Path]) -> Sequence[Entry]:
 
     Raises UsageError where there is no such file or folder.
     """
-    paths = dict[Path, None]()
+    paths = dict[Path, Path]()
     for place in places:
         if not place.exists():
             raise UsageError.unknown("recording", str(place), map(str, place.parent.glob("*.mcap")))
-        paths |= dict.fromkeys(sorted(place.rglob("*.mcap")) if place.is_dir() else [place])
-    return sorted((entry(path) for path in paths), key=_age)
+        found = sorted(place.rglob("*.mcap")) if place.is_dir() else [place]
+        # Links within a folder lead to what is listed where it is, or belongs elsewhere.
+        paths |= {path.resolve(): path for path in found if path == place or (path.is_file() and not path.is_symlink())}
+    return sorted((entry(path) for path in paths.values()), key=_age)
 
 
 def entry(path: Path) -> Entry:
-    """What the file is. Raises RecordingError where it has gone or may not be looked at."""
+    """What the file is; one that has gone or may not be looked at is unreadable."""
+    size_bytes = 0
     try:
         size_bytes = path.stat().st_size
         if held(path):
             return _begun(path, size_bytes, "recording", "")
-        whole = ends_as_mcap(path)
-    except OSError as error:
-        raise RecordingError(f"Cannot read {path} ({error.strerror}); make sure that you may.") from error
-    if not whole and starts_as_mcap(path):
-        return _begun(path, size_bytes, "cut off", f"`dipac recordings recover {path}` makes it whole")
-    try:
+        if not ends_as_mcap(path) and starts_as_mcap(path):
+            return _begun(path, size_bytes, "cut off", f"`dipac recordings recover {path}` makes it whole")
         inspect(path)
         return _whole(path, size_bytes)
+    except OSError as error:
+        why = f"Cannot read {path} ({error.strerror}); make sure that you may."
+        return Entry(path=path, size_bytes=size_bytes, condition="unreadable", why=why)
     except DipacError as error:
         return Entry(path=path, size_bytes=size_bytes, condition="unreadable", why=str(error))
 

@@ -28,7 +28,8 @@ class Access:
 
     def knows(self, given: str | None) -> bool:
         """Whether `given` is the token; takes equally long for every wrong one."""
-        return hmac.compare_digest((given or "").encode(), self.token.encode())
+        # What is no UTF-8 in a header comes as surrogates.
+        return hmac.compare_digest((given or "").encode(errors="surrogateescape"), self.token.encode())
 
     def refusal(self, *, host: str, origin: str | None, cookie: str | None, acts: bool) -> str | None:
         """Why this request is refused, or None where it may pass. `acts`: a WebSocket or anything but a GET."""

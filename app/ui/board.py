@@ -138,7 +138,9 @@ class Board:
             case ResumeRequest():
                 return replace(self, resume_s=max(self.resume_s, message.time_s))
             case Lease():
-                return replace(self, lease=message)
+                # The echo of one that has been followed by another gives nothing back.
+                older = self.lease is not None and message.time_s < self.lease.time_s
+                return self if older else replace(self, lease=message)
             case Notice() | Fault():
                 return self._logged(message)
             case _:

@@ -98,7 +98,7 @@ async def _serving(
 ) -> AsyncGenerator[str]:
     """Viser, the painter and the proxy, started in this order and closed in the opposite one; yields the URL."""
     host, port = listening.getsockname()[:2]
-    names = (*LOOPBACK, tls.name) if tls else LOOPBACK
+    names = (*LOOPBACK, tls.name.lower()) if tls else LOOPBACK
     access = Access(token=proxy.fresh_secret(), cookie=f"dipac_{port}", names=names, secure=tls is not None)
     passphrase = proxy.fresh_secret()
     backstage = await to_thread.run_sync(lambda: Backstage(label=page.title, passphrase=passphrase))

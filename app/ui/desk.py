@@ -21,6 +21,8 @@ Request: TypeAlias = Decision | StopRequest | ResumeRequest | Lease | Notice
 _REFUSALS_EVERY_S = 10.0
 """Somebody who knocks a thousand times is one line."""
 _COMMANDS_HZ, _COMMANDS_AT_ONCE = 2.0, 10.0
+_WORDS_HZ, _WORDS_AT_ONCE = 0.5, 5.0
+"""Of refusals that are told: whoever goes on pressing is not told each time."""
 _IDLE_S = 60.0
 """Control that was not used for so long may be taken by another."""
 
@@ -48,6 +50,8 @@ class Desk:
         self._turned_away: dict[str, int] = {}
         self._told_s = self._used_s = -math.inf
         self._paces: dict[str, Pace] = {}
+        self._gone: set[str] = set()
+        self._words = Pace(now(), steady_hz=_WORDS_HZ, burst=_WORDS_AT_ONCE)
 
     @property
     def board(self) -> Board:
@@ -98,43 +102,56 @@ class Desk:
         """Take control, where nobody else uses it."""
         with self._lock:
             holder = self._board.holder
-            if holder == operator:
+            if holder == operator or not self._in_pace(operator):
                 return
             idle_s = self.now() - self._used_s
             if holder and idle_s < _IDLE_S:
-                self._notice(
-                    "control", f"{operator} cannot take control: {holder} has it, and used it {idle_s:.0f} s ago."
-                )
+                used = f"{holder} has it, and used it {idle_s:.0f} s ago"
+                self._tell(f"{operator} cannot take control: {used}.")
             else:
                 self._lend(operator, f"from {holder}, who did not use it" if holder else "nobody had it")
 
     def release(self, operator: str) -> None:
         """Give control back."""
         with self._lock:
-            if self._board.holder == operator:
+            if self._board.holder == operator and self._in_pace(operator):
                 self._lend("", f"{operator} gave it back")
 
     def left(self, operator: str) -> None:
-        """A browser has gone, and control with it."""
+        """A browser has gone, and control with it; what it pressed and what comes only now has no effect."""
         with self._lock:
+            self._gone.add(operator)
             self._paces.pop(operator, None)
             if self._board.holder == operator:
                 self._lend("", f"{operator} has left")
 
     def _may(self, operator: str) -> bool:
         """Whether `operator` may command now. Where nobody has control, whoever commands takes it."""
-        now_s = self.now()
-        pace = self._paces.setdefault(operator, Pace(now_s, steady_hz=_COMMANDS_HZ, burst=_COMMANDS_AT_ONCE))
-        if not pace.allows(now_s):
-            self._notice("control", f"{operator} sends commands too fast; one was ignored.")
+        if not self._in_pace(operator):
             return False
         if self._board.holder not in ("", operator):
-            self._notice("control", f"{operator} has no control; {self._board.holder} has. Take it first.")
+            self._tell(f"{operator} has no control; {self._board.holder} has. Take it first.")
             return False
         if not self._board.holder:
             self._lend(operator, "nobody had it")
-        self._used_s = now_s
+        self._used_s = self.now()
         return True
+
+    def _in_pace(self, operator: str) -> bool:
+        """Whether `operator` is there, and presses no faster than a person does."""
+        if operator in self._gone:
+            return False
+        now_s = self.now()
+        pace = self._paces.setdefault(operator, Pace(now_s, steady_hz=_COMMANDS_HZ, burst=_COMMANDS_AT_ONCE))
+        allowed = pace.allows(now_s)
+        if not allowed:
+            self._tell(f"{operator} sends commands too fast; some are ignored.")
+        return allowed
+
+    def _tell(self, text: str) -> None:
+        """Something about control, unless so much of it was told just now."""
+        if self._words.allows(self.now()):
+            self._notice("control", text)
 
     def _lend(self, holder: str, why: str) -> None:
         self._used_s = self.now()

@@ -10,30 +10,16 @@ from typing import Any, Final, cast
 
 import msgspec
 
-SPOKEN: Final = frozenset(
-    {
-        "CommandTriggerMessage",
-        "FileTransferPart",
-        "FileTransferStartUpload",
-        "GuiButtonHoldMessage",
-        "GuiFormDirtyMessage",
-        "GuiFormSubmitMessage",
-        "GuiUpdateMessage",
-        "LocalStorageGetItemResponseMessage",
-        "SceneNodeClickMessage",
-        "SceneNodeDragMessage",
-        "ScenePointerMessage",
-        "TransformControlsDragEndMessage",
-        "TransformControlsDragStartMessage",
-        "TransformControlsUpdateMessage",
-        "ViewerCameraMessage",
-    }
-)
-"""What viser's page says of itself. Not among them: asking for a public tunnel, and what only a server says."""
+SPOKEN: Final = frozenset({"GuiFormDirtyMessage", "GuiFormSubmitMessage", "GuiUpdateMessage", "ViewerCameraMessage"})
+"""What viser's page says of the widgets that the console has. A new kind of widget may want another word."""
+_VALUE: Final = frozenset({"value"})
+"""What a browser may change of a widget: viser would set any other attribute of it as well, its callbacks too."""
 
 STEADY_HZ, BURST = 200.0, 400.0
 """Messages of one browser: a camera that is turned and a handle that is dragged send sixty a second each."""
-_DEEPEST = 32
+MOST_BYTES: Final = 64 * 1024
+_DEEPEST, _MOST_VALUES = 8, 1000
+"""The page's own messages are flat and short. All of this is read in the thread that STOP comes in by."""
 
 
 def refusal(data: bytes, understood: Callable[[bytes], bool]) -> str | None:
@@ -42,21 +28,34 @@ def refusal(data: bytes, understood: Callable[[bytes], bool]) -> str | None:
         said: Any = msgspec.msgpack.decode(data)
     except (msgspec.MsgspecError, ValueError, RecursionError):
         return "it is no message"
-    kind = cast(dict[str, Any], said).get("type") if isinstance(said, dict) else None
+    if not isinstance(said, dict):
+        return "it is no message"
+    fields = cast(dict[Any, Any], said)
+    kind = fields.get("type")
     if not isinstance(kind, str) or kind not in SPOKEN:
         return "no page says such a thing"
-    if not _sound(said, _DEEPEST):
-        return "it holds a number that is not finite, or is nested too deeply"
+    if not _sound(fields):
+        return "it holds a number that is not finite, too much, or is nested too deeply"
+    updates = fields.get("updates", {})
+    if not isinstance(updates, dict) or not _VALUE.issuperset(cast(dict[Any, Any], updates)):
+        return "a browser changes the value of a widget and nothing else of it"
     return None if understood(data) else "its fields make no sense"
 
 
-def _sound(value: Any, deepest: int) -> bool:
-    match value:
-        case float():
-            return math.isfinite(value)
-        case list():
-            return deepest > 0 and all(_sound(item, deepest - 1) for item in cast(list[Any], value))
-        case dict():
-            return deepest > 0 and all(_sound(item, deepest - 1) for item in cast(dict[Any, Any], value).values())
-        case _:
-            return True
+def _sound(message: Any) -> bool:
+    """Whether every number is finite, and there are not too many of them in too many layers."""
+    layer, counted = [message], 0
+    for _ in range(_DEEPEST):
+        inner = list[Any]()
+        for value in layer:
+            counted += 1
+            if isinstance(value, float) and not math.isfinite(value):
+                return False
+            if isinstance(value, list):
+                inner += cast(list[Any], value)
+            elif isinstance(value, dict):
+                inner += cast(dict[Any, Any], value).values()
+            if counted + len(inner) > _MOST_VALUES:
+                return False
+        layer = inner
+    return not layer

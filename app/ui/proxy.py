@@ -17,13 +17,12 @@ from aiohttp import web
 
 from app.ui.access import Access
 from app.ui.backstage import PROXY_HEADER
-from app.ui.doorkeeper import BURST, STEADY_HZ, refusal
+from app.ui.doorkeeper import BURST, MOST_BYTES, STEADY_HZ, refusal
 from app.ui.pace import Pace
 from app.ui.page import ASSETS, ENTERING, Page, refused
 
 Handler = Callable[[web.Request], Awaitable[web.StreamResponse]]
 
-_BROWSER_MESSAGE_BYTES = 4 * 2**20
 _HEARTBEAT_S = 20.0
 _RELAY_CHUNK_BYTES = 64 * 1024
 _MOST_BROWSERS, _MOST_REQUESTS = 16, 64
@@ -169,7 +168,7 @@ class Proxy:
         offered = re.split(r",\s*", request.headers.get("Sec-WebSocket-Protocol", ""))
         async with session.ws_connect(f"ws://{self._viser}/", protocols=offered, max_msg_size=0) as viser:
             browser = web.WebSocketResponse(
-                protocols=offered, max_msg_size=_BROWSER_MESSAGE_BYTES, heartbeat=_HEARTBEAT_S, compress=False
+                protocols=offered, max_msg_size=MOST_BYTES, heartbeat=_HEARTBEAT_S, compress=False
             )
             await browser.prepare(request)
             async with anyio.create_task_group() as directions:

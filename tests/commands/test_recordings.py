@@ -92,6 +92,21 @@ def test_a_label_keeps_the_checksum_right_and_never_hides_that_it_was_wrong(fold
     assert digests.noted(bad) == "0" * 64
 
 
+def test_nothing_is_labelled_where_one_of_many_cannot_be(folder: Path, capsys) -> None:
+    assert "nothing was labelled" in refused(capsys, RecordingError.exit_code, "label", "success", folder)
+    assert all(labels(path) == [] for path in paths(folder))
+
+
+def test_a_file_that_is_damaged_gets_no_checksum_by_a_label(folder: Path, capsys) -> None:
+    path = paths(folder)[0]
+    (folder / digests.SUMS).unlink()
+    data = bytearray(path.read_bytes())
+    data[len(data) // 2] ^= 1
+    path.write_bytes(data)
+    said(capsys, "label", "success", path)
+    assert digests.noted(path) is None
+
+
 def test_an_unknown_label_names_the_known_ones(folder: Path, capsys) -> None:
     with pytest.raises(SystemExit) as ended:
         main(["recordings", "label", "splendid", str(paths(folder)[0])])
@@ -121,6 +136,27 @@ def test_whole_recordings_leave_for_other_programs_and_the_others_are_named(
     refused(capsys, UsageError.exit_code, "export", folder, "--to", to, "-o", out)
 
 
+def test_recordings_of_the_same_name_get_files_of_their_own(tmp_path: Path, capsys) -> None:
+    for name in ("a", "b"):
+        demonstration(tmp_path / name).rename(tmp_path / name / "x.mcap")
+    said(capsys, "export", tmp_path / "a", tmp_path / "b", "--to", "npz", "-o", tmp_path / "out")
+    assert sorted(path.name for path in (tmp_path / "out").iterdir()) == ["x-2.npz", "x.npz"]
+
+
+def test_a_damaged_one_is_left_out_by_name_and_an_export_that_fails_leaves_nothing(
+    folder: Path, tmp_path: Path, capsys
+) -> None:
+    good, bad = paths(folder)
+    data = bytearray(bad.read_bytes())
+    data[len(data) // 2] ^= 1
+    bad.write_bytes(data)
+    told = said(capsys, "export", folder, "--to", "npz", "-o", tmp_path / "out")
+    assert f"{bad} is left out" in told
+    assert [path.stem for path in (tmp_path / "out").iterdir()] == [good.stem]
+    refused(capsys, RecordingError.exit_code, "export", bad, "--to", "npz", "-o", tmp_path / "none")
+    assert [path.name for path in tmp_path.iterdir() if "none" in path.name] == []
+
+
 def test_a_dataset_of_what_succeeded(folder: Path, tmp_path: Path, capsys) -> None:
     pytest.importorskip("datasets", reason="The package `datasets` is missing; install dipac[lerobot].")
     out = tmp_path / "dataset"
@@ -144,7 +180,8 @@ def test_nothing_goes_without_a_yes(folder: Path, capsys) -> None:
     assert not plain.exists()
     assert shown.exists()
     assert "too much" in refused(capsys, UsageError.exit_code, "prune", folder)
-    assert "must not be negative" in refused(capsys, UsageError.exit_code, "prune", folder, "--days", -1)
+    for wrong in ("-1", "inf", "nan"):
+        assert "not negative" in refused(capsys, UsageError.exit_code, "prune", folder, "--days", wrong)
 
 
 def test_an_episode_that_may_not_fit_is_refused_before_it_begins(folder: Path) -> None:

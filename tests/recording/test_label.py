@@ -5,11 +5,12 @@ import struct
 import subprocess
 import sys
 import zlib
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 import pytest
 from mcap.reader import make_reader
-from mcap.stream_reader import StreamReader
+from mcap.stream_reader import CRCValidationError, StreamReader
 
 from app.core.errors import RecordingError, UsageError
 from app.recording import append
@@ -115,6 +116,41 @@ def test_a_disk_without_room_leaves_the_old_file(path: Path, monkeypatch: pytest
         relabel(path, GOOD)
     assert path.read_bytes() == data
     assert [file.name for file in path.parent.iterdir() if file.name.endswith(".new")] == []
+
+
+def test_labels_that_are_given_at_once_are_all_there(path: Path) -> None:
+    notes = [str(number) for number in range(8)]
+    with ThreadPoolExecutor() as together:
+        list(together.map(lambda note: relabel(path, Label.now("success", note=note, operator="")), notes))
+    assert sorted(label.note for label in labels(path)) == notes
+
+
+def test_the_checksum_of_the_data_goes_on_to_cover_all_of_it(path: Path) -> None:
+    relabel(path, GOOD)
+    data = bytearray(path.read_bytes())
+    at = data.find(b"success")
+    data[at] ^= 1
+    path.write_bytes(data)
+    with path.open("rb") as stream, pytest.raises(CRCValidationError):
+        list(StreamReader(stream, validate_crcs=True).records)
+
+
+def test_a_link_stays_a_link_and_what_it_leads_to_is_labelled(path: Path, tmp_path: Path) -> None:
+    link = tmp_path / "link.mcap"
+    link.symlink_to(path)
+    relabel(link, GOOD)
+    assert link.is_symlink()
+    assert labels(path) == [GOOD]
+
+
+def test_what_is_recovered_again_keeps_its_labels(path: Path, tmp_path: Path) -> None:
+    cut = tmp_path / "cut.mcap"
+    cut.write_bytes(path.read_bytes()[:-60])
+    made = recover(cut).path
+    relabel(made, GOOD)
+    assert recover(cut).path == made
+    assert labels(made) == [GOOD]
+    assert recover(made).was_whole
 
 
 _WRITES = """

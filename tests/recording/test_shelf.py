@@ -1,6 +1,9 @@
 """A folder of recordings says what each file is, whatever befell it, and what may go."""
 
+import fcntl
 import json
+import os
+import threading
 import time
 from datetime import UTC, datetime
 from pathlib import Path
@@ -10,8 +13,10 @@ import pytest
 from app.core.errors import UsageError
 from app.core.messages import Episode
 from app.recording import digests
+from app.recording.epoch import Epoch
 from app.recording.file import EpisodeFile
 from app.recording.label import Label, relabel
+from app.recording.lock import held, hold
 from app.recording.prune import Rule, discard, prunable
 from app.recording.shelf import entry, shelf
 from tests.recording.demonstrations import PUSHES, demonstration
@@ -115,3 +120,57 @@ def test_what_goes_takes_its_checksum_along(tmp_path: Path) -> None:
     assert not gone.exists()
     assert digests.noted(gone) is None
     assert digests.noted(kept) == digests.digest(kept)
+
+
+def test_a_file_is_there_once_however_it_is_named_and_links_and_folders_are_none(tmp_path: Path) -> None:
+    path = demonstration(tmp_path / "a")
+    (tmp_path / "a" / "link.mcap").symlink_to(path)
+    (tmp_path / "a" / "lost.mcap").symlink_to(tmp_path / "nowhere.mcap")
+    (tmp_path / "a" / "folder.mcap").mkdir()
+    (tmp_path / "b").mkdir()
+    assert [it.path for it in shelf([tmp_path / "a", tmp_path / "b" / ".." / "a", path])] == [path]
+
+
+def test_a_recording_is_locked_although_somebody_was_just_looking(tmp_path: Path) -> None:
+    path = tmp_path / "now.mcap"
+    path.touch()
+    looking = os.open(path, os.O_RDONLY)
+    fcntl.flock(looking, fcntl.LOCK_SH)
+    threading.Timer(0.2, os.close, (looking,)).start()
+    writing = hold(path)
+    assert held(path)
+    os.close(writing)
+    assert not held(path)
+
+
+def test_what_was_cut_off_just_now_may_still_be_written_where_there_are_no_locks(tmp_path: Path) -> None:
+    whole = demonstration(tmp_path, config="{}")
+    cut = tmp_path / "cut.mcap"
+    cut.write_bytes(whole.read_bytes()[:-60])
+    rule = Rule(keep_bytes=0)
+    assert [it.path for it in prunable(shelf([tmp_path]), rule)] == [whole]
+    later = prunable(shelf([tmp_path]), rule, now_s=time.time() + 3600)
+    assert {it.path for it in later} == {whole, cut}
+
+
+def test_data_with_a_clock_of_its_own_are_as_old_as_their_file(tmp_path: Path) -> None:
+    path = tmp_path / "imported.mcap"
+    episode = Maker(seed=0)(Episode, config="{}", time_s=0.0)
+    file = EpisodeFile(path, episode, epoch=Epoch(offset_ns=0))
+    file.write(episode, now_s=0.0)
+    file.close()
+    found = entry(path)
+    assert found.began is not None
+    assert found.began.year == 1970
+    assert prunable([found], Rule(days=1.0)) == []
+
+
+def test_sums_that_others_wrote_are_kept_and_understood(tmp_path: Path) -> None:
+    path = demonstration(tmp_path)
+    sums = tmp_path / digests.SUMS
+    foreign = b"# mine\n" + b"0" * 64 + b"  a \xff b.bin\n"
+    sums.write_bytes(foreign + f"{'1' * 64}  ./{path.name}\n".encode())
+    assert digests.noted(path) == "1" * 64
+    digests.note(path)
+    assert digests.noted(path) == digests.digest(path)
+    assert all(line in sums.read_bytes() for line in foreign.splitlines())

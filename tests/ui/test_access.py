@@ -43,5 +43,9 @@ def test_no_other_token_opens(cookie):
     assert refusal(cookie=cookie) is not None
 
 
+def test_a_cookie_that_is_no_text_opens_nothing_and_raises_nothing():
+    assert refusal(cookie=b"\xff\xfe".decode("utf-8", "surrogateescape")) is not None
+
+
 def test_the_token_does_not_show_in_a_traceback():
     assert "right" not in repr(ACCESS)

@@ -187,7 +187,7 @@ def test_commands_come_no_faster_than_a_person_presses_and_stop_as_fast_as_it_is
         program.desk.resume("client 0")
     assert program.heard.count("arm stopped") == 50
     assert sum(isinstance(request, ResumeRequest) for request in program.requests) == 10
-    assert "client 0 sends commands too fast; one was ignored." in program.said
+    assert "client 0 sends commands too fast; some are ignored." in program.said
 
 
 def test_who_is_turned_away_a_thousand_times_is_one_line():
@@ -202,3 +202,39 @@ def test_who_is_turned_away_a_thousand_times_is_one_line():
         "Somebody was refused. The token is wrong, once.",
         "Somebody was refused. The token is wrong, 999 times; Too many browsers at a time, once.",
     ]
+
+
+def test_the_echo_of_a_lease_that_has_ended_gives_nothing_back():
+    program = Program()
+    program.desk.take("client 1")
+    (first,) = (entry for entry in program.heard if isinstance(entry, Lease))
+    program.desk.release("client 1")
+    program.desk.take("client 2")
+    program.desk.show(first)
+    assert program.desk.board.holder == "client 2"
+    program.desk.show(PROPOSAL)
+    program.desk.decide(PROPOSAL, approve=True, operator="client 1")
+    assert decided(program) == []
+
+
+def test_a_press_that_comes_after_its_browser_has_left_does_nothing():
+    program = Program()
+    program.desk.show(PROPOSAL)
+    program.desk.left("client 0")
+    program.desk.decide(PROPOSAL, approve=True, operator="client 0")
+    program.desk.take("client 0")
+    assert program.heard == []
+    assert program.desk.board.holder == ""
+
+
+def test_whoever_presses_without_end_fills_neither_the_log_nor_the_queue():
+    program, ticks = Program(), itertools.count()
+    program.desk.now = lambda: 1e-6 * next(ticks)
+    program.desk.take("client 0")
+    program.desk.show(PROPOSAL)
+    for _ in range(1000):
+        program.desk.take("client 1")
+        program.desk.decide(PROPOSAL, approve=True, operator="client 1")
+        program.desk.release("client 0")
+        program.desk.take("client 0")
+    assert len(program.heard) < 30

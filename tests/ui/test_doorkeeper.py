@@ -1,6 +1,7 @@
 """What a browser may say: what viser's page says, and nothing else."""
 
 import math
+import time
 
 import msgspec
 import pytest
@@ -62,6 +63,24 @@ def test_what_is_nested_too_deeply_is_refused() -> None:
         value = [value]
     assert "nested" in str(heard(CLICK | {"updates": {"value": value}}))
     assert refusal(b"\x91" * 5000 + b"\x01", understood) == "it is no message"
+
+
+@pytest.mark.parametrize("name", ["update_cb", "removed", "visible", "disabled", "sync_cb", "nonsense", 7])
+def test_of_a_widget_only_its_value_is_changed(name: object) -> None:
+    assert "changes the value" in str(heard(CLICK | {"updates": {name: []}}))
+    assert "changes the value" in str(heard(CLICK | {"updates": {"value": True, name: []}}))
+
+
+@pytest.mark.parametrize("kind", ["FileTransferStartUpload", "FileTransferPart", "CommandTriggerMessage"])
+def test_what_no_widget_of_the_console_asks_for_is_refused(kind: str) -> None:
+    assert heard({"type": kind}) == "no page says such a thing"
+
+
+@pytest.mark.parametrize("much", [[[]] * 20_000, list(range(60_000)), {str(n): n for n in range(5000)}])
+def test_a_message_that_takes_long_to_read_is_refused_soon(much: object) -> None:
+    began_s = time.process_time()
+    assert "too much" in str(heard(CLICK | {"updates": {"value": much}}))
+    assert time.process_time() - began_s < 1.0
 
 
 def test_fields_that_make_no_sense_are_refused() -> None:

@@ -17,7 +17,7 @@ from tests.ui.test_console import PROTOCOL
 
 pytestmark = pytest.mark.anyio
 
-NAME = "lab.example"
+NAME = "Lab.Example"
 
 
 @pytest.fixture(scope="module")
@@ -46,8 +46,8 @@ async def test_the_console_is_served_over_tls_under_its_name_alone(tls: Tls) -> 
         aiohttp.ClientSession(connector=aiohttp.TCPConnector(ssl=trusting)) as session,
     ):
         url = URL(console.url)
-        assert (url.scheme, url.host) == ("https", NAME)
-        here, host = url.with_host("127.0.0.1"), f"{NAME}:{url.port}"
+        assert (url.scheme, url.host) == ("https", NAME.lower())
+        here, host = url.with_host("127.0.0.1"), f"{url.host}:{url.port}"
         async with session.get(here, headers={"Host": host}) as reply:
             assert reply.status == 200
             assert "secure" in reply.headers["Set-Cookie"].lower()
@@ -85,6 +85,17 @@ async def test_a_certificate_that_is_none_is_said_with_its_options(tmp_path: Pat
     bad = Tls(certificate=tmp_path / "cert.pem", key=tmp_path / "missing.pem", name=NAME)
     with pytest.raises(PreflightError, match=r"--tls-cert .*--tls-key"):
         bad.context()
+
+
+def test_a_key_with_a_passphrase_is_an_error_and_not_a_question(tls: Tls, tmp_path: Path) -> None:
+    locked = tmp_path / "locked.pem"
+    subprocess.run(
+        ["openssl", "rsa", "-aes128", "-passout", "pass:secret", "-in", tls.key, "-out", locked],
+        check=True,
+        capture_output=True,
+    )
+    with pytest.raises(PreflightError, match="without a passphrase"):
+        Tls(certificate=tls.certificate, key=locked, name=NAME).context()
 
 
 async def test_half_a_certificate_is_refused(tmp_path: Path) -> None:

@@ -1,16 +1,19 @@
 """Recordings for other programs: a LeRobot dataset, arrays (.npz) or clouds (.ply)."""
 
-from collections.abc import Callable, Sequence
+import itertools
+import shutil
+from collections.abc import Generator, Iterator, Sequence
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Annotated, Literal, TypeAlias
 
 import tyro
 from rich.console import Console
-from rich.progress import TimeRemainingColumn
+from rich.progress import Progress, TaskID, TimeRemainingColumn
 
 from app.commands._preflight import make_folder
 from app.commands._progress import counting
-from app.core.errors import UsageError
+from app.core.errors import RecordingError, UsageError
 from app.recording.clouds import What, write_npz, write_ply
 from app.recording.shelf import Entry, shelf
 
@@ -43,13 +46,34 @@ def export(
     if not 1 <= fps <= _FASTEST_FPS:
         raise UsageError(f"--fps {fps} must be from 1 to {_FASTEST_FPS}.")
     entries = _chosen(terminal, shelf(places), labelled)
-    make_folder(output, "-o")
-    if any(output.iterdir()):
-        raise UsageError(f"{output} is not empty; choose another folder with -o, so that nothing is written over.")
-    with counting(terminal, TimeRemainingColumn()) as progress:
+    if output.exists() and (not output.is_dir() or any(output.iterdir())):
+        raise UsageError(f"{output} is not an empty folder; choose another with -o, so that nothing is written over.")
+    with _finished(output) as folder, counting(terminal, TimeRemainingColumn()) as progress:
         bar = progress.add_task("recordings", total=len(entries))
-        told = _write([entry.path for entry in entries], output, to, fps, what, lambda _: progress.advance(bar))
+        paths = [entry.path for entry in entries]
+        if to == "lerobot":
+            from app.recording.lerobot import dataset  # Others do not need its packages.
+
+            exported = dataset.export(paths, folder, fps=fps, done=lambda _: progress.advance(bar))
+            told = f"{exported.episodes} episodes, {exported.steps} steps at {fps} a second."
+        else:
+            told = _write_each(progress, bar, paths, folder, to, what)
     terminal.print(f"{output}: {told}")
+
+
+@contextmanager
+def _finished(output: Path) -> Generator[Path]:
+    """A folder that takes its name when all is in it; nothing is left of one that fails."""
+    unfinished = output.with_name(f".{output.name}.unfinished")
+    shutil.rmtree(unfinished, ignore_errors=True)
+    make_folder(unfinished, "-o")
+    try:
+        yield unfinished
+        if output.exists():
+            output.rmdir()
+        unfinished.rename(output)
+    finally:
+        shutil.rmtree(unfinished, ignore_errors=True)
 
 
 def _chosen(terminal: Console, entries: Sequence[Entry], labelled: str | None) -> Sequence[Entry]:
@@ -63,19 +87,25 @@ def _chosen(terminal: Console, entries: Sequence[Entry], labelled: str | None) -
     return chosen
 
 
-def _write(
-    paths: Sequence[Path], folder: Path, to: Format, fps: int, what: What, done: Callable[[Path], object]
-) -> str:
-    """Write all of them; returns what was written, in words."""
-    if to == "lerobot":
-        from app.recording.lerobot import dataset  # Others do not need its packages.
-
-        exported = dataset.export(paths, folder, fps=fps, done=done)
-        return f"{exported.episodes} episodes, {exported.steps} steps at {fps} a second."
-    count = 0
+def _write_each(progress: Progress, bar: TaskID, paths: Sequence[Path], folder: Path, to: Format, what: What) -> str:
+    """Arrays or clouds of each recording; returns what was written, in words. One that has none is left out."""
+    counts, taken = list[int](), set[str]()
     for path in paths:
-        count += (
-            write_npz(path, folder / f"{path.stem}.npz") if to == "npz" else write_ply(path, folder / path.stem, what)
-        )
-        done(path)
-    return f"{count} {'pushes' if to == 'npz' else 'clouds'} of {len(paths)} recordings."
+        stem = next(name for name in _names(path.stem) if name not in taken)
+        try:
+            count = write_npz(path, folder / f"{stem}.npz") if to == "npz" else write_ply(path, folder / stem, what)
+        except RecordingError as error:
+            progress.console.print(f"{path} is left out: {error}")
+        else:
+            counts.append(count)
+            taken.add(stem)
+        progress.advance(bar)
+    if not counts:
+        raise RecordingError(f"None of {len(paths)} recordings holds what {to} files are made of.")
+    return f"{sum(counts)} {'pushes' if to == 'npz' else 'clouds'} of {len(counts)} recordings."
+
+
+def _names(stem: str) -> Iterator[str]:
+    """The name of a file, and others for those of the same name in other folders."""
+    yield stem
+    yield from (f"{stem}-{number}" for number in itertools.count(2))

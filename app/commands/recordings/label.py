@@ -1,12 +1,13 @@
 """Say of recordings whether they succeeded, or take back what was said."""
 
 import getpass
+import os
 from pathlib import Path
 
 import tyro
 from rich.console import Console
 
-from app.core.errors import UsageError
+from app.core.errors import RecordingError, UsageError
 from app.recording import digests
 from app.recording.label import VERDICTS, Label, Verdict, relabel
 from app.recording.shelf import shelf
@@ -31,10 +32,21 @@ def label(
     if not files:
         raise UsageError(f"Name at least one recording: dipac recordings label {'|'.join(VERDICTS)} FILE...")
     terminal = Console(highlight=False, soft_wrap=True, markup=False)
-    told = Label.now(said, note=note, operator=operator or getpass.getuser())
-    for entry in shelf(files):
-        sound = digests.noted(entry.path) in (None, digests.digest(entry.path))
+    told, entries = Label.now(said, note=note, operator=operator or _user()), shelf(files)
+    for entry in entries:
+        if entry.condition != "whole":
+            raise RecordingError(f"{entry.path} is {entry.condition}; nothing was labelled. {entry.why}".strip())
+    for entry in entries:
+        # Of a file that somebody changed, the sum goes on saying so; of one that has none, nobody knows.
+        sound = digests.noted(entry.path) == digests.digest(entry.path)
         relabel(entry.path, told)
-        if sound:  # Of a file that somebody changed, the sum goes on saying so.
+        if sound:
             digests.note(entry.path)
         terminal.print(f"{entry.path}: {said}{f', {note}' if note else ''}")
+
+
+def _user() -> str:
+    try:
+        return getpass.getuser()
+    except (KeyError, OSError):  # A container may have no name for whoever runs it.
+        return f"uid {os.getuid()}"

@@ -1,5 +1,6 @@
 """Delete old recordings: those beyond a size or an age, never what is labelled or to be learnt from."""
 
+import math
 from pathlib import Path
 
 import tyro
@@ -30,8 +31,8 @@ def prune(
         yes: delete; without it, only what would be deleted is said.
     """
     for option, given in (("--keep-gb", keep_gb), ("--days", days)):
-        if given is not None and not given >= 0:
-            raise UsageError(f"{option} {given} must not be negative.")
+        if given is not None and not 0 <= given < math.inf:
+            raise UsageError(f"{option} {given} must be a number, and not negative.")
     if keep_gb is None and days is None:
         raise UsageError("Say what is too much: --keep-gb 20 keeps the newest 20 GB, --days 30 the last thirty days.")
     terminal = Console(highlight=False, soft_wrap=True, markup=False)
