@@ -8,8 +8,8 @@ from app.core.motion import Motion
 from app.core.types import Points
 
 
-def approved(motion: Motion, points: Points) -> Approved:
-    """`motion`, shown to and approved by an operator who sees `points` (N, 3) [m]; its costs are made up."""
+def offered(motion: Motion, points: Points) -> Proposal:
+    """`motion` as a plan for an object at `points` (N, 3) [m], which it leaves there; its costs are made up."""
     branch = Branch(
         origin="policy",
         actions=np.zeros((1, 2), np.float32),
@@ -21,7 +21,7 @@ def approved(motion: Motion, points: Points) -> Approved:
         terms={},
         finite=True,
     )
-    proposal = Proposal(
+    return Proposal(
         id=fresh_id("proposal"),
         time_s=0.0,
         task="rope_push",
@@ -37,6 +37,11 @@ def approved(motion: Motion, points: Points) -> Approved:
         predicted_chamfer_m2=0.005,
         plan_s=1.0,
     )
+
+
+def approved(motion: Motion, points: Points) -> Approved:
+    """`motion`, shown to and approved by an operator who sees `points` (N, 3) [m]."""
+    proposal = offered(motion, points)
     decision = Decision(
         id=fresh_id("decision"),
         time_s=0.0,

@@ -4,7 +4,6 @@ It starts `dipac console` as a user does, opens its page in Chromium, approves t
 """
 
 import os
-import shutil
 import signal
 import subprocess
 import sys
@@ -16,9 +15,9 @@ from pathlib import Path
 import tyro
 from playwright.sync_api import Page, sync_playwright
 
+from bench.browser import FLAGS, MISSING, chromium
+
 IMAGES = Path(__file__).parents[1] / "docs" / "images"
-_BROWSERS = ("chromium", "chromium-browser", "google-chrome")
-_FLAGS = ["--no-sandbox", "--use-angle=swiftshader", "--enable-unsafe-swiftshader"]
 _PATIENCE_MS = 300_000
 _SETTLED_MS = 3_000
 _SIZE = {"width": 1600, "height": 900}
@@ -61,11 +60,11 @@ def _program(task: str, seed: int, recordings: Path) -> Generator[str]:
 
 @contextmanager
 def _page() -> Generator[Page]:
-    executable = next(filter(None, map(shutil.which, _BROWSERS)), None)
+    executable = chromium()
     if executable is None:
-        raise SystemExit("Chromium is missing; install it (`apt-get install chromium`).")
+        raise SystemExit(MISSING)
     with sync_playwright() as playwright:
-        browser = playwright.chromium.launch(executable_path=executable, args=_FLAGS)
+        browser = playwright.chromium.launch(executable_path=executable, args=FLAGS)
         page = browser.new_page(viewport=_SIZE)  # pyright: ignore[reportArgumentType]
         page.set_default_timeout(_PATIENCE_MS)
         yield page

@@ -27,7 +27,7 @@ from app.core.messages import Frame, Notice, Particles, Proposal, fresh_id
 from app.rig.simulated.rig import SimulatedRig, simulated_rig
 from app.tasks import load
 from app.ui.console import Console, open_console
-from bench.approval import approved
+from bench.approval import approved, offered
 from bench.arm import across
 
 _WATCHERS: Final = (0, 1, 8)
@@ -125,36 +125,10 @@ async def _show_all(console: Console, rig: SimulatedRig) -> None:
 
 
 def _proposal(x: np.ndarray) -> Proposal:
-    from app.core.messages import Branch
-
-    motion = across(0.1)
-    path = motion.positions.astype(np.float32)
-    branch = Branch(
-        origin="policy",
-        actions=np.zeros((2, 42), np.float32),
-        tool_path=path,
-        predicted=x,
-        final=x,
-        cost_before=1.0,
-        cost_after=0.5,
-        terms={},
-        finite=True,
-    )
-    kinds = ("particles", "goal", "model")
-    return Proposal(
-        id=fresh_id("proposal"),
-        time_s=time.monotonic(),
-        task="rope_push",
-        **{f"{kind}_id": fresh_id(kind) for kind in kinds},  # pyright: ignore[reportArgumentType]
-        model_version=0,
-        observed=x,
-        branches=tuple(replace(branch, cost_after=0.5 + 0.01 * index) for index in range(8)),
-        best=0,
-        motion=motion,
-        chamfer_m2=1e-3,
-        predicted_chamfer_m2=5e-4,
-        plan_s=5.0,
-    )
+    """A plan of eight branches."""
+    plan = offered(across(0.1), x)
+    branches = tuple(replace(plan.chosen, cost_after=0.5 + 0.01 * index) for index in range(8))
+    return replace(plan, time_s=time.monotonic(), branches=branches)
 
 
 async def _say_lines(console: Console, said_s: dict[int, float]) -> None:

@@ -185,9 +185,9 @@ async def episode(order: Order, output: Output) -> Report:
         raise UsageError(f"--pushes {options.pushes} must not be negative.")
     if options.seed < 0:
         raise UsageError(f"--seed {options.seed} must not be negative.")
-    method = order.method
-    if options.tls is not None:
-        options.tls.context()  # What is wrong with its files shall be said now, and not once all has started.
+    method, tls = order.method, options.tls
+    if tls is not None:
+        tls.context()  # What is wrong with its files shall be said now, and not once all has started.
     check_port(site)
     async with Worker("planner", niceness=PLANNER_NICENESS) as planner:
         with output.status("starting the planner's process"):
@@ -196,7 +196,7 @@ async def episode(order: Order, output: Output) -> Report:
         start = await to_thread.run_sync(_start, order, preset)
         async with (
             open_recording(site.recordings, start, _room(site, options.pushes)) as recorder,
-            _cell(task, options, site, output) as (rig, console),
+            _cell(task, options.seed, site, tls, output) as (rig, console),
         ):
             heading = (
                 Text.assemble("Operator console: ", (console.url, "bold"), no_wrap=True),
@@ -243,12 +243,14 @@ def _announced_if_interrupted(output: Output, recording: Path) -> Generator[None
 
 
 @asynccontextmanager
-async def _cell(task: Task, options: Options, site: Site, output: Output) -> AsyncGenerator[tuple[Rig, Console]]:
+async def _cell(
+    task: Task, seed: int, site: Site, tls: Tls | None, output: Output
+) -> AsyncGenerator[tuple[Rig, Console]]:
     """The simulated rig and its console. The terminal says that they start: it takes seconds."""
     async with AsyncExitStack() as opened:
         with output.status("starting the cell"):
             rig = await opened.enter_async_context(
-                simulated_rig(stage=task.stage, start=task.start(options.seed), site=site, seed=options.seed)
+                simulated_rig(stage=task.stage, start=task.start(seed), site=site, seed=seed)
             )
             console = await opened.enter_async_context(
                 open_console(
@@ -258,7 +260,7 @@ async def _cell(task: Task, options: Options, site: Site, output: Output) -> Asy
                     simulated=rig.simulated,
                     stop=rig.arm.stop,
                     workspace=site.limits.workspace,
-                    tls=options.tls,
+                    tls=tls,
                 )
             )
         yield rig, console

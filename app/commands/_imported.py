@@ -5,13 +5,12 @@ from collections.abc import Iterator, Sequence
 from typing import Final
 
 import numpy as np
-from jaxtyping import Float64
 
 from app import __version__
 from app.core.messages import Episode, Executed, Message, MessageId, Particles, Sighting, Transition, fresh_id
-from app.core.types import Poses
+from app.core.track import poses_at
 from app.perception.recount import recounted
-from app.recording.plain import Plain, PlainEpisode, Poseline, Sight
+from app.recording.plain import Plain, PlainEpisode, Sight
 
 NOBODY: Final = MessageId("imported")
 """Stands for the approval that imported motions did not have."""
@@ -66,6 +65,9 @@ def _made(episode: PlainEpisode, seen: Sequence[Particles]) -> Iterator[Message]
     command = episode.command.between(before.time_s, after.time_s)
     state = episode.state.between(before.time_s, after.time_s) if episode.state else None
     times = command.times_s if state is None else np.union1d(command.times_s, state.times_s)
+    measured = np.zeros((0, 7))
+    if state is not None and len(state.times_s):
+        measured = poses_at(times, state.times_s, state.poses)
     executed = Executed(
         id=fresh_id("executed"),
         cause=(before.id,),
@@ -74,18 +76,8 @@ def _made(episode: PlainEpisode, seen: Sequence[Particles]) -> Iterator[Message]
         outcome="completed",
         reason="imported",
         times_s=times,
-        commanded=_at(command, times),
-        measured=_at(state, times) if state is not None and len(state.times_s) else np.zeros((0, 7)),
+        commanded=poses_at(times, command.times_s, command.poses),
+        measured=measured,
     )
     yield executed
     yield Transition.between(before, executed, after)
-
-
-def _at(line: Poseline, times_s: Float64[np.ndarray, " T"]) -> Poses:
-    """The poses at these times, straight between those given: at the times given they are those given."""
-    turns = np.cumprod(np.where((line.poses[1:, 3:] * line.poses[:-1, 3:]).sum(1) < 0, -1.0, 1.0))
-    poses = line.poses.copy()
-    poses[1:, 3:] *= turns[:, None]
-    found = np.stack([np.interp(times_s, line.times_s, column) for column in poses.T], axis=1)
-    found[:, 3:] /= np.linalg.norm(found[:, 3:], axis=1, keepdims=True)
-    return found

@@ -12,6 +12,7 @@ from app.commands._progress import counting
 from app.core.errors import UsageError
 from app.evaluation.demonstrate import FIRST_SEED, Demonstration, demonstrations, record
 from app.evaluation.play import Eyes
+from app.recording.writer import unused
 from app.tasks import load
 from app.tasks.jobs import choose_preset
 
@@ -49,21 +50,13 @@ def collect(
     with counting(terminal, TimeRemainingColumn()) as progress:
         bar = progress.add_task("episodes", total=episodes)
         for shown in demonstrations(task, size, range(seed, seed + episodes), eyes):
-            path = _free(folder, f"{task}-{shown.wish.seed:04d}")
+            path = unused(folder, f"{task}-{shown.wish.seed:04d}")
             record(shown, path)
             reached, actions = reached + shown.played.success, actions + len(shown.steps)
             progress.update(bar, advance=1)
             progress.console.print(f"{path}: {_told(shown)}", markup=False)
     terminal.print(f"{reached} of {episodes} episodes reached their goal, in {actions} actions together.")
     terminal.print(f"Calibrate with `dipac calibrate {folder}/*.mcap -o {task}.toml`.", markup=False)
-
-
-def _free(folder: Path, name: str) -> Path:
-    """A file that is not there yet: recordings are never written over."""
-    path, number = folder / f"{name}.mcap", 2
-    while path.exists():
-        path, number = folder / f"{name}-{number}.mcap", number + 1
-    return path
 
 
 def _told(shown: Demonstration) -> str:

@@ -9,6 +9,21 @@ from jaxtyping import Float64
 from app.core.types import Path3, Poses
 
 
+def poses_at(
+    at_s: Float64[np.ndarray, " S"], times_s: Float64[np.ndarray, " T"], poses: Float64[np.ndarray, "T D"]
+) -> Float64[np.ndarray, "S D"]:
+    """Poses at times, straight between those given: x y z, a quaternion w x y z, and what may follow.
+
+    At the times given they are those given, but for the sign of a quaternion.
+    """
+    sides = np.cumprod(np.where((poses[1:, 3:7] * poses[:-1, 3:7]).sum(1) < 0, -1.0, 1.0))
+    smooth = poses.copy()
+    smooth[1:, 3:7] *= sides[:, None]
+    found = np.stack([np.interp(at_s, times_s, column) for column in smooth.T], axis=1)
+    found[:, 3:7] /= np.linalg.norm(found[:, 3:7], axis=1, keepdims=True)
+    return found
+
+
 @final
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Track:

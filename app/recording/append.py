@@ -25,7 +25,6 @@ from app.recording.lock import held, locked
 
 _FOOTER_BYTES: Final = 1 + 8 + 8 + 8 + 4
 _DATA_END_BYTES: Final = 1 + 8 + 4
-_GROUPS: Final = (Opcode.SCHEMA, Opcode.CHANNEL, Opcode.STATISTICS, Opcode.CHUNK_INDEX, Opcode.ATTACHMENT_INDEX)
 
 
 def append_metadata(path: Path, name: str, metadata: Mapping[str, str]) -> None:
@@ -93,20 +92,14 @@ def _tail(summary: Summary, added: MetadataIndex, *, start: int) -> bytes:
     """Summary, its offsets, footer and magic, for a summary that begins at `start`."""
     statistics = summary.statistics
     counted = [dataclasses.replace(statistics, metadata_count=statistics.metadata_count + 1)] if statistics else []
-    groups: dict[Opcode, Iterable[McapRecord]] = dict(
-        zip(
-            _GROUPS,
-            (
-                summary.schemas.values(),
-                summary.channels.values(),
-                counted,
-                summary.chunk_indexes,
-                summary.attachment_indexes,
-            ),
-            strict=True,
-        )
-    )
-    groups[Opcode.METADATA_INDEX] = [*summary.metadata_indexes, added]
+    groups: dict[Opcode, Iterable[McapRecord]] = {
+        Opcode.SCHEMA: summary.schemas.values(),
+        Opcode.CHANNEL: summary.channels.values(),
+        Opcode.STATISTICS: counted,
+        Opcode.CHUNK_INDEX: summary.chunk_indexes,
+        Opcode.ATTACHMENT_INDEX: summary.attachment_indexes,
+        Opcode.METADATA_INDEX: [*summary.metadata_indexes, added],
+    }
     body, offsets = b"", list[McapRecord]()
     for opcode, records in groups.items():
         data = _bytes(records)

@@ -63,6 +63,9 @@ TOPICS: Final[Mapping[type[Message], str]] = MappingProxyType(
 )
 """The JSON channel of each message type."""
 
+KINDS: Final[Mapping[str, type[Message]]] = MappingProxyType({topic: kind for kind, topic in TOPICS.items()})
+"""The message type of each JSON channel."""
+
 _RECORDS: Final[Mapping[type[Message], type[Message]]] = MappingProxyType(
     {Frame: FrameRecord, Particles: ParticlesRecord, Approved: ApprovalRecord}
 )
@@ -91,3 +94,8 @@ def color_topic(camera: str) -> str:
 def depth_topic(camera: str) -> str:
     """Where the depth images of a camera are."""
     return f"/camera/{camera}/depth"
+
+
+def calibration_topic(camera: str) -> str:
+    """Where the calibrations of a camera are."""
+    return f"/camera/{camera}/calibration"

@@ -11,13 +11,12 @@ from mcap.stream_reader import StreamReader
 
 from app.core.messages import Frame, Message, MessageId, Particles
 from app.recording import digests
-from app.recording.channels import SURFACE_TOPIC, TOPICS, color_topic, depth_topic, record_of
+from app.recording.channels import KINDS, SURFACE_TOPIC, calibration_topic, color_topic, depth_topic, record_of
 from app.recording.codec import decode
 from app.recording.integrity import DAMAGE
 from app.recording.records import FrameRecord
 from app.recording.shelf import entry
 
-_KINDS: Final = {topic: kind for kind, topic in TOPICS.items()}
 _OURS: Final = "/dipac/"
 
 
@@ -39,7 +38,8 @@ def check(path: Path) -> Sequence[Finding]:
     with path.open("rb") as stream:
         try:
             # Without the index, and the checksums of chunks and of the data section with it.
-            list(StreamReader(stream, validate_crcs=True).records)
+            for _ in StreamReader(stream, validate_crcs=True).records:
+                pass  # One at a time: all of them may be more than fits into memory.
             stream.seek(0)
             return [*_checksum(path), *_contents(path, sum(found.counts.values()))]
         except DAMAGE as error:
@@ -76,7 +76,7 @@ def _contents(path: Path, counted: int) -> Iterator[Finding]:
             if written.log_time < seen.last_ns:
                 seen.faults["go back in time"] += 1
             seen.last_ns = written.log_time
-            kind = _KINDS.get(channel.topic)
+            kind = KINDS.get(channel.topic)
             if kind is not None:
                 _look(decode(written.data, record_of(kind)), kind, written.log_time, seen)
             elif channel.topic.startswith(_OURS):
@@ -107,5 +107,5 @@ def _parts(message: Message, kind: type[Message]) -> list[str]:
     """The channels that hold the rest of it."""
     if kind is Frame and isinstance(message, FrameRecord):
         camera = message.camera.name
-        return [color_topic(camera), depth_topic(camera), f"/camera/{camera}/calibration"]
+        return [color_topic(camera), depth_topic(camera), calibration_topic(camera)]
     return [SURFACE_TOPIC] if kind is Particles else []

@@ -33,7 +33,7 @@ def check_folder(folder: Path, room: Room) -> None:
         folder.mkdir(parents=True, exist_ok=True)
         with tempfile.TemporaryFile(dir=folder) as probe:
             probe.write(b"dipac")
-        taken_bytes = sum(path.stat().st_size for path in folder.rglob("*.mcap") if path.is_file())
+        taken_bytes = _taken_bytes(folder) if room.budget_bytes is not None else 0
     except OSError as error:
         raise PreflightError(
             f"Cannot write to {folder} ({error.strerror}); make it writable or choose another recordings folder."
@@ -49,6 +49,10 @@ def check_folder(folder: Path, room: Room) -> None:
             f"The recordings in {folder} take {_gb(taken_bytes)} of {_gb(room.budget_bytes)}, and this episode may "
             f"take {_gb(room.expected_bytes)}; make room with `dipac recordings prune {folder}`, or raise --budget-gb."
         )
+
+
+def _taken_bytes(folder: Path) -> int:
+    return sum(path.stat().st_size for path in folder.rglob("*.mcap") if path.is_file())
 
 
 def _gb(count: int) -> str:

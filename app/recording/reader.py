@@ -12,7 +12,7 @@ from mcap.reader import McapReader, make_reader
 
 from app.core.errors import RecordingError
 from app.core.messages import CameraModel, Episode, Frame, Message, Particles, Transition
-from app.recording.channels import SURFACE_TOPIC, TOPICS, color_topic, depth_topic, record_of
+from app.recording.channels import KINDS, SURFACE_TOPIC, TOPICS, color_topic, depth_topic, record_of
 from app.recording.codec import decode
 from app.recording.integrity import DAMAGE, damaged, inspect, reading
 from app.recording.protobuf import bytes_field
@@ -25,8 +25,6 @@ _POINT_CLOUD_DATA: Final = 6
 
 _FIRST_FRAMES: Final = 20
 """Among so many every camera has its turn."""
-
-_KINDS: Final = {topic: kind for kind, topic in TOPICS.items()}
 
 
 def read_messages(path: Path, kinds: Collection[type[Message]] = tuple(TOPICS)) -> Iterator[Message]:
@@ -118,7 +116,7 @@ def _messages(path: Path, kinds: Collection[type[Message]]) -> Iterator[Message]
         try:
             reader = make_reader(stream, validate_crcs=True)
             for _, channel, written in reader.iter_messages(_topics(reader, kinds), log_time_order=False):
-                kind = _KINDS.get(channel.topic)
+                kind = KINDS.get(channel.topic)
                 if kind is None:
                     parts[channel.topic] = _Part(written.log_time, written.data)
                 elif message := _whole(decode(written.data, record_of(kind)), written, parts):

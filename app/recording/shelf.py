@@ -1,6 +1,7 @@
 """A folder of recordings: what each file is, read from its first and last bytes alone."""
 
 import json
+import math
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from datetime import UTC, datetime
@@ -81,7 +82,7 @@ class Entry:
             "why": self.why,
             "task": self.task,
             "began": self.began.isoformat(timespec="seconds") if self.began else None,
-            "duration_s": None if self.duration_s != self.duration_s else round(self.duration_s, 3),
+            "duration_s": None if math.isnan(self.duration_s) else round(self.duration_s, 3),
             "size_bytes": self.size_bytes,
             "pushes": self.pushes,
             "faults": self.faults,
@@ -115,8 +116,7 @@ def entry(path: Path) -> Entry:
             return _begun(path, size_bytes, "recording", "")
         if not ends_as_mcap(path) and starts_as_mcap(path):
             return _begun(path, size_bytes, "cut off", f"`dipac recordings recover {path}` makes it whole")
-        inspect(path)
-        return _whole(path, size_bytes)
+        return _whole(path, size_bytes, inspect(path))
     except OSError as error:
         why = f"Cannot read {path} ({error.strerror}); make sure that you may."
         return Entry(path=path, size_bytes=size_bytes, condition="unreadable", why=why)
@@ -124,7 +124,7 @@ def entry(path: Path) -> Entry:
         return Entry(path=path, size_bytes=size_bytes, condition="unreadable", why=str(error))
 
 
-def _whole(path: Path, size_bytes: int) -> Entry:
+def _whole(path: Path, size_bytes: int, metadata: Mapping[str, str]) -> Entry:
     with path.open("rb") as stream:
         try:
             reader = make_reader(stream)
@@ -134,7 +134,6 @@ def _whole(path: Path, size_bytes: int) -> Entry:
                 raise ValueError("it has no summary")
         except DAMAGE as error:
             raise RecordingError(f"{path} is damaged ({error or type(error).__name__}).") from error
-    metadata = next(dict(record.metadata) for record in records if record.name == METADATA)
     labels = [Label.read(record.metadata) for record in records if record.name == LABEL]
     first_ns, last_ns = statistics.message_start_time, statistics.message_end_time
     return Entry(

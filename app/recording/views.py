@@ -39,7 +39,7 @@ from app.core.messages import (
     ResumeRequest,
     StopRequest,
 )
-from app.recording.channels import SURFACE_TOPIC, color_topic, depth_topic
+from app.recording.channels import SURFACE_TOPIC, calibration_topic, color_topic, depth_topic
 from app.recording.epoch import Epoch
 from app.recording.scene import branch_lines, path_line
 
@@ -101,7 +101,7 @@ def _frame(frame: Frame, stamp: Timestamp) -> list[View]:
     height, width = frame.depth.shape
     return [
         ("/tf", _transform(camera.name, T[:3, 3], Rotation.from_matrix(T[:3, :3]), stamp)),
-        (f"/camera/{camera.name}/calibration", _calibration(camera, stamp)),
+        (calibration_topic(camera.name), _calibration(camera, stamp)),
         (
             color_topic(camera.name),
             CompressedImage(timestamp=stamp, frame_id=camera.name, data=_jpeg(frame.color), format="jpeg"),

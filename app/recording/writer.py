@@ -1,6 +1,5 @@
 """The log of an episode: messages go into a bounded queue, and one thread encodes and writes them in order."""
 
-import itertools
 import queue
 import re
 import shutil
@@ -21,6 +20,7 @@ from app.core.messages import Episode, Message
 from app.recording import digests
 from app.recording.channels import topic_of
 from app.recording.file import EpisodeFile
+from app.recording.names import numbered
 from app.recording.preflight import Room, check_folder
 
 FLUSH_PERIOD_S: Final = 0.25
@@ -149,17 +149,16 @@ class _Entry:
 def _start(folder: Path, episode: Episode, room: Room) -> EpisodeFile:
     """A new file in `folder`, which is checked first. Raises PreflightError."""
     check_folder(folder, room)
-    path = _unused(folder, f"{datetime.now(UTC):%Y%m%dT%H%M%SZ}-{_plain(episode.task)}-seed{episode.seed}")
+    path = unused(folder, f"{datetime.now(UTC):%Y%m%dT%H%M%SZ}-{_plain(episode.task)}-seed{episode.seed}")
     try:
         return EpisodeFile(path, episode)
     except (OSError, RuntimeError) as error:
         raise PreflightError(f"Cannot start {path} ({error}); choose another recordings folder.") from error
 
 
-def _unused(folder: Path, stem: str) -> Path:
+def unused(folder: Path, stem: str) -> Path:
     """A path in `folder` that no file has, for the second episode within a second too."""
-    names = (f"{stem}{suffix}.mcap" for suffix in itertools.chain([""], (f"-{n}" for n in itertools.count(2))))
-    return next(path for path in map(folder.joinpath, names) if not path.exists())
+    return next(path for name in numbered(stem) if not (path := folder / f"{name}.mcap").exists())
 
 
 def _plain(task: str) -> str:

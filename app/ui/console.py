@@ -2,7 +2,6 @@
 
 import asyncio
 import socket
-import ssl
 from collections.abc import AsyncGenerator, AsyncIterator, Callable, Coroutine
 from contextlib import asynccontextmanager
 from functools import partial
@@ -71,7 +70,6 @@ async def open_console(
             f"Without TLS the console is served on loopback alone, not on {host!r}; to see it from another machine use "
             f"`ssh -L {port}:127.0.0.1:{port}`, or give --tls-cert and --tls-key."
         )
-    context = tls.context() if tls else None
     try:
         listening = proxy.listen(host, port)
     except OSError as error:
@@ -83,20 +81,16 @@ async def open_console(
     desk = Desk(stop=stop, post=post)
     with listening:
         page = Page(title=title, simulated=simulated)
-        async with _serving(listening, desk, page, workspace or Workspace(), tls, context) as url:
+        async with _serving(listening, desk, page, workspace or Workspace(), tls) as url:
             yield Console(url=url, desk=desk, requests=requests)
 
 
 @asynccontextmanager
 async def _serving(
-    listening: socket.socket,
-    desk: Desk,
-    page: Page,
-    workspace: Workspace,
-    tls: Tls | None,
-    context: ssl.SSLContext | None,
+    listening: socket.socket, desk: Desk, page: Page, workspace: Workspace, tls: Tls | None
 ) -> AsyncGenerator[str]:
     """Viser, the painter and the proxy, started in this order and closed in the opposite one; yields the URL."""
+    context = tls.context() if tls else None
     host, port = listening.getsockname()[:2]
     names = (*LOOPBACK, tls.name.lower()) if tls else LOOPBACK
     access = Access(token=proxy.fresh_secret(), cookie=f"dipac_{port}", names=names, secure=tls is not None)

@@ -13,14 +13,17 @@ class Pace:
 
     def wait_s(self, now_s: float) -> float:
         """Count one; how long to wait before the next [s]."""
-        self._left = min(self._burst, self._left + (now_s - self._last_s) * self._steady_hz) - 1.0
-        self._last_s = now_s
+        self._fill(now_s)
+        self._left -= 1.0
         return max(0.0, -self._left / self._steady_hz)
 
     def allows(self, now_s: float) -> bool:
         """Whether one more is within the pace; it counts where it is."""
-        self._left = min(self._burst, self._left + (now_s - self._last_s) * self._steady_hz)
-        self._last_s = now_s
+        self._fill(now_s)
         allowed = self._left >= 1.0
         self._left -= float(allowed)
         return allowed
+
+    def _fill(self, now_s: float) -> None:
+        self._left = min(self._burst, self._left + (now_s - self._last_s) * self._steady_hz)
+        self._last_s = now_s

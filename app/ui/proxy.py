@@ -102,6 +102,8 @@ class Proxy:
         if why is not None:
             self._refused(why)
             return web.Response(status=403, text=refused(why), content_type="text/html", headers=_HEADERS)
+        if request.path == "/" and _upgrades(request):
+            return await handler(request)  # A page that stays open; those are counted by themselves.
         if self._requests >= _MOST_REQUESTS and request.path != "/stop":
             self._refused("Too many requests at a time.")
             return web.Response(status=503, text="Too many requests at a time.", headers=_HEADERS)
@@ -157,12 +159,10 @@ class Proxy:
             self._refused("Too many browsers at a time.")
             return web.Response(status=503, text="Too many browsers at a time.", headers=_HEADERS)
         self._browsers += 1
-        self._requests -= 1  # From now on it counts as a browser, for as long as the page is open.
         try:
             return await self._joined(request, self._session)
         finally:
             self._browsers -= 1
-            self._requests += 1
 
     async def _joined(self, request: web.Request, session: aiohttp.ClientSession) -> web.StreamResponse:
         offered = re.split(r",\s*", request.headers.get("Sec-WebSocket-Protocol", ""))

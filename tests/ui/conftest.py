@@ -1,7 +1,5 @@
 """A console that is being served, and a browser to look at it with."""
 
-import os
-import shutil
 import threading
 from collections.abc import Iterator
 from dataclasses import dataclass, field
@@ -14,20 +12,8 @@ from playwright.sync_api import Page, sync_playwright
 from app.core.control import Lease
 from app.ui import Console, open_console
 from app.ui.desk import Request
+from bench.browser import FLAGS, MISSING, chromium
 from tests.ui import synthetic
-
-BROWSERS = ("chromium", "chromium-browser", "google-chrome")
-FLAGS = [
-    "--no-sandbox",
-    "--use-angle=swiftshader",
-    "--enable-unsafe-swiftshader",
-    "--disable-gpu",
-    "--disable-quic",
-    "--no-first-run",
-    "--disable-background-networking",
-    "--disable-component-update",
-    "--disable-sync",
-]
 
 
 @dataclass
@@ -72,11 +58,6 @@ def served() -> Iterator[Served]:
                 task.cancel()
 
 
-def chromium() -> str | None:
-    """Where Chromium is: in $DIPAC_CHROMIUM or on the path."""
-    return os.environ.get("DIPAC_CHROMIUM") or next(filter(None, map(shutil.which, BROWSERS)), None)
-
-
 @pytest.fixture
 def browser_page(tmp_path) -> Iterator[Page]:
     """A page in a fresh headless Chromium. At the end the test fails where the page reported an error or asked any
@@ -84,7 +65,7 @@ def browser_page(tmp_path) -> Iterator[Page]:
     """
     executable = chromium()
     if executable is None:
-        pytest.skip("Chromium is missing; install it (`apt-get install chromium`) or set DIPAC_CHROMIUM to its path.")
+        pytest.skip(MISSING)
     complaints: list[str] = []
     with sync_playwright() as playwright:
         context = playwright.chromium.launch_persistent_context(

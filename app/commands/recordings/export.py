@@ -1,8 +1,7 @@
 """Recordings for other programs: a LeRobot dataset, arrays (.npz) or clouds (.ply)."""
 
-import itertools
 import shutil
-from collections.abc import Generator, Iterator, Sequence
+from collections.abc import Generator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Annotated, Literal, TypeAlias
@@ -15,6 +14,7 @@ from app.commands._preflight import make_folder
 from app.commands._progress import counting
 from app.core.errors import RecordingError, UsageError
 from app.recording.clouds import What, write_npz, write_ply
+from app.recording.names import numbered
 from app.recording.shelf import Entry, shelf
 
 Format: TypeAlias = Literal["lerobot", "npz", "ply"]
@@ -91,7 +91,7 @@ def _write_each(progress: Progress, bar: TaskID, paths: Sequence[Path], folder: 
     """Arrays or clouds of each recording; returns what was written, in words. One that has none is left out."""
     counts, taken = list[int](), set[str]()
     for path in paths:
-        stem = next(name for name in _names(path.stem) if name not in taken)
+        stem = next(name for name in numbered(path.stem) if name not in taken)
         try:
             count = write_npz(path, folder / f"{stem}.npz") if to == "npz" else write_ply(path, folder / stem, what)
         except RecordingError as error:
@@ -103,9 +103,3 @@ def _write_each(progress: Progress, bar: TaskID, paths: Sequence[Path], folder: 
     if not counts:
         raise RecordingError(f"None of {len(paths)} recordings holds what {to} files are made of.")
     return f"{sum(counts)} {'pushes' if to == 'npz' else 'clouds'} of {len(counts)} recordings."
-
-
-def _names(stem: str) -> Iterator[str]:
-    """The name of a file, and others for those of the same name in other folders."""
-    yield stem
-    yield from (f"{stem}-{number}" for number in itertools.count(2))

@@ -38,7 +38,8 @@ def label(
             raise RecordingError(f"{entry.path} is {entry.condition}; nothing was labelled. {entry.why}".strip())
     for entry in entries:
         # Of a file that somebody changed, the sum goes on saying so; of one that has none, nobody knows.
-        sound = digests.noted(entry.path) == digests.digest(entry.path)
+        noted = digests.noted(entry.path)
+        sound = noted is not None and noted == digests.digest(entry.path)
         relabel(entry.path, told)
         if sound:
             digests.note(entry.path)

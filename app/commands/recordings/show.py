@@ -12,20 +12,21 @@ from app.commands._progress import print_whole
 from app.core.errors import RecordingError
 from app.core.messages import Executed, Fault, Message, Model, Notice, Outcome, Parameter
 from app.recording import digests
+from app.recording.integrity import require_file
 from app.recording.label import labels
 from app.recording.reader import read_messages
-from app.recording.shelf import Entry, entry, shelf
+from app.recording.shelf import Entry, entry
 from app.ui.terminal import HEADER, outcome_line
 from app.ui.words import duration, number, size
 
 
 def show(file: tyro.conf.Positional[Path], /) -> None:
-    """Everything but images and clouds, which Foxglove and `dipac replay` show.
+    """Everything but images and clouds, which Foxglove shows.
 
     Args:
         file: the recording.
     """
-    shelf([file])  # Says which there are, where there is no such file.
+    require_file(file)
     found = entry(file)
     if found.condition != "whole":
         raise RecordingError(f"{file} is {found.condition}: {found.why or 'wait for its end'}.")

@@ -72,9 +72,8 @@ def export(
             done(path)
     _write_meta(tools, folder, features, rows, tasks, fps=fps, steps=steps)
     whole = {key: np.concatenate([numbers[key] for numbers in told]) for key in told[0]}
-    described = {key: stats.of_numbers(_columns(value)) for key, value in whole.items() if value.dtype != bool}
-    described |= {key: stats.of_images(pictures) for key, pictures in images.items()}
-    (folder / "meta" / "stats.json").write_text(json.dumps(described, indent=4), encoding="utf-8")
+    told_of_all = json.dumps(_described(whole, images), indent=4)
+    (folder / "meta" / "stats.json").write_text(told_of_all, encoding="utf-8")
     return Exported(len(rows), steps)
 
 
@@ -118,7 +117,7 @@ class _Steps:
     ) -> tuple[int, int]:
         """Append an episode; returns the chunk and the file that it is in."""
         schema = _schema(self._tools, features)
-        columns: dict[str, Any] = {key: _plain(value) for key, value in numbers.items()}
+        columns: dict[str, Any] = {key: value.tolist() for key, value in numbers.items()}
         columns |= {key: [{"bytes": jpeg, "path": None} for jpeg in of_one] for key, of_one in images.items()}
         table = self._tools.arrow.Table.from_pydict(columns, schema=schema)
         if self._writer is not None and self._bytes + table.nbytes > _FILE_MB * 2**20:
@@ -206,8 +205,7 @@ def _row(
     images: Mapping[str, Sequence[bytes]],
 ) -> dict[str, Any]:
     """What `meta/episodes` says of an episode."""
-    described = {key: stats.of_numbers(_columns(value)) for key, value in numbers.items() if value.dtype != bool}
-    described |= {key: stats.of_images(pictures) for key, pictures in images.items()}
+    told = _described(numbers, images)
     return {
         "episode_index": index,
         "tasks": [samples.episode.task.replace("_", " ")],
@@ -216,7 +214,7 @@ def _row(
         "data/file_index": place[1],
         "dataset_from_index": first,
         "dataset_to_index": first + len(samples),
-        **{f"stats/{key}/{name}": value for key, of_one in described.items() for name, value in of_one.items()},
+        **{f"stats/{key}/{name}": value for key, of_one in told.items() for name, value in of_one.items()},
         "meta/episodes/chunk_index": 0,
         "meta/episodes/file_index": 0,
     }
@@ -257,8 +255,10 @@ def _write_meta(
     (meta / "info.json").write_text(json.dumps(info, indent=4), encoding="utf-8")
 
 
-def _plain(value: np.ndarray) -> list[Any]:
-    return value.tolist()
+def _described(numbers: Mapping[str, np.ndarray], images: Mapping[str, Sequence[bytes]]) -> dict[str, stats.Stats]:
+    """The statistics of each feature that has some."""
+    told = {key: stats.of_numbers(_columns(value)) for key, value in numbers.items() if value.dtype != bool}
+    return told | {key: stats.of_images(pictures) for key, pictures in images.items()}
 
 
 def _columns(value: np.ndarray) -> np.ndarray:

@@ -11,6 +11,7 @@ from jaxtyping import Float32, Float64
 
 from app.core.errors import RecordingError
 from app.core.messages import Episode, Executed, Goal, Particles
+from app.core.track import poses_at
 from app.core.types import Points
 from app.recording.reader import Picture, read_messages, read_pictures
 
@@ -77,17 +78,7 @@ def _along(executed: Executed, fps: int) -> _Steps:
     times_s, tool = executed.times_s, executed.tool
     told = np.concatenate([executed.commanded, tool[:, 7:]], axis=1)
     at = np.arange(times_s[0], times_s[-1], 1 / fps)
-    return _Steps(at, _poses_at(at, times_s, tool), _poses_at(at + 1 / fps, times_s, told))
-
-
-def _poses_at(at: np.ndarray, times_s: np.ndarray, poses: np.ndarray) -> Float64[np.ndarray, "S 8"]:
-    """Poses between those that were measured; the quaternions of unit length and on one side."""
-    sides = np.cumprod(np.where((poses[1:, 3:7] * poses[:-1, 3:7]).sum(1) < 0, -1.0, 1.0))
-    smooth = poses.copy()
-    smooth[1:, 3:7] *= sides[:, None]
-    found = np.stack([np.interp(at, times_s, column) for column in smooth.T], axis=1)
-    found[:, 3:7] /= np.linalg.norm(found[:, 3:7], axis=1, keepdims=True)
-    return found
+    return _Steps(at, poses_at(at, times_s, tool), poses_at(at + 1 / fps, times_s, told))
 
 
 def _newest(dated_s: Sequence[float], at_s: np.ndarray, path: Path) -> Sequence[int]:

@@ -6,7 +6,7 @@ import pytest
 from playwright.sync_api import Page, sync_playwright
 
 from app.ui.report import write_report
-from tests.ui.conftest import FLAGS, chromium
+from bench.browser import FLAGS, chromium
 from tests.ui.report.cases import CASES, named
 
 pytestmark = pytest.mark.browser
