@@ -22,6 +22,7 @@ from app.config import Limits, Site, checked
 from app.core.errors import DipacError, ParameterError, PreflightError, UsageError
 from app.core.messages import Episode, Goal, Message, fresh_id
 from app.core.ports import Rig
+from app.core.requests import Request
 from app.core.summary import Summary
 from app.core.worker import Worker
 from app.flow import Flow
@@ -35,7 +36,6 @@ from app.tasks.base import Wish
 from app.tasks.feasible import check_goal
 from app.tasks.jobs import check_model, choose_preset, shown_goal
 from app.ui.console import Console, open_console
-from app.ui.desk import Request
 from app.ui.terminal import Output, Terminal, open_terminal
 from app.ui.tls import Tls
 

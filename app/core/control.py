@@ -1,7 +1,7 @@
-"""Who may command: at most one of those who look on."""
+"""Who may command, and what the program does by itself."""
 
 from dataclasses import dataclass
-from typing import final
+from typing import Final, Literal, TypeAlias, final, get_args
 
 from app.core.messages import Message
 
@@ -13,3 +13,39 @@ class Lease(Message):
 
     holder: str
     why: str
+
+
+ModeName: TypeAlias = Literal["idle", "teleoperate", "plan only", "approve each", "automatic"]
+"""What the program does by itself: nothing; what is jogged; plans; plans and motions once approved; both."""
+MODES: Final[tuple[ModeName, ...]] = get_args(ModeName)
+
+
+@final
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Mode(Message):
+    """From now on the program is in this mode. `motions`: how many more it makes by itself while it is automatic.
+
+    `why`: who asked for it, or what led to it. A fault is no mode of these: the arm's state or a fatal `Fault` tells.
+    """
+
+    mode: ModeName
+    motions: int = 0
+    why: str = ""
+
+
+@final
+@dataclass(frozen=True, kw_only=True, eq=False)
+class ModeRequest(Message):
+    """Somebody wants another mode; `motions` is for automatic alone."""
+
+    operator: str
+    mode: ModeName
+    motions: int = 0
+
+
+@final
+@dataclass(frozen=True, kw_only=True, eq=False)
+class EndRequest(Message):
+    """Somebody wants the session to end, its recording closed."""
+
+    operator: str

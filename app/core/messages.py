@@ -154,8 +154,9 @@ class Model(Message):
         raise KeyError(name)
 
 
-Origin: TypeAlias = Literal["policy", "random", "sampled", "asked"]
-"""Where a branch's actions came from: the initial policy, chance, a distribution that was fitted, or somebody."""
+Origin: TypeAlias = Literal["policy", "random", "sampled", "asked", "edited"]
+"""Where a branch's actions came from: the initial policy, chance, a distribution that was fitted, discovery, or the
+operator, who changed another's."""
 
 
 @final
@@ -166,7 +167,8 @@ class Branch:
     `actions (D, A)`: D steps deep, in the task's action space; `tool_path (W, 3)`: the first action's path;
     `predicted (N, 3)`: the particles after the first action; `final (N, 3)`: at the end of the branch.
     An `asked` one is a push that somebody wanted, and costs nothing: its costs are NaN.
-    A branch that became non-finite is kept for the record with `finite=False` and is never chosen.
+    A branch that became non-finite is kept for the record with `finite=False` and is never chosen. `frames (F, N, 3)`:
+    the particles at F moments of the branch, evenly spread from now to its end; none in recordings of before.
     """
 
     origin: Origin
@@ -178,6 +180,7 @@ class Branch:
     cost_after: float
     terms: Mapping[str, float]
     finite: bool
+    frames: Float32[np.ndarray, "F N 3"] = field(default_factory=lambda: np.zeros((0, 0, 3), np.float32))
 
 
 @final

@@ -1,21 +1,13 @@
 """What the flow needs of the world, as small protocols. Rigs, the console and the recorder provide them."""
 
 from collections.abc import AsyncIterator, Sequence
-from typing import Protocol
+from pathlib import Path
+from typing import Literal, Protocol
 
 from app.core.approval import Approved
-from app.core.control import Lease
-from app.core.messages import (
-    ArmState,
-    CameraModel,
-    Decision,
-    Executed,
-    Frame,
-    Message,
-    Notice,
-    ResumeRequest,
-    StopRequest,
-)
+from app.core.jog import Jog
+from app.core.messages import ArmState, CameraModel, Executed, Frame, Message
+from app.core.requests import Request
 
 
 class Clock(Protocol):
@@ -58,6 +50,21 @@ class Arm(Protocol):
 
         Raises MotionRefused before anything moves (limits, workspace, a stop in force) and DeviceError where the arm's
         process is gone. A stop in the middle is an outcome, not an error.
+        """
+        ...
+
+    def jog(self, jog: Jog) -> None:
+        """Move so for now. May be called from any thread and never blocks; heeded only while `jogged` is waited for.
+
+        Slows down to rest where nothing newer comes for the watchdog's time, and before the workspace ends.
+        """
+        ...
+
+    async def jogged(self) -> Executed:
+        """Let whoever jogs move the tool, and wait until that is over: from the first jog to rest, and rest kept.
+
+        Cancelled, jogs are heeded no more, and the arm comes to rest. Raises MotionRefused while a stop is in force and
+        DeviceError where the arm's process is gone. A stop in the middle is an outcome, not an error.
         """
         ...
 
@@ -104,7 +111,7 @@ class Operator(Protocol):
         """Put a message before the operator. Never blocks."""
         ...
 
-    def requests(self) -> AsyncIterator[Decision | StopRequest | ResumeRequest | Lease | Notice]:
+    def requests(self) -> AsyncIterator[Request]:
         """What the operator asks for, in order."""
         ...
 
@@ -114,4 +121,29 @@ class Recorder(Protocol):
 
     async def write(self, message: Message) -> None:
         """Append a message; encoding happens off the event loop."""
+        ...
+
+
+class Studio(Protocol):
+    """Files beside the session's own recording, of demonstrations and of what was just seen."""
+
+    async def begin(self, opening: Sequence[Message]) -> Path:
+        """Start a file that begins with `opening` and gets everything that is recorded from now on.
+
+        Raises PreflightError where it does not fit on the disk, and RecordingError where one is open.
+        """
+        ...
+
+    async def end(self, said: Literal["success", "failure"] | None, *, operator: str) -> None:
+        """Close the file with its label; None removes it: what it held is in the session's own recording.
+
+        Raises RecordingError where none is open, or it cannot be written.
+        """
+        ...
+
+    async def clip(self, duration_s: float) -> Path:
+        """The last `duration_s` of the session's recording as a file of its own.
+
+        Raises RecordingError where it cannot be written.
+        """
         ...

@@ -5,7 +5,7 @@ from types import MappingProxyType
 from typing import Final
 
 from app.core.approval import Approved
-from app.core.control import Lease
+from app.core.control import EndRequest, Lease, Mode, ModeRequest
 from app.core.doubt import Verdict, Watched
 from app.core.errors import RecordingError
 from app.core.messages import (
@@ -28,6 +28,17 @@ from app.core.messages import (
     StopRequest,
     Transition,
 )
+from app.core.requests import (
+    ClipRequest,
+    ColourRequest,
+    EditRequest,
+    GoalRequest,
+    ModelRequest,
+    PictureGoalRequest,
+    TakeRequest,
+)
+from app.core.seeing import Seen
+from app.core.takes import Take
 from app.recording.records import ApprovalRecord, FrameRecord, ParticlesRecord
 
 SCHEMA_VERSION: Final = 1
@@ -56,6 +67,18 @@ TOPICS: Final[Mapping[type[Message], str]] = MappingProxyType(
         StopRequest: "/dipac/stop_request",
         ResumeRequest: "/dipac/resume_request",
         Lease: "/dipac/lease",
+        Mode: "/dipac/mode",
+        ModeRequest: "/dipac/mode_request",
+        EndRequest: "/dipac/end_request",
+        GoalRequest: "/dipac/goal_request",
+        PictureGoalRequest: "/dipac/picture_goal_request",
+        EditRequest: "/dipac/edit_request",
+        ModelRequest: "/dipac/model_request",
+        ColourRequest: "/dipac/colour_request",
+        TakeRequest: "/dipac/take_request",
+        ClipRequest: "/dipac/clip_request",
+        Take: "/dipac/take",
+        Seen: "/dipac/seen",
         Health: "/dipac/health",
         Notice: "/dipac/notice",
         Fault: "/dipac/fault",

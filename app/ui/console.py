@@ -15,11 +15,12 @@ from app.config import Workspace
 from app.core.channel import Lossless
 from app.core.errors import PreflightError
 from app.core.messages import Message
+from app.core.requests import Request
 from app.ui import cards, proxy
 from app.ui.access import LOOPBACK, Access
 from app.ui.backstage import Backstage, understood
 from app.ui.board import Board
-from app.ui.desk import Desk, Request
+from app.ui.desk import Desk
 from app.ui.page import Page
 from app.ui.painter import Painter
 from app.ui.panel import Panel

@@ -8,15 +8,13 @@ import math
 import threading
 import time
 from collections.abc import Callable
-from typing import TypeAlias, final
+from typing import final
 
 from app.core.control import Lease
 from app.core.messages import Decision, Message, Notice, Proposal, ResumeRequest, StopRequest, fresh_id
+from app.core.requests import Request
 from app.ui.board import Board
 from app.ui.pace import Pace
-
-Request: TypeAlias = Decision | StopRequest | ResumeRequest | Lease | Notice
-"""What goes from the console to the program; a notice is of something that the console saw, for the record."""
 
 _REFUSALS_EVERY_S = 10.0
 """Somebody who knocks a thousand times is one line."""

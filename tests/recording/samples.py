@@ -18,7 +18,7 @@ from app.recording.preflight import Room
 from app.recording.records import ApprovalRecord
 from app.recording.writer import open_recording
 
-AXES = {"N": 37, "M": 53, "L": 29, "W": 5, "Q": 5, "G": 5, "T": 11, "D": 2, "A": 4, "height": 480, "width": 640}
+AXES = {"N": 37, "M": 53, "L": 29, "W": 5, "Q": 5, "G": 5, "T": 11, "D": 2, "A": 4, "F": 3, "height": 480, "width": 640}
 
 
 def all_kinds() -> list[type[Message]]:
@@ -55,7 +55,8 @@ class Maker:
         if origin is Literal:
             return get_args(kind)[int(self.rng.integers(len(get_args(kind))))]
         if origin is tuple:
-            return tuple(self(get_args(kind)[0]) for _ in range(3))
+            items = get_args(kind)
+            return tuple(map(self, items if Ellipsis not in items else items[:1] * 3))
         if isinstance(origin, type) and issubclass(origin, Mapping):
             return types.MappingProxyType({f"ключ {n}": self(get_args(kind)[1]) for n in range(2)})
         plain = {float: lambda: float(self.rng.normal()), int: lambda: int(self.rng.integers(1, 3)), bool: lambda: True}

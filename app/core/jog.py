@@ -1,0 +1,20 @@
+"""A velocity that the tool shall have for now."""
+
+from dataclasses import dataclass, field
+from typing import final
+
+import numpy as np
+from jaxtyping import Float64
+
+
+@final
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Jog:
+    """How the tool shall move until something else is said, or nothing for a while: then it stops.
+
+    `linear` [m/s] and `angular` [rad/s] in the world frame, about the tool's tip; `opening` [m/s].
+    """
+
+    linear: Float64[np.ndarray, "3"] = field(default_factory=lambda: np.zeros(3))
+    angular: Float64[np.ndarray, "3"] = field(default_factory=lambda: np.zeros(3))
+    opening: float = 0.0

@@ -1,0 +1,109 @@
+"""What an operator asks for besides modes and decisions. The program answers in words where it cannot do it."""
+
+from dataclasses import dataclass
+from typing import Literal, TypeAlias, final
+
+import numpy as np
+from jaxtyping import Float64
+
+from app.core.control import EndRequest, Lease, ModeRequest
+from app.core.messages import Decision, Message, MessageId, Model, Notice, ResumeRequest, StopRequest
+from app.core.types import ColourImage, DepthImage, Points
+
+GoalSource: TypeAlias = Literal["view", "curve", "copy", "region", "file"]
+"""Where the points of a goal are from: the object as it lies now, a curve that it shall follow, a moved and bent copy
+of it, a region that it shall fill, or a file."""
+
+
+@final
+@dataclass(frozen=True, kw_only=True, eq=False)
+class GoalRequest(Message):
+    """The object shall be at `positions` (N, 3) [m], as many as there are."""
+
+    operator: str
+    source: GoalSource
+    positions: Points
+
+
+@final
+@dataclass(frozen=True, kw_only=True, eq=False)
+class PictureGoalRequest(Message):
+    """The object shall be where this pair of images of the camera called `camera` shows it."""
+
+    operator: str
+    camera: str
+    color: ColourImage
+    depth: DepthImage
+
+
+@final
+@dataclass(frozen=True, kw_only=True, eq=False)
+class EditRequest(Message):
+    """The motion of a proposal, but beginning at `start` and ending at `end` [m]: to be simulated and offered."""
+
+    operator: str
+    proposal_id: MessageId
+    start: Float64[np.ndarray, "3"]
+    end: Float64[np.ndarray, "3"]
+
+
+@final
+@dataclass(frozen=True, kw_only=True, eq=False)
+class ModelRequest(Message):
+    """Plan with this model from now on: one of a file, or an earlier version."""
+
+    operator: str
+    model: Model
+    source: str
+
+
+@final
+@dataclass(frozen=True, kw_only=True, eq=False)
+class ColourRequest(Message):
+    """The object has these colours: bounds of hue [degree], saturation and value [0..1], low then high of each."""
+
+    operator: str
+    hue_deg: tuple[float, float]
+    saturation: tuple[float, float]
+    value: tuple[float, float]
+
+
+TakeAct: TypeAlias = Literal["start", "success", "failure", "discard", "redo"]
+"""Of a demonstration: begin one; end it with a verdict; end it and remove it; the same and begin another."""
+
+
+@final
+@dataclass(frozen=True, kw_only=True, eq=False)
+class TakeRequest(Message):
+    """What to do with demonstrations."""
+
+    operator: str
+    act: TakeAct
+
+
+@final
+@dataclass(frozen=True, kw_only=True, eq=False)
+class ClipRequest(Message):
+    """The last `duration_s` shall be kept in a file of their own."""
+
+    operator: str
+    duration_s: float
+
+
+Request: TypeAlias = (
+    Decision
+    | StopRequest
+    | ResumeRequest
+    | Lease
+    | Notice
+    | ModeRequest
+    | EndRequest
+    | GoalRequest
+    | PictureGoalRequest
+    | EditRequest
+    | ModelRequest
+    | ColourRequest
+    | TakeRequest
+    | ClipRequest
+)
+"""What comes from an operator; a notice is of something that the console saw, for the record."""
