@@ -56,7 +56,7 @@ async def test_an_object_that_stays_out_of_sight_ends_the_run_with_what_to_do(
         proposal = await run.person.sees(Proposal)
         run.rig.table.place = "covered"
         await run.person.sees(Fault, "perception")
-        monkeypatch.setattr("app.flow.flow._OBSERVE_DEADLINE_S", 0.5)
+        monkeypatch.setattr("app.flow.sensing._OBSERVE_DEADLINE_S", 0.5)
         await run.person.decides(proposal, approve=False)
         error = await run.end()
         assert isinstance(error, DeviceError)

@@ -33,7 +33,7 @@ from app.recording.writer import EpisodeRecorder, open_recording
 from app.rig.simulated.rig import simulated_rig
 from app.tasks import Task, load
 from app.tasks.base import Wish
-from app.tasks.feasible import check_goal
+from app.tasks.goals import goal_of
 from app.tasks.jobs import check_model, choose_preset, shown_goal
 from app.ui.console import Console, open_console
 from app.ui.terminal import Output, Terminal, open_terminal
@@ -292,8 +292,8 @@ def _wish(task: Task, order: Order, preset: str, method: Method) -> Wish:
     options = order.options
     if options.goal:
         workspace = options.site().limits.workspace
-        positions = read_goal(options.goal, workspace, particle_count=particle_count, seed=options.seed)
-        check_goal(task, positions, f"The goal {options.goal}")
+        name, points = f"The goal {options.goal}", read_goal(options.goal)
+        positions = goal_of(task.name, points, particle_count, workspace, name, options.seed)
     else:
         positions = task.goal(options.seed, particle_count)
     model = load_model(order.model, task=task.name, time_s=now_s) if order.model else None

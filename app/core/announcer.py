@@ -28,11 +28,14 @@ class Announcer:
         self._clock = clock
         self._summary = summary
         self._log = Lossless[Message]("log", bound=_BOUND)
+        self._said = self._recorded = 0
+        self._recorded_one = anyio.Event()
 
     def say(self, message: MessageT) -> MessageT:
         """To the operator and into the log; returns the message."""
         self._operator.show(message)
         self._log.put_nowait(message)
+        self._said += 1
         self._summary.said += 1
         return message
 
@@ -65,7 +68,16 @@ class Announcer:
         except BaseExceptionGroup as errors:
             raise first_error(errors) from errors
 
+    async def recorded(self) -> None:
+        """Wait until the recorder has all that was said so far."""
+        said = self._said
+        while self._recorded < said:
+            await self._recorded_one.wait()
+
     async def _record(self) -> None:
         with anyio.CancelScope(shield=True):
             async for message in self._log:
                 await self._recorder.write(message)
+                self._recorded += 1
+                self._recorded_one.set()
+                self._recorded_one = anyio.Event()

@@ -9,6 +9,7 @@ from app.core.announcer import Announcer
 from app.core.errors import PlanningError, WorkerError
 from app.core.messages import Model, Particles
 from app.core.motion import Motion
+from app.core.types import Points
 from app.core.worker import Worker
 from app.tasks.asked import asked_plan
 from app.tasks.base import Wish
@@ -24,7 +25,7 @@ class Asking:
     """Makes a plan of the wish's push. Like any plan it is shown, approved and checked before the arm moves."""
 
     def __init__(self, wish: Wish, announcer: Announcer, planner: Worker, site: Site) -> None:
-        self._wish, self._site = wish, site
+        self._task, self._site = wish.task.name, site
         self._announcer, self._planner = announcer, planner
         self._motion = wish.asked
 
@@ -32,14 +33,13 @@ class Asking:
         """It has been decided on, and is not offered again."""
         self._motion = None
 
-    async def plan(self, observed: Particles, model: Model) -> "Plan | None":
+    async def plan(self, observed: Particles, goal: Points, model: Model) -> "Plan | None":
         """The push, aimed at where the object is now; None where nothing was asked for, or it does not fit here."""
-        motion, wish = self._motion, self._wish
+        motion, x = self._motion, observed.positions
         if motion is None:
             return None
         try:
-            x, goal = observed.positions, wish.goal.positions
-            found = await self._planner.run(asked_plan, wish.task.name, x, goal, model, motion, self._site)
+            found = await self._planner.run(asked_plan, self._task, x, goal, model, motion, self._site)
         except (PlanningError, WorkerError) as error:
             self._motion = None
             self._announcer.notice("discovery", f"The push that discovery asks for cannot be offered: {error}")

@@ -200,6 +200,8 @@ class Wish:
 
     `goal` is in the true world frame; `shown_goal` is where cameras that err will show an object that is there, and
     None where they do not. `asked`: a push to offer before anything is planned; `verdict`: what a discovery concluded.
+    `staying`: the program goes on when the goal is reached, the `pushes` are made or something fails, until somebody
+    ends it: it waits then to be told what to do next.
     """
 
     task: Task
@@ -214,6 +216,7 @@ class Wish:
     shown_goal: Points | None = None
     asked: Motion | None = None
     verdict: Verdict | None = None
+    staying: bool = False
 
     @property
     def target(self) -> Points:

@@ -8,6 +8,7 @@ import pytest
 from app.commands._goal import read_goal
 from app.config import Workspace
 from app.core.errors import UsageError
+from app.tasks.goals import goal_of
 
 COUNT = 50
 
@@ -19,7 +20,7 @@ def saved(folder: Path, points: np.ndarray) -> Path:
 
 
 def read(path: Path) -> np.ndarray:
-    return read_goal(path, Workspace(), particle_count=COUNT, seed=0)
+    return goal_of("rope_push", read_goal(path), COUNT, Workspace(), f"The goal {path}")
 
 
 def a_line(count: int) -> np.ndarray:
@@ -75,4 +76,4 @@ def test_an_array_of_something_else_is_refused(points: np.ndarray, tmp_path: Pat
 def test_a_point_outside_the_workspace_is_named(outside: tuple[float, float, float], tmp_path: Path):
     points = a_line(COUNT)
     points[7] = outside
-    assert "Goal point 7" in refusal(saved(tmp_path, points))
+    assert "goal.npy: point 7, " in refusal(saved(tmp_path, points))

@@ -1,0 +1,96 @@
+"""Showing a plan, and waiting for what somebody, or the mode, decides about it."""
+
+from typing import final
+
+import anyio
+
+from app.config import Site
+from app.core.announcer import Announcer
+from app.core.approval import ApprovalGate, Approved, automatic_decision, drift
+from app.core.channel import Latest, Lossless
+from app.core.errors import ApprovalRefused
+from app.core.messages import Decision, Particles, Proposal
+from app.core.ports import Clock
+from app.flow.modes import Modes
+from app.flow.sensing import Sensing
+
+
+@final
+class Approving:
+    """`proposals`: the one that is shown; `decisions`: what the operator says."""
+
+    def __init__(self, site: Site, sensing: Sensing, modes: Modes, announcer: Announcer, clock: Clock) -> None:
+        timing = site.timing
+        self.proposals = Latest[Proposal]("proposals")
+        self.decisions = Lossless[Decision]("decisions", bound=100)
+        self._oldest_s, self._drift_m = timing.plan_max_age_s, timing.plan_max_drift_m
+        self._gate = ApprovalGate(
+            max_age_s=timing.plan_max_age_s, max_unseen_s=timing.object_unseen_s, max_drift_m=timing.plan_max_drift_m
+        )
+        self._sensing, self._modes = sensing, modes
+        self._announcer, self._clock = announcer, clock
+
+    def moved_away(self, proposal: Proposal) -> bool:
+        """Whether the object has moved since the plan was made, which is said."""
+        moved_m = drift(proposal.observed, self._latest.positions)
+        moved = moved_m > self._drift_m
+        if moved:
+            text = f"{proposal.id} dropped: the object moved by {moved_m * 1e3:.0f} mm meanwhile."
+            self._announcer.notice("plan", text, proposal.id)
+        return moved
+
+    async def looked_at(self, proposal: Proposal) -> None:
+        """Show it, for nobody to decide on, until it means nothing any more."""
+        self._gate.show(None)
+        self.proposals.put(proposal)
+        with self._modes.waiting(self._oldest_s) as waiting:
+            async for _ in self._sensing.particles.changes():
+                if self.moved_away(proposal):
+                    return
+        self._given_up(proposal, waiting)
+
+    async def decided(self, proposal: Proposal) -> tuple[Decision | None, Approved | None]:
+        """Show it and wait for a decision: that, and leave to make the motion where it is approved and not refused.
+
+        Neither where the proposal grew old or is void.
+        """
+        self._gate.show(proposal)
+        self.proposals.put(proposal)
+        with self._modes.waiting(self._oldest_s) as waiting:
+            while True:
+                decision = await self._decision(proposal)
+                if waiting.cancel_called:
+                    break
+                if decision.proposal_id == proposal.id:
+                    return decision, self._approved(decision)
+                self._announcer.notice("approval", f"{decision.proposal_id} is not the plan shown; nothing was done.")
+        self._given_up(proposal, waiting)
+        return None, None
+
+    async def _decision(self, proposal: Proposal) -> Decision:
+        if self._modes.name == "automatic":
+            return self._announcer.say(automatic_decision(proposal, now_s=self._clock.now()))
+        return await self.decisions.get()
+
+    def _approved(self, decision: Decision) -> Approved | None:
+        if not decision.approve:
+            why = f"Rejected by {decision.operator}: {decision.reason or 'no reason given'}."
+            self._announcer.notice("approval", why, decision.proposal_id)
+            return None
+        try:
+            approved = self._gate.approve(decision, latest=self._latest, now_s=self._clock.now())
+        except ApprovalRefused as refusal:
+            self._announcer.notice("approval", str(refusal), decision.proposal_id)
+            return None
+        return self._announcer.say(approved)
+
+    def _given_up(self, proposal: Proposal, waiting: anyio.CancelScope) -> None:
+        old = anyio.current_time() >= waiting.deadline
+        why = "grew too old; planning again" if old else self._modes.interrupted
+        self._announcer.notice("plan", f"{proposal.id} {why}.", proposal.id)
+
+    @property
+    def _latest(self) -> Particles:
+        latest = self._sensing.particles.value
+        assert latest is not None, "a plan is made for particles that were seen"
+        return latest

@@ -1,0 +1,98 @@
+"""Demonstrations: their files, their verdicts, and how many there are."""
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Literal, final
+
+from app.core.announcer import Announcer
+from app.core.errors import DipacError
+from app.core.messages import Message, Transition, fresh_id
+from app.core.ports import Clock, Studio
+from app.core.requests import ClipRequest, TakeRequest
+from app.core.takes import Take, TakeState
+
+
+@final
+class Demonstrating:
+    """Begins and ends demonstrations as they are asked for, and says a `Take` each time; without `studio`, says why."""
+
+    def __init__(self, studio: Studio | None, announcer: Announcer, clock: Clock) -> None:
+        self._announcer, self._clock, self._studio = announcer, clock, studio
+        self._number = self._succeeded = self._transitions = 0
+        self._path: Path | None = None
+
+    async def asked(self, request: TakeRequest, opening: Sequence[Message]) -> None:
+        """Do what is asked; `opening` is what a new file begins with."""
+        studio = self._studio
+        if studio is None:
+            self._announcer.notice("demonstration", "This session is not recorded; no demonstration can be.")
+            return
+        try:
+            match request.act:
+                case "start":
+                    await self._begin(studio, opening)
+                case "success" | "failure":
+                    await self._end(studio, request.act, request.operator)
+                case "discard":
+                    await self._end(studio, None, request.operator)
+                case "redo":
+                    await self._end(studio, None, request.operator)
+                    await self._begin(studio, opening)
+        except DipacError as error:
+            self._announcer.fault("demonstration", error)
+
+    async def clip(self, request: ClipRequest) -> None:
+        """Keep what was just recorded."""
+        if self._studio is None:
+            self._announcer.notice("clip", "This session is not recorded; there is nothing to keep.")
+            return
+        await self._announcer.recorded()
+        try:
+            path = await self._studio.clip(request.duration_s)
+        except DipacError as error:
+            self._announcer.fault("clip", error)
+        else:
+            self._announcer.notice("clip", f"The last {request.duration_s:.0f} s are kept in {path}.", request.id)
+
+    def learned(self, transition: Transition) -> None:
+        """Count what was demonstrated."""
+        if self._path is not None:
+            self._transitions += 1
+            self._say("recording", transition)
+
+    async def _begin(self, studio: Studio, opening: Sequence[Message]) -> None:
+        if self._path is not None:
+            self._announcer.notice("demonstration", f"Demonstration {self._number} is being recorded; end it first.")
+            return
+        await self._announcer.recorded()
+        self._path = await studio.begin(opening)
+        self._number, self._transitions = self._number + 1, 0
+        self._say("recording")
+
+    async def _end(self, studio: Studio, said: Literal["success", "failure"] | None, operator: str) -> None:
+        if self._path is None:
+            self._announcer.notice("demonstration", "None is being recorded; start one first.")
+            return
+        if said is not None and not self._transitions:
+            text = "Nothing was moved in it yet: move the object by hand and let the arm rest, or discard it."
+            self._announcer.notice("demonstration", text)
+            return
+        self._succeeded += said == "success"
+        self._say(said or "discarded")
+        self._path = None
+        await self._announcer.recorded()
+        await studio.end(said, operator=operator)
+
+    def _say(self, state: TakeState, *about: Message) -> None:
+        self._announcer.say(
+            Take(
+                id=fresh_id("take"),
+                cause=tuple(message.id for message in about),
+                time_s=self._clock.now(),
+                number=self._number,
+                path=str(self._path),
+                state=state,
+                transitions=self._transitions,
+                succeeded=self._succeeded,
+            )
+        )

@@ -1,0 +1,111 @@
+"""What the program does by itself, and who asked for it."""
+
+from typing import final
+
+import anyio
+
+from app.core.announcer import Announcer
+from app.core.control import Lease, Mode, ModeName, ModeRequest
+from app.core.messages import MessageId, fresh_id
+from app.core.ports import Clock
+
+_MOST = 1000
+"""Motions without anybody's word."""
+
+
+@final
+class Modes:
+    """The mode there is, and what is given up when it changes, or when a plan means nothing any more.
+
+    `interruptions` counts the times that plans became void; `interrupted` says why, the last time.
+    A mode that somebody asked for at a console lasts no longer than it is safe: automatic ends with a stop, and when
+    whoever asked for it has no control any more. The one that the program was `started` in ends with a request alone.
+    """
+
+    def __init__(self, started: ModeName, motions: int, announcer: Announcer, clock: Clock) -> None:
+        self._announcer, self._clock = announcer, clock
+        self._holder = ""
+        self._waiting, self._lasting = anyio.CancelScope(), anyio.CancelScope()
+        self._changed = anyio.Event()
+        self.ended = False
+        self.interruptions, self.interrupted = 0, ""
+        self.now = Mode(id=fresh_id("mode"), time_s=clock.now(), mode=started, motions=motions, why="")
+
+    @property
+    def name(self) -> ModeName:
+        """Which it is."""
+        return self.now.mode
+
+    def begin(self) -> None:
+        """Say the first one."""
+        self._announcer.say(self.now)
+
+    def asked(self, request: ModeRequest) -> None:
+        """Somebody wants another."""
+        if request.mode == "automatic" and not 0 < request.motions <= _MOST:
+            text = f"{request.motions} motions were asked for; automatic is for 1 to {_MOST}."
+            self._announcer.notice("mode", text)
+            return
+        self._holder = request.operator
+        motions = request.motions if request.mode == "automatic" else 0
+        self.set(request.mode, f"asked for by {request.operator}", request.id, motions=motions)
+
+    def set(self, mode: ModeName, why: str, *cause: MessageId, motions: int = 0) -> None:
+        """Change to `mode`; what waits under the old one is given up."""
+        self._say(mode, why, *cause, motions=motions)
+        self._leave()
+
+    def end(self) -> None:
+        """No more of anything."""
+        self.ended = True
+        self._leave()
+
+    def lent(self, lease: Lease) -> None:
+        """Control has changed hands."""
+        if self.name in ("automatic", "teleoperate") and self._holder not in ("", lease.holder):
+            back = "idle" if self.name == "teleoperate" else "approve each"
+            self.set(back, f"{self._holder} has no control any more", lease.id)
+
+    def stopped(self) -> None:
+        """The arm was stopped."""
+        if self.name == "automatic" and self._holder:
+            self.set("approve each", "the arm was stopped")
+
+    def moved(self) -> None:
+        """A motion was made by itself; the last one of those that were asked for ends it."""
+        if self.name != "automatic" or not self._holder:
+            return
+        if self.now.motions > 1:
+            self._say("automatic", self.now.why, motions=self.now.motions - 1)
+        else:
+            self.set("approve each", "the motions that were asked for are made")
+
+    async def left(self) -> None:
+        """Wait until the mode is another."""
+        await self._changed.wait()
+
+    def lasting(self) -> anyio.CancelScope:
+        """A scope of what is given up with the mode."""
+        self._lasting = anyio.CancelScope()
+        return self._lasting
+
+    def waiting(self, deadline_s: float) -> anyio.CancelScope:
+        """A scope of waiting for a decision, given up at the next interruption or after `deadline_s`."""
+        self._waiting = anyio.move_on_after(deadline_s)
+        return self._waiting
+
+    def interrupt(self, why: str) -> None:
+        """Nobody decides on what is planned now. `why` completes "the plan ..."."""
+        self.interruptions, self.interrupted = self.interruptions + 1, why
+        self._waiting.cancel()
+
+    def _leave(self) -> None:
+        self.interrupt("was made in another mode")
+        self._lasting.cancel()
+        self._changed.set()
+        self._changed = anyio.Event()
+
+    def _say(self, mode: ModeName, why: str, *cause: MessageId, motions: int) -> None:
+        now_s = self._clock.now()
+        self.now = Mode(id=fresh_id("mode"), cause=cause, time_s=now_s, mode=mode, motions=motions, why=why)
+        self._announcer.say(self.now)

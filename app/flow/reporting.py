@@ -1,0 +1,57 @@
+"""The arm's state and the health strip, at a steady pace; and what the program is doing just now."""
+
+from typing import final
+
+from anyio import to_thread
+
+from app.config import Site
+from app.core.announcer import Announcer
+from app.core.disk import free_bytes
+from app.core.messages import Health, fresh_id
+from app.core.ports import Clock, Rig
+from app.core.summary import Summary
+from app.flow.approving import Approving
+from app.flow.learning import Learning
+from app.flow.sensing import Sensing
+
+
+@final
+class Reporting:
+    """Says an `ArmState` and a `Health` every period."""
+
+    def __init__(self, site: Site, rig: Rig, summary: Summary, announcer: Announcer, clock: Clock) -> None:
+        self._site, self._rig = site, rig
+        self._announcer, self._clock, self._summary = announcer, clock, summary
+        self.doing = "starting"
+        self._since_s = clock.now()
+
+    def do(self, doing: str) -> None:
+        """From now on this is being done."""
+        self.doing, self._since_s = doing, self._clock.now()
+
+    async def run(self, sensing: Sensing, learning: Learning, approving: Approving) -> None:
+        """For ever."""
+        while True:
+            disk_free_bytes = await to_thread.run_sync(free_bytes, self._site.recordings, abandon_on_cancel=True)
+            arm = self._announcer.say(await self._rig.arm.state())
+            now_s, model = self._clock.now(), learning.models.value
+            proposal, particles = approving.proposals.value, sensing.particles.value
+            self._announcer.say(
+                Health(
+                    id=fresh_id("health"),
+                    time_s=now_s,
+                    mode=f"{self.doing} ({now_s - self._since_s:.0f} s)",
+                    frame_age_s={name: now_s - c.value.time_s for name, c in sensing.frames.items() if c.value},
+                    particles_age_s=now_s - particles.time_s if particles else float("inf"),
+                    plan_age_s=now_s - proposal.time_s if proposal else float("inf"),
+                    plan_s=proposal.plan_s if proposal else float("nan"),
+                    arm_mode=arm.mode,
+                    arm_period_s=arm.period_s,
+                    model_version=model.version if model else 0,
+                    calibration_loss_m2=model.loss_m2 if model else float("nan"),
+                    drops={channel.name: channel.dropped for channel in (*sensing.frames.values(), sensing.particles)},
+                    faults=len(self._summary.faults),
+                    disk_free_bytes=disk_free_bytes,
+                )
+            )
+            await self._clock.sleep(self._site.timing.health_period_s)

@@ -1,0 +1,92 @@
+"""Cameras -> frames -> particles, all the time."""
+
+from collections import deque
+from typing import final
+
+import anyio
+
+from app.core.announcer import Announcer
+from app.core.channel import Latest
+from app.core.errors import DeviceError, PerceptionError, WorkerError
+from app.core.messages import Frame, Particles, fresh_id
+from app.core.ports import Camera, Clock, Rig
+from app.core.summary import Summary
+from app.core.worker import Worker
+from app.perception.reconstruct import Reconstruction, reconstruct
+
+_OBSERVE_DEADLINE_S = 30.0
+_KEPT = 600
+"""Particles of the past: those of two minutes, at five a second."""
+
+
+@final
+class Sensing:
+    """What the cameras see. `frames`: of each camera; `particles`: of all together, seen as `how` says."""
+
+    def __init__(self, rig: Rig, how: Reconstruction, summary: Summary, announcer: Announcer, clock: Clock) -> None:
+        self.how = how
+        self.frames = {camera.model.name: Latest[Frame](f"frames {camera.model.name}") for camera in rig.cameras}
+        self.particles = Latest[Particles]("particles")
+        self.perceiver = Worker("perception")
+        self._rig, self._clock = rig, clock
+        self._announcer, self._summary = announcer, summary
+        self._past = deque[Particles](maxlen=_KEPT)
+
+    async def run(self) -> None:
+        """Look and reconstruct, for ever."""
+        async with anyio.create_task_group() as stages:
+            for camera in self._rig.cameras:
+                stages.start_soon(self._capture, camera)
+            stages.start_soon(self._reconstruct)
+
+    async def settled(self, *, due_s: float) -> Particles:
+        """The first particles whose every frame was taken at `due_s` [s] or later. Raises DeviceError without any."""
+        with anyio.move_on_after(_OBSERVE_DEADLINE_S):
+            async for particles in self.particles.changes():
+                if particles.time_s >= due_s:
+                    return particles
+        raise DeviceError(
+            f"The object has not been seen for {_OBSERVE_DEADLINE_S:.0f} s; look at the camera images in the console, "
+            "uncover the object, and start again."
+        )
+
+    def before(self, time_s: float) -> Particles | None:
+        """The last particles whose frames were taken before `time_s` [s]; None where that is too long ago."""
+        return next((seen for seen in reversed(self._past) if seen.time_s < time_s), None)
+
+    async def _capture(self, camera: Camera) -> None:
+        """Camera -> frames; a camera that fails is reported and tried again."""
+        while True:
+            try:
+                frame = await camera.read()
+            except DeviceError as error:
+                self._announcer.fault(f"camera {camera.model.name}", error)
+                await self._clock.sleep(1.0)
+                continue
+            self.frames[camera.model.name].put(frame)
+            self._announcer.say(frame)
+
+    async def _reconstruct(self) -> None:
+        """One new frame of every camera -> particles."""
+        changes = [channel.changes() for channel in self.frames.values()]
+        await self.perceiver.run(callable, reconstruct)  # Starts the process and loads what it will use.
+        while True:
+            frames = [await anext(change) for change in changes]
+            started_s = self._clock.now()
+            try:
+                seen = await self.perceiver.run(reconstruct, frames, self.how, (await self._rig.arm.state()).tool)
+            except (PerceptionError, WorkerError) as error:
+                self._announcer.fault("perception", error)
+                continue
+            now_s = self._clock.now()
+            particles = Particles(
+                id=fresh_id("particles"),
+                cause=tuple(frame.id for frame in frames),
+                time_s=min(frame.time_s for frame in frames),
+                positions=seen.positions,
+                surface=seen.surface,
+                reconstruction_s=now_s - started_s,
+            )
+            self._summary.reconstruction_latency_s.append(now_s - max(frame.time_s for frame in frames))
+            self._past.append(particles)
+            self.particles.put(self._announcer.say(particles))
