@@ -91,12 +91,13 @@ def _centreline(
 
 
 def _ordered(object_: Points) -> Int[np.ndarray, " N"]:
-    """The particles from one end to the other: by their distance, through the object, from the end of the longest way."""
-    count = min(_NEIGHBOURS, len(object_) - 1)
+    """The particles from one end to the other: by how far it is, through the object, from the end of its longest way.
+
+    Strands that touch are a short cut, so an object that lies across itself is ordered wrongly there.
+    """
     tree = KDTree(object_)
-    apart = tree.sparse_distance_matrix(
-        tree, float(np.max(tree.query(object_, count + 1)[0])), output_type="coo_matrix"
-    )
+    reach_m = float(np.max(tree.query(object_, min(_NEIGHBOURS, len(object_)))[0]))
+    apart = tree.sparse_distance_matrix(tree, reach_m, output_type="coo_matrix")
     far = dijkstra(apart, directed=False, indices=0)
     end = int(np.argmax(np.where(np.isfinite(far), far, -1.0)))
     ways = dijkstra(apart, directed=False, indices=end)
