@@ -5,13 +5,14 @@ import time
 from collections.abc import AsyncGenerator, AsyncIterator, Callable
 from contextlib import asynccontextmanager
 from pathlib import Path
-from typing import TypeAlias, TypeVar, final
+from typing import TypeVar, final
 
 import anyio
 
 from app.config import Limits, Site, Timing, Workspace
 from app.core.approval import Approved
 from app.core.channel import Lossless
+from app.core.control import ModeName, ModeRequest
 from app.core.messages import (
     Decision,
     Executed,
@@ -25,6 +26,7 @@ from app.core.messages import (
     StopRequest,
     fresh_id,
 )
+from app.core.requests import Request
 from app.core.worker import Worker
 from app.flow import Flow
 from app.tasks.base import Preset, Wish
@@ -33,7 +35,6 @@ from tests.flow_planner import Habits, take_up
 from tests.flow_rig import Place, SmallRig
 
 MessageT = TypeVar("MessageT", bound=Message)
-Request: TypeAlias = Decision | StopRequest | ResumeRequest
 A_WHILE = 12
 """Reports of health in which the run would have looked, planned and begun to push, were it allowed to."""
 PATIENCE_S = 60.0
@@ -56,7 +57,7 @@ def small_site(folder: Path, **timing: float) -> Site:
     )
 
 
-def small_wish(*, pushes: int = 1000, automatic: bool = False) -> Wish:
+def small_wish(*, pushes: int = 1000, automatic: bool = False, staying: bool = False) -> Wish:
     """The rope task with 60 particles, and a goal that no stroke will ever reach."""
     preset = Preset(branches=2, depth=1, particle_count=60, gradient_steps=1)
     task = dataclasses.replace(TASK, presets={"small": preset})
@@ -69,6 +70,7 @@ def small_wish(*, pushes: int = 1000, automatic: bool = False) -> Wish:
         pushes=pushes,
         automatic=automatic,
         calibrating=False,
+        staying=staying,
     )
 
 
@@ -133,6 +135,16 @@ class Person:
         await self._asked.put(decision)
         return decision
 
+    async def asks(self, request: Request) -> None:
+        """Send any other request."""
+        await self._asked.put(request)
+
+    async def chooses(self, mode: ModeName, motions: int = 0) -> None:
+        """Ask for a mode."""
+        await self.asks(
+            ModeRequest(id=fresh_id("mode"), time_s=time.monotonic(), operator="tests", mode=mode, motions=motions)
+        )
+
     async def presses_stop(self) -> None:
         """The arm is told first, and then the flow, as the console does it."""
         self._stop()
@@ -153,7 +165,7 @@ class Person:
 
 def _words(message: Message) -> str:
     """What a message says in words: its text, an arm's or the application's mode, an outcome."""
-    return " ".join(str(getattr(message, name, "")) for name in ("where", "text", "mode", "outcome"))
+    return " ".join(str(getattr(message, name, "")) for name in ("where", "text", "mode", "outcome", "why"))
 
 
 @final

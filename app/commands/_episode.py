@@ -307,6 +307,7 @@ def _wish(task: Task, order: Order, preset: str, method: Method) -> Wish:
         automatic=order.automatic,
         calibrating=options.calibrate and method.calibrated and method.following,
         method=method,
+        staying=not order.automatic,
     )
 
 

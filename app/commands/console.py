@@ -24,7 +24,10 @@ def console(
         ),
     ] = None,
 ) -> None:
-    """Serve the console at the printed address until the goal is reached, the pushes are used up, or Ctrl-C."""
+    """Serve the console at the printed address until somebody ends the session there, or Ctrl-C.
+
+    Where the goal is reached, or --pushes motions are made, it waits for another goal or mode.
+    """
     output = Output()
     order = Order(task=task, options=options, automatic=False, case=case)
     report = anyio.run(episode, order, output)

@@ -90,13 +90,8 @@ class ClipRequest(Message):
     duration_s: float
 
 
-Request: TypeAlias = (
-    Decision
-    | StopRequest
-    | ResumeRequest
-    | Lease
-    | Notice
-    | ModeRequest
+Asked: TypeAlias = (
+    ModeRequest
     | EndRequest
     | GoalRequest
     | PictureGoalRequest
@@ -106,4 +101,6 @@ Request: TypeAlias = (
     | TakeRequest
     | ClipRequest
 )
+"""What whoever has control may ask for."""
+Request: TypeAlias = Decision | StopRequest | ResumeRequest | Lease | Notice | Asked
 """What comes from an operator; a notice is of something that the console saw, for the record."""

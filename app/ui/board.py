@@ -7,10 +7,10 @@ again when the program puts them on record.
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
-from typing import final
+from typing import Literal, final
 
 from app.core.approval import Approved
-from app.core.control import Lease
+from app.core.control import Lease, Mode, ModeName
 from app.core.doubt import Verdict, Watched
 from app.core.messages import (
     ArmMode,
@@ -33,6 +33,7 @@ from app.core.messages import (
     StopRequest,
     Transition,
 )
+from app.core.takes import Take
 from app.core.types import Points
 
 LOG_LENGTH = 8
@@ -59,6 +60,8 @@ class Board:
     executed: Executed | None = None
     expected: Points | None = None
     lease: Lease | None = None
+    mode: Mode | None = None
+    take: Take | None = None
     watched: Watched | None = None
     verdict: Verdict | None = None
     arm: ArmState | None = None
@@ -95,9 +98,22 @@ class Board:
         return self.lease.holder if self.lease else ""
 
     @property
+    def mode_now(self) -> ModeName | Literal["fault"] | None:
+        """What the program does by itself; a fault overrules every mode. None before anything was said."""
+        if self.fatal is not None or self.arm_mode == "fault":
+            return "fault"
+        return self.mode.mode if self.mode else None
+
+    @property
+    def demonstrating(self) -> bool:
+        """Whether a demonstration is being recorded."""
+        return self.take is not None and self.take.state == "recording"
+
+    @property
     def decidable(self) -> bool:
         """Whether a decision on the pending proposal would mean anything now."""
-        return self.pending is not None and not self.stopped and self.fatal is None
+        asked = self.mode is None or self.mode.mode == "approve each"
+        return self.pending is not None and asked and not self.stopped and self.fatal is None
 
     def after(self, message: Message) -> "Board":
         """The board once `message` has been seen."""
@@ -141,6 +157,10 @@ class Board:
                 # The echo of one that has been followed by another gives nothing back.
                 older = self.lease is not None and message.time_s < self.lease.time_s
                 return self if older else replace(self, lease=message)
+            case Mode():
+                return replace(self, mode=message)
+            case Take():
+                return replace(self, take=message)
             case Notice() | Fault():
                 return self._logged(message)
             case _:

@@ -21,7 +21,11 @@ _DISK_LOW_BYTES, _DISK_OUT_BYTES = 5e9, 1e9
 def mode(board: Board, now_s: float) -> str:
     """What the program is doing now, in words, and what that asks of the operator."""
     said, detail, tone = _mode(board, now_s)
-    return f'<div class="dp-mode {tone}" role="status"><b>{escape(said)}</b><span>{escape(detail)}</span></div>'
+    now, named = board.mode_now or "", escape(mode_name(board))
+    return (
+        f'<div class="dp-mode {tone}" role="status" data-mode="{now}" data-said="{named}"><i>{named}</i>'
+        f"<b>{escape(said)}</b><span>{escape(detail)}</span></div>"
+    )
 
 
 def _mode(board: Board, now_s: float) -> tuple[str, str, Tone]:
@@ -35,13 +39,25 @@ def _mode(board: Board, now_s: float) -> tuple[str, str, Tone]:
         return "Stopped", "The arm holds still. Clear the workspace, then press Resume.", "bad"
     if health is not None and now_s - health.time_s > _SILENCE_S:
         return f"No news for {words.duration(now_s - health.time_s)}", f"It was: {doing}. STOP still works.", "bad"
-    if board.pending is not None:
+    if board.mode_now == "plan only" and board.pending is not None:
+        return "A plan to look at", "Nothing moves in this mode.", ""
+    if board.pending is not None and board.decidable:
         return "Waiting for your approval", _to_decide(board.pending), "ask"
     if health is None and not board.frames:
         return "Waiting for the cameras", "Nothing has come in yet.", ""
     if board.arm_mode == "moving":
         return doing, "The arm moves.", "go"
     return doing, _latest_notice(board), ""
+
+
+def mode_name(board: Board) -> str:
+    """What the program does by itself, in two words."""
+    if board.mode_now == "fault":
+        return "Fault"
+    if board.mode is None:
+        return ""
+    name = words.MODES[board.mode.mode]
+    return f"{name}: {words.motions(board.mode.motions)} more" if board.mode.mode == "automatic" else name
 
 
 def _to_decide(pending: Proposal) -> str:

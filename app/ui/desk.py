@@ -12,7 +12,7 @@ from typing import final
 
 from app.core.control import Lease
 from app.core.messages import Decision, Message, Notice, Proposal, ResumeRequest, StopRequest, fresh_id
-from app.core.requests import Request
+from app.core.requests import Asked, Request
 from app.ui.board import Board
 from app.ui.pace import Pace
 
@@ -72,6 +72,12 @@ class Desk:
             repeated = self._board.stop_s > self._board.resume_s
             if not repeated:
                 self._issue(StopRequest(id=fresh_id("stop"), time_s=self.now(), operator=operator))
+
+    def ask(self, request: Asked) -> None:
+        """Ask the program for something, where whoever asks may."""
+        with self._lock:
+            if self._may(request.operator):
+                self._issue(request)
 
     def resume(self, operator: str) -> None:
         """Ask to go on; ignored where nothing is stopped."""

@@ -10,7 +10,18 @@ from typing import Any, Final, cast
 
 import msgspec
 
-SPOKEN: Final = frozenset({"GuiFormDirtyMessage", "GuiFormSubmitMessage", "GuiUpdateMessage", "ViewerCameraMessage"})
+SPOKEN: Final = frozenset(
+    {
+        "GuiFormDirtyMessage",
+        "GuiFormSubmitMessage",
+        "GuiUpdateMessage",
+        "ViewerCameraMessage",
+        "ScenePointerMessage",
+        "TransformControlsUpdateMessage",
+        "TransformControlsDragStartMessage",
+        "TransformControlsDragEndMessage",
+    }
+)
 """What viser's page says of the widgets that the console has. A new kind of widget may want another word."""
 _VALUE: Final = frozenset({"value"})
 """What a browser may change of a widget: viser would set any other attribute of it as well, its callbacks too."""

@@ -59,7 +59,8 @@ class Page:
         )
         return (
             f'<header class="dp-bar"><span class="dp-brand">{escape(self.title)}</span>{banner}'
-            '<span class="dp-room"></span><span id="dp-stop-says" role="alert"></span>'
+            '<span id="dp-mode-now" title="What the program does by itself"></span><span class="dp-room"></span>'
+            '<span id="dp-stop-says" role="alert"></span>'
             '<span id="dp-lost" role="alert" hidden>No connection: what you see is old</span>'
             '<button id="dp-stop" type="button" aria-label="STOP" title="Stop the arm now (Esc)">STOP'
             "<kbd>Esc</kbd></button></header>"

@@ -10,7 +10,10 @@ from app.core.messages import Frame
 from app.ui import cards, doubt
 from app.ui.board import Board
 from app.ui.decision import DecisionForm
+from app.ui.demonstrations import DemonstrationForm
 from app.ui.desk import Desk
+from app.ui.goals import GoalTab
+from app.ui.modes import EndButton, ModeForm
 from app.ui.plots import Plots
 from app.ui.scene import Scene, thumbnail
 
@@ -24,14 +27,18 @@ class Panel:
     """The widgets of one server. Used by the painter's thread alone; the buttons' callbacks go to the desk."""
 
     def __init__(self, server: viser.ViserServer, desk: Desk, scene: Scene) -> None:
-        self._gui = server.gui
-        self._scene = scene
+        self._server, self._gui = server, server.gui
+        self._desk, self._scene = desk, scene
         self._last = Board()
         self._pictures: dict[str, viser.GuiImageHandle] = {}
         self._mode = Text(self._gui, cards.mode(self._last, desk.now()))
         self._decision = DecisionForm(self._gui, desk)
+        with self._gui.add_folder("Mode"):
+            ModeForm(self._gui, desk)
         with self._gui.add_folder("Plan"):
             self._plan = Text(self._gui, cards.plan(self._last, desk.now()))
+        with self._gui.add_folder("Demonstrations", expand_by_default=False):
+            self._demonstrations = DemonstrationForm(self._gui, desk)
         with self._gui.add_folder("Is the model right?"):
             self._watch = Text(self._gui, doubt.watch(self._last))
         with self._gui.add_folder("Health"):
@@ -44,6 +51,8 @@ class Panel:
         last, self._last = self._last, board
         self._mode.put(cards.mode(board, now_s))
         self._decision.paint(board, now_s)
+        self._demonstrations.paint(board)
+        self._goal.paint(board)
         self._plan.put(cards.plan(board, now_s))
         self._watch.put(doubt.watch(board))
         self._verdict.put(doubt.verdict(board))
@@ -76,6 +85,8 @@ class Panel:
             self._cameras = self._gui.add_folder(None)
             with self._gui.add_folder("Messages"):
                 self._log = Text(self._gui, cards.log(self._last, 0.0))
+        with side.add_tab("Goal", viser.Icon.TARGET):
+            self._goal = GoalTab(self._server, self._desk)
         with side.add_tab("Progress", viser.Icon.CHART_LINE):
             self._plots = Plots(self._gui)
         with side.add_tab("Discovery", viser.Icon.MICROSCOPE):
@@ -84,6 +95,7 @@ class Panel:
             self._gui.add_html(cards.key())
             self._add_switches()
             self._episode = Text(self._gui, cards.episode(self._last))
+            EndButton(self._gui, self._desk)
         side.dock_left()
         side.set_width(_SIDE_WIDTH_PX)
 

@@ -1,9 +1,20 @@
 """Numbers as an operator reads them. Pure; every function takes SI and returns a short string."""
 
 import math
+from collections.abc import Mapping
+from typing import Final
 
+from app.core.control import ModeName
 from app.core.messages import Proposal
 
+MODES: Final[Mapping[ModeName, str]] = {
+    "idle": "Idle",
+    "teleoperate": "By hand",
+    "plan only": "Plan only",
+    "approve each": "Approve each",
+    "automatic": "Automatic",
+}
+"""What the modes are called."""
 NOTHING = "\N{EN DASH}"
 """Shown where there is no number yet."""
 _HUNDRED = 99.95
@@ -70,3 +81,8 @@ def origin(proposal: Proposal) -> str:
     if proposal.chosen.origin == "asked":
         return "the push that discovery asks for"
     return f"{proposal.chosen.origin} branch, {proposal.best + 1} of {len(proposal.branches)}"
+
+
+def motions(count: int) -> str:
+    """So many motions."""
+    return "1 motion" if count == 1 else f"{count} motions"

@@ -32,6 +32,17 @@ async function check() {
   document.getElementById("dp-lost").hidden = reply !== null && reply.ok;
 }
 
+// The mode belongs into the bar, which is in view wherever the panels are scrolled to.
+const now = document.getElementById("dp-mode-now");
+
+function mirror() {
+  const card = document.querySelector(".dp-mode");
+  if (card === null || now.dataset.said === card.dataset.said) return;
+  now.dataset.mode = card.dataset.mode;
+  now.textContent = now.dataset.said = card.dataset.said;
+}
+
+setInterval(mirror, 250);
 setInterval(check, 2000);
 button.addEventListener("pointerdown", stop);
 // A click without a pointer comes from the keyboard or from assistive software.

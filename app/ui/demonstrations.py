@@ -1,0 +1,63 @@
+"""The buttons that begin and end demonstrations, and that keep what was just recorded."""
+
+from typing import Any, Final, final
+
+import viser
+
+from app.core.messages import fresh_id
+from app.core.requests import ClipRequest, TakeAct, TakeRequest
+from app.ui import words
+from app.ui.board import Board
+from app.ui.decision import operator
+from app.ui.desk import Desk
+
+_WANTED: Final = 10
+"""Demonstrations that a calibration wants (paper, section V)."""
+_CLIP_S: Final = 30.0
+_SUCCESS, _FAILURE, _REDO, _DISCARD = "Success", "Failure", "Redo", "Discard"
+_ACTS: Final[dict[str, TakeAct]] = {_SUCCESS: "success", _FAILURE: "failure", _REDO: "redo", _DISCARD: "discard"}
+
+
+def card(board: Board) -> str:
+    """Which demonstration is being recorded, and how many there are."""
+    take = board.take
+    if take is None:
+        said = "None yet."
+    elif take.state == "recording":
+        said = f"<b class='dp-bad'>Recording number {take.number}</b>, {words.motions(take.transitions)} so far."
+    else:
+        said = f"Number {take.number}: {take.state}."
+    succeeded = take.succeeded if take else 0
+    return f"<div class='dp'>{said} <small>{succeeded} of {_WANTED} succeeded.</small></div>"
+
+
+@final
+class DemonstrationForm:
+    """The buttons in the container that is open when this is made. Painted by the painter's thread alone."""
+
+    def __init__(self, gui: viser.GuiApi, desk: Desk) -> None:
+        self._desk = desk
+        self._said = gui.add_html(card(desk.board))
+        self._start = gui.add_button("Start a demonstration", color="red", icon=viser.Icon.PLAYER_RECORD)
+        self._start.on_click(lambda event: self._ask(event, "start"))
+        self._end = gui.add_button_group("End as", tuple(_ACTS), visible=False)
+        self._end.on_click(lambda event: self._ask(event, _ACTS[event.target.value]))
+        clip = gui.add_button(f"Save the last {_CLIP_S:.0f} seconds", color="gray", icon=viser.Icon.HISTORY)
+        clip.on_click(self._keep)
+
+    def paint(self, board: Board) -> None:
+        """The buttons that mean something now."""
+        content = card(board)
+        if content != self._said.content:
+            self._said.content = content
+        if self._end.visible != board.demonstrating:
+            self._end.visible = board.demonstrating
+            self._start.visible = not board.demonstrating
+
+    def _ask(self, event: viser.GuiEvent[Any], act: TakeAct) -> None:
+        now_s = self._desk.now()
+        self._desk.ask(TakeRequest(id=fresh_id("take"), time_s=now_s, operator=operator(event), act=act))
+
+    def _keep(self, event: viser.GuiEvent[Any]) -> None:
+        now_s = self._desk.now()
+        self._desk.ask(ClipRequest(id=fresh_id("clip"), time_s=now_s, operator=operator(event), duration_s=_CLIP_S))

@@ -1,0 +1,5 @@
+"""Setting a goal in the browser: what is drawn, and the widgets that draw it."""
+
+from app.ui.goals.tab import GoalTab
+
+__all__ = ["GoalTab"]

@@ -1,0 +1,62 @@
+"""A goal while it is being drawn. Pure."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from typing import Final, Literal, TypeAlias, final
+
+import numpy as np
+
+from app.core import drawn
+from app.core.types import Points
+
+Kind: TypeAlias = Literal["none", "copy", "curve", "region"]
+KINDS: Final[Mapping[str, Kind]] = {
+    "Nothing": "none",
+    "A moved copy of the object": "copy",
+    "A curve that it follows": "curve",
+    "A region that it fills": "region",
+}
+"""What is drawn, as the operator reads it."""
+LEAST_RADIUS_M: Final = 0.02
+_APART_M = 0.005
+"""Points of a curve that are nearer to each other are one."""
+
+
+@final
+@dataclass(frozen=True, kw_only=True)
+class Draft:
+    """What is drawn: a copy with its middle at `place` [m], turned and bent; a curve; or a disc about `place`."""
+
+    kind: Kind = "none"
+    place: tuple[float, float] = (0.0, 0.0)
+    turn_rad: float = 0.0
+    bend_1_m: float = 0.0
+    radius_m: float = 0.08
+    curve: tuple[tuple[float, float], ...] = ()
+
+    def with_point(self, x_m: float, y_m: float) -> "Draft":
+        """With one more point of the curve, unless it is where the last one is."""
+        if self.curve and np.hypot(x_m - self.curve[-1][0], y_m - self.curve[-1][1]) < _APART_M:
+            return self
+        return replace(self, curve=(*self.curve, (x_m, y_m)))
+
+    def positions(self, object_: Points) -> Points | None:
+        """The goal that it means for `object_` (N, 3) [m]; None while it means none."""
+        match self.kind:
+            case "none":
+                return None
+            case "copy":
+                to = np.array(self.place)
+                return drawn.moved(object_, to=to, turn_rad=self.turn_rad, bend_1_m=self.bend_1_m)
+            case "curve":
+                return drawn.along(object_, np.array(self.curve)) if len(self.curve) > 1 else None
+            case "region":
+                return drawn.gathered(object_, middle=np.array(self.place), radius_m=self.radius_m)
+
+
+def on_table(origin: tuple[float, float, float], direction: tuple[float, float, float]) -> tuple[float, float] | None:
+    """Where a ray from the eye meets the table z = 0 [m]; None where it does not."""
+    if direction[2] >= 0 or origin[2] <= 0:
+        return None
+    far = -origin[2] / direction[2]
+    return origin[0] + far * direction[0], origin[1] + far * direction[1]

@@ -1,0 +1,170 @@
+"""The tab in which a goal is set: from the view, drawn over the table, or of a file."""
+
+import math
+from dataclasses import replace
+from typing import Any, Final, final
+
+import numpy as np
+import viser
+
+from app.core.chamfer import chamfer_m2
+from app.core.messages import fresh_id
+from app.core.requests import GoalRequest, GoalSource
+from app.core.types import Points
+from app.ui import palette, words
+from app.ui.beads import Beads
+from app.ui.board import Board
+from app.ui.decision import operator
+from app.ui.desk import Desk
+from app.ui.goals.draft import KINDS, LEAST_RADIUS_M, Draft, Kind, on_table
+
+_NOTHING: Final = next(name for name, kind in KINDS.items() if kind == "none")
+_SOURCES: Final[dict[Kind, GoalSource]] = {"copy": "copy", "curve": "curve", "region": "region"}
+_SHARPEST_1_M, _WIDEST_M = 15.0, 0.25
+_LINE_M = 0.003
+"""Above the table, so that it does not swallow the line."""
+
+
+@final
+class GoalTab:
+    """Widgets in the container that is open when this is made, and what is drawn in the scene meanwhile.
+
+    Callbacks change the draft, in any thread; only the painter's thread draws. All browsers draw on the same draft.
+    """
+
+    def __init__(self, server: viser.ViserServer, desk: Desk) -> None:
+        self._server, self._desk = server, desk
+        self._draft, self._drawn = Draft(), Draft()
+        self._object: Points | None = None
+        self._last = Board()
+        gui = server.gui
+        self._said = gui.add_html(card(self._last, None))
+        view = gui.add_button("Current view as goal", color="gray", icon=viser.Icon.CAMERA)
+        view.on_click(self._use_view)
+        self._kind = gui.add_dropdown("Draw", tuple(KINDS), initial_value=_NOTHING)
+        self._bend = gui.add_slider("Bend [1/m]", -_SHARPEST_1_M, _SHARPEST_1_M, 0.1, 0.0, visible=False)
+        self._radius = gui.add_slider("Radius [m]", LEAST_RADIUS_M, _WIDEST_M, 0.005, 0.08, visible=False)
+        self._points = gui.add_button_group("Points", ("Undo", "Clear"), visible=False)
+        self._hint = gui.add_html(_hint("none"))
+        self._use = gui.add_button("Use as goal", color="green", icon=viser.Icon.TARGET, visible=False)
+        self._kind.on_update(lambda event: self._choose(KINDS[event.target.value]))
+        self._bend.on_update(lambda event: self._change(bend_1_m=float(event.target.value)))
+        self._radius.on_update(lambda event: self._change(radius_m=float(event.target.value)))
+        self._points.on_click(self._unpoint)
+        self._use.on_click(self._use_draft)
+        self._beads = Beads(server, "/draft/goal", palette.DRAFT, opacity=0.6)
+        self._gizmo = server.scene.add_transform_controls(
+            "/draft/handle", scale=0.12, active_axes=(True, True, False), depth_test=False, visible=False
+        )
+        self._gizmo.on_update(self._dragged)
+        self._line: viser.LineSegmentsHandle | None = None
+
+    def paint(self, board: Board) -> None:
+        """Draw the draft, and say how far the object is from the goal, and from the draft."""
+        draft, last, self._last = self._draft, self._last, board
+        same = draft is self._drawn and board.particles is last.particles and board.goal is last.goal
+        if same or board.particles is None:
+            return
+        if draft.kind != self._drawn.kind:
+            self._begin(draft, board.particles.positions)
+        self._drawn = draft
+        goal = draft.positions(self._object) if self._object is not None else None
+        if goal is None:
+            self._beads.clear()
+        else:
+            self._beads.put(goal)
+        self._draw_line(draft)
+        self._said.content = card(board, goal)
+        self._use.visible = goal is not None
+
+    def _begin(self, draft: Draft, object_: Points) -> None:
+        """Another kind is drawn: of the object as it is now, which is kept until another one is."""
+        kind = draft.kind
+        self._object = object_
+        self._bend.visible, self._radius.visible = kind == "copy", kind == "region"
+        self._points.visible = kind == "curve"
+        self._hint.content = _hint(kind)
+        self._gizmo.visible = kind in ("copy", "region")
+        self._gizmo.disable_rotations = kind == "region"
+        self._gizmo.position = (*draft.place, _LINE_M)
+        self._gizmo.wxyz = (1.0, 0.0, 0.0, 0.0)
+        self._server.scene.remove_click_callback("all")
+        if kind == "curve":
+            self._server.scene.on_click()(self._clicked)
+
+    def _choose(self, kind: Kind) -> None:
+        seen = self._desk.board.particles
+        middle = seen.positions[:, :2].mean(0) if seen is not None else np.zeros(2)
+        self._bend.value = 0.0
+        self._redraw(Draft(kind=kind, place=(float(middle[0]), float(middle[1])), radius_m=float(self._radius.value)))
+
+    def _change(self, **changes: Any) -> None:
+        self._redraw(replace(self._draft, **changes))
+
+    def _redraw(self, draft: Draft) -> None:
+        self._draft = draft
+        self._desk.changed.set()
+
+    def _dragged(self, event: viser.TransformControlsEvent) -> None:
+        (w, _, _, z), (x_m, y_m, _) = event.target.wxyz, event.target.position
+        self._change(place=(float(x_m), float(y_m)), turn_rad=2 * math.atan2(float(z), float(w)))
+
+    def _clicked(self, event: viser.SceneClickEvent) -> None:
+        place = on_table(event.ray_origin, event.ray_direction)
+        if place is not None:
+            self._redraw(self._draft.with_point(*place))
+
+    def _unpoint(self, event: viser.GuiEvent[Any]) -> None:
+        self._change(curve=self._draft.curve[:-1] if event.target.value == "Undo" else ())
+
+    def _draw_line(self, draft: Draft) -> None:
+        if self._line is not None:
+            self._line.remove()
+            self._line = None
+        if draft.kind == "curve" and draft.curve:
+            nodes = np.column_stack([np.array(draft.curve), np.full(len(draft.curve), _LINE_M)])
+            ends = nodes[1:] if len(nodes) > 1 else nodes + np.array([0.004, 0.0, 0.0])
+            starts = nodes[:-1] if len(nodes) > 1 else nodes
+            self._line = self._server.scene.add_line_segments(
+                "/draft/curve", np.stack([starts, ends], axis=1), palette.DRAFT, thickness=4.0, thickness_units="screen"
+            )
+
+    def _use_view(self, event: viser.GuiEvent[Any]) -> None:
+        seen = self._desk.board.particles
+        if seen is not None:
+            self._ask(event, "view", seen.positions)
+
+    def _use_draft(self, event: viser.GuiEvent[Any]) -> None:
+        draft, object_ = self._draft, self._object
+        goal = draft.positions(object_) if object_ is not None else None
+        if goal is not None:
+            self._ask(event, _SOURCES[draft.kind], goal)
+            self._kind.value = _NOTHING
+            self._redraw(Draft())
+
+    def _ask(self, event: viser.GuiEvent[Any], source: GoalSource, positions: Points) -> None:
+        now_s, who = self._desk.now(), operator(event)
+        self._desk.ask(GoalRequest(id=fresh_id("goal"), time_s=now_s, operator=who, source=source, positions=positions))
+
+
+def card(board: Board, draft: Points | None) -> str:
+    """How far the object is from its goal, and would be from the one that is drawn."""
+    if board.particles is None or board.goal is None:
+        return '<div class="dp"><small>No goal, or nothing seen yet.</small></div>'
+    x = board.particles.positions
+    now = float(chamfer_m2(x, board.goal.positions))
+    said = f'<div class="dp-big"><b>{words.distance(now)}</b><i>from the goal</i><em>{words.square(now)}</em></div>'
+    if draft is not None:
+        drawn = float(chamfer_m2(x, draft))
+        said += f"<p>From what is drawn: <b>{words.distance(drawn)}</b> <small>{words.square(drawn)}</small></p>"
+    return f'<div class="dp">{said}</div>'
+
+
+def _hint(kind: Kind) -> str:
+    said = {
+        "none": "",
+        "copy": "Drag the handle in the scene to move and turn it.",
+        "curve": "Click on the table, point after point, from one end of the object to the other.",
+        "region": "Drag the handle in the scene to move it.",
+    }[kind]
+    return f'<div class="dp"><small>{said}</small></div>'
