@@ -1,0 +1,90 @@
+"""Files that a browser sends as a goal: read with distrust, and nothing kept of what makes no sense. Pure."""
+
+import io
+import math
+from collections.abc import Mapping
+from pathlib import PurePath
+from typing import Final
+
+import numpy as np
+import trimesh
+from PIL import Image
+
+from app.core.errors import UsageError
+from app.core.types import Cloud, ColourImage, DepthImage
+
+_POINTS: Final = ("npy", "ply")
+_PICTURES: Final = ("png", "jpg", "jpeg")
+_MOST_PIXELS: Final = 4096 * 4096
+_ADVICE: Final = (
+    "give one .npy or .ply file of points [m], or a colour picture and a 16-bit depth picture of one camera"
+)
+_DEPTH_MODES: Final = ("I;16", "I;16L", "I")
+
+
+def suffixes(files: Mapping[str, bytes]) -> list[str]:
+    """Of each file, in lower case and without a dot."""
+    return [PurePath(name).suffix.lower().removeprefix(".") for name in files]
+
+
+def are_points(files: Mapping[str, bytes]) -> bool:
+    """Whether this is one file of points; else it is a pair of pictures. Raises UsageError where it is neither."""
+    kinds = suffixes(files)
+    if len(kinds) == 1 and kinds[0] in _POINTS:
+        return True
+    if len(kinds) == 2 and all(kind in _PICTURES for kind in kinds):
+        return False
+    raise UsageError(f"{', '.join(files) or 'No file'}: {_ADVICE}.")
+
+
+def points_of(files: Mapping[str, bytes]) -> Cloud:
+    """The points (M, 3) [m] of the one file. Raises UsageError where it holds none."""
+    ((name, data),) = files.items()
+    try:
+        points = _array(data) if suffixes(files) == ["npy"] else _vertices(data)
+    except Exception as error:  # The file is from outside, and its readers raise what they like.
+        raise UsageError(f"{name} cannot be read ({error}); {_ADVICE}.") from None
+    if points.ndim != 2 or points.shape[1] != 3 or points.dtype.kind not in "fiu" or not len(points):
+        raise UsageError(f"{name} has shape {points.shape} of {points.dtype}; it must be points (M, 3) in metres.")
+    return points.astype(np.float32)
+
+
+def pictures_of(files: Mapping[str, bytes]) -> tuple[ColourImage, DepthImage]:
+    """The colour and the depth picture of the two files, in whichever order. Raises UsageError where they are none."""
+    opened = {name: _opened(name, data) for name, data in files.items()}
+    depth = [image for image in opened.values() if image.mode in _DEPTH_MODES]
+    color = [image for image in opened.values() if image.mode not in _DEPTH_MODES]
+    if len(depth) != 1 or len(color) != 1:
+        raise UsageError(f"Of {', '.join(opened)} one must be a 16-bit depth picture and one in colour; {_ADVICE}.")
+    try:
+        return np.array(color[0].convert("RGB")), np.array(depth[0]).astype(np.uint16)
+    except (OSError, SyntaxError, ValueError) as error:
+        raise UsageError(f"A picture is damaged ({error}); take it again.") from None
+
+
+def _array(data: bytes) -> np.ndarray:
+    """Of a .npy file that holds as much as it says. Raises ValueError where it does not."""
+    stream = io.BytesIO(data)
+    version = np.lib.format.read_magic(stream)
+    read = np.lib.format.read_array_header_1_0 if version == (1, 0) else np.lib.format.read_array_header_2_0
+    shape, _, dtype = read(stream)
+    if math.prod(shape) * dtype.itemsize > len(data):
+        raise ValueError("it is shorter than it says")
+    stream.seek(0)
+    return np.lib.format.read_array(stream, allow_pickle=False)
+
+
+def _vertices(data: bytes) -> np.ndarray:
+    loaded = trimesh.load(io.BytesIO(data), file_type="ply")
+    return np.asarray(getattr(loaded, "vertices", np.zeros((0, 3))))
+
+
+def _opened(name: str, data: bytes) -> Image.Image:
+    """A picture of which only the size has been read. Raises UsageError where it is none, or too large."""
+    try:
+        image = Image.open(io.BytesIO(data), formats=("PNG", "JPEG"))
+    except (OSError, SyntaxError, ValueError, Image.DecompressionBombError) as error:
+        raise UsageError(f"{name} is no picture ({error}); {_ADVICE}.") from None
+    if image.width * image.height > _MOST_PIXELS:
+        raise UsageError(f"{name} has {image.width} x {image.height} pixels, which no camera here has; {_ADVICE}.")
+    return image

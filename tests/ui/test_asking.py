@@ -1,0 +1,141 @@
+"""Modes, goals and demonstrations in a real browser: what is pressed is what is asked for."""
+
+import time
+
+import numpy as np
+import pytest
+from playwright.sync_api import Page, expect
+
+from app.core.control import EndRequest, Mode, ModeRequest
+from app.core.messages import Fault, fresh_id
+from app.core.requests import ClipRequest, GoalRequest, TakeRequest
+from app.core.takes import Take
+from tests.ui import synthetic
+from tests.ui.conftest import Served
+from tests.ui.test_browser import APPROVE, opened, wait_until
+
+pytestmark = pytest.mark.browser
+
+
+def button(page: Page, name: str) -> None:
+    page.get_by_role("button", name=name, exact=True).click()
+
+
+def choose(page: Page, label: str, option: str) -> None:
+    """An option of the dropdown beside `label`."""
+    page.get_by_label(label).or_(page.locator("input[aria-haspopup=listbox]")).first.click()
+    page.get_by_role("option", name=option).click()
+
+
+def mode(name: str, motions: int = 0) -> Mode:
+    return Mode(id=fresh_id("mode"), time_s=time.monotonic(), mode=name, motions=motions)
+
+
+def test_the_mode_is_always_in_view_and_each_is_one_press_away(served: Served, browser_page: Page) -> None:
+    page = opened(browser_page, served)
+    bar = page.locator("#dp-mode-now")
+    for said, asked in (("Idle", "idle"), ("By hand", "teleoperate"), ("Plan only", "plan only")):
+        button(page, said)
+        request = served.next_request()
+        assert isinstance(request, ModeRequest)
+        assert (request.mode, request.operator) == (asked, "client 0")
+        served.console.show(mode(asked))
+        expect(bar).to_have_text(said)
+        expect(page.get_by_role("button", name=APPROVE)).to_be_disabled()
+
+    page.get_by_role("textbox", name="Motions").fill("7")
+    button(page, "Make them automatically")
+    request = served.next_request()
+    assert isinstance(request, ModeRequest)
+    assert (request.mode, request.motions) == ("automatic", 7)
+    served.console.show(mode("automatic", 7))
+    expect(bar).to_have_text("Automatic: 7 motions more")
+    served.console.show(mode("approve each"))
+    expect(page.get_by_role("button", name=APPROVE)).to_be_enabled()
+    served.console.show(
+        Fault(id=fresh_id("fault"), time_s=time.monotonic(), where="arm", text="Its process ended.", fatal=True)
+    )
+    expect(bar).to_have_text("Fault")
+
+
+def test_the_session_ends_once_that_is_said_twice(served: Served, browser_page: Page) -> None:
+    page = opened(browser_page, served)
+    page.get_by_text("View", exact=True).click()
+    expect(page.get_by_role("button", name="End it now")).to_be_hidden()
+    page.get_by_text("End the session").click()
+    button(page, "End it now")
+    assert isinstance(served.next_request(), EndRequest)
+
+
+def test_goals_are_the_view_a_bent_copy_a_region_and_a_curve(served: Served, browser_page: Page) -> None:
+    page, object_ = opened(browser_page, served), synthetic.rope(0.5)
+    page.get_by_text("Goal", exact=True).click()
+    expect(page.get_by_text("from the goal")).to_be_visible()
+    button(page, "Current view as goal")
+    request = served.next_request()
+    assert isinstance(request, GoalRequest)
+    assert request.source == "view"
+    np.testing.assert_array_equal(request.positions, object_)
+
+    choose(page, "Draw", "A moved copy of the object")
+    slider = page.get_by_role("slider").first
+    slider.focus()
+    for _ in range(40):
+        slider.press("ArrowRight")
+    expect(page.get_by_text("From what is drawn")).to_be_visible()
+    wait_until(lambda: "0.0 mm" not in page.get_by_text("From what is drawn").inner_text())
+    button(page, "Use as goal")
+    request = served.next_request()
+    assert isinstance(request, GoalRequest)
+    assert request.source == "copy"
+    np.testing.assert_allclose(request.positions[:, :2].mean(0), object_[:, :2].mean(0), atol=1e-3)
+    assert np.abs(request.positions - object_).max() > 0.01
+    expect(page.get_by_role("button", name="Use as goal")).to_be_hidden()
+
+    choose(page, "Draw", "A region that it fills")
+    button(page, "Use as goal")
+    request = served.next_request()
+    assert isinstance(request, GoalRequest)
+    away = np.linalg.norm(request.positions[:, :2] - object_[:, :2].mean(0), axis=1)
+    assert request.source == "region"
+    assert away.max() == pytest.approx(0.08, abs=0.002)
+
+    choose(page, "Draw", "A curve that it follows")
+    expect(page.get_by_text("Click on the table")).to_be_visible()
+    for x, y in ((650, 420), (750, 480), (850, 430), (950, 500)):
+        page.mouse.click(x, y)
+        page.wait_for_timeout(300)
+    button(page, "Use as goal")
+    request = served.next_request()
+    assert isinstance(request, GoalRequest)
+    assert request.source == "curve"
+    assert request.positions.shape == object_.shape
+    np.testing.assert_array_equal(request.positions[:, 2], object_[:, 2])
+
+
+def test_demonstrations_are_begun_ended_and_counted(served: Served, browser_page: Page) -> None:
+    page = opened(browser_page, served)
+
+    def show(state: str, transitions: int = 0, succeeded: int = 0) -> None:
+        taken = {"number": 1, "path": "demo.mcap", "transitions": transitions, "succeeded": succeeded}
+        served.console.show(Take(id=fresh_id("take"), time_s=time.monotonic(), state=state, **taken))
+
+    page.get_by_text("Demonstrations", exact=True).click()
+    button(page, "Start a demonstration")
+    show("recording")
+    asked = [served.next_request()]
+    expect(page.get_by_text("Recording number 1")).to_be_visible()
+    show("recording", transitions=2)
+    expect(page.get_by_text("2 motions so far")).to_be_visible()
+    for act in ("Redo", "Discard", "Failure", "Success"):
+        button(page, act)
+        asked.append(served.next_request())
+    assert all(isinstance(request, TakeRequest) for request in asked)
+    assert [request.act for request in asked] == ["start", "redo", "discard", "failure", "success"]
+    show("success", transitions=2, succeeded=1)
+    expect(page.get_by_text("1 of 10 succeeded")).to_be_visible()
+    expect(page.get_by_role("button", name="Start a demonstration")).to_be_visible()
+    button(page, "Save the last 30 seconds")
+    clip = served.next_request()
+    assert isinstance(clip, ClipRequest)
+    assert clip.duration_s == 30.0
