@@ -10,7 +10,7 @@ from dataclasses import dataclass, field, replace
 from typing import final
 
 from app.core.approval import Approved
-from app.core.control import Lease
+from app.core.control import Lease, Mode
 from app.core.doubt import Verdict, Watched
 from app.core.messages import (
     ArmMode,
@@ -59,6 +59,7 @@ class Board:
     executed: Executed | None = None
     expected: Points | None = None
     lease: Lease | None = None
+    mode: Mode | None = None
     watched: Watched | None = None
     verdict: Verdict | None = None
     arm: ArmState | None = None
@@ -93,6 +94,11 @@ class Board:
     def holder(self) -> str:
         """Who has control; empty where nobody has."""
         return self.lease.holder if self.lease else ""
+
+    @property
+    def teleoperated(self) -> bool:
+        """Whether the tool is moved by hand in the mode that the program is in."""
+        return self.mode is not None and self.mode.mode == "teleoperate"
 
     @property
     def decidable(self) -> bool:
@@ -141,6 +147,8 @@ class Board:
                 # The echo of one that has been followed by another gives nothing back.
                 older = self.lease is not None and message.time_s < self.lease.time_s
                 return self if older else replace(self, lease=message)
+            case Mode():
+                return replace(self, mode=message)
             case Notice() | Fault():
                 return self._logged(message)
             case _:

@@ -21,7 +21,8 @@ _DISK_LOW_BYTES, _DISK_OUT_BYTES = 5e9, 1e9
 def mode(board: Board, now_s: float) -> str:
     """What the program is doing now, in words, and what that asks of the operator."""
     said, detail, tone = _mode(board, now_s)
-    return f'<div class="dp-mode {tone}" role="status"><b>{escape(said)}</b><span>{escape(detail)}</span></div>'
+    named = f' data-mode="{escape(board.mode.mode)}"' if board.mode else ""
+    return f'<div class="dp-mode {tone}" role="status"{named}><b>{escape(said)}</b><span>{escape(detail)}</span></div>'
 
 
 def _mode(board: Board, now_s: float) -> tuple[str, str, Tone]:
@@ -54,9 +55,10 @@ def _latest_notice(board: Board) -> str:
     return board.log[-1].text if board.log else "Nothing to decide."
 
 
-def you(name: str) -> str:
-    """What a browser is called."""
-    return f'<div class="dp"><small>You are <b>{escape(name)}</b>.</small></div>'
+def you(name: str, key: str = "") -> str:
+    """What a browser is called; with the key by which its jogs are known, where it may jog."""
+    known = f' data-jog-key="{escape(key)}"' if key else ""
+    return f'<div class="dp"{known}><small>You are <b>{escape(name)}</b>.</small></div>'
 
 
 def control(board: Board) -> str:
