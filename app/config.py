@@ -33,6 +33,9 @@ class Limits:
     speed_m_s: float = 0.30
     acceleration_m_s2: float = 1.5
     stop_deceleration_m_s2: float = 6.0
+    angular_speed_rad_s: float = 1.0
+    """Of a tool that is moved by hand; in a motion the speed of its tip holds for turning, too."""
+    angular_acceleration_rad_s2: float = 5.0
     opening_m: float = 0.085
     """The stroke of the two-finger gripper (Robotiq 2F-85)."""
     workspace: Workspace = field(default_factory=Workspace)
@@ -53,6 +56,10 @@ class Timing:
     plan_max_drift_m: float = 0.008
     object_unseen_s: float = 5.0
     health_period_s: float = 0.5
+    jog_rest_s: float = 0.7
+    """A tool moved by hand that has been at rest for so long is at the end of a stretch."""
+    jog_longest_s: float = 60.0
+    """A longer stretch is ended: the arm's log of states holds about 80 s."""
 
 
 @final

@@ -16,9 +16,10 @@ import numpy as np
 from app.config import Site
 from app.core.approval import Approved
 from app.core.errors import ApprovalRefused, DeviceError, MotionRefused
+from app.core.jog import Jog
 from app.core.messages import ArmState, CameraModel, Executed, Frame, MessageId, fresh_id
 from app.core.motion import pointing_down
-from app.core.types import ColourImage, DepthImage, Poses
+from app.core.types import ColourImage, DepthImage, Poses, ToolPose
 from app.rig.simulated.arm_control import ArmControl
 from app.rig.simulated.arm_model import solve_joints
 from app.rig.simulated.cameras import table_cameras
@@ -99,6 +100,7 @@ class TickedArm:
     def __init__(self, site: Site) -> None:
         self.begun: list[MessageId] = []
         self._stop_s = 0.0
+        self._heeding, self._told, self._jogged_s = False, list[Jog](), 0.0
         self._tool = pointing_down(np.array(HOME_TOOL_M))
         self.obey(site)
 
@@ -136,7 +138,7 @@ class TickedArm:
             # Of no effect on a motion that has ended; one that nobody watches any more must not go on.
             if self._control.mode == "moving":
                 self.stop()
-        outcome = "completed" if self._control.mode == "idle" else "stopped"
+        outcome = self._outcome()
         reason = self._control.reason
         # The end of a motion is noticed a little after it, as it is by whoever feeds a watchdog.
         await anyio.sleep(self._site.timing.keepalive_s)
@@ -152,6 +154,41 @@ class TickedArm:
             measured=measured,
         )
 
+    def tool(self) -> ToolPose:
+        return self._control.measured.copy()
+
+    def jog(self, jog: Jog) -> bool:
+        if self._heeding and self._control.mode not in ("stopping", "stopped"):
+            self._told.append(jog)
+            return True
+        return False
+
+    async def jogged(self) -> Executed:
+        if self._control.mode != "idle":
+            raise MotionRefused(f"The arm is {self._control.mode}; wait for its end, or reset it after a stop.")
+        self._heeding = True
+        try:
+            rows, reason = await self._stretch()
+        finally:
+            self._heeding = False
+            self._told.clear()
+            while self._control.mode in ("moving", "stopping"):
+                self._control.coast()
+                self._control.advance(self._site.timing.arm_period_s)
+            self._tool = self._control.commanded
+        times_s, commanded, measured = (np.array(column) for column in zip(*rows, strict=True))
+        return Executed(
+            id=fresh_id("executed"),
+            time_s=float(times_s[-1]),
+            approved_id=fresh_id("jogged"),
+            outcome=self._outcome(),
+            reason=self._control.reason or reason,
+            times_s=times_s,
+            commanded=commanded[:, :7],
+            measured=measured[:, :7],
+            openings=measured[:, 7],
+        )
+
     def stop(self) -> None:
         self._stop_s = time.monotonic()
         self._control.stop("STOP was pressed.")
@@ -160,6 +197,36 @@ class TickedArm:
         if self._stop_s > asked_s or self._control.mode == "stopping":
             raise DeviceError("The arm did not lift its stop; it was stopped again since, or is not at rest yet.")
         self._control.reset()
+
+    async def _stretch(self) -> tuple[list[tuple[float, ToolPose, ToolPose]], str]:
+        """Tick while somebody jogs: times, commanded and measured poses from the first move to rest."""
+        control, timing = self._control, self._site.timing
+        rows, last_s, rested_s, reason = list[tuple[float, ToolPose, ToolPose]](), time.monotonic(), 0.0, ""
+        while rested_s < timing.jog_rest_s:
+            await anyio.sleep(timing.arm_period_s)
+            now_s = time.monotonic()
+            if self._told and control.jog(self._told[-1]):
+                self._jogged_s = now_s
+            elif not self._heeding or now_s - self._jogged_s > timing.watchdog_s:
+                control.coast()
+            self._told.clear()
+            control.advance(min(now_s - last_s, _MAX_TICKS * timing.arm_period_s))
+            if control.mode == "moving" or (rows and control.mode == "stopping"):
+                rested_s = 0.0
+                rows.append((now_s, control.commanded.copy(), control.measured.copy()))
+            elif rows:
+                rested_s += now_s - last_s
+            if control.mode == "stopped" and not rows:
+                raise MotionRefused("A stop is in force; press Resume, then move the tool again.")
+            if control.mode == "stopped":
+                break
+            if rows and now_s - rows[0][0] > timing.jog_longest_s:
+                self._heeding, reason = False, "Moved by hand for as long as may be without a rest."
+            last_s = now_s
+        return rows, reason
+
+    def _outcome(self) -> Literal["completed", "stopped"]:
+        return "completed" if self._control.mode == "idle" else "stopped"
 
     async def _followed(self) -> tuple[np.ndarray, Poses, Poses]:
         """Tick until the arm is at rest: times, commanded and measured poses."""

@@ -35,6 +35,7 @@ from app.tasks import Task, load
 from app.tasks.base import Wish
 from app.tasks.goals import goal_of
 from app.tasks.jobs import check_model, choose_preset, shown_goal
+from app.teleop import Pilot
 from app.ui.console import Console, open_console
 from app.ui.terminal import Output, Terminal, open_terminal
 from app.ui.tls import Tls
@@ -261,6 +262,7 @@ async def _cell(
                     stop=rig.arm.stop,
                     workspace=site.limits.workspace,
                     tls=tls,
+                    hand=Pilot(jog=rig.arm.jog, tool=rig.arm.tool, limits=site.limits),
                 )
             )
         yield rig, console

@@ -8,6 +8,7 @@ from app.core.approval import Approved
 from app.core.jog import Jog
 from app.core.messages import ArmState, CameraModel, Executed, Frame, Message
 from app.core.requests import Request
+from app.core.types import ToolPose
 
 
 class Clock(Protocol):
@@ -53,18 +54,25 @@ class Arm(Protocol):
         """
         ...
 
-    def jog(self, jog: Jog) -> None:
-        """Move so for now. May be called from any thread and never blocks; heeded only while `jogged` is waited for.
+    def tool(self) -> ToolPose:
+        """Pose and opening of the tool as last measured. May be called from any thread and never blocks."""
+        ...
 
-        Slows down to rest where nothing newer comes for the watchdog's time, and before the workspace ends.
+    def jog(self, jog: Jog) -> bool:
+        """Move so for now; whether that is heeded now: it is only while `jogged` is waited for.
+
+        May be called from any thread and never blocks. The arm slows down to rest where nothing newer comes for the
+        watchdog's time, and before the workspace ends.
         """
         ...
 
     async def jogged(self) -> Executed:
         """Let whoever jogs move the tool, and wait until that is over: from the first jog to rest, and rest kept.
 
-        Cancelled, jogs are heeded no more, and the arm comes to rest. Raises MotionRefused while a stop is in force and
-        DeviceError where the arm's process is gone. A stop in the middle is an outcome, not an error.
+        Nobody approved it, so `approved_id` is an id of its own kind. A stretch that is too long is ended, as `reason`
+        says then; a hand that goes on is not heeded before the next call. Cancelled, jogs are heeded no more, and the
+        arm comes to rest. Raises MotionRefused while a stop is in force and DeviceError where the arm's process is
+        gone. A stop in the middle is an outcome, not an error.
         """
         ...
 

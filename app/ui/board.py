@@ -105,6 +105,11 @@ class Board:
         return self.mode.mode if self.mode else None
 
     @property
+    def teleoperated(self) -> bool:
+        """Whether the tool is moved by hand in the mode that the program is in."""
+        return self.mode_now == "teleoperate"
+
+    @property
     def demonstrating(self) -> bool:
         """Whether a demonstration is being recorded."""
         return self.take is not None and self.take.state == "recording"

@@ -70,9 +70,10 @@ def _latest_notice(board: Board) -> str:
     return board.log[-1].text if board.log else "Nothing to decide."
 
 
-def you(name: str) -> str:
-    """What a browser is called."""
-    return f'<div class="dp"><small>You are <b>{escape(name)}</b>.</small></div>'
+def you(name: str, key: str = "") -> str:
+    """What a browser is called; with the key by which its jogs are known, where it may jog."""
+    known = f' data-jog-key="{escape(key)}"' if key else ""
+    return f'<div class="dp"{known}><small>You are <b>{escape(name)}</b>.</small></div>'
 
 
 def control(board: Board) -> str:

@@ -18,9 +18,11 @@ from app.core.messages import Message
 from app.core.requests import Request
 from app.ui import cards, proxy
 from app.ui.access import LOOPBACK, Access
+from app.ui.aim import Aim
 from app.ui.backstage import Backstage, understood
 from app.ui.board import Board
 from app.ui.desk import Desk
+from app.ui.hand import Hand, HandLine
 from app.ui.page import Page
 from app.ui.painter import Painter
 from app.ui.panel import Panel
@@ -60,11 +62,13 @@ async def open_console(
     stop: Callable[[], None],
     workspace: Workspace | None = None,
     tls: Tls | None = None,
+    hand: Hand | None = None,
 ) -> AsyncGenerator[Console]:
     """A console that serves until the block is left.
 
-    `stop` tells the arm to stop: it is called from other threads than the caller's and must not block. `port` 0 takes
-    a free one. Raises PreflightError where the port is taken, or `host` is no loopback address and there is no `tls`.
+    `stop` tells the arm to stop: it is called from other threads than the caller's and must not block. `hand` makes
+    motion of what is held in the browser, where that is offered. `port` 0 takes a free one. Raises PreflightError where
+    the port is taken, or `host` is no loopback address and there is no `tls`.
     """
     if host not in LOOPBACK and tls is None:
         raise PreflightError(
@@ -81,14 +85,14 @@ async def open_console(
     post = partial(asyncio.get_running_loop().call_soon_threadsafe, requests.put_nowait)
     desk = Desk(stop=stop, post=post)
     with listening:
-        page = Page(title=title, simulated=simulated)
-        async with _serving(listening, desk, page, workspace or Workspace(), tls) as url:
+        page = Page(title=title, simulated=simulated, jogging=hand is not None)
+        async with _serving(listening, desk, page, workspace or Workspace(), tls, hand) as url:
             yield Console(url=url, desk=desk, requests=requests)
 
 
 @asynccontextmanager
 async def _serving(
-    listening: socket.socket, desk: Desk, page: Page, workspace: Workspace, tls: Tls | None
+    listening: socket.socket, desk: Desk, page: Page, workspace: Workspace, tls: Tls | None, hand: Hand | None
 ) -> AsyncGenerator[str]:
     """Viser, the painter and the proxy, started in this order and closed in the opposite one; yields the URL."""
     context = tls.context() if tls else None
@@ -96,9 +100,10 @@ async def _serving(
     names = (*LOOPBACK, tls.name.lower()) if tls else LOOPBACK
     access = Access(token=proxy.fresh_secret(), cookie=f"dipac_{port}", names=names, secure=tls is not None)
     passphrase = proxy.fresh_secret()
+    line = HandLine(hand, hindrance=desk.hindrance, refused=desk.turned_away) if hand else None
     backstage = await to_thread.run_sync(lambda: Backstage(label=page.title, passphrase=passphrase))
     try:
-        painter = await to_thread.run_sync(_set_scene, backstage, desk, workspace)
+        painter = await to_thread.run_sync(_set_scene, backstage, desk, workspace, hand, line)
         front = proxy.Proxy(
             access=access,
             page=page,
@@ -107,6 +112,7 @@ async def _serving(
             stop=desk.stop,
             understood=understood,
             refused=desk.turned_away,
+            jog=line.serve if line else None,
         )
         try:
             await _over_there(front.start(listening, context), backstage)
@@ -122,28 +128,40 @@ async def _serving(
             await to_thread.run_sync(backstage.close)
 
 
-def _set_scene(backstage: Backstage, desk: Desk, workspace: Workspace) -> Painter:
+def _set_scene(
+    backstage: Backstage, desk: Desk, workspace: Workspace, hand: Hand | None, line: HandLine | None
+) -> Painter:
     """Furnish the server, and say who repaints it."""
-    _greet(backstage.server, desk)
+    _greet(backstage.server, desk, line)
     scene = Scene(backstage.server, workspace)
     panel = Panel(backstage.server, desk, scene)
+    aim = Aim(backstage.server, workspace, desk, hand) if hand else None
 
     def paint(board: Board, now_s: float) -> None:
         with backstage.server.atomic():
             scene.paint(board, now_s)
             panel.paint(board, now_s)
+            if aim is not None:
+                aim.paint(board)
 
     return Painter(desk, paint)
 
 
-def _greet(server: viser.ViserServer, desk: Desk) -> None:
+def _greet(server: viser.ViserServer, desk: Desk, line: HandLine | None) -> None:
     """Tell each browser who it is, as control and records name it; and the desk when it leaves."""
 
     def came(client: viser.ClientHandle) -> None:
-        client.gui.add_html(cards.you(f"client {client.client_id}"), order=-1.0)
+        name = f"client {client.client_id}"
+        client.gui.add_html(cards.you(name, line.greet(name) if line else ""), order=-1.0)
+
+    def left(client: viser.ClientHandle) -> None:
+        name = f"client {client.client_id}"
+        desk.left(name)
+        if line is not None:
+            line.left(name)
 
     server.on_client_connect(came)
-    server.on_client_disconnect(lambda client: desk.left(f"client {client.client_id}"))
+    server.on_client_disconnect(left)
 
 
 async def _over_there(coroutine: Coroutine[None, None, None], backstage: Backstage) -> None:

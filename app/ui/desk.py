@@ -129,6 +129,14 @@ class Desk:
             if self._board.holder == operator:
                 self._lend("", f"{operator} has left")
 
+    def hindrance(self, operator: str) -> str | None:
+        """Why `operator` may not move the tool by hand now, in words; None where he may, and uses his control by it."""
+        with self._lock:
+            why = _hindrance(self._board, operator) if operator not in self._gone else f"{operator} has left"
+            if why is None:
+                self._used_s = self.now()
+            return why
+
     def _may(self, operator: str) -> bool:
         """Whether `operator` may command now. Where nobody has control, whoever commands takes it."""
         if not self._in_pace(operator):
@@ -179,6 +187,19 @@ class Desk:
         self._board = self._board.after(request)
         self._post(request)
         self.changed.set()
+
+
+def _hindrance(board: Board, operator: str) -> str | None:
+    """Control is asked for and not taken by itself: a stick that hangs shall command nothing."""
+    if board.fatal is not None:
+        return "the program has ended"
+    if board.stopped:
+        return "a stop is in force: press Resume"
+    if not board.holder:
+        return "nobody has control: press Take first"
+    if board.holder != operator:
+        return f"{board.holder} has control"
+    return None if board.teleoperated else "switch to teleoperate first"
 
 
 def _times(count: int) -> str:

@@ -10,19 +10,19 @@ from typing import Any, Final, cast
 
 import msgspec
 
-SPOKEN: Final = frozenset(
-    {
-        "GuiFormDirtyMessage",
-        "GuiFormSubmitMessage",
-        "GuiUpdateMessage",
-        "ViewerCameraMessage",
-        "ScenePointerMessage",
-        "TransformControlsUpdateMessage",
-        "TransformControlsDragStartMessage",
-        "TransformControlsDragEndMessage",
-    }
+_DRAGS: Final = frozenset(
+    {"TransformControlsUpdateMessage", "TransformControlsDragStartMessage", "TransformControlsDragEndMessage"}
 )
+SPOKEN: Final = _DRAGS | {
+    "GuiFormDirtyMessage",
+    "GuiFormSubmitMessage",
+    "GuiUpdateMessage",
+    "ScenePointerMessage",
+    "ViewerCameraMessage",
+}
 """What viser's page says of the widgets that the console has. A new kind of widget may want another word."""
+DRAGGED: Final = frozenset({"/aim", "/draft/handle"})
+"""What in the scene may be dragged."""
 _VALUE: Final = frozenset({"value"})
 """What a browser may change of a widget: viser would set any other attribute of it as well, its callbacks too."""
 
@@ -50,7 +50,22 @@ def refusal(data: bytes, understood: Callable[[bytes], bool]) -> str | None:
     updates = fields.get("updates", {})
     if not isinstance(updates, dict) or not _VALUE.issuperset(cast(dict[Any, Any], updates)):
         return "a browser changes the value of a widget and nothing else of it"
+    if kind in _DRAGS and not _drags(fields):
+        return "it drags what cannot be dragged"
     return None if understood(data) else "its fields make no sense"
+
+
+def _drags(fields: dict[Any, Any]) -> bool:
+    """Whether it is of something that can be dragged, and to a place where there is a place in it."""
+    places = (("position", 3), ("wxyz", 4))
+    return fields.get("name") in DRAGGED and all(
+        _vector(fields[key], length) for key, length in places if key in fields
+    )
+
+
+def _vector(said: Any, length: int) -> bool:
+    numbers = cast(list[Any], said) if isinstance(said, list) else []
+    return len(numbers) == length and all(isinstance(number, int | float) for number in numbers)
 
 
 def _sound(message: Any) -> bool:

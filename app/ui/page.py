@@ -9,6 +9,8 @@ from html import escape
 from importlib.resources import files
 from typing import Final, final
 
+from app.ui.drawer import drawer
+
 
 @final
 @dataclass(frozen=True, kw_only=True)
@@ -26,6 +28,7 @@ def _asset(name: str, kind: str) -> Asset:
 ASSETS: Final = {
     "console.css": _asset("console.css", "text/css"),
     "console.js": _asset("console.js", "text/javascript"),
+    "jog.js": _asset("jog.js", "text/javascript"),
 }
 
 ENTERING: Final = """<!doctype html><meta charset="utf-8"><title>dipac</title>
@@ -35,21 +38,24 @@ ENTERING: Final = """<!doctype html><meta charset="utf-8"><title>dipac</title>
 @final
 @dataclass(frozen=True, kw_only=True)
 class Page:
-    """What the bar says."""
+    """What the bar says. `jogging`: whether the tool can be moved by hand from here."""
 
     title: str
     simulated: bool
+    jogging: bool = False
 
     def around(self, viser_html: bytes) -> bytes:
         """Viser's page with our title, style, script and bar in it."""
+        jog = '<script defer src="/jog.js"></script>' if self.jogging else ""
         head = (
             f"<title>{escape(self.title)}</title>"
-            '<link rel="stylesheet" href="/console.css"><script defer src="/console.js"></script></head>'
+            '<link rel="stylesheet" href="/console.css"><script defer src="/console.js"></script>'
+            f"{jog}</head>"
         )
         html = viser_html.replace(b"<title>Viser</title>", b"", 1).replace(b"</head>", head.encode(), 1)
         body = html.index(b"<body")
         end = html.index(b">", body) + 1
-        return html[:end] + self._bar().encode() + html[end:]
+        return html[:end] + (self._bar() + (drawer() if self.jogging else "")).encode() + html[end:]
 
     def _bar(self) -> str:
         banner = (

@@ -44,7 +44,8 @@ class Proxy:
     """Serves one viser server on one listening socket. Start and close it on the loop it is to live on.
 
     `stop` is called with the operator's name in the handler of the STOP request itself; it must not block.
-    `understood`: whether viser can make something of a message; `refused` hears why somebody was turned away.
+    `understood`: whether viser can make something of a message; `refused` hears why somebody was turned away; `jog`
+    serves the websocket at `/jog`, where there is one.
     """
 
     def __init__(
@@ -57,7 +58,9 @@ class Proxy:
         stop: Callable[[str], None],
         understood: Callable[[bytes], bool],
         refused: Callable[[str], None],
+        jog: Handler | None = None,
     ) -> None:
+        self._jog = jog
         self._understood, self._refused = understood, refused
         self._browsers = self._requests = 0
         self._access = access
@@ -78,6 +81,8 @@ class Proxy:
         application.router.add_get("/", self._enter)
         application.router.add_post("/stop", self._press_stop)
         application.router.add_get("/alive", self._answer)
+        if self._jog is not None:
+            application.router.add_get("/jog", self._jog)
         application.router.add_get("/{path:.*}", self._relay_http)
         self._runner = web.AppRunner(application, access_log=None, shutdown_timeout=1.0)
         await self._runner.setup()
@@ -102,7 +107,7 @@ class Proxy:
         if why is not None:
             self._refused(why)
             return web.Response(status=403, text=refused(why), content_type="text/html", headers=_HEADERS)
-        if request.path == "/" and _upgrades(request):
+        if request.path in ("/", "/jog") and _upgrades(request):
             return await handler(request)  # A page that stays open; those are counted by themselves.
         if self._requests >= _MOST_REQUESTS and request.path != "/stop":
             self._refused("Too many requests at a time.")

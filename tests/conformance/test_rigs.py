@@ -6,7 +6,7 @@ One rig serves the whole file, as it serves a whole episode; each test leaves th
 import copy
 import dataclasses
 import time
-from collections.abc import AsyncIterator, Callable
+from collections.abc import AsyncIterator, Awaitable, Callable
 from contextlib import AbstractAsyncContextManager
 
 import anyio
@@ -15,6 +15,7 @@ import pytest
 
 from app.config import Site
 from app.core.errors import DeviceError, MotionRefused
+from app.core.jog import Jog
 from app.core.messages import ArmMode, Executed
 from app.core.motion import Motion
 from app.core.ports import Arm, Rig
@@ -23,7 +24,7 @@ from app.rig.simulated.rig import simulated_rig
 from tests.rig.scene import FINGER, PUSH_Z, ROPE, approved, push, straight_rope
 
 # A low travel height and a short way between motions keep this file quick.
-SITE = dataclasses.replace(Site(), travel_height_m=0.04)
+SITE = dataclasses.replace(Site(), travel_height_m=0.04, timing=dataclasses.replace(Site().timing, jog_longest_s=4.0))
 LONG = push((0.40, -0.25), (0.40, 0.25), 0.25)
 
 pytestmark = pytest.mark.anyio
@@ -231,6 +232,141 @@ async def test_a_motion_whose_watcher_is_cancelled_stops(arm: Arm) -> None:
         await arm.execute(approved(LONG))
     assert scope.cancelled_caught
     await until(arm, "stopped")
+
+
+def along_y(speed_m_s: float) -> Jog:
+    return Jog(linear=np.array([0.0, speed_m_s, 0.0]))
+
+
+async def held(arm: Arm, jog: Jog, duration_s: float) -> list[bool]:
+    """Jog at 30 Hz, as a hand does; what was heeded."""
+    heeded = list[bool]()
+    for _ in range(round(duration_s * 30)):
+        heeded.append(arm.jog(jog))
+        await anyio.sleep(1 / 30)
+    return heeded
+
+
+async def by_hand(arm: Arm, *acts: Callable[[], Awaitable[object]]) -> Executed:
+    """What comes of it where `acts` are done one after the other while somebody waits for the hand."""
+    result: list[Executed] = []
+
+    async def wait() -> None:
+        result.append(await arm.jogged())
+
+    async with anyio.create_task_group() as tasks:
+        tasks.start_soon(wait)
+        await anyio.sleep(0.05)
+        for act in acts:
+            await act()
+    return result[0]
+
+
+async def test_a_hand_moves_the_tool_and_the_log_is_from_its_first_move_to_its_rest(arm: Arm) -> None:
+    toward = 0.1 if arm.tool()[1] < 0 else -0.1
+    before, start = arm.tool(), time.monotonic()
+    executed = await by_hand(
+        arm,
+        lambda: held(arm, along_y(toward), 0.6),
+        lambda: anyio.sleep(0.4),
+        lambda: held(arm, along_y(toward), 0.6),
+    )
+    assert (executed.outcome, executed.reason, executed.cause) == ("completed", "", ())
+    assert executed.approved_id.startswith("jogged-")
+    assert start < executed.times_s[0] < executed.times_s[-1] <= time.monotonic()
+    assert np.all(np.diff(executed.times_s) > 0)
+    moved = executed.measured[-1, 1] - before[1]
+    assert 0.05 < moved * np.sign(toward) < 0.16
+    assert np.allclose(executed.measured[0], before[:7], atol=2e-3)
+    assert np.allclose(executed.measured[-1], arm.tool()[:7], atol=1e-4), "it is at rest"
+    # A pause of less than what counts as rest is no end.
+    assert executed.times_s[-1] - executed.times_s[0] > 1.4
+    assert (await arm.state()).mode == "idle"
+
+
+async def test_nothing_moves_where_nobody_waits_for_the_hand(arm: Arm) -> None:
+    before = arm.tool()
+    assert not any(await held(arm, along_y(0.2), 0.3))
+    assert np.array_equal(arm.tool(), before) or np.allclose(arm.tool(), before, atol=1e-9)
+    # What was said before somebody waited does not count afterwards either.
+    with anyio.move_on_after(0.3):
+        await arm.jogged()
+    assert np.allclose(arm.tool(), before, atol=1e-6)
+
+
+async def test_the_tool_comes_to_rest_where_the_hand_is_gone(arm: Arm) -> None:
+    toward = 0.2 if arm.tool()[1] < 0 else -0.2
+    lost_s = 0.0
+
+    async def lose() -> None:
+        nonlocal lost_s
+        lost_s = time.monotonic()
+
+    executed = await by_hand(arm, lambda: held(arm, along_y(toward), 0.5), lose)
+    took_s = executed.times_s[-1] - lost_s
+    assert took_s < SITE.timing.watchdog_s + 0.2 / SITE.limits.acceleration_m_s2 + 0.4
+
+
+async def test_a_hand_against_the_wall_does_not_leave_the_workspace(arm: Arm) -> None:
+    down = Jog(linear=np.array([-0.3, 0.0, -0.3]))
+    executed = await by_hand(arm, lambda: held(arm, down, 2.5))
+    assert SITE.limits.workspace.contains(executed.commanded[:, :3])
+    assert SITE.limits.workspace.contains(executed.measured[:, :3])
+    assert executed.measured[-1, 2] == pytest.approx(SITE.limits.workspace.low[2], abs=3e-3)
+    await by_hand(arm, lambda: held(arm, Jog(linear=np.array([0.1, 0.0, 0.2])), 0.6))
+
+
+async def test_a_stretch_that_is_too_long_is_ended_and_the_hand_not_heeded_any_more(arm: Arm) -> None:
+    heeded = list[bool]()
+
+    async def go_up_and_down() -> None:
+        for way in (0.1, -0.1) * 5:
+            heeded.extend(await held(arm, Jog(linear=np.array([0.0, 0.0, way])), 0.5))
+
+    executed = await by_hand(arm, go_up_and_down)
+    assert executed.outcome == "completed"
+    assert "without a rest" in executed.reason
+    assert heeded == sorted(heeded, reverse=True), "not heeded any more, once it was not"
+    assert heeded[0]
+    assert not heeded[-1]
+    assert 4.0 < executed.times_s[-1] - executed.times_s[0] < 5.0
+
+
+async def test_stop_ends_what_a_hand_does_and_holds_until_reset(arm: Arm) -> None:
+    async def stop() -> None:
+        arm.stop()
+        assert not any(await held(arm, along_y(0.1), 0.2))
+
+    toward = 0.1 if arm.tool()[1] < 0 else -0.1
+    executed = await by_hand(arm, lambda: held(arm, along_y(toward), 0.4), stop)
+    assert executed.outcome == "stopped"
+    assert "STOP" in executed.reason
+    with pytest.raises(MotionRefused, match="stop"):
+        await arm.jogged()
+    assert not arm.jog(along_y(0.1))
+
+
+async def test_a_stop_before_the_hand_has_moved_anything_refuses(arm: Arm) -> None:
+    async def stop() -> None:
+        arm.stop()
+
+    with pytest.RaisesGroup(pytest.RaisesExc(MotionRefused, match="stop")):
+        await by_hand(arm, stop)
+
+
+async def test_a_hand_that_nobody_waits_for_any_more_loses_the_tool_which_comes_to_rest(arm: Arm) -> None:
+    toward = 0.2 if arm.tool()[1] < 0 else -0.2
+    with anyio.move_on_after(0.5):
+        async with anyio.create_task_group() as tasks:
+            tasks.start_soon(arm.jogged)
+            await anyio.sleep(0.05)
+            await held(arm, along_y(toward), 5.0)
+    assert not any(await held(arm, along_y(toward), 0.5))
+    assert (await arm.state()).mode == "idle"
+    rest = arm.tool()
+    await anyio.sleep(0.1)
+    assert np.allclose(arm.tool(), rest, atol=1e-6)
+    assert (await arm.execute(approved(push((0.40, 0.0), (0.41, 0.0))))).outcome == "completed"
 
 
 async def test_frames_are_dated_and_each_is_newer_than_the_one_before(rig: Rig) -> None:

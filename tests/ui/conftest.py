@@ -3,17 +3,58 @@
 import threading
 from collections.abc import Iterator
 from dataclasses import dataclass, field
+from typing import final
 
 import anyio
+import numpy as np
 import pytest
 from anyio.from_thread import start_blocking_portal
 from playwright.sync_api import Page, sync_playwright
 
+from app.config import Limits
 from app.core.control import Lease
+from app.core.jog import Jog
+from app.core.motion import pointing_down
+from app.teleop import Pilot
+from app.teleop.sample import Sample, read_sample
 from app.ui import Console, open_console
 from app.ui.desk import Request
 from bench.browser import FLAGS, MISSING, chromium
 from tests.ui import synthetic
+
+
+@final
+class Held:
+    """The hand of the console: notes the samples that came in, what was answered, and the jogs that came of them."""
+
+    def __init__(self) -> None:
+        self.samples: list[tuple[str, Sample]] = []
+        self.said: list[str] = []
+        self.jogs: list[Jog] = []
+        self.aims: list[np.ndarray] = []
+        self._pilot = Pilot(jog=self._jog, tool=lambda: pointing_down(np.array([0.42, -0.12, 0.12])), limits=Limits())
+
+    @property
+    def holds(self) -> bool:
+        """Whether anything is held, by the last sample."""
+        return bool(self.samples) and self.samples[-1][1].held
+
+    def sample(self, operator: str, data: bytes, *, refused: str | None) -> str:
+        said = self._pilot.sample(operator, data, refused=refused)
+        self.samples.append((operator, read_sample(data)))
+        self.said.append(said)
+        return said
+
+    def let_go(self, operator: str) -> None:
+        self._pilot.let_go(operator)
+
+    def aim(self, position: np.ndarray) -> None:
+        self.aims.append(position)
+        self._pilot.aim(position)
+
+    def _jog(self, jog: Jog) -> bool:
+        self.jogs.append(jog)
+        return True
 
 
 @dataclass
@@ -22,6 +63,7 @@ class Served:
 
     console: Console
     stopped: threading.Event = field(default_factory=threading.Event)
+    held: Held = field(default_factory=Held)
     requests: list[Request] = field(default_factory=list)
     heard: threading.Semaphore = field(default_factory=lambda: threading.Semaphore(0))
 
@@ -36,11 +78,13 @@ class Served:
 
 @pytest.fixture
 def served() -> Iterator[Served]:
-    stopped = threading.Event()
+    stopped, held = threading.Event(), Held()
     with start_blocking_portal("asyncio") as portal:
-        opening = open_console(host="127.0.0.1", port=0, title="dipac rope_push", simulated=True, stop=stopped.set)
+        opening = open_console(
+            host="127.0.0.1", port=0, title="dipac rope_push", simulated=True, stop=stopped.set, hand=held
+        )
         with portal.wrap_async_context_manager(opening) as console:
-            served = Served(console=console, stopped=stopped)
+            served = Served(console=console, stopped=stopped, held=held)
 
             async def listen() -> None:
                 async for request in console.requests():

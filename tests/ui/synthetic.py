@@ -4,6 +4,7 @@ import time
 
 import numpy as np
 
+from app.core.control import Mode, ModeName
 from app.core.messages import (
     ArmMode,
     ArmState,
@@ -191,6 +192,10 @@ def executed(path: np.ndarray) -> Executed:
         commanded=poses,
         measured=poses + np.array([0.002, 0.001, 0, 0, 0, 0, 0]),
     )
+
+
+def mode(name: ModeName) -> Mode:
+    return Mode(id=fresh_id("mode"), time_s=time.monotonic(), mode=name, why="asked for by client 0")
 
 
 def notice(where: str, text: str) -> Notice:

@@ -6,9 +6,11 @@ import numpy as np
 
 from app.config import Limits, Site
 from app.core.errors import MotionRefused
+from app.core.jog import Jog
 from app.core.messages import ArmMode
 from app.core.motion import Motion
 from app.core.types import ToolPose
+from app.rig.simulated.jogging import Jogging, finite, still
 from app.rig.simulated.path import PathFollower, route, whole
 
 _SERVO_TIME_S = 0.004
@@ -29,7 +31,7 @@ class ArmControl:
 
     def __init__(self, site: Site, tool: ToolPose) -> None:
         self._site = site
-        self._path: PathFollower | None = None
+        self._path: PathFollower | Jogging | None = None
         self.mode: ArmMode = "idle"
         self.reason = ""
         self.commanded, self.measured, self.velocity = tool, tool, np.zeros(3)
@@ -49,6 +51,27 @@ class ArmControl:
             raise MotionRefused("The way to the motion leaves the workspace; lower the travel height.")
         self._path = PathFollower(points, speeds, self._site.limits.acceleration_m_s2)
         self.mode, self.reason = "moving", ""
+
+    @property
+    def jogging(self) -> bool:
+        """Whether it is being moved by hand, or coming to rest from that."""
+        return isinstance(self._path, Jogging)
+
+    def jog(self, jog: Jog) -> bool:
+        """Move so from now on; whether that was heeded: it is while idle or jogging already, and all is finite."""
+        if not finite(jog) or not (self.mode == "idle" or (self.jogging and self.mode == "moving")):
+            return False
+        if self.mode == "idle" and not still(jog):
+            self._path = Jogging(self.commanded, self._site.limits)
+            self.mode, self.reason = "moving", ""
+        if isinstance(self._path, Jogging):
+            self._path.aim(jog)
+        return True
+
+    def coast(self) -> None:
+        """Slow down to rest where it is jogged: nobody says any more how it shall move."""
+        if isinstance(self._path, Jogging):
+            self._path.aim(Jog())
 
     def stop(self, reason: str) -> None:
         """Brake at the stop deceleration, or stay where it is; the first reason is kept."""

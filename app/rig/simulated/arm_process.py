@@ -10,6 +10,7 @@ import numpy as np
 
 from app.config import Site
 from app.core.errors import MotionRefused
+from app.core.jog import Jog
 from app.core.motion import Motion
 from app.core.types import ToolPose
 from app.rig.simulated.arm_control import ArmControl
@@ -45,6 +46,7 @@ _MOTION = np.dtype(
         ("speeds", "f8", (MAX_WAYPOINTS,)),
     ]
 )
+_JOG = np.dtype([("linear", "f8", (3,)), ("angular", "f8", (3,)), ("opening", "f8")])
 _REFUSAL = np.dtype([("motion", "i8"), ("reason", f"S{_TEXT_BYTES}")])
 
 
@@ -53,15 +55,16 @@ class ArmMemory:
     """What the arm's process shares with the application.
 
     Written by the application: `motions` (number n is its n-th record), `keepalives` (a number that changes while
-    somebody watches the motion), `stop_ns` and `reset_ns` (monotonic time of the last request; a stop is in force while
-    it is later than the last reset), `closing`. Written by the arm: `states`, one a tick, which name the motion begun
-    last, and `refusals`.
+    somebody watches the motion), `jogs` (the newest counts) and `heeding` (whether it does), `stop_ns` and `reset_ns`
+    (monotonic time of the last request; a stop is in force while it is later than the last reset), `closing`. Written
+    by the arm: `states`, one a tick, which name the motion begun last, and `refusals`.
     """
 
     def __init__(self) -> None:
         self.states = Ring(_STATE, 8192)
         self.motions = Ring(_MOTION, 2)
         self.refusals = Ring(_REFUSAL, 8)
+        self.jogs, self.heeding = Ring(_JOG, 64), Stamp()
         self.keepalives, self.stop_ns, self.reset_ns, self.closing = Stamp(), Stamp(), Stamp(), Stamp()
 
 
@@ -90,6 +93,11 @@ def _motion(request: Any) -> Motion:
         openings=poses[:, 7].copy() if request["opened"] else np.zeros(0),
         continues=bool(request["continues"]),
     )
+
+
+def _jog(told: Any) -> Jog:
+    """What was told."""
+    return Jog(linear=told["linear"].copy(), angular=told["angular"].copy(), opening=float(told["opening"]))
 
 
 def run_arm(memory: ArmMemory, site: Site, tool: ToolPose, parent: int) -> None:
@@ -123,12 +131,14 @@ class _Loop:
         self._memory, self._timing = memory, site.timing
         self._control = ArmControl(site, tool)
         self._heard = self._begun = self._stop_ns = self._reset_ns = self._keepalives = 0
-        self._heard_s = 0.0
+        self._jogs = 0
+        self._heard_s = self._jogged_s = 0.0
 
     def tick(self, now_s: float, elapsed_s: float) -> None:
         """Listen, move, report."""
         self._hear_stop_and_reset()
         self._hear_motion(now_s)
+        self._hear_jogs(now_s)
         self._watch(now_s)
         self._control.advance(min(elapsed_s, _LATEST_TICK_PERIODS * self._timing.arm_period_s))
         self._report(now_s, elapsed_s)
@@ -155,6 +165,15 @@ class _Loop:
         except MotionRefused as refusal:
             self._memory.refusals.append(motion=self._heard, reason=str(refusal).encode()[:_TEXT_BYTES])
 
+    def _hear_jogs(self, now_s: float) -> None:
+        """Follow the newest jog; where none has come for longer than the watchdog allows, or none counts, slow down."""
+        memory, control = self._memory, self._control
+        new, self._jogs = memory.jogs.count != self._jogs, memory.jogs.count
+        if new and memory.heeding.value and control.jog(_jog(memory.jogs.newest())):
+            self._jogged_s = now_s
+        elif not memory.heeding.value or now_s - self._jogged_s > self._timing.watchdog_s:
+            control.coast()
+
     def _watch(self, now_s: float) -> None:
         """Stop a motion that nobody has watched for longer than the watchdog allows.
 
@@ -164,7 +183,8 @@ class _Loop:
         if keepalives != self._keepalives:
             self._keepalives, self._heard_s = keepalives, now_s
         silence_s = now_s - self._heard_s
-        if self._control.mode == "moving" and silence_s > self._timing.watchdog_s:
+        followed = self._control.mode == "moving" and not self._control.jogging
+        if followed and silence_s > self._timing.watchdog_s:
             self._control.stop(f"Watchdog: nothing was heard from the application for {silence_s * 1e3:.0f} ms.")
 
     def _report(self, now_s: float, elapsed_s: float) -> None:

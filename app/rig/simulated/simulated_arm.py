@@ -1,6 +1,7 @@
 """The arm of the simulated rig, as the application sees it. Nothing here waits for the arm's process."""
 
 import dataclasses
+import threading
 import time
 from multiprocessing.process import BaseProcess
 from typing import Any, Literal, final
@@ -11,8 +12,10 @@ import numpy as np
 from app.config import Site
 from app.core.approval import Approved
 from app.core.errors import ApprovalRefused, DeviceError, MotionRefused
+from app.core.jog import Jog
 from app.core.messages import ArmState, Executed, MessageId, fresh_id
 from app.core.motion import Motion
+from app.core.types import ToolPose
 from app.rig.simulated.arm_model import solve_joints
 from app.rig.simulated.arm_process import MAX_WAYPOINTS, MODES, ArmMemory, posted
 
@@ -30,6 +33,11 @@ class SimulatedArm:
         self._states_read = memory.states.count
         self._used: set[MessageId] = set()
         self._busy = False
+        self._hand = threading.Lock()
+
+    def tool(self) -> ToolPose:
+        """Pose and opening of the tool as last measured; from any thread."""
+        return self._memory.states.newest()["measured"].copy()
 
     async def state(self) -> ArmState:
         """The newest state. Raises DeviceError where the arm's process is gone."""
@@ -61,7 +69,7 @@ class SimulatedArm:
         self._check_leave(approved)
         self._busy = True
         try:
-            return _executed(approved, await self._followed(approved.motion, approved.digest))
+            return _executed(await self._followed(approved.motion, approved.digest), approved.id, approved.id)
         except MotionRefused:
             raise
         except BaseException:
@@ -70,6 +78,30 @@ class SimulatedArm:
             raise
         finally:
             self._busy = False
+
+    def jog(self, jog: Jog) -> bool:
+        """Leave it where the arm's process looks at its next tick, where that may heed it. From any thread."""
+        if not self._memory.heeding.value or self._stopped:
+            return False
+        # Threads may jog at the same time, and a ring has one writer.
+        with self._hand:
+            self._memory.jogs.append(linear=jog.linear, angular=jog.angular, opening=jog.opening)
+        return True
+
+    async def jogged(self) -> Executed:
+        """Have jogs heeded until a stretch of them has ended. Cancelled, the arm's process lets the tool come to rest.
+
+        Raises MotionRefused while a stop is in force or the arm is busy, and DeviceError where its process is gone.
+        """
+        self._check_alive()
+        self._check_free()
+        self._busy, self._memory.heeding.value = True, 1
+        try:
+            log, reason = await self._stretch()
+        finally:
+            self._busy, self._memory.heeding.value = False, 0
+        executed = _executed(log, fresh_id("jogged"))
+        return dataclasses.replace(executed, reason=executed.reason or reason)
 
     def stop(self) -> None:
         """Stop now: one number in shared memory, no lock, no wait."""
@@ -99,15 +131,43 @@ class SimulatedArm:
             dataclasses.replace(approved)
         except ApprovalRefused as refusal:
             raise MotionRefused(str(refusal)) from None
-        if self._memory.stop_ns.value > self._memory.reset_ns.value:
-            raise MotionRefused("A stop is in force; press Resume, then plan and approve again.")
-        if self._busy:
-            raise MotionRefused("The arm is making another motion; wait for its end.")
+        self._check_free()
         if approved.id in self._used:
             raise MotionRefused("This approval has been used; an approval is for one motion.")
         if len(approved.motion.positions) > MAX_WAYPOINTS:
             raise MotionRefused(f"A motion has up to {MAX_WAYPOINTS} positions; thin this one out.")
         self._used.add(approved.id)
+
+    def _check_free(self) -> None:
+        """Raise MotionRefused where the arm is stopped, or told what to do by somebody else."""
+        if self._stopped:
+            raise MotionRefused("A stop is in force; press Resume, then try again.")
+        if self._busy:
+            raise MotionRefused("The arm is making another motion, or moved by hand; wait for its end.")
+
+    @property
+    def _stopped(self) -> bool:
+        return self._memory.stop_ns.value > self._memory.reset_ns.value
+
+    async def _stretch(self) -> tuple[Any, str]:
+        """The arm's states from its first move until it has been at rest for a while, and why that is all."""
+        memory, timing, reason = self._memory, self._site.timing, ""
+        seen = memory.states.count
+        log = memory.states.since(seen)[:0]
+        while (end := _rested(log, timing.jog_rest_s)) is None:
+            await anyio.sleep(timing.keepalive_s)
+            self._check_alive()
+            states = memory.states.since(seen)
+            seen += len(states)
+            log = np.concatenate([log, states]) if len(log) else states[int(_moves(states).argmax()) :]
+            if not _moves(log).any():
+                log = log[:0]
+                if self._stopped:
+                    raise MotionRefused("A stop is in force; press Resume, then move the tool again.")
+            elif log["time_s"][-1] - log["time_s"][0] > timing.jog_longest_s and memory.heeding.value:
+                memory.heeding.value = 0
+                reason = f"Moved by hand for {timing.jog_longest_s:.0f} s without a rest, which is as long as may be."
+        return log[:end], reason
 
     async def _followed(self, motion: Motion, digest: str) -> Any:
         """Post the motion, keep the watchdog fed until the arm is at rest again, and return its states meanwhile."""
@@ -122,8 +182,7 @@ class SimulatedArm:
             states = memory.states.since(seen)
             seen += len(states)
             log = np.concatenate([log, states[states["motion"] == number]])
-        moving = np.isin(log["mode"], [MODES.index("moving"), MODES.index("stopping")])
-        return log[: int(np.argmin(moving)) + 1]
+        return log[: int(np.argmin(_moves(log))) + 1]
 
     def _raise_refusal(self, number: int) -> None:
         refusal = self._memory.refusals.newest()
@@ -143,15 +202,29 @@ class SimulatedArm:
             )
 
 
-def _executed(approved: Approved, log: Any) -> Executed:
-    """What the arm's `log` of one motion says."""
+def _moves(log: Any) -> Any:
+    """At which of the states the arm was moving, shape (T,)."""
+    return np.isin(log["mode"], [MODES.index("moving"), MODES.index("stopping")])
+
+
+def _rested(log: Any, rest_s: float) -> int | None:
+    """How many states there are to the first of the rest with which it ends, where that has lasted; else None."""
+    if not len(log) or _moves(log)[-1]:
+        return None
+    rest = int(np.flatnonzero(_moves(log))[-1]) + 1
+    lasted = log["time_s"][-1] - log["time_s"][rest] >= rest_s
+    return rest + 1 if lasted or MODES[log["mode"][-1]] != "idle" else None
+
+
+def _executed(log: Any, approved_id: MessageId, *cause: MessageId) -> Executed:
+    """What the arm's `log` of states says that it did."""
     outcomes: dict[str, Literal["completed", "stopped"]] = {"idle": "completed", "stopped": "stopped"}
     last = log[-1]
     return Executed(
         id=fresh_id("executed"),
-        cause=(approved.id,),
+        cause=cause,
         time_s=float(last["time_s"]),
-        approved_id=approved.id,
+        approved_id=approved_id,
         outcome=outcomes.get(MODES[last["mode"]], "fault"),
         reason=bytes(last["reason"]).decode(errors="ignore"),
         times_s=log["time_s"].copy(),

@@ -1,0 +1,56 @@
+"""The handle with arrows in the scene: where the tool goes while somebody holds "Go there"."""
+
+from typing import Final, final
+
+import numpy as np
+import viser
+
+from app.config import Workspace
+from app.ui.board import Board
+from app.ui.desk import Desk
+from app.ui.hand import Hand
+
+NAME: Final = "/aim"
+_SCALE_M: Final = 0.09
+
+
+@final
+class Aim:
+    """Shown in teleoperation alone, at first where the tool is. Whoever may move the tool may move it.
+
+    Painted by the painter's thread; dragged by viser's.
+    """
+
+    def __init__(self, server: viser.ViserServer, workspace: Workspace, desk: Desk, hand: Hand) -> None:
+        self._workspace, self._desk, self._hand = workspace, desk, hand
+        self._at = (np.array(workspace.low) + np.array(workspace.high)) / 2
+        low, high = workspace.low, workspace.high
+        self._handle = server.scene.add_transform_controls(
+            NAME,
+            scale=_SCALE_M,
+            disable_rotations=True,
+            translation_limits=((low[0], high[0]), (low[1], high[1]), (low[2], high[2])),
+            position=self._at,
+            visible=False,
+        )
+        self._handle.on_update(self._dragged)
+
+    def paint(self, board: Board) -> None:
+        """Show or hide it; put it back where somebody dragged it who may not."""
+        shown = board.teleoperated
+        if shown and not self._handle.visible and board.arm is not None:
+            self._put(board.arm.pose[:3])
+        if shown != self._handle.visible:
+            self._handle.visible = shown
+        if not np.allclose(self._handle.position, self._at):
+            self._handle.position = self._at
+
+    async def _dragged(self, event: viser.TransformControlsEvent) -> None:
+        if self._desk.hindrance(f"client {event.client_id}") is None:
+            self._put(np.asarray(event.target.position, np.float64))
+
+    def _put(self, position: np.ndarray) -> None:
+        """Viser's page keeps to the limits; another one may not."""
+        if np.isfinite(position).all():
+            self._at = np.clip(position, self._workspace.low, self._workspace.high)
+            self._hand.aim(self._at)

@@ -1,0 +1,136 @@
+"""The way of jogs from a page to the arm: a websocket of its own, past viser and the program's event loop.
+
+Each browser is told a key of its own with its name, by which its jogs are known to be its.
+"""
+
+import asyncio
+import secrets
+import threading
+import time
+from collections.abc import Callable
+from typing import Final, Protocol, final
+
+import aiohttp
+import anyio
+from aiohttp import web
+from jaxtyping import Float64
+from numpy import ndarray
+
+from app.ui.pace import Pace
+
+_MOST_BYTES: Final = 1024
+_STEADY_HZ, _BURST = 60.0, 120.0
+_MOST_LINES: Final = 16
+_INTRODUCTION_S: Final = 5.0
+_HEARTBEAT_S: Final = 20.0
+_REFUSED: Final = 1008
+"""WebSocket: policy violation."""
+
+
+class Hand(Protocol):
+    """Who makes motion of what operators hold. Called by viser's threads; nothing of it may block."""
+
+    def sample(self, operator: str, data: bytes, *, refused: str | None) -> str:
+        """Heed what a browser said, unless `refused` says why not; answers in words what is done, or why nothing is."""
+        ...
+
+    def let_go(self, operator: str) -> None:
+        """A browser is heard no more."""
+        ...
+
+    def aim(self, position: Float64[ndarray, "3"]) -> None:
+        """Where to go [m] when somebody holds what goes there."""
+        ...
+
+
+@final
+class HandLine:
+    """Serves `/jog`: a browser's key first, then samples, each of which is answered.
+
+    `hindrance` says why an operator may move nothing now, or None; `refused` hears why somebody was turned away.
+    """
+
+    def __init__(self, hand: Hand, *, hindrance: Callable[[str], str | None], refused: Callable[[str], None]) -> None:
+        self._hand, self._hindrance, self._refused = hand, hindrance, refused
+        self._lock = threading.Lock()
+        self._names: dict[str, str] = {}
+        self._open: dict[str, web.WebSocketResponse] = {}
+        self._count = 0
+        self._loop: asyncio.AbstractEventLoop | None = None
+
+    def greet(self, operator: str) -> str:
+        """A key for a browser that has come, which nobody can guess."""
+        key = secrets.token_urlsafe(24)
+        with self._lock:
+            self._names[key] = operator
+        return key
+
+    def left(self, operator: str) -> None:
+        """Forget a browser that has gone, and hang up on it. From any thread."""
+        with self._lock:
+            self._names = {key: name for key, name in self._names.items() if name != operator}
+        websocket = self._open.get(operator)
+        if websocket is not None and self._loop is not None:
+            asyncio.run_coroutine_threadsafe(websocket.close(), self._loop)
+
+    async def serve(self, request: web.Request) -> web.StreamResponse:
+        """One browser's line until either side hangs up; a new line of the same browser ends the old one."""
+        if self._count >= _MOST_LINES:
+            self._refused("Too many browsers at a time.")
+            return web.Response(status=503, text="Too many browsers at a time.")
+        self._loop = asyncio.get_running_loop()
+        self._count += 1
+        try:
+            websocket = web.WebSocketResponse(max_msg_size=_MOST_BYTES, heartbeat=_HEARTBEAT_S, compress=False)
+            await websocket.prepare(request)
+            await self._talk(websocket)
+            with anyio.CancelScope(shield=True), anyio.move_on_after(1.0):
+                await websocket.close()
+            return websocket
+        finally:
+            self._count -= 1
+
+    async def _talk(self, websocket: web.WebSocketResponse) -> None:
+        key = await _introduction(websocket)
+        operator = self._names.get(key)
+        if operator is None:
+            await self._refuse(websocket, "it does not say by a key whose hand it is")
+            return
+        former, self._open[operator] = self._open.get(operator), websocket
+        if former is not None:
+            await former.close()
+        try:
+            await self._hear(key, operator, websocket)
+        except ConnectionError:
+            # The browser hung up in the middle of a message, as a closed tab does.
+            pass
+        finally:
+            if self._open.get(operator) is websocket:
+                del self._open[operator]
+                self._hand.let_go(operator)
+
+    async def _hear(self, key: str, operator: str, websocket: web.WebSocketResponse) -> None:
+        """Pass on each sample at once; those beyond the pace of a page are dropped, for late ones are worth nothing."""
+        pace = Pace(time.monotonic(), steady_hz=_STEADY_HZ, burst=_BURST)
+        async for message in websocket:
+            if key not in self._names:
+                return
+            if message.type is not aiohttp.WSMsgType.TEXT:
+                await self._refuse(websocket, "it is no sample of what is held")
+                return
+            if pace.allows(time.monotonic()):
+                data = message.data.encode(errors="replace")
+                await websocket.send_str(self._hand.sample(operator, data, refused=self._hindrance(operator)))
+
+    async def _refuse(self, websocket: web.WebSocketResponse, why: str) -> None:
+        self._refused(f"A hand on the arm was refused: {why}.")
+        await websocket.close(code=_REFUSED, message=why.encode())
+
+
+async def _introduction(websocket: web.WebSocketResponse) -> str:
+    """The key that a page says first, or nothing."""
+    with anyio.move_on_after(_INTRODUCTION_S):
+        message = await websocket.receive()
+        if message.type is aiohttp.WSMsgType.TEXT:
+            return message.data
+    return ""
