@@ -177,8 +177,8 @@ class Flow:
 
     async def _demonstrate(self, request: TakeRequest) -> None:
         """Begin or end a demonstration; its last motion belongs to it, once the arm is at rest and has been seen so."""
-        while request.act in ("success", "failure") and (self._by_hand or await self._moving()):
-            await self.clock.sleep(self.site.timing.keepalive_s)
+        if request.act in ("success", "failure") and self.modes.name == "teleoperate":
+            await self._by_hand_is_over()
         known = (self.wish.goal, self.modes.now, self.learning.models.value, self.sensing.particles.value)
         await self.demonstrating.asked(request, [message for message in known if message is not None])
 
@@ -270,8 +270,13 @@ class Flow:
             await self.learning.put(transition)
         self._by_hand = False
 
-    async def _moving(self) -> bool:
-        return (await self.rig.arm.state()).mode == "moving"
+    async def _by_hand_is_over(self) -> None:
+        """Wait until nothing is moved by hand, nor has been so lately that it is still being looked at."""
+        timing, rested_s = self.site.timing, 0.0
+        while rested_s <= timing.jog_rest_s + timing.keepalive_s:
+            await self.clock.sleep(timing.keepalive_s)
+            moves = self._by_hand or (await self.rig.arm.state()).mode == "moving"
+            rested_s = 0.0 if moves else rested_s + timing.keepalive_s
 
     async def _look(self) -> Particles:
         """The first particles whose every frame was taken with the arm at rest, `settle_s` after it moved last."""
