@@ -152,8 +152,8 @@ class Person:
 
 
 def _words(message: Message) -> str:
-    """What a message says in words: its text, an arm's or the application's mode, an outcome."""
-    return " ".join(str(getattr(message, name, "")) for name in ("where", "text", "mode", "outcome"))
+    """What a message says in words: its text, what the program does, its or an arm's mode, an outcome."""
+    return " ".join(str(getattr(message, name, "")) for name in ("where", "text", "doing", "mode", "outcome"))
 
 
 @final

@@ -11,11 +11,19 @@ from mcap.stream_reader import StreamReader
 
 from app.core.messages import Frame, Message, MessageId, Particles
 from app.recording import digests
-from app.recording.channels import KINDS, SURFACE_TOPIC, calibration_topic, color_topic, depth_topic, record_of
-from app.recording.codec import decode
-from app.recording.integrity import DAMAGE
+from app.recording.channels import (
+    KINDS,
+    SCHEMA_VERSION,
+    SURFACE_TOPIC,
+    calibration_topic,
+    color_topic,
+    depth_topic,
+    record_of,
+)
+from app.recording.integrity import DAMAGE, version_of
+from app.recording.migrate import decode_of
 from app.recording.records import FrameRecord
-from app.recording.shelf import entry
+from app.recording.shelf import Entry, entry
 
 _OURS: Final = "/dipac/"
 
@@ -41,10 +49,17 @@ def check(path: Path) -> Sequence[Finding]:
             for _ in StreamReader(stream, validate_crcs=True).records:
                 pass  # One at a time: all of them may be more than fits into memory.
             stream.seek(0)
-            return [*_checksum(path), *_contents(path, sum(found.counts.values()))]
+            return [*_version(found), *_checksum(path), *_contents(found)]
         except DAMAGE as error:
             why = str(error) or type(error).__name__
             return [Finding(grave=True, text=f"damaged: {why}; `dipac recordings recover {path}` saves what is intact")]
+
+
+def _version(found: Entry) -> Iterator[Finding]:
+    version = version_of(found.metadata)
+    if version < SCHEMA_VERSION:
+        next_step = f"`dipac recordings migrate {found.path}` rewrites it"
+        yield Finding(grave=False, text=f"of version {version}, read as if of {SCHEMA_VERSION}; {next_step}")
 
 
 def _checksum(path: Path) -> Iterator[Finding]:
@@ -67,10 +82,10 @@ class _Seen:
     faults: Counter[str] = field(default_factory=Counter[str])
 
 
-def _contents(path: Path, counted: int) -> Iterator[Finding]:
+def _contents(found: Entry) -> Iterator[Finding]:
     """One pass over all messages, in the order in which they were written."""
-    seen = _Seen()
-    with path.open("rb") as stream:
+    seen, version, counted = _Seen(), version_of(found.metadata), sum(found.counts.values())
+    with found.path.open("rb") as stream:
         for _, channel, written in make_reader(stream, validate_crcs=True).iter_messages(log_time_order=False):
             seen.count += 1
             if written.log_time < seen.last_ns:
@@ -78,7 +93,8 @@ def _contents(path: Path, counted: int) -> Iterator[Finding]:
             seen.last_ns = written.log_time
             kind = KINDS.get(channel.topic)
             if kind is not None:
-                _look(decode(written.data, record_of(kind)), kind, written.log_time, seen)
+                record = decode_of(version, written.data, channel.topic, record_of(kind))
+                _look(record, kind, written.log_time, seen)
             elif channel.topic.startswith(_OURS):
                 seen.faults[f"are of a kind that this version does not know ({channel.topic})"] += 1
             else:

@@ -37,7 +37,12 @@ def decode(data: bytes, kind: type[MessageT]) -> MessageT:
 
     Raises ValueError or KeyError where `data` is not such a message (msgspec's errors are ValueErrors).
     """
-    return cast(MessageT, _rebuilt(msgspec.json.decode(data), kind))
+    return rebuild(msgspec.json.decode(data), kind)
+
+
+def rebuild(plain: Any, kind: type[MessageT]) -> MessageT:
+    """The message of type `kind` that JSON holds as `plain`. Raises as `decode`."""
+    return cast(MessageT, _rebuilt(plain, kind))
 
 
 def schema(kind: type[Message]) -> dict[str, Any]:

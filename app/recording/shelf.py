@@ -89,6 +89,7 @@ class Entry:
             "demonstration": self.demonstration,
             "label": self.said,
             "note": self.label.note if self.label else "",
+            "schema_version": self.metadata.get("schema_version", ""),
         }
 
 
