@@ -18,6 +18,7 @@ from rich.console import Console
 from rich.table import Table
 
 from app.core.messages import CameraModel, Episode, Executed, Frame, Goal, Message, Notice, Particles, fresh_id
+from app.recording.clip import Cut, write_clip
 from app.recording.codec import encode
 from app.recording.file import EpisodeFile
 from app.recording.preflight import Room
@@ -27,6 +28,8 @@ from app.recording.writer import open_recording
 
 _REPEATS = 50
 _RATE_HZ = 30.0
+_LOOK_HZ = 4.0
+"""How often the cameras look while the program plans and pushes."""
 
 
 @final
@@ -76,6 +79,8 @@ def main(kills: int = 20) -> None:
             f"{1e3 * load.p50_s:.1f} ms (median), {1e3 * load.p99_s:.1f} ms (p99), "
             f"{1e3 * load.longest_s:.1f} ms at most."
         )
+        cut_s, session_mb, clip_mb = clip(Path(folder))
+        terminal.print(f"A clip of {clip_mb:.0f} MB out of a session of {session_mb:.0f} MB takes {cut_s:.1f} s.")
     context, rng = multiprocessing.get_context("spawn"), np.random.default_rng(0)
     taken = [kill(context, after_s=float(rng.uniform(0.5, 6.0))) for _ in range(kills)]
     ages = sorted(it.age_s for it in taken)
@@ -201,6 +206,30 @@ def sustain(folder: Path, duration_s: float = 10.0) -> Load:
         peak=peak,
         mb=path.stat().st_size / 1e6,
     )
+
+
+def clip(folder: Path, *, session_s: float = 66.0, clip_s: float = 30.0) -> tuple[float, float, float]:
+    """How long it takes [s] to cut the end out of a session of two cameras at 4 Hz; both files' sizes [MB]."""
+    messages, began_s, last_s = _Busy(), time.monotonic(), 0.0
+    file = EpisodeFile(folder / "session.mcap", episode())
+    file.write(episode(), now_s=began_s)
+    for count in range(round(session_s * _LOOK_HZ)):
+        last_s = began_s + count / _LOOK_HZ
+        for message in messages.at(count):
+            file.write(message, now_s=last_s)
+    file.flush()
+    cut = Cut(
+        session=file.path,
+        size_bytes=file.size_bytes,
+        since_ns=file.epoch.ns(last_s - clip_s),
+        episode=episode(),
+        epoch=file.epoch,
+    )
+    cut_s, goal = time.perf_counter(), folder / "clip.mcap"
+    write_clip(cut, goal)
+    cut_s = time.perf_counter() - cut_s
+    file.close()
+    return cut_s, file.path.stat().st_size / 1e6, goal.stat().st_size / 1e6
 
 
 def kill(context: SpawnContext, *, after_s: float) -> Kill:

@@ -164,8 +164,8 @@ class Person:
 
 
 def _words(message: Message) -> str:
-    """What a message says in words: its text, an arm's or the application's mode, an outcome."""
-    return " ".join(str(getattr(message, name, "")) for name in ("where", "text", "mode", "outcome", "why"))
+    """What a message says in words: its text, what the program does, its or an arm's mode, an outcome, a reason."""
+    return " ".join(str(getattr(message, name, "")) for name in ("where", "text", "doing", "mode", "outcome", "why"))
 
 
 @final

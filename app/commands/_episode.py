@@ -29,7 +29,7 @@ from app.flow import Flow
 from app.planner.method import PAPER, Method
 from app.recording.model_file import load_model
 from app.recording.preflight import Room
-from app.recording.writer import EpisodeRecorder, open_recording
+from app.recording.studio import Studio, open_studio
 from app.rig.simulated.rig import simulated_rig
 from app.tasks import Task, load
 from app.tasks.base import Wish
@@ -47,6 +47,8 @@ _SLOWEST_M_S = 0.005
 _LARGEST_GB = 1e6
 _AROUND_S, _LONGEST_ROUND_S = 60.0, 30.0
 """What an episode takes beside its pushes, and each of these with its decision, at most as a rule."""
+_LONGEST_TAKE_S = 120.0
+"""Of a demonstration, as a rule."""
 PLANNER_NICENESS = 10
 """The planner gives way to the arm and the cameras."""
 
@@ -196,7 +198,7 @@ async def episode(order: Order, output: Output) -> Report:
             wish = await _doubted(await to_thread.run_sync(_wish, task, order, preset, method), order, site, planner)
         start = await to_thread.run_sync(_start, order, preset)
         async with (
-            open_recording(site.recordings, start, _room(site, options.pushes)) as recorder,
+            open_studio(site.recordings, start, _room(site, options.pushes), take_bytes=_take_bytes(site)) as recorder,
             _cell(task, options.seed, site, tls, output) as (rig, console),
         ):
             heading = (
@@ -269,7 +271,7 @@ async def _cell(
 
 
 async def _run(
-    wish: Wish, site: Site, rig: Rig, audience: "Audience", recorder: EpisodeRecorder, planner: Worker
+    wish: Wish, site: Site, rig: Rig, audience: "Audience", recorder: Studio, planner: Worker
 ) -> tuple[Summary, DipacError | None]:
     flow = Flow(
         wish,
@@ -280,6 +282,7 @@ async def _run(
         clock=SystemClock(),
         planner=planner,
         recording=recorder.path,
+        studio=recorder,
     )
     try:
         return await flow.run(), None
@@ -321,6 +324,11 @@ def _room(site: Site, pushes: int) -> Room:
         expected_bytes=round(expected_s * site.recording_bytes_s),
         budget_bytes=site.budget_bytes,
     )
+
+
+def _take_bytes(site: Site) -> int:
+    """What a demonstration takes, with the thinking in it."""
+    return round(_LONGEST_TAKE_S * site.recording_bytes_s)
 
 
 def _start(order: Order, preset: str) -> Episode:

@@ -338,9 +338,12 @@ class Notice(Message):
 @final
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Health(Message):
-    """The health strip: ages and durations [s], the calibration loss, and counted drops by channel."""
+    """The health strip: ages and durations [s], the calibration loss, and counted drops by channel.
 
-    mode: str
+    `doing`: what the program does now, in words, and for how long.
+    """
+
+    doing: str
     frame_age_s: Mapping[str, float]
     particles_age_s: float
     plan_age_s: float

@@ -40,7 +40,7 @@ class Reporting:
                 Health(
                     id=fresh_id("health"),
                     time_s=now_s,
-                    mode=f"{self.doing} ({now_s - self._since_s:.0f} s)",
+                    doing=f"{self.doing} ({now_s - self._since_s:.0f} s)",
                     frame_age_s={name: now_s - c.value.time_s for name, c in sensing.frames.items() if c.value},
                     particles_age_s=now_s - particles.time_s if particles else float("inf"),
                     plan_age_s=now_s - proposal.time_s if proposal else float("inf"),

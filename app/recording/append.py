@@ -6,7 +6,6 @@ record in it: https://mcap.dev/spec, "Summary Section" and "Footer".
 
 import dataclasses
 import os
-import shutil
 import struct
 import zlib
 from collections.abc import Iterable, Mapping
@@ -19,9 +18,8 @@ from mcap.reader import make_reader
 from mcap.records import DataEnd, Footer, McapRecord, Metadata, MetadataIndex, SummaryOffset
 from mcap.summary import Summary
 
-from app.core.errors import RecordingError
 from app.recording.integrity import DAMAGE, MAGIC, damaged
-from app.recording.lock import held, locked
+from app.recording.replace import replaced
 
 _FOOTER_BYTES: Final = 1 + 8 + 8 + 8 + 4
 _DATA_END_BYTES: Final = 1 + 8 + 4
@@ -32,33 +30,17 @@ def append_metadata(path: Path, name: str, metadata: Mapping[str, str]) -> None:
 
     Raises RecordingError where the file is damaged or the new one cannot be written; the old one stays then.
     """
-    file = path.resolve()
-    with locked(file.parent):
-        if held(file):
-            raise RecordingError(f"{path} is being written; wait for its end.")
-        _replace(file, Metadata(name=name, metadata=dict(metadata)))
-
-
-def _replace(path: Path, added: Metadata) -> None:
-    summary, end, crc = _summary_and_end(path)
-    record = _bytes([added])
-    index = MetadataIndex(offset=end, length=len(record), name=added.name)
-    new = path.with_name(f".{path.name}.{os.getpid()}.new")
-    try:
-        with path.open("rb") as source, new.open("wb") as target:
+    with replaced(path) as (old, new):
+        added = Metadata(name=name, metadata=dict(metadata))
+        summary, end, crc = _summary_and_end(old)
+        record = _bytes([added])
+        index = MetadataIndex(offset=end, length=len(record), name=name)
+        with old.open("rb") as source, new.open("wb") as target:
             _copy(source.fileno(), target.fileno(), end)
             target.seek(end)
             # Zero says that there is none.
             target.write(record + _bytes([DataEnd(data_section_crc=zlib.crc32(record, crc) if crc else 0)]))
             target.write(_tail(summary, index, start=end + len(record) + _DATA_END_BYTES))
-            target.flush()
-            os.fsync(target.fileno())
-        shutil.copystat(path, new)
-        new.replace(path)
-    except OSError as error:
-        raise RecordingError(f"Cannot write beside {path} ({error.strerror}); see its disk and its folder.") from error
-    finally:
-        new.unlink(missing_ok=True)
 
 
 def _summary_and_end(path: Path) -> tuple[Summary, int, int]:

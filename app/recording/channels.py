@@ -41,8 +41,8 @@ from app.core.seeing import Seen
 from app.core.takes import Take
 from app.recording.records import ApprovalRecord, FrameRecord, ParticlesRecord
 
-SCHEMA_VERSION: Final = 1
-"""Raised whenever a file of the new kind could be misread by the old reader."""
+SCHEMA_VERSION: Final = 2
+"""Raised whenever a file of the new kind could be misread by the old reader; `migrate` leads from each to the next."""
 
 METADATA: Final = "dipac"
 """The name of the metadata record that makes an MCAP file a recording of this program."""

@@ -11,13 +11,22 @@ from mcap.stream_reader import StreamReader
 
 from app.core.messages import Frame, Message, MessageId, Particles
 from app.recording import digests
-from app.recording.channels import KINDS, SURFACE_TOPIC, calibration_topic, color_topic, depth_topic, record_of
-from app.recording.codec import decode
-from app.recording.integrity import DAMAGE
+from app.recording.channels import (
+    KINDS,
+    SCHEMA_VERSION,
+    SURFACE_TOPIC,
+    calibration_topic,
+    color_topic,
+    depth_topic,
+    record_of,
+)
+from app.recording.integrity import DAMAGE, version_of
+from app.recording.migrate import decode_of
 from app.recording.records import FrameRecord
-from app.recording.shelf import entry
+from app.recording.shelf import Entry, entry
 
 _OURS: Final = "/dipac/"
+_CAUSE: Final = "name a cause that is not in the recording before them"
 
 
 @final
@@ -41,10 +50,17 @@ def check(path: Path) -> Sequence[Finding]:
             for _ in StreamReader(stream, validate_crcs=True).records:
                 pass  # One at a time: all of them may be more than fits into memory.
             stream.seek(0)
-            return [*_checksum(path), *_contents(path, sum(found.counts.values()))]
+            return [*_version(found), *_checksum(path), *_contents(found)]
         except DAMAGE as error:
             why = str(error) or type(error).__name__
             return [Finding(grave=True, text=f"damaged: {why}; `dipac recordings recover {path}` saves what is intact")]
+
+
+def _version(found: Entry) -> Iterator[Finding]:
+    version = version_of(found.metadata)
+    if version < SCHEMA_VERSION:
+        next_step = f"`dipac recordings migrate {found.path}` rewrites it"
+        yield Finding(grave=False, text=f"of version {version}, read as if of {SCHEMA_VERSION}; {next_step}")
 
 
 def _checksum(path: Path) -> Iterator[Finding]:
@@ -67,10 +83,10 @@ class _Seen:
     faults: Counter[str] = field(default_factory=Counter[str])
 
 
-def _contents(path: Path, counted: int) -> Iterator[Finding]:
+def _contents(found: Entry) -> Iterator[Finding]:
     """One pass over all messages, in the order in which they were written."""
-    seen = _Seen()
-    with path.open("rb") as stream:
+    seen, version, counted = _Seen(), version_of(found.metadata), sum(found.counts.values())
+    with found.path.open("rb") as stream:
         for _, channel, written in make_reader(stream, validate_crcs=True).iter_messages(log_time_order=False):
             seen.count += 1
             if written.log_time < seen.last_ns:
@@ -78,15 +94,19 @@ def _contents(path: Path, counted: int) -> Iterator[Finding]:
             seen.last_ns = written.log_time
             kind = KINDS.get(channel.topic)
             if kind is not None:
-                _look(decode(written.data, record_of(kind)), kind, written.log_time, seen)
+                record = decode_of(version, written.data, channel.topic, record_of(kind))
+                _look(record, kind, written.log_time, seen)
             elif channel.topic.startswith(_OURS):
                 seen.faults[f"are of a kind that this version does not know ({channel.topic})"] += 1
             else:
                 seen.parts[channel.topic] = written.log_time
     if seen.count != counted:
         yield Finding(grave=True, text=f"{seen.count} messages, where its summary counts {counted}")
+    if found.session:
+        # What came before it, and caused what is in it, is in the session's own recording.
+        seen.faults.pop(_CAUSE, None)
     for text, count in seen.faults.items():
-        yield Finding(grave="cause" not in text, text=f"messages that {text}: {count}")
+        yield Finding(grave=text != _CAUSE, text=f"messages that {text}: {count}")
 
 
 def _look(message: Message, kind: type[Message], log_time_ns: int, seen: _Seen) -> None:
@@ -100,7 +120,7 @@ def _look(message: Message, kind: type[Message], log_time_ns: int, seen: _Seen) 
         seen.faults["have an id that another has"] += 1
     seen.ids.add(message.id)
     if not seen.ids.issuperset(message.cause):
-        seen.faults["name a cause that is not in the recording before them"] += 1
+        seen.faults[_CAUSE] += 1
 
 
 def _parts(message: Message, kind: type[Message]) -> list[str]:

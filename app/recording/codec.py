@@ -4,7 +4,8 @@ JSON has neither arrays of a known type nor non-finite numbers, so two things ar
 
 - An array whose shape is fixed by its annotation (a pose, an intrinsic matrix) is nested lists of numbers, which
   Foxglove can plot. Any other is `{"dtype", "shape", "data"}` with base64 of its little-endian bytes: exact, and 40
-  times cheaper than lists (docs/recording-format.md has the measurement).
+  times cheaper than lists (docs/recording-format.md has the measurement). Truth values are eight to a byte, the first
+  in its highest bit; their `dtype` is "bits".
 - A non-finite number is the string "nan", "inf" or "-inf".
 """
 
@@ -13,7 +14,7 @@ import functools
 import math
 import types
 from collections.abc import Mapping
-from typing import Any, TypeVar, cast, get_args, get_origin, get_type_hints
+from typing import Any, Final, TypeVar, cast, get_args, get_origin, get_type_hints
 
 import msgspec
 import numpy as np
@@ -22,6 +23,8 @@ from jaxtyping import AbstractArray
 from app.core.messages import Message
 
 MessageT = TypeVar("MessageT", bound=Message)
+
+_BITS: Final = "bits"
 
 
 def encode(message: Message, kind: type[Message]) -> bytes:
@@ -34,13 +37,18 @@ def decode(data: bytes, kind: type[MessageT]) -> MessageT:
 
     Raises ValueError or KeyError where `data` is not such a message (msgspec's errors are ValueErrors).
     """
-    return cast(MessageT, _rebuilt(msgspec.json.decode(data), kind))
+    return rebuild(msgspec.json.decode(data), kind)
+
+
+def rebuild(plain: Any, kind: type[MessageT]) -> MessageT:
+    """The message of type `kind` that JSON holds as `plain`. Raises as `decode`."""
+    return cast(MessageT, _rebuilt(plain, kind))
 
 
 def schema(kind: type[Message]) -> dict[str, Any]:
     """The JSON schema of `encode(_, kind)`: an object at the top, as Foxglove asks for."""
     _, components = msgspec.json.schema_components([kind], schema_hook=_array_schema, ref_template="#/$defs/{name}")
-    return components.pop(kind.__name__) | {"$defs": components}
+    return _readable(components.pop(kind.__name__) | {"$defs": components})
 
 
 def _plain(value: Any, kind: Any) -> Any:
@@ -115,21 +123,46 @@ def _dtype(kind: Any) -> np.dtype[Any]:
 
 
 def _packed(array: np.ndarray) -> dict[str, Any]:
+    if array.dtype == np.bool_:
+        return {"dtype": _BITS, "shape": list(array.shape), "data": np.packbits(array).tobytes()}
     little = np.ascontiguousarray(array, dtype=array.dtype.newbyteorder("<"))
     return {"dtype": array.dtype.name, "shape": list(array.shape), "data": little.tobytes()}
 
 
 def _unpacked(plain: Any, kind: Any) -> np.ndarray:
     data = msgspec.convert(plain["data"], bytes)
+    if plain["dtype"] == _BITS:
+        bits = np.unpackbits(np.frombuffer(data, np.uint8), count=math.prod(plain["shape"]))
+        return _frozen(bits.view(np.bool_).reshape(plain["shape"]))
     array = np.frombuffer(data, np.dtype(plain["dtype"]).newbyteorder("<")).reshape(plain["shape"])
     return array.astype(_dtype(kind), copy=False)
 
 
 def _listed(plain: Any, kind: Any) -> np.ndarray:
     # NumPy reads "nan" and "inf" from strings too, but only where it is told the type.
-    array = np.array(plain, dtype=object).astype(_dtype(kind))
+    return _frozen(np.array(plain, dtype=object).astype(_dtype(kind)))
+
+
+def _frozen(array: np.ndarray) -> np.ndarray:
     array.flags.writeable = False
     return array
+
+
+def _readable(described: Any) -> Any:
+    """A JSON schema in the part of the language that Foxglove reads: arrays have one schema for all their items.
+
+    Its parser refuses `prefixItems`, which msgspec writes for a tuple of so many numbers.
+    """
+    match described:
+        case {"prefixItems": [first, *rest]} if all(item == first for item in rest):
+            plain = {key: item for key, item in described.items() if key != "prefixItems"}
+            return _readable(plain | {"items": first})
+        case dict():
+            return {key: _readable(item) for key, item in cast(dict[str, Any], described).items()}
+        case list():
+            return [_readable(item) for item in cast(list[Any], described)]
+        case _:
+            return described
 
 
 def _array_schema(kind: Any) -> dict[str, Any]:

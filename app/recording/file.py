@@ -33,7 +33,7 @@ class EpisodeFile:
         self._unflushed = False
         self._mcap = foxglove.open_mcap(path, context=self._context, writer_options=_options())
         self._lock = hold(path)
-        self._mcap.write_metadata(METADATA, self._metadata(episode))
+        self._mcap.write_metadata(METADATA, metadata_of(episode, self.epoch))
         self.flush()
 
     def write(self, message: Message, *, now_s: float) -> None:
@@ -58,6 +58,11 @@ class EpisodeFile:
             self._mcap.flush()
             self._unflushed = False
 
+    @property
+    def size_bytes(self) -> int:
+        """How much of it the operating system has."""
+        return os.fstat(self._lock).st_size
+
     def close(self) -> None:
         """Finish the file with its index and put it on the disk. Raises RuntimeError or OSError where that fails."""
         try:
@@ -67,12 +72,6 @@ class EpisodeFile:
             os.close(self._lock)
             for channel in self._channels.values():
                 channel.close()
-
-    def _metadata(self, episode: Episode) -> dict[str, str]:
-        """The episode in MCAP's own strings, with what is needed to read the rest."""
-        fields: dict[str, Any] = asdict(episode)
-        written = {key: value if isinstance(value, str) else json.dumps(value) for key, value in fields.items()}
-        return written | {"schema_version": str(SCHEMA_VERSION), "epoch_offset_ns": str(self.epoch.offset_ns)}
 
     def _view_channel(self, topic: str, view: Viewable) -> foxglove.Channel:
         if topic not in self._channels:
@@ -88,6 +87,13 @@ class EpisodeFile:
                 topic, schema=_json_schema(kind), message_encoding="json", context=self._context
             )
         return self._channels[topic]
+
+
+def metadata_of(episode: Episode, epoch: Epoch) -> dict[str, str]:
+    """The episode in MCAP's own strings, with what is needed to read the rest."""
+    fields: dict[str, Any] = asdict(episode)
+    written = {key: value if isinstance(value, str) else json.dumps(value) for key, value in fields.items()}
+    return written | {"schema_version": str(SCHEMA_VERSION), "epoch_offset_ns": str(epoch.offset_ns)}
 
 
 def _json_schema(kind: type[Message]) -> foxglove.Schema:

@@ -1,7 +1,7 @@
 """What a file is before its messages are read, and the errors that say so."""
 
 import struct
-from collections.abc import Generator
+from collections.abc import Generator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Final
@@ -61,12 +61,17 @@ def inspect(path: Path) -> dict[str, str]:
     if metadata is None:
         raise RecordingError(f"{path} is an MCAP file of another program; only recordings of dipac can be read.")
     version = metadata.get("schema_version", "")
-    if not version.isdecimal() or int(version) > SCHEMA_VERSION:
+    if not version.isdecimal() or not 1 <= int(version) <= SCHEMA_VERSION:
         raise RecordingError(
             f"{path} has recording schema {version or 'unknown'}, newer than the {SCHEMA_VERSION} that this version "
             "reads; update dipac."
         )
     return metadata
+
+
+def version_of(metadata: Mapping[str, str]) -> int:
+    """The schema version that the metadata of a recording name, once it was inspected."""
+    return int(metadata["schema_version"])
 
 
 @contextmanager

@@ -13,8 +13,8 @@ from mcap.reader import McapReader, make_reader
 from app.core.errors import RecordingError
 from app.core.messages import CameraModel, Episode, Frame, Message, Particles, Transition
 from app.recording.channels import KINDS, SURFACE_TOPIC, TOPICS, color_topic, depth_topic, record_of
-from app.recording.codec import decode
-from app.recording.integrity import DAMAGE, damaged, inspect, reading
+from app.recording.integrity import DAMAGE, damaged, inspect, reading, version_of
+from app.recording.migrate import decode_of
 from app.recording.protobuf import bytes_field
 from app.recording.records import FrameRecord, ParticlesRecord
 
@@ -28,7 +28,7 @@ _FIRST_FRAMES: Final = 20
 
 
 def read_messages(path: Path, kinds: Collection[type[Message]] = tuple(TOPICS)) -> Iterator[Message]:
-    """Every message of the given kinds, in the order in which they were written.
+    """Every message of the given kinds, in the order in which they were written, as if this version had written it.
 
     Arrays are read-only. A frame's colours are those that JPEG kept; everything else is exact. An `Approved` comes
     back as the `ApprovalRecord` of what it said.
@@ -36,8 +36,7 @@ def read_messages(path: Path, kinds: Collection[type[Message]] = tuple(TOPICS)) 
     Raises UsageError where there is no such file, and RecordingError where it may not be read, is none of ours, cut
     off, or damaged.
     """
-    inspect(path)
-    return _messages(path, kinds)
+    return _messages(path, kinds, version_of(inspect(path)))
 
 
 def read_transitions(path: Path) -> list[Transition]:
@@ -55,14 +54,14 @@ def read_episode(path: Path) -> Episode:
 
 def read_cameras(path: Path) -> list[CameraModel]:
     """The cameras that the first frames of a recording are of; no image is read. Raises as `read_messages`."""
-    inspect(path)
+    version = version_of(inspect(path))
     cameras = dict[str, CameraModel]()
     with reading(path), path.open("rb") as stream:
         try:
             reader = make_reader(stream, validate_crcs=True)
             written = reader.iter_messages([TOPICS[Frame]], log_time_order=False)
             for _, _, message in itertools.islice(written, _FIRST_FRAMES):
-                camera = decode(message.data, FrameRecord).camera
+                camera = decode_of(version, message.data, TOPICS[Frame], FrameRecord).camera
                 cameras[camera.name] = camera
         except DAMAGE as error:
             raise damaged(path, error) from error
@@ -84,7 +83,7 @@ def read_pictures(path: Path) -> Iterator[Picture]:
 
     Raises as `read_messages`.
     """
-    inspect(path)
+    version = version_of(inspect(path))
     parts: dict[str, _Part] = {}
     with reading(path), path.open("rb") as stream:
         try:
@@ -94,7 +93,7 @@ def read_pictures(path: Path) -> Iterator[Picture]:
                 if channel.topic != TOPICS[Frame]:
                     parts[channel.topic] = _Part(written.log_time, written.data)
                     continue
-                record = decode(written.data, FrameRecord)
+                record = decode_of(version, written.data, channel.topic, FrameRecord)
                 part, camera = parts.get(color_topic(record.camera.name)), record.camera
                 if part and part.log_time_ns == written.log_time:
                     jpeg = bytes_field(part.data, _COMPRESSED_IMAGE_DATA)
@@ -110,7 +109,7 @@ class _Part(NamedTuple):
     data: bytes
 
 
-def _messages(path: Path, kinds: Collection[type[Message]]) -> Iterator[Message]:
+def _messages(path: Path, kinds: Collection[type[Message]], version: int) -> Iterator[Message]:
     parts: dict[str, _Part] = {}
     with reading(path), path.open("rb") as stream:
         try:
@@ -119,7 +118,9 @@ def _messages(path: Path, kinds: Collection[type[Message]]) -> Iterator[Message]
                 kind = KINDS.get(channel.topic)
                 if kind is None:
                     parts[channel.topic] = _Part(written.log_time, written.data)
-                elif message := _whole(decode(written.data, record_of(kind)), written, parts):
+                    continue
+                record = decode_of(version, written.data, channel.topic, record_of(kind))
+                if message := _whole(record, written, parts):
                     yield message
         except DAMAGE as error:
             raise damaged(path, error) from error

@@ -1,20 +1,20 @@
 """A whole file out of one that a crash cut off or a disk damaged."""
 
 import itertools
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 from typing import final
 
 from mcap.reader import make_reader
-from mcap.records import Channel, Chunk, DataEnd, McapRecord, Message, Metadata, Schema
+from mcap.records import Chunk, DataEnd, McapRecord
 from mcap.stream_reader import StreamReader, breakup_chunk
 from mcap.summary import Summary
-from mcap.writer import CompressionType, Writer
 
 from app.core.errors import RecordingError
 from app.recording import digests
 from app.recording.append import append_metadata
+from app.recording.copying import write_records
 from app.recording.integrity import DAMAGE, ends_as_mcap, reading, require_file, starts_as_mcap
 from app.recording.label import LABEL, labels
 from app.recording.lock import held
@@ -54,7 +54,7 @@ def recover(path: Path) -> Recovered:
     draft = goal.with_suffix(".draft")
     try:
         salvage, summary = _Salvage(path), _summary(path)
-        messages = _copy(itertools.chain(_declared(summary), salvage), draft)
+        messages = write_records(itertools.chain(_declared(summary), salvage), draft)
         if messages == 0:
             raise RecordingError(f"{path} was cut off before its first message; there is nothing to recover.")
         if salvage.lost_bytes == 0 and ends_as_mcap(path) and _is_whole(path, messages):
@@ -107,39 +107,6 @@ class _Salvage:
             yield from breakup_chunk(record, validate_crc=True)
         except DAMAGE:
             self.lost_bytes += length
-
-
-def _copy(records: Iterable[McapRecord], goal: Path) -> int:
-    """Write `records` to a new file with an index; returns how many messages there were."""
-    messages = 0
-    schemas: dict[int, int] = {0: 0}
-    channels: dict[int, int] = {}
-    with goal.open("wb") as stream:
-        writer = Writer(stream, compression=CompressionType.LZ4)
-        writer.start()
-        for record in records:
-            match record:
-                case Metadata(name=name, metadata=metadata):
-                    writer.add_metadata(name, metadata)
-                case Schema(id=old, name=name, encoding=encoding, data=data) if old not in schemas:
-                    schemas[old] = writer.register_schema(name, encoding, data)
-                case Channel(id=old, schema_id=schema) if old not in channels and schema in schemas:
-                    channels[old] = writer.register_channel(
-                        record.topic, record.message_encoding, schemas[schema], record.metadata
-                    )
-                case Message() if record.channel_id in channels:
-                    writer.add_message(
-                        channels[record.channel_id],
-                        record.log_time,
-                        record.data,
-                        record.publish_time,
-                        record.sequence,
-                    )
-                    messages += 1
-                case _:
-                    continue
-        writer.finish()
-    return messages
 
 
 def _summary(path: Path) -> Summary | None:

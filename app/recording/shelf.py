@@ -6,7 +6,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from datetime import UTC, datetime
 from pathlib import Path
-from typing import Any, Final, Literal, TypeAlias, final
+from typing import Any, Final, Literal, TypeAlias, cast, final
 
 from mcap.reader import make_reader
 from mcap.records import Chunk, Metadata
@@ -63,11 +63,20 @@ class Entry:
     @property
     def demonstration(self) -> bool:
         """Whether it was made to learn from: by a scripted expert or by hand."""
+        return bool(self._config.get("expert") or self._config.get("demonstration"))
+
+    @property
+    def session(self) -> str:
+        """The file of which it is a part, a demonstration or a clip; nothing where it stands for itself."""
+        return str(self._config.get("session", ""))
+
+    @property
+    def _config(self) -> Mapping[str, Any]:
         try:
             config: Any = json.loads(self.metadata.get("config", "{}"))
         except ValueError:
-            return False
-        return isinstance(config, dict) and bool(config.get("expert") or config.get("demonstration"))
+            return {}
+        return cast(Mapping[str, Any], config) if isinstance(config, dict) else {}
 
     @property
     def said(self) -> str:
@@ -87,8 +96,10 @@ class Entry:
             "pushes": self.pushes,
             "faults": self.faults,
             "demonstration": self.demonstration,
+            "session": self.session,
             "label": self.said,
             "note": self.label.note if self.label else "",
+            "schema_version": self.metadata.get("schema_version", ""),
         }
 
 

@@ -19,6 +19,7 @@ from app.core.errors import PreflightError, RecordingError
 from app.core.messages import Episode, Message
 from app.recording import digests
 from app.recording.channels import topic_of
+from app.recording.epoch import Epoch
 from app.recording.file import EpisodeFile
 from app.recording.names import numbered
 from app.recording.preflight import Room, check_folder
@@ -40,7 +41,7 @@ async def open_recording(folder: Path, episode: Episode, room: Room) -> AsyncGen
     PreflightError before anything is written where the folder cannot take a recording, and RecordingError on leaving
     where something was lost.
     """
-    file = await to_thread.run_sync(_start, folder, episode, room)
+    file = await to_thread.run_sync(start, folder, episode, room)
     recorder = EpisodeRecorder(file)
     try:
         await recorder.write(episode)
@@ -60,11 +61,14 @@ class EpisodeRecorder:
 
     def __init__(self, file: EpisodeFile) -> None:
         self.path = file.path
+        self.epoch = file.epoch
         self.peak = 0
         self.written = 0
         self._file = file
         self._failure: RecordingError | None = None
-        self._queue: queue.SimpleQueue[_Entry | Literal["end"]] = queue.SimpleQueue()
+        self._queue: queue.SimpleQueue[_Entry | _Mark | Literal["end"]] = queue.SimpleQueue()
+        self._ended = False
+        self._ending = threading.Lock()
         self._room = threading.Semaphore(_BOUND)
         self._in_turn = anyio.Lock()
         self._thread = threading.Thread(target=self._write_all, name="recording", daemon=True)
@@ -87,9 +91,26 @@ class EpisodeRecorder:
             self._queue.put(_Entry(message=message, came_s=came_s))
             self.peak = max(self.peak, self._queue.qsize())
 
+    async def flush(self) -> int:
+        """Wait until all that was written before is in the file, for whoever reads it; returns its size [byte] then.
+
+        Raises RecordingError where something could not be written, or the file is closed.
+        """
+        self.raise_failure()
+        mark = _Mark()
+        with self._ending:
+            if self._ended:
+                raise RecordingError(f"{self.path} is closed already; nothing more comes into it.")
+            self._queue.put(mark)
+        await to_thread.run_sync(mark.reached.wait)
+        self.raise_failure()
+        return mark.size_bytes
+
     def finish(self) -> None:
         """Write what is waiting and close the file. Blocks until that is done."""
-        self._queue.put(_END)
+        with self._ending:
+            self._ended = True
+            self._queue.put(_END)
         self._thread.join()
 
     def raise_failure(self) -> None:
@@ -106,15 +127,18 @@ class EpisodeRecorder:
                     self._file.write(entry.message, now_s=entry.came_s)
                     self.written += 1
                 self._room.release()
-            if time.monotonic() >= flush_at_s:
+            if isinstance(entry, _Mark) or time.monotonic() >= flush_at_s:
                 with self._noting_failure():
                     self._file.flush()
+                if isinstance(entry, _Mark):
+                    entry.size_bytes = self._file.size_bytes
+                    entry.reached.set()
                 flush_at_s = time.monotonic() + FLUSH_PERIOD_S
         with self._noting_failure():
             self._file.close()
             digests.note(self.path)
 
-    def _next(self, until_s: float) -> "_Entry | Literal['end'] | None":
+    def _next(self, until_s: float) -> "_Entry | _Mark | Literal['end'] | None":
         """The next entry, None where none comes in time."""
         try:
             return self._queue.get(timeout=max(0.0, until_s - time.monotonic()))
@@ -146,12 +170,25 @@ class _Entry:
     came_s: float
 
 
-def _start(folder: Path, episode: Episode, room: Room) -> EpisodeFile:
-    """A new file in `folder`, which is checked first. Raises PreflightError."""
+@final
+class _Mark:
+    """A place in the queue: once the thread is there, `reached`, and the size of the file [byte]."""
+
+    def __init__(self) -> None:
+        self.reached = threading.Event()
+        self.size_bytes = 0
+
+
+def start(folder: Path, episode: Episode, room: Room, *, part: str = "", epoch: Epoch | None = None) -> EpisodeFile:
+    """A new file in `folder`, which is checked first; `part` in its name says of what it is one. Raises PreflightError.
+
+    Without an `epoch`, messages are dated by this machine's clocks from now on.
+    """
     check_folder(folder, room)
-    path = unused(folder, f"{datetime.now(UTC):%Y%m%dT%H%M%SZ}-{_plain(episode.task)}-seed{episode.seed}")
+    words = (f"{datetime.now(UTC):%Y%m%dT%H%M%SZ}", _plain(episode.task), part, f"seed{episode.seed}")
+    path = unused(folder, "-".join(filter(None, words)))
     try:
-        return EpisodeFile(path, episode)
+        return EpisodeFile(path, episode, epoch=epoch)
     except (OSError, RuntimeError) as error:
         raise PreflightError(f"Cannot start {path} ({error}); choose another recordings folder.") from error
 

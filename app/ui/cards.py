@@ -30,7 +30,7 @@ def mode(board: Board, now_s: float) -> str:
 
 def _mode(board: Board, now_s: float) -> tuple[str, str, Tone]:
     health = board.health
-    doing = words.sentence(health.mode) if health else "Starting"
+    doing = words.sentence(health.doing) if health else "Starting"
     if board.fatal is not None:
         return "Fault: the program has ended", board.fatal.text, "bad"
     if board.arm_mode == "fault":

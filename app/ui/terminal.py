@@ -86,7 +86,7 @@ class Terminal:
         """Print the message where it is one that belongs here. Never blocks."""
         match message:
             case Health():
-                self._show_stage(message.mode)
+                self._show_stage(message.doing)
             case Outcome():
                 self._put(Text(outcome_line(message)))
             case Notice():
@@ -96,12 +96,12 @@ class Terminal:
             case _:
                 pass
 
-    def _show_stage(self, mode: str) -> None:
+    def _show_stage(self, doing: str) -> None:
         """Update the status line; where the output is a file, print each compilation once instead."""
         if self._status is not None:
-            self._status.update(Text(mode))
+            self._status.update(Text(doing))
             return
-        stage = mode.rsplit(" (", 1)[0]
+        stage = doing.rsplit(" (", 1)[0]
         if stage != self._stage and stage.startswith("compiling"):
             self._put(Text(f"{stage} ..."))
         self._stage = stage

@@ -102,6 +102,8 @@ class Maker:
         shape = [int(axis) if axis.isdigit() else AXES[axis] for axis in kind.dim_str.split()]
         if kind.dtypes[0].startswith("uint"):
             return self.rng.integers(0, np.iinfo(kind.dtypes[0]).max, shape, dtype=kind.dtypes[0])
+        if kind.dtypes[0] == "bool":
+            return self.rng.random(shape) < 0.3
         return self.rng.normal(size=shape).astype(kind.dtypes[0])
 
     def approved(self, **proposed: Any) -> Approved:

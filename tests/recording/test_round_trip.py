@@ -1,6 +1,8 @@
 """What is written is what is read."""
 
+import base64
 import dataclasses
+import json
 from pathlib import Path
 
 import msgspec
@@ -9,8 +11,9 @@ import pytest
 
 from app.core.messages import ArmState, Episode, Extension, Frame, Message, Model, Particles, Proposal, Transition
 from app.core.motion import Motion
+from app.core.seeing import Seen
 from app.recording.channels import TOPICS, record_of
-from app.recording.codec import decode, encode
+from app.recording.codec import decode, encode, schema
 from app.recording.reader import read_episode, read_messages, read_transitions
 from tests.recording.samples import Maker, Recording, all_kinds, record, same, same_as_read
 
@@ -80,6 +83,26 @@ def test_clouds_may_be_empty(make: Maker, tmp_path: Path) -> None:
     none = np.zeros((0, 3), np.float32)
     particles = make(Particles, positions=none, surface=none)
     assert same(particles, list(read_messages(record(tmp_path, make(Episode), [particles])))[-1])
+
+
+def test_truth_values_take_a_bit_each(make: Maker) -> None:
+    mask = np.zeros((3, 7), np.bool_)
+    mask[1, 2:6] = True
+    seen = make(Seen, masks={"left": mask, "right": np.zeros((0, 5), np.bool_)})
+    data = encode(seen, Seen)
+    assert same(seen, decode(data, Seen))
+    packed = msgspec.json.decode(data)["masks"]["left"]
+    assert (packed["dtype"], packed["shape"]) == ("bits", [3, 7])
+    assert (
+        np.unpackbits(np.frombuffer(base64.b64decode(packed["data"]), np.uint8))[:21].tolist() == mask.ravel().tolist()
+    )
+
+
+def test_no_schema_asks_for_more_than_foxglove_reads() -> None:
+    for kind in all_kinds():
+        described = json.dumps(schema(record_of(kind)))
+        assert "prefixItems" not in described
+        assert '"items": false' not in described
 
 
 def test_paths_of_different_lengths_stand_in_one_proposal(make: Maker) -> None:

@@ -131,11 +131,11 @@ def arm(mode: ArmMode = "idle", tip: tuple[float, float, float] = (0.42, -0.12, 
     )
 
 
-def health(mode: str = "looking at the object (2 s)", arm_mode: ArmMode = "idle") -> Health:
+def health(doing: str = "looking at the object (2 s)", arm_mode: ArmMode = "idle") -> Health:
     return Health(
         id=fresh_id("health"),
         time_s=time.monotonic(),
-        mode=mode,
+        doing=doing,
         frame_age_s={"left": 0.12, "right": 1.4},
         particles_age_s=0.31,
         plan_age_s=3.0,

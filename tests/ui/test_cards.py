@@ -36,7 +36,7 @@ def test_no_word_from_outside_becomes_markup(text):
             replace(synthetic.episode(), rig=hostile, code_version=hostile),
             replace(synthetic.model(1, 1e-5), parameters=()),
             synthetic.notice(hostile, hostile),
-            replace(synthetic.health(mode=hostile), frame_age_s={hostile: 0.1}, drops={hostile: 1}),
+            replace(synthetic.health(doing=hostile), frame_age_s={hostile: 0.1}, drops={hostile: 1}),
         )
     )
     assert "<img" not in shown

@@ -110,8 +110,8 @@ def test_each_title_ends_where_its_column_does():
 
 
 def test_in_a_file_each_compilation_is_said_once():
-    modes = ["planning", "compiling plan (1 s)", "compiling plan (2 s)", "planning", "compiling roll-out (1 s)"]
-    _, *lines = printed(*(replace(synthetic.health(), mode=mode) for mode in modes))
+    said = ["planning", "compiling plan (1 s)", "compiling plan (2 s)", "planning", "compiling roll-out (1 s)"]
+    _, *lines = printed(*(replace(synthetic.health(), doing=doing) for doing in said))
     assert lines == ["compiling plan ...", "compiling roll-out ..."]
 
 
@@ -119,7 +119,7 @@ def test_on_a_terminal_the_stage_is_shown_until_the_end():
     screen = Awaited("compiling plan (2 s)")
     terminal = Terminal(Output(file=screen, width=80, force_terminal=True))
     terminal.start()
-    terminal.show(replace(synthetic.health(), mode="compiling plan (2 s)"))
+    terminal.show(replace(synthetic.health(), doing="compiling plan (2 s)"))
     assert screen.seen.wait(10)
     terminal.close()
     shows_cursor = "\x1b[?25h"

@@ -37,12 +37,8 @@ def label(
         if entry.condition != "whole":
             raise RecordingError(f"{entry.path} is {entry.condition}; nothing was labelled. {entry.why}".strip())
     for entry in entries:
-        # Of a file that somebody changed, the sum goes on saying so; of one that has none, nobody knows.
-        noted = digests.noted(entry.path)
-        sound = noted is not None and noted == digests.digest(entry.path)
-        relabel(entry.path, told)
-        if sound:
-            digests.note(entry.path)
+        with digests.kept(entry.path):
+            relabel(entry.path, told)
         terminal.print(f"{entry.path}: {said}{f', {note}' if note else ''}")
 
 

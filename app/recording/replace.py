@@ -1,0 +1,43 @@
+"""Another file in place of a recording, at once: a cut leaves the old one or the new one, and never half of one."""
+
+import os
+import shutil
+from collections.abc import Generator
+from contextlib import contextmanager
+from pathlib import Path
+
+from app.core.errors import RecordingError
+from app.recording.lock import held, locked
+
+
+@contextmanager
+def replaced(path: Path) -> Generator[tuple[Path, Path]]:
+    """The file at `path` (where a link leads) and a place beside it for the new one, which is put there at the end.
+
+    The new one is forced to the disk first, and has the old one's times and rights. Where anything is raised within,
+    the old one stays and nothing else does. Raises RecordingError where it is being written or the disk refuses.
+    """
+    old = path.resolve()
+    with locked(old.parent):
+        if held(old):
+            raise RecordingError(f"{path} is being written; wait for its end.")
+        new = old.with_name(f".{old.name}.{os.getpid()}.new")
+        try:
+            yield old, new
+            _put_on_disk(new)
+            shutil.copystat(old, new)
+            new.replace(old)
+        except OSError as error:
+            raise RecordingError(
+                f"Cannot write beside {path} ({error.strerror}); see its disk and its folder."
+            ) from error
+        finally:
+            new.unlink(missing_ok=True)
+
+
+def _put_on_disk(path: Path) -> None:
+    descriptor = os.open(path, os.O_RDONLY | os.O_CLOEXEC)
+    try:
+        os.fsync(descriptor)
+    finally:
+        os.close(descriptor)

@@ -1,0 +1,188 @@
+"""The session's recording, with demonstrations and clips as files of their own beside it."""
+
+import itertools
+import json
+import math
+import time
+from collections.abc import AsyncGenerator, Sequence
+from contextlib import asynccontextmanager, suppress
+from dataclasses import replace
+from pathlib import Path
+from typing import Any, Literal, cast, final
+
+import anyio
+from anyio import to_thread
+
+from app.core.errors import RecordingError
+from app.core.messages import Episode, Message, fresh_id
+from app.recording import digests
+from app.recording.clip import Cut, write_clip
+from app.recording.file import EpisodeFile
+from app.recording.label import Label, Verdict, relabel
+from app.recording.preflight import Room, check_folder
+from app.recording.prune import discard
+from app.recording.writer import EpisodeRecorder, open_recording, start, unused
+
+
+@asynccontextmanager
+async def open_studio(folder: Path, episode: Episode, room: Room, *, take_bytes: int = 0) -> AsyncGenerator["Studio"]:
+    """A recorder as `open_recording` makes one, with demonstrations of up to `take_bytes` each, and clips.
+
+    A demonstration that is open when the context is left is closed and stays, unlabelled. Raises as `open_recording`,
+    and RecordingError on leaving where part of that demonstration was lost: the session's own file is whole then.
+    """
+    take: EpisodeRecorder | None = None
+    async with open_recording(folder, episode, room) as recorder:
+        studio = Studio(recorder, episode, room, take_bytes=take_bytes)
+        try:
+            yield studio
+        finally:
+            with anyio.CancelScope(shield=True):
+                take = await studio.close()
+    if take is not None:
+        take.raise_failure()
+
+
+@final
+class Studio:
+    """Writes everything to the session's file, and to that of the demonstration that is open.
+
+    `room`: what the session may take and must leave; a demonstration is expected to take `take_bytes`.
+    """
+
+    def __init__(self, recorder: EpisodeRecorder, episode: Episode, room: Room, *, take_bytes: int) -> None:
+        self._session = recorder
+        self._episode = episode
+        self._room = room
+        self._take_bytes = take_bytes
+        self._began_s = time.monotonic()
+        self._take: EpisodeRecorder | None = None
+        self._takes = itertools.count(1)
+        self._clips = itertools.count(1)
+        self._in_turn = anyio.Lock()
+        self._one_at_a_time = anyio.Lock()
+
+    @property
+    def path(self) -> Path:
+        """The session's own file."""
+        return self._session.path
+
+    @property
+    def written(self) -> int:
+        """How many messages are in the session's own file."""
+        return self._session.written
+
+    async def write(self, message: Message) -> None:
+        """Append a message. Raises RecordingError as `EpisodeRecorder.write`, for the session's own file alone."""
+        async with self._in_turn:
+            await self._session.write(message)
+            if self._take is not None:
+                # What is lost of a demonstration is told when it ends. What is in the session shall be in it, too.
+                with anyio.CancelScope(shield=True), suppress(RecordingError):
+                    await self._take.write(message)
+
+    async def begin(self, opening: Sequence[Message]) -> Path:
+        """Start a file that begins with `opening` and gets everything that is recorded from now on.
+
+        Raises PreflightError where it does not fit on the disk, and RecordingError where one is open.
+        """
+        async with self._one_at_a_time:
+            if self._take is not None:
+                raise RecordingError(f"{self._take.path.name} is still being recorded; end that demonstration first.")
+            number = next(self._takes)
+            episode = self._part(time.monotonic(), demonstration=number)
+            take = EpisodeRecorder(await to_thread.run_sync(self._start, episode, f"demo{number}"))
+            with anyio.CancelScope(shield=True):
+                async with self._in_turn:
+                    self._take = take
+                    with suppress(RecordingError):
+                        for message in (episode, *opening):
+                            await take.write(message)
+            return take.path
+
+    async def end(self, said: Literal["success", "failure"] | None, *, operator: str) -> None:
+        """Close the file with its label; None removes it: what it held is in the session's own recording.
+
+        Raises RecordingError where none is open, or it cannot be written.
+        """
+        async with self._one_at_a_time:
+            with anyio.CancelScope(shield=True):
+                take = await self._stopped()
+                if take is None:
+                    raise RecordingError("No demonstration is being recorded; begin one first.")
+                await to_thread.run_sync(_end, take, said, operator)
+
+    async def clip(self, duration_s: float) -> Path:
+        """The last `duration_s` of the session's recording as a file of its own, while it goes on.
+
+        Raises PreflightError where it does not fit on the disk, and RecordingError where it cannot be written, or
+        `duration_s` is no time.
+        """
+        if not 0 < duration_s < math.inf:
+            raise RecordingError(f"A clip of {duration_s:g} s cannot be; ask for a number of seconds, such as 30.")
+        now_s = time.monotonic()
+        since_s = max(now_s - duration_s, self._began_s)
+        number = next(self._clips)
+        cut = Cut(
+            session=self.path,
+            size_bytes=await self._session.flush(),
+            since_ns=self._session.epoch.ns(now_s - duration_s),
+            episode=self._part(since_s, clip=number),
+            epoch=self._session.epoch,
+        )
+        share = (now_s - since_s) / max(now_s - self._began_s, 1.0)
+        return await to_thread.run_sync(self._cut, cut, number, round(share * cut.size_bytes))
+
+    async def close(self) -> EpisodeRecorder | None:
+        """End the demonstration that is open, without a label, and return it."""
+        async with self._one_at_a_time:
+            take = await self._stopped()
+            if take is not None:
+                await to_thread.run_sync(take.finish)
+            return take
+
+    async def _stopped(self) -> EpisodeRecorder | None:
+        """The demonstration that was open, which gets nothing more."""
+        async with self._in_turn:
+            take, self._take = self._take, None
+            return take
+
+    def _part(self, began_s: float, **told: int) -> Episode:
+        """The session's episode, as that of a part of it that began at `began_s`."""
+        config = json.dumps(_object(self._episode.config) | told | {"session": self.path.name})
+        return replace(self._episode, id=fresh_id("episode"), cause=(), time_s=began_s, config=config)
+
+    def _start(self, episode: Episode, part: str) -> EpisodeFile:
+        room = self._left(self._take_bytes)
+        return start(self.path.parent, episode, room, part=part, epoch=self._session.epoch)
+
+    def _cut(self, cut: Cut, number: int, expected_bytes: int) -> Path:
+        check_folder(self.path.parent, self._left(expected_bytes))
+        goal = unused(self.path.parent, f"{self.path.stem}-clip{number}")
+        write_clip(cut, goal)
+        return goal
+
+    def _left(self, expected_bytes: int) -> Room:
+        """What one more file of so many bytes may take, where the session shall still find what it is expected to."""
+        with suppress(OSError):
+            expected_bytes += max(0, self._room.expected_bytes - self.path.stat().st_size)
+        return replace(self._room, expected_bytes=expected_bytes)
+
+
+def _end(take: EpisodeRecorder, said: Verdict | None, operator: str) -> None:
+    take.finish()
+    if said is None:
+        discard(take.path)
+        return
+    take.raise_failure()
+    relabel(take.path, Label.now(said, note="", operator=operator))
+    digests.note(take.path)
+
+
+def _object(config: str) -> dict[str, Any]:
+    """The configuration as a JSON object."""
+    with suppress(ValueError):
+        said: Any = json.loads(config)
+        if isinstance(said, dict):
+            return cast(dict[str, Any], said)
+    return {"config": config}
