@@ -261,6 +261,7 @@ async def _cell(
                     stop=rig.arm.stop,
                     workspace=site.limits.workspace,
                     tls=tls,
+                    timing=site.timing,
                 )
             )
         yield rig, console

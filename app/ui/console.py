@@ -11,7 +11,7 @@ import anyio
 import viser
 from anyio import to_thread
 
-from app.config import Workspace
+from app.config import Timing, Workspace
 from app.core.channel import Lossless
 from app.core.errors import PreflightError
 from app.core.messages import Message
@@ -60,8 +60,9 @@ async def open_console(
     stop: Callable[[], None],
     workspace: Workspace | None = None,
     tls: Tls | None = None,
+    timing: Timing | None = None,
 ) -> AsyncGenerator[Console]:
-    """A console that serves until the block is left.
+    """A console that serves until the block is left; `timing` says by what plans are refused.
 
     `stop` tells the arm to stop: it is called from other threads than the caller's and must not block. `port` 0 takes
     a free one. Raises PreflightError where the port is taken, or `host` is no loopback address and there is no `tls`.
@@ -82,13 +83,14 @@ async def open_console(
     desk = Desk(stop=stop, post=post)
     with listening:
         page = Page(title=title, simulated=simulated)
-        async with _serving(listening, desk, page, workspace or Workspace(), tls) as url:
+        furnish = partial(_set_scene, desk=desk, workspace=workspace or Workspace(), timing=timing or Timing())
+        async with _serving(listening, desk, page, furnish, tls) as url:
             yield Console(url=url, desk=desk, requests=requests)
 
 
 @asynccontextmanager
 async def _serving(
-    listening: socket.socket, desk: Desk, page: Page, workspace: Workspace, tls: Tls | None
+    listening: socket.socket, desk: Desk, page: Page, furnish: Callable[[Backstage], Painter], tls: Tls | None
 ) -> AsyncGenerator[str]:
     """Viser, the painter and the proxy, started in this order and closed in the opposite one; yields the URL."""
     context = tls.context() if tls else None
@@ -98,7 +100,7 @@ async def _serving(
     passphrase = proxy.fresh_secret()
     backstage = await to_thread.run_sync(lambda: Backstage(label=page.title, passphrase=passphrase))
     try:
-        painter = await to_thread.run_sync(_set_scene, backstage, desk, workspace)
+        painter = await to_thread.run_sync(furnish, backstage)
         front = proxy.Proxy(
             access=access,
             page=page,
@@ -122,11 +124,11 @@ async def _serving(
             await to_thread.run_sync(backstage.close)
 
 
-def _set_scene(backstage: Backstage, desk: Desk, workspace: Workspace) -> Painter:
+def _set_scene(backstage: Backstage, *, desk: Desk, workspace: Workspace, timing: Timing) -> Painter:
     """Furnish the server, and say who repaints it."""
     _greet(backstage.server, desk)
     scene = Scene(backstage.server, workspace)
-    panel = Panel(backstage.server, desk, scene)
+    panel = Panel(backstage.server, desk, scene, timing)
 
     def paint(board: Board, now_s: float) -> None:
         with backstage.server.atomic():

@@ -10,8 +10,15 @@ from typing import Any, Final, cast
 
 import msgspec
 
-SPOKEN: Final = frozenset({"GuiFormDirtyMessage", "GuiFormSubmitMessage", "GuiUpdateMessage", "ViewerCameraMessage"})
+_DRAGGED: Final = frozenset(
+    {"TransformControlsUpdateMessage", "TransformControlsDragStartMessage", "TransformControlsDragEndMessage"}
+)
+SPOKEN: Final = _DRAGGED | {"GuiFormDirtyMessage", "GuiFormSubmitMessage", "GuiUpdateMessage", "ViewerCameraMessage"}
 """What viser's page says of the widgets that the console has. A new kind of widget may want another word."""
+HANDLES: Final = ("/edit/start", "/edit/end")
+"""What a browser may drag in the scene, by its name there."""
+_FARTHEST_M = 3.0
+"""From the robot's base, on any axis: no handle is dragged there on purpose."""
 _VALUE: Final = frozenset({"value"})
 """What a browser may change of a widget: viser would set any other attribute of it as well, its callbacks too."""
 
@@ -39,7 +46,18 @@ def refusal(data: bytes, understood: Callable[[bytes], bool]) -> str | None:
     updates = fields.get("updates", {})
     if not isinstance(updates, dict) or not _VALUE.issuperset(cast(dict[Any, Any], updates)):
         return "a browser changes the value of a widget and nothing else of it"
+    if kind in _DRAGGED and not _is_of_a_handle(fields):
+        return "a browser drags the console's handles over the table and nothing else"
     return None if understood(data) else "its fields make no sense"
+
+
+def _is_of_a_handle(fields: dict[Any, Any]) -> bool:
+    """Whether what is dragged is one of ours, in the scene that all share, to a place near the table."""
+    position = fields.get("position", ())
+    if not isinstance(position, list | tuple) or fields.get("name") not in HANDLES or fields.get("owner", "") != "":
+        return False
+    places = cast(list[Any], position)
+    return all(isinstance(place, int | float) and abs(place) <= _FARTHEST_M for place in places)
 
 
 def _sound(message: Any) -> bool:

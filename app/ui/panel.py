@@ -6,11 +6,14 @@ import numpy as np
 import viser
 from viser import theme
 
+from app.config import Timing
 from app.core.messages import Frame
 from app.ui import cards, doubt
 from app.ui.board import Board
 from app.ui.decision import DecisionForm
 from app.ui.desk import Desk
+from app.ui.drift import Drift
+from app.ui.plans import Plans
 from app.ui.plots import Plots
 from app.ui.scene import Scene, thumbnail
 
@@ -23,10 +26,11 @@ _MAIN_WIDTH_PX = 400
 class Panel:
     """The widgets of one server. Used by the painter's thread alone; the buttons' callbacks go to the desk."""
 
-    def __init__(self, server: viser.ViserServer, desk: Desk, scene: Scene) -> None:
+    def __init__(self, server: viser.ViserServer, desk: Desk, scene: Scene, timing: Timing) -> None:
         self._gui = server.gui
         self._scene = scene
         self._last = Board()
+        self._drift = Drift(timing)
         self._pictures: dict[str, viser.GuiImageHandle] = {}
         self._mode = Text(self._gui, cards.mode(self._last, desk.now()))
         self._decision = DecisionForm(self._gui, desk)
@@ -37,14 +41,15 @@ class Panel:
         with self._gui.add_folder("Health"):
             self._health = Text(self._gui, cards.health(self._last, desk.now()))
         self._place_main()
-        self._build_side()
+        self._build_side(server, desk)
 
     def paint(self, board: Board, now_s: float) -> None:
         """Bring the panels up to the board and the clock."""
         last, self._last = self._last, board
         self._mode.put(cards.mode(board, now_s))
         self._decision.paint(board, now_s)
-        self._plan.put(cards.plan(board, now_s))
+        self._plan.put(cards.plan(board, now_s, self._drift.since(board)))
+        self._plans.paint(board)
         self._watch.put(doubt.watch(board))
         self._verdict.put(doubt.verdict(board))
         self._health.put(cards.health(board, now_s))
@@ -70,12 +75,14 @@ class Panel:
             brand_color=_BRAND,
         )
 
-    def _build_side(self) -> None:
+    def _build_side(self, server: viser.ViserServer, desk: Desk) -> None:
         side = self._gui.add_panel()
         with side.add_tab("Cell", viser.Icon.CAMERA):
             self._cameras = self._gui.add_folder(None)
             with self._gui.add_folder("Messages"):
                 self._log = Text(self._gui, cards.log(self._last, 0.0))
+        with side.add_tab("Plans", viser.Icon.GIT_BRANCH):
+            self._plans = Plans(server, desk, self._scene)
         with side.add_tab("Progress", viser.Icon.CHART_LINE):
             self._plots = Plots(self._gui)
         with side.add_tab("Discovery", viser.Icon.MICROSCOPE):
