@@ -102,12 +102,13 @@ def _plan_rows(proposal: Proposal, state: str, now_s: float, moved: Moved | None
         yield "Cost, before → after descent", f"{cost} <small>{words.change(best.cost_before, best.cost_after)}</small>"
     for name, value in best.terms.items():
         yield f"· {escape(name)}", words.number(value)
+    yield "State", state
     yield "Chosen", words.origin(proposal)
     if proposal.dropped:
         yield "Branches dropped", f"<span class='dp-warn'>{proposal.dropped} non-finite</span>"
     yield "Planned in", words.duration(proposal.plan_s)
-    age_s, limit = now_s - proposal.time_s, f" of {words.duration(moved.max_age_s)}" if moved else ""
-    yield "Age", f"{words.duration(age_s)}{limit} <small>{state}</small>"
+    age_s, limit = now_s - proposal.time_s, f"of {words.duration(moved.max_age_s)}" if moved else ""
+    yield "Age", f"{words.duration(age_s)} <small>{limit}</small>"
     if moved and math.isfinite(moved.drift_m):
         far = toned(f"{moved.drift_m * 1e3:.1f} mm", moved.share > _FAR, moved.share > 1)
         yield "Object moved since", f"{far} <small>of {moved.max_drift_m * 1e3:.0f} mm</small>"

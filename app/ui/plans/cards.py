@@ -31,15 +31,13 @@ def _row(proposal: Proposal, look: Look, index: int) -> str:
     kinds = {"best": index == proposal.best, "looked": index == look.at, "compared": index == look.beside}
     classes = " ".join(f"dp-{kind}" for kind, holds in kinds.items() if holds)
     name = escape(names(proposal)[index]) + (" <small>proposed</small>" if index == proposal.best else "")
-    return (
-        f"<tr class='{classes}{'' if branch.finite else ' dp-dropped'}' title='{_terms(branch)}'><td>{name}</td>"
-        f"<td>{_cost(branch)}</td><td>{_change(branch)}</td></tr>"
-    )
+    if not branch.finite:
+        return f"<tr class='{classes} dp-dropped'><td>{name}</td><td colspan='2'>dropped: not finite</td></tr>"
+    cost = f"<td>{_cost(branch)}</td><td>{_change(branch)}</td>"
+    return f"<tr class='{classes}' title='{_terms(branch)}'><td>{name}</td>{cost}</tr>"
 
 
 def _cost(branch: Branch) -> str:
-    if not branch.finite:
-        return '<span class="dp-warn">dropped: not finite</span>'
     if branch.cost_before == branch.cost_after:
         return words.number(branch.cost_after)
     return f"{words.number(branch.cost_before)} → {words.number(branch.cost_after)}"
@@ -48,7 +46,7 @@ def _cost(branch: Branch) -> str:
 def _change(branch: Branch) -> str:
     """What descent gained; costs may be negative, so that it is a difference and no share."""
     gained = branch.cost_after - branch.cost_before
-    return f"<small>{words.number(gained)}</small>" if branch.finite and gained else ""
+    return f"<small>{words.number(gained)}</small>" if gained else ""
 
 
 def _terms(branch: Branch) -> str:

@@ -17,7 +17,7 @@ from app.ui.doorkeeper import HANDLES
 from app.ui.plans.ghosts import Way
 from app.ui.plans.look import Look
 
-_HANDLE_M = 0.07
+_HANDLE_M = 0.12
 
 
 @final
