@@ -32,6 +32,10 @@ class Editing:
         self._wanted = request, proposal
         return True
 
+    def answered(self) -> None:
+        """The plan has been decided on, or is gone: no change of it is made any more."""
+        self._wanted = None
+
     async def plan(self, observed: Particles, model: Model) -> "Plan | None":
         """The changed motion for where the object is now; None where none is wanted, or it cannot be made.
 

@@ -18,7 +18,7 @@ from app.core.messages import Message
 from app.core.requests import Request
 from app.ui import cards, proxy
 from app.ui.access import LOOPBACK, Access
-from app.ui.backstage import Backstage, understood
+from app.ui.backstage import Backstage
 from app.ui.board import Board
 from app.ui.desk import Desk
 from app.ui.page import Page
@@ -107,7 +107,7 @@ async def _serving(
             viser_port=backstage.port,
             passphrase=passphrase,
             stop=desk.stop,
-            understood=understood,
+            understood=backstage.takes,
             refused=desk.turned_away,
         )
         try:

@@ -61,6 +61,9 @@ async def test_a_change_of_the_plan_that_is_up_is_simulated_once() -> None:
         with anyio.fail_after(300):
             assert await stage.plan(particles, model) is None
             assert stage.wanted(request((0.30, -0.30), (0.36, -0.30)), PROPOSAL)
+            stage.answered()
+            assert await stage.plan(particles, model) is None
+            assert stage.wanted(request((0.30, -0.30), (0.36, -0.30)), PROPOSAL)
             found = await stage.plan(particles, model)
             assert await stage.plan(particles, model) is None
     assert found is not None

@@ -73,17 +73,3 @@ def test_of_a_crowd_every_second_or_third_is_kept() -> None:
     assert len(thinned(crowd)) <= MOST_PARTICLES
     assert len(thinned(crowd[:MOST_PARTICLES])) == MOST_PARTICLES
     np.testing.assert_array_equal(thinned(crowd)[1], crowd[4])
-
-
-def test_what_was_rejected_is_not_proposed_again_while_there_is_another(decision: Plan) -> None:
-    finder = replace(planner(), search=filmed())
-    first = decision.branches[decision.best]
-    again = finder(START, GOAL, PHI, seed=0, site=Site(), rejected=(first.tool_path,))
-    second = again.branches[again.best]
-    assert np.linalg.norm((second.tool_path - first.tool_path)[[0, -1]], axis=1).max() > 0.02
-    costs = sorted(branch.cost_after for branch in again.branches)
-    assert second.cost_after in costs[1:]
-    assert again.motion.digest() != decision.motion.digest()
-    everything = tuple(branch.tool_path for branch in decision.branches)
-    stubborn = finder(START, GOAL, PHI, seed=0, site=Site(), rejected=everything)
-    assert stubborn.motion.digest() == decision.motion.digest()
