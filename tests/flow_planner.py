@@ -8,7 +8,7 @@ import os
 import signal
 import sys
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from types import ModuleType, SimpleNamespace
 from typing import TYPE_CHECKING, Literal, cast, final
@@ -69,8 +69,9 @@ class Strokes:
         seed: int,
         site: Site,
         tool: ToolPose | None = None,
+        rejected: Sequence[np.ndarray] = (),
     ) -> "_Sent":
-        """Two strokes, drawn from the seed; the second is the motion."""
+        """Two strokes, drawn from the seed; the second is the motion. What was rejected is counted in its cost."""
         time.sleep(self._habits.thinking_s)
         if self._failed < self._habits.failures:
             self._failed += 1
@@ -83,20 +84,21 @@ class Strokes:
         above = paths[1, [0, 1]] + [0.0, 0.0, _TRAVEL_HEIGHT_M]
         positions = np.stack([above[0], *paths[1], above[1]])
         distance_m2 = float(chamfer_m2(observed, goal))
-        branches = (_branch("policy", paths[0], observed), _branch("random", paths[1], observed))
+        cost = 1.0 + len(rejected)
+        branches = (_branch("policy", paths[0], observed, cost), _branch("random", paths[1], observed, cost))
         motion = Motion(positions=positions, speeds=np.full(len(positions), _SPEED_M_S))
         return _Sent((branches, 1, motion, observed, distance_m2, distance_m2))
 
 
-def _branch(origin: Literal["policy", "random"], path: np.ndarray, observed: Points) -> Branch:
+def _branch(origin: Literal["policy", "random"], path: np.ndarray, observed: Points, cost: float) -> Branch:
     return Branch(
         origin=origin,
         actions=path[None, :, :2].reshape(1, -1).astype(np.float32),
         tool_path=path.astype(np.float32),
         predicted=observed,
         final=observed,
-        cost_before=1.0,
-        cost_after=1.0,
+        cost_before=cost,
+        cost_after=cost,
         terms={},
         finite=True,
     )

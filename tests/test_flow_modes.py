@@ -125,6 +125,18 @@ async def test_automatic_ends_when_whoever_asked_for_it_has_no_control_any_more(
     await person.sees(Health, "waiting for approval")
 
 
+async def test_what_was_rejected_is_told_to_the_planner_until_something_moves(idle: Run) -> None:
+    person, costs = idle.person, list[float]()
+    await person.chooses("approve each")
+    for _ in range(3):
+        proposal = await person.sees(Proposal)
+        costs.append(proposal.chosen.cost_after)
+        await person.decides(proposal, approve=False)
+    await pushes(idle, await person.sees(Proposal))
+    costs.append((await person.sees(Proposal)).chosen.cost_after)
+    assert costs == [1.0, 2.0, 3.0, 1.0]
+
+
 async def test_what_fails_leads_to_idle_and_the_session_goes_on(idle: Run) -> None:
     person = idle.person
     await idle.plans_with(Habits(failures=3))

@@ -265,6 +265,7 @@ async def _cell(
                     workspace=site.limits.workspace,
                     tls=tls,
                     hand=Pilot(jog=rig.arm.jog, tool=rig.arm.tool, limits=site.limits),
+                    timing=site.timing,
                 )
             )
         yield rig, console

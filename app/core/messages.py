@@ -168,7 +168,8 @@ class Branch:
     `predicted (N, 3)`: the particles after the first action; `final (N, 3)`: at the end of the branch.
     An `asked` one is a push that somebody wanted, and costs nothing: its costs are NaN.
     A branch that became non-finite is kept for the record with `finite=False` and is never chosen. `frames (F, K, 3)`:
-    the particles at F moments of the branch, evenly spread from now to its end; none in recordings of before.
+    the particles at F moments of the branch, evenly spread from now to its end, of many every second, third, ... alone;
+    `tools (F, 3)`: where the tool is at them. None of either in recordings of before.
     """
 
     origin: Origin
@@ -181,6 +182,7 @@ class Branch:
     terms: Mapping[str, float]
     finite: bool
     frames: Float32[np.ndarray, "F K 3"] = field(default_factory=lambda: np.zeros((0, 0, 3), np.float32))
+    tools: Float32[np.ndarray, "F 3"] = field(default_factory=lambda: np.zeros((0, 3), np.float32))
 
 
 @final

@@ -39,12 +39,16 @@ class PictureGoalRequest(Message):
 @final
 @dataclass(frozen=True, kw_only=True, eq=False)
 class EditRequest(Message):
-    """The motion of a proposal, but beginning at `start` and ending at `end` [m]: to be simulated and offered."""
+    """The motion of a proposal, but beginning at `start` and ending at `end` [m]: to be simulated and offered.
+
+    `branch`: whose motion of it; None is the one that was proposed.
+    """
 
     operator: str
     proposal_id: MessageId
     start: Float64[np.ndarray, "3"]
     end: Float64[np.ndarray, "3"]
+    branch: int | None = None
 
 
 @final

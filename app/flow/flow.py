@@ -166,20 +166,30 @@ class Flow:
                     await self._demonstrate(chore)
                 case ClipRequest():
                     await self.demonstrating.clip(chore)
-                case EditRequest() | ModelRequest() | ColourRequest():
+                case EditRequest():
+                    await self._edit(chore)
+                case ModelRequest() | ColourRequest():
                     self.notice("console", "That cannot be done yet.", chore.id)
 
     async def _aim(self, request: GoalRequest | PictureGoalRequest) -> None:
         wish = await self.aiming.aimed(self.wish, request, self.sensing.how, self.learning.models.value)
         if wish is not None:
             self.wish = wish
+            self.planning.forget()
             self.modes.interrupt("is for another goal")
+
+    async def _edit(self, request: EditRequest) -> None:
+        """Simulate a change of the plan that is shown, which stays up meanwhile, and offer it instead."""
+        observed, shown = self.sensing.particles.value, self.approving.proposals.value
+        if observed and await self.planning.edit(self.wish, request, shown, observed, self._model):
+            self.modes.interrupt("is offered as you changed it")
 
     async def _demonstrate(self, request: TakeRequest) -> None:
         """Begin or end a demonstration; its last motion belongs to it, once the arm is at rest and has been seen so."""
         if request.act in ("success", "failure") and self.modes.name == "teleoperate":
             await self._by_hand_is_over()
-        known = (self.wish.goal, self.modes.now, self.learning.models.value, self.sensing.particles.value)
+        frames = [channel.value for channel in self.sensing.frames.values()]
+        known = (self.wish.goal, self.modes.now, self.learning.models.value, *frames, self.sensing.particles.value)
         await self.demonstrating.asked(request, [message for message in known if message is not None])
 
     # The loop -----------------------------------------------------------------------------------------------------
@@ -236,10 +246,12 @@ class Flow:
         self.reporting.do("waiting for approval")
         decision, approved = await self.approving.decided(proposal)
         if decision is not None and (approved or not decision.approve):
-            self.planning.answered()
+            self.planning.decided(proposal, approved=approved is not None)
         before = self.sensing.particles.value  # what the approval was checked against, maybe minutes after the plan
         executed = await self._execute(approved) if approved else None
         self._touched()
+        if executed:
+            self.planning.forget()
         if before and executed and executed.outcome == "completed":
             self._observed = await self._look()
             await self._learn(proposal, before, executed, self._observed)
@@ -260,6 +272,7 @@ class Flow:
         if executed is None:
             return
         self.say(executed)
+        self.planning.forget()
         self._held(executed)
         before = self.sensing.before(executed.times_s[0])
         if before and executed.outcome == "completed":

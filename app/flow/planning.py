@@ -3,14 +3,19 @@
 from collections.abc import Callable
 from typing import final
 
+import numpy as np
+from jaxtyping import Float32
+
 from app.config import Site
 from app.core.announcer import Announcer
 from app.core.errors import PlanningError, WorkerError
 from app.core.messages import Model, Particles, Proposal
 from app.core.ports import Clock
+from app.core.requests import EditRequest
 from app.core.types import ToolPose
 from app.core.worker import Worker
 from app.flow.asking import Asking
+from app.flow.editing import Editing
 from app.tasks.base import Wish
 from app.tasks.jobs import nominal_model, plan, uncalibrated_model, warm_up_stage, warm_up_stages
 
@@ -24,7 +29,10 @@ class Planning:
     def __init__(self, wish: Wish, planner: Worker, site: Site, announcer: Announcer, clock: Clock) -> None:
         self._announcer, self._clock = announcer, clock
         self._planner, self._site = planner, site
-        self.asking = Asking(wish, announcer, planner, site)
+        self._asking = Asking(wish, announcer, planner, site)
+        self._editing = Editing(wish, announcer, planner, site)
+        self._edited: Proposal | None = None
+        self._rejected: tuple[Float32[np.ndarray, "_ 3"], ...] = ()
 
     async def warm_up(self, wish: Wish, do: Callable[[str], None]) -> Model:
         """Compile what planning needs, each stage told to `do`; the model to begin with, which has been said."""
@@ -37,20 +45,47 @@ class Planning:
             await planner.run(warm_up_stage, task, preset, index, model, method)
         return model
 
-    def answered(self) -> None:
-        """What was asked for has been decided on."""
-        self.asking.answered()
+    def decided(self, proposal: Proposal, *, approved: bool) -> None:
+        """It has been decided on. What was rejected is not proposed again before something has moved."""
+        self._asking.answered()
+        self._editing.answered()
+        self._rejected = () if approved else (*self._rejected, proposal.chosen.tool_path)
+
+    def forget(self) -> None:
+        """The object may lie otherwise now, or shall lie elsewhere: what was rejected or changed was for before."""
+        self._rejected, self._edited = (), None
+        self._editing.answered()
+
+    async def edit(
+        self, wish: Wish, request: EditRequest, shown: Proposal | None, observed: Particles, model: Model
+    ) -> bool:
+        """Whether the change that is asked for of the plan that is shown was made: it is the next proposal then."""
+        started_s = self._clock.now()
+        if not self._editing.wanted(request, shown):
+            return False
+        found = await self._editing.plan(observed, wish.goal.positions, model)
+        if found is not None:
+            now_s = self._clock.now()
+            self._edited = wish.proposal(found, observed, model, began_s=started_s, now_s=now_s)
+        return found is not None
 
     async def proposal(
         self, wish: Wish, observed: Particles, model: Model, tool: ToolPose, seeds: tuple[int, ...]
     ) -> Proposal:
-        """A plan; where the planner fails, another with other random branches. The third error in a row is raised."""
+        """A plan; where the planner fails, another with other random branches. The third error in a row is raised.
+
+        What the operator made of a plan goes before what discovery asks for, and both before the planner's own.
+        """
+        if self._edited is not None:
+            edited, self._edited = self._edited, None
+            return self._announcer.say(edited)
         started_s, x, goal = self._clock.now(), observed.positions, wish.goal.positions
         for attempt in range(FAILURES_IN_A_ROW):
             seed = hash((*seeds, attempt)) % 2**31
             try:
-                found = await self.asking.plan(observed, goal, model) or await self._planner.run(
-                    plan, wish.task.name, wish.preset, x, goal, model, seed, self._site, tool, wish.method
+                found = await self._asking.plan(observed, goal, model) or await self._planner.run(
+                    *(plan, wish.task.name, wish.preset, x, goal, model, seed, self._site, tool, wish.method),
+                    self._rejected,
                 )
             except (PlanningError, WorkerError) as error:
                 self._announcer.fault("planner", error)

@@ -7,7 +7,7 @@ from jaxtyping import Float32
 
 from app.config import Site
 from app.core.types import Points, ToolPose
-from app.planner.plan import Command, Plan
+from app.planner.plan import Command, Plan, Ways
 
 
 class Planner(Protocol):
@@ -23,11 +23,13 @@ class Planner(Protocol):
         site: Site,
         tool: ToolPose | None = None,
         command: Command | None = None,
+        rejected: Ways = (),
     ) -> Plan:
         """What to do with the object `observed` (N, 3) [m] so that it gets to `goal` (M, 3) [m], under the model `phi`.
 
         `tool`: where the tool is; None where actions begin anywhere. Without a `command` the arm is told the motion
-        that it is to make. The same `seed` decides the same on a CPU.
+        that it is to make. `rejected`: first actions, by their tool paths, that are not proposed again while there is
+        another. The same `seed` decides the same on a CPU.
 
         Raises PlanningError where nothing that was tried is finite and may be done.
         """

@@ -13,9 +13,11 @@ from jaxtyping import Array, Float, Float32, Int, PRNGKeyArray
 from app.config import Site
 from app.core.messages import Origin
 from app.core.types import Points, ToolPose
+from app.planner.film import compile_film, film
 from app.planner.optimise import Descended, Descent, descend
-from app.planner.plan import Command, Plan, choose
+from app.planner.plan import Command, Plan, Ways, choose
 from app.planner.tree import Rollout, Search, Start, simulate, start
+from app.policy.base import Now
 
 Improve = Callable[[Float[Array, "B D A"]], Descended]
 """Simulates the samples of a generation, and may move each of them downhill."""
@@ -62,17 +64,33 @@ class CemPlanner:
         site: Site,
         tool: ToolPose | None = None,
         command: Command | None = None,
+        rejected: Ways = (),
     ) -> Plan:
         """See `app.planner.base.Planner`. Of a branch, the cost before is that of its rank as first sampled."""
         begun = start(self.search, observed, goal, phi, seed, tool)
         found = _evolved(self, begun, jnp.asarray(goal), _key(seed))
         origins: list[Origin] = ["sampled"] * self.refit.kept
-        return choose(self.search, jax.device_get(found), origins, observed, goal, site, tool, command)
+        seen = film(self.search, *_first(begun, self.refit.kept), found.best.actions, found.best.final)
+        descended = jax.device_get(found)
+        return choose(
+            *(self.search, descended, origins, observed, goal, site, tool, command), seen=seen, rejected=rejected
+        )
 
     def compile(self, example: Points, phi: Float32[np.ndarray, " P"]) -> None:
         """Compile for states and goals of the size of `example` (N, 3); simulates nothing."""
         begun = start(self.search, example, example, phi, seed=0)
         _evolved.lower(self, begun, jnp.asarray(example), _key(0)).compile()
+        kept = self.refit.kept
+        compile_film(self.search, *_first(begun, kept), jnp.zeros((kept, self.search.depth, self.search.space.size)))
+
+
+def _first(begun: Start, count: int) -> tuple[Float[Array, "K P"], Now]:
+    """Model and situation of so many branches."""
+
+    def head(leaf: Array) -> Array:
+        return leaf[:count]
+
+    return begun.phi[:count], jax.tree.map(head, begun.now)
 
 
 def _key(seed: int) -> PRNGKeyArray:

@@ -16,6 +16,7 @@ from app.core.errors import PlanningError
 from app.core.messages import Branch, Origin
 from app.core.motion import Motion
 from app.core.types import Points, ToolPose
+from app.planner.film import Film, compile_film, film
 from app.planner.optimise import Descended, Descent, descend
 from app.planner.tree import Search, roll_out, simulate, start
 from app.policy.base import AWAY, Now
@@ -23,6 +24,10 @@ from app.policy.base import AWAY, Now
 Command: TypeAlias = Callable[[Motion, Points, Points], Motion]
 """What to tell an arm that does not do what it is told: for the motion that it is to make, and the particles before and
 after that."""
+Ways: TypeAlias = Sequence[Float32[np.ndarray, "_ 3"]]
+"""Tool paths [m], each of its own length."""
+_AGAIN_M = 0.02
+"""A motion whose tool path begins and ends this near to another's is the same to whoever rejected that."""
 
 
 @final
@@ -61,11 +66,12 @@ class TreePlanner:
         site: Site,
         tool: ToolPose | None = None,
         command: Command | None = None,
+        rejected: Ways = (),
     ) -> Plan:
         """Sample, roll out, descend, choose: what to do with the object `observed` (N, 3) [m] under the model `phi`.
 
         `tool`: where the tool is; None where actions begin anywhere. Without a `command` the arm is told the motion
-        that it is to make.
+        that it is to make. `rejected`: first actions not to propose again while there is another.
 
         Raises PlanningError where no branch stayed finite.
         """
@@ -74,13 +80,16 @@ class TreePlanner:
         origins: list[Origin] = ["random"] * self.search.branches
         if self.search.guided:
             origins[0] = "policy"
-        return choose(self.search, jax.device_get(descended), origins, observed, goal, site, tool, command)
+        seen = film(self.search, tree.phi, tree.now, descended.best.actions, descended.best.final)
+        found = jax.device_get(descended)
+        return choose(self.search, found, origins, observed, goal, site, tool, command, seen=seen, rejected=rejected)
 
     def compile(self, example: Points, phi: Float32[np.ndarray, " P"]) -> None:
         """Compile for states and goals of the size of `example` (N, 3); simulates one action, and descends nowhere."""
         tree = start(self.search, example, example, phi, seed=0)
         actions = _rolled_out(self.search, tree)
         _descended.lower(self, tree.phi, tree.now, jnp.asarray(example), actions).compile()
+        compile_film(self.search, tree.phi, tree.now, actions)
 
 
 _rolled_out = jax.jit(roll_out, static_argnums=0)
@@ -112,21 +121,26 @@ def choose(
     site: Site,
     tool: ToolPose | None = None,
     command: Command | None = None,
+    *,
+    seen: Film | None = None,
+    rejected: Ways = (),
 ) -> Plan:
     """The cheapest branch that is finite, whose actions may be made, and whose motion, as told, the site allows.
 
-    `origins` says of each branch found where its actions came from.
+    `origins` says of each branch found where its actions came from; `seen` is what the branches look like. Where it is
+    not the only one, none whose first action is much like one that was `rejected`.
     Raises PlanningError where there is none.
     """
     pose = AWAY if tool is None else tool
-    branches = tuple(_branch(search, found, pose, index, origin) for index, origin in enumerate(origins))
+    branches = tuple(_branch(search, found, pose, index, origin, seen) for index, origin in enumerate(origins))
     motions = [search.space.motion(branch.actions[0], pose, site) for branch in branches]
     if command is not None:
         pairs = zip(motions, branches, strict=True)
         motions = [command(motion, observed, branch.predicted) for motion, branch in pairs]
     inside = np.array([site.limits.workspace.contains(motion.positions) for motion in motions])
     cost = np.where(found.finite & found.best.allowed & inside, found.best.cost, np.inf)
-    best = int(np.argmin(cost))
+    fresh = np.where([_is_among(branch.tool_path, rejected) for branch in branches], np.inf, cost)
+    best = int(np.argmin(fresh if np.isfinite(fresh).any() else cost))
     if not np.isfinite(cost[best]):
         raise PlanningError(
             f"Of {len(branches)} branches {int((~found.finite).sum())} became non-finite, {int((~inside).sum())} "
@@ -144,10 +158,16 @@ def choose(
     )
 
 
-def _branch(search: Search, found: Descended, tool: ToolPose, index: int, origin: Origin) -> Branch:
+def _is_among(way: Float32[np.ndarray, "W 3"], others: Ways) -> bool:
+    ends = way[[0, -1]]
+    return any(bool(np.linalg.norm(ends - other[[0, -1]], axis=1).max() < _AGAIN_M) for other in others)
+
+
+def _branch(search: Search, found: Descended, tool: ToolPose, index: int, origin: Origin, seen: Film | None) -> Branch:
     best = found.best
     first, there = jnp.asarray(best.actions[index, :1]), jnp.asarray(tool, jnp.float32)[None]
     weights = search.weights
+    moments = {"frames": seen.frames[index], "tools": seen.tools[index]} if seen else {}
     return Branch(
         origin=origin,
         actions=np.asarray(best.actions[index]),
@@ -163,4 +183,5 @@ def _branch(search: Search, found: Descended, tool: ToolPose, index: int, origin
             "lost gradients": float(found.lost_gradients[index]),
         },
         finite=bool(found.finite[index]),
+        **moments,
     )

@@ -17,6 +17,8 @@ from app.sim.state import State
 
 Advance = Callable[[Float[Array, "B P"], State, Float[Array, "B T C"]], State]
 """The simulator: parameters, state before, tool path -> state after."""
+Part = Callable[[Float[Array, "B P"], State, Float[Array, "B T C"], Float[Array, "B N 3"]], State]
+"""The simulator of a piece of an action, as `Advance` but for the particles as the action began."""
 Begin = Callable[[Float[Array, "B N 3"]], State]
 """The state of an object of which the cameras see where its particles are."""
 
@@ -26,7 +28,9 @@ Begin = Callable[[Float[Array, "B N 3"]], State]
 class Search:
     """What a decision is searched with; the same for every decision of a task and preset.
 
-    Without `guided` no policy has a say: all actions are drawn at random.
+    Without `guided` no policy has a say: all actions are drawn at random. `part`: the simulator of a piece of an
+    action, which does not come to rest at its end as `advance` does where actions end `at_rest`; None where nobody
+    looks at moments in between.
     """
 
     space: ActionSpace
@@ -37,6 +41,8 @@ class Search:
     depth: int
     begin: Begin = State.at_rest
     guided: bool = True
+    part: Part | None = None
+    at_rest: bool = True
 
 
 class Rollout(NamedTuple):

@@ -17,8 +17,9 @@ from app.core.messages import MessageId, Model, Parameter, Transition
 from app.planner.base import Planner
 from app.planner.made import made
 from app.planner.method import DIPAC, Method
-from app.planner.tree import Advance, Search
+from app.planner.tree import Advance, Part, Search
 from app.policy.base import AWAY
+from app.sim.directions import directed
 from app.sim.effects.base import Effect
 from app.sim.params import PARAMETERS, acting, columns_of
 from app.sim.rollout import make_rollout
@@ -26,7 +27,7 @@ from app.sim.state import Setting, State
 from app.tasks import load
 from app.tasks.base import Task
 
-__all__ = ["advance", "calibrated", "nominal_model", "now", "phi_of", "planner", "stages"]
+__all__ = ["advance", "calibrated", "nominal_model", "now", "phi_of", "planner", "search", "stages"]
 
 _CHUNK = 8
 _NOW = 0.5
@@ -50,20 +51,39 @@ def advance(task: str, particle_count: int, effects: tuple[Effect, ...] = ()) ->
 def carried(task: str, particle_count: int, effects: tuple[Effect, ...] = ()) -> Advance:
     """The task's simulator of one action, from state to state: to rest, where the task's actions end at rest.
 
-    It takes all of phi and heeds the nominal parameters and those of `effects`; see `params.acting`. What changes in
-    the course of a session is as at its end. Where along the object a particle is, nobody knows here: effects that
-    depend on that do nothing.
+    See `moving`.
+    """
+    move, at_rest = moving(task, particle_count, effects), load(task).at_rest
+
+    def carry(phi: Float[Array, "B P"], state: State, tool: Float[Array, "B T C"]) -> State:
+        end = move(phi, state, tool, state.x)
+        return State.at_rest(end.x) if at_rest else end
+
+    return carry
+
+
+@lru_cache
+def moving(task: str, particle_count: int, effects: tuple[Effect, ...] = ()) -> Part:
+    """The task's simulator of an action or a piece of one, from state to state as they are.
+
+    Which way a slender object runs, and so its rest shape, is seen from the particles as the action began. It takes
+    all of phi and heeds the nominal parameters and those of `effects`; see `params.acting`. What changes in the course
+    of a session is as at its end. Where along the object a particle is, nobody knows here: effects that depend on that
+    do nothing.
     """
     known = tuple(effect for effect in effects if not effect.oriented)
     data = load(task)
     simulate = make_rollout(data.scene, particle_count=data.scene.split(particle_count), effects=known)
     own = np.array(columns_of(known))
 
-    def carry(phi: Float[Array, "B P"], state: State, tool: Float[Array, "B T C"]) -> State:
-        end = simulate(phi[:, own], state, tool, now(len(phi), particle_count))
-        return State.at_rest(end.x) if data.at_rest else end
+    def move(
+        phi: Float[Array, "B P"], state: State, tool: Float[Array, "B T C"], began: Float[Array, "B N 3"]
+    ) -> State:
+        setting = now(len(phi), particle_count)
+        known = setting if began is state.x else directed(data.scene, setting, began)
+        return simulate(phi[:, own], state, tool, known)
 
-    return carry
+    return move
 
 
 def now(candidates: int, particle_count: int) -> Setting:
@@ -79,8 +99,18 @@ def planner(task: str, preset: str, phi: Float32[np.ndarray, " P"], method: Meth
 @lru_cache
 def _planner(task: str, preset: str, effects: tuple[Effect, ...], method: Method) -> Planner:
     data = load(task)
-    size = data.preset(preset)
-    search = Search(
+    return made(method, _search(task, preset, effects), data.descent, data.preset(preset).gradient_steps)
+
+
+def search(task: str, preset: str, phi: Float32[np.ndarray, " P"]) -> Search:
+    """What the task's decisions are searched with, sized by the preset, for models that need the effects of `phi`."""
+    return _search(task, preset, acting(phi))
+
+
+@lru_cache
+def _search(task: str, preset: str, effects: tuple[Effect, ...]) -> Search:
+    data, size = load(task), load(task).preset(preset)
+    return Search(
         space=data.actions,
         policy=data.policy,
         weights=data.weights,
@@ -88,8 +118,9 @@ def _planner(task: str, preset: str, effects: tuple[Effect, ...], method: Method
         begin=data.begin,
         branches=size.branches,
         depth=size.depth,
+        part=moving(task, size.particle_count, effects),
+        at_rest=data.at_rest,
     )
-    return made(method, search, data.descent, size.gradient_steps)
 
 
 def calibrator(task: str, preset: str, settings: Settings, phi: Float32[np.ndarray, " P"]) -> Calibrator:

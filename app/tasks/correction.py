@@ -20,7 +20,7 @@ from app.discovery.apparatus.base import Eye, Load
 from app.discovery.predict import Predictor, dragging, labelled
 from app.discovery.subject import Theta, catalogue
 from app.planner.base import Planner
-from app.planner.plan import Plan
+from app.planner.plan import Plan, Ways
 from app.tasks import load
 from app.tasks.doubted import subject_of
 
@@ -49,13 +49,16 @@ class Correction:
         seed: int,
         site: Site,
         tool: ToolPose | None = None,
+        rejected: Ways = (),
     ) -> Plan:
         """What to do with the object that the cameras say is at `observed` [m], so that it is truly at `goal` [m].
 
         The motion is what to tell the arm, and predictions are what the cameras will show; distances are the true ones.
         """
         command = partial(self.command, site=site)
-        found = planner(self.unseen(observed), goal, phi, seed=seed, site=site, tool=tool, command=command)
+        found = planner(
+            *(self.unseen(observed), goal, phi), seed=seed, site=site, tool=tool, command=command, rejected=rejected
+        )
         branches = tuple(self._shown(branch) for branch in found.branches)
         return replace(found, branches=branches, predicted=branches[found.best].predicted)
 
@@ -97,7 +100,8 @@ class Correction:
         return replace(seen, before=before, after=after, executed=replace(executed, measured=made.poses))
 
     def _shown(self, branch: Branch) -> Branch:
-        return replace(branch, predicted=self.seen(branch.predicted), final=self.seen(branch.final))
+        frames = np.stack([self.seen(each) for each in branch.frames]) if len(branch.frames) else branch.frames
+        return replace(branch, predicted=self.seen(branch.predicted), final=self.seen(branch.final), frames=frames)
 
     def _eye(self, points: Points) -> Eye:
         return Eye(self.camera_m, labelled([points])[1][0].astype(np.float64))

@@ -25,7 +25,7 @@ if TYPE_CHECKING:
     from app.calibration.fit import Settings
     from app.core.messages import Model, Transition
     from app.core.types import Points, ToolPose
-    from app.planner.plan import Plan
+    from app.planner.plan import Plan, Ways
     from app.tasks.compiled import Calibrated
     from app.tasks.correction import Correction
 
@@ -40,13 +40,15 @@ def plan(
     site: Site | None = None,
     tool: ToolPose | None = None,
     method: Method = DIPAC,
+    rejected: Ways = (),
 ) -> Plan:
     """Decide on the next action for the object that the cameras say is at `observed` (N, 3) [m].
 
     The model is what the simulation runs with. What it says of cameras and arm is allowed for: the plan is made for
     the object where it is, its motion is what to tell the arm, and what it predicts is what the cameras will show.
     `goal` (M, 3) [m] is where the object shall truly be; `tool`, where the tool is: None for actions that begin
-    anywhere; `method`, how it is decided. Raises PlanningError where no branch stays finite, and leaves
+    anywhere; `method`, how it is decided; `rejected`, tool paths of first actions that somebody does not want: the plan
+    is another one while there is one. Raises PlanningError where no branch stays finite, and leaves
     a dump of one that did not; UsageError for an unknown task or preset.
     """
     from app.tasks import compiled
@@ -57,8 +59,8 @@ def plan(
     allowed_for = _allowed_for(model)
     try:
         if allowed_for:
-            return allowed_for.plan(planner, observed, goal, phi, seed=seed, site=where, tool=tool)
-        return planner(observed, goal, phi, seed=seed, site=where, tool=tool)
+            return allowed_for.plan(planner, observed, goal, phi, seed=seed, site=where, tool=tool, rejected=rejected)
+        return planner(observed, goal, phi, seed=seed, site=where, tool=tool, rejected=rejected)
     except PlanningError as error:
         search = getattr(planner, "search", None)
         if search is None:  # A planner without a tree has simulated nothing.

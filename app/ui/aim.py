@@ -8,9 +8,9 @@ import viser
 from app.config import Workspace
 from app.ui.board import Board
 from app.ui.desk import Desk
+from app.ui.doorkeeper import AIM
 from app.ui.hand import Hand
 
-NAME: Final = "/aim"
 _SCALE_M: Final = 0.09
 
 
@@ -26,7 +26,7 @@ class Aim:
         self._at = (np.array(workspace.low) + np.array(workspace.high)) / 2
         low, high = workspace.low, workspace.high
         self._handle = server.scene.add_transform_controls(
-            NAME,
+            AIM,
             scale=_SCALE_M,
             disable_rotations=True,
             translation_limits=((low[0], high[0]), (low[1], high[1]), (low[2], high[2])),

@@ -5,8 +5,8 @@ first byte is sent or read; there a connection without our passphrase, a header 
 What an outsider still gets from this port is viser's public client page.
 
 This is the only module that touches viser's private parts (1.1.1): `ViserServer._websock_server`,
-`WebsockServer._live_connections` and `viser._messages.Message`. Where a later version renames them, starting fails; the
-door does not open.
+`WebsockServer._live_connections`, `GuiApi._gui_input_handle_from_uuid` and `viser._messages`. Where a later version
+renames them, starting fails; the door does not open.
 """
 
 # pyright: reportPrivateUsage=false
@@ -20,7 +20,7 @@ from contextlib import contextmanager, redirect_stdout, suppress
 from typing import Protocol, TextIO, cast, final
 
 import viser
-from viser._messages import Message
+from viser._messages import GuiUpdateMessage, Message
 from viser.infra import WebsockClientConnection
 from websockets.exceptions import ConnectionClosed
 
@@ -38,6 +38,7 @@ class Backstage:
         self._passphrase = passphrase
         websockets = self.server._websock_server
         self._connections = websockets._live_connections
+        self._widgets = self.server.gui._gui_input_handle_from_uuid
         websockets.on_client_connect(self._check)
         websockets.disconnect_all_clients()
 
@@ -51,6 +52,19 @@ class Backstage:
         thread = asyncio.run_coroutine_threadsafe(_current_thread(), self.server.get_event_loop()).result()
         with _muted(thread):
             self.server.stop()
+
+    def takes(self, data: bytes) -> bool:
+        """Whether viser can make a message of what a browser sent, and of its value what the widget holds.
+
+        Viser makes a number of whatever it is sent for a slider, and prints a traceback where that fails.
+        """
+        if not understood(data):
+            return False
+        message = Message.deserialize(data)
+        if not isinstance(message, GuiUpdateMessage) or "value" not in message.updates:
+            return True
+        widget = self._widgets.get(message.uuid)
+        return widget is None or _alike(message.updates["value"], widget.value)
 
     async def _check(self, client: WebsockClientConnection) -> None:
         """Close a connection that did not come through the proxy, before it sees or says anything."""
@@ -81,6 +95,14 @@ def understood(data: bytes) -> bool:
     except Exception:  # Whatever it raises on bytes from outside, it would raise when it reads them.
         return False
     return True
+
+
+def _alike(value: object, held: object) -> bool:
+    """Whether `value` is a number where a number is held, and a list of them where several are."""
+    if isinstance(held, tuple):
+        known = cast(tuple[object, ...], held)
+        return isinstance(value, list | tuple) and all(_alike(each, known[0]) for each in value if known)
+    return not isinstance(held, int | float) or isinstance(value, int | float)
 
 
 async def _current_thread() -> int:

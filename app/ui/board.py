@@ -33,10 +33,13 @@ from app.core.messages import (
     StopRequest,
     Transition,
 )
+from app.core.requests import EditRequest
 from app.core.takes import Take
 from app.core.types import Points
 
 LOG_LENGTH = 8
+EDITED = "edit"
+"""Where a notice is from that says what came of an edited motion."""
 _DECIDED_LENGTH = 64
 
 
@@ -47,7 +50,8 @@ class Board:
 
     `pending` is the proposal that may be decided on; `shown` is the one that is drawn, which stays to be compared with
     what came of it. `expected` is where the last push was predicted to leave the object, from when that has been seen
-    until the next push begins. `losses` holds (model version, one-step loss [m^2]).
+    until the next push begins. `edit` is what is being made of the pending proposal; `refusal` is why the shown one
+    came to nothing, until there is another. `losses` holds (model version, one-step loss [m^2]).
     """
 
     episode: Episode | None = None
@@ -57,6 +61,8 @@ class Board:
     model: Model | None = None
     shown: Proposal | None = None
     pending: Proposal | None = None
+    edit: EditRequest | None = None
+    refusal: Notice | None = None
     executed: Executed | None = None
     expected: Points | None = None
     lease: Lease | None = None
@@ -141,13 +147,16 @@ class Board:
             case Outcome():
                 return replace(self, outcomes=(*self.outcomes, message))
             case Proposal():
-                return self if message.id in self.decided else replace(self, shown=message, pending=message)
+                return self if message.id in self.decided else self._showing(message)
             case Executed():
-                return replace(self, executed=message, pending=None)
+                return replace(self, executed=message, pending=None, edit=None)
             case Approved():
                 return replace(self, expected=None)
             case Transition():
                 return replace(self, expected=self.shown.chosen.predicted if self.shown else None)
+            case EditRequest():
+                up = self.pending is not None and self.pending.id == message.proposal_id
+                return replace(self, edit=message) if up else self
             case Watched():
                 return replace(self, watched=message)
             case Verdict():
@@ -171,15 +180,23 @@ class Board:
             case _:
                 return self
 
+    def _showing(self, proposal: Proposal) -> "Board":
+        """The board on which that proposal may be decided."""
+        return replace(self, shown=proposal, pending=proposal, edit=None, refusal=None)
+
     def _without(self, proposal_id: MessageId) -> "Board":
         """The board on which that proposal can no longer be decided."""
         decided = (*self.decided, proposal_id)[-_DECIDED_LENGTH:]
-        pending = None if self.pending is not None and self.pending.id == proposal_id else self.pending
-        return replace(self, decided=decided, pending=pending)
+        if self.pending is None or self.pending.id != proposal_id:
+            return replace(self, decided=decided)
+        return replace(self, decided=decided, pending=None, edit=None)
 
     def _logged(self, message: Notice | Fault) -> "Board":
         """With the message in the log; one that names the pending proposal as its cause withdraws it."""
-        board = replace(self, log=(*self.log, message)[-LOG_LENGTH:])
+        edit = None if message.where == EDITED else self.edit
+        board = replace(self, log=(*self.log, message)[-LOG_LENGTH:], edit=edit)
+        if isinstance(message, Notice) and self.shown is not None and self.shown.id in message.cause:
+            board = replace(board, refusal=message)
         if board.pending is not None and board.pending.id in message.cause:
             board = board._without(board.pending.id)
         return replace(board, fatal=message) if isinstance(message, Fault) and message.fatal else board

@@ -8,7 +8,10 @@ from typing import Literal, TypeAlias
 from app.core.messages import Fault, Health, Model, Parameter, Proposal
 from app.ui import palette, words
 from app.ui.board import Board
+from app.ui.drift import Moved
 
+_FAR = 0.5
+"""Share of what an object may move before a plan is refused that is worth a look."""
 Tone: TypeAlias = Literal["", "ask", "go", "bad"]
 
 _SILENCE_S = 3.0
@@ -85,8 +88,8 @@ def control(board: Board) -> str:
     return f"<div class='dp'><small>{said} STOP is everybody's.</small></div>"
 
 
-def plan(board: Board, now_s: float) -> str:
-    """The card of the plan that is shown."""
+def plan(board: Board, now_s: float, moved: Moved | None = None) -> str:
+    """The card of the plan that is shown; `moved`: how far the object has since."""
     proposal = board.shown
     if proposal is None:
         return '<div class="dp"><small>No plan yet.</small></div>'
@@ -97,10 +100,17 @@ def plan(board: Board, now_s: float) -> str:
         f'<div class="dp-big"><b>{words.distance(proposal.chamfer_m2)}</b><i>→</i>'
         f"<b>{words.distance(proposal.predicted_chamfer_m2)}</b><em class='{tone}'>{change}</em></div>"
     )
-    return f'<div class="dp">{big}{table(_plan_rows(proposal, state, now_s))}</div>'
+    return f'<div class="dp">{_said_of(board)}{big}{table(_plan_rows(proposal, state, now_s, moved))}</div>'
 
 
-def _plan_rows(proposal: Proposal, state: str, now_s: float) -> Iterable[tuple[str, str]]:
+def _said_of(board: Board) -> str:
+    """What came of the plan, or is being made of it, in words."""
+    if board.edit is not None:
+        return '<p class="dp-refusal">The motion as you changed it is being simulated.</p>'
+    return f'<p class="dp-refusal dp-warn">{escape(board.refusal.text)}</p>' if board.refusal else ""
+
+
+def _plan_rows(proposal: Proposal, state: str, now_s: float, moved: Moved | None) -> Iterable[tuple[str, str]]:
     best = proposal.chosen
     squares = f"{words.square(proposal.chamfer_m2)} → {words.square(proposal.predicted_chamfer_m2)}"
     cost = f"{words.number(best.cost_before)} → {words.number(best.cost_after)}"
@@ -109,11 +119,16 @@ def _plan_rows(proposal: Proposal, state: str, now_s: float) -> Iterable[tuple[s
         yield "Cost, before → after descent", f"{cost} <small>{words.change(best.cost_before, best.cost_after)}</small>"
     for name, value in best.terms.items():
         yield f"· {escape(name)}", words.number(value)
+    yield "State", state
     yield "Chosen", words.origin(proposal)
     if proposal.dropped:
         yield "Branches dropped", f"<span class='dp-warn'>{proposal.dropped} non-finite</span>"
     yield "Planned in", words.duration(proposal.plan_s)
-    yield "Age", f"{words.duration(now_s - proposal.time_s)} <small>{state}</small>"
+    age_s, limit = now_s - proposal.time_s, f"of {words.duration(moved.max_age_s)}" if moved else ""
+    yield "Age", f"{words.duration(age_s)} <small>{limit}</small>"
+    if moved and math.isfinite(moved.drift_m):
+        far = toned(f"{moved.drift_m * 1e3:.1f} mm", moved.share > _FAR, moved.share > 1)
+        yield "Object moved since", f"{far} <small>of {moved.max_drift_m * 1e3:.0f} mm</small>"
     yield "Model", f"version {proposal.model_version}"
     yield "Motion", f"<small title='{proposal.motion.digest()}'>{proposal.motion.digest()[:12]}</small>"
 
@@ -197,6 +212,8 @@ def key() -> str:
         ("", palette.PREDICTED, "after this motion"),
         ("", palette.HORIZON, "at the horizon"),
         ("", palette.EXPECTED, "last motion, as predicted"),
+        ("", palette.LOOKED, "branch looked at"),
+        ("", palette.COMPARED, "branch compared"),
         ("line", palette.BEST, "plan"),
         ("line", palette.CHEAP, "cheap branch"),
         ("line", palette.DEAR, "costly branch"),

@@ -11,7 +11,7 @@ import anyio
 import viser
 from anyio import to_thread
 
-from app.config import Workspace
+from app.config import Timing, Workspace
 from app.core.channel import Lossless
 from app.core.errors import PreflightError
 from app.core.messages import Message
@@ -19,7 +19,7 @@ from app.core.requests import Request
 from app.ui import cards, proxy
 from app.ui.access import LOOPBACK, Access
 from app.ui.aim import Aim
-from app.ui.backstage import Backstage, understood
+from app.ui.backstage import Backstage
 from app.ui.board import Board
 from app.ui.desk import Desk
 from app.ui.hand import Hand, HandLine
@@ -63,8 +63,9 @@ async def open_console(
     workspace: Workspace | None = None,
     tls: Tls | None = None,
     hand: Hand | None = None,
+    timing: Timing | None = None,
 ) -> AsyncGenerator[Console]:
-    """A console that serves until the block is left.
+    """A console that serves until the block is left; `timing` says by what plans are refused.
 
     `stop` tells the arm to stop: it is called from other threads than the caller's and must not block. `hand` makes
     motion of what is held in the browser, where that is offered. `port` 0 takes a free one. Raises PreflightError where
@@ -86,13 +87,21 @@ async def open_console(
     desk = Desk(stop=stop, post=post)
     with listening:
         page = Page(title=title, simulated=simulated, jogging=hand is not None)
-        async with _serving(listening, desk, page, workspace or Workspace(), tls, hand) as url:
+        line = HandLine(hand, hindrance=desk.hindrance, refused=desk.turned_away) if hand else None
+        where = {"workspace": workspace or Workspace(), "timing": timing or Timing()}
+        furnish = partial(_set_scene, desk=desk, line=line, hand=hand, **where)
+        async with _serving(listening, desk, page, furnish, line, tls) as url:
             yield Console(url=url, desk=desk, requests=requests)
 
 
 @asynccontextmanager
 async def _serving(
-    listening: socket.socket, desk: Desk, page: Page, workspace: Workspace, tls: Tls | None, hand: Hand | None
+    listening: socket.socket,
+    desk: Desk,
+    page: Page,
+    furnish: Callable[[Backstage], Painter],
+    line: HandLine | None,
+    tls: Tls | None,
 ) -> AsyncGenerator[str]:
     """Viser, the painter and the proxy, started in this order and closed in the opposite one; yields the URL."""
     context = tls.context() if tls else None
@@ -100,17 +109,16 @@ async def _serving(
     names = (*LOOPBACK, tls.name.lower()) if tls else LOOPBACK
     access = Access(token=proxy.fresh_secret(), cookie=f"dipac_{port}", names=names, secure=tls is not None)
     passphrase = proxy.fresh_secret()
-    line = HandLine(hand, hindrance=desk.hindrance, refused=desk.turned_away) if hand else None
     backstage = await to_thread.run_sync(lambda: Backstage(label=page.title, passphrase=passphrase))
     try:
-        painter = await to_thread.run_sync(_set_scene, backstage, desk, workspace, hand, line)
+        painter = await to_thread.run_sync(furnish, backstage)
         front = proxy.Proxy(
             access=access,
             page=page,
             viser_port=backstage.port,
             passphrase=passphrase,
             stop=desk.stop,
-            understood=understood,
+            understood=backstage.takes,
             refused=desk.turned_away,
             jog=line.serve if line else None,
         )
@@ -129,12 +137,18 @@ async def _serving(
 
 
 def _set_scene(
-    backstage: Backstage, desk: Desk, workspace: Workspace, hand: Hand | None, line: HandLine | None
+    backstage: Backstage,
+    *,
+    desk: Desk,
+    line: HandLine | None,
+    hand: Hand | None,
+    workspace: Workspace,
+    timing: Timing,
 ) -> Painter:
     """Furnish the server, and say who repaints it."""
     _greet(backstage.server, desk, line)
     scene = Scene(backstage.server, workspace)
-    panel = Panel(backstage.server, desk, scene)
+    panel = Panel(backstage.server, desk, scene, timing)
     aim = Aim(backstage.server, workspace, desk, hand) if hand else None
 
     def paint(board: Board, now_s: float) -> None:

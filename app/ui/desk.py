@@ -8,14 +8,18 @@ import math
 import threading
 import time
 from collections.abc import Callable
-from typing import final
+from typing import TypeAlias, final
+
+import numpy as np
+from jaxtyping import Float64
 
 from app.core.control import Lease
 from app.core.messages import Decision, Message, Notice, Proposal, ResumeRequest, StopRequest, fresh_id
-from app.core.requests import Asked, Request
+from app.core.requests import Asked, EditRequest, Request
 from app.ui.board import Board
 from app.ui.pace import Pace
 
+Place: TypeAlias = Float64[np.ndarray, "3"]
 _REFUSALS_EVERY_S = 10.0
 """Somebody who knocks a thousand times is one line."""
 _COMMANDS_HZ, _COMMANDS_AT_ONCE = 2.0, 10.0
@@ -101,6 +105,27 @@ class Desk:
             pending = self._board.pending
             if self._board.decidable and pending is not None and pending.id == proposal.id and self._may(operator):
                 self._issue(decision)
+
+    def edit(self, proposal: Proposal, branch: int, start: Place, end: Place, operator: str) -> None:
+        """Ask for the motion of a branch with its ends moved [m]; ignored unless that proposal is up for decision.
+
+        One change at a time: while one is being simulated, another is ignored.
+        """
+        request = EditRequest(
+            id=fresh_id("edit"),
+            cause=(proposal.id,),
+            time_s=self.now(),
+            operator=operator,
+            proposal_id=proposal.id,
+            start=start,
+            end=end,
+            branch=branch,
+        )
+        with self._lock:
+            pending = self._board.pending
+            up = self._board.decidable and pending is not None and pending.id == proposal.id
+            if up and self._board.edit is None and self._may(operator):
+                self._issue(request)
 
     def take(self, operator: str) -> None:
         """Take control, where nobody else uses it."""

@@ -21,8 +21,12 @@ SPOKEN: Final = _DRAGS | {
     "ViewerCameraMessage",
 }
 """What viser's page says of the widgets that the console has. A new kind of widget may want another word."""
-DRAGGED: Final = frozenset({"/aim", "/draft/handle"})
-"""What in the scene may be dragged."""
+AIM, DRAFT, ENDS = "/aim", "/draft/handle", ("/edit/start", "/edit/end")
+DRAGGED: Final = (AIM, DRAFT, *ENDS)
+"""What a browser may drag in the scene, by its name there."""
+_FARTHEST = 3.0
+"""No handle is dragged farther from the robot's base on purpose [m]; of a turn no number is greater than 1."""
+_PLACES: Final = (("position", 3), ("wxyz", 4))
 _VALUE: Final = frozenset({"value"})
 """What a browser may change of a widget: viser would set any other attribute of it as well, its callbacks too."""
 
@@ -51,21 +55,19 @@ def refusal(data: bytes, understood: Callable[[bytes], bool]) -> str | None:
     if not isinstance(updates, dict) or not _VALUE.issuperset(cast(dict[Any, Any], updates)):
         return "a browser changes the value of a widget and nothing else of it"
     if kind in _DRAGS and not _drags(fields):
-        return "it drags what cannot be dragged"
+        return "a browser drags the console's handles over the table and nothing else"
     return None if understood(data) else "its fields make no sense"
 
 
 def _drags(fields: dict[Any, Any]) -> bool:
-    """Whether it is of something that can be dragged, and to a place where there is a place in it."""
-    places = (("position", 3), ("wxyz", 4))
-    return fields.get("name") in DRAGGED and all(
-        _vector(fields[key], length) for key, length in places if key in fields
-    )
+    """Whether it is of one of our handles, in the scene that all share, to a place near the table where it says one."""
+    known = fields.get("name") in DRAGGED and fields.get("owner", "") == ""
+    return known and all(_vector(fields[key], length) for key, length in _PLACES if key in fields)
 
 
 def _vector(said: Any, length: int) -> bool:
     numbers = cast(list[Any], said) if isinstance(said, list) else []
-    return len(numbers) == length and all(isinstance(number, int | float) for number in numbers)
+    return len(numbers) == length and all(isinstance(n, int | float) and abs(n) <= _FARTHEST for n in numbers)
 
 
 def _sound(message: Any) -> bool:

@@ -6,14 +6,17 @@ import numpy as np
 import viser
 from viser import theme
 
+from app.config import Timing
 from app.core.messages import Frame
 from app.ui import cards, doubt
 from app.ui.board import Board
 from app.ui.decision import DecisionForm
 from app.ui.demonstrations import DemonstrationForm
 from app.ui.desk import Desk
+from app.ui.drift import Drift
 from app.ui.goals import GoalTab
 from app.ui.modes import EndButton, ModeForm
+from app.ui.plans import Plans
 from app.ui.plots import Plots
 from app.ui.scene import Scene, thumbnail
 
@@ -26,10 +29,11 @@ _MAIN_WIDTH_PX = 400
 class Panel:
     """The widgets of one server. Used by the painter's thread alone; the buttons' callbacks go to the desk."""
 
-    def __init__(self, server: viser.ViserServer, desk: Desk, scene: Scene) -> None:
+    def __init__(self, server: viser.ViserServer, desk: Desk, scene: Scene, timing: Timing) -> None:
         self._server, self._gui = server, server.gui
         self._desk, self._scene = desk, scene
         self._last = Board()
+        self._drift = Drift(timing)
         self._pictures: dict[str, viser.GuiImageHandle] = {}
         self._mode = Text(self._gui, cards.mode(self._last, desk.now()))
         self._decision = DecisionForm(self._gui, desk)
@@ -53,7 +57,8 @@ class Panel:
         self._decision.paint(board, now_s)
         self._demonstrations.paint(board)
         self._goal.paint(board)
-        self._plan.put(cards.plan(board, now_s))
+        self._plan.put(cards.plan(board, now_s, self._drift.since(board)))
+        self._plans.paint(board)
         self._watch.put(doubt.watch(board))
         self._verdict.put(doubt.verdict(board))
         self._health.put(cards.health(board, now_s))
@@ -80,13 +85,15 @@ class Panel:
         )
 
     def _build_side(self) -> None:
-        side = self._gui.add_panel()
+        server, desk, side = self._server, self._desk, self._gui.add_panel()
         with side.add_tab("Cell", viser.Icon.CAMERA):
             self._cameras = self._gui.add_folder(None)
             with self._gui.add_folder("Messages"):
                 self._log = Text(self._gui, cards.log(self._last, 0.0))
         with side.add_tab("Goal", viser.Icon.TARGET):
-            self._goal = GoalTab(self._server, self._desk)
+            self._goal = GoalTab(server, desk)
+        with side.add_tab("Plans", viser.Icon.GIT_BRANCH):
+            self._plans = Plans(server, desk, self._scene)
         with side.add_tab("Progress", viser.Icon.CHART_LINE):
             self._plots = Plots(self._gui)
         with side.add_tab("Discovery", viser.Icon.MICROSCOPE):
@@ -95,7 +102,7 @@ class Panel:
             self._gui.add_html(cards.key())
             self._add_switches()
             self._episode = Text(self._gui, cards.episode(self._last))
-            EndButton(self._gui, self._desk)
+            EndButton(self._gui, desk)
         side.dock_left()
         side.set_width(_SIDE_WIDTH_PX)
 

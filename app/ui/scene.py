@@ -36,6 +36,8 @@ class Scene:
         self.paths = Paths(server)
         self.tool = Tool(server, "/tool", palette.STEEL, opacity=None)
         self.ghost = Tool(server, "/ghost", palette.BEST, opacity=0.55)
+        self.playing = True
+        """Whether the ghost makes the pending motion; not while another ghost shows a moment of it."""
         _furnish(server, workspace)
 
     def paint(self, board: Board, now_s: float) -> None:
@@ -82,7 +84,7 @@ class Scene:
 
     def _play(self, board: Board, now_s: float) -> None:
         """The ghost makes the pending motion over and over, at the speed at which the arm would."""
-        if board.pending is None:
+        if board.pending is None or not self.playing:
             self.ghost.hide()
             return
         self.ghost.put(along(board.pending.motion, now_s - board.pending.time_s), 1.0)

@@ -80,6 +80,8 @@ def origin(proposal: Proposal) -> str:
     """Which kind of branch was chosen, of how many; or that it is a push that was asked for."""
     if proposal.chosen.origin == "asked":
         return "the push that discovery asks for"
+    if proposal.chosen.origin == "edited":
+        return f"the motion as you changed it, before {len(proposal.branches) - 1} others"
     return f"{proposal.chosen.origin} branch, {proposal.best + 1} of {len(proposal.branches)}"
 
 

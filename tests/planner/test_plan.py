@@ -93,3 +93,17 @@ def test_the_gradient_of_a_branchs_cost_agrees_with_central_differences() -> Non
 def test_a_tree_without_a_finite_branch_is_an_error_that_says_so() -> None:
     with pytest.raises(PlanningError, match="4 branches 4 became non-finite"):
         planner()(START, GOAL, np.full_like(PHI, np.nan), seed=0, site=Site())
+
+
+def test_what_was_rejected_is_not_proposed_again_while_there_is_another(decision: Plan) -> None:
+    finder = planner()
+    first = decision.branches[decision.best]
+    again = finder(START, GOAL, PHI, seed=0, site=Site(), rejected=(first.tool_path,))
+    second = again.branches[again.best]
+    assert np.linalg.norm((second.tool_path - first.tool_path)[[0, -1]], axis=1).max() > 0.02
+    costs = sorted(branch.cost_after for branch in again.branches)
+    assert second.cost_after in costs[1:]
+    assert again.motion.digest() != decision.motion.digest()
+    everything = tuple(branch.tool_path for branch in decision.branches)
+    stubborn = finder(START, GOAL, PHI, seed=0, site=Site(), rejected=everything)
+    assert stubborn.motion.digest() == decision.motion.digest()

@@ -27,6 +27,8 @@ from app.core.messages import (
 from app.core.motion import Motion
 
 N = 300
+MOMENTS = 9
+"""Of a branch, from now to its end."""
 
 
 def rope(bend: float, seed: int = 0, *, centre: tuple[float, float] = (0.55, 0.0)) -> np.ndarray:
@@ -82,6 +84,8 @@ def branch(rng: np.random.Generator, index: int, observed: np.ndarray) -> Branch
     s = np.linspace(0, 1, 12)[:, None]
     path = start + 0.16 * s * [np.cos(angle), np.sin(angle)] + 0.02 * np.sin(3 * s) * [1, 0]
     before = float(rng.uniform(0.4, 0.9))
+    bends = np.linspace(0.5, 0.22 - 0.02 * index, MOMENTS)
+    tools = np.concatenate([path[np.linspace(0, 11, MOMENTS - 4).astype(int)], np.repeat(path[-1:], 4, axis=0)])
     return Branch(
         origin="random" if index else "policy",
         actions=np.zeros((2, 42), np.float32),
@@ -92,6 +96,8 @@ def branch(rng: np.random.Generator, index: int, observed: np.ndarray) -> Branch
         cost_after=before * float(rng.uniform(0.5, 0.9)),
         terms={"chamfer": -0.0021, "contact": 0.31},
         finite=index != 5,
+        frames=np.stack([observed, *(rope(float(bend)) for bend in bends[1:])]),
+        tools=np.column_stack([tools, np.full(MOMENTS, 0.012)]).astype(np.float32),
     )
 
 

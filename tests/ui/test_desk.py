@@ -4,11 +4,15 @@ import itertools
 import threading
 from concurrent.futures import ThreadPoolExecutor
 
+import numpy as np
+
 from app.core.control import Lease
 from app.core.messages import Decision, Notice, ResumeRequest, StopRequest
+from app.core.requests import EditRequest
 from app.ui.desk import Desk, Request
 from tests.ui import synthetic
 
+ENDS = np.array([0.4, -0.1, 0.006]), np.array([0.5, -0.1, 0.006])
 PROPOSAL = synthetic.proposal(synthetic.rope(0.5))
 
 
@@ -238,3 +242,36 @@ def test_whoever_presses_without_end_fills_neither_the_log_nor_the_queue():
         program.desk.release("client 0")
         program.desk.take("client 0")
     assert len(program.heard) < 30
+
+
+def test_a_change_is_asked_for_once_of_the_plan_that_is_up_by_who_has_control():
+    program = Program()
+    program.desk.edit(PROPOSAL, 1, *ENDS, "me")
+    assert program.heard == []
+    program.desk.show(PROPOSAL)
+    program.desk.edit(synthetic.proposal(synthetic.rope(0.5)), 1, *ENDS, "me")
+    assert program.heard == []
+    for _ in range(2):
+        program.desk.edit(PROPOSAL, 1, *ENDS, "me")
+    (request,) = program.requests
+    assert isinstance(request, EditRequest)
+    assert (request.proposal_id, request.branch, request.operator) == (PROPOSAL.id, 1, "me")
+    np.testing.assert_array_equal(request.end, ENDS[1])
+    program.desk.show(synthetic.notice("edit", "It is too long."))
+    program.desk.edit(PROPOSAL, 1, *ENDS, "another")
+    assert isinstance(program.requests[-1], Notice)
+    program.desk.edit(PROPOSAL, 2, *ENDS, "me")
+    assert isinstance(program.requests[-1], EditRequest)
+    program.desk.stop("me")
+    program.desk.show(synthetic.notice("edit", "It is too long."))
+    program.desk.edit(PROPOSAL, 1, *ENDS, "me")
+    assert isinstance(program.requests[-1], StopRequest)
+
+
+def test_a_plan_may_be_decided_on_while_a_change_of_it_is_simulated():
+    program = Program()
+    program.desk.show(PROPOSAL)
+    program.desk.edit(PROPOSAL, 0, *ENDS, "me")
+    program.desk.decide(PROPOSAL, approve=True, operator="me")
+    assert [type(request) for request in program.requests] == [EditRequest, Decision]
+    assert program.desk.board.edit is None

@@ -25,13 +25,20 @@ CAMERA = {
     "look_at": [0.0, 0.0, 0.0],
     "up_direction": [0.0, 0.0, 1.0],
 }
+DRAG = {
+    "type": "TransformControlsUpdateMessage",
+    "name": "/edit/start",
+    "wxyz": [1.0, 0.0, 0.0, 0.0],
+    "position": [0.5, -0.2, 0.006],
+    "owner": "",
+}
 
 
 def heard(said: object) -> str | None:
     return refusal(msgspec.msgpack.encode(said), understood)
 
 
-@pytest.mark.parametrize("said", [CLICK, CAMERA], ids=["click", "camera"])
+@pytest.mark.parametrize("said", [CLICK, CAMERA, DRAG], ids=["click", "camera", "drag"])
 def test_what_the_page_says_is_passed_on(said: dict[str, object]) -> None:
     assert heard(said) is None
 
@@ -48,6 +55,29 @@ def test_all_that_may_be_said_is_known_to_viser(kind: str) -> None:
 )
 def test_what_only_a_server_says_or_nobody_is_refused(kind: object) -> None:
     assert heard({"type": kind}) == "no page says such a thing"
+
+
+@pytest.mark.parametrize("phase", ["Start", "End"])
+def test_a_drag_begins_and_ends(phase: str) -> None:
+    assert heard({"type": f"TransformControlsDrag{phase}Message", "name": "/edit/end", "owner": ""}) is None
+
+
+@pytest.mark.parametrize(
+    "changed",
+    [
+        {"name": "/table"},
+        {"name": ["/edit/start"]},
+        {"owner": "7"},
+        {"position": [0.5, 0.0, 1e6]},
+        {"position": [0.5, "0", 0.0]},
+        {"position": None},
+    ],
+)
+def test_only_the_consoles_handles_are_dragged_and_not_far(changed: dict[str, object]) -> None:
+    assert "drags the console's handles" in str(heard(DRAG | changed))
+    kind = {"type": "TransformControlsDragStartMessage"}
+    if "name" in changed or "owner" in changed:
+        assert "drags" in str(heard(kind | {"name": "/edit/start", "owner": ""} | changed))
 
 
 @pytest.mark.parametrize("number", [math.nan, math.inf, -math.inf])

@@ -16,6 +16,7 @@ from app.ui.beads import Beads
 from app.ui.board import Board
 from app.ui.decision import operator
 from app.ui.desk import Desk
+from app.ui.doorkeeper import DRAFT
 from app.ui.goals.draft import KINDS, LEAST_RADIUS_M, Draft, Kind, on_table
 
 _NOTHING: Final = next(name for name, kind in KINDS.items() if kind == "none")
@@ -54,7 +55,7 @@ class GoalTab:
         self._use.on_click(self._use_draft)
         self._beads = Beads(server, "/draft/goal", palette.DRAFT, opacity=0.6)
         self._gizmo = server.scene.add_transform_controls(
-            "/draft/handle", scale=0.12, active_axes=(True, True, False), depth_test=False, visible=False
+            DRAFT, scale=0.12, active_axes=(True, True, False), depth_test=False, visible=False
         )
         self._gizmo.on_update(self._dragged)
         self._line: viser.LineSegmentsHandle | None = None

@@ -1,0 +1,56 @@
+"""A motion that the operator changed: simulated while the plan that it is of stays up, and offered instead of it."""
+
+from typing import TYPE_CHECKING, final
+
+from app.config import Site
+from app.core.announcer import Announcer
+from app.core.errors import PlanningError, WorkerError
+from app.core.messages import Model, Particles, Proposal
+from app.core.requests import EditRequest
+from app.core.types import Points
+from app.core.worker import Worker
+from app.tasks.base import Wish
+from app.tasks.edited import edited_plan
+
+if TYPE_CHECKING:  # The planner is loaded in its own process alone.
+    from app.planner.plan import Plan
+
+
+@final
+class Editing:
+    """Makes a plan of the latest change. Like any plan it is shown, approved and checked before the arm moves."""
+
+    def __init__(self, wish: Wish, announcer: Announcer, planner: Worker, site: Site) -> None:
+        self._task, self._preset, self._site = wish.task.name, wish.preset, site
+        self._announcer, self._planner = announcer, planner
+        self._wanted: tuple[EditRequest, Proposal] | None = None
+
+    def wanted(self, request: EditRequest, proposal: Proposal | None) -> bool:
+        """Note what the operator wants of the plan that is up; False, and said in words, where it is of another."""
+        if proposal is None or request.proposal_id != proposal.id:
+            self._announcer.notice("edit", f"{request.proposal_id} is not the plan shown; edit the one that is.")
+            return False
+        self._wanted = request, proposal
+        return True
+
+    def answered(self) -> None:
+        """The plan has been decided on, or is gone: no change of it is made any more."""
+        self._wanted = None
+
+    async def plan(self, observed: Particles, goal: Points, model: Model) -> "Plan | None":
+        """The changed motion for where the object is now; None where none is wanted, or it cannot be made.
+
+        It is forgotten then, and in words is said why it cannot be made.
+        """
+        if self._wanted is None:
+            return None
+        (request, proposal), self._wanted = self._wanted, None
+        index = proposal.best if request.branch is None else request.branch
+        try:
+            return await self._planner.run(
+                *(edited_plan, self._task, self._preset, observed.positions, goal, model, proposal.branches, index),
+                *(request.start, request.end, self._site),
+            )
+        except (PlanningError, WorkerError) as error:
+            self._announcer.notice("edit", f"The edited motion cannot be offered. {error}")
+            return None

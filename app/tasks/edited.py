@@ -1,0 +1,61 @@
+"""A motion of a plan that an operator has changed by its ends, as a plan: simulated and costed as its branches were."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, TypeAlias
+
+import numpy as np
+
+from app.config import Site
+from app.core.errors import PlanningError
+from app.core.reshaped import reshaped
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from jaxtyping import Float64
+
+    from app.core.messages import Branch, Model
+    from app.core.types import Points
+    from app.planner.plan import Plan
+
+    End: TypeAlias = Float64[np.ndarray, "3"]
+
+
+def edited_plan(
+    task: str,
+    preset: str,
+    observed: Points,
+    goal: Points,
+    model: Model,
+    branches: Sequence[Branch],
+    index: int,
+    start: End,
+    end: End,
+    site: Site | None = None,
+) -> Plan:
+    """The first motion of branch `index`, but from `start` to `end` (3,) [m], for the object as cameras see it (N, 3).
+
+    Its branch comes first and is the one proposed, whatever it costs; behind it are `branches`, to compare it with.
+    What the model says of cameras and arm is allowed for, as in `jobs.plan`. Raises PlanningError, with what to change,
+    where the task has no pushes, or this one cannot be made.
+    """
+    from dataclasses import replace
+
+    from app.planner.actions import Pushes
+    from app.planner.given import GivenPush
+    from app.tasks import compiled, load
+    from app.tasks.correction import correction
+
+    pushes, where, phi = load(task).actions, site or Site(), compiled.phi_of(model)
+    if not isinstance(pushes, Pushes):
+        raise PlanningError(f"Motions of {task} cannot be edited, only pushes over a table; approve or reject it.")
+    if not 0 <= index < len(branches):
+        raise PlanningError("That plan has no such branch; edit the one that is shown.")
+    way = reshaped(branches[index].tool_path.astype(np.float64), start, end)
+    planner = GivenPush(search=replace(compiled.search(task, preset, phi), branches=1), pushes=pushes, way=way)
+    if model.apparatus:
+        found = correction(model).plan(planner, observed, goal, phi, seed=0, site=where)
+    else:
+        found = planner(observed, goal, phi, seed=0, site=where)
+    return replace(found, branches=(*found.branches, *branches), best=0)

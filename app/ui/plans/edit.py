@@ -1,0 +1,122 @@
+"""A motion changed by its ends: two handles in the scene, the changed way, and the buttons for it."""
+
+from dataclasses import dataclass
+from typing import Any, final
+
+import numpy as np
+import viser
+
+from app.core.messages import Proposal
+from app.core.reshaped import is_level, reshaped
+from app.core.types import Path3
+from app.ui import palette
+from app.ui.board import Board
+from app.ui.decision import operator
+from app.ui.desk import Desk
+from app.ui.doorkeeper import ENDS
+from app.ui.plans.ghosts import Way
+from app.ui.plans.look import Look
+
+_HANDLE_M = 0.12
+
+
+@final
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Draft:
+    """A motion that is being changed: the way of branch `index` of `proposal`, and the handles of its ends."""
+
+    proposal: Proposal
+    index: int
+    way: Path3
+    handles: tuple[viser.TransformControlsHandle, viser.TransformControlsHandle]
+
+    @property
+    def ends(self) -> tuple[np.ndarray, np.ndarray]:
+        """Where the handles are, at the height of the way [m]."""
+        start, end = (np.array([*handle.position[:2], self.way[0, 2]], np.float64) for handle in self.handles)
+        return start, end
+
+
+@final
+class EditForm:
+    """In the container that is open when this is made. Painted by the painter's thread alone.
+
+    Handles belong to one branch of one plan: with either they go, and a press that comes later has no effect.
+    """
+
+    def __init__(self, server: viser.ViserServer, desk: Desk) -> None:
+        self._scene, self._desk = server.scene, desk
+        self._way = Way(server, "/edit/way", palette.LOOKED)
+        self._drawn: tuple[float, ...] = ()
+        self._draft: Draft | None = None
+        hint = "Drag the ends of the motion that is looked at over the table"
+        self._switch = server.gui.add_checkbox("Edit this motion", initial_value=False, disabled=True, hint=hint)
+        self._simulate = server.gui.add_button("Simulate this instead", icon=viser.Icon.PENCIL, disabled=True)
+        self._switch.on_update(lambda _: desk.changed.set())
+        self._simulate.on_click(self._ask)
+
+    @property
+    def editing(self) -> bool:
+        """Whether there are handles."""
+        return self._draft is not None
+
+    def paint(self, board: Board, look: Look | None) -> None:
+        """Handles while the switch is on and the plan may still be decided on, and the way as they say."""
+        editable = look is not None and board.decidable and board.pending is look.proposal and _is_push(look)
+        if self._switch.disabled == editable:
+            self._switch.disabled = not editable
+        if self._switch.value and not editable:
+            self._switch.value = False
+        wanted = look if editable and self._switch.value else None
+        draft = self._draft
+        if draft and (wanted is None or draft.proposal is not wanted.proposal or draft.index != wanted.at):
+            self._put_away(draft)
+        if wanted and self._draft is None:
+            self._draft = self._begun(wanted)
+        disabled = self._draft is None or board.edit is not None
+        if self._simulate.disabled != disabled:
+            self._simulate.disabled = disabled
+        self._draw()
+
+    def _begun(self, look: Look) -> Draft:
+        way = look.branch.tool_path.astype(np.float64)
+        start, end = (
+            self._scene.add_transform_controls(
+                name,
+                scale=_HANDLE_M,
+                active_axes=(True, True, False),
+                disable_rotations=True,
+                depth_test=False,
+                position=place,
+            )
+            for name, place in zip(ENDS, way[[0, -1]], strict=True)
+        )
+        for handle in (start, end):
+            handle.on_update(lambda _: self._desk.changed.set())
+        return Draft(proposal=look.proposal, index=look.at, way=way, handles=(start, end))
+
+    def _put_away(self, draft: Draft) -> None:
+        self._draft = None
+        for handle in draft.handles:
+            handle.remove()
+
+    def _draw(self) -> None:
+        """The changed way, anew where a handle was moved."""
+        if self._draft is None:
+            self._drawn = ()
+            self._way.put(None)
+            return
+        ends = self._draft.ends
+        places = (*ends[0], *ends[1])
+        if places != self._drawn:
+            self._drawn = places
+            self._way.put(reshaped(self._draft.way, *ends))
+
+    def _ask(self, event: viser.GuiEvent[Any]) -> None:
+        draft = self._draft
+        if draft is not None:
+            self._desk.edit(draft.proposal, draft.index, *draft.ends, operator(event))
+
+
+def _is_push(look: Look) -> bool:
+    return is_level(look.branch.tool_path.astype(np.float64))

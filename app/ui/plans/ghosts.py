@@ -1,0 +1,79 @@
+"""Two branches in the scene: their ways, and the object and the gripper at a moment."""
+
+from typing import final
+
+import numpy as np
+import viser
+
+from app.core.messages import Branch
+from app.ui import palette
+from app.ui.beads import Beads
+from app.ui.paths import segments
+from app.ui.plans.look import Look
+from app.ui.tool import Tool
+
+_THICK_PX = 5.0
+
+
+@final
+class Ghosts:
+    """Of one server. Used by the painter's thread alone."""
+
+    def __init__(self, server: viser.ViserServer) -> None:
+        self._looked = Ghost(server, "/look/at", palette.LOOKED)
+        self._compared = Ghost(server, "/look/beside", palette.COMPARED)
+
+    def paint(self, look: Look | None) -> None:
+        """What is looked at. The proposed branch's way is drawn anyway; now, the object is where it is seen."""
+        at = look.branch if look else None
+        proposed = look is not None and look.at == look.proposal.best
+        self._looked.paint(look, at, way=not proposed)
+        self._compared.paint(look, look.other if look else None, way=True)
+
+
+@final
+class Ghost:
+    """One branch under `name`."""
+
+    def __init__(self, server: viser.ViserServer, name: str, colour: palette.Colour) -> None:
+        self._way = Way(server, f"{name}/way", colour)
+        self._beads = Beads(server, f"{name}/object", colour, opacity=0.5)
+        self._tool = Tool(server, f"{name}/tool", colour, opacity=0.5)
+
+    def paint(self, look: Look | None, branch: Branch | None, *, way: bool) -> None:
+        """Draw `branch` at the moment of `look`, and its way where it shall be."""
+        self._way.put(branch.tool_path if branch and way else None)
+        ghost = look.ghost(branch) if look and branch and look.share else None
+        if ghost is None or not np.isfinite(ghost.particles).all():
+            self._beads.clear()
+            self._tool.hide()
+            return
+        self._beads.put(np.ascontiguousarray(ghost.particles))
+        if np.isfinite(ghost.tool).all():
+            self._tool.put(ghost.tool, 1.0)
+        else:
+            self._tool.hide()
+
+
+@final
+class Way:
+    """A thick line under `name`, or none."""
+
+    def __init__(self, server: viser.ViserServer, name: str, colour: palette.Colour) -> None:
+        self._scene, self._name, self._colour = server.scene, name, np.array(colour)
+        self._drawn: np.ndarray | None = None
+        self._line: viser.LineSegmentsHandle | None = None
+
+    def put(self, way: np.ndarray | None) -> None:
+        """Draw the way (W, 3) [m], or nothing; sent only where it is another one than before."""
+        if way is self._drawn:
+            return
+        self._drawn = way
+        if self._line is not None:
+            self._line.remove()
+            self._line = None
+        pieces = segments(way) if way is not None else np.zeros((0, 2, 3))
+        if len(pieces):
+            self._line = self._scene.add_line_segments(
+                self._name, pieces, self._colour, thickness=_THICK_PX, thickness_units="screen"
+            )

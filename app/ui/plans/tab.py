@@ -1,0 +1,65 @@
+"""The widgets of the tab Plans. All browsers share them: who watches sees what is being looked at."""
+
+from typing import final
+
+import viser
+
+from app.core.messages import Proposal
+from app.core.types import Points
+from app.ui.board import Board
+from app.ui.desk import Desk
+from app.ui.plans import cards
+from app.ui.plans.edit import EditForm
+from app.ui.plans.ghosts import Ghosts
+from app.ui.plans.look import BEST, NONE, Look, last_moment, looked, names
+from app.ui.scene import Scene
+
+
+@final
+class Plans:
+    """In the container that is open when this is made. Painted by the painter's thread alone."""
+
+    def __init__(self, server: viser.ViserServer, desk: Desk, scene: Scene) -> None:
+        gui = server.gui
+        self._scene = scene
+        self._ghosts = Ghosts(server)
+        self._shown: Proposal | None = None
+        self._drawn: tuple[object, ...] = ()
+        self._at = gui.add_dropdown("Look at", (BEST,), initial_value=BEST)
+        self._beside = gui.add_dropdown("Compare with", (NONE,), initial_value=NONE)
+        hint = "From now to the end of the motions that were thought through"
+        self._moment = gui.add_slider("Moment", 0, 1, 1, 0, hint=hint, disabled=True)
+        self._there = gui.add_html("")
+        self._edit = EditForm(server, desk)
+        self._table = gui.add_html(cards.NO_PLAN)
+        for widget in (self._at, self._beside, self._moment):
+            widget.on_update(lambda _: desk.changed.set())
+
+    def paint(self, board: Board) -> None:
+        """Bring the tab up to the board and to what the widgets say."""
+        if board.shown is not self._shown:
+            self._shown = board.shown
+            self._offer(board.shown)
+        proposal = board.shown
+        look = looked(proposal, self._at.value, self._beside.value, self._moment.value) if proposal else None
+        state = (proposal, board.goal, look and (look.at, look.beside, look.share))
+        if state != self._drawn:
+            self._drawn = state
+            self._draw(look, board.goal.positions if board.goal else None)
+        self._edit.paint(board, look)
+        self._scene.playing = not (self._edit.editing or (look is not None and look.share > 0))
+
+    def _offer(self, proposal: Proposal | None) -> None:
+        """The branches of a plan to choose from, beginning with what is proposed, now."""
+        known = names(proposal) if proposal else ()
+        for widget, first in ((self._at, BEST), (self._beside, NONE)):
+            widget.options = (first, *known)
+            widget.value = first
+        self._moment.value = 0
+        self._moment.max = last_moment(proposal) if proposal else 1
+        self._moment.disabled = proposal is None
+
+    def _draw(self, look: Look | None, goal: Points | None) -> None:
+        self._ghosts.paint(look)
+        self._there.content = cards.moment(look, goal) if look else ""
+        self._table.content = cards.branches(look.proposal, look) if look else cards.NO_PLAN

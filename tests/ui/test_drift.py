@@ -1,0 +1,53 @@
+"""How far the object has moved since the plan was made, as the card says it."""
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from app.config import Timing
+from app.core.approval import drift
+from app.ui import cards
+from app.ui.board import Board
+from app.ui.drift import Drift, Moved
+from tests.ui import synthetic
+
+PROPOSAL = synthetic.proposal(synthetic.rope(0.5))
+
+
+def test_it_is_what_the_gate_will_look_at_while_a_plan_is_pending_and_nothing_otherwise() -> None:
+    since = Drift(Timing()).since
+    moved = synthetic.particles(synthetic.rope(0.5, centre=(0.556, 0.0)))
+    board = Board().after(moved)
+    assert math.isnan(since(board).drift_m)
+    board = board.after(PROPOSAL)
+    expected_m = drift(PROPOSAL.observed, moved.positions)
+    assert expected_m > 0.001
+    assert since(board).drift_m == since(board).drift_m == pytest.approx(expected_m)
+    back = board.after(synthetic.particles(PROPOSAL.observed))
+    assert since(back).drift_m == 0.0
+    gone = back.after(replace(synthetic.notice("plan", "grew too old"), cause=(PROPOSAL.id,)))
+    assert math.isnan(since(gone).drift_m)
+
+
+@pytest.mark.parametrize(("drift_m", "tone"), [(0.001, ""), (0.005, "dp-warn"), (0.009, "dp-bad"), (np.nan, None)])
+def test_the_card_says_how_much_of_what_is_allowed(drift_m: float, tone: str | None) -> None:
+    moved = Moved(drift_m=float(drift_m), max_drift_m=0.008, max_age_s=300.0)
+    shown = cards.plan(Board().after(PROPOSAL), PROPOSAL.time_s + 12, moved)
+    assert "12 s <small>of 5 min 0 s" in shown
+    if tone is None:
+        assert "Object moved since" not in shown
+    else:
+        text = f"{drift_m * 1e3:.1f} mm"
+        assert (f'<span class="{tone}">{text}</span>' if tone else text) in shown
+        assert "of 8 mm" in shown
+
+
+def test_why_a_plan_came_to_nothing_stays_on_its_card_until_the_next() -> None:
+    said = replace(synthetic.notice("approval", "The object has moved by 12 mm <since>."), cause=(PROPOSAL.id,))
+    board = Board().after(PROPOSAL).after(said)
+    for index in range(20):
+        board = board.after(synthetic.notice("planner", f"something else {index}"))
+    assert "The object has moved by 12 mm &lt;since&gt;." in cards.plan(board, 0.0)
+    assert "12 mm" not in cards.plan(board.after(synthetic.proposal(synthetic.rope(0.4))), 0.0)
