@@ -14,7 +14,7 @@ from app.tasks.jobs import check_model, effects_of, shown_goal
 
 @final
 class Taken(NamedTuple):
-    """A model to say and to use, and where its cameras show an object that is at the goal; None where they are right."""
+    """A model to say and to use, and where cameras that err show an object at the goal; None where they do not."""
 
     model: Model
     shown_goal: Points | None

@@ -10,6 +10,7 @@ from dataclasses import dataclass, field, replace
 from typing import final
 
 from app.core.approval import Approved
+from app.core.colours import ColourRange
 from app.core.control import Lease
 from app.core.doubt import Verdict, Watched
 from app.core.messages import (
@@ -33,10 +34,23 @@ from app.core.messages import (
     StopRequest,
     Transition,
 )
+from app.core.seeing import Seen
 from app.core.types import Points
 
 LOG_LENGTH = 8
 _DECIDED_LENGTH = 64
+_MODELS_LENGTH = 64
+_COLOURS_LENGTH = 8
+
+
+@final
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Made:
+    """A motion that was made: the object before it, where that was expected to be after it, and where it was seen."""
+
+    before: Points
+    expected: Points
+    after: Points
 
 
 @final
@@ -46,7 +60,9 @@ class Board:
 
     `pending` is the proposal that may be decided on; `shown` is the one that is drawn, which stays to be compared with
     what came of it. `expected` is where the last push was predicted to leave the object, from when that has been seen
-    until the next push begins. `losses` holds (model version, one-step loss [m^2]).
+    until the next push begins; `made` is the last one with what came of it. `losses` holds (model version, one-step
+    loss [m^2]); `models` the versions of this session, the newest last; `colours` those that the object was looked for
+    by, the ones in use last.
     """
 
     episode: Episode | None = None
@@ -58,6 +74,10 @@ class Board:
     pending: Proposal | None = None
     executed: Executed | None = None
     expected: Points | None = None
+    made: Made | None = None
+    models: tuple[Model, ...] = ()
+    seen: Seen | None = None
+    colours: tuple[ColourRange, ...] = ()
     lease: Lease | None = None
     watched: Watched | None = None
     verdict: Verdict | None = None
@@ -116,7 +136,8 @@ class Board:
                 return Board(episode=message, stop_s=self.stop_s, resume_s=self.resume_s, lease=self.lease)
             case Model():
                 known = () if math.isnan(message.loss_m2) else ((message.version, message.loss_m2),)
-                return replace(self, model=message, losses=self.losses + known)
+                models = (*(model for model in self.models if model.version != message.version), message)
+                return replace(self, model=message, losses=self.losses + known, models=models[-_MODELS_LENGTH:])
             case Outcome():
                 return replace(self, outcomes=(*self.outcomes, message))
             case Proposal():
@@ -126,7 +147,15 @@ class Board:
             case Approved():
                 return replace(self, expected=None)
             case Transition():
-                return replace(self, expected=self.shown.chosen.predicted if self.shown else None)
+                expected = self.shown.chosen.predicted if self.shown else None
+                made = (
+                    expected
+                    if expected is None
+                    else Made(before=message.before, expected=expected, after=message.after)
+                )
+                return replace(self, expected=expected, made=made)
+            case Seen():
+                return self._looking(message)
             case Watched():
                 return replace(self, watched=message)
             case Verdict():
@@ -145,6 +174,12 @@ class Board:
                 return self._logged(message)
             case _:
                 return self
+
+    def _looking(self, message: Seen) -> "Board":
+        """With what was seen, and the colours that were looked for where these are others than before."""
+        colour = ColourRange.of(message.hue_deg, message.saturation, message.value)
+        new = (colour,) if self.colours[-1:] != (colour,) else ()
+        return replace(self, seen=message, colours=(*self.colours, *new)[-_COLOURS_LENGTH:])
 
     def _without(self, proposal_id: MessageId) -> "Board":
         """The board on which that proposal can no longer be decided."""

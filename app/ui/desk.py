@@ -10,9 +10,10 @@ import time
 from collections.abc import Callable
 from typing import final
 
+from app.core.colours import ColourRange
 from app.core.control import Lease
-from app.core.messages import Decision, Message, Notice, Proposal, ResumeRequest, StopRequest, fresh_id
-from app.core.requests import Request
+from app.core.messages import Decision, Message, Model, Notice, Proposal, ResumeRequest, StopRequest, fresh_id
+from app.core.requests import ColourRequest, ModelRequest, Request
 from app.ui.board import Board
 from app.ui.pace import Pace
 
@@ -95,6 +96,36 @@ class Desk:
             pending = self._board.pending
             if self._board.decidable and pending is not None and pending.id == proposal.id and self._may(operator):
                 self._issue(decision)
+
+    def use_model(self, model: Model, source: str, *, operator: str) -> None:
+        """Ask to plan with this model from now on; `source` says where it is from, in words."""
+        with self._lock:
+            if self._may(operator):
+                self._issue(
+                    ModelRequest(
+                        id=fresh_id("model-request"),
+                        cause=(model.id,),
+                        time_s=self.now(),
+                        operator=operator,
+                        model=model,
+                        source=source,
+                    )
+                )
+
+    def use_colours(self, colour: ColourRange, *, operator: str) -> None:
+        """Ask to look for the object by these colours from now on."""
+        with self._lock:
+            if self._may(operator):
+                self._issue(
+                    ColourRequest(
+                        id=fresh_id("colours"),
+                        time_s=self.now(),
+                        operator=operator,
+                        hue_deg=colour.hue_deg,
+                        saturation=colour.saturation,
+                        value=colour.value,
+                    )
+                )
 
     def take(self, operator: str) -> None:
         """Take control, where nobody else uses it."""
