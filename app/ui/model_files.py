@@ -17,13 +17,18 @@ def read_model(named: str, folder: Path, *, task: str, time_s: float) -> Model:
     RecordingError where it is not a model. Whoever has the page may name files, so no other file is ever opened.
     """
     inside = folder.resolve()
-    path = (inside / named.strip()).resolve()
-    if not path.is_relative_to(inside) or path.suffix != ".toml":
-        raise UsageError(f"{named!r} is not named as a model; give a .toml file within {inside}.")
-    if not path.is_file():
-        raise UsageError(
-            f"There is no file {named!r} within {inside}; `dipac calibrate` and `dipac discover` write one."
-        )
+    path = _found(inside, named.strip())
+    if path is None:
+        raise UsageError(f"{named!r} is no model of this folder; give a .toml file within {inside}.")
     if path.stat().st_size > _MOST_BYTES:
         raise UsageError(f"{named!r} is too large for a model; name the file that `dipac calibrate` wrote.")
     return load_model(path, task=task, time_s=time_s)
+
+
+def _found(folder: Path, named: str) -> Path | None:
+    """The plain .toml file of that name within the folder, wherever links lead to."""
+    try:
+        path = (folder / named).resolve()
+        return path if path.is_relative_to(folder) and path.suffix == ".toml" and path.is_file() else None
+    except (OSError, ValueError, RuntimeError):  # A name that no file can have, or links in a circle.
+        return None

@@ -21,6 +21,8 @@ from app.ui.plots import HEIGHT_PX, PADDING_PX, line
 from app.ui.text import Text
 
 _NONE: Final = "none"
+_NUMBERS_PX: Final = 64.0
+"""Room for what stands at the axis, such as a stiffness in pascals."""
 _FILE: Final = "discovery/model.toml"
 
 
@@ -76,9 +78,12 @@ class Versions:
     def paint(self, board: Board) -> None:
         """Offer what there is."""
         if board.models is not self._shown:
+            following = self._model(self._chosen.value) in (None, *self._shown[-1:])
             self._shown = board.models
             labels = tuple(map(label, reversed(board.models)))
             self._chosen.options, self._other.options = labels or _or_none(()), _or_none(labels)
+            if following:  # Nobody chose another than the newest.
+                self._chosen.value = self._chosen.options[0]
         chosen, other = self._model(self._chosen.value), self._model(self._other.value)
         self._difference.put(models.compared(chosen, other) if chosen and other else "")
         disabled = chosen is None or board.model is None or chosen.version == board.model.version
@@ -134,6 +139,7 @@ class Course:
                 line("95 %", palette.OUTLINE),
             ),
             title="Its value and 90 % interval",
+            axes=(uplot.Axis(), uplot.Axis(size=_NUMBERS_PX)),
             height=HEIGHT_PX,
             padding=PADDING_PX,
             scales=scales,

@@ -26,7 +26,11 @@ class Tuning:
         self._desk, self._board = desk, Board()
         self._form = gui.add_form("Colours of the object", expand_by_default=False)
         with self._form:
-            self._near = gui.add_rgb("Near", _NEUTRAL, hint="Sets the sliders to the range around this colour")
+            self._near = gui.add_rgb(
+                "Near",
+                _NEUTRAL,
+                hint="Sets the sliders around a colour; the pipette picks one",
+            )
             self._hue = gui.add_multi_slider("Hue", 0.0, _WHOLE_CIRCLE, 1.0, _FIRST.hue_deg)
             self._red = gui.add_checkbox(
                 "Through red", initial_value=False, hint="From the upper handle through red to the lower one"

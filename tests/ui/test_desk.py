@@ -6,6 +6,7 @@ from concurrent.futures import ThreadPoolExecutor
 
 from app.core.control import Lease
 from app.core.messages import Decision, Notice, ResumeRequest, StopRequest
+from app.core.requests import ColourRequest, ModelRequest
 from app.ui.desk import Desk, Request
 from tests.ui import synthetic
 
@@ -238,3 +239,18 @@ def test_whoever_presses_without_end_fills_neither_the_log_nor_the_queue():
         program.desk.release("client 0")
         program.desk.take("client 0")
     assert len(program.heard) < 30
+
+
+def test_a_model_and_colours_are_asked_for_by_whoever_has_control_and_by_nobody_else():
+    program = Program()
+    model = synthetic.model(3, 2e-5)
+    program.desk.use_model(model, "version 3", operator="me")
+    program.desk.use_colours(synthetic.COLOUR, operator="me")
+    program.desk.use_model(model, "version 3", operator="another")
+    program.desk.use_colours(synthetic.COLOUR, operator="another")
+    asked, recoloured, *refused = program.requests
+    assert isinstance(asked, ModelRequest)
+    assert (asked.model, asked.source, asked.operator) == (model, "version 3", "me")
+    assert isinstance(recoloured, ColourRequest)
+    assert recoloured.hue_deg == synthetic.COLOUR.hue_deg
+    assert [type(each) for each in refused] == [Notice, Notice]
