@@ -2,10 +2,11 @@
 
 from collections.abc import Iterable
 from datetime import UTC, date, datetime
-from typing import Final, final
+from typing import Final, NamedTuple, final
 
 import numpy as np
 import viser
+from jaxtyping import Bool
 
 from app.core.colours import ColourRange, colour_mask
 from app.core.messages import Frame
@@ -72,14 +73,38 @@ class Cell:
 
 
 @final
+class _Painted(NamedTuple):
+    """An image, what is to be tinted in it, thinned or not, and in which colour; painted as large as it is shown."""
+
+    image: ColourImage
+    mask: Bool[np.ndarray, "_ _"] | None
+    ink: palette.Colour
+
+    def small(self) -> ColourImage:
+        """As large as the panel shows it."""
+        image = masks.thinned(self.image)
+        if self.mask is None:
+            return image
+        step = masks.stride(self.mask.shape[1])
+        return masks.tinted(image, masks.fitted(self.mask[::step, ::step], image.shape), self.ink)
+
+    def whole(self) -> ColourImage:
+        """With all its pixels."""
+        if self.mask is None:
+            return self.image
+        return masks.tinted(self.image, masks.fitted(self.mask, self.image.shape), self.ink)
+
+
+@final
 class View:
     """One camera's picture and what is said of it."""
 
     def __init__(self, gui: viser.GuiApi, scene: Scene, frame: Frame) -> None:
         self._scene = scene
-        self.picture: ColourImage = frame.color
-        picture = masks.thinned(frame.color)
-        self._image = gui.add_image(picture, label=frame.camera.name, format="jpeg", jpeg_quality=_QUALITY)
+        self.painted = _Painted(frame.color, None, palette.MASK)
+        self._image = gui.add_image(
+            masks.thinned(frame.color), label=frame.camera.name, format="jpeg", jpeg_quality=_QUALITY
+        )
         self._text = Text(gui, "")
         self._shown: Frame | None = None
         self._drawn: tuple[object, ...] = ()
@@ -102,15 +127,14 @@ class View:
         self._text.put(views.camera(board, frame, now_s, today=today, previewed=self._previewed))
 
     def _draw(self, board: Board, frame: Frame, wanted: ColourRange | None, *, masked: bool) -> None:
-        self.picture, self._previewed = frame.color, None
+        mask, ink, self._previewed = None, palette.MASK, None
         if wanted is not None:
-            mask = colour_mask(frame.color, wanted)
+            mask, ink = colour_mask(frame.color, wanted), palette.PREVIEW
             self._previewed = int(np.count_nonzero(mask))
-            self.picture = masks.tinted(frame.color, mask, palette.PREVIEW)
-        elif masked and board.seen is not None and frame.camera.name in board.seen.masks:
-            mask = masks.fitted(board.seen.masks[frame.camera.name], frame.color.shape)
-            self.picture = masks.tinted(frame.color, mask, palette.MASK)
-        self._image.image = masks.thinned(self.picture)
+        elif masked and board.seen is not None:
+            mask = board.seen.masks.get(frame.camera.name)
+        self.painted = _Painted(frame.color, mask, ink)
+        self._image.image = self.painted.small()
 
 
 @final
@@ -122,15 +146,15 @@ class Large:
         with self._panel.add_tab("Camera", viser.Icon.ZOOM_IN):
             self._image = gui.add_image(np.zeros((2, 2, 3), np.uint8), format="jpeg", jpeg_quality=_QUALITY)
         self._panel.float(x=20, y=20, width=_LARGE_PX)
-        self._drawn: ColourImage | None = None
+        self._drawn: _Painted | None = None
 
     def paint(self, view: View | None) -> None:
         """Show what that view shows."""
         if self._panel.visible != (view is not None):
             self._panel.visible = view is not None
-        if view is not None and view.picture is not self._drawn:
-            self._drawn = view.picture
-            self._image.image = view.picture
+        if view is not None and view.painted is not self._drawn:
+            self._drawn = view.painted
+            self._image.image = view.painted.whole()
 
 
 def _or_none(names: Iterable[str]) -> tuple[str, ...]:
