@@ -1,6 +1,6 @@
 """What depends on the site, not on the task: workspace, limits, timing, places on disk.
 
-All numbers are SI; the ranges are read by the command line, the console and `checked`.
+All numbers are SI; the ranges are read by the command line and the console, and checked by `app.core.bounds`.
 """
 
 from dataclasses import dataclass, field
@@ -8,8 +8,6 @@ from pathlib import Path
 from typing import final
 
 import numpy as np
-
-from app.core.errors import ParameterError
 
 
 @final
@@ -78,10 +76,3 @@ class Site:
     """Of two cameras that look twice a second, with all else: 43 MB in 32 s (docs/recording-format.md)."""
     console_host: str = "127.0.0.1"
     console_port: int = 8088
-
-
-def checked(name: str, value: float, low: float, high: float) -> float:
-    """`value`, or a ParameterError that names it and its range where it is non-finite or outside [low, high]."""
-    if not np.isfinite(value) or not low <= value <= high:
-        raise ParameterError(f"{name} = {value:g} is outside its range {low:g} to {high:g}.")
-    return value

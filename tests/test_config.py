@@ -5,7 +5,8 @@ import math
 import numpy as np
 import pytest
 
-from app.config import Limits, Site, Timing, Workspace, checked
+from app.config import Limits, Site, Timing, Workspace
+from app.core.bounds import checked
 from app.core.errors import ParameterError
 
 

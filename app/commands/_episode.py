@@ -18,7 +18,8 @@ from app import __version__
 from app.commands._case import MODEL, Found, read_case
 from app.commands._goal import read_goal
 from app.commands._preflight import check_port
-from app.config import Limits, Site, checked
+from app.config import Limits, Site
+from app.core.bounds import checked
 from app.core.errors import DipacError, ParameterError, PreflightError, UsageError
 from app.core.messages import Episode, Goal, Message, fresh_id
 from app.core.ports import Rig

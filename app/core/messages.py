@@ -47,7 +47,8 @@ class Message:
 class CameraModel:
     """A calibrated RGB-D camera whose depth is aligned to its colour image.
 
-    The optical frame follows OpenCV: x right, y down, z forward.
+    The optical frame follows OpenCV: x right, y down, z forward. `calibrated_at`: the day, as 2026-11-23; empty where
+    nobody noted it.
     """
 
     name: str
@@ -56,6 +57,7 @@ class CameraModel:
     K: Intrinsics
     T_world_camera: Transform
     depth_unit_m: float
+    calibrated_at: str = ""
 
 
 @final
@@ -357,6 +359,7 @@ class Health(Message):
     drops: Mapping[str, int]
     faults: int
     disk_free_bytes: int
+    calibrating: bool = False
 
 
 @final

@@ -17,11 +17,12 @@ from app.flow.sensing import Sensing
 
 @final
 class Approving:
-    """`proposals`: the one that is shown; `decisions`: what the operator says."""
+    """`proposals`: the one that is shown; `asked`: that a decision is waited for; `decisions`: what is decided."""
 
     def __init__(self, site: Site, sensing: Sensing, modes: Modes, announcer: Announcer, clock: Clock) -> None:
         timing = site.timing
         self.proposals = Latest[Proposal]("proposals")
+        self.asked: Proposal | None = None
         self.decisions = Lossless[Decision]("decisions", bound=100)
         self._oldest_s, self._drift_m = timing.plan_max_age_s, timing.plan_max_drift_m
         self._gate = ApprovalGate(
@@ -56,6 +57,13 @@ class Approving:
         """
         self._gate.show(proposal)
         self.proposals.put(proposal)
+        self.asked = proposal
+        try:
+            return await self._decided(proposal)
+        finally:
+            self.asked = None
+
+    async def _decided(self, proposal: Proposal) -> tuple[Decision | None, Approved | None]:
         with self._modes.waiting(self._oldest_s) as waiting:
             while True:
                 decision = await self._decision(proposal)

@@ -4,6 +4,7 @@ Every stage runs all the time, in one task group, joined by channels that say wh
 is heavy runs in worker processes; STOP and jogging go from the console to the arm's process without passing here.
 """
 
+from dataclasses import replace
 from pathlib import Path
 from typing import TypeAlias, final
 
@@ -86,7 +87,7 @@ class Flow:
         how, by = wish.task.reconstruction(wish.preset), (self.announcer, clock)
         self.modes = Modes("automatic" if wish.automatic else "approve each", wish.pushes, *by)
         self.sensing = Sensing(rig, how, self.summary, *by)
-        self.learning = Learning(wish, self.announcer, site)
+        self.learning = Learning(wish, planner, site, *by)
         self.planning = Planning(wish, planner, site, *by)
         self.approving = Approving(site, self.sensing, self.modes, *by)
         self.watching = Watching(*by, wish.verdict, recording)
@@ -168,11 +169,13 @@ class Flow:
                     await self.demonstrating.clip(chore)
                 case EditRequest():
                     await self._edit(chore)
-                case ModelRequest() | ColourRequest():
-                    self.notice("console", "That cannot be done yet.", chore.id)
+                case ModelRequest():
+                    await self._use(chore)
+                case ColourRequest():
+                    self._recolour(chore)
 
     async def _aim(self, request: GoalRequest | PictureGoalRequest) -> None:
-        wish = await self.aiming.aimed(self.wish, request, self.sensing.how, self.learning.models.value)
+        wish = await self.aiming.aimed(self.wish, request, self.sensing.seeing.how, self.learning.models.value)
         if wish is not None:
             self.wish = wish
             self.planning.forget()
@@ -180,9 +183,27 @@ class Flow:
 
     async def _edit(self, request: EditRequest) -> None:
         """Simulate a change of the plan that is shown, which stays up meanwhile, and offer it instead."""
-        observed, shown = self.sensing.particles.value, self.approving.proposals.value
-        if observed and await self.planning.edit(self.wish, request, shown, observed, self._model):
+        observed, shown = self.sensing.particles.value, self.approving.asked
+        if observed is None:
+            return
+        changed = await self.planning.changed(self.wish, request, shown, observed, self._model)
+        if changed is not None and self.approving.asked is shown:
+            self.planning.offer_next(changed)
             self.modes.interrupt("is offered as you changed it")
+
+    async def _use(self, request: ModelRequest) -> None:
+        """Plan with another model, and for where that says that the goal is seen."""
+        used = await self.learning.use(request, self.wish.goal.positions)
+        if used is not None:
+            self.wish = replace(self.wish, shown_goal=used[1])
+            self.planning.forget()
+            self.modes.interrupt("is of another model")
+
+    def _recolour(self, request: ColourRequest) -> None:
+        try:
+            self.notice("colours", self.sensing.seeing.recolour(request), request.id)
+        except DipacError as error:
+            self.notice("colours", str(error), request.id)
 
     async def _demonstrate(self, request: TakeRequest) -> None:
         """Begin or end a demonstration; its last motion belongs to it, once the arm is at rest and has been seen so."""
@@ -196,7 +217,7 @@ class Flow:
 
     async def _work(self) -> None:
         """See, plan, ask, act, learn; and again. What of it is done depends on the mode."""
-        self.learning.models.put(await self.planning.warm_up(self.wish, self.reporting.do))
+        self.learning.begin(await self.planning.warm_up(self.wish, self.reporting.do))
         while not self.modes.ended:
             try:
                 await self._turn()

@@ -7,21 +7,47 @@ from app.core.announcer import Announcer
 from app.core.channel import Latest, Lossless
 from app.core.errors import DipacError
 from app.core.messages import Model, Transition
+from app.core.ports import Clock
+from app.core.requests import ModelRequest
+from app.core.types import Points
 from app.core.worker import Worker
+from app.flow.modelling import Modelling
 from app.tasks.base import Wish
 from app.tasks.jobs import update
 
 
 @final
 class Learning:
-    """`models`: the one in use; `calibrator`: the process that fits it; `done`: transitions that were dealt with."""
+    """`models`: the one in use; `calibrator`: the process that fits it, which is `busy` or not.
 
-    def __init__(self, wish: Wish, announcer: Announcer, site: Site) -> None:
+    `done` of the transitions that were `put_in` have been dealt with.
+    """
+
+    def __init__(self, wish: Wish, planner: Worker, site: Site, announcer: Announcer, clock: Clock) -> None:
         self.models = Latest[Model]("models")
         self.calibrator = Worker("calibrator", idle=True)  # A decision waits for the planner, nothing for this.
-        self.done = self.put_in = 0
-        self._wish, self._announcer, self._site = wish, announcer, site
+        self.done, self.put_in, self.busy = 0, 0, False
+        self._wish, self._site = wish, site
+        self._announcer, self._clock = announcer, clock
+        self._modelling = Modelling(wish.task.name, announcer, planner)
         self._transitions = Lossless[Transition]("transitions", bound=100)
+
+    def begin(self, model: Model) -> None:
+        """With this, which has been said."""
+        self.models.put(self._modelling.numbered(model))
+
+    async def use(self, request: ModelRequest, goal: Points) -> tuple[Model, Points | None] | None:
+        """Plan with the model that somebody asks for, if it is sound, and learn from it on.
+
+        Returns it, and where cameras that err show an object at the goal (M, 3) [m]; None where it is refused.
+        """
+        current = self.models.value
+        assert current is not None, "there is a model before anybody can ask for another"
+        taken = await self._modelling.taken(request, current, goal, now_s=self._clock.now())
+        if taken is None:
+            return None
+        self.models.put(self._announcer.say(taken.model))
+        return taken.model, taken.shown_goal
 
     async def put(self, transition: Transition) -> None:
         """Learn from this, soon."""
@@ -38,11 +64,13 @@ class Learning:
             self.done = len(seen)
 
     async def _update(self, seen: list[Transition], old: Model) -> None:
+        wish, self.busy = self._wish, True
         try:
-            wish = self._wish
             new = await self.calibrator.run(update, wish.task.name, wish.preset, seen, old, self._site)
         except DipacError as error:
             self._announcer.fault("calibration", error)
             return
-        if self.models.value is old:  # Somebody chose another meanwhile: what was learned is not about that one.
-            self.models.put(self._announcer.say(new))
+        finally:
+            self.busy = False
+        if self.models.value is old:  # Where somebody chose another meanwhile, what was learned is not about that one.
+            self.models.put(self._announcer.say(self._modelling.numbered(new)))

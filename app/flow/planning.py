@@ -31,7 +31,7 @@ class Planning:
         self._planner, self._site = planner, site
         self._asking = Asking(wish, announcer, planner, site)
         self._editing = Editing(wish, announcer, planner, site)
-        self._edited: Proposal | None = None
+        self._changed: Proposal | None = None
         self._rejected: tuple[Float32[np.ndarray, "_ 3"], ...] = ()
 
     async def warm_up(self, wish: Wish, do: Callable[[str], None]) -> Model:
@@ -53,21 +53,23 @@ class Planning:
 
     def forget(self) -> None:
         """The object may lie otherwise now, or shall lie elsewhere: what was rejected or changed was for before."""
-        self._rejected, self._edited = (), None
+        self._rejected, self._changed = (), None
         self._editing.answered()
 
-    async def edit(
+    async def changed(
         self, wish: Wish, request: EditRequest, shown: Proposal | None, observed: Particles, model: Model
-    ) -> bool:
-        """Whether the change that is asked for of the plan that is shown was made: it is the next proposal then."""
+    ) -> Proposal | None:
+        """The plan that is shown with the change that is asked for; None where it cannot be made, which is said."""
         started_s = self._clock.now()
         if not self._editing.wanted(request, shown):
-            return False
+            return None
         found = await self._editing.plan(observed, wish.goal.positions, model)
-        if found is not None:
-            now_s = self._clock.now()
-            self._edited = wish.proposal(found, observed, model, began_s=started_s, now_s=now_s)
-        return found is not None
+        now_s = self._clock.now()
+        return wish.proposal(found, observed, model, began_s=started_s, now_s=now_s) if found else None
+
+    def offer_next(self, changed: Proposal) -> None:
+        """Before the planner is asked again."""
+        self._changed = changed
 
     async def proposal(
         self, wish: Wish, observed: Particles, model: Model, tool: ToolPose, seeds: tuple[int, ...]
@@ -76,9 +78,9 @@ class Planning:
 
         What the operator made of a plan goes before what discovery asks for, and both before the planner's own.
         """
-        if self._edited is not None:
-            edited, self._edited = self._edited, None
-            return self._announcer.say(edited)
+        if self._changed is not None:
+            changed, self._changed = self._changed, None
+            return self._announcer.say(changed)
         started_s, x, goal = self._clock.now(), observed.positions, wish.goal.positions
         for attempt in range(FAILURES_IN_A_ROW):
             seed = hash((*seeds, attempt)) % 2**31

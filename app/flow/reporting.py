@@ -48,6 +48,7 @@ class Reporting:
                     arm_mode=arm.mode,
                     arm_period_s=arm.period_s,
                     model_version=model.version if model else 0,
+                    calibrating=learning.busy,
                     calibration_loss_m2=model.loss_m2 if model else float("nan"),
                     drops={channel.name: channel.dropped for channel in (*sensing.frames.values(), sensing.particles)},
                     faults=len(self._summary.faults),

@@ -12,7 +12,8 @@ from app.core.messages import Frame, Particles, fresh_id
 from app.core.ports import Camera, Clock, Rig
 from app.core.summary import Summary
 from app.core.worker import Worker
-from app.perception.reconstruct import Reconstruction, reconstruct
+from app.flow.seeing import Seeing, seen
+from app.perception.reconstruct import Reconstructed, Reconstruction, looked, reconstruct
 
 _OBSERVE_DEADLINE_S = 30.0
 _KEPT = 600
@@ -21,10 +22,10 @@ _KEPT = 600
 
 @final
 class Sensing:
-    """What the cameras see. `frames`: of each camera; `particles`: of all together, seen as `how` says."""
+    """What the cameras see. `frames`: of each camera; `particles`: of all together, seen as `seeing` says."""
 
     def __init__(self, rig: Rig, how: Reconstruction, summary: Summary, announcer: Announcer, clock: Clock) -> None:
-        self.how = how
+        self.seeing = Seeing(how)
         self.frames = {camera.model.name: Latest[Frame](f"frames {camera.model.name}") for camera in rig.cameras}
         self.particles = Latest[Particles]("particles")
         self.perceiver = Worker("perception")
@@ -74,7 +75,7 @@ class Sensing:
             frames = [await anext(change) for change in changes]
             started_s = self._clock.now()
             try:
-                seen = await self.perceiver.run(reconstruct, frames, self.how, (await self._rig.arm.state()).tool)
+                found = await self._found(frames)
             except (PerceptionError, WorkerError) as error:
                 self._announcer.fault("perception", error)
                 continue
@@ -83,10 +84,25 @@ class Sensing:
                 id=fresh_id("particles"),
                 cause=tuple(frame.id for frame in frames),
                 time_s=min(frame.time_s for frame in frames),
-                positions=seen.positions,
-                surface=seen.surface,
+                positions=found.positions,
+                surface=found.surface,
                 reconstruction_s=now_s - started_s,
             )
             self._summary.reconstruction_latency_s.append(now_s - max(frame.time_s for frame in frames))
             self._past.append(particles)
             self.particles.put(self._announcer.say(particles))
+
+    async def _found(self, frames: list[Frame]) -> Reconstructed:
+        """The object, and what each view shows of it, which has been said, also where that is too little.
+
+        Raises PerceptionError then.
+        """
+        how = self.seeing.how
+        try:
+            found = await self.perceiver.run(reconstruct, frames, how, (await self._rig.arm.state()).tool)
+        except PerceptionError:
+            looks = await self.perceiver.run(looked, frames, how)
+            self._announcer.say(seen(frames, looks, how, now_s=self._clock.now()))
+            raise
+        self._announcer.say(seen(frames, found.looks, how, now_s=self._clock.now()))
+        return found

@@ -10,9 +10,9 @@ import cv2
 import numpy as np
 from jaxtyping import Float
 
+from app.core.colours import Mask
 from app.core.messages import CameraModel
 from app.core.types import Cloud, DepthImage
-from app.perception.segment import Mask
 
 Pixels: TypeAlias = Float[np.ndarray, "M 3"]
 """Column, row [pixel] and depth [m]."""

@@ -7,14 +7,15 @@ from typing import final
 import numpy as np
 from jaxtyping import Float32
 
+from app.core.colours import ColourRange, Mask, colour_mask
 from app.core.errors import PerceptionError
 from app.core.messages import Frame
 from app.core.types import Cloud, Points, ToolPose
 from app.perception.depth import behind_an_edge, deproject
 from app.perception.fill import Solid, Underside, fill, points_inside
 from app.perception.fuse import Box, merge, not_seen_through, without_outliers
+from app.perception.look import Look, apart_m, thinned
 from app.perception.resample import resample
-from app.perception.segment import ColourRange, colour_mask
 from app.perception.swimming import Swimming
 from app.perception.vessels import Pool, Vessel, level_of
 
@@ -71,10 +72,14 @@ class Reconstruction:
 @final
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Reconstructed:
-    """The object as particles of equal volume, and the fused surface that they were made from [m, world]."""
+    """The object as particles of equal volume, and the fused surface that they were made from [m, world].
+
+    `looks`: what each view showed, in the order of the cameras' names.
+    """
 
     positions: Points
     surface: Cloud
+    looks: tuple[Look, ...]
 
 
 def reconstruct(frames: Sequence[Frame], how: Reconstruction, tool: ToolPose | None = None) -> Reconstructed:
@@ -82,10 +87,11 @@ def reconstruct(frames: Sequence[Frame], how: Reconstruction, tool: ToolPose | N
 
     Raises PerceptionError, naming what each camera saw, where there is no frame or too little of the object in them.
     """
-    surface, tops = fused_surface(frames, how), _tops(frames, how)
-    surface = np.concatenate([surface, tops])
+    views, tops = _views(frames, how), _tops(frames, how)
+    surface = np.concatenate([_enough(views, how), tops])
     if how.underside == "thin":
-        return Reconstructed(positions=resample(surface, how.particle_count, seed=how.seed), surface=surface)
+        positions = resample(surface, how.particle_count, seed=how.seed)
+        return Reconstructed(positions=positions, surface=surface, looks=_told(views))
     pools, rest = _pools(surface, how)
     solids = [_under(rest, how)] if len(rest) >= _FEWEST or not how.standing else []
     if how.held is not None and tool is not None:
@@ -94,7 +100,13 @@ def reconstruct(frames: Sequence[Frame], how: Reconstruction, tool: ToolPose | N
     point_count = max(_BODY_POINTS, _POINTS_A_PARTICLE * how.particle_count)
     spacing_m = (sum(body.volume_m3 for body in (*pools, *solids)) / point_count) ** (1 / 3)
     clouds = [pool.points(spacing_m) for pool in pools] + [points_inside(solid, spacing_m) for solid in solids]
-    return Reconstructed(positions=_particles(np.concatenate(clouds), tops, how), surface=surface)
+    positions = _particles(np.concatenate(clouds), tops, how)
+    return Reconstructed(positions=positions, surface=surface, looks=_told(views))
+
+
+def looked(frames: Sequence[Frame], how: Reconstruction) -> tuple[Look, ...]:
+    """What each view shows, also where that is too little for `reconstruct`."""
+    return _told(_views(frames, how))
 
 
 def _particles(body: Cloud, tops: Float32[np.ndarray, "tops 3"], how: Reconstruction) -> Points:
@@ -129,11 +141,21 @@ def _under(surface: Cloud, how: Reconstruction) -> Solid:
     return fill(surface, table_m=how.table_m, half_width_m=how.half_width_m, underside=how.underside)
 
 
-def fused_surface(frames: Sequence[Frame], how: Reconstruction) -> Cloud:
-    """What the views together show of the object's surface, clean; raises as `reconstruct` does."""
-    if not frames:
+@final
+@dataclass(frozen=True, kw_only=True, eq=False)
+class _View:
+    """What one frame shows of the object: how many pixels of its colour, and those of them that lie in the box."""
+
+    frame: Frame
+    mask: Mask
+    pixel_count: int
+    points: Cloud
+
+
+def _enough(views: Sequence[_View], how: Reconstruction) -> Cloud:
+    """The surface that the views agree on, clean. Raises PerceptionError where that is too little."""
+    if not views:
         raise PerceptionError("There is no frame to reconstruct from; wait for the cameras or check `dipac doctor`.")
-    views = _views(frames, how)
     surface = _surface(views, how)
     if not len(surface):
         raise PerceptionError(_too_little("No view shows the object", views, how))
@@ -142,16 +164,6 @@ def fused_surface(frames: Sequence[Frame], how: Reconstruction) -> Cloud:
             _too_little(f"The object's surface has {len(surface)} points, {how.min_points} are needed", views, how)
         )
     return surface
-
-
-@final
-@dataclass(frozen=True, kw_only=True, eq=False)
-class _View:
-    """What one frame shows of the object: how many pixels of its colour, and those of them that lie in the box."""
-
-    frame: Frame
-    pixel_count: int
-    points: Cloud
 
 
 def _views(frames: Sequence[Frame], how: Reconstruction) -> list[_View]:
@@ -172,7 +184,21 @@ def _look(frame: Frame, how: Reconstruction) -> _View:
     mask = colour_mask(frame.color, how.colour)
     points = deproject(frame.depth, mask & ~behind_an_edge(frame.depth, how.edge_step_m, camera), camera)
     keep = how.box.holds(points) & (points[:, 2] >= how.table_m + how.table_margin_m)
-    return _View(frame=frame, pixel_count=int(mask.sum()), points=points[keep])
+    return _View(frame=frame, mask=mask, pixel_count=int(np.count_nonzero(mask)), points=points[keep])
+
+
+def _told(views: Sequence[_View]) -> tuple[Look, ...]:
+    apart = apart_m([view.points for view in views])
+    return tuple(
+        Look(
+            camera=view.frame.camera.name,
+            mask=thinned(view.mask),
+            pixels=view.pixel_count,
+            points=len(view.points),
+            apart_m=away_m,
+        )
+        for view, away_m in zip(views, apart, strict=True)
+    )
 
 
 def _uncontradicted(view: _View, views: Sequence[_View], how: Reconstruction) -> Cloud:

@@ -7,11 +7,11 @@ import numpy as np
 from jaxtyping import Bool, Float32
 from scipy.spatial import KDTree
 
+from app.core.colours import Mask, colour_mask
 from app.core.messages import Frame
 from app.core.types import Cloud
 from app.perception.depth import behind_an_edge, deproject
 from app.perception.reconstruct import Reconstruction
-from app.perception.segment import Mask, colour_mask
 from app.perception.tip import tool_points
 
 __all__ = ["table_points", "tool_points"]

@@ -7,8 +7,8 @@ import numpy as np
 from jaxtyping import Float32
 from scipy.spatial import KDTree
 
+from app.core.colours import ColourRange
 from app.core.types import Cloud
-from app.perception.segment import ColourRange
 
 
 @final

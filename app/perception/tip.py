@@ -14,11 +14,11 @@ from jaxtyping import Bool, Float64
 from scipy.optimize import least_squares
 from scipy.special import expit
 
+from app.core.colours import Mask, colour_mask
 from app.core.messages import CameraModel, Frame
 from app.core.types import Cloud
 from app.perception.depth import behind_an_edge, deproject, project
 from app.perception.reconstruct import Reconstruction
-from app.perception.segment import Mask, colour_mask
 
 Capsule: TypeAlias = Float64[np.ndarray, "5"]
 """Its tip x y z [m], and how far its axis goes along x and along y for each metre that it goes up."""

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Protocol, TypeAlias, final
 import numpy as np
 from jaxtyping import Float64
 
-from app.config import checked
+from app.core.bounds import checked
 from app.core.errors import UsageError
 from app.core.messages import Proposal, fresh_id
 from app.core.stage import Finger, Rope, Stage

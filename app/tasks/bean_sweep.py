@@ -3,9 +3,9 @@
 from math import pi
 from types import MappingProxyType
 
+from app.core.colours import ColourRange
 from app.core.stage import Beans, Mat, Paddle, Stage
 from app.perception.reconstruct import Reconstruction
-from app.perception.segment import ColourRange
 from app.planner.cost import Weights
 from app.planner.optimise import Descent
 from app.planner.sweeps import Sweeps

@@ -2,10 +2,10 @@
 
 from types import MappingProxyType
 
+from app.core.colours import ColourRange
 from app.core.stage import Cloth, Gripper, Rack, Stage
 from app.perception.fuse import Box
 from app.perception.reconstruct import Reconstruction
-from app.perception.segment import ColourRange
 from app.planner.carries import Carries, KeptClear
 from app.planner.cost import Weights
 from app.planner.optimise import Descent

@@ -152,6 +152,14 @@ def check_model(model: Model) -> None:
     extended.check(model)
 
 
+def effects_of(model: Model) -> tuple[str, ...]:
+    """The effects that a planner for this model simulates, each by its first parameter: it is compiled for these."""
+    from app.sim.params import acting
+    from app.tasks import compiled
+
+    return tuple(effect.parameters[0].name for effect in acting(compiled.phi_of(model)))
+
+
 def shown_goal(goal: Points, model: Model) -> Points:
     """Where the cameras will say that the object is when it is at the goal (M, 3) [m]."""
     allowed_for = _allowed_for(model)

@@ -6,8 +6,8 @@ lighter than the broth.
 
 from dataclasses import replace
 
+from app.core.colours import ColourRange
 from app.core.stage import Liquid, Pieces, Soup
-from app.perception.segment import ColourRange
 from app.perception.swimming import Swimming
 from app.tasks.aim import InBowl
 from app.tasks.pour_water import HELD, HOME_M, PARTICLES, TARGET

@@ -6,10 +6,10 @@ for half a second, and then waits for what flows. So an episode has about ten de
 
 from types import MappingProxyType
 
+from app.core.colours import ColourRange
 from app.core.stage import Bowl, HeldBowl, Liquid, Stage
 from app.perception.fuse import Box
 from app.perception.reconstruct import Reconstruction
-from app.perception.segment import ColourRange
 from app.perception.vessels import Vessel
 from app.planner.cost import Weights
 from app.planner.optimise import Descent

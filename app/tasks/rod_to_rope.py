@@ -4,9 +4,9 @@ from dataclasses import replace
 from math import pi
 from types import MappingProxyType
 
+from app.core.colours import ColourRange
 from app.core.stage import Finger, Rope, Stage
 from app.perception.reconstruct import Reconstruction
-from app.perception.segment import ColourRange
 from app.planner.actions import Pushes
 from app.planner.cost import Weights
 from app.planner.optimise import Descent

@@ -10,6 +10,7 @@ from dataclasses import dataclass, field, replace
 from typing import Literal, final
 
 from app.core.approval import Approved
+from app.core.colours import ColourRange
 from app.core.control import Lease, Mode, ModeName
 from app.core.doubt import Verdict, Watched
 from app.core.messages import (
@@ -34,6 +35,7 @@ from app.core.messages import (
     Transition,
 )
 from app.core.requests import EditRequest
+from app.core.seeing import Seen
 from app.core.takes import Take
 from app.core.types import Points
 
@@ -41,6 +43,18 @@ LOG_LENGTH = 8
 EDITED = "edit"
 """Where a notice is from that says what came of an edited motion."""
 _DECIDED_LENGTH = 64
+_MODELS_LENGTH = 64
+_COLOURS_LENGTH = 8
+
+
+@final
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Made:
+    """A motion that was made: the object before it, where that was expected to be after it, and where it was seen."""
+
+    before: Points
+    expected: Points
+    after: Points
 
 
 @final
@@ -50,8 +64,10 @@ class Board:
 
     `pending` is the proposal that may be decided on; `shown` is the one that is drawn, which stays to be compared with
     what came of it. `expected` is where the last push was predicted to leave the object, from when that has been seen
-    until the next push begins. `edit` is what is being made of the pending proposal; `refusal` is why the shown one
-    came to nothing, until there is another. `losses` holds (model version, one-step loss [m^2]).
+    until the next push begins; `made` is the last one with what came of it. `edit` is what is being made of the pending
+    proposal; `refusal` is why the shown one came to nothing, until there is another. `losses` holds (model version,
+    one-step loss [m^2]); `models` the versions of this session, the newest last; `colours` those that the object was
+    looked for by, the ones in use last.
     """
 
     episode: Episode | None = None
@@ -65,6 +81,10 @@ class Board:
     refusal: Notice | None = None
     executed: Executed | None = None
     expected: Points | None = None
+    made: Made | None = None
+    models: tuple[Model, ...] = ()
+    seen: Seen | None = None
+    colours: tuple[ColourRange, ...] = ()
     lease: Lease | None = None
     mode: Mode | None = None
     take: Take | None = None
@@ -143,7 +163,8 @@ class Board:
                 return Board(episode=message, stop_s=self.stop_s, resume_s=self.resume_s, lease=self.lease)
             case Model():
                 known = () if math.isnan(message.loss_m2) else ((message.version, message.loss_m2),)
-                return replace(self, model=message, losses=self.losses + known)
+                models = (*(model for model in self.models if model.version != message.version), message)
+                return replace(self, model=message, losses=self.losses + known, models=models[-_MODELS_LENGTH:])
             case Outcome():
                 return replace(self, outcomes=(*self.outcomes, message))
             case Proposal():
@@ -153,10 +174,12 @@ class Board:
             case Approved():
                 return replace(self, expected=None)
             case Transition():
-                return replace(self, expected=self.shown.chosen.predicted if self.shown else None)
+                return self._learned(message)
             case EditRequest():
                 up = self.pending is not None and self.pending.id == message.proposal_id
                 return replace(self, edit=message) if up else self
+            case Seen():
+                return self._looking(message)
             case Watched():
                 return replace(self, watched=message)
             case Verdict():
@@ -183,6 +206,20 @@ class Board:
     def _showing(self, proposal: Proposal) -> "Board":
         """The board on which that proposal may be decided."""
         return replace(self, shown=proposal, pending=proposal, edit=None, refusal=None)
+
+    def _learned(self, message: Transition) -> "Board":
+        """With what came of the last motion. Of one that was made by hand nothing was expected: nobody approved it."""
+        expected = self.shown.chosen.predicted if self.shown and message.executed.cause else None
+        if expected is None:
+            return replace(self, expected=None, made=None)
+        made = Made(before=message.before, expected=expected, after=message.after)
+        return replace(self, expected=expected, made=made)
+
+    def _looking(self, message: Seen) -> "Board":
+        """With what was seen, and the colours that were looked for where these are others than before."""
+        colour = ColourRange.of(message.hue_deg, message.saturation, message.value)
+        new = (colour,) if self.colours[-1:] != (colour,) else ()
+        return replace(self, seen=message, colours=(*self.colours, *new)[-_COLOURS_LENGTH:])
 
     def _without(self, proposal_id: MessageId) -> "Board":
         """The board on which that proposal can no longer be decided."""

@@ -13,9 +13,10 @@ from typing import TypeAlias, final
 import numpy as np
 from jaxtyping import Float64
 
+from app.core.colours import ColourRange
 from app.core.control import Lease
-from app.core.messages import Decision, Message, Notice, Proposal, ResumeRequest, StopRequest, fresh_id
-from app.core.requests import Asked, EditRequest, Request
+from app.core.messages import Decision, Message, Model, Notice, Proposal, ResumeRequest, StopRequest, fresh_id
+from app.core.requests import Asked, ColourRequest, EditRequest, ModelRequest, Request
 from app.ui.board import Board
 from app.ui.pace import Pace
 
@@ -126,6 +127,36 @@ class Desk:
             up = self._board.decidable and pending is not None and pending.id == proposal.id
             if up and self._board.edit is None and self._may(operator):
                 self._issue(request)
+
+    def use_model(self, model: Model, source: str, *, operator: str) -> None:
+        """Ask to plan with this model from now on; `source` says where it is from, in words."""
+        with self._lock:
+            if self._may(operator):
+                self._issue(
+                    ModelRequest(
+                        id=fresh_id("model-request"),
+                        cause=(model.id,),
+                        time_s=self.now(),
+                        operator=operator,
+                        model=model,
+                        source=source,
+                    )
+                )
+
+    def use_colours(self, colour: ColourRange, *, operator: str) -> None:
+        """Ask to look for the object by these colours from now on."""
+        with self._lock:
+            if self._may(operator):
+                self._issue(
+                    ColourRequest(
+                        id=fresh_id("colours"),
+                        time_s=self.now(),
+                        operator=operator,
+                        hue_deg=colour.hue_deg,
+                        saturation=colour.saturation,
+                        value=colour.value,
+                    )
+                )
 
     def take(self, operator: str) -> None:
         """Take control, where nobody else uses it."""

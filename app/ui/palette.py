@@ -22,6 +22,10 @@ DEAR: Final[Colour] = (120, 106, 96)
 TABLE: Final[Colour] = (92, 98, 108)
 OUTLINE: Final[Colour] = (150, 158, 170)
 STEEL: Final[Colour] = (176, 184, 196)
+MASK: Final[Colour] = (255, 40, 200)
+PREVIEW: Final[Colour] = (0, 230, 230)
+SURFACE: Final[Colour] = (255, 255, 255)
+_CAMERAS: Final[tuple[Colour, ...]] = ((230, 90, 60), (60, 150, 240), (110, 200, 80), (220, 180, 40))
 
 
 def by_cost(costs: np.ndarray) -> np.ndarray:
@@ -31,6 +35,11 @@ def by_cost(costs: np.ndarray) -> np.ndarray:
     """
     ranks = np.argsort(np.argsort(costs)) / max(len(costs) - 1, 1)
     return np.rint((1 - ranks[:, None]) * np.array(CHEAP) + ranks[:, None] * np.array(DEAR)).astype(np.uint8)
+
+
+def camera(number: int) -> Colour:
+    """The colour of the points that a camera sees."""
+    return _CAMERAS[number % len(_CAMERAS)]
 
 
 def linear(colours: Colour | np.ndarray) -> np.ndarray:

@@ -1,24 +1,26 @@
-"""The panels beside the scene: mode, decision, plan, health, messages, cameras, plots. Redrawn where they changed."""
+"""The panels beside the scene: mode, decision, plan, health, and tabs on all else. Redrawn where they changed."""
 
+from pathlib import Path
 from typing import final
 
-import numpy as np
 import viser
 from viser import theme
 
 from app.config import Timing
-from app.core.messages import Frame
 from app.ui import cards, doubt
 from app.ui.board import Board
+from app.ui.cell import Cell
 from app.ui.decision import DecisionForm
 from app.ui.demonstrations import DemonstrationForm
 from app.ui.desk import Desk
 from app.ui.drift import Drift
 from app.ui.goals import GoalTab
+from app.ui.modelling import Modelling
 from app.ui.modes import EndButton, ModeForm
 from app.ui.plans import Plans
 from app.ui.plots import Plots
-from app.ui.scene import Scene, thumbnail
+from app.ui.scene import Scene
+from app.ui.text import Text
 
 _BRAND = (59, 130, 246)
 _SIDE_WIDTH_PX = 330
@@ -34,7 +36,6 @@ class Panel:
         self._desk, self._scene = desk, scene
         self._last = Board()
         self._drift = Drift(timing)
-        self._pictures: dict[str, viser.GuiImageHandle] = {}
         self._mode = Text(self._gui, cards.mode(self._last, desk.now()))
         self._decision = DecisionForm(self._gui, desk)
         with self._gui.add_folder("Mode"):
@@ -52,7 +53,6 @@ class Panel:
 
     def paint(self, board: Board, now_s: float) -> None:
         """Bring the panels up to the board and the clock."""
-        last, self._last = self._last, board
         self._mode.put(cards.mode(board, now_s))
         self._decision.paint(board, now_s)
         self._demonstrations.paint(board)
@@ -62,12 +62,10 @@ class Panel:
         self._watch.put(doubt.watch(board))
         self._verdict.put(doubt.verdict(board))
         self._health.put(cards.health(board, now_s))
-        self._log.put(cards.log(board, now_s))
         self._episode.put(cards.episode(board))
         self._plots.paint(board)
-        for name, frame in board.frames.items():
-            if frame is not last.frames.get(name):
-                self._show_frame(name, frame)
+        self._modelling.paint(board)
+        self._cell.paint(board, now_s)
 
     def _place_main(self) -> None:
         self._choose_theme(dark=True)
@@ -87,15 +85,15 @@ class Panel:
     def _build_side(self) -> None:
         server, desk, side = self._server, self._desk, self._gui.add_panel()
         with side.add_tab("Cell", viser.Icon.CAMERA):
-            self._cameras = self._gui.add_folder(None)
-            with self._gui.add_folder("Messages"):
-                self._log = Text(self._gui, cards.log(self._last, 0.0))
+            self._cell = Cell(server, desk, self._scene)
         with side.add_tab("Goal", viser.Icon.TARGET):
             self._goal = GoalTab(server, desk)
         with side.add_tab("Plans", viser.Icon.GIT_BRANCH):
             self._plans = Plans(server, desk, self._scene)
         with side.add_tab("Progress", viser.Icon.CHART_LINE):
             self._plots = Plots(self._gui)
+        with side.add_tab("Model", viser.Icon.ADJUSTMENTS):
+            self._modelling = Modelling(self._gui, desk, Path.cwd())
         with side.add_tab("Discovery", viser.Icon.MICROSCOPE):
             self._verdict = Text(self._gui, doubt.verdict(self._last))
         with side.add_tab("View", viser.Icon.EYE):
@@ -121,25 +119,3 @@ class Panel:
             switch.on_update(lambda event, show=show: show(event.target.value))
         dark = self._gui.add_checkbox("Dark", initial_value=True)
         dark.on_update(lambda event: self._choose_theme(dark=event.target.value))
-
-    def _show_frame(self, name: str, frame: Frame) -> None:
-        picture: np.ndarray = thumbnail(frame.color)
-        if name in self._pictures:
-            self._pictures[name].image = picture
-        else:
-            with self._cameras:
-                self._pictures[name] = self._gui.add_image(picture, label=name, format="jpeg", jpeg_quality=80)
-        self._scene.look(frame, picture)
-
-
-@final
-class Text:
-    """A piece of HTML in the panel that is sent only when it changed."""
-
-    def __init__(self, gui: viser.GuiApi, content: str) -> None:
-        self._handle = gui.add_html(content)
-
-    def put(self, content: str) -> None:
-        """Show `content`."""
-        if content != self._handle.content:
-            self._handle.content = content

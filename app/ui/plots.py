@@ -1,4 +1,4 @@
-"""Two small plots: how far the object is from its goal, push by push, and what calibration does to the loss."""
+"""A small plot: how far the object is from its goal, push by push."""
 
 from typing import final
 
@@ -10,8 +10,8 @@ from app.ui import palette
 from app.ui.board import Board
 from app.ui.words import millimetres
 
-_HEIGHT_PX = 180
-_PADDING_PX = (12, 24, 0, 0)
+HEIGHT_PX = 180
+PADDING_PX = (12, 24, 0, 0)
 
 
 @final
@@ -25,21 +25,12 @@ class Plots:
             (flat, flat, flat),
             (
                 uplot.Series(label="push"),
-                _line("seen [mm]", palette.OBSERVED),
-                _line("predicted [mm]", palette.PREDICTED),
+                line("seen [mm]", palette.OBSERVED),
+                line("predicted [mm]", palette.PREDICTED),
             ),
             title="Distance to the goal",
-            height=_HEIGHT_PX,
-            padding=_PADDING_PX,
-            scales={"x": uplot.Scale(time=False)},
-            visible=False,
-        )
-        self._loss = gui.add_uplot(
-            (flat, flat),
-            (uplot.Series(label="model version"), _line("loss [mm]", palette.BEST)),
-            title="One-step error of the model",
-            height=_HEIGHT_PX,
-            padding=_PADDING_PX,
+            height=HEIGHT_PX,
+            padding=PADDING_PX,
             scales={"x": uplot.Scale(time=False)},
             visible=False,
         )
@@ -51,11 +42,6 @@ class Plots:
         if board.outcomes is not last.outcomes and board.outcomes:
             self._distance.data = distances(board)
             self._distance.visible = True
-            self._empty.visible = False
-        if board.losses is not last.losses and board.losses:
-            versions, losses = zip(*board.losses, strict=True)
-            self._loss.data = (np.array(versions, dtype=float), np.array([millimetres(loss) for loss in losses]))
-            self._loss.visible = True
             self._empty.visible = False
 
 
@@ -71,5 +57,6 @@ def distances(board: Board) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     )
 
 
-def _line(label: str, colour: palette.Colour) -> uplot.Series:
+def line(label: str, colour: palette.Colour) -> uplot.Series:
+    """How a plot draws a line."""
     return uplot.Series(label=label, stroke=f"rgb{colour}", width=2)

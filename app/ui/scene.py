@@ -16,7 +16,6 @@ from app.ui.paths import Paths, along
 from app.ui.tool import Tool
 
 _FRUSTUM_M = 0.035
-_PICTURE_WIDTH = 320
 
 
 @final
@@ -96,12 +95,6 @@ def _follow(beads: Beads, now: Points | None, last: Points | None) -> None:
         beads.clear()
     elif now is not last and now is not None:
         beads.put(now)
-
-
-def thumbnail(image: np.ndarray) -> np.ndarray:
-    """The image thinned to about the width that the panel shows."""
-    step = max(image.shape[1] // _PICTURE_WIDTH, 1)
-    return np.ascontiguousarray(image[::step, ::step])
 
 
 def _furnish(server: viser.ViserServer, workspace: Workspace) -> None:

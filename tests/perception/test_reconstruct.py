@@ -7,10 +7,10 @@ import pytest
 from scipy.spatial import KDTree
 
 from app.core.chamfer import chamfer_m2
+from app.core.colours import ColourRange
 from app.core.errors import PerceptionError
 from app.perception.fuse import Box
 from app.perception.reconstruct import Reconstruction, reconstruct
-from app.perception.segment import ColourRange
 from tests.perception.scene import RADIUS_M, ROPE_RGB, camera_at, random_tube, render, turned_quarter, views
 
 HOW = Reconstruction(colour=ColourRange.around(ROPE_RGB), particle_count=300)

@@ -3,10 +3,10 @@
 import numpy as np
 import pytest
 
+from app.core.colours import ColourRange
 from app.core.messages import Frame, fresh_id
 from app.core.stage import Finger, Rope, Stage
 from app.perception.reconstruct import Reconstruction, reconstruct
-from app.perception.segment import ColourRange
 from app.rig.simulated.cameras import table_cameras
 from app.rig.simulated.render import render
 from app.rig.simulated.rope_world import RopeWorld

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from app.perception.segment import ColourRange
+from app.core.colours import ColourRange
 from app.perception.swimming import Swimming
 
 HOW = Swimming(colours=(ColourRange.around((0.9, 0.8, 0.2)),), share=0.2, below_m=0.008)

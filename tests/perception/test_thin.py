@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 from scipy.spatial import KDTree
 
+from app.core.colours import ColourRange
 from app.perception.fuse import Box
 from app.perception.reconstruct import Reconstruction, reconstruct
-from app.perception.segment import ColourRange
 from app.rig.simulated.cloth_world import ClothWorld
 from app.rig.simulated.eyes import Eyes
 from tests.rig.cloth_scene import CLOTH, GRIPPER, KNOTS, RACK, STAGE, flat, grasped, hand

@@ -4,6 +4,7 @@ import time
 
 import numpy as np
 
+from app.core.colours import ColourRange, colour_mask
 from app.core.control import Mode, ModeName
 from app.core.messages import (
     ArmMode,
@@ -22,13 +23,17 @@ from app.core.messages import (
     Parameter,
     Particles,
     Proposal,
+    Transition,
     fresh_id,
 )
 from app.core.motion import Motion
+from app.core.seeing import Seen
 
 N = 300
 MOMENTS = 9
 """Of a branch, from now to its end."""
+COLOUR = ColourRange.around((232 / 255, 120 / 255, 40 / 255))
+"""Of the dots that are the object in the frames."""
 
 
 def rope(bend: float, seed: int = 0, *, centre: tuple[float, float] = (0.55, 0.0)) -> np.ndarray:
@@ -66,6 +71,24 @@ def frame(model: CameraModel, points: np.ndarray) -> Frame:
             image[row - 4 : row + 4, column - 4 : column + 4] = (232, 120, 40)
     depth = np.full((model.height, model.width), 700, np.uint16)
     return Frame(id=fresh_id("frame"), time_s=time.monotonic(), camera=model, color=image, depth=depth)
+
+
+def seen(*frames: Frame, colour: ColourRange = COLOUR, apart_m: float = 0.0016) -> Seen:
+    """What is taken for the object in these frames."""
+    masks = {each.camera.name: colour_mask(each.color, colour) for each in frames}
+    pixels = {name: int(mask.sum()) for name, mask in masks.items()}
+    return Seen(
+        id=fresh_id("seen"),
+        cause=tuple(each.id for each in frames),
+        time_s=time.monotonic(),
+        masks={name: mask[::2, ::2] for name, mask in masks.items()},
+        pixels=pixels,
+        points={name: count - 5 for name, count in pixels.items()},
+        hue_deg=colour.hue_deg,
+        saturation=colour.saturation,
+        value=colour.value,
+        apart_m=dict.fromkeys(masks, apart_m),
+    )
 
 
 def particles(points: np.ndarray) -> Particles:
@@ -190,6 +213,7 @@ def executed(path: np.ndarray) -> Executed:
     poses = np.column_stack([path, np.tile([1.0, 0, 0, 0], (len(path), 1))])
     return Executed(
         id=fresh_id("executed"),
+        cause=(fresh_id("approved"),),
         time_s=time.monotonic(),
         approved_id=fresh_id("approved"),
         outcome="completed",
@@ -202,6 +226,16 @@ def executed(path: np.ndarray) -> Executed:
 
 def mode(name: ModeName) -> Mode:
     return Mode(id=fresh_id("mode"), time_s=time.monotonic(), mode=name, why="asked for by client 0")
+
+
+def transition(before: np.ndarray, after: np.ndarray) -> Transition:
+    return Transition(
+        id=fresh_id("transition"),
+        time_s=time.monotonic(),
+        before=before,
+        executed=executed(np.linspace((0.4, 0.0, 0.1), (0.5, 0.0, 0.1), 5)),
+        after=after,
+    )
 
 
 def notice(where: str, text: str) -> Notice:

@@ -5,6 +5,7 @@ from dataclasses import replace
 
 import pytest
 
+from app.core.colours import ColourRange
 from app.core.messages import ArmMode, Decision, Fault, Message, ResumeRequest, StopRequest, fresh_id
 from app.ui.board import LOG_LENGTH, Board
 from tests.ui import synthetic
@@ -113,3 +114,27 @@ def test_every_camera_keeps_its_own_latest_frame():
 
 def test_losses_that_were_never_computed_are_not_plotted():
     assert board_after(synthetic.model(0, float("nan")), synthetic.model(1, 2e-5)).losses == ((1, 2e-5),)
+
+
+def test_the_versions_of_a_session_are_kept_once_each_and_not_without_end():
+    board = board_after(*(synthetic.model(version, 1e-5) for version in (*range(100), 99)))
+    versions = [model.version for model in board.models]
+    assert versions == list(range(36, 100))
+    assert board.models[-1] is board.model
+
+
+def test_the_last_motion_is_kept_as_it_was_predicted_and_seen():
+    before, after = synthetic.rope(0.5), synthetic.rope(0.3, 1)
+    board = board_after(PROPOSAL, synthetic.transition(before, after), NEXT)
+    assert board.made is not None
+    assert board.made.expected is PROPOSAL.chosen.predicted
+    assert (board.made.before is before, board.made.after is after) == (True, True)
+    assert board_after(synthetic.transition(before, after)).made is None
+
+
+def test_colours_are_remembered_when_they_change():
+    frame = synthetic.frame(synthetic.camera("left", 1.0), synthetic.rope(0.5))
+    other = ColourRange(hue_low_deg=200.0, hue_high_deg=240.0)
+    board = board_after(*(synthetic.seen(frame, colour=each) for each in (synthetic.COLOUR,) * 3 + (other,) * 2))
+    assert board.colours == (synthetic.COLOUR, other)
+    assert board.seen is not None

@@ -8,7 +8,7 @@ import numpy as np
 
 from app.core.control import Lease
 from app.core.messages import Decision, Notice, ResumeRequest, StopRequest
-from app.core.requests import EditRequest
+from app.core.requests import ColourRequest, EditRequest, ModelRequest
 from app.ui.desk import Desk, Request
 from tests.ui import synthetic
 
@@ -275,3 +275,18 @@ def test_a_plan_may_be_decided_on_while_a_change_of_it_is_simulated():
     program.desk.decide(PROPOSAL, approve=True, operator="me")
     assert [type(request) for request in program.requests] == [EditRequest, Decision]
     assert program.desk.board.edit is None
+
+
+def test_a_model_and_colours_are_asked_for_by_whoever_has_control_and_by_nobody_else():
+    program = Program()
+    model = synthetic.model(3, 2e-5)
+    program.desk.use_model(model, "version 3", operator="me")
+    program.desk.use_colours(synthetic.COLOUR, operator="me")
+    program.desk.use_model(model, "version 3", operator="another")
+    program.desk.use_colours(synthetic.COLOUR, operator="another")
+    asked, recoloured, *refused = program.requests
+    assert isinstance(asked, ModelRequest)
+    assert (asked.model, asked.source, asked.operator) == (model, "version 3", "me")
+    assert isinstance(recoloured, ColourRequest)
+    assert recoloured.hue_deg == synthetic.COLOUR.hue_deg
+    assert [type(each) for each in refused] == [Notice, Notice]

@@ -38,7 +38,11 @@ def heard(said: object) -> str | None:
     return refusal(msgspec.msgpack.encode(said), understood)
 
 
-@pytest.mark.parametrize("said", [CLICK, CAMERA, DRAG], ids=["click", "camera", "drag"])
+SLIDER = CLICK | {"updates": {"value": [12, 354]}}
+COLOUR = CLICK | {"updates": {"value": [240, 120, 8]}}
+
+
+@pytest.mark.parametrize("said", [CLICK, CAMERA, DRAG, SLIDER, COLOUR])
 def test_what_the_page_says_is_passed_on(said: dict[str, object]) -> None:
     assert heard(said) is None
 

@@ -7,8 +7,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from app.core.colours import ColourRange, colour_mask
 from app.core.errors import ParameterError
-from app.perception.segment import ColourRange, colour_mask
 
 
 def patch(hue_deg: float, saturation: float = 0.8, value: float = 0.8) -> np.ndarray:

@@ -1,4 +1,4 @@
-"""The object's pixels, by colour."""
+"""The object's pixels, by colour: the one rule by which perception finds them and the console shows them."""
 
 import colorsys
 from collections.abc import Iterator
@@ -10,7 +10,7 @@ import cv2
 import numpy as np
 from jaxtyping import Bool
 
-from app.config import checked
+from app.core.bounds import checked
 from app.core.types import ColourImage
 
 Mask: TypeAlias = Bool[np.ndarray, "height width"]
@@ -40,6 +40,33 @@ class ColourRange:
         checked("saturation_high", self.saturation_high, self.saturation_low, 1.0)
         checked("value_low", self.value_low, 0.0, 1.0)
         checked("value_high", self.value_high, self.value_low, 1.0)
+
+    @classmethod
+    def of(cls, hue_deg: tuple[float, float], saturation: tuple[float, float], value: tuple[float, float]) -> Self:
+        """From bounds of each, low then high; raises as the constructor does."""
+        return cls(
+            hue_low_deg=hue_deg[0],
+            hue_high_deg=hue_deg[1],
+            saturation_low=saturation[0],
+            saturation_high=saturation[1],
+            value_low=value[0],
+            value_high=value[1],
+        )
+
+    @property
+    def hue_deg(self) -> tuple[float, float]:
+        """Bounds of the hue [degree]."""
+        return self.hue_low_deg, self.hue_high_deg
+
+    @property
+    def saturation(self) -> tuple[float, float]:
+        """Bounds of the saturation."""
+        return self.saturation_low, self.saturation_high
+
+    @property
+    def value(self) -> tuple[float, float]:
+        """Bounds of the value."""
+        return self.value_low, self.value_high
 
     @classmethod
     def around(cls, colour: tuple[float, float, float], *, hue_tolerance_deg: float = 18.0) -> Self:

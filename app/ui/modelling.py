@@ -1,0 +1,186 @@
+"""The tab about the model: what is estimated, whether it predicted the last motion, and which version to plan with."""
+
+from collections.abc import Iterable
+from html import escape
+from operator import itemgetter
+from pathlib import Path
+from typing import Any, Final, final
+
+import numpy as np
+import viser
+from viser import uplot
+
+from app.core.errors import DipacError
+from app.core.messages import Model
+from app.ui import models, palette, words
+from app.ui.board import Board
+from app.ui.decision import operator
+from app.ui.desk import Desk
+from app.ui.model_files import read_model
+from app.ui.plots import HEIGHT_PX, PADDING_PX, line
+from app.ui.text import Text
+
+_NONE: Final = "none"
+_NUMBERS_PX: Final = 64.0
+"""Room for what stands at the axis, such as a stiffness in pascals."""
+_FILE: Final = "discovery/model.toml"
+
+
+@final
+class Modelling:
+    """Drawn into the container that is open when this is made. `folder`: within which model files may be named."""
+
+    def __init__(self, gui: viser.GuiApi, desk: Desk, folder: Path) -> None:
+        self._gui, self._last = gui, Board()
+        self._summary = Text(gui, models.summary(self._last))
+        with gui.add_folder("Parameters"):
+            self._parameters = Text(gui, "")
+        with gui.add_folder("The last motion, predicted and seen"):
+            self._motion = Text(gui, models.last_motion(self._last))
+        self._versions = Versions(gui, desk, folder)
+        self._course = Course(gui)
+
+    def paint(self, board: Board) -> None:
+        """Bring the tab up to the board."""
+        last, self._last = self._last, board
+        self._summary.put(models.summary(board))
+        if board.models is not last.models:
+            self._parameters.put(models.parameters(board, rows=models.told(board.models)))
+        if (board.made, board.watched, board.outcomes) != (last.made, last.watched, last.outcomes):
+            self._motion.put(models.last_motion(board))
+        self._versions.paint(board)
+        self._course.paint(board)
+
+
+@final
+class Versions:
+    """The models of this session to compare and go back to, and files to load others from."""
+
+    def __init__(self, gui: viser.GuiApi, desk: Desk, folder: Path) -> None:
+        self._desk, self._folder = desk, folder
+        self._shown: tuple[Model, ...] = ()
+        with gui.add_folder("Versions"):
+            self._chosen = gui.add_dropdown("Version", _or_none(()))
+            self._other = gui.add_dropdown("Compare with", _or_none(()))
+            self._difference = Text(gui, "")
+            self._use = gui.add_button("Use this version", icon=viser.Icon.HISTORY, disabled=True)
+        self._form = gui.add_form("A model from a file")
+        with self._form:
+            self._file = gui.add_text(
+                "File", _FILE, hint="On the program's machine, within the folder it was started in"
+            )
+            self._load = gui.add_button("Load", icon=viser.Icon.FILE_UPLOAD)
+            self._answer = Text(gui, "")
+        self._use.on_click(self._go_back)
+        self._load.on_click(self._loaded)
+        self._form.on_submit(self._loaded)
+
+    def paint(self, board: Board) -> None:
+        """Offer what there is."""
+        if board.models is not self._shown:
+            following = self._model(self._chosen.value) in (None, *self._shown[-1:])
+            self._shown = board.models
+            labels = tuple(map(label, reversed(board.models)))
+            self._chosen.options, self._other.options = labels or _or_none(()), _or_none(labels)
+            if following:  # Nobody chose another than the newest.
+                self._chosen.value = self._chosen.options[0]
+        chosen, other = self._model(self._chosen.value), self._model(self._other.value)
+        self._difference.put(models.compared(chosen, other) if chosen and other else "")
+        disabled = chosen is None or board.model is None or chosen.version == board.model.version
+        if self._use.disabled != disabled:
+            self._use.disabled = disabled
+
+    def _model(self, said: str) -> Model | None:
+        return next((model for model in self._shown if label(model) == said), None)
+
+    def _go_back(self, event: viser.GuiEvent[Any]) -> None:
+        model = self._model(self._chosen.value)
+        if model is not None:
+            self._desk.use_model(model, f"version {model.version}", operator=operator(event))
+
+    def _loaded(self, event: viser.GuiEvent[Any]) -> None:
+        """Read the file, in this thread of viser's, which waits for nothing else."""
+        episode, named = self._desk.board.episode, self._file.value
+        if episode is None:
+            self._answer.put(_answer("The program has not begun yet; try again in a moment.", "dp-warn"))
+            return
+        try:
+            model = read_model(named, self._folder, task=episode.task, time_s=self._desk.now())
+        except DipacError as error:
+            self._answer.put(_answer(str(error), "dp-bad"))
+            return
+        self._desk.use_model(model, named, operator=operator(event))
+        self._answer.put(_answer(f"{named} was read; the messages say whether it is used.", ""))
+
+
+@final
+class Course:
+    """Plots over the versions: the one-step error, and one parameter with its 90 % interval."""
+
+    def __init__(self, gui: viser.GuiApi) -> None:
+        flat, version = np.zeros(2), uplot.Series(label="version")
+        scales = {"x": uplot.Scale(time=False)}
+        self._loss = gui.add_uplot(
+            (flat, flat),
+            (version, line("error [mm]", palette.BEST)),
+            title="One-step error of the model",
+            height=HEIGHT_PX,
+            padding=PADDING_PX,
+            scales=scales,
+            visible=False,
+        )
+        self._name = gui.add_dropdown("Parameter", _or_none(()), visible=False)
+        self._value = gui.add_uplot(
+            (flat, flat, flat, flat),
+            (
+                version,
+                line("value", palette.BEST),
+                line("5 %", palette.OUTLINE),
+                line("95 %", palette.OUTLINE),
+            ),
+            title="Its value and 90 % interval",
+            axes=(uplot.Axis(), uplot.Axis(size=_NUMBERS_PX)),
+            height=HEIGHT_PX,
+            padding=PADDING_PX,
+            scales=scales,
+            visible=False,
+        )
+        self._drawn: tuple[tuple[Model, ...], str] = ((), "")
+        self._last = Board()
+
+    def paint(self, board: Board) -> None:
+        """Redraw what grew, or what another parameter was chosen for."""
+        last, self._last = self._last, board
+        if board.losses is not last.losses and board.losses:
+            versions, losses = zip(*board.losses, strict=True)
+            self._loss.data = (np.array(versions, float), np.array([words.millimetres(loss) for loss in losses]))
+            self._loss.visible = True
+        if board.models is not last.models and (names := models.told(board.models)):
+            self._name.options = tuple(map(models.spelt, names))
+            self._name.visible = self._value.visible = True
+        if board.models and (board.models, self._name.value) != self._drawn:
+            self._drawn = board.models, self._name.value
+            named = {models.spelt(name): name for name in models.told(board.models)}
+            if self._name.value in named:
+                self._value.data = course(board.models, named[self._name.value])
+
+
+def course(versions: tuple[Model, ...], name: str) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+    """Version number, value, low and high end of the interval of the parameter `name`, each (n,)."""
+    known = [(model.version, found) for model in versions if (found := models.parameter(model, name))]
+    rows = [(float(version), each.value, each.low, each.high) for version, each in sorted(known, key=itemgetter(0))]
+    number, value, low, high = np.array(rows, float).reshape(-1, 4).T
+    return number, value, low, high
+
+
+def label(model: Model) -> str:
+    """How a version is called in a list."""
+    return f"version {model.version}, {words.distance(model.loss_m2)}"
+
+
+def _answer(text: str, tone: str) -> str:
+    return f'<div class="dp"><small class="{tone}" role="alert">{escape(text)}</small></div>'
+
+
+def _or_none(names: Iterable[str]) -> tuple[str, ...]:
+    return (_NONE, *names)

@@ -1,0 +1,97 @@
+"""The texts about the cameras and what they show of the object, as HTML. Pure, as `cards`."""
+
+import math
+from collections.abc import Iterable, Mapping
+from datetime import date, datetime
+from html import escape
+from typing import Final
+
+from app.core.messages import CameraModel, Frame
+from app.core.seeing import Seen
+from app.ui import words
+from app.ui.board import Board
+from app.ui.cards import table, toned
+
+_MM: Final = 1e3
+APART_M: Final = 4e-3
+"""Cameras whose points of the object are farther apart stand otherwise than their calibration says."""
+_STALE_DAYS: Final = 30
+_LATE_S: Final = 2.0
+"""A picture that is older is said to be: younger ones are as live as cameras that look twice a second."""
+
+
+def summary(board: Board) -> str:
+    """How many particles were made of what the cameras show, and whether these agree."""
+    count = str(len(board.particles.positions)) if board.particles else words.NOTHING
+    apart = max(board.seen.apart_m.values(), default=math.nan) if board.seen else math.nan
+    rows = [("Particles", count), ("Cameras apart", _apart(apart))]
+    warning = ""
+    if apart > APART_M:
+        warning = (
+            "<p class='dp-warn'>The cameras see the object in different places: switch the clouds on, look for double "
+            "edges, and calibrate the camera that is off.</p>"
+        )
+    return f'<div class="dp">{table(rows)}{warning}</div>'
+
+
+def camera(board: Board, frame: Frame, now_s: float, *, today: date, previewed: int | None = None) -> str:
+    """One camera: what it shows of the object, when it was calibrated, and whether its picture is old.
+
+    `previewed`: how many pixels colours that are not in use yet would take.
+    """
+    simulated = board.episode is not None and board.episode.simulated
+    rows = _camera_rows(board.seen, frame, now_s, simulated=simulated, today=today, previewed=previewed)
+    return f'<div class="dp">{table(rows)}</div>'
+
+
+def _camera_rows(
+    seen: Seen | None, frame: Frame, now_s: float, *, simulated: bool, today: date, previewed: int | None
+) -> Iterable[tuple[str, str]]:
+    name = frame.camera.name
+    if seen is not None and name in seen.pixels:
+        yield "Pixels of the object", _count(seen.pixels[name], warn=seen.pixels[name] == 0)
+        yield "Points with depth", _count(seen.points.get(name, 0), warn=seen.points.get(name, 0) == 0)
+        if name in seen.apart_m:
+            yield "From the others", _apart(seen.apart_m[name])
+    if previewed is not None:
+        yield "Pixels in preview", _count(previewed, warn=previewed == 0)
+    age_s = now_s - frame.time_s
+    yield "Picture", toned(f"{words.duration(float(round(age_s)))} old", True, False) if age_s > _LATE_S else "live"
+    text, stale = calibrated(frame.camera, simulated=simulated, today=today)
+    yield "Calibrated", toned(text, stale, False)
+
+
+def calibrated(camera: CameraModel, *, simulated: bool, today: date) -> tuple[str, bool]:
+    """When, in words, and whether that wants to be done again."""
+    if simulated:
+        return "simulated, exact", False
+    if not camera.calibrated_at:
+        return "never dated", True
+    try:
+        days = (today - datetime.fromisoformat(camera.calibrated_at).date()).days
+    except ValueError:
+        return f"on {camera.calibrated_at!r}, which is no day", True
+    if days < 0:
+        return f"on {camera.calibrated_at}, which is to come", True
+    said = "today" if days == 0 else "yesterday" if days == 1 else f"{days} days ago"
+    return (f"{said}: stale, calibrate again", True) if days > _STALE_DAYS else (said, False)
+
+
+def clouds(counts: Mapping[str, int]) -> str:
+    """How many points are drawn of what."""
+    listed = ", ".join(f"{escape(name)}: {_thousands(count)} points" for name, count in counts.items())
+    return f'<div class="dp"><small>{listed or "No clouds are drawn."}</small></div>'
+
+
+def _apart(length_m: float) -> str:
+    if not math.isfinite(length_m):
+        return words.NOTHING
+    return toned(f"{_MM * length_m:.1f} mm", length_m > APART_M, False)
+
+
+def _count(count: int, *, warn: bool) -> str:
+    return toned(_thousands(count), warn, False)
+
+
+def _thousands(count: int) -> str:
+    return f"{count:,}".replace(",", "\N{NARROW NO-BREAK SPACE}")

@@ -1,0 +1,55 @@
+"""The colours in use: replaced on request, refused in words, and said with what they show."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from app.core.colours import ColourRange
+from app.core.errors import ParameterError
+from app.core.messages import fresh_id
+from app.core.requests import ColourRequest
+from app.core.seeing import Seen
+from app.flow.seeing import Seeing, seen
+from app.perception.reconstruct import Reconstruction, looked
+from app.recording.codec import decode, encode
+from tests.perception.scene import ROPE_RGB, random_tube, views
+
+HOW = Reconstruction(colour=ColourRange.around(ROPE_RGB), particle_count=300)
+REQUEST = ColourRequest(
+    id=fresh_id("colours"),
+    time_s=1.0,
+    operator="client 3",
+    hue_deg=(350.0, 30.0),
+    saturation=(0.4, 1.0),
+    value=(0.2, 0.9),
+)
+
+
+def test_other_colours_are_looked_for_from_then_on():
+    seeing = Seeing(HOW)
+    said = seeing.recolour(REQUEST)
+    assert "client 3" in said
+    assert "hue 350 to 30 degrees" in said
+    assert (seeing.how.colour.hue_deg, seeing.how.colour.value) == ((350.0, 30.0), (0.2, 0.9))
+    assert replace(seeing.how, colour=HOW.colour) == HOW
+
+
+@pytest.mark.parametrize("wrong", [{"hue_deg": (0.0, 400.0)}, {"saturation": (0.9, 0.2)}, {"value": (0.0, np.nan)}])
+def test_colours_that_are_none_are_refused_and_nothing_changes(wrong):
+    seeing = Seeing(HOW)
+    with pytest.raises(ParameterError, match="outside its range"):
+        seeing.recolour(replace(REQUEST, **wrong))
+    assert seeing.how == HOW
+
+
+def test_what_was_seen_is_said_and_survives_a_recording():
+    frames = views(random_tube(0))
+    said = seen(frames, looked(frames, HOW), HOW, now_s=5.0)
+    assert said.cause == tuple(frame.id for frame in frames)
+    assert set(said.masks) == set(said.pixels) == set(said.points) == {"left", "right"}
+    assert said.hue_deg == HOW.colour.hue_deg
+    assert 0 < said.apart_m["left"] < 0.003
+    read = decode(encode(said, Seen), Seen)
+    np.testing.assert_array_equal(read.masks["left"], said.masks["left"])
+    assert read.apart_m == said.apart_m

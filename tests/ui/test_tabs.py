@@ -1,0 +1,89 @@
+"""What the tabs about model and cell put into their widgets, at a viser server and without a browser."""
+
+from collections.abc import Iterator
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from viser import ViserServer
+
+from app.config import Workspace
+from app.core.requests import Request
+from app.ui.backstage import Backstage
+from app.ui.cell import Cell
+from app.ui.desk import Desk
+from app.ui.modelling import Versions, label
+from app.ui.scene import Scene
+from tests.ui import synthetic
+from tests.ui.test_board import board_after
+from tests.ui.test_models import version
+
+LEFT = synthetic.frame(synthetic.camera("left", -1.0), synthetic.rope(0.5))
+
+
+@pytest.fixture
+def server() -> Iterator[ViserServer]:
+    backstage = Backstage(label="test", passphrase="x")
+    yield backstage.server
+    backstage.close()
+
+
+def desk() -> Desk:
+    posted: list[Request] = []
+    return Desk(stop=lambda: None, post=posted.append)
+
+
+def test_the_newest_version_is_chosen_until_somebody_chooses_another(server: ViserServer, tmp_path: Path):
+    one, two, three = (version(number, 2e4) for number in (1, 2, 3))
+    versions = Versions(server.gui, desk(), tmp_path)
+    versions.paint(board_after(one))
+    versions.paint(board_after(one, two))
+    assert versions._chosen.value == label(two)
+    assert versions._use.disabled
+    versions._chosen.value = label(one)
+    versions.paint(board_after(one, two, three))
+    assert versions._chosen.value == label(one)
+    assert not versions._use.disabled
+
+
+def test_a_choice_that_is_not_offered_chooses_nothing(server: ViserServer, tmp_path: Path):
+    versions = Versions(server.gui, desk(), tmp_path)
+    versions.paint(board_after(version(1, 2e4)))
+    versions._chosen.value = versions._other.value = "version 99"
+    versions.paint(board_after(version(1, 2e4)))
+    assert versions._use.disabled
+    assert versions._difference._handle.content == ""
+
+
+def test_the_picture_is_tinted_previewed_and_plain_as_the_switches_say(server: ViserServer):
+    cell = Cell(server, desk(), Scene(server, Workspace()))
+    board = board_after(LEFT, synthetic.seen(LEFT))
+    cell.paint(board, LEFT.time_s)
+    view = cell._views["left"]
+    tinted = view._image.image
+    cell._masked.value = False
+    cell.paint(board, LEFT.time_s)
+    plain = view._image.image
+    np.testing.assert_array_equal(plain, LEFT.color[::2, ::2])
+    assert 100 < (tinted != plain).any(axis=2).sum() < 5000
+    assert "preview" not in view._text._handle.content
+
+    cell._tuning._hue.value = (180.0, 200.0)
+    cell._tuning._red.value = False
+    cell.paint(board, LEFT.time_s)
+    assert "Pixels in preview</td><td><span" in view._text._handle.content
+
+
+def test_one_camera_is_shown_with_all_its_pixels(server: ViserServer):
+    cell = Cell(server, desk(), Scene(server, Workspace()))
+    board = board_after(LEFT, synthetic.seen(LEFT))
+    cell.paint(board, LEFT.time_s)
+    assert not cell._large._panel.visible
+    cell._larger.value = "left"
+    cell.paint(board, LEFT.time_s)
+    assert cell._large._panel.visible
+    assert cell._large._image.image.shape == LEFT.color.shape
+    other = replace(LEFT, color=np.zeros_like(LEFT.color))
+    cell.paint(board.after(other).after(synthetic.seen(other)), LEFT.time_s)
+    assert not cell._large._image.image.any()

@@ -1,0 +1,54 @@
+"""The colour sliders: what they follow, what they preview, and what a browser may not make of them."""
+
+from collections.abc import Iterator
+
+import pytest
+from viser import ViserServer
+
+from app.core.colours import ColourRange
+from app.core.requests import Request
+from app.ui.backstage import Backstage
+from app.ui.desk import Desk
+from app.ui.tuning import Tuning
+from tests.ui import synthetic
+from tests.ui.test_board import board_after
+
+LEFT = synthetic.frame(synthetic.camera("left", -1.0), synthetic.rope(0.5))
+RED = ColourRange(hue_low_deg=340.0, hue_high_deg=20.0, saturation_low=0.4, value_low=0.2)
+
+
+@pytest.fixture
+def server() -> Iterator[ViserServer]:
+    backstage = Backstage(label="test", passphrase="x")
+    yield backstage.server
+    backstage.close()
+
+
+@pytest.fixture
+def tuning(server: ViserServer) -> Tuning:
+    posted: list[Request] = []
+    return Tuning(server.gui, Desk(stop=lambda: None, post=posted.append))
+
+
+def test_the_sliders_follow_what_is_in_use_also_through_red(tuning: Tuning):
+    assert tuning.paint(board_after()) is None
+    assert tuning.paint(board_after(synthetic.seen(LEFT, colour=RED))) is None
+    assert tuning.wanted == RED
+
+
+def test_what_is_moved_is_previewed_until_it_is_in_use(tuning: Tuning):
+    board = board_after(synthetic.seen(LEFT, colour=RED))
+    tuning.paint(board)
+    tuning._hue.value = (30.0, 340.0)
+    wanted = tuning.paint(board)
+    assert wanted == ColourRange(hue_low_deg=340.0, hue_high_deg=30.0, saturation_low=0.4, value_low=0.2)
+    assert tuning.paint(board.after(synthetic.seen(LEFT, colour=wanted))) is None
+
+
+@pytest.mark.parametrize("said", [(), (1.0,), (0.1, 0.2, 0.3), (-5.0, 0.5), (0.5, 700.0)])
+def test_what_is_no_range_is_neither_previewed_nor_asked_for(tuning: Tuning, said: tuple[float, ...]):
+    board = board_after(synthetic.seen(LEFT, colour=RED))
+    tuning.paint(board)
+    tuning._saturation.value = said
+    assert tuning.wanted is None
+    assert tuning.paint(board) is None
