@@ -52,14 +52,17 @@ def refusal(data: bytes, understood: Callable[[bytes], bool]) -> str | None:
 def _drags(fields: dict[Any, Any]) -> bool:
     """Whether it is of something that can be dragged, and to a place where there is a place in it."""
     places = (("position", 3), ("wxyz", 4))
-    return fields.get("name") in DRAGGED and all(
-        _vector(fields[key], length) for key, length in places if key in fields
+    name = fields.get("name")
+    return (
+        isinstance(name, str)
+        and name in DRAGGED
+        and all(_vector(fields[key], length) for key, length in places if key in fields)
     )
 
 
 def _vector(said: Any, length: int) -> bool:
     numbers = cast(list[Any], said) if isinstance(said, list) else []
-    return len(numbers) == length and all(isinstance(number, int | float) for number in numbers)
+    return len(numbers) == length and all(type(number) in (int, float) for number in numbers)
 
 
 def _sound(message: Any) -> bool:

@@ -98,6 +98,7 @@ class HandLine:
             return
         former, self._open[operator] = self._open.get(operator), websocket
         if former is not None:
+            self._hand.let_go(operator)
             await former.close()
         try:
             await self._hear(key, operator, websocket)

@@ -27,11 +27,22 @@ CAMERA = {
 }
 
 
+DRAG = {
+    "type": "TransformControlsUpdateMessage",
+    "name": "/aim",
+    "wxyz": [1.0, 0.0, 0.0, 0.0],
+    "position": [0.5, 0.0, 0.1],
+    "owner": "",
+}
+GRAB = {"type": "TransformControlsDragStartMessage", "name": "/aim", "owner": ""}
+LEAVE = {"type": "TransformControlsDragEndMessage", "name": "/aim"}
+
+
 def heard(said: object) -> str | None:
     return refusal(msgspec.msgpack.encode(said), understood)
 
 
-@pytest.mark.parametrize("said", [CLICK, CAMERA], ids=["click", "camera"])
+@pytest.mark.parametrize("said", [CLICK, CAMERA, DRAG, GRAB, LEAVE], ids=["click", "camera", "drag", "grab", "leave"])
 def test_what_the_page_says_is_passed_on(said: dict[str, object]) -> None:
     assert heard(said) is None
 
@@ -48,6 +59,20 @@ def test_all_that_may_be_said_is_known_to_viser(kind: str) -> None:
 )
 def test_what_only_a_server_says_or_nobody_is_refused(kind: object) -> None:
     assert heard({"type": kind}) == "no page says such a thing"
+
+
+@pytest.mark.parametrize("drag", [DRAG, GRAB, LEAVE], ids=["drag", "grab", "leave"])
+@pytest.mark.parametrize("name", ["/base", "/aim/x", "", "/observed", 7, None, ["/aim"]])
+def test_nothing_is_dragged_but_what_can_be(drag: dict[str, object], name: object) -> None:
+    assert heard(drag | {"name": name}) == "it drags what cannot be dragged"
+
+
+@pytest.mark.parametrize(
+    "place", [[], [0.0], [0.0] * 4, ["a", 0.0, 0.0], 7, None, {"x": 0.0}, [[0.0], 0.0, 0.0], [True] * 3]
+)
+def test_what_is_dragged_is_dragged_to_a_place(place: object) -> None:
+    assert heard(DRAG | {"position": place}) == "it drags what cannot be dragged"
+    assert "not finite" in str(heard(DRAG | {"position": [0.5, math.nan, 0.0]}))
 
 
 @pytest.mark.parametrize("number", [math.nan, math.inf, -math.inf])
