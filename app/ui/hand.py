@@ -73,6 +73,7 @@ class HandLine:
             self._names = {key: name for key, name in self._names.items() if name != operator}
         websocket = self._open.get(operator)
         if websocket is not None and self._loop is not None:
+            self._hand.let_go(operator)
             asyncio.run_coroutine_threadsafe(websocket.close(), self._loop)
 
     async def serve(self, request: web.Request) -> web.StreamResponse:
