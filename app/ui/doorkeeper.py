@@ -67,7 +67,7 @@ def _drags(fields: dict[Any, Any]) -> bool:
 
 def _vector(said: Any, length: int) -> bool:
     numbers = cast(list[Any], said) if isinstance(said, list) else []
-    return len(numbers) == length and all(isinstance(n, int | float) and abs(n) <= _FARTHEST for n in numbers)
+    return len(numbers) == length and all(type(n) in (int, float) and abs(n) <= _FARTHEST for n in numbers)
 
 
 def _sound(message: Any) -> bool:

@@ -23,6 +23,8 @@ _STEADY_HZ, _BURST = 60.0, 120.0
 _MOST_LINES: Final = 16
 _INTRODUCTION_S: Final = 5.0
 _HEARTBEAT_S: Final = 20.0
+_CLOSING_S: Final = 1.0
+"""How long a browser that is hung up on is waited for: a new line of it waits as well."""
 _REFUSED: Final = 1008
 """WebSocket: policy violation."""
 
@@ -71,6 +73,7 @@ class HandLine:
             self._names = {key: name for key, name in self._names.items() if name != operator}
         websocket = self._open.get(operator)
         if websocket is not None and self._loop is not None:
+            self._hand.let_go(operator)
             asyncio.run_coroutine_threadsafe(websocket.close(), self._loop)
 
     async def serve(self, request: web.Request) -> web.StreamResponse:
@@ -81,7 +84,9 @@ class HandLine:
         self._loop = asyncio.get_running_loop()
         self._count += 1
         try:
-            websocket = web.WebSocketResponse(max_msg_size=_MOST_BYTES, heartbeat=_HEARTBEAT_S, compress=False)
+            websocket = web.WebSocketResponse(
+                max_msg_size=_MOST_BYTES, heartbeat=_HEARTBEAT_S, timeout=_CLOSING_S, compress=False
+            )
             await websocket.prepare(request)
             await self._talk(websocket)
             with anyio.CancelScope(shield=True), anyio.move_on_after(1.0):
@@ -98,6 +103,7 @@ class HandLine:
             return
         former, self._open[operator] = self._open.get(operator), websocket
         if former is not None:
+            self._hand.let_go(operator)
             await former.close()
         try:
             await self._hear(key, operator, websocket)

@@ -91,22 +91,33 @@ async def test_an_error_while_the_rig_is_open_ends_all_its_processes() -> None:
 
 
 _OPEN_AND_WAIT = """
+import sys
 import anyio
+import numpy as np
+from app.core.jog import Jog
 from tests.rig.test_processes import opened, process_ids
 
-async def main():
-    async with opened():
+async def main(jogging):
+    async with opened() as rig, anyio.create_task_group() as tasks:
+        if jogging:
+            tasks.start_soon(rig.arm.jogged)
+            while (await rig.arm.state()).mode != "moving":
+                rig.arm.jog(Jog(linear=np.array([0.0, 0.1, 0.0])))
+                await anyio.sleep(0.03)
         print(*process_ids().values(), flush=True)
-        await anyio.sleep(600)
+        while True:
+            rig.arm.jog(Jog(linear=np.array([0.0, 0.1, 0.0])))
+            await anyio.sleep(0.03)
 
 if __name__ == "__main__":
-    anyio.run(main)
+    anyio.run(main, sys.argv[1] == "jogging")
 """
 
 
-def test_no_process_outlives_an_application_that_is_killed() -> None:
+@pytest.mark.parametrize("doing", ["waiting", "jogging"])
+def test_no_process_outlives_an_application_that_is_killed(doing: str) -> None:
     with subprocess.Popen(
-        [sys.executable, "-c", _OPEN_AND_WAIT], cwd=ROOT, stdout=subprocess.PIPE, text=True
+        [sys.executable, "-c", _OPEN_AND_WAIT, doing], cwd=ROOT, stdout=subprocess.PIPE, text=True
     ) as parent:
         assert parent.stdout is not None
         pids = [int(word) for word in parent.stdout.readline().split()]

@@ -110,3 +110,10 @@ def test_a_distance_is_the_drift_that_moves_every_point_by_that_much():
     shift_m = 1e-4
     moved = points + np.array([0.0, 0.0, shift_m])
     assert words.millimetres(float(chamfer_m2(points, moved))) == pytest.approx(shift_m * 1e3, rel=1e-6)
+
+
+def test_the_mode_card_names_the_mode_for_scripts_and_a_page_its_key():
+    assert "teleoperate" not in cards.mode(Board(), 0.0)
+    assert 'data-mode="teleoperate"' in cards.mode(board_after(synthetic.mode("teleoperate")), 0.0)
+    assert 'data-jog-key="abc-_"' in cards.you("client 0", "abc-_")
+    assert "data-jog-key" not in cards.you("client 0")

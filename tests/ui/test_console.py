@@ -22,6 +22,7 @@ from app.core.messages import Decision, StopRequest
 from app.ui import Console, open_console
 from app.ui.access import Access
 from app.ui.backstage import PROXY_HEADER, Backstage
+from app.ui.hand import Hand
 from app.ui.page import Page
 from app.ui.proxy import Proxy, listen
 from tests.ui import synthetic
@@ -50,10 +51,12 @@ class Opened:
 
 
 @asynccontextmanager
-async def opened(*, simulated: bool = True) -> AsyncIterator[Opened]:
+async def opened(*, simulated: bool = True, hand: Hand | None = None) -> AsyncIterator[Opened]:
     stopped = threading.Event()
     async with (
-        open_console(host="127.0.0.1", port=0, title="dipac <test>", simulated=simulated, stop=stopped.set) as console,
+        open_console(
+            host="127.0.0.1", port=0, title="dipac <test>", simulated=simulated, stop=stopped.set, hand=hand
+        ) as console,
         # The jar must keep cookies for an address without a name, as browsers do.
         aiohttp.ClientSession(cookie_jar=aiohttp.CookieJar(unsafe=True)) as browser,
     ):

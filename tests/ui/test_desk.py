@@ -7,7 +7,7 @@ from concurrent.futures import ThreadPoolExecutor
 import numpy as np
 
 from app.core.control import Lease
-from app.core.messages import Decision, Notice, ResumeRequest, StopRequest
+from app.core.messages import Decision, Fault, Notice, ResumeRequest, StopRequest, fresh_id
 from app.core.requests import ColourRequest, EditRequest, ModelRequest
 from app.ui.desk import Desk, Request
 from tests.ui import synthetic
@@ -290,3 +290,43 @@ def test_a_model_and_colours_are_asked_for_by_whoever_has_control_and_by_nobody_
     assert isinstance(recoloured, ColourRequest)
     assert recoloured.hue_deg == synthetic.COLOUR.hue_deg
     assert [type(each) for each in refused] == [Notice, Notice]
+
+
+def test_the_tool_is_moved_by_whoever_has_control_in_teleoperation_while_nothing_is_stopped():
+    program = Program()
+    desk = program.desk
+    assert desk.hindrance("me") == "nobody has control: press Take first"
+    desk.take("me")
+    assert desk.hindrance("me") == "switch to teleoperate first"
+    desk.show(synthetic.mode("teleoperate"))
+    assert desk.hindrance("me") is None
+    assert desk.hindrance("you") == "me has control"
+    desk.stop("you")
+    assert desk.hindrance("me") == "a stop is in force: press Resume"
+    desk.resume("me")
+    assert desk.hindrance("me") is None
+    desk.show(synthetic.arm("fault"))
+    assert desk.hindrance("me") == "a stop is in force: press Resume"
+    desk.show(synthetic.arm("moving"))
+    desk.show(synthetic.mode("approve each"))
+    assert desk.hindrance("me") == "switch to teleoperate first"
+    desk.left("me")
+    assert desk.hindrance("me") == "me has left"
+    desk.show(Fault(id=fresh_id("fault"), time_s=0.0, where="episode", text="over", fatal=True))
+    assert desk.hindrance("you") == "the program has ended"
+
+
+def test_whoever_moves_the_tool_uses_his_control_and_keeps_it():
+    now_s = 0.0
+    posted: list[Request] = []
+    desk = Desk(stop=lambda: None, post=posted.append, now=lambda: now_s)
+    desk.take("me")
+    desk.show(synthetic.mode("teleoperate"))
+    now_s = 50.0
+    assert desk.hindrance("me") is None
+    now_s = 100.0
+    desk.take("you")
+    assert desk.board.holder == "me"
+    now_s = 120.0
+    desk.take("you")
+    assert desk.board.holder == "you"

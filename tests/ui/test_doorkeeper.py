@@ -34,6 +34,10 @@ DRAG = {
 }
 
 
+GRAB = {"type": "TransformControlsDragStartMessage", "name": "/aim", "owner": ""}
+LEAVE = {"type": "TransformControlsDragEndMessage", "name": "/aim"}
+
+
 def heard(said: object) -> str | None:
     return refusal(msgspec.msgpack.encode(said), understood)
 
@@ -42,7 +46,17 @@ SLIDER = CLICK | {"updates": {"value": [12, 354]}}
 COLOUR = CLICK | {"updates": {"value": [240, 120, 8]}}
 
 
-@pytest.mark.parametrize("said", [CLICK, CAMERA, DRAG, SLIDER, COLOUR])
+POINTED = {
+    "type": "ScenePointerMessage",
+    "event_type": "click",
+    "ray_origin": [0.5, 0.0, 1.0],
+    "ray_direction": [0.0, 0.0, -1.0],
+    "screen_pos": [[0.5, 0.5]],
+    "modifier": None,
+}
+
+
+@pytest.mark.parametrize("said", [CLICK, CAMERA, DRAG, GRAB, LEAVE, SLIDER, COLOUR, POINTED])
 def test_what_the_page_says_is_passed_on(said: dict[str, object]) -> None:
     assert heard(said) is None
 
@@ -82,6 +96,20 @@ def test_only_the_consoles_handles_are_dragged_and_not_far(changed: dict[str, ob
     kind = {"type": "TransformControlsDragStartMessage"}
     if "name" in changed or "owner" in changed:
         assert "drags" in str(heard(kind | {"name": "/edit/start", "owner": ""} | changed))
+
+
+@pytest.mark.parametrize("drag", [DRAG, GRAB, LEAVE], ids=["drag", "grab", "leave"])
+@pytest.mark.parametrize("name", ["/base", "/aim/x", "", "/observed", 7, None, ["/aim"]])
+def test_nothing_is_dragged_but_what_can_be(drag: dict[str, object], name: object) -> None:
+    assert heard(drag | {"name": name}) == "a browser drags the console's handles over the table and nothing else"
+
+
+@pytest.mark.parametrize(
+    "place", [[], [0.0], [0.0] * 4, ["a", 0.0, 0.0], 7, None, {"x": 0.0}, [[0.0], 0.0, 0.0], [True] * 3]
+)
+def test_what_is_dragged_is_dragged_to_a_place(place: object) -> None:
+    assert heard(DRAG | {"position": place}) == "a browser drags the console's handles over the table and nothing else"
+    assert "not finite" in str(heard(DRAG | {"position": [0.5, math.nan, 0.0]}))
 
 
 @pytest.mark.parametrize("number", [math.nan, math.inf, -math.inf])

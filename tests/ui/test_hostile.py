@@ -1,23 +1,37 @@
 """A thousand hostile requests and messages: none is accepted, none crashes anything, nothing is asked of the arm."""
 
 import asyncio
+import json
 import math
+import re
+import time
 from collections import Counter
-from collections.abc import Awaitable, Callable, Iterator
+from collections.abc import AsyncIterator, Awaitable, Callable, Iterator
+from contextlib import AbstractAsyncContextManager, AsyncExitStack, asynccontextmanager
+from typing import final
 
 import aiohttp
 import anyio
 import msgspec
 import numpy as np
 import pytest
+import zstandard
 from yarl import URL
 
-from app.core.messages import Notice
+from app.config import Limits
+from app.core.control import Lease
+from app.core.jog import Jog
+from app.core.messages import Notice, fresh_id
+from app.core.motion import pointing_down
+from app.teleop import Pilot
 from tests.ui import synthetic
 from tests.ui.test_console import EVIL, PROTOCOL, Opened, opened
+from tests.ui.test_doorkeeper import CAMERA
 
 pytestmark = pytest.mark.anyio
 
+ZSTD = b"\x28\xb5\x2f\xfd"
+"""What a compressed frame begins with, as in viser's messages."""
 HUGE = 5 * 2**20
 BEGINNINGS = (b"", b"GET / HTTP/1.1\r\n", b"POST /stop HTTP/1.1\r\nContent-Length: 99999999999\r\n\r\n")
 
@@ -190,3 +204,201 @@ async def nothing_came_of_it(it: Opened) -> None:
     while (request := it.console._requests.get_nowait()) is not None:
         assert isinstance(request, Notice)
         assert request.where == "door"
+
+
+@final
+class Arm:
+    """The hand of the console, through to an arm that notes what it is told."""
+
+    def __init__(self) -> None:
+        self.jogs: list[Jog] = []
+        self.hand = Pilot(jog=self._jog, tool=lambda: pointing_down(np.array([0.5, 0.0, 0.2])), limits=Limits())
+
+    def _jog(self, jog: Jog) -> bool:
+        self.jogs.append(jog)
+        return True
+
+
+def sample(sequence: int = 0, **more: object) -> dict[str, object]:
+    return {"axes": {"x": 1}, "held": True, "pressed": sequence + 1, "sequence": sequence, "speed": 1} | more
+
+
+def poor_samples(rng: np.random.Generator) -> Iterator[bytes | str]:
+    """What no page says on the line of a hand."""
+    for number in ("NaN", "Infinity", "1e400", "-1e308", "2", '"1"', "null", "[1]", "{}", "true"):
+        for field in ("x", "speed", "pressed", "sequence", "held"):
+            if number == "2" and field in ("pressed", "sequence"):
+                continue
+            good = sample(axes={"x": "?"}) if field == "x" else sample() | {field: "?"}
+            yield json.dumps(good).replace('"?"', "0.5" if (number, field) == ("true", "held") else number)
+    yield from ("", "{}", "[]", "null", "[" * 900, '{"axes":' * 100, "x" * 1000, "\N{GREEK SMALL LETTER MU}" * 400)
+    yield from (json.dumps(sample(frame="camera")), json.dumps(sample(more=1)), json.dumps(sample(axes={"w": 1})))
+    for _ in range(100):
+        yield rng.bytes(int(rng.integers(1, 900))).decode("latin-1")
+    yield from (b"", b"bytes", json.dumps(sample()).encode(), json.dumps(sample()) + " " * 2000, "y" * HUGE)
+
+
+@asynccontextmanager
+async def commanded(arm: Arm) -> AsyncIterator[tuple[Opened, str]]:
+    """A console in teleoperation; with the key of a page that has control."""
+    async with opened(hand=arm.hand) as it:
+        it.console.show(synthetic.mode("teleoperate"))
+        async with page(it) as (key, _):
+            it.console.show(lease("client 0"))
+            yield it, key
+
+
+@asynccontextmanager
+async def page(it: Opened) -> AsyncIterator[tuple[str, aiohttp.ClientWebSocketResponse]]:
+    """The key that the console tells a page in the viser message that holds its name, and the page's websocket."""
+    async with it.browser.ws_connect(
+        it.origin, protocols=[PROTOCOL], headers={"Origin": it.origin}, max_msg_size=0
+    ) as websocket:
+        # A page has come once it has said where its camera is.
+        await websocket.send_bytes(msgspec.msgpack.encode(CAMERA))
+        with anyio.fail_after(20):
+            while True:
+                said = (await websocket.receive_bytes()).partition(ZSTD)
+                text = zstandard.ZstdDecompressor().decompressobj().decompress(said[1] + said[2]) if said[1] else b""
+                if found := re.search(rb'data-jog-key="([^"]+)"', text):
+                    yield found[1].decode(), websocket
+                    return
+
+
+def lease(holder: str) -> Lease:
+    return Lease(id=fresh_id("lease"), time_s=time.monotonic(), holder=holder, why="in a test")
+
+
+def line(it: Opened, **headers: str) -> AbstractAsyncContextManager[aiohttp.ClientWebSocketResponse]:
+    return it.browser.ws_connect(f"{it.origin}/jog", headers={"Origin": it.origin} | headers)
+
+
+async def test_the_hand_of_whoever_has_control_reaches_the_arm() -> None:
+    arm = Arm()
+    async with commanded(arm) as (it, key), line(it) as hand:
+        await hand.send_str(key)
+        await hand.send_json(sample())
+        assert await hand.receive_str(timeout=5) == "moving"
+        assert len(arm.jogs) == 1
+        it.console.show(lease("client 9"))
+        await hand.send_json(sample(1))
+        assert await hand.receive_str(timeout=5) == "client 9 has control"
+        assert not arm.jogs[-1].linear.any()
+
+
+async def test_strangers_have_no_hand_on_the_arm() -> None:
+    arm = Arm()
+    async with commanded(arm) as (it, key), aiohttp.ClientSession() as stranger:
+        with pytest.raises(aiohttp.WSServerHandshakeError) as refused:
+            await stranger.ws_connect(f"{it.origin}/jog", headers={"Origin": it.origin})
+        assert refused.value.status == 403
+        for headers in ({"Origin": EVIL}, {"Origin": "null"}, {"Host": "evil.example"}):
+            with pytest.raises(aiohttp.WSServerHandshakeError) as refused:
+                await it.browser.ws_connect(f"{it.origin}/jog", headers={"Origin": it.origin} | headers)
+            assert refused.value.status == 403
+        for wrong in ("", "client 0", key[:-1], key + "x", key.swapcase(), "x" * 1000, json.dumps(sample())):
+            async with line(it) as hand:
+                await hand.send_str(wrong)
+                await hand.send_json(sample())
+                assert await ends(hand)
+        async with line(it) as hand:
+            await hand.send_bytes(key.encode())
+            await hand.send_json(sample())
+            assert await ends(hand)
+        assert arm.jogs == []
+        assert await http_status(it.browser, "POST", f"{it.origin}/stop", headers={"Origin": it.origin}) == 200
+
+
+async def test_nothing_that_is_no_sample_reaches_the_arm() -> None:
+    arm = Arm()
+    async with commanded(arm) as (it, key):
+        for poor in poor_samples(np.random.default_rng(4)):
+            async with line(it) as hand:
+                await hand.send_str(key)
+                try:
+                    await (hand.send_str(poor) if isinstance(poor, str) else hand.send_bytes(poor))
+                    answer = await hand.receive(timeout=5)
+                except ConnectionError:  # A message beyond the limit is not even heard to its end.
+                    continue
+                if answer.type is aiohttp.WSMsgType.TEXT:
+                    assert "makes no sense" in answer.data
+        assert arm.jogs == []
+
+
+async def test_a_flood_of_samples_is_thinned_out_and_lines_beyond_sixteen_are_not_opened() -> None:
+    arm = Arm()
+    async with commanded(arm) as (it, key):
+        async with line(it) as hand:
+            await hand.send_str(key)
+            for sequence in range(1000):
+                await hand.send_json(sample(sequence, pressed=1))
+            await anyio.sleep(0.3)
+            assert 50 < len(arm.jogs) < 400
+        held = [await it.browser.ws_connect(f"{it.origin}/jog", headers={"Origin": it.origin}) for _ in range(16)]
+        with pytest.raises(aiohttp.WSServerHandshakeError) as refused:
+            await it.browser.ws_connect(f"{it.origin}/jog", headers={"Origin": it.origin})
+        assert refused.value.status == 503
+        for one in held:
+            await one.close()
+
+
+async def test_a_page_has_one_line_and_it_ends_with_the_page() -> None:
+    arm = Arm()
+    async with opened(hand=arm.hand) as it:
+        it.console.show(synthetic.mode("teleoperate"))
+        async with AsyncExitStack() as lines:
+            async with page(it) as (key, _):
+                it.console.show(lease("client 0"))
+                first, second = [await lines.enter_async_context(line(it)) for _ in range(2)]
+                await first.send_str(key)
+                await first.send_json(sample())
+                assert await first.receive_str(timeout=5) == "moving"
+                await second.send_str(key)
+                assert await ends(first)
+                assert not arm.jogs[-1].linear.any()
+                # The same press on a new line is none.
+                await second.send_json(sample(5, pressed=1))
+                assert "press again" in await second.receive_str(timeout=5)
+                await second.send_json(sample(6, pressed=2))
+                assert await second.receive_str(timeout=5) == "moving"
+            assert await ends(second)
+            assert not arm.jogs[-1].linear.any()
+            jogs = len(arm.jogs)
+            late = await lines.enter_async_context(line(it))
+            await late.send_str(key)
+            await late.send_json(sample(9))
+            assert await ends(late)
+            assert len(arm.jogs) == jogs
+
+
+async def test_the_handle_is_dragged_by_whoever_has_control_alone_and_no_further_than_the_workspace() -> None:
+    arm = Arm()
+    drag = {"type": "TransformControlsUpdateMessage", "name": "/aim", "wxyz": [1.0, 0.0, 0.0, 0.0], "owner": ""}
+    async with opened(hand=arm.hand) as it:
+        it.console.show(synthetic.arm())
+        it.console.show(synthetic.mode("teleoperate"))
+        async with page(it) as (key, holder), page(it) as (_, watcher), line(it) as hand:
+            it.console.show(lease("client 0"))
+            await hand.send_str(key)
+
+            async def goes(sequence: int) -> np.ndarray:
+                """The way that the arm is told to go when there is held "Go there"."""
+                await hand.send_json(sample(sequence, towards=True))
+                await hand.receive_str(timeout=5)
+                return arm.jogs[-1].linear
+
+            # At first it is where the tool was: below and beside where this arm has it.
+            await anyio.sleep(0.5)
+            assert (await goes(0))[1] < 0
+            await watcher.send_bytes(msgspec.msgpack.encode(drag | {"position": [0.5, 0.3, 0.2]}))
+            await anyio.sleep(0.5)
+            assert (await goes(1))[1] < 0
+            await holder.send_bytes(msgspec.msgpack.encode(drag | {"position": [0.5, 9.0, 0.2]}))
+            await anyio.sleep(0.5)
+            assert await goes(2) == pytest.approx([0.0, Limits().speed_m_s, 0.0])
+
+
+async def test_a_console_without_a_hand_has_no_line_for_one() -> None:
+    async with opened() as it:
+        with pytest.raises(aiohttp.WSServerHandshakeError):
+            await it.browser.ws_connect(f"{it.origin}/jog", headers={"Origin": it.origin})
