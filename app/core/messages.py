@@ -167,8 +167,8 @@ class Branch:
     `actions (D, A)`: D steps deep, in the task's action space; `tool_path (W, 3)`: the first action's path;
     `predicted (N, 3)`: the particles after the first action; `final (N, 3)`: at the end of the branch.
     An `asked` one is a push that somebody wanted, and costs nothing: its costs are NaN.
-    A branch that became non-finite is kept for the record with `finite=False` and is never chosen. `frames (F, N, 3)`:
-    the particles at F moments of the branch, evenly spread from now to its end; none in recordings of before.
+    A branch that became non-finite is kept for the record with `finite=False` and is never chosen. `frames (F, M, 3)`:
+    the M = N particles at F moments of the branch, evenly spread from now to its end; none in recordings of before.
     """
 
     origin: Origin
@@ -180,7 +180,7 @@ class Branch:
     cost_after: float
     terms: Mapping[str, float]
     finite: bool
-    frames: Float32[np.ndarray, "F N 3"] = field(default_factory=lambda: np.zeros((0, 0, 3), np.float32))
+    frames: Float32[np.ndarray, "F M 3"] = field(default_factory=lambda: np.zeros((0, 0, 3), np.float32))
 
 
 @final
