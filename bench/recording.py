@@ -17,7 +17,8 @@ from mcap.reader import make_reader
 from rich.console import Console
 from rich.table import Table
 
-from app.core.messages import CameraModel, Episode, Executed, Frame, Goal, Message, Notice, Particles, fresh_id
+from app.core.camera import CameraModel
+from app.core.messages import Episode, Executed, Frame, Goal, Message, Notice, Particles, fresh_id
 from app.recording.clip import Cut, write_clip
 from app.recording.codec import encode
 from app.recording.file import EpisodeFile

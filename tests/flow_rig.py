@@ -15,9 +15,10 @@ import numpy as np
 
 from app.config import Site
 from app.core.approval import Approved
+from app.core.camera import CameraModel
 from app.core.errors import ApprovalRefused, DeviceError, MotionRefused
 from app.core.jog import Jog
-from app.core.messages import ArmState, CameraModel, Executed, Frame, MessageId, fresh_id
+from app.core.messages import ArmState, Executed, Frame, MessageId, fresh_id
 from app.core.motion import pointing_down
 from app.core.types import ColourImage, DepthImage, Poses, ToolPose
 from app.rig.simulated.arm_control import ArmControl

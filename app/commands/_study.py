@@ -16,6 +16,7 @@ from app.discovery.study import Push, Study, View
 from app.discovery.subject import Subject
 from app.perception.recount import recounted
 from app.recording.reader import read_cameras, read_messages
+from app.recording.shelf import counted_once
 from app.tasks import load
 from app.tasks.base import Task
 from app.tasks.doubted import subject_of
@@ -32,11 +33,14 @@ def read_study(paths: Sequence[Path], *, task: str | None = None) -> Study:
     recording that has images. Where a recording has images and does not say what they show of tool and table, as those
     of `dipac run`, both are looked for in them, which takes a few seconds a minute of recording.
 
+    A demonstration or a clip is left out where its session is among them.
+
     Raises UsageError where recordings are of different tasks, of another than `task`, or there are none;
     RecordingError where they hold no push or a cloud of too few points, and as `read_messages`.
     """
     if not paths:
         raise UsageError("Name at least one recording: dipac discover recordings/FILE.mcap")
+    paths = counted_once(paths)
     episodes = [episode for path in paths for episode in _episodes(path)]
     name = _task_of(episodes, task)
     known = load(name)

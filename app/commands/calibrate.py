@@ -15,6 +15,7 @@ from app.evaluation.progress import draw_trials
 from app.evaluation.scores import MM2
 from app.recording.model_file import load_model, save_model
 from app.recording.reader import read_episode, read_transitions
+from app.recording.shelf import counted_once
 from app.tasks import load
 from app.tasks.base import Task
 from app.tasks.jobs import calibration, check_model, nominal_model
@@ -71,7 +72,7 @@ def _task_of(recordings: tuple[Path, ...]) -> str:
 
 
 def _transitions_of(recordings: tuple[Path, ...]) -> list[Transition]:
-    transitions = [transition for path in recordings for transition in read_transitions(path)]
+    transitions = [transition for path in counted_once(recordings) for transition in read_transitions(path)]
     if not transitions:
         raise RecordingError("The recordings hold no finished push to learn from; record at least one.")
     return transitions

@@ -12,6 +12,7 @@ from typing import Literal, NewType, Self, TypeAlias, final
 import numpy as np
 from jaxtyping import Float32, Float64
 
+from app.core.camera import CameraModel
 from app.core.motion import Motion
 from app.core.types import (
     Cloud,
@@ -40,24 +41,6 @@ class Message:
     id: MessageId
     cause: tuple[MessageId, ...] = ()
     time_s: float
-
-
-@final
-@dataclass(frozen=True, kw_only=True, eq=False)
-class CameraModel:
-    """A calibrated RGB-D camera whose depth is aligned to its colour image.
-
-    The optical frame follows OpenCV: x right, y down, z forward. `calibrated_at`: the day, as 2026-11-23; empty where
-    nobody noted it.
-    """
-
-    name: str
-    width: int
-    height: int
-    K: Intrinsics
-    T_world_camera: Transform
-    depth_unit_m: float
-    calibrated_at: str = ""
 
 
 @final
@@ -169,9 +152,14 @@ class Branch:
     `actions (D, A)`: D steps deep, in the task's action space; `tool_path (W, 3)`: the first action's path;
     `predicted (N, 3)`: the particles after the first action; `final (N, 3)`: at the end of the branch.
     An `asked` one is a push that somebody wanted, and costs nothing: its costs are NaN.
+<<<<<<< HEAD
     A branch that became non-finite is kept for the record with `finite=False` and is never chosen. `frames (F, K, 3)`:
     the particles at F moments of the branch, evenly spread from now to its end, of many every second, third, ... alone;
     `tools (F, 3)`: where the tool is at them. None of either in recordings of before.
+=======
+    A branch that became non-finite is kept for the record with `finite=False` and is never chosen. `frames (F, M, 3)`:
+    the M = N particles at F moments of the branch, evenly spread from now to its end; none in recordings of before.
+>>>>>>> archive
     """
 
     origin: Origin
@@ -183,8 +171,12 @@ class Branch:
     cost_after: float
     terms: Mapping[str, float]
     finite: bool
+<<<<<<< HEAD
     frames: Float32[np.ndarray, "F K 3"] = field(default_factory=lambda: np.zeros((0, 0, 3), np.float32))
     tools: Float32[np.ndarray, "F 3"] = field(default_factory=lambda: np.zeros((0, 3), np.float32))
+=======
+    frames: Float32[np.ndarray, "F M 3"] = field(default_factory=lambda: np.zeros((0, 0, 3), np.float32))
+>>>>>>> archive
 
 
 @final

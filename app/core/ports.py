@@ -5,8 +5,9 @@ from pathlib import Path
 from typing import Literal, Protocol
 
 from app.core.approval import Approved
+from app.core.camera import CameraModel
 from app.core.jog import Jog
-from app.core.messages import ArmState, CameraModel, Executed, Frame, Message
+from app.core.messages import ArmState, Executed, Frame, Message
 from app.core.requests import Request
 from app.core.types import ToolPose
 

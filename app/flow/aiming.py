@@ -8,8 +8,9 @@ import numpy as np
 
 from app.config import Site
 from app.core.announcer import Announcer
+from app.core.camera import CameraModel
 from app.core.errors import DipacError, UsageError
-from app.core.messages import CameraModel, Frame, Goal, Model, fresh_id
+from app.core.messages import Frame, Goal, Model, fresh_id
 from app.core.ports import Clock
 from app.core.requests import GoalRequest, GoalSource, PictureGoalRequest
 from app.core.types import Cloud

@@ -8,7 +8,7 @@ import numpy as np
 from jaxtyping import Bool, Float32
 from scipy.spatial import KDTree
 
-from app.core.messages import CameraModel
+from app.core.camera import CameraModel
 from app.core.types import Cloud, DepthImage
 from app.perception.depth import nearest, project
 

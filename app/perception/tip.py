@@ -14,8 +14,9 @@ from jaxtyping import Bool, Float64
 from scipy.optimize import least_squares
 from scipy.special import expit
 
+from app.core.camera import CameraModel
 from app.core.colours import Mask, colour_mask
-from app.core.messages import CameraModel, Frame
+from app.core.messages import Frame
 from app.core.types import Cloud
 from app.perception.depth import behind_an_edge, deproject, project
 from app.perception.reconstruct import Reconstruction

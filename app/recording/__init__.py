@@ -1,5 +1,6 @@
 """MCAP files: one an episode, crash-safe, in schemas that Foxglove shows as they are.
 
-`writer.open_recording` writes one, `reader.read_messages` gives its messages back, `recover.recover` makes a file whole
-that a crash cut off. The format is described in docs/recording-format.md.
+`writer.open_recording` writes one, `studio.open_studio` demonstrations and clips beside it; `reader.read_messages`
+gives the messages back, `recover.recover` makes a file whole that a crash cut off.
+The format is described in docs/recording-format.md.
 """

@@ -10,8 +10,9 @@ import mcap.records
 import numpy as np
 from mcap.reader import McapReader, make_reader
 
+from app.core.camera import CameraModel
 from app.core.errors import RecordingError
-from app.core.messages import CameraModel, Episode, Frame, Message, Particles, Transition
+from app.core.messages import Episode, Frame, Message, Particles, Transition
 from app.recording.channels import KINDS, SURFACE_TOPIC, TOPICS, color_topic, depth_topic, record_of
 from app.recording.integrity import DAMAGE, damaged, inspect, reading, version_of
 from app.recording.migrate import decode_of

@@ -6,7 +6,8 @@ Images and surface clouds are stored once, in Foxglove's own messages; leave to 
 from dataclasses import dataclass
 from typing import final
 
-from app.core.messages import CameraModel, Message, MessageId
+from app.core.camera import CameraModel
+from app.core.messages import Message, MessageId
 from app.core.motion import Motion
 from app.core.types import Points
 

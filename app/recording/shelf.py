@@ -118,6 +118,14 @@ def shelf(places: Iterable[Path]) -> Sequence[Entry]:
     return sorted((entry(path) for path in paths.values()), key=_age)
 
 
+def counted_once(paths: Sequence[Path]) -> Sequence[Path]:
+    """Those of `paths` that are no part of a session that is among them, too: what is in both shall count once."""
+    sessions = {path.resolve() for path in paths}
+    return [
+        path for path in paths if not (name := entry(path).session) or path.resolve().with_name(name) not in sessions
+    ]
+
+
 def entry(path: Path) -> Entry:
     """What the file is; one that has gone or may not be looked at is unreadable."""
     size_bytes = 0

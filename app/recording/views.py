@@ -24,9 +24,9 @@ from foxglove.messages import (
 )
 from scipy.spatial.transform import Rotation
 
+from app.core.camera import CameraModel
 from app.core.messages import (
     ArmState,
-    CameraModel,
     Decision,
     Executed,
     Fault,

@@ -6,7 +6,8 @@ from datetime import date, datetime
 from html import escape
 from typing import Final
 
-from app.core.messages import CameraModel, Frame
+from app.core.camera import CameraModel
+from app.core.messages import Frame
 from app.core.seeing import Seen
 from app.ui import words
 from app.ui.board import Board

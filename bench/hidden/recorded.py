@@ -10,17 +10,8 @@ from pathlib import Path
 import numpy as np
 
 from app import __version__
-from app.core.messages import (
-    CameraModel,
-    Episode,
-    Executed,
-    Frame,
-    Message,
-    MessageId,
-    Particles,
-    Sighting,
-    Transition,
-)
+from app.core.camera import CameraModel
+from app.core.messages import Episode, Executed, Frame, Message, MessageId, Particles, Sighting, Transition
 from app.core.types import Cloud
 from app.discovery.study import Push, Study, View
 from app.recording.epoch import Epoch

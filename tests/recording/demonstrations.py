@@ -5,19 +5,8 @@ from pathlib import Path
 
 import numpy as np
 
-from app.core.messages import (
-    CameraModel,
-    Episode,
-    Executed,
-    Fault,
-    Frame,
-    Goal,
-    Message,
-    Notice,
-    Outcome,
-    Particles,
-    Transition,
-)
+from app.core.camera import CameraModel
+from app.core.messages import Episode, Executed, Fault, Frame, Goal, Message, Notice, Outcome, Particles, Transition
 from tests.recording.samples import Maker, record
 
 PUSHES, PARTICLES, PERIOD_S = 3, 40, 0.01

@@ -27,7 +27,7 @@ from app.recording.label import labels
 from app.recording.preflight import Room
 from app.recording.reader import read_messages, read_transitions
 from app.recording.recover import recover
-from app.recording.shelf import entry
+from app.recording.shelf import counted_once, entry
 from app.recording.studio import Studio, open_studio
 from tests.recording.demonstrations import PARTICLES, PUSHES, messages
 from tests.recording.samples import Maker, same_as_read
@@ -119,6 +119,16 @@ async def test_a_demonstration_is_a_recording_like_any_other(
         assert await to_thread.run_sync(main, ["recordings", *command, str(path)]) == 0
     assert (tmp_path / "npz" / f"{path.stem}.npz").is_file()
     assert "Ada" in capsys.readouterr().out
+
+
+async def test_what_is_named_with_its_session_counts_once(
+    tmp_path: Path, episode: Episode, opening: list[Message]
+) -> None:
+    async with open_studio(tmp_path, episode, Room()) as studio:
+        part = await studio.begin(opening)
+        await studio.end("success", operator="Ada")
+    assert await to_thread.run_sync(counted_once, [part, studio.path]) == [studio.path]
+    assert await to_thread.run_sync(counted_once, [part]) == [part]
 
 
 async def test_plain_readers_find_the_session_and_the_number_in_it(

@@ -5,7 +5,7 @@ import dataclasses
 import numpy as np
 import pytest
 
-from app.core.messages import CameraModel
+from app.core.camera import CameraModel
 from app.core.stage import Stage
 from app.rig.simulated.cameras import CameraNoise, table_cameras
 from app.rig.simulated.render import render

@@ -4,13 +4,13 @@ import time
 
 import numpy as np
 
+from app.core.camera import CameraModel
 from app.core.colours import ColourRange, colour_mask
 from app.core.control import Mode, ModeName
 from app.core.messages import (
     ArmMode,
     ArmState,
     Branch,
-    CameraModel,
     Episode,
     Executed,
     Frame,

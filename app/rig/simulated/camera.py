@@ -6,8 +6,9 @@ from typing import final
 import anyio
 
 from app.config import Timing
+from app.core.camera import CameraModel
 from app.core.errors import DeviceError
-from app.core.messages import CameraModel, Frame, fresh_id
+from app.core.messages import Frame, fresh_id
 from app.rig.simulated.ring import Ring
 
 _POLL_S = 0.01

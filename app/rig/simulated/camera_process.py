@@ -6,7 +6,7 @@ import time
 
 import numpy as np
 
-from app.core.messages import CameraModel
+from app.core.camera import CameraModel
 from app.core.stage import Stage
 from app.rig.simulated.arm_process import ArmMemory
 from app.rig.simulated.render import render

@@ -5,7 +5,7 @@ from typing import final
 
 import numpy as np
 
-from app.core.messages import CameraModel
+from app.core.camera import CameraModel
 from app.core.types import Transform
 
 TABLE_CENTRE_M = (0.55, 0.0, 0.0)

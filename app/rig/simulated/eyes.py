@@ -6,7 +6,8 @@ from typing import final
 
 import numpy as np
 
-from app.core.messages import CameraModel, Frame, MessageId
+from app.core.camera import CameraModel
+from app.core.messages import Frame, MessageId
 from app.core.stage import Stage
 from app.rig.simulated.cameras import table_cameras
 from app.rig.simulated.hidden.base import Injected, Shot

@@ -12,7 +12,7 @@ import cv2
 import numpy as np
 from jaxtyping import Bool, Float32, Float64, UInt8
 
-from app.core.messages import CameraModel
+from app.core.camera import CameraModel
 from app.core.native import load_open3d
 from app.core.stage import Stage
 from app.core.types import ColourImage, DepthImage

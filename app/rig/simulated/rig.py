@@ -11,8 +11,8 @@ import anyio
 from anyio import to_thread
 
 from app.config import Site
+from app.core.camera import CameraModel
 from app.core.errors import DeviceError
-from app.core.messages import CameraModel
 from app.core.ports import Arm, Camera
 from app.core.stage import Stage
 from app.rig.simulated.arm_process import ArmMemory, run_arm

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from app.core.messages import CameraModel
+from app.core.camera import CameraModel
 from app.core.stage import Stage
 from app.rig.simulated.cameras import CameraNoise, table_cameras
 from app.rig.simulated.engine import mujoco

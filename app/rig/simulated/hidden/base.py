@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any, Literal, NamedTuple, TypeAlias, final
 import numpy as np
 from jaxtyping import Float64
 
-from app.core.messages import CameraModel
+from app.core.camera import CameraModel
 from app.core.track import Track
 from app.core.types import ColourImage, DepthImage, Transform
 from app.rig.simulated.physics import Position, WorldPhysics
