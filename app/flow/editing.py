@@ -44,7 +44,7 @@ class Editing:
         if self._wanted is None:
             return None
         (request, proposal), self._wanted = self._wanted, None
-        index = proposal.best if request.branch is None else request.branch
+        index = proposal.best if request.branch < 0 else request.branch
         wish, x, goal = self._wish, observed.positions, self._wish.goal.positions
         try:
             return await self._planner.run(
