@@ -18,12 +18,10 @@ from app.core.types import (
     Cloud,
     ColourImage,
     DepthImage,
-    Intrinsics,
     Points,
     Poses,
     ToolPath,
     ToolPose,
-    Transform,
 )
 
 MessageId = NewType("MessageId", str)
@@ -152,14 +150,9 @@ class Branch:
     `actions (D, A)`: D steps deep, in the task's action space; `tool_path (W, 3)`: the first action's path;
     `predicted (N, 3)`: the particles after the first action; `final (N, 3)`: at the end of the branch.
     An `asked` one is a push that somebody wanted, and costs nothing: its costs are NaN.
-<<<<<<< HEAD
     A branch that became non-finite is kept for the record with `finite=False` and is never chosen. `frames (F, K, 3)`:
     the particles at F moments of the branch, evenly spread from now to its end, of many every second, third, ... alone;
     `tools (F, 3)`: where the tool is at them. None of either in recordings of before.
-=======
-    A branch that became non-finite is kept for the record with `finite=False` and is never chosen. `frames (F, M, 3)`:
-    the M = N particles at F moments of the branch, evenly spread from now to its end; none in recordings of before.
->>>>>>> archive
     """
 
     origin: Origin
@@ -171,12 +164,8 @@ class Branch:
     cost_after: float
     terms: Mapping[str, float]
     finite: bool
-<<<<<<< HEAD
     frames: Float32[np.ndarray, "F K 3"] = field(default_factory=lambda: np.zeros((0, 0, 3), np.float32))
     tools: Float32[np.ndarray, "F 3"] = field(default_factory=lambda: np.zeros((0, 3), np.float32))
-=======
-    frames: Float32[np.ndarray, "F M 3"] = field(default_factory=lambda: np.zeros((0, 0, 3), np.float32))
->>>>>>> archive
 
 
 @final

@@ -41,14 +41,14 @@ class PictureGoalRequest(Message):
 class EditRequest(Message):
     """The motion of a proposal, but beginning at `start` and ending at `end` [m]: to be simulated and offered.
 
-    `branch`: whose motion of it; None is the one that was proposed.
+    `branch`: whose motion of it; below zero, that of the one which was proposed.
     """
 
     operator: str
     proposal_id: MessageId
     start: Float64[np.ndarray, "3"]
     end: Float64[np.ndarray, "3"]
-    branch: int | None = None
+    branch: int = -1
 
 
 @final

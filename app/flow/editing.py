@@ -45,7 +45,7 @@ class Editing:
         if self._wanted is None:
             return None
         (request, proposal), self._wanted = self._wanted, None
-        index = proposal.best if request.branch is None else request.branch
+        index = proposal.best if request.branch < 0 else request.branch
         try:
             return await self._planner.run(
                 *(edited_plan, self._task, self._preset, observed.positions, goal, model, proposal.branches, index),

@@ -34,8 +34,9 @@ def film(
 ) -> Film:
     """The branches that make `actions` from `now` on, which end in `final`, or no moments where `search` has no `part`.
 
-    It costs one simulation of the branches, of which a decision makes dozens. A simulation that is interrupted adds up
-    its forces in another order, so that chance may move a particle by a hair; the end is what was decided by.
+    It costs one simulation of the branches: 0.19 s beside the 3.7 s of a rope's decision on two cores. On a GPU, one
+    that is interrupted adds up its forces in another order, which may move a particle by a hair; the end is what was
+    decided by.
     """
     if search.part is None:
         return Film(np.zeros((len(actions), 0, 0, 3), np.float32), np.zeros((len(actions), 0, 3), np.float32))

@@ -65,11 +65,12 @@ class EditForm:
         editable = look is not None and board.decidable and board.pending is look.proposal and _is_push(look)
         if self._switch.disabled == editable:
             self._switch.disabled = not editable
-        if self._switch.value and not editable:
+        draft = self._draft
+        another = draft is not None and look is not None and look.proposal is not draft.proposal
+        if self._switch.value and (another or not editable):
             self._switch.value = False
         wanted = look if editable and self._switch.value else None
-        draft = self._draft
-        if draft and (wanted is None or draft.proposal is not wanted.proposal or draft.index != wanted.at):
+        if draft and (wanted is None or draft.index != wanted.at):
             self._put_away(draft)
         if wanted and self._draft is None:
             self._draft = self._begun(wanted)
