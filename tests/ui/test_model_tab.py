@@ -49,7 +49,7 @@ def test_versions_are_compared_gone_back_to_and_loaded_from_files(
 
     friction = Parameter(name="table_friction", value=0.7, unit="1", low=0.6, high=0.8)
     save_model(somewhere / "mine.toml", replace(synthetic.model(2, 3e-5), parameters=(friction,)))
-    box = page.locator("input[type=text]:not([role=combobox]), textarea").first
+    box = page.get_by_role("textbox").first
     for named, said in (("none.toml", "'none.toml' is no model of this folder"), ("mine.toml", "mine.toml was read")):
         box.fill(named)
         page.get_by_role("button", name="Load", exact=True).click()
