@@ -111,18 +111,42 @@ class _Part(NamedTuple):
 
 
 def _messages(path: Path, kinds: Collection[type[Message]]) -> Iterator[Message]:
-    parts: dict[str, _Part] = {}
     with reading(path), path.open("rb") as stream:
         try:
-            reader = make_reader(stream, validate_crcs=True)
-            for _, channel, written in reader.iter_messages(_topics(reader, kinds), log_time_order=False):
-                kind = KINDS.get(channel.topic)
-                if kind is None:
-                    parts[channel.topic] = _Part(written.log_time, written.data)
-                elif message := _whole(decode(written.data, record_of(kind)), written, parts):
-                    yield message
+            for logged in logged_messages(make_reader(stream, validate_crcs=True), kinds):
+                yield logged.message
         except DAMAGE as error:
             raise damaged(path, error) from error
+
+
+class Logged(NamedTuple):
+    """A message and the log time [ns] at which it stands in its file: later than that of every one before it."""
+
+    log_time_ns: int
+    message: Message
+
+
+def logged_messages(
+    reader: McapReader,
+    kinds: Collection[type[Message]],
+    *,
+    first_ns: int | None = None,
+    last_ns: int | None = None,
+) -> Iterator[Logged]:
+    """The messages of the given kinds that were logged from `first_ns` to `last_ns` [ns], both included, in order.
+
+    Only the chunks of that time are read. Raises the errors of `DAMAGE` on bytes that make no sense.
+    """
+    parts: dict[str, _Part] = {}
+    topics = _topics(reader, kinds)
+    for _, channel, written in reader.iter_messages(
+        topics, log_time_order=False, starting_at=first_ns, ending_at=last_ns
+    ):
+        kind = KINDS.get(channel.topic)
+        if kind is None:
+            parts[channel.topic] = _Part(written.log_time, written.data)
+        elif message := _whole(decode(written.data, record_of(kind)), written, parts):
+            yield Logged(written.log_time, message)
 
 
 def _topics(reader: McapReader, kinds: Collection[type[Message]]) -> list[str]:

@@ -34,6 +34,7 @@ from app.core.messages import (
     Transition,
 )
 from app.core.types import Points
+from app.recording.records import ApprovalRecord
 
 LOG_LENGTH = 8
 _DECIDED_LENGTH = 64
@@ -46,7 +47,7 @@ class Board:
 
     `pending` is the proposal that may be decided on; `shown` is the one that is drawn, which stays to be compared with
     what came of it. `expected` is where the last push was predicted to leave the object, from when that has been seen
-    until the next push begins. `losses` holds (model version, one-step loss [m^2]).
+    until the next push begins. `losses` holds (model version, one-step loss [m^2]). In a `replay` nothing is decided.
     """
 
     episode: Episode | None = None
@@ -70,6 +71,7 @@ class Board:
     decided: tuple[MessageId, ...] = ()
     stop_s: float = -math.inf
     resume_s: float = -math.inf
+    replay: bool = False
 
     @property
     def arm_mode(self) -> ArmMode | None:
@@ -97,7 +99,7 @@ class Board:
     @property
     def decidable(self) -> bool:
         """Whether a decision on the pending proposal would mean anything now."""
-        return self.pending is not None and not self.stopped and self.fatal is None
+        return self.pending is not None and not self.stopped and self.fatal is None and not self.replay
 
     def after(self, message: Message) -> "Board":
         """The board once `message` has been seen."""
@@ -113,7 +115,8 @@ class Board:
             case Health():
                 return replace(self, health=message)
             case Episode():
-                return Board(episode=message, stop_s=self.stop_s, resume_s=self.resume_s, lease=self.lease)
+                fresh = Board(episode=message, stop_s=self.stop_s, resume_s=self.resume_s, lease=self.lease)
+                return replace(fresh, replay=self.replay)
             case Model():
                 known = () if math.isnan(message.loss_m2) else ((message.version, message.loss_m2),)
                 return replace(self, model=message, losses=self.losses + known)
@@ -123,7 +126,7 @@ class Board:
                 return self if message.id in self.decided else replace(self, shown=message, pending=message)
             case Executed():
                 return replace(self, executed=message, pending=None)
-            case Approved():
+            case Approved() | ApprovalRecord():
                 return replace(self, expected=None)
             case Transition():
                 return replace(self, expected=self.shown.chosen.predicted if self.shown else None)

@@ -2,7 +2,8 @@
 
 import asyncio
 import socket
-from collections.abc import AsyncGenerator, AsyncIterator, Callable, Coroutine
+import time
+from collections.abc import AsyncGenerator, AsyncIterator, Callable, Coroutine, Iterable
 from contextlib import asynccontextmanager
 from functools import partial
 from typing import final
@@ -21,9 +22,11 @@ from app.ui.access import LOOPBACK, Access
 from app.ui.backstage import Backstage, understood
 from app.ui.board import Board
 from app.ui.desk import Desk
-from app.ui.page import Page
+from app.ui.page import Cell, Page
 from app.ui.painter import Painter
 from app.ui.panel import Panel
+from app.ui.playback import Playback
+from app.ui.player import Player
 from app.ui.scene import Scene
 from app.ui.tls import Tls
 
@@ -44,6 +47,10 @@ class Console:
         """Put a message before the operator. Never blocks: the painter picks it up."""
         self._desk.show(message)
 
+    def reset(self, messages: Iterable[Message]) -> None:
+        """Forget what was shown, and show these messages instead: a replay has jumped."""
+        self._desk.reset(messages)
+
     async def requests(self) -> AsyncIterator[Request]:
         """What the operator asks for, in order."""
         async for request in self._requests:
@@ -56,15 +63,18 @@ async def open_console(
     host: str,
     port: int,
     title: str,
-    simulated: bool,
+    cell: Cell,
     stop: Callable[[], None],
     workspace: Workspace | None = None,
     tls: Tls | None = None,
+    player: Player | None = None,
 ) -> AsyncGenerator[Console]:
     """A console that serves until the block is left.
 
-    `stop` tells the arm to stop: it is called from other threads than the caller's and must not block. `port` 0 takes
-    a free one. Raises PreflightError where the port is taken, or `host` is no loopback address and there is no `tls`.
+    `cell`: what is behind it; a replay has a `player`, by whose clock ages are. `stop` tells the arm to stop: it is
+    called from other threads than the caller's and must not block. `port` 0 takes a free one.
+
+    Raises PreflightError where the port is taken, or `host` is no loopback address and there is no `tls`.
     """
     if host not in LOOPBACK and tls is None:
         raise PreflightError(
@@ -79,16 +89,16 @@ async def open_console(
         ) from None
     requests = Lossless[Request]("operator requests", bound=_REQUESTS_BOUND)
     post = partial(asyncio.get_running_loop().call_soon_threadsafe, requests.put_nowait)
-    desk = Desk(stop=stop, post=post)
+    desk = Desk(stop=stop, post=post, now=player.now if player else time.monotonic, replay=cell == "replay")
     with listening:
-        page = Page(title=title, simulated=simulated)
-        async with _serving(listening, desk, page, workspace or Workspace(), tls) as url:
+        page = Page(title=title, cell=cell)
+        async with _serving(listening, desk, page, workspace or Workspace(), tls, player) as url:
             yield Console(url=url, desk=desk, requests=requests)
 
 
 @asynccontextmanager
 async def _serving(
-    listening: socket.socket, desk: Desk, page: Page, workspace: Workspace, tls: Tls | None
+    listening: socket.socket, desk: Desk, page: Page, workspace: Workspace, tls: Tls | None, player: Player | None
 ) -> AsyncGenerator[str]:
     """Viser, the painter and the proxy, started in this order and closed in the opposite one; yields the URL."""
     context = tls.context() if tls else None
@@ -98,7 +108,7 @@ async def _serving(
     passphrase = proxy.fresh_secret()
     backstage = await to_thread.run_sync(lambda: Backstage(label=page.title, passphrase=passphrase))
     try:
-        painter = await to_thread.run_sync(_set_scene, backstage, desk, workspace)
+        painter = await to_thread.run_sync(_set_scene, backstage, desk, workspace, player)
         front = proxy.Proxy(
             access=access,
             page=page,
@@ -122,16 +132,19 @@ async def _serving(
             await to_thread.run_sync(backstage.close)
 
 
-def _set_scene(backstage: Backstage, desk: Desk, workspace: Workspace) -> Painter:
+def _set_scene(backstage: Backstage, desk: Desk, workspace: Workspace, player: Player | None) -> Painter:
     """Furnish the server, and say who repaints it."""
     _greet(backstage.server, desk)
     scene = Scene(backstage.server, workspace)
     panel = Panel(backstage.server, desk, scene)
+    playback = Playback(backstage.server, player) if player else None
 
     def paint(board: Board, now_s: float) -> None:
         with backstage.server.atomic():
-            scene.paint(board, now_s)
+            scene.paint(board, time.monotonic())  # The ghost goes on where the clock of a replay stands still.
             panel.paint(board, now_s)
+            if playback:
+                playback.paint()
 
     return Painter(desk, paint)
 

@@ -51,6 +51,9 @@ class Panel:
         self._log.put(cards.log(board, now_s))
         self._episode.put(cards.episode(board))
         self._plots.paint(board)
+        for name, picture in self._pictures.items():
+            if picture.visible != (name in board.frames):
+                picture.visible = name in board.frames
         for name, frame in board.frames.items():
             if frame is not last.frames.get(name):
                 self._show_frame(name, frame)

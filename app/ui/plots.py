@@ -48,15 +48,17 @@ class Plots:
     def paint(self, board: Board) -> None:
         """Redraw what grew."""
         last, self._last = self._last, board
-        if board.outcomes is not last.outcomes and board.outcomes:
-            self._distance.data = distances(board)
-            self._distance.visible = True
-            self._empty.visible = False
-        if board.losses is not last.losses and board.losses:
-            versions, losses = zip(*board.losses, strict=True)
-            self._loss.data = (np.array(versions, dtype=float), np.array([millimetres(loss) for loss in losses]))
-            self._loss.visible = True
-            self._empty.visible = False
+        if board.outcomes is not last.outcomes:
+            if board.outcomes:
+                self._distance.data = distances(board)
+            self._distance.visible = bool(board.outcomes)
+        if board.losses is not last.losses:
+            if board.losses:
+                versions, losses = zip(*board.losses, strict=True)
+                self._loss.data = (np.array(versions, dtype=float), np.array([millimetres(loss) for loss in losses]))
+            self._loss.visible = bool(board.losses)
+        if (empty := not board.outcomes and not board.losses) != self._empty.visible:
+            self._empty.visible = empty
 
 
 def distances(board: Board) -> tuple[np.ndarray, np.ndarray, np.ndarray]:

@@ -38,7 +38,7 @@ class Served:
 def served() -> Iterator[Served]:
     stopped = threading.Event()
     with start_blocking_portal("asyncio") as portal:
-        opening = open_console(host="127.0.0.1", port=0, title="dipac rope_push", simulated=True, stop=stopped.set)
+        opening = open_console(host="127.0.0.1", port=0, title="dipac rope_push", cell="simulated", stop=stopped.set)
         with portal.wrap_async_context_manager(opening) as console:
             served = Served(console=console, stopped=stopped)
 
