@@ -180,7 +180,7 @@ class Branch:
     cost_after: float
     terms: Mapping[str, float]
     finite: bool
-    frames: Float32[np.ndarray, "F N 3"] = field(default_factory=lambda: np.zeros((0, 0, 3), np.float32))
+    frames: Float32[np.ndarray, "F K 3"] = field(default_factory=lambda: np.zeros((0, 0, 3), np.float32))
 
 
 @final

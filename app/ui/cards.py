@@ -55,7 +55,8 @@ def _replayed(board: Board) -> tuple[str, str, Tone]:
         return "Stopped", (board.arm.reason if board.arm else "") or doing, "bad"
     if board.arm_mode == "moving":
         return doing, "The arm was moving.", "go"
-    return doing, "A plan was up for approval." if board.pending else _latest_notice(board), ""
+    said = board.log[-1].text if board.log else ""
+    return doing, "A plan was up for approval." if board.pending else said, ""
 
 
 def _to_decide(pending: Proposal) -> str:

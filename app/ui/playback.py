@@ -37,7 +37,7 @@ class Playback:
 
     def __init__(self, server: viser.ViserServer, player: Player) -> None:
         self._gui, self._player = server.gui, player
-        self._moved_s = -math.inf
+        self._moved_s, self._put_s = -math.inf, 0.0
         panel = server.gui.add_panel()
         with panel.add_tab("Replay", viser.Icon.PLAYER_PLAY):
             self._build_transport(player.reel)
@@ -52,7 +52,9 @@ class Playback:
         if self._play.label != (label := PAUSE if where.playing else PLAY):
             self._play.label = label
             self._play.icon = viser.Icon.PLAYER_PAUSE if where.playing else viser.Icon.PLAYER_PLAY
-        if time.monotonic() - self._moved_s > _HELD_S:
+        if where.time_s != self._put_s and time.monotonic() - self._moved_s > _HELD_S:
+            # Not where it stands already: that might undo a move whose callback is on its way.
+            self._put_s = where.time_s
             self._time.value = min(round(where.time_s / self._time.step) * self._time.step, self._time.max)
         if (speed := _named(where.speed)) != self._speed.value and speed in SPEEDS:
             self._speed.value = speed

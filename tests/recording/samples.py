@@ -18,7 +18,21 @@ from app.recording.preflight import Room
 from app.recording.records import ApprovalRecord
 from app.recording.writer import open_recording
 
-AXES = {"N": 37, "M": 53, "L": 29, "W": 5, "Q": 5, "G": 5, "T": 11, "D": 2, "A": 4, "F": 3, "height": 480, "width": 640}
+AXES = {
+    "N": 37,
+    "M": 53,
+    "L": 29,
+    "W": 5,
+    "Q": 5,
+    "G": 5,
+    "T": 11,
+    "D": 2,
+    "A": 4,
+    "F": 3,
+    "K": 7,
+    "height": 480,
+    "width": 640,
+}
 
 
 def all_kinds() -> list[type[Message]]:
