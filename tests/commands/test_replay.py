@@ -7,8 +7,10 @@ import pytest
 
 from app.__main__ import main
 from app.core.errors import ParameterError, RecordingError, UsageError
+from app.recording.model_file import save_model
 from app.sim.autopsy import dissect, single
 from app.sim.dump import Dump, save_dump
+from app.tasks import nominal_model
 from tests.sim.broken import SETUP, flung, problem
 from tests.ui.film import film
 
@@ -83,7 +85,9 @@ def test_what_cannot_be_replayed_or_planned_is_said(
 
 @pytest.mark.slow
 def test_a_moment_is_planned_again_in_the_terminal(tmp_path: Path, capsys: pytest.CaptureFixture[str]):
-    code, said, complaint = replayed(film(tmp_path), capsys, "--at", "5", "--replan")
+    save_model(tmp_path / "model.toml", nominal_model("rope_push"))
+    options = ("--at", "5", "--replan", "--model", str(tmp_path / "model.toml"))
+    code, said, complaint = replayed(film(tmp_path), capsys, *options)
     assert code == 0, complaint
     assert "planned again" in said
     assert "mm apart" in said
