@@ -80,7 +80,7 @@ async def _table() -> Table:
 async def _cell(task: Task) -> AsyncGenerator[Cell]:
     async with (
         simulated_rig(stage=task.stage, start=task.start(0), site=_SITE, seed=0) as rig,
-        open_console(host="127.0.0.1", port=0, title="bench", simulated=True, stop=rig.arm.stop) as console,
+        open_console(host="127.0.0.1", port=0, title="bench", cell="simulated", stop=rig.arm.stop) as console,
         aiohttp.ClientSession(cookie_jar=aiohttp.CookieJar(unsafe=True)) as browser,
     ):
         async with browser.get(console.url) as entered:  # Leaves the cookie that STOP needs.

@@ -80,7 +80,7 @@ async def _watched(count: int) -> Seen:
     task = load("rope_push")
     async with (
         simulated_rig(stage=task.stage, start=task.start(0), site=_SITE, seed=0) as rig,
-        open_console(host="127.0.0.1", port=0, title="bench", simulated=True, stop=rig.arm.stop) as console,
+        open_console(host="127.0.0.1", port=0, title="bench", cell="simulated", stop=rig.arm.stop) as console,
     ):
         ours, theirs = multiprocessing.get_context("spawn").Pipe()
         watching = multiprocessing.get_context("spawn").Process(target=_watch, args=(console.url, count, theirs))

@@ -261,7 +261,7 @@ async def _cell(
                     host=site.console_host,
                     port=site.console_port,
                     title=f"dipac {task.name}",
-                    simulated=rig.simulated,
+                    cell="simulated" if rig.simulated else "real",
                     stop=rig.arm.stop,
                     workspace=site.limits.workspace,
                     tls=tls,

@@ -1,70 +1,48 @@
-"""Simulate again what failed: say which substep broke, which particle, and what to change."""
+"""Look at a recording again: in the console, at any speed, planned again from any moment; or at a failed simulation."""
 
+from functools import partial
 from pathlib import Path
+from typing import Annotated, Final
 
-from rich.console import Console
-from rich.table import Table
-from rich.text import Text
-from tyro.conf import Positional
+import anyio
+import tyro
 
-from app.core.errors import UsageError
-from app.sim.autopsy import Autopsy, dissect
-from app.sim.dump import Dump, load_dump, versions
+from app.core.errors import ParameterError, UsageError
+from app.ui.terminal import Output
 
-_ROWS = 8
-"""Of the table before the last states, evenly spread."""
+_PORT: Final = 8088
 
 
-def replay(*, file: Positional[Path]) -> None:
-    """Replay the dump of a failed simulation.
+def replay(
+    file: Annotated[tyro.conf.Positional[Path], tyro.conf.arg(help="a recording, or the .npz that a failure named")],
+    /,
+    *,
+    at: Annotated[float, tyro.conf.arg(help="the moment to begin at [s]")] = 0.0,
+    speed: Annotated[float, tyro.conf.arg(help="recorded seconds a second; inf: as fast as it can be read")] = 1.0,
+    replan: Annotated[bool, tyro.conf.arg(help="plan that moment again, print the comparison and end")] = False,
+    model: Annotated[Path | None, tyro.conf.arg(help="a model.toml to plan again with; else the recorded one")] = None,
+    port: Annotated[int, tyro.conf.arg(help="of the console; 0 takes a free one")] = _PORT,
+) -> None:
+    """Serve a recording (.mcap) at the printed address until Ctrl-C, or replay the dump (.npz) of a failed simulation.
 
-    There is no --model: a dump holds the parameters that failed, and is simulated again with exactly those.
-
-    Args:
-        file: The .npz that the failure named.
+    Nothing moves, and nothing is written into the recording. A dump holds the parameters that failed, and is simulated
+    again with exactly those: the options are for recordings.
     """
-    if file.suffix == ".mcap":
-        raise UsageError(
-            f"{file} is a recording of an episode; replay takes dumps of simulations (.npz). Recordings open in "
-            "Foxglove, and `dipac calibrate` learns from them."
-        )
-    terminal = Console(highlight=False)
-    dump = load_dump(file)
-    _print(terminal, _heading(dump))
-    with terminal.status("simulating, with every state kept"):
-        autopsy = dissect(dump.case)
-    if len(autopsy.trace.speed_m_s):
-        terminal.print(_table(dump, autopsy))
-    _print(terminal, autopsy.verdict())
+    if file.suffix != ".mcap":
+        if (at, speed, replan, model, port) != (0.0, 1.0, False, None, _PORT):
+            raise UsageError(f"{file} is no recording (.mcap); the options of replay are for recordings alone.")
+        from app.commands._autopsy import autopsy  # The simulator takes seconds to load, which recordings do not need.
 
+        autopsy(file)
+        return
+    if not at >= 0:
+        raise ParameterError(f"--at = {at:g} must not be negative; it counts from the first message.")
+    if not speed > 0:
+        raise ParameterError(f"--speed = {speed:g} must be above 0; `inf` is as fast as the recording can be read.")
+    from app.commands._player import compare, serve
 
-def _print(terminal: Console, text: str) -> None:
-    terminal.print(Text(text), soft_wrap=True)
-
-
-def _heading(dump: Dump) -> str:
-    setup = dump.case.setup
-    materials = ", ".join(type(body.material).__name__.lower() for body in setup.scene.bodies)
-    tools = ", ".join(type(tool).__name__.lower() for tool in setup.scene.tools) or "none"
-    wrote = ", ".join(f"{name} {version}" for name, version in dump.versions.items())
-    other = "" if dict(dump.versions) == versions() else " These are not the versions here; the outcome may differ."
-    return (
-        f"{dump.about}: {sum(setup.counts)} particles ({materials}), {dump.case.substeps} substeps of "
-        f"{setup.scene.dt_s:g} s, tools: {tools}, {len(setup.effects)} effects. Written by {wrote}.{other}"
-    )
-
-
-def _table(dump: Dump, autopsy: Autopsy) -> Table:
-    """Evenly spread states, and the last ones each: a simulation breaks within a few substeps."""
-    table = Table("substeps done", "max speed [m/s]", "cells a substep", "det F", "particles outside")
-    trace, scene, end = autopsy.trace, dump.case.setup.scene, autopsy.until
-    rows = {*range(0, end + 1, max(1, end // _ROWS)), *range(max(0, end + 1 - len(autopsy.last.x)), end + 1)}
-    for row in sorted(rows):
-        table.add_row(
-            str(row),
-            f"{trace.speed_m_s[row]:.4g}",
-            f"{trace.speed_m_s[row] * scene.dt_s / scene.cell_m:.3g}",
-            f"{trace.least_volume[row]:.3g} to {trace.greatest_volume[row]:.3g}",
-            str(trace.outside[row]),
-        )
-    return table
+    output, path = Output(highlight=False), str(model or "")
+    if replan:
+        anyio.run(partial(compare, file, output, at_s=at, model=path))
+    else:
+        anyio.run(partial(serve, file, output, at_s=at, speed=speed, model=path, port=port))

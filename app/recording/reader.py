@@ -111,20 +111,46 @@ class _Part(NamedTuple):
 
 
 def _messages(path: Path, kinds: Collection[type[Message]], version: int) -> Iterator[Message]:
-    parts: dict[str, _Part] = {}
     with reading(path), path.open("rb") as stream:
         try:
-            reader = make_reader(stream, validate_crcs=True)
-            for _, channel, written in reader.iter_messages(_topics(reader, kinds), log_time_order=False):
-                kind = KINDS.get(channel.topic)
-                if kind is None:
-                    parts[channel.topic] = _Part(written.log_time, written.data)
-                    continue
-                record = decode_of(version, written.data, channel.topic, record_of(kind))
-                if message := _whole(record, written, parts):
-                    yield message
+            for logged in logged_messages(make_reader(stream, validate_crcs=True), kinds, version):
+                yield logged.message
         except DAMAGE as error:
             raise damaged(path, error) from error
+
+
+class Logged(NamedTuple):
+    """A message and the log time [ns] at which it stands in its file: later than that of every one before it."""
+
+    log_time_ns: int
+    message: Message
+
+
+def logged_messages(
+    reader: McapReader,
+    kinds: Collection[type[Message]],
+    version: int,
+    *,
+    first_ns: int | None = None,
+    last_ns: int | None = None,
+) -> Iterator[Logged]:
+    """The messages of the given kinds that were logged from `first_ns` to `last_ns` [ns], both included, in order.
+
+    `version` is that of the file's schema. Only the chunks of that time are read. Raises the errors of `DAMAGE` on
+    bytes that make no sense.
+    """
+    parts: dict[str, _Part] = {}
+    topics = _topics(reader, kinds)
+    for _, channel, written in reader.iter_messages(
+        topics, log_time_order=False, starting_at=first_ns, ending_at=last_ns
+    ):
+        kind = KINDS.get(channel.topic)
+        if kind is None:
+            parts[channel.topic] = _Part(written.log_time, written.data)
+            continue
+        record = decode_of(version, written.data, channel.topic, record_of(kind))
+        if message := _whole(record, written, parts):
+            yield Logged(written.log_time, message)
 
 
 def _topics(reader: McapReader, kinds: Collection[type[Message]]) -> list[str]:

@@ -38,6 +38,7 @@ from app.core.requests import EditRequest
 from app.core.seeing import Seen
 from app.core.takes import Take
 from app.core.types import Points
+from app.recording.records import ApprovalRecord
 
 LOG_LENGTH = 8
 EDITED = "edit"
@@ -67,7 +68,7 @@ class Board:
     until the next push begins; `made` is the last one with what came of it. `edit` is what is being made of the pending
     proposal; `refusal` is why the shown one came to nothing, until there is another. `losses` holds (model version,
     one-step loss [m^2]); `models` the versions of this session, the newest last; `colours` those that the object was
-    looked for by, the ones in use last.
+    looked for by, the ones in use last. In a `replay` nothing is decided.
     """
 
     episode: Episode | None = None
@@ -99,6 +100,7 @@ class Board:
     decided: tuple[MessageId, ...] = ()
     stop_s: float = -math.inf
     resume_s: float = -math.inf
+    replay: bool = False
 
     @property
     def arm_mode(self) -> ArmMode | None:
@@ -144,7 +146,7 @@ class Board:
     def decidable(self) -> bool:
         """Whether a decision on the pending proposal would mean anything now."""
         asked = self.mode is None or self.mode.mode == "approve each"
-        return self.pending is not None and asked and not self.stopped and self.fatal is None
+        return self.pending is not None and asked and not self.stopped and self.fatal is None and not self.replay
 
     def after(self, message: Message) -> "Board":
         """The board once `message` has been seen."""
@@ -160,7 +162,8 @@ class Board:
             case Health():
                 return replace(self, health=message)
             case Episode():
-                return Board(episode=message, stop_s=self.stop_s, resume_s=self.resume_s, lease=self.lease)
+                fresh = Board(episode=message, stop_s=self.stop_s, resume_s=self.resume_s, lease=self.lease)
+                return replace(fresh, replay=self.replay)
             case Model():
                 known = () if math.isnan(message.loss_m2) else ((message.version, message.loss_m2),)
                 models = (*(model for model in self.models if model.version != message.version), message)
@@ -171,7 +174,7 @@ class Board:
                 return self if message.id in self.decided else self._showing(message)
             case Executed():
                 return replace(self, executed=message, pending=None, edit=None)
-            case Approved():
+            case Approved() | ApprovalRecord():
                 return replace(self, expected=None)
             case Transition():
                 return self._learned(message)

@@ -32,6 +32,8 @@ def mode(board: Board, now_s: float) -> str:
 
 
 def _mode(board: Board, now_s: float) -> tuple[str, str, Tone]:
+    if board.replay:
+        return _replayed(board)
     health = board.health
     doing = words.sentence(health.doing) if health else "Starting"
     if board.fatal is not None:
@@ -63,6 +65,19 @@ def mode_name(board: Board) -> str:
     return f"{name}: {words.motions(board.mode.motions)} more" if board.mode.mode == "automatic" else name
 
 
+def _replayed(board: Board) -> tuple[str, str, Tone]:
+    """What the program was doing then, which asks for nothing now."""
+    doing = words.sentence(board.health.doing) if board.health else "Recorded without a word on what was being done"
+    if board.fatal is not None:
+        return "Fault: the program had ended", board.fatal.text, "bad"
+    if board.stopped:
+        return "Stopped", (board.arm.reason if board.arm else "") or doing, "bad"
+    if board.arm_mode == "moving":
+        return doing, "The arm was moving.", "go"
+    said = board.log[-1].text if board.log else ""
+    return doing, "A plan was up for approval." if board.pending else said, ""
+
+
 def _to_decide(pending: Proposal) -> str:
     if pending.chosen.origin == "asked":
         return "This motion is for finding out what the model lacks. Rejected, it does not come again."
@@ -81,6 +96,8 @@ def you(name: str, key: str = "") -> str:
 
 def control(board: Board) -> str:
     """Who may command; anybody may stop."""
+    if board.replay:
+        return "<div class='dp'><small>Nothing can move, and nobody needs control.</small></div>"
     if board.holder:
         said = f"<b>{escape(board.holder)}</b> has control; all others watch."
     else:
@@ -93,7 +110,8 @@ def plan(board: Board, now_s: float, moved: Moved | None = None) -> str:
     proposal = board.shown
     if proposal is None:
         return '<div class="dp"><small>No plan yet.</small></div>'
-    state = "waiting for a decision" if board.pending is proposal else "decided"
+    undecided = "not decided on" if board.replay else "waiting for a decision"
+    state = undecided if board.pending is proposal else "decided"
     change = words.change(words.millimetres(proposal.chamfer_m2), words.millimetres(proposal.predicted_chamfer_m2))
     tone = "dp-good" if proposal.predicted_chamfer_m2 < proposal.chamfer_m2 else "dp-warn"
     big = (

@@ -2,7 +2,8 @@
 
 import asyncio
 import socket
-from collections.abc import AsyncGenerator, AsyncIterator, Callable, Coroutine
+import time
+from collections.abc import AsyncGenerator, AsyncIterator, Callable, Coroutine, Iterable
 from contextlib import asynccontextmanager
 from functools import partial
 from typing import final
@@ -23,9 +24,11 @@ from app.ui.backstage import Backstage
 from app.ui.board import Board
 from app.ui.desk import Desk
 from app.ui.hand import Hand, HandLine
-from app.ui.page import Page
+from app.ui.page import Cell, Page
 from app.ui.painter import Painter
 from app.ui.panel import Panel
+from app.ui.playback import Playback
+from app.ui.player import Player
 from app.ui.scene import Scene
 from app.ui.tls import Tls
 
@@ -46,6 +49,10 @@ class Console:
         """Put a message before the operator. Never blocks: the painter picks it up."""
         self._desk.show(message)
 
+    def reset(self, messages: Iterable[Message]) -> None:
+        """Forget what was shown, and show these messages instead: a replay has jumped."""
+        self._desk.reset(messages)
+
     async def requests(self) -> AsyncIterator[Request]:
         """What the operator asks for, in order."""
         async for request in self._requests:
@@ -58,18 +65,21 @@ async def open_console(
     host: str,
     port: int,
     title: str,
-    simulated: bool,
+    cell: Cell,
     stop: Callable[[], None],
     workspace: Workspace | None = None,
     tls: Tls | None = None,
     hand: Hand | None = None,
     timing: Timing | None = None,
+    player: Player | None = None,
 ) -> AsyncGenerator[Console]:
     """A console that serves until the block is left; `timing` says by what plans are refused.
 
-    `stop` tells the arm to stop: it is called from other threads than the caller's and must not block. `hand` makes
-    motion of what is held in the browser, where that is offered. `port` 0 takes a free one. Raises PreflightError where
-    the port is taken, or `host` is no loopback address and there is no `tls`.
+    `cell`: what is behind it; a replay has a `player`, by whose clock ages are. `stop` tells the arm to stop: it is
+    called from other threads than the caller's and must not block. `hand` makes motion of what is held in the browser,
+    where that is offered. `port` 0 takes a free one.
+
+    Raises PreflightError where the port is taken, or `host` is no loopback address and there is no `tls`.
     """
     if host not in LOOPBACK and tls is None:
         raise PreflightError(
@@ -84,12 +94,12 @@ async def open_console(
         ) from None
     requests = Lossless[Request]("operator requests", bound=_REQUESTS_BOUND)
     post = partial(asyncio.get_running_loop().call_soon_threadsafe, requests.put_nowait)
-    desk = Desk(stop=stop, post=post)
+    desk = Desk(stop=stop, post=post, now=player.now if player else time.monotonic, replay=cell == "replay")
     with listening:
-        page = Page(title=title, simulated=simulated, jogging=hand is not None)
+        page = Page(title=title, cell=cell, jogging=hand is not None)
         line = HandLine(hand, hindrance=desk.hindrance, refused=desk.turned_away) if hand else None
         where = {"workspace": workspace or Workspace(), "timing": timing or Timing()}
-        furnish = partial(_set_scene, desk=desk, line=line, hand=hand, **where)
+        furnish = partial(_set_scene, desk=desk, line=line, hand=hand, player=player, **where)
         async with _serving(listening, desk, page, furnish, line, tls) as url:
             yield Console(url=url, desk=desk, requests=requests)
 
@@ -142,6 +152,7 @@ def _set_scene(
     desk: Desk,
     line: HandLine | None,
     hand: Hand | None,
+    player: Player | None,
     workspace: Workspace,
     timing: Timing,
 ) -> Painter:
@@ -150,13 +161,16 @@ def _set_scene(
     scene = Scene(backstage.server, workspace)
     panel = Panel(backstage.server, desk, scene, timing)
     aim = Aim(backstage.server, workspace, desk, hand) if hand else None
+    playback = Playback(backstage.server, player) if player else None
 
     def paint(board: Board, now_s: float) -> None:
         with backstage.server.atomic():
-            scene.paint(board, now_s)
+            scene.paint(board, time.monotonic())  # The ghost goes on where the clock of a replay stands still.
             panel.paint(board, now_s)
             if aim is not None:
                 aim.paint(board)
+            if playback is not None:
+                playback.paint()
 
     return Painter(desk, paint)
 

@@ -28,14 +28,14 @@ class DecisionForm:
         self._resume = gui.add_button("Resume", color="orange", icon=viser.Icon.PLAYER_PLAY, visible=False)
         self._resume.on_click(lambda event: desk.resume(operator(event)))
         self._control = Control(gui, desk)
-        self._place = gui.add_folder(None)
+        self._place = gui.add_folder(None, visible=not desk.board.replay)
         self._shown_s = 0.0
         self._build(None)
 
     def paint(self, board: Board, now_s: float) -> None:
         """Buttons for what can be decided now."""
-        if self._resume.visible != board.stopped:
-            self._resume.visible = board.stopped
+        if self._resume.visible != (resumable := board.stopped and not board.replay):
+            self._resume.visible = resumable
         self._control.paint(board)
         if board.pending is not self._proposal:
             for widget in (self._mark, self._approve, self._form):
@@ -79,7 +79,7 @@ class Control:
 
     def __init__(self, gui: viser.GuiApi, desk: Desk) -> None:
         self._held = gui.add_html(cards.control(desk.board))
-        buttons = gui.add_button_group("Control", (_TAKE, _GIVE))
+        buttons = gui.add_button_group("Control", (_TAKE, _GIVE), visible=not desk.board.replay)
 
         def pressed(event: viser.GuiEvent[Any]) -> None:
             act = desk.take if event.target.value == _TAKE else desk.release

@@ -7,7 +7,8 @@ before anything else is done.
 import math
 import threading
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
+from functools import reduce
 from typing import TypeAlias, final
 
 import numpy as np
@@ -34,7 +35,8 @@ _IDLE_S = 60.0
 class Desk:
     """The board behind a lock, and what the operator's presses do. Every method may be called from any thread.
 
-    `stop` tells the arm; it must not block. `post` hands a request to the program, in order, without blocking.
+    `stop` tells the arm; it must not block. `post` hands a request to the program, in order, without blocking. On the
+    desk of a `replay` nobody commands, and there is nothing to stop.
     """
 
     def __init__(
@@ -43,12 +45,13 @@ class Desk:
         stop: Callable[[], None],
         post: Callable[[Request], object],
         now: Callable[[], float] = time.monotonic,
+        replay: bool = False,
     ) -> None:
         self._stop = stop
         self._post = post
         self.now = now
         self._lock = threading.Lock()
-        self._board = Board()
+        self._board = Board(replay=replay)
         self.changed = threading.Event()
         self._turned_away: dict[str, int] = {}
         self._told_s = self._used_s = -math.inf
@@ -67,11 +70,19 @@ class Desk:
             self._board = self._board.after(message)
         self.changed.set()
 
+    def reset(self, messages: Iterable[Message]) -> None:
+        """Forget all that was shown, and fold in these messages instead."""
+        with self._lock:
+            self._board = reduce(Board.after, messages, Board(replay=self._board.replay))
+        self.changed.set()
+
     def stop(self, operator: str) -> None:
         """Stop the arm, now and in this thread; then put it on record.
 
         A held key presses STOP many times: each one reaches the arm, the first one the record.
         """
+        if self._board.replay:
+            return
         self._stop()
         with self._lock:
             repeated = self._board.stop_s > self._board.resume_s
@@ -182,7 +193,7 @@ class Desk:
         with self._lock:
             self._gone.add(operator)
             self._paces.pop(operator, None)
-            if self._board.holder == operator:
+            if self._board.holder == operator and not self._board.replay:
                 self._lend("", f"{operator} has left")
 
     def hindrance(self, operator: str) -> str | None:
@@ -206,8 +217,8 @@ class Desk:
         return True
 
     def _in_pace(self, operator: str) -> bool:
-        """Whether `operator` is there, and presses no faster than a person does."""
-        if operator in self._gone:
+        """Whether `operator` is there, has something to command, and presses no faster than a person does."""
+        if operator in self._gone or self._board.replay:
             return False
         now_s = self.now()
         pace = self._paces.setdefault(operator, Pace(now_s, steady_hz=_COMMANDS_HZ, burst=_COMMANDS_AT_ONCE))

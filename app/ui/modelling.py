@@ -151,10 +151,11 @@ class Course:
     def paint(self, board: Board) -> None:
         """Redraw what grew, or what another parameter was chosen for."""
         last, self._last = self._last, board
-        if board.losses is not last.losses and board.losses:
-            versions, losses = zip(*board.losses, strict=True)
-            self._loss.data = (np.array(versions, float), np.array([words.millimetres(loss) for loss in losses]))
-            self._loss.visible = True
+        if board.losses is not last.losses:
+            if board.losses:
+                versions, losses = zip(*board.losses, strict=True)
+                self._loss.data = (np.array(versions, float), np.array([words.millimetres(loss) for loss in losses]))
+            self._loss.visible = bool(board.losses)
         if board.models is not last.models and (names := models.told(board.models)):
             self._name.options = tuple(map(models.spelt, names))
             self._name.visible = self._value.visible = True

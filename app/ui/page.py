@@ -1,13 +1,14 @@
-"""The page around viser's own: a bar with the name, the SIMULATED banner and STOP, above everything and never movable.
+"""The page around viser's own: a bar with the name, what is behind it, and STOP, above everything and never movable.
 
 Viser is told to leave room for a title bar (`theme`), and ours lies there. The bar works without viser: STOP is a
 request of its own, and it says so in red where that request fails.
 """
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from html import escape
 from importlib.resources import files
-from typing import Final, final
+from typing import Final, Literal, TypeAlias, final
 
 from app.ui.drawer import drawer
 
@@ -35,13 +36,23 @@ ENTERING: Final = """<!doctype html><meta charset="utf-8"><title>dipac</title>
 <script>location.replace("/")</script><a href="/">Open the console</a>"""
 
 
+Cell: TypeAlias = Literal["simulated", "real", "replay"]
+"""What is behind the console: an arm that moves in a simulation alone, a real one, or a recording."""
+
+_BANNERS: Final[Mapping[Cell, tuple[str, str]]] = {
+    "simulated": ("SIMULATED", "nothing real moves"),
+    "real": ("REAL ARM", "keep a hand on the hardware stop"),
+    "replay": ("REPLAY", "a recording: nothing moves"),
+}
+
+
 @final
 @dataclass(frozen=True, kw_only=True)
 class Page:
     """What the bar says. `jogging`: whether the tool can be moved by hand from here."""
 
     title: str
-    simulated: bool
+    cell: Cell
     jogging: bool = False
 
     def around(self, viser_html: bytes) -> bytes:
@@ -58,17 +69,15 @@ class Page:
         return html[:end] + (self._bar() + (drawer() if self.jogging else "")).encode() + html[end:]
 
     def _bar(self) -> str:
-        banner = (
-            '<span class="dp-simulated" role="status">SIMULATED<small>nothing real moves</small></span>'
-            if self.simulated
-            else '<span class="dp-real" role="status">REAL ARM<small>keep a hand on the hardware stop</small></span>'
-        )
+        said, small = _BANNERS[self.cell]
+        banner = f'<span class="dp-{self.cell}" role="status">{said}<small>{small}</small></span>'
+        stop, why = ("disabled", "Nothing can move here") if self.cell == "replay" else ("", "Stop the arm now (Esc)")
         return (
             f'<header class="dp-bar"><span class="dp-brand">{escape(self.title)}</span>{banner}'
             '<span id="dp-mode-now" title="What the program does by itself"></span><span class="dp-room"></span>'
             '<span id="dp-stop-says" role="alert"></span>'
             '<span id="dp-lost" role="alert" hidden>No connection: what you see is old</span>'
-            '<button id="dp-stop" type="button" aria-label="STOP" title="Stop the arm now (Esc)">STOP'
+            f'<button id="dp-stop" type="button" aria-label="STOP" title="{why}" {stop}>STOP'
             "<kbd>Esc</kbd></button></header>"
         )
 

@@ -37,26 +37,33 @@ class Panel:
         self._last = Board()
         self._drift = Drift(timing)
         self._mode = Text(self._gui, cards.mode(self._last, desk.now()))
-        self._decision = DecisionForm(self._gui, desk)
-        with self._gui.add_folder("Mode"):
-            ModeForm(self._gui, desk)
+        commands = not desk.board.replay
+        self._decision = DecisionForm(self._gui, desk) if commands else None
+        if commands:
+            with self._gui.add_folder("Mode"):
+                ModeForm(self._gui, desk)
         with self._gui.add_folder("Plan"):
             self._plan = Text(self._gui, cards.plan(self._last, desk.now()))
-        with self._gui.add_folder("Demonstrations", expand_by_default=False):
-            self._demonstrations = DemonstrationForm(self._gui, desk)
+        self._demonstrations: DemonstrationForm | None = None
+        if commands:
+            with self._gui.add_folder("Demonstrations", expand_by_default=False):
+                self._demonstrations = DemonstrationForm(self._gui, desk)
         with self._gui.add_folder("Is the model right?"):
             self._watch = Text(self._gui, doubt.watch(self._last))
         with self._gui.add_folder("Health"):
             self._health = Text(self._gui, cards.health(self._last, desk.now()))
         self._place_main()
-        self._build_side()
+        self._build_side(commands=commands)
 
     def paint(self, board: Board, now_s: float) -> None:
         """Bring the panels up to the board and the clock."""
         self._mode.put(cards.mode(board, now_s))
-        self._decision.paint(board, now_s)
-        self._demonstrations.paint(board)
-        self._goal.paint(board)
+        if self._decision is not None:
+            self._decision.paint(board, now_s)
+        if self._demonstrations is not None:
+            self._demonstrations.paint(board)
+        if self._goal is not None:
+            self._goal.paint(board)
         self._plan.put(cards.plan(board, now_s, self._drift.since(board)))
         self._plans.paint(board)
         self._watch.put(doubt.watch(board))
@@ -82,12 +89,14 @@ class Panel:
             brand_color=_BRAND,
         )
 
-    def _build_side(self) -> None:
+    def _build_side(self, *, commands: bool) -> None:
         server, desk, side = self._server, self._desk, self._gui.add_panel()
         with side.add_tab("Cell", viser.Icon.CAMERA):
             self._cell = Cell(server, desk, self._scene)
-        with side.add_tab("Goal", viser.Icon.TARGET):
-            self._goal = GoalTab(server, desk)
+        self._goal: GoalTab | None = None
+        if commands:
+            with side.add_tab("Goal", viser.Icon.TARGET):
+                self._goal = GoalTab(server, desk)
         with side.add_tab("Plans", viser.Icon.GIT_BRANCH):
             self._plans = Plans(server, desk, self._scene)
         with side.add_tab("Progress", viser.Icon.CHART_LINE):
@@ -100,7 +109,8 @@ class Panel:
             self._gui.add_html(cards.key())
             self._add_switches()
             self._episode = Text(self._gui, cards.episode(self._last))
-            EndButton(self._gui, desk)
+            if commands:
+                EndButton(self._gui, desk)
         side.dock_left()
         side.set_width(_SIDE_WIDTH_PX)
 

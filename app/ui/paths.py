@@ -32,10 +32,12 @@ class Paths:
         """Branches while they may be decided on, the plan until the next one, the measured path once there is one."""
         if board.pending is not last.pending:
             self._draw_branches(board.pending)
-        if board.shown is not last.shown and board.shown is not None:
-            self._draw("plan", segments(board.shown.motion.positions), np.array(palette.BEST), 5.0)
-        if board.executed is not last.executed and board.executed is not None:
-            self._draw("measured", segments(board.executed.measured[:, :3]), np.array(palette.MEASURED), 3.0)
+        if board.shown is not last.shown:
+            plan = board.shown.motion.positions if board.shown else _NOTHING
+            self._draw("plan", segments(plan), np.array(palette.BEST), 5.0)
+        if board.executed is not last.executed:
+            made = board.executed.made[:, :3] if board.executed else _NOTHING
+            self._draw("measured", segments(made), np.array(palette.MEASURED), 3.0)
         if board.pending is not last.pending and board.pending is not None:
             self._erase("measured")
 

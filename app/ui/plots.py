@@ -39,10 +39,11 @@ class Plots:
     def paint(self, board: Board) -> None:
         """Redraw what grew."""
         last, self._last = self._last, board
-        if board.outcomes is not last.outcomes and board.outcomes:
-            self._distance.data = distances(board)
-            self._distance.visible = True
-            self._empty.visible = False
+        if board.outcomes is not last.outcomes:
+            if board.outcomes:
+                self._distance.data = distances(board)
+            self._distance.visible = bool(board.outcomes)
+            self._empty.visible = not board.outcomes
 
 
 def distances(board: Board) -> tuple[np.ndarray, np.ndarray, np.ndarray]:

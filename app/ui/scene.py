@@ -42,15 +42,19 @@ class Scene:
     def paint(self, board: Board, now_s: float) -> None:
         """Bring the picture up to the board."""
         last, self._last = self._last, board
-        if board.particles is not last.particles and board.particles is not None:
-            self.observed.put(board.particles.positions)
-        if board.goal is not last.goal and board.goal is not None:
-            self.goal.put(board.goal.positions)
-        if board.shown is not last.shown and board.shown is not None:
-            self.horizon.put(board.shown.chosen.final)
-        _follow(self.predicted, board.ahead, last.ahead)
-        _follow(self.expected, board.expected, last.expected)
-        if board.arm is not last.arm and board.arm is not None:
+        if board.particles is not last.particles:
+            _follow(self.observed, board.particles and board.particles.positions)
+        if board.goal is not last.goal:
+            _follow(self.goal, board.goal and board.goal.positions)
+        if board.shown is not last.shown:
+            _follow(self.horizon, board.shown and board.shown.chosen.final)
+        if board.ahead is not last.ahead:
+            _follow(self.predicted, board.ahead)
+        if board.expected is not last.expected:
+            _follow(self.expected, board.expected)
+        if board.arm is None:
+            self.tool.hide()
+        elif board.arm is not last.arm:
             self.tool.put(board.arm.pose[:3], board.arm.gripper)
         self.paths.paint(board, last)
         self._play(board, now_s)
@@ -89,12 +93,12 @@ class Scene:
         self.ghost.put(along(board.pending.motion, now_s - board.pending.time_s), 1.0)
 
 
-def _follow(beads: Beads, now: Points | None, last: Points | None) -> None:
-    """Draw what changed, or nothing where there is nothing any more."""
-    if now is not last and now is None:
+def _follow(beads: Beads, points: Points | None) -> None:
+    """Draw the points, or nothing where there are none any more."""
+    if points is None:
         beads.clear()
-    elif now is not last and now is not None:
-        beads.put(now)
+    else:
+        beads.put(points)
 
 
 def _furnish(server: viser.ViserServer, workspace: Workspace) -> None:

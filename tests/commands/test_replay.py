@@ -1,4 +1,4 @@
-"""`dipac replay` says in words what broke, and refuses what it cannot replay."""
+"""`dipac replay` shows recordings, says in words what broke a simulation, and refuses what it cannot replay."""
 
 from pathlib import Path
 
@@ -6,14 +6,17 @@ import numpy as np
 import pytest
 
 from app.__main__ import main
-from app.core.errors import RecordingError, UsageError
+from app.core.errors import ParameterError, RecordingError, UsageError
+from app.recording.model_file import save_model
 from app.sim.autopsy import dissect, single
 from app.sim.dump import Dump, save_dump
+from app.tasks import nominal_model
 from tests.sim.broken import SETUP, flung, problem
+from tests.ui.film import film
 
 
-def replayed(path: Path, capsys: pytest.CaptureFixture[str]) -> tuple[int, str, str]:
-    code = main(["replay", str(path)])
+def replayed(path: Path, capsys: pytest.CaptureFixture[str], *options: str) -> tuple[int, str, str]:
+    code = main(["replay", str(path), *options])
     said = capsys.readouterr()
     return code, said.out, said.err
 
@@ -45,10 +48,49 @@ def test_what_was_wrong_with_the_input_is_said_without_a_table(tmp_path: Path, c
     assert "max speed" not in said
 
 
-def test_a_recording_is_refused_in_plain_words(tmp_path: Path, capsys: pytest.CaptureFixture[str]):
-    code, _, said = replayed(tmp_path / "episode.mcap", capsys)
+def test_options_for_recordings_are_refused_for_dumps(tmp_path: Path, capsys: pytest.CaptureFixture[str]):
+    code, _, said = replayed(tmp_path / "case.npz", capsys, "--at", "3")
     assert code == UsageError.exit_code
-    assert "is a recording of an episode; replay takes dumps of simulations (.npz)" in said
+    assert "the options of replay are for recordings alone" in said
+
+
+def test_recordings_that_cannot_be_replayed_name_the_next_step(tmp_path: Path, capsys: pytest.CaptureFixture[str]):
+    code, _, said = replayed(tmp_path / "none.mcap", capsys, "--replan")
+    assert code == UsageError.exit_code
+    assert "Unknown recording" in said
+    path = film(tmp_path)
+    path.write_bytes(path.read_bytes()[:-1])
+    code, _, said = replayed(path, capsys, "--replan")
+    assert code == RecordingError.exit_code
+    assert f"`dipac recover {path}`" in said
+
+
+@pytest.mark.parametrize(
+    ("options", "why"),
+    [
+        (("--at", "-1"), "--at = -1 must not be negative"),
+        (("--speed", "0"), "--speed = 0 must be above 0"),
+        (("--replan", "--at", "99"), "is after the end of"),
+        (("--replan",), "no object and no goal had been seen"),
+        (("--replan", "--at", "5", "--model", "none.toml"), "Cannot read the model none.toml"),
+    ],
+)
+def test_what_cannot_be_replayed_or_planned_is_said(
+    options: tuple[str, ...], why: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+):
+    code, _, said = replayed(film(tmp_path), capsys, *options)
+    assert code in (UsageError.exit_code, ParameterError.exit_code)
+    assert why in " ".join(said.split())
+
+
+@pytest.mark.slow
+def test_a_moment_is_planned_again_in_the_terminal(tmp_path: Path, capsys: pytest.CaptureFixture[str]):
+    save_model(tmp_path / "model.toml", nominal_model("rope_push"))
+    options = ("--at", "5", "--replan", "--model", str(tmp_path / "model.toml"))
+    code, said, complaint = replayed(film(tmp_path), capsys, *options)
+    assert code == 0, complaint
+    assert "planned again" in said
+    assert "mm apart" in said
 
 
 def test_a_file_that_is_not_there_or_no_dump_ends_with_its_own_code(tmp_path: Path, capsys: pytest.CaptureFixture[str]):

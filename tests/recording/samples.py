@@ -30,6 +30,7 @@ AXES = {
     "A": 4,
     "F": 3,
     "K": 7,
+    "_": 24,
     "height": 480,
     "width": 640,
 }
@@ -70,6 +71,8 @@ class Maker:
             return get_args(kind)[int(self.rng.integers(len(get_args(kind))))]
         if origin is tuple:
             items = get_args(kind)
+            if items == (float, float):
+                return tuple(sorted(self.rng.uniform(size=2).tolist()))  # Bounds of something between 0 and 1.
             return tuple(map(self, items if Ellipsis not in items else items[:1] * 3))
         if isinstance(origin, type) and issubclass(origin, Mapping):
             return types.MappingProxyType({f"ключ {n}": self(get_args(kind)[1]) for n in range(2)})

@@ -81,7 +81,7 @@ def served() -> Iterator[Served]:
     stopped, held = threading.Event(), Held()
     with start_blocking_portal("asyncio") as portal:
         opening = open_console(
-            host="127.0.0.1", port=0, title="dipac rope_push", simulated=True, stop=stopped.set, hand=held
+            host="127.0.0.1", port=0, title="dipac rope_push", cell="simulated", stop=stopped.set, hand=held
         )
         with portal.wrap_async_context_manager(opening) as console:
             served = Served(console=console, stopped=stopped, held=held)

@@ -55,7 +55,12 @@ async def opened(*, simulated: bool = True, hand: Hand | None = None) -> AsyncIt
     stopped = threading.Event()
     async with (
         open_console(
-            host="127.0.0.1", port=0, title="dipac <test>", simulated=simulated, stop=stopped.set, hand=hand
+            host="127.0.0.1",
+            port=0,
+            title="dipac <test>",
+            cell="simulated" if simulated else "real",
+            stop=stopped.set,
+            hand=hand,
         ) as console,
         # The jar must keep cookies for an address without a name, as browsers do.
         aiohttp.ClientSession(cookie_jar=aiohttp.CookieJar(unsafe=True)) as browser,
@@ -192,7 +197,7 @@ async def test_a_busy_port_is_said_with_its_number_and_the_option():
     with socket.create_server(("127.0.0.1", 0)) as taken:
         port = taken.getsockname()[1]
         with pytest.raises(PreflightError, match=rf"{port}.*--port") as caught:
-            async with open_console(host="127.0.0.1", port=port, title="t", simulated=True, stop=lambda: None):
+            async with open_console(host="127.0.0.1", port=port, title="t", cell="simulated", stop=lambda: None):
                 pass
         assert "\n" not in str(caught.value)
 
@@ -201,13 +206,13 @@ async def test_the_port_is_free_again_afterwards():
     with socket.create_server(("127.0.0.1", 0)) as probe:
         port = probe.getsockname()[1]
     for _ in range(2):
-        async with open_console(host="127.0.0.1", port=port, title="t", simulated=True, stop=lambda: None) as console:
+        async with open_console(host="127.0.0.1", port=port, title="t", cell="simulated", stop=lambda: None) as console:
             assert URL(console.url).port == port
 
 
 async def test_the_console_is_not_served_beyond_this_machine():
     with pytest.raises(PreflightError, match="ssh -L"):
-        async with open_console(host="0.0.0.0", port=0, title="t", simulated=True, stop=lambda: None):
+        async with open_console(host="0.0.0.0", port=0, title="t", cell="simulated", stop=lambda: None):
             pass
 
 
@@ -239,7 +244,7 @@ async def test_a_stop_that_does_not_reach_the_arm_is_answered_with_an_error():
     def gone() -> None:
         raise OSError("the arm's process is gone")
 
-    async with open_console(host="127.0.0.1", port=0, title="t", simulated=True, stop=gone) as console:
+    async with open_console(host="127.0.0.1", port=0, title="t", cell="simulated", stop=gone) as console:
         assert await anyio.to_thread.run_sync(press_stop, URL(console.url)) == 500
 
 
@@ -283,7 +288,7 @@ async def test_a_client_that_does_not_read_makes_the_sender_wait_instead_of_fill
     await web.SockSite(runner, listening).start()
     proxy = Proxy(
         access=Access(token="t", cookie="c"),
-        page=Page(title="t", simulated=True),
+        page=Page(title="t", cell="simulated"),
         viser_port=listening.getsockname()[1],
         passphrase="p",
         stop=lambda operator: None,

@@ -330,3 +330,22 @@ def test_whoever_moves_the_tool_uses_his_control_and_keeps_it():
     now_s = 120.0
     desk.take("you")
     assert desk.board.holder == "you"
+
+
+def test_on_the_desk_of_a_replay_nobody_commands_and_a_jump_forgets_what_was_shown():
+    posted, stopped = list[object](), list[str]()
+    desk = Desk(stop=lambda: stopped.append("stop"), post=posted.append, replay=True)
+    for message in synthetic.scene():
+        desk.show(message)
+    pending = desk.board.pending
+    assert pending is not None
+    assert not desk.board.decidable
+    desk.decide(pending, approve=True, operator="client 0")
+    desk.take("client 0")
+    desk.stop("client 0")
+    desk.left("client 0")
+    assert (posted, stopped) == ([], [])
+    goal = synthetic.goal()
+    desk.reset([goal])
+    assert (desk.board.goal, desk.board.pending, desk.board.outcomes) == (goal, None, ())
+    assert desk.board.replay

@@ -42,7 +42,7 @@ async def test_the_console_is_served_over_tls_under_its_name_alone(tls: Tls) -> 
     trusting = ssl.create_default_context(cafile=str(tls.certificate))
     trusting.check_hostname = False  # The name leads nowhere here; the Host header carries it.
     async with (
-        open_console(host="127.0.0.1", port=0, title="t", simulated=True, stop=lambda: None, tls=tls) as console,
+        open_console(host="127.0.0.1", port=0, title="t", cell="simulated", stop=lambda: None, tls=tls) as console,
         aiohttp.ClientSession(connector=aiohttp.TCPConnector(ssl=trusting)) as session,
     ):
         url = URL(console.url)
@@ -73,7 +73,7 @@ async def test_the_console_is_served_over_tls_under_its_name_alone(tls: Tls) -> 
 
 async def test_nobody_is_served_without_tls_where_there_is_a_certificate(tls: Tls) -> None:
     async with (
-        open_console(host="127.0.0.1", port=0, title="t", simulated=True, stop=lambda: None, tls=tls) as console,
+        open_console(host="127.0.0.1", port=0, title="t", cell="simulated", stop=lambda: None, tls=tls) as console,
         aiohttp.ClientSession() as session,
     ):
         with pytest.raises(aiohttp.ClientError):

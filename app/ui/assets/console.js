@@ -7,6 +7,7 @@ const says = document.getElementById("dp-stop-says");
 let quiet;
 
 async function stop() {
+  if (button.disabled) return; // A replay: there is nothing to stop.
   button.classList.add("dp-pressed");
   try {
     const reply = await fetch("/stop", { method: "POST", keepalive: true, signal: AbortSignal.timeout(2000) });

@@ -1,0 +1,149 @@
+"""Where a replay is and how fast it goes on: what the buttons change and the painter shows. Knows no widget."""
+
+import math
+import threading
+from bisect import bisect_left, bisect_right
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Final, Literal, NamedTuple, final
+
+from app.core.messages import Message
+from app.recording.marks import Mark
+from app.ui.replanning import Order, Replanned
+
+FASTEST: Final = math.inf
+"""As fast as the recording can be read."""
+STRIDE_S: Final = 1.0
+"""What is shown next where nobody waits for the time to pass."""
+_HERE_S: Final = 1e-6
+"""A moment so near is the one that a step leads away from."""
+
+
+@final
+@dataclass(frozen=True, kw_only=True)
+class Reel:
+    """A recording as its player sees it: `clock` gives the recorded monotonic time [s] of a moment [s]."""
+
+    name: str
+    duration_s: float
+    marks: tuple[Mark, ...]
+    models: tuple[str, ...]
+    clock: Callable[[float], float]
+
+    @property
+    def motions(self) -> tuple[Mark, ...]:
+        """Where motions begin, in order."""
+        return tuple(mark for mark in self.marks if mark.kind == "motion")
+
+
+class Where(NamedTuple):
+    """The moment [s] that is shown, and whether and how fast it goes on; `jumped`: since this was last asked.
+
+    `besides`: what is to be shown along with what was recorded, where it was planned again.
+    """
+
+    time_s: float
+    playing: bool
+    speed: float
+    jumped: bool = False
+    besides: tuple[Message, ...] = ()
+
+
+@final
+class Player:
+    """Every method may be called from any thread, and none waits. Begins paused at `time_s`."""
+
+    def __init__(self, reel: Reel, *, time_s: float = 0.0, speed: float = 1.0, model: str = "") -> None:
+        self.reel, self.model = reel, model
+        self._lock = threading.Lock()
+        self._time_s = min(max(time_s, 0.0), reel.duration_s)
+        self._speed, self._playing, self._jumped = speed, False, True
+        self._besides: tuple[Message, ...] = ()
+        self._order: Order | None = None
+        self.said = ""
+        """How planning again is getting on, in words."""
+        self.replanned: Replanned | None = None
+
+    @property
+    def where(self) -> Where:
+        """What is shown now."""
+        with self._lock:
+            return Where(self._time_s, self._playing, self._speed)
+
+    def now(self) -> float:
+        """The recorded clock [s]."""
+        return self.reel.clock(self._time_s)
+
+    def toggle(self) -> None:
+        """Play, from the beginning where the end is reached, or pause."""
+        with self._lock:
+            if not self._playing and self._time_s >= self.reel.duration_s:
+                self._go(0.0)
+            self._playing = not self._playing
+
+    def pause(self) -> None:
+        """Stay here."""
+        with self._lock:
+            self._playing = False
+
+    def set_speed(self, speed: float) -> None:
+        """From now on so many recorded seconds a second."""
+        with self._lock:
+            self._speed = speed
+
+    def jump(self, time_s: float) -> None:
+        """Go to a moment, and on from there where it was playing."""
+        with self._lock:
+            self._go(time_s)
+
+    def step(self, way: Literal[-1, 1]) -> None:
+        """Go to where the next motion begins, or the previous one, and pause; nowhere where there is none."""
+        starts = [mark.time_s for mark in self.reel.motions]
+        with self._lock:
+            later, earlier = bisect_right(starts, self._time_s + _HERE_S), bisect_left(starts, self._time_s - _HERE_S)
+            index = later if way > 0 else earlier - 1
+            if 0 <= index < len(starts):
+                self._go(starts[index])
+                self._playing = False
+
+    def advance(self, elapsed_s: float) -> Where:
+        """Let so much real time pass; says what is to be shown then."""
+        with self._lock:
+            if self._playing:
+                if self._besides:  # What was planned again has no part in how it went on.
+                    self._go(self._time_s)
+                further_s = STRIDE_S if self._speed == FASTEST else elapsed_s * self._speed
+                self._time_s = min(self._time_s + further_s, self.reel.duration_s)
+                self._playing = self._time_s < self.reel.duration_s
+            where = Where(self._time_s, self._playing, self._speed, self._jumped, self._besides)
+            self._jumped = False
+            return where
+
+    def order(self, order: Order) -> None:
+        """Ask for another plan, unless one is being made."""
+        with self._lock:
+            if self._order is None:
+                self._order, self._playing = order, False
+                self.said, self.replanned = "Starting the planner.", None
+
+    def ordered(self) -> Order | None:
+        """The plan that is asked for or being made."""
+        return self._order
+
+    def tell(self, said: str) -> None:
+        """How the order is getting on."""
+        with self._lock:
+            self.said = said
+
+    def answer(self, said: str, replanned: Replanned | None = None) -> None:
+        """What came of the order: shown where it was asked for. Another may be asked for now."""
+        with self._lock:
+            order, self._order = self._order, None
+            self.said, self.replanned = said, replanned
+            if order and replanned:
+                self._go(order.time_s)
+                self._playing, self._besides = False, (replanned.again,)
+
+    def _go(self, time_s: float) -> None:
+        self._time_s = min(max(time_s, 0.0), self.reel.duration_s)
+        self._jumped, self._besides = True, ()

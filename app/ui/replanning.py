@@ -1,0 +1,77 @@
+"""A moment of a recording that is planned again: what is asked for, and how the new plan compares. Pure."""
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from html import escape
+from typing import Final, NamedTuple, final
+
+import numpy as np
+
+from app.core.messages import Proposal
+from app.ui import words
+
+AS_RECORDED: Final = "as recorded at that moment"
+
+
+@final
+@dataclass(frozen=True, kw_only=True)
+class Order:
+    """Plan from `time_s` [s] with the model called `model`, or that of the file `path` where one is named."""
+
+    time_s: float
+    model: str = AS_RECORDED
+    path: str = ""
+
+
+@final
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Replanned:
+    """The plan that was recorded about then, if there is one, and the one that was made again, with `model`."""
+
+    then: Proposal | None
+    again: Proposal
+    model: str
+
+    @property
+    def apart_m(self) -> float:
+        """How far apart the two motions begin [m]; NaN where there is one alone."""
+        if self.then is None:
+            return float("nan")
+        return float(np.linalg.norm(self.then.motion.positions[0] - self.again.motion.positions[0]))
+
+
+class Row(NamedTuple):
+    """A quantity, as it was then and as it is planned again."""
+
+    name: str
+    then: str
+    again: str
+
+
+def rows(found: Replanned) -> Iterator[Row]:
+    """The comparison in words."""
+    then, again = found.then, found.again
+    yield Row("Model", f"version {then.model_version}" if then else words.NOTHING, found.model)
+    yield Row("Cost after descent", *_each(then, again, lambda plan: words.number(plan.chosen.cost_after)))
+    yield Row("Distance now", *_each(then, again, lambda plan: words.distance(plan.chamfer_m2)))
+    yield Row("Predicted distance", *_each(then, again, lambda plan: words.distance(plan.predicted_chamfer_m2)))
+    yield Row("Chosen", *_each(then, again, words.origin))
+    apart = f"{found.apart_m * 1e3:.0f} mm apart" if then else words.NOTHING
+    yield Row("The motions begin", "", apart)
+
+
+def _each(then: Proposal | None, again: Proposal, said: Callable[[Proposal], str]) -> tuple[str, str]:
+    return said(then) if then else words.NOTHING, said(again)
+
+
+def card(found: Replanned | None, said: str) -> str:
+    """How it is getting on, and the comparison once there is one."""
+    told = f"<small>{escape(said)}</small>" if said else ""
+    if found is None:
+        return f'<div class="dp" role="status">{told}</div>'
+    lines = "".join(
+        f"<tr><td>{escape(row.name)}</td><td>{escape(row.then)}</td><td>{escape(row.again)}</td></tr>"
+        for row in rows(found)
+    )
+    head = "<tr><td></td><td><small>then</small></td><td><small>planned again</small></td></tr>"
+    return f'<div class="dp" role="status">{told}<table>{head}{lines}</table></div>'

@@ -1,0 +1,65 @@
+"""A recording before the console's desk, without a browser: jumps, playing on, and what was planned again."""
+
+from collections.abc import Callable
+from pathlib import Path
+
+import anyio
+import pytest
+
+from app.commands._player import reel, show
+from app.core.channel import Lossless
+from app.core.requests import Request
+from app.recording.timeline import open_timeline
+from app.ui.console import Console
+from app.ui.desk import Desk
+from app.ui.player import FASTEST, Player
+from app.ui.replanning import Order, Replanned
+from tests.ui import synthetic
+from tests.ui.film import film
+
+AGAIN = synthetic.proposal(synthetic.rope(0.3), seed=8, branches=4)
+
+
+async def planned(order: Order, said: Callable[[str], None]) -> Replanned:
+    said("Compiling nothing.")
+    return Replanned(then=None, again=AGAIN, model=order.model)
+
+
+async def until(holds: Callable[[], bool]) -> None:
+    for _ in range(1500):
+        if holds():
+            return
+        await anyio.sleep(0.02)
+    raise AssertionError("It did not come about in 30 s.")
+
+
+@pytest.mark.anyio
+async def test_the_desk_follows_the_player(tmp_path: Path) -> None:
+    path = await anyio.to_thread.run_sync(film, tmp_path)
+    opening = open_timeline(path)
+    timeline = await anyio.to_thread.run_sync(opening.__enter__)
+    player = Player(reel(timeline))
+    requests = Lossless[Request]("operator requests", bound=10)
+    desk = Desk(stop=lambda: None, post=requests.put_nowait, now=player.now, replay=True)
+    async with anyio.create_task_group() as tasks:
+        tasks.start_soon(show, player, timeline, Console(url="", desk=desk, requests=requests), planned)
+        player.jump(3.0)
+        await until(lambda: desk.board.pending is not None)
+        assert not desk.board.decidable
+        assert desk.board.pending is not None
+        assert desk.now() == pytest.approx(desk.board.pending.time_s, abs=1e-3)
+
+        player.order(Order(time_s=3.0))
+        await until(lambda: desk.board.shown is AGAIN)
+        assert player.replanned is not None
+        player.set_speed(FASTEST)
+        player.toggle()
+        await until(lambda: len(desk.board.outcomes) == 3)
+        await until(lambda: not player.where.playing)
+        assert desk.board.executed is not None
+
+        player.jump(0.0)
+        await until(lambda: desk.board.shown is None)
+        assert desk.board.outcomes == ()
+        tasks.cancel_scope.cancel()
+    await anyio.to_thread.run_sync(opening.__exit__, None, None, None)
