@@ -89,8 +89,8 @@ def _latest_notice(board: Board) -> str:
 
 
 def you(name: str, key: str = "") -> str:
-    """What a browser is called; with the key by which its jogs are known, where it may jog."""
-    known = f' data-jog-key="{escape(key)}"' if key else ""
+    """What a browser is called; with the key by which what it sends on other ways is known."""
+    known = f' data-key="{escape(key)}"' if key else ""
     return f'<div class="dp"{known}><small>You are <b>{escape(name)}</b>.</small></div>'
 
 

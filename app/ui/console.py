@@ -3,7 +3,7 @@
 import asyncio
 import socket
 import time
-from collections.abc import AsyncGenerator, AsyncIterator, Callable, Coroutine, Iterable
+from collections.abc import AsyncGenerator, AsyncIterator, Callable, Coroutine, Iterable, Mapping
 from contextlib import asynccontextmanager
 from functools import partial
 from typing import final
@@ -21,8 +21,10 @@ from app.ui import cards, proxy
 from app.ui.access import LOOPBACK, Access
 from app.ui.aim import Aim
 from app.ui.backstage import Backstage
+from app.ui.badges import Badges
 from app.ui.board import Board
 from app.ui.desk import Desk
+from app.ui.goals.inbox import Inbox
 from app.ui.hand import Hand, HandLine
 from app.ui.page import Cell, Page
 from app.ui.painter import Painter
@@ -97,10 +99,13 @@ async def open_console(
     desk = Desk(stop=stop, post=post, now=player.now if player else time.monotonic, replay=cell == "replay")
     with listening:
         page = Page(title=title, cell=cell, jogging=hand is not None)
-        line = HandLine(hand, hindrance=desk.hindrance, refused=desk.turned_away) if hand else None
+        badges = Badges()
+        line = HandLine(hand, badges, hindrance=desk.hindrance, refused=desk.turned_away) if hand else None
+        inbox = Inbox(desk, badges, desk.turned_away)
         where = {"workspace": workspace or Workspace(), "timing": timing or Timing()}
-        furnish = partial(_set_scene, desk=desk, line=line, hand=hand, player=player, **where)
-        async with _serving(listening, desk, page, furnish, line, tls) as url:
+        furnish = partial(_set_scene, desk=desk, badges=badges, line=line, hand=hand, player=player, **where)
+        ways = {"goal": inbox.receive} | ({"jog": line.serve} if line else {})
+        async with _serving(listening, desk, page, furnish, ways, tls) as url:
             yield Console(url=url, desk=desk, requests=requests)
 
 
@@ -110,7 +115,7 @@ async def _serving(
     desk: Desk,
     page: Page,
     furnish: Callable[[Backstage], Painter],
-    line: HandLine | None,
+    ways: Mapping[str, proxy.Handler],
     tls: Tls | None,
 ) -> AsyncGenerator[str]:
     """Viser, the painter and the proxy, started in this order and closed in the opposite one; yields the URL."""
@@ -130,7 +135,7 @@ async def _serving(
             stop=desk.stop,
             understood=backstage.takes,
             refused=desk.turned_away,
-            jog=line.serve if line else None,
+            ways=ways,
         )
         try:
             await _over_there(front.start(listening, context), backstage)
@@ -150,6 +155,7 @@ def _set_scene(
     backstage: Backstage,
     *,
     desk: Desk,
+    badges: Badges,
     line: HandLine | None,
     hand: Hand | None,
     player: Player | None,
@@ -157,7 +163,7 @@ def _set_scene(
     timing: Timing,
 ) -> Painter:
     """Furnish the server, and say who repaints it."""
-    _greet(backstage.server, desk, line)
+    _greet(backstage.server, desk, badges, line)
     scene = Scene(backstage.server, workspace)
     panel = Panel(backstage.server, desk, scene, timing)
     aim = Aim(backstage.server, workspace, desk, hand) if hand else None
@@ -175,15 +181,16 @@ def _set_scene(
     return Painter(desk, paint)
 
 
-def _greet(server: viser.ViserServer, desk: Desk, line: HandLine | None) -> None:
+def _greet(server: viser.ViserServer, desk: Desk, badges: Badges, line: HandLine | None) -> None:
     """Tell each browser who it is, as control and records name it; and the desk when it leaves."""
 
     def came(client: viser.ClientHandle) -> None:
         name = f"client {client.client_id}"
-        client.gui.add_html(cards.you(name, line.greet(name) if line else ""), order=-1.0)
+        client.gui.add_html(cards.you(name, badges.issue(name)), order=-1.0)
 
     def left(client: viser.ClientHandle) -> None:
         name = f"client {client.client_id}"
+        badges.revoke(name)
         desk.left(name)
         if line is not None:
             line.left(name)

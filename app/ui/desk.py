@@ -89,11 +89,13 @@ class Desk:
             if not repeated:
                 self._issue(StopRequest(id=fresh_id("stop"), time_s=self.now(), operator=operator))
 
-    def ask(self, request: Asked) -> None:
-        """Ask the program for something, where whoever asks may."""
+    def ask(self, request: Asked) -> bool:
+        """Ask the program for something; False where whoever asks may not."""
         with self._lock:
-            if self._may(request.operator):
+            may = self._may(request.operator)
+            if may:
                 self._issue(request)
+            return may
 
     def resume(self, operator: str) -> None:
         """Ask to go on; ignored where nothing is stopped."""

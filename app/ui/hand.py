@@ -4,8 +4,6 @@ Each browser is told a key of its own with its name, by which its jogs are known
 """
 
 import asyncio
-import secrets
-import threading
 import time
 from collections.abc import Callable
 from typing import Final, Protocol, final
@@ -16,6 +14,7 @@ from aiohttp import web
 from jaxtyping import Float64
 from numpy import ndarray
 
+from app.ui.badges import Badges
 from app.ui.pace import Pace
 
 _MOST_BYTES: Final = 1024
@@ -52,25 +51,17 @@ class HandLine:
     `hindrance` says why an operator may move nothing now, or None; `refused` hears why somebody was turned away.
     """
 
-    def __init__(self, hand: Hand, *, hindrance: Callable[[str], str | None], refused: Callable[[str], None]) -> None:
-        self._hand, self._hindrance, self._refused = hand, hindrance, refused
-        self._lock = threading.Lock()
-        self._names: dict[str, str] = {}
+    def __init__(
+        self, hand: Hand, badges: Badges, *, hindrance: Callable[[str], str | None], refused: Callable[[str], None]
+    ) -> None:
+        self._hand, self._badges = hand, badges
+        self._hindrance, self._refused = hindrance, refused
         self._open: dict[str, web.WebSocketResponse] = {}
         self._count = 0
         self._loop: asyncio.AbstractEventLoop | None = None
 
-    def greet(self, operator: str) -> str:
-        """A key for a browser that has come, which nobody can guess."""
-        key = secrets.token_urlsafe(24)
-        with self._lock:
-            self._names[key] = operator
-        return key
-
     def left(self, operator: str) -> None:
-        """Forget a browser that has gone, and hang up on it. From any thread."""
-        with self._lock:
-            self._names = {key: name for key, name in self._names.items() if name != operator}
+        """Hang up on a browser that has gone. From any thread."""
         websocket = self._open.get(operator)
         if websocket is not None and self._loop is not None:
             self._hand.let_go(operator)
@@ -97,7 +88,7 @@ class HandLine:
 
     async def _talk(self, websocket: web.WebSocketResponse) -> None:
         key = await _introduction(websocket)
-        operator = self._names.get(key)
+        operator = self._badges.owner(key)
         if operator is None:
             await self._refuse(websocket, "it does not say by a key whose hand it is")
             return
@@ -119,7 +110,7 @@ class HandLine:
         """Pass on each sample at once; those beyond the pace of a page are dropped, for late ones are worth nothing."""
         pace = Pace(time.monotonic(), steady_hz=_STEADY_HZ, burst=_BURST)
         async for message in websocket:
-            if key not in self._names:
+            if self._badges.owner(key) is None:
                 return
             if message.type is not aiohttp.WSMsgType.TEXT:
                 await self._refuse(websocket, "it is no sample of what is held")

@@ -8,7 +8,7 @@ import secrets
 import socket
 import ssl
 import time
-from collections.abc import Awaitable, Callable
+from collections.abc import Awaitable, Callable, Mapping
 from typing import Literal, final
 
 import aiohttp
@@ -27,6 +27,8 @@ _HEARTBEAT_S = 20.0
 _RELAY_CHUNK_BYTES = 64 * 1024
 _MOST_BROWSERS, _MOST_REQUESTS = 16, 64
 """At a time. A page of viser's asks for about ten files at once."""
+MOST_SENT_BYTES = 32 * 1024 * 1024
+"""In one form with files."""
 _REFUSED = 1008
 """WebSocket: policy violation."""
 _HEADERS = {
@@ -44,8 +46,8 @@ class Proxy:
     """Serves one viser server on one listening socket. Start and close it on the loop it is to live on.
 
     `stop` is called with the operator's name in the handler of the STOP request itself; it must not block.
-    `understood`: whether viser can make something of a message; `refused` hears why somebody was turned away; `jog`
-    serves the websocket at `/jog`, where there is one.
+    `understood`: whether viser can make something of a message; `refused` hears why somebody was turned away; `ways`
+    serve what does not go through viser, by its path.
     """
 
     def __init__(
@@ -58,9 +60,9 @@ class Proxy:
         stop: Callable[[str], None],
         understood: Callable[[bytes], bool],
         refused: Callable[[str], None],
-        jog: Handler | None = None,
+        ways: Mapping[str, Handler],
     ) -> None:
-        self._jog = jog
+        self._ways = ways
         self._understood, self._refused = understood, refused
         self._browsers = self._requests = 0
         self._access = access
@@ -77,12 +79,12 @@ class Proxy:
         self._session = aiohttp.ClientSession(auto_decompress=False, headers={PROXY_HEADER: self._passphrase})
         async with self._session.get(f"http://{self._viser}/", headers={"Accept-Encoding": "identity"}) as reply:
             self._html = self._page.around(await reply.read())
-        application = web.Application(middlewares=[self._admit])
+        application = web.Application(middlewares=[self._admit], client_max_size=MOST_SENT_BYTES)
         application.router.add_get("/", self._enter)
         application.router.add_post("/stop", self._press_stop)
         application.router.add_get("/alive", self._answer)
-        if self._jog is not None:
-            application.router.add_get("/jog", self._jog)
+        for path, handler in self._ways.items():
+            application.router.add_route("*", f"/{path}", handler)
         application.router.add_get("/{path:.*}", self._relay_http)
         self._runner = web.AppRunner(application, access_log=None, shutdown_timeout=1.0)
         await self._runner.setup()

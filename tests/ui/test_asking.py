@@ -1,14 +1,16 @@
 """Modes, goals and demonstrations in a real browser: what is pressed is what is asked for."""
 
 import time
+from pathlib import Path
 
 import numpy as np
 import pytest
+from PIL import Image
 from playwright.sync_api import Page, expect
 
 from app.core.control import EndRequest, Mode, ModeRequest
 from app.core.messages import Fault, fresh_id
-from app.core.requests import ClipRequest, GoalRequest, TakeRequest
+from app.core.requests import ClipRequest, GoalRequest, PictureGoalRequest, TakeRequest
 from app.core.takes import Take
 from tests.ui import synthetic
 from tests.ui.conftest import Served
@@ -111,6 +113,35 @@ def test_goals_are_the_view_a_bent_copy_a_region_and_a_curve(served: Served, bro
     assert request.source == "curve"
     assert request.positions.shape == object_.shape
     np.testing.assert_array_equal(request.positions[:, 2], object_[:, 2])
+
+
+def test_files_are_goals_once_they_are_chosen(served: Served, browser_page: Page, tmp_path: Path) -> None:
+    page, points = opened(browser_page, served), synthetic.rope(0.2)
+    page.get_by_text("Goal", exact=True).click()
+    np.save(tmp_path / "goal.npy", points)
+    chooser = page.get_by_label("Goal of a file")
+    chooser.set_input_files(tmp_path / "goal.npy")
+    request = served.next_request()
+    assert isinstance(request, GoalRequest)
+    assert (request.source, request.operator) == ("file", "client 0")
+    np.testing.assert_array_equal(request.positions, points)
+    expect(page.get_by_text("Sent; the messages say what came of it.")).to_be_visible()
+
+    color = np.random.default_rng(0).integers(0, 255, (48, 64, 3), dtype=np.uint8)
+    depth = np.full((48, 64), 700, np.uint16)
+    Image.fromarray(color).save(tmp_path / "color.png")
+    Image.fromarray(depth).save(tmp_path / "depth.png")
+    page.get_by_label("Camera of the pictures").select_option("right")
+    chooser.set_input_files([tmp_path / "color.png", tmp_path / "depth.png"])
+    request = served.next_request()
+    assert isinstance(request, PictureGoalRequest)
+    assert request.camera == "right"
+    np.testing.assert_array_equal(request.color, color)
+    np.testing.assert_array_equal(request.depth, depth)
+
+    (tmp_path / "notes.txt").write_text("not a goal")
+    chooser.set_input_files(tmp_path / "notes.txt")
+    expect(page.get_by_text("give one .npy or .ply file")).to_be_visible()
 
 
 def test_demonstrations_are_begun_ended_and_counted(served: Served, browser_page: Page) -> None:

@@ -115,5 +115,5 @@ def test_a_distance_is_the_drift_that_moves_every_point_by_that_much():
 def test_the_mode_card_names_the_mode_for_scripts_and_a_page_its_key():
     assert "teleoperate" not in cards.mode(Board(), 0.0)
     assert 'data-mode="teleoperate"' in cards.mode(board_after(synthetic.mode("teleoperate")), 0.0)
-    assert 'data-jog-key="abc-_"' in cards.you("client 0", "abc-_")
-    assert "data-jog-key" not in cards.you("client 0")
+    assert 'data-key="abc-_"' in cards.you("client 0", "abc-_")
+    assert "data-key" not in cards.you("client 0")

@@ -1,6 +1,7 @@
 """A thousand hostile requests and messages: none is accepted, none crashes anything, nothing is asked of the arm."""
 
 import asyncio
+import io
 import json
 import math
 import re
@@ -260,7 +261,7 @@ async def page(it: Opened) -> AsyncIterator[tuple[str, aiohttp.ClientWebSocketRe
             while True:
                 said = (await websocket.receive_bytes()).partition(ZSTD)
                 text = zstandard.ZstdDecompressor().decompressobj().decompress(said[1] + said[2]) if said[1] else b""
-                if found := re.search(rb'data-jog-key="([^"]+)"', text):
+                if found := re.search(rb'data-key="([^"]+)"', text):
                     yield found[1].decode(), websocket
                     return
 
@@ -284,6 +285,41 @@ async def test_the_hand_of_whoever_has_control_reaches_the_arm() -> None:
         await hand.send_json(sample(1))
         assert await hand.receive_str(timeout=5) == "client 9 has control"
         assert not arm.jogs[-1].linear.any()
+
+
+def parcel(key: str, *files: tuple[str, bytes]) -> aiohttp.FormData:
+    """A form with files as a page sends it."""
+    form = aiohttp.FormData()
+    form.add_field("key", key)
+    form.add_field("camera", "left")
+    for name, data in files:
+        form.add_field("files", io.BytesIO(data), filename=name)
+    return form
+
+
+async def test_files_come_in_from_the_pages_of_this_run_alone_and_nonsense_asks_for_nothing() -> None:
+    rng = np.random.default_rng(5)
+    async with opened() as it, page(it) as (key, _), aiohttp.ClientSession() as stranger:
+        goal, own = f"{it.origin}/goal", {"Origin": it.origin}
+        async with stranger.post(goal, data=parcel(key), headers=own) as reply:
+            assert reply.status == 403
+        for headers in ({"Origin": EVIL}, {"Origin": "null"}, {"Host": "evil.example"}):
+            async with it.browser.post(goal, data=parcel(key), headers=own | headers) as reply:
+                assert reply.status == 403
+        for wrong in ("", "client 0", key[:-1], key + "x"):
+            async with it.browser.post(goal, data=parcel(wrong, ("a.npy", b"")), headers=own) as reply:
+                assert reply.status == 403
+        async with it.browser.post(goal, data=parcel(key, ("a.npy", bytes(40_000_000))), headers=own) as reply:
+            assert reply.status == 413
+        async with it.browser.post(goal, data=b"no form", headers=own) as reply:
+            assert reply.status in (400, 403, 413)
+        names = ("a.npy", "a.ply", "a.png", "../../etc/passwd", "<script>", "a" * 300)
+        for count in range(60):
+            files = [(str(rng.choice(names)), rng.bytes(int(rng.integers(0, 2000)))) for _ in range(count % 5)]
+            async with it.browser.post(goal, data=parcel(key, *files), headers=own) as reply:
+                assert reply.status == 200
+                assert "give one .npy or .ply" in await reply.text()
+        await nothing_came_of_it(it)
 
 
 async def test_strangers_have_no_hand_on_the_arm() -> None:
@@ -393,7 +429,7 @@ async def test_the_handle_is_dragged_by_whoever_has_control_alone_and_no_further
             await watcher.send_bytes(msgspec.msgpack.encode(drag | {"position": [0.5, 0.3, 0.2]}))
             await anyio.sleep(0.5)
             assert (await goes(1))[1] < 0
-            await holder.send_bytes(msgspec.msgpack.encode(drag | {"position": [0.5, 9.0, 0.2]}))
+            await holder.send_bytes(msgspec.msgpack.encode(drag | {"position": [0.5, 2.9, 0.2]}))
             await anyio.sleep(0.5)
             assert await goes(2) == pytest.approx([0.0, Limits().speed_m_s, 0.0])
 

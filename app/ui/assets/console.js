@@ -43,6 +43,20 @@ function mirror() {
   now.textContent = now.dataset.said = card.dataset.said;
 }
 
+// Files that are a goal go by a request of their own; viser's way is for small things.
+async function sendGoal(input) {
+  const says = input.closest(".dp").querySelector("[data-goal-says]");
+  const form = new FormData();
+  form.append("key", document.querySelector("[data-key]").dataset.key);
+  form.append("camera", input.closest(".dp").querySelector("[data-goal-camera]").value);
+  for (const file of input.files) form.append("files", file);
+  says.textContent = "Sending";
+  const reply = await fetch("/goal", { method: "POST", body: form }).catch(() => null);
+  says.textContent = reply === null ? "No connection." : await reply.text();
+  input.value = "";
+}
+
+document.addEventListener("change", (event) => event.target.matches("[data-goal-files]") && sendGoal(event.target));
 setInterval(mirror, 250);
 setInterval(check, 2000);
 button.addEventListener("pointerdown", stop);

@@ -20,7 +20,7 @@
 
   const now = () => performance.now();
   const teleoperating = () => document.querySelector(".dp-mode")?.dataset.mode === "teleoperate";
-  const ourKey = () => document.querySelector("[data-jog-key]")?.dataset.jogKey ?? null;
+  const ourKey = () => document.querySelector("[data-key]")?.dataset.key ?? null;
 
   function say(text, tone = "") {
     says.textContent = text;

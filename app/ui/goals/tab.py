@@ -1,7 +1,9 @@
 """The tab in which a goal is set: from the view, drawn over the table, or of a file."""
 
 import math
+from collections.abc import Iterable
 from dataclasses import replace
+from html import escape
 from typing import Any, Final, final
 
 import numpy as np
@@ -53,6 +55,7 @@ class GoalTab:
         self._radius.on_update(lambda event: self._change(radius_m=float(event.target.value)))
         self._points.on_click(self._unpoint)
         self._use.on_click(self._use_draft)
+        self._files = gui.add_html(files(()))
         self._beads = Beads(server, "/draft/goal", palette.DRAFT, opacity=0.6)
         self._gizmo = server.scene.add_transform_controls(
             DRAFT, scale=0.12, active_axes=(True, True, False), depth_test=False, visible=False
@@ -63,6 +66,8 @@ class GoalTab:
     def paint(self, board: Board) -> None:
         """Draw the draft, and say how far the object is from the goal, and from the draft."""
         draft, last, self._last = self._draft, self._last, board
+        if board.frames.keys() != last.frames.keys():
+            self._files.content = files(sorted(board.frames))
         same = draft is self._drawn and board.particles is last.particles and board.goal is last.goal
         if same or board.particles is None:
             return
@@ -159,6 +164,18 @@ def card(board: Board, draft: Points | None) -> str:
         drawn = float(chamfer_m2(x, draft))
         said += f"<p>From what is drawn: <b>{words.distance(drawn)}</b> <small>{words.square(drawn)}</small></p>"
     return f'<div class="dp">{said}</div>'
+
+
+def files(cameras: Iterable[str]) -> str:
+    """Where files are given; the page's script sends them."""
+    options = "".join(f"<option>{escape(name)}</option>" for name in cameras)
+    return (
+        '<div class="dp"><h3>Of a file</h3><p><small>Points [m] as .npy or .ply; or a colour picture and a 16-bit '
+        "depth picture of one camera.</small></p>"
+        '<input type="file" data-goal-files multiple accept=".npy,.ply,.png,.jpg,.jpeg" aria-label="Goal of a file">'
+        f"<p><label>Camera of the pictures <select data-goal-camera>{options}</select></label></p>"
+        '<p data-goal-says role="status"></p></div>'
+    )
 
 
 def _hint(kind: Kind) -> str:
