@@ -43,7 +43,7 @@ $(READY): requirements.lock pyproject.toml
 run: setup ## push a rope to its goal in the simulated cell
 	$(BIN)/dipac run rope_push
 
-console: setup ## the same, each push approved by hand in the browser
+console: setup ## a session in the browser, each push approved by hand
 	$(BIN)/dipac console
 
 test: setup ## everything that CI runs: lint, types, layering, tests, documentation

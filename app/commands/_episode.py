@@ -62,7 +62,7 @@ class Options:
     seed: int = 0
     """draws the start, the goal and the noise"""
     pushes: int = 10
-    """at most; fewer where the goal is reached before"""
+    """at most, in the console until a mode is chosen anew; fewer where the goal is reached before"""
     preset: Preset = "auto"
     """how much is computed for a decision; auto asks this machine"""
     planner: str = PAPER

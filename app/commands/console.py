@@ -1,4 +1,4 @@
-"""Open the operator console on the simulated cell; every motion waits for approval by hand."""
+"""Open the operator console on the simulated cell; motions wait for approval by hand, unless the mode is changed."""
 
 from pathlib import Path
 from typing import Annotated

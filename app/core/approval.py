@@ -95,7 +95,7 @@ class ApprovalGate:
 
 
 def automatic_decision(proposal: Proposal, *, now_s: float) -> Decision:
-    """The decision of a run that nobody watches: yes. The flow allows it on a simulated rig alone."""
+    """The decision of a mode that asks nobody: yes. A flow that begins in that mode wants a simulated rig."""
     return Decision(
         id=fresh_id("decision"),
         cause=(proposal.id,),

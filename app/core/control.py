@@ -9,7 +9,7 @@ from app.core.messages import Message
 @final
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Lease(Message):
-    """From now on `holder` alone may decide and resume; nobody has it where that is empty. STOP is everybody's."""
+    """From now on `holder` alone may command; nobody has control where that is empty. STOP is everybody's."""
 
     holder: str
     why: str
