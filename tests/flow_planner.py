@@ -34,8 +34,11 @@ _FREE_LOW_M, _FREE_HIGH_M = (0.32, -0.15), (0.40, 0.15)
 @final
 @dataclass(frozen=True, kw_only=True)
 class Habits:
-    """How the planner behaves: `thinking_s` a plan, and its first `failures` plans fail as `trouble` says."""
+    """How the planner behaves: `compiling_s` before its first plan where that is not 0, `thinking_s` a plan, and its
+    first `failures` plans fail as `trouble` says.
+    """
 
+    compiling_s: float = 0.0
     thinking_s: float = 0.0
     failures: int = 0
     trouble: Literal["no finite branch", "dies"] = "no finite branch"
@@ -48,7 +51,11 @@ def take_up(habits: Habits) -> None:
     def planner(task: str, preset: str, phi: np.ndarray, method: Method) -> Strokes:
         return strokes
 
-    compiled = SimpleNamespace(planner=planner, phi_of=_phi_of, stages=_stages)
+    def stages(task: str, preset: str, model: Model, method: Method) -> list[object]:
+        compiling = SimpleNamespace(name="strokes", run=lambda: time.sleep(habits.compiling_s))
+        return [compiling] if habits.compiling_s else []
+
+    compiled = SimpleNamespace(planner=planner, phi_of=_phi_of, stages=stages)
     sys.modules["app.tasks.compiled"] = cast(ModuleType, cast(object, compiled))
 
 
@@ -102,10 +109,6 @@ def _branch(origin: Literal["policy", "random"], path: np.ndarray, observed: Poi
         terms={},
         finite=True,
     )
-
-
-def _stages(task: str, preset: str, model: Model, method: Method) -> list[object]:
-    return []
 
 
 def _phi_of(model: Model) -> np.ndarray:

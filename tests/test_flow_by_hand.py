@@ -2,15 +2,17 @@
 
 import time
 from collections.abc import AsyncIterator
+from pathlib import Path
 
 import anyio
 import numpy as np
 import pytest
 
-from app.core.control import Lease, Mode
+from app.core.control import EndRequest, Lease, Mode
 from app.core.jog import Jog
-from app.core.messages import Executed, Health, Notice, Outcome, Proposal, Transition, fresh_id
+from app.core.messages import Executed, Health, Notice, Outcome, Particles, Proposal, Transition, fresh_id
 from tests.flow_cell import Run, for_a_while, running, small_site, small_wish, some
+from tests.flow_planner import Habits
 from tests.flow_rig import photographs
 
 pytestmark = pytest.mark.anyio
@@ -101,3 +103,20 @@ async def test_teleoperation_ends_with_control_and_the_arm_comes_to_rest(by_hand
         tasks.cancel_scope.cancel()
     await by_hand.person.sees(Health, "idle")
     assert (await by_hand.rig.arm.state()).mode == "idle"
+
+
+async def test_nobody_who_moves_the_tool_by_hand_waits_for_the_planner_to_compile(tmp_path: Path) -> None:
+    site = small_site(tmp_path, jog_rest_s=0.15)
+    async with running(site, small_wish(staying=True), habits=Habits(compiling_s=1000.0)) as run:
+        person = run.person
+        await person.sees(Health, "compiling strokes")
+        await person.chooses("teleoperate")
+        await person.sees(Health, "waiting to be moved by hand")
+        await person.sees(Particles)
+        assert await jogs(run, (0.0, 0.0, 0.05)) == 12
+        await person.sees(Transition)
+        await person.chooses("approve each")
+        await person.sees(Health, "compiling strokes")
+        await person.asks(EndRequest(id=fresh_id("end"), time_s=time.monotonic(), operator="tests"))
+        assert await run.end() is None
+        assert not person.all(Proposal)

@@ -94,17 +94,11 @@ class ClipRequest(Message):
     duration_s: float
 
 
-Asked: TypeAlias = (
-    ModeRequest
-    | EndRequest
-    | GoalRequest
-    | PictureGoalRequest
-    | EditRequest
-    | ModelRequest
-    | ColourRequest
-    | TakeRequest
-    | ClipRequest
+Chore: TypeAlias = (
+    GoalRequest | PictureGoalRequest | EditRequest | ModelRequest | ColourRequest | TakeRequest | ClipRequest
 )
+"""What takes the program a while."""
+Asked: TypeAlias = ModeRequest | EndRequest | Chore
 """What whoever has control may ask for."""
 Request: TypeAlias = Decision | StopRequest | ResumeRequest | Lease | Notice | Asked
 """What comes from an operator; a notice is of something that the console saw, for the record."""

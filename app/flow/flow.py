@@ -6,9 +6,10 @@ is heavy runs in worker processes; STOP and jogging go from the console to the a
 
 from dataclasses import replace
 from pathlib import Path
-from typing import TypeAlias, final
+from typing import final
 
 import anyio
+from anyio.abc import TaskGroup
 
 from app.config import Site
 from app.core.announcer import Announcer
@@ -30,6 +31,7 @@ from app.core.messages import (
 )
 from app.core.ports import Clock, Operator, Recorder, Rig, Studio
 from app.core.requests import (
+    Chore,
     ClipRequest,
     ColourRequest,
     EditRequest,
@@ -51,10 +53,6 @@ from app.flow.sensing import Sensing
 from app.flow.watching import Push, Watching
 from app.tasks.base import Wish
 
-Chore: TypeAlias = (
-    GoalRequest | PictureGoalRequest | EditRequest | ModelRequest | ColourRequest | TakeRequest | ClipRequest
-)
-"""What somebody asks for that takes a while."""
 _UNATTENDED_S = 120.0
 """How long a run with automatic approval waits for somebody to resume it after a stop."""
 _LAST_CALIBRATION_S = 120.0
@@ -111,12 +109,12 @@ class Flow:
         async with self.announcer.recording(), self.sensing.perceiver, self.planner, self.learning.calibrator:
             try:
                 async with anyio.create_task_group() as stages:
-                    for stage in (self.sensing.run, self.learning.run, self.watching.run, self._attend, self._listen):
+                    for stage in (self.sensing.run, self.learning.run, self.watching.run, self._listen):
                         stages.start_soon(stage)
                     stages.start_soon(self.reporting.run, self.sensing, self.learning, self.approving, self.modes)
                     self.say(self.wish.goal)
                     self.modes.begin()
-                    await self._work()
+                    await self._work(stages)
                     stages.cancel_scope.cancel()
             except BaseExceptionGroup as group:
                 error = first_error(group)
@@ -172,7 +170,7 @@ class Flow:
                 case ModelRequest():
                     await self._use(chore)
                 case ColourRequest():
-                    self._recolour(chore)
+                    self.sensing.recolour(chore)
 
     async def _aim(self, request: GoalRequest | PictureGoalRequest) -> None:
         wish = await self.aiming.aimed(self.wish, request, self.sensing.seeing.how, self.learning.models.value)
@@ -199,12 +197,6 @@ class Flow:
             self.planning.forget()
             self.modes.interrupt("is of another model")
 
-    def _recolour(self, request: ColourRequest) -> None:
-        try:
-            self.notice("colours", self.sensing.seeing.recolour(request), request.id)
-        except DipacError as error:
-            self.notice("colours", str(error), request.id)
-
     async def _demonstrate(self, request: TakeRequest) -> None:
         """Begin or end a demonstration; its last motion belongs to it, once the arm is at rest and has been seen so."""
         if request.act in ("success", "failure") and self.modes.name == "teleoperate":
@@ -215,9 +207,11 @@ class Flow:
 
     # The loop -----------------------------------------------------------------------------------------------------
 
-    async def _work(self) -> None:
+    async def _work(self, stages: TaskGroup) -> None:
         """See, plan, ask, act, learn; and again. What of it is done depends on the mode."""
-        self.learning.begin(await self.planning.warm_up(self.wish, self.reporting.do))
+        self.learning.begin(model := await self.planning.begin(self.wish, self.reporting.do))
+        stages.start_soon(self._attend)
+        stages.start_soon(self.planning.warm_up, self.wish, model)
         while not self.modes.ended:
             try:
                 await self._turn()
@@ -244,6 +238,10 @@ class Flow:
 
     async def _planned(self) -> None:
         """A plan, and its motion where it is approved."""
+        with self.modes.lasting() as lasting:
+            await self.planning.warm(self.reporting.do)
+        if lasting.cancel_called:
+            return
         observed = self._observed or await self._look()
         if await self._is_enough(observed):
             return

@@ -8,6 +8,7 @@ from jaxtyping import Float32
 
 from app.config import Site
 from app.core.announcer import Announcer
+from app.core.channel import Latest
 from app.core.errors import PlanningError, WorkerError
 from app.core.messages import Model, Particles, Proposal
 from app.core.ports import Clock
@@ -20,6 +21,7 @@ from app.tasks.base import Wish
 from app.tasks.jobs import nominal_model, plan, uncalibrated_model, warm_up_stage, warm_up_stages
 
 FAILURES_IN_A_ROW = 3
+_NOTHING = ""
 
 
 @final
@@ -31,19 +33,30 @@ class Planning:
         self._planner, self._site = planner, site
         self._asking = Asking(wish, announcer, planner, site)
         self._editing = Editing(wish, announcer, planner, site)
+        self._compiling = Latest[str]("compiling")
         self._changed: Proposal | None = None
         self._rejected: tuple[Float32[np.ndarray, "_ 3"], ...] = ()
 
-    async def warm_up(self, wish: Wish, do: Callable[[str], None]) -> Model:
-        """Compile what planning needs, each stage told to `do`; the model to begin with, which has been said."""
-        planner, task, preset, method = self._planner, wish.task.name, wish.preset, wish.method
+    async def begin(self, wish: Wish, do: Callable[[str], None]) -> Model:
+        """Start the planner's process, which is told to `do`; the model to begin with, which has been said."""
         do("starting the planner")
-        known = nominal_model if method.calibrated else uncalibrated_model
-        model = self._announcer.say(wish.model or await planner.run(known, task))
+        known = nominal_model if wish.method.calibrated else uncalibrated_model
+        return self._announcer.say(wish.model or await self._planner.run(known, wish.task.name))
+
+    async def warm_up(self, wish: Wish, model: Model) -> None:
+        """Compile what planning needs. Whoever moves the tool by hand need not wait for it."""
+        planner, task, preset, method = self._planner, wish.task.name, wish.preset, wish.method
         for index, stage in enumerate(await planner.run(warm_up_stages, task, preset, model, method)):
-            do(f"compiling {stage}")
+            self._compiling.put(stage)
             await planner.run(warm_up_stage, task, preset, index, model, method)
-        return model
+        self._compiling.put(_NOTHING)
+
+    async def warm(self, do: Callable[[str], None]) -> None:
+        """Wait until all is compiled; `do` is told each stage of it."""
+        async for stage in self._compiling.changes():
+            if stage == _NOTHING:
+                return
+            do(f"compiling {stage}")
 
     def decided(self, proposal: Proposal, *, approved: bool) -> None:
         """It has been decided on. What was rejected is not proposed again before something has moved."""

@@ -7,9 +7,10 @@ import anyio
 
 from app.core.announcer import Announcer
 from app.core.channel import Latest
-from app.core.errors import DeviceError, PerceptionError, WorkerError
+from app.core.errors import DeviceError, DipacError, PerceptionError, WorkerError
 from app.core.messages import Frame, Particles, fresh_id
 from app.core.ports import Camera, Clock, Rig
+from app.core.requests import ColourRequest
 from app.core.summary import Summary
 from app.core.worker import Worker
 from app.flow.seeing import Seeing, seen
@@ -54,6 +55,13 @@ class Sensing:
     def before(self, time_s: float) -> Particles | None:
         """The last particles whose frames were taken before `time_s` [s]; None where that is too long ago."""
         return next((seen for seen in reversed(self._past) if seen.time_s < time_s), None)
+
+    def recolour(self, request: ColourRequest) -> None:
+        """Look for other colours, if they make a range; what came of it has been said."""
+        try:
+            self._announcer.notice("colours", self.seeing.recolour(request), request.id)
+        except DipacError as error:
+            self._announcer.notice("colours", str(error), request.id)
 
     async def _capture(self, camera: Camera) -> None:
         """Camera -> frames; a camera that fails is reported and tried again."""
