@@ -113,7 +113,7 @@ class Flow:
                 async with anyio.create_task_group() as stages:
                     for stage in (self.sensing.run, self.learning.run, self.watching.run, self._attend, self._listen):
                         stages.start_soon(stage)
-                    stages.start_soon(self.reporting.run, self.sensing, self.learning, self.approving)
+                    stages.start_soon(self.reporting.run, self.sensing, self.learning, self.approving, self.modes)
                     self.say(self.wish.goal)
                     self.modes.begin()
                     await self._work()

@@ -12,7 +12,11 @@ from app.core.ports import Clock, Rig
 from app.core.summary import Summary
 from app.flow.approving import Approving
 from app.flow.learning import Learning
+from app.flow.modes import Modes
 from app.flow.sensing import Sensing
+
+_LIVELY = 5
+"""States of the arm in a period, while it is moved by hand."""
 
 
 @final
@@ -29,7 +33,7 @@ class Reporting:
         """From now on this is being done."""
         self.doing, self._since_s = doing, self._clock.now()
 
-    async def run(self, sensing: Sensing, learning: Learning, approving: Approving) -> None:
+    async def run(self, sensing: Sensing, learning: Learning, approving: Approving, modes: Modes) -> None:
         """For ever."""
         while True:
             disk_free_bytes = await to_thread.run_sync(free_bytes, self._site.recordings, abandon_on_cancel=True)
@@ -55,4 +59,12 @@ class Reporting:
                     disk_free_bytes=disk_free_bytes,
                 )
             )
-            await self._clock.sleep(self._site.timing.health_period_s)
+            await self._until_next(lively=modes.name == "teleoperate")
+
+    async def _until_next(self, *, lively: bool) -> None:
+        """Wait for the next period; whoever moves the tool by hand sees it more often than that."""
+        pieces = _LIVELY if lively else 1
+        for piece in range(pieces):
+            await self._clock.sleep(self._site.timing.health_period_s / pieces)
+            if piece + 1 < pieces:
+                self._announcer.say(await self._rig.arm.state())

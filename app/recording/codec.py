@@ -2,10 +2,10 @@
 
 JSON has neither arrays of a known type nor non-finite numbers, so two things are agreed:
 
-- An array whose shape is fixed by its annotation (a pose, an intrinsic matrix) is nested lists of numbers, which
-  Foxglove can plot. Any other is `{"dtype", "shape", "data"}` with base64 of its little-endian bytes: exact, and 40
-  times cheaper than lists (docs/recording-format.md has the measurement). Truth values are eight to a byte, the first
-  in its highest bit; their `dtype` is "bits".
+- An array whose shape is fixed by its annotation (a pose, an intrinsic matrix) is nested lists of numbers; what is
+  one list Foxglove can plot. Any other is `{"dtype", "shape", "data"}` with base64 of its little-endian bytes: exact,
+  and 40 times cheaper than lists (docs/recording-format.md has the measurement). Truth values are eight to a byte, the
+  first in its highest bit; their `dtype` is "bits".
 - A non-finite number is the string "nan", "inf" or "-inf".
 """
 
@@ -21,6 +21,7 @@ import numpy as np
 from jaxtyping import AbstractArray
 
 from app.core.messages import Message
+from app.recording.dialect import in_dialect
 
 MessageT = TypeVar("MessageT", bound=Message)
 
@@ -46,9 +47,9 @@ def rebuild(plain: Any, kind: type[MessageT]) -> MessageT:
 
 
 def schema(kind: type[Message]) -> dict[str, Any]:
-    """The JSON schema of `encode(_, kind)`: an object at the top, as Foxglove asks for."""
-    _, components = msgspec.json.schema_components([kind], schema_hook=_array_schema, ref_template="#/$defs/{name}")
-    return _readable(components.pop(kind.__name__) | {"$defs": components})
+    """The JSON schema of `encode(_, kind)`, as Foxglove's parser takes it."""
+    (whole,), components = msgspec.json.schema_components([kind], schema_hook=_array_schema)
+    return in_dialect(whole, components)
 
 
 def _plain(value: Any, kind: Any) -> Any:
@@ -146,23 +147,6 @@ def _listed(plain: Any, kind: Any) -> np.ndarray:
 def _frozen(array: np.ndarray) -> np.ndarray:
     array.flags.writeable = False
     return array
-
-
-def _readable(described: Any) -> Any:
-    """A JSON schema in the part of the language that Foxglove reads: arrays have one schema for all their items.
-
-    Its parser refuses `prefixItems`, which msgspec writes for a tuple of so many numbers.
-    """
-    match described:
-        case {"prefixItems": [first, *rest]} if all(item == first for item in rest):
-            plain = {key: item for key, item in described.items() if key != "prefixItems"}
-            return _readable(plain | {"items": first})
-        case dict():
-            return {key: _readable(item) for key, item in cast(dict[str, Any], described).items()}
-        case list():
-            return [_readable(item) for item in cast(list[Any], described)]
-        case _:
-            return described
 
 
 def _array_schema(kind: Any) -> dict[str, Any]:

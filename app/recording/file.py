@@ -97,7 +97,7 @@ def metadata_of(episode: Episode, epoch: Epoch) -> dict[str, str]:
 
 
 def _json_schema(kind: type[Message]) -> foxglove.Schema:
-    data = json.dumps(schema(record_of(kind))).encode()
+    data = json.dumps(schema(record_of(kind)), allow_nan=False).encode()
     return foxglove.Schema(name=f"dipac.{kind.__name__}", encoding="jsonschema", data=data)
 
 

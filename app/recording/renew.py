@@ -65,7 +65,7 @@ def _records(path: Path, version: int) -> Iterator[McapRecord]:
 def _described(channel: Channel) -> Iterator[McapRecord]:
     """The channel with a schema of its own, that of the newest version."""
     kind = KINDS[channel.topic]
-    data = json.dumps(schema(record_of(kind))).encode()
+    data = json.dumps(schema(record_of(kind)), allow_nan=False).encode()
     # No schema of the file has such a number.
     channel.schema_id = -channel.id
     yield Schema(id=channel.schema_id, name=f"dipac.{kind.__name__}", encoding="jsonschema", data=data)

@@ -4,7 +4,7 @@ import asyncio
 import socket
 import time
 from collections.abc import AsyncGenerator, AsyncIterator, Callable, Coroutine, Iterable, Mapping
-from contextlib import asynccontextmanager
+from contextlib import asynccontextmanager, suppress
 from functools import partial
 from typing import final
 
@@ -95,8 +95,12 @@ async def open_console(
             f"Port {port} on {host} cannot be had ({error.strerror}); choose another with --port."
         ) from None
     requests = Lossless[Request]("operator requests", bound=_REQUESTS_BOUND)
-    post = partial(asyncio.get_running_loop().call_soon_threadsafe, requests.put_nowait)
-    desk = Desk(stop=stop, post=post, now=player.now if player else time.monotonic, replay=cell == "replay")
+    desk = Desk(
+        stop=stop,
+        post=partial(_post, asyncio.get_running_loop(), requests),
+        now=player.now if player else time.monotonic,
+        replay=cell == "replay",
+    )
     with listening:
         page = Page(title=title, cell=cell, jogging=hand is not None)
         badges = Badges()
@@ -107,6 +111,12 @@ async def open_console(
         ways = {"goal": inbox.receive} | ({"jog": line.serve} if line else {})
         async with _serving(listening, desk, page, furnish, ways, tls) as url:
             yield Console(url=url, desk=desk, requests=requests)
+
+
+def _post(loop: asyncio.AbstractEventLoop, requests: Lossless[Request], request: Request) -> None:
+    """Hand a request to the program, from any thread; a page that leaves when the program has ended tells nobody."""
+    with suppress(RuntimeError):
+        loop.call_soon_threadsafe(requests.put_nowait, request)
 
 
 @asynccontextmanager

@@ -25,7 +25,7 @@ def button(page: Page, name: str) -> None:
 
 def choose(page: Page, label: str, option: str) -> None:
     """An option of the dropdown beside `label`."""
-    page.get_by_label(label).or_(page.locator("input[aria-haspopup=listbox]")).first.click()
+    page.get_by_role("combobox", name=label).click()
     page.get_by_role("option", name=option).click()
 
 

@@ -93,7 +93,7 @@ def test_a_push_is_approved_stopped_and_resumed(
     page.set_default_timeout(PATIENCE)
     expect.set_options(timeout=PATIENCE)
     page.goto(address(console))
-    expect(page.get_by_text("SIMULATED")).to_be_visible()
+    expect(page.locator(".dp-simulated")).to_be_visible()
     wait_until(lambda: pixels(page, palette.OBSERVED) > 300)
 
     expect(page.get_by_role("button", name=APPROVE)).to_be_enabled()
