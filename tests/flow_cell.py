@@ -238,10 +238,10 @@ class Run:
 
 @asynccontextmanager
 async def running(
-    site: Site, wish: Wish, *, place: Place = "here", habits: Habits | None = None
+    site: Site, wish: Wish, *, place: Place = "here", habits: Habits | None = None, simulated: bool = True
 ) -> AsyncGenerator[Run]:
     """A run that has begun; it ends with the block at the latest. Call `photographs` before, outside of any loop."""
-    run = Run(wish, site, SmallRig(site))
+    run = Run(wish, site, SmallRig(site, simulated=simulated))
     run.rig.table.place = place
     await run.plans_with(habits or Habits())
     async with anyio.create_task_group() as tasks:

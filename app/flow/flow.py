@@ -83,7 +83,8 @@ class Flow:
         self.announcer = Announcer(operator=operator, recorder=recorder, clock=clock, summary=self.summary)
         self.say, self.notice, self.fault = self.announcer.say, self.announcer.notice, self.announcer.fault
         how, by = wish.task.reconstruction(wish.preset), (self.announcer, clock)
-        self.modes = Modes("automatic" if wish.automatic else "approve each", wish.pushes, *by)
+        started = "automatic" if wish.automatic else "approve each"
+        self.modes = Modes(started, wish.pushes, *by, simulated=rig.simulated)
         self.sensing = Sensing(rig, how, self.summary, *by)
         self.learning = Learning(wish, planner, site, *by)
         self.planning = Planning(wish, planner, site, *by)
@@ -219,6 +220,7 @@ class Flow:
                 if not self.wish.staying:
                     raise
                 self.fault("application", error)
+                self._refused = 0
                 self.modes.set("idle", "something failed; see the messages, then choose a mode")
         self.reporting.do("finishing the calibration")
         with anyio.move_on_after(_LAST_CALIBRATION_S):

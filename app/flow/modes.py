@@ -22,7 +22,8 @@ class Modes:
     whoever asked for it has no control any more. The one that the program was `started` in ends with a request alone.
     """
 
-    def __init__(self, started: ModeName, motions: int, announcer: Announcer, clock: Clock) -> None:
+    def __init__(self, started: ModeName, motions: int, announcer: Announcer, clock: Clock, *, simulated: bool) -> None:
+        self._simulated = simulated
         self._announcer, self._clock = announcer, clock
         self._holder = ""
         self._waiting, self._lasting = anyio.CancelScope(), anyio.CancelScope()
@@ -42,13 +43,18 @@ class Modes:
 
     def asked(self, request: ModeRequest) -> None:
         """Somebody wants another."""
-        if request.mode == "automatic" and not 0 < request.motions <= _MOST:
-            text = f"{request.motions} motions were asked for; automatic is for 1 to {_MOST}."
-            self._announcer.notice("mode", text)
+        if request.mode == "automatic" and (why := self._refusal(request.motions)):
+            self._announcer.notice("mode", why, request.id)
             return
         self._holder = request.operator
         motions = request.motions if request.mode == "automatic" else 0
         self.set(request.mode, f"asked for by {request.operator}", request.id, motions=motions)
+
+    def _refusal(self, motions: int) -> str:
+        """Why so many motions are not made automatically; nothing where they are."""
+        if not self._simulated:
+            return "Motions are made automatically in the simulated cell alone; approve each here."
+        return "" if 0 < motions <= _MOST else f"{motions} motions were asked for; automatic is for 1 to {_MOST}."
 
     def set(self, mode: ModeName, why: str, *cause: MessageId, motions: int = 0) -> None:
         """Change to `mode`; what waits under the old one is given up."""

@@ -52,6 +52,8 @@ def _mode(board: Board, now_s: float) -> tuple[str, str, Tone]:
         return "Waiting for the cameras", "Nothing has come in yet.", ""
     if board.arm_mode == "moving":
         return doing, "The arm moves.", "go"
+    if board.mode is not None and board.mode.mode == "idle" and board.mode.why:
+        return doing, f"{words.sentence(board.mode.why)}.", ""
     return doing, _latest_notice(board), ""
 
 

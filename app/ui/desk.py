@@ -268,7 +268,7 @@ def _hindrance(board: Board, operator: str) -> str | None:
         return "nobody has control: press Take first"
     if board.holder != operator:
         return f"{board.holder} has control"
-    return None if board.teleoperated else "switch to teleoperate first"
+    return None if board.teleoperated else "choose the mode By hand first"
 
 
 def _times(count: int) -> str:

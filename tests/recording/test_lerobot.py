@@ -2,6 +2,7 @@
 
 import io
 import json
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -10,12 +11,13 @@ import PIL.Image
 import pytest
 
 from app.core.errors import PreflightError, RecordingError, UsageError
-from app.core.messages import Executed, Goal, Particles
+from app.core.messages import Episode, Executed, Frame, Goal, Particles, fresh_id
 from app.recording.label import Label, relabel
 from app.recording.lerobot.dataset import export
 from app.recording.lerobot.samples import sample
 from app.recording.reader import read_messages, read_pictures
 from tests.recording.demonstrations import PARTICLES, PUSHES, demonstration
+from tests.recording.samples import record
 
 datasets = pytest.importorskip("datasets", reason="The package `datasets` is missing; install dipac[lerobot].")
 FPS = 10
@@ -102,6 +104,20 @@ def test_the_tool_the_object_and_the_goal_are_those_of_the_recording(paths: list
     assert own["next.done"].nonzero()[0].tolist() == [STEPS - 1]
     assert own["next.success"].nonzero()[0].tolist() == [STEPS - 1]
     assert not rows.select(range(STEPS)).with_format("numpy")["next.success"][:].any()
+
+
+def test_a_goal_that_is_set_in_between_is_that_of_the_steps_after_it(tmp_path: Path) -> None:
+    said = list(read_messages(demonstration(tmp_path)))
+    executed = [message for message in said if isinstance(message, Executed)]
+    goal = next(message for message in said if isinstance(message, Goal))
+    later = replace(goal, id=fresh_id("goal"), time_s=executed[-1].times_s[0] - 0.01, positions=goal.positions + 0.1)
+    episode = next(message for message in said if isinstance(message, Episode))
+    others = [message for message in said if isinstance(message, Goal | Particles | Frame | Executed)]
+    samples = sample(record(tmp_path, episode, [*others, later]), FPS)
+    last = samples.goal[:, 0, 0] == later.positions[0, 0]
+    steps = round((executed[-1].times_s[-1] - executed[-1].times_s[0]) * FPS)
+    assert last.tolist() == [False] * (len(samples) - steps) + [True] * steps
+    assert np.array_equal(samples.goal[0], goal.positions)
 
 
 def test_images_are_the_newest_of_the_recording_byte_by_byte(paths: list[Path], rows: Any) -> None:

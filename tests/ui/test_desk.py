@@ -297,7 +297,7 @@ def test_the_tool_is_moved_by_whoever_has_control_in_teleoperation_while_nothing
     desk = program.desk
     assert desk.hindrance("me") == "nobody has control: press Take first"
     desk.take("me")
-    assert desk.hindrance("me") == "switch to teleoperate first"
+    assert desk.hindrance("me") == "choose the mode By hand first"
     desk.show(synthetic.mode("teleoperate"))
     assert desk.hindrance("me") is None
     assert desk.hindrance("you") == "me has control"
@@ -309,7 +309,7 @@ def test_the_tool_is_moved_by_whoever_has_control_in_teleoperation_while_nothing
     assert desk.hindrance("me") == "a stop is in force: press Resume"
     desk.show(synthetic.arm("moving"))
     desk.show(synthetic.mode("approve each"))
-    assert desk.hindrance("me") == "switch to teleoperate first"
+    assert desk.hindrance("me") == "choose the mode By hand first"
     desk.left("me")
     assert desk.hindrance("me") == "me has left"
     desk.show(Fault(id=fresh_id("fault"), time_s=0.0, where="episode", text="over", fatal=True))

@@ -135,7 +135,7 @@ class _Steps:
 
 def _features(samples: Samples) -> dict[str, Any]:
     """What a step holds, as LeRobot describes it."""
-    count, goal = samples.object.shape[1], len(samples.goal)
+    count, goal = samples.object.shape[1], samples.goal.shape[1]
     images = {
         f"{_IMAGE}{name}": _feature("image", (of_one[0].height, of_one[0].width, 3), ["height", "width", "channels"])
         for name, of_one in samples.pictures.items()
@@ -180,7 +180,7 @@ def _numbers(
         STATE: samples.state,
         ACTION: samples.action,
         OBJECT: samples.object.reshape(count, -1),
-        GOAL: np.tile(samples.goal.reshape(1, -1), (count, 1)),
+        GOAL: samples.goal.reshape(count, -1),
         "next.done": last,
         "next.success": last & success,
         "timestamp": (order / fps).astype(np.float32),

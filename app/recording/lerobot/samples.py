@@ -12,7 +12,6 @@ from jaxtyping import Float32, Float64
 from app.core.errors import RecordingError
 from app.core.messages import Episode, Executed, Goal, Particles
 from app.core.track import poses_at
-from app.core.types import Points
 from app.recording.reader import Picture, read_messages, read_pictures
 
 STATE_NAMES = ("x", "y", "z", "qw", "qx", "qy", "qz", "opening")
@@ -22,7 +21,7 @@ STATE_NAMES = ("x", "y", "z", "qw", "qx", "qy", "qz", "opening")
 @final
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Samples:
-    """The steps of one episode: `state (S, 8)`, `action (S, 8)`, `object (S, N, 3)` [m], `goal (M, 3)` [m].
+    """The steps of one episode: `state (S, 8)`, `action (S, 8)`, `object (S, N, 3)` and `goal (S, M, 3)` [m].
 
     `pictures`: of each camera, the newest image at each step, as it is in the recording.
     """
@@ -31,7 +30,7 @@ class Samples:
     state: Float32[np.ndarray, "S 8"]
     action: Float32[np.ndarray, "S 8"]
     object: Float32[np.ndarray, "S N 3"]
-    goal: Points
+    goal: Float32[np.ndarray, "S M 3"]
     pictures: Mapping[str, Sequence[Picture]]
 
     def __len__(self) -> int:
@@ -45,10 +44,10 @@ def sample(path: Path, fps: int) -> Samples:
     """
     said = list(read_messages(path, [Episode, Goal, Particles, Executed]))
     episode = next((message for message in said if isinstance(message, Episode)), None)
-    goal = next((message.positions for message in said if isinstance(message, Goal)), None)
+    goals = [message for message in said if isinstance(message, Goal)]
     seen = [message for message in said if isinstance(message, Particles)]
     made = [message for message in said if isinstance(message, Executed) and len(message.times_s) > 1]
-    if episode is None or goal is None or not made or not seen:
+    if episode is None or not goals or not made or not seen:
         raise RecordingError(
             f"{path} holds no goal, object or action; a demonstration has all three. Leave it out, or record one with "
             "`dipac collect`."
@@ -61,7 +60,7 @@ def sample(path: Path, fps: int) -> Samples:
         state=np.concatenate([step.state for step in steps]).astype(np.float32),
         action=np.concatenate([step.action for step in steps]).astype(np.float32),
         object=_alike([seen[index].positions for index in newest], path),
-        goal=goal,
+        goal=_alike([goals[index].positions for index in _pursued(goals, times)], path),
         pictures={name: _pictures(of_one, times, path) for name, of_one in _by_camera(path).items()},
     )
 
@@ -89,9 +88,15 @@ def _newest(dated_s: Sequence[float], at_s: np.ndarray, path: Path) -> Sequence[
     return found
 
 
+def _pursued(goals: Sequence[Goal], at_s: np.ndarray) -> Sequence[int]:
+    """For each moment the index of the goal at that time; of what came before any was said, the first."""
+    dated_s = [goal.time_s for goal in goals]
+    return [max(bisect_right(dated_s, moment) - 1, 0) for moment in at_s]
+
+
 def _alike(clouds: Sequence[Float32[np.ndarray, "_ 3"]], path: Path) -> Float32[np.ndarray, "S N 3"]:
     if len({cloud.shape for cloud in clouds}) > 1:
-        raise RecordingError(f"{path}: its object does not always have as many particles; leave it out.")
+        raise RecordingError(f"{path}: its object or goal does not always have as many particles; leave it out.")
     return np.stack(clouds)
 
 
@@ -123,4 +128,4 @@ def sampled(paths: Sequence[Path], fps: int) -> Iterator[tuple[Path, Samples]]:
 
 def _kind(samples: Samples) -> tuple[object, ...]:
     cameras = {name: (of_one[0].width, of_one[0].height) for name, of_one in sorted(samples.pictures.items())}
-    return samples.episode.rig, cameras, samples.object.shape[1], len(samples.goal)
+    return samples.episode.rig, cameras, samples.object.shape[1], samples.goal.shape[1]
