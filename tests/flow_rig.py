@@ -164,12 +164,12 @@ class TickedArm:
             return True
         return False
 
-    async def jogged(self) -> Executed:
+    async def jogged(self, over: anyio.Event | None = None) -> Executed | None:
         if self._control.mode != "idle":
             raise MotionRefused(f"The arm is {self._control.mode}; wait for its end, or reset it after a stop.")
         self._heeding = True
         try:
-            rows, reason = await self._stretch()
+            rows, reason = await self._stretch(over)
         finally:
             self._heeding = False
             self._told.clear()
@@ -177,6 +177,8 @@ class TickedArm:
                 self._control.coast()
                 self._control.advance(self._site.timing.arm_period_s)
             self._tool = self._control.commanded
+        if not rows:
+            return None
         times_s, commanded, measured = (np.array(column) for column in zip(*rows, strict=True))
         return Executed(
             id=fresh_id("executed"),
@@ -199,13 +201,18 @@ class TickedArm:
             raise DeviceError("The arm did not lift its stop; it was stopped again since, or is not at rest yet.")
         self._control.reset()
 
-    async def _stretch(self) -> tuple[list[tuple[float, ToolPose, ToolPose]], str]:
+    async def _stretch(self, over: anyio.Event | None) -> tuple[list[tuple[float, ToolPose, ToolPose]], str]:
         """Tick while somebody jogs: times, commanded and measured poses from the first move to rest."""
         control, timing = self._control, self._site.timing
         rows, last_s, rested_s, reason = list[tuple[float, ToolPose, ToolPose]](), time.monotonic(), 0.0, ""
         while rested_s < timing.jog_rest_s:
             await anyio.sleep(timing.arm_period_s)
             now_s = time.monotonic()
+            if over is not None and over.is_set():
+                self._heeding = False
+                self._told.clear()
+                if not rows:
+                    return rows, reason
             if self._told and control.jog(self._told[-1]):
                 self._jogged_s = now_s
             elif not self._heeding or now_s - self._jogged_s > timing.watchdog_s:

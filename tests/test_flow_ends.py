@@ -101,7 +101,7 @@ async def test_an_automatic_run_makes_its_pushes_and_records_everything_it_shows
 async def test_an_automatic_run_that_was_stopped_ends_where_nobody_resumes(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("app.flow.flow._UNATTENDED_S", 0.5)
+    monkeypatch.setattr("app.flow.holding._UNATTENDED_S", 0.5)
     async with running(small_site(tmp_path), small_wish(automatic=True)) as run:
         await run.person.sees(ArmState, "moving")
         await run.person.presses_stop()

@@ -6,7 +6,7 @@ moved since it was planned. (MoveIt learned the same: moveit_ros #709, #710.)
 
 import secrets
 from dataclasses import dataclass, field
-from typing import final
+from typing import Final, final
 
 import numpy as np
 
@@ -15,6 +15,8 @@ from app.core.errors import ApprovalRefused
 from app.core.messages import Decision, Message, MessageId, Particles, Proposal, fresh_id
 from app.core.motion import Motion
 
+AUTOMATIC: Final = "automatic"
+"""Who decides where nobody does."""
 _SEAL = secrets.token_hex(16)
 
 
@@ -103,7 +105,7 @@ def automatic_decision(proposal: Proposal, *, now_s: float) -> Decision:
         proposal_id=proposal.id,
         digest=proposal.motion.digest(),
         approve=True,
-        operator="automatic",
+        operator=AUTOMATIC,
     )
 
 

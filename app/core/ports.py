@@ -1,8 +1,10 @@
 """What the flow needs of the world, as small protocols. Rigs, the console and the recorder provide them."""
 
-from collections.abc import AsyncIterator, Sequence
+from collections.abc import AsyncIterator, Callable, Sequence
 from pathlib import Path
 from typing import Literal, Protocol
+
+import anyio
 
 from app.core.approval import Approved
 from app.core.camera import CameraModel
@@ -67,13 +69,13 @@ class Arm(Protocol):
         """
         ...
 
-    async def jogged(self) -> Executed:
-        """Let whoever jogs move the tool, and wait until that is over: from the first jog to rest, and rest kept.
+    async def jogged(self, over: anyio.Event | None = None) -> Executed | None:
+        """Let whoever jogs move the tool, and wait until that has ended: from the first jog to rest, and rest kept.
 
         Nobody approved it, so `approved_id` is an id of its own kind. A stretch that is too long is ended, as `reason`
-        says then; a hand that goes on is not heeded before the next call. Cancelled, jogs are heeded no more, and the
-        arm comes to rest. Raises MotionRefused while a stop is in force and DeviceError where the arm's process is
-        gone. A stop in the middle is an outcome, not an error.
+        says then; a hand that goes on is not heeded before the next call. Once it is `over` no jog is heeded any more;
+        None where nothing was moved by then. Cancelled, the arm comes to rest. Raises MotionRefused while a stop is in
+        force and DeviceError where the arm's process is gone. A stop in the middle is an outcome, not an error.
         """
         ...
 
@@ -136,8 +138,8 @@ class Recorder(Protocol):
 class Studio(Protocol):
     """Files beside the session's own recording, of demonstrations and of what was just seen."""
 
-    async def begin(self, opening: Sequence[Message]) -> Path:
-        """Start a file that begins with `opening` and gets everything that is recorded from now on.
+    async def begin(self, opening: Callable[[], Sequence[Message]]) -> Path:
+        """Start a file that begins with what `opening` says then, and gets everything that is recorded from now on.
 
         Raises PreflightError where it does not fit on the disk, and RecordingError where one is open.
         """

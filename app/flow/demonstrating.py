@@ -1,6 +1,6 @@
 """Demonstrations: their files, their verdicts, and how many there are."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Literal, final
 
@@ -21,7 +21,7 @@ class Demonstrating:
         self._number = self._succeeded = self._transitions = 0
         self._path: Path | None = None
 
-    async def asked(self, request: TakeRequest, opening: Sequence[Message]) -> None:
+    async def asked(self, request: TakeRequest, opening: Callable[[], Sequence[Message]]) -> None:
         """Do what is asked; `opening` is what a new file begins with."""
         studio = self._studio
         if studio is None:
@@ -58,16 +58,16 @@ class Demonstrating:
         """Count what was demonstrated."""
         if self._path is not None:
             self._transitions += 1
-            self._say("recording", transition)
+            self._say("recording", transition, path=self._path)
 
-    async def _begin(self, studio: Studio, opening: Sequence[Message]) -> None:
+    async def _begin(self, studio: Studio, opening: Callable[[], Sequence[Message]]) -> None:
         if self._path is not None:
             self._announcer.notice("demonstration", f"Demonstration {self._number} is being recorded; end it first.")
             return
         await self._announcer.recorded()
         self._path = await studio.begin(opening)
         self._number, self._transitions = self._number + 1, 0
-        self._say("recording")
+        self._say("recording", path=self._path)
 
     async def _end(self, studio: Studio, said: Literal["success", "failure"] | None, operator: str) -> None:
         if self._path is None:
@@ -77,20 +77,20 @@ class Demonstrating:
             text = "Nothing was moved in it yet: move the object by hand and let the arm rest, or discard it."
             self._announcer.notice("demonstration", text)
             return
-        self._succeeded += said == "success"
-        self._say(said or "discarded")
-        self._path = None
+        path, self._path = self._path, None
         await self._announcer.recorded()
         await studio.end(said, operator=operator)
+        self._succeeded += said == "success"
+        self._say(said or "discarded", path=path)
 
-    def _say(self, state: TakeState, *about: Message) -> None:
+    def _say(self, state: TakeState, *about: Message, path: Path) -> None:
         self._announcer.say(
             Take(
                 id=fresh_id("take"),
                 cause=tuple(message.id for message in about),
                 time_s=self._clock.now(),
                 number=self._number,
-                path=str(self._path),
+                path=str(path),
                 state=state,
                 transitions=self._transitions,
                 succeeded=self._succeeded,

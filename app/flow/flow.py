@@ -4,6 +4,8 @@ Every stage runs all the time, in one task group, joined by channels that say wh
 is heavy runs in worker processes; STOP and jogging go from the console to the arm's process without passing here.
 """
 
+from collections.abc import Generator
+from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
 from typing import final
@@ -13,14 +15,15 @@ from anyio.abc import TaskGroup
 
 from app.config import Site
 from app.core.announcer import Announcer
-from app.core.approval import Approved
+from app.core.approval import AUTOMATIC, Approved
 from app.core.chamfer import chamfer_m2
-from app.core.channel import Lossless
+from app.core.channel import ChannelFull, Lossless
 from app.core.control import EndRequest, Lease, ModeRequest
-from app.core.errors import DeviceError, DipacError, MotionRefused, first_error
+from app.core.errors import DipacError, MotionRefused, first_error
 from app.core.messages import (
     Decision,
     Executed,
+    Message,
     Model,
     Notice,
     Particles,
@@ -41,10 +44,12 @@ from app.core.requests import (
     TakeRequest,
 )
 from app.core.summary import Summary
+from app.core.types import Points
 from app.core.worker import Worker
 from app.flow.aiming import Aiming
 from app.flow.approving import Approving
 from app.flow.demonstrating import Demonstrating
+from app.flow.holding import Holding
 from app.flow.learning import Learning
 from app.flow.modes import Modes
 from app.flow.planning import FAILURES_IN_A_ROW, Planning
@@ -53,8 +58,8 @@ from app.flow.sensing import Sensing
 from app.flow.watching import Push, Watching
 from app.tasks.base import Wish
 
-_UNATTENDED_S = 120.0
-"""How long a run with automatic approval waits for somebody to resume it after a stop."""
+_CHORES = 8
+"""That wait; some hold pictures, and take seconds each."""
 _LAST_CALIBRATION_S = 120.0
 """How long the end of an episode waits for the model to learn from its last pushes."""
 
@@ -85,6 +90,7 @@ class Flow:
         how, by = wish.task.reconstruction(wish.preset), (self.announcer, clock)
         started = "automatic" if wish.automatic else "approve each"
         self.modes = Modes(started, wish.pushes, *by, simulated=rig.simulated)
+        self.holding = Holding(rig, self.modes, *by, unattended=wish.automatic)
         self.sensing = Sensing(rig, how, self.summary, *by)
         self.learning = Learning(wish, planner, site, *by)
         self.planning = Planning(wish, planner, site, *by)
@@ -94,13 +100,11 @@ class Flow:
         cameras = {camera.model.name: camera.model for camera in rig.cameras}
         self.aiming = Aiming(cameras, self.sensing.perceiver, site, *by)
         self.demonstrating = Demonstrating(studio, *by)
-        self.chores = Lossless[Chore]("chores", bound=100)
+        self.chores = Lossless[Chore]("chores", bound=_CHORES)
         self._refused = self._attempts = self._begun_with = 0
-        self._by_hand = False
-        self._may_move = anyio.Event()
-        self._may_move.set()
+        self._acts = False
         self._observed: Particles | None = None
-        self._began_s = self._resumed_s = self._touched_s = clock.now()
+        self._began_s = self._touched_s = clock.now()
 
     async def run(self) -> Summary:
         """Push until the goal is reached or the pushes are used up; one that stays, until somebody ends it.
@@ -131,9 +135,9 @@ class Flow:
                 case Decision():
                     await self.approving.decisions.put(request)
                 case StopRequest():
-                    self._hold(f"Stopped by {request.operator}.")
+                    self.holding.hold(f"Stopped by {request.operator}.")
                 case ResumeRequest():
-                    await self._resume(request)
+                    await self.holding.resume(request)
                 case ModeRequest():
                     self._begun_with = self.summary.pushes
                     self.modes.asked(request)
@@ -144,17 +148,14 @@ class Flow:
                 case Notice():
                     pass  # Saying it is all.
                 case _:
-                    await self.chores.put(request)
+                    self._put(request)
 
-    async def _resume(self, request: ResumeRequest) -> None:
+    def _put(self, chore: Chore) -> None:
+        """Do it soon; what is asked for besides never waits for it."""
         try:
-            await self.rig.arm.reset(asked_s=request.time_s)
-        except DeviceError as error:
-            self.notice("stop", str(error))
-        else:
-            self._resumed_s = self.clock.now()
-            self._may_move.set()
-            self.notice("stop", f"Resumed by {request.operator}.")
+            self.chores.put_nowait(chore)
+        except ChannelFull:
+            self.notice("console", "Too much was asked for at once; wait for what is being done.", chore.id)
 
     async def _attend(self) -> None:
         """What takes a while, one after the other."""
@@ -187,8 +188,8 @@ class Flow:
             return
         changed = await self.planning.changed(self.wish, request, shown, observed, self._model)
         if changed is not None and self.approving.asked is shown:
-            self.planning.offer_next(changed)
             self.modes.interrupt("is offered as you changed it")
+            self.planning.offer_next(changed, self.modes.interruptions)
 
     async def _use(self, request: ModelRequest) -> None:
         """Plan with another model, and for where that says that the goal is seen."""
@@ -199,12 +200,16 @@ class Flow:
             self.modes.interrupt("is of another model")
 
     async def _demonstrate(self, request: TakeRequest) -> None:
-        """Begin or end a demonstration; its last motion belongs to it, once the arm is at rest and has been seen so."""
-        if request.act in ("success", "failure") and self.modes.name == "teleoperate":
-            await self._by_hand_is_over()
+        """Begin or end a demonstration; a motion that is being made belongs to what there is, once it was seen."""
+        if request.act != "discard":
+            await self._rested()
+        await self.demonstrating.asked(request, self._known)
+
+    def _known(self) -> list[Message]:
+        """What a recording begins with to be whole by itself."""
         frames = [channel.value for channel in self.sensing.frames.values()]
         known = (self.wish.goal, self.modes.now, self.learning.models.value, *frames, self.sensing.particles.value)
-        await self.demonstrating.asked(request, [message for message in known if message is not None])
+        return [message for message in known if message is not None]
 
     # The loop -----------------------------------------------------------------------------------------------------
 
@@ -232,7 +237,7 @@ class Flow:
         match self.modes.name:
             case "idle":
                 self.reporting.do("idle")
-                await self.modes.left()
+                await self.modes.over.wait()
             case "teleoperate":
                 await self._moved_by_hand()
             case "plan only" | "approve each" | "automatic":
@@ -240,61 +245,67 @@ class Flow:
 
     async def _planned(self) -> None:
         """A plan, and its motion where it is approved."""
-        with self.modes.lasting() as lasting:
+        asked, observed = self.modes.interruptions, None
+        with self.modes.lasting():
             await self.planning.warm(self.reporting.do)
-        if lasting.cancel_called:
-            return
-        observed = self._observed or await self._look()
-        if await self._is_enough(observed):
+            await self.holding.resumed(self.reporting.do)
+            observed = self._observed or await self._look()
+        if observed is None or self.modes.interruptions != asked or self._is_enough(observed):
             return
         self.reporting.do("planning")
-        interruptions, model, tool = self.modes.interruptions, self._model, (await self.rig.arm.state()).tool
-        seeds = (self.wish.seed, self.summary.pushes, self._attempts)
-        proposal = await self.planning.proposal(self.wish, observed, model, tool, seeds)
+        model, tool, seeds = self._model, self.rig.arm.tool(), (self.wish.seed, self.summary.pushes, self._attempts)
+        proposal = await self.planning.proposal(self.wish, observed, model, tool, seeds, at=asked)
         self._attempts += 1
-        if self.modes.interruptions != interruptions:
+        self._touched()
+        if self.modes.interruptions != asked:
             self.notice("plan", f"{proposal.id} {self.modes.interrupted}.", proposal.id)
         elif not self.approving.moved_away(proposal):
             await self._shown(proposal)
-        self._touched()
 
     async def _shown(self, proposal: Proposal) -> None:
         """Show it and, where that is the mode, make its motion once it is approved."""
         if self.modes.name == "plan only":
             self.reporting.do("showing a plan")
             await self.approving.looked_at(proposal)
+            self._touched()
             return
         self.reporting.do("waiting for approval")
+        target = self.wish.target
         decision, approved = await self.approving.decided(proposal)
         if decision is not None and (approved or not decision.approve):
             self.planning.decided(proposal, approved=approved is not None)
-        before = self.sensing.particles.value  # what the approval was checked against, maybe minutes after the plan
-        executed = await self._execute(approved) if approved else None
         self._touched()
-        if executed:
-            self.planning.forget()
-        if before and executed and executed.outcome == "completed":
-            self._observed = await self._look()
-            await self._learn(proposal, before, executed, self._observed)
+        if approved is None:
+            return
+        before = self.sensing.particles.value  # what the approval was checked against, maybe minutes after the plan
+        with self._acting():
+            executed = await self._execute(approved)
+            if before and executed and executed.outcome == "completed":
+                self._observed = await self._look()
+                await self._learn(proposal, before, executed, self._observed, target)
+        if executed and approved.operator == AUTOMATIC:
             self.modes.moved()
 
     async def _moved_by_hand(self) -> None:
         """What somebody does by jogging, from rest to rest, learned from like any motion."""
-        await self._resumed()
-        self.reporting.do("waiting to be moved by hand")
-        executed = None
-        try:
-            with self.modes.lasting():
-                executed = await self.rig.arm.jogged()
-                self._by_hand = True
-        except MotionRefused as refusal:
-            self.fault("arm", refusal)
-        self._touched()
-        if executed is None:
+        with self.modes.lasting() as lasting:
+            await self.holding.resumed(self.reporting.do)
+        if lasting.cancel_called:
             return
-        self.say(executed)
+        self.reporting.do("waiting to be moved by hand")
+        try:
+            executed = await self.rig.arm.jogged(self.modes.over)
+        except MotionRefused as refusal:
+            self.holding.hold(str(refusal))
+            return
+        self._touched()
+        if executed is not None:
+            with self._acting():
+                await self._learn_by_hand(self.say(executed))
+
+    async def _learn_by_hand(self, executed: Executed) -> None:
         self.planning.forget()
-        self._held(executed)
+        self.holding.heed(executed)
         before = self.sensing.before(executed.times_s[0])
         if before and executed.outcome == "completed":
             self.reporting.do("looking at what was done by hand")
@@ -302,31 +313,39 @@ class Flow:
             transition = self.say(Transition.between(before, executed, after, time_s=self.clock.now()))
             self.demonstrating.learned(transition)
             await self.learning.put(transition)
-        self._by_hand = False
 
-    async def _by_hand_is_over(self) -> None:
-        """Wait until nothing is moved by hand, nor has been so lately that it is still being looked at."""
+    @contextmanager
+    def _acting(self) -> Generator[None]:
+        """While a motion is made, or what came of it is looked at."""
+        self._acts = True
+        try:
+            yield
+        finally:
+            self._acts = False
+
+    async def _rested(self) -> None:
+        """Wait until nothing is moved, nor has been so lately that it is still being looked at."""
         timing, rested_s = self.site.timing, 0.0
         while rested_s <= timing.jog_rest_s + timing.keepalive_s:
             await self.clock.sleep(timing.keepalive_s)
-            moves = self._by_hand or (await self.rig.arm.state()).mode == "moving"
+            moves = self._acts or (await self.rig.arm.state()).mode == "moving"
             rested_s = 0.0 if moves else rested_s + timing.keepalive_s
 
     async def _look(self) -> Particles:
         """The first particles whose every frame was taken with the arm at rest, `settle_s` after it moved last."""
-        await self._resumed()
         self.reporting.do("looking at the object")
-        due_s = max(self._touched_s, self._resumed_s) + self.site.timing.settle_s
+        due_s = max(self._touched_s, self.holding.resumed_s) + self.site.timing.settle_s
         observed = await self.sensing.settled(due_s=due_s)
         if not self.summary.chamfer_m2:
             self.summary.chamfer_m2.append(float(chamfer_m2(observed.positions, self.wish.target)))
         return observed
 
-    async def _is_enough(self, observed: Particles) -> bool:
+    def _is_enough(self, observed: Particles) -> bool:
         """Whether there is nothing left to plan for: the goal is reached, or the motions are made."""
-        reached = self.wish.reached(observed, (await self.rig.arm.state()).tool)
+        reached = self.wish.reached(observed, self.rig.arm.tool())
         made = self.summary.pushes - self._begun_with
-        if not reached and made < self.wish.pushes:
+        counted = self.wish.staying and self.modes.name == "automatic"  # The mode itself counts these.
+        if not reached and (counted or made < self.wish.pushes):
             return False
         why = "the goal is reached" if reached else f"{made} motions were made"
         if self.wish.staying:
@@ -340,7 +359,7 @@ class Flow:
 
         Raises the arm's MotionRefused when it has refused several motions in a row: the next would fare no better.
         """
-        if not self._may_move.is_set():
+        if not self.holding.free or self.modes.ended:
             return None
         self.reporting.do("pushing")
         try:
@@ -353,41 +372,19 @@ class Flow:
             return None
         self._refused = 0
         self.summary.began_moving(executed.times_s[0] - self._began_s)
-        self._held(executed)
+        self.holding.heed(executed)
         return self.say(executed)
 
-    async def _learn(self, proposal: Proposal, before: Particles, executed: Executed, after: Particles) -> None:
-        """Score the push and hand the transition to the calibrator."""
-        goal, now_s = self.wish.target, self.clock.now()
+    async def _learn(
+        self, proposal: Proposal, before: Particles, executed: Executed, after: Particles, goal: Points
+    ) -> None:
+        """Score the push towards the goal that it was planned for, and hand the transition to the calibrator."""
+        now_s = self.clock.now()
         self.say(self.summary.scored(proposal, before, executed, after, goal, now_s=now_s))
         transition = self.say(Transition.between(before, executed, after, time_s=self.clock.now()))
         self.demonstrating.learned(transition)
         await self.watching.put(Push(proposal, transition, self.learning.models.value))
         await self.learning.put(transition)
-
-    # Stopping and going on ----------------------------------------------------------------------------------------
-
-    def _held(self, executed: Executed) -> None:
-        """Hold where the arm itself ended the motion before its time."""
-        if executed.outcome != "completed" and executed.time_s > self._resumed_s:
-            self._hold(executed.reason)
-
-    def _hold(self, why: str) -> None:
-        """Nothing moves from now on until the operator resumes, and the plan that is shown never."""
-        if self._may_move.is_set():
-            self._may_move = anyio.Event()
-        self.modes.interrupt("was made before the stop; planning again")
-        self.modes.stopped()
-        self.notice("stop", f"{why.rstrip('.')}. Press Resume to go on.")
-
-    async def _resumed(self) -> None:
-        """Wait until the operator resumes, if something stopped; for ever, unless nobody is expected to be there."""
-        while not self._may_move.is_set():
-            self.reporting.do("stopped")
-            with anyio.move_on_after(_UNATTENDED_S if self.wish.automatic else None) as patience:
-                await self._may_move.wait()
-            if patience.cancelled_caught:
-                raise DeviceError(f"The arm was stopped and nobody pressed Resume for {_UNATTENDED_S:.0f} s.")
 
     def _touched(self) -> None:
         """What was seen so far is old: something may have moved."""

@@ -47,8 +47,12 @@ class Modes:
             self._announcer.notice("mode", why, request.id)
             return
         self._holder = request.operator
+        why = f"asked for by {request.operator}"
+        if request.mode == self.name != "automatic":
+            self._say(request.mode, why, request.id, motions=0)  # What is under way is what is wanted.
+            return
         motions = request.motions if request.mode == "automatic" else 0
-        self.set(request.mode, f"asked for by {request.operator}", request.id, motions=motions)
+        self.set(request.mode, why, request.id, motions=motions)
 
     def _refusal(self, motions: int) -> str:
         """Why so many motions are not made automatically; nothing where they are."""
@@ -78,17 +82,19 @@ class Modes:
             self.set("approve each", "the arm was stopped")
 
     def moved(self) -> None:
-        """A motion was made by itself; the last one of those that were asked for ends it."""
-        if self.name != "automatic" or not self._holder:
+        """A motion was made by itself; the last one of those that somebody asked for ends it."""
+        if self.name != "automatic":
             return
-        if self.now.motions > 1:
-            self._say("automatic", self.now.why, motions=self.now.motions - 1)
+        left = max(self.now.motions - 1, 0)
+        if left or not self._holder:
+            self._say("automatic", self.now.why, motions=left)
         else:
             self.set("approve each", "the motions that were asked for are made")
 
-    async def left(self) -> None:
-        """Wait until the mode is another."""
-        await self._changed.wait()
+    @property
+    def over(self) -> anyio.Event:
+        """Set once the mode is another."""
+        return self._changed
 
     def lasting(self) -> anyio.CancelScope:
         """A scope of what is given up with the mode."""

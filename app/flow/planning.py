@@ -34,7 +34,7 @@ class Planning:
         self._asking = Asking(wish, announcer, planner, site)
         self._editing = Editing(wish, announcer, planner, site)
         self._compiling = Latest[str]("compiling")
-        self._changed: Proposal | None = None
+        self._changed: tuple[int, Proposal] | None = None
         self._rejected: tuple[Float32[np.ndarray, "_ 3"], ...] = ()
 
     async def begin(self, wish: Wish, do: Callable[[str], None]) -> Model:
@@ -80,20 +80,21 @@ class Planning:
         now_s = self._clock.now()
         return wish.proposal(found, observed, model, began_s=started_s, now_s=now_s) if found else None
 
-    def offer_next(self, changed: Proposal) -> None:
-        """Before the planner is asked again."""
-        self._changed = changed
+    def offer_next(self, changed: Proposal, at: int) -> None:
+        """Before the planner is asked again, unless plans have become void since `at` (`Modes.interruptions`)."""
+        self._changed = at, changed
 
     async def proposal(
-        self, wish: Wish, observed: Particles, model: Model, tool: ToolPose, seeds: tuple[int, ...]
+        self, wish: Wish, observed: Particles, model: Model, tool: ToolPose, seeds: tuple[int, ...], *, at: int
     ) -> Proposal:
         """A plan; where the planner fails, another with other random branches. The third error in a row is raised.
 
-        What the operator made of a plan goes before what discovery asks for, and both before the planner's own.
+        What the operator made of a plan goes before what discovery asks for, and both before the planner's own; unless
+        plans have become void since: `at` is how often they had (`Modes.interruptions`).
         """
-        if self._changed is not None:
-            changed, self._changed = self._changed, None
-            return self._announcer.say(changed)
+        changed, self._changed = self._changed, None
+        if changed is not None and changed[0] == at:
+            return self._announcer.say(changed[1])
         started_s, x, goal = self._clock.now(), observed.positions, wish.goal.positions
         for attempt in range(FAILURES_IN_A_ROW):
             seed = hash((*seeds, attempt)) % 2**31

@@ -7,7 +7,7 @@ from anyio import to_thread
 from app.config import Site
 from app.core.announcer import Announcer
 from app.core.disk import free_bytes
-from app.core.messages import Health, fresh_id
+from app.core.messages import ArmState, Health, fresh_id
 from app.core.ports import Clock, Rig
 from app.core.summary import Summary
 from app.flow.approving import Approving
@@ -27,7 +27,7 @@ class Reporting:
         self._site, self._rig = site, rig
         self._announcer, self._clock, self._summary = announcer, clock, summary
         self.doing = "starting"
-        self._since_s = clock.now()
+        self._since_s, self._longest_s = clock.now(), 0.0
 
     def do(self, doing: str) -> None:
         """From now on this is being done."""
@@ -37,7 +37,7 @@ class Reporting:
         """For ever."""
         while True:
             disk_free_bytes = await to_thread.run_sync(free_bytes, self._site.recordings, abandon_on_cancel=True)
-            arm = self._announcer.say(await self._rig.arm.state())
+            arm = await self._state()
             now_s, model = self._clock.now(), learning.models.value
             proposal, particles = approving.proposals.value, sensing.particles.value
             self._announcer.say(
@@ -50,7 +50,7 @@ class Reporting:
                     plan_age_s=now_s - proposal.time_s if proposal else float("inf"),
                     plan_s=proposal.plan_s if proposal else float("nan"),
                     arm_mode=arm.mode,
-                    arm_period_s=arm.period_s,
+                    arm_period_s=self._longest_s,
                     model_version=model.version if model else 0,
                     calibrating=learning.busy,
                     calibration_loss_m2=model.loss_m2 if model else float("nan"),
@@ -59,6 +59,7 @@ class Reporting:
                     disk_free_bytes=disk_free_bytes,
                 )
             )
+            self._longest_s = 0.0
             await self._until_next(lively=modes.name == "teleoperate")
 
     async def _until_next(self, *, lively: bool) -> None:
@@ -67,4 +68,10 @@ class Reporting:
         for piece in range(pieces):
             await self._clock.sleep(self._site.timing.health_period_s / pieces)
             if piece + 1 < pieces:
-                self._announcer.say(await self._rig.arm.state())
+                await self._state()
+
+    async def _state(self) -> ArmState:
+        """The arm now, which has been said; its longest period counts until it has been reported."""
+        state = self._announcer.say(await self._rig.arm.state())
+        self._longest_s = max(self._longest_s, state.period_s)
+        return state

@@ -32,7 +32,7 @@ class Sensing:
         self.perceiver = Worker("perception")
         self._rig, self._clock = rig, clock
         self._announcer, self._summary = announcer, summary
-        self._past = deque[Particles](maxlen=_KEPT)
+        self._past = deque[tuple[float, Particles]](maxlen=_KEPT)
 
     async def run(self) -> None:
         """Look and reconstruct, for ever."""
@@ -54,7 +54,7 @@ class Sensing:
 
     def before(self, time_s: float) -> Particles | None:
         """The last particles whose frames were taken before `time_s` [s]; None where that is too long ago."""
-        return next((seen for seen in reversed(self._past) if seen.time_s < time_s), None)
+        return next((seen for newest_s, seen in reversed(self._past) if newest_s < time_s), None)
 
     def recolour(self, request: ColourRequest) -> None:
         """Look for other colours, if they make a range; what came of it has been said."""
@@ -97,7 +97,7 @@ class Sensing:
                 reconstruction_s=now_s - started_s,
             )
             self._summary.reconstruction_latency_s.append(now_s - max(frame.time_s for frame in frames))
-            self._past.append(particles)
+            self._past.append((max(frame.time_s for frame in frames), particles))
             self.particles.put(self._announcer.say(particles))
 
     async def _found(self, frames: list[Frame]) -> Reconstructed:
@@ -107,7 +107,7 @@ class Sensing:
         """
         how = self.seeing.how
         try:
-            found = await self.perceiver.run(reconstruct, frames, how, (await self._rig.arm.state()).tool)
+            found = await self.perceiver.run(reconstruct, frames, how, self._rig.arm.tool())
         except PerceptionError:
             looks = await self.perceiver.run(looked, frames, how)
             self._announcer.say(seen(frames, looks, how, now_s=self._clock.now()))

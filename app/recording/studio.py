@@ -4,7 +4,7 @@ import itertools
 import json
 import math
 import time
-from collections.abc import AsyncGenerator, Sequence
+from collections.abc import AsyncGenerator, Callable, Sequence
 from contextlib import asynccontextmanager, suppress
 from dataclasses import replace
 from pathlib import Path
@@ -81,8 +81,8 @@ class Studio:
                 with anyio.CancelScope(shield=True), suppress(RecordingError):
                     await self._take.write(message)
 
-    async def begin(self, opening: Sequence[Message]) -> Path:
-        """Start a file that begins with `opening` and gets everything that is recorded from now on.
+    async def begin(self, opening: Callable[[], Sequence[Message]]) -> Path:
+        """Start a file that begins with what `opening` says then, and gets everything that is recorded from now on.
 
         Raises PreflightError where it does not fit on the disk, and RecordingError where one is open.
         """
@@ -96,7 +96,7 @@ class Studio:
                 async with self._in_turn:
                     self._take = take
                     with suppress(RecordingError):
-                        for message in (episode, *opening):
+                        for message in (episode, *opening()):
                             await take.write(message)
             return take.path
 

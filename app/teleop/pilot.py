@@ -77,6 +77,7 @@ class Pilot:
 
     def _moved(self, sample: Sample) -> str:
         if sample.towards and self._aim is None:
+            self._jog(Jog())
             return "there is no aim to go to"
         jog = mapping.jog(sample, self._tool(), self._aim, self._limits)
         if not self._jog(jog):

@@ -22,7 +22,12 @@ class ModeForm:
     def __init__(self, gui: viser.GuiApi, desk: Desk) -> None:
         self._desk = desk
         buttons = gui.add_button_group("Mode", tuple(_PRESSED))
-        buttons.on_click(lambda event: self._ask(event, _PRESSED[event.target.value]))
+
+        def pressed(event: viser.GuiEvent[Any]) -> None:
+            if event.target.value in _PRESSED:  # A page may say anything.
+                self._ask(event, _PRESSED[event.target.value])
+
+        buttons.on_click(pressed)
         with gui.add_form(None) as form:
             motions = gui.add_number("Motions", _FIRST, min=1, max=_MOST, step=1)
             start = gui.add_button("Make them automatically", color="gray", icon=viser.Icon.PLAYER_TRACK_NEXT)

@@ -85,7 +85,7 @@ async def test_a_demonstration_holds_its_opening_and_exactly_what_was_said_while
     within[5] = make(Frame, cause=())
     async with open_studio(tmp_path, episode, Room()) as studio:
         await write(studio, before)
-        path = await studio.begin(opening)
+        path = await studio.begin(lambda: opening)
         await write(studio, within)
         await studio.end("success", operator="Ada")
         await write(studio, after)
@@ -105,7 +105,7 @@ async def test_a_demonstration_is_a_recording_like_any_other(
     goal, *said = messages(make, PARTICLES, 2)
     async with open_studio(tmp_path, episode, Room()) as studio:
         await write(studio, [goal])
-        path = await studio.begin([goal])
+        path = await studio.begin(lambda: [goal])
         await write(studio, said)
         await studio.end("success", operator="Ada")
     assert path.stem.split("-")[1:] == ["rope_push", "demo1", "seed4"]
@@ -125,7 +125,7 @@ async def test_what_is_named_with_its_session_counts_once(
     tmp_path: Path, episode: Episode, opening: list[Message]
 ) -> None:
     async with open_studio(tmp_path, episode, Room()) as studio:
-        part = await studio.begin(opening)
+        part = await studio.begin(lambda: opening)
         await studio.end("success", operator="Ada")
     assert await to_thread.run_sync(counted_once, [part, studio.path]) == [studio.path]
     assert await to_thread.run_sync(counted_once, [part]) == [part]
@@ -136,7 +136,7 @@ async def test_plain_readers_find_the_session_and_the_number_in_it(
 ) -> None:
     async with open_studio(tmp_path, episode, Room()) as studio:
         for number in (1, 2):
-            path = await studio.begin(opening)
+            path = await studio.begin(lambda: opening)
             await studio.end("failure", operator="Ada")
             told = await to_thread.run_sync(lambda path=path: main_metadata(path))
             assert json.loads(told["config"])["demonstration"] == number
@@ -157,7 +157,7 @@ async def test_a_verdict_is_a_label_with_the_operator_and_the_sum_is_right(
     tmp_path: Path, episode: Episode, opening: list[Message]
 ) -> None:
     async with open_studio(tmp_path, episode, Room()) as studio:
-        path = await studio.begin(opening)
+        path = await studio.begin(lambda: opening)
         await studio.end("failure", operator="Ada")
         (label,) = await to_thread.run_sync(labels, path)
         assert (label.said, label.operator) == ("failure", "Ada")
@@ -169,11 +169,11 @@ async def test_what_is_discarded_leaves_neither_file_nor_sum(
 ) -> None:
     said = notices(make, 3)
     async with open_studio(tmp_path, episode, Room()) as studio:
-        path = await studio.begin(opening)
+        path = await studio.begin(lambda: opening)
         await write(studio, said)
         await studio.end(None, operator="Ada")
         assert not await anyio.Path(path).exists()
-        again = await studio.begin(opening)
+        again = await studio.begin(lambda: opening)
         await studio.end("success", operator="Ada")
     assert await noted(path) is None
     assert files_in(tmp_path) == {studio.path.name, again.name, digests.SUMS}
@@ -186,7 +186,7 @@ async def test_a_session_that_ends_closes_a_demonstration_and_says_nothing_of_it
     said = notices(make, 3)
     with anyio.CancelScope() as scope:
         async with open_studio(tmp_path, episode, Room()) as studio:
-            path = await studio.begin(opening)
+            path = await studio.begin(lambda: opening)
             await write(studio, said)
             scope.cancel()
             await anyio.sleep(60)
@@ -201,9 +201,9 @@ async def test_what_cannot_be_done_is_refused_in_words(
     async with open_studio(tmp_path, episode, Room()) as studio:
         with pytest.raises(RecordingError, match="begin one first"):
             await studio.end("success", operator="Ada")
-        await studio.begin(opening)
+        await studio.begin(lambda: opening)
         with pytest.raises(RecordingError, match=r"demo1-seed4.mcap is still being recorded; end"):
-            await studio.begin(opening)
+            await studio.begin(lambda: opening)
         for nonsense in (0.0, -1.0, float("nan"), float("inf")):
             with pytest.raises(RecordingError, match="ask for a number of seconds"):
                 await studio.clip(nonsense)
@@ -214,7 +214,7 @@ async def test_a_disk_without_room_is_told_before_a_demonstration_begins(
 ) -> None:
     async with open_studio(tmp_path, episode, Room(), take_bytes=1 << 60) as studio:
         with pytest.raises(PreflightError, match="GB are free"):
-            await studio.begin(opening)
+            await studio.begin(lambda: opening)
         await write(studio, notices(make, 2))
     assert files_in(tmp_path) == {studio.path.name, digests.SUMS}
 
@@ -225,7 +225,7 @@ async def test_what_the_session_is_expected_to_take_is_not_for_demonstrations(
     room = Room(expected_bytes=10_000_000, budget_bytes=11_000_000)
     async with open_studio(tmp_path, episode, room, take_bytes=3_000_000) as studio:
         with pytest.raises(PreflightError, match="--budget-gb"):
-            await studio.begin(opening)
+            await studio.begin(lambda: opening)
 
 
 async def test_a_demonstration_that_fails_is_told_at_its_end_and_costs_the_session_nothing(
@@ -233,12 +233,12 @@ async def test_a_demonstration_that_fails_is_told_at_its_end_and_costs_the_sessi
 ) -> None:
     said = notices(make, 5)
     async with open_studio(tmp_path, episode, Room()) as studio:
-        path = await studio.begin([*opening, make(Notice, time_s=float("nan"))])
+        path = await studio.begin(lambda: [*opening, make(Notice, time_s=float("nan"))])
         await write(studio, said)
         with pytest.raises(RecordingError, match=r"demo1.* is incomplete"):
             await studio.end("success", operator="Ada")
         await write(studio, notices(make, 1))
-        gone = await studio.begin(opening)
+        gone = await studio.begin(lambda: opening)
         await anyio.Path(gone).unlink()
         with pytest.raises(RecordingError, match=r"demo2.* is incomplete"):
             await studio.end("success", operator="Ada")
@@ -262,7 +262,7 @@ async def test_many_tasks_may_write_while_demonstrations_come_and_go(
         for _ in range(3):
             group.start_soon(stage)
         for _ in range(3):
-            paths.append(await studio.begin(opening))
+            paths.append(await studio.begin(lambda: opening))
             await anyio.sleep(0.02)
             await studio.end("success", operator="Ada")
     whole = ids(await read(studio.path))
@@ -376,7 +376,7 @@ async def main():
     make = Maker(seed=3)
     async with open_studio(Path(sys.argv[1]), make(Episode), Room()) as studio:
         frame = make(Frame)
-        await studio.begin([make(Goal)])
+        await studio.begin(lambda: [make(Goal)])
         for count in range(100_000):
             await studio.write(make(Notice, text=str(count), time_s=time.monotonic()))
             if count % 10 == 0:

@@ -88,18 +88,21 @@ class SimulatedArm:
             self._memory.jogs.append(linear=jog.linear, angular=jog.angular, opening=jog.opening)
         return True
 
-    async def jogged(self) -> Executed:
-        """Have jogs heeded until a stretch of them has ended. Cancelled, the arm's process lets the tool come to rest.
+    async def jogged(self, over: anyio.Event | None = None) -> Executed | None:
+        """Have jogs heeded until a stretch of them has ended, or until `over`; None where nothing was moved by then.
 
-        Raises MotionRefused while a stop is in force or the arm is busy, and DeviceError where its process is gone.
+        Cancelled, the arm's process lets the tool come to rest. Raises MotionRefused while a stop is in force or the
+        arm is busy, and DeviceError where its process is gone.
         """
         self._check_alive()
         self._check_free()
         self._busy, self._memory.heeding.value = True, 1
         try:
-            log, reason = await self._stretch()
+            log, reason = await self._stretch(over)
         finally:
             self._busy, self._memory.heeding.value = False, 0
+        if not len(log):
+            return None
         executed = _executed(log, fresh_id("jogged"))
         return dataclasses.replace(executed, reason=executed.reason or reason)
 
@@ -149,8 +152,11 @@ class SimulatedArm:
     def _stopped(self) -> bool:
         return self._memory.stop_ns.value > self._memory.reset_ns.value
 
-    async def _stretch(self) -> tuple[Any, str]:
-        """The arm's states from its first move until it has been at rest for a while, and why that is all."""
+    async def _stretch(self, over: anyio.Event | None) -> tuple[Any, str]:
+        """The arm's states from its first move until it has been at rest for a while, and why that is all.
+
+        None of them where it is `over` before anything has moved.
+        """
         memory, timing, reason = self._memory, self._site.timing, ""
         seen = memory.states.count
         log = memory.states.since(seen)[:0]
@@ -164,6 +170,12 @@ class SimulatedArm:
                 log = log[:0]
                 if self._stopped:
                     raise MotionRefused("A stop is in force; press Resume, then move the tool again.")
+                if over is not None and over.is_set():
+                    if not memory.heeding.value:  # The arm has had the time to show what it still heard.
+                        return log, reason
+                    memory.heeding.value = 0
+            elif over is not None and over.is_set():
+                memory.heeding.value = 0
             elif log["time_s"][-1] - log["time_s"][0] > timing.jog_longest_s and memory.heeding.value:
                 memory.heeding.value = 0
                 reason = f"Moved by hand for {timing.jog_longest_s:.0f} s without a rest, which is as long as may be."

@@ -14,7 +14,7 @@
   const says = document.getElementById("dp-jog-says");
   const speed = document.getElementById("dp-jog-speed");
   const keys = new Map(), pointers = new Map(), ours = new Set();
-  let pad = null, padSpent = false, padSeen = false;
+  let pad = null, padSpent = true, padSeen = false;
   let active = false, held = false, pressed = 0, sequence = 0;
   let socket = null, key = null, heardAt = 0, pressedAt = 0;
 
@@ -100,12 +100,16 @@
   }
 
   function readPad() {
-    const all = document.hasFocus() && !document.hidden ? [...(navigator.getGamepads?.() ?? [])] : [];
+    if (!document.hasFocus() || document.hidden) {
+      padSpent = true;  // What is held when the page comes back was not pressed there.
+      return null;
+    }
+    const all = [...(navigator.getGamepads?.() ?? [])];
     const known = all.filter((one) => one?.mapping === "standard");
     const gripped = known.find((one) => one.buttons[4].pressed || one.buttons[5].pressed);
     if (known.length > 0 && !padSeen) say("A gamepad: hold a shoulder button, and move the sticks.");
     padSeen = known.length > 0;
-    if (!gripped) padSpent = false;
+    if (!gripped && known.length > 0) padSpent = false;
     if (!gripped || padSpent) return null;
     const [right, back, turn, down] = gripped.axes.map(beyond);
     return { x: back, y: right, z: -down, yaw: -turn, grip: gripped.buttons[7].value - gripped.buttons[6].value };
@@ -125,6 +129,7 @@
       active = !active;
       panel.hidden = !active;
       if (!active) letGo();
+      padSpent = true;
       say(active ? "Hold a key or a button." : "");
     }
     if (!active || (socket && key !== ourKey())) {

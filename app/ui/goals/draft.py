@@ -18,6 +18,8 @@ KINDS: Final[Mapping[str, Kind]] = {
 }
 """What is drawn, as the operator reads it."""
 LEAST_RADIUS_M: Final = 0.02
+_MOST_POINTS, _FARTHEST_M = 200, 3.0
+"""Of a curve: no hand draws more, and no table is larger."""
 _APART_M = 0.005
 """Points of a curve that are nearer to each other are one."""
 
@@ -35,7 +37,9 @@ class Draft:
     curve: tuple[tuple[float, float], ...] = ()
 
     def with_point(self, x_m: float, y_m: float) -> "Draft":
-        """With one more point of the curve, unless it is where the last one is."""
+        """With one more point of the curve, unless it is where the last one is, far away, or one too many."""
+        if len(self.curve) >= _MOST_POINTS or not max(abs(x_m), abs(y_m)) < _FARTHEST_M:
+            return self
         if self.curve and np.hypot(x_m - self.curve[-1][0], y_m - self.curve[-1][1]) < _APART_M:
             return self
         return replace(self, curve=(*self.curve, (x_m, y_m)))

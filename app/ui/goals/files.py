@@ -15,6 +15,7 @@ from app.core.types import Cloud, ColourImage, DepthImage
 
 _POINTS: Final = ("npy", "ply")
 _PICTURES: Final = ("png", "jpg", "jpeg")
+_MOST_POINTS: Final = 100_000
 _MOST_PIXELS: Final = 4096 * 4096
 _ADVICE: Final = (
     "give one .npy or .ply file of points [m], or a colour picture and a 16-bit depth picture of one camera"
@@ -38,7 +39,7 @@ def are_points(files: Mapping[str, bytes]) -> bool:
 
 
 def points_of(files: Mapping[str, bytes]) -> Cloud:
-    """The points (M, 3) [m] of the one file. Raises UsageError where it holds none."""
+    """The points (M, 3) [m] of the one file; of very many every second, third, ... Raises UsageError without any."""
     ((name, data),) = files.items()
     try:
         points = _array(data) if suffixes(files) == ["npy"] else _vertices(data)
@@ -46,7 +47,7 @@ def points_of(files: Mapping[str, bytes]) -> Cloud:
         raise UsageError(f"{name} cannot be read ({error}); {_ADVICE}.") from None
     if points.ndim != 2 or points.shape[1] != 3 or points.dtype.kind not in "fiu" or not len(points):
         raise UsageError(f"{name} has shape {points.shape} of {points.dtype}; it must be points (M, 3) in metres.")
-    return points.astype(np.float32)
+    return points[:: -(-len(points) // _MOST_POINTS)].astype(np.float32)
 
 
 def pictures_of(files: Mapping[str, bytes]) -> tuple[ColourImage, DepthImage]:

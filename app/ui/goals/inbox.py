@@ -1,8 +1,9 @@
 """Takes files that a browser sends as a goal, and asks the program for it."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Sequence
 from typing import Final, final
 
+import anyio
 from aiohttp import web
 from anyio import to_thread
 
@@ -25,6 +26,7 @@ class Inbox:
 
     def __init__(self, desk: Desk, badges: Badges, refused: Callable[[str], None]) -> None:
         self._desk, self._badges, self._refused = desk, badges, refused
+        self._one_at_a_time = anyio.Lock()
 
     async def receive(self, request: web.Request) -> web.Response:
         """One form."""
@@ -37,18 +39,20 @@ class Inbox:
         if operator is None:
             self._refused("A file came from a browser that is not known.")
             return web.Response(status=403, text="This page is not known any more; reload it.")
-        sent = [each for each in form.getall("files", []) if isinstance(each, web.FileField)]
-        files = {each.filename: each.file.read() for each in sent[: _MOST_FILES + 1]}
+        sent = [each for each in form.getall("files", []) if isinstance(each, web.FileField)][: _MOST_FILES + 1]
         try:
-            asked = await to_thread.run_sync(self._asked, operator, str(form.get("camera", "")), files)
+            async with self._one_at_a_time:
+                asked = await to_thread.run_sync(self._asked, operator, str(form.get("camera", "")), sent)
         except UsageError as error:
             return web.Response(text=str(error))
         if not self._desk.ask(asked):
-            return web.Response(text="Somebody else has control; take it first.")
+            return web.Response(text="Not done; the messages say why.")
         return web.Response(text="Sent; the messages say what came of it.")
 
-    def _asked(self, operator: str, camera: str, files: Mapping[str, bytes]) -> GoalRequest | PictureGoalRequest:
+    def _asked(self, operator: str, camera: str, sent: Sequence[web.FileField]) -> GoalRequest | PictureGoalRequest:
         """What the files ask for. Raises UsageError where they make no sense."""
+        # Two pictures of a camera may have one name, in folders of their own.
+        files = {f"{index} {each.filename}": each.file.read() for index, each in enumerate(sent)}
         named, now_s = fresh_id("goal"), self._desk.now()
         if are_points(files):
             points = points_of(files)

@@ -50,7 +50,7 @@ class GoalTab:
         self._points = gui.add_button_group("Points", ("Undo", "Clear"), visible=False)
         self._hint = gui.add_html(_hint("none"))
         self._use = gui.add_button("Use as goal", color="green", icon=viser.Icon.TARGET, visible=False)
-        self._kind.on_update(lambda event: self._choose(KINDS[event.target.value]))
+        self._kind.on_update(lambda event: self._choose(KINDS.get(event.target.value, "none")))
         self._bend.on_update(lambda event: self._change(bend_1_m=float(event.target.value)))
         self._radius.on_update(lambda event: self._change(radius_m=float(event.target.value)))
         self._points.on_click(self._unpoint)
