@@ -73,6 +73,8 @@ async def test_an_approved_plan_is_made_and_scored(cell: Run) -> None:
     outcome = await cell.person.sees(Outcome)
     assert executed.outcome == "completed"
     assert executed.id in outcome.cause
+    (seen,) = [each for each in cell.person.all(Particles) if each.id in outcome.cause]
+    assert seen.time_s > executed.time_s, "what came of it was seen before it was over"
 
 
 # Stop and resume ------------------------------------------------------------------------------------------------------

@@ -280,6 +280,7 @@ class Flow:
         before = self.sensing.particles.value  # what the approval was checked against, maybe minutes after the plan
         with self._acting():
             executed = await self._execute(approved)
+            self._touched()
             if before and executed and executed.outcome == "completed":
                 self._observed = await self._look()
                 await self._learn(proposal, before, executed, self._observed, target)
