@@ -126,7 +126,9 @@ def fit(slopes: Slopes, start: Vector, specs: Sequence[ParameterSpec], settings:
     """
     here = _evaluated(slopes, _coordinates(start, specs), specs)
     if here is None:
-        raise SimulationError("The model predicts none of the transitions; start from the nominal model instead.")
+        raise SimulationError(
+            "The model predicts none of the transitions; start from the nominal model, or record shorter motions."
+        )
     start_u, trust = here.u, here.loss_m2 / np.log(settings.trust_factor) ** 2
     trials = [Tried(start, here.loss_m2)]
     damping = settings.damping

@@ -1,0 +1,255 @@
+"""The whole program in a real browser: the operator demonstrates a push by hand, and other programs learn from it."""
+
+import os
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Iterator
+from pathlib import Path
+from typing import final
+
+import numpy as np
+import pytest
+from playwright.sync_api import Page, WebSocket, expect
+
+from app.__main__ import INTERRUPTED
+from app.core.chamfer import chamfer_m2
+from app.core.control import EndRequest
+from app.core.messages import Episode, Executed, Frame, Goal, Message, Model, Particles, Proposal, Transition
+from app.core.requests import ClipRequest, GoalRequest, TakeRequest
+from app.recording.model_file import load_model
+from app.recording.reader import read_messages, read_transitions
+from tests.conftest import ROOT
+from tests.ui.test_browser import SECONDS
+from tests.ui.test_whole_cell import address, heeding_interrupts
+
+pytestmark = pytest.mark.browser
+__all__ = ["heeding_interrupts"]
+
+PATIENCE_S = 60
+SEED = "10"
+"""Of a rope that lies across the way of a tool which comes from where the arm waits."""
+SHARE = 0.5
+SPEED_M_S = SHARE * 0.30
+ASIDE_M, THERE_M, DOWN_M, PUSH_M, UP_M = 0.08, 0.10, 0.33, 0.13, 0.15
+"""Where the rope lies across; nearer to it; to the table, as far as the workspace goes; into the rope; up again."""
+SELDOM_DRAWN = "requestAnimationFrame = (draw) => setTimeout(() => draw(performance.now()), 1000)"
+"""Drawing the scene in software takes longer than a held key may wait, and the processors from who draws nothing."""
+LONGEST_STEP_S = 0.2
+"""So long the arm goes on with what it was told last."""
+
+
+def command(*words: object) -> list[str]:
+    return [sys.executable, "-m", "app", *map(str, words)]
+
+
+def dipac(*words: object) -> str:
+    """What a command of the program prints, which ends well."""
+    done = subprocess.run(command(*words), cwd=ROOT, capture_output=True, text=True, timeout=120, check=False)
+    assert done.returncode == 0, done.stdout + done.stderr
+    return done.stdout
+
+
+@pytest.fixture
+def console(heeding_interrupts: None, tmp_path: Path) -> Iterator["subprocess.Popen[str]"]:
+    """`dipac console` as a user starts it; one that calibrates would compile that for longer than this test takes."""
+    options = ("--seed", SEED, "--port", 0, "--preset", "cpu", "--no-calibrate")
+    with subprocess.Popen(
+        command("console", "rope_push", *options, "--recordings", tmp_path / "recordings"),
+        cwd=ROOT,
+        env=os.environ | {"PYTHONUNBUFFERED": "1"},
+        stdout=subprocess.PIPE,
+        stderr=subprocess.STDOUT,
+        text=True,
+    ) as process:
+        try:
+            yield process
+        finally:
+            process.send_signal(signal.SIGINT)
+            try:
+                process.wait(timeout=30)
+            finally:
+                process.kill()
+
+
+@final
+class Hand:
+    """Holds keys of the page, as long as it takes to go somewhere; whatever has to be pressed again is."""
+
+    def __init__(self, page: Page) -> None:
+        self._page = page
+        self._moved_s, self._heard_s = 0.0, 0.0
+        self._again, self._said = False, ""
+        page.on("websocket", self._listen)
+
+    def hold(self, *ways: tuple[str, float]) -> None:
+        """Hold each key until the tool has gone so far [m], and the next one before the last is released."""
+        held = ""
+        for key, distance_m in ways:
+            self._page.keyboard.down(key)
+            if held:
+                self._page.keyboard.up(held)
+            held = key
+            self._go(key, distance_m / SPEED_M_S)
+        self._page.keyboard.up(held)
+
+    def _go(self, key: str, duration_s: float) -> None:
+        self._moved_s, begun_s = 0.0, time.monotonic()
+        while self._moved_s < duration_s:
+            assert time.monotonic() - begun_s < PATIENCE_S, f"The tool is not moved by {key}: {self._said}."
+            self._page.wait_for_timeout(10)
+            if self._again:
+                self._page.keyboard.up(key)
+                self._page.keyboard.down(key)
+                self._again = False
+
+    def _listen(self, socket: WebSocket) -> None:
+        if socket.url.endswith("/jog"):
+            socket.on("framereceived", lambda said: self._hear(str(said)))
+
+    def _hear(self, said: str) -> None:
+        now_s = time.monotonic()
+        if self._said == "moving":
+            self._moved_s += min(now_s - self._heard_s, LONGEST_STEP_S)
+        self._again, self._said, self._heard_s = "press again" in said, said, now_s
+
+
+def opened(console: "subprocess.Popen[str]", page: Page) -> Page:
+    page.context.add_init_script(SELDOM_DRAWN)
+    page.set_viewport_size({"width": 1100, "height": 700})
+    page.set_default_timeout(PATIENCE_S * SECONDS)
+    expect.set_options(timeout=PATIENCE_S * SECONDS)
+    page.goto(address(console))
+    expect(page.get_by_role("button", name="By hand")).to_be_visible()
+    return page
+
+
+def demonstrate(page: Page, hand: Hand) -> None:
+    """One motion by hand, recorded as a success."""
+    page.get_by_role("button", name="By hand").click()
+    expect(page.get_by_text("Waiting to be moved by hand")).to_be_visible()
+    page.get_by_text("Demonstrations", exact=True).click()
+    page.get_by_role("button", name="Start a demonstration").click()
+    expect(page.get_by_text("Recording number 1")).to_be_visible()
+    page.locator("#dp-jog-speed").fill(f"{100 * SHARE:.0f}")
+    hand.hold(("a", ASIDE_M), ("s", THERE_M), ("f", DOWN_M), ("s", PUSH_M), ("r", UP_M))
+    expect(page.get_by_text("1 motion so far")).to_be_visible()
+    page.get_by_role("button", name="Success").click()
+    expect(page.get_by_text("Number 1: success")).to_be_visible()
+    expect(page.get_by_text("1 of 10 succeeded")).to_be_visible()
+
+
+def keep(page: Page) -> None:
+    """What is seen becomes the goal, and what was recorded a file of its own."""
+    page.get_by_role("tab", name="Goal").click()
+    page.get_by_role("button", name="Current view as goal").click()
+    page.get_by_role("button", name="Save the last 30 seconds").click()
+    page.get_by_role("tab", name="Cell").click()
+    expect(page.get_by_text("The current view as goal is set").first).to_be_visible()
+    expect(page.get_by_text("The last 30 s are kept in").first).to_be_visible()
+
+
+def end(console: "subprocess.Popen[str]", page: Page) -> None:
+    """End the session, from a page that may complain that nobody answers any more; what that says nobody heeds."""
+    other = page.context.new_page()
+    other.goto(page.url)
+    page.close()
+    other.get_by_role("tab", name="View").click()
+    other.get_by_text("End the session").click()
+    other.get_by_role("button", name="End it now").click()
+    assert console.wait(timeout=PATIENCE_S) == 0
+    other.close()
+
+
+def files(folder: Path) -> tuple[Path, Path, Path]:
+    """The recordings of the session, the demonstration and the clip."""
+    (demo,), (clip,) = folder.glob("*-demo1-*.mcap"), folder.glob("*-clip1.mcap")
+    (session,) = {*folder.glob("*.mcap")} - {demo, clip}
+    return session, demo, clip
+
+
+def index(messages: list[Message], kind: type[Message]) -> int:
+    """Where the first of `kind` is."""
+    return next(number for number, message in enumerate(messages) if isinstance(message, kind))
+
+
+def check_demonstration(path: Path) -> None:
+    """It has one motion, which moved the rope, and before that all that one needs to learn from it."""
+    said = list(read_messages(path))
+    assert isinstance(said[0], Episode)
+    first = index(said, Transition)
+    assert max(index(said, kind) for kind in (Goal, Model, Frame, Particles)) < index(said, Executed) < first
+    (transition,) = read_transitions(path)
+    made = transition.executed
+    assert made.outcome == "completed"
+    assert made.measured[:, 2].min() < 0.01
+    assert made.measured[-1, 0] - made.measured[0, 0] > 0.2
+    assert chamfer_m2(transition.before, transition.after) > 2 * 0.003**2
+    assert not any(isinstance(message, Proposal) for message in said)
+
+
+def check_commands(session: Path, demo: Path, clip: Path, folder: Path) -> None:
+    """Its commands read what the program wrote."""
+    assert "3 of 3 recordings are good" in dipac("recordings", "check", session, demo, clip)
+    shown = dipac("recordings", "show", demo)
+    assert "success (client 0)" in shown
+    assert "1 pushes of 1 recordings" in dipac("recordings", "export", demo, "--to", "npz", "-o", folder / "npz")
+    (arrays,) = (folder / "npz").glob("*.npz")
+    dipac("import", arrays, "-o", folder / "again.mcap")
+    assert len(read_transitions(folder / "again.mcap")) == 1
+
+
+def check_replay(demo: Path) -> None:
+    """It is served from any moment on, until somebody ends that."""
+    with subprocess.Popen(
+        command("replay", demo, "--at", 1, "--port", 0),
+        cwd=ROOT,
+        env=os.environ | {"PYTHONUNBUFFERED": "1"},
+        stdout=subprocess.PIPE,
+        stderr=subprocess.STDOUT,
+        text=True,
+    ) as replay:
+        try:
+            assert address(replay).startswith("http://127.0.0.1:")
+        finally:
+            replay.send_signal(signal.SIGINT)
+            assert replay.wait(timeout=30) == INTERRUPTED
+
+
+def check_calibration(demo: Path, folder: Path) -> None:
+    """A model is learnt from it."""
+    said = dipac("calibrate", demo, "-o", folder / "model.toml")
+    assert "to 1 transitions of 1 recordings" in said
+    assert load_model(folder / "model.toml", task="rope_push", time_s=0.0).transition_count == 1
+
+
+def check_dataset(demo: Path, folder: Path) -> None:
+    """Another program reads it as one episode that succeeded."""
+    datasets = pytest.importorskip("datasets", reason="The package `datasets` is missing; install dipac[lerobot].")
+    assert "1 episodes" in dipac("recordings", "export", demo, "--to", "lerobot", "-o", folder / "lerobot")
+    rows = datasets.Dataset.from_parquet(
+        [str(path) for path in (folder / "lerobot" / "data").glob("*/*.parquet")], cache_dir=str(folder / "cache")
+    )
+    steps = rows.select_columns(["observation.state", "next.success"]).with_format("numpy")[:]
+    assert np.ptp(steps["observation.state"][:, 0]) > 0.2
+    assert steps["next.success"].nonzero()[0].tolist() == [len(rows) - 1]
+
+
+def test_what_is_demonstrated_in_the_browser_is_a_recording_that_other_programs_learn_from(
+    console: "subprocess.Popen[str]", browser_page: Page, tmp_path: Path
+) -> None:
+    hand = Hand(browser_page)
+    page = opened(console, browser_page)
+    demonstrate(page, hand)
+    keep(page)
+    end(console, page)
+    session, demo, clip = files(tmp_path / "recordings")
+    assert len(list(read_messages(session, [Goal]))) == 2
+    for kind in (GoalRequest, ClipRequest, TakeRequest, EndRequest):
+        assert any(read_messages(session, [kind]))
+    check_demonstration(demo)
+    check_commands(session, demo, clip, tmp_path)
+    check_calibration(demo, tmp_path)
+    check_replay(demo)
+    check_dataset(demo, tmp_path)
