@@ -5,6 +5,7 @@ import signal
 import subprocess
 import sys
 from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 
 import pytest
@@ -41,27 +42,15 @@ def heeding_interrupts() -> Iterator[None]:
         signal.signal(signal.SIGINT, before)
 
 
-@pytest.fixture
-def console(heeding_interrupts: None, tmp_path: Path) -> Iterator["subprocess.Popen[str]"]:
-    """`dipac console` as a user starts it."""
+def command(*words: object) -> list[str]:
+    return [sys.executable, "-m", "app", *map(str, words)]
+
+
+@contextmanager
+def started(*words: object) -> Iterator["subprocess.Popen[str]"]:
+    """A command of the program that runs until it is interrupted."""
     with subprocess.Popen(
-        [
-            sys.executable,
-            "-m",
-            "app",
-            "console",
-            "rope_push",
-            "--seed",
-            "1",
-            "--port",
-            "0",
-            "--preset",
-            "cpu",
-            "--speed",
-            SPEED,
-            "--recordings",
-            str(tmp_path),
-        ],
+        command(*words),
         cwd=ROOT,
         env=os.environ | {"PYTHONUNBUFFERED": "1"},
         stdout=subprocess.PIPE,
@@ -76,6 +65,14 @@ def console(heeding_interrupts: None, tmp_path: Path) -> Iterator["subprocess.Po
                 process.wait(timeout=30)
             finally:
                 process.kill()
+
+
+@pytest.fixture
+def console(heeding_interrupts: None, tmp_path: Path) -> Iterator["subprocess.Popen[str]"]:
+    """`dipac console` as a user starts it."""
+    options = ("--seed", 1, "--port", 0, "--preset", "cpu", "--speed", SPEED)
+    with started("console", "rope_push", *options, "--recordings", tmp_path) as process:
+        yield process
 
 
 def address(console: "subprocess.Popen[str]") -> str:

@@ -1,9 +1,8 @@
 """The whole program in a real browser: the operator demonstrates a push by hand, and other programs learn from it."""
 
-import os
+import re
 import signal
 import subprocess
-import sys
 import time
 from collections.abc import Iterator
 from pathlib import Path
@@ -22,12 +21,12 @@ from app.recording.model_file import load_model
 from app.recording.reader import read_messages, read_transitions
 from tests.conftest import ROOT
 from tests.ui.test_browser import SECONDS
-from tests.ui.test_whole_cell import address, heeding_interrupts
+from tests.ui.test_whole_cell import address, command, heeding_interrupts, started
 
 pytestmark = pytest.mark.browser
 __all__ = ["heeding_interrupts"]
 
-PATIENCE_S = 60
+PATIENCE_S = 120
 SEED = "10"
 """Of a rope that lies across the way of a tool which comes from where the arm waits."""
 SHARE = 0.5
@@ -38,10 +37,6 @@ SELDOM_DRAWN = "requestAnimationFrame = (draw) => setTimeout(() => draw(performa
 """Drawing the scene in software takes longer than a held key may wait, and the processors from who draws nothing."""
 LONGEST_STEP_S = 0.2
 """So long the arm goes on with what it was told last."""
-
-
-def command(*words: object) -> list[str]:
-    return [sys.executable, "-m", "app", *map(str, words)]
 
 
 def dipac(*words: object) -> str:
@@ -55,22 +50,8 @@ def dipac(*words: object) -> str:
 def console(heeding_interrupts: None, tmp_path: Path) -> Iterator["subprocess.Popen[str]"]:
     """`dipac console` as a user starts it; one that calibrates would compile that for longer than this test takes."""
     options = ("--seed", SEED, "--port", 0, "--preset", "cpu", "--no-calibrate")
-    with subprocess.Popen(
-        command("console", "rope_push", *options, "--recordings", tmp_path / "recordings"),
-        cwd=ROOT,
-        env=os.environ | {"PYTHONUNBUFFERED": "1"},
-        stdout=subprocess.PIPE,
-        stderr=subprocess.STDOUT,
-        text=True,
-    ) as process:
-        try:
-            yield process
-        finally:
-            process.send_signal(signal.SIGINT)
-            try:
-                process.wait(timeout=30)
-            finally:
-                process.kill()
+    with started("console", "rope_push", *options, "--recordings", tmp_path / "recordings") as process:
+        yield process
 
 
 @final
@@ -126,7 +107,7 @@ def opened(console: "subprocess.Popen[str]", page: Page) -> Page:
 
 
 def demonstrate(page: Page, hand: Hand) -> None:
-    """One motion by hand, recorded as a success."""
+    """Motions by hand, recorded as a success: one, or more where the machine is too busy to keep a key held."""
     page.get_by_role("button", name="By hand").click()
     expect(page.get_by_text("Waiting to be moved by hand")).to_be_visible()
     page.get_by_text("Demonstrations", exact=True).click()
@@ -134,7 +115,7 @@ def demonstrate(page: Page, hand: Hand) -> None:
     expect(page.get_by_text("Recording number 1")).to_be_visible()
     page.locator("#dp-jog-speed").fill(f"{100 * SHARE:.0f}")
     hand.hold(("a", ASIDE_M), ("s", THERE_M), ("f", DOWN_M), ("s", PUSH_M), ("r", UP_M))
-    expect(page.get_by_text("1 motion so far")).to_be_visible()
+    expect(page.get_by_text(re.compile("[1-9] motions? so far"))).to_be_visible()
     page.get_by_role("button", name="Success").click()
     expect(page.get_by_text("Number 1: success")).to_be_visible()
     expect(page.get_by_text("1 of 10 succeeded")).to_be_visible()
@@ -174,54 +155,48 @@ def index(messages: list[Message], kind: type[Message]) -> int:
     return next(number for number, message in enumerate(messages) if isinstance(message, kind))
 
 
-def check_demonstration(path: Path) -> None:
-    """It has one motion, which moved the rope, and before that all that one needs to learn from it."""
+def check_demonstration(path: Path) -> int:
+    """It has motions, which moved the rope, and before them all that one needs to learn from it; how many they are."""
     said = list(read_messages(path))
     assert isinstance(said[0], Episode)
     first = index(said, Transition)
     assert max(index(said, kind) for kind in (Goal, Model, Frame, Particles)) < index(said, Executed) < first
-    (transition,) = read_transitions(path)
-    made = transition.executed
-    assert made.outcome == "completed"
-    assert made.measured[:, 2].min() < 0.01
-    assert made.measured[-1, 0] - made.measured[0, 0] > 0.2
-    assert chamfer_m2(transition.before, transition.after) > 2 * 0.003**2
+    transitions = read_transitions(path)
+    assert {transition.executed.outcome for transition in transitions} == {"completed"}
+    way = np.concatenate([transition.executed.measured for transition in transitions])
+    assert way[:, 2].min() < 0.01
+    assert way[-1, 0] - way[0, 0] > 0.2
+    assert chamfer_m2(transitions[0].before, transitions[-1].after) > 2 * 0.003**2
     assert not any(isinstance(message, Proposal) for message in said)
+    return len(transitions)
 
 
-def check_commands(session: Path, demo: Path, clip: Path, folder: Path) -> None:
+def check_commands(session: Path, demo: Path, clip: Path, folder: Path, motions: int) -> None:
     """Its commands read what the program wrote."""
     assert "3 of 3 recordings are good" in dipac("recordings", "check", session, demo, clip)
     shown = dipac("recordings", "show", demo)
     assert "success (client 0)" in shown
-    assert "1 pushes of 1 recordings" in dipac("recordings", "export", demo, "--to", "npz", "-o", folder / "npz")
+    assert f"{motions} pushes of 1 recordings" in dipac(
+        "recordings", "export", demo, "--to", "npz", "-o", folder / "npz"
+    )
     (arrays,) = (folder / "npz").glob("*.npz")
     dipac("import", arrays, "-o", folder / "again.mcap")
-    assert len(read_transitions(folder / "again.mcap")) == 1
+    assert len(read_transitions(folder / "again.mcap")) == motions
 
 
 def check_replay(demo: Path) -> None:
     """It is served from any moment on, until somebody ends that."""
-    with subprocess.Popen(
-        command("replay", demo, "--at", 1, "--port", 0),
-        cwd=ROOT,
-        env=os.environ | {"PYTHONUNBUFFERED": "1"},
-        stdout=subprocess.PIPE,
-        stderr=subprocess.STDOUT,
-        text=True,
-    ) as replay:
-        try:
-            assert address(replay).startswith("http://127.0.0.1:")
-        finally:
-            replay.send_signal(signal.SIGINT)
-            assert replay.wait(timeout=30) == INTERRUPTED
+    with started("replay", demo, "--at", 1, "--port", 0) as replay:
+        assert address(replay).startswith("http://127.0.0.1:")
+        replay.send_signal(signal.SIGINT)
+        assert replay.wait(timeout=30) == INTERRUPTED
 
 
-def check_calibration(demo: Path, folder: Path) -> None:
+def check_calibration(demo: Path, folder: Path, motions: int) -> None:
     """A model is learnt from it."""
     said = dipac("calibrate", demo, "-o", folder / "model.toml")
-    assert "to 1 transitions of 1 recordings" in said
-    assert load_model(folder / "model.toml", task="rope_push", time_s=0.0).transition_count == 1
+    assert f"to {motions} transitions of 1 recordings" in said
+    assert load_model(folder / "model.toml", task="rope_push", time_s=0.0).transition_count == motions
 
 
 def check_dataset(demo: Path, folder: Path) -> None:
@@ -248,8 +223,8 @@ def test_what_is_demonstrated_in_the_browser_is_a_recording_that_other_programs_
     assert len(list(read_messages(session, [Goal]))) == 2
     for kind in (GoalRequest, ClipRequest, TakeRequest, EndRequest):
         assert any(read_messages(session, [kind]))
-    check_demonstration(demo)
-    check_commands(session, demo, clip, tmp_path)
-    check_calibration(demo, tmp_path)
+    motions = check_demonstration(demo)
+    check_commands(session, demo, clip, tmp_path, motions)
+    check_calibration(demo, tmp_path, motions)
     check_replay(demo)
     check_dataset(demo, tmp_path)
