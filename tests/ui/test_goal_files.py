@@ -38,6 +38,13 @@ def test_an_array_of_points_is_read_exactly(name: str) -> None:
     np.testing.assert_array_equal(points_of(files), POINTS)
 
 
+def test_of_very_many_points_every_few_are_enough() -> None:
+    many = np.tile(POINTS, (5001, 1))
+    read = points_of({"goal.npy": npy(many)})
+    assert 80_000 < len(read) <= 100_000
+    assert {tuple(point) for point in read} == {tuple(point) for point in POINTS}
+
+
 def test_a_cloud_is_read_exactly() -> None:
     cloud = trimesh.PointCloud(POINTS).export(file_type="ply")
     np.testing.assert_allclose(points_of({"goal.ply": cloud}), POINTS, atol=1e-6)

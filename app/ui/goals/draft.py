@@ -38,7 +38,7 @@ class Draft:
 
     def with_point(self, x_m: float, y_m: float) -> "Draft":
         """With one more point of the curve, unless it is where the last one is, far away, or one too many."""
-        if len(self.curve) >= _MOST_POINTS or not max(abs(x_m), abs(y_m)) < _FARTHEST_M:
+        if len(self.curve) >= _MOST_POINTS or not (abs(x_m) < _FARTHEST_M and abs(y_m) < _FARTHEST_M):
             return self
         if self.curve and np.hypot(x_m - self.curve[-1][0], y_m - self.curve[-1][1]) < _APART_M:
             return self
