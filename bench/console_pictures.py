@@ -1,6 +1,7 @@
 """The pictures of the console in README and docs, taken from the running program: `make pictures`. See `--help`.
 
-It starts `dipac console` as a user does, opens its page in Chromium, approves the first motion and looks again.
+It starts `dipac console` as a user does, opens its page in Chromium, approves the first motion, looks again, and takes
+the tool in hand.
 """
 
 import os
@@ -9,34 +10,61 @@ import subprocess
 import sys
 import tempfile
 from collections.abc import Generator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 
 import tyro
-from playwright.sync_api import Page, sync_playwright
+from playwright.sync_api import Error, Page, sync_playwright
 
 from bench.browser import FLAGS, MISSING, chromium
 
 IMAGES = Path(__file__).parents[1] / "docs" / "images"
 _PATIENCE_MS = 300_000
 _SETTLED_MS = 3_000
+_SELDOM_DRAWN = "requestAnimationFrame = (draw) => setTimeout(() => draw(performance.now()), 300)"
+"""Drawing in software would take the processors from the planner."""
+_TRIES, _BEGINS_MS = 5, 15_000
+_LATER = 4
+"""Moments after now, of eight."""
 _SIZE = {"width": 1600, "height": 900}
 
 
 def main(folder: Path = IMAGES, task: str = "rope_push", seed: int = 1) -> None:
-    """Write console-plan.png and console-progress.png into the folder."""
+    """Write console-plan.png, -progress.png, -branches.png and -hand.png into the folder."""
     with tempfile.TemporaryDirectory() as recordings, _program(task, seed, Path(recordings)) as url, _page() as page:
+        page.context.add_init_script(_SELDOM_DRAWN)
         page.goto(url)
         page.get_by_text("Waiting for your approval").wait_for()
         page.get_by_text("Software WebGL rendering detected").locator("xpath=../..").get_by_role("button").click()
         page.wait_for_timeout(_SETTLED_MS)
         page.screenshot(path=folder / "console-plan.png")
-        page.get_by_role("button", name="Approve this motion").click()
+        _approve(page)
         page.get_by_text("Progress", exact=True).click()
         page.get_by_text("Distance to the goal").wait_for()
         page.get_by_text("Waiting for your approval").wait_for()
         page.wait_for_timeout(_SETTLED_MS)
         page.screenshot(path=folder / "console-progress.png")
+        page.get_by_role("tab", name="Plans").click()
+        page.get_by_role("slider").first.focus()
+        for _ in range(_LATER):
+            page.keyboard.press("ArrowRight")
+        page.wait_for_timeout(_SETTLED_MS)
+        page.screenshot(path=folder / "console-branches.png")
+        page.get_by_role("button", name="By hand").click()
+        page.get_by_text("Waiting to be moved by hand").wait_for()
+        page.get_by_role("tab", name="Cell").click()
+        page.wait_for_timeout(_SETTLED_MS)
+        page.screenshot(path=folder / "console-hand.png")
+
+
+def _approve(page: Page) -> None:
+    """Until a motion is made: on a machine that is busy with drawing, a plan may be refused as one of too long ago."""
+    for _ in range(_TRIES):
+        page.get_by_role("button", name="Approve this motion").click()
+        with suppress(Error):
+            page.get_by_text("The arm moves.").wait_for(timeout=_BEGINS_MS)
+            return
+    raise RuntimeError(f"No motion was made of {_TRIES} that were approved; see the console's messages.")
 
 
 @contextmanager
