@@ -294,6 +294,7 @@ async def test_a_client_that_does_not_read_makes_the_sender_wait_instead_of_fill
         stop=lambda operator: None,
         understood=lambda data: True,
         refused=lambda why: None,
+        ways={},
     )
     front = listen("127.0.0.1", 0)
     await proxy.start(front)
