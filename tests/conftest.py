@@ -26,7 +26,7 @@ def modules_without_kernels() -> list[str]:
 install_import_hook(modules_without_kernels(), f"{checked.__module__}.{checked.__name__}")
 
 
-@pytest.fixture
+@pytest.fixture(scope="session")
 def anyio_backend() -> str:
     return "asyncio"
 

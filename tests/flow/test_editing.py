@@ -15,8 +15,8 @@ from app.core.worker import Worker
 from app.flow.editing import Editing
 from app.tasks import load, nominal_model
 from app.tasks.base import Wish
+from tests.flow.cell import MemoryLog, MonotonicClock
 from tests.flow.test_watching import Shown
-from tests.flow_cell import MemoryLog, MonotonicClock
 from tests.ui import synthetic
 
 pytestmark = pytest.mark.anyio

@@ -13,7 +13,7 @@ from app.core.summary import Summary
 from app.core.worker import Worker
 from app.flow.modelling import Modelling, Taken
 from app.tasks.compiled import nominal_model
-from tests.flow_cell import MemoryLog, MonotonicClock
+from tests.flow.cell import MemoryLog, MonotonicClock
 
 pytestmark = pytest.mark.anyio
 

@@ -15,7 +15,7 @@ from app.core.messages import Message, Model, Notice, Transition, fresh_id
 from app.core.summary import Summary
 from app.discovery.watch import FIRST
 from app.flow.watching import Push, Watching
-from tests.flow_cell import MemoryLog, MonotonicClock, Request
+from tests.flow.cell import MemoryLog, MonotonicClock, Request
 from tests.ui import synthetic
 
 pytestmark = pytest.mark.anyio

@@ -20,10 +20,10 @@ act = jax.jit(POLICY.act)
 
 
 def heap(middle: np.ndarray, count: int = 60, spread_m: float = 0.015) -> np.ndarray:
-    rng = np.random.default_rng(0)
-    return np.concatenate(
-        [middle + spread_m * rng.standard_normal((count, 2)), np.full((count, 1), 0.005)], axis=1
-    ).astype(np.float32)
+    """Beans around their mean `middle` [m]: (count, 3)."""
+    drawn = np.random.default_rng(0).standard_normal((count, 2))
+    around = middle + spread_m * (drawn - drawn.mean(axis=0))
+    return np.concatenate([around, np.full((count, 1), 0.005)], axis=1).astype(np.float32)
 
 
 def stroke(x: np.ndarray) -> np.ndarray:

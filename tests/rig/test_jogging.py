@@ -16,7 +16,7 @@ from app.core.jog import Jog
 from app.core.motion import pointing_down
 from app.rig.simulated.arm_control import ArmControl
 from app.rig.simulated.jogging import Jogging
-from tests.flow_rig import TickedArm
+from tests.flow.rig import TickedArm
 from tests.rig.scene import push
 
 LIMITS, TICK_S = Limits(), 0.01

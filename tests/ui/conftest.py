@@ -1,6 +1,7 @@
 """A console that is being served, and a browser to look at it with."""
 
 import threading
+import time
 from collections.abc import Iterator
 from dataclasses import dataclass, field
 from typing import final
@@ -21,6 +22,9 @@ from app.ui import Console, open_console
 from app.ui.desk import Request
 from bench.browser import FLAGS, MISSING, chromium
 from tests.ui import synthetic
+
+THROTTLED_S = 0.05
+"""viser's page sends one message in this time [s]; of those that wait for the next one, all but the last are lost."""
 
 
 @final
@@ -68,11 +72,15 @@ class Served:
     heard: threading.Semaphore = field(default_factory=lambda: threading.Semaphore(0))
 
     def next_request(self) -> Request:
-        """The next request that has not been taken yet, without who took control for it."""
+        """The next request that has not been taken yet, without who took control for it.
+
+        The page may be touched again afterwards: what it would say sooner, viser's client may never send.
+        """
         while True:
             assert self.heard.acquire(timeout=20), "The console sent no request."
             request = self.requests.pop(0)
             if not isinstance(request, Lease):
+                time.sleep(2 * THROTTLED_S)
                 return request
 
 

@@ -7,24 +7,13 @@ import anyio
 import numpy as np
 import pytest
 
+from app.core.approval import Approved
 from app.core.control import EndRequest, Mode
 from app.core.jog import Jog
 from app.core.messages import Executed, Health, Notice, Proposal, Transition, fresh_id
-from tests.flow_cell import Run, for_a_while, running, small_site, small_wish, some
-from tests.flow_rig import photographs
-from tests.test_flow_by_hand import jogs
+from tests.flow.cell import Run, for_a_while, jogs, running, small_site, small_wish, some
 
 pytestmark = pytest.mark.anyio
-
-
-@pytest.fixture(scope="module")
-def anyio_backend() -> str:
-    return "asyncio"
-
-
-@pytest.fixture(scope="module", autouse=True)
-def _pictures_are_taken_beforehand() -> None:
-    photographs()
 
 
 @pytest.fixture
@@ -40,12 +29,20 @@ async def ends(run: Run) -> None:
     assert await run.end() is None
 
 
-async def test_a_mode_that_is_chosen_while_the_program_looks_is_the_mode(run: Run) -> None:
-    await run.person.chooses("idle")
-    await run.person.sees(Health, "idle")
-    await run.person.chooses("approve each")
+async def looks_in_vain(run: Run) -> None:
+    """See the next motion through, and the program look for an object that is covered meanwhile."""
+    await run.person.sees(Approved)
+    run.rig.table.place = "covered"
+    await run.person.sees(Executed)
     await run.person.sees(Health, "looking at the object")
+
+
+async def test_a_mode_that_is_chosen_while_the_program_looks_is_the_mode(run: Run) -> None:
+    await run.person.decides(run.person.all(Proposal)[-1])
+    await looks_in_vain(run)
     await run.person.chooses("idle")
+    await run.person.sees(Mode, "idle")
+    run.rig.table.place = "here"
     run.person.look_away()
     meanwhile = await for_a_while(run)
     assert not some(Proposal, meanwhile)
@@ -54,10 +51,11 @@ async def test_a_mode_that_is_chosen_while_the_program_looks_is_the_mode(run: Ru
 
 async def test_nothing_is_moved_after_the_end_was_asked_for_while_the_program_looks(run: Run) -> None:
     await run.person.chooses("automatic", 100)
-    await run.person.sees(Executed)
-    await run.person.sees(Health, "looking at the object")
+    await looks_in_vain(run)
     begun = list(run.rig.arm.begun)
-    await ends(run)
+    await run.person.asks(EndRequest(id=fresh_id("end"), time_s=time.monotonic(), operator="tests"))
+    run.rig.table.place = "here"
+    assert await run.end() is None
     assert run.rig.arm.begun == begun
 
 

@@ -10,21 +10,10 @@ from app.core.approval import Approved
 from app.core.control import EndRequest, Lease, Mode
 from app.core.messages import Decision, Executed, Fault, Frame, Goal, Health, Notice, Particles, Proposal, fresh_id
 from app.core.requests import GoalRequest, GoalSource, PictureGoalRequest
-from tests.flow_cell import Run, for_a_while, pushes, running, small_site, small_wish, some, withdrawn
-from tests.flow_planner import Habits
-from tests.flow_rig import photographs
+from tests.flow.cell import Run, for_a_while, pushes, running, small_site, small_wish, some, withdrawn
+from tests.flow.planner import Habits
 
 pytestmark = pytest.mark.anyio
-
-
-@pytest.fixture(scope="module")
-def anyio_backend() -> str:
-    return "asyncio"
-
-
-@pytest.fixture(scope="module", autouse=True)
-def _pictures_are_taken_beforehand() -> None:
-    photographs()
 
 
 @pytest.fixture(scope="module")

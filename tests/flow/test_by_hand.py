@@ -9,23 +9,11 @@ import numpy as np
 import pytest
 
 from app.core.control import EndRequest, Lease, Mode
-from app.core.jog import Jog
 from app.core.messages import Executed, Health, Notice, Outcome, Particles, Proposal, Transition, fresh_id
-from tests.flow_cell import Run, for_a_while, running, small_site, small_wish, some
-from tests.flow_planner import Habits
-from tests.flow_rig import photographs
+from tests.flow.cell import Run, for_a_while, jogs, running, small_site, small_wish, some
+from tests.flow.planner import Habits
 
 pytestmark = pytest.mark.anyio
-
-
-@pytest.fixture(scope="module")
-def anyio_backend() -> str:
-    return "asyncio"
-
-
-@pytest.fixture(scope="module", autouse=True)
-def _pictures_are_taken_beforehand() -> None:
-    photographs()
 
 
 @pytest.fixture(scope="module")
@@ -45,15 +33,6 @@ async def by_hand(session: Run) -> Run:
     await session.person.sees(Mode, "teleoperate")
     await session.person.sees(Health, "waiting to be moved by hand")
     return session
-
-
-async def jogs(run: Run, linear: tuple[float, float, float], samples: int = 12) -> int:
-    """Hold something for a little; how many samples of it were heeded."""
-    heeded = 0
-    for _ in range(samples):
-        heeded += run.rig.arm.jog(Jog(linear=np.array(linear)))
-        await anyio.sleep(0.03)
-    return heeded
 
 
 async def test_from_the_first_jog_to_rest_is_one_motion_with_what_came_of_it(by_hand: Run) -> None:

@@ -1,7 +1,7 @@
 """What the flow does when people, cameras, arm and planner do not do what is best, in a small cell.
 
 One run serves the whole file, as it serves an episode: each test begins with a plan of its own and leaves the run
-going. What ends a run is in `test_flow_ends.py`.
+going. What ends a run is in `test_ends.py`.
 """
 
 from collections.abc import AsyncIterator
@@ -21,7 +21,7 @@ from app.core.messages import (
     Particles,
     Proposal,
 )
-from tests.flow_cell import (
+from tests.flow.cell import (
     Run,
     another_plan,
     for_a_while,
@@ -34,22 +34,11 @@ from tests.flow_cell import (
     some,
     withdrawn,
 )
-from tests.flow_planner import Habits
-from tests.flow_rig import photographs
+from tests.flow.planner import Habits
 
 pytestmark = pytest.mark.anyio
 
 DYING = Habits(thinking_s=1.0, failures=1, trouble="dies")
-
-
-@pytest.fixture(scope="module")
-def anyio_backend() -> str:
-    return "asyncio"
-
-
-@pytest.fixture(scope="module", autouse=True)
-def _pictures_are_taken_beforehand() -> None:
-    photographs()
 
 
 @pytest.fixture(scope="module")

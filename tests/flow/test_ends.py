@@ -11,18 +11,13 @@ from app.core.approval import Approved
 from app.core.errors import DeviceError, MotionRefused, PlanningError, WorkerError
 from app.core.messages import ArmState, Executed, Fault, Health, Notice, Proposal
 from app.tasks.curves import fill_tube
-from tests.flow_cell import Run, for_a_while, narrower, running, small_site, small_wish, some, withdrawn
-from tests.flow_planner import Habits
-from tests.flow_rig import SmallRig, photographs
+from tests.flow.cell import Run, for_a_while, narrower, running, small_site, small_wish, some, withdrawn
+from tests.flow.planner import Habits
+from tests.flow.rig import SmallRig
 
 pytestmark = pytest.mark.anyio
 
 DYING = Habits(thinking_s=1.0, failures=1, trouble="dies")
-
-
-@pytest.fixture(scope="module", autouse=True)
-def _pictures_are_taken_beforehand() -> None:
-    photographs()
 
 
 async def test_a_plan_that_grew_too_old_is_withdrawn_and_cannot_be_approved_any_more(tmp_path: Path) -> None:

@@ -8,11 +8,13 @@ from pathlib import Path
 from typing import TypeVar, final
 
 import anyio
+import numpy as np
 
 from app.config import Limits, Site, Timing, Workspace
 from app.core.approval import Approved
 from app.core.channel import Lossless
 from app.core.control import ModeName, ModeRequest
+from app.core.jog import Jog
 from app.core.messages import (
     Decision,
     Executed,
@@ -31,8 +33,8 @@ from app.core.worker import Worker
 from app.flow import Flow
 from app.tasks.base import Preset, Wish
 from app.tasks.rope_push import TASK
-from tests.flow_planner import Habits, take_up
-from tests.flow_rig import Place, SmallRig
+from tests.flow.planner import Habits, take_up
+from tests.flow.rig import Place, SmallRig
 
 MessageT = TypeVar("MessageT", bound=Message)
 A_WHILE = 12
@@ -284,6 +286,15 @@ async def for_a_while(run: Run) -> list[Message]:
     for _ in range(A_WHILE):
         await run.person.sees(Health)
     return run.person.seen[before:]
+
+
+async def jogs(run: Run, linear: tuple[float, float, float], samples: int = 12) -> int:
+    """Hold something for a little; how many samples of it were heeded."""
+    heeded = 0
+    for _ in range(samples):
+        heeded += run.rig.arm.jog(Jog(linear=np.array(linear)))
+        await anyio.sleep(0.03)
+    return heeded
 
 
 def some(kind: type[Message], messages: list[Message]) -> bool:
