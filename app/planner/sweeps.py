@@ -97,7 +97,7 @@ class Sweeps:
         ahead, length = _heading(end - start)
         length = jnp.clip(length, *self.length_m)
         end = start + length[:, None] * ahead
-        start = start + self._shift(start, ahead, length, now.x[..., :2])[:, None] * ahead
+        start = jnp.clip(start + self._shift(start, ahead, length, now.x[..., :2])[:, None] * ahead, low, high)
         length = jnp.clip(((end - start) * ahead).sum(-1), *self.length_m)
         end = start + jnp.minimum(length, self._room(start, ahead))[:, None] * ahead
         return jnp.concatenate([start, end], axis=1)

@@ -7,7 +7,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import example, given, settings
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
@@ -45,6 +45,7 @@ def in_paddle(x: np.ndarray, action: np.ndarray) -> np.ndarray:
 
 @settings(max_examples=20, deadline=None)
 @given(SEEDS)
+@example(375)
 def test_projected_sweeps_keep_to_the_region_and_to_the_limits_of_length(seed: int) -> None:
     swept = np.asarray(project(wild(seed), NOW))
     assert np.all(swept.reshape(-1, 2) >= LOW - 1e-5)
