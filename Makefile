@@ -10,6 +10,7 @@ CANDIDATES := python3.11 python3.12 python3
 IS_SUPPORTED := import sys, venv, ensurepip; sys.exit(sys.version_info[:2] not in ((3, 11), (3, 12)))
 BIN := .venv/bin
 READY := .venv/ready
+PYTEST := OPENBLAS_NUM_THREADS=1 $(BIN)/pytest# small linear algebra, which threads make slower
 PIP := $(BIN)/python -m pip
 QUIET := install --disable-pip-version-check --quiet --no-compile
 OWN_INDEX := \.(index-url|no-index|proxy)=
@@ -52,12 +53,13 @@ test: setup ## everything that CI runs: lint, types, layering, tests, documentat
 	$(BIN)/basedpyright
 	$(BIN)/lint-imports
 	NO_MKDOCS_2_WARNING=1 $(BIN)/mkdocs build --strict
-	OPENBLAS_NUM_THREADS=1 $(BIN)/pytest -m "not slow"  # small linear algebra, which threads make slower
+	$(PYTEST) -m "not slow and parallel" --numprocesses auto --maxprocesses 8 --dist loadfile --no-loadscope-reorder
+	$(PYTEST) -m "not slow and not parallel"
 
 check: test ## the same as test
 
 test-slow: setup ## the tests that take minutes
-	$(BIN)/pytest -m slow
+	$(PYTEST) -m slow
 
 bench: setup ## measure what docs/results.md states
 	$(BIN)/dipac bench

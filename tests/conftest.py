@@ -10,6 +10,15 @@ from jaxtyping import install_import_hook
 from tests.shapes import checked
 
 ROOT = Path(__file__).parent.parent
+TESTS = ROOT / "tests"
+PARALLEL = {TESTS / folder for folder in ("calibration", "discovery", "perception", "planner", "policy", "sim", "tasks")}
+"""Folders whose tests neither heed a clock nor serve a port: others may run beside them."""
+
+
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    for item in items:
+        if not PARALLEL.isdisjoint(item.path.parents):
+            item.add_marker("parallel")
 
 
 def modules_without_kernels() -> list[str]:

@@ -83,7 +83,7 @@ def test_goals_are_the_view_a_bent_copy_a_region_and_a_curve(served: Served, bro
     slider = page.get_by_role("slider").first
     slider.focus()
     for _ in range(40):
-        slider.press("ArrowRight")
+        page.keyboard.press("ArrowRight")
     expect(page.get_by_text("From what is drawn")).to_be_visible()
     wait_until(lambda: "0.0 mm" not in page.get_by_text("From what is drawn").inner_text())
     button(page, "Use as goal")
