@@ -40,7 +40,7 @@ UNHURRIED = """{
     gl[name] = function (...given) { if (draws) call.apply(this, given); };
   }
 }"""
-"""Leaves out most frames of the scene: software takes two processors 0.2 s for each, which page, server and arm need."""
+"""Leaves out most frames of the scene: in software each takes two processors 0.2 s, which page, server and arm need."""
 
 
 @final
