@@ -1,6 +1,5 @@
 """What all tests share: declared shapes and types are checked, and the event loop is never blocked."""
 
-import os
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -12,24 +11,16 @@ from tests.shapes import checked
 
 ROOT = Path(__file__).parent.parent
 TESTS = ROOT / "tests"
-PARALLEL = {
+UNHURRIED = {
     TESTS / folder for folder in ("calibration", "discovery", "perception", "planner", "policy", "sim", "tasks")
 }
 """Folders whose tests neither heed a clock nor serve a port: others may run beside them."""
 
 
-def pytest_configure(config: pytest.Config) -> None:
-    """A worker of several keeps to one processor: JAX takes a thread for each, and those of two workers would fight."""
-    if hasattr(config, "workerinput") and hasattr(os, "sched_setaffinity"):
-        processors = sorted(os.sched_getaffinity(0))
-        worker = int(os.environ["PYTEST_XDIST_WORKER"].removeprefix("gw"))
-        os.sched_setaffinity(0, {processors[worker % len(processors)]})
-
-
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     for item in items:
-        if not PARALLEL.isdisjoint(item.path.parents):
-            item.add_marker("parallel")
+        if not UNHURRIED.isdisjoint(item.path.parents):
+            item.add_marker("unhurried")
 
 
 def modules_without_kernels() -> list[str]:
