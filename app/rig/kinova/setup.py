@@ -1,0 +1,146 @@
+"""Messages about how the arm is set up: what it is, its soft limits, and where it may not go.
+
+Field numbers: Kinovarobotics/ros_kortex, kortex_driver/protos (`Base.proto`, `ControlConfig.proto`,
+`ProductConfiguration.proto`).
+"""
+
+from dataclasses import dataclass
+from typing import Annotated, final
+
+from app.rig.kinova.protobuf import Field
+from app.rig.kinova.session import Handle
+
+
+@final
+@dataclass(frozen=True, kw_only=True)
+class Point:
+    """A point [m]."""
+
+    x: Annotated[float, Field(1, "float")] = 0.0
+    y: Annotated[float, Field(2, "float")] = 0.0
+    z: Annotated[float, Field(3, "float")] = 0.0
+
+
+@final
+@dataclass(frozen=True, kw_only=True)
+class Row:
+    """Of a rotation matrix."""
+
+    column1: Annotated[float, Field(1, "float")] = 0.0
+    column2: Annotated[float, Field(2, "float")] = 0.0
+    column3: Annotated[float, Field(3, "float")] = 0.0
+
+
+@final
+@dataclass(frozen=True, kw_only=True)
+class RotationMatrix:
+    """Three rows."""
+
+    row1: Annotated[Row | None, Field(1, "message")] = None
+    row2: Annotated[Row | None, Field(2, "message")] = None
+    row3: Annotated[Row | None, Field(3, "message")] = None
+
+
+@final
+@dataclass(frozen=True, kw_only=True)
+class ZoneShape:
+    """Where a protection zone is; a prism lies about its origin."""
+
+    shape_type: Annotated[int, Field(1, "uint32")] = 0
+    origin: Annotated[Point | None, Field(2, "message")] = None
+    orientation: Annotated[RotationMatrix | None, Field(3, "message")] = None
+    dimensions: Annotated[tuple[float, ...], Field(4, "float")] = ()
+    envelope_thickness: Annotated[float, Field(5, "float")] = 0.0
+
+
+@final
+@dataclass(frozen=True, kw_only=True)
+class ProtectionZone:
+    """A region that Cartesian motions may not enter; joint motions may."""
+
+    handle: Annotated[Handle | None, Field(1, "message")] = None
+    name: Annotated[str, Field(2, "string")] = ""
+    is_enabled: Annotated[bool, Field(4, "bool")] = False
+    shape: Annotated[ZoneShape | None, Field(5, "message")] = None
+
+
+@final
+@dataclass(frozen=True, kw_only=True)
+class ProtectionZoneList:
+    """All zones of the arm."""
+
+    protection_zones: Annotated[tuple[ProtectionZone, ...], Field(1, "message")] = ()
+
+
+@final
+@dataclass(frozen=True, kw_only=True)
+class ProtectionZoneNotification:
+    """A zone was reached (1), entered (2) or left (3)."""
+
+    event: Annotated[int, Field(1, "uint32")] = 0
+    handle: Annotated[Handle | None, Field(2, "message")] = None
+
+
+@final
+@dataclass(frozen=True, kw_only=True)
+class ActuatorInformation:
+    """How many joints there are."""
+
+    count: Annotated[int, Field(1, "uint32")] = 0
+
+
+@final
+@dataclass(frozen=True, kw_only=True)
+class FirmwareVersions:
+    """What runs on the arm."""
+
+    main_bundle_version: Annotated[str, Field(1, "string")] = ""
+
+
+@final
+@dataclass(frozen=True, kw_only=True)
+class ProductConfiguration:
+    """What arm this is."""
+
+    kin: Annotated[str, Field(1, "string")] = ""
+    model: Annotated[int, Field(2, "uint32")] = 0
+    degree_of_freedom: Annotated[int, Field(6, "uint32")] = 0
+    end_effector_type: Annotated[int, Field(8, "uint32")] = 0
+
+
+@final
+@dataclass(frozen=True, kw_only=True)
+class TwistLinearSoftLimit:
+    """Of the speed [m/s] in a `ControlMode`."""
+
+    control_mode: Annotated[int, Field(1, "uint32")] = 0
+    twist_linear_soft_limit: Annotated[float, Field(2, "float")] = 0.0
+
+
+@final
+@dataclass(frozen=True, kw_only=True)
+class TwistAngularSoftLimit:
+    """Of the turning speed [degrees/s] in a `ControlMode`."""
+
+    control_mode: Annotated[int, Field(1, "uint32")] = 0
+    twist_angular_soft_limit: Annotated[float, Field(2, "float")] = 0.0
+
+
+@final
+@dataclass(frozen=True, kw_only=True)
+class KinematicLimits:
+    """Of speeds and accelerations [m/s, degrees/s, degrees/s^2]."""
+
+    control_mode: Annotated[int, Field(1, "uint32")] = 0
+    twist_linear: Annotated[float, Field(2, "float")] = 0.0
+    twist_angular: Annotated[float, Field(3, "float")] = 0.0
+    joint_speed_limits: Annotated[tuple[float, ...], Field(4, "float")] = ()
+    joint_acceleration_limits: Annotated[tuple[float, ...], Field(5, "float")] = ()
+
+
+@final
+@dataclass(frozen=True, kw_only=True)
+class ControlModeInformation:
+    """A `ControlMode`."""
+
+    control_mode: Annotated[int, Field(1, "uint32")] = 0

@@ -1,0 +1,98 @@
+"""The kinematics against the arm's published Denavit-Hartenberg table, and against themselves."""
+
+import numpy as np
+import pytest
+from jaxtyping import Float64
+
+from app.rig.kinova import gen3
+
+# Kinova Gen3 Ultra lightweight robot user guide, classical DH parameters of the arm with seven joints: twist [rad],
+# offset [m] and angle [rad] where the joint is at zero; the base's frame is turned by pi about x. Lengths to 0.1 mm.
+TABLE = [
+    (np.pi / 2, -(0.1564 + 0.1284), 0.0),
+    (np.pi / 2, -(0.0054 + 0.0064), np.pi),
+    (np.pi / 2, -(0.2104 + 0.2104), np.pi),
+    (np.pi / 2, -(0.0064 + 0.0064), np.pi),
+    (np.pi / 2, -(0.2084 + 0.1059), np.pi),
+    (np.pi / 2, 0.0, np.pi),
+    (np.pi, -(0.1059 + 0.0615), np.pi),
+]
+ROUNDING_M = 6e-4
+"""Of eleven lengths that are rounded to 0.1 mm."""
+RNG = np.random.default_rng(0)
+DOWN = np.diag([1.0, -1.0, -1.0, 1.0])
+
+
+def by_table(joints: Float64[np.ndarray, "7"]) -> Float64[np.ndarray, "4 4"]:
+    frame = DOWN
+    for (twist, offset, zero), joint in zip(TABLE, joints, strict=True):
+        c, s, ct, st = np.cos(joint + zero), np.sin(joint + zero), np.cos(twist), np.sin(twist)
+        frame = frame @ np.array([[c, -s * ct, s * st, 0], [s, c * ct, -c * st, 0], [0, st, ct, offset], [0, 0, 0, 1]])
+    return frame @ np.array([[1, 0, 0, 0], [0, 1, 0, 0], [0, 0, 1, gen3.GRIPPER_M], [0, 0, 0, 1]])
+
+
+def anywhere() -> Float64[np.ndarray, "7"]:
+    return RNG.uniform(-0.95, 0.95, 7) * np.where(np.isfinite(gen3.RANGE), gen3.RANGE, np.pi)
+
+
+def test_the_chain_of_links_is_that_of_the_published_table() -> None:
+    for _ in range(50):
+        joints = anywhere()
+        assert np.abs(gen3.tool(joints) - by_table(joints)).max() < ROUNDING_M
+
+
+def test_stretched_upwards_the_arm_is_as_tall_as_its_lengths() -> None:
+    tall = gen3.tool(np.zeros(7))
+    assert tall[2, 3] - gen3.GRIPPER_M == pytest.approx(1.1874, abs=1e-4)
+    assert tall[:3, :3] == pytest.approx(np.eye(3), abs=1e-9)
+
+
+def test_the_jacobian_is_the_slope_of_the_tool() -> None:
+    step = 1e-6
+    for _ in range(5):
+        joints = anywhere()
+        links = gen3.frames(joints)
+        for index in range(7):
+            moved = gen3.tool(joints + step * np.eye(7)[index])
+            slope = gen3.away(links, moved) / step
+            assert gen3.jacobian(links)[:, index] == pytest.approx(slope, abs=1e-5)
+
+
+def test_the_inverse_finds_what_the_forward_says_from_a_guess_nearby() -> None:
+    for _ in range(20):
+        joints = np.clip(anywhere(), -2.0, 2.0)
+        target = gen3.tool(joints)
+        found = gen3.solved(target, joints + RNG.uniform(-0.2, 0.2, 7))
+        assert found is not None
+        assert np.abs(gen3.tool(found) - target).max() < 1e-3
+
+
+@pytest.mark.parametrize(("x", "z", "within"), [(0.45, 0.05, True), (0.65, 0.15, True), (0.75, 0.05, False)])
+def test_how_far_a_tool_that_points_down_gets_is_what_the_links_allow(x: float, z: float, within: bool) -> None:
+    target = DOWN.copy()
+    target[:3, 3] = x, 0.0, z
+    # From the shoulder at 0.285 m to the wrist, 0.287 m above the tip: at most the 0.735 m of both upper links.
+    away = np.hypot(x, z + 0.287 - 0.285)
+    assert (away < 0.735) == within
+    assert (gen3.solved(target, gen3.HOME) is not None) == within
+
+
+def test_joints_that_the_inverse_finds_are_within_their_ranges() -> None:
+    for _ in range(20):
+        joints = gen3.HOME
+        target = gen3.tool(anywhere())
+        for _ in range(30):
+            joints = gen3.nearer(joints, target)
+            assert (np.abs(joints) <= gen3.RANGE).all()
+
+
+def test_a_pose_in_the_arm_s_words_is_the_same_pose() -> None:
+    for _ in range(20):
+        frame = gen3.tool(anywhere())
+        assert gen3.transform(gen3.pose(frame)) == pytest.approx(frame, abs=1e-9)
+
+
+def test_a_tool_that_points_down_is_turned_by_half_a_turn_about_x() -> None:
+    said = gen3.pose(DOWN)
+    assert abs(said.theta_x) == pytest.approx(180.0)
+    assert (said.theta_y, said.theta_z) == pytest.approx((0.0, 0.0))
