@@ -123,14 +123,23 @@ def _open3d() -> list[Finding]:
 
 
 def _realsense() -> list[Finding]:
-    code = "from app.core.native import load_realsense; say(len(load_realsense().context().query_devices()))"
+    code = "from app.rig.realsense.bus import census\nfrom app.rig.realsense.sdk import Sdk\nsay(census(Sdk.loaded()))"
     probe = _probe(code)
-    loads = Finding(what="pyrealsense2 loads", state="ok", found="yes")
+    what = "pyrealsense2 loads"
     if probe.failure:
-        return [Finding(what=loads.what, state="missing", found=probe.failure, mend=SETUP)]
-    count = int(probe.said)
-    mend = "" if count else "plug one into a USB 3 port; not needed for the simulated cell"
-    return [loads, Finding(what="RealSense cameras", state="ok" if count else "optional", found=str(count), mend=mend)]
+        return [Finding(what=what, state="missing", found=probe.failure, mend=SETUP)]
+    loads = Finding(what=what, state="ok", found=f"SDK {probe.said['version']}")
+    return [loads, _cameras(probe.said["cameras"], probe.said["warnings"])]
+
+
+def _cameras(cameras: list[str], warnings: list[str]) -> Finding:
+    """The RealSense cameras on the bus; one on a slow port works, with smaller images."""
+    what = "RealSense cameras"
+    if not cameras:
+        mend = "plug one into a USB 3 port; not needed for the simulated cell"
+        return Finding(what=what, state="optional", found="0", mend=mend)
+    found = f"{len(cameras)}: {'; '.join(cameras)}"
+    return Finding(what=what, state="optional" if warnings else "ok", found=found, mend=" ".join(warnings))
 
 
 def _opencv() -> list[Finding]:

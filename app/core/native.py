@@ -6,21 +6,13 @@ from types import ModuleType
 
 def load_open3d() -> ModuleType:
     """The module `open3d`."""
-    _load_libusb()
+    load_libusb()
     import open3d
 
     return open3d
 
 
-def load_realsense() -> ModuleType:
-    """The module `pyrealsense2`."""
-    _load_libusb()
-    import pyrealsense2
-
-    return pyrealsense2
-
-
-def _load_libusb() -> None:
+def load_libusb() -> None:
     """Load libusb for all to see.
 
     Open3D and pyrealsense2 link against libusb-1.0.so.0, which a machine without root may lack; the package

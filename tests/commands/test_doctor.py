@@ -32,6 +32,7 @@ def test_this_installation_is_whole_and_every_row_is_said_as_json(capsys, tmp_pa
     assert found["numpy"]["found"] == metadata.version("numpy")
     assert "cpu" in found["Warp devices"]["found"]
     assert found["JAX devices"]["found"]
+    assert found["pyrealsense2 loads"]["found"].startswith(f"SDK {metadata.version('pyrealsense2')[:4]}")
     for loaded in ("open3d loads", "pyrealsense2 loads", "cv2 loads", "mujoco loads"):
         assert found[loaded]["state"] == "ok"
     for row in found.values():
@@ -76,6 +77,14 @@ def test_recordings_in_a_read_only_folder_are_refused(tmp_path):
     tmp_path.chmod(0o500)
     row = _checks._recordings(Site(recordings=tmp_path / "recordings"))[0]
     assert row.state == "missing"
+
+
+def test_cameras_are_listed_with_the_speed_of_their_port() -> None:
+    none, fast = _checks._cameras([], []), _checks._cameras(["D435 0123, USB 3.2"], [])
+    slow = _checks._cameras(["D435 0123, USB 2.1"], ["D435 0123 is connected by USB 2.1"])
+    assert (none.state, none.found) == ("optional", "0")
+    assert (fast.state, fast.found, fast.mend) == ("ok", "1: D435 0123, USB 3.2", "")
+    assert (slow.state, slow.mend) == ("optional", "D435 0123 is connected by USB 2.1")
 
 
 def test_a_library_that_is_not_there_is_missing():

@@ -1,0 +1,72 @@
+"""Which RealSense cameras are on the bus, and how fast that is."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from types import ModuleType
+from typing import Any, final
+
+from app.rig.realsense.sdk import Sdk
+
+
+@final
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Listed:
+    """A camera on the bus: the SDK's device, and what it says of itself. Empty where it does not say."""
+
+    device: Any
+    name: str
+    serial: str
+    firmware: str
+    usb: str
+
+
+def found(sdk: Sdk) -> Sequence[Listed]:
+    """Every camera that the SDK's context knows. One that is just leaving the bus may be left out."""
+    cameras = list[Listed]()
+    for device in sdk.context.query_devices():
+        try:
+            cameras.append(described(sdk.rs, device))
+        except RuntimeError:  # The SDK's error of a device that went away since.
+            continue
+    return cameras
+
+
+def described(rs: ModuleType, device: Any) -> Listed:
+    """What `device` says of itself."""
+    info = rs.camera_info
+    return Listed(
+        device=device,
+        name=_said(device, info.name),
+        serial=_said(device, info.serial_number),
+        firmware=_said(device, info.firmware_version),
+        usb=_said(device, info.usb_type_descriptor),
+    )
+
+
+def census(sdk: Sdk) -> Mapping[str, Any]:
+    """What a doctor wants to know, as JSON can carry it: the SDK's version, and of each camera what it is and lacks."""
+    cameras = found(sdk)
+    return {
+        "version": str(sdk.rs.__version__),
+        "cameras": [f"{each.name} {each.serial}, USB {each.usb or 'unknown'}" for each in cameras],
+        "warnings": [said for each in cameras if (said := warning(each))],
+    }
+
+
+def is_slow(usb: str) -> bool:
+    """Whether this USB version, as the SDK writes it, is older than 3; not where it is unknown."""
+    return bool(usb) and usb[0] in "12"
+
+
+def warning(listed: Listed) -> str:
+    """What is wrong with how the camera is connected, and what mends it; empty where nothing is."""
+    if not is_slow(listed.usb):
+        return ""
+    return (
+        f"{listed.name} {listed.serial} is connected by USB {listed.usb}, which carries fewer and smaller images; use "
+        "a USB 3 port and a cable made for it."
+    )
+
+
+def _said(device: Any, what: Any) -> str:
+    return str(device.get_info(what)) if device.supports(what) else ""

@@ -1,0 +1,96 @@
+"""When an image was taken, in this machine's monotonic time, with a bound on the error. Pure.
+
+A camera dates its images in one of three ways. *Global* time is the device's clock brought to the host's calendar by
+the SDK, which fits a line to questions and answers over USB; it adjusts that line by some milliseconds now and then
+(librealsense issue 4505), and was seen up to 40 ms in the future (10068) and far off after long use (4505, 11320).
+*System* time is the moment the host received the image. The *hardware* clock has an origin of its own.
+
+So a calendar date is believed only where it is not in the future and not old. Any other stamp is dated by arrival: the
+least delay seen lately is taken for none, so such images are dated late by the shortest way through USB, which is less
+than a period.
+"""
+
+import time
+from dataclasses import dataclass, replace
+from typing import Literal, Self, TypeAlias, final
+
+Domain: TypeAlias = Literal["global", "system", "hardware"]
+
+GLOBAL_ERROR_S = 0.005
+_FUTURE_S, _OLD_S = 0.050, 1.0
+_FORGET_S = 10.0
+"""Clocks of crystals drift apart by less than 1 ms in this time."""
+
+
+@final
+@dataclass(frozen=True, kw_only=True)
+class Moment:
+    """One moment on both clocks of this machine; `error_s`: within what they were read together."""
+
+    monotonic_s: float
+    calendar_s: float
+    error_s: float
+
+    @classmethod
+    def now(cls) -> Self:
+        """Read the clocks."""
+        before_s = time.monotonic()
+        calendar_s = time.time()
+        after_s = time.monotonic()
+        return cls(monotonic_s=(before_s + after_s) / 2, calendar_s=calendar_s, error_s=(after_s - before_s) / 2)
+
+
+@final
+@dataclass(frozen=True, kw_only=True)
+class Dated:
+    """`time_s`: monotonic; within `error_s` of the truth; `by`: how it was found."""
+
+    time_s: float
+    error_s: float
+    by: Literal["calendar", "arrival"]
+
+
+@final
+@dataclass(frozen=True, kw_only=True)
+class Dating:
+    """What is known of a camera's clock: by what its stamps [s] differ from monotonic time, at least, of late.
+
+    `period_s`: of its images. `former_s`: the same of the stretch of time before, so that what is known is never of
+    less than one such stretch.
+    """
+
+    period_s: float
+    offset_s: float = float("inf")
+    former_s: float = float("inf")
+    since_s: float = float("-inf")
+    stamp_s: float = float("-inf")
+
+    def date(self, stamp_s: float, domain: Domain, arrival: Moment) -> "tuple[Dated | None, Dating]":
+        """When an image stamped `stamp_s` that came at `arrival` was taken, and what is known then.
+
+        None where the stamp is that of the image before: a stream that stands still. A stamp before that is of a clock
+        that began anew, of which nothing is known yet.
+        """
+        if stamp_s == self.stamp_s:
+            return None, self
+        known = self if stamp_s > self.stamp_s else Dating(period_s=self.period_s)
+        known = known._with(stamp_s, arrival)
+        return known._calendar(stamp_s, domain, arrival) or known._by_arrival(stamp_s, arrival), known
+
+    def _with(self, stamp_s: float, arrival: Moment) -> "Dating":
+        offset_s, now_s = arrival.monotonic_s - stamp_s, arrival.monotonic_s
+        if now_s - self.since_s > _FORGET_S:
+            return replace(self, former_s=self.offset_s, offset_s=offset_s, since_s=now_s, stamp_s=stamp_s)
+        return replace(self, offset_s=min(self.offset_s, offset_s), stamp_s=stamp_s)
+
+    def _calendar(self, stamp_s: float, domain: Domain, arrival: Moment) -> Dated | None:
+        """By the calendar, where the stamp can be that of one."""
+        age_s = arrival.calendar_s - stamp_s
+        if domain == "hardware" or not -_FUTURE_S <= age_s <= _OLD_S:
+            return None
+        error_s = arrival.error_s + (GLOBAL_ERROR_S if domain == "global" else self.period_s)
+        return Dated(time_s=arrival.monotonic_s - max(age_s, 0.0), error_s=max(error_s, -age_s), by="calendar")
+
+    def _by_arrival(self, stamp_s: float, arrival: Moment) -> Dated:
+        time_s = stamp_s + min(self.offset_s, self.former_s)
+        return Dated(time_s=min(time_s, arrival.monotonic_s), error_s=self.period_s, by="arrival")

@@ -1,0 +1,92 @@
+"""Where a capture process gets its images from: a camera on the bus or a recording; `rendered` has a third.
+
+Each is data that can be sent to the process, and opens itself there; from the SDK's pipeline on, all go the same way.
+"""
+
+from contextlib import AbstractContextManager, nullcontext
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Protocol, final
+
+from app.core.errors import DeviceError
+from app.rig.realsense.bus import found
+from app.rig.realsense.sdk import Opening, Sdk
+
+
+class CameraAbsent(DeviceError):
+    """There is no such camera now; it may be plugged in later."""
+
+
+class Source(Protocol):
+    """Something that a pipeline of the SDK can be opened on."""
+
+    @property
+    def serial(self) -> str:
+        """The camera's serial number, or what stands for it."""
+        ...
+
+    def attach(self, opening: Opening, /) -> AbstractContextManager[None]:
+        """Choose the camera that is opened; what is returned is entered while it streams.
+
+        Raises CameraAbsent where there is no such camera, DeviceError where it cannot be opened.
+        """
+        ...
+
+    def reset(self, sdk: Sdk, /) -> None:
+        """Reset the camera's hardware and return at once. Raises DeviceError where that is not possible."""
+        ...
+
+
+@final
+@dataclass(frozen=True, kw_only=True)
+class Live:
+    """A camera on the bus."""
+
+    serial: str
+
+    def attach(self, opening: Opening, /) -> AbstractContextManager[None]:
+        """Choose the camera of this serial number."""
+        opening.pipeline.set_device(self._device(opening.sdk))
+        return nullcontext()
+
+    def reset(self, sdk: Sdk, /) -> None:
+        """Have the camera leave the bus and come back."""
+        try:
+            self._device(sdk).hardware_reset()
+        except RuntimeError as error:
+            raise DeviceError(f"Camera {self.serial!r} cannot be reset: {error}.") from error
+
+    def _device(self, sdk: Sdk) -> Any:
+        devices = {listed.serial: listed.device for listed in found(sdk)}
+        if self.serial not in devices:
+            there = f"there are {', '.join(sorted(devices))}" if devices else "there is none at all"
+            raise CameraAbsent(
+                f"No RealSense camera has the serial number {self.serial!r}: {there}. Check the number, cable and "
+                "power; `dipac doctor` lists what is connected."
+            )
+        return devices[self.serial]
+
+
+@final
+@dataclass(frozen=True, kw_only=True)
+class Played:
+    """A recording of the SDK (.db3), at the pace it was made; `repeat`: from the beginning again after its end."""
+
+    file: Path
+    repeat: bool = False
+
+    @property
+    def serial(self) -> str:
+        """The file's name."""
+        return self.file.name
+
+    def attach(self, opening: Opening, /) -> AbstractContextManager[None]:
+        """Choose the recorded camera."""
+        if not self.file.is_file():
+            raise CameraAbsent(f"There is no recording {self.file}; `dipac` plays .db3 files of the RealSense SDK.")
+        opening.config.enable_device_from_file(str(self.file), self.repeat)
+        return nullcontext()
+
+    def reset(self, _: Sdk, /) -> None:
+        """A recording has nothing to reset."""
+        raise DeviceError(f"{self.file.name} is a recording, which cannot be reset.")

@@ -1,0 +1,172 @@
+"""A camera that streams: aligned pairs of images through the SDK's pipeline. The same for every source."""
+
+from collections.abc import Generator, Mapping
+from contextlib import contextmanager
+from dataclasses import dataclass
+from types import ModuleType
+from typing import Any, final
+
+import numpy as np
+
+from app.core.errors import DeviceError
+from app.core.types import ColourImage, DepthImage, Intrinsics
+from app.rig.realsense.bus import Listed, described, warning
+from app.rig.realsense.dating import Domain, Moment
+from app.rig.realsense.rectify import Rectifier
+from app.rig.realsense.sdk import Opening, Sdk
+from app.rig.realsense.settings import Filters, Settings
+from app.rig.realsense.sources import Source
+
+_AT_ONCE_MS = 200
+"""The longest call of the SDK that waits, so that a process can say that it lives, and be told something."""
+_FARTHEST_M = 16.0
+"""The longest distance that the SDK's threshold takes."""
+_DOMAINS: Mapping[str, Domain] = {"global_time": "global", "system_time": "system", "hardware_clock": "hardware"}
+
+
+class StreamEnded(DeviceError):
+    """A recording has been played to its end."""
+
+
+@final
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Shot:
+    """A pair of images as it came: `depth` aligned to `color`, both those of a pinhole camera.
+
+    `stamp_s`: the middle of the exposure by the camera's clock [s], where it says, else when it was read out.
+    """
+
+    color: ColourImage
+    depth: DepthImage
+    stamp_s: float
+    domain: Domain
+    arrival: Moment
+
+
+@final
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Opened:
+    """What a camera said as it was opened; `K` [pixel] is that of the colour image."""
+
+    listed: Listed
+    K: Intrinsics
+    depth_unit_m: float
+    warning: str
+
+
+@final
+class Stream:
+    """Reads a pipeline that has been started."""
+
+    def __init__(self, rs: ModuleType, pipeline: Any, profile: Any, settings: Settings) -> None:
+        self._rs, self._pipeline = rs, pipeline
+        self._device = profile.get_device()
+        intrinsics = profile.get_stream(rs.stream.color).as_video_stream_profile().get_intrinsics()
+        self._rectifier = Rectifier(rs, intrinsics)
+        self._filters = [*_filters(rs, settings.filters), rs.align(rs.stream.color)]
+        self._to_drop = settings.warm_up
+        listed = described(rs, self._device)
+        self.opened = Opened(
+            listed=listed,
+            K=self._rectifier.K,
+            depth_unit_m=float(self._device.first_depth_sensor().get_depth_scale()),
+            warning=warning(listed),
+        )
+
+    def next(self) -> Shot | None:
+        """The next pair; None where none comes soon, or it is one of the first, which are dropped.
+
+        Raises StreamEnded at the end of a recording, and DeviceError where the camera failed.
+        """
+        try:
+            there, frames = self._pipeline.try_wait_for_frames(_AT_ONCE_MS)
+            arrival = Moment.now()
+            if there and self._to_drop == 0:
+                return self._shot(frames, arrival)
+            ended = not there and self._ended()
+        except RuntimeError as error:
+            raise DeviceError(f"The camera failed: {error}.") from error
+        if ended:
+            raise StreamEnded("the recording has been played")
+        self._to_drop = max(self._to_drop - there, 0)
+        return None
+
+    def _shot(self, frames: Any, arrival: Moment) -> Shot | None:
+        for each in self._filters:
+            frames = each.process(frames).as_frameset()
+        depth, color = frames.get_depth_frame(), frames.get_color_frame()
+        if not depth or not color:
+            return None
+        return Shot(
+            color=self._rectifier.color(np.asanyarray(color.get_data())),
+            depth=self._rectifier.depth(np.asanyarray(depth.get_data())),
+            stamp_s=_exposed_ms(self._rs, depth) / 1000,
+            domain=_DOMAINS[depth.get_frame_timestamp_domain().name],
+            arrival=arrival,
+        )
+
+    def _ended(self) -> bool:
+        stopped = self._rs.playback_status.stopped
+        return bool(self._device.is_playback() and self._device.as_playback().current_status() == stopped)
+
+
+@contextmanager
+def streaming(sdk: Sdk, source: Source, settings: Settings) -> Generator[Stream]:
+    """The camera, streaming until the block is left.
+
+    Raises CameraAbsent where there is no such camera, and DeviceError where it cannot stream like that, or not stop.
+    """
+    rs, opening = sdk.rs, Opening.of(sdk)
+    with source.attach(opening):
+        for stream, form in ((rs.stream.depth, rs.format.z16), (rs.stream.color, rs.format.rgb8)):
+            opening.config.enable_stream(stream, settings.width, settings.height, form, settings.rate_hz)
+        try:
+            profile = opening.pipeline.start(opening.config)
+        except RuntimeError as error:
+            raise DeviceError(
+                f"Camera {source.serial!r} does not stream {settings.width}x{settings.height} at "
+                f"{settings.rate_hz} Hz: {error}. Ask for a size and rate that it has; a USB 2 port carries fewer."
+            ) from error
+        try:
+            yield Stream(rs, opening.pipeline, profile, settings)
+        finally:
+            _stop(opening.pipeline)
+
+
+def _stop(pipeline: Any) -> None:
+    try:
+        pipeline.stop()
+    except RuntimeError as error:
+        raise DeviceError(f"The camera's stream did not stop: {error}.") from error
+
+
+def _exposed_ms(rs: ModuleType, frame: Any) -> float:
+    """The frame's time stamp [ms], brought from its read-out to the middle of its exposure where the camera says both.
+
+    The two are microseconds of the device's clock (rs_frame.h: FRAME_TIMESTAMP, SENSOR_TIMESTAMP).
+    """
+    read_out, exposed = rs.frame_metadata_value.frame_timestamp, rs.frame_metadata_value.sensor_timestamp
+    if not (frame.supports_frame_metadata(read_out) and frame.supports_frame_metadata(exposed)):
+        return float(frame.get_timestamp())
+    since_us = frame.get_frame_metadata(read_out) - frame.get_frame_metadata(exposed)
+    return float(frame.get_timestamp()) - since_us / 1000
+
+
+def _filters(rs: ModuleType, asked: Filters) -> list[Any]:
+    """The SDK's filters in the order it recommends: limits, then smoothing in disparity, where noise is even.
+
+    The temporal filter comes with its memory of readings that are missing switched on, and is told not to use it.
+    """
+    chain = list[Any]()
+    if asked.near_m is not None or asked.far_m is not None:
+        chain.append(rs.threshold_filter(asked.near_m or 0.0, _FARTHEST_M if asked.far_m is None else asked.far_m))
+    smoothing = list[Any]()
+    if asked.spatial:
+        smoothing.append(rs.spatial_filter())
+    if asked.temporal:
+        smoothing.append(rs.temporal_filter())
+    for each in smoothing:
+        each.set_option(rs.option.holes_fill, 0)
+    if smoothing:
+        chain += [rs.disparity_transform(True), *smoothing, rs.disparity_transform(False)]
+    return chain
