@@ -9,6 +9,9 @@ from typing import final
 
 import numpy as np
 
+_STILL_M = 1e-12
+"""A line that is shorter than this along an axis does not move along that."""
+
 
 @final
 @dataclass(frozen=True, kw_only=True)
@@ -25,6 +28,32 @@ class Workspace:
 
 @final
 @dataclass(frozen=True, kw_only=True)
+class KeepOut:
+    """A box that the tool tip may not enter [m, world frame]: a camera's stand, a shelf, a person's place."""
+
+    name: str
+    low: tuple[float, float, float]
+    high: tuple[float, float, float]
+
+    def entered(self, path: np.ndarray) -> bool:
+        """Whether the straight lines between `path (W, 3)` enter the box, touching not included.
+
+        By slabs (Kay and Kajiya, Ray tracing complex scenes, 1986): a line is inside from the last of the three faces
+        that it enters to the first that it leaves.
+        """
+        start, step = (path, np.zeros_like(path)) if len(path) == 1 else (path[:-1], np.diff(path, axis=0))
+        low, high = np.asarray(self.low), np.asarray(self.high)
+        still = np.abs(step) < _STILL_M
+        over = np.where(still, 1.0, step)
+        first, second = (low - start) / over, (high - start) / over
+        within = (start > low) & (start < high)
+        enters = np.where(still, np.where(within, -np.inf, np.inf), np.minimum(first, second))
+        leaves = np.where(still, np.where(within, np.inf, -np.inf), np.maximum(first, second))
+        return bool(np.any(np.maximum(enters.max(1), 0.0) < np.minimum(leaves.min(1), 1.0)))
+
+
+@final
+@dataclass(frozen=True, kw_only=True)
 class Limits:
     """What the arm may do; checked by the planner and again in the arm's own process."""
 
@@ -36,7 +65,14 @@ class Limits:
     angular_acceleration_rad_s2: float = 5.0
     opening_m: float = 0.085
     """The stroke of the two-finger gripper (Robotiq 2F-85)."""
+    force_n: float = 60.0
+    """Of the tool against what it meets, where the arm measures that: beyond it the arm stops."""
     workspace: Workspace = field(default_factory=Workspace)
+    keep_out: tuple[KeepOut, ...] = ()
+
+    def trespassed(self, path: np.ndarray) -> KeepOut | None:
+        """The first volume that the straight lines between `path (W, 3)` [m] enter, None where they enter none."""
+        return next((volume for volume in self.keep_out if volume.entered(path)), None)
 
 
 @final

@@ -8,6 +8,8 @@ import difflib
 from collections.abc import Iterable
 from typing import ClassVar, Self
 
+from app.core.refusal import Refusal
+
 
 class DipacError(Exception):
     """The root of the tree."""
@@ -75,6 +77,10 @@ class DeviceError(DipacError):
 
 class MotionRefused(DeviceError):
     """The arm will not make this motion: outside the workspace, too fast, not approved, or it is stopped."""
+
+    def __init__(self, code: Refusal, sentence: str) -> None:
+        super().__init__(f"{sentence} [{code}]")
+        self.code, self.sentence = code, sentence
 
 
 class ApprovalRefused(DipacError):

@@ -33,6 +33,7 @@ from app.core.messages import (
     Transition,
 )
 from app.core.ports import Clock, Operator, Recorder, Rig, Studio
+from app.core.refusal import Refusal
 from app.core.requests import (
     Chore,
     ClipRequest,
@@ -82,7 +83,7 @@ class Flow:
         studio: Studio | None = None,
     ) -> None:
         if wish.automatic and not rig.simulated:
-            raise MotionRefused("Automatic approval is allowed on the simulated rig alone; use `dipac console`.")
+            raise MotionRefused(Refusal.NOT_SIMULATED, "Automatic: on a simulated rig alone; use `dipac console`.")
         self.wish, self.site, self.rig = wish, site, rig
         self.operator, self.clock, self.summary, self.planner = operator, clock, Summary(), planner
         self.announcer = Announcer(operator=operator, recorder=recorder, clock=clock, summary=self.summary)

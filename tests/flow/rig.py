@@ -13,6 +13,7 @@ from typing import Literal, TypeAlias, final
 import anyio
 import numpy as np
 
+from app.arm.gate import begin
 from app.config import Site
 from app.core.approval import Approved
 from app.core.camera import CameraModel
@@ -20,6 +21,7 @@ from app.core.errors import ApprovalRefused, DeviceError, MotionRefused
 from app.core.jog import Jog
 from app.core.messages import ArmState, Executed, Frame, MessageId, fresh_id
 from app.core.motion import pointing_down
+from app.core.refusal import Refusal
 from app.core.types import ColourImage, DepthImage, Poses, ToolPose
 from app.rig.simulated.arm_control import ArmControl
 from app.rig.simulated.arm_model import solve_joints
@@ -128,10 +130,10 @@ class TickedArm:
         try:
             dataclasses.replace(approved)
         except ApprovalRefused as refusal:
-            raise MotionRefused(str(refusal)) from None
+            raise MotionRefused(Refusal.NOT_APPROVED, str(refusal)) from None
         if approved.id in self.begun:
-            raise MotionRefused("This approval has been used; an approval is for one motion.")
-        self._control.begin(approved.motion, approved.digest)
+            raise MotionRefused(Refusal.USED, "This approval has been used; an approval is for one motion.")
+        begin(self._control, approved.motion, approved.digest, self._site)
         self.begun.append(approved.id)
         try:
             times_s, commanded, measured = await self._followed()
@@ -166,7 +168,9 @@ class TickedArm:
 
     async def jogged(self, over: anyio.Event | None = None) -> Executed | None:
         if self._control.mode != "idle":
-            raise MotionRefused(f"The arm is {self._control.mode}; wait for its end, or reset it after a stop.")
+            raise MotionRefused(
+                Refusal.BUSY, f"The arm is {self._control.mode}; wait for its end, or reset it after a stop."
+            )
         self._heeding = True
         try:
             rows, reason = await self._stretch(over)
@@ -225,7 +229,7 @@ class TickedArm:
             elif rows:
                 rested_s += now_s - last_s
             if control.mode == "stopped" and not rows:
-                raise MotionRefused("A stop is in force; press Resume, then move the tool again.")
+                raise MotionRefused(Refusal.STOPPED, "A stop is in force; press Resume, then move the tool again.")
             if control.mode == "stopped":
                 break
             if rows and now_s - rows[0][0] > timing.jog_longest_s:

@@ -7,11 +7,11 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from app.arm.gate import check_motion
 from app.config import Site
 from app.core.motion import pointing_down
 from app.planner.carries import Carries, KeptClear
 from app.policy.base import Now
-from app.rig.simulated.arm_control import check_motion
 
 SPACE = Carries(
     low=(0.26, -0.34, 0.006),

@@ -5,6 +5,7 @@ import dataclasses
 import numpy as np
 import pytest
 
+from app.arm.gate import begin
 from app.config import Site
 from app.core.errors import MotionRefused
 from app.core.motion import Motion, pointing_down
@@ -50,7 +51,7 @@ def finish(arm: ArmControl) -> None:
 def test_a_motion_outside_the_limits_is_refused_and_nothing_moves(motion: Motion) -> None:
     arm = control()
     with pytest.raises(MotionRefused):
-        arm.begin(motion, motion.digest())
+        begin(arm, motion, motion.digest(), Site())
     arm.advance(TICK_S)
     assert arm.mode == "idle"
     assert np.array_equal(arm.measured, HOME)
@@ -59,18 +60,19 @@ def test_a_motion_outside_the_limits_is_refused_and_nothing_moves(motion: Motion
 def test_a_motion_other_than_the_approved_one_is_refused() -> None:
     arm = control()
     with pytest.raises(MotionRefused, match="digest"):
-        arm.begin(GOOD, push((0.5, 0.0), (0.6, 0.01)).digest())
+        begin(arm, GOOD, push((0.5, 0.0), (0.6, 0.01)).digest(), Site())
 
 
 def test_a_motion_whose_way_there_leaves_the_workspace_is_refused() -> None:
-    arm = ArmControl(dataclasses.replace(Site(), travel_height_m=0.9), HOME)
+    site = dataclasses.replace(Site(), travel_height_m=0.9)
+    arm = ArmControl(site, HOME)
     with pytest.raises(MotionRefused, match="travel height"):
-        arm.begin(GOOD, GOOD.digest())
+        begin(arm, GOOD, GOOD.digest(), site)
 
 
 def test_a_motion_ends_above_its_last_position() -> None:
     arm = control()
-    arm.begin(GOOD, GOOD.digest())
+    begin(arm, GOOD, GOOD.digest(), Site())
     assert arm.mode == "moving"
     finish(arm)
     assert arm.mode == "idle"
@@ -80,21 +82,21 @@ def test_a_motion_ends_above_its_last_position() -> None:
 def test_a_motion_to_where_the_arm_is_ends_at_once() -> None:
     arm = ArmControl(Site(), pointing_down(np.array([0.5, 0.0, Site().travel_height_m])))
     here = Motion(positions=arm.measured[None, :3], speeds=np.array([0.1]))
-    arm.begin(here, here.digest())
+    begin(arm, here, here.digest(), Site())
     arm.advance(TICK_S)
     assert arm.mode == "idle"
 
 
 def test_a_second_motion_is_refused_while_the_first_runs() -> None:
     arm = control()
-    arm.begin(GOOD, GOOD.digest())
+    begin(arm, GOOD, GOOD.digest(), Site())
     with pytest.raises(MotionRefused, match="moving"):
-        arm.begin(GOOD, GOOD.digest())
+        begin(arm, GOOD, GOOD.digest(), Site())
 
 
 def test_a_stop_in_a_motion_brakes_and_holds_until_reset() -> None:
     arm = control()
-    arm.begin(GOOD, GOOD.digest())
+    begin(arm, GOOD, GOOD.digest(), Site())
     for _ in range(60):
         arm.advance(TICK_S)
     arm.stop("first")
@@ -103,7 +105,7 @@ def test_a_stop_in_a_motion_brakes_and_holds_until_reset() -> None:
     at_rest = arm.measured
     assert (arm.mode, arm.reason) == ("stopped", "first")
     with pytest.raises(MotionRefused, match="stopped"):
-        arm.begin(GOOD, GOOD.digest())
+        begin(arm, GOOD, GOOD.digest(), Site())
     arm.reset()
     arm.advance(TICK_S)
     assert arm.mode == "idle"
@@ -112,7 +114,7 @@ def test_a_stop_in_a_motion_brakes_and_holds_until_reset() -> None:
 
 def test_a_reset_does_not_end_braking() -> None:
     arm = control()
-    arm.begin(GOOD, GOOD.digest())
+    begin(arm, GOOD, GOOD.digest(), Site())
     for _ in range(60):
         arm.advance(TICK_S)
     arm.stop("pressed")

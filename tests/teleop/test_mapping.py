@@ -6,9 +6,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
+from app.arm.jogging import Jogging
 from app.config import Limits
 from app.core.motion import pointing_down
-from app.rig.simulated.jogging import Jogging
 from app.teleop import mapping
 from app.teleop.sample import Axes, Sample
 

@@ -9,7 +9,7 @@ from app.config import Timing
 from app.core.camera import CameraModel
 from app.core.errors import DeviceError
 from app.core.messages import Frame, fresh_id
-from app.rig.simulated.ring import Ring
+from app.core.ring import Ring
 
 _POLL_S = 0.01
 

@@ -6,11 +6,11 @@ import time
 
 import numpy as np
 
+from app.arm.memory import ArmMemory
 from app.core.camera import CameraModel
+from app.core.ring import Ring
 from app.core.stage import Stage
-from app.rig.simulated.arm_process import ArmMemory
 from app.rig.simulated.render import render
-from app.rig.simulated.ring import Ring
 from app.rig.simulated.world_process import newest_snapshot
 
 _NICENESS = 5

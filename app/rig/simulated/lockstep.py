@@ -8,10 +8,12 @@ from typing import Final, final
 
 import numpy as np
 
+from app.arm.gate import begin
 from app.config import Site
 from app.core.errors import MotionRefused
 from app.core.messages import Executed, Frame, fresh_id
 from app.core.motion import Motion
+from app.core.refusal import Refusal
 from app.core.stage import Stage
 from app.core.types import ToolPose
 from app.rig.simulated.arm_control import ArmControl
@@ -63,13 +65,15 @@ class LockStep:
         Raises MotionRefused, with nothing moved, where the arm's limits do not allow it.
         """
         period, rows = self._site.timing.arm_period_s, list[tuple[float, ToolPose, ToolPose]]()
-        self._arm.begin(motion, motion.digest())
+        begin(self._arm, motion, motion.digest(), self._site)
         while self._arm.mode == "moving":
             self._arm.advance(period)
             self._world.step(self._arm.measured, period)
             rows.append((self._world.time_s, self._arm.commanded.copy(), self._arm.measured.copy()))
             if len(rows) * period > _LONGEST_S:
-                raise MotionRefused(f"The motion has not come to its end in {_LONGEST_S:.0f} s; it is stuck.")
+                raise MotionRefused(
+                    Refusal.STUCK, f"The motion has not come to its end in {_LONGEST_S:.0f} s; it is stuck."
+                )
         self._world.step(self._arm.measured, self._site.timing.settle_s)
         times, commanded, measured = (np.array(column) for column in zip(*rows, strict=True))
         return Executed(

@@ -4,24 +4,27 @@ import os
 from collections.abc import AsyncGenerator, Callable, Sequence
 from contextlib import AbstractAsyncContextManager, asynccontextmanager
 from dataclasses import dataclass
+from functools import partial
 from multiprocessing.process import BaseProcess
 from typing import final
 
 import anyio
 from anyio import to_thread
 
+from app.arm.memory import ArmMemory
+from app.arm.process import run_arm
+from app.arm.process_arm import ProcessArm
 from app.config import Site
 from app.core.camera import CameraModel
 from app.core.errors import DeviceError
 from app.core.ports import Arm, Camera
+from app.core.ring import SPAWN, Ring
 from app.core.stage import Stage
-from app.rig.simulated.arm_process import ArmMemory, run_arm
+from app.rig.simulated.arm_control import ArmControl
 from app.rig.simulated.camera import SimulatedCamera
 from app.rig.simulated.camera_process import image_ring, run_cameras
 from app.rig.simulated.cameras import table_cameras
 from app.rig.simulated.kinds import kind_of
-from app.rig.simulated.ring import SPAWN, Ring
-from app.rig.simulated.simulated_arm import SimulatedArm
 from app.rig.simulated.world import Nodes, Snapshot
 from app.rig.simulated.world_process import newest_snapshot, run_world, snapshot_ring
 
@@ -34,7 +37,7 @@ _CLOSE_S = 3.0
 class SimulatedRig:
     """An arm that acts in another physics than the planner's, and cameras that look at it."""
 
-    def __init__(self, arm: SimulatedArm, cameras: Sequence[SimulatedCamera], snapshots: Ring) -> None:
+    def __init__(self, arm: ProcessArm, cameras: Sequence[SimulatedCamera], snapshots: Ring) -> None:
         self._arm, self._cameras, self._snapshots = arm, cameras, snapshots
 
     @property
@@ -106,7 +109,7 @@ class _Processes:
         self.memory, self.snapshots = ArmMemory(), snapshot_ring(scene.stage)
         self.images = {camera.name: image_ring(camera) for camera in scene.cameras}
         home = kind_of(scene.stage).home(scene.stage, scene.start)
-        self.arm = _process("arm", run_arm, self.memory, site, home, parent)
+        self.arm = _process("arm", run_arm, self.memory, site, partial(ArmControl, tool=home), parent)
         self.world = _process(
             "world",
             run_world,
@@ -152,7 +155,7 @@ async def _opened(scene: _Scene, site: Site) -> AsyncGenerator[SimulatedRig]:
             SimulatedCamera(model, processes.images[model.name], processes.eyes, processes.world, site.timing)
             for model in scene.cameras
         ]
-        yield SimulatedRig(SimulatedArm(processes.memory, processes.arm, site), cameras, processes.snapshots)
+        yield SimulatedRig(ProcessArm(processes.memory, processes.arm, site), cameras, processes.snapshots)
     finally:
         with anyio.CancelScope(shield=True):
             await to_thread.run_sync(processes.end)

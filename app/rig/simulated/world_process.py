@@ -11,11 +11,11 @@ from typing import Any, final
 
 import numpy as np
 
+from app.arm.memory import ArmMemory
+from app.core.ring import Ring
 from app.core.stage import Stage
 from app.rig.simulated.arm_model import solve_joints
-from app.rig.simulated.arm_process import ArmMemory
 from app.rig.simulated.kinds import kind_of
-from app.rig.simulated.ring import Ring
 from app.rig.simulated.world import Nodes, Snapshot, World
 
 _CATCH_UP_TICKS = 20

@@ -10,20 +10,23 @@ import numpy as np
 from jaxtyping import Float64
 from scipy.spatial.transform import Rotation
 
-from app.config import Limits
+from app.config import KeepOut, Limits
 from app.core.jog import Jog
 from app.core.types import ToolPose
 
 _STEERING, _BRAKING = float(np.sqrt(1 / 2)), float(np.sqrt(1 / 6))
 _ROUNDING_M: Final = 1e-6
 """Walls are as much nearer than they are."""
+_INSIDE_M_S: Final = 1e3
+"""More than any speed: a face that the tool has passed already keeps it out of nothing while there is another."""
 
 
 @final
 class Jogging:
     """The tool from where it was at rest; `advance` by `advance` it follows what it was last told by `aim`.
 
-    It slides along walls, and one that is outside of the workspace already may only come back.
+    It slides along walls and around volumes that are kept free; one that is outside of the workspace already, or inside
+    of such a volume, may only come back.
     """
 
     def __init__(self, tool: ToolPose, limits: Limits) -> None:
@@ -81,6 +84,24 @@ class Jogging:
         slowest = -_stoppable(at - self._low, braking, duration_s)
         velocity = np.clip(velocity, slowest, fastest)
         self._linear, self._opening = velocity[:3], float(velocity[3])
+        for volume in self._limits.keep_out:
+            self._slow_before(volume, braking, duration_s)
+
+    def _slow_before(self, volume: KeepOut, deceleration_m_s2: float, duration_s: float) -> None:
+        """No faster towards one face of the volume than from where that can still be met at rest.
+
+        A tool that stays on its side of one face stays out. It is the face for which the least has to be given up: at
+        the tick before some face's bound was kept, so what is asked for now is no more than braking gives.
+        """
+        middle = (np.asarray(volume.low) + volume.high) / 2
+        side = np.where(self._tool[:3] >= middle, 1.0, -1.0)
+        face = np.where(side > 0, volume.high, volume.low) + side * _ROUNDING_M
+        towards, room = -side * self._linear, side * (self._tool[:3] - face)
+        most = _stoppable(room, deceleration_m_s2, duration_s)
+        # Where it is inside already every bound is zero, and the nearest face is the way out.
+        lost = np.maximum(towards - most, 0.0) + np.where(room >= 0, 0.0, _INSIDE_M_S - room)
+        axis = int(lost.argmin())
+        self._linear[axis] -= side[axis] * min(most[axis] - towards[axis], 0.0)
 
 
 def within(vector: Float64[np.ndarray, "3"], length: float) -> Float64[np.ndarray, "3"]:

@@ -1,4 +1,4 @@
-"""The arm of the simulated rig, as the application sees it. Nothing here waits for the arm's process."""
+"""An arm in its own process, as the application sees it. Nothing here waits for that process."""
 
 import dataclasses
 import threading
@@ -9,15 +9,16 @@ from typing import Any, Literal, final
 import anyio
 import numpy as np
 
+from app.arm.gate import MAX_WAYPOINTS
+from app.arm.memory import MODES, ArmMemory, posted
 from app.config import Site
 from app.core.approval import Approved
 from app.core.errors import ApprovalRefused, DeviceError, MotionRefused
 from app.core.jog import Jog
 from app.core.messages import ArmState, Executed, MessageId, fresh_id
 from app.core.motion import Motion
+from app.core.refusal import Refusal
 from app.core.types import ToolPose
-from app.rig.simulated.arm_model import solve_joints
-from app.rig.simulated.arm_process import MAX_WAYPOINTS, MODES, ArmMemory, posted
 
 _SILENCE_S = 2.0
 """An arm whose process has reported no state for this long is taken for gone."""
@@ -25,7 +26,7 @@ _ANSWER_S = 1.0
 
 
 @final
-class SimulatedArm:
+class ProcessArm:
     """Tells the arm's process what to do through shared memory, and reads its log of states."""
 
     def __init__(self, memory: ArmMemory, process: BaseProcess, site: Site) -> None:
@@ -52,7 +53,7 @@ class SimulatedArm:
             time_s=float(newest["time_s"]),
             pose=newest["measured"][:7].copy(),
             velocity=newest["velocity"].copy(),
-            joints=solve_joints(newest["measured"]),
+            joints=newest["joints"].copy(),
             gripper=1.0 - float(newest["measured"][7]) / self._site.limits.opening_m,
             opening_m=float(newest["measured"][7]),
             mode=MODES[newest["mode"]],
@@ -133,20 +134,20 @@ class SimulatedArm:
             # Made anew, it checks its seal and digest again.
             dataclasses.replace(approved)
         except ApprovalRefused as refusal:
-            raise MotionRefused(str(refusal)) from None
+            raise MotionRefused(Refusal.NOT_APPROVED, str(refusal)) from None
         self._check_free()
         if approved.id in self._used:
-            raise MotionRefused("This approval has been used; an approval is for one motion.")
+            raise MotionRefused(Refusal.USED, "This approval has been used; an approval is for one motion.")
         if len(approved.motion.positions) > MAX_WAYPOINTS:
-            raise MotionRefused(f"A motion has up to {MAX_WAYPOINTS} positions; thin this one out.")
+            raise MotionRefused(Refusal.SHAPE, f"A motion has up to {MAX_WAYPOINTS} positions; thin this one out.")
         self._used.add(approved.id)
 
     def _check_free(self) -> None:
         """Raise MotionRefused where the arm is stopped, or told what to do by somebody else."""
         if self._stopped:
-            raise MotionRefused("A stop is in force; press Resume, then try again.")
+            raise MotionRefused(Refusal.STOPPED, "A stop is in force; press Resume, then try again.")
         if self._busy:
-            raise MotionRefused("The arm is making another motion, or moved by hand; wait for its end.")
+            raise MotionRefused(Refusal.BUSY, "The arm is making another motion, or moved by hand; wait for its end.")
 
     @property
     def _stopped(self) -> bool:
@@ -169,7 +170,7 @@ class SimulatedArm:
             if not _moves(log).any():
                 log = log[:0]
                 if self._stopped:
-                    raise MotionRefused("A stop is in force; press Resume, then move the tool again.")
+                    raise MotionRefused(Refusal.STOPPED, "A stop is in force; press Resume, then move the tool again.")
                 if over is not None and over.is_set():
                     if not memory.heeding.value:  # The arm has had the time to show what it still heard.
                         return log, reason
@@ -199,7 +200,8 @@ class SimulatedArm:
     def _raise_refusal(self, number: int) -> None:
         refusal = self._memory.refusals.newest()
         if refusal is not None and refusal["motion"] == number:
-            raise MotionRefused(bytes(refusal["reason"]).decode(errors="ignore"))
+            code, sentence = (bytes(refusal[name]).decode(errors="ignore") for name in ("code", "reason"))
+            raise MotionRefused(Refusal(code), sentence)
 
     def _check_alive(self) -> None:
         """Raise DeviceError where the arm's process has ended or gives no sign of life."""

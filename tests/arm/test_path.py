@@ -5,9 +5,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from app.arm.path import PathFollower, route
 from app.config import Site
 from app.core.motion import Motion, pointing_down
-from app.rig.simulated.path import PathFollower, route
 
 TICK_S, ACCELERATION = 0.01, 1.5
 CORNER_JUMP_M_S = 0.06

@@ -6,22 +6,25 @@ import math
 import anyio
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
-from app.config import Limits, Site
+from app.arm.gate import begin
+from app.arm.jogging import Jogging
+from app.config import KeepOut, Limits, Site
 from app.core.errors import MotionRefused
 from app.core.jog import Jog
 from app.core.motion import pointing_down
 from app.rig.simulated.arm_control import ArmControl
-from app.rig.simulated.jogging import Jogging
 from tests.flow.rig import TickedArm
 from tests.rig.scene import push
 
 LIMITS, TICK_S = Limits(), 0.01
 HOME = pointing_down(np.array([0.30, 0.0, 0.30]))
 BOX = LIMITS.workspace
+STAND = KeepOut(name="stand", low=(0.60, -0.10, 0.0), high=(0.70, 0.10, 0.30))
+BEAM = KeepOut(name="beam", low=(0.25, 0.05, 0.20), high=(0.85, 0.15, 0.26))
 
 velocities = st.floats(-2.0, 2.0) | st.sampled_from([0.0, 1e308, -1e308, 1e-308])
 jogs = st.builds(
@@ -56,11 +59,21 @@ def come_to_rest(arm: ArmControl) -> float:
 
 
 @settings(max_examples=150, deadline=None)
-@given(places, st.lists(st.tuples(jogs, st.lists(ticks, min_size=1, max_size=60)), max_size=8), st.booleans())
-def test_whatever_is_jogged_the_tool_stays_in_its_box_and_within_its_limits(
-    place: tuple[float, float, float], told: list[tuple[Jog, list[float]]], stop: bool
+@given(
+    places,
+    st.lists(st.tuples(jogs, st.lists(ticks, min_size=1, max_size=60)), max_size=8),
+    st.booleans(),
+    st.sampled_from([(), (STAND,), (STAND, BEAM)]),
+)
+def test_whatever_is_jogged_the_tool_stays_in_its_box_out_of_what_is_kept_free_and_within_its_limits(
+    place: tuple[float, float, float],
+    told: list[tuple[Jog, list[float]]],
+    stop: bool,
+    volumes: tuple[KeepOut, ...],
 ) -> None:
-    tool = Jogging(pointing_down(np.array(place)), LIMITS)
+    limits = dataclasses.replace(LIMITS, keep_out=volumes)
+    assume(limits.trespassed(np.array([place])) is None)
+    tool = Jogging(pointing_down(np.array(place)), limits)
     at, velocity, turning = pointing_down(np.array(place)), np.zeros(3), np.zeros(3)
     for jog, durations in told:
         tool.aim(jog)
@@ -71,6 +84,7 @@ def test_whatever_is_jogged_the_tool_stays_in_its_box_and_within_its_limits(
                 Rotation.from_quat(now[3:7], scalar_first=True) * Rotation.from_quat(at[3:7], scalar_first=True).inv()
             ).as_rotvec() / duration_s
             assert BOX.contains(now[:3])
+            assert limits.trespassed(np.stack([at, now])[:, :3]) is None
             assert 0 <= now[7] <= LIMITS.opening_m
             assert np.linalg.norm(moved) <= LIMITS.speed_m_s * (1 + 1e-6)
             assert np.linalg.norm(moved - velocity) <= LIMITS.acceleration_m_s2 * duration_s + 1e-9
@@ -83,7 +97,33 @@ def test_whatever_is_jogged_the_tool_stays_in_its_box_and_within_its_limits(
     for _ in range(100):
         now = tool.advance(TICK_S)
         assert BOX.contains(now[:3])
+        assert limits.trespassed(np.stack([at, now])[:, :3]) is None
+        at = now
     assert tool.at_rest
+
+
+def test_a_tool_before_a_volume_that_is_kept_free_stops_and_slides_along_it() -> None:
+    tool = Jogging(pointing_down(np.array([0.50, 0.05, 0.2])), dataclasses.replace(LIMITS, keep_out=(STAND,)))
+    tool.aim(along(x=0.2))
+    for _ in range(200):
+        at = tool.advance(TICK_S)
+    assert at[0] == pytest.approx(STAND.low[0], abs=1e-3)
+    tool.aim(along(x=0.2, y=-0.2))
+    for _ in range(200):
+        at = tool.advance(TICK_S)
+    assert at[1] < STAND.low[1], "past its corner"
+    assert at[0] > STAND.low[0] + 0.05, "and on behind that"
+
+
+def test_a_tool_inside_of_such_a_volume_may_only_come_out() -> None:
+    inside = pointing_down(np.array([STAND.low[0] + 0.01, 0.05, 0.2]))
+    tool = Jogging(inside, dataclasses.replace(LIMITS, keep_out=(STAND,)))
+    tool.aim(along(x=0.2))
+    assert tool.advance(TICK_S)[0] == inside[0]
+    tool.aim(along(x=-0.2))
+    for _ in range(100):
+        at = tool.advance(TICK_S)
+    assert at[0] < STAND.low[0]
 
 
 def test_a_tool_against_a_wall_slides_along_it() -> None:
@@ -164,10 +204,10 @@ def test_no_motion_begins_while_it_is_jogged_and_no_jog_is_heeded_in_a_motion() 
     arm = control()
     jogged(arm, along(y=0.1), 10)
     with pytest.raises(MotionRefused, match="moving"):
-        arm.begin(motion, motion.digest())
+        begin(arm, motion, motion.digest(), Site())
     arm.coast()
     come_to_rest(arm)
-    arm.begin(motion, motion.digest())
+    begin(arm, motion, motion.digest(), Site())
     assert not arm.jog(along(y=0.3))
     arm.coast()
     arm.advance(TICK_S)

@@ -1,0 +1,117 @@
+"""What the arm's own process checks before anything moves, whatever others have checked. Pure.
+
+Each rule has a code (`core/refusal.py`); the rules are applied in the order in which a motion is read here.
+"""
+
+from typing import Final
+
+import numpy as np
+from jaxtyping import Float64
+
+from app.arm.control import Control
+from app.arm.path import route
+from app.config import Limits, Site
+from app.core.errors import MotionRefused
+from app.core.motion import Motion
+from app.core.refusal import Refusal
+from app.core.types import ToolPath, ToolPose
+
+MAX_WAYPOINTS: Final = 1024
+_ROUNDING: Final = 1e-9
+_JOINED_M: Final = 0.005
+"""How far from the tool a motion that continues may begin."""
+_UNIT: Final = 1e-6
+"""How far from unit length a quaternion may be."""
+
+
+def begin(control: Control, motion: Motion, digest: str, site: Site) -> None:
+    """Have `control` make `motion`. Raises MotionRefused, with nothing moved, where it was not approved or may not."""
+    if control.mode != "idle":
+        code = Refusal.BUSY if control.mode == "moving" else Refusal.STOPPED
+        raise MotionRefused(code, f"The arm is {control.mode}; wait for its end, or reset it after a stop.")
+    check_motion(motion, digest, site)
+    control.begin(*way(control.commanded, motion, site))
+
+
+def way(tool: ToolPose, motion: Motion, site: Site) -> tuple[ToolPath, Float64[np.ndarray, " S"]]:
+    """The whole path of a checked motion from where the `tool` is, and its speeds: see `route`.
+
+    Raises MotionRefused where the way there is not allowed.
+    """
+    away_m = float(np.linalg.norm(motion.positions[0] - tool[:3]))
+    if motion.continues and away_m > _JOINED_M:
+        raise MotionRefused(
+            Refusal.ELSEWHERE,
+            f"The motion continues from where the tool was, and the tool is {1e3 * away_m:.0f} mm away; plan again.",
+        )
+    points, speeds = route(tool, motion, site)
+    if not site.limits.workspace.contains(points[:, :3]):
+        raise MotionRefused(
+            Refusal.OUTSIDE, "The way to the motion leaves the workspace; lower the travel height, or move the tool in."
+        )
+    _check_free(points[:, :3], site.limits, "The way to the motion")
+    return points, speeds
+
+
+def check_motion(motion: Motion, digest: str, site: Site) -> None:
+    """Raise MotionRefused with the reason where `motion` is not the approved one, or outside the limits of `site`."""
+    if motion.digest() != digest:
+        raise MotionRefused(
+            Refusal.NOT_APPROVED,
+            "The motion is not the one that was approved (its digest differs); plan and approve again.",
+        )
+    _check_shape(motion)
+    _check_place(motion, site.limits)
+    _check_tool(motion, site.limits)
+    speeds, fastest = motion.speeds, site.limits.speed_m_s
+    if np.any(speeds <= 0) or np.any(speeds > fastest * (1 + _ROUNDING)):
+        raise MotionRefused(
+            Refusal.SPEED, f"Speeds must be above 0 and up to {fastest} m/s; the fastest is {np.max(speeds):.3f}."
+        )
+
+
+def _check_shape(motion: Motion) -> None:
+    """Raise MotionRefused where the numbers do not make a motion."""
+    count = len(motion.positions)
+    if count > MAX_WAYPOINTS:
+        raise MotionRefused(Refusal.SHAPE, f"A motion has up to {MAX_WAYPOINTS} positions; thin this one out.")
+    if count == 0 or count != len(motion.speeds):
+        raise MotionRefused(
+            Refusal.SHAPE, f"A motion needs a speed for each position; it has {count} and {len(motion.speeds)}."
+        )
+    for name, told in (("turns", motion.turns), ("openings", motion.openings)):
+        if len(told) not in (0, count):
+            raise MotionRefused(
+                Refusal.SHAPE, f"A motion needs as many {name} as positions, or none; it has {len(told)}."
+            )
+    if not all(np.isfinite(told).all() for told in (motion.poses, motion.speeds)):
+        raise MotionRefused(Refusal.NOT_FINITE, "The motion holds numbers that are not finite; plan again.")
+
+
+def _check_place(motion: Motion, limits: Limits) -> None:
+    """Raise MotionRefused where the motion leaves the workspace or enters what is kept free."""
+    if not limits.workspace.contains(motion.positions):
+        box = limits.workspace
+        raise MotionRefused(
+            Refusal.OUTSIDE, f"The motion leaves the workspace {box.low} to {box.high} m; plan inside it."
+        )
+    _check_free(motion.positions, limits, "The motion")
+
+
+def _check_free(path: np.ndarray, limits: Limits, name: str) -> None:
+    """Raise MotionRefused where `path (W, 3)` enters a volume that is kept free."""
+    volume = limits.trespassed(path)
+    if volume is not None:
+        raise MotionRefused(Refusal.KEEP_OUT, f"{name} enters {volume.name!r}, which is kept free; plan around it.")
+
+
+def _check_tool(motion: Motion, limits: Limits) -> None:
+    """Raise MotionRefused where the tool is to turn or open in a way that it cannot."""
+    if not (np.abs(np.linalg.norm(motion.turns, axis=1) - 1) < _UNIT).all():
+        raise MotionRefused(
+            Refusal.TOOL, "The motion turns the tool by quaternions that are not of unit length; plan again."
+        )
+    if not ((motion.openings >= 0) & (motion.openings <= limits.opening_m)).all():
+        raise MotionRefused(
+            Refusal.TOOL, f"The motion opens the tool beyond 0 to {limits.opening_m} m; plan inside that."
+        )

@@ -1,0 +1,141 @@
+"""The arm's own process: its loop with gate and watchdog, whatever kind of arm it controls."""
+
+import contextlib
+import os
+import signal
+import time
+from collections.abc import Callable
+from typing import TypeAlias, final
+
+import numpy as np
+
+from app.arm.control import Control
+from app.arm.gate import begin
+from app.arm.memory import MODES, TEXT_BYTES, ArmMemory, jog_of, motion_of
+from app.config import Site
+from app.core.errors import MotionRefused
+
+Controlled: TypeAlias = Callable[[Site], Control]
+"""Takes hold of an arm; called in its process. Raises DeviceError where there is none."""
+
+_LATEST_TICK_PERIODS = 3.0
+"""A tick that comes later than this many periods moves the arm no further than this many: late, it slows."""
+
+
+def run_arm(memory: ArmMemory, site: Site, take: Controlled, parent: int) -> None:
+    """The body of the process: tick every `site.timing.arm_period_s` until closed or until `parent` is gone.
+
+    Raises DeviceError where `take` finds no arm.
+    """
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    _ask_for_real_time()
+    control, period = take(site), site.timing.arm_period_s
+    loop = _Loop(memory, site, control)
+    last = time.monotonic()
+    due = last + period
+    try:
+        while not memory.closing.value and os.getppid() == parent:
+            time.sleep(max(0.0, due - time.monotonic()))
+            now = time.monotonic()
+            loop.tick(now, now - last)
+            due, last = max(due + period, now), now
+    finally:
+        control.close()
+
+
+def _ask_for_real_time() -> None:
+    """Run before all ordinary processes where the system allows it, as a real arm's controller does.
+
+    Without the right to it (CAP_SYS_NICE) the loop still wakes in time as a rule, because it uses so little.
+    """
+    with contextlib.suppress(PermissionError):
+        os.sched_setscheduler(0, os.SCHED_RR, os.sched_param(1))
+
+
+@final
+class _Loop:
+    """The control loop between two ticks."""
+
+    def __init__(self, memory: ArmMemory, site: Site, control: Control) -> None:
+        self._memory, self._site, self._timing = memory, site, site.timing
+        self._control = control
+        self._heard = self._begun = self._stop_ns = self._reset_ns = self._keepalives = 0
+        self._jogs = 0
+        self._heard_s = self._jogged_s = 0.0
+
+    def tick(self, now_s: float, elapsed_s: float) -> None:
+        """Listen, move, report."""
+        self._hear_stop_and_reset()
+        self._hear_motion(now_s)
+        self._hear_jogs(now_s)
+        self._watch(now_s)
+        self._feel()
+        self._control.advance(min(elapsed_s, _LATEST_TICK_PERIODS * self._timing.arm_period_s))
+        self._report(now_s, elapsed_s)
+
+    def _hear_stop_and_reset(self) -> None:
+        """Every stop is obeyed, however soon it was lifted: a reset waits for the next tick, and for rest."""
+        stop_ns, reset_ns = self._memory.stop_ns.value, self._memory.reset_ns.value
+        if stop_ns != self._stop_ns:
+            self._stop_ns = stop_ns
+            self._control.stop("STOP was pressed.")
+        elif stop_ns <= reset_ns != self._reset_ns and self._control.mode != "stopping":
+            self._reset_ns = reset_ns
+            self._control.reset()
+
+    def _hear_motion(self, now_s: float) -> None:
+        """Begin the newest motion that was posted since the last one, or say why not."""
+        if self._memory.motions.count == self._heard:
+            return
+        self._heard, request = self._memory.motions.count, self._memory.motions.newest()
+        try:
+            begin(self._control, motion_of(request), bytes(request["digest"]).decode(), self._site)
+            self._begun, self._heard_s = self._heard, now_s
+        except MotionRefused as refusal:
+            self._memory.refusals.append(
+                motion=self._heard, code=refusal.code.encode(), reason=refusal.sentence.encode()[:TEXT_BYTES]
+            )
+
+    def _hear_jogs(self, now_s: float) -> None:
+        """Follow the newest jog; where none has come for longer than the watchdog allows, or none counts, slow down."""
+        memory, control = self._memory, self._control
+        new, self._jogs = memory.jogs.count != self._jogs, memory.jogs.count
+        if new and memory.heeding.value and control.jog(jog_of(memory.jogs.newest())):
+            self._jogged_s = now_s
+        elif not memory.heeding.value or now_s - self._jogged_s > self._timing.watchdog_s:
+            control.coast()
+
+    def _watch(self, now_s: float) -> None:
+        """Stop a motion that nobody has watched for longer than the watchdog allows.
+
+        The time is that of hearing, on this process's clock: a sender's late or wrong stamps cannot keep the arm going.
+        """
+        keepalives = self._memory.keepalives.value
+        if keepalives != self._keepalives:
+            self._keepalives, self._heard_s = keepalives, now_s
+        silence_s = now_s - self._heard_s
+        followed = self._control.mode == "moving" and not self._control.jogging
+        if followed and silence_s > self._timing.watchdog_s:
+            self._control.stop(f"Watchdog: nothing was heard from the application for {silence_s * 1e3:.0f} ms.")
+
+    def _feel(self) -> None:
+        """Stop where the tool presses harder than it may; an arm that measures no force is not stopped by any."""
+        force_n, most_n = float(np.linalg.norm(self._control.force)), self._site.limits.force_n
+        if force_n > most_n and self._control.mode == "moving":
+            self._control.stop(f"The tool met {force_n:.0f} N, more than {most_n:g} N; look at what it touches.")
+
+    def _report(self, now_s: float, elapsed_s: float) -> None:
+        control = self._control
+        self._memory.states.append(
+            time_s=now_s,
+            period_s=elapsed_s,
+            commanded=control.commanded,
+            measured=control.measured,
+            velocity=control.velocity,
+            joints=control.joints,
+            force=control.force,
+            mode=MODES.index(control.mode),
+            motion=self._begun,
+            reset_ns=self._reset_ns,
+            reason=control.reason.encode()[:TEXT_BYTES],
+        )
