@@ -32,14 +32,14 @@ def route(start: ToolPose, motion: Motion, site: Site) -> tuple[ToolPath, Float6
     if motion.continues:
         points, speeds = np.stack([start, *way]), motion.speeds
     else:
-        points = np.stack([start, _raised(start, site), _raised(way[0], site), *way, _raised(way[-1], site)])
+        points = np.stack([start, raised(start, site), raised(way[0], site), *way, raised(way[-1], site)])
         speeds = np.concatenate([[fast, fast], motion.speeds, [fast]])
     points = _same_sided(points)
     kept = np.linalg.norm(np.diff(points * _SCALE, axis=0), axis=1) > _SAME_PLACE_M
     return points[np.concatenate([[True], kept])], speeds[kept]
 
 
-def _raised(pose: ToolPose, site: Site) -> ToolPose:
+def raised(pose: ToolPose, site: Site) -> ToolPose:
     """The pose at the travel height, or as high as it is."""
     raised = pose.copy()
     raised[2] = max(pose[2], site.travel_height_m)

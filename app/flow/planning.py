@@ -46,9 +46,9 @@ class Planning:
     async def warm_up(self, wish: Wish, model: Model) -> None:
         """Compile what planning needs. Whoever moves the tool by hand need not wait for it."""
         planner, task, preset, method = self._planner, wish.task.name, wish.preset, wish.method
-        for index, stage in enumerate(await planner.run(warm_up_stages, task, preset, model, method)):
+        for index, stage in enumerate(await planner.run(warm_up_stages, task, preset, model, method, self._site)):
             self._compiling.put(stage)
-            await planner.run(warm_up_stage, task, preset, index, model, method)
+            await planner.run(warm_up_stage, task, preset, index, model, method, self._site)
         self._compiling.put(_NOTHING)
 
     async def warm(self, do: Callable[[str], None]) -> None:

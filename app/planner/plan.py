@@ -10,9 +10,11 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float, Float32
 
+from app.arm.gate import check_motion, way
+from app.arm.path import raised
 from app.config import Site
 from app.core.chamfer import chamfer_m2
-from app.core.errors import PlanningError
+from app.core.errors import MotionRefused, PlanningError
 from app.core.messages import Branch, Origin
 from app.core.motion import Motion
 from app.core.types import Points, ToolPose
@@ -137,15 +139,16 @@ def choose(
     if command is not None:
         pairs = zip(motions, branches, strict=True)
         motions = [command(motion, observed, branch.predicted) for motion, branch in pairs]
-    inside = np.array([site.limits.workspace.contains(motion.positions) for motion in motions])
+    inside = np.array([_may_be_made(motion, tool, site) for motion in motions])
     cost = np.where(found.finite & found.best.allowed & inside, found.best.cost, np.inf)
     fresh = np.where([_is_among(branch.tool_path, rejected) for branch in branches], np.inf, cost)
     best = int(np.argmin(fresh if np.isfinite(fresh).any() else cost))
     if not np.isfinite(cost[best]):
         raise PlanningError(
             f"Of {len(branches)} branches {int((~found.finite).sum())} became non-finite, {int((~inside).sum())} "
-            "leave the workspace and the others start on top of the object; plan again with another seed"
-            f"{'' if len(branches) > 1 else ' or with branches besides the policy'}, or move the object by hand."
+            "leave the workspace or enter what is kept free, and the others start on top of the object; plan again "
+            f"with another seed{'' if len(branches) > 1 else ' or with branches besides the policy'}, or move the "
+            "object by hand."
         )
     predicted = branches[best].predicted
     return Plan(
@@ -156,6 +159,17 @@ def choose(
         chamfer_m2=float(chamfer_m2(observed, goal)),
         predicted_chamfer_m2=float(chamfer_m2(predicted, goal)),
     )
+
+
+def _may_be_made(motion: Motion, tool: ToolPose | None, site: Site) -> bool:
+    """Whether the arm's own process would make it, from where the tool is or, where nobody knows, from above."""
+    above = motion.poses[0] if motion.continues else raised(motion.poses[0], site)
+    try:
+        check_motion(motion, motion.digest(), site)
+        way(above if tool is None else tool, motion, site)
+    except MotionRefused:
+        return False
+    return True
 
 
 def _is_among(way: Float32[np.ndarray, "W 3"], others: Ways) -> bool:
@@ -179,6 +193,7 @@ def _branch(search: Search, found: Descended, tool: ToolPose, index: int, origin
         terms={
             "progress": weights.progress * float(best.terms.progress[index]),
             "contact": weights.contact * float(best.terms.contact[index]),
+            **({"trespass": weights.trespass * float(best.terms.trespass[index])} if weights.keep_out else {}),
             "last iterate": float(found.iterates[-1, index]),
             "lost gradients": float(found.lost_gradients[index]),
         },

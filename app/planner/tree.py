@@ -146,7 +146,7 @@ def simulate(
     """
     taken: list[Float[Array, "B A"]] = []
     seen = [now]
-    terms = Terms(jnp.zeros(len(phi)), jnp.zeros(len(phi)))
+    terms = Terms(*jnp.zeros((3, len(phi))))
     allowed = jnp.ones(len(phi), bool)
     for step in range(search.depth):
         wanted = actions[:, step]
@@ -155,9 +155,7 @@ def simulate(
         allowed &= search.space.allowed(taken[-1], seen[-1])
         path = search.space.tool_path(taken[-1], seen[-1].tool)
         state = search.advance(phi, seen[-1].state, path)
-        made = step_terms(
-            *(seen[-1].x, state.x, goal, path), level=search.weights.level, distance=search.weights.distance
-        )
+        made = step_terms(seen[-1].x, state.x, goal, path, search.weights)
         terms = terms.plus(made, search.weights.discount**step)
         seen.append(Now(state, search.space.after(taken[-1], seen[-1].tool)))
     return Rollout(jnp.stack(taken, axis=1), seen[1].x, seen[-1].x, terms, terms.total(search.weights), allowed)

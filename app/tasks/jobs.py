@@ -54,8 +54,8 @@ def plan(
     from app.tasks import compiled
 
     phi = compiled.phi_of(model)
-    planner = compiled.planner(task, preset, phi, method)
     where = site or Site()
+    planner = compiled.planner(task, preset, phi, method, where.limits.keep_out)
     allowed_for = _allowed_for(model)
     try:
         if allowed_for:
@@ -175,18 +175,27 @@ def _allowed_for(model: Model) -> Correction | None:
     return correction(model)
 
 
-def warm_up_stages(task: str, preset: str, model: Model | None = None, method: Method = DIPAC) -> list[str]:
+def warm_up_stages(
+    task: str, preset: str, model: Model | None = None, method: Method = DIPAC, site: Site | None = None
+) -> list[str]:
     """What has to be compiled before the first decision, in order and in words, for people to read while they wait.
 
     The nominal model is the one where none is given.
     """
     from app.tasks import compiled
 
-    return [stage.name for stage in compiled.stages(task, preset, model, method)]
+    return [stage.name for stage in compiled.stages(task, preset, model, method, (site or Site()).limits.keep_out)]
 
 
-def warm_up_stage(task: str, preset: str, index: int, model: Model | None = None, method: Method = DIPAC) -> None:
+def warm_up_stage(
+    task: str,
+    preset: str,
+    index: int,
+    model: Model | None = None,
+    method: Method = DIPAC,
+    site: Site | None = None,
+) -> None:
     """Compile stage `index` of `warm_up_stages`, in the process that is going to plan."""
     from app.tasks import compiled
 
-    compiled.stages(task, preset, model, method)[index].run()
+    compiled.stages(task, preset, model, method, (site or Site()).limits.keep_out)[index].run()

@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Literal, cast, final
 
 import numpy as np
 
-from app.config import Site
+from app.config import KeepOut, Site
 from app.core.chamfer import chamfer_m2
 from app.core.errors import PlanningError
 from app.core.messages import Branch, Model
@@ -48,10 +48,10 @@ def take_up(habits: Habits) -> None:
     """From now on, plan by strokes with these habits. To be run in the planner's process."""
     strokes = Strokes(habits)
 
-    def planner(task: str, preset: str, phi: np.ndarray, method: Method) -> Strokes:
+    def planner(task: str, preset: str, phi: np.ndarray, method: Method, kept_out: tuple[KeepOut, ...]) -> Strokes:
         return strokes
 
-    def stages(task: str, preset: str, model: Model, method: Method) -> list[object]:
+    def stages(task: str, preset: str, model: Model, method: Method, kept_out: tuple[KeepOut, ...]) -> list[object]:
         compiling = SimpleNamespace(name="strokes", run=lambda: time.sleep(habits.compiling_s))
         return [compiling] if habits.compiling_s else []
 

@@ -89,7 +89,7 @@ def bowl(actions: Float[Array, "B D A"]) -> Rollout:
     """Costs their squared distance from 1; below -0.5 nothing is finite, and above 2 nothing allowed."""
     cost = jnp.where((actions < -0.5).any((1, 2)), jnp.nan, ((actions - 1.0) ** 2).sum((1, 2)))
     points = jnp.zeros((len(actions), 1, 3))
-    terms = Terms(cost, jnp.zeros_like(cost))
+    terms = Terms(cost, *jnp.zeros((2, len(cost))))
     return Rollout(actions, points, points, terms, cost, (actions < 2.0).all((1, 2)))
 
 

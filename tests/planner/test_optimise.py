@@ -17,7 +17,7 @@ def rollout(actions: jnp.ndarray, cost: jnp.ndarray, allowed: jnp.ndarray | None
     count = len(actions)
     still = jnp.zeros((count, 1, 3)) + cost[:, None, None]
     always = jnp.ones(count, bool) if allowed is None else allowed
-    return Rollout(actions, still, still, Terms(cost, jnp.zeros(count)), cost, always)
+    return Rollout(actions, still, still, Terms(cost, jnp.zeros(count), jnp.zeros(count)), cost, always)
 
 
 def bowl(actions: jnp.ndarray) -> Rollout:

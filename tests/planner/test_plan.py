@@ -1,5 +1,6 @@
 """Whole decisions with the real simulator, on a small rope."""
 
+import dataclasses
 from functools import partial
 
 import jax
@@ -7,12 +8,14 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from app.config import Site
+from app.arm.gate import check_motion
+from app.config import KeepOut, Limits, Site
 from app.core.chamfer import chamfer_m2
 from app.core.errors import PlanningError
 from app.planner.plan import Plan
 from app.planner.tree import moved, roll_out, simulate, start
 from app.policy.base import AWAY
+from app.tasks.rope_push import TASK
 from tests.planner.table import PHI, SPACE, now, planner, rope, search
 
 START, GOAL = rope(), rope(0.05)
@@ -47,6 +50,31 @@ def test_the_terms_of_a_branch_add_up_to_its_cost(decision: Plan) -> None:
 def test_the_motion_is_the_first_action_of_the_best_branch(decision: Plan) -> None:
     expected = SPACE.motion(decision.branches[decision.best].actions[0], AWAY, Site())
     assert decision.motion.digest() == expected.digest()
+
+
+def test_a_plan_goes_around_what_the_site_keeps_free(decision: Plan) -> None:
+    middle = decision.motion.positions.mean(axis=0)
+    post = KeepOut(name="post", low=(*(middle[:2] - 0.02), 0.0), high=(*(middle[:2] + 0.02), 0.3))
+    site = Site(limits=Limits(keep_out=(post,)))
+    unaware = planner()(START, GOAL, PHI, seed=0, site=site)
+    assert unaware.motion.digest() != decision.motion.digest(), "what enters the post is not chosen"
+    weights = dataclasses.replace(TASK.weights, keep_out=(post,))
+    aware = dataclasses.replace(planner(), search=dataclasses.replace(search(), weights=weights))
+    plan = aware(START, GOAL, PHI, seed=0, site=site)
+    for made in (unaware, plan):
+        check_motion(made.motion, made.motion.digest(), site)
+    # The branch that went through the post is drawn out of it by its cost.
+    through = plan.branches[decision.best]
+    assert through.cost_after < through.cost_before
+    assert through.terms["trespass"] < through.cost_before
+    total = through.terms["progress"] + through.terms["contact"] + through.terms["trespass"]
+    assert total == pytest.approx(through.cost_after, abs=1e-7)
+
+
+def test_where_every_branch_enters_what_is_kept_free_there_is_no_plan() -> None:
+    everywhere = KeepOut(name="cover", low=(0.0, -1.0, -1.0), high=(1.0, 1.0, 0.05))
+    with pytest.raises(PlanningError, match="enter what is kept free"):
+        planner()(START, GOAL, PHI, seed=0, site=Site(limits=Limits(keep_out=(everywhere,))))
 
 
 @pytest.mark.skipif(jax.default_backend() != "cpu", reason="A GPU's threads add up in any order.")

@@ -65,7 +65,7 @@ def opened(page: Page, replayed: Replayed) -> Page:
     page.set_default_timeout(30 * SECONDS)
     expect.set_options(timeout=30 * SECONDS)
     page.goto(replayed.console.url)
-    expect(page.get_by_text("REPLAY")).to_be_visible()
+    expect(page.get_by_role("status").filter(has_text="REPLAY")).to_be_visible()
     expect(page.get_by_text("of 19.00 s")).to_be_visible()
     return page
 

@@ -1,11 +1,10 @@
 """The simulated rig: arm, world and cameras, each in a process of its own, behind the ports of `core`."""
 
 import os
-from collections.abc import AsyncGenerator, Callable, Sequence
+from collections.abc import AsyncGenerator, Sequence
 from contextlib import AbstractAsyncContextManager, asynccontextmanager
 from dataclasses import dataclass
 from functools import partial
-from multiprocessing.process import BaseProcess
 from typing import final
 
 import anyio
@@ -16,9 +15,9 @@ from app.arm.process import run_arm
 from app.arm.process_arm import ProcessArm
 from app.config import Site
 from app.core.camera import CameraModel
-from app.core.errors import DeviceError
 from app.core.ports import Arm, Camera
-from app.core.ring import SPAWN, Ring
+from app.core.processes import end, process, ready
+from app.core.ring import Ring
 from app.core.stage import Stage
 from app.rig.simulated.arm_control import ArmControl
 from app.rig.simulated.camera import SimulatedCamera
@@ -27,10 +26,6 @@ from app.rig.simulated.cameras import table_cameras
 from app.rig.simulated.kinds import kind_of
 from app.rig.simulated.world import Nodes, Snapshot
 from app.rig.simulated.world_process import newest_snapshot, run_world, snapshot_ring
-
-_START_S = 60.0
-_POLL_S = 0.02
-_CLOSE_S = 3.0
 
 
 @final
@@ -109,13 +104,13 @@ class _Processes:
         self.memory, self.snapshots = ArmMemory(), snapshot_ring(scene.stage)
         self.images = {camera.name: image_ring(camera) for camera in scene.cameras}
         home = kind_of(scene.stage).home(scene.stage, scene.start)
-        self.arm = _process("arm", run_arm, self.memory, site, partial(ArmControl, tool=home), parent)
-        self.world = _process(
+        self.arm = process("arm", run_arm, self.memory, site, partial(ArmControl, tool=home), parent)
+        self.world = process(
             "world",
             run_world,
             *(self.memory, self.snapshots, scene.stage, scene.start, timing.arm_period_s, parent),
         )
-        self.eyes = _process(
+        self.eyes = process(
             "cameras",
             run_cameras,
             *(self.memory, self.snapshots, self.images, scene.cameras, scene.stage),
@@ -125,19 +120,13 @@ class _Processes:
 
     def start(self) -> None:
         """Start every process."""
-        for process in self.all:
-            process.start()
+        for each in self.all:
+            each.start()
 
     def end(self) -> None:
         """Tell the processes to close and wait for them; end those that do not."""
         self.memory.closing.value = 1
-        for process in self.all:
-            if process.pid is None:
-                continue
-            process.join(_CLOSE_S)
-            if process.is_alive():
-                process.kill()
-                process.join()
+        end(self.all)
 
     @property
     def rings(self) -> Sequence[Ring]:
@@ -150,7 +139,7 @@ async def _opened(scene: _Scene, site: Site) -> AsyncGenerator[SimulatedRig]:
     processes = await to_thread.run_sync(_Processes, scene, site)
     try:
         await to_thread.run_sync(processes.start)
-        await _ready(processes.all, processes.rings)
+        await ready(processes.all, processes.rings)
         cameras = [
             SimulatedCamera(model, processes.images[model.name], processes.eyes, processes.world, site.timing)
             for model in scene.cameras
@@ -159,22 +148,3 @@ async def _opened(scene: _Scene, site: Site) -> AsyncGenerator[SimulatedRig]:
     finally:
         with anyio.CancelScope(shield=True):
             await to_thread.run_sync(processes.end)
-
-
-def _process(name: str, body: Callable[..., None], *arguments: object) -> BaseProcess:
-    return SPAWN.Process(target=body, args=arguments, name=f"dipac {name}", daemon=True)
-
-
-async def _ready(processes: Sequence[BaseProcess], rings: Sequence[Ring]) -> None:
-    """Wait until every process has reported once."""
-    with anyio.move_on_after(_START_S):
-        while not all(ring.count for ring in rings):
-            for process in processes:
-                if not process.is_alive():
-                    raise DeviceError(
-                        f"The {process.name} process ended with code {process.exitcode} as it started; its error is "
-                        "above. `dipac doctor` checks what it needs."
-                    )
-            await anyio.sleep(_POLL_S)
-        return
-    raise DeviceError(f"The simulated rig did not come up in {_START_S:.0f} s; the machine may be overloaded.")

@@ -1,0 +1,50 @@
+"""The processes of a rig: started together, waited for until each has reported once, and ended in any case."""
+
+import time
+from collections.abc import Callable, Sequence
+from multiprocessing.process import BaseProcess
+from typing import Final
+
+import anyio
+
+from app.core.errors import DeviceError
+from app.core.ring import SPAWN, Ring
+
+_START_S: Final = 60.0
+_POLL_S: Final = 0.02
+_CLOSE_S: Final = 3.0
+
+
+def process(name: str, body: Callable[..., None], *arguments: object) -> BaseProcess:
+    """One that is to run `body`; it ends with the program, and is `dipac NAME` where processes are listed."""
+    return SPAWN.Process(target=body, args=arguments, name=f"dipac {name}", daemon=True)
+
+
+async def ready(processes: Sequence[BaseProcess], rings: Sequence[Ring], *, within_s: float = _START_S) -> None:
+    """Wait until every ring has a record, which its process writes once it works.
+
+    Raises DeviceError where a process ends instead, or the time is over.
+    """
+    with anyio.move_on_after(within_s):
+        while not all(ring.count for ring in rings):
+            for each in processes:
+                if not each.is_alive():
+                    raise DeviceError(
+                        f"The {each.name} process ended with code {each.exitcode} as it started; its error is above. "
+                        "`dipac doctor` checks what it needs."
+                    )
+            await anyio.sleep(_POLL_S)
+        return
+    raise DeviceError(f"The rig did not come up in {within_s:.0f} s; the machine may be overloaded.")
+
+
+def end(processes: Sequence[BaseProcess], *, within_s: float = _CLOSE_S) -> None:
+    """Wait for processes that have been told to close, and end those that do not. Blocks for as long as that takes."""
+    due_s = time.monotonic() + within_s
+    for each in processes:
+        if each.pid is None:
+            continue
+        each.join(max(0.0, due_s - time.monotonic()))
+        if each.is_alive():
+            each.kill()
+            each.join()
