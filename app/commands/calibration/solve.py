@@ -1,0 +1,108 @@
+"""Find where a camera stands, from images of a board and the poses of the gripper at each of them."""
+
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import Annotated
+
+import numpy as np
+import tyro
+from rich.console import Console
+from rich.table import Table
+from rich.text import Text
+
+from app.commands._preflight import check_writable
+from app.commands.calibration._session import POSES, read_poses, read_session
+from app.config import Site
+from app.core.charuco import Charuco
+from app.core.errors import UsageError
+from app.core.hand_eye import HandEye, Setup
+from app.perception.calibration.next_pose import Eye, next_pose
+from app.perception.calibration.se3 import angle, inverse
+from app.perception.calibration.solve import Solved, View, ends_of
+from app.perception.calibration.solve import solve as solved
+from app.recording.calibration_file import FILE, load_cameras, save_camera
+
+_A4 = Charuco()
+_MM = 1e3
+
+
+def solve(
+    folder: tyro.conf.Positional[Path],
+    /,
+    *,
+    setup: Setup = "fixed",
+    output: Annotated[Path, tyro.conf.arg(aliases=["-o"])] = FILE,
+    board: Charuco = _A4,
+) -> None:
+    """Take 15 to 25 views with the arm at rest, the gripper tilted to all sides.
+
+    Args:
+        folder: images, camera.toml with the serial number and the intrinsics, and poses.csv.
+        setup: fixed: the camera stands and the gripper holds the board; wrist: the other way round.
+        output: the calibration file; other cameras that are in it stay.
+        board: what was printed.
+    """
+    terminal = Console(highlight=False, soft_wrap=True)
+    check_writable(output, "-o")
+    before = load_cameras(output) if output.exists() else {}
+    poses = read_poses(folder / POSES)
+    session = read_session(terminal, folder, board, list(poses))
+    views = [View(sight=each, T_world_gripper=poses[name]) for name, each in session.sights.items()]
+    if not views:
+        raise UsageError(f"The board is in none of the images of {folder}; check that it is the one that was printed.")
+    today = datetime.now(UTC).date()
+    found = solved(views, setup, session.lens, board, serial=session.serial, calibrated_at=today)
+    terminal.print(_views(found, list(session.sights)))
+    for line in _told(found.found):
+        terminal.print(line)
+    if session.serial in before:
+        terminal.print(_difference(before[session.serial], found.found))
+    terminal.print(_advice(found.found, views))
+    save_camera(output, found.found)
+    terminal.print(f"Written to {output}, as camera {session.serial!r}.")
+
+
+def _told(found: HandEye) -> list[str]:
+    """The result in words."""
+    x, y, z = _MM * found.pose[:3, 3]
+    shifts, turns = (", ".join(f"{each:.2f}" for each in values) for values in (_mm(found), found.deviation_deg))
+    spread = ", ".join(f"{each:.0f}" for each in found.spread.turns_deg)
+    return [
+        f"The camera is at x {x:.1f}, y {y:.1f}, z {z:.1f} mm. Standard deviations: {shifts} mm, {turns} degrees.",
+        f"{found.views} views miss it by {found.error_px:.2f} pixels, {_MM * found.error_m:.2f} mm, "
+        f"{found.error_deg:.2f} degrees; {found.outliers} were left out. They are spread by {spread} degrees.",
+    ]
+
+
+def _mm(found: HandEye) -> list[float]:
+    return [_MM * each for each in found.deviation_m]
+
+
+def _views(found: Solved, names: list[str]) -> Table:
+    table = Table("view", "pixel", "mm", "degree", "", box=None)
+    rows = zip(names, found.refined.error_px, found.view_error_m, found.view_error_deg, strict=True)
+    for index, (name, px, m, deg) in enumerate(rows):
+        out = index in found.outliers
+        style, word = ("yellow", "left out") if out else ("", "")
+        table.add_row(*(Text(each) for each in (name, f"{px:.2f}", f"{_MM * m:.2f}", f"{deg:.2f}", word)), style=style)
+    return table
+
+
+def _difference(before: HandEye, now: HandEye) -> str:
+    if before.setup != now.setup:
+        return f"Before, it was calibrated as one of the other set-up ({before.setup})."
+    moved_mm = _MM * float(np.linalg.norm(now.pose[:3, 3] - before.pose[:3, 3]))
+    turned_deg = float(np.degrees(angle((inverse(before.pose) @ now.pose)[:3, :3])))
+    return f"Since {before.calibrated_at} it has moved by {moved_mm:.1f} mm and turned by {turned_deg:.2f} degrees."
+
+
+def _advice(found: HandEye, views: list[View]) -> str:
+    eye = Eye(lens=found.lens, board=found.board, setup=found.setup, ends=ends_of(found))
+    best = next_pose(eye, views, Site().limits.workspace, np.random.default_rng(0))
+    if best is None:
+        return "No other pose in the workspace would show the board whole."
+    x, y, z = _MM * best.T_world_gripper[:3, 3]
+    return (
+        f"One more view would tell most with the gripper at x {x:.0f}, y {y:.0f}, z {z:.0f} mm: "
+        f"{_MM * best.promised_m:.2f} mm instead of {_MM * best.deviation_m:.2f}."
+    )

@@ -1,0 +1,74 @@
+"""A ChArUco board as data: a chessboard whose white squares carry markers, so that each of its corners has a number."""
+
+from dataclasses import dataclass
+from typing import Final, final
+
+import numpy as np
+from jaxtyping import Float64
+
+from app.core.bounds import checked
+from app.core.errors import ParameterError, UsageError
+
+DICTIONARIES: Final = {"4x4": 4, "5x5": 5, "6x6": 6}
+"""The marker families of OpenCV that are offered, by how many cells a marker has on a side."""
+MARKERS: Final = 50
+"""Of the smallest dictionary of each family: fewer markers are told apart more surely than many."""
+_FEWEST, _MOST = 3, 14
+_LEAST_BORDER: Final = 0.1
+"""Of a square, on either side of its marker; detection of a marker needs white about it."""
+
+
+@final
+@dataclass(frozen=True, kw_only=True)
+class Charuco:
+    """`columns` x `rows` squares of `square_m`, with markers of `marker_m`, of the family `dictionary`, on white ones.
+
+    Its frame is OpenCV's: origin at the outer corner of the first square, x along the columns, y along the rows, z into
+    the board. What is left out here is one sheet of A4. Raises ParameterError or UsageError where it is no board.
+    """
+
+    columns: int = 7
+    rows: int = 5
+    square_m: float = 0.036
+    marker_m: float = 0.024
+    dictionary: str = "4x4"
+
+    def __post_init__(self) -> None:
+        if self.dictionary not in DICTIONARIES:
+            raise UsageError.unknown("dictionary of markers", self.dictionary, DICTIONARIES)
+        checked("columns", float(self.columns), float(_FEWEST), float(_MOST))
+        checked("rows", float(self.rows), float(_FEWEST), float(_MOST))
+        checked("square_m", self.square_m, 0.005, 0.5)
+        checked("marker_m", self.marker_m, 0.2 * self.square_m, (1 - 2 * _LEAST_BORDER) * self.square_m)
+        if self.columns * self.rows // 2 > MARKERS:
+            raise ParameterError(
+                f"{self.columns} x {self.rows} squares need {self.columns * self.rows // 2} markers; a dictionary has "
+                f"{MARKERS}: use fewer squares."
+            )
+
+    @property
+    def size_m(self) -> tuple[float, float]:
+        """Its width and height [m]."""
+        return self.columns * self.square_m, self.rows * self.square_m
+
+    @property
+    def corner_count(self) -> int:
+        """How many corners between squares it has."""
+        return (self.columns - 1) * (self.rows - 1)
+
+    def corners(self) -> Float64[np.ndarray, "C 3"]:
+        """Every corner between squares [m], in the board's frame, by number."""
+        x, y = np.meshgrid(np.arange(1, self.columns), np.arange(1, self.rows))
+        return np.stack([x.ravel(), y.ravel(), np.zeros(x.size)], axis=1) * self.square_m
+
+    def outline(self) -> Float64[np.ndarray, "4 3"]:
+        """Its four outer corners [m], in the board's frame, in order around it."""
+        width, height = self.size_m
+        return np.array([[0.0, 0.0, 0.0], [width, 0.0, 0.0], [width, height, 0.0], [0.0, height, 0.0]])
+
+    def __str__(self) -> str:
+        """In words: what it is called in messages and on the sheet."""
+        return (
+            f"{self.columns} x {self.rows} squares of {self.square_m * 1e3:g} mm, markers {self.dictionary} of "
+            f"{self.marker_m * 1e3:g} mm"
+        )

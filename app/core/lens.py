@@ -1,0 +1,48 @@
+"""How a camera's pixels are rays: the pinhole, and what its lens adds."""
+
+from dataclasses import dataclass
+from typing import TypeAlias, final
+
+import cv2
+import numpy as np
+from jaxtyping import Float64
+
+from app.core.types import ColourImage, Intrinsics
+
+Distortion: TypeAlias = tuple[float, float, float, float, float]
+"""k1, k2, p1, p2, k3 of Brown's model, as OpenCV orders them."""
+STRAIGHT: Distortion = (0.0, 0.0, 0.0, 0.0, 0.0)
+
+
+@final
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Lens:
+    """A pinhole with the matrix `K` [pixel] behind a lens that distorts, as Brown's model says."""
+
+    width: int
+    height: int
+    K: Intrinsics
+    distortion: Distortion = STRAIGHT
+
+    @property
+    def bend_px(self) -> float:
+        """By how much distortion moves a pixel of the image's border at most [pixel]."""
+        u, v = np.meshgrid(np.linspace(0, self.width - 1, 9), np.linspace(0, self.height - 1, 9))
+        border = np.stack([u, v], axis=-1)[(u == 0) | (v == 0) | (u == self.width - 1) | (v == self.height - 1)]
+        return float(np.linalg.norm(self.ideal(border) - border, axis=1).max())
+
+    def ideal(self, pixels: Float64[np.ndarray, "C 2"] | np.ndarray) -> Float64[np.ndarray, "C 2"]:
+        """Where the pinhole alone would have had what is seen at `pixels` of the image."""
+        if self.distortion == STRAIGHT:
+            return np.asarray(pixels, np.float64)
+        seen = np.ascontiguousarray(pixels, np.float64).reshape(-1, 1, 2)
+        return cv2.undistortPoints(seen, self.K, np.array(self.distortion), P=self.K).reshape(-1, 2)
+
+    def project(self, points: Float64[np.ndarray, "*stack 3"]) -> Float64[np.ndarray, "*stack 2"]:
+        """Where the pinhole sees points [m] of the camera's frame that are before it [pixel]."""
+        scaled = points @ self.K.T
+        return scaled[..., :2] / scaled[..., 2:]
+
+    def straightened(self, image: ColourImage) -> ColourImage:
+        """The image that the pinhole alone would have taken; black where it would have seen more."""
+        return cv2.undistort(image, self.K, np.array(self.distortion)).astype(np.uint8)

@@ -1,0 +1,97 @@
+"""The chain from the board to the pixels, by way of the robot: what is predicted, and how that changes with what.
+
+Both set-ups are one equation, H Y = X C. A camera that stands in the world and looks at a board in the gripper has
+H = T_world_gripper, Y = T_gripper_board, X = T_world_camera; one on the wrist that looks at a board in the world has
+H = T_gripper_world, Y = T_world_board, X = T_gripper_camera. C is T_camera_board. X and Y are sought.
+"""
+
+from dataclasses import dataclass
+from typing import TypeAlias, final
+
+import numpy as np
+from jaxtyping import Float64
+
+from app.core.hand_eye import Setup
+from app.core.lens import Lens
+from app.core.types import Transform
+from app.perception.calibration.se3 import cross, exp, inverse, moved, transform
+
+Jacobian: TypeAlias = Float64[np.ndarray, "R 12"]
+"""By X and then Y, each turned about the axes of its outer frame [rad] and shifted along them [m]."""
+
+PIXEL_PX = 0.1
+"""The standard deviation of a refined corner; 0.03 to 0.25 as images go (docs/calibration-cameras.md)."""
+JOINTS_M, JOINTS_RAD = 0.0003, np.radians(0.03)
+"""Of the gripper's pose that the arm reports. It is a first guess, which the residuals scale."""
+
+
+@final
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Ends:
+    """The two ends of the chain that are sought."""
+
+    X: Transform
+    Y: Transform
+
+    def shifted(self, by: Float64[np.ndarray, "12"]) -> "Ends":
+        """Turned and shifted, as a `Jacobian` counts."""
+        return Ends(X=_shifted(self.X, by[:6]), Y=_shifted(self.Y, by[6:]))
+
+    def board_before(self, H: Float64[np.ndarray, "*stack 4 4"]) -> Float64[np.ndarray, "*stack 4 4"]:
+        """`T_camera_board` as the robot's pose has it."""
+        return inverse(self.X) @ H @ self.Y
+
+
+def outer(T_world_gripper: Float64[np.ndarray, "*stack 4 4"], setup: Setup) -> Float64[np.ndarray, "*stack 4 4"]:
+    """`H` of the gripper's pose; the same turns it back."""
+    return T_world_gripper if setup == "fixed" else inverse(T_world_gripper)
+
+
+def residuals(
+    ends: Ends, H: Transform, points: Float64[np.ndarray, "C 3"], pixels: Float64[np.ndarray, "C 2"], lens: Lens
+) -> Float64[np.ndarray, " R"]:
+    """How far the corners are predicted from where they are seen [pixel], shape (2 C,)."""
+    return (lens.project(moved(ends.board_before(H), points)) - pixels).ravel()
+
+
+def slopes(
+    ends: Ends, H: Transform, points: Float64[np.ndarray, "C 3"], lens: Lens, setup: Setup
+) -> tuple[Jacobian, Float64[np.ndarray, "R 6"]]:
+    """Of `residuals`: by both ends, and by an error of the gripper's pose, turned about its origin and shifted.
+
+    With R and t those of X, a point P of H Y p is at q = R' (P - t) before the camera; a turn w of X about its own
+    origin makes that R' (P - t - w x (P - t)).
+    """
+    turned = points @ ends.Y[:3, :3].T
+    P = moved(H @ ends.Y, points)
+    back, gripper = ends.X[:3, :3].T, H[:3, 3] if setup == "fixed" else np.zeros(3)
+    whole = np.broadcast_to(np.eye(3), (len(points), 3, 3))
+    dq_dX = back @ np.concatenate([cross(P - ends.X[:3, 3]), -whole], axis=2)
+    dq_dY = back @ H[:3, :3] @ np.concatenate([-cross(turned), whole], axis=2)
+    dq_dH = back @ np.concatenate([-cross(P - gripper), whole], axis=2)
+    dpixel = _pinhole_slope((P - ends.X[:3, 3]) @ ends.X[:3, :3], lens)
+    both = dpixel @ np.concatenate([dq_dX, dq_dY], axis=2)
+    return both.reshape(-1, 12), (dpixel @ dq_dH).reshape(-1, 6)
+
+
+def whitened(by_H: Float64[np.ndarray, "R 6"], columns: Float64[np.ndarray, "R _"]) -> Float64[np.ndarray, "R _"]:
+    """S^-1 times `columns`, with S the covariance of one view's residuals.
+
+    Corners err each by itself, and the gripper's pose moves all of them together: S = s^2 I + B B', inverted by
+    Woodbury's identity.
+    """
+    B = by_H * ([JOINTS_RAD] * 3 + [JOINTS_M] * 3)
+    inner = np.linalg.solve(PIXEL_PX**2 * np.eye(6) + B.T @ B, B.T @ columns)
+    return (columns - B @ inner) / PIXEL_PX**2
+
+
+def _pinhole_slope(q: Float64[np.ndarray, "C 3"], lens: Lens) -> Float64[np.ndarray, "C 2 3"]:
+    """Of the pixel (K q / z) by q."""
+    z = q[:, 2]
+    slope = lens.K[:2] / z[:, None, None]
+    slope[:, :, 2] -= (q @ lens.K[:2].T) / z[:, None] ** 2
+    return slope
+
+
+def _shifted(T: Transform, by: Float64[np.ndarray, "6"]) -> Transform:
+    return transform(exp(by[:3]) @ T[:3, :3], T[:3, 3] + by[3:])

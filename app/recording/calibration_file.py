@@ -1,0 +1,203 @@
+"""Cameras as a TOML file: what `dipac calibration solve` and the console write, by the cameras' serial numbers."""
+
+import math
+import tomllib
+from collections.abc import Mapping
+from datetime import date
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import tomli_w
+from scipy.spatial.transform import Rotation
+
+from app.core.charuco import Charuco
+from app.core.errors import DipacError, RecordingError, UsageError
+from app.core.hand_eye import HandEye, Setup, Spread, Three
+from app.core.lens import Lens
+from app.core.types import Transform
+
+SCHEMA = 1
+FILE = Path("calibration.toml")
+"""Its name, where nobody says another."""
+_SETUPS: Mapping[str, Setup] = {"fixed": "fixed", "wrist": "wrist"}
+_UNIT = 1e-3
+"""By so much may a quaternion's length differ from 1: it was rounded by hand, and not mistyped."""
+_LARGEST_PX = 20_000
+
+
+def save_camera(path: Path, found: HandEye) -> None:
+    """Write `found` into the file, beside the other cameras that are in it and instead of what it had of this one.
+
+    Raises UsageError where the file cannot be written, RecordingError where what is there is no such file.
+    """
+    cameras = load_cameras(path) if path.exists() else {}
+    cameras[found.serial] = found
+    table = {"schema": SCHEMA, "cameras": {serial: _entry(each) for serial, each in sorted(cameras.items())}}
+    try:
+        new = path.with_name(f".{path.name}.new")
+        new.write_text(tomli_w.dumps(table), encoding="utf-8")
+        new.replace(path)  # A cut leaves the old file or the new one, and never half of one.
+    except OSError as error:
+        raise UsageError(f"Cannot write the calibration to {path}: {error.strerror}; choose another place.") from None
+
+
+def load_cameras(path: Path) -> dict[str, HandEye]:
+    """Every camera in the file by its serial number.
+
+    Raises UsageError where it is not there, RecordingError, which says what is wrong and where, if it is none.
+    """
+    try:
+        table = tomllib.loads(path.read_text(encoding="utf-8"))
+    except OSError as error:
+        raise UsageError(f"Cannot read the calibration {path}: {error.strerror}.") from None
+    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
+        raise RecordingError(f"{path} is no TOML file: {error}.") from None
+    if table.get("schema") != SCHEMA:
+        raise RecordingError(
+            f"{path} has calibration schema {table.get('schema')}; this version reads schema {SCHEMA}. Calibrate again "
+            "with `dipac calibration solve` or in the console."
+        )
+    cameras = table.get("cameras", {})
+    if not isinstance(cameras, dict):
+        raise RecordingError(f"{path}: 'cameras' must be a table of cameras by their serial numbers.")
+    return {serial: _camera(path, serial, entry) for serial, entry in cameras.items()}
+
+
+def load_lens(path: Path) -> tuple[str, Lens]:
+    """A camera's serial number and its maker's intrinsics, of a file with `serial` and a table `intrinsics`.
+
+    Raises UsageError where it is not there, RecordingError, which says what is wrong, if it is none.
+    """
+    try:
+        table = tomllib.loads(path.read_text(encoding="utf-8"))
+        return str(table["serial"]), _lens(table["intrinsics"])
+    except OSError as error:
+        raise UsageError(f"Cannot read the camera {path}: {error.strerror}.") from None
+    except (tomllib.TOMLDecodeError, UnicodeDecodeError, KeyError, TypeError, ValueError) as error:
+        why = f"it lacks {error}" if isinstance(error, KeyError) else str(error)
+        raise RecordingError(
+            f"{path} is no camera ({why}); it needs serial, and width, height, fx, fy, cx, cy and distortion (five "
+            "numbers) in a table [intrinsics]."
+        ) from None
+
+
+def _entry(found: HandEye) -> dict[str, Any]:
+    lens, board = found.lens, found.board
+    return {
+        "setup": found.setup,
+        "calibrated_at": found.calibrated_at,
+        "pose": _pose(found.pose),
+        "board_pose": _pose(found.board_pose),
+        "intrinsics": {
+            "width": lens.width,
+            "height": lens.height,
+            "fx": float(lens.K[0, 0]),
+            "fy": float(lens.K[1, 1]),
+            "cx": float(lens.K[0, 2]),
+            "cy": float(lens.K[1, 2]),
+            "distortion": list(lens.distortion),
+        },
+        "board": dict(vars(board)),
+        "quality": {
+            "views": found.views,
+            "outliers": found.outliers,
+            "error_px": found.error_px,
+            "error_m": found.error_m,
+            "error_deg": found.error_deg,
+            "deviation_m": list(found.deviation_m),
+            "deviation_deg": list(found.deviation_deg),
+            "turns_deg": list(found.spread.turns_deg),
+            "shifts_m": list(found.spread.shifts_m),
+        },
+    }
+
+
+def _pose(T: Transform) -> dict[str, list[float]]:
+    turn = Rotation.from_matrix(T[:3, :3]).as_quat(canonical=True, scalar_first=True)
+    return {"translation_m": T[:3, 3].tolist(), "quaternion_wxyz": turn.tolist()}
+
+
+def _camera(path: Path, serial: str, entry: Mapping[str, Any]) -> HandEye:
+    try:
+        return _read(serial, entry)
+    except KeyError as error:
+        raise RecordingError(f"{path}: camera {serial!r} lacks {error}; calibrate it again.") from None
+    except (TypeError, ValueError, AttributeError, DipacError) as error:
+        raise RecordingError(f"{path}: camera {serial!r}: {error} Correct it, or calibrate again.") from None
+
+
+def _read(serial: str, entry: Mapping[str, Any]) -> HandEye:
+    """Raises KeyError, which names the key, TypeError, ValueError and DipacError, which say what is wrong."""
+    if entry["setup"] not in _SETUPS:
+        raise UsageError.unknown("setup", str(entry["setup"]), _SETUPS)
+    if type(entry["calibrated_at"]) is not date:
+        raise ValueError(f"calibrated_at = {entry['calibrated_at']!r} is no day such as 2026-11-23.")
+    quality, board = entry["quality"], entry["board"]
+    return HandEye(
+        serial=serial,
+        setup=_SETUPS[entry["setup"]],
+        pose=_transform("pose", entry["pose"]),
+        board_pose=_transform("board_pose", entry["board_pose"]),
+        lens=_lens(entry["intrinsics"]),
+        board=Charuco(
+            columns=int(board["columns"]),
+            rows=int(board["rows"]),
+            square_m=float(board["square_m"]),
+            marker_m=float(board["marker_m"]),
+            dictionary=str(board["dictionary"]),
+        ),
+        calibrated_at=entry["calibrated_at"],
+        views=int(quality["views"]),
+        outliers=int(quality["outliers"]),
+        error_px=_number("error_px", quality["error_px"]),
+        error_m=_number("error_m", quality["error_m"]),
+        error_deg=_number("error_deg", quality["error_deg"]),
+        deviation_m=_three("deviation_m", quality["deviation_m"]),
+        deviation_deg=_three("deviation_deg", quality["deviation_deg"]),
+        spread=Spread(
+            turns_deg=_three("turns_deg", quality["turns_deg"]), shifts_m=_three("shifts_m", quality["shifts_m"])
+        ),
+    )
+
+
+def _transform(name: str, entry: Mapping[str, Any]) -> Transform:
+    turn = _numbers(f"{name}.quaternion_wxyz", entry["quaternion_wxyz"], 4)
+    length = math.hypot(*turn)
+    if abs(length - 1.0) > _UNIT:
+        raise ValueError(f"{name}.quaternion_wxyz has length {length:.4g} and not 1.")
+    T = np.eye(4)
+    T[:3, :3] = Rotation.from_quat(turn, scalar_first=True).as_matrix()
+    T[:3, 3] = _numbers(f"{name}.translation_m", entry["translation_m"], 3)
+    return T
+
+
+def _lens(entry: Mapping[str, Any]) -> Lens:
+    fx, fy, cx, cy = (_number(name, entry[name]) for name in ("fx", "fy", "cx", "cy"))
+    width, height = int(entry["width"]), int(entry["height"])
+    if not (0 < width <= _LARGEST_PX and 0 < height <= _LARGEST_PX):
+        raise ValueError(f"An image of {width} x {height} pixels is none.")
+    if not (fx > 0 and fy > 0 and 0 <= cx <= width and 0 <= cy <= height):
+        raise ValueError(
+            f"fx, fy, cx, cy = {fx:g}, {fy:g}, {cx:g}, {cy:g} are no intrinsics of {width} x {height} pixels."
+        )
+    k1, k2, p1, p2, k3 = _numbers("distortion", entry["distortion"], 5)
+    K = np.array([[fx, 0.0, cx], [0.0, fy, cy], [0.0, 0.0, 1.0]])
+    return Lens(width=width, height=height, K=K, distortion=(k1, k2, p1, p2, k3))
+
+
+def _three(name: str, values: Any) -> Three:
+    x, y, z = _numbers(name, values, 3)
+    return x, y, z
+
+
+def _numbers(name: str, values: Any, count: int) -> tuple[float, ...]:
+    if not isinstance(values, list) or len(values) != count:
+        raise ValueError(f"{name} must be {count} numbers.")
+    return tuple(_number(name, value) for value in values)
+
+
+def _number(name: str, value: Any) -> float:
+    if isinstance(value, bool) or not isinstance(value, int | float) or not math.isfinite(value):
+        raise ValueError(f"{name} = {value!r} is no finite number.")
+    return float(value)
