@@ -100,10 +100,11 @@ def nearer(joints: Joints, target: Transform, *, centring: float = 0.0) -> Joint
 def solved(target: Transform, guess: Joints, *, steps: int = 120, within_m: float = 5e-4) -> Joints | None:
     """Joints near `guess` whose tool is at `target` to `within_m` [m and rad]; None where none are found."""
     joints = guess
-    for _ in range(steps):
+    for step in range(steps):
         if float(np.abs(away(frames(joints), target)).max()) < within_m:
             return joints
-        joints = nearer(joints, target, centring=_CENTRING)
+        # In the end nothing draws them any more: that would keep the tool from where it shall be.
+        joints = nearer(joints, target, centring=_CENTRING if step < steps // 2 else 0.0)
     return None
 
 

@@ -1,0 +1,109 @@
+"""This program's own client: two sessions on sockets, an explicit timeout on every call, no thread that keeps alive.
+
+Kinova's client keeps a session alive from a thread of its own, so that an arm moves on while the program that commands
+it hangs. Here nobody does but whoever calls: where its loop hangs the arm hears nothing, and stops by itself.
+"""
+
+import contextlib
+import threading
+from typing import Any, TypeVar, final
+
+from app.rig.kinova.calls import Call, Service, Topic
+from app.rig.kinova.errors import LinkLost, NoAnswer
+from app.rig.kinova.link import Address
+from app.rig.kinova.protobuf import decode
+from app.rig.kinova.router import Router
+from app.rig.kinova.session import NotificationOptions, SessionInfo
+from app.rig.kinova.transport import TcpTransport, UdpTransport
+
+Asked = TypeVar("Asked")
+Answered = TypeVar("Answered")
+
+_AS_IT_HAPPENS = 3
+"""`NotificationType` of `Common.proto`."""
+_UNANSWERED = 10
+"""So many calls over UDP without an answer, one after the other, are no lost datagrams any more."""
+
+
+@final
+class OwnLink:
+    """A `Link` that needs nothing but Python."""
+
+    name = "dipac"
+
+    def __init__(self, address: Address) -> None:
+        self._address = address
+        self._lock = threading.Lock()
+        self._commands: Router | None = None
+        self._cyclic: Router | None = None
+        self._topics: dict[int, type[Any]] = {}
+        self._unanswered = 0
+
+    def open(self) -> None:
+        """Connect anew; what was before is closed. Raises LinkLost and Refused."""
+        self.close()
+        address = self._address
+        info = SessionInfo(
+            username=address.username,
+            password=address.password,
+            session_inactivity_timeout=round(1e3 * address.closes_after_s),
+            connection_inactivity_timeout=round(1e3 * address.stops_after_s),
+        )
+        with contextlib.ExitStack() as undone:
+            commands = Router(TcpTransport(address.host, address.tcp_port), "commands")
+            undone.callback(commands.close)
+            commands.create_session(info)
+            cyclic = Router(UdpTransport(address.host, address.udp_port), "feedback")
+            undone.callback(cyclic.close)
+            cyclic.create_session(info)
+            with self._lock:
+                self._commands, self._cyclic, self._topics, self._unanswered = commands, cyclic, {}, 0
+            undone.pop_all()
+
+    def close(self) -> None:
+        """End both sessions."""
+        with self._lock:
+            routers = [self._commands, self._cyclic]
+            self._commands = self._cyclic = None
+        for router in routers:
+            if router is not None:
+                router.close()
+
+    @property
+    def lost(self) -> str:
+        """Of either session."""
+        commands, cyclic = self._commands, self._cyclic
+        if commands is None or cyclic is None:
+            return "There is no connection to the arm."
+        if self._unanswered >= _UNANSWERED:
+            return f"The arm has not answered {self._unanswered} calls for feedback over UDP, one after the other."
+        return commands.lost or cyclic.lost
+
+    def call(self, call: Call[Asked, Answered], asked: Asked, *, timeout_s: float | None = None) -> Answered:
+        """By the session of its service."""
+        router = self._cyclic if call.service == Service.BASE_CYCLIC else self._commands
+        if router is None:
+            raise LinkLost(self.lost)
+        if router is not self._cyclic:
+            return router.call(call, asked, timeout_s)
+        try:
+            answer = router.call(call, asked, timeout_s)
+        except NoAnswer:
+            self._unanswered += 1
+            raise
+        self._unanswered = 0
+        return answer
+
+    def subscribe(self, topic: Topic[Any]) -> None:
+        """Each on the session of the commands."""
+        handle = self.call(topic.call, NotificationOptions(type=_AS_IT_HAPPENS))
+        self._topics[handle.identifier] = topic.told
+
+    def told(self) -> list[object]:
+        """Read here, not where they are received: whoever polls may make calls."""
+        router, messages = self._commands, list[object]()
+        while router is not None and router.notifications:
+            frame = router.notifications.popleft()
+            if (told := self._topics.get(frame.message)) is not None:
+                messages.append(decode(told, frame.payload))
+        return messages

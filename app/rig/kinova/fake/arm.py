@@ -1,0 +1,297 @@
+"""What the arm that is not there does with what it is told: modes, actions, faults. No socket, no clock."""
+
+from collections.abc import Callable
+from typing import final
+
+import numpy as np
+
+from app.rig.kinova import gen3
+from app.rig.kinova.codes import ActionEvent, ArmStateCode, ControlMode, ServoingMode
+from app.rig.kinova.fake.adversity import Adversity
+from app.rig.kinova.fake.fingers import Fingers
+from app.rig.kinova.fake.motions import AlongPath, Broken, InJoints, Motion, Twisting
+from app.rig.kinova.fake.timed import TimedPath
+from app.rig.kinova.fake.zones import inside
+from app.rig.kinova.messages import (
+    Action,
+    ActionHandle,
+    ActionNotification,
+    AngularWaypoint,
+    ConstrainedJointAngles,
+    GripperCommand,
+    JointAngles,
+    TrajectoryInfo,
+    TwistCommand,
+    WaypointList,
+)
+from app.rig.kinova.messages import Twist as TwistValues
+from app.rig.kinova.session import ArmStateNotification, Handle
+from app.rig.kinova.setup import ProtectionZone, ProtectionZoneNotification
+from app.rig.kinova.words import ROBOT_IN_EMERGENCY_STOP, ROBOT_IN_FAULT, SESSION_NOT_IN_CONTROL
+
+CYCLE_S = 0.025
+"""High-level commands are heeded every so often (kortex_driver/readme.md)."""
+START: gen3.Joints = np.radians([2.444, 20.8641, 176.7349, -85.9559, 1.2141, -73.2146, -0.9581])
+"""The tool points down, at (0.45, 0, 0.3) m."""
+STOPPED, BROKEN_OFF, WRONG_MODE, INVALID, NOT_FOUND = 55, 140, 75, 3, 17
+"""Sub errors of `Errors.proto`."""
+EMERGENCY_STOP_BIT, ENTERING_ZONE, ZONE_REACHED = 1 << 23, 11, 1
+Notification = ActionNotification | ArmStateNotification | ProtectionZoneNotification
+
+
+class Denied(Exception):
+    """A call is answered with an error."""
+
+    def __init__(self, sub_code: int) -> None:
+        super().__init__(f"sub error {sub_code}")
+        self.sub_code = sub_code
+
+
+@final
+class FakeArm:
+    """Joints [rad], fingers, faults and what moves them, between two ticks. `told` is what subscribers have to hear."""
+
+    def __init__(self) -> None:
+        self.joints, self.velocity = START.copy(), np.zeros(7)
+        self.fingers, self.adversity = Fingers(), Adversity()
+        self.servoing: int = ServoingMode.SINGLE_LEVEL
+        self.base_faults, self.joint_faults, self.lasting = 0, [0] * 7, False
+        self.zones: dict[int, ProtectionZone] = {}
+        self.soft_limits = dict.fromkeys(ControlMode, (gen3.LINEAR_M_S, gen3.ANGULAR_DEG_S))
+        self.told: list[Notification] = []
+        self.mover = 0
+        self._now_s = self._next_s = 0.0
+        self._inbox: list[Callable[[], None]] = []
+        self._due: tuple[float, Action, Callable[[], Motion | None]] | None = None
+        self._action: ActionHandle | None = None
+        self._motion: Motion | None = None
+        self._actions = 0
+        self._stopping = False
+        self._state = self.state
+
+    @property
+    def state(self) -> ArmStateCode:
+        """What the arm says of itself."""
+        if self.base_faults or any(self.joint_faults):
+            return ArmStateCode.IN_FAULT
+        if self.servoing == ServoingMode.LOW_LEVEL:
+            return ArmStateCode.SERVOING_LOW_LEVEL
+        if self._action is not None:
+            return ArmStateCode.SERVOING_PLAYING_SEQUENCE
+        return ArmStateCode.SERVOING_MANUALLY_CONTROLLED if self._motion else ArmStateCode.SERVOING_READY
+
+    @property
+    def moving(self) -> bool:
+        """Whether any joint is on its way, or about to be."""
+        return self._motion is not None or self._due is not None or bool(self._inbox)
+
+    def execute(self, action: Action, session: int) -> None:
+        """Begin an action in a while; its events tell how it goes. Raises Denied."""
+        self._check(session)
+        begin = self._beginning(action)
+        self._actions += 1
+        handle = ActionHandle(identifier=self._actions, action_type=action.handle.action_type if action.handle else 0)
+        named = Action(handle=handle, name=action.name)
+        self._inbox.append(lambda: self._think(named, begin))
+
+    def twist(self, command: TwistCommand, session: int) -> None:
+        """Move on and on like that. Raises Denied."""
+        self._check(session)
+        self._inbox.append(lambda: self._twist(command))
+
+    def close_fingers(self, command: GripperCommand, session: int) -> None:
+        """As commanded. Raises Denied."""
+        self._check(session)
+        if command.gripper is None or not command.gripper.finger or command.mode not in (2, 3):
+            raise Denied(INVALID)
+        self.fingers.command(command)
+
+    def stop(self) -> None:
+        """Let whatever moves come to rest, whoever moved it."""
+        self._inbox.append(self._stop)
+
+    def pause(self) -> None:
+        """Let an action stand until it is resumed."""
+        if self._motion is not None:
+            self._motion.brake()
+            self._say(ActionEvent.PAUSE)
+
+    def resume(self) -> None:
+        """Let an action that stands go on."""
+        if isinstance(self._motion, AlongPath):
+            self._motion.go_on()
+            self._say(ActionEvent.START)
+
+    def emergency_stop(self) -> None:
+        """Fall into fault at once."""
+        self.fail(base=EMERGENCY_STOP_BIT)
+
+    def fail(self, *, base: int = 0, joint: int = 0, bits: int = 0, lasting: bool = False) -> None:
+        """Set bits of the base's bank, or of a joint's from 1; `lasting` ones cannot be cleared yet."""
+        self.base_faults |= base | (1 << 4 if bits else 0)
+        if bits:
+            self.joint_faults[joint - 1] |= bits
+        self.lasting = lasting
+        estop = self.base_faults & EMERGENCY_STOP_BIT
+        self._drop(ROBOT_IN_EMERGENCY_STOP if estop else ROBOT_IN_FAULT)
+        # What waits is dropped too, each by itself.
+        waiting, self._inbox = self._inbox, []
+        for command in waiting:
+            command()
+        self.fingers.stop()
+        self._note_state()
+
+    def clear_faults(self) -> None:
+        """Leave the fault, where its cause is gone."""
+        if not self.lasting:
+            self.base_faults, self.joint_faults = 0, [0] * 7
+            self._note_state()
+
+    def tick(self, now_s: float, duration_s: float) -> None:
+        """Let time pass."""
+        self._now_s = now_s
+        if now_s >= self._next_s:
+            self._next_s = max(self._next_s + CYCLE_S, now_s)
+            inbox, self._inbox = self._inbox, []
+            for command in inbox:
+                command()
+        if self._due is not None and now_s >= self._due[0]:
+            self._start()
+        self._move(duration_s)
+        self.fingers.advance(duration_s, self.adversity.object_at)
+        self._note_state()
+
+    def _note_state(self) -> None:
+        """Tell that it is another one, where it is."""
+        if self.state != self._state:
+            self._state = self.state
+            self.told.append(ArmStateNotification(active_state=self._state))
+
+    def _check(self, session: int) -> None:
+        """Raise Denied where the arm would not move now for this session."""
+        if self.base_faults & EMERGENCY_STOP_BIT:
+            raise Denied(ROBOT_IN_EMERGENCY_STOP)
+        if self.state == ArmStateCode.IN_FAULT:
+            raise Denied(ROBOT_IN_FAULT)
+        if self.servoing != ServoingMode.SINGLE_LEVEL:
+            raise Denied(WRONG_MODE)
+        if self.adversity.foreign:
+            raise Denied(SESSION_NOT_IN_CONTROL)
+        self.mover = session
+
+    def _beginning(self, action: Action) -> Callable[[], Motion | None]:
+        """What begins an action, once it was thought about; None moves the fingers alone."""
+        if (ways := action.execute_waypoint_list) is not None and ways.waypoints:
+            return lambda: self._along(ways)
+        if (joints := action.reach_joint_angles) is not None:
+            return lambda: InJoints(self.joints, [_angles(joints, self.joints)], [0.0])
+        if (command := action.send_gripper_command) is not None and command.gripper and command.gripper.finger:
+            return lambda: self.fingers.command(command)
+        raise Denied(INVALID)
+
+    def _along(self, ways: WaypointList) -> Motion:
+        cartesian = tuple(each.cartesian_waypoint for each in ways.waypoints if each.cartesian_waypoint)
+        if cartesian:
+            return AlongPath(TimedPath(gen3.tool(self.joints), cartesian), short_m=self.adversity.short_m)
+        angular = [each.angular_waypoint or AngularWaypoint() for each in ways.waypoints]
+        targets = [_unwrapped(np.radians(each.angles), self.joints) for each in angular]
+        return InJoints(self.joints, targets, [each.duration for each in angular])
+
+    def _think(self, action: Action, begin: Callable[[], Motion | None]) -> None:
+        self._drop(STOPPED)
+        self._action = action.handle
+        self._say(ActionEvent.PREPROCESS_START)
+        if self.base_faults:
+            self._end(ActionEvent.ABORT, ROBOT_IN_FAULT)
+            return
+        self._due = (self._now_s + self.adversity.thinks_s, action, begin)
+
+    def _start(self) -> None:
+        assert self._due is not None
+        _, _, begin = self._due
+        self._due = None
+        self._say(ActionEvent.PREPROCESS_END)
+        self._say(ActionEvent.START)
+        self._stopping = False
+        self._motion = begin()
+
+    def _twist(self, command: TwistCommand) -> None:
+        if self.base_faults:
+            return
+        if not isinstance(self._motion, Twisting):
+            self._drop(STOPPED)
+            self._motion = Twisting()
+            self._stopping = False
+        linear, angular = self.soft_limits[ControlMode.CARTESIAN_JOYSTICK]
+        frame, tool = command.reference_frame, gen3.tool(self.joints)
+        self._motion.aim(command.twist or TwistValues(), frame, tool, linear, angular)
+
+    def _stop(self) -> None:
+        self.fingers.stop()
+        if self._due is not None:
+            self._drop(STOPPED)
+        elif self._motion is not None:
+            self._motion.brake()
+            self._stopping = True
+
+    def _move(self, duration_s: float) -> None:
+        before = self.joints
+        if (motion := self._motion) is not None and not self.adversity.stuck:
+            try:
+                self._step(motion, duration_s)
+            except Broken as broken:
+                self._drop(BROKEN_OFF, broken.info)
+        self.velocity = (self.joints - before) / duration_s
+        if self._motion is None and self._action is not None and self._due is None and not self.fingers.moving:
+            self._end(ActionEvent.END)
+        elif self._motion is not None and self._motion.over and not self._standing():
+            stopped, self._motion = self._stopping, None
+            if self._action is not None:
+                self._end(ActionEvent.ABORT, STOPPED) if stopped else self._end(ActionEvent.END)
+
+    def _standing(self) -> bool:
+        """Whether an action was paused and may go on."""
+        return isinstance(self._motion, AlongPath) and self._motion.paused and not self._stopping
+
+    def _step(self, motion: Motion, duration_s: float) -> None:
+        moved = motion.advance(self.joints, duration_s)
+        if motion.cartesian:
+            for number, zone in self.zones.items():
+                if inside(zone, gen3.tool(moved)[:3, 3]) and not inside(zone, gen3.tool(self.joints)[:3, 3]):
+                    self.told.append(_reached(number))
+                    raise Broken(ENTERING_ZONE)
+        self.joints = moved
+
+    def _drop(self, details: int, info: int = 0) -> None:
+        """Give up what is being done, where anything is, at once."""
+        self._motion = self._due = None
+        if self._action is not None:
+            self._end(ActionEvent.ABORT, details, info)
+
+    def _end(self, event: ActionEvent, details: int = 0, info: int = 0) -> None:
+        self._say(event, details, info)
+        self._action = None
+
+    def _say(self, event: ActionEvent, details: int = 0, info: int = 0) -> None:
+        infos = (TrajectoryInfo(trajectory_info_type=info),) if info else ()
+        self.told.append(
+            ActionNotification(action_event=event, handle=self._action, abort_details=details, trajectory_info=infos)
+        )
+
+
+def _reached(number: int) -> ProtectionZoneNotification:
+    return ProtectionZoneNotification(event=ZONE_REACHED, handle=Handle(identifier=number))
+
+
+def _angles(said: ConstrainedJointAngles, now: gen3.Joints) -> gen3.Joints:
+    """The joints that were said, those not said as they are."""
+    target = now.copy()
+    for each in (said.joint_angles or JointAngles()).joint_angles:
+        target[each.joint_identifier] = np.radians(each.value)
+    return _unwrapped(target, now)
+
+
+def _unwrapped(target: gen3.Joints, now: gen3.Joints) -> gen3.Joints:
+    """The same angles, the nearer way round for joints that turn on and on: the arm says 0 to 360 degrees."""
+    near, within = now + np.angle(np.exp(1j * (target - now))), np.angle(np.exp(1j * target))
+    return np.where(np.isfinite(gen3.RANGE), within, near)

@@ -1,0 +1,150 @@
+"""The arm that is not there as a process of its own, and how whoever started it switches on what may go wrong."""
+
+import asyncio
+import json
+import multiprocessing
+import signal
+from dataclasses import asdict
+from multiprocessing.connection import Connection
+from types import TracebackType
+from typing import Any, Self, final
+
+from app.core.errors import DeviceError
+from app.rig.kinova import gen3
+from app.rig.kinova.fake.adversity import Adversity
+from app.rig.kinova.fake.firmware import Firmware
+from app.rig.kinova.fake.server import LOOPBACK, Server
+
+_SPAWN = multiprocessing.get_context("spawn")
+_ANSWER_S, _START_S, _END_S = 5.0, 60.0, 5.0
+
+
+@final
+class FakeProcess:
+    """Starts where it is entered, ends where it is left, and with the process that started it.
+
+    A `udp_port` of 0 is any that is free; Kinova's client takes 10001 alone.
+    """
+
+    def __init__(self, *, udp_port: int = 0) -> None:
+        self.host, self.ports = LOOPBACK, (0, 0)
+        self._ours, theirs = _SPAWN.Pipe()
+        self._process = _SPAWN.Process(target=run, args=(theirs, udp_port), name="dipac fake arm", daemon=True)
+        self._theirs = theirs
+
+    def __enter__(self) -> Self:
+        """Raises DeviceError where it does not start."""
+        self._process.start()
+        # Only the process keeps its end now, so that either notices when the other is gone.
+        self._theirs.close()
+        tcp, udp = self._heard(_START_S)
+        self.ports = (int(tcp), int(udp))
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self._ours.close()
+        self._process.join(_END_S)
+        if self._process.is_alive():
+            self._process.kill()
+            self._process.join()
+
+    @property
+    def pid(self) -> int:
+        """Of the process."""
+        return self._process.pid or 0
+
+    def set(self, adversity: Adversity) -> None:
+        """Switch on what may go wrong, and off what else was."""
+        self._ask("set", **asdict(adversity))
+
+    def fail(self, *, base: int = 0, joint: int = 0, bits: int = 0, lasting: bool = False) -> None:
+        """Set bits of the arm's banks; `lasting` ones cannot be cleared before the next call without."""
+        self._ask("fail", base=base, joint=joint, bits=bits, lasting=lasting)
+
+    def cut(self) -> None:
+        """Cut all connections over TCP."""
+        self._ask("cut")
+
+    def reset(self) -> None:
+        """A new arm where it starts, that nobody is connected to."""
+        self._ask("reset")
+
+    def commands(self) -> list[dict[str, Any]]:
+        """What it was told to do, as `Told` has it."""
+        return self._ask("commands")
+
+    def look(self) -> dict[str, Any]:
+        """How it is in truth: `joints` [rad], `tool` [m], `fingers`, `moving`, `state`, `sessions`."""
+        return self._ask("look")
+
+    def _ask(self, what: str, **values: object) -> Any:
+        self._ours.send_bytes(json.dumps({"what": what, "values": values}).encode())
+        return self._heard(_ANSWER_S)
+
+    def _heard(self, timeout_s: float) -> Any:
+        if not self._ours.poll(timeout_s):
+            raise DeviceError(f"The simulated arm did not answer in {timeout_s:.0f} s; start it again.")
+        try:
+            return json.loads(self._ours.recv_bytes())
+        except EOFError:
+            raise DeviceError("The simulated arm's process has ended; start it again.") from None
+
+
+def run(control: Connection, udp_port: int) -> None:
+    """The body of the process: serve until the other end of `control` is closed."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    asyncio.run(_served(control, udp_port))
+
+
+async def _served(control: Connection, udp_port: int) -> None:
+    server, over, loop = Server(Firmware()), asyncio.Event(), asyncio.get_running_loop()
+    await server.open(udp_port)
+
+    def heard() -> None:
+        try:
+            request = json.loads(control.recv_bytes())
+        except (EOFError, OSError):
+            loop.remove_reader(control.fileno())
+            over.set()
+            return
+        control.send_bytes(json.dumps(_done(server, request["what"], request["values"])).encode())
+
+    loop.add_reader(control.fileno(), heard)
+    control.send_bytes(json.dumps(server.ports).encode())
+    passing = loop.create_task(server.run())
+    await over.wait()
+    passing.cancel()
+
+
+def _done(server: Server, what: str, values: dict[str, Any]) -> object:
+    """Carry out what the other end asks for, and what to answer."""
+    firmware = server.firmware
+    match what:
+        case "set":
+            firmware.arm.adversity = Adversity(**values)
+        case "fail":
+            firmware.arm.fail(**values)
+        case "cut":
+            server.cut()
+        case "reset":
+            server.cut()
+            server.firmware = Firmware()
+        case "commands":
+            return firmware.record.plain()
+        case _:
+            return _look(firmware)
+    return None
+
+
+def _look(firmware: Firmware) -> dict[str, object]:
+    arm = firmware.arm
+    return {
+        "joints": arm.joints.tolist(),
+        "tool": gen3.tool(arm.joints)[:3, 3].tolist(),
+        "fingers": arm.fingers.position,
+        "moving": arm.moving,
+        "state": int(arm.state),
+        "sessions": [session.number for session in firmware.sessions],
+    }

@@ -1,0 +1,113 @@
+"""The arm that is not there, on sockets: frames over TCP and UDP on loopback, and time that passes."""
+
+import asyncio
+import contextlib
+import time
+from collections.abc import Coroutine
+from typing import Any, final
+
+from app.rig.kinova.errors import WireError
+from app.rig.kinova.fake.firmware import Firmware
+from app.rig.kinova.wire import Frame, FrameKind, Splitter, decoded
+
+TICK_S, LONGEST_TICK_S = 0.010, 0.050
+"""A tick that comes later than the longest moves the arm no further than that: late, it slows."""
+LOOPBACK = "127.0.0.1"
+
+
+@final
+class Server:
+    """Listens until its task is cancelled. Only loopback is listened on: there is no password worth the name."""
+
+    def __init__(self, firmware: Firmware) -> None:
+        self.firmware = firmware
+        self.ports = (0, 0)
+        self._writers: set[asyncio.StreamWriter] = set()
+        self._tasks: set[asyncio.Task[None]] = set()
+        self._datagrams = 0
+
+    async def open(self, udp_port: int = 0) -> None:
+        """Listen on ports that are free, or on that for UDP; `ports` are those of TCP and UDP then."""
+        tcp = await asyncio.start_server(self._serve, LOOPBACK, 0)
+        loop = asyncio.get_running_loop()
+        self._udp, _ = await loop.create_datagram_endpoint(lambda: _Datagrams(self), local_addr=(LOOPBACK, udp_port))
+        self.ports = (tcp.sockets[0].getsockname()[1], self._udp.get_extra_info("sockname")[1])
+
+    async def run(self) -> None:
+        """Let time pass, and tell subscribers what happens."""
+        last = time.monotonic()
+        while True:
+            await asyncio.sleep(TICK_S)
+            now = time.monotonic()
+            self.firmware.tick(min(max(now - last, 1e-4), LONGEST_TICK_S))
+            last = now
+            for session, frame in self.firmware.notifications():
+                if isinstance(session.address, asyncio.StreamWriter):
+                    self._send(session.address, frame)
+
+    def cut(self) -> None:
+        """Cut all connections over TCP, as if a cable was pulled and the peer's stack gave up."""
+        for writer in tuple(self._writers):
+            writer.transport.abort()
+
+    def datagram(self, data: bytes, address: tuple[str, int]) -> None:
+        """Answer one over UDP, where it is a request."""
+        with contextlib.suppress(WireError):
+            frame = decoded(data)
+            if frame.kind == FrameKind.REQUEST and not self.firmware.arm.adversity.deaf:
+                self._in_background(self._answer_datagram(frame, address))
+
+    async def _answer_datagram(self, frame: Frame, address: tuple[str, int]) -> None:
+        answer, adversity = self.firmware.answer(frame, address), self.firmware.arm.adversity
+        self._datagrams += 1
+        if adversity.lose_feedback and self._datagrams % adversity.lose_feedback:
+            return
+        if adversity.delay_s:
+            await asyncio.sleep(adversity.delay_s)
+        self._udp.sendto(answer.encoded(), address)
+
+    async def _serve(self, reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
+        """One connection, until it ends or speaks something else."""
+        self._writers.add(writer)
+        splitter = Splitter()
+        try:
+            while data := await reader.read(65536):
+                for frame in map(decoded, splitter.feed(data)):
+                    if frame.kind == FrameKind.PING:
+                        self._send(writer, Frame(kind=FrameKind.PONG, message=frame.message))
+                    elif frame.kind == FrameKind.REQUEST and not self.firmware.arm.adversity.deaf:
+                        self._in_background(self._answer(frame, writer))
+        except (WireError, ConnectionError):
+            pass  # A peer that is gone or speaks another protocol: its connection is closed below.
+        finally:
+            self._writers.discard(writer)
+            writer.close()
+
+    async def _answer(self, frame: Frame, writer: asyncio.StreamWriter) -> None:
+        """One answer; those that take long are found beside the others."""
+        if self.firmware.slow(frame):
+            answer = await asyncio.to_thread(self.firmware.answer, frame, writer)
+        else:
+            answer = self.firmware.answer(frame, writer)
+        if delay_s := self.firmware.arm.adversity.delay_s:
+            await asyncio.sleep(delay_s)
+        self._send(writer, answer)
+
+    def _send(self, writer: asyncio.StreamWriter, frame: Frame) -> None:
+        if not writer.is_closing():
+            writer.write(frame.framed())
+
+    def _in_background(self, work: Coroutine[Any, Any, None]) -> None:
+        task = asyncio.get_running_loop().create_task(work)
+        self._tasks.add(task)
+        task.add_done_callback(self._tasks.discard)
+
+
+@final
+class _Datagrams(asyncio.DatagramProtocol):
+    def __init__(self, server: Server) -> None:
+        self._server = server
+
+    def datagram_received(self, data: bytes, addr: tuple[str, int]) -> None:
+        """Hand it on."""
+        self._server.datagram(data, addr)

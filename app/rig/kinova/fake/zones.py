@@ -1,0 +1,46 @@
+"""Protection zones: regions that the tool may not enter by a Cartesian motion."""
+
+import numpy as np
+from jaxtyping import Float64
+
+from app.rig.kinova.codes import Shape
+from app.rig.kinova.setup import Point, ProtectionZone, RotationMatrix, Row, ZoneShape
+
+
+def inside(zone: ProtectionZone, position: Float64[np.ndarray, "3"]) -> bool:
+    """Whether a point lies in an enabled zone, whose origin is its middle."""
+    if not zone.is_enabled or (shape := zone.shape) is None:
+        return False
+    origin = shape.origin or Point()
+    local = _turned(shape) @ (position - np.array([origin.x, origin.y, origin.z]))
+    sizes = np.array(shape.dimensions)
+    match shape.shape_type:
+        case Shape.SPHERE:
+            return bool(np.linalg.norm(local) <= sizes[0])
+        case Shape.CYLINDER:
+            return bool(np.hypot(local[0], local[1]) <= sizes[0] and abs(local[2]) <= sizes[1] / 2)
+        case Shape.RECTANGULAR_PRISM:
+            return bool((np.abs(local) <= sizes / 2).all())
+        case _:
+            return False
+
+
+def well_formed(zone: ProtectionZone) -> bool:
+    """Whether its shape has as many dimensions, all above zero, as its kind needs."""
+    counts: dict[int, int] = {Shape.SPHERE: 1, Shape.CYLINDER: 2, Shape.RECTANGULAR_PRISM: 3}
+    if zone.shape is None or zone.shape.shape_type not in counts:
+        return False
+    sizes = np.array(zone.shape.dimensions)
+    return len(sizes) == counts[zone.shape.shape_type] and bool((np.isfinite(sizes) & (sizes > 0)).all())
+
+
+def _turned(shape: ZoneShape) -> Float64[np.ndarray, "3 3"]:
+    """From the base's axes to the zone's; those of the base where none are said."""
+    if shape.orientation is None:
+        return np.eye(3)
+    return _matrix(shape.orientation).T
+
+
+def _matrix(said: RotationMatrix) -> Float64[np.ndarray, "3 3"]:
+    rows = (each or Row() for each in (said.row1, said.row2, said.row3))
+    return np.array([[row.column1, row.column2, row.column3] for row in rows])

@@ -1,0 +1,90 @@
+"""An arm that is not there, for all tests of the folder, and whoever speaks with it."""
+
+import importlib.util
+import threading
+import time
+from collections.abc import Callable, Iterator
+
+import numpy as np
+import pytest
+
+from app.rig.kinova.client import OwnLink
+from app.rig.kinova.fake.adversity import Adversity
+from app.rig.kinova.fake.process import FakeProcess
+from app.rig.kinova.kortex import Kortex
+from app.rig.kinova.link import Address, Link
+from app.rig.kinova.messages import CartesianWaypoint, Pose
+from app.rig.kinova.official import OfficialLink
+
+NO_WHEEL = "kortex_api, Kinova's own client, is not on any index; docs/kinova.md says where its wheel is"
+INSTALLED = importlib.util.find_spec("kortex_api") is not None
+CLIENTS = [OwnLink, pytest.param(OfficialLink, marks=pytest.mark.skipif(not INSTALLED, reason=NO_WHEEL))]
+
+
+@pytest.fixture(scope="package")
+def process() -> Iterator[FakeProcess]:
+    # Kinova's client takes no other port.
+    with FakeProcess(udp_port=10001 if INSTALLED else 0) as process:
+        yield process
+
+
+@pytest.fixture
+def arm(process: FakeProcess) -> FakeProcess:
+    """An arm where it starts, ready, that nobody is connected to."""
+    process.reset()
+    return process
+
+
+def address(arm: FakeProcess, **changed: object) -> Address:
+    return Address(**{"host": arm.host, "tcp_port": arm.ports[0], "udp_port": arm.ports[1], **changed})  # type: ignore[arg-type]
+
+
+@pytest.fixture(params=CLIENTS, ids=lambda client: client.__name__)
+def link(request: pytest.FixtureRequest, arm: FakeProcess) -> Iterator[Link]:
+    link = request.param(address(arm))
+    yield link
+    arm.set(Adversity())
+    link.close()
+
+
+@pytest.fixture
+def kortex(link: Link) -> Iterator[Kortex]:
+    """Connected, and kept alive as the driver's thread does."""
+    kortex, over = Kortex(link), threading.Event()
+    kortex.open()
+    alive = threading.Thread(target=keep_alive, args=(kortex, over))
+    alive.start()
+    yield kortex
+    over.set()
+    alive.join()
+
+
+def keep_alive(kortex: Kortex, over: threading.Event) -> None:
+    while not over.wait(0.1) and not kortex.lost:
+        kortex.keep_alive()
+
+
+def until(holds: Callable[[], object], seconds: float = 15.0) -> None:
+    """Wait until something holds; the limit is for a machine that is busy with other things."""
+    end = time.monotonic() + seconds
+    while not holds():
+        assert time.monotonic() < end, "it never came to hold"
+        time.sleep(0.01)
+
+
+def way(
+    x: float, y: float, z: float, *, speed: float = 0.3, radius: float = 0.0, turn: float = 0.0
+) -> CartesianWaypoint:
+    """A waypoint [m] of a tool that points down."""
+    return CartesianWaypoint(
+        pose=Pose(x=x, y=y, z=z, theta_x=180.0, theta_y=0.0, theta_z=turn),
+        reference_frame=3,
+        maximum_linear_velocity=speed,
+        maximum_angular_velocity=60.0,
+        blending_radius=radius,
+    )
+
+
+def tool(arm: FakeProcess) -> np.ndarray:
+    """Where its tool is in truth [m]."""
+    return np.array(arm.look()["tool"])
