@@ -15,6 +15,7 @@ from app.config import Site
 from app.core.approval import Approved
 from app.core.errors import ApprovalRefused, DeviceError, MotionRefused
 from app.core.jog import Jog
+from app.core.limbs import JointAngles
 from app.core.messages import ArmState, Executed, MessageId, fresh_id
 from app.core.motion import Motion
 from app.core.refusal import Refusal
@@ -39,6 +40,10 @@ class ProcessArm:
     def tool(self) -> ToolPose:
         """Pose and opening of the tool as last measured; from any thread."""
         return self._memory.states.newest()["measured"].copy()
+
+    def joints(self) -> JointAngles:
+        """The joints' angles as last measured; from any thread."""
+        return self._memory.states.newest()["joints"].copy()
 
     async def state(self) -> ArmState:
         """The newest state. Raises DeviceError where the arm's process is gone."""

@@ -7,6 +7,7 @@ import time
 from collections.abc import AsyncGenerator, AsyncIterator, Generator
 from contextlib import AsyncExitStack, asynccontextmanager, contextmanager
 from dataclasses import asdict, dataclass, replace
+from functools import partial
 from pathlib import Path
 from typing import Literal, final
 
@@ -18,6 +19,7 @@ from app import __version__
 from app.commands._case import MODEL, Found, read_case
 from app.commands._goal import read_goal
 from app.commands._preflight import check_port
+from app.commands._sight import seen_with
 from app.config import Limits, Site
 from app.core.bounds import checked
 from app.core.errors import DipacError, ParameterError, PreflightError, UsageError
@@ -75,6 +77,10 @@ class Options:
     """a model.toml to start from instead of the nominal model"""
     calibrate: bool = True
     """calibrate the model in the background"""
+    segmenter: Path | None = None
+    """an ONNX file that finds the object, instead of its colour (docs/perception.md says what it has to be)"""
+    depth: bool = True
+    """use the cameras' depth; without, the object's shape is what its outlines leave"""
     speed: float = Limits().speed_m_s
     """the fastest that the tool may move [m/s]; lower it to watch what it does"""
     recordings: Path = Path("recordings")
@@ -184,7 +190,8 @@ async def episode(order: Order, output: Output) -> Report:
 
     What is wrong with the order or the machine is raised before anything moves; what fails later is in the report.
     """
-    task, options, site = load(order.task), order.options, order.options.site()
+    options, site = order.options, order.options.site()
+    task = await to_thread.run_sync(partial(seen_with, load(order.task), options.segmenter, depth=options.depth))
     if options.pushes < 0:
         raise UsageError(f"--pushes {options.pushes} must not be negative.")
     if options.seed < 0:

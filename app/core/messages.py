@@ -10,7 +10,7 @@ from dataclasses import dataclass, field
 from typing import Literal, NewType, Self, TypeAlias, final
 
 import numpy as np
-from jaxtyping import Float32, Float64
+from jaxtyping import Bool, Float32, Float64
 
 from app.core.camera import CameraModel
 from app.core.motion import Motion
@@ -56,12 +56,19 @@ class Frame(Message):
 class Particles(Message):
     """The object as particles of equal volume, with the fused surface they were made from.
 
-    `time_s` is that of the oldest frame behind it; `cause` holds the frames' ids.
+    `time_s` is that of the oldest frame behind it; `cause` holds the frames' ids. `predicted`: of each particle whether
+    it stands for what no camera sees now, and is shown where it was; empty where nobody says so.
     """
 
     positions: Points
     surface: Cloud
     reconstruction_s: float
+    predicted: Bool[np.ndarray, " P"] = field(default_factory=lambda: np.zeros(0, np.bool_))
+
+    @property
+    def unseen(self) -> Cloud:
+        """The positions of those that no camera sees now; none where nobody says of each."""
+        return self.positions[self.predicted] if len(self.predicted) == len(self.positions) else self.positions[:0]
 
 
 @final

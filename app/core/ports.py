@@ -9,6 +9,7 @@ import anyio
 from app.core.approval import Approved
 from app.core.camera import CameraModel
 from app.core.jog import Jog
+from app.core.limbs import ArmShape, JointAngles
 from app.core.messages import ArmState, Executed, Frame, Message
 from app.core.requests import Request
 from app.core.types import ToolPose
@@ -61,6 +62,10 @@ class Arm(Protocol):
         """Pose and opening of the tool as last measured. May be called from any thread and never blocks."""
         ...
 
+    def joints(self) -> JointAngles:
+        """The joints' angles [rad] as last measured. May be called from any thread and never blocks."""
+        ...
+
     def jog(self, jog: Jog) -> bool:
         """Move so for now; whether that is heeded now: it is only while `jogged` is waited for.
 
@@ -102,6 +107,11 @@ class Rig(Protocol):
     @property
     def simulated(self) -> bool:
         """Whether nothing real can move: automatic approval is allowed here alone."""
+        ...
+
+    @property
+    def shape(self) -> ArmShape | None:
+        """What its arm and tool look like, so that they are not taken for the object; None where nobody knows."""
         ...
 
     @property

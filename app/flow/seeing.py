@@ -7,6 +7,7 @@ from typing import final
 import numpy as np
 
 from app.core.colours import ColourRange
+from app.core.errors import UsageError
 from app.core.messages import Frame, fresh_id
 from app.core.requests import ColourRequest
 from app.core.seeing import Seen
@@ -24,9 +25,12 @@ class Seeing:
     def recolour(self, request: ColourRequest) -> str:
         """Look for these colours from now on; returns what was done, in words.
 
-        Raises ParameterError where they make no range; nothing is changed then.
+        Raises ParameterError where they make no range, and UsageError where no colours are looked for; nothing is
+        changed then.
         """
         colour = ColourRange.of(request.hue_deg, request.saturation, request.value)
+        if self.how.segmenter is not None:
+            raise UsageError("A trained segmenter finds the object (--segmenter), whatever its colours.")
         self.how = replace(self.how, colour=colour)
         hue, saturation, value = colour.hue_deg, colour.saturation, colour.value
         return (

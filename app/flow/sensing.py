@@ -13,8 +13,10 @@ from app.core.ports import Camera, Clock, Rig
 from app.core.requests import ColourRequest
 from app.core.summary import Summary
 from app.core.worker import Worker
+from app.flow.following import Following
 from app.flow.seeing import Seeing, seen
-from app.perception.reconstruct import Reconstructed, Reconstruction, looked, reconstruct
+from app.perception.memory import NOTHING
+from app.perception.reconstruct import Known, Reconstructed, Reconstruction, looked, reconstruct
 
 _OBSERVE_DEADLINE_S = 30.0
 _KEPT = 600
@@ -33,12 +35,16 @@ class Sensing:
         self._rig, self._clock = rig, clock
         self._announcer, self._summary = announcer, summary
         self._past = deque[tuple[float, Particles]](maxlen=_KEPT)
+        self._following = Following(rig.arm, clock)
+        self._memory, self._before = NOTHING, tuple[Frame, ...]()
+        self._hid = self._gave_up = False
 
     async def run(self) -> None:
         """Look and reconstruct, for ever."""
         async with anyio.create_task_group() as stages:
             for camera in self._rig.cameras:
                 stages.start_soon(self._capture, camera)
+            stages.start_soon(self._following.run)
             stages.start_soon(self._reconstruct)
 
     async def settled(self, *, due_s: float) -> Particles:
@@ -60,6 +66,7 @@ class Sensing:
         """Look for other colours, if they make a range; what came of it has been said."""
         try:
             self._announcer.notice("colours", self.seeing.recolour(request), request.id)
+            self._memory = NOTHING
         except DipacError as error:
             self._announcer.notice("colours", str(error), request.id)
 
@@ -95,6 +102,7 @@ class Sensing:
                 positions=found.positions,
                 surface=found.surface,
                 reconstruction_s=now_s - started_s,
+                predicted=found.predicted,
             )
             self._summary.reconstruction_latency_s.append(now_s - max(frame.time_s for frame in frames))
             self._past.append((max(frame.time_s for frame in frames), particles))
@@ -105,12 +113,41 @@ class Sensing:
 
         Raises PerceptionError then.
         """
-        how = self.seeing.how
+        how, known = self.seeing.how, self._known(frames)
+        self._before = tuple(frames)
         try:
-            found = await self.perceiver.run(reconstruct, frames, how, self._rig.arm.tool())
+            found = await self.perceiver.run(reconstruct, frames, how, self._rig.arm.tool(), known)
         except PerceptionError:
-            looks = await self.perceiver.run(looked, frames, how)
+            looks = await self.perceiver.run(looked, frames, how, known)
             self._announcer.say(seen(frames, looks, how, now_s=self._clock.now()))
             raise
         self._announcer.say(seen(frames, found.looks, how, now_s=self._clock.now()))
+        self._remember(found, how)
         return found
+
+    def _known(self, frames: list[Frame]) -> Known:
+        """What is known beside these frames: where the arm was at each of them, and what was seen before."""
+        return Known(
+            arm=self._rig.shape,
+            postures=tuple(self._following.at(frame.time_s) for frame in frames),
+            memory=self._memory,
+            before=self._before,
+        )
+
+    def _remember(self, found: Reconstructed, how: Reconstruction) -> None:
+        """For the next frames. What is given up of a part that was hidden is said once."""
+        self._memory, hides = found.memory, bool(found.predicted.any())
+        if hides and not self._hid:
+            self._gave_up = False
+        if found.expired and not self._gave_up:
+            self._announcer.notice("perception", forgotten(how))
+            self._gave_up = True
+        self._hid = hides
+
+
+def forgotten(how: Reconstruction) -> str:
+    """That a part of the object has been hidden for too long, in words."""
+    return (
+        f"A part of the object has been hidden from all cameras for {how.hidden_s:.0f} s; nobody knows whether it is "
+        "still where it was, and it is no longer shown. Move the arm, or what else is in front of it, aside."
+    )

@@ -1,23 +1,30 @@
-"""From RGB-D frames to particles: segment, deproject, fuse, fill, resample."""
+"""From RGB-D frames to particles: segment, deproject, fuse, remember, fill, resample."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import final
 
 import numpy as np
-from jaxtyping import Float32
+from jaxtyping import Bool, Float32
+from scipy.spatial import KDTree
 
-from app.core.colours import ColourRange, Mask, colour_mask
+from app.core.colours import ColourRange
 from app.core.errors import PerceptionError
+from app.core.limbs import ArmShape, Posture
 from app.core.messages import Frame
 from app.core.types import Cloud, Points, ToolPose
-from app.perception.depth import behind_an_edge, deproject
 from app.perception.fill import Solid, Underside, fill, points_inside
-from app.perception.fuse import Box, merge, not_seen_through, without_outliers
-from app.perception.look import Look, apart_m, thinned
+from app.perception.fuse import Box
+from app.perception.hull import Hull, hull
+from app.perception.look import Look, Some
+from app.perception.memory import NOTHING, Memory, beside, recalled, renewed
 from app.perception.resample import resample
+from app.perception.segment import ByColour, Segmenter
+from app.perception.shadow import pieces, shadow
+from app.perception.steady import steadied
 from app.perception.swimming import Swimming
 from app.perception.vessels import Pool, Vessel, level_of
+from app.perception.views import Sieve, View, surface, told, view
 
 _BODY_POINTS = 6000
 _POINTS_A_PARTICLE = 8
@@ -30,11 +37,9 @@ _LEAST_HIDDEN = 0.01
 """Of a liquid's volume: what is less is error."""
 _SPILT_M = 0.02
 """What is spilt is not higher over the table; what is higher, and in no bowl, falls."""
+_NONE: Cloud = np.zeros((0, 3), np.float32)
 _TABLE = Box(low=(0.20, -0.40, -0.02), high=(0.90, 0.40, 0.20))
 """What the cameras see of the table: the arm's workspace and 5 cm around it."""
-_NEIGHBOURS = 8
-_SPREAD = 3.0
-"""A point of the surface is an outlier beyond so many standard deviations of the distance to so many neighbours."""
 
 
 @final
@@ -48,7 +53,9 @@ class Reconstruction:
     on it from it. `edge_step_m`, `see_through_m`: see `depth.behind_an_edge` and
     `fuse.not_seen_through`. Of a liquid, `standing` are the bowls that are fixed, `held` is that in the hand, and
     `volume_m3` is all of it: what is not seen is in the hand, behind a wall. What is `swimming` in it are the last of
-    its particles.
+    its particles. `hidden_s`: for how long what is hidden is kept where it was; 0 for what flows or hangs, and moves
+    while nobody sees it. `segmenter`: what finds the object instead of its colour. `depth`: whether readings of depth
+    are used; where not, and where there is none in any frame, the shape is the hull of the silhouettes.
     """
 
     colour: ColourRange
@@ -67,6 +74,41 @@ class Reconstruction:
     held: Vessel | None = None
     volume_m3: float = 0.0
     swimming: Swimming | None = None
+    hidden_s: float = 60.0
+    segmenter: Segmenter | None = None
+    depth: bool = True
+
+    @property
+    def sieve(self) -> Sieve:
+        """Which readings count."""
+        return Sieve(
+            box=self.box,
+            low_m=self.table_m + self.table_margin_m,
+            edge_step_m=self.edge_step_m,
+            see_through_m=self.see_through_m,
+            voxel_m=self.voxel_m,
+        )
+
+    @property
+    def segmenting(self) -> Segmenter:
+        """What finds the object, and then what swims in it."""
+        swimming = self.swimming.colours if self.swimming else ()
+        return self.segmenter or ByColour(ranges=(self.colour, *swimming))
+
+
+@final
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Known:
+    """What is known beside the frames: the arm, where it was at each of them, and what was seen before.
+
+    `postures`: by frame, in the same order; none where nobody knows. `arm`: None where there is none to be seen.
+    `before`: each camera's frame before, as it was taken.
+    """
+
+    arm: ArmShape | None = None
+    postures: tuple[Posture, ...] = ()
+    before: tuple[Frame, ...] = ()
+    memory: Memory = NOTHING
 
 
 @final
@@ -74,24 +116,72 @@ class Reconstruction:
 class Reconstructed:
     """The object as particles of equal volume, and the fused surface that they were made from [m, world].
 
-    `looks`: what each view showed, in the order of the cameras' names.
+    `looks`: what each view showed, in the order of the cameras' names. `predicted`: the particles that stand for what
+    no camera sees now. `memory`: for the next instant; `expired`: how many points of it were hidden for too long.
     """
 
     positions: Points
     surface: Cloud
     looks: tuple[Look, ...]
+    predicted: Bool[np.ndarray, " N"]
+    memory: Memory
+    expired: int = 0
 
 
-def reconstruct(frames: Sequence[Frame], how: Reconstruction, tool: ToolPose | None = None) -> Reconstructed:
+def reconstruct(
+    frames: Sequence[Frame], how: Reconstruction, tool: ToolPose | None = None, known: Known | None = None
+) -> Reconstructed:
     """The object that `frames` show. Their order does not matter. `tool`: where the hand is, if it holds a bowl.
 
-    Raises PerceptionError, naming what each camera saw, where there is no frame or too little of the object in them.
+    What is `known` beside adds what is hidden to what is seen. Raises PerceptionError, naming what each camera saw,
+    where there is no frame or too little of the object in them.
     """
-    views, tops = _views(frames, how), _tops(frames, how)
-    surface = np.concatenate([_enough(views, how), tops])
+    known = known or Known()
+    views, *swimming = _views(frames, how, known)
+    now_s = max((frame.time_s for frame in frames), default=0.0)
+    past = recalled(known.memory, [view.sight for view in views], how.table_m, since_s=now_s - how.hidden_s)
+    if views and not any(view.frame.depth.any() for view in views):
+        carved = _carved(views, how, past.kept)
+        seen, tops = _enough(carved.surface, views, how), _NONE
+    else:
+        carved, seen = None, _enough(surface(views, how.sieve), views, how)
+        tops = np.concatenate([_NONE, *(surface(each, how.sieve) for each in swimming)])
+    kept = beside(past.kept, seen)
+    whole = np.concatenate([seen, kept.points, tops])
+    body = carved.inside if carved else _body(whole, how, tool)
+    positions = _particles(body, tops, how)
+    return Reconstructed(
+        positions=positions,
+        surface=whole,
+        looks=told(views),
+        predicted=_nearer_to(kept.points, np.concatenate([seen, tops]), positions, how),
+        memory=renewed(seen, kept, now_s) if how.hidden_s > 0 else NOTHING,
+        expired=past.expired,
+    )
+
+
+def looked(frames: Sequence[Frame], how: Reconstruction, known: Known | None = None) -> tuple[Look, ...]:
+    """What each view shows, also where that is too little for `reconstruct`."""
+    return told(_views(frames, how, known or Known())[0])
+
+
+def _carved(views: Sequence[View], how: Reconstruction, kept: Memory) -> Hull:
+    """The body that silhouettes allow. Raises PerceptionError for a liquid: its level is not in its outline."""
+    if how.standing:
+        raise PerceptionError(
+            "No image has depth, and the level of a liquid cannot be told from its outline; check the depth cameras, "
+            "and leave out --no-depth for this task."
+        )
+    low, high = how.box.low, how.box.high
+    top = min(high[2], how.table_m + 2 * how.half_width_m) if how.underside == "round" else high[2]
+    box = Box(low=(*low[:2], max(low[2], how.table_m)), high=(*high[:2], top))
+    return hull([view.sight for view in views], box, kept.points, at_least=how.particle_count)
+
+
+def _body(surface: Cloud, how: Reconstruction, tool: ToolPose | None) -> Some:
+    """Points throughout what lies under the surface, or stands in bowls; of what is thin, the surface."""
     if how.underside == "thin":
-        positions = resample(surface, how.particle_count, seed=how.seed)
-        return Reconstructed(positions=positions, surface=surface, looks=_told(views))
+        return surface
     pools, rest = _pools(surface, how)
     solids = [_under(rest, how)] if len(rest) >= _FEWEST or not how.standing else []
     if how.held is not None and tool is not None:
@@ -100,13 +190,18 @@ def reconstruct(frames: Sequence[Frame], how: Reconstruction, tool: ToolPose | N
     point_count = max(_BODY_POINTS, _POINTS_A_PARTICLE * how.particle_count)
     spacing_m = (sum(body.volume_m3 for body in (*pools, *solids)) / point_count) ** (1 / 3)
     clouds = [pool.points(spacing_m) for pool in pools] + [points_inside(solid, spacing_m) for solid in solids]
-    positions = _particles(np.concatenate(clouds), tops, how)
-    return Reconstructed(positions=positions, surface=surface, looks=_told(views))
+    return np.concatenate(clouds)
 
 
-def looked(frames: Sequence[Frame], how: Reconstruction) -> tuple[Look, ...]:
-    """What each view shows, also where that is too little for `reconstruct`."""
-    return _told(_views(frames, how))
+def _nearer_to(
+    kept: Float32[np.ndarray, "R 3"], seen: Cloud, positions: Points, how: Reconstruction
+) -> Bool[np.ndarray, " N"]:
+    """Which particles are nearer to what is kept than to what is seen: seen from above, where they fill a solid."""
+    if not len(kept):
+        return np.zeros(len(positions), bool)
+    axes = 3 if how.underside == "thin" else 2
+    to_kept, to_seen = (KDTree(cloud[:, :axes]).query(positions[:, :axes])[0] for cloud in (kept, seen))
+    return to_kept < to_seen
 
 
 def _particles(body: Cloud, tops: Float32[np.ndarray, "tops 3"], how: Reconstruction) -> Points:
@@ -115,13 +210,6 @@ def _particles(body: Cloud, tops: Float32[np.ndarray, "tops 3"], how: Reconstruc
         return resample(body, how.particle_count, seed=how.seed)
     parts = zip(how.swimming.apart(body, tops), how.swimming.split(how.particle_count), strict=True)
     return np.concatenate([resample(part, count, seed=how.seed) for part, count in parts])
-
-
-def _tops(frames: Sequence[Frame], how: Reconstruction) -> Cloud:
-    """What is seen of what swims in the liquid."""
-    colours = how.swimming.colours if how.swimming else ()
-    clouds = [_surface(_views(frames, replace(how, colour=colour)), how) for colour in colours]
-    return np.concatenate([np.zeros((0, 3), np.float32), *clouds])
 
 
 def _pools(surface: Cloud, how: Reconstruction) -> tuple[list[Pool], Float32[np.ndarray, "rest 3"]]:
@@ -141,76 +229,39 @@ def _under(surface: Cloud, how: Reconstruction) -> Solid:
     return fill(surface, table_m=how.table_m, half_width_m=how.half_width_m, underside=how.underside)
 
 
-@final
-@dataclass(frozen=True, kw_only=True, eq=False)
-class _View:
-    """What one frame shows of the object: how many pixels of its colour, and those of them that lie in the box."""
-
-    frame: Frame
-    mask: Mask
-    pixel_count: int
-    points: Cloud
-
-
-def _enough(views: Sequence[_View], how: Reconstruction) -> Cloud:
-    """The surface that the views agree on, clean. Raises PerceptionError where that is too little."""
+def _enough(seen: Cloud, views: Sequence[View], how: Reconstruction) -> Cloud:
+    """What is seen of the surface. Raises PerceptionError where that is too little."""
     if not views:
         raise PerceptionError("There is no frame to reconstruct from; wait for the cameras or check `dipac doctor`.")
-    surface = _surface(views, how)
-    if not len(surface):
+    if not len(seen):
         raise PerceptionError(_too_little("No view shows the object", views, how))
-    if len(surface) < how.min_points:
+    if len(seen) < how.min_points:
         raise PerceptionError(
-            _too_little(f"The object's surface has {len(surface)} points, {how.min_points} are needed", views, how)
+            _too_little(f"The object's surface has {len(seen)} points, {how.min_points} are needed", views, how)
         )
-    return surface
+    return seen
 
 
-def _views(frames: Sequence[Frame], how: Reconstruction) -> list[_View]:
-    return [_look(frame, how) for frame in sorted(frames, key=lambda frame: (frame.camera.name, frame.time_s))]
+def _views(frames: Sequence[Frame], how: Reconstruction, known: Known) -> list[list[View]]:
+    """The views of the object, then those of each kind that swims in it; each in the order of the cameras' names."""
+    postures = known.postures or (None,) * len(frames)
+    ordered = sorted(zip(frames, postures, strict=True), key=lambda pair: (pair[0].camera.name, pair[0].time_s))
+    before = {frame.camera.name: frame for frame in known.before}
+    rows = [_seen(frame, before.get(frame.camera.name), posture, how, known.arm) for frame, posture in ordered]
+    return [list(views) for views in zip(*rows, strict=True)] or [[]]
 
 
-def _surface(views: Sequence[_View], how: Reconstruction) -> Cloud:
-    """What the views agree on, without outliers; empty where they show nothing."""
-    clouds = [_uncontradicted(view, views, how) for view in views]
-    if not any(len(cloud) for cloud in clouds):
-        return np.zeros((0, 3), np.float32)
-    return without_outliers(merge(clouds, how.voxel_m), _NEIGHBOURS, _SPREAD)
+def _seen(
+    frame: Frame, before: Frame | None, posture: Posture | None, how: Reconstruction, arm: ArmShape | None
+) -> list[View]:
+    frame = steadied(frame, before) if how.depth else replace(frame, depth=np.zeros_like(frame.depth))
+    dark = None
+    if arm is not None and posture is not None:
+        dark = shadow(frame.camera, frame.depth, pieces(arm, posture))
+    return [view(frame, mask, dark, how.sieve) for mask in how.segmenting.masks(frame.color)]
 
 
-def _look(frame: Frame, how: Reconstruction) -> _View:
-    """The object's pixels in one frame, as points in the box and above the table."""
-    camera = frame.camera
-    mask = colour_mask(frame.color, how.colour)
-    points = deproject(frame.depth, mask & ~behind_an_edge(frame.depth, how.edge_step_m, camera), camera)
-    keep = how.box.holds(points) & (points[:, 2] >= how.table_m + how.table_margin_m)
-    return _View(frame=frame, mask=mask, pixel_count=int(np.count_nonzero(mask)), points=points[keep])
-
-
-def _told(views: Sequence[_View]) -> tuple[Look, ...]:
-    apart = apart_m([view.points for view in views])
-    return tuple(
-        Look(
-            camera=view.frame.camera.name,
-            mask=thinned(view.mask),
-            pixels=view.pixel_count,
-            points=len(view.points),
-            apart_m=away_m,
-        )
-        for view, away_m in zip(views, apart, strict=True)
-    )
-
-
-def _uncontradicted(view: _View, views: Sequence[_View], how: Reconstruction) -> Cloud:
-    """The points of `view` that no other view sees through."""
-    keep = np.ones(len(view.points), bool)
-    for other in views:
-        if other is not view:
-            keep &= not_seen_through(view.points, other.frame.depth, other.frame.camera, how.see_through_m)
-    return view.points[keep]
-
-
-def _too_little(what: str, views: Sequence[_View], how: Reconstruction) -> str:
+def _too_little(what: str, views: Sequence[View], how: Reconstruction) -> str:
     """What is missing, what each camera saw, and what to do."""
     seen = "; ".join(
         f"camera {view.frame.camera.name!r} saw {view.pixel_count} pixels of its colour, "

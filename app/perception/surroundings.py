@@ -7,7 +7,7 @@ import numpy as np
 from jaxtyping import Bool, Float32
 from scipy.spatial import KDTree
 
-from app.core.colours import Mask, colour_mask
+from app.core.colours import Mask
 from app.core.messages import Frame
 from app.core.types import Cloud
 from app.perception.depth import behind_an_edge, deproject
@@ -41,7 +41,7 @@ def table_points(frames: Sequence[Frame], how: Reconstruction, *, seed: int = 0)
     """
     level, others = list[Cloud](), list[Cloud]()
     for frame in frames:
-        coloured = colour_mask(frame.color, how.colour)
+        coloured = how.segmenting.masks(frame.color)[0]
         points = _readings(frame, _sparse(coloured.shape) & ~coloured, how)
         low = np.abs(points[:, 2] - how.table_m) < _NEAR_TABLE_M
         level.append(points[low])

@@ -15,7 +15,7 @@ from scipy.optimize import least_squares
 from scipy.special import expit
 
 from app.core.camera import CameraModel
-from app.core.colours import Mask, colour_mask
+from app.core.colours import Mask
 from app.core.messages import Frame
 from app.core.types import Cloud
 from app.perception.depth import behind_an_edge, deproject, project
@@ -98,7 +98,7 @@ class _Look(NamedTuple):
 def _look(frame: Frame, tip: Float64[np.ndarray, "3"], how: Reconstruction) -> _Look:
     """Pixels beside the object's may be of either and are left out; so are those between finger and table."""
     camera = frame.camera
-    object_ = cv2.dilate(colour_mask(frame.color, how.colour).astype(np.uint8), np.ones((3, 3), np.uint8)) > 0
+    object_ = cv2.dilate(how.segmenting.masks(frame.color)[0].astype(np.uint8), np.ones((3, 3), np.uint8)) > 0
     between = behind_an_edge(frame.depth, how.edge_step_m, camera)
     wanted = _window(camera, tip, how) & ~object_
     solid, doubtful = (deproject(frame.depth, wanted & part, camera).astype(np.float64) for part in (~between, between))

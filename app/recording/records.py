@@ -3,8 +3,11 @@
 Images and surface clouds are stored once, in Foxglove's own messages; leave to move is never made from a file.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import final
+
+import numpy as np
+from jaxtyping import Bool
 
 from app.core.camera import CameraModel
 from app.core.messages import Message, MessageId
@@ -27,6 +30,7 @@ class ParticlesRecord(Message):
 
     positions: Points
     reconstruction_s: float
+    predicted: Bool[np.ndarray, " P"] = field(default_factory=lambda: np.zeros(0, np.bool_))
 
 
 @final

@@ -76,10 +76,13 @@ def views(message: Message, epoch: Epoch) -> list[View]:
         case Frame():
             return _frame(message, stamp)
         case Particles():
-            return [
+            clouds: list[View] = [
                 ("/object/particles", _cloud(message.positions, stamp)),
                 (SURFACE_TOPIC, _cloud(message.surface, stamp)),
             ]
+            if len(message.unseen):
+                clouds.append(("/object/predicted", _cloud(message.unseen, stamp)))
+            return clouds
         case Goal():
             return [("/goal", _cloud(message.positions, stamp))]
         case Proposal():

@@ -42,6 +42,7 @@ TASK = Task(
         table_margin_m=-0.02,
         underside="thin",
         voxel_m=0.004,
+        hidden_s=0.0,
     ),
     scene=Scene(
         low=(0.15, -0.45, -0.03),

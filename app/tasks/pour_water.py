@@ -38,6 +38,7 @@ TASK = Task(
         standing=(Vessel(radius_m=TARGET.radius_m, place_m=TARGET.place_m),),
         held=Vessel(radius_m=HELD.radius_m, place_m=(0.0, 0.0, 0.0)),
         volume_m3=WATER.volume_m3,
+        hidden_s=0.0,
     ),
     scene=pouring_scene(WATER, HELD, TARGET, particle_count=PARTICLES),
     actions=Pours(

@@ -5,6 +5,7 @@ from typing import final
 import numpy as np
 import trimesh
 import viser
+from jaxtyping import Bool, UInt8
 
 from app.core.types import Points
 from app.ui import palette
@@ -26,11 +27,13 @@ class Beads:
         self._visible = True
         self._handle: viser.BatchedMeshHandle | None = None
 
-    def put(self, positions: Points) -> None:
-        """Show the particles `positions (N, 3)`; N may change from call to call."""
-        count = len(positions)
+    def put(self, positions: Points, shaded: Bool[np.ndarray, " P"] | None = None) -> None:
+        """Show the particles `positions (N, 3)`, some of them `shaded`; N may change from call to call."""
+        count, colours = len(positions), self._colours(len(positions), shaded)
         if self._handle is not None and len(self._handle.batched_positions) == count:
             self._handle.batched_positions = positions
+            if not np.array_equal(colours, self._handle.batched_colors):
+                self._handle.batched_colors = colours
             return
         if self._handle is not None:
             self._handle.remove()
@@ -41,12 +44,19 @@ class Beads:
             faces=np.asarray(ball.faces),
             batched_wxyzs=np.tile([1.0, 0.0, 0.0, 0.0], (count, 1)),
             batched_positions=positions,
-            batched_colors=palette.linear(self._colour),
+            batched_colors=colours,
             opacity=self._opacity,
             lod="off",
             cast_shadow=self._opacity is None,
             visible=self._visible,
         )
+
+    def _colours(self, count: int, shaded: Bool[np.ndarray, " P"] | None) -> UInt8[np.ndarray, "N 3"]:
+        """Of each particle."""
+        colours = np.tile(palette.linear(self._colour), (count, 1))
+        if shaded is not None and len(shaded) == count:
+            colours[shaded] = palette.linear(palette.UNSEEN)
+        return colours
 
     def clear(self) -> None:
         """Draw none until the next `put`."""

@@ -228,6 +228,7 @@ def key() -> str:
     """What the colours in the scene mean."""
     entries = (
         ("", palette.OBSERVED, "observed"),
+        ("", palette.UNSEEN, "hidden, where it was"),
         ("", palette.GOAL, "goal"),
         ("", palette.PREDICTED, "after this motion"),
         ("", palette.HORIZON, "at the horizon"),

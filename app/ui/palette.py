@@ -8,6 +8,8 @@ Colour: TypeAlias = tuple[int, int, int]
 """Red, green, blue in 0..255."""
 
 OBSERVED: Final[Colour] = (240, 138, 36)
+UNSEEN: Final[Colour] = (150, 104, 62)
+"""Of what is hidden: as what is observed, in shade."""
 GOAL: Final[Colour] = (0, 158, 115)
 PREDICTED: Final[Colour] = (86, 180, 233)
 HORIZON: Final[Colour] = (150, 120, 220)

@@ -4,6 +4,7 @@ from typing import final
 
 import numpy as np
 import viser
+from jaxtyping import Bool
 from viser import transforms
 
 from app.config import Workspace
@@ -43,7 +44,8 @@ class Scene:
         """Bring the picture up to the board."""
         last, self._last = self._last, board
         if board.particles is not last.particles:
-            _follow(self.observed, board.particles and board.particles.positions)
+            seen = board.particles
+            _follow(self.observed, seen and seen.positions, seen and seen.predicted)
         if board.goal is not last.goal:
             _follow(self.goal, board.goal and board.goal.positions)
         if board.shown is not last.shown:
@@ -93,12 +95,12 @@ class Scene:
         self.ghost.put(along(board.pending.motion, now_s - board.pending.time_s), 1.0)
 
 
-def _follow(beads: Beads, points: Points | None) -> None:
-    """Draw the points, or nothing where there are none any more."""
+def _follow(beads: Beads, points: Points | None, shaded: Bool[np.ndarray, " P"] | None = None) -> None:
+    """Draw the points, some of them shaded, or nothing where there are none any more."""
     if points is None:
         beads.clear()
     else:
-        beads.put(points)
+        beads.put(points, shaded)
 
 
 def _furnish(server: viser.ViserServer, workspace: Workspace) -> None:

@@ -19,6 +19,7 @@ from app.core.approval import Approved
 from app.core.camera import CameraModel
 from app.core.errors import ApprovalRefused, DeviceError, MotionRefused
 from app.core.jog import Jog
+from app.core.limbs import ArmShape
 from app.core.messages import ArmState, Executed, Frame, MessageId, fresh_id
 from app.core.motion import pointing_down
 from app.core.refusal import Refusal
@@ -26,6 +27,7 @@ from app.core.types import ColourImage, DepthImage, Poses, ToolPose
 from app.rig.simulated.arm_control import ArmControl
 from app.rig.simulated.arm_model import solve_joints
 from app.rig.simulated.cameras import table_cameras
+from app.rig.simulated.limbs import known_arm
 from app.rig.simulated.physics import HOME_TOOL_M
 from app.rig.simulated.render import render
 from app.rig.simulated.world import Snapshot
@@ -157,6 +159,9 @@ class TickedArm:
             measured=measured,
         )
 
+    def joints(self) -> np.ndarray:
+        return solve_joints(self._control.measured)
+
     def tool(self) -> ToolPose:
         return self._control.measured.copy()
 
@@ -273,6 +278,10 @@ class SmallRig:
     @property
     def simulated(self) -> bool:
         return self._simulated
+
+    @property
+    def shape(self) -> ArmShape:
+        return known_arm(TASK.stage.tool)
 
     @property
     def cameras(self) -> Sequence[PhotographicCamera]:

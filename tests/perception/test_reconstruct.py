@@ -142,8 +142,8 @@ def test_an_absent_object_is_said_with_what_each_camera_saw(frames):
         reconstruct(frames, blue)
 
 
-def test_an_object_without_depth_is_told_from_an_absent_one(frames):
-    blind = [replace(frame, depth=np.zeros_like(frame.depth)) for frame in frames]
+def test_an_object_whose_depth_makes_no_sense_is_told_from_an_absent_one(frames):
+    blind = [replace(frame, depth=np.full_like(frame.depth, 10)) for frame in frames]
     with pytest.raises(PerceptionError, match=r"'left' saw [1-9]\d{3} pixels of its colour, 0 of them with a depth"):
         reconstruct(blind, HOW)
 

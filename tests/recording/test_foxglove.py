@@ -64,6 +64,7 @@ def test_images_clouds_poses_and_lines_are_in_foxgloves_own_schemas(recording: R
         "/tool/pose": {"foxglove.PoseInFrame"},
         "/object/particles": {"foxglove.PointCloud"},
         "/object/surface": {"foxglove.PointCloud"},
+        "/object/predicted": {"foxglove.PointCloud"},
         "/goal": {"foxglove.PointCloud"},
         "/plan/predicted": {"foxglove.PointCloud"},
         "/plan/branches": {"foxglove.SceneUpdate"},

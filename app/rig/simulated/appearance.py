@@ -40,7 +40,7 @@ _DARK: Colour = (0.13, 0.13, 0.15)
 
 @final
 @dataclass(frozen=True, kw_only=True)
-class _Rod:
+class Rod:
     """A straight tapered rod on the z axis of a link, `low` to `high` [m], as drawn."""
 
     link: int
@@ -50,15 +50,15 @@ class _Rod:
     colour: Colour
 
 
-_ARM = (
-    _Rod(link=0, low=-SHOULDER_M, high=-SHOULDER_M + 0.12, radius=0.075, colour=_DARK),
-    _Rod(link=0, low=-SHOULDER_M + 0.12, high=0.05, radius=0.06, colour=_WHITE),
-    _Rod(link=1, low=0.0, high=UPPER_ARM_M / 2, radius=0.055, colour=_WHITE),
-    _Rod(link=2, low=0.0, high=UPPER_ARM_M / 2 + 0.05, radius=0.05, colour=_WHITE),
-    _Rod(link=3, low=0.0, high=FOREARM_M / 2, radius=0.045, colour=_WHITE),
-    _Rod(link=4, low=0.0, high=FOREARM_M / 2 + 0.04, radius=0.042, colour=_WHITE),
-    _Rod(link=6, low=-HAND_M / 2, high=-0.03, radius=0.04, colour=_WHITE),
-    _Rod(link=6, low=-0.03, high=HAND_M / 2 - _FINGER_LENGTH_M, radius=0.032, colour=_DARK),
+RODS = (
+    Rod(link=0, low=-SHOULDER_M, high=-SHOULDER_M + 0.12, radius=0.075, colour=_DARK),
+    Rod(link=0, low=-SHOULDER_M + 0.12, high=0.05, radius=0.06, colour=_WHITE),
+    Rod(link=1, low=0.0, high=UPPER_ARM_M / 2, radius=0.055, colour=_WHITE),
+    Rod(link=2, low=0.0, high=UPPER_ARM_M / 2 + 0.05, radius=0.05, colour=_WHITE),
+    Rod(link=3, low=0.0, high=FOREARM_M / 2, radius=0.045, colour=_WHITE),
+    Rod(link=4, low=0.0, high=FOREARM_M / 2 + 0.04, radius=0.042, colour=_WHITE),
+    Rod(link=6, low=-HAND_M / 2, high=-0.03, radius=0.04, colour=_WHITE),
+    Rod(link=6, low=-0.03, high=HAND_M / 2 - _FINGER_LENGTH_M, radius=0.032, colour=_DARK),
 )
 
 
@@ -66,14 +66,14 @@ def surfaces(snapshot: Snapshot, stage: Stage) -> list[Surface]:
     """All that stands in the cell, where it is in `snapshot`: the object first."""
     frames = link_frames(snapshot.joints)
     parts = kind_of(stage).surfaces(stage, snapshot.nodes)
-    parts += [_placed(rod, frames[rod.link]) for rod in _ARM]
+    parts += [_placed(rod, frames[rod.link]) for rod in RODS]
     parts += _tool(stage.tool, snapshot.tool, frames[7])
     for fixture in stage.fixtures:
         parts += _fixture(fixture)
     return parts
 
 
-def _placed(rod: _Rod, frame: Frame) -> Surface:
+def _placed(rod: Rod, frame: Frame) -> Surface:
     heights = np.array([rod.low, rod.low + 0.3 * rod.radius, rod.high - 0.3 * rod.radius, rod.high])
     radii = rod.radius * np.array([0.7, 1.0, 1.0, 0.7])
     return turned(heights, radii, frame, rod.colour)

@@ -20,18 +20,18 @@ LinkFrames: TypeAlias = Float64[np.ndarray, "8 4 4"]
 SHOULDER_M, UPPER_ARM_M, FOREARM_M, HAND_M = 0.33, 0.54, 0.52, 0.31
 """Base to shoulder, shoulder to elbow, elbow to wrist, wrist to tool tip [m]."""
 
-_OFFSETS_M = (SHOULDER_M, 0.0, UPPER_ARM_M / 2, UPPER_ARM_M / 2, FOREARM_M / 2, FOREARM_M / 2, HAND_M / 2)
+OFFSETS_M = (SHOULDER_M, 0.0, UPPER_ARM_M / 2, UPPER_ARM_M / 2, FOREARM_M / 2, FOREARM_M / 2, HAND_M / 2)
 _STRAIGHT = 1e-9
 """Of a wrist that is bent by less, joints 5 and 7 turn alike, and joint 7 does it all."""
 _TIP_M = HAND_M / 2
-"""Each joint lies `_OFFSETS_M` up the previous link's z axis; the tip `_TIP_M` up the last link's."""
+"""Each joint lies `OFFSETS_M` up the previous link's z axis; the tip `_TIP_M` up the last link's."""
 
 
 def link_frames(joints: Joints) -> LinkFrames:
     """Forward kinematics: joints 1, 3, 5, 7 turn about the link's z axis, joints 2, 4, 6 about its y axis."""
     frames, frame = np.empty((8, 4, 4)), np.eye(4)
     for index, angle in enumerate(joints):
-        frame = frame @ _joint_transform(_OFFSETS_M[index], angle, about_y=index % 2 == 1)
+        frame = frame @ _joint_transform(OFFSETS_M[index], angle, about_y=index % 2 == 1)
         frames[index] = frame
     frames[7] = frame @ _joint_transform(_TIP_M, 0.0, about_y=False)
     return frames

@@ -15,6 +15,7 @@ from app.arm.process import run_arm
 from app.arm.process_arm import ProcessArm
 from app.config import Site
 from app.core.camera import CameraModel
+from app.core.limbs import ArmShape
 from app.core.ports import Arm, Camera
 from app.core.processes import end, process, ready
 from app.core.ring import Ring
@@ -24,6 +25,7 @@ from app.rig.simulated.camera import SimulatedCamera
 from app.rig.simulated.camera_process import image_ring, run_cameras
 from app.rig.simulated.cameras import table_cameras
 from app.rig.simulated.kinds import kind_of
+from app.rig.simulated.limbs import known_arm
 from app.rig.simulated.world import Nodes, Snapshot
 from app.rig.simulated.world_process import newest_snapshot, run_world, snapshot_ring
 
@@ -32,8 +34,8 @@ from app.rig.simulated.world_process import newest_snapshot, run_world, snapshot
 class SimulatedRig:
     """An arm that acts in another physics than the planner's, and cameras that look at it."""
 
-    def __init__(self, arm: ProcessArm, cameras: Sequence[SimulatedCamera], snapshots: Ring) -> None:
-        self._arm, self._cameras, self._snapshots = arm, cameras, snapshots
+    def __init__(self, arm: ProcessArm, shape: ArmShape, cameras: Sequence[SimulatedCamera], snapshots: Ring) -> None:
+        self._arm, self._shape, self._cameras, self._snapshots = arm, shape, cameras, snapshots
 
     @property
     def name(self) -> str:
@@ -44,6 +46,11 @@ class SimulatedRig:
     def simulated(self) -> bool:
         """Nothing real can move."""
         return True
+
+    @property
+    def shape(self) -> ArmShape:
+        """The arm as it is drawn."""
+        return self._shape
 
     @property
     def cameras(self) -> Sequence[Camera]:
@@ -144,7 +151,8 @@ async def _opened(scene: _Scene, site: Site) -> AsyncGenerator[SimulatedRig]:
             SimulatedCamera(model, processes.images[model.name], processes.eyes, processes.world, site.timing)
             for model in scene.cameras
         ]
-        yield SimulatedRig(ProcessArm(processes.memory, processes.arm, site), cameras, processes.snapshots)
+        arm = ProcessArm(processes.memory, processes.arm, site)
+        yield SimulatedRig(arm, known_arm(scene.stage.tool), cameras, processes.snapshots)
     finally:
         with anyio.CancelScope(shield=True):
             await to_thread.run_sync(processes.end)

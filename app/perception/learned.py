@@ -1,0 +1,112 @@
+"""A segmenter that somebody trained: an ONNX file, run by OpenCV on the CPU.
+
+What it has to be: one input of 32-bit floats, shape (1, 3, H, W), an RGB image scaled to 0..1, whose size may be open;
+one output of shape (1, 1 + K, h, w), a score for the background and for each of the K objects of the task. A pixel is
+of the one with the highest score. Images are resized to H x W, and the answer back to the image.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import lru_cache
+from pathlib import Path
+from typing import Any, Final, TypeAlias, final
+
+import cv2
+import numpy as np
+from jaxtyping import Float32
+
+from app.core.colours import Mask
+from app.core.errors import PerceptionError, UsageError
+from app.core.types import ColourImage
+from app.perception.onnx_file import Tensor, tensors
+
+Scores: TypeAlias = Float32[np.ndarray, "1 C h w"]
+
+_WANTED: Final = (
+    "a segmenter has one input of 32-bit floats, shape (1, 3, H, W), an RGB image in 0..1, and one output of shape "
+    "(1, {classes}, h, w), the scores of the background and of {objects}"
+)
+_TRIED: Final = (96, 128)
+"""Height and width of the image that a network of open size is tried on."""
+
+
+@final
+@dataclass(frozen=True, kw_only=True)
+class Learned:
+    """The network in a file. `height` and `width` of its input are 0 where they are open; `objects`: how many it finds.
+
+    The file is read once a process, when the first image comes.
+    """
+
+    path: Path
+    height: int
+    width: int
+    objects: int
+
+    def masks(self, color: ColourImage) -> Sequence[Mask]:
+        """A mask for each object. Raises PerceptionError where the network fails."""
+        size = (self.height or color.shape[0], self.width or color.shape[1])
+        try:
+            scores = _scores(self.path, color, size)
+        except cv2.error as error:
+            raise PerceptionError(
+                f"The segmenter {self.path} failed on an image of {color.shape[1]} x {color.shape[0]}: "
+                f"{_said(error)}. Train it for this size, or leave out --segmenter."
+            ) from None
+        best = scores[0].argmax(axis=0).astype(np.uint8)
+        best = cv2.resize(best, (color.shape[1], color.shape[0]), interpolation=cv2.INTER_NEAREST)
+        return [best == 1 + index for index in range(self.objects)]
+
+
+def load_segmenter(path: Path, objects: int) -> Learned:
+    """The network in the file `path`, tried on a black image.
+
+    Raises UsageError, which says what is expected and what is there, where it is not one that finds `objects`.
+    """
+    try:
+        data = path.read_bytes()
+    except OSError as error:
+        raise UsageError(f"--segmenter {path} cannot be read: {error.strerror}.") from None
+    wanted = _WANTED.format(classes=1 + objects, objects="one object" if objects == 1 else f"{objects} objects")
+    try:
+        inputs, outputs = tensors(data)
+    except ValueError as error:
+        raise UsageError(f"--segmenter {path} is no ONNX file ({error}); {wanted}.") from None
+    if len(inputs) != 1 or len(outputs) != 1 or not _fits(inputs[0]):
+        raise UsageError(f"--segmenter {path} has {_listed(inputs)} in and {_listed(outputs)} out; {wanted}.")
+    found = Learned(path=path.resolve(), height=inputs[0].shape[2], width=inputs[0].shape[3], objects=objects)
+    size = (found.height or _TRIED[0], found.width or _TRIED[1])
+    try:
+        scores = _scores(found.path, np.zeros((*size, 3), np.uint8), size)
+    except cv2.error as error:
+        raise UsageError(f"--segmenter {path} cannot be run by OpenCV: {_said(error)}; {wanted}.") from None
+    if scores.ndim != 4 or scores.shape[:2] != (1, 1 + objects):
+        raise UsageError(f"--segmenter {path} gives an output of shape {scores.shape}; {wanted}.")
+    return found
+
+
+def _fits(tensor: Tensor) -> bool:
+    """Whether it is an image: 0 stands for a size that is open."""
+    return tensor.float32 and len(tensor.shape) == 4 and tensor.shape[0] in (0, 1) and tensor.shape[1] == 3
+
+
+def _listed(found: Sequence[Tensor]) -> str:
+    return ", ".join(str(tensor) for tensor in found) or "nothing"
+
+
+def _scores(path: Path, color: ColourImage, size: tuple[int, int]) -> Scores:
+    """What the network says of the image, resized to height and width `size`."""
+    network = _network(path)
+    image = cv2.resize(color, (size[1], size[0]), interpolation=cv2.INTER_AREA).astype(np.float32) / 255
+    network.setInput(np.ascontiguousarray(image.transpose(2, 0, 1)[None]))
+    return network.forward()
+
+
+@lru_cache(maxsize=2)
+def _network(path: Path) -> Any:
+    return cv2.dnn.readNetFromONNX(str(path))
+
+
+def _said(error: cv2.error) -> str:
+    """OpenCV's own words, in one line."""
+    return " ".join(str(error).split())[:200]

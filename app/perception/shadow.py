@@ -1,0 +1,130 @@
+"""Which pixels the arm and its tool cover, by kinematics: what is seen there is not the object.
+
+Every part is a convex piece, so what it covers in an image is the convex hull of its projected corners. Its pixels are
+kept with the distances between which it lies: a reading in front of them or behind them is not of the arm, however
+wide the margin for what kinematics and calibration get wrong.
+"""
+
+import itertools
+from collections.abc import Iterator, Sequence
+from typing import TypeAlias
+
+import cv2
+import numpy as np
+from jaxtyping import Bool, Float32, Float64
+from scipy.spatial.transform import Rotation
+
+from app.core.camera import CameraModel
+from app.core.limbs import ArmShape, Posture
+from app.core.stage import Finger, Gripper, HeldBowl, Paddle, Tool
+from app.core.types import DepthImage, ToolPose
+
+Shadow: TypeAlias = Float32[np.ndarray, "height width"]
+"""How far from the camera [m, along its axis] the arm begins in each pixel that shows it; infinite in the others."""
+Corners: TypeAlias = Float64[np.ndarray, "P 3"]
+"""Points [m, world] in whose convex hull a part lies."""
+
+MARGIN_M = 0.010
+"""How much larger all is taken to be: 5 mm of kinematics, 3 mm of extrinsics, a pixel, and cables."""
+_FINGER_M, _HANDLE_M = 0.10, 0.008
+"""From the tip of a tool up to the hand, and the radius of what holds a paddle there."""
+_NEAREST_M = 0.05
+_TURNS, _RINGS = 12, 5
+_OUTSIDE = 1.06
+"""A ball's polyhedron of so many corners lies inside it; that much larger, outside."""
+
+
+def shadow(camera: CameraModel, depth: DepthImage, pieces: Sequence[Corners]) -> Shadow:
+    """What the `pieces` cover of the camera's image, as `depth` agrees; all of what has no reading.
+
+    A piece that reaches behind the camera and is not beside its view covers everything: a camera touched by the arm.
+    """
+    begins = np.full(depth.shape, np.inf, np.float32)
+    rotation, eye = camera.T_world_camera[:3, :3], camera.T_world_camera[:3, 3]
+    for piece in pieces:
+        corners = (piece - eye) @ rotation @ camera.K.T
+        if _beside(corners, camera):
+            continue
+        near_m, far_m = float(corners[:, 2].min()), float(corners[:, 2].max())
+        if near_m < _NEAREST_M:
+            return np.zeros(depth.shape, np.float32)
+        rows, columns, covered = _hull(corners, depth.shape)
+        low, high = (np.float32(metres / camera.depth_unit_m) for metres in (near_m, far_m))
+        measured, before = depth[rows, columns], begins[rows, columns]
+        covered &= ((measured == 0) | ((measured >= low) & (measured <= high))) & (before > near_m)
+        before[covered] = near_m
+    return begins
+
+
+def _hull(corners: Corners, shape: tuple[int, ...]) -> tuple[slice, slice, Bool[np.ndarray, "rows columns"]]:
+    """The rows and columns that hold the hull of homogeneous pixels, and which of these pixels it covers."""
+    pixels = np.rint(corners[:, :2] / corners[:, 2:]).astype(np.int32)
+    (left, top), (right, bottom) = np.maximum(pixels.min(axis=0), 0), pixels.max(axis=0) + 1
+    rows, columns = slice(top, max(min(bottom, shape[0]), top)), slice(left, max(min(right, shape[1]), left))
+    covered = np.zeros((rows.stop - top, columns.stop - left), np.uint8)
+    if covered.size:
+        cv2.fillConvexPoly(covered, cv2.convexHull(pixels - np.array([left, top], np.int32)), (1,))
+    return rows, columns, covered.astype(bool)
+
+
+def pieces(arm: ArmShape, at: Posture, margin_m: float = MARGIN_M) -> list[Corners]:
+    """The convex pieces of the arm and its tool, each larger by the margin on every side."""
+    links = arm.links(at.joints)
+    found = list[Corners]()
+    for limb in arm.limbs:
+        turn, place = links[limb.link][:3, :3], links[limb.link][:3, 3]
+        begin, end = (turn @ np.asarray(place_m) + place for place_m in (limb.begin, limb.end))
+        found += _capsule(begin, end, limb.radius_m + margin_m)
+    return found + list(_tool(arm.tool, at.tool, margin_m))
+
+
+def _tool(tool: Tool, at: ToolPose, margin_m: float) -> Iterator[Corners]:
+    """The tool's own pieces. Those that hold the object have no margin, and a bowl is none: it shall be seen."""
+    turn, tip = Rotation.from_quat(at[3:7], scalar_first=True).as_matrix(), at[:3]
+    up = -turn[:, 2]
+    match tool:
+        case Finger():
+            end = tip + tool.radius_m * up
+            yield from _capsule(end, tip + _FINGER_M * up, tool.radius_m + margin_m)
+        case Paddle():
+            yield _box(tool.half_m, turn, tip, margin_m)
+            yield from _capsule(tip + tool.half_m[2] * up, tip + _FINGER_M * up, _HANDLE_M + margin_m)
+        case Gripper():
+            for side in (-1, 1):
+                aside = side * (at[7] / 2 + tool.half_m[1])
+                yield _box(tool.half_m, turn, tip + turn @ np.array([0.0, aside, -tool.half_m[2]]), 0.0)
+        case HeldBowl():
+            return
+
+
+def _box(half_m: Sequence[float], turn: Float64[np.ndarray, "3 3"], middle: np.ndarray, margin_m: float) -> Corners:
+    signs = np.stack(np.meshgrid(*[[-1.0, 1.0]] * 3, indexing="ij"), axis=-1).reshape(8, 3)
+    return middle + signs * (np.asarray(half_m) + margin_m) @ turn.T
+
+
+def _capsule(begin: np.ndarray, end: np.ndarray, radius_m: float) -> list[Corners]:
+    """In pieces no longer than wide, so that each says well where it begins."""
+    count = max(1, int(np.ceil(np.linalg.norm(end - begin) / (2 * radius_m))))
+    places = begin + np.linspace(0.0, 1.0, count + 1)[:, None] * (end - begin)
+    ball = _OUTSIDE * radius_m * _BALL
+    return [np.concatenate([a + ball, b + ball]) for a, b in itertools.pairwise(places)]
+
+
+def _beside(corners: Corners, camera: CameraModel) -> bool:
+    """Whether homogeneous pixels `(u z, v z, z)` lie all beyond one side of the image, or behind the camera."""
+    x, y, z = corners.T
+    sides = (x < 0, x > camera.width * z, y < 0, y > camera.height * z, z < 0)
+    return any(bool(side.all()) for side in sides)
+
+
+def _ball() -> Float64[np.ndarray, "Q 3"]:
+    """Corners on the unit ball: rings about the vertical, and the poles."""
+    height = np.linspace(-1.0, 1.0, _RINGS + 2)[1:-1]
+    around = np.linspace(0.0, 2 * np.pi, _TURNS, endpoint=False)
+    z, turn = (each.ravel() for each in np.meshgrid(np.sin(np.pi / 2 * height), around, indexing="ij"))
+    rim = np.sqrt(1 - z**2)
+    rings = np.stack([rim * np.cos(turn), rim * np.sin(turn), z], axis=1)
+    return np.concatenate([rings, [[0.0, 0.0, 1.0], [0.0, 0.0, -1.0]]])
+
+
+_BALL = _ball()

@@ -1,0 +1,98 @@
+"""What each frame shows of the object, and the surface that they agree on."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import final
+
+import numpy as np
+
+from app.core.colours import Mask
+from app.core.messages import Frame
+from app.core.types import Cloud
+from app.perception.depth import behind_an_edge, deproject
+from app.perception.fuse import Box, merge, not_seen_through, without_outliers
+from app.perception.look import Look, apart_m, thinned
+from app.perception.memory import Sight
+from app.perception.shadow import Shadow
+
+_NEIGHBOURS = 8
+_SPREAD = 3.0
+"""A point of the surface is an outlier beyond so many standard deviations of the distance to so many neighbours."""
+
+
+@final
+@dataclass(frozen=True, kw_only=True)
+class Sieve:
+    """Which readings count: in the box, higher than `low_m`, not behind an edge, and not seen through from elsewhere.
+
+    `edge_step_m`, `see_through_m`: see `depth.behind_an_edge` and `fuse.not_seen_through`.
+    """
+
+    box: Box
+    low_m: float
+    edge_step_m: float
+    see_through_m: float
+    voxel_m: float
+
+
+@final
+@dataclass(frozen=True, kw_only=True, eq=False)
+class View:
+    """One frame: where it shows the object and not the arm, and those readings of it that count."""
+
+    frame: Frame
+    mask: Mask
+    shadow: Shadow | None
+    points: Cloud
+
+    @property
+    def sight(self) -> Sight:
+        """What it says about a point of the world."""
+        return Sight(self.frame.camera, self.frame.depth, self.mask, self.shadow)
+
+    @property
+    def pixel_count(self) -> int:
+        """How many pixels show the object."""
+        return int(np.count_nonzero(self.mask))
+
+
+def view(frame: Frame, mask: Mask, shadow: Shadow | None, sieve: Sieve) -> View:
+    """The object's pixels in one frame, as points."""
+    camera = frame.camera
+    if shadow is not None:
+        mask = mask & np.isinf(shadow)
+    points = deproject(frame.depth, mask & ~behind_an_edge(frame.depth, sieve.edge_step_m, camera), camera)
+    keep = sieve.box.holds(points) & (points[:, 2] >= sieve.low_m)
+    return View(frame=frame, mask=mask, shadow=shadow, points=points[keep])
+
+
+def surface(views: Sequence[View], sieve: Sieve) -> Cloud:
+    """What the views agree on, without outliers; empty where they show nothing."""
+    clouds = [_uncontradicted(view, views, sieve) for view in views]
+    if not any(len(cloud) for cloud in clouds):
+        return np.zeros((0, 3), np.float32)
+    return without_outliers(merge(clouds, sieve.voxel_m), _NEIGHBOURS, _SPREAD)
+
+
+def told(views: Sequence[View]) -> tuple[Look, ...]:
+    """What each showed, for the operator."""
+    apart = apart_m([view.points for view in views])
+    return tuple(
+        Look(
+            camera=view.frame.camera.name,
+            mask=thinned(view.mask),
+            pixels=view.pixel_count,
+            points=len(view.points),
+            apart_m=away_m,
+        )
+        for view, away_m in zip(views, apart, strict=True)
+    )
+
+
+def _uncontradicted(view: View, views: Sequence[View], sieve: Sieve) -> Cloud:
+    """The points of `view` that no other view sees through."""
+    keep = np.ones(len(view.points), bool)
+    for other in views:
+        if other is not view:
+            keep &= not_seen_through(view.points, other.frame.depth, other.frame.camera, sieve.see_through_m)
+    return view.points[keep]
