@@ -19,6 +19,8 @@ import psutil
 
 from app import __version__
 from app.config import Site
+from app.rig.kinova.clients import CLIENTS, DEFAULT
+from app.rig.kinova.official import INSTALL
 
 State: TypeAlias = Literal["ok", "missing", "optional"]
 """`optional`: not there, and the simulated cell does without it."""
@@ -32,11 +34,7 @@ EXTRAS = {
     "lerobot": "only `dipac recordings export --to lerobot` needs it",
 }
 """What needs each extra of pyproject.toml."""
-KORTEX = (
-    "only a real arm needs it: take kortex_api (2.6.0 or newer for a Gen3) from Kinova's artifact server, then "
-    ".venv/bin/pip install protobuf==3.20.3 deprecated==1.2.7 and .venv/bin/pip install --no-deps kortex_api-*.whl; "
-    "the protobuf 3.5.1 that its wheel asks for does not run on Python 3.10 or newer"
-)
+KORTEX = f"not needed, dipac's own client speaks with the arm (docs/kinova.md); to have it all the same, {INSTALL}"
 
 
 @final
@@ -180,11 +178,12 @@ def _kernels(cache: Path) -> Finding:
 
 
 def _kortex() -> list[Finding]:
-    """Kinova's client is imported by the real rig alone, and is not on PyPI."""
+    """Which client speaks with a Kinova arm; Kinova's own is not on PyPI."""
+    used = Finding(what="Kinova client", state="ok", found=f"{DEFAULT} (of {', '.join(CLIENTS)})")
     try:
-        return [Finding(what="kortex_api", state="ok", found=metadata.version("kortex_api"))]
+        return [used, Finding(what="kortex_api", state="ok", found=metadata.version("kortex_api"))]
     except metadata.PackageNotFoundError:
-        return [Finding(what="kortex_api", state="optional", found="not installed", mend=KORTEX)]
+        return [used, Finding(what="kortex_api", state="optional", found="not installed", mend=KORTEX)]
 
 
 def _chromium() -> list[Finding]:

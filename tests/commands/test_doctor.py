@@ -33,6 +33,7 @@ def test_this_installation_is_whole_and_every_row_is_said_as_json(capsys, tmp_pa
     assert "cpu" in found["Warp devices"]["found"]
     assert found["JAX devices"]["found"]
     assert found["pyrealsense2 loads"]["found"].startswith(f"SDK {metadata.version('pyrealsense2')[:4]}")
+    assert found["Kinova client"]["found"].startswith("dipac")
     for loaded in ("open3d loads", "pyrealsense2 loads", "cv2 loads", "mujoco loads"):
         assert found[loaded]["state"] == "ok"
     for row in found.values():

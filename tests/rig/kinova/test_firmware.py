@@ -286,3 +286,18 @@ def test_calls_by_their_numbers_are_all_answered(arm: FakeProcess) -> None:
         if isinstance(call, calls.Call) and call.asked is Empty and call is not calls.CLOSE_SESSION:
             assert isinstance(link.call(call, Empty()), call.answered)
     link.close()
+
+
+def test_a_world_can_follow_the_arm_in_shared_memory(arm: FakeProcess) -> None:
+    kortex = connected(arm, stops_after_s=30.0)
+    before = arm.states.count
+    kortex.go([way(0.45, 0.0, 0.25)])
+    kortex.grip(1.0)
+    heard(kortex)
+    until(lambda: arm.states.newest()["closed"] == pytest.approx(1.0))
+    states = arm.states.since(before)
+    assert (np.diff(states["time_s"]) > 0).all()
+    assert states[-1]["tool"][:3, 3] == pytest.approx([0.45, 0.0, 0.25], abs=2e-3)
+    assert forward(states[-1]["joints"]) == pytest.approx(states[-1]["tool"])
+    assert np.abs(states["velocity"]).max() > 0.1
+    kortex.close()

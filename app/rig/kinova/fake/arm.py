@@ -1,5 +1,6 @@
 """What the arm that is not there does with what it is told: modes, actions, faults. No socket, no clock."""
 
+import dataclasses
 from collections.abc import Callable
 from typing import final
 
@@ -17,6 +18,7 @@ from app.rig.kinova.messages import (
     ActionHandle,
     ActionNotification,
     AngularWaypoint,
+    CartesianWaypoint,
     ConstrainedJointAngles,
     GripperCommand,
     JointAngles,
@@ -192,7 +194,9 @@ class FakeArm:
     def _along(self, ways: WaypointList) -> Motion:
         cartesian = tuple(each.cartesian_waypoint for each in ways.waypoints if each.cartesian_waypoint)
         if cartesian:
-            return AlongPath(TimedPath(gen3.tool(self.joints), cartesian), short_m=self.adversity.short_m)
+            linear, angular = self.soft_limits[ControlMode.CARTESIAN_WAYPOINT_TRAJECTORY]
+            slow = tuple(_slowed(each, linear, angular) for each in cartesian)
+            return AlongPath(TimedPath(gen3.tool(self.joints), slow), short_m=self.adversity.short_m)
         angular = [each.angular_waypoint or AngularWaypoint() for each in ways.waypoints]
         targets = [_unwrapped(np.radians(each.angles), self.joints) for each in angular]
         return InJoints(self.joints, targets, [each.duration for each in angular])
@@ -277,6 +281,15 @@ class FakeArm:
         self.told.append(
             ActionNotification(action_event=event, handle=self._action, abort_details=details, trajectory_info=infos)
         )
+
+
+def _slowed(waypoint: CartesianWaypoint, linear_m_s: float, angular_deg_s: float) -> CartesianWaypoint:
+    """Within the soft limits; a waypoint that says no speed is gone to as fast as they allow."""
+    return dataclasses.replace(
+        waypoint,
+        maximum_linear_velocity=min(waypoint.maximum_linear_velocity or linear_m_s, linear_m_s),
+        maximum_angular_velocity=min(waypoint.maximum_angular_velocity or angular_deg_s, angular_deg_s),
+    )
 
 
 def _reached(number: int) -> ProtectionZoneNotification:

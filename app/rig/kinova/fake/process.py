@@ -2,7 +2,6 @@
 
 import asyncio
 import json
-import multiprocessing
 import signal
 from dataclasses import asdict
 from multiprocessing.connection import Connection
@@ -10,26 +9,32 @@ from types import TracebackType
 from typing import Any, Self, final
 
 from app.core.errors import DeviceError
+from app.core.ring import SPAWN, Ring
 from app.rig.kinova import gen3
 from app.rig.kinova.fake.adversity import Adversity
 from app.rig.kinova.fake.firmware import Firmware
-from app.rig.kinova.fake.server import LOOPBACK, Server
+from app.rig.kinova.fake.server import LOOPBACK, STATE, Server
 
-_SPAWN = multiprocessing.get_context("spawn")
 _ANSWER_S, _START_S, _END_S = 5.0, 60.0, 5.0
+_KEPT = 1024
+"""Of states, one every 10 ms, the last so many can be read."""
 
 
 @final
 class FakeProcess:
     """Starts where it is entered, ends where it is left, and with the process that started it.
 
+    `states` has how it is in truth, one record a tick, for a world that follows it (`server.STATE`).
     A `udp_port` of 0 is any that is free; Kinova's client takes 10001 alone.
     """
 
     def __init__(self, *, udp_port: int = 0) -> None:
         self.host, self.ports = LOOPBACK, (0, 0)
-        self._ours, theirs = _SPAWN.Pipe()
-        self._process = _SPAWN.Process(target=run, args=(theirs, udp_port), name="dipac fake arm", daemon=True)
+        self.states = Ring(STATE, _KEPT)
+        self._ours, theirs = SPAWN.Pipe()
+        self._process = SPAWN.Process(
+            target=run, args=(theirs, self.states, udp_port), name="dipac fake arm", daemon=True
+        )
         self._theirs = theirs
 
     def __enter__(self) -> Self:
@@ -92,14 +97,14 @@ class FakeProcess:
             raise DeviceError("The simulated arm's process has ended; start it again.") from None
 
 
-def run(control: Connection, udp_port: int) -> None:
+def run(control: Connection, states: Ring, udp_port: int) -> None:
     """The body of the process: serve until the other end of `control` is closed."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
-    asyncio.run(_served(control, udp_port))
+    asyncio.run(_served(control, states, udp_port))
 
 
-async def _served(control: Connection, udp_port: int) -> None:
-    server, over, loop = Server(Firmware()), asyncio.Event(), asyncio.get_running_loop()
+async def _served(control: Connection, states: Ring, udp_port: int) -> None:
+    server, over, loop = Server(Firmware(), states), asyncio.Event(), asyncio.get_running_loop()
     await server.open(udp_port)
 
     def heard() -> None:

@@ -6,9 +6,18 @@ import time
 from collections.abc import Coroutine
 from typing import Any, final
 
+import numpy as np
+
+from app.core.ring import Ring
+from app.rig.kinova import gen3
 from app.rig.kinova.errors import WireError
 from app.rig.kinova.fake.firmware import Firmware
 from app.rig.kinova.wire import Frame, FrameKind, Splitter, decoded
+
+STATE = np.dtype(
+    [("time_s", "f8"), ("joints", "f8", (7,)), ("velocity", "f8", (7,)), ("tool", "f8", (4, 4)), ("closed", "f8")]
+)
+"""Joints [rad], their speeds [rad/s], `T_base_tool` [m], and how far the fingers are closed, 0 to 1."""
 
 TICK_S, LONGEST_TICK_S = 0.010, 0.050
 """A tick that comes later than the longest moves the arm no further than that: late, it slows."""
@@ -19,8 +28,8 @@ LOOPBACK = "127.0.0.1"
 class Server:
     """Listens until its task is cancelled. Only loopback is listened on: there is no password worth the name."""
 
-    def __init__(self, firmware: Firmware) -> None:
-        self.firmware = firmware
+    def __init__(self, firmware: Firmware, states: Ring) -> None:
+        self.firmware, self._states = firmware, states
         self.ports = (0, 0)
         self._writers: set[asyncio.StreamWriter] = set()
         self._tasks: set[asyncio.Task[None]] = set()
@@ -41,9 +50,21 @@ class Server:
             now = time.monotonic()
             self.firmware.tick(min(max(now - last, 1e-4), LONGEST_TICK_S))
             last = now
+            self._publish(now)
             for session, frame in self.firmware.notifications():
                 if isinstance(session.address, asyncio.StreamWriter):
                     self._send(session.address, frame)
+
+    def _publish(self, now_s: float) -> None:
+        """How the arm is in truth, for a world that follows it."""
+        arm = self.firmware.arm
+        self._states.append(
+            time_s=now_s,
+            joints=arm.joints,
+            velocity=arm.velocity,
+            tool=gen3.tool(arm.joints),
+            closed=arm.fingers.position,
+        )
 
     def cut(self) -> None:
         """Cut all connections over TCP, as if a cable was pulled and the peer's stack gave up."""
