@@ -332,7 +332,7 @@ class Notice(Message):
 class Health(Message):
     """The health strip: ages and durations [s], the calibration loss, and counted drops by channel.
 
-    `doing`: what the program does now, in words, and for how long.
+    `doing`: what the program does now, in words, and for how long; `cameras`: by name, what is wrong with one.
     """
 
     doing: str
@@ -348,6 +348,7 @@ class Health(Message):
     faults: int
     disk_free_bytes: int
     calibrating: bool = False
+    cameras: Mapping[str, str] = field(default_factory=dict[str, str])
 
 
 @final

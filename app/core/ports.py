@@ -35,6 +35,11 @@ class Camera(Protocol):
         """Its calibration."""
         ...
 
+    @property
+    def words(self) -> str:
+        """What is wrong with it and being done about that, for a person; empty where nothing is."""
+        ...
+
     async def read(self) -> Frame:
         """The next frame that is newer than the last one read.
 

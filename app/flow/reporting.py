@@ -57,6 +57,7 @@ class Reporting:
                     drops={channel.name: channel.dropped for channel in (*sensing.frames.values(), sensing.particles)},
                     faults=len(self._summary.faults),
                     disk_free_bytes=disk_free_bytes,
+                    cameras={camera.model.name: camera.words for camera in self._rig.cameras if camera.words},
                 )
             )
             self._longest_s = 0.0

@@ -166,6 +166,8 @@ def _health_rows(seen: Health, model: Model | None, silent_s: float) -> Iterable
     for name, age_s in seen.frame_age_s.items():
         age_s += silent_s
         yield f"Camera {escape(name)}", toned(words.duration(age_s), age_s > _FRAME_LATE_S, age_s > _FRAME_LOST_S)
+        if said := seen.cameras.get(name):
+            yield "", toned(escape(said), True, age_s > _FRAME_LOST_S)
     age_s = seen.particles_age_s + silent_s
     yield "Particles", toned(words.duration(age_s), age_s > 2 * _FRAME_LATE_S, age_s > 2 * _FRAME_LOST_S)
     yield "Plan age, time", f"{words.duration(seen.plan_age_s + silent_s)}, {words.duration(seen.plan_s)}"

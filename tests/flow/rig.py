@@ -86,6 +86,10 @@ class PhotographicCamera:
     def model(self) -> CameraModel:
         return self._model
 
+    @property
+    def words(self) -> str:
+        return "its cable is loose" if self.broken else ""
+
     async def read(self) -> Frame:
         await anyio.sleep(self._period_s)
         if self.broken:

@@ -286,6 +286,9 @@ async def test_a_camera_that_gives_nothing_is_a_fault_and_is_read_again(cell: Ru
     camera.broken = True
     fault = await person.sees(Fault, f"camera {camera.model.name}")
     assert "check its cable" in fault.text
+    while camera.model.name not in (health := await person.sees(Health)).cameras:
+        pass
+    assert health.cameras == {camera.model.name: "its cable is loose"}
     assert (await person.sees(Frame)).camera.name != camera.model.name, "the other one is still read"
     camera.broken = False
     while (await person.sees(Frame)).camera.name != camera.model.name:

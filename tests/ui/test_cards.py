@@ -36,7 +36,12 @@ def test_no_word_from_outside_becomes_markup(text):
             replace(synthetic.episode(), rig=hostile, code_version=hostile),
             replace(synthetic.model(1, 1e-5), parameters=()),
             synthetic.notice(hostile, hostile),
-            replace(synthetic.health(doing=hostile), frame_age_s={hostile: 0.1}, drops={hostile: 1}),
+            replace(
+                synthetic.health(doing=hostile),
+                frame_age_s={hostile: 0.1},
+                drops={hostile: 1},
+                cameras={hostile: hostile},
+            ),
         )
     )
     assert "<img" not in shown
@@ -85,6 +90,12 @@ def test_ages_go_on_counting_while_no_report_comes():
     assert "0.5 s" in cards.health(board_after(health), health.time_s)
     late = cards.health(board_after(health), health.time_s + 20)
     assert '<span class="dp-bad">20 s</span>' in late
+
+
+def test_what_is_wrong_with_a_camera_stands_below_its_age():
+    health = replace(synthetic.health(), frame_age_s={"left": 7.0, "right": 0.1}, cameras={"left": "it is reset"})
+    rows = cards.health(board_after(health), health.time_s)
+    assert rows.index("Camera left") < rows.index("it is reset") < rows.index("Camera right")
 
 
 @pytest.mark.parametrize(

@@ -18,6 +18,7 @@ Domain: TypeAlias = Literal["global", "system", "hardware"]
 
 GLOBAL_ERROR_S = 0.005
 _FUTURE_S, _OLD_S = 0.050, 1.0
+_SAME = 0.1
 _FORGET_S = 10.0
 """Clocks of crystals drift apart by less than 1 ms in this time."""
 
@@ -68,10 +69,10 @@ class Dating:
     def date(self, stamp_s: float, domain: Domain, arrival: Moment) -> "tuple[Dated | None, Dating]":
         """When an image stamped `stamp_s` that came at `arrival` was taken, and what is known then.
 
-        None where the stamp is that of the image before: a stream that stands still. A stamp before that is of a clock
-        that began anew, of which nothing is known yet.
+        None where the stamp is that of the image before, to a tenth of a period: a stream that stands still. A stamp
+        before that is of a clock that began anew, of which nothing is known yet.
         """
-        if stamp_s == self.stamp_s:
+        if abs(stamp_s - self.stamp_s) < _SAME * self.period_s:
             return None, self
         known = self if stamp_s > self.stamp_s else Dating(period_s=self.period_s)
         known = known._with(stamp_s, arrival)

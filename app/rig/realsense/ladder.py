@@ -94,9 +94,9 @@ class Ladder:
         return cls(since_s=now_s, lost_s=now_s)
 
     def words(self, now_s: float) -> str:
-        """The state for a person: what is wrong, since when, and what is being done about it."""
+        """The state for a person: what is wrong, since when, and what is done about it; empty where it streams."""
         if self.phase == "streaming":
-            return "streaming"
+            return ""
         if self.phase == "ended":
             return f"at its end: {self.why}"
         doing = {

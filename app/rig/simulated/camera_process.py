@@ -14,13 +14,6 @@ from app.rig.simulated.render import render
 from app.rig.simulated.world_process import newest_snapshot
 
 _NICENESS = 5
-_IMAGES_KEPT = 3
-
-
-def image_ring(camera: CameraModel) -> Ring:
-    """Room for the last images of `camera`."""
-    size = (camera.height, camera.width)
-    return Ring(np.dtype([("time_s", "f8"), ("color", "u1", (*size, 3)), ("depth", "u2", size)]), _IMAGES_KEPT)
 
 
 def run_cameras(

@@ -20,14 +20,17 @@ from app.core.ports import Arm, Camera
 from app.core.processes import end, process, ready
 from app.core.ring import Ring
 from app.core.stage import Stage
+from app.core.view import image_ring
 from app.rig.simulated.arm_control import ArmControl
 from app.rig.simulated.camera import SimulatedCamera
-from app.rig.simulated.camera_process import image_ring, run_cameras
+from app.rig.simulated.camera_process import run_cameras
 from app.rig.simulated.cameras import table_cameras
 from app.rig.simulated.kinds import kind_of
 from app.rig.simulated.limbs import known_arm
 from app.rig.simulated.world import Nodes, Snapshot
 from app.rig.simulated.world_process import newest_snapshot, run_world, snapshot_ring
+
+_IMAGES_KEPT = 3
 
 
 @final
@@ -109,7 +112,9 @@ class _Processes:
     def __init__(self, scene: _Scene, site: Site) -> None:
         timing, parent = site.timing, os.getpid()
         self.memory, self.snapshots = ArmMemory(), snapshot_ring(scene.stage)
-        self.images = {camera.name: image_ring(camera) for camera in scene.cameras}
+        self.images = {
+            camera.name: image_ring(camera.width, camera.height, kept=_IMAGES_KEPT) for camera in scene.cameras
+        }
         home = kind_of(scene.stage).home(scene.stage, scene.start)
         self.arm = process("arm", run_arm, self.memory, site, partial(ArmControl, tool=home), parent)
         self.world = process(

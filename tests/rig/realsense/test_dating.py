@@ -65,7 +65,7 @@ def test_a_hardware_clock_is_dated_by_the_least_delay_so_that_jitter_does_not_sh
 
 
 def test_a_stamp_that_stays_is_no_new_image() -> None:
-    found = dated([10.0, 10.0, 10.1, 10.1], [500.0, 500.03, 500.1, 500.2], "hardware")
+    found = dated([10.0, 10.0, 10.1, 10.1 + 1e-6], [500.0, 500.03, 500.1, 500.2], "hardware")
     assert [one is None for one in found] == [False, True, False, True]
 
 

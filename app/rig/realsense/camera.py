@@ -1,0 +1,53 @@
+"""A RealSense camera as the application sees it."""
+
+from typing import final
+
+import numpy as np
+
+from app.core.camera import CameraModel
+from app.core.errors import DeviceError
+from app.core.messages import Frame
+from app.core.view import View
+from app.rig.realsense.keeper import Keeper
+
+_SAME_PX, _SAME_UNIT = 0.01, 1e-3
+
+
+@final
+class RealSenseCamera:
+    """Reads the images that a capture process leaves in shared memory; `keeper` keeps that going."""
+
+    def __init__(self, view: View, keeper: Keeper) -> None:
+        self._view, self._keeper = view, keeper
+
+    @property
+    def model(self) -> CameraModel:
+        """Its calibration."""
+        return self._view.model
+
+    @property
+    def words(self) -> str:
+        """Since when it shows nothing and what is being done, or how it is badly connected; empty where all is well."""
+        identity = self._keeper.memory.identity
+        return self._keeper.words or (identity.warning if identity else "")
+
+    async def read(self) -> Frame:
+        """The newest image, once one is due that is newer than the last one read.
+
+        Raises DeviceError where none comes in the time the site allows, with what is wrong and being done, and where
+        another camera came back than went.
+        """
+        frame = await self._view.read(self._check_same)
+        if frame is not None:
+            return frame
+        raise DeviceError(f"Camera {self.model.name!r} shows nothing: {self._keeper.words or 'its images are old'}.")
+
+    def _check_same(self) -> None:
+        identity, model = self._keeper.memory.identity, self.model
+        assert identity is not None, "the model was made from it"
+        moved = np.abs(identity.K - model.K).max() > _SAME_PX
+        if moved or abs(identity.depth_unit_m / model.depth_unit_m - 1) > _SAME_UNIT:
+            raise DeviceError(
+                f"Camera {model.name!r} came back with other intrinsics or another depth unit than it had; close the "
+                "program and start it again."
+            )

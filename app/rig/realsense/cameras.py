@@ -1,0 +1,97 @@
+"""RealSense cameras of a rig: opened together, kept going, closed together."""
+
+from collections.abc import AsyncGenerator, Sequence
+from contextlib import AbstractAsyncContextManager, asynccontextmanager
+from dataclasses import dataclass, field
+from typing import final
+
+import anyio
+import numpy as np
+from anyio import to_thread
+
+from app.config import Timing
+from app.core.camera import CameraModel
+from app.core.errors import DeviceError, first_error
+from app.core.types import Transform
+from app.core.view import View
+from app.rig.realsense.camera import RealSenseCamera
+from app.rig.realsense.keeper import Keeper
+from app.rig.realsense.ladder import Patience
+from app.rig.realsense.settings import Settings
+from app.rig.realsense.sources import Source
+
+_START_S = 30.0
+
+
+@final
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Mounted:
+    """A camera where it stands: `T_world_camera` is the pose of its colour imager, `calibrated_at` its day."""
+
+    name: str
+    source: Source
+    T_world_camera: Transform = field(default_factory=lambda: np.eye(4))
+    calibrated_at: str = ""
+    settings: Settings = field(default_factory=Settings)
+
+
+def realsense_cameras(
+    mounted: Sequence[Mounted], timing: Timing, *, patience: Patience | None = None, start_s: float = _START_S
+) -> AbstractAsyncContextManager[Sequence[RealSenseCamera]]:
+    """The cameras, each streaming in a process of its own, which is kept going until the block is left.
+
+    Raises DeviceError on entry, with what is wrong, where one is not there, or gives no image within `start_s`.
+    """
+    return _opened(mounted, timing, patience or Patience(), start_s)
+
+
+@asynccontextmanager
+async def _opened(
+    mounted: Sequence[Mounted], timing: Timing, patience: Patience, start_s: float
+) -> AsyncGenerator[Sequence[RealSenseCamera]]:
+    keepers = [
+        await to_thread.run_sync(Keeper, each.name, each.source, each.settings, patience)  # Makes memory, which blocks.
+        for each in mounted
+    ]
+    try:
+        async with anyio.create_task_group() as keeping:
+            for keeper in keepers:
+                keeping.start_soon(keeper.run)
+            try:
+                await _streaming(mounted, keepers, start_s)
+                yield [_camera(each, keeper, timing) for each, keeper in zip(mounted, keepers, strict=True)]
+            finally:
+                keeping.cancel_scope.cancel()
+    except BaseExceptionGroup as errors:
+        raise first_error(errors) from errors
+
+
+async def _streaming(mounted: Sequence[Mounted], keepers: Sequence[Keeper], start_s: float) -> None:
+    """Wait until every camera has given an image. Raises DeviceError where one will not, or is not there."""
+    with anyio.move_on_after(start_s):
+        for keeper in keepers:
+            await keeper.known.wait()
+    silent = [
+        f"camera {each.name!r}: {keeper.words}"
+        for each, keeper in zip(mounted, keepers, strict=True)
+        if not keeper.streamed
+    ]
+    if silent:
+        raise DeviceError(f"Of {'; of '.join(silent)}. `dipac doctor` looks for cameras.")
+
+
+def _camera(mounted: Mounted, keeper: Keeper, timing: Timing) -> RealSenseCamera:
+    identity = keeper.memory.identity
+    assert identity is not None, "a camera that streams has said which it is"
+    model = CameraModel(
+        name=mounted.name,
+        width=mounted.settings.width,
+        height=mounted.settings.height,
+        K=identity.K,
+        T_world_camera=mounted.T_world_camera,
+        depth_unit_m=identity.depth_unit_m,
+        calibrated_at=mounted.calibrated_at,
+    )
+    timeout_s = timing.camera_timeout_s
+    view = View(model, keeper.memory.images, timeout_s=timeout_s, oldest_s=timeout_s, period_s=timing.camera_period_s)
+    return RealSenseCamera(view, keeper)

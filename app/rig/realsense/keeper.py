@@ -1,0 +1,116 @@
+"""Keeps one camera going: watches its capture process and does what the ladder says, for as long as the rig is open."""
+
+import os
+import time
+from multiprocessing.process import BaseProcess
+from typing import final
+
+import anyio
+from anyio import to_thread
+
+from app.core.processes import end, process
+from app.rig.realsense.capture import run_capture
+from app.rig.realsense.ladder import Action, Ladder, Patience, Sight, climbed
+from app.rig.realsense.memory import CaptureMemory, Report
+from app.rig.realsense.settings import Settings
+from app.rig.realsense.sources import Source
+
+_TICK_S = 0.05
+_LOOKS = 3
+_KILL_S = 5.0
+"""For the kernel to end a process that was killed; one that hangs in the kernel stays, and the camera with it."""
+
+
+@final
+class Keeper:
+    """The capture process of the camera `name`, and where that is on the ladder.
+
+    `known`: it has given an image, or was looked for several times in vain.
+    """
+
+    def __init__(self, name: str, source: Source, settings: Settings, patience: Patience) -> None:
+        self.memory = CaptureMemory(settings)
+        self.known, self._in_vain = anyio.Event(), 0
+        self._name, self._source, self._settings, self._patience = name, source, settings, patience
+        self._process: BaseProcess | None = None
+        self._ladder = Ladder.at_start(time.monotonic())
+
+    @property
+    def words(self) -> str:
+        """The camera's state for a person."""
+        return self._ladder.words(time.monotonic())
+
+    @property
+    def streamed(self) -> bool:
+        """Whether images have come."""
+        return self._ladder.streamed
+
+    @property
+    def pid(self) -> int | None:
+        """That of the capture process now."""
+        return self._process.pid if self._process else None
+
+    async def run(self) -> None:
+        """Start the camera and keep it going, until cancelled; its process has ended then."""
+        try:
+            await to_thread.run_sync(self._replace)
+            self._ladder = Ladder.at_start(time.monotonic())
+            while True:
+                await anyio.sleep(_TICK_S)
+                action = self._climb(self._sight())
+                if action is not None:
+                    await self._act(action)
+        finally:
+            with anyio.CancelScope(shield=True):
+                await to_thread.run_sync(self._end)
+
+    def _climb(self, sight: Sight) -> Action | None:
+        former, (self._ladder, action) = self._ladder, climbed(self._ladder, sight, self._patience)
+        if sight.absent and self._ladder.phase == "waiting" != former.phase:
+            self._in_vain += 1
+        if self.streamed or self._in_vain >= _LOOKS:
+            self.known.set()
+        return action
+
+    async def _act(self, action: Action) -> None:
+        if action == "replace":
+            await to_thread.run_sync(self._replace)
+        else:
+            self.memory.tell(action)
+
+    def _sight(self) -> Sight:
+        """The process as it is seen now."""
+        said, told = self.memory.reported, self.memory.told[0]
+        assert said is not None, "a process that was started has been reported as opening"
+        return Sight(
+            now_s=time.monotonic(),
+            pulse_s=self.memory.pulse_s,
+            image_s=self.memory.image_s,
+            step=said.step if said.command == told else "asked",
+            failure=said.text,
+            absent=said.absent,
+            death=self._death(),
+        )
+
+    def _death(self) -> str:
+        if self._process is None or self._process.is_alive():
+            return ""
+        return f"its process ended with code {self._process.exitcode}"
+
+    def _replace(self) -> None:
+        """End the process, if there is one, and let a new one open the camera. Blocks."""
+        if self._process is not None:
+            self._process.kill()
+            self._process.join(_KILL_S)
+        number = self.memory.tell("open")
+        self.memory.report(Report(command=number, step="opening", absent=False, text=""))
+        arguments = (self.memory, self._source, self._settings, os.getpid())
+        self._process = process(f"camera {self._name}", run_capture, *arguments)
+        self._process.start()
+
+    def _end(self) -> None:
+        """Let the process stop its stream; one that does not is killed. Blocks."""
+        if self._process is None:
+            return
+        self.memory.closing.value = 1
+        end([self._process])

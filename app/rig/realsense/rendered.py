@@ -1,0 +1,96 @@
+"""A camera that shows what another process renders, as a rehearsal of the whole application needs it.
+
+The images are given to a camera of the SDK's own making, so they pass its syncer, pipeline and alignment.
+"""
+
+import threading
+import time
+from collections.abc import Generator
+from contextlib import AbstractContextManager, contextmanager
+from dataclasses import dataclass
+from typing import final
+
+import numpy as np
+
+from app.core.errors import DeviceError
+from app.core.ring import Ring, Stamp
+from app.rig.realsense.dating import Moment
+from app.rig.realsense.sdk import Opening, Sdk
+from app.rig.realsense.software import Body, SoftwareCamera
+from app.rig.realsense.sources import CameraAbsent
+
+_POLL_S = 0.002
+_KEPT = 4
+
+
+@final
+class Feed:
+    """What is rendered for a camera with this `body`, in memory that processes share; making it blocks.
+
+    `images`: append `time_s` (monotonic, of the exposure), `color` and `depth` as the two imagers see them.
+    """
+
+    def __init__(self, body: Body) -> None:
+        color, depth = (body.color.height, body.color.width, 3), (body.depth.height, body.depth.width)
+        self.images = Ring(np.dtype([("time_s", "f8"), ("color", "u1", color), ("depth", "u2", depth)]), _KEPT)
+        self._unplugged = Stamp()
+
+    @property
+    def plugged(self) -> bool:
+        """Whether the camera can be found; set it to pull its cable and to plug it in again."""
+        return not self._unplugged.value
+
+    @plugged.setter
+    def plugged(self, plugged: bool) -> None:
+        self._unplugged.value = int(not plugged)
+
+
+@final
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Rendered:
+    """Images that come by `feed`, as if a camera with this `body` took them."""
+
+    body: Body
+    feed: Feed
+
+    @property
+    def serial(self) -> str:
+        """As the body says."""
+        return self.body.serial
+
+    def attach(self, opening: Opening, /) -> AbstractContextManager[None]:
+        """Choose a software camera that shows whatever comes."""
+        if not self.feed.plugged:
+            raise CameraAbsent(f"The rendered camera {self.serial!r} is unplugged.")
+        camera = SoftwareCamera(opening.sdk.rs, self.body)
+        opening.pipeline.set_device(camera.device)
+        return _feeding(camera, self.feed)
+
+    def reset(self, _: Sdk, /) -> None:
+        """There is no hardware."""
+        raise DeviceError(f"Camera {self.serial!r} is rendered, which leaves nothing to reset.")
+
+
+@contextmanager
+def _feeding(camera: SoftwareCamera, feed: Feed) -> Generator[None]:
+    """Show every new image of `feed`, in a thread, until the block is left."""
+    over = threading.Event()
+    thread = threading.Thread(target=_feed, args=(camera, feed, over), name="feed", daemon=True)
+    thread.start()
+    try:
+        yield
+    finally:
+        over.set()
+        thread.join()
+
+
+def _feed(camera: SoftwareCamera, feed: Feed, over: threading.Event) -> None:
+    shown = feed.images.count
+    while not over.is_set():
+        if feed.images.count == shown or not feed.plugged:
+            time.sleep(_POLL_S)
+            continue
+        shown, image = feed.images.count, feed.images.newest()
+        now = Moment.now()
+        stamp_s = float(image["time_s"]) - now.monotonic_s + now.calendar_s
+        camera.show(image["color"], image["depth"], stamp_s=stamp_s)
