@@ -81,8 +81,10 @@ class Timing:
     """Periods and deadlines [s]."""
 
     arm_period_s: float = 0.010
-    watchdog_s: float = 0.200
-    keepalive_s: float = 0.040
+    watchdog_s: float = 0.160
+    """Of silence, after which the arm's process stops it: with 50 ms to brake from full speed, two ticks and the
+    drives' own lag it is at rest within 250 ms of whatever silenced the application (bench/faults)."""
+    keepalive_s: float = 0.020
     camera_period_s: float = 0.5
     camera_timeout_s: float = 5.0
     settle_s: float = 0.6

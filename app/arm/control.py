@@ -68,7 +68,7 @@ class Control(Protocol):
         ...
 
     def coast(self) -> None:
-        """Slow down to rest where it is jogged: nobody says any more how it shall move."""
+        """Brake to rest where it is jogged, and be idle then: nobody says any more how it shall move."""
         ...
 
     def stop(self, reason: str) -> None:

@@ -20,25 +20,24 @@ Controlled: TypeAlias = Callable[[Site], Control]
 
 _LATEST_TICK_PERIODS = 3.0
 """A tick that comes later than this many periods moves the arm no further than this many: late, it slows."""
+_REST_S = 1.0
+"""An arm whose application is gone has this long to come to rest."""
 
 
 def run_arm(memory: ArmMemory, site: Site, take: Controlled, parent: int) -> None:
     """The body of the process: tick every `site.timing.arm_period_s` until closed or until `parent` is gone.
 
-    Raises DeviceError where `take` finds no arm.
+    It ends once the arm is at rest. Raises DeviceError where `take` finds no arm.
     """
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     _ask_for_real_time()
-    control, period = take(site), site.timing.arm_period_s
+    control = take(site)
     loop = _Loop(memory, site, control)
-    last = time.monotonic()
-    due = last + period
     try:
-        while not memory.closing.value and os.getppid() == parent:
-            time.sleep(max(0.0, due - time.monotonic()))
-            now = time.monotonic()
-            loop.tick(now, now - last)
-            due, last = max(due + period, now), now
+        loop.run(lambda: not memory.closing.value and os.getppid() == parent)
+        control.stop("The application has ended.")
+        until_s = time.monotonic() + _REST_S
+        loop.run(lambda: control.mode in ("moving", "stopping") and time.monotonic() < until_s)
     finally:
         control.close()
 
@@ -63,12 +62,24 @@ class _Loop:
         self._jogs = 0
         self._heard_s = self._jogged_s = 0.0
 
+    def run(self, on: Callable[[], bool]) -> None:
+        """Tick once a period while it is `on`."""
+        period = self._timing.arm_period_s
+        last = time.monotonic()
+        due = last + period
+        while on():
+            time.sleep(max(0.0, due - time.monotonic()))
+            now = time.monotonic()
+            self.tick(now, now - last)
+            due, last = max(due + period, now), now
+
     def tick(self, now_s: float, elapsed_s: float) -> None:
         """Listen, move, report."""
         self._hear_stop_and_reset()
         self._hear_motion(now_s)
         self._hear_jogs(now_s)
         self._watch(now_s)
+        self._wake(elapsed_s)
         self._feel()
         self._control.advance(min(elapsed_s, _LATEST_TICK_PERIODS * self._timing.arm_period_s))
         self._report(now_s, elapsed_s)
@@ -117,6 +128,11 @@ class _Loop:
         followed = self._control.mode == "moving" and not self._control.jogging
         if followed and silence_s > self._timing.watchdog_s:
             self._control.stop(f"Watchdog: nothing was heard from the application for {silence_s * 1e3:.0f} ms.")
+
+    def _wake(self, elapsed_s: float) -> None:
+        """Stop where this process itself has been deaf for longer than the watchdog allows: nobody watched the arm."""
+        if elapsed_s > self._timing.watchdog_s and self._control.mode == "moving":
+            self._control.stop(f"The arm's own process did not run for {elapsed_s * 1e3:.0f} ms.")
 
     def _feel(self) -> None:
         """Stop where the tool presses harder than it may; an arm that measures no force is not stopped by any."""

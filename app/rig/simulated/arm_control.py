@@ -57,9 +57,9 @@ class ArmControl:
         return True
 
     def coast(self) -> None:
-        """Slow down to rest where it is jogged: nobody says any more how it shall move."""
+        """Brake to rest where it is jogged: nobody says any more how it shall move."""
         if isinstance(self._path, Jogging):
-            self._path.aim(Jog())
+            self._path.brake(self._limits.stop_deceleration_m_s2)
 
     def stop(self, reason: str) -> None:
         """Brake at the stop deceleration, or stay where it is; the first reason is kept."""

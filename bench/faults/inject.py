@@ -1,0 +1,195 @@
+"""One fault at a time, and when the arm was at rest after it by its own process's clock."""
+
+import os
+import signal
+import time
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
+from dataclasses import dataclass
+from functools import partial
+from typing import Any, Final, final
+
+import numpy as np
+import psutil
+
+from app.arm.memory import MODES, ArmMemory
+from app.arm.process import Controlled
+from app.config import Site
+from app.core.ring import SPAWN
+from bench.faults.application import FAULTS, Doing, application
+
+_FAST_M_S: Final = 0.15
+"""A fault comes while the tool moves at least so fast."""
+_REST_M_S: Final = 1e-3
+_WATCHED_S: Final = 0.6
+"""So long after a fault the arm's states are looked at: it shall not begin to move again by itself."""
+_START_S: Final = 60.0
+_POLL_S: Final = 0.005
+_HUNG_S: Final = 0.3
+
+
+@final
+@dataclass(frozen=True, kw_only=True)
+class Outcome:
+    """What came of a fault. `rest_ms`: from the fault to rest; infinite where there was none in time."""
+
+    fault: str
+    doing: Doing
+    rest_ms: float
+    speed_m_s: float
+    within: bool
+    """Whether no command since the beginning left the limits."""
+
+
+@final
+class Subject:
+    """An application with its arm, to which faults are done while the arm moves."""
+
+    def __init__(self, doing: Doing, site: Site, take: Controlled) -> None:
+        self.doing, self._site, self._take = doing, site, take
+        self._begin()
+
+    def suffer(self, fault: str) -> Outcome:
+        """Wait until the tool is fast, do it, and see when it is at rest; the application is well again afterwards."""
+        speed_m_s = self._wait_until_fast()
+        seen = max(self._memory.states.count - 1, 0)
+        fault_s = time.monotonic()
+        kept_on = _OUTSIDE.get(fault, partial(_told, name=fault))(self)
+        time.sleep(max(0.0, fault_s + _WATCHED_S - time.monotonic()))
+        states = self._memory.states.since(seen)
+        outcome = Outcome(
+            fault=fault,
+            doing=self.doing,
+            rest_ms=1e3 * (_rest_s(states) - (kept_on or fault_s)),
+            speed_m_s=speed_m_s,
+            within=self._within(self._memory.states.since(0)),
+        )
+        self._recover()
+        return outcome
+
+    def end(self) -> None:
+        """End both processes."""
+        self._memory.closing.value = 1
+        if self.process.is_alive():
+            os.kill(self.pid, signal.SIGCONT)
+            self.process.kill()
+        self.process.join()
+
+    @property
+    def pid(self) -> int:
+        """The application's."""
+        assert self.process.pid is not None
+        return self.process.pid
+
+    @property
+    def arm_pid(self) -> int:
+        """The arm's process's."""
+        (arm,) = (child for child in psutil.Process(self.pid).children() if "spawn_main" in " ".join(child.cmdline()))
+        return arm.pid
+
+    def tell(self, name: str) -> None:
+        """Have the application do what is wrong."""
+        self._outbox.send(name)
+
+    def _begin(self) -> None:
+        self._memory = ArmMemory()
+        inbox, self._outbox = SPAWN.Pipe(duplex=False)
+        arguments = (self._memory, self._site, self._take, inbox, self.doing)
+        self.process = SPAWN.Process(target=application, args=arguments)
+        self.process.start()
+
+    def _recover(self) -> None:
+        """Have it move again: as it is, or started anew where it is gone."""
+        if self.process.is_alive() and not self._memory.closing.value:
+            self.tell("again")
+            return
+        self.end()
+        self._begin()
+
+    def _wait_until_fast(self) -> float:
+        """Until the tool moves; how fast [m/s]."""
+        until_s = time.monotonic() + _START_S
+        while time.monotonic() < until_s and self.process.is_alive():
+            newest = self._memory.states.newest()
+            if newest is not None:
+                speed_m_s = float(np.linalg.norm(newest["velocity"]))
+                if speed_m_s > _FAST_M_S and MODES[newest["mode"]] == "moving":
+                    return speed_m_s
+            time.sleep(_POLL_S)
+        raise AssertionError(
+            f"The tool did not move for {_START_S:.0f} s, or its application ended with {self.process.exitcode}."
+        )
+
+    def _within(self, states: Any) -> bool:
+        """Whether all commands kept to workspace and speed; a tick that comes late covers its whole time."""
+        limits, places, times = self._site.limits, states["commanded"][:, :3], states["time_s"]
+        gone = np.linalg.norm(places[10:] - places[:-10], axis=1)
+        slow = gone <= limits.speed_m_s * np.maximum(times[10:] - times[:-10], 0.0) * 1.01 + 1e-6
+        return limits.workspace.contains(places) and bool(slow.all())
+
+
+@contextmanager
+def subject(doing: Doing, site: Site, take: Controlled) -> Iterator[Subject]:
+    """One that has ended when it is left."""
+    opened = Subject(doing, site, take)
+    try:
+        yield opened
+    finally:
+        opened.end()
+
+
+def faults(doing: Doing) -> tuple[str, ...]:
+    """Everything that can be done wrong meanwhile."""
+    return (*FAULTS[doing], *_OUTSIDE)
+
+
+def _rest_s(states: Any) -> float:
+    """When the arm came to rest for as long as the states go; infinite where it still moved in the last of them."""
+    fast = np.flatnonzero(np.linalg.norm(states["velocity"], axis=1) > _REST_M_S)
+    if not len(fast):
+        return float(states["time_s"][0])
+    return float(states["time_s"][fast[-1] + 1]) if fast[-1] + 1 < len(states) else float("inf")
+
+
+def _told(subject: Subject, name: str) -> None:
+    subject.tell(name)
+
+
+def _kill(subject: Subject) -> None:
+    os.kill(subject.pid, signal.SIGKILL)
+
+
+def _terminate(subject: Subject) -> None:
+    os.kill(subject.pid, signal.SIGTERM)
+
+
+def _freeze(subject: Subject) -> None:
+    """Stop the application's process, and let it go on after the arm has been watched."""
+    os.kill(subject.pid, signal.SIGSTOP)
+    time.sleep(_WATCHED_S)
+    os.kill(subject.pid, signal.SIGCONT)
+
+
+def _hang_arm(subject: Subject) -> float:
+    """Stop the arm's own process for a while; when it went on [s], which is when it can notice."""
+    pid = subject.arm_pid
+    os.kill(pid, signal.SIGSTOP)
+    time.sleep(_HUNG_S)
+    on_s = time.monotonic()
+    os.kill(pid, signal.SIGCONT)
+    return on_s
+
+
+def _close(subject: Subject) -> None:
+    """The rig is closed in the middle."""
+    subject._memory.closing.value = 1
+
+
+_OUTSIDE: Mapping[str, Callable[[Subject], float | None]] = {
+    "kill": _kill,
+    "terminate": _terminate,
+    "freeze": _freeze,
+    "hang the arm": _hang_arm,
+    "close": _close,
+}
+"""What is done to a process from outside."""
