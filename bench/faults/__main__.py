@@ -19,18 +19,18 @@ _TIMES = 8
 _AT_ONCE = 3
 
 
-def suffered(doing: Doing, wanted: Sequence[str]) -> list[Outcome]:
-    """What came of these faults in turn, done to one application."""
+def suffered(doing: Doing) -> list[Outcome]:
+    """What came of every fault in turn, done to one application."""
     take = partial(ArmControl, tool=pointing_down(np.array([0.45, 0.0, 0.10])))
     with subject(doing, Site(), take) as one:
-        return [one.suffer(fault) for fault in wanted]
+        return [one.suffer(fault) for fault in faults(doing)]
 
 
 def every(times: int, at_once: int = _AT_ONCE) -> list[Outcome]:
     """Every fault in every situation, so many times each."""
-    rounds = [(doing, faults(doing)) for doing in FAULTS for _ in range(times)]
+    rounds = [doing for doing in FAULTS for _ in range(times)]
     with ThreadPoolExecutor(at_once) as pool:
-        return [outcome for found in pool.map(lambda row: suffered(*row), rounds) for outcome in found]
+        return [outcome for found in pool.map(suffered, rounds) for outcome in found]
 
 
 def main(arguments: Sequence[str]) -> None:

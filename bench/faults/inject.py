@@ -3,7 +3,7 @@
 import os
 import signal
 import time
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Generator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass
 from functools import partial
@@ -46,30 +46,31 @@ class Subject:
     """An application with its arm, to which faults are done while the arm moves."""
 
     def __init__(self, doing: Doing, site: Site, take: Controlled) -> None:
-        self.doing, self._site, self._take = doing, site, take
+        self.doing: Doing = doing
+        self._site, self._take = site, take
         self._begin()
 
     def suffer(self, fault: str) -> Outcome:
         """Wait until the tool is fast, do it, and see when it is at rest; the application is well again afterwards."""
         speed_m_s = self._wait_until_fast()
-        seen = max(self._memory.states.count - 1, 0)
+        seen = max(self.memory.states.count - 1, 0)
         fault_s = time.monotonic()
         kept_on = _OUTSIDE.get(fault, partial(_told, name=fault))(self)
         time.sleep(max(0.0, fault_s + _WATCHED_S - time.monotonic()))
-        states = self._memory.states.since(seen)
+        states = self.memory.states.since(seen)
         outcome = Outcome(
             fault=fault,
             doing=self.doing,
             rest_ms=1e3 * (_rest_s(states) - (kept_on or fault_s)),
             speed_m_s=speed_m_s,
-            within=self._within(self._memory.states.since(0)),
+            within=self._within(self.memory.states.since(0)),
         )
         self._recover()
         return outcome
 
     def end(self) -> None:
         """End both processes."""
-        self._memory.closing.value = 1
+        self.memory.closing.value = 1
         if self.process.is_alive():
             os.kill(self.pid, signal.SIGCONT)
             self.process.kill()
@@ -92,15 +93,15 @@ class Subject:
         self._outbox.send(name)
 
     def _begin(self) -> None:
-        self._memory = ArmMemory()
+        self.memory = ArmMemory()
         inbox, self._outbox = SPAWN.Pipe(duplex=False)
-        arguments = (self._memory, self._site, self._take, inbox, self.doing)
+        arguments = (self.memory, self._site, self._take, inbox, self.doing)
         self.process = SPAWN.Process(target=application, args=arguments)
         self.process.start()
 
     def _recover(self) -> None:
         """Have it move again: as it is, or started anew where it is gone."""
-        if self.process.is_alive() and not self._memory.closing.value:
+        if self.process.is_alive() and not self.memory.closing.value:
             self.tell("again")
             return
         self.end()
@@ -110,7 +111,7 @@ class Subject:
         """Until the tool moves; how fast [m/s]."""
         until_s = time.monotonic() + _START_S
         while time.monotonic() < until_s and self.process.is_alive():
-            newest = self._memory.states.newest()
+            newest = self.memory.states.newest()
             if newest is not None:
                 speed_m_s = float(np.linalg.norm(newest["velocity"]))
                 if speed_m_s > _FAST_M_S and MODES[newest["mode"]] == "moving":
@@ -129,7 +130,7 @@ class Subject:
 
 
 @contextmanager
-def subject(doing: Doing, site: Site, take: Controlled) -> Iterator[Subject]:
+def subject(doing: Doing, site: Site, take: Controlled) -> Generator[Subject]:
     """One that has ended when it is left."""
     opened = Subject(doing, site, take)
     try:
