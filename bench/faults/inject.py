@@ -183,7 +183,7 @@ def _hang_arm(subject: Subject) -> float:
 
 def _close(subject: Subject) -> None:
     """The rig is closed in the middle."""
-    subject._memory.closing.value = 1
+    subject.memory.closing.value = 1
 
 
 _OUTSIDE: Mapping[str, Callable[[Subject], float | None]] = {
