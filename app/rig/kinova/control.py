@@ -1,0 +1,226 @@
+"""A Gen3 as its process controls it (`app.arm.control.Control`): nothing here waits, the driver's threads do."""
+
+import time
+from typing import final
+
+import numpy as np
+from jaxtyping import Float64
+from scipy.spatial.transform import Rotation
+
+from app.arm.jogging import Jogging, finite, still
+from app.arm.path import PathFollower
+from app.config import Site
+from app.core.errors import MotionRefused
+from app.core.jog import Jog
+from app.core.messages import ArmMode
+from app.core.refusal import Refusal
+from app.core.types import ToolPath, ToolPose
+from app.rig.kinova.clients import DEFAULT, linked
+from app.rig.kinova.driver import Driver
+from app.rig.kinova.errand import Errand
+from app.rig.kinova.gen3 import Joints
+from app.rig.kinova.guard import held_back
+from app.rig.kinova.kortex import Kortex
+from app.rig.kinova.legs import stretches
+from app.rig.kinova.link import Address
+from app.rig.kinova.seen import Seen
+
+_BLIND_S = 0.3
+"""An arm that has said nothing for so long may not move on."""
+_FOLLOW_HZ, _CATCH_UP_M_S, _CATCH_UP_RAD_S = 2.0, 0.02, 0.1
+"""How fast a tool that is moved by hand catches up with where it should be, and at most by how much."""
+_FINGERS_M = 0.002
+
+
+def taken(address: Address, site: Site, client: str = DEFAULT) -> "KinovaControl":
+    """Take hold of the arm there, for `app.arm.process.run_arm`. Raises DeviceError where there is none."""
+    driver = Driver(Kortex(linked(address, client)), site)
+    driver.open()
+    return KinovaControl(driver, site)
+
+
+@final
+class KinovaControl:
+    """The arm between two ticks of its process."""
+
+    def __init__(self, driver: Driver, site: Site) -> None:
+        self._driver, self._limits = driver, site.limits
+        self._errand: Errand | None = None
+        self._clearing: Errand | None = None
+        self._path: PathFollower | None = None
+        self._jogging: Jogging | None = None
+        self._gripped_m, self._pushed = float(driver.seen.tool[7]), False
+        self._end: ToolPose | None = None
+        self.mode: ArmMode = "idle"
+        self.reason = ""
+        self.commanded: ToolPose = driver.seen.tool
+
+    @property
+    def measured(self) -> ToolPose:
+        """Where the tool is."""
+        return self._driver.seen.tool
+
+    @property
+    def velocity(self) -> Float64[np.ndarray, "3"]:
+        """Of the tool's tip [m/s]."""
+        return self._driver.seen.velocity
+
+    @property
+    def joints(self) -> Joints:
+        """Joint angles [rad], each from -pi to pi."""
+        return self._driver.seen.joints
+
+    @property
+    def force(self) -> Float64[np.ndarray, "3"]:
+        """On the tool as the arm estimates it [N]."""
+        return self._driver.seen.force
+
+    @property
+    def jogging(self) -> bool:
+        """Whether it is being moved by hand, or coming to rest from that."""
+        return self._jogging is not None
+
+    def begin(self, points: ToolPath, speeds: Float64[np.ndarray, " S"]) -> None:
+        """Have the arm check the way, then go it. What it finds wrong with it stops this before anything moves."""
+        if why := self._unready(self._driver.seen):
+            raise MotionRefused(Refusal.DEVICE, why)
+        if not len(speeds):
+            return
+        self._path = PathFollower(points, speeds, self._limits.acceleration_m_s2)
+        self._end = points[-1]
+        ways = stretches(points, speeds, self._limits.opening_m, self._limits.angular_speed_rad_s)
+        self._errand = self._driver.go(ways)
+        self.mode, self.reason = "moving", ""
+
+    def jog(self, jog: Jog) -> bool:
+        """Move so from now on; whether that was heeded."""
+        if not finite(jog) or not (self.mode == "idle" or (self.jogging and self.mode == "moving")):
+            return False
+        if self.mode == "idle" and not still(jog):
+            if self._unready(self._driver.seen):
+                return False
+            self.commanded = self._driver.seen.tool
+            self._jogging = Jogging(self.commanded, self._limits)
+            self._gripped_m, self._pushed = float(self.commanded[7]), False
+            self.mode, self.reason = "moving", ""
+        if self._jogging is not None:
+            self._jogging.aim(jog)
+        return True
+
+    def coast(self) -> None:
+        """Slow down to rest where it is jogged."""
+        if self._jogging is not None:
+            self._jogging.aim(Jog())
+
+    def stop(self, reason: str) -> None:
+        """Have the arm stop; the first reason is kept."""
+        # Said again even where it was said before: a stop too many does no harm.
+        self._driver.stop()
+        if self.mode in ("stopping", "stopped", "fault"):
+            return
+        self.reason = reason
+        self.mode = "stopping" if self.mode == "moving" else "stopped"
+        self._errand = self._jogging = self._path = self._end = None
+
+    def reset(self) -> None:
+        """Accept motions again; an arm in fault is asked to leave it first, and says what keeps it there."""
+        if self.mode == "stopped" and not self._driver.seen.faults and self._driver.seen.ready:
+            self.mode, self.reason = "idle", ""
+        elif self.mode in ("stopped", "fault") and not self._driver.trouble:
+            self._clearing = self._driver.clear()
+
+    def advance(self, duration_s: float) -> None:
+        """Look at what the arm does, and have it go on with what it is told by hand."""
+        self._driver.pulse()
+        seen = self._driver.seen
+        self._look_for_trouble(seen)
+        if self._clearing is not None and self._clearing.over:
+            self._cleared(self._clearing.problem)
+        elif self.mode == "moving" and self._jogging is not None:
+            self._push(self._jogging, seen, duration_s)
+        elif self.mode == "moving" and self._errand is not None:
+            self._follow(self._errand, duration_s)
+        elif self.mode == "stopping" and seen.still:
+            self.mode = "stopped"
+        if self.mode in ("stopped", "fault"):
+            self.commanded = seen.tool
+
+    def close(self) -> None:
+        """Stop the arm and let go of it."""
+        self._driver.close()
+
+    def _look_for_trouble(self, seen: Seen) -> None:
+        """Fall into fault where the arm does, is out of reach, or says nothing."""
+        why = self._driver.trouble or self._in_fault(seen)
+        if not why and self.mode == "moving" and self._blind(seen):
+            self.stop(f"The arm has said nothing for {_BLIND_S:.1f} s; look at its cable, then press Resume.")
+        if why and self.mode != "fault":
+            self._driver.stop()
+            self.mode, self.reason = "fault", why
+            self._errand = self._jogging = self._path = self._end = None
+        elif why and self._clearing is None:
+            self.reason = why
+        elif self.mode == "fault" and self._clearing is None and self.reason.startswith("The connection"):
+            self.reason = "The connection to the arm is back; look at the arm, then press Resume."
+
+    def _follow(self, errand: Errand, duration_s: float) -> None:
+        """See how far a motion is, and how it ended."""
+        if self._path is not None and errand.begun:
+            self.commanded = self._path.advance(duration_s)
+        if not errand.over:
+            return
+        end, self._errand, self._path, self._end = self._end, None, None, None
+        if errand.problem:
+            self._driver.stop()
+            self.mode, self.reason = "stopping", errand.problem
+            return
+        assert end is not None
+        self.mode, self.commanded = "idle", end
+
+    def _push(self, jogging: Jogging, seen: Seen, duration_s: float) -> None:
+        """Have the tool follow the one that the hand moves, which keeps all limits."""
+        before, self.commanded = self.commanded, jogging.advance(duration_s)
+        if jogging.at_rest:
+            if self._pushed:
+                self._driver.stop()
+                self._pushed = False
+            elif seen.still:
+                self._jogging, self.mode, self.commanded = None, "idle", seen.tool
+            return
+        turn = (_rotation(self.commanded) * _rotation(before).inv()).as_rotvec() / duration_s
+        behind = (_rotation(self.commanded) * _rotation(seen.tool).inv()).as_rotvec()
+        linear = (self.commanded[:3] - before[:3]) / duration_s
+        linear = linear + _at_most(_FOLLOW_HZ * (self.commanded[:3] - seen.tool[:3]), _CATCH_UP_M_S)
+        self._pushed = True
+        linear = held_back(linear, seen.tool[:3], self._limits)
+        self._driver.twist(linear, turn + _at_most(_FOLLOW_HZ * behind, _CATCH_UP_RAD_S))
+        if abs(self.commanded[7] - self._gripped_m) > _FINGERS_M:
+            self._gripped_m = float(self.commanded[7])
+            self._driver.grip(float(np.clip(1.0 - self._gripped_m / self._limits.opening_m, 0.0, 1.0)))
+
+    def _cleared(self, problem: str) -> None:
+        self._clearing = None
+        self.mode, self.reason = ("fault", problem) if problem else ("idle", "")
+
+    def _unready(self, seen: Seen) -> str:
+        """Why the arm would not move now; empty where it would."""
+        if why := self._driver.trouble or self._in_fault(seen):
+            return why
+        if self._blind(seen):
+            return "The arm does not say where it is; look at its cable."
+        return "" if seen.ready else "The arm is not ready: it starts, is serviced, or is commanded at low level."
+
+    def _in_fault(self, seen: Seen) -> str:
+        said = " ".join(seen.faults)
+        return f"The arm is in fault: {said} Remove the cause, then press Resume." if said else ""
+
+    def _blind(self, seen: Seen) -> bool:
+        return time.monotonic() - seen.time_s > _BLIND_S
+
+
+def _at_most(vector: Float64[np.ndarray, "3"], length: float) -> Float64[np.ndarray, "3"]:
+    return vector * min(1.0, length / max(float(np.linalg.norm(vector)), 1e-12))
+
+
+def _rotation(pose: ToolPose) -> Rotation:
+    return Rotation.from_quat(pose[3:7], scalar_first=True)

@@ -1,0 +1,273 @@
+"""An arm behind threads, so that whoever controls it waits for nothing: feedback, life, commands, and stop by itself.
+
+Each thread makes its calls alone; none holds a lock while it waits for the arm. The session is kept alive only while
+`pulse` is called: a loop that hangs lets the arm's own time-out stop it.
+"""
+
+import contextlib
+import threading
+import time
+from collections import deque
+from collections.abc import Callable
+from typing import TypeAlias, final
+
+import numpy as np
+from jaxtyping import Float64
+
+from app.config import Site
+from app.core.errors import DeviceError
+from app.rig.kinova.errand import Errand, Superseded, made
+from app.rig.kinova.errors import LinkLost, NoAnswer, Refused
+from app.rig.kinova.kortex import Kortex
+from app.rig.kinova.legs import Stretch
+from app.rig.kinova.seen import Seen, seen
+
+FEEDBACK_S, ALIVE_S, COMMAND_S = 0.010, 0.100, 0.025
+"""How often feedback is asked for, life is shown, and a twist is sent at most: the arm heeds 40 commands a second."""
+PULSE_S, TWIST_S = 0.300, 0.150
+"""A loop that has not shown itself for so long hangs; a twist that is older than that is ended."""
+BACK_OFF_S = (0.2, 0.5, 1.0, 2.0, 5.0)
+_STOP_S, _STOPS, _FIRST_S, _JOIN_S = 0.3, 3, 3.0, 3.0
+_Velocity: TypeAlias = tuple[Float64[np.ndarray, "3"], Float64[np.ndarray, "3"]]
+_Body: TypeAlias = Callable[[int, Errand], None]
+
+
+@final
+class Driver:
+    """One arm. `trouble` says why it is out of reach, `seen` how it was. Nothing waits here but `open` and `close`."""
+
+    def __init__(self, kortex: Kortex, site: Site) -> None:
+        self._kortex, self._site = kortex, site
+        self._seen: Seen | None = None
+        self._over, self._stop, self._work = threading.Event(), threading.Event(), threading.Condition()
+        self._errands = deque[tuple[int, Errand, _Body]]()
+        self._twist: _Velocity | None = None
+        self._twist_s = self._pulse_s = 0.0
+        self._stops = 0
+        self._threads: list[threading.Thread] = []
+        self.trouble = ""
+
+    def open(self) -> None:
+        """Connect, set the arm up, wait for its first feedback, and let the threads run. Raises DeviceError."""
+        self._connect()
+        self._pulse_s = time.monotonic()
+        bodies = (self._watch, self._live, self._command, self._halt)
+        self._threads = [threading.Thread(target=body, name=f"dipac{body.__name__}", daemon=True) for body in bodies]
+        for thread in self._threads:
+            thread.start()
+        end = time.monotonic() + _FIRST_S
+        while self._seen is None:
+            if time.monotonic() > end:
+                self.close()
+                raise DeviceError("The arm says nothing over UDP; open port 10001 on the way to it, then try again.")
+            time.sleep(FEEDBACK_S)
+
+    def close(self) -> None:
+        """Stop the arm, end the threads and the connection."""
+        if not self._over.is_set() and not self.trouble:
+            self.stop()
+            with contextlib.suppress(LinkLost, Refused):
+                self._kortex.stop(timeout_s=_STOP_S)
+            self._wait_for_stop()
+        self._over.set()
+        with self._work:
+            self._work.notify_all()
+        self._stop.set()
+        for thread in self._threads:
+            thread.join(_JOIN_S)
+        self._kortex.close()
+
+    @property
+    def seen(self) -> Seen:
+        """The arm as last measured. Only after `open`."""
+        assert self._seen is not None
+        return self._seen
+
+    def pulse(self) -> None:
+        """Whoever controls is there: the session is kept alive for a little longer."""
+        self._pulse_s = time.monotonic()
+
+    def go(self, stretches: tuple[Stretch, ...]) -> Errand:
+        """Have the arm check all of it, then go stretch by stretch."""
+
+        def body(number: int, errand: Errand) -> None:
+            made(errand, self._kortex, stretches, self._current(number), lambda: self.seen)
+
+        return self._send(body)
+
+    def clear(self) -> Errand:
+        """Have the arm leave its fault."""
+        return self._send(lambda _number, _errand: self._clear())
+
+    def grip(self, closed: float) -> Errand:
+        """Move the fingers: 0 open to 1 closed. The tool goes on with what it does."""
+        return self._send(lambda _number, _errand: self._kortex.grip(closed), ends_twist=False)
+
+    def twist(self, linear: Float64[np.ndarray, "3"], angular: Float64[np.ndarray, "3"]) -> None:
+        """Move like that from now on [m/s, rad/s], until another or `stop`; ended where nobody says so again soon."""
+        with self._work:
+            self._twist, self._twist_s = (linear, angular), time.monotonic()
+            self._work.notify_all()
+
+    def stop(self) -> None:
+        """Stop the arm, and drop what it was to do: it waits behind nothing."""
+        with self._work:
+            self._stops += 1
+            self._twist = None
+            dropped, self._errands = self._errands, deque()
+        for _, errand, _ in dropped:
+            errand.end("It was stopped before it began.")
+        self._stop.set()
+
+    def _send(self, body: _Body, *, ends_twist: bool = True) -> Errand:
+        errand = Errand()
+        with self._work:
+            self._twist = None if ends_twist else self._twist
+            self._errands.append((self._stops, errand, body))
+            self._work.notify_all()
+        return errand
+
+    def _current(self, number: int) -> Callable[[], None]:
+        """What raises Superseded once a stop has come since, or the connection is gone."""
+
+        def check() -> None:
+            if self._stops != number or self._over.is_set() or self.trouble:
+                raise Superseded
+
+        return check
+
+    def _connect(self) -> None:
+        limits = self._site.limits
+        self._kortex.open()
+        if (joints := self._kortex.joint_count()) != 7:
+            self._kortex.close()
+            raise DeviceError(f"The arm has {joints} joints; only a Gen3 of seven is known here.")
+        # An arm in fault may refuse; what clears the fault asks for it again.
+        with contextlib.suppress(Refused):
+            self._kortex.servo()
+        self._kortex.limit(limits.speed_m_s, limits.angular_speed_rad_s)
+        known = self._kortex.forbidden()
+        for volume in limits.keep_out:
+            if (name := f"dipac {volume.name}") in known:
+                self._kortex.allow(known[name])
+            low, high = np.asarray(volume.low), np.asarray(volume.high)
+            self._kortex.forbid(name, [*(low + high) / 2], [*(high - low)])
+
+    def _watch(self) -> None:
+        """Ask for feedback, again and again."""
+        while not self._over.wait(FEEDBACK_S):
+            if self.trouble:
+                continue
+            try:
+                said = self._kortex.feedback()
+            except (LinkLost, Refused):
+                continue  # One datagram may be lost; of many the connection says so itself, see `_live`.
+            self._seen = seen(said, time.monotonic(), self._site.limits.opening_m) or self._seen
+
+    def _live(self) -> None:
+        """Keep the session alive while somebody controls, and connect again where it is lost."""
+        while not self._over.wait(ALIVE_S):
+            try:
+                if self._kortex.lost:
+                    raise LinkLost(self._kortex.lost)
+                if time.monotonic() - self._pulse_s < PULSE_S:
+                    self._kortex.keep_alive()
+            except (LinkLost, Refused) as error:
+                self._reconnect(str(error))
+
+    def _reconnect(self, reason: str) -> None:
+        """Try until it works, with longer and longer waits. The arm has stopped by itself meanwhile."""
+        self.trouble = f"The connection to the arm is lost, and is made again; the arm stops by itself. {reason}"
+        self.stop()
+        waits = iter(BACK_OFF_S)
+        wait_s = next(waits)
+        while not self._over.wait(wait_s):
+            wait_s = next(waits, BACK_OFF_S[-1])
+            try:
+                self._connect()
+                self._kortex.stop()
+            except DeviceError as error:
+                self.trouble = f"The connection to the arm is lost, and is made again. {error}"
+            else:
+                self.trouble = ""
+                return
+
+    def _command(self) -> None:
+        """Make what is to be made, one after the other; twists at the pace of the arm."""
+        moving = False
+        while not self._over.is_set():
+            with self._work:
+                self._work.wait_for(self._wanted, COMMAND_S)
+                errand = self._errands.popleft() if self._errands else None
+                number, twist, age_s = self._stops, self._twist, time.monotonic() - self._twist_s
+                if age_s > TWIST_S:
+                    self._twist = twist = None
+            if errand is not None:
+                begun, what, body = errand
+                self._run(begun, what, body)
+            elif twist is not None:
+                moving = True
+                self._push(number, twist)
+                self._over.wait(COMMAND_S)
+            elif moving:
+                # Nobody says any more how it shall move, and by itself it would go on and on.
+                moving = False
+                self._stop.set()
+
+    def _wanted(self) -> bool:
+        """Whether there is anything to do for the thread that commands."""
+        return bool(self._errands) or self._twist is not None or self._over.is_set()
+
+    def _push(self, number: int, twist: _Velocity) -> None:
+        """Send a twist; one that is not answered may have been heard all the same."""
+        with contextlib.suppress(LinkLost, Refused):
+            self._kortex.twist(*twist)
+        if self._stops != number:
+            self._stop.set()  # A stop came while it was sent, and may have been heard before it.
+
+    def _run(self, number: int, errand: Errand, body: _Body) -> None:
+        problem = ""
+        try:
+            body(number, errand)
+        except Superseded:
+            problem = "It was stopped."
+        except DeviceError as error:
+            problem = str(error)
+        if self._stops != number or problem:
+            self._stop.set()  # What was begun before the stop came may have been heard after it.
+        errand.end(problem)
+
+    def _clear(self) -> None:
+        """Clear faults, and see whether they are gone. Raises DeviceError with those that remain."""
+        self._kortex.clear_faults()
+        self._kortex.servo()
+        end = time.monotonic() + 1.0
+        while time.monotonic() < end:
+            asked_s = time.monotonic()
+            # Also what is measured has to say so: it is from before otherwise.
+            while self._kortex.ready() and time.monotonic() < end:
+                if self.seen.time_s > asked_s and not self.seen.faults:
+                    return
+                self._over.wait(FEEDBACK_S)
+            self._over.wait(0.05)
+        left = " ".join(self.seen.faults) or "It does not say which."
+        raise DeviceError(f"The arm is still in fault: {left} Remove the cause, then press Resume again.")
+
+    def _halt(self) -> None:
+        """Say Stop whenever it is wanted, until the arm has heard it."""
+        while not self._over.is_set():
+            self._stop.wait()
+            self._stop.clear()
+            for _ in range(_STOPS):
+                try:
+                    self._kortex.stop(timeout_s=_STOP_S)
+                except NoAnswer:
+                    continue
+                except (LinkLost, Refused):
+                    break  # Lost, it stops by itself; in fault it does not move.
+                break
+
+    def _wait_for_stop(self) -> None:
+        end = time.monotonic() + 1.0
+        while self._seen is not None and not self._seen.still and time.monotonic() < end:
+            time.sleep(FEEDBACK_S)

@@ -1,0 +1,132 @@
+"""Something that the arm is to do and that takes a while: how it ends, and what to do stretch by stretch."""
+
+import time
+from collections.abc import Callable
+from typing import final
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from app.core.errors import DeviceError, MotionRefused
+from app.core.refusal import Refusal
+from app.core.types import ToolPose
+from app.rig.kinova.codes import ActionEvent
+from app.rig.kinova.kortex import Kortex
+from app.rig.kinova.legs import Stretch
+from app.rig.kinova.messages import ActionNotification
+from app.rig.kinova.seen import Seen
+from app.rig.kinova.words import TRAJECTORY_INFO, refusal
+
+NEAR_M, NEAR_RAD = 0.004, np.radians(3.0)
+"""So near to its end the tool has arrived. Ends are reported that were not reached (ros_kortex #116)."""
+_POLL_S, _SETTLE_S, _SLACK_S, _SLOWER = 0.010, 0.5, 12.0, 3.0
+_FINGERS_S, _FINGERS_STILL_S, _CLOSE_ENOUGH = 3.0, 0.3, 0.02
+
+
+class Superseded(Exception):
+    """A stop has come since; what was begun is not gone on with."""
+
+
+@final
+class Errand:
+    """`begun` once something moves; `over` once it has ended, then `problem` says why it did not do what it should."""
+
+    def __init__(self) -> None:
+        self.begun, self.over, self.problem = False, False, ""
+
+    def end(self, problem: str) -> None:
+        """Note how it ended."""
+        self.problem = problem
+        self.over = True
+
+
+def made(
+    errand: Errand,
+    kortex: Kortex,
+    stretches: tuple[Stretch, ...],
+    check: Callable[[], None],
+    look: Callable[[], Seen],
+) -> None:
+    """Have the arm check all ways, then make stretch by stretch; `check` raises Superseded once it shall not go on.
+
+    Raises MotionRefused, with nothing moved, where the arm would not go there; DeviceError where it breaks off, does
+    not come to an end, or is not where it says.
+    """
+    if ways := [way for stretch in stretches for way in stretch.ways]:
+        kortex.check(ways)
+    for stretch in stretches:
+        check()
+        if stretch.closed is not None:
+            kortex.grip(stretch.closed)
+        if stretch.ways:
+            _go(errand, kortex, stretch, check)
+            _arrive(stretch.end, check, look)
+        elif stretch.closed is not None:
+            _close(stretch.closed, check, look)
+
+
+def _go(errand: Errand, kortex: Kortex, stretch: Stretch, check: Callable[[], None]) -> None:
+    """Along the ways, until the arm says how that ended."""
+    kortex.events()
+    check()
+    kortex.go(stretch.ways)
+    known, end = False, time.monotonic() + _SLACK_S + _SLOWER * stretch.duration_s
+    while time.monotonic() < end:
+        check()
+        for each in kortex.events():
+            if not isinstance(each, ActionNotification):
+                continue
+            # What comes before this is about another action.
+            known = known or each.action_event in (ActionEvent.PREPROCESS_START, ActionEvent.START)
+            errand.begun = errand.begun or each.action_event == ActionEvent.START
+            if known and each.action_event == ActionEvent.END:
+                return
+            if known and each.action_event in (ActionEvent.ABORT, ActionEvent.PREPROCESS_ABORT):
+                raise DeviceError(_broken_off(each))
+        time.sleep(_POLL_S)
+    raise MotionRefused(Refusal.STUCK, "The arm does not come to the end of its way; look at it, then press Resume.")
+
+
+def _broken_off(said: ActionNotification) -> str:
+    reasons = [
+        TRAJECTORY_INFO[each.trajectory_info_type]
+        for each in said.trajectory_info
+        if each.trajectory_info_type in TRAJECTORY_INFO
+    ]
+    return f"The arm broke off its way: {refusal(said.abort_details, '; '.join(reasons))}"
+
+
+def _arrive(end: ToolPose, check: Callable[[], None], look: Callable[[], Seen]) -> None:
+    """Raise DeviceError where the tool is not where it should be, also not a little later."""
+    until = time.monotonic() + _SETTLE_S
+    while True:
+        check()
+        tool = look().tool
+        off_m = float(np.linalg.norm(tool[:3] - end[:3]))
+        off_rad = float((_rotation(tool).inv() * _rotation(end)).magnitude())
+        if off_m < NEAR_M and off_rad < NEAR_RAD and look().still:
+            return
+        if time.monotonic() > until:
+            raise DeviceError(
+                f"The arm says that it has arrived, and its tool is {1e3 * off_m:.0f} mm and {np.degrees(off_rad):.0f} "
+                "degrees away from there; look at what holds it, then press Resume."
+            )
+        time.sleep(_POLL_S)
+
+
+def _close(closed: float, check: Callable[[], None], look: Callable[[], Seen]) -> None:
+    """Until the fingers are there, or have not moved for a while: then they hold something."""
+    begun = moved = time.monotonic()
+    before = look().closed
+    while time.monotonic() - begun < _FINGERS_S and time.monotonic() - moved < _FINGERS_STILL_S:
+        check()
+        now = look().closed
+        if abs(now - closed) < _CLOSE_ENOUGH:
+            return
+        if abs(now - before) > 1e-3:
+            before, moved = now, time.monotonic()
+        time.sleep(_POLL_S)
+
+
+def _rotation(pose: ToolPose) -> Rotation:
+    return Rotation.from_quat(pose[3:7], scalar_first=True)

@@ -1,0 +1,87 @@
+"""What the arm measures in this program's words: SI, quaternions, the world's frame, which is the base's."""
+
+from dataclasses import dataclass
+from typing import final
+
+import numpy as np
+from jaxtyping import Float64
+from scipy.spatial.transform import Rotation
+
+from app.core.types import ToolPose
+from app.rig.kinova.codes import ArmStateCode
+from app.rig.kinova.feedback import BaseFeedback, Feedback, GripperFeedback, InterconnectFeedback
+from app.rig.kinova.gen3 import Joints
+from app.rig.kinova.words import faults
+
+_STILL_M_S, _STILL_DEG_S = 0.005, 1.0
+_READY = (
+    ArmStateCode.IDLE,
+    ArmStateCode.SERVOING_READY,
+    ArmStateCode.SERVOING_PLAYING_SEQUENCE,
+    ArmStateCode.SERVOING_MANUALLY_CONTROLLED,
+)
+
+
+@final
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Seen:
+    """The arm at `time_s`, when this was received. `closed`: the fingers, 0 to 1; `faults`: sentences, or none.
+
+    `velocity` [m/s] and `force` [N] of the tool; `ready`: whether it takes commands.
+    """
+
+    time_s: float
+    tool: ToolPose
+    velocity: Float64[np.ndarray, "3"]
+    joints: Joints
+    force: Float64[np.ndarray, "3"]
+    closed: float
+    still: bool
+    ready: bool
+    faults: tuple[str, ...]
+
+
+def seen(said: Feedback, time_s: float, opening_m: float) -> Seen | None:
+    """What `said` means, for a gripper whose fingers open by `opening_m`; None where a number in it is none."""
+    base, actuators = said.base or BaseFeedback(), said.actuators
+    gripper = (said.interconnect or InterconnectFeedback()).gripper_feedback or GripperFeedback()
+    closed = min(max(gripper.motor[0].position / 100.0, 0.0), 1.0) if gripper.motor else 1.0
+    tool, velocity, force = _tool(base, (1.0 - closed) * opening_m), _velocity(base), _force(base)
+    joints = np.radians([(each.position + 180.0) % 360.0 - 180.0 for each in actuators])
+    if len(joints) != 7 or not np.isfinite([*tool, *velocity, *force, *joints]).all():
+        return None
+    fastest = max(abs(each.velocity) for each in actuators)
+    return Seen(
+        time_s=time_s,
+        tool=tool,
+        velocity=velocity,
+        joints=joints,
+        force=force,
+        closed=closed,
+        still=float(np.linalg.norm(velocity)) < _STILL_M_S and fastest < _STILL_DEG_S,
+        ready=base.active_state in _READY,
+        faults=_faults(said),
+    )
+
+
+def _tool(base: BaseFeedback, opening_m: float) -> ToolPose:
+    angles = [base.tool_pose_theta_x, base.tool_pose_theta_y, base.tool_pose_theta_z]
+    turn = Rotation.from_euler("xyz", angles, degrees=True).as_quat(scalar_first=True)
+    # Of its two signs always the same one, or a tool that points down would seem to jump.
+    turn = turn * (np.sign(turn[np.argmax(np.abs(turn))]) or 1.0)
+    return np.array([base.tool_pose_x, base.tool_pose_y, base.tool_pose_z, *turn, opening_m])
+
+
+def _velocity(base: BaseFeedback) -> Float64[np.ndarray, "3"]:
+    return np.array([base.tool_twist_linear_x, base.tool_twist_linear_y, base.tool_twist_linear_z])
+
+
+def _force(base: BaseFeedback) -> Float64[np.ndarray, "3"]:
+    return np.array(
+        [base.tool_external_wrench_force_x, base.tool_external_wrench_force_y, base.tool_external_wrench_force_z]
+    )
+
+
+def _faults(said: Feedback) -> tuple[str, ...]:
+    base, wrist = said.base or BaseFeedback(), said.interconnect or InterconnectFeedback()
+    return faults(base.fault_bank_a, tuple(each.fault_bank_a for each in said.actuators), wrist.fault_bank_a)

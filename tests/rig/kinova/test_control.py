@@ -1,0 +1,292 @@
+"""A Gen3 under control: what it is told goes to the arm within the limits, and whatever goes wrong ends at rest."""
+
+import dataclasses
+import threading
+import time
+from collections.abc import Iterator
+
+import numpy as np
+import pytest
+
+from app.config import KeepOut, Limits, Site, Workspace
+from app.core.errors import DeviceError, MotionRefused
+from app.core.jog import Jog
+from app.core.motion import pointing_down
+from app.rig.kinova import gen3
+from app.rig.kinova.client import OwnLink
+from app.rig.kinova.control import KinovaControl, taken
+from app.rig.kinova.fake.adversity import Adversity
+from app.rig.kinova.fake.process import FakeProcess
+from app.rig.kinova.kortex import Kortex
+from tests.rig.kinova.conftest import address, tool, until
+
+STAND = KeepOut(name="stand", low=(0.6, 0.25, 0.0), high=(0.7, 0.35, 0.4))
+BOX = Workspace(low=(0.3, -0.3, 0.02), high=(0.6, 0.3, 0.4))
+SITE = Site(limits=Limits(speed_m_s=0.25, workspace=BOX, keep_out=(STAND,)))
+START = (0.45, 0.0, 0.3)
+
+
+class Loop:
+    """Ticks as the arm's process does, until it hangs or ends."""
+
+    def __init__(self, control: KinovaControl) -> None:
+        self.control, self.hangs = control, threading.Event()
+        self._over, self.lock = threading.Event(), threading.Lock()
+        self.longest_s = 0.0
+        self._thread = threading.Thread(target=self._run)
+        self._thread.start()
+
+    def _run(self) -> None:
+        while not self._over.wait(0.01):
+            if self.hangs.is_set():
+                continue
+            with self.lock:
+                begun = time.thread_time()
+                self.control.advance(0.01)
+                self.longest_s = max(self.longest_s, time.thread_time() - begun)
+
+    def end(self) -> None:
+        self._over.set()
+        self._thread.join()
+        self.control.close()
+
+    def go(self, *positions: tuple[float, float, float], speed: float = 0.25, openings: tuple[float, ...] = ()) -> None:
+        """Begin a motion from where the tool is."""
+        points = np.array([self.control.measured, *(pointing_down(np.array(each)) for each in positions)])
+        if openings:
+            points[:, 7] = openings
+        with self.lock:
+            self.control.begin(points, np.full(len(positions), speed))
+
+    def do(self, what, *arguments):
+        with self.lock:
+            return what(*arguments)
+
+    def comes_to(self, mode: str, seconds: float = 15.0) -> None:
+        until(lambda: self.control.mode == mode, seconds)
+
+
+@pytest.fixture
+def loop(arm: FakeProcess) -> Iterator[Loop]:
+    loop = Loop(taken(address(arm), SITE))
+    yield loop
+    arm.set(Adversity())
+    loop.end()
+
+
+def fastest(arm: FakeProcess) -> float:
+    return max((each["linear_m_s"] for each in arm.commands()), default=0.0)
+
+
+def test_taking_hold_of_an_arm_sets_its_own_limits_and_zones(loop: Loop, arm: FakeProcess) -> None:
+    other = Kortex(OwnLink(address(arm)))
+    other.open()
+    assert other.forbidden().keys() == {"dipac stand"}
+    other.close()
+    control = loop.control
+    assert control.mode == "idle"
+    assert control.measured[:3] == pytest.approx(START, abs=1e-3)
+    assert control.measured[3:7] == pytest.approx([0, 1, 0, 0], abs=1e-3)
+    assert control.measured[7] == pytest.approx(SITE.limits.opening_m)
+    assert gen3.tool(control.joints)[:3, 3] == pytest.approx(control.measured[:3], abs=1e-3)
+
+
+def test_no_arm_is_said_before_anything_runs(arm: FakeProcess) -> None:
+    with pytest.raises(DeviceError, match="check its power"):
+        taken(dataclasses.replace(address(arm), tcp_port=1), SITE)
+
+
+def test_a_motion_goes_through_its_points_within_the_limits_and_ends_idle(loop: Loop, arm: FakeProcess) -> None:
+    way = [(0.45, 0.1, 0.25), (0.5, 0.1, 0.25), (0.5, -0.05, 0.15)]
+    loop.go(*way)
+    assert loop.control.mode == "moving"
+    loop.comes_to("idle")
+    assert tool(arm) == pytest.approx(way[-1], abs=2e-3)
+    assert loop.control.commanded[:3] == pytest.approx(way[-1])
+    (told,) = [each for each in arm.commands() if each["call"] == "ExecuteAction"]
+    assert told["positions"] == [pytest.approx(each, abs=1e-6) for each in way]
+    assert fastest(arm) <= SITE.limits.speed_m_s * (1 + 1e-6)
+    assert loop.longest_s < 0.5
+
+
+def test_a_way_that_the_arm_cannot_go_ends_before_anything_moves(loop: Loop, arm: FakeProcess) -> None:
+    before = tool(arm)
+    loop.go((0.45, 0.1, 0.25), (0.9, 0.3, 0.3))
+    loop.comes_to("stopped")
+    assert "outside of what the arm reaches" in loop.control.reason
+    assert tool(arm) == pytest.approx(before, abs=1e-6)
+    loop.do(loop.control.reset)
+    assert loop.control.mode == "idle"
+
+
+def test_a_stop_ends_a_motion_and_holds_until_it_is_lifted(loop: Loop, arm: FakeProcess) -> None:
+    loop.go((0.45, 0.0, 0.1), speed=0.05)
+    until(lambda: loop.control.velocity[2] < -0.02)
+    loop.do(loop.control.stop, "STOP was pressed.")
+    loop.comes_to("stopped")
+    assert loop.control.reason == "STOP was pressed."
+    until(lambda: not arm.look()["moving"])
+    assert 0.1 < tool(arm)[2] < 0.3
+    loop.do(loop.control.reset)
+    loop.comes_to("idle")
+    loop.go((0.45, 0.0, 0.2))
+    loop.comes_to("idle")
+    assert tool(arm)[2] == pytest.approx(0.2, abs=2e-3)
+
+
+def test_a_stop_right_after_the_beginning_is_not_overtaken_by_it(loop: Loop, arm: FakeProcess) -> None:
+    for wait_s in (0.0, 0.01, 0.03, 0.06):
+        loop.go((0.45, 0.0, 0.1), speed=0.02)
+        time.sleep(wait_s)
+        loop.do(loop.control.stop, "STOP was pressed.")
+        loop.comes_to("stopped")
+        time.sleep(0.15)
+        until(lambda: not arm.look()["moving"])
+        rest = tool(arm)
+        time.sleep(0.1)
+        assert tool(arm) == pytest.approx(rest, abs=1e-6)
+        loop.do(loop.control.reset)
+        loop.comes_to("idle")
+
+
+def test_an_end_that_was_not_reached_is_noticed(loop: Loop, arm: FakeProcess) -> None:
+    arm.set(Adversity(short_m=0.03))
+    loop.go((0.45, 0.0, 0.2))
+    loop.comes_to("stopped")
+    assert "says that it has arrived" in loop.control.reason
+    assert tool(arm)[2] == pytest.approx(0.23, abs=5e-3)
+
+
+def test_fingers_close_on_something_between_two_stretches(loop: Loop, arm: FakeProcess) -> None:
+    arm.set(Adversity(object_at=0.5))
+    at, open_m = (0.45, 0.0, 0.25), SITE.limits.opening_m
+    loop.go(at, at, START, openings=(open_m, open_m, 0.0, 0.0))
+    loop.comes_to("idle")
+    assert arm.look()["fingers"] == pytest.approx(0.5)
+    assert loop.control.measured[7] == pytest.approx(open_m / 2, abs=1e-3)
+    order = [each["call"] for each in arm.commands() if each["call"] in ("ExecuteAction", "SendGripperCommand")]
+    assert order == ["ExecuteAction", "SendGripperCommand", "ExecuteAction"]
+
+
+def hold(loop: Loop, jog: Jog, seconds: float) -> None:
+    """Keep saying it, as a hand on a key does."""
+    end = time.monotonic() + seconds
+    while time.monotonic() < end:
+        loop.do(loop.control.jog, jog)
+        time.sleep(0.02)
+
+
+def test_a_hand_moves_the_tool_and_letting_go_brings_it_to_rest(loop: Loop, arm: FakeProcess) -> None:
+    hold(loop, Jog(linear=np.array([0.0, 0.1, 0.0])), 0.8)
+    assert loop.control.jogging
+    assert loop.control.mode == "moving"
+    assert tool(arm)[1] > 0.03
+    loop.do(loop.control.coast)
+    loop.comes_to("idle")
+    until(lambda: not arm.look()["moving"])
+    told = arm.commands()
+    twists = [each["time_s"] for each in told if each["call"] == "SendTwistCommand"]
+    assert len(twists) > 5
+    assert len(twists) <= 2 + 40 * (twists[-1] - twists[0])
+    assert told[-1]["call"] == "Stop"
+    assert fastest(arm) < 0.1 + 0.021
+
+
+def test_a_hand_turns_the_tool_and_moves_the_fingers(loop: Loop, arm: FakeProcess) -> None:
+    hold(loop, Jog(angular=np.array([0.0, 0.0, 0.5]), opening=-0.05), 0.8)
+    loop.do(loop.control.coast)
+    loop.comes_to("idle")
+    assert loop.control.measured[7] < SITE.limits.opening_m - 0.01
+    assert abs(loop.control.measured[6]) + abs(loop.control.measured[5]) > 0.05
+    assert tool(arm) == pytest.approx(START, abs=0.01)
+
+
+def test_a_hand_cannot_move_the_tool_out_of_the_workspace(loop: Loop, arm: FakeProcess) -> None:
+    hold(loop, Jog(linear=np.array([0.0, 0.0, 0.25])), 1.5)
+    assert tool(arm)[2] < SITE.limits.workspace.high[2] + 2e-3
+    loop.do(loop.control.coast)
+    loop.comes_to("idle")
+    assert tool(arm)[2] < SITE.limits.workspace.high[2] + 2e-3
+
+
+@pytest.mark.parametrize("by_hand", [True, False])
+def test_an_arm_whose_loop_hangs_stops(loop: Loop, arm: FakeProcess, by_hand: bool) -> None:
+    if by_hand:
+        hold(loop, Jog(linear=np.array([0.0, 0.05, 0.0])), 0.3)
+    else:
+        loop.go((0.45, 0.25, 0.3), speed=0.02)
+    until(lambda: np.linalg.norm(loop.control.velocity) > 0.01)
+    loop.hangs.set()
+    until(lambda: not arm.look()["moving"])
+    assert tool(arm)[1] < 0.15
+
+
+def test_a_fault_is_said_in_words_and_cleared_by_resume(loop: Loop, arm: FakeProcess) -> None:
+    loop.go((0.45, 0.0, 0.1), speed=0.02)
+    until(lambda: arm.look()["moving"])
+    arm.fail(joint=4, bits=1 << 5, lasting=True)
+    loop.comes_to("fault")
+    assert "Joint 4 met too much torque" in loop.control.reason
+    with pytest.raises(MotionRefused, match="torque"):
+        loop.go((0.45, 0.0, 0.2))
+    loop.do(loop.control.reset)
+    until(lambda: "still in fault" in loop.control.reason)
+    arm.fail()
+    loop.do(loop.control.reset)
+    loop.comes_to("idle")
+    assert loop.control.reason == ""
+
+
+def test_an_emergency_stop_pressed_elsewhere_is_a_fault_too(loop: Loop, arm: FakeProcess) -> None:
+    arm.fail(base=1 << 23)
+    loop.comes_to("fault")
+    assert "emergency stop" in loop.control.reason
+    loop.do(loop.control.reset)
+    loop.comes_to("idle")
+
+
+def test_another_session_in_control_is_said(loop: Loop, arm: FakeProcess) -> None:
+    arm.set(Adversity(foreign=True))
+    loop.go((0.45, 0.0, 0.2))
+    loop.comes_to("stopped")
+    assert "another session has control" in loop.control.reason
+
+
+@pytest.mark.parametrize("deaf", [False, True])
+def test_a_lost_connection_is_a_fault_and_is_made_again(loop: Loop, arm: FakeProcess, deaf: bool) -> None:
+    loop.go((0.45, 0.0, 0.1), speed=0.02)
+    until(lambda: arm.look()["moving"])
+    arm.set(Adversity(deaf=True)) if deaf else arm.cut()
+    loop.comes_to("fault")
+    assert "connection to the arm is lost" in loop.control.reason
+    until(lambda: not arm.look()["moving"])
+    arm.set(Adversity())
+    until(lambda: "is back" in loop.control.reason)
+    loop.do(loop.control.reset)
+    loop.comes_to("idle")
+    loop.go((0.45, 0.0, 0.28))
+    loop.comes_to("idle")
+
+
+def test_an_arm_that_says_no_more_where_it_is_stops(loop: Loop, arm: FakeProcess) -> None:
+    loop.go((0.45, 0.0, 0.1), speed=0.02)
+    until(lambda: arm.look()["moving"])
+    arm.set(Adversity(lose_feedback=10**9))
+    until(lambda: loop.control.mode != "moving")
+    assert "said nothing" in loop.control.reason
+    until(lambda: not arm.look()["moving"])
+
+
+def test_a_push_at_the_tool_is_felt(loop: Loop, arm: FakeProcess) -> None:
+    arm.set(Adversity(force_n=20.0))
+    until(lambda: loop.control.force == pytest.approx([0, 0, 20.0]))
+
+
+def test_letting_go_of_an_arm_that_moves_stops_it(arm: FakeProcess) -> None:
+    loop = Loop(taken(address(arm), SITE))
+    loop.go((0.45, 0.0, 0.1), speed=0.02)
+    until(lambda: arm.look()["moving"])
+    loop.end()
+    until(lambda: not arm.look()["moving"])
+    assert arm.look()["sessions"] == []
+    assert not [thread for thread in threading.enumerate() if thread.name.startswith("dipac")]
