@@ -1,14 +1,15 @@
-"""What perception makes of an object that is partly hidden: `python -m bench.occlusion`.
+"""What perception makes of an object that is partly hidden: `dipac bench occlusion --seeds 5`.
 
 A board that the hand carries 10 cm over the table hides a share of the object from all cameras at once: 0, 20 or 40 %
 of its volume. It is as large as that takes. It is grey, or has the object's own colour, as labels may. Before, the
 object was seen whole; meanwhile it lay still, or all of it was moved by 8 mm.
 
 Chamfer: root of half the symmetric squared distance between the particles and as many that fill the truth. Covered:
-the share of the truth within 8 mm of a particle. After the tables: what missing, flying and flickering readings cost.
+the share of the truth within 8 mm of a particle.
 """
 
 import argparse
+import sys
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from typing import TypeAlias, final
@@ -62,14 +63,14 @@ class Scene:
     hidden: float
 
 
-def main() -> None:
+def main(options: Sequence[str] = ()) -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--seeds", type=int, default=5)
-    options, _ = parser.parse_known_args()
+    seeds: int = parser.parse_args(list(options)).seeds
     output = Console(width=130)
     for name in _TASKS:
         for colour, moved_m in _SITUATIONS:
-            output.print(_table(load(name), colour, moved_m, range(options.seeds)))
+            output.print(_table(load(name), colour, moved_m, range(seeds)))
 
 
 def _table(task: Task, colour: str, moved_m: float, seeds: Sequence[int]) -> Table:
@@ -79,11 +80,11 @@ def _table(task: Task, colour: str, moved_m: float, seeds: Sequence[int]) -> Tab
         rows = dict[str, list[tuple[float, float] | None]]()
         hidden = list[float]()
         for seed in seeds:
-            scene = _scene(task, seed, share, colour, moved_m)
-            hidden.append(scene.hidden)
-            truth = task.particles(scene.now.nodes, _TRUTH)
-            for way, seen in ways(scene, seed).items():
-                rows.setdefault(way, []).append(None if seen is None else scored(seen, truth, task, scene.now))
+            shown = scene(task, seed, share, colour, moved_m)
+            hidden.append(shown.hidden)
+            truth = task.particles(shown.now.nodes, _TRUTH)
+            for way, seen in ways(shown, seed).items():
+                rows.setdefault(way, []).append(None if seen is None else scored(seen, truth, task, shown.now))
         for way, scores in rows.items():
             table.add_row(f"{100 * float(np.mean(hidden)):.0f} %", way, *_summed(scores))
         table.add_section()
@@ -153,7 +154,8 @@ def photographed(stage: Stage, snapshot: Snapshot, rng: np.random.Generator, *, 
     return frames
 
 
-def _scene(task: Task, seed: int, share: float, colour: str, moved_m: float) -> Scene:
+def scene(task: Task, seed: int, share: float, colour: str, moved_m: float) -> Scene:
+    """The object of a seed, whole, and then behind a board that hides the share of it."""
     nodes = task.start(seed)
     rng = np.random.default_rng(seed)
     home = pointing_down(np.array(HOME_TOOL_M))
@@ -218,4 +220,4 @@ def _slats(board: Block) -> Iterator[Limb]:
 
 
 if __name__ == "__main__":
-    main()
+    main(sys.argv[1:])

@@ -1,6 +1,7 @@
 """Where the arm was at each moment of the last seconds: what cameras show of it depends on when they looked."""
 
 from collections import deque
+from collections.abc import Sequence
 from typing import final
 
 import numpy as np
@@ -12,6 +13,7 @@ _PERIOD_S = 0.040
 """At 0.3 m/s the tool moves 12 mm meanwhile; between two samples it is taken to move evenly."""
 _KEPT = 250
 """Ten seconds: no camera is so late."""
+_HALF = 0.5
 
 
 @final
@@ -36,15 +38,21 @@ class Following:
         """Where the arm was then [s]; of what is beyond the samples the nearest."""
         if not self._past:
             self.sample()
-        later = next((index for index, (at_s, _) in enumerate(self._past) if at_s >= time_s), None)
-        if later is None:
-            return self._past[-1][1]
-        if later == 0:
-            return self._past[0][1]
-        (before_s, before), (after_s, after) = self._past[later - 1], self._past[later]
-        share = (time_s - before_s) / (after_s - before_s)
-        joints = before.joints + share * (np.angle(np.exp(1j * (after.joints - before.joints))))
-        # Its turn is that of the nearer sample: in 40 ms a tool turns by 2 degrees at most.
-        tool = (before if share < 0.5 else after).tool.copy()
-        tool[:3] = before.tool[:3] + share * (after.tool[:3] - before.tool[:3])
-        return Posture(joints=joints, tool=tool)
+        return posed(self._past, time_s)
+
+
+def posed(past: Sequence[tuple[float, Posture]], time_s: float) -> Posture:
+    """Where an arm was at `time_s` [s], evenly between the samples of the `past`; beyond them the nearest."""
+    later = next((index for index, (at_s, _) in enumerate(past) if at_s >= time_s), None)
+    if later is None:
+        return past[-1][1]
+    if later == 0:
+        return past[0][1]
+    (before_s, before), (after_s, after) = past[later - 1], past[later]
+    share = (time_s - before_s) / (after_s - before_s)
+    # By the shorter way round: a joint that passes half a turn is measured on its other side.
+    turned = np.angle(np.exp(1j * (after.joints - before.joints)))
+    # Its turn is that of the nearer sample: in 40 ms a tool turns by 2 degrees at most.
+    tool = (before if share < _HALF else after).tool.copy()
+    tool[:3] = before.tool[:3] + share * (after.tool[:3] - before.tool[:3])
+    return Posture(joints=before.joints + share * turned, tool=tool)

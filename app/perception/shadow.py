@@ -21,7 +21,7 @@ from app.core.types import DepthImage, ToolPose
 
 Shadow: TypeAlias = Float32[np.ndarray, "height width"]
 """How far from the camera [m, along its axis] the arm begins in each pixel that shows it; infinite in the others."""
-Corners: TypeAlias = Float64[np.ndarray, "P 3"]
+Corners: TypeAlias = Float64[np.ndarray, "_ 3"]
 """Points [m, world] in whose convex hull a part lies."""
 
 MARGIN_M = 0.010

@@ -12,3 +12,23 @@ def test_a_negative_number_is_refused_by_its_options_name(option, capsys, tmp_pa
     assert main(["run", "rope_push", option, "-1", "--recordings", str(recordings)]) == UsageError.exit_code
     assert f"{option} -1 must not be negative" in capsys.readouterr().err
     assert not recordings.exists()
+
+
+def test_a_segmenter_that_is_none_is_refused_before_anything_starts(capsys, tmp_path):
+    (tmp_path / "none.onnx").write_bytes(b"no network")
+    order = [
+        "run",
+        "rope_push",
+        "--segmenter",
+        str(tmp_path / "none.onnx"),
+        "--recordings",
+        str(tmp_path / "recordings"),
+    ]
+    assert main(order) == UsageError.exit_code
+    assert "one input of 32-bit floats, shape (1, 3, H, W)" in capsys.readouterr().err
+    assert not (tmp_path / "recordings").exists()
+
+
+def test_a_liquid_without_depth_is_refused_before_anything_starts(capsys, tmp_path):
+    assert main(["run", "pour_water", "--no-depth", "--recordings", str(tmp_path)]) == UsageError.exit_code
+    assert "level of the liquid of pour_water cannot be told from its outline" in capsys.readouterr().err

@@ -6,13 +6,15 @@ import numpy as np
 import pytest
 
 from app.core.colours import ColourRange
-from app.core.errors import ParameterError
+from app.core.errors import ParameterError, UsageError
 from app.core.messages import fresh_id
 from app.core.requests import ColourRequest
 from app.core.seeing import Seen
 from app.flow.seeing import Seeing, seen
+from app.perception.learned import load_segmenter
 from app.perception.reconstruct import Reconstruction, looked
 from app.recording.codec import decode, encode
+from tests.perception.onnx_model import convolution
 from tests.perception.scene import ROPE_RGB, random_tube, views
 
 HOW = Reconstruction(colour=ColourRange.around(ROPE_RGB), particle_count=300)
@@ -53,3 +55,11 @@ def test_what_was_seen_is_said_and_survives_a_recording():
     read = decode(encode(said, Seen), Seen)
     np.testing.assert_array_equal(read.masks["left"], said.masks["left"])
     assert read.apart_m == said.apart_m
+
+
+def test_colours_are_refused_where_a_trained_segmenter_finds_the_object(tmp_path):
+    segmenter = load_segmenter(convolution(tmp_path / "red.onnx", ((0.0, 0.0, 0.0), (3.0, -3.0, 0.0)), (0.0, -0.6)), 1)
+    seeing = Seeing(replace(HOW, segmenter=segmenter))
+    with pytest.raises(UsageError, match="trained segmenter finds the object"):
+        seeing.recolour(REQUEST)
+    assert seeing.how.colour == HOW.colour

@@ -15,6 +15,7 @@ from app.core.seeing import Seen
 from app.recording.channels import TOPICS, record_of
 from app.recording.codec import decode, encode, schema
 from app.recording.reader import read_episode, read_messages, read_transitions
+from app.recording.records import ParticlesRecord
 from tests.recording.samples import Maker, Recording, all_kinds, record, same, same_as_read
 
 
@@ -28,6 +29,14 @@ def test_every_kind_of_message_comes_back_as_it_was_written(kind: type[Message],
     written = make(kind)
     read = list(read_messages(record(tmp_path, make(Episode), [written])))[-1]
     assert same_as_read(written, read)
+
+
+def test_particles_of_before_there_were_predicted_ones_are_read(make: Maker) -> None:
+    plain = json.loads(encode(make(Particles), ParticlesRecord))
+    del plain["predicted"]
+    read = decode(json.dumps(plain).encode(), ParticlesRecord)
+    assert read.predicted.shape == (0,)
+    assert len(read.positions)
 
 
 def test_messages_come_back_in_the_order_of_writing(recording: Recording) -> None:

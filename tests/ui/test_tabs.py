@@ -10,6 +10,7 @@ from viser import ViserServer
 
 from app.config import Workspace
 from app.core.requests import Request
+from app.ui import palette
 from app.ui.backstage import Backstage
 from app.ui.cell import Cell
 from app.ui.desk import Desk
@@ -87,3 +88,15 @@ def test_one_camera_is_shown_with_all_its_pixels(server: ViserServer):
     other = replace(LEFT, color=np.zeros_like(LEFT.color))
     cell.paint(board.after(other).after(synthetic.seen(other)), LEFT.time_s)
     assert not cell._large._image.image.any()
+
+
+def test_what_is_hidden_is_drawn_in_shade_until_it_is_seen_again(server: ViserServer):
+    scene, rope = Scene(server, Workspace()), synthetic.rope(0.5)
+    hidden = np.arange(len(rope)) < 10
+    scene.paint(board_after(replace(synthetic.particles(rope), predicted=hidden)), 0.0)
+    colours = np.asarray(scene.observed._handle.batched_colors)
+    np.testing.assert_array_equal(colours[:10], np.tile(palette.linear(palette.UNSEEN), (10, 1)))
+    np.testing.assert_array_equal(colours[10], palette.linear(palette.OBSERVED))
+    scene.paint(board_after(synthetic.particles(rope)), 0.0)
+    colours = np.asarray(scene.observed._handle.batched_colors)
+    np.testing.assert_array_equal(colours, np.tile(palette.linear(palette.OBSERVED), (len(rope), 1)))

@@ -1,0 +1,31 @@
+"""Where the arm was when a camera looked: between two samples it moved evenly."""
+
+import numpy as np
+import pytest
+
+from app.core.limbs import Posture
+from app.flow.following import posed
+
+HALF_TURN = np.pi
+
+
+def posture(x: float, angle: float) -> Posture:
+    return Posture(joints=np.full(7, angle), tool=np.array([x, 0.0, 0.3, 0.0, 1.0, 0.0, 0.0, 0.0]))
+
+
+PAST = [(1.0, posture(0.30, 0.0)), (1.1, posture(0.34, 0.2)), (1.2, posture(0.34, 0.2))]
+
+
+@pytest.mark.parametrize(
+    ("time_s", "x", "angle"),
+    [(1.0, 0.30, 0.0), (1.05, 0.32, 0.1), (1.15, 0.34, 0.2), (0.2, 0.30, 0.0), (9.0, 0.34, 0.2)],
+)
+def test_between_samples_it_is_between_and_beyond_them_at_the_nearest(time_s, x, angle):
+    found = posed(PAST, time_s)
+    assert found.tool[0] == pytest.approx(x)
+    np.testing.assert_allclose(found.joints, angle, atol=1e-12)
+
+
+def test_a_joint_that_passes_half_a_turn_goes_the_shorter_way():
+    past = [(0.0, posture(0.3, HALF_TURN - 0.1)), (1.0, posture(0.3, -HALF_TURN + 0.1))]
+    np.testing.assert_allclose(posed(past, 0.5).joints, HALF_TURN)
