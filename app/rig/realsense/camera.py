@@ -9,6 +9,7 @@ from app.core.errors import DeviceError
 from app.core.messages import Frame
 from app.core.view import View
 from app.rig.realsense.keeper import Keeper
+from app.rig.realsense.memory import Arrived
 
 _SAME_PX, _SAME_UNIT = 0.01, 1e-3
 
@@ -30,6 +31,11 @@ class RealSenseCamera:
         """Since when it shows nothing and what is being done, or how it is badly connected; empty where all is well."""
         identity = self._keeper.memory.identity
         return self._keeper.words or (identity.warning if identity else "")
+
+    @property
+    def arrived(self) -> Arrived | None:
+        """How the newest image was dated, and when it came."""
+        return self._keeper.memory.arrived
 
     async def read(self) -> Frame:
         """The newest image, once one is due that is newer than the last one read.

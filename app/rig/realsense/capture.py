@@ -14,7 +14,7 @@ from app.core.errors import DeviceError
 from app.rig.realsense.bus import found
 from app.rig.realsense.dating import Dating
 from app.rig.realsense.ladder import Step
-from app.rig.realsense.memory import CaptureMemory, Identity, Report
+from app.rig.realsense.memory import Arrived, CaptureMemory, Identity, Report
 from app.rig.realsense.sdk import Sdk
 from app.rig.realsense.settings import Settings
 from app.rig.realsense.sources import CameraAbsent, Source
@@ -119,14 +119,14 @@ class _Capture:
         if dated is None or dated.time_s <= self._last_s:
             return
         self._last_s = dated.time_s
-        self._memory.images.append(time_s=dated.time_s, color=shot.color, depth=shot.depth)
-        self._memory.dates.append(
+        arrived = Arrived(
             time_s=dated.time_s,
             arrival_s=shot.arrival.monotonic_s,
             error_s=dated.error_s,
             domain=shot.domain,
             by=dated.by,
         )
+        self._memory.arrive(arrived, shot.color, shot.depth)
 
     def _say(self, step: Step, text: str = "", *, absent: bool = False) -> None:
         self._memory.report(Report(command=self._done, step=step, absent=absent, text=text))

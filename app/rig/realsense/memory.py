@@ -1,13 +1,13 @@
 """What a capture process shares with the application: images, what it does, and what it is told. Nobody waits."""
 
 import time
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from typing import Any, Literal, TypeAlias, final
 
 import numpy as np
 
 from app.core.ring import Ring, Stamp
-from app.core.types import Intrinsics
+from app.core.types import ColourImage, DepthImage, Intrinsics
 from app.core.view import image_ring
 from app.rig.realsense.ladder import Step
 from app.rig.realsense.settings import Settings
@@ -17,7 +17,7 @@ _COMMANDS: tuple[Command, ...] = ("open", "reset")
 
 _IMAGES_KEPT = 8
 """A quarter of a second at 30 Hz: a reader that is held up has so long to copy one."""
-_REPORTS_KEPT, _DATES_KEPT = 16, 256
+_REPORTS_KEPT = 16
 _REPORT = np.dtype([("command", "i8"), ("step", "U16"), ("absent", "?"), ("text", "U400")])
 _IDENTITY = np.dtype(
     [
@@ -30,7 +30,7 @@ _IDENTITY = np.dtype(
         ("depth_unit_m", "f8"),
     ]
 )
-_DATE = np.dtype([("time_s", "f8"), ("arrival_s", "f8"), ("error_s", "f8"), ("domain", "U16"), ("by", "U16")])
+_ARRIVAL = np.dtype([("time_s", "f8"), ("arrival_s", "f8"), ("error_s", "f8"), ("domain", "U16"), ("by", "U16")])
 
 
 @final
@@ -59,17 +59,29 @@ class Identity:
 
 
 @final
-class CaptureMemory:
-    """Passed to a capture process as it is started, and to the next one where that is replaced.
+@dataclass(frozen=True, kw_only=True)
+class Arrived:
+    """An image's dates in monotonic time [s]: taken at `time_s`, within `error_s`, and there at `arrival_s`.
 
-    `images`, and `dates` of them: when each was taken and came, and how that was found.
+    `domain`: what clock its stamp was of; `by`: what dated it, the calendar or its arrival.
     """
+
+    time_s: float
+    arrival_s: float
+    error_s: float
+    domain: str
+    by: str
+
+
+@final
+class CaptureMemory:
+    """Passed to a capture process as it is started, and to the next one where that is replaced."""
 
     def __init__(self, settings: Settings) -> None:
         self.images = image_ring(settings.width, settings.height, kept=_IMAGES_KEPT)
-        self.dates = Ring(_DATE, _DATES_KEPT)
         self.closing, self._told, self._pulse = Stamp(), Stamp(), Stamp()
         self._reports, self._identities = Ring(_REPORT, _REPORTS_KEPT), Ring(_IDENTITY, _REPORTS_KEPT)
+        self._arrivals = Ring(_ARRIVAL, _REPORTS_KEPT)
 
     def tell(self, command: Command) -> int:
         """Leave a command for the process; its number."""
@@ -95,8 +107,23 @@ class CaptureMemory:
     @property
     def image_s(self) -> float:
         """When the newest image came, in monotonic time [s]; -inf before the first."""
-        date: Any = self.dates.newest()
-        return float("-inf") if date is None else float(date["arrival_s"])
+        return self.arrived.arrival_s if self.arrived else float("-inf")
+
+    def arrive(self, arrived: Arrived, color: ColourImage, depth: DepthImage) -> None:
+        """Leave a pair of images."""
+        self.images.append(time_s=arrived.time_s, color=color, depth=depth)
+        self._arrivals.append(**asdict(arrived))
+
+    @property
+    def arrived(self) -> Arrived | None:
+        """What is known of the newest image; None before the first."""
+        record: Any = self._arrivals.newest()
+        if record is None:
+            return None
+        time_s, arrival_s, error_s = (float(record[name]) for name in ("time_s", "arrival_s", "error_s"))
+        return Arrived(
+            time_s=time_s, arrival_s=arrival_s, error_s=error_s, domain=str(record["domain"]), by=str(record["by"])
+        )
 
     def report(self, report: Report) -> None:
         """Say what is being done."""

@@ -96,6 +96,8 @@ class SoftwareCamera:
         self._color: Any = self.device.add_sensor("RGB Camera")
         self._depth.add_read_only_option(rs.option.depth_units, body.depth_unit_m)
         self._depth.add_read_only_option(rs.option.stereo_baseline, body.baseline_m * 1000)
+        for sensor in (self._depth, self._color):
+            sensor.add_option(rs.option.global_time_enabled, _switch(rs), True)
         self._depth_profile = self._stream(self._depth, body.depth, rs.stream.depth, rs.format.z16, _DEPTH_ID)
         self._color_profile = self._stream(self._color, body.color, rs.stream.color, rs.format.rgb8, _COLOUR_ID)
         self._depth_profile.register_extrinsics_to(self._color_profile, self._extrinsics())
@@ -154,3 +156,10 @@ class SoftwareCamera:
         sensor.set_metadata(value.frame_timestamp, round(stamp_s * 1e6))
         sensor.set_metadata(value.sensor_timestamp, round(exposed_s * 1e6))
         sensor.on_video_frame(frame)
+
+
+def _switch(rs: ModuleType) -> Any:
+    """The range of an option that is on or off, and off at first."""
+    switch = rs.option_range()
+    switch.min, switch.max, switch.step, switch.default = 0.0, 1.0, 1.0, 0.0
+    return switch

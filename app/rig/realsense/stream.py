@@ -61,6 +61,7 @@ class Stream:
     def __init__(self, rs: ModuleType, pipeline: Any, profile: Any, settings: Settings) -> None:
         self._rs, self._pipeline = rs, pipeline
         self._device = profile.get_device()
+        _keep_global_time(rs, self._device)
         intrinsics = profile.get_stream(rs.stream.color).as_video_stream_profile().get_intrinsics()
         self._rectifier = Rectifier(rs, intrinsics)
         self._filters = [*_filters(rs, settings.filters), rs.align(rs.stream.color)]
@@ -138,6 +139,14 @@ def _stop(pipeline: Any) -> None:
         pipeline.stop()
     except RuntimeError as error:
         raise DeviceError(f"The camera's stream did not stop: {error}.") from error
+
+
+def _keep_global_time(rs: ModuleType, device: Any) -> None:
+    """Have the SDK bring stamps to the calendar, where a sensor can and lets itself be told; recorded ones do not."""
+    option = rs.option.global_time_enabled
+    for sensor in device.query_sensors():
+        if sensor.supports(option) and not sensor.is_option_read_only(option):
+            sensor.set_option(option, 1.0)
 
 
 def _exposed_ms(rs: ModuleType, frame: Any) -> float:

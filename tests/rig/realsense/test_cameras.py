@@ -124,9 +124,11 @@ async def test_a_frame_is_dated_when_it_was_exposed_and_the_next_is_a_period_lat
     sent = np.array(renderer.sent_s)
     assert all(np.abs(sent - time_s).min() < 2e-3 for time_s in times)
     assert all(frame.time_s > time.monotonic() - TIMING.camera_timeout_s for frame in frames)
-    date = camera._keeper.memory.dates.newest()
-    assert (str(date["domain"]), str(date["by"])) == ("global", "calendar")
-    assert date["arrival_s"] >= date["time_s"]
+    arrived = camera.arrived
+    assert arrived is not None
+    assert (arrived.domain, arrived.by) == ("global", "calendar")
+    assert arrived.time_s <= arrived.arrival_s
+    assert arrived.error_s < 0.01
 
 
 async def test_a_camera_that_gets_no_images_says_so_and_shows_the_next_ones(opened) -> None:

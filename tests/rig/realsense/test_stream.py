@@ -2,7 +2,8 @@
 
 import time
 from collections.abc import Iterator
-from dataclasses import replace
+from contextlib import AbstractContextManager, nullcontext
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import cv2
@@ -13,7 +14,7 @@ from app.core.errors import DeviceError, RecordingError
 from app.rig.realsense.bus import census
 from app.rig.realsense.sdk import Opening, Sdk, load_realsense
 from app.rig.realsense.settings import Filters, Settings
-from app.rig.realsense.software import Body
+from app.rig.realsense.software import Body, SoftwareCamera
 from app.rig.realsense.sources import CameraAbsent, Live, Played
 from app.rig.realsense.stream import Shot, Stream, StreamEnded, streaming
 from app.rig.realsense.synthetic import View, record
@@ -44,6 +45,21 @@ def recordings(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
 def _then(first: Scene, then: Scene, start_s: float) -> Iterator[View]:
     yield from first.views(8, start_s=start_s)
     yield from then.views(8, start_s=start_s + 8 / RATE_HZ)
+
+
+@dataclass(frozen=True)
+class InProcess:
+    """A software camera of this process as a source."""
+
+    camera: SoftwareCamera
+    serial: str = "0123"
+
+    def attach(self, opening: Opening, /) -> AbstractContextManager[None]:
+        opening.pipeline.set_device(self.camera.device)
+        return nullcontext()
+
+    def reset(self, _: Sdk, /) -> None:
+        raise DeviceError("a software camera cannot be reset")
 
 
 def played(file: Path, settings: Settings = SETTINGS) -> tuple[Stream, list[Shot]]:
@@ -152,6 +168,16 @@ def test_a_camera_is_found_by_its_serial_number_among_others(recordings: dict[st
     with pytest.raises(CameraAbsent, match=r"'9999': there are 0123, 4567\. Check"):
         Live(serial="9999").attach(Opening.of(sdk))
     assert len(loaded) == 2
+
+
+def test_a_camera_that_can_is_told_to_keep_global_time() -> None:
+    sdk = Sdk.loaded()
+    source = InProcess(camera=SoftwareCamera(sdk.rs, together()))
+    sensors = source.camera.device.query_sensors()
+    option = sdk.rs.option.global_time_enabled
+    assert [sensor.get_option(option) for sensor in sensors] == [0, 0]
+    with streaming(sdk, source, SETTINGS):
+        assert [sensor.get_option(option) for sensor in sensors] == [1, 1]
 
 
 def test_a_slow_port_is_noticed_and_said(tmp_path: Path) -> None:
