@@ -88,7 +88,7 @@ class _Renderer:
     """Appends the same images to `feeds` 30 times a second, each stamped when it was appended."""
 
     def __init__(self, bodies: Sequence[Body]) -> None:
-        self.feeds = [Feed(body) for body in bodies]
+        self.feeds = [Feed.of(body) for body in bodies]
         rng = np.random.default_rng(0)
         size = (_MODEL.height, _MODEL.width)
         self._color = rng.integers(0, 255, (*size, 3), dtype=np.uint8)

@@ -19,6 +19,7 @@ from app import __version__
 from app.commands._case import MODEL, Found, read_case
 from app.commands._goal import read_goal
 from app.commands._preflight import check_port
+from app.commands._rehearsed import rehearsed_rig
 from app.commands._sight import seen_with
 from app.config import Limits, Site
 from app.core.bounds import checked
@@ -79,6 +80,8 @@ class Options:
     """calibrate the model in the background"""
     segmenter: Path | None = None
     """an ONNX file that finds the object, instead of its colour (docs/perception.md says what it has to be)"""
+    realsense: bool = False
+    """see the simulated cell through the SDK of RealSense cameras, as a real one is seen"""
     depth: bool = True
     """use the cameras' depth; without, the object's shape is what its outlines leave"""
     speed: float = Limits().speed_m_s
@@ -207,7 +210,7 @@ async def episode(order: Order, output: Output) -> Report:
         start = await to_thread.run_sync(_start, order, preset)
         async with (
             open_studio(site.recordings, start, _room(site, options.pushes), take_bytes=_take_bytes(site)) as recorder,
-            _cell(task, options.seed, site, tls, output) as (rig, console),
+            _cell(task, options.seed, site, tls, output, realsense=options.realsense) as (rig, console),
         ):
             heading = (
                 Text.assemble("Operator console: ", (console.url, "bold"), no_wrap=True),
@@ -255,13 +258,14 @@ def _announced_if_interrupted(output: Output, recording: Path) -> Generator[None
 
 @asynccontextmanager
 async def _cell(
-    task: Task, seed: int, site: Site, tls: Tls | None, output: Output
+    task: Task, seed: int, site: Site, tls: Tls | None, output: Output, *, realsense: bool
 ) -> AsyncGenerator[tuple[Rig, Console]]:
     """The simulated rig and its console. The terminal says that they start: it takes seconds."""
     async with AsyncExitStack() as opened:
         with output.status("starting the cell"):
-            rig = await opened.enter_async_context(
-                simulated_rig(stage=task.stage, start=task.start(seed), site=site, seed=seed)
+            open_rig = rehearsed_rig if realsense else simulated_rig
+            rig: Rig = await opened.enter_async_context(
+                open_rig(stage=task.stage, start=task.start(seed), site=site, seed=seed)
             )
             console = await opened.enter_async_context(
                 open_console(

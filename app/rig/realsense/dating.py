@@ -17,7 +17,7 @@ from typing import Literal, Self, TypeAlias, final
 Domain: TypeAlias = Literal["global", "system", "hardware"]
 
 GLOBAL_ERROR_S = 0.005
-_FUTURE_S, _OLD_S = 0.050, 1.0
+_FUTURE_S, _OLD_S = 0.050, 3.0
 _SAME = 0.1
 _FORGET_S = 10.0
 """Clocks of crystals drift apart by less than 1 ms in this time."""

@@ -8,12 +8,11 @@ import time
 from collections.abc import Generator
 from contextlib import AbstractContextManager, contextmanager
 from dataclasses import dataclass
-from typing import final
-
-import numpy as np
+from typing import Self, final
 
 from app.core.errors import DeviceError
 from app.core.ring import Ring, Stamp
+from app.core.view import image_ring
 from app.rig.realsense.dating import Moment
 from app.rig.realsense.sdk import Opening, Sdk
 from app.rig.realsense.software import Body, SoftwareCamera
@@ -25,15 +24,20 @@ _KEPT = 4
 
 @final
 class Feed:
-    """What is rendered for a camera with this `body`, in memory that processes share; making it blocks.
+    """What is rendered for a camera, in memory that processes share; making it blocks.
 
-    `images`: append `time_s` (monotonic, of the exposure), `color` and `depth` as the two imagers see them.
+    `images`: whoever renders appends `time_s` (monotonic, of the exposure), `color` and `depth` as the two imagers see
+    them. Both have one size here.
     """
 
-    def __init__(self, body: Body) -> None:
-        color, depth = (body.color.height, body.color.width, 3), (body.depth.height, body.depth.width)
-        self.images = Ring(np.dtype([("time_s", "f8"), ("color", "u1", color), ("depth", "u2", depth)]), _KEPT)
+    def __init__(self, images: Ring) -> None:
+        self.images = images
         self._unplugged = Stamp()
+
+    @classmethod
+    def of(cls, body: Body) -> Self:
+        """For a camera with this `body`."""
+        return cls(image_ring(body.color.width, body.color.height, kept=_KEPT))
 
     @property
     def plugged(self) -> bool:

@@ -3,6 +3,7 @@
 import os
 import signal
 import time
+from collections.abc import Mapping
 
 import numpy as np
 
@@ -21,6 +22,7 @@ def run_cameras(
     snapshots: Ring,
     images: dict[str, Ring],
     cameras: tuple[CameraModel, ...],
+    depth_views: Mapping[str, CameraModel],
     stage: Stage,
     period_s: float,
     seed: int,
@@ -28,6 +30,7 @@ def run_cameras(
 ) -> None:
     """The body of the process: expose until closed or until `parent` is gone.
 
+    `depth_views`: where the depth of the camera of that name is seen from, where that is not where its colour is.
     Images are dated with the moment of the world that they show. Too slow a machine gives fewer images, never old ones,
     and a world that stands still in time gives none.
     """
@@ -41,6 +44,8 @@ def run_cameras(
             shown_s = snapshot.time_s
             for camera in cameras:
                 color, depth = render(snapshot, camera, rng, stage=stage)
+                if camera.name in depth_views:
+                    _, depth = render(snapshot, depth_views[camera.name], rng, stage=stage)
                 images[camera.name].append(time_s=snapshot.time_s, color=color, depth=depth)
         due = max(due + period_s, time.monotonic())
         time.sleep(max(0.0, due - time.monotonic()))

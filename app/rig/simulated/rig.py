@@ -1,7 +1,7 @@
 """The simulated rig: arm, world and cameras, each in a process of its own, behind the ports of `core`."""
 
 import os
-from collections.abc import AsyncGenerator, Sequence
+from collections.abc import AsyncGenerator, Mapping, Sequence
 from contextlib import AbstractAsyncContextManager, asynccontextmanager
 from dataclasses import dataclass
 from functools import partial
@@ -35,10 +35,21 @@ _IMAGES_KEPT = 3
 
 @final
 class SimulatedRig:
-    """An arm that acts in another physics than the planner's, and cameras that look at it."""
+    """An arm that acts in another physics than the planner's, and cameras that look at it.
 
-    def __init__(self, arm: ProcessArm, shape: ArmShape, cameras: Sequence[SimulatedCamera], snapshots: Ring) -> None:
+    `images`: by camera, what its process renders: `time_s`, `color` and `depth`.
+    """
+
+    def __init__(
+        self,
+        arm: ProcessArm,
+        shape: ArmShape,
+        cameras: Sequence[SimulatedCamera],
+        images: Mapping[str, Ring],
+        snapshots: Ring,
+    ) -> None:
         self._arm, self._shape, self._cameras, self._snapshots = arm, shape, cameras, snapshots
+        self.images = images
 
     @property
     def name(self) -> str:
@@ -79,9 +90,12 @@ def simulated_rig(
     site: Site,
     seed: int,
     cameras: tuple[CameraModel, ...] | None = None,
+    depth_views: Mapping[str, CameraModel] | None = None,
 ) -> AbstractAsyncContextManager[SimulatedRig]:
     """A rig with the stage's object at `start (K, 3)` [m]; `seed` is that of the cameras' noise.
 
+    `depth_views`: where depth of the camera of that name is seen from, of the size of its colour; somebody else aligns
+    the two, from the rig's `images`, and reads no frames of such a camera here.
     Raises DeviceError on entry where a process does not come up. All processes have ended when it is left, and end by
     themselves when the application is killed.
     """
@@ -89,6 +103,7 @@ def simulated_rig(
         stage=stage,
         start=start,
         cameras=cameras or table_cameras(),
+        depth_views=depth_views or {},
         seed=seed,
     )
     return _opened(scene, site)
@@ -102,6 +117,7 @@ class _Scene:
     stage: Stage
     start: Nodes
     cameras: tuple[CameraModel, ...]
+    depth_views: Mapping[str, CameraModel]
     seed: int
 
 
@@ -125,7 +141,7 @@ class _Processes:
         self.eyes = process(
             "cameras",
             run_cameras,
-            *(self.memory, self.snapshots, self.images, scene.cameras, scene.stage),
+            *(self.memory, self.snapshots, self.images, scene.cameras, scene.depth_views, scene.stage),
             *(timing.camera_period_s, scene.seed, parent),
         )
         self.all = (self.arm, self.world, self.eyes)
@@ -157,7 +173,7 @@ async def _opened(scene: _Scene, site: Site) -> AsyncGenerator[SimulatedRig]:
             for model in scene.cameras
         ]
         arm = ProcessArm(processes.memory, processes.arm, site)
-        yield SimulatedRig(arm, known_arm(scene.stage.tool), cameras, processes.snapshots)
+        yield SimulatedRig(arm, known_arm(scene.stage.tool), cameras, processes.images, processes.snapshots)
     finally:
         with anyio.CancelScope(shield=True):
             await to_thread.run_sync(processes.end)

@@ -62,7 +62,7 @@ class Renderer:
 @asynccontextmanager
 async def rendered(body: Body, timing: Timing = TIMING) -> AsyncIterator[tuple[RealSenseCamera, Renderer]]:
     """A camera that shows what a renderer renders."""
-    over, renderer = threading.Event(), Renderer(body=body, feed=await to_thread.run_sync(Feed, body))
+    over, renderer = threading.Event(), Renderer(body=body, feed=await to_thread.run_sync(Feed.of, body))
     thread = threading.Thread(target=renderer.run, args=(over,))
     thread.start()
     mounted = Mounted(name="left", source=Rendered(body=body, feed=renderer.feed), settings=SETTINGS)
@@ -204,8 +204,10 @@ async def test_no_image_in_the_time_that_the_site_allows_is_an_error_that_says_w
 
 async def test_two_recordings_play_as_two_cameras_and_the_end_of_one_is_said(tmp_path: Path) -> None:
     files = [tmp_path / "left.db3", tmp_path / "right.db3"]
-    for file, count in zip(files, (20, 20), strict=True):
-        await to_thread.run_sync(lambda f=file, n=count: record(f, together(), Scene(body=together()).views(n)))
+    start_s = time.time() - 1000
+    for file in files:
+        views = Scene(body=together()).views(20, start_s=start_s)
+        await to_thread.run_sync(record, file, together(), views)
     mounted = [
         Mounted(name="left", source=Played(file=files[0], repeat=True), settings=SETTINGS),
         Mounted(name="right", source=Played(file=files[1]), settings=SETTINGS),
