@@ -17,6 +17,7 @@ from rich.text import Text
 
 from app import __version__
 from app.commands._case import MODEL, Found, read_case
+from app.commands._clock import SystemClock
 from app.commands._goal import read_goal
 from app.commands._preflight import check_port
 from app.commands._rehearsed import rehearsed_rig
@@ -31,9 +32,11 @@ from app.core.summary import Summary
 from app.core.worker import Worker
 from app.flow import Flow
 from app.planner.method import PAPER, Method
+from app.recording.calibration_file import CalibrationFile
 from app.recording.model_file import load_model
 from app.recording.preflight import Room
 from app.recording.studio import Studio, open_studio
+from app.rig.simulated.held_board import HeldBoard
 from app.rig.simulated.rig import simulated_rig
 from app.tasks import Task, load
 from app.tasks.base import Wish
@@ -133,12 +136,13 @@ class Options:
 @final
 @dataclass(frozen=True, kw_only=True)
 class Order:
-    """What the command line asked for. `case`: a folder that a discovery wrote."""
+    """What the command line asked for. `case`: a folder that a discovery wrote; `board`: one is in the gripper."""
 
     task: str
     options: Options
     automatic: bool
     case: Path | None = None
+    board: bool = False
 
     @property
     def model(self) -> Path | None:
@@ -210,7 +214,7 @@ async def episode(order: Order, output: Output) -> Report:
         start = await to_thread.run_sync(_start, order, preset)
         async with (
             open_studio(site.recordings, start, _room(site, options.pushes), take_bytes=_take_bytes(site)) as recorder,
-            _cell(task, options.seed, site, tls, output, realsense=options.realsense) as (rig, console),
+            _cell(task, order, site, tls, output) as (rig, console),
         ):
             heading = (
                 Text.assemble("Operator console: ", (console.url, "bold"), no_wrap=True),
@@ -258,14 +262,15 @@ def _announced_if_interrupted(output: Output, recording: Path) -> Generator[None
 
 @asynccontextmanager
 async def _cell(
-    task: Task, seed: int, site: Site, tls: Tls | None, output: Output, *, realsense: bool
+    task: Task, order: Order, site: Site, tls: Tls | None, output: Output
 ) -> AsyncGenerator[tuple[Rig, Console]]:
     """The simulated rig and its console. The terminal says that they start: it takes seconds."""
     async with AsyncExitStack() as opened:
         with output.status("starting the cell"):
-            open_rig = rehearsed_rig if realsense else simulated_rig
+            open_rig = rehearsed_rig if order.options.realsense else simulated_rig
+            held, seed = HeldBoard() if order.board else None, order.options.seed
             rig: Rig = await opened.enter_async_context(
-                open_rig(stage=task.stage, start=task.start(seed), site=site, seed=seed)
+                open_rig(stage=task.stage, start=task.start(seed), site=site, seed=seed, held=held)
             )
             console = await opened.enter_async_context(
                 open_console(
@@ -296,6 +301,7 @@ async def _run(
         planner=planner,
         recording=recorder.path,
         studio=recorder,
+        shelf=CalibrationFile(),
     )
     try:
         return await flow.run(), None
@@ -366,19 +372,6 @@ def code_version() -> str:
     except (OSError, subprocess.SubprocessError):
         return __version__
     return f"{__version__}+{commit.stdout.strip()}"
-
-
-@final
-class SystemClock:
-    """The machine's monotonic clock."""
-
-    def now(self) -> float:
-        """Monotonic time [s]."""
-        return time.monotonic()
-
-    async def sleep(self, duration_s: float) -> None:
-        """Wait."""
-        await anyio.sleep(duration_s)
 
 
 @final

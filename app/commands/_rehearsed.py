@@ -18,6 +18,7 @@ from app.rig.realsense.rendered import Feed, Rendered
 from app.rig.realsense.settings import Settings
 from app.rig.realsense.software import Body
 from app.rig.simulated.cameras import table_cameras
+from app.rig.simulated.held_board import HeldBoard
 from app.rig.simulated.rig import SimulatedRig, simulated_rig
 from app.rig.simulated.world import Nodes, Snapshot
 
@@ -63,7 +64,9 @@ class RehearsedRig:
 
 
 @asynccontextmanager
-async def rehearsed_rig(*, stage: Stage, start: Nodes, site: Site, seed: int) -> AsyncGenerator[RehearsedRig]:
+async def rehearsed_rig(
+    *, stage: Stage, start: Nodes, site: Site, seed: int, held: HeldBoard | None = None
+) -> AsyncGenerator[RehearsedRig]:
     """A rig as `simulated_rig` opens it, whose cameras have imagers of their own for depth, which the SDK aligns.
 
     Raises DeviceError on entry where a process does not come up.
@@ -71,7 +74,9 @@ async def rehearsed_rig(*, stage: Stage, start: Nodes, site: Site, seed: int) ->
     models = table_cameras()
     bodies = {model.name: Body.like_d435(model, f"rehearsal-{model.name}") for model in models}
     depth = {model.name: bodies[model.name].depth_view(model) for model in models}
-    opening = simulated_rig(stage=stage, start=start, site=site, seed=seed, cameras=models, depth_views=depth)
+    opening = simulated_rig(
+        stage=stage, start=start, site=site, seed=seed, cameras=models, depth_views=depth, held=held
+    )
     async with opening as world:
         mounted = [
             Mounted(

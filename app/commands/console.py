@@ -23,13 +23,16 @@ def console(
             "and the push that it asks for offered first"
         ),
     ] = None,
+    board: Annotated[
+        bool, tyro.conf.arg(help="the simulated gripper holds a ChArUco board, to try the calibration of cameras")
+    ] = False,
 ) -> None:
     """Serve the console at the printed address until somebody ends the session there, or Ctrl-C.
 
     Where the goal is reached, or --pushes motions are made, it waits for another goal or mode.
     """
     output = Output()
-    order = Order(task=task, options=options, automatic=False, case=case)
+    order = Order(task=task, options=options, automatic=False, case=case, board=board)
     report = anyio.run(episode, order, output)
     output.print(Text(f"Recording: {report.recording}"), soft_wrap=True)
     if report.failure is not None:

@@ -8,6 +8,7 @@ import anyio
 
 from app.core.approval import Approved
 from app.core.camera import CameraModel
+from app.core.hand_eye import HandEye
 from app.core.jog import Jog
 from app.core.limbs import ArmShape, JointAngles
 from app.core.messages import ArmState, Executed, Frame, Message
@@ -147,6 +148,18 @@ class Recorder(Protocol):
 
     async def write(self, message: Message) -> None:
         """Append a message; encoding happens off the event loop."""
+        ...
+
+
+class CameraShelf(Protocol):
+    """Where calibrations of cameras are kept."""
+
+    async def kept(self, serial: str) -> HandEye | None:
+        """What was kept of the camera last. Raises RecordingError where that cannot be read."""
+        ...
+
+    async def keep(self, found: HandEye) -> Path:
+        """Keep it instead, and say where. Raises UsageError where that cannot be written."""
         ...
 
 

@@ -6,6 +6,7 @@ from typing import Literal, TypeAlias, final
 import numpy as np
 from jaxtyping import Float64
 
+from app.core.charuco import Charuco
 from app.core.control import EndRequest, Lease, ModeRequest
 from app.core.messages import Decision, Message, MessageId, Model, Notice, ResumeRequest, StopRequest
 from app.core.types import ColourImage, DepthImage, Points
@@ -94,8 +95,32 @@ class ClipRequest(Message):
     duration_s: float
 
 
+CalibrationAct: TypeAlias = Literal["begin", "take", "drop", "check", "save", "end"]
+"""Of a camera's calibration: begin one; take a view; forget the last one; check what was kept by a fresh view; keep the
+result; end it."""
+
+
+@final
+@dataclass(frozen=True, kw_only=True, eq=False)
+class CalibrationRequest(Message):
+    """What to do with the calibration of a camera, by a board with squares and markers of that size."""
+
+    operator: str
+    act: CalibrationAct
+    camera: str
+    square_m: float = Charuco().square_m
+    marker_m: float = Charuco().marker_m
+
+
 Chore: TypeAlias = (
-    GoalRequest | PictureGoalRequest | EditRequest | ModelRequest | ColourRequest | TakeRequest | ClipRequest
+    GoalRequest
+    | PictureGoalRequest
+    | EditRequest
+    | ModelRequest
+    | ColourRequest
+    | TakeRequest
+    | ClipRequest
+    | CalibrationRequest
 )
 """What takes the program a while."""
 Asked: TypeAlias = ModeRequest | EndRequest | Chore

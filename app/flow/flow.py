@@ -32,9 +32,10 @@ from app.core.messages import (
     StopRequest,
     Transition,
 )
-from app.core.ports import Clock, Operator, Recorder, Rig, Studio
+from app.core.ports import CameraShelf, Clock, Operator, Recorder, Rig, Studio
 from app.core.refusal import Refusal
 from app.core.requests import (
+    CalibrationRequest,
     Chore,
     ClipRequest,
     ColourRequest,
@@ -49,12 +50,14 @@ from app.core.types import Points
 from app.core.worker import Worker
 from app.flow.aiming import Aiming
 from app.flow.approving import Approving
+from app.flow.calibrating import Calibrating
 from app.flow.demonstrating import Demonstrating
 from app.flow.holding import Holding
 from app.flow.learning import Learning
 from app.flow.modes import Modes
 from app.flow.planning import FAILURES_IN_A_ROW, Planning
 from app.flow.reporting import Reporting
+from app.flow.resting import rested
 from app.flow.sensing import Sensing
 from app.flow.watching import Push, Watching
 from app.tasks.base import Wish
@@ -67,7 +70,7 @@ _LAST_CALIBRATION_S = 120.0
 
 @final
 class Flow:
-    """One episode. Build it, `await run()`, read the summary. `studio`: where demonstrations are recorded."""
+    """One episode. Build it, `await run()`, read the summary. `studio`, `shelf`: for demonstrations, calibrations."""
 
     def __init__(
         self,
@@ -81,6 +84,7 @@ class Flow:
         planner: Worker,
         recording: Path | None = None,
         studio: Studio | None = None,
+        shelf: CameraShelf | None = None,
     ) -> None:
         if wish.automatic and not rig.simulated:
             raise MotionRefused(Refusal.NOT_SIMULATED, "Automatic: on a simulated rig alone; use `dipac console`.")
@@ -101,6 +105,7 @@ class Flow:
         cameras = {camera.model.name: camera.model for camera in rig.cameras}
         self.aiming = Aiming(cameras, self.sensing.perceiver, site, *by)
         self.demonstrating = Demonstrating(studio, *by)
+        self.calibrating = Calibrating(rig, self.sensing.frames, shelf, site, *by)
         self.chores = Lossless[Chore]("chores", bound=_CHORES)
         self._refused = self._attempts = self._begun_with = 0
         self._acts = False
@@ -117,6 +122,7 @@ class Flow:
                 async with anyio.create_task_group() as stages:
                     for stage in (self.sensing.run, self.learning.run, self.watching.run, self._listen):
                         stages.start_soon(stage)
+                    stages.start_soon(self.calibrating.run)
                     stages.start_soon(self.reporting.run, self.sensing, self.learning, self.approving, self.modes)
                     self.say(self.wish.goal)
                     self.modes.begin()
@@ -174,6 +180,8 @@ class Flow:
                     await self._use(chore)
                 case ColourRequest():
                     self.sensing.recolour(chore)
+                case CalibrationRequest():
+                    await self.calibrating.asked(chore, self.modes.name)
 
     async def _aim(self, request: GoalRequest | PictureGoalRequest) -> None:
         wish = await self.aiming.aimed(self.wish, request, self.sensing.seeing.how, self.learning.models.value)
@@ -203,7 +211,7 @@ class Flow:
     async def _demonstrate(self, request: TakeRequest) -> None:
         """Begin or end a demonstration; a motion that is being made belongs to what there is, once it was seen."""
         if request.act != "discard":
-            await self._rested()
+            await rested(self.rig.arm, self.site.timing, self.clock, acts=lambda: self._acts)
         await self.demonstrating.asked(request, self._known)
 
     def _known(self) -> list[Message]:
@@ -211,8 +219,6 @@ class Flow:
         frames = [channel.value for channel in self.sensing.frames.values()]
         known = (self.wish.goal, self.modes.now, self.learning.models.value, *frames, self.sensing.particles.value)
         return [message for message in known if message is not None]
-
-    # The loop -----------------------------------------------------------------------------------------------------
 
     async def _work(self, stages: TaskGroup) -> None:
         """See, plan, ask, act, learn; and again. What of it is done depends on the mode."""
@@ -324,14 +330,6 @@ class Flow:
             yield
         finally:
             self._acts = False
-
-    async def _rested(self) -> None:
-        """Wait until nothing is moved, nor has been so lately that it is still being looked at."""
-        timing, rested_s = self.site.timing, 0.0
-        while rested_s <= timing.jog_rest_s + timing.keepalive_s:
-            await self.clock.sleep(timing.keepalive_s)
-            moves = self._acts or (await self.rig.arm.state()).mode == "moving"
-            rested_s = 0.0 if moves else rested_s + timing.keepalive_s
 
     async def _look(self) -> Particles:
         """The first particles whose every frame was taken with the arm at rest, `settle_s` after it moved last."""

@@ -5,10 +5,11 @@ import tomllib
 from collections.abc import Mapping
 from datetime import date
 from pathlib import Path
-from typing import Any
+from typing import Any, final
 
 import numpy as np
 import tomli_w
+from anyio import to_thread
 from scipy.spatial.transform import Rotation
 
 from app.core.charuco import Charuco
@@ -24,6 +25,23 @@ _SETUPS: Mapping[str, Setup] = {"fixed": "fixed", "wrist": "wrist"}
 _UNIT = 1e-3
 """By so much may a quaternion's length differ from 1: it was rounded by hand, and not mistyped."""
 _LARGEST_PX = 20_000
+
+
+@final
+class CalibrationFile:
+    """The file as a shelf of calibrations; reading and writing keep out of the event loop's way."""
+
+    def __init__(self, path: Path = FILE) -> None:
+        self._path = path
+
+    async def kept(self, serial: str) -> HandEye | None:
+        """What the file has of the camera, if it is there. Raises RecordingError where it is no such file."""
+        return await to_thread.run_sync(lambda: load_cameras(self._path).get(serial) if self._path.exists() else None)
+
+    async def keep(self, found: HandEye) -> Path:
+        """Write it into the file, as `save_camera`."""
+        await to_thread.run_sync(save_camera, self._path, found)
+        return self._path
 
 
 def save_camera(path: Path, found: HandEye) -> None:

@@ -28,7 +28,9 @@ from app.core.messages import (
     StopRequest,
     Transition,
 )
+from app.core.placing import BoardSeen, Placing
 from app.core.requests import (
+    CalibrationRequest,
     ClipRequest,
     ColourRequest,
     EditRequest,
@@ -77,6 +79,9 @@ TOPICS: Final[Mapping[type[Message], str]] = MappingProxyType(
         ColourRequest: "/dipac/colour_request",
         TakeRequest: "/dipac/take_request",
         ClipRequest: "/dipac/clip_request",
+        CalibrationRequest: "/dipac/calibration_request",
+        BoardSeen: "/dipac/board_seen",
+        Placing: "/dipac/placing",
         Take: "/dipac/take",
         Seen: "/dipac/seen",
         Health: "/dipac/health",

@@ -34,6 +34,7 @@ from app.core.messages import (
     StopRequest,
     Transition,
 )
+from app.core.placing import BoardSeen, Placing
 from app.core.requests import EditRequest
 from app.core.seeing import Seen
 from app.core.takes import Take
@@ -68,7 +69,8 @@ class Board:
     until the next push begins; `made` is the last one with what came of it. `edit` is what is being made of the pending
     proposal; `refusal` is why the shown one came to nothing, until there is another. `losses` holds (model version,
     one-step loss [m^2]); `models` the versions of this session, the newest last; `colours` those that the object was
-    looked for by, the ones in use last. In a `replay` nothing is decided.
+    looked for by, the ones in use last; `board_seen` and `placing` are of a camera's calibration. In a `replay` nothing
+    is decided.
     """
 
     episode: Episode | None = None
@@ -89,6 +91,8 @@ class Board:
     lease: Lease | None = None
     mode: Mode | None = None
     take: Take | None = None
+    board_seen: BoardSeen | None = None
+    placing: Placing | None = None
     watched: Watched | None = None
     verdict: Verdict | None = None
     arm: ArmState | None = None
@@ -201,6 +205,10 @@ class Board:
                 return replace(self, mode=message)
             case Take():
                 return replace(self, take=message)
+            case BoardSeen():
+                return replace(self, board_seen=message)
+            case Placing():
+                return replace(self, placing=message)
             case Notice() | Fault():
                 return self._logged(message)
             case _:

@@ -17,6 +17,7 @@ from app.ui.drift import Drift
 from app.ui.goals import GoalTab
 from app.ui.modelling import Modelling
 from app.ui.modes import EndButton, ModeForm
+from app.ui.placing import PlacingTab
 from app.ui.plans import Plans
 from app.ui.plots import Plots
 from app.ui.scene import Scene
@@ -64,6 +65,8 @@ class Panel:
             self._demonstrations.paint(board)
         if self._goal is not None:
             self._goal.paint(board)
+        if self._placing is not None:
+            self._placing.paint(board)
         self._plan.put(cards.plan(board, now_s, self._drift.since(board)))
         self._plans.paint(board)
         self._watch.put(doubt.watch(board))
@@ -94,9 +97,12 @@ class Panel:
         with side.add_tab("Cell", viser.Icon.CAMERA):
             self._cell = Cell(server, desk, self._scene)
         self._goal: GoalTab | None = None
+        self._placing: PlacingTab | None = None
         if commands:
             with side.add_tab("Goal", viser.Icon.TARGET):
                 self._goal = GoalTab(server, desk)
+            with side.add_tab("Calibrate", viser.Icon.GRID_DOTS):
+                self._placing = PlacingTab(server, desk)
         with side.add_tab("Plans", viser.Icon.GIT_BRANCH):
             self._plans = Plans(server, desk, self._scene)
         with side.add_tab("Progress", viser.Icon.CHART_LINE):

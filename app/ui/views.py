@@ -16,7 +16,8 @@ from app.ui.cards import table, toned
 _MM: Final = 1e3
 APART_M: Final = 4e-3
 """Cameras whose points of the object are farther apart stand otherwise than their calibration says."""
-_STALE_DAYS: Final = 30
+STALE_DAYS: Final = 30
+"""A calibration that is older wants to be checked."""
 _LATE_S: Final = 2.0
 """A picture that is older is said to be: younger ones are as live as cameras that look twice a second."""
 
@@ -75,7 +76,7 @@ def calibrated(camera: CameraModel, *, simulated: bool, today: date) -> tuple[st
     if days < 0:
         return f"on {camera.calibrated_at}, which is to come", True
     said = "today" if days == 0 else "yesterday" if days == 1 else f"{days} days ago"
-    return (f"{said}: stale, calibrate again", True) if days > _STALE_DAYS else (said, False)
+    return (f"{said}: stale, calibrate again", True) if days > STALE_DAYS else (said, False)
 
 
 def clouds(counts: Mapping[str, int]) -> str:

@@ -11,7 +11,10 @@ from app.arm.memory import ArmMemory
 from app.core.camera import CameraModel
 from app.core.ring import Ring
 from app.core.stage import Stage
+from app.core.types import ColourImage, DepthImage
+from app.rig.simulated.held_board import HeldBoard, painted
 from app.rig.simulated.render import render
+from app.rig.simulated.world import Snapshot
 from app.rig.simulated.world_process import newest_snapshot
 
 _NICENESS = 5
@@ -27,12 +30,13 @@ def run_cameras(
     period_s: float,
     seed: int,
     parent: int,
+    held: HeldBoard | None = None,
 ) -> None:
     """The body of the process: expose until closed or until `parent` is gone.
 
     `depth_views`: where the depth of the camera of that name is seen from, where that is not where its colour is.
     Images are dated with the moment of the world that they show. Too slow a machine gives fewer images, never old ones,
-    and a world that stands still in time gives none.
+    and a world that stands still in time gives none. A board that is `held` is in the gripper.
     """
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     os.nice(_NICENESS)
@@ -43,9 +47,16 @@ def run_cameras(
         if snapshot is not None and snapshot.time_s > shown_s:
             shown_s = snapshot.time_s
             for camera in cameras:
-                color, depth = render(snapshot, camera, rng, stage=stage)
+                color, depth = _seen(snapshot, camera, rng, stage, held)
                 if camera.name in depth_views:
-                    _, depth = render(snapshot, depth_views[camera.name], rng, stage=stage)
+                    _, depth = _seen(snapshot, depth_views[camera.name], rng, stage, held)
                 images[camera.name].append(time_s=snapshot.time_s, color=color, depth=depth)
         due = max(due + period_s, time.monotonic())
         time.sleep(max(0.0, due - time.monotonic()))
+
+
+def _seen(
+    snapshot: Snapshot, camera: CameraModel, rng: np.random.Generator, stage: Stage, held: HeldBoard | None
+) -> tuple[ColourImage, DepthImage]:
+    color, depth = render(snapshot, camera, rng, stage=stage)
+    return painted(held, snapshot.tool, camera, color, depth, rng) if held is not None else (color, depth)

@@ -25,6 +25,7 @@ from app.rig.simulated.arm_control import ArmControl
 from app.rig.simulated.camera import SimulatedCamera
 from app.rig.simulated.camera_process import run_cameras
 from app.rig.simulated.cameras import table_cameras
+from app.rig.simulated.held_board import HeldBoard
 from app.rig.simulated.kinds import kind_of
 from app.rig.simulated.limbs import known_arm
 from app.rig.simulated.world import Nodes, Snapshot
@@ -91,11 +92,13 @@ def simulated_rig(
     seed: int,
     cameras: tuple[CameraModel, ...] | None = None,
     depth_views: Mapping[str, CameraModel] | None = None,
+    held: HeldBoard | None = None,
 ) -> AbstractAsyncContextManager[SimulatedRig]:
     """A rig with the stage's object at `start (K, 3)` [m]; `seed` is that of the cameras' noise.
 
     `depth_views`: where depth of the camera of that name is seen from, of the size of its colour; somebody else aligns
-    the two, from the rig's `images`, and reads no frames of such a camera here.
+    the two, from the rig's `images`, and reads no frames of such a camera here. `held`: a board in the gripper, to
+    calibrate cameras by.
     Raises DeviceError on entry where a process does not come up. All processes have ended when it is left, and end by
     themselves when the application is killed.
     """
@@ -105,6 +108,7 @@ def simulated_rig(
         cameras=cameras or table_cameras(),
         depth_views=depth_views or {},
         seed=seed,
+        held=held,
     )
     return _opened(scene, site)
 
@@ -119,6 +123,7 @@ class _Scene:
     cameras: tuple[CameraModel, ...]
     depth_views: Mapping[str, CameraModel]
     seed: int
+    held: HeldBoard | None
 
 
 @final
@@ -142,7 +147,7 @@ class _Processes:
             "cameras",
             run_cameras,
             *(self.memory, self.snapshots, self.images, scene.cameras, scene.depth_views, scene.stage),
-            *(timing.camera_period_s, scene.seed, parent),
+            *(timing.camera_period_s, scene.seed, parent, scene.held),
         )
         self.all = (self.arm, self.world, self.eyes)
 
