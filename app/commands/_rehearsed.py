@@ -12,8 +12,9 @@ from app.core.limbs import ArmShape
 from app.core.ports import Arm, Camera
 from app.core.stage import Stage
 from app.rig.realsense.camera import RealSenseCamera
-from app.rig.realsense.cameras import Mounted, realsense_cameras
+from app.rig.realsense.cameras import realsense_cameras
 from app.rig.realsense.ladder import Patience
+from app.rig.realsense.mounted import Mounted
 from app.rig.realsense.rendered import Feed, Rendered
 from app.rig.realsense.settings import Settings
 from app.rig.realsense.software import Body

@@ -2,37 +2,19 @@
 
 from collections.abc import AsyncGenerator, Sequence
 from contextlib import AbstractAsyncContextManager, asynccontextmanager
-from dataclasses import dataclass, field
-from typing import final
 
 import anyio
-import numpy as np
 from anyio import to_thread
 
 from app.config import Timing
-from app.core.camera import CameraModel
 from app.core.errors import DeviceError, first_error
-from app.core.types import Transform
 from app.core.view import View
 from app.rig.realsense.camera import RealSenseCamera
 from app.rig.realsense.keeper import Keeper
 from app.rig.realsense.ladder import Patience
-from app.rig.realsense.settings import Settings
-from app.rig.realsense.sources import Source
+from app.rig.realsense.mounted import Mounted
 
 _START_S = 30.0
-
-
-@final
-@dataclass(frozen=True, kw_only=True, eq=False)
-class Mounted:
-    """A camera where it stands: `T_world_camera` is the pose of its colour imager, `calibrated_at` its day."""
-
-    name: str
-    source: Source
-    T_world_camera: Transform = field(default_factory=lambda: np.eye(4))
-    calibrated_at: str = ""
-    settings: Settings = field(default_factory=Settings)
 
 
 def realsense_cameras(
@@ -40,7 +22,8 @@ def realsense_cameras(
 ) -> AbstractAsyncContextManager[Sequence[RealSenseCamera]]:
     """The cameras, each streaming in a process of its own, which is kept going until the block is left.
 
-    Raises DeviceError on entry, with what is wrong, where one is not there, or gives no image within `start_s`.
+    Raises DeviceError on entry, with what is wrong, where one is not there, gives no image within `start_s`, or is not
+    as it was calibrated.
     """
     return _opened(mounted, timing, patience or Patience(), start_s)
 
@@ -83,15 +66,6 @@ async def _streaming(mounted: Sequence[Mounted], keepers: Sequence[Keeper], star
 def _camera(mounted: Mounted, keeper: Keeper, timing: Timing) -> RealSenseCamera:
     identity = keeper.memory.identity
     assert identity is not None, "a camera that streams has said which it is"
-    model = CameraModel(
-        name=mounted.name,
-        width=mounted.settings.width,
-        height=mounted.settings.height,
-        K=identity.K,
-        T_world_camera=mounted.T_world_camera,
-        depth_unit_m=identity.depth_unit_m,
-        calibrated_at=mounted.calibrated_at,
-    )
-    timeout_s = timing.camera_timeout_s
+    model, timeout_s = mounted.model(identity), timing.camera_timeout_s
     view = View(model, keeper.memory.images, timeout_s=timeout_s, oldest_s=timeout_s, period_s=timing.camera_period_s)
     return RealSenseCamera(view, keeper)

@@ -3,6 +3,8 @@
 import multiprocessing
 import os
 import signal
+import subprocess
+import sys
 import threading
 import time
 from collections.abc import AsyncIterator, Callable
@@ -19,13 +21,15 @@ from anyio import to_thread
 from app.config import Site, Timing
 from app.core.errors import DeviceError
 from app.rig.realsense.camera import RealSenseCamera
-from app.rig.realsense.cameras import Mounted, realsense_cameras
+from app.rig.realsense.cameras import realsense_cameras
 from app.rig.realsense.ladder import Patience
+from app.rig.realsense.mounted import Mounted
 from app.rig.realsense.rendered import Feed, Rendered
 from app.rig.realsense.settings import Settings
 from app.rig.realsense.software import Body
 from app.rig.realsense.sources import Live, Played
 from app.rig.realsense.synthetic import record
+from tests.conftest import ROOT
 from tests.rig.realsense.bodies import BOX_M, HEIGHT, PLANE_M, RATE_HZ, UNIT_M, WIDTH, Scene, aside, together
 
 TIMING = replace(Site().timing, camera_period_s=0.1, camera_timeout_s=20.0)
@@ -225,3 +229,38 @@ async def test_a_camera_that_is_not_there_is_named_with_those_that_are() -> None
     with pytest.raises(DeviceError, match=r"Of camera 'left': no image for .* '000000': there "):
         async with realsense_cameras(mounted, TIMING, patience=PATIENCE):
             pass
+
+
+_OPEN_AND_WAIT = """
+import multiprocessing
+import sys
+from pathlib import Path
+import anyio
+from app.rig.realsense.cameras import realsense_cameras
+from app.rig.realsense.mounted import Mounted
+from app.rig.realsense.sources import Played
+from tests.rig.realsense.test_cameras import SETTINGS, TIMING
+
+async def main(file):
+    mounted = [Mounted(name="left", source=Played(file=Path(file), repeat=True), settings=SETTINGS)]
+    async with realsense_cameras(mounted, TIMING):
+        print(*[child.pid for child in multiprocessing.active_children()], flush=True)
+        await anyio.sleep(60)
+
+if __name__ == "__main__":
+    anyio.run(main, sys.argv[1])
+"""
+
+
+async def test_no_process_outlives_an_application_that_is_killed(tmp_path: Path) -> None:
+    def killed() -> list[int]:
+        record(tmp_path / "left.db3", together(), Scene(body=together()).views(10))
+        command = [sys.executable, "-c", _OPEN_AND_WAIT, str(tmp_path / "left.db3")]
+        with subprocess.Popen(command, cwd=ROOT, stdout=subprocess.PIPE, text=True) as parent:
+            assert parent.stdout is not None
+            pids = [int(word) for word in parent.stdout.readline().split()]
+            parent.kill()
+        return pids
+
+    (left,) = await to_thread.run_sync(killed)
+    await until(lambda: not psutil.pid_exists(left) or psutil.Process(left).status() == psutil.STATUS_ZOMBIE)
