@@ -207,10 +207,10 @@ def _with_board(stage: Stage, board: Block | None) -> Stage:
 def _arm(scene: Scene) -> ArmShape:
     """The arm as perception knows it, with capsules across the board."""
     arm = known_arm(scene.task.stage.tool)
-    return arm if scene.board is None else replace(arm, limbs=(*arm.limbs, *_slats(scene.board)))
+    return arm if scene.board is None else replace(arm, limbs=(*arm.limbs, *slats(scene.board)))
 
 
-def _slats(board: Block) -> Iterator[Limb]:
+def slats(board: Block) -> Iterator[Limb]:
     """The board as capsules side by side."""
     (x, y, z), (wide, long, thick) = board.place_m, board.half_m
     count = int(np.ceil(long / thick))

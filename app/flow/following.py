@@ -8,6 +8,7 @@ import numpy as np
 
 from app.core.limbs import Posture
 from app.core.ports import Arm, Clock
+from app.core.types import ToolPath
 
 _PERIOD_S = 0.040
 """At 0.3 m/s the tool moves 12 mm meanwhile; between two samples it is taken to move evenly."""
@@ -39,6 +40,11 @@ class Following:
         if not self._past:
             self.sample()
         return posed(self._past, time_s)
+
+    def way(self, since_s: float, until_s: float) -> ToolPath:
+        """Where the tool was from then [s] until then, in order."""
+        between = [posture.tool for at_s, posture in self._past if since_s < at_s < until_s]
+        return np.array([self.at(since_s).tool, *between, self.at(until_s).tool])
 
 
 def posed(past: Sequence[tuple[float, Posture]], time_s: float) -> Posture:

@@ -1,6 +1,7 @@
 """Cameras -> frames -> particles, all the time."""
 
 from collections import deque
+from collections.abc import Sequence
 from typing import final
 
 import anyio
@@ -36,7 +37,7 @@ class Sensing:
         self._announcer, self._summary = announcer, summary
         self._past = deque[tuple[float, Particles]](maxlen=_KEPT)
         self._following = Following(rig.arm, clock)
-        self._memory, self._before = NOTHING, tuple[Frame, ...]()
+        self._memory, self._remembered_s, self._before = NOTHING, clock.now(), tuple[Frame, ...]()
         self._hid = self._gave_up = False
 
     async def run(self) -> None:
@@ -104,8 +105,8 @@ class Sensing:
                 reconstruction_s=now_s - started_s,
                 predicted=found.predicted,
             )
-            self._summary.reconstruction_latency_s.append(now_s - max(frame.time_s for frame in frames))
-            self._past.append((max(frame.time_s for frame in frames), particles))
+            self._summary.reconstruction_latency_s.append(now_s - _newest_s(frames))
+            self._past.append((_newest_s(frames), particles))
             self.particles.put(self._announcer.say(particles))
 
     async def _found(self, frames: list[Frame]) -> Reconstructed:
@@ -117,6 +118,7 @@ class Sensing:
         self._before = tuple(frames)
         try:
             found = await self.perceiver.run(reconstruct, frames, how, self._rig.arm.tool(), known)
+            self._remembered_s = _newest_s(frames)
         except PerceptionError:
             looks = await self.perceiver.run(looked, frames, how, known)
             self._announcer.say(seen(frames, looks, how, now_s=self._clock.now()))
@@ -132,6 +134,7 @@ class Sensing:
             postures=tuple(self._following.at(frame.time_s) for frame in frames),
             memory=self._memory,
             before=self._before,
+            way=self._following.way(self._remembered_s, _newest_s(frames)),
         )
 
     def _remember(self, found: Reconstructed, how: Reconstruction) -> None:
@@ -143,6 +146,10 @@ class Sensing:
             self._announcer.notice("perception", forgotten(how))
             self._gave_up = True
         self._hid = hides
+
+
+def _newest_s(frames: Sequence[Frame]) -> float:
+    return max(frame.time_s for frame in frames)
 
 
 def forgotten(how: Reconstruction) -> str:

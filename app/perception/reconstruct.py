@@ -1,7 +1,7 @@
 """From RGB-D frames to particles: segment, deproject, fuse, remember, fill, resample."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import final
 
 import numpy as np
@@ -12,7 +12,8 @@ from app.core.colours import ColourRange
 from app.core.errors import PerceptionError
 from app.core.limbs import ArmShape, Posture
 from app.core.messages import Frame
-from app.core.types import Cloud, Points, ToolPose
+from app.core.types import Cloud, Points, ToolPath, ToolPose
+from app.perception.carried import carried
 from app.perception.fill import Solid, Underside, fill, points_inside
 from app.perception.fuse import Box
 from app.perception.hull import Hull, hull
@@ -54,8 +55,9 @@ class Reconstruction:
     `fuse.not_seen_through`. Of a liquid, `standing` are the bowls that are fixed, `held` is that in the hand, and
     `volume_m3` is all of it: what is not seen is in the hand, behind a wall. What is `swimming` in it are the last of
     its particles. `hidden_s`: for how long what is hidden is kept where it was; 0 for what flows or hangs, and moves
-    while nobody sees it. `segmenter`: what finds the object instead of its colour. `depth`: whether readings of depth
-    are used; where not, and where there is none in any frame, the shape is the hull of the silhouettes.
+    while nobody sees it: its own colour then hides that it moved, so that frames are not compared either.
+    `segmenter`: what finds the object instead of its colour. `depth`: whether readings of depth are used; where not,
+    and where there is none in any frame, the shape is the hull of the silhouettes.
     """
 
     colour: ColourRange
@@ -102,13 +104,21 @@ class Known:
     """What is known beside the frames: the arm, where it was at each of them, and what was seen before.
 
     `postures`: by frame, in the same order; none where nobody knows. `arm`: None where there is none to be seen.
-    `before`: each camera's frame before, as it was taken.
+    `before`: each camera's frame before, as it was taken. `way`: of the tool since then.
     """
 
     arm: ArmShape | None = None
     postures: tuple[Posture, ...] = ()
     before: tuple[Frame, ...] = ()
     memory: Memory = NOTHING
+    way: ToolPath = field(default_factory=lambda: np.zeros((0, 8)))
+
+    def remembered(self, how: "Reconstruction") -> Memory:
+        """The memory, with what the tool has pushed since ahead of it."""
+        if self.arm is None:
+            return self.memory
+        points = carried(self.memory.points, self.arm.tool, self.way, 2 * how.half_width_m)
+        return replace(self.memory, points=points)
 
 
 @final
@@ -139,7 +149,7 @@ def reconstruct(
     known = known or Known()
     views, *swimming = _views(frames, how, known)
     now_s = max((frame.time_s for frame in frames), default=0.0)
-    past = recalled(known.memory, [view.sight for view in views], how.table_m, since_s=now_s - how.hidden_s)
+    past = recalled(known.remembered(how), [view.sight for view in views], how.table_m, since_s=now_s - how.hidden_s)
     if views and not any(view.frame.depth.any() for view in views):
         carved = _carved(views, how, past.kept)
         seen, tops = _enough(carved.surface, views, how), _NONE
@@ -254,7 +264,10 @@ def _views(frames: Sequence[Frame], how: Reconstruction, known: Known) -> list[l
 def _seen(
     frame: Frame, before: Frame | None, posture: Posture | None, how: Reconstruction, arm: ArmShape | None
 ) -> list[View]:
-    frame = steadied(frame, before) if how.depth else replace(frame, depth=np.zeros_like(frame.depth))
+    if not how.depth:
+        frame = replace(frame, depth=np.zeros_like(frame.depth))
+    elif how.hidden_s > 0:
+        frame = steadied(frame, before)
     dark = None
     if arm is not None and posture is not None:
         dark = shadow(frame.camera, frame.depth, pieces(arm, posture))

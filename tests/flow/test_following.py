@@ -3,8 +3,10 @@
 import numpy as np
 import pytest
 
+from app.config import Site
 from app.core.limbs import Posture
-from app.flow.following import posed
+from app.flow.following import Following, posed
+from tests.flow.rig import TickedArm
 
 HALF_TURN = np.pi
 
@@ -29,3 +31,26 @@ def test_between_samples_it_is_between_and_beyond_them_at_the_nearest(time_s, x,
 def test_a_joint_that_passes_half_a_turn_goes_the_shorter_way():
     past = [(0.0, posture(0.3, HALF_TURN - 0.1)), (1.0, posture(0.3, -HALF_TURN + 0.1))]
     np.testing.assert_allclose(posed(past, 0.5).joints, HALF_TURN)
+
+
+def test_the_way_of_the_tool_begins_and_ends_where_it_was_then():
+    clock = SteppedClock()
+    following = Following(TickedArm(Site()), clock)
+    for clock.time_s in (1.0, 1.04, 1.08):
+        following.sample()
+    way = following.way(1.02, 1.06)
+    assert way.shape == (3, 8)
+    np.testing.assert_array_equal(way[0], way[-1])
+
+
+class SteppedClock:
+    """Goes on when it is told to."""
+
+    def __init__(self) -> None:
+        self.time_s = 0.0
+
+    def now(self) -> float:
+        return self.time_s
+
+    async def sleep(self, duration_s: float) -> None:
+        self.time_s += duration_s

@@ -1,0 +1,102 @@
+"""What a tool does to a part of the object that no camera sees: it pushes it ahead of itself.
+
+Geometry alone, and of the last step only: what the tool would be inside of moves the way that the tool goes until it is
+outside, and what lies within the object's own width of that moves with it. How a rope bends farther off, and how beans
+roll, is not said; `dipac bench unseen_pushes` has what is gained all the same.
+"""
+
+from itertools import pairwise
+
+import numpy as np
+from jaxtyping import Float32, Float64
+from scipy.spatial.transform import Rotation
+
+from app.core.stage import Finger, Gripper, HeldBowl, Paddle, Tool
+from app.core.types import ToolPath, ToolPose
+
+_STEP_M = 0.003
+"""The tool goes on by so much at a time: less than half a paddle's thickness, so that it passes through nothing."""
+_STILL_M = 1e-6
+
+Surface = Float32[np.ndarray, "R 3"]
+Plan = Float64[np.ndarray, "P 2"]
+"""Points seen from above [m]."""
+
+
+def carried(points: Surface, tool: Tool, way: ToolPath, width_m: float) -> Surface:
+    """Where `points` [m, world] of an object so wide are after the tool went its `way`; the same where it touched none.
+
+    A gripper and a bowl hold, and do not push.
+    """
+    if isinstance(tool, (Gripper, HeldBowl)):
+        return points
+    moved = points.astype(np.float64)
+    for begin, end in pairwise(way):
+        count = int(np.ceil(np.linalg.norm(end[:2] - begin[:2]) / _STEP_M))
+        for share in np.arange(1, count + 1) / max(count, 1):
+            at = begin + share * (end - begin)
+            _push(moved, tool, at, end[:2] - begin[:2], width_m)
+    return moved.astype(np.float32)
+
+
+def _push(points: Float64[np.ndarray, "R 3"], tool: Tool, at: ToolPose, ahead: np.ndarray, width_m: float) -> None:
+    """Move the `points` out of the tool `at` its pose, the way `ahead`, and what is near to them."""
+    length_m = np.linalg.norm(ahead)
+    if length_m < _STILL_M:
+        return
+    ahead = ahead / length_m
+    away = points[:, :2] - at[:2]
+    extent_m = _extent(tool)
+    beside = (np.linalg.norm(away, axis=1) < extent_m + width_m) & (points[:, 2] > _bottom(tool, at))
+    beside = np.flatnonzero(beside)
+    deep = _exit(tool, at, away[beside], ahead)
+    inside = deep > 0
+    if not inside.any():
+        return
+    # What is behind the tool stays there.
+    front = beside[away[beside] @ ahead > -_thickness(tool, at, ahead)]
+    gaps = np.linalg.norm(points[front, None, :2] - points[beside[inside], :2], axis=2)
+    points[front, :2] += np.where(gaps < width_m, deep[inside], 0.0).max(axis=1)[:, None] * ahead
+
+
+def _exit(tool: Tool, at: ToolPose, away: Plan, ahead: np.ndarray) -> Float64[np.ndarray, " P"]:
+    """How far places, relative to the tool, are from where they leave its outline the way `ahead`; 0 outside."""
+    match tool:
+        case Finger():
+            along, across = away @ ahead, away @ np.array([-ahead[1], ahead[0]])
+            half = np.sqrt(np.maximum(tool.radius_m**2 - across**2, 0.0))
+            return np.where(np.abs(along) < half, half - along, 0.0)
+        case Paddle():
+            axes, half_m = _axes(at), np.asarray(tool.half_m[:2])
+            place, way = away @ axes.T, axes @ ahead
+            inside = np.all(np.abs(place) < half_m, axis=1)
+            speed = np.maximum(np.abs(way), np.finfo(float).eps)
+            return np.where(inside, ((half_m - np.sign(way) * place) / speed).min(axis=1), 0.0)
+        case _:
+            return np.zeros(len(away))
+
+
+def _axes(at: ToolPose) -> Float64[np.ndarray, "2 2"]:
+    """The tool's own x and y, seen from above."""
+    return Rotation.from_quat(at[3:7], scalar_first=True).as_matrix()[:2, :2].T
+
+
+def _extent(tool: Tool) -> float:
+    """From the tool's middle to its farthest corner, seen from above [m]."""
+    match tool:
+        case Finger():
+            return tool.radius_m
+        case Paddle():
+            return float(np.hypot(*tool.half_m[:2]))
+        case _:
+            return 0.0
+
+
+def _thickness(tool: Tool, at: ToolPose, ahead: np.ndarray) -> float:
+    """From the tool's middle to its back, as it goes `ahead` [m]."""
+    return float(np.abs(_axes(at) @ ahead) @ tool.half_m[:2]) if isinstance(tool, Paddle) else _extent(tool)
+
+
+def _bottom(tool: Tool, at: ToolPose) -> float:
+    """How high its lowest part is [m]; what is lower is not touched."""
+    return float(at[2] - tool.half_m[2]) if isinstance(tool, Paddle) else float(at[2])
