@@ -4,8 +4,8 @@ import json
 import socket
 import subprocess
 import time
-from collections.abc import AsyncGenerator, AsyncIterator, Generator
-from contextlib import AsyncExitStack, asynccontextmanager, contextmanager
+from collections.abc import AsyncIterator, Generator
+from contextlib import contextmanager
 from dataclasses import asdict, dataclass, replace
 from functools import partial
 from pathlib import Path
@@ -17,10 +17,10 @@ from rich.text import Text
 
 from app import __version__
 from app.commands._case import MODEL, Found, read_case
+from app.commands._cell import cell
 from app.commands._clock import SystemClock
 from app.commands._goal import read_goal
 from app.commands._preflight import check_port
-from app.commands._rehearsed import rehearsed_rig
 from app.commands._sight import seen_with
 from app.config import Limits, Site
 from app.core.bounds import checked
@@ -37,13 +37,11 @@ from app.recording.model_file import load_model
 from app.recording.preflight import Room
 from app.recording.studio import Studio, open_studio
 from app.rig.simulated.held_board import HeldBoard
-from app.rig.simulated.rig import simulated_rig
 from app.tasks import Task, load
 from app.tasks.base import Wish
 from app.tasks.goals import goal_of
 from app.tasks.jobs import check_model, choose_preset, shown_goal
-from app.teleop import Pilot
-from app.ui.console import Console, open_console
+from app.ui.console import Console
 from app.ui.terminal import Output, Terminal, open_terminal
 from app.ui.tls import Tls
 
@@ -85,6 +83,8 @@ class Options:
     """an ONNX file that finds the object, instead of its colour (docs/perception.md says what it has to be)"""
     realsense: bool = False
     """see the simulated cell through the SDK of RealSense cameras, as a real one is seen"""
+    kinova: bool = False
+    """control the arm of the simulated cell over the protocol of a Kinova Gen3, as a real one is controlled"""
     depth: bool = True
     """use the cameras' depth; without, the object's shape is what its outlines leave"""
     speed: float = Limits().speed_m_s
@@ -214,7 +214,16 @@ async def episode(order: Order, output: Output) -> Report:
         start = await to_thread.run_sync(_start, order, preset)
         async with (
             open_studio(site.recordings, start, _room(site, options.pushes), take_bytes=_take_bytes(site)) as recorder,
-            _cell(task, order, site, tls, output) as (rig, console),
+            cell(
+                task,
+                site,
+                output,
+                seed=options.seed,
+                tls=tls,
+                held=HeldBoard() if order.board else None,
+                realsense=options.realsense,
+                kinova=options.kinova,
+            ) as (rig, console),
         ):
             heading = (
                 Text.assemble("Operator console: ", (console.url, "bold"), no_wrap=True),
@@ -258,34 +267,6 @@ def _announced_if_interrupted(output: Output, recording: Path) -> Generator[None
     except anyio.get_cancelled_exc_class():
         output.print(Text(f"Interrupted; closing the recording {recording} ..."), soft_wrap=True)
         raise
-
-
-@asynccontextmanager
-async def _cell(
-    task: Task, order: Order, site: Site, tls: Tls | None, output: Output
-) -> AsyncGenerator[tuple[Rig, Console]]:
-    """The simulated rig and its console. The terminal says that they start: it takes seconds."""
-    async with AsyncExitStack() as opened:
-        with output.status("starting the cell"):
-            open_rig = rehearsed_rig if order.options.realsense else simulated_rig
-            held, seed = HeldBoard() if order.board else None, order.options.seed
-            rig: Rig = await opened.enter_async_context(
-                open_rig(stage=task.stage, start=task.start(seed), site=site, seed=seed, held=held)
-            )
-            console = await opened.enter_async_context(
-                open_console(
-                    host=site.console_host,
-                    port=site.console_port,
-                    title=f"dipac {task.name}",
-                    cell="simulated" if rig.simulated else "real",
-                    stop=rig.arm.stop,
-                    workspace=site.limits.workspace,
-                    tls=tls,
-                    hand=Pilot(jog=rig.arm.jog, tool=rig.arm.tool, limits=site.limits),
-                    timing=site.timing,
-                )
-            )
-        yield rig, console
 
 
 async def _run(

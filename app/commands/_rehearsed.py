@@ -7,6 +7,7 @@ from typing import final
 
 from anyio import to_thread
 
+from app.arm.process import Controlled
 from app.config import Site
 from app.core.limbs import ArmShape
 from app.core.ports import Arm, Camera
@@ -66,7 +67,13 @@ class RehearsedRig:
 
 @asynccontextmanager
 async def rehearsed_rig(
-    *, stage: Stage, start: Nodes, site: Site, seed: int, held: HeldBoard | None = None
+    *,
+    stage: Stage,
+    start: Nodes,
+    site: Site,
+    seed: int,
+    held: HeldBoard | None = None,
+    take: Controlled | None = None,
 ) -> AsyncGenerator[RehearsedRig]:
     """A rig as `simulated_rig` opens it, whose cameras have imagers of their own for depth, which the SDK aligns.
 
@@ -76,7 +83,7 @@ async def rehearsed_rig(
     bodies = {model.name: Body.like_d435(model, f"rehearsal-{model.name}") for model in models}
     depth = {model.name: bodies[model.name].depth_view(model) for model in models}
     opening = simulated_rig(
-        stage=stage, start=start, site=site, seed=seed, cameras=models, depth_views=depth, held=held
+        stage=stage, start=start, site=site, seed=seed, cameras=models, depth_views=depth, held=held, take=take
     )
     async with opening as world:
         mounted = [

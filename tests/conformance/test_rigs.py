@@ -7,12 +7,13 @@ import copy
 import dataclasses
 import time
 from collections.abc import AsyncIterator, Awaitable, Callable
-from contextlib import AbstractAsyncContextManager
+from contextlib import AbstractAsyncContextManager, asynccontextmanager
 
 import anyio
 import numpy as np
 import pytest
 
+from app.commands._wired import wired_arm
 from app.config import Site
 from app.core.errors import DeviceError, MotionRefused
 from app.core.jog import Jog
@@ -34,7 +35,18 @@ def _simulated() -> AbstractAsyncContextManager[Rig]:
     return simulated_rig(stage=Stage(body=ROPE, tool=FINGER), start=straight_rope(0.6), site=SITE, seed=0)
 
 
-RIGS: dict[str, Callable[[], AbstractAsyncContextManager[Rig]]] = {"simulated": _simulated}
+@asynccontextmanager
+async def _wired() -> AsyncIterator[Rig]:
+    """The same with an arm that is controlled over the protocol of a real one."""
+    stage = Stage(body=ROPE, tool=FINGER)
+    async with (
+        wired_arm() as take,
+        simulated_rig(stage=stage, start=straight_rope(0.6), site=SITE, seed=0, take=take) as rig,
+    ):
+        yield rig
+
+
+RIGS: dict[str, Callable[[], AbstractAsyncContextManager[Rig]]] = {"simulated": _simulated, "wired": _wired}
 
 
 @pytest.fixture(scope="module")
@@ -42,7 +54,14 @@ def anyio_backend() -> str:
     return "asyncio"
 
 
-@pytest.fixture(scope="module", params=RIGS.values(), ids=RIGS.keys())
+QUICK = {"simulated"}
+"""The others are tested by `make test-slow`, and by tests of their own."""
+
+
+@pytest.fixture(
+    scope="module",
+    params=[pytest.param(rig, id=name, marks=[] if name in QUICK else pytest.mark.slow) for name, rig in RIGS.items()],
+)
 async def rig(request: pytest.FixtureRequest, anyio_backend: str) -> AsyncIterator[Rig]:
     async with request.param() as opened:
         yield opened
@@ -276,7 +295,8 @@ async def test_a_hand_moves_the_tool_and_the_log_is_from_its_first_move_to_its_r
     assert start < executed.times_s[0] < executed.times_s[-1] <= time.monotonic()
     assert np.all(np.diff(executed.times_s) > 0)
     moved = executed.measured[-1, 1] - before[1]
-    assert 0.05 < moved * np.sign(toward) < 0.16
+    # Twice 0.6 s at 0.1 m/s, each with what the watchdog waits and the arm obeys late.
+    assert 0.05 < moved * np.sign(toward) < 0.18
     assert np.allclose(executed.measured[0], before[:7], atol=2e-3)
     assert np.allclose(executed.measured[-1], arm.tool()[:7], atol=1e-4), "it is at rest"
     # A pause of less than what counts as rest is no end.

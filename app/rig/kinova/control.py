@@ -1,6 +1,7 @@
 """A Gen3 as its process controls it (`app.arm.control.Control`): nothing here waits, the driver's threads do."""
 
 import time
+from collections.abc import Callable
 from typing import final
 
 import numpy as np
@@ -29,22 +30,33 @@ _BLIND_S = 0.3
 """An arm that has said nothing for so long may not move on."""
 _FOLLOW_HZ, _CATCH_UP_M_S, _CATCH_UP_RAD_S = 2.0, 0.02, 0.1
 """How fast a tool that is moved by hand catches up with where it should be, and at most by how much."""
-_FINGERS_M = 0.002
+_FINGERS_M, _CARRIED_S = 0.002, 0.05
+"""Fingers follow a hand in such steps; no tool is taken to have moved on for longer than this."""
 
 
-def taken(address: Address, site: Site, client: str = DEFAULT) -> "KinovaControl":
-    """Take hold of the arm there, for `app.arm.process.run_arm`. Raises DeviceError where there is none."""
+def measured_joints(seen: Seen) -> Joints:
+    """Those of the arm."""
+    return seen.joints
+
+
+def taken(
+    address: Address, site: Site, client: str = DEFAULT, joints_of: Callable[[Seen], Joints] = measured_joints
+) -> "KinovaControl":
+    """Take hold of the arm there, for `app.arm.process.run_arm`. Raises DeviceError where there is none.
+
+    `joints_of`: those to report, where another arm than this one is drawn.
+    """
     driver = Driver(Kortex(linked(address, client)), site)
     driver.open()
-    return KinovaControl(driver, site)
+    return KinovaControl(driver, site, joints_of)
 
 
 @final
 class KinovaControl:
     """The arm between two ticks of its process."""
 
-    def __init__(self, driver: Driver, site: Site) -> None:
-        self._driver, self._limits = driver, site.limits
+    def __init__(self, driver: Driver, site: Site, joints_of: Callable[[Seen], Joints] = measured_joints) -> None:
+        self._driver, self._limits, self._joints_of = driver, site.limits, joints_of
         self._errand: Errand | None = None
         self._clearing: Errand | None = None
         self._path: PathFollower | None = None
@@ -54,11 +66,7 @@ class KinovaControl:
         self.mode: ArmMode = "idle"
         self.reason = ""
         self.commanded: ToolPose = driver.seen.tool
-
-    @property
-    def measured(self) -> ToolPose:
-        """Where the tool is."""
-        return self._driver.seen.tool
+        self.measured: ToolPose = driver.seen.tool
 
     @property
     def velocity(self) -> Float64[np.ndarray, "3"]:
@@ -68,7 +76,7 @@ class KinovaControl:
     @property
     def joints(self) -> Joints:
         """Joint angles [rad], each from -pi to pi."""
-        return self._driver.seen.joints
+        return self._joints_of(self._driver.seen)
 
     @property
     def force(self) -> Float64[np.ndarray, "3"]:
@@ -133,6 +141,7 @@ class KinovaControl:
         """Look at what the arm does, and have it go on with what it is told by hand."""
         self._driver.pulse()
         seen = self._driver.seen
+        self.measured = carried(seen, time.monotonic())
         self._look_for_trouble(seen)
         if self._clearing is not None and self._clearing.over:
             self._cleared(self._clearing.problem)
@@ -216,6 +225,17 @@ class KinovaControl:
 
     def _blind(self, seen: Seen) -> bool:
         return time.monotonic() - seen.time_s > _BLIND_S
+
+
+def carried(seen: Seen, now_s: float) -> ToolPose:
+    """Where the tool is now, which was measured a little earlier: as much further as it moves meanwhile.
+
+    So a log that is dated by the ticks of a loop has each pose at its time, to what it accelerates in that while.
+    """
+    if seen.still:
+        return seen.tool
+    further = seen.velocity * min(max(now_s - seen.time_s, 0.0), _CARRIED_S)
+    return np.concatenate([seen.tool[:3] + further, seen.tool[3:]])
 
 
 def _at_most(vector: Float64[np.ndarray, "3"], length: float) -> Float64[np.ndarray, "3"]:

@@ -27,7 +27,7 @@ FEEDBACK_S, ALIVE_S, COMMAND_S = 0.010, 0.100, 0.025
 PULSE_S, TWIST_S = 0.300, 0.150
 """A loop that has not shown itself for so long hangs; a twist that is older than that is ended."""
 BACK_OFF_S = (0.2, 0.5, 1.0, 2.0, 5.0)
-_STOP_S, _STOPS, _FIRST_S, _JOIN_S = 0.3, 3, 3.0, 3.0
+_STOP_S, _STOPS, _FIRST_S, _JOIN_S, _CLEAR_S = 0.3, 3, 3.0, 3.0, 3.0
 _Velocity: TypeAlias = tuple[Float64[np.ndarray, "3"], Float64[np.ndarray, "3"]]
 _Body: TypeAlias = Callable[[int, Errand], None]
 
@@ -241,7 +241,7 @@ class Driver:
         """Clear faults, and see whether they are gone. Raises DeviceError with those that remain."""
         self._kortex.clear_faults()
         self._kortex.servo()
-        end = time.monotonic() + 1.0
+        end = time.monotonic() + _CLEAR_S
         while time.monotonic() < end:
             asked_s = time.monotonic()
             # Also what is measured has to say so: it is from before otherwise.
@@ -250,8 +250,9 @@ class Driver:
                     return
                 self._over.wait(FEEDBACK_S)
             self._over.wait(0.05)
-        left = " ".join(self.seen.faults) or "It does not say which."
-        raise DeviceError(f"The arm is still in fault: {left} Remove the cause, then press Resume again.")
+        if left := " ".join(self.seen.faults):
+            raise DeviceError(f"The arm is still in fault: {left} Remove the cause, then press Resume again.")
+        raise DeviceError("The arm is not ready yet; wait until it is at rest, then press Resume again.")
 
     def _halt(self) -> None:
         """Say Stop whenever it is wanted, until the arm has heard it."""

@@ -11,7 +11,7 @@ import anyio
 from anyio import to_thread
 
 from app.arm.memory import ArmMemory
-from app.arm.process import run_arm
+from app.arm.process import Controlled, run_arm
 from app.arm.process_arm import ProcessArm
 from app.config import Site
 from app.core.camera import CameraModel
@@ -93,12 +93,13 @@ def simulated_rig(
     cameras: tuple[CameraModel, ...] | None = None,
     depth_views: Mapping[str, CameraModel] | None = None,
     held: HeldBoard | None = None,
+    take: Controlled | None = None,
 ) -> AbstractAsyncContextManager[SimulatedRig]:
     """A rig with the stage's object at `start (K, 3)` [m]; `seed` is that of the cameras' noise.
 
     `depth_views`: where depth of the camera of that name is seen from, of the size of its colour; somebody else aligns
     the two, from the rig's `images`, and reads no frames of such a camera here. `held`: a board in the gripper, to
-    calibrate cameras by.
+    calibrate cameras by. `take`: who moves the tool that the world follows, instead of drives that are simulated here.
     Raises DeviceError on entry where a process does not come up. All processes have ended when it is left, and end by
     themselves when the application is killed.
     """
@@ -109,6 +110,7 @@ def simulated_rig(
         depth_views=depth_views or {},
         seed=seed,
         held=held,
+        take=take,
     )
     return _opened(scene, site)
 
@@ -124,6 +126,7 @@ class _Scene:
     depth_views: Mapping[str, CameraModel]
     seed: int
     held: HeldBoard | None
+    take: Controlled | None
 
 
 @final
@@ -137,7 +140,8 @@ class _Processes:
             camera.name: image_ring(camera.width, camera.height, kept=_IMAGES_KEPT) for camera in scene.cameras
         }
         home = kind_of(scene.stage).home(scene.stage, scene.start)
-        self.arm = process("arm", run_arm, self.memory, site, partial(ArmControl, tool=home), parent)
+        take = scene.take or partial(ArmControl, tool=home)
+        self.arm = process("arm", run_arm, self.memory, site, take, parent)
         self.world = process(
             "world",
             run_world,

@@ -64,7 +64,7 @@ def keep_alive(kortex: Kortex, over: threading.Event) -> None:
         kortex.keep_alive()
 
 
-def until(holds: Callable[[], object], seconds: float = 15.0) -> None:
+def until(holds: Callable[[], object], seconds: float = 30.0) -> None:
     """Wait until something holds; the limit is for a machine that is busy with other things."""
     end = time.monotonic() + seconds
     while not holds():

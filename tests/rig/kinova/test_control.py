@@ -62,8 +62,11 @@ class Loop:
         with self.lock:
             return what(*arguments)
 
-    def comes_to(self, mode: str, seconds: float = 15.0) -> None:
-        until(lambda: self.control.mode == mode, seconds)
+    def comes_to(self, mode: str, seconds: float = 30.0) -> None:
+        try:
+            until(lambda: self.control.mode == mode, seconds)
+        except AssertionError:
+            raise AssertionError(f"{self.control.mode} instead of {mode}: {self.control.reason}") from None
 
 
 @pytest.fixture

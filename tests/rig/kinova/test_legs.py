@@ -9,6 +9,7 @@ from scipy.spatial.transform import Rotation
 from app.config import KeepOut, Limits
 from app.core.motion import pointing_down
 from app.rig.kinova import gen3
+from app.rig.kinova.control import carried
 from app.rig.kinova.feedback import ActuatorFeedback, BaseFeedback, Feedback
 from app.rig.kinova.guard import LATE_S, held_back
 from app.rig.kinova.legs import BLEND_M, stretches
@@ -94,6 +95,17 @@ def test_what_was_measured_is_said_in_radians_and_quaternions() -> None:
     again = seen(upside, 5.0, OPENING_M)
     assert again is not None
     assert again.tool[3:7] == pytest.approx([0, 1, 0, 0])
+
+
+def test_a_tool_that_moves_is_as_much_further_now_as_it_was_seen_earlier() -> None:
+    moving = dataclasses.replace(measured(), base=BaseFeedback(tool_pose_x=0.4, tool_twist_linear_y=0.2))
+    found = seen(moving, 5.0, OPENING_M)
+    assert found is not None
+    assert carried(found, 5.01)[:3] == pytest.approx([0.4, 0.002, 0.0])
+    assert carried(found, 9.0)[:3] == pytest.approx([0.4, 0.01, 0.0])
+    still = seen(measured(), 5.0, OPENING_M)
+    assert still is not None
+    assert carried(still, 5.01) == pytest.approx(still.tool)
 
 
 def test_measured_numbers_that_are_none_are_not_believed() -> None:
