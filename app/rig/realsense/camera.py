@@ -45,6 +45,7 @@ class RealSenseCamera:
         """
         frame = await self._view.read(self._check_same)
         if frame is not None:
+            self._check_same()
             return frame
         raise DeviceError(f"Camera {self.model.name!r} shows nothing: {self._keeper.words or 'its images are old'}.")
 

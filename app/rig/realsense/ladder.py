@@ -37,8 +37,8 @@ class Patience:
 
     A camera of the D400 kind takes about a second from start to first image; LeRobot waits 5 s for one to come back
     from a reset. `steady_s`: images for so long make former failures forgotten. `absent_s`: between two looks for a
-    camera that is not there. `slow_s` without a sign of life while opening, closing or resetting, `quiet_s` else,
-    mean that a call hangs.
+    camera that is not there. `slow_s` without a sign of life while opening or resetting, `close_s` while closing,
+    `quiet_s` else, mean that a call hangs.
     """
 
     late_s: float = 1.0
@@ -46,6 +46,7 @@ class Patience:
     reset_s: float = 25.0
     quiet_s: float = 2.0
     slow_s: float = 15.0
+    close_s: float = 5.0
     back_off_s: float = 1.0
     longest_back_off_s: float = 15.0
     absent_s: float = 1.0
@@ -186,9 +187,16 @@ def _replaced(ladder: Ladder, sight: Sight) -> tuple[Ladder, Action | None]:
 def _hung(sight: Sight, patience: Patience) -> str:
     """Why the process must be hanging; empty where it need not be."""
     quiet_s = sight.now_s - sight.pulse_s
-    if quiet_s <= (patience.quiet_s if sight.step in _LIVELY else patience.slow_s):
+    if quiet_s <= _silence_s(sight.step, patience):
         return ""
     return f"its process said nothing for {quiet_s:.0f} s while {_DOING[sight.step]}"
+
+
+def _silence_s(step: Step, patience: Patience) -> float:
+    """For how long a process may give no sign of life [s]."""
+    if step in _LIVELY:
+        return patience.quiet_s
+    return patience.close_s if step == "closing" else patience.slow_s
 
 
 def _back_off_s(failures: int, patience: Patience) -> float:

@@ -30,7 +30,7 @@ from app.rig.realsense.software import Body
 from app.rig.realsense.sources import Live, Played
 from app.rig.realsense.synthetic import record
 from tests.conftest import ROOT
-from tests.rig.realsense.bodies import BOX_M, HEIGHT, PLANE_M, RATE_HZ, UNIT_M, WIDTH, Scene, aside, together
+from tests.rig.realsense.bodies import BOX_M, HEIGHT, PLANE_M, RATE_HZ, UNIT_M, WIDTH, Scene, aside, imager, together
 
 TIMING = replace(Site().timing, camera_period_s=0.1, camera_timeout_s=20.0)
 SETTINGS = Settings(width=WIDTH, height=HEIGHT, rate_hz=RATE_HZ, warm_up=2)
@@ -89,9 +89,9 @@ async def opened(anyio_backend: str) -> AsyncIterator[tuple[RealSenseCamera, Ren
         yield both
 
 
-def pid() -> int:
+def pid(name: str = "left") -> int:
     """That of the camera's process now."""
-    (process,) = [child for child in multiprocessing.active_children() if child.name == "dipac camera left"]
+    (process,) = [child for child in multiprocessing.active_children() if child.name == f"dipac camera {name}"]
     assert process.pid is not None
     return process.pid
 
@@ -222,6 +222,20 @@ async def test_two_recordings_play_as_two_cameras_and_the_end_of_one_is_said(tmp
             await read_on(right)
         times = [(await left.read()).time_s for _ in range(8)]
         assert np.all(np.diff(times) > 0)
+
+
+async def test_another_camera_in_the_place_of_one_is_not_taken_for_it(tmp_path: Path) -> None:
+    file, other = tmp_path / "left.db3", tmp_path / "other.db3"
+    start_s = time.time() - 1000
+    for path, body in ((file, together()), (other, replace(together(), color=imager(140.0)))):
+        await to_thread.run_sync(record, path, body, Scene(body=body).views(15, start_s=start_s))
+    mounted = Mounted(name="other", source=Played(file=file, repeat=True), settings=SETTINGS)
+    async with realsense_cameras([mounted], TIMING, patience=PATIENCE) as (camera,):
+        await camera.read()
+        other.replace(file)
+        os.kill(pid("other"), signal.SIGKILL)
+        with pytest.raises(DeviceError, match="came back with other intrinsics"):
+            await read_on(camera)
 
 
 async def test_a_camera_that_is_not_there_is_named_with_those_that_are() -> None:

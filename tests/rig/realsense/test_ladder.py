@@ -150,7 +150,8 @@ def test_a_first_process_that_opens_nothing_in_time_is_told_again() -> None:
 @pytest.mark.parametrize("step", ["opening", "streaming", "closing", "resetting", "failed", "asked"])
 def test_a_process_that_hangs_is_replaced_whatever_it_was_doing(camera: Camera, step: Step) -> None:
     camera.step, camera.hangs = step, True
-    limit_s = PATIENCE.quiet_s if step in ("asked", "streaming", "failed") else PATIENCE.slow_s
+    slow = {"closing": PATIENCE.close_s, "opening": PATIENCE.slow_s, "resetting": PATIENCE.slow_s}
+    limit_s = slow.get(step, PATIENCE.quiet_s)
     camera.image_s = camera.now_s + limit_s if step == "streaming" else camera.image_s
     camera.ladder = replace(camera.ladder, phase="streaming" if step == "streaming" else "resetting")
     camera.ladder = replace(camera.ladder, since_s=camera.now_s)
