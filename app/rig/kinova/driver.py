@@ -26,6 +26,8 @@ FEEDBACK_S, ALIVE_S, COMMAND_S = 0.010, 0.100, 0.025
 """How often feedback is asked for, life is shown, and a twist is sent at most: the arm heeds 40 commands a second."""
 PULSE_S, TWIST_S = 0.300, 0.150
 """A loop that has not shown itself for so long hangs; a twist that is older than that is ended."""
+_OURS = "dipac "
+"""How the zones that are made here are named."""
 BACK_OFF_S = (0.2, 0.5, 1.0, 2.0, 5.0)
 _STOP_S, _STOPS, _FIRST_S, _JOIN_S, _CLEAR_S = 0.3, 3, 3.0, 3.0, 3.0
 _Velocity: TypeAlias = tuple[Float64[np.ndarray, "3"], Float64[np.ndarray, "3"]]
@@ -146,12 +148,13 @@ class Driver:
         with contextlib.suppress(Refused):
             self._kortex.servo()
         self._kortex.limit(limits.speed_m_s, limits.angular_speed_rad_s)
-        known = self._kortex.forbidden()
+        # Zones outlive sessions: those of an earlier site are not this one's.
+        for name, number in self._kortex.forbidden().items():
+            if name.startswith(_OURS):
+                self._kortex.allow(number)
         for volume in limits.keep_out:
-            if (name := f"dipac {volume.name}") in known:
-                self._kortex.allow(known[name])
             low, high = np.asarray(volume.low), np.asarray(volume.high)
-            self._kortex.forbid(name, [*(low + high) / 2], [*(high - low)])
+            self._kortex.forbid(f"{_OURS}{volume.name}", [*(low + high) / 2], [*(high - low)])
 
     def _watch(self) -> None:
         """Ask for feedback, again and again."""

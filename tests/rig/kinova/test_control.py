@@ -85,6 +85,10 @@ def test_taking_hold_of_an_arm_sets_its_own_limits_and_zones(loop: Loop, arm: Fa
     other = Kortex(OwnLink(address(arm)))
     other.open()
     assert other.forbidden().keys() == {"dipac stand"}
+    other.forbid("somebody's", (0.0, 0.0, 2.0), (1.0, 1.0, 1.0))
+    other.forbid("dipac earlier", (0.0, 0.0, 2.0), (1.0, 1.0, 1.0))
+    taken(address(arm), SITE).close()
+    assert other.forbidden().keys() == {"dipac stand", "somebody's"}
     other.close()
     control = loop.control
     assert control.mode == "idle"
