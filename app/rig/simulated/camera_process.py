@@ -11,13 +11,15 @@ from app.arm.memory import ArmMemory
 from app.core.camera import CameraModel
 from app.core.ring import Ring
 from app.core.stage import Stage
-from app.core.types import ColourImage, DepthImage
+from app.core.types import ColourImage, DepthImage, ToolPose
 from app.rig.simulated.held_board import HeldBoard, painted
 from app.rig.simulated.render import render
 from app.rig.simulated.world import Snapshot
 from app.rig.simulated.world_process import newest_snapshot
 
 _NICENESS = 5
+_RECENT = 500
+"""States of the arm, of five seconds: a world that is slower than that shows the past."""
 
 
 def run_cameras(
@@ -46,17 +48,28 @@ def run_cameras(
         snapshot = newest_snapshot(snapshots)
         if snapshot is not None and snapshot.time_s > shown_s:
             shown_s = snapshot.time_s
+            board = (held, _hand(arm, snapshot.time_s)) if held is not None else None
             for camera in cameras:
-                color, depth = _seen(snapshot, camera, rng, stage, held)
+                color, depth = _seen(snapshot, camera, rng, stage, board)
                 if camera.name in depth_views:
-                    _, depth = _seen(snapshot, depth_views[camera.name], rng, stage, held)
+                    _, depth = _seen(snapshot, depth_views[camera.name], rng, stage, board)
                 images[camera.name].append(time_s=snapshot.time_s, color=color, depth=depth)
         due = max(due + period_s, time.monotonic())
         time.sleep(max(0.0, due - time.monotonic()))
 
 
 def _seen(
-    snapshot: Snapshot, camera: CameraModel, rng: np.random.Generator, stage: Stage, held: HeldBoard | None
+    snapshot: Snapshot,
+    camera: CameraModel,
+    rng: np.random.Generator,
+    stage: Stage,
+    board: tuple[HeldBoard, ToolPose] | None,
 ) -> tuple[ColourImage, DepthImage]:
     color, depth = render(snapshot, camera, rng, stage=stage)
-    return painted(held, snapshot.tool, camera, color, depth, rng) if held is not None else (color, depth)
+    return painted(*board, camera, color, depth, rng) if board is not None else (color, depth)
+
+
+def _hand(arm: ArmMemory, time_s: float) -> ToolPose:
+    """Where the arm had the hand then; the tool of a world may be one that does not turn with it."""
+    states = arm.states.since(max(arm.states.count - _RECENT, 0))
+    return np.array(states["measured"][np.argmin(np.abs(states["time_s"] - time_s))])
