@@ -33,19 +33,22 @@ def every(times: int, at_once: int = _AT_ONCE) -> list[Outcome]:
         return [outcome for found in pool.map(suffered, rounds) for outcome in found]
 
 
+def table(outcomes: Sequence[Outcome]) -> Table:
+    """A row a fault and situation."""
+    rows = Table(title=f"{len(outcomes)} faults while the arm moves: from the fault to rest, in its own clock [ms]")
+    for column in ("fault", "meanwhile", "times", "median", "longest", "outside limits"):
+        rows.add_column(column, justify="left" if column in ("fault", "meanwhile") else "right")
+    for doing, fault in dict.fromkeys((each.doing, each.fault) for each in outcomes):
+        found = [each for each in outcomes if (each.doing, each.fault) == (doing, fault)]
+        rest = [each.rest_ms for each in found]
+        outside = sum(not each.within for each in found)
+        rows.add_row(fault, doing, str(len(found)), f"{np.median(rest):.0f}", f"{max(rest):.0f}", str(outside))
+    return rows
+
+
 def main(arguments: Sequence[str]) -> None:
     """Print the table."""
-    outcomes = every(int(arguments[0]) if arguments else _TIMES)
-    table = Table(title=f"{len(outcomes)} faults while the arm moves: from the fault to rest, in its own clock [ms]")
-    for column in ("fault", "meanwhile", "times", "median", "longest", "outside limits"):
-        table.add_column(column, justify="left" if column in ("fault", "meanwhile") else "right")
-    for doing in FAULTS:
-        for fault in faults(doing):
-            rows = [each for each in outcomes if (each.doing, each.fault) == (doing, fault)]
-            rest = [each.rest_ms for each in rows]
-            outside = sum(not each.within for each in rows)
-            table.add_row(fault, doing, str(len(rows)), f"{np.median(rest):.0f}", f"{max(rest):.0f}", str(outside))
-    Console().print(table)
+    Console().print(table(every(int(arguments[0]) if arguments else _TIMES)))
 
 
 if __name__ == "__main__":

@@ -3,6 +3,7 @@
 It is to the arm what the real one is: it starts the arm's process, and watches from an event loop what it executes.
 """
 
+import contextlib
 import itertools
 import os
 import sys
@@ -107,9 +108,10 @@ class Application:
                 except DeviceError:
                     pass
             await anyio.sleep(_BLOCKED_S if self._moving.cancelled_caught else 2 * self._site.timing.arm_period_s)
-            if (await self._arm.state()).mode == "stopped":
+            if (await self._arm.state()).mode in ("stopped", "fault"):
                 await anyio.sleep(_BLOCKED_S)
-                await self._arm.reset(asked_s=time.monotonic())
+                with contextlib.suppress(DeviceError):  # It is asked again.
+                    await self._arm.reset(asked_s=time.monotonic())
 
     async def _jogged(self) -> None:
         async with anyio.create_task_group() as tasks:

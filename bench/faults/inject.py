@@ -7,7 +7,7 @@ from collections.abc import Callable, Generator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass
 from functools import partial
-from typing import Any, Final, final
+from typing import Any, Final, TypeAlias, final
 
 import numpy as np
 import psutil
@@ -17,6 +17,9 @@ from app.arm.process import Controlled
 from app.config import Site
 from app.core.ring import SPAWN
 from bench.faults.application import FAULTS, Doing, application
+
+Others: TypeAlias = Mapping[str, Callable[[], None]]
+"""Faults by name, and how each is done."""
 
 _FAST_M_S: Final = 0.15
 """A fault comes while the tool moves at least so fast."""
@@ -45,9 +48,9 @@ class Outcome:
 class Subject:
     """An application with its arm, to which faults are done while the arm moves."""
 
-    def __init__(self, doing: Doing, site: Site, take: Controlled) -> None:
+    def __init__(self, doing: Doing, site: Site, take: Controlled, others: Others) -> None:
         self.doing: Doing = doing
-        self._site, self._take = site, take
+        self._site, self._take, self._others = site, take, others
         self._begin()
 
     def suffer(self, fault: str) -> Outcome:
@@ -55,7 +58,11 @@ class Subject:
         speed_m_s = self._wait_until_fast()
         seen = max(self.memory.states.count - 1, 0)
         fault_s = time.monotonic()
-        kept_on = _OUTSIDE.get(fault, partial(_told, name=fault))(self)
+        if fault in self._others:
+            self._others[fault]()
+            kept_on = None
+        else:
+            kept_on = _OUTSIDE.get(fault, partial(_told, name=fault))(self)
         time.sleep(max(0.0, fault_s + _WATCHED_S - time.monotonic()))
         states = self.memory.states.since(seen)
         outcome = Outcome(
@@ -117,9 +124,9 @@ class Subject:
                 if speed_m_s > _FAST_M_S and MODES[newest["mode"]] == "moving":
                     return speed_m_s
             time.sleep(_POLL_S)
-        raise AssertionError(
-            f"The tool did not move for {_START_S:.0f} s, or its application ended with {self.process.exitcode}."
-        )
+        newest = self.memory.states.newest()
+        said = "" if newest is None else f"{MODES[newest['mode']]}: {bytes(newest['reason']).decode()}"
+        raise AssertionError(f"The tool does not move; exit code {self.process.exitcode}; {said}")
 
     def _within(self, states: Any) -> bool:
         """Whether all commands kept to workspace and speed; a tick that comes late covers its whole time."""
@@ -130,9 +137,9 @@ class Subject:
 
 
 @contextmanager
-def subject(doing: Doing, site: Site, take: Controlled) -> Generator[Subject]:
-    """One that has ended when it is left."""
-    opened = Subject(doing, site, take)
+def subject(doing: Doing, site: Site, take: Controlled, others: Others | None = None) -> Generator[Subject]:
+    """One that has ended when it is left. `others`: faults of the arm itself."""
+    opened = Subject(doing, site, take, others or {})
     try:
         yield opened
     finally:

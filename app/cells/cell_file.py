@@ -1,0 +1,124 @@
+"""A real cell as a TOML file: which arm, which cameras, and what may happen between them (docs/real-cell.md)."""
+
+import math
+from pathlib import Path
+from typing import Annotated, Final, TypeAlias, final
+
+import msgspec
+
+from app.config import KeepOut, Limits, Workspace
+from app.core.errors import RecordingError, UsageError
+
+SCHEMA: Final = 1
+_MOST: Final = Limits()
+Point: TypeAlias = tuple[float, float, float]
+"""x y z [m] in the frame of the arm's base."""
+_Size = Annotated[int, msgspec.Meta(ge=100, le=4096)]
+
+
+class _Entry(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
+    """A table of the file. A key that is misspelt is an error: it might have been a limit."""
+
+
+class Box(_Entry):
+    """A box between two corners [m]."""
+
+    low: Point
+    high: Point
+
+
+class Volume(Box):
+    """A box that the tool's tip may not enter [m]."""
+
+    name: str
+
+
+class Within(_Entry):
+    """What the arm may do in this cell: as much as `Limits` at most, or less."""
+
+    workspace: Box
+    keep_out: tuple[Volume, ...] = ()
+    speed_m_s: Annotated[float, msgspec.Meta(gt=0, le=_MOST.speed_m_s)] = 0.10
+    acceleration_m_s2: Annotated[float, msgspec.Meta(gt=0, le=_MOST.acceleration_m_s2)] = 0.5
+    angular_speed_rad_s: Annotated[float, msgspec.Meta(gt=0, le=_MOST.angular_speed_rad_s)] = 0.5
+    force_n: Annotated[float, msgspec.Meta(gt=0, le=_MOST.force_n)] = 30.0
+
+
+class ArmEntry(_Entry):
+    """Where the arm's controller is. `client`: `dipac` or `kortex_api`."""
+
+    host: str = "192.168.1.10"
+    client: str = "dipac"
+
+
+class CameraEntry(_Entry):
+    """A RealSense camera by its serial number."""
+
+    name: str
+    serial: str
+    width: _Size = 640
+    height: _Size = 480
+
+
+@final
+class CellFile(_Entry):
+    """The whole file. `calibration` is a path from the file's own folder."""
+
+    schema: int
+    name: str
+    limits: Within
+    cameras: tuple[CameraEntry, ...]
+    arm: ArmEntry = ArmEntry()
+    travel_height_m: float = 0.15
+    calibration: str = "calibration.toml"
+
+
+def load_cell(path: Path) -> CellFile:
+    """Read and check it.
+
+    Raises UsageError where it is not there, RecordingError, which says what is wrong, where something is.
+    """
+    try:
+        cell = msgspec.toml.decode(path.read_bytes(), type=CellFile)
+    except OSError as error:
+        raise UsageError(f"Cannot read the cell {path}: {error.strerror}; docs/real-cell.md has one to copy.") from None
+    except (msgspec.ValidationError, msgspec.DecodeError) as error:
+        raise RecordingError(
+            f"{path} describes no cell: {error}. docs/real-cell.md says what it has to hold."
+        ) from None
+    if wrong := _wrong(cell):
+        raise RecordingError(f"{path} describes no cell: {wrong}.")
+    return cell
+
+
+def limits(cell: CellFile) -> Limits:
+    """What its arm may do."""
+    said = cell.limits
+    return Limits(
+        speed_m_s=said.speed_m_s,
+        acceleration_m_s2=said.acceleration_m_s2,
+        angular_speed_rad_s=said.angular_speed_rad_s,
+        force_n=said.force_n,
+        workspace=Workspace(low=said.workspace.low, high=said.workspace.high),
+        keep_out=tuple(KeepOut(name=each.name, low=each.low, high=each.high) for each in said.keep_out),
+    )
+
+
+def _wrong(cell: CellFile) -> str:
+    """What no type says; empty where nothing is wrong."""
+    if cell.schema != SCHEMA:
+        return f"it has schema {cell.schema}, and this version reads {SCHEMA}"
+    boxes = [("workspace", cell.limits.workspace), *((each.name, each) for each in cell.limits.keep_out)]
+    for name, box in boxes:
+        if not all(-math.inf < low < high < math.inf for low, high in zip(box.low, box.high, strict=True)):
+            return f"of {name!r} each number of low must be below that of high, and all finite"
+    low, high = cell.limits.workspace.low[2], cell.limits.workspace.high[2]
+    if not low < cell.travel_height_m < high:
+        return f"travel_height_m {cell.travel_height_m} is not within the workspace's height {low} to {high} m"
+    if len(cell.cameras) < 2:
+        return f"it has {len(cell.cameras)} cameras, and one alone does not see around an object"
+    for what in ("name", "serial"):
+        values = [getattr(camera, what) for camera in cell.cameras]
+        if len(set(values)) < len(values):
+            return f"two cameras have the same {what}"
+    return ""

@@ -1,0 +1,126 @@
+"""A real cell: a Kinova Gen3, RealSense cameras around it, and a file that says where they are and what is allowed."""
+
+import os
+from collections.abc import AsyncGenerator, Sequence
+from contextlib import asynccontextmanager
+from dataclasses import replace
+from functools import partial
+from pathlib import Path
+from typing import Final, final
+
+import anyio
+from anyio import to_thread
+
+from app.arm.memory import ArmMemory
+from app.arm.process import run_arm
+from app.arm.process_arm import ProcessArm
+from app.cells.base import Cell, Wanted
+from app.cells.cell_file import CameraEntry, CellFile, limits, load_cell
+from app.config import Site
+from app.core.errors import PreflightError, UsageError
+from app.core.hand_eye import HandEye
+from app.core.ports import Arm, Camera
+from app.core.processes import end, process, ready
+from app.recording.calibration_file import load_cameras
+from app.rig.kinova.control import taken
+from app.rig.kinova.link import Address
+from app.rig.realsense.cameras import Mounted, realsense_cameras
+from app.rig.realsense.settings import Settings
+from app.rig.realsense.sources import Live
+
+USER, PASSWORD = "DIPAC_ARM_USER", "DIPAC_ARM_PASSWORD"
+"""Variables of the environment with the arm's account, where it is not the one that it is delivered with."""
+_NEEDED = "--rig gen3 needs --cell FILE.toml, which says where arm and cameras are; docs/real-cell.md has one to copy."
+
+
+@final
+class Gen3Rig:
+    """An arm and cameras that are there."""
+
+    def __init__(self, name: str, arm: ProcessArm, cameras: Sequence[Camera]) -> None:
+        self._name, self._arm, self._cameras = name, arm, cameras
+
+    @property
+    def name(self) -> str:
+        """For the log and the console."""
+        return self._name
+
+    @property
+    def simulated(self) -> bool:
+        """What it does is real."""
+        return False
+
+    @property
+    def shape(self) -> None:
+        """Nobody has said yet what the arm looks like."""
+        return None
+
+    @property
+    def cameras(self) -> Sequence[Camera]:
+        """As the file has them."""
+        return self._cameras
+
+    @property
+    def arm(self) -> Arm:
+        """The Gen3."""
+        return self._arm
+
+
+def _narrowed(site: Site, file: Path | None) -> Site:
+    """With the limits of the file; the slower of the two speeds counts."""
+    cell = _read(file)
+    own = limits(cell)
+    speed_m_s = min(own.speed_m_s, site.limits.speed_m_s)
+    return replace(site, limits=replace(own, speed_m_s=speed_m_s), travel_height_m=cell.travel_height_m)
+
+
+@asynccontextmanager
+async def _opened(wanted: Wanted) -> AsyncGenerator[Gen3Rig]:
+    """Raises PreflightError where a camera is not calibrated, DeviceError where arm or cameras are not there."""
+    cell, site = _read(wanted.file), wanted.site
+    assert wanted.file is not None
+    places = load_cameras(wanted.file.parent / cell.calibration)
+    mounted = [_mounted(camera, places, wanted.file.parent / cell.calibration) for camera in cell.cameras]
+    memory = await to_thread.run_sync(ArmMemory)
+    arm = process("arm", run_arm, memory, site, partial(taken, _address(cell), client=cell.arm.client), os.getpid())
+    try:
+        await to_thread.run_sync(arm.start)
+        await ready([arm], [memory.states])
+        async with realsense_cameras(mounted, site.timing) as cameras:
+            yield Gen3Rig(cell.name, ProcessArm(memory, arm, site), cameras)
+    finally:
+        memory.closing.value = 1
+        with anyio.CancelScope(shield=True):
+            await to_thread.run_sync(end, [arm])
+
+
+def _read(file: Path | None) -> CellFile:
+    if file is None:
+        raise UsageError(_NEEDED)
+    return load_cell(file)
+
+
+def _address(cell: CellFile) -> Address:
+    usual = Address(host=cell.arm.host)
+    user, password = os.environ.get(USER, usual.username), os.environ.get(PASSWORD, usual.password)
+    return replace(usual, username=user, password=password)
+
+
+def _mounted(camera: CameraEntry, places: dict[str, HandEye], file: Path) -> Mounted:
+    """The camera where its calibration has it. Raises PreflightError where that has none of it in the world."""
+    place = places.get(camera.serial)
+    if place is None or place.setup != "fixed":
+        raise PreflightError(
+            f"{file} does not say where camera {camera.name!r} ({camera.serial}) stands; calibrate it with "
+            "`dipac calibration solve` or in the console."
+        )
+    return Mounted(
+        name=camera.name,
+        source=Live(serial=camera.serial),
+        T_world_camera=place.pose,
+        calibrated_at=place.calibrated_at.isoformat(),
+        settings=Settings(width=camera.width, height=camera.height),
+    )
+
+
+CELL: Final = Cell(name="gen3", simulated=False, open=_opened, narrowed=_narrowed)
