@@ -6,20 +6,28 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TypeAlias, final
 
+import numpy as np
+from jaxtyping import Float64
+
 from app.config import Site
 from app.core.errors import UsageError
 from app.core.ports import Rig
-from app.tasks.base import Task
+from app.core.stage import Stage
 
 
 @final
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True, kw_only=True, eq=False)
 class Wanted:
-    """What a command opens a cell for. `seed` draws the start of what is simulated; `file` describes a real cell."""
+    """What a cell is opened for. `file` describes a real one; `board`: the gripper holds one, to calibrate cameras by.
 
-    task: Task
+    In a simulated one the stage's object lies at `start (K, 3)` [m], and `seed` is that of the cameras' noise.
+    """
+
+    stage: Stage
+    start: Float64[np.ndarray, "K 3"]
     site: Site
     seed: int
+    board: bool = False
     file: Path | None = None
 
 

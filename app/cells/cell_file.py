@@ -13,27 +13,26 @@ SCHEMA: Final = 1
 _MOST: Final = Limits()
 Point: TypeAlias = tuple[float, float, float]
 """x y z [m] in the frame of the arm's base."""
-_Size = Annotated[int, msgspec.Meta(ge=100, le=4096)]
 
 
 class _Entry(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
     """A table of the file. A key that is misspelt is an error: it might have been a limit."""
 
 
-class Box(_Entry):
+class Box(_Entry, frozen=True):
     """A box between two corners [m]."""
 
     low: Point
     high: Point
 
 
-class Volume(Box):
+class Volume(Box, frozen=True):
     """A box that the tool's tip may not enter [m]."""
 
     name: str
 
 
-class Within(_Entry):
+class Within(_Entry, frozen=True):
     """What the arm may do in this cell: as much as `Limits` at most, or less."""
 
     workspace: Box
@@ -44,24 +43,22 @@ class Within(_Entry):
     force_n: Annotated[float, msgspec.Meta(gt=0, le=_MOST.force_n)] = 30.0
 
 
-class ArmEntry(_Entry):
+class ArmEntry(_Entry, frozen=True):
     """Where the arm's controller is. `client`: `dipac` or `kortex_api`."""
 
     host: str = "192.168.1.10"
     client: str = "dipac"
 
 
-class CameraEntry(_Entry):
-    """A RealSense camera by its serial number."""
+class CameraEntry(_Entry, frozen=True):
+    """A RealSense camera by its serial number; its images have the size that it was calibrated with."""
 
     name: str
     serial: str
-    width: _Size = 640
-    height: _Size = 480
 
 
 @final
-class CellFile(_Entry):
+class CellFile(_Entry, frozen=True):
     """The whole file. `calibration` is a path from the file's own folder."""
 
     schema: int

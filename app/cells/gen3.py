@@ -4,15 +4,11 @@ import os
 from collections.abc import AsyncGenerator, Sequence
 from contextlib import asynccontextmanager
 from dataclasses import replace
-from functools import partial
 from pathlib import Path
 from typing import Final, final
 
-import anyio
 from anyio import to_thread
 
-from app.arm.memory import ArmMemory
-from app.arm.process import run_arm
 from app.arm.process_arm import ProcessArm
 from app.cells.base import Cell, Wanted
 from app.cells.cell_file import CameraEntry, CellFile, limits, load_cell
@@ -20,13 +16,12 @@ from app.config import Site
 from app.core.errors import PreflightError, UsageError
 from app.core.hand_eye import HandEye
 from app.core.ports import Arm, Camera
-from app.core.processes import end, process, ready
 from app.recording.calibration_file import load_cameras
-from app.rig.kinova.control import taken
+from app.rig.kinova.arm import kinova_arm
 from app.rig.kinova.link import Address
-from app.rig.realsense.cameras import Mounted, realsense_cameras
+from app.rig.realsense.cameras import realsense_cameras
+from app.rig.realsense.mounted import Mounted
 from app.rig.realsense.settings import Settings
-from app.rig.realsense.sources import Live
 
 USER, PASSWORD = "DIPAC_ARM_USER", "DIPAC_ARM_PASSWORD"
 """Variables of the environment with the arm's account, where it is not the one that it is delivered with."""
@@ -77,21 +72,21 @@ def _narrowed(site: Site, file: Path | None) -> Site:
 @asynccontextmanager
 async def _opened(wanted: Wanted) -> AsyncGenerator[Gen3Rig]:
     """Raises PreflightError where a camera is not calibrated, DeviceError where arm or cameras are not there."""
-    cell, site = _read(wanted.file), wanted.site
-    assert wanted.file is not None
-    places = load_cameras(wanted.file.parent / cell.calibration)
-    mounted = [_mounted(camera, places, wanted.file.parent / cell.calibration) for camera in cell.cameras]
-    memory = await to_thread.run_sync(ArmMemory)
-    arm = process("arm", run_arm, memory, site, partial(taken, _address(cell), client=cell.arm.client), os.getpid())
-    try:
-        await to_thread.run_sync(arm.start)
-        await ready([arm], [memory.states])
-        async with realsense_cameras(mounted, site.timing) as cameras:
-            yield Gen3Rig(cell.name, ProcessArm(memory, arm, site), cameras)
-    finally:
-        memory.closing.value = 1
-        with anyio.CancelScope(shield=True):
-            await to_thread.run_sync(end, [arm])
+    cell, mounted = await to_thread.run_sync(_found, wanted.file)
+    async with (
+        kinova_arm(_address(cell), wanted.site, cell.arm.client) as arm,
+        realsense_cameras(mounted, wanted.site.timing) as cameras,
+    ):
+        yield Gen3Rig(cell.name, arm, cameras)
+
+
+def _found(file: Path | None) -> tuple[CellFile, list[Mounted]]:
+    """What the file says, and its cameras where they are calibrated."""
+    cell = _read(file)
+    assert file is not None, "what was read has a name"
+    calibration = file.parent / cell.calibration
+    places = load_cameras(calibration)
+    return cell, [_mounted(camera, places, calibration) for camera in cell.cameras]
 
 
 def _read(file: Path | None) -> CellFile:
@@ -107,20 +102,13 @@ def _address(cell: CellFile) -> Address:
 
 
 def _mounted(camera: CameraEntry, places: dict[str, HandEye], file: Path) -> Mounted:
-    """The camera where its calibration has it. Raises PreflightError where that has none of it in the world."""
-    place = places.get(camera.serial)
-    if place is None or place.setup != "fixed":
+    """The camera where its calibration has it. Raises PreflightError where that does not have it."""
+    if camera.serial not in places:
         raise PreflightError(
             f"{file} does not say where camera {camera.name!r} ({camera.serial}) stands; calibrate it with "
             "`dipac calibration solve` or in the console."
         )
-    return Mounted(
-        name=camera.name,
-        source=Live(serial=camera.serial),
-        T_world_camera=place.pose,
-        calibrated_at=place.calibrated_at.isoformat(),
-        settings=Settings(width=camera.width, height=camera.height),
-    )
+    return Mounted.calibrated(places[camera.serial], name=camera.name, settings=Settings())
 
 
 CELL: Final = Cell(name="gen3", simulated=False, open=_opened, narrowed=_narrowed)

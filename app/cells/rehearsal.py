@@ -13,17 +13,23 @@ from typing import Final, final
 from anyio import to_thread
 
 from app.cells.base import Cell, Wanted, as_it_is
+from app.core.limbs import ArmShape
 from app.core.ports import Arm, Camera
 from app.rig.kinova.control import taken
 from app.rig.kinova.fake.process import FakeProcess
+from app.rig.kinova.gen3 import Joints
 from app.rig.kinova.link import Address
+from app.rig.kinova.seen import Seen
 from app.rig.realsense.camera import RealSenseCamera
-from app.rig.realsense.cameras import Mounted, realsense_cameras
+from app.rig.realsense.cameras import realsense_cameras
 from app.rig.realsense.ladder import Patience
+from app.rig.realsense.mounted import Mounted
 from app.rig.realsense.rendered import Feed, Rendered
 from app.rig.realsense.settings import Settings
 from app.rig.realsense.software import Body
+from app.rig.simulated.arm_model import solve_joints
 from app.rig.simulated.cameras import table_cameras
+from app.rig.simulated.held_board import HeldBoard
 from app.rig.simulated.rig import SimulatedRig, simulated_rig
 from app.rig.simulated.world import Snapshot
 
@@ -49,9 +55,9 @@ class Rehearsal:
         return True
 
     @property
-    def shape(self) -> None:
-        """Nobody knows: the world draws another arm than the one whose joints are told."""
-        return None
+    def shape(self) -> ArmShape:
+        """The arm as it is drawn."""
+        return self._world.shape
 
     @property
     def cameras(self) -> Sequence[Camera]:
@@ -74,19 +80,20 @@ async def _opened(wanted: Wanted) -> AsyncGenerator[Rehearsal]:
     models = table_cameras()
     bodies = {model.name: Body.like_d435(model, f"rehearsal-{model.name}") for model in models}
     depth = {model.name: bodies[model.name].depth_view(model) for model in models}
-    task, site, seed = wanted.task, wanted.site, wanted.seed
+    site = wanted.site
     async with AsyncExitStack() as opened:
         fake = await to_thread.run_sync(FakeProcess().__enter__)
         opened.push_async_callback(to_thread.run_sync, partial(fake.__exit__, None, None, None))
-        take = partial(taken, Address(host=fake.host, tcp_port=fake.ports[0], udp_port=fake.ports[1]))
+        take = partial(taken, Address(host=fake.host, tcp_port=fake.ports[0], udp_port=fake.ports[1]), joints_of=_drawn)
         world = await opened.enter_async_context(
             simulated_rig(
-                stage=task.stage,
-                start=task.start(seed),
+                stage=wanted.stage,
+                start=wanted.start,
                 site=site,
-                seed=seed,
+                seed=wanted.seed,
                 cameras=models,
                 depth_views=depth,
+                held=HeldBoard() if wanted.board else None,
                 take=take,
             )
         )
@@ -103,6 +110,11 @@ async def _opened(wanted: Wanted) -> AsyncGenerator[Rehearsal]:
         timing = replace(site.timing, camera_period_s=0.0)
         cameras = await opened.enter_async_context(realsense_cameras(mounted, timing, patience=_PATIENT))
         yield Rehearsal(world, cameras, fake)
+
+
+def _drawn(seen: Seen) -> Joints:
+    """The joints of the arm that the world draws, with its tool where this one's is: a Gen3's links are shorter."""
+    return solve_joints(seen.tool)
 
 
 CELL: Final = Cell(name="rehearsal", simulated=True, open=_opened, narrowed=as_it_is)

@@ -5,12 +5,13 @@ from typing import Final
 
 from app.cells.base import Cell, Wanted, as_it_is
 from app.core.ports import Rig
+from app.rig.simulated.held_board import HeldBoard
 from app.rig.simulated.rig import simulated_rig
 
 
 def _opened(wanted: Wanted) -> AbstractAsyncContextManager[Rig]:
-    task, seed = wanted.task, wanted.seed
-    return simulated_rig(stage=task.stage, start=task.start(seed), site=wanted.site, seed=seed)
+    held = HeldBoard() if wanted.board else None
+    return simulated_rig(stage=wanted.stage, start=wanted.start, site=wanted.site, seed=wanted.seed, held=held)
 
 
 CELL: Final = Cell(name="simulated", simulated=True, open=_opened, narrowed=as_it_is)

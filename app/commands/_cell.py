@@ -3,13 +3,11 @@
 from collections.abc import AsyncGenerator
 from contextlib import AsyncExitStack, asynccontextmanager
 
-from app.commands._rehearsed import rehearsed_rig
-from app.commands._wired import wired_arm
-from app.config import Site
+from anyio import to_thread
+
+from app import cells
+from app.cells.base import Wanted
 from app.core.ports import Rig
-from app.rig.simulated.held_board import HeldBoard
-from app.rig.simulated.rig import simulated_rig
-from app.tasks import Task
 from app.teleop import Pilot
 from app.ui.console import Console, open_console
 from app.ui.terminal import Output
@@ -18,32 +16,19 @@ from app.ui.tls import Tls
 
 @asynccontextmanager
 async def cell(
-    task: Task,
-    site: Site,
-    output: Output,
-    *,
-    seed: int,
-    tls: Tls | None,
-    held: HeldBoard | None,
-    realsense: bool,
-    kinova: bool,
+    name: str, wanted: Wanted, tls: Tls | None, title: str, output: Output
 ) -> AsyncGenerator[tuple[Rig, Console]]:
-    """The simulated rig and its console. The terminal says that they start: it takes seconds.
-
-    `held`: a board in the gripper; `realsense`: seen through their SDK; `kinova`: the arm over its protocol.
-    """
+    """The rig of that name and its console. The terminal says that they start: it takes seconds."""
+    site = wanted.site
     async with AsyncExitStack() as opened:
         with output.status("starting the cell"):
-            take = await opened.enter_async_context(wired_arm()) if kinova else None
-            open_rig = rehearsed_rig if realsense else simulated_rig
-            rig: Rig = await opened.enter_async_context(
-                open_rig(stage=task.stage, start=task.start(seed), site=site, seed=seed, held=held, take=take)
-            )
+            chosen = await to_thread.run_sync(cells.load, name)
+            rig = await opened.enter_async_context(chosen.open(wanted))
             console = await opened.enter_async_context(
                 open_console(
                     host=site.console_host,
                     port=site.console_port,
-                    title=f"dipac {task.name}",
+                    title=title,
                     cell="simulated" if rig.simulated else "real",
                     stop=rig.arm.stop,
                     workspace=site.limits.workspace,

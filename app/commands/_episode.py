@@ -4,7 +4,7 @@ import json
 import socket
 import subprocess
 import time
-from collections.abc import AsyncIterator, Generator
+from collections.abc import Generator
 from contextlib import contextmanager
 from dataclasses import asdict, dataclass, replace
 from functools import partial
@@ -16,6 +16,9 @@ from anyio import to_thread
 from rich.text import Text
 
 from app import __version__
+from app.cells import load as load_cell
+from app.cells.base import Wanted
+from app.commands._audience import Audience
 from app.commands._case import MODEL, Found, read_case
 from app.commands._cell import cell
 from app.commands._clock import SystemClock
@@ -25,9 +28,8 @@ from app.commands._sight import seen_with
 from app.config import Limits, Site
 from app.core.bounds import checked
 from app.core.errors import DipacError, ParameterError, PreflightError, UsageError
-from app.core.messages import Episode, Goal, Message, fresh_id
+from app.core.messages import Episode, Goal, fresh_id
 from app.core.ports import Rig
-from app.core.requests import Request
 from app.core.summary import Summary
 from app.core.worker import Worker
 from app.flow import Flow
@@ -36,13 +38,11 @@ from app.recording.calibration_file import CalibrationFile
 from app.recording.model_file import load_model
 from app.recording.preflight import Room
 from app.recording.studio import Studio, open_studio
-from app.rig.simulated.held_board import HeldBoard
 from app.tasks import Task, load
 from app.tasks.base import Wish
 from app.tasks.goals import goal_of
 from app.tasks.jobs import check_model, choose_preset, shown_goal
-from app.ui.console import Console
-from app.ui.terminal import Output, Terminal, open_terminal
+from app.ui.terminal import Output, open_terminal
 from app.ui.tls import Tls
 
 Preset = Literal["auto", "cpu", "gpu"]
@@ -81,10 +81,11 @@ class Options:
     """calibrate the model in the background"""
     segmenter: Path | None = None
     """an ONNX file that finds the object, instead of its colour (docs/perception.md says what it has to be)"""
-    realsense: bool = False
-    """see the simulated cell through the SDK of RealSense cameras, as a real one is seen"""
-    kinova: bool = False
-    """control the arm of the simulated cell over the protocol of a Kinova Gen3, as a real one is controlled"""
+    rig: str = "simulated"
+    """which cell: simulated; rehearsal, the same through a Kinova's protocol and the SDK of its cameras; gen3, a real
+    one, which --cell describes"""
+    cell: Path | None = None
+    """a TOML file of a real cell: arm, cameras and limits (docs/real-cell.md)"""
     depth: bool = True
     """use the cameras' depth; without, the object's shape is what its outlines leave"""
     speed: float = Limits().speed_m_s
@@ -124,13 +125,14 @@ class Options:
         budget: int | None = None
         if self.budget_gb is not None:
             budget = round(checked("--budget-gb", self.budget_gb, 0.0, _LARGEST_GB) * 1e9)
-        return Site(
+        site = Site(
             limits=limits,
             recordings=self.recordings,
             console_host=self.host,
             console_port=self.port,
             budget_bytes=budget,
         )
+        return load_cell(self.rig).narrowed(site, self.cell)
 
 
 @final
@@ -148,6 +150,13 @@ class Order:
     def model(self) -> Path | None:
         """The model file to start from: that of the case where none is named."""
         return self.options.model or (self.case / MODEL if self.case else None)
+
+    def wanted(self, task: Task, site: Site) -> Wanted:
+        """What the cell is opened for."""
+        seed = self.options.seed
+        return Wanted(
+            stage=task.stage, start=task.start(seed), site=site, seed=seed, board=self.board, file=self.options.cell
+        )
 
     @property
     def method(self) -> Method:
@@ -214,16 +223,7 @@ async def episode(order: Order, output: Output) -> Report:
         start = await to_thread.run_sync(_start, order, preset)
         async with (
             open_studio(site.recordings, start, _room(site, options.pushes), take_bytes=_take_bytes(site)) as recorder,
-            cell(
-                task,
-                site,
-                output,
-                seed=options.seed,
-                tls=tls,
-                held=HeldBoard() if order.board else None,
-                realsense=options.realsense,
-                kinova=options.kinova,
-            ) as (rig, console),
+            cell(options.rig, order.wanted(task, site), tls, f"dipac {task.name}", output) as (rig, console),
         ):
             heading = (
                 Text.assemble("Operator console: ", (console.url, "bold"), no_wrap=True),
@@ -270,7 +270,7 @@ def _announced_if_interrupted(output: Output, recording: Path) -> Generator[None
 
 
 async def _run(
-    wish: Wish, site: Site, rig: Rig, audience: "Audience", recorder: Studio, planner: Worker
+    wish: Wish, site: Site, rig: Rig, audience: Audience, recorder: Studio, planner: Worker
 ) -> tuple[Summary, DipacError | None]:
     flow = Flow(
         wish,
@@ -337,9 +337,9 @@ def _start(order: Order, preset: str) -> Episode:
         id=fresh_id("episode"),
         time_s=time.monotonic(),
         task=order.task,
-        rig="simulated",
+        rig=order.options.rig,
         seed=order.options.seed,
-        simulated=True,
+        simulated=load_cell(order.options.rig).simulated,
         code_version=code_version(),
         config=json.dumps(config, default=str),
     )
@@ -353,21 +353,3 @@ def code_version() -> str:
     except (OSError, subprocess.SubprocessError):
         return __version__
     return f"{__version__}+{commit.stdout.strip()}"
-
-
-@final
-class Audience:
-    """The console in the browser and the terminal as one operator; only the console asks for things."""
-
-    def __init__(self, console: Console, terminal: Terminal) -> None:
-        self._console = console
-        self._terminal = terminal
-
-    def show(self, message: Message) -> None:
-        """Show it on both."""
-        self._console.show(message)
-        self._terminal.show(message)
-
-    def requests(self) -> AsyncIterator[Request]:
-        """What the console asks for."""
-        return self._console.requests()

@@ -1,4 +1,4 @@
-"""What every rig does, tested through the ports alone: a new rig is one more entry in `RIGS`.
+"""What every rig does, tested through the ports alone: a new cell is tested by its presence.
 
 One rig serves the whole file, as it serves a whole episode; each test leaves the arm ready for the next.
 """
@@ -7,13 +7,14 @@ import copy
 import dataclasses
 import time
 from collections.abc import AsyncIterator, Awaitable, Callable
-from contextlib import AbstractAsyncContextManager, asynccontextmanager
+from contextlib import AbstractAsyncContextManager
 
 import anyio
 import numpy as np
 import pytest
 
-from app.commands._wired import wired_arm
+from app import cells
+from app.cells.base import Cell, Wanted
 from app.config import Site
 from app.core.errors import DeviceError, MotionRefused
 from app.core.jog import Jog
@@ -21,7 +22,6 @@ from app.core.messages import ArmMode, Executed
 from app.core.motion import Motion
 from app.core.ports import Arm, Rig
 from app.core.stage import Stage
-from app.rig.simulated.rig import simulated_rig
 from tests.rig.scene import FINGER, PUSH_Z, ROPE, approved, push, straight_rope
 
 # A low travel height and a short way between motions keep this file quick.
@@ -31,22 +31,12 @@ LONG = push((0.40, -0.25), (0.40, 0.25), 0.25)
 pytestmark = pytest.mark.anyio
 
 
-def _simulated() -> AbstractAsyncContextManager[Rig]:
-    return simulated_rig(stage=Stage(body=ROPE, tool=FINGER), start=straight_rope(0.6), site=SITE, seed=0)
+def opened(cell: Cell) -> AbstractAsyncContextManager[Rig]:
+    return cell.open(Wanted(stage=Stage(body=ROPE, tool=FINGER), start=straight_rope(0.6), site=SITE, seed=0))
 
 
-@asynccontextmanager
-async def _wired() -> AsyncIterator[Rig]:
-    """The same with an arm that is controlled over the protocol of a real one."""
-    stage = Stage(body=ROPE, tool=FINGER)
-    async with (
-        wired_arm() as take,
-        simulated_rig(stage=stage, start=straight_rope(0.6), site=SITE, seed=0, take=take) as rig,
-    ):
-        yield rig
-
-
-RIGS: dict[str, Callable[[], AbstractAsyncContextManager[Rig]]] = {"simulated": _simulated, "wired": _wired}
+CELLS = [cell for cell in map(cells.load, cells.names()) if cell.simulated]
+"""What needs hardware is left out."""
 
 
 @pytest.fixture(scope="module")
@@ -60,11 +50,11 @@ QUICK = {"simulated"}
 
 @pytest.fixture(
     scope="module",
-    params=[pytest.param(rig, id=name, marks=[] if name in QUICK else pytest.mark.slow) for name, rig in RIGS.items()],
+    params=[pytest.param(cell, id=cell.name, marks=[] if cell.name in QUICK else pytest.mark.slow) for cell in CELLS],
 )
 async def rig(request: pytest.FixtureRequest, anyio_backend: str) -> AsyncIterator[Rig]:
-    async with request.param() as opened:
-        yield opened
+    async with opened(request.param) as rig:
+        yield rig
 
 
 @pytest.fixture
@@ -412,5 +402,6 @@ async def test_the_table_in_the_depth_image_is_where_the_camera_model_has_it(rig
         heights = (seen @ model.T_world_camera[:3, :3].T + model.T_world_camera[:3, 3])[:, 2]
         on_table = np.abs(heights) < 0.01
         assert on_table.mean() > 0.5
-        assert abs(np.median(heights[on_table])) < 5e-4
+        # Of depths that fall into one pixel the SDK's alignment keeps the nearest, so noise lifts what it aligned.
+        assert abs(np.median(heights[on_table])) < (1e-3 if rig.name == "rehearsal" else 5e-4)
         assert heights[on_table].std() < 3e-3

@@ -116,9 +116,9 @@ class KinovaControl:
         return True
 
     def coast(self) -> None:
-        """Slow down to rest where it is jogged."""
+        """Brake to rest where it is jogged."""
         if self._jogging is not None:
-            self._jogging.aim(Jog())
+            self._jogging.brake(self._limits.stop_deceleration_m_s2)
 
     def stop(self, reason: str) -> None:
         """Have the arm stop; the first reason is kept."""

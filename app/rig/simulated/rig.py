@@ -99,7 +99,7 @@ def simulated_rig(
 
     `depth_views`: where depth of the camera of that name is seen from, of the size of its colour; somebody else aligns
     the two, from the rig's `images`, and reads no frames of such a camera here. `held`: a board in the gripper, to
-    calibrate cameras by. `take`: who moves the tool that the world follows, instead of drives that are simulated here.
+    calibrate cameras by. `take`: takes hold of another arm than the simulated one, whose tool then is the world's.
     Raises DeviceError on entry where a process does not come up. All processes have ended when it is left, and end by
     themselves when the application is killed.
     """
@@ -108,9 +108,9 @@ def simulated_rig(
         start=start,
         cameras=cameras or table_cameras(),
         depth_views=depth_views or {},
+        take=take or partial(ArmControl, tool=kind_of(stage).home(stage, start)),
         seed=seed,
         held=held,
-        take=take,
     )
     return _opened(scene, site)
 
@@ -124,9 +124,9 @@ class _Scene:
     start: Nodes
     cameras: tuple[CameraModel, ...]
     depth_views: Mapping[str, CameraModel]
+    take: Controlled
     seed: int
     held: HeldBoard | None
-    take: Controlled | None
 
 
 @final
@@ -139,9 +139,7 @@ class _Processes:
         self.images = {
             camera.name: image_ring(camera.width, camera.height, kept=_IMAGES_KEPT) for camera in scene.cameras
         }
-        home = kind_of(scene.stage).home(scene.stage, scene.start)
-        take = scene.take or partial(ArmControl, tool=home)
-        self.arm = process("arm", run_arm, self.memory, site, take, parent)
+        self.arm = process("arm", run_arm, self.memory, site, scene.take, parent)
         self.world = process(
             "world",
             run_world,

@@ -5,15 +5,9 @@ from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
-import pytest
-from anyio import to_thread
 
-from app.commands._rehearsed import rehearsed_rig
-from app.config import Site
-from app.core.colours import ColourRange
 from app.core.motion import pointing_down
 from app.core.stage import Stage
-from app.perception.reconstruct import Reconstruction, reconstruct
 from app.rig.realsense.sdk import Sdk
 from app.rig.realsense.settings import Settings
 from app.rig.realsense.software import Body
@@ -24,7 +18,6 @@ from app.rig.simulated.arm_model import solve_joints
 from app.rig.simulated.cameras import CameraNoise, table_cameras
 from app.rig.simulated.render import render
 from app.rig.simulated.world import Snapshot
-from bench.tube import Tube
 from tests.rig.scene import FINGER, ROPE, straight_rope
 
 STAGE = Stage(body=ROPE, tool=FINGER)
@@ -68,18 +61,3 @@ def test_a_rope_on_the_table_has_the_depth_and_colour_that_a_camera_at_the_colou
     rope = (color[..., 0] > 1.5 * color[..., 1]) & seen
     assert rope.sum() > 500
     assert np.median(np.abs(shot.depth[rope].astype(float) - expected[rope])) * UNIT_M < 1e-3
-
-
-@pytest.mark.anyio
-async def test_the_simulated_cell_seen_through_the_sdk_shows_perception_the_rope_where_it_is() -> None:
-    how = Reconstruction(colour=ColourRange.around(ROPE.colour), particle_count=300)
-    async with rehearsed_rig(stage=STAGE, start=straight_rope(), site=Site(), seed=0) as rig:
-        assert rig.simulated
-        frames = [await camera.read() for camera in rig.cameras]
-        again = await rig.cameras[0].read()
-        rope = Tube(curve=rig.truth().nodes, radius_m=ROPE.radius_m)
-    assert again.time_s > frames[0].time_s
-    positions = (await to_thread.run_sync(reconstruct, frames, how)).positions
-    truth = rope.samples(3000, np.random.default_rng(0))
-    assert rope.outside(positions).mean() < 0.01
-    assert rope.uncovered(truth, positions).mean() < 0.01

@@ -1,0 +1,99 @@
+"""A real cell's file says all that is needed, and everything that is wrong with one is said in words."""
+
+import re
+from pathlib import Path
+
+import pytest
+
+from app import cells
+from app.cells.base import Wanted
+from app.cells.cell_file import limits, load_cell
+from app.config import KeepOut, Limits, Site, Workspace
+from app.core.errors import DipacError, RecordingError, UsageError
+from app.core.stage import Stage
+from tests.conftest import ROOT
+from tests.rig.scene import FINGER, ROPE, straight_rope
+
+PAGE = (ROOT / "docs" / "real-cell.md").read_text(encoding="utf-8")
+GOOD = PAGE.split("```toml\n")[1].split("```")[0]
+
+
+def written(folder: Path, text: str) -> Path:
+    file = folder / "cell.toml"
+    file.write_text(text, encoding="utf-8")
+    return file
+
+
+def test_the_file_on_the_page_is_one(tmp_path: Path) -> None:
+    cell = load_cell(written(tmp_path, GOOD))
+    assert [camera.name for camera in cell.cameras] == ["left", "right"]
+    assert limits(cell) == Limits(
+        speed_m_s=0.10,
+        acceleration_m_s2=0.5,
+        angular_speed_rad_s=0.5,
+        force_n=30.0,
+        workspace=Workspace(low=(0.30, -0.30, 0.02), high=(0.70, 0.30, 0.40)),
+        keep_out=(KeepOut(name="camera stand", low=(0.60, 0.22, 0.0), high=(0.75, 0.35, 0.40)),),
+    )
+
+
+@pytest.mark.parametrize(
+    ("was", "becomes", "said"),
+    [
+        ("schema = 1", "schema = 2", "schema 2"),
+        ("speed_m_s = 0.10", "speed_m_s = 0.31", "speed_m_s"),
+        ("speed_m_s = 0.10", "speed_m_s = nan", "speed_m_s"),
+        ("[[limits.keep_out]]", "[[limits.keepout]]", "unknown field `keepout`"),
+        ("low = [0.60, 0.22, 0.0]", "low = [0.60, 0.22]", "low"),
+        ("low = [0.60, 0.22, 0.0]", "low = [0.80, 0.22, 0.0]", "'camera stand'"),
+        ("high = [0.70, 0.30, 0.40] }", "high = [inf, 0.30, 0.40] }", "'workspace'"),
+        ("travel_height_m = 0.15", "travel_height_m = 0.5", "travel_height_m"),
+        ('"012345678902"', '"012345678901"', "same serial"),
+        ('name = "right"', 'name = "left"', "same name"),
+        ('[[cameras]]\nname = "right"\nserial = "012345678902"', "", "1 cameras"),
+        ("[arm]", "[arm", "describes no cell"),
+    ],
+)
+def test_what_is_wrong_with_a_file_is_said(tmp_path: Path, was: str, becomes: str, said: str) -> None:
+    assert was in GOOD
+    file = written(tmp_path, GOOD.replace(was, becomes))
+    with pytest.raises(RecordingError, match=re.escape(said)) as error:
+        load_cell(file)
+    assert str(file) in str(error.value)
+
+
+def test_a_file_that_is_not_there_is_said(tmp_path: Path) -> None:
+    with pytest.raises(UsageError, match="real-cell"):
+        load_cell(tmp_path / "none.toml")
+
+
+def test_the_site_of_a_real_cell_has_the_limits_of_its_file_and_the_slower_speed(tmp_path: Path) -> None:
+    file, gen3 = written(tmp_path, GOOD), cells.load("gen3")
+    assert gen3.narrowed(Site(), file).limits == limits(load_cell(file))
+    assert gen3.narrowed(Site(), file).travel_height_m == 0.15
+    slow = Site(limits=Limits(speed_m_s=0.05))
+    assert gen3.narrowed(slow, file).limits.speed_m_s == 0.05
+
+
+def test_a_real_cell_needs_a_file_and_a_simulated_one_none(tmp_path: Path) -> None:
+    with pytest.raises(UsageError, match="--cell"):
+        cells.load("gen3").narrowed(Site(), None)
+    for name in ("simulated", "rehearsal"):
+        assert cells.load(name).narrowed(Site(), None) == Site()
+        with pytest.raises(UsageError, match="real cell"):
+            cells.load(name).narrowed(Site(), tmp_path / "cell.toml")
+
+
+def test_an_unknown_rig_is_answered_with_those_there_are() -> None:
+    assert cells.names() == ["gen3", "rehearsal", "simulated"]
+    with pytest.raises(UsageError, match="Did you mean 'rehearsal'"):
+        cells.load("rehersal")
+
+
+@pytest.mark.anyio
+async def test_a_real_cell_is_not_opened_where_nobody_knows_where_its_cameras_stand(tmp_path: Path) -> None:
+    file = written(tmp_path, GOOD)
+    wanted = Wanted(stage=Stage(body=ROPE, tool=FINGER), start=straight_rope(), site=Site(), seed=0, file=file)
+    with pytest.raises(DipacError, match="calibration"):
+        async with cells.load("gen3").open(wanted):
+            pass
