@@ -82,7 +82,8 @@ async def _opened(wanted: Wanted) -> AsyncGenerator[Rehearsal]:
     depth = {model.name: bodies[model.name].depth_view(model) for model in models}
     site = wanted.site
     async with AsyncExitStack() as opened:
-        fake = await to_thread.run_sync(FakeProcess().__enter__)
+        fake = await to_thread.run_sync(FakeProcess)
+        await to_thread.run_sync(fake.__enter__)
         opened.push_async_callback(to_thread.run_sync, partial(fake.__exit__, None, None, None))
         take = partial(taken, Address(host=fake.host, tcp_port=fake.ports[0], udp_port=fake.ports[1]), joints_of=_drawn)
         world = await opened.enter_async_context(
