@@ -206,7 +206,7 @@ async def episode(order: Order, output: Output) -> Report:
 
     What is wrong with the order or the machine is raised before anything moves; what fails later is in the report.
     """
-    options, site = order.options, order.options.site()
+    options, site = order.options, await to_thread.run_sync(order.options.site)
     task = await to_thread.run_sync(partial(seen_with, load(order.task), options.segmenter, depth=options.depth))
     if options.pushes < 0:
         raise UsageError(f"--pushes {options.pushes} must not be negative.")
