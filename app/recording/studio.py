@@ -14,7 +14,7 @@ import anyio
 from anyio import to_thread
 
 from app.core.errors import RecordingError
-from app.core.messages import Episode, Message, fresh_id
+from app.core.messages import Episode, Message, MessageId, fresh_id
 from app.recording import digests
 from app.recording.clip import Cut, write_clip
 from app.recording.file import EpisodeFile
@@ -57,6 +57,7 @@ class Studio:
         self._take_bytes = take_bytes
         self._began_s = time.monotonic()
         self._take: EpisodeRecorder | None = None
+        self._opening = frozenset[MessageId]()
         self._takes = itertools.count(1)
         self._clips = itertools.count(1)
         self._in_turn = anyio.Lock()
@@ -76,7 +77,8 @@ class Studio:
         """Append a message. Raises RecordingError as `EpisodeRecorder.write`, for the session's own file alone."""
         async with self._in_turn:
             await self._session.write(message)
-            if self._take is not None:
+            # What was on its way here as a demonstration began may be among what that began with.
+            if self._take is not None and message.id not in self._opening:
                 # What is lost of a demonstration is told when it ends. What is in the session shall be in it, too.
                 with anyio.CancelScope(shield=True), suppress(RecordingError):
                     await self._take.write(message)
@@ -94,9 +96,10 @@ class Studio:
             take = EpisodeRecorder(await to_thread.run_sync(self._start, episode, f"demo{number}"))
             with anyio.CancelScope(shield=True):
                 async with self._in_turn:
-                    self._take = take
+                    told = (episode, *opening())
+                    self._take, self._opening = take, frozenset(message.id for message in told)
                     with suppress(RecordingError):
-                        for message in (episode, *opening()):
+                        for message in told:
                             await take.write(message)
             return take.path
 

@@ -99,6 +99,19 @@ async def test_a_demonstration_holds_its_opening_and_exactly_what_was_said_while
     assert replace(began, id=episode.id, time_s=episode.time_s, config=episode.config).rig == episode.rig
 
 
+async def test_what_was_on_its_way_as_a_demonstration_began_is_in_it_once(
+    tmp_path: Path, episode: Episode, opening: list[Message], make: Maker
+) -> None:
+    said = notices(make, 2)
+    async with open_studio(tmp_path, episode, Room()) as studio:
+        # Somebody has said the first already, and its writing waits while the demonstration begins with it.
+        path = await studio.begin(lambda: [*opening, said[0]])
+        await write(studio, said)
+        await studio.end("success", operator="Ada")
+    assert ids((await read(path))[1:]) == ids([*opening, *said])
+    assert ids((await read(studio.path))[1:]) == ids(said)
+
+
 async def test_a_demonstration_is_a_recording_like_any_other(
     make: Maker, tmp_path: Path, episode: Episode, capsys: pytest.CaptureFixture[str]
 ) -> None:

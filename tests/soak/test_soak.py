@@ -1,4 +1,4 @@
-"""Ten minutes of the whole application on the rehearsal: it neither grows nor loses anything, and the arm is on time."""
+"""Ten minutes of the whole application on the rehearsal: it neither grows nor loses anything, its arm is on time."""
 
 from pathlib import Path
 
