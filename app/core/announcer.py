@@ -74,6 +74,11 @@ class Announcer:
         while self._recorded < said:
             await self._recorded_one.wait()
 
+    async def room(self) -> None:
+        """Wait until no more than half of what the log holds is waiting: for whoever could say much without end."""
+        while self._said - self._recorded > _BOUND // 2:
+            await self._recorded_one.wait()
+
     async def _record(self) -> None:
         with anyio.CancelScope(shield=True):
             async for message in self._log:

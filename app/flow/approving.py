@@ -7,7 +7,7 @@ import anyio
 from app.config import Site
 from app.core.announcer import Announcer
 from app.core.approval import ApprovalGate, Approved, automatic_decision, drift
-from app.core.channel import Latest, Lossless
+from app.core.channel import ChannelFull, Latest, Lossless
 from app.core.errors import ApprovalRefused
 from app.core.messages import Decision, Particles, Proposal
 from app.core.ports import Clock
@@ -17,13 +17,13 @@ from app.flow.sensing import Sensing
 
 @final
 class Approving:
-    """`proposals`: the one that is shown; `asked`: that a decision is waited for; `decisions`: what is decided."""
+    """`proposals`: the one that is shown; `asked`: that a decision is waited for."""
 
     def __init__(self, site: Site, sensing: Sensing, modes: Modes, announcer: Announcer, clock: Clock) -> None:
         timing = site.timing
         self.proposals = Latest[Proposal]("proposals")
         self.asked: Proposal | None = None
-        self.decisions = Lossless[Decision]("decisions", bound=100)
+        self._decisions = Lossless[Decision]("decisions", bound=100)
         self._oldest_s, self._drift_m = timing.plan_max_age_s, timing.plan_max_drift_m
         self._gate = ApprovalGate(
             max_age_s=timing.plan_max_age_s, max_unseen_s=timing.object_unseen_s, max_drift_m=timing.plan_max_drift_m
@@ -50,6 +50,17 @@ class Approving:
                     return
         self._given_up(proposal, waiting)
 
+    def hear(self, decision: Decision) -> None:
+        """Somebody has decided. What nobody waits for is not kept: it could be on nothing that is still shown."""
+        asked = self.asked
+        if asked is None or asked.id != decision.proposal_id or self._modes.name == "automatic":
+            self._other(decision)
+            return
+        try:
+            self._decisions.put_nowait(decision)
+        except ChannelFull:
+            self._other(decision)
+
     async def decided(self, proposal: Proposal) -> tuple[Decision | None, Approved | None]:
         """Show it and wait for a decision: that, and leave to make the motion where it is approved and not refused.
 
@@ -62,6 +73,8 @@ class Approving:
             return await self._decided(proposal)
         finally:
             self.asked = None
+            while (late := self._decisions.get_nowait()) is not None:
+                self._other(late)
 
     async def _decided(self, proposal: Proposal) -> tuple[Decision | None, Approved | None]:
         with self._modes.waiting(self._oldest_s) as waiting:
@@ -71,14 +84,18 @@ class Approving:
                     break
                 if decision.proposal_id == proposal.id:
                     return decision, self._approved(decision)
-                self._announcer.notice("approval", f"{decision.proposal_id} is not the plan shown; nothing was done.")
+                self._other(decision)
         self._given_up(proposal, waiting)
         return None, None
+
+    def _other(self, decision: Decision) -> None:
+        text = f"{decision.proposal_id} is not the plan shown; nothing was done."
+        self._announcer.notice("approval", text)
 
     async def _decision(self, proposal: Proposal) -> Decision:
         if self._modes.name == "automatic":
             return self._announcer.say(automatic_decision(proposal, now_s=self._clock.now()))
-        return await self.decisions.get()
+        return await self._decisions.get()
 
     def _approved(self, decision: Decision) -> Approved | None:
         if not decision.approve:

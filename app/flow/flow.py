@@ -137,10 +137,11 @@ class Flow:
     async def _listen(self) -> None:
         """The operator's requests. The arm has stopped before a StopRequest gets here."""
         async for request in self.operator.requests():
+            await self.announcer.room()  # However fast somebody asks, the log keeps up.
             self.say(request)
             match request:
                 case Decision():
-                    await self.approving.decisions.put(request)
+                    self.approving.hear(request)
                 case StopRequest():
                     self.holding.hold(f"Stopped by {request.operator}.")
                 case ResumeRequest():

@@ -152,7 +152,10 @@ class EpisodeRecorder:
             yield
         except BaseException as error:  # whatever is raised, a panic of the SDK too: a dead thread would lose the rest
             if self._failure is None:
-                self._failure = RecordingError(f"The recording {self.path} is incomplete: {error}{self._room_left()}.")
+                self._failure = RecordingError(
+                    f"The recording {self.path} is incomplete: {error}{self._room_left()}. Make room if that is what "
+                    f"lacks; `dipac recordings recover {self.path}` saves what is intact."
+                )
 
     def _room_left(self) -> str:
         """The free space on the disk in words, nothing where the folder is gone."""

@@ -1,4 +1,7 @@
-"""Every fault many times over, several applications at once: `python -m bench.faults [TIMES]`."""
+"""Every fault many times over, several applications at once.
+
+`python -m bench.faults [TIMES]`: at the arm; `python -m bench.faults whole [MODE...]`: in the whole application.
+"""
 
 import sys
 from collections.abc import Sequence
@@ -10,10 +13,13 @@ from rich.console import Console
 from rich.table import Table
 
 from app.config import Site
+from app.core.control import MODES, ModeName
 from app.core.motion import pointing_down
 from app.rig.simulated.arm_control import ArmControl
 from bench.faults.application import FAULTS, Doing
 from bench.faults.inject import Outcome, faults, subject
+from bench.faults.injections import in_turn
+from bench.faults.suffered import sequence
 
 _TIMES = 8
 _AT_ONCE = 3
@@ -46,8 +52,29 @@ def table(outcomes: Sequence[Outcome]) -> Table:
     return rows
 
 
+def whole(modes: Sequence[ModeName]) -> None:
+    """Print what came of every fault in the whole application, one application after the other."""
+    came = [
+        each
+        for mode in modes
+        for faults_in_turn in in_turn(mode)
+        for each in sequence(mode, faults_in_turn, "--calibrating")
+    ]
+    rows = Table(title=f"{len(came)} faults in the whole application")
+    for column in ("fault", "mode", "at rest [ms]", "log lacks [s]", "then", "wrong"):
+        rows.add_column(column)
+    for each in came:
+        rest = f"{each.rest_ms:.0f}" if each.kind.silences else ""
+        then = "goes on" if each.went_on else each.says
+        rows.add_row(each.kind.name, each.mode, rest, f"{each.log_s:.2f}", then, "; ".join(each.wrong))
+    Console(width=200).print(rows)
+
+
 def main(arguments: Sequence[str]) -> None:
     """Print the table."""
+    if arguments and arguments[0] == "whole":
+        whole([mode for mode in MODES if mode in arguments[1:] or not arguments[1:]])
+        return
     Console().print(table(every(int(arguments[0]) if arguments else _TIMES)))
 
 

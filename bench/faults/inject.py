@@ -14,7 +14,7 @@ import psutil
 
 from app.arm.memory import MODES, ArmMemory
 from app.arm.process import Controlled
-from app.config import Site
+from app.config import Limits, Site
 from app.core.ring import SPAWN
 from bench.faults.application import FAULTS, Doing, application
 
@@ -68,9 +68,9 @@ class Subject:
         outcome = Outcome(
             fault=fault,
             doing=self.doing,
-            rest_ms=1e3 * (_rest_s(states) - (kept_on or fault_s)),
+            rest_ms=1e3 * (rest_s(states) - (kept_on or fault_s)),
             speed_m_s=speed_m_s,
-            within=self._within(self.memory.states.since(0)),
+            within=kept(self.memory.states.since(0), self._site.limits),
         )
         self._recover()
         return outcome
@@ -128,13 +128,6 @@ class Subject:
         said = "" if newest is None else f"{MODES[newest['mode']]}: {bytes(newest['reason']).decode()}"
         raise AssertionError(f"The tool does not move; exit code {self.process.exitcode}; {said}")
 
-    def _within(self, states: Any) -> bool:
-        """Whether all commands kept to workspace and speed; a tick that comes late covers its whole time."""
-        limits, places, times = self._site.limits, states["commanded"][:, :3], states["time_s"]
-        gone = np.linalg.norm(places[10:] - places[:-10], axis=1)
-        slow = gone <= limits.speed_m_s * np.maximum(times[10:] - times[:-10], 0.0) * 1.01 + 1e-6
-        return limits.workspace.contains(places) and bool(slow.all())
-
 
 @contextmanager
 def subject(doing: Doing, site: Site, take: Controlled, others: Others | None = None) -> Generator[Subject]:
@@ -151,7 +144,15 @@ def faults(doing: Doing) -> tuple[str, ...]:
     return (*FAULTS[doing], *_OUTSIDE)
 
 
-def _rest_s(states: Any) -> float:
+def kept(states: Any, limits: Limits) -> bool:
+    """Whether all commands kept to workspace and speed; a tick that comes late covers its whole time."""
+    places, times = states["commanded"][:, :3], states["time_s"]
+    gone = np.linalg.norm(places[10:] - places[:-10], axis=1)
+    slow = gone <= limits.speed_m_s * np.maximum(times[10:] - times[:-10], 0.0) * 1.01 + 1e-6
+    return limits.workspace.contains(places) and bool(slow.all())
+
+
+def rest_s(states: Any) -> float:
     """When the arm came to rest for as long as the states go; infinite where it still moved in the last of them."""
     fast = np.flatnonzero(np.linalg.norm(states["velocity"], axis=1) > _REST_M_S)
     if not len(fast):

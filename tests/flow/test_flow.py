@@ -200,11 +200,23 @@ async def test_an_approval_is_for_one_push_however_often_it_is_given(cell: Run) 
     begun = len(cell.rig.arm.begun)
     for _ in range(3):
         await cell.person.decides(proposal)
-    await cell.person.sees(Executed)
     for _ in range(2):
         await cell.person.sees(Notice, "is not the plan shown; nothing was done")
+    await cell.person.sees(Executed)
     await for_a_while(cell)
     assert len(cell.rig.arm.begun) == begun + 1
+
+
+async def test_decisions_on_nothing_that_is_shown_are_answered_however_many_and_never_keep_a_stop_waiting(
+    cell: Run,
+) -> None:
+    person, proposal = cell.person, await fresh_plan(cell)
+    for number in range(600):
+        await person.decides(proposal, digest=f"{number:064x}")
+    await person.presses_stop()
+    await person.sees(Notice, "Stopped by tests")
+    await person.presses_resume()
+    assert (await pushes(cell, await person.sees(Proposal))).outcome == "completed"
 
 
 async def test_a_rejected_plan_is_followed_by_one_with_other_branches(cell: Run) -> None:

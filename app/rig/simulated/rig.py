@@ -38,7 +38,8 @@ _IMAGES_KEPT = 3
 class SimulatedRig:
     """An arm that acts in another physics than the planner's, and cameras that look at it.
 
-    `images`: by camera, what its process renders: `time_s`, `color` and `depth`.
+    `images`: by camera, what its process renders: `time_s`, `color` and `depth`. `memory`: what the arm's process
+    shares, with its own log of states, for measuring when the arm moved and when not.
     """
 
     def __init__(
@@ -48,9 +49,10 @@ class SimulatedRig:
         cameras: Sequence[SimulatedCamera],
         images: Mapping[str, Ring],
         snapshots: Ring,
+        memory: ArmMemory,
     ) -> None:
         self._arm, self._shape, self._cameras, self._snapshots = arm, shape, cameras, snapshots
-        self.images = images
+        self.images, self.memory = images, memory
 
     @property
     def name(self) -> str:
@@ -180,7 +182,8 @@ async def _opened(scene: _Scene, site: Site) -> AsyncGenerator[SimulatedRig]:
             for model in scene.cameras
         ]
         arm = ProcessArm(processes.memory, processes.arm, site)
-        yield SimulatedRig(arm, known_arm(scene.stage.tool), cameras, processes.images, processes.snapshots)
+        shape, memory = known_arm(scene.stage.tool), processes.memory
+        yield SimulatedRig(arm, shape, cameras, processes.images, processes.snapshots, memory)
     finally:
         with anyio.CancelScope(shield=True):
             await to_thread.run_sync(processes.end)

@@ -1,0 +1,129 @@
+"""What stands in for the solvers, so that nothing compiles: a planner of strokes, and what makes its work absurd.
+
+The workers themselves are the real ones, and so are the functions that they are asked for (`app.tasks.jobs`). What a
+task compiles, and what perception finds, is each process's own to say: here it is this.
+"""
+
+import dataclasses
+import sys
+import time
+from collections.abc import Callable, Mapping, Sequence
+from functools import partial
+from types import SimpleNamespace
+from typing import Any, Final, Literal, TypeAlias, cast, final, get_args
+
+import numpy as np
+
+from app.config import Site
+from app.core.messages import Model, Transition, fresh_id
+from app.core.motion import Motion
+from app.core.types import Points, ToolPose
+from bench.faults.place import KEPT_OUT
+from tests.flow.planner import Habits, Strokes, take_up
+
+Plans: TypeAlias = Literal["sound", "nan", "outside", "keep out", "too fast", "backwards", "endless", "none"]
+"""What the planner's motions are."""
+Finds: TypeAlias = Literal["true", "nan", "none", "far", "many"]
+"""What the particles are that perception finds."""
+
+_THINKING_S, _CALIBRATING_S = 0.3, 2.0
+_TOO_MANY: Final = 1_000_000
+
+
+def stand_in(plans: Plans = "sound") -> None:
+    """From now on plan by strokes in this process, and calibrate by waiting."""
+    take_up(Habits(thinking_s=_THINKING_S))
+    compiled = cast(Any, sys.modules["app.tasks.compiled"])
+    strokes = Absurd(compiled.planner(*[None] * 5), plans)
+    compiled.planner = partial(_always, strokes)
+    compiled.calibrated, compiled.now = _calibrated, None
+
+
+def _always(strokes: "Absurd", *_: object) -> "Absurd":
+    """The planner of any task."""
+    return strokes
+
+
+@final
+class Absurd:
+    """A planner whose motions are spoilt in one way."""
+
+    def __init__(self, strokes: Strokes, plans: Plans) -> None:
+        self._strokes, self._spoil = strokes, _SPOILT[plans]
+
+    def __call__(
+        self,
+        observed: Points,
+        goal: Points,
+        phi: np.ndarray,
+        *,
+        seed: int,
+        site: Site,
+        tool: ToolPose | None = None,
+        rejected: Sequence[np.ndarray] = (),
+    ) -> object:
+        """A stroke as fast as the site allows, spoilt."""
+        sent = self._strokes(observed, goal, phi, seed=seed, site=site, tool=tool, rejected=rejected)
+        branches, best, motion, *rest = sent.fields
+        sound = Motion(positions=motion.positions, speeds=np.full(len(motion.speeds), site.limits.speed_m_s))
+        return dataclasses.replace(sent, fields=(branches, best, self._spoil(sound), *rest))
+
+
+def _with(motion: Motion, positions: np.ndarray) -> Motion:
+    return Motion(positions=positions, speeds=np.full(len(positions), motion.speeds[0]))
+
+
+def _through(motion: Motion) -> Motion:
+    low, high = np.array(KEPT_OUT.low), np.array(KEPT_OUT.high)
+    middle, aside = (low + high) / 2, np.array([0.15, 0.0, 0.0])
+    return _with(motion, np.stack([middle - aside, middle + aside]))
+
+
+_SPOILT: Final[Mapping[Plans, Callable[[Motion], Motion]]] = {
+    "sound": lambda motion: motion,
+    "nan": lambda motion: _with(motion, np.full_like(motion.positions, np.nan)),
+    "outside": lambda motion: _with(motion, motion.positions + np.array([0.0, 0.0, 2.0])),
+    "keep out": _through,
+    "too fast": lambda motion: dataclasses.replace(motion, speeds=100 * motion.speeds),
+    "backwards": lambda motion: dataclasses.replace(motion, speeds=-motion.speeds),
+    "endless": lambda motion: _with(motion, np.repeat(motion.positions[:1], _TOO_MANY, axis=0)),
+    "none": lambda motion: _with(motion, motion.positions[:0]),
+}
+
+
+def _calibrated(_task: str, _preset: str, transitions: Sequence[Transition], model: Model, _how: object) -> object:
+    """The same model, as of one more transition, after a while."""
+    time.sleep(_CALIBRATING_S)
+    new = dataclasses.replace(
+        model,
+        id=fresh_id("model"),
+        time_s=time.monotonic(),
+        version=model.version + 1,
+        transition_count=len(transitions),
+    )
+    return SimpleNamespace(model=new, lost=())
+
+
+def spoil_particles(finds: Finds) -> None:
+    """From now on find such particles. To be run in perception's process."""
+    from app.perception import reconstruct as module
+
+    true = getattr(module, "true_reconstruct", module.reconstruct)
+    found = cast(Any, module)
+    found.true_reconstruct = true
+    found.reconstruct = true if finds == "true" else partial(_spoilt, true, finds)
+
+
+def _spoilt(true: Callable[..., Any], finds: Finds, *arguments: object) -> object:
+    found = true(*arguments)
+    x: Points = found.positions
+    spoilt: Mapping[Finds, Points] = {
+        "nan": np.full_like(x, np.nan),
+        "none": x[:0],
+        "far": x + np.float32(1e6),
+        "many": np.resize(x, (_TOO_MANY, 3)),
+    }
+    return dataclasses.replace(found, positions=spoilt[finds])
+
+
+PLANS, FINDS = get_args(Plans), get_args(Finds)

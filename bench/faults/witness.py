@@ -1,0 +1,37 @@
+"""A process that writes down every state of the arm and outlives the application, to say what the arm did after it."""
+
+import os
+import signal
+import time
+from pathlib import Path
+from typing import Any, Final
+
+import numpy as np
+
+from app.arm.memory import ArmMemory
+
+_PERIOD_S: Final = 0.02
+_AFTER_S: Final = 1.5
+"""An arm whose application is gone has rested by then."""
+
+
+def witness(memory: ArmMemory, path: Path, parent: int) -> None:
+    """The body of the process: append to `path` until nobody is left to be watched."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    seen, until_s = 0, float("inf")
+    with path.open("wb") as file:
+        while time.monotonic() < until_s:
+            states = memory.states.since(seen)
+            seen += len(states)
+            file.write(states.tobytes())
+            file.flush()
+            if until_s == float("inf") and (memory.closing.value or os.getppid() != parent):
+                until_s = time.monotonic() + _AFTER_S
+            time.sleep(_PERIOD_S)
+
+
+def witnessed(path: Path) -> Any:
+    """The states as far as they have been written down, oldest first, and those of the last write without its tail."""
+    dtype = ArmMemory().states.dtype
+    data = path.read_bytes()
+    return np.frombuffer(data[: len(data) // dtype.itemsize * dtype.itemsize], dtype=dtype)
