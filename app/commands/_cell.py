@@ -31,7 +31,7 @@ async def cell(
                     title=title,
                     cell="simulated" if rig.simulated else "real",
                     stop=rig.arm.stop,
-                    workspace=site.limits.workspace,
+                    limits=site.limits,
                     tls=tls,
                     hand=Pilot(jog=rig.arm.jog, tool=rig.arm.tool, limits=site.limits),
                     timing=site.timing,

@@ -58,7 +58,7 @@ async def serve(file: Path, output: Output, *, at_s: float, speed: float, model:
             title=f"dipac {file.name}",
             cell="replay",
             stop=lambda: None,
-            workspace=site.limits.workspace,
+            limits=site.limits,
             player=player,
         ) as console:
             output.print(Text.assemble("Operator console: ", (console.url, "bold"), no_wrap=True), soft_wrap=True)

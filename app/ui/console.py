@@ -12,7 +12,7 @@ import anyio
 import viser
 from anyio import to_thread
 
-from app.config import Timing, Workspace
+from app.config import Limits, Timing
 from app.core.channel import Lossless
 from app.core.errors import PreflightError
 from app.core.messages import Message
@@ -69,13 +69,13 @@ async def open_console(
     title: str,
     cell: Cell,
     stop: Callable[[], None],
-    workspace: Workspace | None = None,
+    limits: Limits | None = None,
     tls: Tls | None = None,
     hand: Hand | None = None,
     timing: Timing | None = None,
     player: Player | None = None,
 ) -> AsyncGenerator[Console]:
-    """A console that serves until the block is left; `timing` says by what plans are refused.
+    """A console that serves until the block is left; `timing` says by what plans are refused, `limits` are drawn.
 
     `cell`: what is behind it; a replay has a `player`, by whose clock ages are. `stop` tells the arm to stop: it is
     called from other threads than the caller's and must not block. `hand` makes motion of what is held in the browser,
@@ -106,7 +106,7 @@ async def open_console(
         badges = Badges()
         line = HandLine(hand, badges, hindrance=desk.hindrance, refused=desk.turned_away) if hand else None
         inbox = Inbox(desk, badges, desk.turned_away)
-        where = {"workspace": workspace or Workspace(), "timing": timing or Timing()}
+        where = {"limits": limits or Limits(), "timing": timing or Timing()}
         furnish = partial(_set_scene, desk=desk, badges=badges, line=line, hand=hand, player=player, **where)
         ways = {"goal": inbox.receive} | ({"jog": line.serve} if line else {})
         async with _serving(listening, desk, page, furnish, ways, tls) as url:
@@ -169,14 +169,14 @@ def _set_scene(
     line: HandLine | None,
     hand: Hand | None,
     player: Player | None,
-    workspace: Workspace,
+    limits: Limits,
     timing: Timing,
 ) -> Painter:
     """Furnish the server, and say who repaints it."""
     _greet(backstage.server, desk, badges, line)
-    scene = Scene(backstage.server, workspace)
+    scene = Scene(backstage.server, limits)
     panel = Panel(backstage.server, desk, scene, timing)
-    aim = Aim(backstage.server, workspace, desk, hand) if hand else None
+    aim = Aim(backstage.server, limits.workspace, desk, hand) if hand else None
     playback = Playback(backstage.server, player) if player else None
 
     def paint(board: Board, now_s: float) -> None:

@@ -7,7 +7,7 @@ import viser
 from jaxtyping import Bool
 from viser import transforms
 
-from app.config import Workspace
+from app.config import KeepOut, Limits, Workspace
 from app.core.messages import Frame
 from app.core.types import Points
 from app.ui import palette
@@ -23,7 +23,7 @@ _FRUSTUM_M = 0.035
 class Scene:
     """Everything drawn on the table of one server. Used by the painter's thread alone."""
 
-    def __init__(self, server: viser.ViserServer, workspace: Workspace) -> None:
+    def __init__(self, server: viser.ViserServer, limits: Limits) -> None:
         self._scene = server.scene
         self._last = Board()
         self._frustums: dict[str, viser.CameraFrustumHandle] = {}
@@ -38,7 +38,9 @@ class Scene:
         self.ghost = Tool(server, "/ghost", palette.BEST, opacity=0.55)
         self.playing = True
         """Whether the ghost makes the pending motion; not while another ghost shows a moment of it."""
-        _furnish(server, workspace)
+        _furnish(server, limits.workspace)
+        for number, volume in enumerate(limits.keep_out):
+            _forbid(server, f"/kept_free/{number}", volume)
 
     def paint(self, board: Board, now_s: float) -> None:
         """Bring the picture up to the board."""
@@ -144,3 +146,13 @@ def _furnish(server: viser.ViserServer, workspace: Workspace) -> None:
     scene.add_frame("/base/axes", axes_length=0.1, axes_radius=0.004, position=(0.0, 0.0, 0.05))
     server.initial_camera.position = (middle[0] + 0.75, middle[1] - 0.12, 0.66)
     server.initial_camera.look_at = (middle[0] - 0.02, middle[1], 0.0)
+
+
+def _forbid(server: viser.ViserServer, name: str, volume: KeepOut) -> None:
+    """A volume that the tool may not enter, with its name above it."""
+    low, high = np.array(volume.low), np.array(volume.high)
+    sizes, middle = tuple(high - low), tuple((low + high) / 2)
+    server.scene.add_box(
+        name, color=palette.FORBIDDEN, dimensions=sizes, position=middle, opacity=0.3, cast_shadow=False
+    )
+    server.scene.add_label(f"{name}/name", volume.name, position=(0.0, 0.0, sizes[2] / 2 + 0.02))
