@@ -7,12 +7,38 @@ from typing import final
 import numpy as np
 
 from app.core.colours import ColourRange
-from app.core.errors import UsageError
+from app.core.errors import DeviceError, PerceptionError, UsageError
 from app.core.messages import Frame, fresh_id
 from app.core.requests import ColourRequest
 from app.core.seeing import Seen
 from app.perception.look import Look
-from app.perception.reconstruct import Reconstruction
+from app.perception.reconstruct import Reconstructed, Reconstruction
+
+_BEYOND_M = 1.0
+"""No part of an object is seen so far outside of where it can be."""
+
+
+def placed(frame: Frame) -> Frame:
+    """The frame, where its camera stands somewhere. Raises DeviceError where its calibration holds no numbers."""
+    camera = frame.camera
+    if not (np.isfinite(camera.K).all() and np.isfinite(camera.T_world_camera).all()):
+        raise DeviceError(
+            f"Nobody knows where camera {camera.name!r} stands: its calibration holds numbers that are not finite; "
+            "calibrate it again (`dipac calibration`)."
+        )
+    return frame
+
+
+def credible(found: Reconstructed, how: Reconstruction) -> Reconstructed:
+    """What perception found, where it can be an object. Raises PerceptionError where it cannot."""
+    x, count = found.positions, how.particle_count
+    low, high = np.asarray(how.box.low) - _BEYOND_M, np.asarray(how.box.high) + _BEYOND_M
+    if len(x) == count and bool(np.all((x >= low) & (x <= high))):  # No number is no place either.
+        return found
+    what = f"{len(x)} particles instead of {count}" if len(x) != count else "particles that are nowhere near the table"
+    raise PerceptionError(
+        f"Perception found {what}; look at the camera images in the console, and start again if this goes on."
+    )
 
 
 @final

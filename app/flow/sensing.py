@@ -2,6 +2,7 @@
 
 from collections import deque
 from collections.abc import Sequence
+from contextlib import suppress
 from typing import final
 
 import anyio
@@ -15,11 +16,13 @@ from app.core.requests import ColourRequest
 from app.core.summary import Summary
 from app.core.worker import Worker
 from app.flow.following import Following
-from app.flow.seeing import Seeing, seen
+from app.flow.seeing import Seeing, credible, placed, seen
 from app.perception.memory import NOTHING
 from app.perception.reconstruct import Known, Reconstructed, Reconstruction, looked, reconstruct
 
 _OBSERVE_DEADLINE_S = 30.0
+_PERCEPTION_S = 120.0
+"""A process that looks for longer hangs, and another is started; the first look loads it from a cold disk."""
 _KEPT = 600
 """Particles of the past: those of two minutes, at five a second."""
 
@@ -32,7 +35,7 @@ class Sensing:
         self.seeing = Seeing(how)
         self.frames = {camera.model.name: Latest[Frame](f"frames {camera.model.name}") for camera in rig.cameras}
         self.particles = Latest[Particles]("particles")
-        self.perceiver = Worker("perception")
+        self.perceiver = Worker("perception", deadline_s=_PERCEPTION_S)
         self._rig, self._clock = rig, clock
         self._announcer, self._summary = announcer, summary
         self._past = deque[tuple[float, Particles]](maxlen=_KEPT)
@@ -75,7 +78,7 @@ class Sensing:
         """Camera -> frames; a camera that fails is reported and tried again."""
         while True:
             try:
-                frame = await camera.read()
+                frame = placed(await camera.read())
             except DeviceError as error:
                 self._announcer.fault(f"camera {camera.model.name}", error)
                 await self._clock.sleep(1.0)
@@ -86,7 +89,8 @@ class Sensing:
     async def _reconstruct(self) -> None:
         """One new frame of every camera -> particles."""
         changes = [channel.changes() for channel in self.frames.values()]
-        await self.perceiver.run(callable, reconstruct)  # Starts the process and loads what it will use.
+        with suppress(WorkerError):  # The next call starts it anew, and says what is wrong with it.
+            await self.perceiver.run(callable, reconstruct)  # Starts the process and loads what it will use.
         while True:
             frames = [await anext(change) for change in changes]
             started_s = self._clock.now()
@@ -117,7 +121,7 @@ class Sensing:
         how, known = self.seeing.how, self._known(frames)
         self._before = tuple(frames)
         try:
-            found = await self.perceiver.run(reconstruct, frames, how, self._rig.arm.tool(), known)
+            found = credible(await self.perceiver.run(reconstruct, frames, how, self._rig.arm.tool(), known), how)
             self._remembered_s = _newest_s(frames)
         except PerceptionError:
             looks = await self.perceiver.run(looked, frames, how, known)

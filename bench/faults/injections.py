@@ -34,7 +34,7 @@ class Kind:
     """One kind of fault. `do` returns when the arm's process could notice, where that is later than the fault.
 
     `silences`: nobody tells the arm anything any more, so it has to be at rest. `ends`: the application ends by it, or
-    needs to be ended. `undo`: whatever has to be put right before it can go on.
+    needs to be ended. `says`: what has to be said of it. `undo`: whatever has to be put right before it can go on.
     """
 
     name: str
@@ -42,6 +42,7 @@ class Kind:
     modes: tuple[ModeName, ...] = MODES
     silences: bool = False
     ends: bool = False
+    says: str = ""
     undo: Callable[[Driven], None] = lambda _: None
 
 
@@ -177,11 +178,14 @@ KINDS: Final[tuple[Kind, ...]] = (
     Kind(name="the page babbles", do=partial(_ordered, "babble"), modes=_BY_HAND, silences=True),
     *(Kind(name=f"plans: {it}", do=partial(_absurd, it), undo=_sound, modes=PLANNING) for it in PLANS if it != "sound"),
     Kind(name="the digest of something else", do=_misnamed, undo=_sound, modes=_DECIDED),
-    *(Kind(name=f"particles: {it}", do=partial(_found, it), undo=_true) for it in FINDS if it != "true"),
     *(
-        Kind(name=f"cameras show {it}", do=partial(_shown, it), undo=_true)
-        for it in ("nothing", "rope everywhere", "nan")
+        Kind(name=f"particles: {it}", do=partial(_found, it), undo=_true, says="Perception found")
+        for it in FINDS
+        if it != "true"
     ),
+    Kind(name="cameras show nothing", do=partial(_shown, "nothing"), undo=_true, says="No view shows"),
+    Kind(name="cameras show rope everywhere", do=partial(_shown, "rope everywhere"), undo=_true),
+    Kind(name="cameras show nan", do=partial(_shown, "nan"), undo=_true, says="calibrate it again"),
     Kind(name="kill application", do=partial(_signalled, "application", _KILL), silences=True, ends=True),
     Kind(name="terminate application", do=partial(_signalled, "application", _TERMINATE), silences=True, ends=True),
     Kind(name="the disk is full", do=_filled, ends=True),

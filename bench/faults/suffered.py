@@ -24,8 +24,9 @@ _WATCHED_S: Final = 0.6
 _BEFORE_S: Final = 1.0
 _OFFSET: Final = "epoch_offset_ns"
 _NEXT_STEP: Final = re.compile(
-    r"dipac |press|close the rig|open it again|look at|choose|plan again|plan and approve|make room|starts with|"
-    r"wait for|thin this|start again|uncover|plan (inside|around)|reload|lower|Speeds must|needs a speed"
+    r"dipac |press|close the rig|open it again|look at|calibrate|choose|plan again|plan and approve|make room|"
+    r"starts with|wait for|thin this|start again|uncover|plan (inside|around)|reload|lower|"
+    r"Speeds must|needs a speed"
 )
 """What a sentence that names the next step holds."""
 
@@ -58,6 +59,8 @@ class Came:
             found.append(f"the newest message is {self.log_s:.1f} s old")
         if not self.went_on and not _NEXT_STEP.search(self.says):
             found.append(f"it did not go on, and no next step is in {self.says!r}")
+        if self.kind.says not in self.says:
+            found.append(f"{self.kind.says!r} is not in {self.says!r}")
         return tuple(found)
 
 

@@ -9,8 +9,8 @@ from bench.faults.injections import KINDS, Kind, kinds
 from bench.faults.suffered import Came, sequence
 
 SOME: tuple[tuple[ModeName, tuple[str, ...]], ...] = (
-    ("automatic", ("kill planner", "hang application", "plans: nan", "kill application")),
-    ("teleoperate", ("the page is gone", "flood of decisions", "the disk is full")),
+    ("automatic", ("kill planner", "hang application", "plans: nan", "particles: nan", "kill application")),
+    ("teleoperate", ("the page is gone", "flood of decisions", "cameras show nan", "the disk is full")),
 )
 """One application each, from fault to fault; the last one ends it."""
 CALIBRATING = "--calibrating"

@@ -6,13 +6,13 @@ import numpy as np
 import pytest
 
 from app.core.colours import ColourRange
-from app.core.errors import ParameterError, UsageError
+from app.core.errors import DeviceError, ParameterError, PerceptionError, UsageError
 from app.core.messages import fresh_id
 from app.core.requests import ColourRequest
 from app.core.seeing import Seen
-from app.flow.seeing import Seeing, seen
+from app.flow.seeing import Seeing, credible, placed, seen
 from app.perception.learned import load_segmenter
-from app.perception.reconstruct import Reconstruction, looked
+from app.perception.reconstruct import Reconstruction, looked, reconstruct
 from app.recording.codec import decode, encode
 from tests.perception.onnx_model import convolution
 from tests.perception.scene import ROPE_RGB, random_tube, views
@@ -63,3 +63,21 @@ def test_colours_are_refused_where_a_trained_segmenter_finds_the_object(tmp_path
     with pytest.raises(UsageError, match="trained segmenter finds the object"):
         seeing.recolour(REQUEST)
     assert seeing.how.colour == HOW.colour
+
+
+def test_particles_that_are_too_many_or_nowhere_are_no_object():
+    found = reconstruct(views(random_tube(0)), HOW)
+    assert credible(found, HOW) is found
+    x, far = found.positions, np.float32(1e6)
+    for wrong, why in ((x[:0], "0 particles"), (x[1:], "299"), (x + far, "nowhere"), (x * np.nan, "nowhere")):
+        spoilt = replace(found, positions=wrong, predicted=np.zeros(len(wrong), bool))
+        with pytest.raises(PerceptionError, match=f"{why}.*start again"):
+            credible(spoilt, HOW)
+
+
+def test_a_frame_of_a_camera_that_stands_nowhere_is_refused():
+    frame, *_ = views(random_tube(0))
+    assert placed(frame) is frame
+    nowhere = replace(frame.camera, T_world_camera=np.full((4, 4), np.nan))
+    with pytest.raises(DeviceError, match="calibrate it again"):
+        placed(replace(frame, camera=nowhere))
