@@ -201,8 +201,9 @@ class KinovaControl:
         linear = (self.commanded[:3] - before[:3]) / duration_s
         linear = linear + _at_most(_FOLLOW_HZ * (self.commanded[:3] - seen.tool[:3]), _CATCH_UP_M_S)
         self._pushed = True
-        linear = held_back(linear, seen.tool[:3], self._limits)
-        self._driver.twist(linear, turn + _at_most(_FOLLOW_HZ * behind, _CATCH_UP_RAD_S))
+        linear = held_back(_at_most(linear, self._limits.speed_m_s), seen.tool[:3], self._limits)
+        turn = turn + _at_most(_FOLLOW_HZ * behind, _CATCH_UP_RAD_S)
+        self._driver.twist(linear, _at_most(turn, self._limits.angular_speed_rad_s))
         if abs(self.commanded[7] - self._gripped_m) > _FINGERS_M:
             self._gripped_m = float(self.commanded[7])
             self._driver.grip(float(np.clip(1.0 - self._gripped_m / self._limits.opening_m, 0.0, 1.0)))

@@ -199,6 +199,13 @@ def test_a_hand_moves_the_tool_and_letting_go_brings_it_to_rest(loop: Loop, arm:
     assert fastest(arm) < 0.1 + 0.021
 
 
+def test_a_hand_that_wants_all_there_is_gets_no_more_over_the_wire_than_the_limit(loop: Loop, arm: FakeProcess) -> None:
+    for toward in (1.0, -1.0):
+        hold(loop, Jog(linear=np.array([0.0, toward * SITE.limits.speed_m_s, 0.0])), 0.9)
+    told = fastest(arm)
+    assert 0.8 * SITE.limits.speed_m_s < told <= SITE.limits.speed_m_s * (1 + 1e-6)
+
+
 def test_a_hand_turns_the_tool_and_moves_the_fingers(loop: Loop, arm: FakeProcess) -> None:
     hold(loop, Jog(angular=np.array([0.0, 0.0, 0.5]), opening=-0.05), 0.8)
     loop.do(loop.control.coast)
