@@ -48,15 +48,14 @@ class Kind:
 
 def _signalled(target: str, number: signal.Signals, one: Driven, _: ModeName) -> None:
     pid = one.process_id(target)
-    if pid:
-        os.kill(pid, number)
+    assert pid, f"there is no {target} to be ended; {one.errors()}"
+    os.kill(pid, number)
 
 
 def _hung(target: str, duration_s: float, one: Driven, _: ModeName) -> float | None:
     """Stop a process for a while; the arm's own can notice when it goes on, and that is then."""
     pid = one.process_id(target)
-    if not pid:
-        return None
+    assert pid, f"there is no {target} to be stopped; {one.errors()}"
     os.kill(pid, signal.SIGSTOP)
     time.sleep(duration_s)
     on_s = time.monotonic()
