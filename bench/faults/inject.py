@@ -18,11 +18,15 @@ from app.config import Limits, Site
 from app.core.ring import SPAWN
 from bench.faults.application import FAULTS, Doing, application
 
+Motion: TypeAlias = tuple[np.ndarray, np.ndarray]
+"""Times [s] in order, and how fast the tool was at each of them [m/s]."""
+Watched: TypeAlias = Callable[[], Motion]
+"""How the tool has moved in truth lately, where the arm's process cannot know it."""
 Others: TypeAlias = Mapping[str, Callable[[], None]]
 """Faults by name, and how each is done."""
 
-_FAST_M_S: Final = 0.15
-"""A fault comes while the tool moves at least so fast."""
+_FAST: Final = 0.5
+"""A fault comes while the tool moves at least as fast as this share of the limit."""
 _REST_M_S: Final = 1e-3
 _WATCHED_S: Final = 0.6
 """So long after a fault the arm's states are looked at: it shall not begin to move again by itself."""
@@ -48,9 +52,11 @@ class Outcome:
 class Subject:
     """An application with its arm, to which faults are done while the arm moves."""
 
-    def __init__(self, doing: Doing, site: Site, take: Controlled, others: Others) -> None:
+    def __init__(
+        self, doing: Doing, site: Site, take: Controlled, others: Others, watched: Watched | None = None
+    ) -> None:
         self.doing: Doing = doing
-        self._site, self._take, self._others = site, take, others
+        self._site, self._take, self._others, self._watched = site, take, others, watched
         self._begin()
 
     def suffer(self, fault: str) -> Outcome:
@@ -64,11 +70,11 @@ class Subject:
         else:
             kept_on = _OUTSIDE.get(fault, partial(_told, name=fault))(self)
         time.sleep(max(0.0, fault_s + _WATCHED_S - time.monotonic()))
-        states = self.memory.states.since(seen)
+        times_s, speeds = self._watched() if self._watched else motion(self.memory.states.since(seen))
         outcome = Outcome(
             fault=fault,
             doing=self.doing,
-            rest_ms=1e3 * (rest_s(states) - (kept_on or fault_s)),
+            rest_ms=1e3 * (came_to_rest(times_s, speeds, kept_on or fault_s) - (kept_on or fault_s)),
             speed_m_s=speed_m_s,
             within=kept(self.memory.states.since(0), self._site.limits),
         )
@@ -121,7 +127,7 @@ class Subject:
             newest = self.memory.states.newest()
             if newest is not None:
                 speed_m_s = float(np.linalg.norm(newest["velocity"]))
-                if speed_m_s > _FAST_M_S and MODES[newest["mode"]] == "moving":
+                if speed_m_s > _FAST * self._site.limits.speed_m_s and MODES[newest["mode"]] == "moving":
                     return speed_m_s
             time.sleep(_POLL_S)
         newest = self.memory.states.newest()
@@ -130,9 +136,11 @@ class Subject:
 
 
 @contextmanager
-def subject(doing: Doing, site: Site, take: Controlled, others: Others | None = None) -> Generator[Subject]:
+def subject(
+    doing: Doing, site: Site, take: Controlled, others: Others | None = None, watched: Watched | None = None
+) -> Generator[Subject]:
     """One that has ended when it is left. `others`: faults of the arm itself."""
-    opened = Subject(doing, site, take, others or {})
+    opened = Subject(doing, site, take, others or {}, watched)
     try:
         yield opened
     finally:
@@ -153,11 +161,22 @@ def kept(states: Any, limits: Limits) -> bool:
 
 
 def rest_s(states: Any) -> float:
-    """When the arm came to rest for as long as the states go; infinite where it still moved in the last of them."""
-    fast = np.flatnonzero(np.linalg.norm(states["velocity"], axis=1) > _REST_M_S)
+    """When the arm came to rest, by its process's log that begins with a fault."""
+    times_s, speeds = motion(states)
+    return came_to_rest(times_s, speeds, float(times_s[0]))
+
+
+def motion(states: Any) -> Motion:
+    """As the arm's process measured it."""
+    return states["time_s"], np.linalg.norm(states["velocity"], axis=1)
+
+
+def came_to_rest(times_s: np.ndarray, speeds: np.ndarray, since_s: float) -> float:
+    """From when on the tool did not move any more; infinite where it still did in the last of the times."""
+    fast = np.flatnonzero((speeds > _REST_M_S) & (times_s >= since_s))
     if not len(fast):
-        return float(states["time_s"][0])
-    return float(states["time_s"][fast[-1] + 1]) if fast[-1] + 1 < len(states) else float("inf")
+        return since_s
+    return float(times_s[fast[-1] + 1]) if fast[-1] + 1 < len(times_s) else float("inf")
 
 
 def _told(subject: Subject, name: str) -> None:
