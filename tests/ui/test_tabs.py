@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from viser import ViserServer
 
-from app.config import Workspace
+from app.config import Limits
 from app.core.requests import Request
 from app.ui import palette
 from app.ui.backstage import Backstage
@@ -58,7 +58,7 @@ def test_a_choice_that_is_not_offered_chooses_nothing(server: ViserServer, tmp_p
 
 
 def test_the_picture_is_tinted_previewed_and_plain_as_the_switches_say(server: ViserServer):
-    cell = Cell(server, desk(), Scene(server, Workspace()))
+    cell = Cell(server, desk(), Scene(server, Limits()))
     board = board_after(LEFT, synthetic.seen(LEFT))
     cell.paint(board, LEFT.time_s)
     view = cell._views["left"]
@@ -77,7 +77,7 @@ def test_the_picture_is_tinted_previewed_and_plain_as_the_switches_say(server: V
 
 
 def test_one_camera_is_shown_with_all_its_pixels(server: ViserServer):
-    cell = Cell(server, desk(), Scene(server, Workspace()))
+    cell = Cell(server, desk(), Scene(server, Limits()))
     board = board_after(LEFT, synthetic.seen(LEFT))
     cell.paint(board, LEFT.time_s)
     assert not cell._large._panel.visible
@@ -91,7 +91,7 @@ def test_one_camera_is_shown_with_all_its_pixels(server: ViserServer):
 
 
 def test_what_is_hidden_is_drawn_in_shade_until_it_is_seen_again(server: ViserServer):
-    scene, rope = Scene(server, Workspace()), synthetic.rope(0.5)
+    scene, rope = Scene(server, Limits()), synthetic.rope(0.5)
     hidden = np.arange(len(rope)) < 10
     scene.paint(board_after(replace(synthetic.particles(rope), predicted=hidden)), 0.0)
     colours = np.asarray(scene.observed._handle.batched_colors)
