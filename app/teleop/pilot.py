@@ -61,6 +61,10 @@ class Pilot:
             self._deadmen[operator] = man.off(said) if said == NOT_HEEDED else man
             return said
 
+    def tool(self) -> ToolPose:
+        """Where the tool is."""
+        return self._tool()
+
     def aim(self, position: mapping.Place) -> None:
         """Go to `position` [m] from now on where a browser says towards; the nearest in the workspace is meant."""
         if np.isfinite(position).all():

@@ -33,6 +33,7 @@ def drawer() -> str:
         '<label>Speed <input id="dp-jog-speed" type="range" min="5" max="100" value="30"></label>'
         '<div>Along <label><input type="radio" name="dp-jog-frame" value="world" checked> the world</label>'
         '<label><input type="radio" name="dp-jog-frame" value="tool"> the tool</label></div>'
+        '<div id="dp-jog-at" title="Where the tool is, in the robot\'s base frame"></div>'
         '<div id="dp-jog-says" role="status"></div></div></section>'
     )
 

@@ -14,6 +14,7 @@ from aiohttp import web
 from jaxtyping import Float64
 from numpy import ndarray
 
+from app.core.types import ToolPose
 from app.ui.badges import Badges
 from app.ui.pace import Pace
 
@@ -35,6 +36,10 @@ class Hand(Protocol):
         """Heed what a browser said, unless `refused` says why not; answers in words what is done, or why nothing is."""
         ...
 
+    def tool(self) -> ToolPose:
+        """Where the tool is."""
+        ...
+
     def let_go(self, operator: str) -> None:
         """A browser is heard no more."""
         ...
@@ -46,7 +51,7 @@ class Hand(Protocol):
 
 @final
 class HandLine:
-    """Serves `/jog`: a browser's key first, then samples, each of which is answered.
+    """Serves `/jog`: a browser's key first, then samples; each is answered by what is done and where the tool is.
 
     `hindrance` says why an operator may move nothing now, or None; `refused` hears why somebody was turned away.
     """
@@ -117,7 +122,8 @@ class HandLine:
                 return
             if pace.allows(time.monotonic()):
                 data = message.data.encode(errors="replace")
-                await websocket.send_str(self._hand.sample(operator, data, refused=self._hindrance(operator)))
+                says = self._hand.sample(operator, data, refused=self._hindrance(operator))
+                await websocket.send_json({"says": says, "at": self._hand.tool()[:3].tolist()})
 
     async def _refuse(self, websocket: web.WebSocketResponse, why: str) -> None:
         self._refused(f"A hand on the arm was refused: {why}.")

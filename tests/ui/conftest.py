@@ -65,6 +65,9 @@ class Held:
         self.said.append(said)
         return said
 
+    def tool(self) -> np.ndarray:
+        return self._pilot.tool()
+
     def let_go(self, operator: str) -> None:
         self._pilot.let_go(operator)
 

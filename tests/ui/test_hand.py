@@ -10,7 +10,7 @@ from app.teleop import Pilot
 from tests.flow.rig import TickedArm
 from tests.ui import synthetic
 from tests.ui.test_console import opened
-from tests.ui.test_hostile import lease, line, page, sample
+from tests.ui.test_hostile import lease, line, page, sample, told
 
 pytestmark = pytest.mark.anyio
 
@@ -33,7 +33,7 @@ async def test_what_a_page_holds_moves_the_arm_while_the_program_waits_for_it_an
             for _ in range(count):
                 sequence += 1
                 await hand.send_json(sample(sequence, pressed=pressed, **more))
-                answers.add(await hand.receive_str(timeout=5))
+                answers.add(await told(hand))
                 await anyio.sleep(1 / 30)
             return answers
 

@@ -274,16 +274,21 @@ def line(it: Opened, **headers: str) -> AbstractAsyncContextManager[aiohttp.Clie
     return it.browser.ws_connect(f"{it.origin}/jog", headers={"Origin": it.origin} | headers)
 
 
+async def told(hand: aiohttp.ClientWebSocketResponse) -> str:
+    """What a sample is answered."""
+    return (await hand.receive_json(timeout=5))["says"]
+
+
 async def test_the_hand_of_whoever_has_control_reaches_the_arm() -> None:
     arm = Arm()
     async with commanded(arm) as (it, key), line(it) as hand:
         await hand.send_str(key)
         await hand.send_json(sample())
-        assert await hand.receive_str(timeout=5) == "moving"
+        assert await told(hand) == "moving"
         assert len(arm.jogs) == 1
         it.console.show(lease("client 9"))
         await hand.send_json(sample(1))
-        assert await hand.receive_str(timeout=5) == "client 9 has control"
+        assert await told(hand) == "client 9 has control"
         assert not arm.jogs[-1].linear.any()
 
 
@@ -388,15 +393,15 @@ async def test_a_page_has_one_line_and_it_ends_with_the_page() -> None:
                 first, second = [await lines.enter_async_context(line(it)) for _ in range(2)]
                 await first.send_str(key)
                 await first.send_json(sample())
-                assert await first.receive_str(timeout=5) == "moving"
+                assert await told(first) == "moving"
                 await second.send_str(key)
                 assert await ends(first)
                 assert not arm.jogs[-1].linear.any()
                 # The same press on a new line is none.
                 await second.send_json(sample(5, pressed=1))
-                assert "press again" in await second.receive_str(timeout=5)
+                assert "press again" in await told(second)
                 await second.send_json(sample(6, pressed=2))
-                assert await second.receive_str(timeout=5) == "moving"
+                assert await told(second) == "moving"
             assert await ends(second)
             assert not arm.jogs[-1].linear.any()
             jogs = len(arm.jogs)

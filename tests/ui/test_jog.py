@@ -152,6 +152,7 @@ def test_stop_lets_go_and_a_watcher_is_refused_in_words(served: Served, browser_
     page.keyboard.up("w")
     page.keyboard.down("w")
     expect(page.locator("#dp-jog-says")).to_have_text("a stop is in force: press Resume")
+    expect(page.locator("#dp-jog-at")).to_have_text("x 420  y -120  z 120 mm")
     page.keyboard.up("w")
 
     watcher = page.context.new_page()

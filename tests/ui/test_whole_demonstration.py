@@ -1,5 +1,6 @@
 """The whole program in a real browser: the operator demonstrates a push by hand, and other programs learn from it."""
 
+import json
 import re
 import signal
 import subprocess
@@ -30,13 +31,11 @@ PATIENCE_S = 120
 SEED = "10"
 """Of a rope that lies across the way of a tool which comes from where the arm waits."""
 SHARE = 0.5
-SPEED_M_S = SHARE * 0.30
-ASIDE_M, THERE_M, DOWN_M, PUSH_M, UP_M = 0.08, 0.10, 0.33, 0.13, 0.15
-"""Where the rope lies across; nearer to it; to the table, as far as the workspace goes; into the rope; up again."""
+X, Y, Z = 0, 1, 2
+ASIDE_M, THERE_M, DOWN_M, PUSH_M, UP_M = 0.08, 0.10, 0.292, 0.13, 0.15
+"""Where the rope lies across; nearer to it; to the table, nearly; into the rope; up again."""
 SELDOM_DRAWN = "requestAnimationFrame = (draw) => setTimeout(() => draw(performance.now()), 1000)"
 """Drawing the scene in software takes longer than a held key may wait, and the processors from who draws nothing."""
-LONGEST_STEP_S = 0.2
-"""So long the arm goes on with what it was told last."""
 
 
 def dipac(*words: object) -> str:
@@ -56,28 +55,29 @@ def console(heeding_interrupts: None, tmp_path: Path) -> Iterator["subprocess.Po
 
 @final
 class Hand:
-    """Holds keys of the page, as long as it takes to go somewhere; whatever has to be pressed again is."""
+    """Holds keys of the page until the tool is somewhere, as that says; whatever has to be pressed again is."""
 
     def __init__(self, page: Page) -> None:
         self._page = page
-        self._moved_s, self._heard_s = 0.0, 0.0
         self._again, self._said = False, ""
+        self._at: list[float] | None = None
         page.on("websocket", self._listen)
 
-    def hold(self, *ways: tuple[str, float]) -> None:
-        """Hold each key until the tool has gone so far [m], and the next one before the last is released."""
+    def hold(self, *ways: tuple[str, int, float]) -> None:
+        """Hold each key until the tool has gone so far [m] along an axis, and the next before the last is released."""
         held = ""
-        for key, distance_m in ways:
+        for key, axis, distance_m in ways:
             self._page.keyboard.down(key)
             if held:
                 self._page.keyboard.up(held)
             held = key
-            self._go(key, distance_m / SPEED_M_S)
+            self._go(key, axis, distance_m)
         self._page.keyboard.up(held)
 
-    def _go(self, key: str, duration_s: float) -> None:
-        self._moved_s, begun_s = 0.0, time.monotonic()
-        while self._moved_s < duration_s:
+    def _go(self, key: str, axis: int, distance_m: float) -> None:
+        start, begun_s = self._at, time.monotonic()
+        while start is None or self._at is None or abs(self._at[axis] - start[axis]) < distance_m:
+            start = start or self._at
             assert time.monotonic() - begun_s < PATIENCE_S, f"The tool is not moved by {key}: {self._said}."
             self._page.wait_for_timeout(10)
             if self._again:
@@ -90,10 +90,9 @@ class Hand:
             socket.on("framereceived", lambda said: self._hear(str(said)))
 
     def _hear(self, said: str) -> None:
-        now_s = time.monotonic()
-        if self._said == "moving":
-            self._moved_s += min(now_s - self._heard_s, LONGEST_STEP_S)
-        self._again, self._said, self._heard_s = "press again" in said, said, now_s
+        answer = json.loads(said)
+        self._said, self._at = answer["says"], answer["at"]
+        self._again = "press again" in self._said
 
 
 def opened(console: "subprocess.Popen[str]", page: Page) -> Page:
@@ -114,7 +113,7 @@ def demonstrate(page: Page, hand: Hand) -> None:
     page.get_by_role("button", name="Start a demonstration").click()
     expect(page.get_by_text("Recording number 1")).to_be_visible()
     page.locator("#dp-jog-speed").fill(f"{100 * SHARE:.0f}")
-    hand.hold(("a", ASIDE_M), ("s", THERE_M), ("f", DOWN_M), ("s", PUSH_M), ("r", UP_M))
+    hand.hold(("a", Y, ASIDE_M), ("s", X, THERE_M), ("f", Z, DOWN_M), ("s", X, PUSH_M), ("r", Z, UP_M))
     expect(page.get_by_text(re.compile("[1-9] motions? so far"))).to_be_visible()
     page.get_by_role("button", name="Success").click()
     expect(page.get_by_text("Number 1: success")).to_be_visible()

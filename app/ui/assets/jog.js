@@ -8,10 +8,12 @@
     KeyW: ["x", -1], KeyS: ["x", 1], KeyA: ["y", -1], KeyD: ["y", 1], KeyR: ["z", 1], KeyF: ["z", -1],
     KeyQ: ["yaw", 1], KeyE: ["yaw", -1], KeyH: ["grip", 1], KeyG: ["grip", -1],
   };
+  const AXES = ["x", "y", "z"];
   const NO_TEXT = ["range", "checkbox", "radio", "button", "submit", "reset", "color", "file"];
 
   const panel = document.getElementById("dp-jog");
   const says = document.getElementById("dp-jog-says");
+  const place = document.getElementById("dp-jog-at");
   const speed = document.getElementById("dp-jog-speed");
   const keys = new Map(), pointers = new Map(), ours = new Set();
   let pad = null, padSpent = true, padSeen = false;
@@ -35,7 +37,10 @@
     line.addEventListener("open", () => line.send(key));
     line.addEventListener("message", (event) => {
       heardAt = now();
-      if (line === socket) say(event.data, event.data === "moving" ? "dp-good" : held ? "dp-warn" : "");
+      if (line !== socket) return;
+      const { says: said, at } = JSON.parse(event.data);
+      say(said, said === "moving" ? "dp-good" : held ? "dp-warn" : "");
+      place.textContent = `${AXES.map((axis, i) => `${axis} ${(1000 * at[i]).toFixed(0)}`).join("  ")} mm`;
     });
     line.addEventListener("close", () => {
       if (line !== socket) return;
