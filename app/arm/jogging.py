@@ -4,21 +4,21 @@ What the acceleration limit allows is shared out, so that both uses at once keep
 the hand, a sixth for each of the three axes that may have to brake before a wall at the same time.
 """
 
+from functools import partial
 from typing import Final, final
 
 import numpy as np
 from jaxtyping import Float64
 from scipy.spatial.transform import Rotation
 
-from app.config import KeepOut, Limits
+from app.arm.walls import beside, between
+from app.config import Limits
 from app.core.jog import Jog
 from app.core.types import ToolPose
 
 _STEERING, _BRAKING = float(np.sqrt(1 / 2)), float(np.sqrt(1 / 6))
 _ROUNDING_M: Final = 1e-6
 """Walls are as much nearer than they are."""
-_INSIDE_M_S: Final = 1e3
-"""More than any speed: a face that the tool has passed already keeps it out of nothing while there is another."""
 
 
 @final
@@ -77,31 +77,13 @@ class Jogging:
         return self._tool
 
     def _slow_before_walls(self, duration_s: float) -> None:
-        """No faster towards a wall than from where it can still be met at rest."""
+        """No faster towards a wall, or what is kept free, than from where it can still be met at rest."""
         at, velocity = self._tool[[0, 1, 2, 7]], np.array([*self._linear, self._opening])
-        braking = self._limits.acceleration_m_s2 * _BRAKING
-        fastest = _stoppable(self._high - at, braking, duration_s)
-        slowest = -_stoppable(at - self._low, braking, duration_s)
-        velocity = np.clip(velocity, slowest, fastest)
-        self._linear, self._opening = velocity[:3], float(velocity[3])
+        law = partial(_stoppable, self._limits.acceleration_m_s2 * _BRAKING, duration_s)
+        *linear, opening = between(self._low, self._high, velocity, at, law)
+        self._linear, self._opening = np.array(linear), float(opening)
         for volume in self._limits.keep_out:
-            self._slow_before(volume, braking, duration_s)
-
-    def _slow_before(self, volume: KeepOut, deceleration_m_s2: float, duration_s: float) -> None:
-        """No faster towards one face of the volume than from where that can still be met at rest.
-
-        A tool that stays on its side of one face stays out. It is the face for which the least has to be given up: at
-        the tick before some face's bound was kept, so what is asked for now is no more than braking gives.
-        """
-        middle = (np.asarray(volume.low) + volume.high) / 2
-        side = np.where(self._tool[:3] >= middle, 1.0, -1.0)
-        face = np.where(side > 0, volume.high, volume.low) + side * _ROUNDING_M
-        towards, room = -side * self._linear, side * (self._tool[:3] - face)
-        most = _stoppable(room, deceleration_m_s2, duration_s)
-        # Where it is inside already every bound is zero, and the nearest face is the way out.
-        lost = np.maximum(towards - most, 0.0) + np.where(room >= 0, 0.0, _INSIDE_M_S - room)
-        axis = int(lost.argmin())
-        self._linear[axis] -= side[axis] * min(most[axis] - towards[axis], 0.0)
+            self._linear = beside(volume, self._linear, self._tool[:3], law, _ROUNDING_M)
 
 
 def within(vector: Float64[np.ndarray, "3"], length: float) -> Float64[np.ndarray, "3"]:
@@ -124,7 +106,7 @@ def still(jog: Jog) -> bool:
 
 
 def _stoppable(
-    room_m: Float64[np.ndarray, " A"], deceleration_m_s2: float, duration_s: float
+    deceleration_m_s2: float, duration_s: float, room_m: Float64[np.ndarray, " A"]
 ) -> Float64[np.ndarray, " A"]:
     """The speeds [m/s] after whose next `duration_s` the rest of the room is enough to stop in, however long ticks are.
 

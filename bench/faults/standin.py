@@ -10,16 +10,16 @@ import time
 from collections.abc import Callable, Mapping, Sequence
 from functools import partial
 from types import SimpleNamespace
-from typing import Any, Final, Literal, TypeAlias, cast, final, get_args
+from typing import Any, Final, Literal, TypeAlias, cast, get_args
 
 import numpy as np
 
 from app.config import Site
 from app.core.messages import Model, Transition, fresh_id
 from app.core.motion import Motion
-from app.core.types import Points, ToolPose
+from app.core.types import Points
 from bench.faults.place import KEPT_OUT
-from tests.flow.planner import Habits, Strokes, take_up
+from tests.flow.planner import Habits, take_up
 
 Plans: TypeAlias = Literal["sound", "nan", "outside", "keep out", "too fast", "backwards", "endless", "none"]
 """What the planner's motions are."""
@@ -31,42 +31,15 @@ _TOO_MANY: Final = 1_000_000
 
 
 def stand_in(plans: Plans = "sound") -> None:
-    """From now on plan by strokes in this process, and calibrate by waiting."""
-    take_up(Habits(thinking_s=_THINKING_S))
+    """From now on plan by strokes as fast as the site allows, spoilt so, in this process, and calibrate by waiting."""
+    take_up(Habits(thinking_s=_THINKING_S), partial(_fast, _SPOILT[plans]))
     compiled = cast(Any, sys.modules["app.tasks.compiled"])
-    strokes = Absurd(compiled.planner(*[None] * 5), plans)
-    compiled.planner = partial(_always, strokes)
     compiled.calibrated, compiled.now = _calibrated, None
 
 
-def _always(strokes: "Absurd", *_: object) -> "Absurd":
-    """The planner of any task."""
-    return strokes
-
-
-@final
-class Absurd:
-    """A planner whose motions are spoilt in one way."""
-
-    def __init__(self, strokes: Strokes, plans: Plans) -> None:
-        self._strokes, self._spoil = strokes, _SPOILT[plans]
-
-    def __call__(
-        self,
-        observed: Points,
-        goal: Points,
-        phi: np.ndarray,
-        *,
-        seed: int,
-        site: Site,
-        tool: ToolPose | None = None,
-        rejected: Sequence[np.ndarray] = (),
-    ) -> object:
-        """A stroke as fast as the site allows, spoilt."""
-        sent = self._strokes(observed, goal, phi, seed=seed, site=site, tool=tool, rejected=rejected)
-        branches, best, motion, *rest = sent.fields
-        sound = Motion(positions=motion.positions, speeds=np.full(len(motion.speeds), site.limits.speed_m_s))
-        return dataclasses.replace(sent, fields=(branches, best, self._spoil(sound), *rest))
+def _fast(spoil: Callable[[Motion], Motion], motion: Motion, site: Site) -> Motion:
+    speeds = np.full(len(motion.speeds), site.limits.speed_m_s)
+    return spoil(Motion(positions=motion.positions, speeds=speeds))
 
 
 def _with(motion: Motion, positions: np.ndarray) -> Motion:

@@ -44,9 +44,14 @@ class Habits:
     trouble: Literal["no finite branch", "dies"] = "no finite branch"
 
 
-def take_up(habits: Habits) -> None:
-    """From now on, plan by strokes with these habits. To be run in the planner's process."""
-    strokes = Strokes(habits)
+def unspoilt(motion: Motion, _: Site) -> Motion:
+    """The motion as it was drawn."""
+    return motion
+
+
+def take_up(habits: Habits, spoil: Callable[[Motion, Site], Motion] = unspoilt) -> None:
+    """From now on, plan by strokes with these habits, `spoil`ed. To be run in the planner's process."""
+    strokes = Strokes(habits, spoil)
 
     def planner(task: str, preset: str, phi: np.ndarray, method: Method, kept_out: tuple[KeepOut, ...]) -> Strokes:
         return strokes
@@ -63,8 +68,8 @@ def take_up(habits: Habits) -> None:
 class Strokes:
     """A planner that expects nothing of its pushes: the object stays where it was observed."""
 
-    def __init__(self, habits: Habits) -> None:
-        self._habits = habits
+    def __init__(self, habits: Habits, spoil: Callable[[Motion, Site], Motion]) -> None:
+        self._habits, self._spoil = habits, spoil
         self._failed = 0
 
     def __call__(
@@ -94,7 +99,7 @@ class Strokes:
         cost = 1.0 + len(rejected)
         branches = (_branch("policy", paths[0], observed, cost), _branch("random", paths[1], observed, cost))
         motion = Motion(positions=positions, speeds=np.full(len(positions), _SPEED_M_S))
-        return _Sent((branches, 1, motion, observed, distance_m2, distance_m2))
+        return _Sent((branches, 1, self._spoil(motion, site), observed, distance_m2, distance_m2))
 
 
 def _branch(origin: Literal["policy", "random"], path: np.ndarray, observed: Points, cost: float) -> Branch:

@@ -7,34 +7,22 @@ would be as far beyond as it moves meanwhile.
 import numpy as np
 from jaxtyping import Float64
 
-from app.config import KeepOut, Limits
+from app.arm.walls import beside, between
+from app.config import Limits
 
 LATE_S = 0.15
 """From what is told to what moves: a command waits for up to two cycles of the arm, the arm for its drives."""
-_BRAKING_M_S2, _INSIDE_M_S = 0.6, 1e3
-"""Less than what the arm brakes with after a twist; and more than any speed."""
+_BRAKING_M_S2 = 0.6
+"""Less than what the arm brakes with after a twist."""
 _Vector = Float64[np.ndarray, "3"]
 
 
 def held_back(linear: _Vector, position: _Vector, limits: Limits) -> _Vector:
     """`linear` [m/s], towards walls no faster than from where the tool can still stop; a tool outside may come back."""
     low, high = np.asarray(limits.workspace.low), np.asarray(limits.workspace.high)
-    held = np.clip(linear, -_stoppable(position - low), _stoppable(high - position))
+    held = between(low, high, linear, position, _stoppable)
     for volume in limits.keep_out:
-        held = _beside(volume, held, position)
-    return held
-
-
-def _beside(volume: KeepOut, linear: _Vector, position: _Vector) -> _Vector:
-    """No faster towards that face of the volume for which the least has to be given up."""
-    low, high = np.asarray(volume.low), np.asarray(volume.high)
-    side = np.where(position >= (low + high) / 2, 1.0, -1.0)
-    room, towards = side * (position - np.where(side > 0, high, low)), -side * linear
-    most = _stoppable(room)
-    # Only a face that the tool is on the outside of keeps it out; inside of all, the nearest is the way out.
-    axis = int((np.maximum(towards - most, 0.0) + np.where(room >= 0, 0.0, _INSIDE_M_S - room)).argmin())
-    held = linear.copy()
-    held[axis] = -side[axis] * min(towards[axis], most[axis])
+        held = beside(volume, held, position, _stoppable)
     return held
 
 
