@@ -43,11 +43,18 @@ class Within(_Entry, frozen=True):
     force_n: Annotated[float, msgspec.Meta(gt=0, le=_MOST.force_n)] = 30.0
 
 
+class ToolEntry(_Entry, frozen=True):
+    """Where the tool's tip is: so far from the arm's flange, along its axis. A closed Robotiq 2F-85 ends at 0.163 m."""
+
+    tip_m: Annotated[float, msgspec.Meta(ge=0.0, le=0.6)] = 0.163
+
+
 class ArmEntry(_Entry, frozen=True):
-    """Where the arm's controller is. `client`: `dipac` or `kortex_api`."""
+    """Where the arm's controller is, and what the arm holds. `client`: `dipac` or `kortex_api`."""
 
     host: str = "192.168.1.10"
     client: str = "dipac"
+    tool: ToolEntry = ToolEntry()
 
 
 class CameraEntry(_Entry, frozen=True):

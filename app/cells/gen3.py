@@ -15,10 +15,12 @@ from app.cells.cell_file import CameraEntry, CellFile, limits, load_cell
 from app.config import Site
 from app.core.errors import PreflightError, UsageError
 from app.core.hand_eye import HandEye
+from app.core.limbs import ArmShape
 from app.core.ports import Arm, Camera
 from app.recording.calibration_file import load_cameras
 from app.rig.kinova.arm import kinova_arm
 from app.rig.kinova.link import Address
+from app.rig.kinova.shape import known_gen3
 from app.rig.realsense.cameras import realsense_cameras
 from app.rig.realsense.mounted import Mounted
 from app.rig.realsense.settings import Settings
@@ -32,8 +34,8 @@ _NEEDED = "--rig gen3 needs --cell FILE.toml, which says where arm and cameras a
 class Gen3Rig:
     """An arm and cameras that are there."""
 
-    def __init__(self, name: str, arm: ProcessArm, cameras: Sequence[Camera]) -> None:
-        self._name, self._arm, self._cameras = name, arm, cameras
+    def __init__(self, name: str, shape: ArmShape, arm: ProcessArm, cameras: Sequence[Camera]) -> None:
+        self._name, self._shape, self._arm, self._cameras = name, shape, arm, cameras
 
     @property
     def name(self) -> str:
@@ -46,9 +48,9 @@ class Gen3Rig:
         return False
 
     @property
-    def shape(self) -> None:
-        """Nobody has said yet what the arm looks like."""
-        return None
+    def shape(self) -> ArmShape:
+        """A Gen3 with its gripper and the task's tool."""
+        return self._shape
 
     @property
     def cameras(self) -> Sequence[Camera]:
@@ -77,7 +79,7 @@ async def _opened(wanted: Wanted) -> AsyncGenerator[Gen3Rig]:
         kinova_arm(_address(cell), wanted.site, cell.arm.client) as arm,
         realsense_cameras(mounted, wanted.site.timing) as cameras,
     ):
-        yield Gen3Rig(cell.name, arm, cameras)
+        yield Gen3Rig(cell.name, known_gen3(wanted.stage.tool, cell.arm.tool.tip_m), arm, cameras)
 
 
 def _found(file: Path | None) -> tuple[CellFile, list[Mounted]]:

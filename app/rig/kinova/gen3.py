@@ -38,7 +38,7 @@ _ORIGINS_M = (
     (0.0, -0.10593, -0.00017505),
 )
 _ROLLS = (np.pi, np.pi / 2, -np.pi / 2, np.pi / 2, -np.pi / 2, np.pi / 2, -np.pi / 2)
-_FLANGE_M = 0.061525
+FLANGE_M = 0.061525
 _DAMPING = 0.02
 """Of the inverse: enough that near singular poses no joint runs away, little enough to converge in a few steps."""
 _LONGEST_STEP = 0.3
@@ -54,14 +54,14 @@ def _origin(offset_m: tuple[float, float, float], roll: float) -> Transform:
     return frame
 
 
-_FIXED = tuple(_origin(offset, roll) for offset, roll in zip(_ORIGINS_M, _ROLLS, strict=True))
-_TOOL = _origin((0.0, 0.0, -_FLANGE_M - GRIPPER_M), np.pi)
+FIXED = tuple(_origin(offset, roll) for offset, roll in zip(_ORIGINS_M, _ROLLS, strict=True))
+_TOOL = _origin((0.0, 0.0, -FLANGE_M - GRIPPER_M), np.pi)
 
 
 def frames(joints: Joints) -> Float64[np.ndarray, "8 4 4"]:
     """`T_base_link` of the seven links, each turning about its own z axis, and of the tool."""
     found, frame = np.empty((8, 4, 4)), np.eye(4)
-    for index, (angle, fixed) in enumerate(zip(joints, _FIXED, strict=True)):
+    for index, (angle, fixed) in enumerate(zip(joints, FIXED, strict=True)):
         c, s = np.cos(angle), np.sin(angle)
         frame = frame @ fixed @ np.array([[c, -s, 0, 0], [s, c, 0, 0], [0, 0, 1, 0], [0, 0, 0, 1]])
         found[index] = frame

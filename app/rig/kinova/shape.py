@@ -1,0 +1,65 @@
+"""What a Gen3 with a vision module and a Robotiq 2F-85 looks like: capsules about its links, posed by measured joints.
+
+Source: Kinovarobotics/ros_kortex, kortex_description, `arms/gen3/7dof` (joints, and the published surfaces of links)
+and `grippers/robotiq_2f_85`. The capsules were fitted to these surfaces: of some 30,000 points on each link 99.9 % are
+less than 3 mm outside of all capsules, and the farthest is 5.3 mm; the mask of perception adds 10 mm.
+"""
+
+from app.core.limbs import ArmShape, Joint, Limb
+from app.core.stage import Finger, Paddle, Tool, Vector
+from app.rig.kinova.gen3 import FIXED, FLANGE_M
+
+_Z: Vector = (0.0, 0.0, 1.0)
+_LINKS: tuple[tuple[int, Vector, Vector, float], ...] = (
+    (0, (0.0, 0.0, 0.015), (0.0, 0.0, 0.140), 0.051),
+    (1, (0.0, 0.0, -0.035), (0.0, -0.010, -0.125), 0.052),
+    (2, (0.0, 0.0, -0.020), (0.0, -0.150, -0.015), 0.046),
+    (2, (0.0, -0.180, -0.005), (0.0, -0.205, -0.005), 0.048),
+    (3, (0.0, 0.0, -0.020), (0.0, -0.010, -0.215), 0.050),
+    (4, (0.0, 0.005, -0.020), (0.0, -0.010, -0.025), 0.047),
+    (4, (0.0, -0.025, -0.030), (0.0, -0.200, -0.005), 0.040),
+    (5, (0.0, 0.0, -0.020), (0.0, -0.005, -0.060), 0.036),
+    (5, (0.0, -0.005, -0.060), (0.0, -0.015, -0.105), 0.040),
+    (6, (0.0, 0.0, -0.020), (0.0, -0.035, -0.025), 0.036),
+    (6, (0.0, -0.070, -0.005), (0.0, -0.100, 0.0), 0.039),
+    (7, (0.0, 0.0, -0.020), (0.0, 0.0, -0.050), 0.039),
+    (7, (-0.030, -0.050, -0.053), (0.030, -0.050, -0.053), 0.026),
+)
+"""Link, begin and end in its frame, radius [m]. The last is the vision module."""
+_GRIPPER: tuple[tuple[Vector, Vector, float], ...] = (
+    ((0.0, 0.0, 0.025), (0.0, 0.0, 0.070), 0.042),
+    ((-0.040, 0.0, 0.075), (0.040, 0.0, 0.075), 0.035),
+    ((-0.048, 0.0, 0.105), (0.048, 0.0, 0.105), 0.026),
+)
+"""In the flange's frame, along whose x axis the fingers open: the body, and all that the knuckles sweep."""
+_CLOSED: tuple[Vector, Vector, float] = ((0.0, 0.0, 0.110), (0.0, 0.0, 0.140), 0.028)
+"""The fingers where they hold a tool; their tips are 0.163 m from the flange. Open ones that are the tool move with
+its opening, and are the tool's own pieces."""
+_SHANK_M, _HELD_M = 0.012, 0.09
+"""The radius of what joins the gripper's fingers and a tool, and how much of a tool up from its tip is its own."""
+
+
+def known_gen3(tool: Tool, tip_m: float) -> ArmShape:
+    """The arm whose gripper is this tool, or holds it with its tip `tip_m` from the flange, along its axis."""
+    joints = tuple(Joint(T_link_joint=fixed, axis=_Z) for fixed in FIXED)
+    limbs = [Limb(link=link, begin=begin, end=end, radius_m=radius) for link, begin, end, radius in _LINKS]
+    limbs += [_on_flange(*each) for each in _gripper(tool, tip_m)]
+    return ArmShape(joints=joints, limbs=tuple(limbs), tool=tool)
+
+
+def _gripper(tool: Tool, tip_m: float) -> list[tuple[Vector, Vector, float]]:
+    """What is at the flange, but for the tool's own pieces."""
+    match tool:
+        case Finger() | Paddle() if tip_m - _HELD_M > _CLOSED[1][2]:
+            return [*_GRIPPER, _CLOSED, (_CLOSED[1], (0.0, 0.0, tip_m - _HELD_M), _SHANK_M)]
+        case Finger() | Paddle():
+            return [*_GRIPPER, _CLOSED]
+        case _:
+            # A gripper's fingers and a bowl are near the object, which shall be seen.
+            return [*_GRIPPER]
+
+
+def _on_flange(begin: Vector, end: Vector, radius_m: float) -> Limb:
+    """A capsule in the flange's frame: that of the last link, turned by half about x, at its end."""
+    (x0, y0, z0), (x1, y1, z1) = begin, end
+    return Limb(link=7, begin=(x0, -y0, -FLANGE_M - z0), end=(x1, -y1, -FLANGE_M - z1), radius_m=radius_m)
