@@ -44,9 +44,15 @@ class Within(_Entry, frozen=True):
 
 
 class ToolEntry(_Entry, frozen=True):
-    """Where the tool's tip is: so far from the arm's flange, along its axis. A closed Robotiq 2F-85 ends at 0.163 m."""
+    """Where the tool's tip is: so far from the arm's flange, along its axis; and how its frame is turned about that.
+
+    A closed Robotiq 2F-85 ends at 0.163 m, and opens along the flange's x axis, which shall be the tool's y axis.
+    `mass_kg`: of all beyond the flange; not compared where it is not said.
+    """
 
     tip_m: Annotated[float, msgspec.Meta(ge=0.0, le=0.6)] = 0.163
+    turn_deg: Annotated[float, msgspec.Meta(ge=-180.0, le=180.0)] = 90.0
+    mass_kg: Annotated[float, msgspec.Meta(ge=0.0, le=4.0)] | None = None
 
 
 class ArmEntry(_Entry, frozen=True):

@@ -11,7 +11,7 @@ from anyio import to_thread
 
 from app.arm.process_arm import ProcessArm
 from app.cells.base import Cell, Wanted
-from app.cells.cell_file import CameraEntry, CellFile, limits, load_cell
+from app.cells.cell_file import CameraEntry, CellFile, ToolEntry, limits, load_cell
 from app.config import Site
 from app.core.errors import PreflightError, UsageError
 from app.core.hand_eye import HandEye
@@ -19,6 +19,7 @@ from app.core.limbs import ArmShape
 from app.core.ports import Arm, Camera
 from app.recording.calibration_file import load_cameras
 from app.rig.kinova.arm import kinova_arm
+from app.rig.kinova.configured import Holds
 from app.rig.kinova.link import Address
 from app.rig.kinova.shape import known_gen3
 from app.rig.realsense.cameras import realsense_cameras
@@ -76,7 +77,7 @@ async def _opened(wanted: Wanted) -> AsyncGenerator[Gen3Rig]:
     """Raises PreflightError where a camera is not calibrated, DeviceError where arm or cameras are not there."""
     cell, mounted = await to_thread.run_sync(_found, wanted.file)
     async with (
-        kinova_arm(_address(cell), wanted.site, cell.arm.client) as arm,
+        kinova_arm(_address(cell), wanted.site, cell.arm.client, _holds(cell.arm.tool)) as arm,
         realsense_cameras(mounted, wanted.site.timing) as cameras,
     ):
         yield Gen3Rig(cell.name, known_gen3(wanted.stage.tool, cell.arm.tool.tip_m), arm, cameras)
@@ -101,6 +102,10 @@ def _address(cell: CellFile) -> Address:
     usual = Address(host=cell.arm.host)
     user, password = os.environ.get(USER, usual.username), os.environ.get(PASSWORD, usual.password)
     return replace(usual, username=user, password=password)
+
+
+def _holds(tool: ToolEntry) -> Holds:
+    return Holds(tip_m=tool.tip_m, turn_deg=tool.turn_deg, mass_kg=tool.mass_kg)
 
 
 def _mounted(camera: CameraEntry, places: dict[str, HandEye], file: Path) -> Mounted:

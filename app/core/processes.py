@@ -1,13 +1,15 @@
 """The processes of a rig: started together, waited for until each has reported once, and ended in any case."""
 
+import sys
 import time
 from collections.abc import Callable, Sequence
+from multiprocessing import current_process
 from multiprocessing.process import BaseProcess
 from typing import Final
 
 import anyio
 
-from app.core.errors import DeviceError
+from app.core.errors import DeviceError, DipacError
 from app.core.ring import SPAWN, Ring
 
 _START_S: Final = 60.0
@@ -17,7 +19,16 @@ _CLOSE_S: Final = 3.0
 
 def process(name: str, body: Callable[..., None], *arguments: object) -> BaseProcess:
     """One that is to run `body`; it ends with the program, and is `dipac NAME` where processes are listed."""
-    return SPAWN.Process(target=body, args=arguments, name=f"dipac {name}", daemon=True)
+    return SPAWN.Process(target=_run, args=(body, *arguments), name=f"dipac {name}", daemon=True)
+
+
+def _run(body: Callable[..., None], *arguments: object) -> None:
+    """An error of this program's own is a sentence for whoever started it, and not a stack."""
+    try:
+        body(*arguments)
+    except DipacError as error:
+        sys.stderr.write(f"{current_process().name}: {error}\n")
+        raise SystemExit(error.exit_code) from None
 
 
 async def ready(processes: Sequence[BaseProcess], rings: Sequence[Ring], *, within_s: float = _START_S) -> None:

@@ -52,6 +52,8 @@ def test_the_file_on_the_page_is_one(tmp_path: Path) -> None:
         ('name = "right"', 'name = "left"', "same name"),
         ('[[cameras]]\nname = "right"\nserial = "012345678902"', "", "1 cameras"),
         ("[arm]", "[arm", "describes no cell"),
+        ("tip_m = 0.163", "tip_m = 163.0", "tip_m"),
+        ("turn_deg = 90.0", "turn_deg = nan", "turn_deg"),
     ],
 )
 def test_what_is_wrong_with_a_file_is_said(tmp_path: Path, was: str, becomes: str, said: str) -> None:

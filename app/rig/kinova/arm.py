@@ -14,23 +14,27 @@ from app.arm.process_arm import ProcessArm
 from app.config import Site
 from app.core.processes import end, process, ready
 from app.rig.kinova.clients import DEFAULT
+from app.rig.kinova.configured import DELIVERED, Holds
 from app.rig.kinova.control import taken
 from app.rig.kinova.link import Address
 
 
-def kinova_arm(address: Address, site: Site, client: str = DEFAULT) -> AbstractAsyncContextManager[ProcessArm]:
+def kinova_arm(
+    address: Address, site: Site, client: str = DEFAULT, holds: Holds = DELIVERED
+) -> AbstractAsyncContextManager[ProcessArm]:
     """The arm there, under gate, watchdog and STOP, as long as it is open.
 
-    Raises DeviceError on entry where there is none. Left, the arm is at rest and the process has ended; where the
-    application is killed the process ends by itself, and where that is killed the arm stops by itself.
+    Raises DeviceError on entry where there is none, or it is not configured for what it `holds`. Left, the arm is at
+    rest and the process has ended; where the application is killed the process ends by itself, and where that is killed
+    the arm stops by itself.
     """
-    return _opened(address, site, client)
+    return _opened(address, site, client, holds)
 
 
 @asynccontextmanager
-async def _opened(address: Address, site: Site, client: str) -> AsyncGenerator[ProcessArm]:
+async def _opened(address: Address, site: Site, client: str, holds: Holds) -> AsyncGenerator[ProcessArm]:
     memory = await to_thread.run_sync(ArmMemory)
-    take = partial(taken, address, client=client)
+    take = partial(taken, address, client=client, holds=holds)
     arm = process("arm", run_arm, memory, site, take, os.getpid())
     try:
         await to_thread.run_sync(arm.start)

@@ -38,11 +38,14 @@ from app.rig.kinova.setup import (
     ActuatorInformation,
     ControlModeInformation,
     FirmwareVersions,
+    GravityVector,
     KinematicLimits,
+    PayloadInformation,
     ProductConfiguration,
     ProtectionZone,
     ProtectionZoneList,
     ProtectionZoneNotification,
+    ToolConfiguration,
     TwistAngularSoftLimit,
     TwistLinearSoftLimit,
 )
@@ -119,6 +122,9 @@ COMPUTE_FORWARD_KINEMATICS = Call(_BASE, 233, "ComputeForwardKinematics", JointA
 COMPUTE_INVERSE_KINEMATICS = Call(_BASE, 234, "ComputeInverseKinematics", InverseKinematicsData, JointAngles)
 VALIDATE_WAYPOINT_LIST = Call(_BASE, 235, "ValidateWaypointList", WaypointList, ValidationReport, THOUGHT_S)
 REFRESH_FEEDBACK = Call(_CYCLIC, 3, "RefreshFeedback", Empty, Feedback, FEEDBACK_S)
+GET_GRAVITY_VECTOR = Call(_CONFIG, 2, "GetGravityVector", Empty, GravityVector)
+GET_PAYLOAD_INFORMATION = Call(_CONFIG, 4, "GetPayloadInformation", Empty, PayloadInformation)
+GET_TOOL_CONFIGURATION = Call(_CONFIG, 6, "GetToolConfiguration", Empty, ToolConfiguration)
 SET_TWIST_LINEAR_SOFT_LIMIT = Call(_CONFIG, 15, "SetTwistLinearSoftLimit", TwistLinearSoftLimit, Empty)
 SET_TWIST_ANGULAR_SOFT_LIMIT = Call(_CONFIG, 16, "SetTwistAngularSoftLimit", TwistAngularSoftLimit, Empty)
 GET_KINEMATIC_HARD_LIMITS = Call(_CONFIG, 18, "GetKinematicHardLimits", Empty, KinematicLimits)

@@ -17,6 +17,7 @@ from app.core.messages import ArmMode
 from app.core.refusal import Refusal
 from app.core.types import ToolPath, ToolPose
 from app.rig.kinova.clients import DEFAULT, linked
+from app.rig.kinova.configured import DELIVERED, Holds
 from app.rig.kinova.driver import Driver
 from app.rig.kinova.errand import Errand
 from app.rig.kinova.gen3 import Joints
@@ -40,13 +41,18 @@ def measured_joints(seen: Seen) -> Joints:
 
 
 def taken(
-    address: Address, site: Site, client: str = DEFAULT, joints_of: Callable[[Seen], Joints] = measured_joints
+    address: Address,
+    site: Site,
+    client: str = DEFAULT,
+    joints_of: Callable[[Seen], Joints] = measured_joints,
+    holds: Holds = DELIVERED,
 ) -> "KinovaControl":
     """Take hold of the arm there, for `app.arm.process.run_arm`. Raises DeviceError where there is none.
 
-    `joints_of`: those to report, where another arm than this one is drawn.
+    `joints_of`: those to report, where another arm than this one is drawn; `holds`: what the arm has to be configured
+    for.
     """
-    driver = Driver(Kortex(linked(address, client)), site)
+    driver = Driver(Kortex(linked(address, client)), site, holds)
     driver.open()
     return KinovaControl(driver, site, joints_of)
 

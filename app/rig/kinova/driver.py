@@ -16,6 +16,7 @@ from jaxtyping import Float64
 
 from app.config import Site
 from app.core.errors import DeviceError
+from app.rig.kinova.configured import Holds, OwnLimits, check
 from app.rig.kinova.errand import Errand, Superseded, made
 from app.rig.kinova.errors import LinkLost, NoAnswer, Refused
 from app.rig.kinova.kortex import Kortex
@@ -38,8 +39,9 @@ _Body: TypeAlias = Callable[[int, Errand], None]
 class Driver:
     """One arm. `trouble` says why it is out of reach, `seen` how it was. Nothing waits here but `open` and `close`."""
 
-    def __init__(self, kortex: Kortex, site: Site) -> None:
-        self._kortex, self._site = kortex, site
+    def __init__(self, kortex: Kortex, site: Site, holds: Holds) -> None:
+        self._kortex, self._site, self._holds = kortex, site, holds
+        self._own_limits = OwnLimits(kortex)
         self._seen: Seen | None = None
         self._over, self._stop, self._work = threading.Event(), threading.Event(), threading.Condition()
         self._errands = deque[tuple[int, Errand, _Body]]()
@@ -51,7 +53,11 @@ class Driver:
 
     def open(self) -> None:
         """Connect, set the arm up, wait for its first feedback, and let the threads run. Raises DeviceError."""
-        self._connect()
+        try:
+            self._connect()
+        except DeviceError:
+            self._let_go()
+            raise
         self._pulse_s = time.monotonic()
         bodies = (self._watch, self._live, self._command, self._halt)
         self._threads = [threading.Thread(target=body, name=f"dipac{body.__name__}", daemon=True) for body in bodies]
@@ -77,7 +83,7 @@ class Driver:
         self._stop.set()
         for thread in self._threads:
             thread.join(_JOIN_S)
-        self._kortex.close()
+        self._let_go()
 
     @property
     def seen(self) -> Seen:
@@ -142,12 +148,12 @@ class Driver:
         limits = self._site.limits
         self._kortex.open()
         if (joints := self._kortex.joint_count()) != 7:
-            self._kortex.close()
             raise DeviceError(f"The arm has {joints} joints; only a Gen3 of seven is known here.")
         # An arm in fault may refuse; what clears the fault asks for it again.
         with contextlib.suppress(Refused):
             self._kortex.servo()
-        self._kortex.limit(limits.speed_m_s, limits.angular_speed_rad_s)
+        check(self._kortex, self._holds)
+        self._own_limits.set(limits)
         # Zones outlive sessions: those of an earlier site are not this one's.
         for name, number in self._kortex.forbidden().items():
             if name.startswith(_OURS):
@@ -155,6 +161,11 @@ class Driver:
         for volume in limits.keep_out:
             low, high = np.asarray(volume.low), np.asarray(volume.high)
             self._kortex.forbid(f"{_OURS}{volume.name}", [*(low + high) / 2], [*(high - low)])
+
+    def _let_go(self) -> None:
+        """Leave the arm with the limits that it had, and end the connection."""
+        self._own_limits.restore()
+        self._kortex.close()
 
     def _watch(self) -> None:
         """Ask for feedback, again and again."""

@@ -1,6 +1,6 @@
 """What this program asks of an arm, over whichever client: small, typed, and an explicit end to every wait."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import final
 
 import numpy as np
@@ -28,9 +28,13 @@ from app.rig.kinova.messages import (
 )
 from app.rig.kinova.session import Empty, Handle, ServoingModeInformation
 from app.rig.kinova.setup import (
+    ControlModeInformation,
+    GravityVector,
     KinematicLimits,
+    PayloadInformation,
     Point,
     ProtectionZone,
+    ToolConfiguration,
     TwistAngularSoftLimit,
     TwistLinearSoftLimit,
     ZoneShape,
@@ -178,12 +182,26 @@ class Kortex:
 
     def limit(self, linear_m_s: float, angular_rad_s: float) -> None:
         """Set the arm's own limits of its tool's speed, for twists and for waypoints."""
-        angular = float(np.degrees(angular_rad_s))
         for mode in _LIMITED:
-            linear = TwistLinearSoftLimit(control_mode=mode, twist_linear_soft_limit=linear_m_s)
-            self._link.call(calls.SET_TWIST_LINEAR_SOFT_LIMIT, linear)
-            turning = TwistAngularSoftLimit(control_mode=mode, twist_angular_soft_limit=angular)
-            self._link.call(calls.SET_TWIST_ANGULAR_SOFT_LIMIT, turning)
+            self._limit(mode, linear_m_s, float(np.degrees(angular_rad_s)))
+
+    def limits(self) -> Mapping[ControlMode, tuple[float, float]]:
+        """The arm's own limits of its tool's speed [m/s, degrees/s], in each mode that `limit` sets."""
+        found = {mode: self._soft_limits(mode) for mode in _LIMITED}
+        return {mode: (limits.twist_linear, limits.twist_angular) for mode, limits in found.items()}
+
+    def limit_as(self, limits: Mapping[ControlMode, tuple[float, float]]) -> None:
+        """Set them to what `limits` said before."""
+        for mode, (linear, angular) in limits.items():
+            self._limit(mode, linear, angular)
+
+    def configured(self) -> tuple[ToolConfiguration, PayloadInformation, GravityVector]:
+        """What the arm believes of its tool, of what that holds, and of which way things fall."""
+        return (
+            self._link.call(calls.GET_TOOL_CONFIGURATION, _NOTHING),
+            self._link.call(calls.GET_PAYLOAD_INFORMATION, _NOTHING),
+            self._link.call(calls.GET_GRAVITY_VECTOR, _NOTHING),
+        )
 
     def forbid(self, name: str, middle: Sequence[float], sizes: Sequence[float]) -> int:
         """Make a box that Cartesian motions may not enter; joint motions may (ros_kortex #120). Its number."""
@@ -201,6 +219,15 @@ class Kortex:
     def allow(self, number: int) -> None:
         """Remove one of them."""
         self._link.call(calls.DELETE_PROTECTION_ZONE, Handle(identifier=number))
+
+    def _soft_limits(self, mode: ControlMode) -> KinematicLimits:
+        return self._link.call(calls.GET_KINEMATIC_SOFT_LIMITS, ControlModeInformation(control_mode=mode))
+
+    def _limit(self, mode: ControlMode, linear_m_s: float, angular_deg_s: float) -> None:
+        linear = TwistLinearSoftLimit(control_mode=mode, twist_linear_soft_limit=linear_m_s)
+        self._link.call(calls.SET_TWIST_LINEAR_SOFT_LIMIT, linear)
+        turning = TwistAngularSoftLimit(control_mode=mode, twist_angular_soft_limit=angular_deg_s)
+        self._link.call(calls.SET_TWIST_ANGULAR_SOFT_LIMIT, turning)
 
     def _grip(self, mode: GripperMode, value: float) -> None:
         gripper = Gripper(finger=(Finger(finger_identifier=1, value=value),))

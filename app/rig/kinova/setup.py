@@ -1,4 +1,4 @@
-"""Messages about how the arm is set up: what it is, its soft limits, and where it may not go.
+"""Messages about how the arm is set up: what it is and holds, its soft limits, and where it may not go.
 
 Field numbers: Kinovarobotics/ros_kortex, kortex_driver/protos (`Base.proto`, `ControlConfig.proto`,
 `ProductConfiguration.proto`).
@@ -7,6 +7,7 @@ Field numbers: Kinovarobotics/ros_kortex, kortex_driver/protos (`Base.proto`, `C
 from dataclasses import dataclass
 from typing import Annotated, final
 
+from app.rig.kinova.messages import Pose
 from app.rig.kinova.protobuf import Field
 from app.rig.kinova.session import Handle
 
@@ -144,3 +145,32 @@ class ControlModeInformation:
     """A `ControlMode`."""
 
     control_mode: Annotated[int, Field(1, "uint32")] = 0
+
+
+@final
+@dataclass(frozen=True, kw_only=True)
+class ToolConfiguration:
+    """Where the tool's frame is in that of the flange, and what the tool weighs [kg], without what it holds."""
+
+    tool_transform: Annotated[Pose | None, Field(1, "message")] = None
+    tool_mass: Annotated[float, Field(2, "float")] = 0.0
+    tool_mass_center: Annotated[Point | None, Field(3, "message")] = None
+
+
+@final
+@dataclass(frozen=True, kw_only=True)
+class PayloadInformation:
+    """What the tool holds [kg]."""
+
+    payload_mass: Annotated[float, Field(1, "float")] = 0.0
+    payload_mass_center: Annotated[Point | None, Field(2, "message")] = None
+
+
+@final
+@dataclass(frozen=True, kw_only=True)
+class GravityVector:
+    """Which way things fall [m/s^2] in the base's frame: straight down where the arm stands upright."""
+
+    x: Annotated[float, Field(1, "float")] = 0.0
+    y: Annotated[float, Field(2, "float")] = 0.0
+    z: Annotated[float, Field(3, "float")] = 0.0

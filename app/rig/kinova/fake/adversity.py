@@ -14,7 +14,8 @@ class Adversity:
     end and is reported as complete (ros_kortex #116); `foreign`: another session has control (#144); `thinks_s`: a
     trajectory is computed for so long before it begins (#258); `object_at`: the fingers meet something when closed
     so far, of 1; `force_n`: something pushes at the tool, upwards; `stuck`: the joints do not move, whatever they
-    are told.
+    are told; `tip_m`, `turn_deg`, `payload_kg`, `gravity_z`: what the arm says is configured, whatever it holds and
+    however it stands; `denies`: the call of this name is refused, for want of a right to it.
     """
 
     delay_s: float = 0.0
@@ -26,3 +27,8 @@ class Adversity:
     object_at: float = 1.0
     force_n: float = 0.0
     stuck: bool = False
+    tip_m: float = 0.120
+    turn_deg: float = 0.0
+    payload_kg: float = 0.0
+    gravity_z: float = -9.81
+    denies: str = ""

@@ -46,10 +46,14 @@ from app.rig.kinova.setup import (
     ActuatorInformation,
     ControlModeInformation,
     FirmwareVersions,
+    GravityVector,
     KinematicLimits,
+    PayloadInformation,
+    Point,
     ProductConfiguration,
     ProtectionZone,
     ProtectionZoneList,
+    ToolConfiguration,
     TwistAngularSoftLimit,
     TwistLinearSoftLimit,
 )
@@ -59,7 +63,7 @@ _AnyCall: TypeAlias = Call[Any, Any]
 _Handler: TypeAlias = Callable[[Any, int], object]
 
 SERVER_ERROR, DEVICE_ERROR = 1, 3
-UNKNOWN_SERVICE, UNKNOWN_METHOD, UNREADABLE = 4, 5, 13
+UNKNOWN_SERVICE, UNKNOWN_METHOD, UNREADABLE, NOT_PERMITTED = 4, 5, 13, 54
 """Errors and sub errors of `Errors.proto`."""
 MOTIONS = {
     "ExecuteAction",
@@ -167,6 +171,8 @@ class Firmware:
             return _failed(frame, SERVER_ERROR, UNREADABLE, str(error))
         refused = 0
         try:
+            if call.name == self.arm.adversity.denies:
+                raise Denied(NOT_PERMITTED)
             return _reply(frame, handler(asked, session.number) or Empty())
         except Denied as denied:
             refused = denied.sub_code
@@ -211,6 +217,12 @@ class Firmware:
             (calls.COMPUTE_INVERSE_KINEMATICS, lambda asked, _: _inverse(asked)),
             (calls.VALIDATE_WAYPOINT_LIST, lambda asked, _: self._validate(asked)),
             (calls.REFRESH_FEEDBACK, lambda _, __: feedback(arm)),
+            (calls.GET_GRAVITY_VECTOR, lambda _, __: GravityVector(z=arm.adversity.gravity_z)),
+            (
+                calls.GET_PAYLOAD_INFORMATION,
+                lambda _, __: PayloadInformation(payload_mass=arm.adversity.payload_kg),
+            ),
+            (calls.GET_TOOL_CONFIGURATION, lambda _, __: self._tool()),
             (calls.SET_TWIST_LINEAR_SOFT_LIMIT, lambda asked, _: self._limit_linear(asked)),
             (calls.SET_TWIST_ANGULAR_SOFT_LIMIT, lambda asked, _: self._limit_angular(asked)),
             (calls.GET_KINEMATIC_HARD_LIMITS, lambda _, __: _limits(gen3.LINEAR_M_S, gen3.ANGULAR_DEG_S, 0)),
@@ -256,6 +268,11 @@ class Firmware:
     def _delete_zone(self, number: int) -> None:
         if self.arm.zones.pop(number, None) is None:
             raise Denied(NOT_FOUND)
+
+    def _tool(self) -> ToolConfiguration:
+        """A gripper as it is delivered; its mass is that of Robotiq's manual."""
+        frame = Pose(z=self.arm.adversity.tip_m, theta_z=self.arm.adversity.turn_deg)
+        return ToolConfiguration(tool_transform=frame, tool_mass=0.925, tool_mass_center=Point(z=0.058))
 
     def _limit_linear(self, asked: TwistLinearSoftLimit) -> None:
         mode = _mode(asked.control_mode)
