@@ -18,8 +18,9 @@ from app.core.stage import Stage
 @final
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Wanted:
-    """What a cell is opened for. `file` describes a real one; `board`: the gripper holds one, to calibrate cameras by.
+    """What a cell is opened for. `board`: the gripper holds one, to calibrate cameras by.
 
+    `file` describes a real one, and is the recording that a replayed one shows.
     In a simulated one the stage's object lies at `start (K, 3)` [m], and `seed` is that of the cameras' noise.
     """
 
@@ -37,16 +38,23 @@ Open: TypeAlias = Callable[[Wanted], AbstractAsyncContextManager[Rig]]
 @final
 @dataclass(frozen=True, kw_only=True)
 class Cell:
-    """A cell by its name. `simulated`: nothing real can move; `narrowed`: the site with what its file says, if any."""
+    """A cell by its name. `simulated`: nothing real can move; `narrowed`: the site with what its file says, if any.
+
+    `answers`: what the arm does shows in what the cameras see; where it does not, there is nothing to learn from it.
+    """
 
     name: str
     simulated: bool
     open: Open
     narrowed: Callable[[Site, Path | None], Site]
+    answers: bool = True
 
 
 def as_it_is(site: Site, file: Path | None) -> Site:
-    """The site of a cell that no file describes. Raises UsageError where one is given."""
+    """The site of a cell that needs no file. Raises UsageError where one is given."""
     if file is not None:
-        raise UsageError(f"--cell {file} describes a real cell; choose one with --rig as well, or leave it out.")
+        raise UsageError(
+            f"--cell {file} is for a real cell (--rig gen3) or a recorded one (--rig replayed); choose one of them as "
+            "well, or leave it out."
+        )
     return site

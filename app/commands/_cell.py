@@ -6,10 +6,11 @@ from contextlib import AsyncExitStack, asynccontextmanager
 from anyio import to_thread
 
 from app import cells
-from app.cells.base import Wanted
+from app.cells.base import Cell, Wanted
 from app.core.ports import Rig
 from app.teleop import Pilot
 from app.ui.console import Console, open_console
+from app.ui.page import Cell as Behind
 from app.ui.terminal import Output
 from app.ui.tls import Tls
 
@@ -29,7 +30,7 @@ async def cell(
                     host=site.console_host,
                     port=site.console_port,
                     title=title,
-                    cell="simulated" if rig.simulated else "real",
+                    cell=_behind(chosen, rig),
                     stop=rig.arm.stop,
                     limits=site.limits,
                     tls=tls,
@@ -38,3 +39,10 @@ async def cell(
                 )
             )
         yield rig, console
+
+
+def _behind(cell: Cell, rig: Rig) -> Behind:
+    """What the console's banner says of the cell."""
+    if not rig.simulated:
+        return "real"
+    return "simulated" if cell.answers else "replayed"

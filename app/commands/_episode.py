@@ -82,10 +82,11 @@ class Options:
     segmenter: Path | None = None
     """an ONNX file that finds the object, instead of its colour (docs/perception.md says what it has to be)"""
     rig: str = "simulated"
-    """which cell: simulated; rehearsal, the same through a Kinova's protocol and the SDK of its cameras; gen3, a real
-    one, which --cell describes"""
+    """which cell: simulated; rehearsal, the same through a Kinova's protocol and the SDK of its cameras; replayed, the
+    images of the recording that --cell names, with a simulated arm; gen3, a real one, which --cell describes"""
     cell: Path | None = None
-    """a TOML file of a real cell: arm, cameras and limits (docs/real-cell.md)"""
+    """a TOML file of a real cell: arm, cameras and limits (docs/real-cell.md); or the .mcap file that --rig replayed
+    shows"""
     depth: bool = True
     """use the cameras' depth; without, the object's shape is what its outlines leave"""
     speed: float = Limits().speed_m_s
@@ -282,7 +283,8 @@ async def _run(
         planner=planner,
         recording=recorder.path,
         studio=recorder,
-        shelf=CalibrationFile(),
+        # What was recorded does not say where a camera stands now.
+        shelf=CalibrationFile() if wish.answering else None,
     )
     try:
         return await flow.run(), None
@@ -294,7 +296,7 @@ def _wish(task: Task, order: Order, preset: str, method: Method) -> Wish:
     """Reads the goal and the model from their files where the order names some."""
     now_s = time.monotonic()
     particle_count = task.preset(preset).particle_count
-    options = order.options
+    options, answers = order.options, load_cell(order.options.rig).answers
     if options.goal:
         workspace = options.site().limits.workspace
         name, points = f"The goal {options.goal}", read_goal(options.goal)
@@ -310,9 +312,10 @@ def _wish(task: Task, order: Order, preset: str, method: Method) -> Wish:
         seed=options.seed,
         pushes=options.pushes,
         automatic=order.automatic,
-        calibrating=options.calibrate and method.calibrated and method.following,
+        calibrating=options.calibrate and method.calibrated and method.following and answers,
         method=method,
         staying=not order.automatic,
+        answering=answers,
     )
 
 

@@ -237,7 +237,7 @@ class Flow:
                 self.modes.set("idle", "something failed; see the messages, then choose a mode")
         self.reporting.do("finishing the calibration")
         with anyio.move_on_after(_LAST_CALIBRATION_S):
-            while self.learning.done < self.learning.put_in or self.watching.seen < self.summary.pushes:
+            while self.learning.done < self.learning.put_in or self.watching.seen < self.watching.put_in:
                 await self.clock.sleep(self.site.timing.health_period_s)
         self.reporting.do("done")
 
@@ -316,7 +316,7 @@ class Flow:
         self.planning.forget()
         self.holding.heed(executed)
         before = self.sensing.before(executed.times_s[0])
-        if before and executed.outcome == "completed":
+        if self.wish.answering and before and executed.outcome == "completed":
             self.reporting.do("looking at what was done by hand")
             after = self._observed = await self._look()
             transition = self.say(Transition.between(before, executed, after, time_s=self.clock.now()))
@@ -379,9 +379,11 @@ class Flow:
     async def _learn(
         self, proposal: Proposal, before: Particles, executed: Executed, after: Particles, goal: Points
     ) -> None:
-        """Score the push towards the goal that it was planned for, and hand the transition to the calibrator."""
+        """Score the push towards the goal that it was planned for; hand on the transition, where there can be one."""
         now_s = self.clock.now()
         self.say(self.summary.scored(proposal, before, executed, after, goal, now_s=now_s))
+        if not self.wish.answering:
+            return
         transition = self.say(Transition.between(before, executed, after, time_s=self.clock.now()))
         self.demonstrating.learned(transition)
         await self.watching.put(Push(proposal, transition, self.learning.models.value))

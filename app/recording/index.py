@@ -2,17 +2,22 @@
 
 import io
 from collections.abc import Mapping, Sequence
-from typing import IO, TypeAlias
+from typing import IO, Final, TypeAlias
 
 from mcap.data_stream import ReadDataStream
 from mcap.reader import McapReader
 from mcap.records import ChunkIndex, MessageIndex
 from mcap.summary import Summary
 
+from app.core.messages import Frame
+from app.recording.channels import TOPICS, color_topic
+
 Times: TypeAlias = Mapping[str, Sequence[int]]
 """Log times [ns] by topic, in order."""
 
-_RECORD_HEAD_BYTES = 1 + 8
+_BEFORE, _AFTER = color_topic("\n").split("\n")
+"""What stands around a camera's name in the channel of its colours."""
+_RECORD_HEAD_BYTES: Final = 1 + 8
 """Kind and length stand before what a record holds (https://mcap.dev/spec)."""
 
 
@@ -28,6 +33,16 @@ def log_times(reader: McapReader, stream: IO[bytes]) -> Times:
     for chunk in sorted(summary.chunk_indexes, key=lambda chunk: chunk.chunk_start_offset):
         _add_chunk(times, chunk, summary, stream)
     return times if any(times.values()) else _read_through(reader)
+
+
+def frame_times(times: Times) -> Times:
+    """The log times of each camera's frames, by its name: a frame has its colours at its own time on their channel."""
+    framed = set(times.get(TOPICS[Frame], ()))
+    coloured = {topic: each for topic, each in times.items() if topic.startswith(_BEFORE) and topic.endswith(_AFTER)}
+    return {
+        topic.removeprefix(_BEFORE).removesuffix(_AFTER): [time for time in each if time in framed]
+        for topic, each in coloured.items()
+    }
 
 
 def _add_chunk(times: dict[str, list[int]], chunk: ChunkIndex, summary: Summary, stream: IO[bytes]) -> None:

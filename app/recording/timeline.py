@@ -32,7 +32,7 @@ from app.core.messages import (
 from app.core.requests import GoalRequest, PictureGoalRequest
 from app.core.seeing import Seen
 from app.recording.channels import KINDS, TOPICS
-from app.recording.index import Times, log_times
+from app.recording.index import Times, frame_times, log_times
 from app.recording.integrity import DAMAGE, damaged, inspect, reading, version_of
 from app.recording.marks import Mark, marks_of
 from app.recording.reader import Logged, logged_messages
@@ -55,7 +55,6 @@ NEWEST: Final = (
 
 _HISTORY: Final = tuple(kind for kind in TOPICS if kind not in NEWEST)
 _NS: Final = 1_000_000_000
-_COLOUR_TOPIC: Final = ("/camera/", "/color")
 
 
 @contextmanager
@@ -119,7 +118,7 @@ class Timeline:
         self._first_ns, last_ns = span_ns
         self._offset_ns = offset_ns
         self._history_ns = [logged.log_time_ns for logged in history]
-        self._frames_ns = _by_camera(times)
+        self._frames_ns = list(frame_times(times).values())
         self._reading = threading.Lock()
         self.duration_s = (last_ns - self._first_ns) / _NS
         self.marks: tuple[Mark, ...] = tuple(marks_of(times, history, self._first_ns))
@@ -203,11 +202,3 @@ class Timeline:
                 return list(logged_messages(self._reader, kinds, self._version, first_ns=first_ns, last_ns=last_ns))
             except DAMAGE as error:
                 raise damaged(self.path, error) from error
-
-
-def _by_camera(times: Times) -> list[Sequence[int]]:
-    """The log times of each camera's frames; a frame has its colours at the same time on a channel of its camera."""
-    framed = set(times.get(TOPICS[Frame], ()))
-    begin, end = _COLOUR_TOPIC
-    coloured = [times[topic] for topic in times if topic.startswith(begin) and topic.endswith(end)]
-    return [[time for time in each if time in framed] for each in coloured]

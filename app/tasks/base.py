@@ -201,7 +201,8 @@ class Wish:
     `goal` is in the true world frame; `shown_goal` is where cameras that err will show an object that is there, and
     None where they do not. `asked`: a push to offer before anything is planned; `verdict`: what a discovery concluded.
     `staying`: the program goes on when the goal is reached, the `pushes` are made or something fails, until somebody
-    ends it: it waits then to be told what to do next.
+    ends it: it waits then to be told what to do next. `answering`: what the cameras see answers to what the arm does;
+    where it does not, as in a recording, nothing is learned from it.
     """
 
     task: Task
@@ -217,6 +218,7 @@ class Wish:
     asked: Motion | None = None
     verdict: Verdict | None = None
     staying: bool = False
+    answering: bool = True
 
     @property
     def target(self) -> Points:

@@ -36,11 +36,13 @@ ENTERING: Final = """<!doctype html><meta charset="utf-8"><title>dipac</title>
 <script>location.replace("/")</script><a href="/">Open the console</a>"""
 
 
-Cell: TypeAlias = Literal["simulated", "real", "replay"]
-"""What is behind the console: an arm that moves in a simulation alone, a real one, or a recording."""
+Cell: TypeAlias = Literal["simulated", "replayed", "real", "replay"]
+"""What is behind the console: an arm that moves in a simulation alone, seen by simulated cameras or by recorded ones
+that do not see it; a real one; or a recording and nothing else."""
 
 _BANNERS: Final[Mapping[Cell, tuple[str, str]]] = {
     "simulated": ("SIMULATED", "nothing real moves"),
+    "replayed": ("RECORDED IMAGES", "a simulated arm, which they do not show: nothing answers to it"),
     "real": ("REAL ARM", "keep a hand on the hardware stop"),
     "replay": ("REPLAY", "a recording: nothing moves"),
 }

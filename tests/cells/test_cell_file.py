@@ -87,7 +87,7 @@ def test_a_real_cell_needs_a_file_and_a_simulated_one_none(tmp_path: Path) -> No
 
 
 def test_an_unknown_rig_is_answered_with_those_there_are() -> None:
-    assert cells.names() == ["gen3", "rehearsal", "simulated"]
+    assert cells.names() == ["gen3", "rehearsal", "replayed", "simulated"]
     with pytest.raises(UsageError, match="Did you mean 'rehearsal'"):
         cells.load("rehersal")
 

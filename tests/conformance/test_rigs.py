@@ -8,6 +8,7 @@ import dataclasses
 import time
 from collections.abc import AsyncIterator, Awaitable, Callable
 from contextlib import AbstractAsyncContextManager
+from pathlib import Path
 
 import anyio
 import numpy as np
@@ -18,10 +19,12 @@ from app.cells.base import Cell, Wanted
 from app.config import Site
 from app.core.errors import DeviceError, MotionRefused
 from app.core.jog import Jog
-from app.core.messages import ArmMode, Executed
+from app.core.messages import ArmMode, Episode, Executed, fresh_id
 from app.core.motion import Motion
 from app.core.ports import Arm, Rig
 from app.core.stage import Stage
+from app.recording.preflight import Room
+from app.recording.writer import open_recording
 from tests.rig.scene import FINGER, PUSH_Z, ROPE, approved, push, straight_rope
 
 # A low travel height and a short way between motions keep this file quick.
@@ -31,8 +34,32 @@ LONG = push((0.40, -0.25), (0.40, 0.25), 0.25)
 pytestmark = pytest.mark.anyio
 
 
-def opened(cell: Cell) -> AbstractAsyncContextManager[Rig]:
-    return cell.open(Wanted(stage=Stage(body=ROPE, tool=FINGER), start=straight_rope(0.6), site=SITE, seed=0))
+WANTED = Wanted(stage=Stage(body=ROPE, tool=FINGER), start=straight_rope(0.6), site=SITE, seed=0)
+LOOKS = 3
+
+
+async def recorded(folder: Path) -> Path:
+    """What the cameras of the simulated cell see in its first seconds, as the product records it."""
+    simulated = cells.load("simulated").open(WANTED)
+    episode = Episode(
+        id=fresh_id("episode"),
+        time_s=time.monotonic(),
+        task="rope_push",
+        rig="simulated",
+        seed=0,
+        simulated=True,
+        code_version="test",
+        config="{}",
+    )
+    async with simulated as rig, open_recording(folder, episode, Room()) as recorder:
+        for _ in range(LOOKS):
+            for camera in rig.cameras:
+                await recorder.write(await camera.read())
+    return recorder.path
+
+
+def opened(cell: Cell, file: Path | None) -> AbstractAsyncContextManager[Rig]:
+    return cell.open(dataclasses.replace(WANTED, file=file))
 
 
 CELLS = [cell for cell in map(cells.load, cells.names()) if cell.simulated]
@@ -52,8 +79,12 @@ QUICK = {"simulated"}
     scope="module",
     params=[pytest.param(cell, id=cell.name, marks=[] if cell.name in QUICK else pytest.mark.slow) for cell in CELLS],
 )
-async def rig(request: pytest.FixtureRequest, anyio_backend: str) -> AsyncIterator[Rig]:
-    async with opened(request.param) as rig:
+async def rig(
+    request: pytest.FixtureRequest, anyio_backend: str, tmp_path_factory: pytest.TempPathFactory
+) -> AsyncIterator[Rig]:
+    cell: Cell = request.param
+    file = await recorded(tmp_path_factory.mktemp("cell")) if cell.name == "replayed" else None
+    async with opened(cell, file) as rig:
         yield rig
 
 

@@ -8,8 +8,9 @@ import numpy as np
 import pytest
 
 from app.core.approval import Approved
+from app.core.doubt import Watched
 from app.core.errors import DeviceError, MotionRefused, PlanningError, WorkerError
-from app.core.messages import ArmState, Executed, Fault, Health, Notice, Proposal
+from app.core.messages import ArmState, Executed, Fault, Health, Notice, Outcome, Proposal, Transition
 from app.tasks.curves import fill_tube
 from tests.flow.cell import Run, for_a_while, narrower, running, small_site, small_wish, some, withdrawn
 from tests.flow.planner import Habits
@@ -91,6 +92,15 @@ async def test_an_automatic_run_makes_its_pushes_and_records_everything_it_shows
         assert run.flow.summary.pushes == 2
         assert run.log.messages == run.person.seen
         assert run.flow.summary.said == len(run.log.messages)
+
+
+async def test_where_what_is_seen_does_not_answer_a_push_is_scored_and_nothing_learned(tmp_path: Path) -> None:
+    wish = replace(small_wish(pushes=1, automatic=True), answering=False)
+    async with running(small_site(tmp_path), wish) as run:
+        assert await run.end() is None
+        assert len(run.person.all(Outcome)) == run.flow.summary.pushes == 1
+        assert not some(Transition, run.person.seen)
+        assert not some(Watched, run.person.seen)
 
 
 async def test_an_automatic_run_that_was_stopped_ends_where_nobody_resumes(

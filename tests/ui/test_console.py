@@ -23,7 +23,7 @@ from app.ui import Console, open_console
 from app.ui.access import Access
 from app.ui.backstage import PROXY_HEADER, Backstage
 from app.ui.hand import Hand
-from app.ui.page import Page
+from app.ui.page import Cell, Page
 from app.ui.proxy import Proxy, listen
 from tests.ui import synthetic
 
@@ -51,14 +51,14 @@ class Opened:
 
 
 @asynccontextmanager
-async def opened(*, simulated: bool = True, hand: Hand | None = None) -> AsyncIterator[Opened]:
+async def opened(*, cell: Cell = "simulated", hand: Hand | None = None) -> AsyncIterator[Opened]:
     stopped = threading.Event()
     async with (
         open_console(
             host="127.0.0.1",
             port=0,
             title="dipac <test>",
-            cell="simulated" if simulated else "real",
+            cell=cell,
             stop=stopped.set,
             hand=hand,
         ) as console,
@@ -81,10 +81,19 @@ async def test_the_printed_url_opens_the_page_with_its_banner_and_leaves_no_toke
 
 
 async def test_a_real_arm_is_announced_as_one():
-    async with opened(simulated=False) as it, it.browser.get(it.origin) as reply:
+    async with opened(cell="real") as it, it.browser.get(it.origin) as reply:
         page = await reply.text()
         assert "REAL ARM" in page
         assert "SIMULATED" not in page
+
+
+async def test_recorded_images_are_announced_as_such_and_stop_works():
+    async with opened(cell="replayed") as it:
+        async with it.browser.get(it.origin) as reply:
+            page = await reply.text()
+        assert "RECORDED IMAGES" in page
+        assert "SIMULATED" not in page
+        assert "disabled" not in page.split('id="dp-stop"')[1].split(">")[0]
 
 
 async def test_the_cookie_is_out_of_reach_for_scripts_and_other_sites():

@@ -1,0 +1,98 @@
+"""A recording as a cell: its cameras show again what they saw, and a simulated arm does what it is told.
+
+What is seen was recorded and does not answer to what the arm does: to try a goal, a model, a segmenter or a planner on
+what cameras really saw, where nothing can move.
+"""
+
+from collections.abc import AsyncGenerator, Sequence
+from contextlib import asynccontextmanager
+from pathlib import Path
+from typing import Final, final
+
+from anyio import to_thread
+
+from app.arm.process_arm import ProcessArm
+from app.cells.base import Cell, Wanted
+from app.config import Site
+from app.core.errors import RecordingError, UsageError
+from app.core.ports import Arm, Camera
+from app.recording.film import Film, read_film
+from app.rig.replayed.camera import ReplayedCamera
+from app.rig.replayed.cameras import replayed_cameras
+from app.rig.simulated.arm import simulated_arm
+
+_NEEDED: Final = (
+    "--rig replayed needs --cell RECORDING.mcap, whose cameras' images it shows; `dipac recordings list` names those "
+    "there are."
+)
+
+
+@final
+class ReplayedRig:
+    """Recorded cameras, and an arm that they do not see."""
+
+    def __init__(self, arm: ProcessArm, cameras: Sequence[ReplayedCamera]) -> None:
+        self._arm, self._cameras = arm, cameras
+
+    @property
+    def name(self) -> str:
+        """For the log and the console."""
+        return "replayed"
+
+    @property
+    def simulated(self) -> bool:
+        """Nothing real can move."""
+        return True
+
+    @property
+    def shape(self) -> None:
+        """None: the arm in the images is not where this one is."""
+        return None
+
+    @property
+    def cameras(self) -> Sequence[Camera]:
+        """Those of the recording."""
+        return self._cameras
+
+    @property
+    def arm(self) -> Arm:
+        """The simulated arm, alone."""
+        return self._arm
+
+
+def _narrowed(site: Site, file: Path | None) -> Site:
+    """The site as it is. Raises UsageError where the file is no recording that can be shown."""
+    _film(file)
+    return site
+
+
+@asynccontextmanager
+async def _opened(wanted: Wanted) -> AsyncGenerator[ReplayedRig]:
+    """Raises UsageError where the file is no recording that can be shown, DeviceError where the arm does not start."""
+    if wanted.board:
+        raise UsageError("--board puts one into the simulated gripper, and no recorded image shows that; leave it out.")
+    film = await to_thread.run_sync(_film, wanted.file)
+    async with (
+        simulated_arm(wanted.stage, wanted.start, wanted.site) as arm,
+        replayed_cameras(film, wanted.site.timing) as cameras,
+    ):
+        yield ReplayedRig(arm, cameras)
+
+
+def _film(file: Path | None) -> Film:
+    """What the recording's cameras saw. Raises UsageError, which says why, where that is not enough."""
+    if file is None:
+        raise UsageError(_NEEDED)
+    try:
+        film = read_film(file)
+    except RecordingError as error:
+        raise UsageError(f"--rig replayed cannot show it: {error}") from None
+    if len(film.cameras) < 2:
+        raise UsageError(
+            f"{file} has one camera, {next(iter(film.cameras))!r}, and one alone does not see around an object; choose "
+            "a recording of two cameras or more."
+        )
+    return film
+
+
+CELL: Final = Cell(name="replayed", simulated=True, answers=False, open=_opened, narrowed=_narrowed)

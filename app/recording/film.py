@@ -1,0 +1,120 @@
+"""What the cameras of a recording saw together, frame by frame and never all at once."""
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Final, final
+
+import numpy as np
+from mcap.reader import McapReader, make_reader
+
+from app.core.camera import CameraModel
+from app.core.errors import RecordingError
+from app.core.messages import Frame
+from app.recording.index import Times, frame_times, log_times
+from app.recording.integrity import DAMAGE, damaged, inspect, reading, version_of
+from app.recording.reader import logged_messages
+
+_TOGETHER_NS: Final = 200_000_000
+"""Cameras whose images were logged within so long looked at the same moment."""
+_NS: Final = 1_000_000_000
+
+
+@final
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Film:
+    """The part of the recording `path` in which all its cameras looked: from `first_ns` to `last_ns`, by its log times.
+
+    `cameras`: by name, as they were calibrated; `unseen_s`: of each that went on looking after that, for how long.
+    """
+
+    path: Path
+    cameras: Mapping[str, CameraModel]
+    first_ns: int
+    last_ns: int
+    unseen_s: Mapping[str, float]
+    version: int
+
+
+def read_film(path: Path) -> Film:
+    """Find it; images are read of the first frame of each camera alone.
+
+    Raises as `read_messages`, and RecordingError where there is no moment that all cameras saw.
+    """
+    version = version_of(inspect(path))
+    with reading(path), path.open("rb") as stream:
+        try:
+            reader = make_reader(stream, validate_crcs=True)
+            times = {name: each for name, each in frame_times(log_times(reader, stream)).items() if each}
+            first_ns, last_ns = _span(path, times)
+            cameras = {name: _camera(path, reader, version, name, times[name][0]) for name in sorted(times)}
+        except DAMAGE as error:
+            raise damaged(path, error) from error
+    return Film(
+        path=path,
+        cameras=cameras,
+        first_ns=first_ns,
+        last_ns=last_ns,
+        unseen_s={name: (each[-1] - last_ns) / _NS for name, each in times.items() if each[-1] > last_ns},
+        version=version,
+    )
+
+
+def film_frames(film: Film) -> Iterator[Frame]:
+    """The frames in the order in which they were logged, each decoded as it is asked for.
+
+    Each is of the very `film.cameras`. Raises RecordingError where one is damaged, or of a camera that has changed.
+    """
+    with reading(film.path), film.path.open("rb") as stream:
+        try:
+            reader, span = make_reader(stream, validate_crcs=True), {"first_ns": film.first_ns, "last_ns": film.last_ns}
+            for logged in logged_messages(reader, (Frame,), film.version, **span):
+                if isinstance(logged.message, Frame):
+                    yield _of(film, logged.message)
+        except DAMAGE as error:
+            raise damaged(film.path, error) from error
+
+
+def _span(path: Path, times: Times) -> tuple[int, int]:
+    """The log times [ns] from which and until which all cameras looked. Raises RecordingError where there are none."""
+    if not times:
+        raise RecordingError(f"{path} holds no images, so there is nothing to see; `dipac recordings show {path}`.")
+    first_ns = max(each[0] for each in times.values()) - _TOGETHER_NS
+    last_ns = min(each[-1] for each in times.values()) + _TOGETHER_NS
+    if not all(any(first_ns <= time <= last_ns for time in each) for each in times.values()):
+        raise RecordingError(
+            f"There is no time in {path} at which all its cameras looked ({', '.join(sorted(times))}); record them "
+            "together."
+        )
+    return first_ns, last_ns
+
+
+def _camera(path: Path, reader: McapReader, version: int, name: str, log_time_ns: int) -> CameraModel:
+    """The camera of that name, which is in its first whole frame from then on. Raises RecordingError without any."""
+    for logged in logged_messages(reader, (Frame,), version, first_ns=log_time_ns):
+        if isinstance(logged.message, Frame) and logged.message.camera.name == name:
+            return logged.message.camera
+    raise RecordingError(
+        f"No image of camera {name!r} in {path} is whole; `dipac recordings check {path}` says what it lacks."
+    )
+
+
+def _of(film: Film, frame: Frame) -> Frame:
+    """The frame, of the film's own camera. Raises RecordingError where it is of another."""
+    said = frame.camera
+    known = film.cameras.get(said.name)
+    if known is None or not _same(known, said) or frame.depth.shape != (known.height, known.width):
+        raise RecordingError(
+            f"Camera {said.name!r} is another one later in {film.path}, and a rig's cameras do not change; "
+            "use a recording of one cell."
+        )
+    return replace(frame, camera=known)
+
+
+def _same(one: CameraModel, other: CameraModel) -> bool:
+    """Whether they see the same of the same."""
+    return (
+        (one.width, one.height, one.depth_unit_m) == (other.width, other.height, other.depth_unit_m)
+        and np.array_equal(one.K, other.K)
+        and np.array_equal(one.T_world_camera, other.T_world_camera)
+    )

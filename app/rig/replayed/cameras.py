@@ -1,0 +1,39 @@
+"""The cameras of a recording, opened together."""
+
+from collections.abc import AsyncGenerator
+from contextlib import asynccontextmanager
+from typing import Final
+
+import anyio
+from anyio import to_thread
+
+from app.config import Timing
+from app.recording.film import Film
+from app.rig.replayed.camera import ReplayedCamera
+from app.rig.replayed.projector import Projector
+
+_MUCH_S: Final = 2.0
+"""Of what some camera saw and nobody is shown, that is worth a word."""
+
+
+@asynccontextmanager
+async def replayed_cameras(film: Film, timing: Timing) -> AsyncGenerator[list[ReplayedCamera]]:
+    """What they saw, at its recorded pace, from the beginning as soon as they are open, and over and over."""
+    projector = Projector(film)
+    await to_thread.run_sync(projector.start)
+    try:
+        yield [
+            ReplayedCamera(model, projector, words=_left_out(film, name), timeout_s=timing.camera_timeout_s)
+            for name, model in film.cameras.items()
+        ]
+    finally:
+        with anyio.CancelScope(shield=True):
+            await to_thread.run_sync(projector.end)
+
+
+def _left_out(film: Film, camera: str) -> str:
+    """That the camera saw more than is shown, in words; empty where that is little."""
+    unseen_s = film.unseen_s.get(camera, 0.0)
+    if unseen_s < _MUCH_S:
+        return ""
+    return f"the last {unseen_s:.0f} s of its recording are not shown, because another camera had ended"

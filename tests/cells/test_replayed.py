@@ -1,0 +1,74 @@
+"""A recording as a cell: what is wrong with one is said, the arm obeys, and what is seen does not answer to it."""
+
+from dataclasses import replace
+from pathlib import Path
+
+import anyio
+import numpy as np
+import pytest
+
+from app import cells
+from app.cells.base import Wanted
+from app.config import Site
+from app.core.errors import UsageError
+from app.core.stage import Stage
+from tests.recording.films import filmed, frames
+from tests.recording.samples import Maker
+from tests.rig.scene import FINGER, ROPE, approved, push, straight_rope
+
+REPLAYED = cells.load("replayed")
+WANTED = Wanted(stage=Stage(body=ROPE, tool=FINGER), start=straight_rope(), site=Site(), seed=0)
+
+
+def recorded(folder: Path, *cameras: str) -> Path:
+    make = Maker(seed=6)
+    return filmed(folder / f"cell{len(cameras)}.mcap", frames({name: [0.0, 0.3] for name in cameras}, make), make)
+
+
+def test_its_site_is_as_it_is_and_it_needs_a_recording(tmp_path: Path) -> None:
+    assert REPLAYED.narrowed(Site(), recorded(tmp_path, "left", "right")) == Site()
+    with pytest.raises(UsageError, match=r"--cell RECORDING\.mcap"):
+        REPLAYED.narrowed(Site(), None)
+
+
+def test_a_file_that_cannot_be_shown_is_refused_with_the_reason(tmp_path: Path) -> None:
+    text = tmp_path / "text.mcap"
+    text.write_text("not a recording")
+    cut = tmp_path / "cut.mcap"
+    cut.write_bytes(recorded(tmp_path, "left", "right").read_bytes()[:-100])
+    reasons = {
+        tmp_path / "nowhere.mcap": "Unknown recording",
+        text: "not an MCAP file",
+        cut: "dipac recover",
+    }
+    for file, reason in reasons.items():
+        with pytest.raises(UsageError, match=reason):
+            REPLAYED.narrowed(Site(), file)
+    with pytest.raises(UsageError, match="holds no images"):
+        REPLAYED.narrowed(Site(), recorded(tmp_path))
+    with pytest.raises(UsageError, match="has one camera, 'left'"):
+        REPLAYED.narrowed(Site(), recorded(tmp_path, "left"))
+
+
+@pytest.mark.anyio
+async def test_its_arm_moves_and_its_cameras_go_on_showing_what_was_recorded(tmp_path: Path) -> None:
+    file = await anyio.to_thread.run_sync(recorded, tmp_path, "left", "right")
+    async with REPLAYED.open(replace(WANTED, file=file)) as rig:
+        assert rig.simulated
+        assert rig.name == "replayed"
+        assert not REPLAYED.answers
+        assert [camera.model.name for camera in rig.cameras] == ["left", "right"]
+        executed = await rig.arm.execute(approved(push((0.44, 0.0), (0.46, 0.0))))
+        assert executed.outcome == "completed", executed.reason
+        seen = [await rig.cameras[0].read() for _ in range(3)]
+        assert {int(frame.depth[0, 0]) for frame in seen} <= {1, 2}
+        assert seen[-1].time_s > executed.times_s[-1]
+        assert np.isfinite((await rig.arm.state()).joints).all()
+
+
+@pytest.mark.anyio
+async def test_no_recorded_gripper_holds_a_board(tmp_path: Path) -> None:
+    file = await anyio.to_thread.run_sync(recorded, tmp_path, "left", "right")
+    with pytest.raises(UsageError, match="--board"):
+        async with REPLAYED.open(replace(WANTED, file=file, board=True)):
+            pass

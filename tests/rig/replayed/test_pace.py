@@ -1,0 +1,55 @@
+"""A film is shown as fast as it was taken, on the clock of now; never early, and never old."""
+
+import itertools
+
+import pytest
+
+from app.rig.replayed.pace import CUT_S, LONGEST_S, Pace
+
+RECORDED_S = [7.0, 7.01, 7.5, 7.52, 8.1]
+
+
+def dues(pace: Pace, recorded_s: list[float], now_s: float) -> list[float]:
+    """When each is due where it is read as soon as the one before was shown."""
+    found = list[float]()
+    pace.begin()
+    for each in recorded_s:
+        found.append(pace.due_s(each, now_s))
+        now_s = max(now_s, found[-1])
+    return found
+
+
+def steps(times_s: list[float]) -> list[float]:
+    return [after - before for before, after in itertools.pairwise(times_s)]
+
+
+def test_frames_are_as_far_apart_as_they_were_and_the_first_is_now() -> None:
+    found = dues(Pace(), RECORDED_S, 100.0)
+    assert found[0] == pytest.approx(100.0)
+    assert steps(found) == pytest.approx(steps(RECORDED_S))
+
+
+def test_the_next_round_begins_a_moment_after_the_end() -> None:
+    pace = Pace()
+    first = dues(pace, RECORDED_S, 100.0)
+    second = dues(pace, RECORDED_S, first[-1])
+    assert second[0] == pytest.approx(first[-1] + CUT_S)
+    assert steps(second) == pytest.approx(steps(RECORDED_S))
+
+
+def test_a_time_in_which_nobody_looked_is_cut_short() -> None:
+    gap = [7.0, 7.5, 7.5 + 5 * LONGEST_S, 8.0 + 5 * LONGEST_S]
+    assert steps(dues(Pace(), gap, 100.0)) == pytest.approx([0.5, CUT_S, 0.5])
+
+
+def test_a_clock_that_was_set_back_is_a_cut_too() -> None:
+    assert steps(dues(Pace(), [7.0, 7.5, 2.0, 2.5], 100.0)) == pytest.approx([0.5, CUT_S, 0.5])
+
+
+def test_who_is_late_goes_on_from_there_at_the_same_pace() -> None:
+    pace = Pace()
+    pace.begin()
+    assert pace.due_s(7.0, 100.0) == pytest.approx(100.0)
+    assert pace.due_s(7.5, 100.6) == pytest.approx(100.5), "a little late is caught up with"
+    assert pace.due_s(8.0, 103.0) == pytest.approx(103.0)
+    assert pace.due_s(8.5, 103.1) == pytest.approx(103.5)
