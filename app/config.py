@@ -67,6 +67,8 @@ class Limits:
     """The stroke of the two-finger gripper (Robotiq 2F-85)."""
     force_n: float = 60.0
     """Of the tool against what it meets, where the arm measures that: beyond it the arm stops."""
+    gripper_ma: float | None = None
+    """Of current of the gripper's motor, where the arm measures that: beyond it the fingers close no further."""
     workspace: Workspace = field(default_factory=Workspace)
     keep_out: tuple[KeepOut, ...] = ()
 

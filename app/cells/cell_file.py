@@ -41,6 +41,7 @@ class Within(_Entry, frozen=True):
     acceleration_m_s2: Annotated[float, msgspec.Meta(gt=0, le=_MOST.acceleration_m_s2)] = 0.5
     angular_speed_rad_s: Annotated[float, msgspec.Meta(gt=0, le=_MOST.angular_speed_rad_s)] = 0.5
     force_n: Annotated[float, msgspec.Meta(gt=0, le=_MOST.force_n)] = 30.0
+    gripper_ma: Annotated[float, msgspec.Meta(gt=0, le=2550.0)] | None = None
 
 
 class ToolEntry(_Entry, frozen=True):
@@ -109,6 +110,7 @@ def limits(cell: CellFile) -> Limits:
         acceleration_m_s2=said.acceleration_m_s2,
         angular_speed_rad_s=said.angular_speed_rad_s,
         force_n=said.force_n,
+        gripper_ma=said.gripper_ma,
         workspace=Workspace(low=said.workspace.low, high=said.workspace.high),
         keep_out=tuple(KeepOut(name=each.name, low=each.low, high=each.high) for each in said.keep_out),
     )

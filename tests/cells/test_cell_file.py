@@ -32,6 +32,7 @@ def test_the_file_on_the_page_is_one(tmp_path: Path) -> None:
         acceleration_m_s2=0.5,
         angular_speed_rad_s=0.5,
         force_n=30.0,
+        gripper_ma=300.0,
         workspace=Workspace(low=(0.30, -0.30, 0.02), high=(0.70, 0.30, 0.40)),
         keep_out=(KeepOut(name="camera stand", low=(0.60, 0.22, 0.0), high=(0.75, 0.35, 0.40)),),
     )
@@ -53,6 +54,7 @@ def test_the_file_on_the_page_is_one(tmp_path: Path) -> None:
         ('[[cameras]]\nname = "right"\nserial = "012345678902"', "", "1 cameras"),
         ("[arm]", "[arm", "describes no cell"),
         ("tip_m = 0.163", "tip_m = 163.0", "tip_m"),
+        ("gripper_ma = 300.0", "gripper_ma = 0.0", "gripper_ma"),
         ("turn_deg = 90.0", "turn_deg = nan", "turn_deg"),
     ],
 )

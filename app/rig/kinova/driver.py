@@ -19,6 +19,7 @@ from app.core.errors import DeviceError
 from app.rig.kinova.configured import Holds, OwnLimits, check
 from app.rig.kinova.errand import Errand, Superseded, made
 from app.rig.kinova.errors import LinkLost, NoAnswer, Refused
+from app.rig.kinova.grip import Grip
 from app.rig.kinova.kortex import Kortex
 from app.rig.kinova.legs import Stretch
 from app.rig.kinova.seen import Seen, seen
@@ -41,7 +42,7 @@ class Driver:
 
     def __init__(self, kortex: Kortex, site: Site, holds: Holds) -> None:
         self._kortex, self._site, self._holds = kortex, site, holds
-        self._own_limits = OwnLimits(kortex)
+        self._own_limits, self._grip = OwnLimits(kortex), Grip(kortex, site.limits.gripper_ma)
         self._seen: Seen | None = None
         self._over, self._stop, self._work = threading.Event(), threading.Event(), threading.Condition()
         self._errands = deque[tuple[int, Errand, _Body]]()
@@ -59,7 +60,7 @@ class Driver:
             self._let_go()
             raise
         self._pulse_s = time.monotonic()
-        bodies = (self._watch, self._live, self._command, self._halt)
+        bodies = (self._watch, self._live, self._command, self._halt, self._ease)
         self._threads = [threading.Thread(target=body, name=f"dipac{body.__name__}", daemon=True) for body in bodies]
         for thread in self._threads:
             thread.start()
@@ -81,6 +82,7 @@ class Driver:
         with self._work:
             self._work.notify_all()
         self._stop.set()
+        self._grip.end()
         for thread in self._threads:
             thread.join(_JOIN_S)
         self._let_go()
@@ -99,7 +101,7 @@ class Driver:
         """Have the arm check all of it, then go stretch by stretch."""
 
         def body(number: int, errand: Errand) -> None:
-            made(errand, self._kortex, stretches, self._current(number), lambda: self.seen)
+            made(errand, self._kortex, self._grip.close, stretches, self._current(number), lambda: self.seen)
 
         return self._send(body)
 
@@ -109,7 +111,7 @@ class Driver:
 
     def grip(self, closed: float) -> Errand:
         """Move the fingers: 0 open to 1 closed. The tool goes on with what it does."""
-        return self._send(lambda _number, _errand: self._kortex.grip(closed), ends_twist=False)
+        return self._send(lambda _number, _errand: self._grip.close(closed), ends_twist=False)
 
     def twist(self, linear: Float64[np.ndarray, "3"], angular: Float64[np.ndarray, "3"]) -> None:
         """Move like that from now on [m/s, rad/s], until another or `stop`; ended where nobody says so again soon."""
@@ -177,6 +179,8 @@ class Driver:
             except (LinkLost, Refused):
                 continue  # One datagram may be lost; of many the connection says so itself, see `_live`.
             self._seen = seen(said, time.monotonic(), self._site.limits.opening_m) or self._seen
+            if self._seen is not None:
+                self._grip.look(self._seen)
 
     def _live(self) -> None:
         """Keep the session alive while somebody controls, and connect again where it is lost."""
@@ -281,6 +285,10 @@ class Driver:
                 except (LinkLost, Refused):
                     break  # Lost, it stops by itself; in fault it does not move.
                 break
+
+    def _ease(self) -> None:
+        """Tell fingers that press too hard to stay."""
+        self._grip.watch(self._over)
 
     def _wait_for_stop(self) -> None:
         end = time.monotonic() + 1.0

@@ -43,21 +43,22 @@ class Errand:
 def made(
     errand: Errand,
     kortex: Kortex,
+    grip: Callable[[float], None],
     stretches: tuple[Stretch, ...],
     check: Callable[[], None],
     look: Callable[[], Seen],
 ) -> None:
-    """Have the arm check all ways, then make stretch by stretch; `check` raises Superseded once it shall not go on.
+    """Have the arm check all ways, then make stretch by stretch, the fingers by `grip`.
 
-    Raises MotionRefused, with nothing moved, where the arm would not go there; DeviceError where it breaks off, does
-    not come to an end, or is not where it says.
+    `check` raises Superseded once it shall not go on. Raises MotionRefused, with nothing moved, where the arm would not
+    go there; DeviceError where it breaks off, does not come to an end, or is not where it says.
     """
     if ways := [way for stretch in stretches for way in stretch.ways]:
         kortex.check(ways)
     for stretch in stretches:
         check()
         if stretch.closed is not None:
-            kortex.grip(stretch.closed)
+            grip(stretch.closed)
         if stretch.ways:
             _go(errand, kortex, stretch, check)
             _arrive(stretch.end, check, look)

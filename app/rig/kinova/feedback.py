@@ -1,4 +1,4 @@
-"""What the arm measures, as `BaseCyclic.RefreshFeedback` answers it: metres, degrees, newtons, amperes, volts, Celsius.
+"""What the arm measures, as `BaseCyclic.RefreshFeedback` answers it: metres, degrees, newtons, volts, Celsius.
 
 Field numbers: Kinovarobotics/ros_kortex, kortex_driver/protos (`BaseCyclic.proto`, `InterconnectCyclicMessage.proto`,
 `GripperCyclicMessage.proto`). The banks are bits; `words.py` says what each means.
@@ -74,7 +74,7 @@ class BaseFeedback:
 @final
 @dataclass(frozen=True, kw_only=True)
 class MotorFeedback:
-    """The motor of a gripper: `position` 0 open to 100 closed."""
+    """The motor of a gripper: `position` 0 open to 100 closed, its current in milliamperes."""
 
     motor_id: Annotated[int, Field(1, "fixed32")] = 0
     position: Annotated[float, Field(4, "float")] = 0.0

@@ -9,7 +9,7 @@ from scipy.spatial.transform import Rotation
 
 from app.core.types import ToolPose
 from app.rig.kinova.codes import ArmStateCode
-from app.rig.kinova.feedback import BaseFeedback, Feedback, GripperFeedback, InterconnectFeedback
+from app.rig.kinova.feedback import BaseFeedback, Feedback, GripperFeedback, InterconnectFeedback, MotorFeedback
 from app.rig.kinova.gen3 import Joints
 from app.rig.kinova.words import faults
 
@@ -27,7 +27,8 @@ _READY = (
 class Seen:
     """The arm at `time_s`, when this was received. `closed`: the fingers, 0 to 1; `faults`: sentences, or none.
 
-    `velocity` [m/s] and `force` [N] of the tool; `ready`: whether it takes commands.
+    `velocity` [m/s] and `force` [N] of the tool; `gripper_ma`: the current of the gripper's motor [mA];
+    `ready`: whether it takes commands.
     """
 
     time_s: float
@@ -36,6 +37,7 @@ class Seen:
     joints: Joints
     force: Float64[np.ndarray, "3"]
     closed: float
+    gripper_ma: float
     still: bool
     ready: bool
     faults: tuple[str, ...]
@@ -45,10 +47,11 @@ def seen(said: Feedback, time_s: float, opening_m: float) -> Seen | None:
     """What `said` means, for a gripper whose fingers open by `opening_m`; None where a number in it is none."""
     base, actuators = said.base or BaseFeedback(), said.actuators
     gripper = (said.interconnect or InterconnectFeedback()).gripper_feedback or GripperFeedback()
-    closed = min(max(gripper.motor[0].position / 100.0, 0.0), 1.0) if gripper.motor else 1.0
+    motor = gripper.motor[0] if gripper.motor else MotorFeedback(position=100.0)
+    closed = min(max(motor.position / 100.0, 0.0), 1.0)
     tool, velocity, force = _tool(base, (1.0 - closed) * opening_m), _velocity(base), _force(base)
     joints = np.radians([(each.position + 180.0) % 360.0 - 180.0 for each in actuators])
-    if len(joints) != 7 or not np.isfinite([*tool, *velocity, *force, *joints]).all():
+    if len(joints) != 7 or not np.isfinite([*tool, *velocity, *force, *joints, motor.current_motor]).all():
         return None
     fastest = max(abs(each.velocity) for each in actuators)
     return Seen(
@@ -58,6 +61,7 @@ def seen(said: Feedback, time_s: float, opening_m: float) -> Seen | None:
         joints=joints,
         force=force,
         closed=closed,
+        gripper_ma=motor.current_motor,
         still=float(np.linalg.norm(velocity)) < _STILL_M_S and fastest < _STILL_DEG_S,
         ready=base.active_state in _READY,
         faults=_faults(said),

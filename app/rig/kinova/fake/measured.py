@@ -55,6 +55,5 @@ def _actuators(arm: FakeArm) -> tuple[ActuatorFeedback, ...]:
 
 
 def _interconnect(arm: FakeArm) -> InterconnectFeedback:
-    # A motor that holds something draws more than one that stands.
-    motor = MotorFeedback(position=100.0 * arm.fingers.position, current_motor=0.5 if arm.fingers.holds else 0.02)
+    motor = MotorFeedback(position=100.0 * arm.fingers.position, current_motor=arm.fingers.current_ma)
     return InterconnectFeedback(gripper_feedback=GripperFeedback(motor=(motor,)))

@@ -81,7 +81,7 @@ class FakeProcess:
         return self._ask("commands")
 
     def look(self) -> dict[str, Any]:
-        """How it is in truth: `joints` [rad], `tool` [m], `fingers`, `moving`, `state`, `sessions`."""
+        """How it is in truth: `joints` [rad], `tool` [m], `fingers`, `current_ma`, `moving`, `state`, `sessions`."""
         return self._ask("look")
 
     def _ask(self, what: str, **values: object) -> Any:
@@ -149,6 +149,7 @@ def _look(firmware: Firmware) -> dict[str, object]:
         "joints": arm.joints.tolist(),
         "tool": gen3.tool(arm.joints)[:3, 3].tolist(),
         "fingers": arm.fingers.position,
+        "current_ma": arm.fingers.current_ma,
         "moving": arm.moving,
         "state": int(arm.state),
         "sessions": [session.number for session in firmware.sessions],
