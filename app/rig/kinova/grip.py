@@ -2,7 +2,7 @@
 
 The arm takes no limit of force for a Robotiq 2F-85: `GRIPPER_FORCE` is not implemented (`Base.proto`; ros_kortex #117),
 and the gripper's own limit cannot be reached through it (`force` of `GripperCyclicMessage.proto` is unused). It
-measures the current of the gripper's motor, which is what the gripper itself limits to limit its force (its instruction manual,
+measures the current of the gripper's motor, which is what the gripper itself limits to limit its force (its manual,
 register FORCE). So the fingers are watched here, and told to stay where they are when it has been too high for a while.
 """
 
