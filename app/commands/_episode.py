@@ -87,6 +87,8 @@ class Options:
     cell: Path | None = None
     """a TOML file of a real cell: arm, cameras and limits (docs/real-cell.md); or the .mcap file that --rig replayed
     shows"""
+    checklist: bool = False
+    """ask for the checklist before the first motion in a simulated cell, too; on a real arm it is always asked for"""
     depth: bool = True
     """use the cameras' depth; without, the object's shape is what its outlines leave"""
     speed: float = Limits().speed_m_s
@@ -139,13 +141,17 @@ class Options:
 @final
 @dataclass(frozen=True, kw_only=True)
 class Order:
-    """What the command line asked for. `case`: a folder that a discovery wrote; `board`: one is in the gripper."""
+    """What the command line asked for. `case`: a folder that a discovery wrote; `board`: one is in the gripper.
+
+    `allow_automatic`: on a real arm, too, somebody may let motions be made without approval.
+    """
 
     task: str
     options: Options
     automatic: bool
     case: Path | None = None
     board: bool = False
+    allow_automatic: bool = False
 
     @property
     def model(self) -> Path | None:
@@ -316,6 +322,8 @@ def _wish(task: Task, order: Order, preset: str, method: Method) -> Wish:
         method=method,
         staying=not order.automatic,
         answering=answers,
+        checklist=options.checklist,
+        allow_automatic=order.allow_automatic,
     )
 
 

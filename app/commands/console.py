@@ -26,13 +26,20 @@ def console(
     board: Annotated[
         bool, tyro.conf.arg(help="the simulated gripper holds a ChArUco board, to try the calibration of cameras")
     ] = False,
+    allow_automatic: Annotated[
+        bool,
+        tyro.conf.arg(
+            help="on a real arm, too, motions may be made without approval, once whoever has control asks for so many "
+            "and confirms it"
+        ),
+    ] = False,
 ) -> None:
     """Serve the console at the printed address until somebody ends the session there, or Ctrl-C.
 
     Where the goal is reached, or --pushes motions are made, it waits for another goal or mode.
     """
     output = Output()
-    order = Order(task=task, options=options, automatic=False, case=case, board=board)
+    order = Order(task=task, options=options, automatic=False, case=case, board=board, allow_automatic=allow_automatic)
     report = anyio.run(episode, order, output)
     output.print(Text(f"Recording: {report.recording}"), soft_wrap=True)
     if report.failure is not None:

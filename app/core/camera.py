@@ -1,9 +1,13 @@
 """Where a camera stands, and how its pixels are rays."""
 
 from dataclasses import dataclass
-from typing import final
+from datetime import date
+from typing import Final, final
 
 from app.core.types import Intrinsics, Transform
+
+STALE_DAYS: Final = 30
+"""A calibration that is older wants to be checked."""
 
 
 @final
@@ -22,3 +26,16 @@ class CameraModel:
     T_world_camera: Transform
     depth_unit_m: float
     calibrated_at: str = ""
+
+    def age_days(self, today: date) -> int | None:
+        """How long ago it was calibrated; None where nobody noted the day, or that is none or is to come."""
+        try:
+            days = (today - date.fromisoformat(self.calibrated_at[:10])).days
+        except ValueError:
+            return None
+        return days if days >= 0 else None
+
+    def stale(self, today: date) -> bool:
+        """Whether its calibration wants to be checked."""
+        days = self.age_days(today)
+        return days is None or days > STALE_DAYS

@@ -36,11 +36,15 @@ class Mode(Message):
 @final
 @dataclass(frozen=True, kw_only=True, eq=False)
 class ModeRequest(Message):
-    """Somebody wants another mode; `motions` is for automatic alone."""
+    """Somebody wants another mode; `motions` is for automatic alone.
+
+    `confirmed`: asked whether they shall be made without approval on a real arm, whoever wants that has said yes.
+    """
 
     operator: str
     mode: ModeName
     motions: int = 0
+    confirmed: bool = False
 
 
 @final

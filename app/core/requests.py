@@ -7,6 +7,7 @@ import numpy as np
 from jaxtyping import Float64
 
 from app.core.charuco import Charuco
+from app.core.checklist import ChecklistRequest
 from app.core.control import EndRequest, Lease, ModeRequest
 from app.core.messages import Decision, Message, MessageId, Model, Notice, ResumeRequest, StopRequest
 from app.core.types import ColourImage, DepthImage, Points
@@ -123,7 +124,7 @@ Chore: TypeAlias = (
     | CalibrationRequest
 )
 """What takes the program a while."""
-Asked: TypeAlias = ModeRequest | EndRequest | Chore
+Asked: TypeAlias = ModeRequest | EndRequest | ChecklistRequest | Chore
 """What whoever has control may ask for."""
 Request: TypeAlias = Decision | StopRequest | ResumeRequest | Lease | Notice | Asked
 """What comes from an operator; a notice is of something that the console saw, for the record."""

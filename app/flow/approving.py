@@ -1,5 +1,6 @@
 """Showing a plan, and waiting for what somebody, or the mode, decides about it."""
 
+from collections.abc import Callable
 from typing import final
 
 import anyio
@@ -17,9 +18,21 @@ from app.flow.sensing import Sensing
 
 @final
 class Approving:
-    """`proposals`: the one that is shown; `asked`: that a decision is waited for."""
+    """`proposals`: the one that is shown; `asked`: that a decision is waited for.
 
-    def __init__(self, site: Site, sensing: Sensing, modes: Modes, announcer: Announcer, clock: Clock) -> None:
+    `hindrance` says why nothing may be approved yet, and nothing where something may.
+    """
+
+    def __init__(
+        self,
+        site: Site,
+        sensing: Sensing,
+        modes: Modes,
+        announcer: Announcer,
+        clock: Clock,
+        *,
+        hindrance: Callable[[], str],
+    ) -> None:
         timing = site.timing
         self.proposals = Latest[Proposal]("proposals")
         self.asked: Proposal | None = None
@@ -28,7 +41,7 @@ class Approving:
         self._gate = ApprovalGate(
             max_age_s=timing.plan_max_age_s, max_unseen_s=timing.object_unseen_s, max_drift_m=timing.plan_max_drift_m
         )
-        self._sensing, self._modes = sensing, modes
+        self._sensing, self._modes, self._hindrance = sensing, modes, hindrance
         self._announcer, self._clock = announcer, clock
 
     def moved_away(self, proposal: Proposal) -> bool:
@@ -100,6 +113,9 @@ class Approving:
     def _approved(self, decision: Decision) -> Approved | None:
         if not decision.approve:
             why = f"Rejected by {decision.operator}: {decision.reason or 'no reason given'}."
+            self._announcer.notice("approval", why, decision.proposal_id)
+            return None
+        if why := self._hindrance():
             self._announcer.notice("approval", why, decision.proposal_id)
             return None
         try:

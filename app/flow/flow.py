@@ -15,9 +15,10 @@ from anyio.abc import TaskGroup
 
 from app.config import Site
 from app.core.announcer import Announcer
-from app.core.approval import AUTOMATIC, Approved
+from app.core.approval import AUTOMATIC
 from app.core.chamfer import chamfer_m2
 from app.core.channel import ChannelFull, Lossless
+from app.core.checklist import ChecklistRequest
 from app.core.control import EndRequest, Lease, ModeRequest
 from app.core.errors import DipacError, MotionRefused, first_error
 from app.core.messages import (
@@ -52,10 +53,12 @@ from app.flow.aiming import Aiming
 from app.flow.approving import Approving
 from app.flow.calibrating import Calibrating
 from app.flow.demonstrating import Demonstrating
+from app.flow.executing import Executing
 from app.flow.holding import Holding
 from app.flow.learning import Learning
 from app.flow.modes import Modes
-from app.flow.planning import FAILURES_IN_A_ROW, Planning
+from app.flow.planning import Planning
+from app.flow.preflight import Preflight
 from app.flow.reporting import Reporting
 from app.flow.resting import rested
 from app.flow.sensing import Sensing
@@ -94,12 +97,16 @@ class Flow:
         self.say, self.notice, self.fault = self.announcer.say, self.announcer.notice, self.announcer.fault
         how, by = wish.task.reconstruction(wish.preset), (self.announcer, clock)
         started = "automatic" if wish.automatic else "approve each"
-        self.modes = Modes(started, wish.pushes, *by, simulated=rig.simulated)
+        automatic = "freely" if rig.simulated else "confirmed" if wish.allow_automatic else "never"
+        self.modes = Modes(started, wish.pushes, *by, automatic=automatic)
         self.holding = Holding(rig, self.modes, *by, unattended=wish.automatic)
         self.sensing = Sensing(rig, how, self.summary, *by)
         self.learning = Learning(wish, planner, site, *by)
         self.planning = Planning(wish, planner, site, *by)
-        self.approving = Approving(site, self.sensing, self.modes, *by)
+        checked = wish.checklist or not rig.simulated
+        self.preflight = Preflight(rig, site, self.sensing, self.holding, *by, needed=checked)
+        self.approving = Approving(site, self.sensing, self.modes, *by, hindrance=lambda: self.preflight.hindrance)
+        self.executing = Executing(rig, self.holding, self.summary, *by)
         self.watching = Watching(*by, wish.verdict, recording)
         self.reporting = Reporting(site, rig, self.summary, *by)
         cameras = {camera.model.name: camera.model for camera in rig.cameras}
@@ -107,10 +114,10 @@ class Flow:
         self.demonstrating = Demonstrating(studio, *by)
         self.calibrating = Calibrating(rig, self.sensing.frames, shelf, site, *by)
         self.chores = Lossless[Chore]("chores", bound=_CHORES)
-        self._refused = self._attempts = self._begun_with = 0
+        self._attempts = self._begun_with = 0
         self._acts = False
         self._observed: Particles | None = None
-        self._began_s = self._touched_s = clock.now()
+        self._touched_s = clock.now()
 
     async def run(self) -> Summary:
         """Push until the goal is reached or the pushes are used up; one that stays, until somebody ends it.
@@ -120,9 +127,9 @@ class Flow:
         async with self.announcer.recording(), self.sensing.perceiver, self.planner, self.learning.calibrator:
             try:
                 async with anyio.create_task_group() as stages:
-                    for stage in (self.sensing.run, self.learning.run, self.watching.run, self._listen):
-                        stages.start_soon(stage)
-                    stages.start_soon(self.calibrating.run)
+                    for part in (self.sensing, self.learning, self.watching, self.calibrating, self.preflight):
+                        stages.start_soon(part.run)
+                    stages.start_soon(self._listen)
                     stages.start_soon(self.reporting.run, self.sensing, self.learning, self.approving, self.modes)
                     self.say(self.wish.goal)
                     self.modes.begin()
@@ -143,7 +150,7 @@ class Flow:
                 case Decision():
                     self.approving.hear(request)
                 case StopRequest():
-                    self.holding.hold(f"Stopped by {request.operator}.")
+                    self.holding.pressed(request)
                 case ResumeRequest():
                     await self.holding.resume(request)
                 case ModeRequest():
@@ -153,6 +160,9 @@ class Flow:
                     self.modes.end()
                 case Lease():
                     self.modes.lent(request)
+                    self.preflight.lent(request)
+                case ChecklistRequest():
+                    await self.preflight.asked(request)
                 case Notice():
                     pass  # Saying it is all.
                 case _:
@@ -233,7 +243,6 @@ class Flow:
                 if not self.wish.staying:
                     raise
                 self.fault("application", error)
-                self._refused = 0
                 self.modes.set("idle", "something failed; see the messages, then choose a mode")
         self.reporting.do("finishing the calibration")
         with anyio.move_on_after(_LAST_CALIBRATION_S):
@@ -256,6 +265,8 @@ class Flow:
         asked, observed = self.modes.interruptions, None
         with self.modes.lasting():
             await self.planning.warm(self.reporting.do)
+            if self.modes.name == "automatic":
+                await self.preflight.wait(self.reporting.do)
             await self.holding.resumed(self.reporting.do)
             observed = self._observed or await self._look()
         if observed is None or self.modes.interruptions != asked or self._is_enough(observed):
@@ -287,7 +298,7 @@ class Flow:
             return
         before = self.sensing.particles.value  # what the approval was checked against, maybe minutes after the plan
         with self._acting():
-            executed = await self._execute(approved)
+            executed = await self.executing.execute(approved, self.reporting.do) if not self.modes.ended else None
             self._touched()
             if before and executed and executed.outcome == "completed":
                 self._observed = await self._look()
@@ -298,6 +309,7 @@ class Flow:
     async def _moved_by_hand(self) -> None:
         """What somebody does by jogging, from rest to rest, learned from like any motion."""
         with self.modes.lasting() as lasting:
+            await self.preflight.wait(self.reporting.do)
             await self.holding.resumed(self.reporting.do)
         if lasting.cancel_called:
             return
@@ -354,27 +366,6 @@ class Flow:
         else:
             self.modes.end()
         return True
-
-    async def _execute(self, approved: Approved) -> Executed | None:
-        """Make the motion; None where a stop is in force, or the arm refused it before anything moved.
-
-        Raises the arm's MotionRefused when it has refused several motions in a row: the next would fare no better.
-        """
-        if not self.holding.free or self.modes.ended:
-            return None
-        self.reporting.do("pushing")
-        try:
-            executed = await self.rig.arm.execute(approved)
-        except MotionRefused as refusal:
-            self.fault("arm", refusal)
-            self._refused += 1
-            if self._refused >= FAILURES_IN_A_ROW:
-                raise
-            return None
-        self._refused = 0
-        self.summary.began_moving(executed.times_s[0] - self._began_s)
-        self.holding.heed(executed)
-        return self.say(executed)
 
     async def _learn(
         self, proposal: Proposal, before: Particles, executed: Executed, after: Particles, goal: Points

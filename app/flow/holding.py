@@ -7,7 +7,7 @@ import anyio
 
 from app.core.announcer import Announcer
 from app.core.errors import DeviceError
-from app.core.messages import Executed, ResumeRequest
+from app.core.messages import Executed, ResumeRequest, StopRequest
 from app.core.ports import Clock, Rig
 from app.flow.modes import Modes
 
@@ -19,6 +19,8 @@ _UNATTENDED_S = 120.0
 class Holding:
     """`free`: nothing is held; `resumed_s`: when somebody resumed last, or the program began [s].
 
+    `tried`: somebody pressed STOP in this session, and the arm went on after it was lifted.
+
     Where nobody is expected to be there, it is `unattended`: waiting ends with an error then.
     """
 
@@ -29,11 +31,17 @@ class Holding:
         self._free = anyio.Event()
         self._free.set()
         self.resumed_s = clock.now()
+        self._pressed = self.tried = False
 
     @property
     def free(self) -> bool:
         """Whether something may move."""
         return self._free.is_set()
+
+    def pressed(self, request: StopRequest) -> None:
+        """Somebody pressed STOP; the arm has stopped already."""
+        self._pressed = True
+        self.hold(f"Stopped by {request.operator}.")
 
     def hold(self, why: str) -> None:
         """Nothing moves from now on until the operator resumes, and the plan that is shown never."""
@@ -56,6 +64,7 @@ class Holding:
             self._announcer.notice("stop", str(error))
         else:
             self.resumed_s = self._clock.now()
+            self.tried = self._pressed
             self._free.set()
             self._announcer.notice("stop", f"Resumed by {request.operator}.")
 

@@ -1,6 +1,6 @@
 """What the program does by itself, and who asked for it."""
 
-from typing import final
+from typing import Literal, TypeAlias, final
 
 import anyio
 
@@ -9,6 +9,8 @@ from app.core.control import Lease, Mode, ModeName, ModeRequest
 from app.core.messages import MessageId, fresh_id
 from app.core.ports import Clock
 
+Automatic: TypeAlias = Literal["freely", "confirmed", "never"]
+"""When motions are made without approval: when somebody wants it; once that was confirmed; never."""
 _MOST = 1000
 """Motions without anybody's word."""
 
@@ -22,8 +24,10 @@ class Modes:
     whoever asked for it has no control any more. The one that the program was `started` in ends with a request alone.
     """
 
-    def __init__(self, started: ModeName, motions: int, announcer: Announcer, clock: Clock, *, simulated: bool) -> None:
-        self._simulated = simulated
+    def __init__(
+        self, started: ModeName, motions: int, announcer: Announcer, clock: Clock, *, automatic: Automatic
+    ) -> None:
+        self._automatic = automatic
         self._announcer, self._clock = announcer, clock
         self._holder = ""
         self._waiting, self._lasting = anyio.CancelScope(), anyio.CancelScope()
@@ -43,7 +47,7 @@ class Modes:
 
     def asked(self, request: ModeRequest) -> None:
         """Somebody wants another."""
-        if request.mode == "automatic" and (why := self._refusal(request.motions)):
+        if request.mode == "automatic" and (why := self._refusal(request)):
             self._announcer.notice("mode", why, request.id)
             return
         self._holder = request.operator
@@ -54,11 +58,14 @@ class Modes:
         motions = request.motions if request.mode == "automatic" else 0
         self.set(request.mode, why, request.id, motions=motions)
 
-    def _refusal(self, motions: int) -> str:
+    def _refusal(self, request: ModeRequest) -> str:
         """Why so many motions are not made automatically; nothing where they are."""
-        if not self._simulated:
-            return "Motions are made automatically in the simulated cell alone; approve each here."
-        return "" if 0 < motions <= _MOST else f"{motions} motions were asked for; automatic is for 1 to {_MOST}."
+        if self._automatic == "never":
+            return "This arm is real: approve each motion, or start `dipac console` with --allow-automatic."
+        if self._automatic == "confirmed" and not request.confirmed:
+            return "This arm is real: confirm that its motions shall be made without approval."
+        possible = 0 < request.motions <= _MOST
+        return "" if possible else f"{request.motions} motions were asked for; automatic is for 1 to {_MOST}."
 
     def set(self, mode: ModeName, why: str, *cause: MessageId, motions: int = 0) -> None:
         """Change to `mode`; what waits under the old one is given up."""

@@ -5,6 +5,7 @@ from types import MappingProxyType
 from typing import Final
 
 from app.core.approval import Approved
+from app.core.checklist import Checklist, ChecklistRequest
 from app.core.control import EndRequest, Lease, Mode, ModeRequest
 from app.core.doubt import Verdict, Watched
 from app.core.errors import RecordingError
@@ -72,6 +73,8 @@ TOPICS: Final[Mapping[type[Message], str]] = MappingProxyType(
         Mode: "/dipac/mode",
         ModeRequest: "/dipac/mode_request",
         EndRequest: "/dipac/end_request",
+        Checklist: "/dipac/checklist",
+        ChecklistRequest: "/dipac/checklist_request",
         GoalRequest: "/dipac/goal_request",
         PictureGoalRequest: "/dipac/picture_goal_request",
         EditRequest: "/dipac/edit_request",

@@ -10,6 +10,7 @@ from dataclasses import dataclass, field, replace
 from typing import Literal, final
 
 from app.core.approval import Approved
+from app.core.checklist import Checklist
 from app.core.colours import ColourRange
 from app.core.control import Lease, Mode, ModeName
 from app.core.doubt import Verdict, Watched
@@ -91,6 +92,7 @@ class Board:
     lease: Lease | None = None
     mode: Mode | None = None
     take: Take | None = None
+    checklist: Checklist | None = None
     board_seen: BoardSeen | None = None
     placing: Placing | None = None
     watched: Watched | None = None
@@ -147,9 +149,14 @@ class Board:
         return self.take is not None and self.take.state == "recording"
 
     @property
+    def cleared(self) -> bool:
+        """Whether no checklist keeps anything from moving."""
+        return self.checklist is None or self.checklist.passed
+
+    @property
     def decidable(self) -> bool:
         """Whether a decision on the pending proposal would mean anything now."""
-        asked = self.mode is None or self.mode.mode == "approve each"
+        asked = self.cleared and (self.mode is None or self.mode.mode == "approve each")
         return self.pending is not None and asked and not self.stopped and self.fatal is None and not self.replay
 
     def after(self, message: Message) -> "Board":
@@ -205,6 +212,8 @@ class Board:
                 return replace(self, mode=message)
             case Take():
                 return replace(self, take=message)
+            case Checklist():
+                return replace(self, checklist=message)
             case BoardSeen():
                 return replace(self, board_seen=message)
             case Placing():

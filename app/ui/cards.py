@@ -44,6 +44,8 @@ def _mode(board: Board, now_s: float) -> tuple[str, str, Tone]:
         return "Stopped", "The arm holds still. Clear the workspace, then press Resume.", "bad"
     if health is not None and now_s - health.time_s > _SILENCE_S:
         return f"No news for {words.duration(now_s - health.time_s)}", f"It was: {doing}. STOP still works.", "bad"
+    if not board.cleared:
+        return "The checklist comes first", "Nothing moves before it is complete: it is below.", "ask"
     if board.mode_now == "plan only" and board.pending is not None:
         return "A plan to look at", "Nothing moves in this mode.", ""
     if board.pending is not None and board.decidable:

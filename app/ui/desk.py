@@ -264,6 +264,8 @@ def _hindrance(board: Board, operator: str) -> str | None:
         return "the program has ended"
     if board.stopped:
         return "a stop is in force: press Resume"
+    if not board.cleared:
+        return "complete the checklist first"
     if not board.holder:
         return "nobody has control: press Take first"
     if board.holder != operator:

@@ -11,6 +11,7 @@ from app.ui.decision import operator
 from app.ui.desk import Desk
 
 _PRESSED: Final[dict[str, ModeName]] = {words.MODES[mode]: mode for mode in words.MODES if mode != "automatic"}
+_SURE: Final = "Yes: on the REAL arm, without approval"
 _FIRST, _MOST = 3, 100
 """Motions."""
 
@@ -31,17 +32,43 @@ class ModeForm:
         with gui.add_form(None) as form:
             motions = gui.add_number("Motions", _FIRST, min=1, max=_MOST, step=1)
             start = gui.add_button("Make them automatically", color="gray", icon=viser.Icon.PLAYER_TRACK_NEXT)
+        sure = gui.add_button(_SURE, color="red", icon=viser.Icon.ALERT_TRIANGLE, visible=False)
 
         def automatic(event: viser.GuiEvent[Any]) -> None:
-            self._ask(event, "automatic", int(motions.value))
+            if self._real:
+                sure.visible = True
+            else:
+                self._ask(event, "automatic", int(motions.value))
+
+        def confirmed(event: viser.GuiEvent[Any]) -> None:
+            if sure.visible:
+                sure.visible = False
+                self._ask(event, "automatic", int(motions.value), confirmed=True)
+
+        def other_number(_: viser.GuiEvent[Any]) -> None:
+            sure.visible = False
 
         start.on_click(automatic)
         form.on_submit(automatic)
+        sure.on_click(confirmed)
+        motions.on_update(other_number)
 
-    def _ask(self, event: viser.GuiEvent[Any], mode: ModeName, motions: int = 0) -> None:
-        now_s = self._desk.now()
+    @property
+    def _real(self) -> bool:
+        """Whether something real moves."""
+        episode = self._desk.board.episode
+        return episode is None or not episode.simulated
+
+    def _ask(self, event: viser.GuiEvent[Any], mode: ModeName, motions: int = 0, *, confirmed: bool = False) -> None:
         self._desk.ask(
-            ModeRequest(id=fresh_id("mode"), time_s=now_s, operator=operator(event), mode=mode, motions=motions)
+            ModeRequest(
+                id=fresh_id("mode"),
+                time_s=self._desk.now(),
+                operator=operator(event),
+                mode=mode,
+                motions=motions,
+                confirmed=confirmed,
+            )
         )
 
 

@@ -10,6 +10,7 @@ from app.config import Timing
 from app.ui import cards, doubt
 from app.ui.board import Board
 from app.ui.cell import Cell
+from app.ui.checklist import ChecklistForm
 from app.ui.decision import DecisionForm
 from app.ui.demonstrations import DemonstrationForm
 from app.ui.desk import Desk
@@ -39,6 +40,7 @@ class Panel:
         self._drift = Drift(timing)
         self._mode = Text(self._gui, cards.mode(self._last, desk.now()))
         commands = not desk.board.replay
+        self._checklist = ChecklistForm(self._gui, desk) if commands else None
         self._decision = DecisionForm(self._gui, desk) if commands else None
         if commands:
             with self._gui.add_folder("Mode"):
@@ -59,6 +61,8 @@ class Panel:
     def paint(self, board: Board, now_s: float) -> None:
         """Bring the panels up to the board and the clock."""
         self._mode.put(cards.mode(board, now_s))
+        if self._checklist is not None:
+            self._checklist.paint(board)
         if self._decision is not None:
             self._decision.paint(board, now_s)
         if self._demonstrations is not None:

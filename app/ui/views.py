@@ -6,7 +6,7 @@ from datetime import date, datetime
 from html import escape
 from typing import Final
 
-from app.core.camera import CameraModel
+from app.core.camera import STALE_DAYS, CameraModel
 from app.core.messages import Frame
 from app.core.seeing import Seen
 from app.ui import words
@@ -16,8 +16,6 @@ from app.ui.cards import table, toned
 _MM: Final = 1e3
 APART_M: Final = 4e-3
 """Cameras whose points of the object are farther apart stand otherwise than their calibration says."""
-STALE_DAYS: Final = 30
-"""A calibration that is older wants to be checked."""
 _LATE_S: Final = 2.0
 """A picture that is older is said to be: younger ones are as live as cameras that look twice a second."""
 

@@ -13,6 +13,7 @@ import numpy as np
 from app.config import Limits, Site, Timing, Workspace
 from app.core.approval import Approved
 from app.core.channel import Lossless
+from app.core.checklist import ChecklistRequest
 from app.core.control import ModeName, ModeRequest
 from app.core.jog import Jog
 from app.core.messages import (
@@ -59,7 +60,7 @@ def small_site(folder: Path, **timing: float) -> Site:
     )
 
 
-def small_wish(*, pushes: int = 1000, automatic: bool = False, staying: bool = False) -> Wish:
+def small_wish(*, pushes: int = 1000, automatic: bool = False, staying: bool = False, **more: bool) -> Wish:
     """The rope task with 60 particles, and a goal that no stroke will ever reach."""
     preset = Preset(branches=2, depth=1, particle_count=60, gradient_steps=1)
     task = dataclasses.replace(TASK, presets={"small": preset})
@@ -73,6 +74,7 @@ def small_wish(*, pushes: int = 1000, automatic: bool = False, staying: bool = F
         automatic=automatic,
         calibrating=False,
         staying=staying,
+        **more,
     )
 
 
@@ -141,11 +143,24 @@ class Person:
         """Send any other request."""
         await self._asked.put(request)
 
-    async def chooses(self, mode: ModeName, motions: int = 0) -> None:
+    async def chooses(self, mode: ModeName, motions: int = 0, *, confirmed: bool = False) -> None:
         """Ask for a mode."""
         await self.asks(
-            ModeRequest(id=fresh_id("mode"), time_s=time.monotonic(), operator="tests", mode=mode, motions=motions)
+            ModeRequest(
+                id=fresh_id("mode"),
+                time_s=time.monotonic(),
+                operator="tests",
+                mode=mode,
+                motions=motions,
+                confirmed=confirmed,
+            )
         )
+
+    async def confirms(self, *keys: str) -> None:
+        """Confirm items of the checklist."""
+        for key in keys:
+            now_s = time.monotonic()
+            await self.asks(ChecklistRequest(id=fresh_id("checklist"), time_s=now_s, operator="tests", key=key))
 
     async def presses_stop(self) -> None:
         """The arm is told first, and then the flow, as the console does it."""
@@ -240,10 +255,10 @@ class Run:
 
 @asynccontextmanager
 async def running(
-    site: Site, wish: Wish, *, place: Place = "here", habits: Habits | None = None, simulated: bool = True
+    site: Site, wish: Wish, *, place: Place = "here", habits: Habits | None = None, rig: SmallRig | None = None
 ) -> AsyncGenerator[Run]:
     """A run that has begun; it ends with the block at the latest. Call `photographs` before, outside of any loop."""
-    run = Run(wish, site, SmallRig(site, simulated=simulated))
+    run = Run(wish, site, rig or SmallRig(site))
     run.rig.table.place = place
     await run.plans_with(habits or Habits())
     async with anyio.create_task_group() as tasks:

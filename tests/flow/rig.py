@@ -266,13 +266,14 @@ class TickedArm:
 
 @final
 class SmallRig:
-    """Two cameras and an arm in this process."""
+    """Two cameras, calibrated on that day, and an arm in this process."""
 
-    def __init__(self, site: Site, *, simulated: bool = True) -> None:
+    def __init__(self, site: Site, *, simulated: bool = True, calibrated_at: str = "") -> None:
         self.table = Table()
         self._simulated = simulated
         period_s = site.timing.camera_period_s
-        self._cameras = [PhotographicCamera(model, self.table, period_s) for model in small_cameras()]
+        models = [dataclasses.replace(model, calibrated_at=calibrated_at) for model in small_cameras()]
+        self._cameras = [PhotographicCamera(model, self.table, period_s) for model in models]
         self._arm = TickedArm(site)
 
     @property

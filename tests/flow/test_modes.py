@@ -92,15 +92,6 @@ async def test_an_impossible_number_of_automatic_motions_changes_nothing(idle: R
     assert idle.flow.modes.name == "idle"
 
 
-async def test_on_a_real_arm_no_motion_is_made_automatically(tmp_path) -> None:
-    async with running(small_site(tmp_path), small_wish(staying=True), simulated=False) as run:
-        await run.person.sees(Proposal)
-        await run.person.chooses("automatic", 1)
-        await run.person.sees(Notice, "in the simulated cell alone")
-        assert run.flow.modes.name == "approve each"
-        assert not some(Approved, await for_a_while(run))
-
-
 async def test_a_stop_ends_what_is_automatic_also_after_it_is_lifted(idle: Run) -> None:
     person = idle.person
     await person.chooses("automatic", 100)

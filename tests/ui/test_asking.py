@@ -1,6 +1,7 @@
 """Modes, goals and demonstrations in a real browser: what is pressed is what is asked for."""
 
 import time
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -8,6 +9,7 @@ import pytest
 from PIL import Image
 from playwright.sync_api import Page, expect
 
+from app.core.checklist import CheckedBy, CheckItem, Checklist, ChecklistRequest
 from app.core.control import EndRequest, Mode, ModeRequest
 from app.core.messages import Fault, fresh_id
 from app.core.requests import ClipRequest, GoalRequest, PictureGoalRequest, TakeRequest
@@ -58,6 +60,55 @@ def test_the_mode_is_always_in_view_and_each_is_one_press_away(served: Served, b
         Fault(id=fresh_id("fault"), time_s=time.monotonic(), where="arm", text="Its process ended.", fatal=True)
     )
     expect(bar).to_have_text("Fault")
+
+
+def checklist(**right: bool) -> Checklist:
+    """With two things that the program sees, and two that a person confirms."""
+    told: dict[str, CheckedBy] = {"arm": "program", "stop": "program", "emergency": "operator", "limits": "operator"}
+    items = tuple(
+        CheckItem(key=key, text=f"About {key}.", by=by, right=right.get(key, False), said=f"why {key} is so")
+        for key, by in told.items()
+    )
+    passed = all(item.right for item in items)
+    return Checklist(id=fresh_id("checklist"), time_s=time.monotonic(), items=items, passed=passed)
+
+
+def test_before_a_checklist_is_complete_nothing_is_approved_and_each_thing_is_confirmed_by_its_button(
+    served: Served, browser_page: Page
+) -> None:
+    page = opened(browser_page, served)
+    served.console.show(checklist(arm=True))
+    expect(page.get_by_text("The checklist comes first")).to_be_visible()
+    expect(page.get_by_text("why stop is so")).to_be_visible()
+    expect(page.get_by_role("button", name=APPROVE)).to_be_disabled()
+    button(page, "I tried the emergency stop")
+    request = served.next_request()
+    assert isinstance(request, ChecklistRequest)
+    assert (request.key, request.operator) == ("emergency", "client 0")
+    served.console.show(checklist(arm=True, stop=True, emergency=True))
+    expect(page.get_by_role("button", name="I tried the emergency stop")).to_be_hidden()
+    expect(page.get_by_role("button", name="The limits fit the cell")).to_be_visible()
+    served.console.show(checklist(arm=True, stop=True, emergency=True, limits=True))
+    expect(page.get_by_text("Before the first motion")).to_be_hidden()
+    expect(page.get_by_role("button", name=APPROVE)).to_be_enabled()
+
+
+def test_on_a_real_arm_motions_without_approval_are_asked_for_twice(served: Served, browser_page: Page) -> None:
+    page = opened(browser_page, served)
+    served.console.show(replace(synthetic.episode(), simulated=False))
+    served.console.show(mode("approve each"))
+    sure = page.get_by_role("button", name="Yes: on the REAL arm, without approval")
+    expect(sure).to_be_hidden()
+    button(page, "Make them automatically")
+    expect(sure).to_be_visible()
+    page.get_by_role("textbox", name="Motions").fill("5")
+    expect(sure).to_be_hidden()
+    button(page, "Make them automatically")
+    sure.click()
+    request = served.next_request()
+    assert isinstance(request, ModeRequest)
+    assert (request.mode, request.motions, request.confirmed) == ("automatic", 5, True)
+    expect(sure).to_be_hidden()
 
 
 def test_the_session_ends_once_that_is_said_twice(served: Served, browser_page: Page) -> None:

@@ -8,12 +8,12 @@ from typing import Final
 import numpy as np
 from jaxtyping import UInt8
 
+from app.core.camera import STALE_DAYS
 from app.core.placing import BoardSeen, Placing
 from app.core.types import ColourImage
 from app.ui import masks, palette, words
 from app.ui.board import Board
 from app.ui.cards import table, toned
-from app.ui.views import STALE_DAYS
 
 _MM: Final = 1e3
 _DOT_PX: Final = 2

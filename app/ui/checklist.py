@@ -1,0 +1,64 @@
+"""The checklist before the first motion: what the program found, and a button for each thing that a person confirms."""
+
+from html import escape
+from typing import Any, Final, final
+
+import viser
+
+from app.core.checklist import CheckItem, ChecklistRequest
+from app.core.messages import fresh_id
+from app.ui.board import Board
+from app.ui.decision import operator
+from app.ui.desk import Desk
+
+_CONFIRM: Final = {
+    "emergency": "I tried the emergency stop",
+    "clear": "Nobody is within reach",
+    "tool": "The tool is right",
+    "limits": "The limits fit the cell",
+}
+_MARKS: Final = {True: "<b class='dp-good'>✓</b>", False: "<b class='dp-warn'>○</b>"}
+
+
+def card(board: Board) -> str:
+    """What has to be so before anything moves, and whether it is."""
+    if board.checklist is None:
+        return ""
+    return f'<div class="dp">{"".join(map(_line, board.checklist.items))}</div>'
+
+
+def _line(item: CheckItem) -> str:
+    said = f" <small>{escape(item.said)}</small>" if item.said else ""
+    return f"<p class='dp-check'>{_MARKS[item.right]} <span>{escape(item.text)}{said}</span></p>"
+
+
+@final
+class ChecklistForm:
+    """A folder that is there while the checklist is open. Painted by the painter's thread alone."""
+
+    def __init__(self, gui: viser.GuiApi, desk: Desk) -> None:
+        self._desk = desk
+        self._place = gui.add_folder("Before the first motion", visible=False)
+        self._buttons = dict[str, viser.GuiButtonHandle]()
+        with self._place:
+            self._said = gui.add_html("")
+            for key, label in _CONFIRM.items():
+                self._buttons[key] = gui.add_button(label, color="orange", icon=viser.Icon.CHECKBOX, visible=False)
+                self._buttons[key].on_click(lambda event, key=key: self._confirm(event, key))
+
+    def paint(self, board: Board) -> None:
+        """Bring it up to the board."""
+        is_open = not board.cleared
+        if self._place.visible != is_open:
+            self._place.visible = is_open
+        content = card(board)
+        if content != self._said.content:
+            self._said.content = content
+        wanted = {item.key for item in board.checklist.items if not item.right} if board.checklist else set[str]()
+        for key, button in self._buttons.items():
+            if button.visible != (key in wanted):
+                button.visible = key in wanted
+
+    def _confirm(self, event: viser.GuiEvent[Any], key: str) -> None:
+        now_s = self._desk.now()
+        self._desk.ask(ChecklistRequest(id=fresh_id("checklist"), time_s=now_s, operator=operator(event), key=key))
