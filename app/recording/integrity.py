@@ -1,5 +1,6 @@
 """What a file is before its messages are read, and the errors that say so."""
 
+import os
 import struct
 from collections.abc import Generator, Mapping
 from contextlib import contextmanager
@@ -102,8 +103,8 @@ def starts_as_mcap(path: Path) -> bool:
 
 def ends_as_mcap(path: Path) -> bool:
     """Whether the last bytes are MCAP's, and not the same as the first."""
-    size = path.stat().st_size
     with path.open("rb") as stream:
+        size = stream.seek(0, os.SEEK_END)  # Of the file that is open: another may take its place meanwhile.
         stream.seek(max(0, size - len(MAGIC)))
         return size > 2 * len(MAGIC) and stream.read() == MAGIC
 

@@ -202,8 +202,8 @@ class Wish:
     None where they do not. `asked`: a push to offer before anything is planned; `verdict`: what a discovery concluded.
     `staying`: the program goes on when the goal is reached, the `pushes` are made or something fails, until somebody
     ends it: it waits then to be told what to do next. `answering`: what the cameras see answers to what the arm does;
-    where it does not, as in a recording, nothing is learned from it. `checklist`: nothing moves before one is complete, as is so on
-    every real arm; `allow_automatic`: there, too, motions may be made without approval once somebody confirms that.
+    where it does not, as in a recording, nothing is learned from it. `checklist`: nothing moves before one is complete,
+    as on every real arm; `allow_automatic`: there, too, motions may be made without approval once that is confirmed.
     """
 
     task: Task
