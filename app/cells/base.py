@@ -11,8 +11,10 @@ from jaxtyping import Float64
 
 from app.config import Site
 from app.core.errors import UsageError
+from app.core.limbs import ArmShape
+from app.core.messages import ArmState
 from app.core.ports import Rig
-from app.core.stage import Stage
+from app.core.stage import Stage, Tool
 
 
 @final
@@ -41,6 +43,8 @@ class Cell:
     """A cell by its name. `simulated`: nothing real can move; `narrowed`: the site with what its file says, if any.
 
     `answers`: what the arm does shows in what the cameras see; where it does not, there is nothing to learn from it.
+    `pictured`: what the arm looks like in images that were recorded there, with this tool and by any of its recorded
+    states; None where nobody knows.
     """
 
     name: str
@@ -48,6 +52,7 @@ class Cell:
     open: Open
     narrowed: Callable[[Site, Path | None], Site]
     answers: bool = True
+    pictured: Callable[[Tool, ArmState], ArmShape] | None = None
 
 
 def as_it_is(site: Site, file: Path | None) -> Site:

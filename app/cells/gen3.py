@@ -16,12 +16,14 @@ from app.config import Site
 from app.core.errors import PreflightError, UsageError
 from app.core.hand_eye import HandEye
 from app.core.limbs import ArmShape
+from app.core.messages import ArmState
 from app.core.ports import Arm, Camera
+from app.core.stage import Tool
 from app.recording.calibration_file import load_cameras
 from app.rig.kinova.arm import kinova_arm
 from app.rig.kinova.configured import Holds
 from app.rig.kinova.link import Address
-from app.rig.kinova.shape import known_gen3
+from app.rig.kinova.shape import known_gen3, tip_m
 from app.rig.realsense.cameras import realsense_cameras
 from app.rig.realsense.mounted import Mounted
 from app.rig.realsense.settings import Settings
@@ -52,6 +54,11 @@ class Gen3Rig:
     def shape(self) -> ArmShape:
         """A Gen3 with its gripper and the task's tool."""
         return self._shape
+
+    @property
+    def seen_arm(self) -> Arm:
+        """It is seen."""
+        return self._arm
 
     @property
     def cameras(self) -> Sequence[Camera]:
@@ -118,4 +125,8 @@ def _mounted(camera: CameraEntry, places: dict[str, HandEye], file: Path) -> Mou
     return Mounted.calibrated(places[camera.serial], name=camera.name, settings=Settings())
 
 
-CELL: Final = Cell(name="gen3", simulated=False, open=_opened, narrowed=_narrowed)
+def _pictured(tool: Tool, state: ArmState) -> ArmShape:
+    return known_gen3(tool, tip_m(state.joints, state.pose[:3]))
+
+
+CELL: Final = Cell(name="gen3", simulated=False, open=_opened, narrowed=_narrowed, pictured=_pictured)

@@ -13,6 +13,7 @@ from typing import Final, final
 from anyio import to_thread
 
 from app.cells.base import Cell, Wanted, as_it_is
+from app.cells.simulated import drawn
 from app.core.limbs import ArmShape
 from app.core.ports import Arm, Camera
 from app.rig.kinova.control import taken
@@ -58,6 +59,11 @@ class Rehearsal:
     def shape(self) -> ArmShape:
         """The arm as it is drawn."""
         return self._world.shape
+
+    @property
+    def seen_arm(self) -> Arm:
+        """It is seen."""
+        return self._world.arm
 
     @property
     def cameras(self) -> Sequence[Camera]:
@@ -118,4 +124,4 @@ def _drawn(seen: Seen) -> Joints:
     return solve_joints(seen.tool)
 
 
-CELL: Final = Cell(name="rehearsal", simulated=True, open=_opened, narrowed=as_it_is)
+CELL: Final = Cell(name="rehearsal", simulated=True, open=_opened, narrowed=as_it_is, pictured=drawn)

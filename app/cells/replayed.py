@@ -11,14 +11,20 @@ from typing import Final, final
 
 from anyio import to_thread
 
+from app import cells
 from app.arm.process_arm import ProcessArm
 from app.cells.base import Cell, Wanted
 from app.config import Site
 from app.core.errors import RecordingError, UsageError
-from app.core.ports import Arm, Camera
-from app.recording.film import Film, read_film
+from app.core.limbs import ArmShape
+from app.core.messages import ArmState
+from app.core.ports import Arm, Camera, Posed
+from app.core.stage import Tool
+from app.recording.film import Film, film_states, read_film
+from app.recording.reader import read_episode
 from app.rig.replayed.camera import ReplayedCamera
 from app.rig.replayed.cameras import replayed_cameras
+from app.rig.replayed.recorded_arm import RecordedArm
 from app.rig.simulated.arm import simulated_arm
 
 _NEEDED: Final = (
@@ -31,8 +37,11 @@ _NEEDED: Final = (
 class ReplayedRig:
     """Recorded cameras, and an arm that they do not see."""
 
-    def __init__(self, arm: ProcessArm, cameras: Sequence[ReplayedCamera]) -> None:
+    def __init__(
+        self, arm: ProcessArm, cameras: Sequence[ReplayedCamera], seen_arm: Posed, shape: ArmShape | None
+    ) -> None:
         self._arm, self._cameras = arm, cameras
+        self._seen_arm, self._shape = seen_arm, shape
 
     @property
     def name(self) -> str:
@@ -45,9 +54,14 @@ class ReplayedRig:
         return True
 
     @property
-    def shape(self) -> None:
-        """None: the arm in the images is not where this one is."""
-        return None
+    def shape(self) -> ArmShape | None:
+        """What the arm in the images looks like, where the cell that they were recorded in says it."""
+        return self._shape
+
+    @property
+    def seen_arm(self) -> Posed:
+        """The arm in the images, where it was then; the one that is told what to do, where nobody noted that."""
+        return self._seen_arm
 
     @property
     def cameras(self) -> Sequence[Camera]:
@@ -72,11 +86,24 @@ async def _opened(wanted: Wanted) -> AsyncGenerator[ReplayedRig]:
     if wanted.board:
         raise UsageError("--board puts one into the simulated gripper, and no recorded image shows that; leave it out.")
     film = await to_thread.run_sync(_film, wanted.file)
+    states = await to_thread.run_sync(film_states, film)
+    shape = await to_thread.run_sync(_pictured, film, wanted.stage.tool, states)
     async with (
         simulated_arm(wanted.stage, wanted.start, wanted.site) as arm,
-        replayed_cameras(film, wanted.site.timing) as cameras,
+        replayed_cameras(film, wanted.site.timing) as screen,
     ):
-        yield ReplayedRig(arm, cameras)
+        seen = RecordedArm(states, screen.recorded_s) if states else arm
+        yield ReplayedRig(arm, screen.cameras, seen, shape)
+
+
+def _pictured(film: Film, tool: Tool, states: Sequence[ArmState]) -> ArmShape | None:
+    """What the arm in the images looks like; None where nobody knows that, or where it was.
+
+    A recording of a recording shows an arm that the states in it are not of, and its cell says so by saying nothing.
+    """
+    rig = read_episode(film.path).rig
+    looks = cells.load(rig).pictured if rig in cells.names() else None
+    return looks(tool, states[0]) if looks and states else None
 
 
 def _film(file: Path | None) -> Film:

@@ -4,8 +4,12 @@ from contextlib import AbstractAsyncContextManager
 from typing import Final
 
 from app.cells.base import Cell, Wanted, as_it_is
+from app.core.limbs import ArmShape
+from app.core.messages import ArmState
 from app.core.ports import Rig
+from app.core.stage import Tool
 from app.rig.simulated.held_board import HeldBoard
+from app.rig.simulated.limbs import known_arm
 from app.rig.simulated.rig import simulated_rig
 
 
@@ -14,4 +18,10 @@ def _opened(wanted: Wanted) -> AbstractAsyncContextManager[Rig]:
     return simulated_rig(stage=wanted.stage, start=wanted.start, site=wanted.site, seed=wanted.seed, held=held)
 
 
-CELL: Final = Cell(name="simulated", simulated=True, open=_opened, narrowed=as_it_is)
+def drawn(tool: Tool, state: ArmState) -> ArmShape:
+    """The arm as it is drawn, whatever its state."""
+    del state
+    return known_arm(tool)
+
+
+CELL: Final = Cell(name="simulated", simulated=True, open=_opened, narrowed=as_it_is, pictured=drawn)

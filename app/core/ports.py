@@ -49,6 +49,18 @@ class Camera(Protocol):
         ...
 
 
+class Posed(Protocol):
+    """Something of an arm's kind that is somewhere."""
+
+    def tool(self) -> ToolPose:
+        """Pose and opening of the tool now. May be called from any thread and never blocks."""
+        ...
+
+    def joints(self) -> JointAngles:
+        """The joints' angles [rad] now. May be called from any thread and never blocks."""
+        ...
+
+
 class Arm(Protocol):
     """An arm in a process of its own, with its own watchdog."""
 
@@ -117,7 +129,12 @@ class Rig(Protocol):
 
     @property
     def shape(self) -> ArmShape | None:
-        """What its arm and tool look like, so that they are not taken for the object; None where nobody knows."""
+        """What `seen_arm` and its tool look like: they are not taken for the object. None where nobody knows."""
+        ...
+
+    @property
+    def seen_arm(self) -> Posed:
+        """The arm that the cameras see: `arm`, unless what they show was recorded."""
         ...
 
     @property

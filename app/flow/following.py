@@ -7,7 +7,7 @@ from typing import final
 import numpy as np
 
 from app.core.limbs import Posture
-from app.core.ports import Arm, Clock
+from app.core.ports import Clock, Posed
 from app.core.types import ToolPath
 
 _PERIOD_S = 0.040
@@ -21,7 +21,7 @@ _HALF = 0.5
 class Following:
     """Samples the arm all the time."""
 
-    def __init__(self, arm: Arm, clock: Clock) -> None:
+    def __init__(self, arm: Posed, clock: Clock) -> None:
         self._arm, self._clock = arm, clock
         self._past = deque[tuple[float, Posture]](maxlen=_KEPT)
 

@@ -39,7 +39,7 @@ class Sensing:
         self._rig, self._clock = rig, clock
         self._announcer, self._summary = announcer, summary
         self._past = deque[tuple[float, Particles]](maxlen=_KEPT)
-        self._following = Following(rig.arm, clock)
+        self._following = Following(rig.seen_arm, clock)
         self._memory, self._remembered_s, self._before = NOTHING, clock.now(), tuple[Frame, ...]()
         self._hid = self._gave_up = False
 
@@ -121,7 +121,7 @@ class Sensing:
         how, known = self.seeing.how, self._known(frames)
         self._before = tuple(frames)
         try:
-            found = credible(await self.perceiver.run(reconstruct, frames, how, self._rig.arm.tool(), known), how)
+            found = credible(await self.perceiver.run(reconstruct, frames, how, self._rig.seen_arm.tool(), known), how)
             self._remembered_s = _newest_s(frames)
         except PerceptionError:
             looks = await self.perceiver.run(looked, frames, how, known)

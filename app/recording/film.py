@@ -10,7 +10,7 @@ from mcap.reader import McapReader, make_reader
 
 from app.core.camera import CameraModel
 from app.core.errors import RecordingError
-from app.core.messages import Frame
+from app.core.messages import ArmState, Frame
 from app.recording.index import Times, frame_times, log_times
 from app.recording.integrity import DAMAGE, damaged, inspect, reading, version_of
 from app.recording.reader import logged_messages
@@ -73,6 +73,17 @@ def film_frames(film: Film) -> Iterator[Frame]:
                     yield _of(film, logged.message)
         except DAMAGE as error:
             raise damaged(film.path, error) from error
+
+
+def film_states(film: Film) -> list[ArmState]:
+    """Where the arm that is in the images was meanwhile, in order; as often as it was said. Raises as `film_frames`."""
+    with reading(film.path), film.path.open("rb") as stream:
+        try:
+            logged = logged_messages(make_reader(stream, validate_crcs=True), (ArmState,), film.version)
+            found = [each.message for each in logged if isinstance(each.message, ArmState)]
+        except DAMAGE as error:
+            raise damaged(film.path, error) from error
+    return sorted(found, key=lambda state: state.time_s)
 
 
 def _span(path: Path, times: Times) -> tuple[int, int]:

@@ -11,7 +11,7 @@ import numpy as np
 from app.core.camera import CameraModel
 from app.core.limbs import ArmShape
 from app.core.messages import Frame
-from app.core.ports import Arm, Camera, Rig
+from app.core.ports import Arm, Camera, Posed, Rig
 
 Shows: TypeAlias = Literal["all", "nothing", "rope everywhere", "nan"]
 """What the cameras show: what there is; black without depth; an object as large as the image; from nowhere."""
@@ -99,6 +99,11 @@ class FaultyRig:
     def shape(self) -> ArmShape | None:
         """That of its arm."""
         return self._rig.shape
+
+    @property
+    def seen_arm(self) -> Posed:
+        """That of the rig."""
+        return self._rig.seen_arm
 
     @property
     def cameras(self) -> Sequence[FaultyCamera]:

@@ -1,6 +1,7 @@
 """A recording as a cell: what is wrong with one is said, the arm obeys, and what is seen does not answer to it."""
 
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 
 import anyio
@@ -12,7 +13,7 @@ from app.cells.base import Wanted
 from app.config import Site
 from app.core.errors import UsageError
 from app.core.stage import Stage
-from tests.recording.films import filmed, frames
+from tests.recording.films import filmed, frames, states
 from tests.recording.samples import Maker
 from tests.rig.scene import FINGER, ROPE, approved, push, straight_rope
 
@@ -64,6 +65,27 @@ async def test_its_arm_moves_and_its_cameras_go_on_showing_what_was_recorded(tmp
         assert {int(frame.depth[0, 0]) for frame in seen} <= {1, 2}
         assert seen[-1].time_s > executed.times_s[-1]
         assert np.isfinite((await rig.arm.state()).joints).all()
+
+
+@pytest.mark.anyio
+@pytest.mark.parametrize(("rig", "known"), [("simulated", True), ("replayed", False), ("some rig", False)])
+async def test_what_hides_the_object_is_the_arm_in_the_images_and_not_the_one_that_moves(
+    tmp_path: Path, rig: str, *, known: bool
+) -> None:
+    make = Maker(seed=6)
+    there = [
+        replace(state, joints=np.full(7, 0.1), pose=np.array([0.6, 0.2, 0.1, 0.0, 1.0, 0.0, 0.0]), opening_m=0.0)
+        for state in states([0.0, 0.5], make)
+    ]
+    taken = frames({"left": [0.1, 0.4], "right": [0.1, 0.4]}, make)
+    messages = sorted([*taken, *there], key=lambda message: message.time_s)
+    file = await anyio.to_thread.run_sync(partial(filmed, tmp_path / "cell.mcap", messages, make, rig=rig))
+    async with REPLAYED.open(replace(WANTED, file=file)) as cell:
+        assert (cell.shape is not None) == known
+        await cell.cameras[0].read()
+        assert cell.seen_arm.tool()[:3] == pytest.approx([0.6, 0.2, 0.1])
+        assert cell.seen_arm.joints() == pytest.approx(np.full(7, 0.1))
+        assert np.linalg.norm(cell.arm.tool()[:3] - [0.6, 0.2, 0.1]) > 0.1
 
 
 @pytest.mark.anyio

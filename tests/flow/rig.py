@@ -289,6 +289,10 @@ class SmallRig:
         return known_arm(TASK.stage.tool)
 
     @property
+    def seen_arm(self) -> TickedArm:
+        return self._arm
+
+    @property
     def cameras(self) -> Sequence[PhotographicCamera]:
         return self._cameras
 

@@ -74,6 +74,10 @@ class ScreenedRig:
         return known_arm(TASK.stage.tool)
 
     @property
+    def seen_arm(self) -> TickedArm:
+        return self._arm
+
+    @property
     def cameras(self) -> Sequence[ScreenedCamera]:
         return self._cameras
 

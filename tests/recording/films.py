@@ -37,9 +37,11 @@ def frames(times_s: Mapping[str, Sequence[float]], make: Maker) -> list[Frame]:
     return sorted(found, key=lambda each: each.time_s)
 
 
-def filmed(path: Path, messages: Sequence[Message], make: Maker) -> Path:
+def filmed(path: Path, messages: Sequence[Message], make: Maker, *, rig: str = "some rig") -> Path:
     """A whole recording of the messages, each logged at its own time."""
-    file = EpisodeFile(path, make(Episode, cause=()))
+    episode = make(Episode, cause=(), time_s=BEGIN_S, rig=rig)
+    file = EpisodeFile(path, episode)
+    file.write(episode, now_s=BEGIN_S)
     for message in messages:
         file.write(message, now_s=message.time_s)
     file.close()

@@ -9,9 +9,9 @@ import pytest
 
 from app.core.errors import RecordingError, UsageError
 from app.core.messages import Frame
-from app.recording.film import film_frames, read_film
+from app.recording.film import film_frames, film_states, read_film
 from app.recording.reader import read_messages
-from tests.recording.films import BEGIN_S, filmed, frame, frames
+from tests.recording.films import BEGIN_S, filmed, frame, frames, states
 from tests.recording.samples import Maker
 
 
@@ -78,6 +78,12 @@ def test_a_camera_that_becomes_another_is_refused_where_it_does(tmp_path: Path, 
     assert {next(shown).camera.name, next(shown).camera.name} == {"left", "right"}
     with pytest.raises(RecordingError, match="is another one later"):
         next(shown)
+
+
+def test_the_arm_that_was_recorded_with_it_is_known_in_order(tmp_path: Path, make: Maker) -> None:
+    known = states([0.0, 0.5, 1.0], make)
+    path = filmed(tmp_path / "film.mcap", [*frames({"left": [0.2], "right": [0.2]}, make), *known], make)
+    assert [state.id for state in film_states(read_film(path))] == [state.id for state in known]
 
 
 def test_a_file_that_is_none_is_said(tmp_path: Path, make: Maker) -> None:

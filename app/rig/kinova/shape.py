@@ -5,9 +5,12 @@ and `grippers/robotiq_2f_85`. The capsules were fitted to these surfaces: of som
 less than 3 mm outside of all capsules, and the farthest is 5.3 mm; the mask of perception adds 10 mm.
 """
 
+import numpy as np
+from jaxtyping import Float64
+
 from app.core.limbs import ArmShape, Joint, Limb
 from app.core.stage import Finger, Paddle, Tool, Vector
-from app.rig.kinova.gen3 import FIXED, FLANGE_M
+from app.rig.kinova.gen3 import FIXED, FLANGE_M, Joints, frames
 
 _Z: Vector = (0.0, 0.0, 1.0)
 _LINKS: tuple[tuple[int, Vector, Vector, float], ...] = (
@@ -45,6 +48,12 @@ def known_gen3(tool: Tool, tip_m: float) -> ArmShape:
     limbs = [Limb(link=link, begin=begin, end=end, radius_m=radius) for link, begin, end, radius in _LINKS]
     limbs += [_on_flange(*each) for each in _gripper(tool, tip_m)]
     return ArmShape(joints=joints, limbs=tuple(limbs), tool=tool)
+
+
+def tip_m(joints: Joints, tip: Float64[np.ndarray, "3"]) -> float:
+    """How far the tool's tip, at `tip` [m, world], is from the flange along its axis [m], with the joints there."""
+    link = frames(joints)[6]
+    return float(-(link[:3, :3].T @ (tip - link[:3, 3]))[2] - FLANGE_M)
 
 
 def _gripper(tool: Tool, tip_m: float) -> list[tuple[Vector, Vector, float]]:

@@ -1,8 +1,9 @@
 """The cameras of a recording, opened together."""
 
-from collections.abc import AsyncGenerator
+from collections.abc import AsyncGenerator, Callable, Sequence
 from contextlib import asynccontextmanager
-from typing import Final
+from dataclasses import dataclass
+from typing import Final, final
 
 import anyio
 from anyio import to_thread
@@ -16,16 +17,26 @@ _MUCH_S: Final = 2.0
 """Of what some camera saw and nobody is shown, that is worth a word."""
 
 
+@final
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Screen:
+    """The cameras, and the moment of the recording that they show now [s]."""
+
+    cameras: Sequence[ReplayedCamera]
+    recorded_s: Callable[[], float]
+
+
 @asynccontextmanager
-async def replayed_cameras(film: Film, timing: Timing) -> AsyncGenerator[list[ReplayedCamera]]:
+async def replayed_cameras(film: Film, timing: Timing) -> AsyncGenerator[Screen]:
     """What they saw, at its recorded pace, from the beginning as soon as they are open, and over and over."""
     projector = Projector(film)
+    cameras = [
+        ReplayedCamera(model, projector, words=_left_out(film, name), timeout_s=timing.camera_timeout_s)
+        for name, model in film.cameras.items()
+    ]
     await to_thread.run_sync(projector.start)
     try:
-        yield [
-            ReplayedCamera(model, projector, words=_left_out(film, name), timeout_s=timing.camera_timeout_s)
-            for name, model in film.cameras.items()
-        ]
+        yield Screen(cameras=cameras, recorded_s=projector.recorded_s)
     finally:
         with anyio.CancelScope(shield=True):
             await to_thread.run_sync(projector.end)

@@ -20,6 +20,7 @@ class Pace:
         self._recorded_s: float | None = None
         self._due_s = -float("inf")
         self._shift_s = 0.0
+        self._shifts = (0.0, -float("inf"), 0.0)
 
     def begin(self) -> None:
         """The next frame is the first of a film, whatever its time."""
@@ -28,11 +29,24 @@ class Pace:
     def due_s(self, recorded_s: float, now_s: float) -> float:
         """When the frame that was taken at `recorded_s` [s] shall be shown, `now_s` or later unless it is late."""
         if self._recorded_s is None or not -_ASIDE_S < recorded_s - self._recorded_s < LONGEST_S:
-            self._shift_s = max(now_s, self._due_s + CUT_S) - recorded_s
+            self._move(max(now_s, self._due_s + CUT_S) - recorded_s, now_s)
         late_s = now_s - (recorded_s + self._shift_s)
         if late_s > _LATE_S:
-            self._shift_s += late_s
+            self._move(self._shift_s + late_s, now_s)
         self._recorded_s = recorded_s
         due_s = recorded_s + self._shift_s
         self._due_s = max(self._due_s, due_s)
         return due_s
+
+    def recorded_s(self, now_s: float) -> float:
+        """The moment of the recording that belongs to `now_s` [s]: of a cut the one side, and then the other.
+
+        May be called from any thread.
+        """
+        before_s, from_s, after_s = self._shifts
+        return now_s - (before_s if now_s < from_s else after_s)
+
+    def _move(self, shift_s: float, now_s: float) -> None:
+        """From the middle of what is cut out on, so that what is known of either side is known around its frames."""
+        self._shifts = (self._shift_s, max(now_s, self._due_s + CUT_S / 2), shift_s)
+        self._shift_s = shift_s

@@ -19,6 +19,7 @@ class Projector:
 
     def __init__(self, film: Film) -> None:
         self._film = film
+        self._pace = Pace()
         self._shown: dict[str, Frame] = {}
         self._failure: RecordingError | None = None
         self._closing = threading.Event()
@@ -39,19 +40,22 @@ class Projector:
             raise self._failure
         return self._shown.get(camera)
 
+    def recorded_s(self) -> float:
+        """The moment of the recording that is shown now [s]."""
+        return self._pace.recorded_s(time.monotonic())
+
     def _run(self) -> None:
-        pace = Pace()
         try:
             while not self._closing.is_set():
-                pace.begin()
-                self._show_all(pace)
+                self._pace.begin()
+                self._show_all()
         except RecordingError as error:
             self._failure = error
 
-    def _show_all(self, pace: Pace) -> None:
+    def _show_all(self) -> None:
         """Once from the beginning to the end, or until it is closed."""
         for frame in film_frames(self._film):
-            due_s = pace.due_s(frame.time_s, time.monotonic())
+            due_s = self._pace.due_s(frame.time_s, time.monotonic())
             if self._closing.wait(max(0.0, due_s - time.monotonic())):
                 return
             self._shown[frame.camera.name] = replace(frame, id=fresh_id("frame"), cause=(), time_s=due_s)

@@ -70,6 +70,11 @@ class SimulatedRig:
         return self._shape
 
     @property
+    def seen_arm(self) -> Arm:
+        """It is seen."""
+        return self._arm
+
+    @property
     def cameras(self) -> Sequence[Camera]:
         """Views from around the table."""
         return self._cameras

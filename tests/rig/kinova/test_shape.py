@@ -13,7 +13,7 @@ from app.core.stage import Tool
 from app.core.types import Points
 from app.perception.shadow import MARGIN_M, pieces, shadow
 from app.rig.kinova import gen3
-from app.rig.kinova.shape import known_gen3
+from app.rig.kinova.shape import known_gen3, tip_m
 from app.rig.simulated.cameras import table_cameras
 from app.tasks.bean_sweep import PADDLE
 from app.tasks.cloth_hang import GRIPPER
@@ -159,3 +159,12 @@ def test_near_the_tip_there_is_the_tool_itself_and_no_capsule(tool: Tool) -> Non
     frame = gen3.tool(joints)
     tip = frame[:3, 3] + (0.25 - gen3.GRIPPER_M) * frame[:3, 2]
     assert outside_m(shape, joints, tip[None]).min() > 0.05
+
+
+@pytest.mark.parametrize("held_m", [gen3.GRIPPER_M, 0.25])
+def test_how_far_the_tip_is_from_the_flange_is_told_by_where_both_are(held_m: float) -> None:
+    for _ in range(20):
+        joints = anywhere()
+        tool = gen3.tool(joints)
+        tip = tool[:3, 3] + (held_m - gen3.GRIPPER_M) * tool[:3, 2]
+        assert tip_m(joints, tip) == pytest.approx(held_m)

@@ -36,7 +36,8 @@ async def test_what_is_shown_was_recorded_and_is_dated_now_over_and_over(tmp_pat
     path = recorded(tmp_path, left=[0.0, 0.5, 1.0], right=[0.0, 0.5, 1.0])
     film = await anyio.to_thread.run_sync(read_film, path)
     begin_s = time.monotonic()
-    async with replayed_cameras(film, TIMING) as (left, right):
+    async with replayed_cameras(film, TIMING) as screen:
+        left, right = screen.cameras
         shown = [await left.read() for _ in range(5)]
         other = await right.read()
     assert [int(frame.depth[0, 0]) for frame in shown] == [1, 2, 3, 1, 2]
@@ -54,7 +55,8 @@ async def test_what_is_shown_was_recorded_and_is_dated_now_over_and_over(tmp_pat
 async def test_a_camera_that_ended_early_ends_the_round_for_all_and_that_is_said(tmp_path: Path) -> None:
     path = recorded(tmp_path, left=[0.0, 0.5, 1.0, 2.0, 3.0, 4.0], right=[0.0, 0.5])
     film = await anyio.to_thread.run_sync(read_film, path)
-    async with replayed_cameras(film, TIMING) as (left, right):
+    async with replayed_cameras(film, TIMING) as screen:
+        left, right = screen.cameras
         shown = [await left.read() for _ in range(4)]
     assert [int(frame.depth[0, 0]) for frame in shown] == [1, 2, 1, 2]
     assert "another camera had ended" in left.words
@@ -67,8 +69,8 @@ async def test_a_film_that_is_damaged_in_its_middle_is_said_by_every_camera(tmp_
     whole = await anyio.Path(path).read_bytes()
     # The bytes after the first kilobytes are images; the index at the end stays as it is.
     await anyio.Path(path).write_bytes(whole[:3000] + bytes(2000) + whole[5000:])
-    async with replayed_cameras(film, TIMING) as cameras:
-        for camera in cameras:
+    async with replayed_cameras(film, TIMING) as screen:
+        for camera in screen.cameras:
             with pytest.raises(DeviceError, match="damaged"):
                 await until_it_fails(camera)
 
@@ -76,7 +78,8 @@ async def test_a_film_that_is_damaged_in_its_middle_is_said_by_every_camera(tmp_
 async def test_a_camera_that_saw_nothing_for_long_gives_nothing_for_as_long(tmp_path: Path) -> None:
     path = recorded(tmp_path, left=[0.0, 4.0], right=[0.2 * step for step in range(21)])
     film = await anyio.to_thread.run_sync(read_film, path)
-    async with replayed_cameras(film, Timing(camera_timeout_s=0.5)) as (left, right):
+    async with replayed_cameras(film, Timing(camera_timeout_s=0.5)) as screen:
+        left, right = screen.cameras
         first: Frame = await left.read()
         assert int(first.depth[0, 0]) == 1
         with pytest.raises(DeviceError, match="in the recording either"):

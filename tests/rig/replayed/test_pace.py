@@ -53,3 +53,19 @@ def test_who_is_late_goes_on_from_there_at_the_same_pace() -> None:
     assert pace.due_s(7.5, 100.6) == pytest.approx(100.5), "a little late is caught up with"
     assert pace.due_s(8.0, 103.0) == pytest.approx(103.0)
     assert pace.due_s(8.5, 103.1) == pytest.approx(103.5)
+
+
+def test_the_moment_that_is_shown_is_that_of_each_frame_when_it_is_due_and_of_either_side_of_a_cut() -> None:
+    pace, now_s = Pace(), 100.0
+    for _ in range(2):
+        pace.begin()
+        for index, recorded_s in enumerate(RECORDED_S):
+            due_s = pace.due_s(recorded_s, now_s)
+            assert pace.recorded_s(due_s) == pytest.approx(recorded_s)
+            # What is read ahead changes nothing about the moment of the frame before.
+            assert index == 0 or pace.recorded_s(now_s) == pytest.approx(RECORDED_S[index - 1])
+            now_s = due_s
+    pace.begin()
+    due_s = pace.due_s(RECORDED_S[0], now_s)
+    assert pace.recorded_s(now_s + CUT_S * 0.4) == pytest.approx(RECORDED_S[-1] + CUT_S * 0.4)
+    assert pace.recorded_s(due_s - CUT_S * 0.4) == pytest.approx(RECORDED_S[0] - CUT_S * 0.4)
