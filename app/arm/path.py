@@ -4,7 +4,7 @@ A path runs through coordinates in which all of a tool's pose is a length: a tur
 point `_LEVER_M` from the tip makes with it, an opening as it is. So one speed holds for moving, turning and opening.
 """
 
-from typing import final
+from typing import Final, final
 
 import numpy as np
 from jaxtyping import Float64
@@ -16,7 +16,7 @@ from app.core.types import ToolPath, ToolPose
 _SAME_PLACE_M = 1e-6
 _LEVER_M = 0.1
 """About the size of what tools hold. A unit quaternion moves by half the angle of a turn."""
-_SCALE = np.array([1.0] * 3 + [2 * _LEVER_M] * 4 + [1.0])
+SCALE: Final = np.array([1.0] * 3 + [2 * _LEVER_M] * 4 + [1.0])
 _CORNER_TIME_S = 0.04
 """A corner is taken at the speed at which its change of velocity is what the acceleration limit gives in this time:
 at 1.5 m/s^2 a jump of the command by at most 60 mm/s, which the drives round off."""
@@ -35,7 +35,7 @@ def route(start: ToolPose, motion: Motion, site: Site) -> tuple[ToolPath, Float6
         points = np.stack([start, raised(start, site), raised(way[0], site), *way, raised(way[-1], site)])
         speeds = np.concatenate([[fast, fast], motion.speeds, [fast]])
     points = _same_sided(points)
-    kept = np.linalg.norm(np.diff(points * _SCALE, axis=0), axis=1) > _SAME_PLACE_M
+    kept = np.linalg.norm(np.diff(points * SCALE, axis=0), axis=1) > _SAME_PLACE_M
     return points[np.concatenate([[True], kept])], speeds[kept]
 
 
@@ -68,7 +68,7 @@ class PathFollower:
     """
 
     def __init__(self, points: ToolPath, speeds: Float64[np.ndarray, " S"], acceleration_m_s2: float) -> None:
-        steps = np.diff(points * _SCALE, axis=0)
+        steps = np.diff(points * SCALE, axis=0)
         lengths = np.linalg.norm(steps, axis=1)
         self._points, self._speeds, self._acceleration = points, speeds, acceleration_m_s2
         self._at = np.concatenate([[0.0], np.cumsum(lengths)])

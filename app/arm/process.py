@@ -1,6 +1,5 @@
 """The arm's own process: its loop with gate and watchdog, whatever kind of arm it controls."""
 
-import contextlib
 import os
 import signal
 import time
@@ -14,6 +13,7 @@ from app.arm.gate import begin
 from app.arm.memory import MODES, TEXT_BYTES, ArmMemory, jog_of, motion_of
 from app.config import Site
 from app.core.errors import MotionRefused
+from app.core.processes import ask_for_real_time
 
 Controlled: TypeAlias = Callable[[Site], Control]
 """Takes hold of an arm; called in its process. Raises DeviceError where there is none."""
@@ -30,7 +30,7 @@ def run_arm(memory: ArmMemory, site: Site, take: Controlled, parent: int) -> Non
     It ends once the arm is at rest. Raises DeviceError where `take` finds no arm.
     """
     signal.signal(signal.SIGINT, signal.SIG_IGN)
-    _ask_for_real_time()
+    ask_for_real_time()
     control = take(site)
     loop = _Loop(memory, site, control)
     try:
@@ -40,15 +40,6 @@ def run_arm(memory: ArmMemory, site: Site, take: Controlled, parent: int) -> Non
         loop.run(lambda: control.mode in ("moving", "stopping") and time.monotonic() < until_s)
     finally:
         control.close()
-
-
-def _ask_for_real_time() -> None:
-    """Run before all ordinary processes where the system allows it, as a real arm's controller does.
-
-    Without the right to it (CAP_SYS_NICE) the loop still wakes in time as a rule, because it uses so little.
-    """
-    with contextlib.suppress(PermissionError):
-        os.sched_setscheduler(0, os.SCHED_RR, os.sched_param(1))
 
 
 @final

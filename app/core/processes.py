@@ -1,5 +1,7 @@
 """The processes of a rig: started together, waited for until each has reported once, and ended in any case."""
 
+import contextlib
+import os
 import sys
 import time
 from collections.abc import Callable, Sequence
@@ -29,6 +31,16 @@ def _run(body: Callable[..., None], *arguments: object) -> None:
     except DipacError as error:
         sys.stderr.write(f"{current_process().name}: {error}\n")
         raise SystemExit(error.exit_code) from None
+
+
+def ask_for_real_time() -> None:
+    """Run before all ordinary processes where the system allows it, as an arm's controller does; for its body to call.
+
+    So do the threads that it starts. Without the right to it (CAP_SYS_NICE) a loop still wakes in time as a rule,
+    because it uses so little.
+    """
+    with contextlib.suppress(PermissionError):
+        os.sched_setscheduler(0, os.SCHED_RR, os.sched_param(1))
 
 
 async def ready(processes: Sequence[BaseProcess], rings: Sequence[Ring], *, within_s: float = _START_S) -> None:

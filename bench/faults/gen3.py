@@ -3,6 +3,7 @@
 import sys
 from collections.abc import Sequence
 from functools import partial
+from typing import Any, Final, final
 
 import numpy as np
 from rich.console import Console
@@ -15,11 +16,45 @@ from app.rig.kinova.link import Address
 from bench.faults.__main__ import table
 from bench.faults.application import FAULTS, Doing
 from bench.faults.inject import Motion, Others, Outcome, faults, subject
+from bench.faults.place import KEPT_OUT
 
-_TIMES = 3
-_SITE = Site(limits=Limits(speed_m_s=0.10))
+_TIMES, _LOSS, _LOSSY_S = 3, 0.01, 150.0
+SITE: Final = Site(limits=Limits(speed_m_s=0.10, keep_out=(KEPT_OUT,)))
 """The speed that a real cell begins with (docs/real-cell.md)."""
 _FAULT_BIT = 1 << 3
+_ROUNDED, _BEYOND_M = 1 + 1e-6, 1e-3
+"""Numbers of the wire have 24 bits; a tool that is at a wall is where its arm can hold it."""
+
+
+@final
+class Wire:
+    """What the arm that is not there was told, and did."""
+
+    def __init__(self, fake: FakeProcess, limits: Limits) -> None:
+        self._fake, self._limits = fake, limits
+
+    def motion(self) -> Motion:
+        """How its tool moved lately."""
+        states = self._fake.states.since(0)
+        times_s, places = states["time_s"], states["tool"][:, :3, 3]
+        return times_s[1:], np.linalg.norm(np.diff(places, axis=0), axis=1) / np.diff(times_s)
+
+    def within(self, since_s: float) -> bool:
+        """Whether every command that it got since then kept to the limits, and so did its tool."""
+        told = [each for each in self._fake.commands() if each["time_s"] >= since_s]
+        states = self._fake.states.since(0)
+        places = states["tool"][states["time_s"] >= since_s, :3, 3]
+        box, beyond = self._limits.workspace, np.full(3, _BEYOND_M)
+        inside = (places >= box.low - beyond).all() and (places <= box.high + beyond).all()
+        return bool(inside) and self._limits.trespassed(places) is None and all(map(self._allowed, told))
+
+    def _allowed(self, told: dict[str, Any]) -> bool:
+        limits, positions = self._limits, np.array(told["positions"], np.float32).reshape(-1, 3)
+        slow = told["linear_m_s"] <= limits.speed_m_s * _ROUNDED
+        gentle = told["angular_deg_s"] <= np.degrees(limits.angular_speed_rad_s) * _ROUNDED
+        free = len(positions) == 0 or limits.trespassed(positions) is None
+        low, high = (np.array(each, np.float32) for each in (limits.workspace.low, limits.workspace.high))
+        return bool(slow and gentle and free and (positions >= low).all() and (positions <= high).all())
 
 
 def wire(fake: FakeProcess) -> Others:
@@ -28,43 +63,46 @@ def wire(fake: FakeProcess) -> Others:
         "cut": fake.cut,
         "deaf": partial(fake.set, Adversity(deaf=True)),
         "feedback lost": partial(fake.set, Adversity(lose_feedback=1_000_000)),
-        "another commands": partial(fake.set, Adversity(foreign=True)),
+        "another commands": partial(fake.take_over, SITE.limits.speed_m_s),
         "joint fault": partial(fake.fail, joint=2, bits=_FAULT_BIT),
         "base fault": partial(fake.fail, base=_FAULT_BIT),
         "pushed hard": partial(fake.set, Adversity(force_n=500.0)),
     }
 
 
-def truth(fake: FakeProcess) -> Motion:
-    """How its tool moved lately."""
-    states = fake.states.since(0)
-    times_s, places = states["time_s"], states["tool"][:, :3, 3]
-    return times_s[1:], np.linalg.norm(np.diff(places, axis=0), axis=1) / np.diff(times_s)
-
-
-def suffered(doing: Doing, site: Site) -> tuple[list[Outcome], list[dict[str, object]]]:
-    """What came of every fault in turn, and all that the arm was told over the wire."""
+def suffered(doing: Doing, *, alone: bool = False) -> list[Outcome]:
+    """What came of every fault in turn; of those at the wire `alone`."""
     with FakeProcess() as fake:
         take = partial(taken, Address(host=fake.host, tcp_port=fake.ports[0], udp_port=fake.ports[1]))
         others, found = wire(fake), list[Outcome]()
-        with subject(doing, site, take, others, partial(truth, fake)) as one:
-            for fault in (*faults(doing), *others):
+        with subject(doing, SITE, take, others, Wire(fake, SITE.limits)) as one:
+            for fault in (*(() if alone else faults(doing)), *others):
                 found.append(one.suffer(fault))
                 fake.set(Adversity())
                 fake.fail()
-        return found, fake.commands()
+        return found
+
+
+def disturbed(doing: Doing, seconds: float, adversity: Adversity) -> list[str]:
+    """Why the arm stopped meanwhile, although nothing but that was wrong."""
+    with FakeProcess() as fake:
+        take = partial(taken, Address(host=fake.host, tcp_port=fake.ports[0], udp_port=fake.ports[1]))
+        with subject(doing, SITE, take) as one:
+            one.wait_until_fast()
+            fake.set(adversity)
+            return one.stops(seconds)
 
 
 def main(arguments: Sequence[str]) -> None:
-    """Print the table."""
-    times, outcomes, fastest = int(arguments[0]) if arguments else _TIMES, list[Outcome](), 0.0
-    for doing in FAULTS:
-        for _ in range(times):
-            found, told = suffered(doing, _SITE)
-            outcomes += found
-            fastest = max([fastest, *(float(str(each["linear_m_s"])) for each in told)])
-    Console().print(table(outcomes))
-    Console().print(f"Fastest that the arm was told to move: {fastest:.3f} of {_SITE.limits.speed_m_s} m/s.")
+    """Print the table; `wire` leaves out what goes wrong in the application; `loss` counts stops without a reason."""
+    number = next((int(each) for each in arguments if each.isdigit()), None)
+    if "loss" in arguments:
+        for doing in FAULTS:
+            stops = disturbed(doing, number or _LOSSY_S, Adversity(loss=_LOSS))
+            Console().print(f"{doing}: {len(stops)} stops in {number or _LOSSY_S:.0f} s, 1 % of all lost. {stops}")
+        return
+    rounds: list[Doing] = [doing for doing in FAULTS for _ in range(number or _TIMES)]
+    Console().print(table([each for doing in rounds for each in suffered(doing, alone="wire" in arguments)]))
 
 
 if __name__ == "__main__":

@@ -7,7 +7,7 @@ from collections.abc import Callable, Generator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass
 from functools import partial
-from typing import Any, Final, TypeAlias, final
+from typing import Any, Final, Protocol, TypeAlias, final
 
 import numpy as np
 import psutil
@@ -20,10 +20,21 @@ from bench.faults.application import FAULTS, Doing, application
 
 Motion: TypeAlias = tuple[np.ndarray, np.ndarray]
 """Times [s] in order, and how fast the tool was at each of them [m/s]."""
-Watched: TypeAlias = Callable[[], Motion]
-"""How the tool has moved in truth lately, where the arm's process cannot know it."""
 Others: TypeAlias = Mapping[str, Callable[[], None]]
 """Faults by name, and how each is done."""
+
+
+class Truth(Protocol):
+    """Somebody who knows more of the arm than its process does."""
+
+    def motion(self) -> Motion:
+        """How the tool has moved lately."""
+        ...
+
+    def within(self, since_s: float) -> bool:
+        """Whether all that the arm was told and did since then [s] kept to the limits."""
+        ...
+
 
 _FAST: Final = 0.5
 """A fault comes while the tool moves at least as fast as this share of the limit."""
@@ -33,6 +44,8 @@ _WATCHED_S: Final = 0.6
 _START_S: Final = 60.0
 _POLL_S: Final = 0.005
 _HUNG_S: Final = 0.3
+_BEFORE_S: Final = 5.0
+"""What was told and done so long before a fault is looked at with what comes of it."""
 
 
 @final
@@ -52,16 +65,14 @@ class Outcome:
 class Subject:
     """An application with its arm, to which faults are done while the arm moves."""
 
-    def __init__(
-        self, doing: Doing, site: Site, take: Controlled, others: Others, watched: Watched | None = None
-    ) -> None:
+    def __init__(self, doing: Doing, site: Site, take: Controlled, others: Others, truth: Truth | None = None) -> None:
         self.doing: Doing = doing
-        self._site, self._take, self._others, self._watched = site, take, others, watched
+        self._site, self._take, self._others, self._truth = site, take, others, truth
         self._begin()
 
     def suffer(self, fault: str) -> Outcome:
         """Wait until the tool is fast, do it, and see when it is at rest; the application is well again afterwards."""
-        speed_m_s = self._wait_until_fast()
+        speed_m_s = self.wait_until_fast()
         seen = max(self.memory.states.count - 1, 0)
         fault_s = time.monotonic()
         if fault in self._others:
@@ -70,16 +81,30 @@ class Subject:
         else:
             kept_on = _OUTSIDE.get(fault, partial(_told, name=fault))(self)
         time.sleep(max(0.0, fault_s + _WATCHED_S - time.monotonic()))
-        times_s, speeds = self._watched() if self._watched else motion(self.memory.states.since(seen))
+        times_s, speeds = self._truth.motion() if self._truth else motion(self.memory.states.since(seen))
         outcome = Outcome(
             fault=fault,
             doing=self.doing,
             rest_ms=1e3 * (came_to_rest(times_s, speeds, kept_on or fault_s) - (kept_on or fault_s)),
             speed_m_s=speed_m_s,
-            within=kept(self.memory.states.since(0), self._site.limits),
+            within=kept(self.memory.states.since(0), self._site.limits)
+            and (self._truth is None or self._truth.within(fault_s - _BEFORE_S)),
         )
         self._recover()
         return outcome
+
+    def stops(self, seconds: float) -> list[str]:
+        """Why the arm stopped in so long, once for each time."""
+        found, seen, rests = list[str](), self.memory.states.count, False
+        until_s = time.monotonic() + seconds
+        while time.monotonic() < until_s:
+            time.sleep(1.0)
+            for state in self.memory.states.since(seen):
+                seen, before = seen + 1, rests
+                rests = MODES[state["mode"]] in ("stopping", "stopped", "fault")
+                if rests and not before:
+                    found.append(bytes(state["reason"]).decode(errors="ignore"))
+        return found
 
     def end(self) -> None:
         """End both processes."""
@@ -120,7 +145,7 @@ class Subject:
         self.end()
         self._begin()
 
-    def _wait_until_fast(self) -> float:
+    def wait_until_fast(self) -> float:
         """Until the tool moves; how fast [m/s]."""
         until_s = time.monotonic() + _START_S
         while time.monotonic() < until_s and self.process.is_alive():
@@ -137,10 +162,10 @@ class Subject:
 
 @contextmanager
 def subject(
-    doing: Doing, site: Site, take: Controlled, others: Others | None = None, watched: Watched | None = None
+    doing: Doing, site: Site, take: Controlled, others: Others | None = None, truth: Truth | None = None
 ) -> Generator[Subject]:
     """One that has ended when it is left. `others`: faults of the arm itself."""
-    opened = Subject(doing, site, take, others or {}, watched)
+    opened = Subject(doing, site, take, others or {}, truth)
     try:
         yield opened
     finally:

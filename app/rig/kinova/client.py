@@ -21,7 +21,7 @@ Answered = TypeVar("Answered")
 
 _AS_IT_HAPPENS = 3
 """`NotificationType` of `Common.proto`."""
-_UNANSWERED = 10
+_UNANSWERED = 40
 """So many calls over UDP without an answer, one after the other, are no lost datagrams any more."""
 
 
@@ -93,6 +93,12 @@ class OwnLink:
             raise
         self._unanswered = 0
         return answer
+
+    def tell(self, call: Call[Asked, Any], asked: Asked) -> None:
+        """By the session of the commands, whose silence is what stops the arm."""
+        if (router := self._commands) is None:
+            raise LinkLost(self.lost)
+        router.tell(call, asked)
 
     def subscribe(self, topic: Topic[Any]) -> None:
         """Each on the session of the commands."""

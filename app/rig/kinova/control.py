@@ -9,13 +9,13 @@ from jaxtyping import Float64
 from scipy.spatial.transform import Rotation
 
 from app.arm.jogging import Jogging, finite, still
-from app.arm.path import PathFollower
 from app.config import Site
 from app.core.errors import MotionRefused
 from app.core.jog import Jog
 from app.core.messages import ArmMode
 from app.core.refusal import Refusal
 from app.core.types import ToolPath, ToolPose
+from app.rig.kinova.along import Along
 from app.rig.kinova.clients import DEFAULT, linked
 from app.rig.kinova.configured import DELIVERED, Holds
 from app.rig.kinova.driver import Driver
@@ -27,8 +27,10 @@ from app.rig.kinova.legs import stretches
 from app.rig.kinova.link import Address
 from app.rig.kinova.seen import Seen
 
-_BLIND_S = 0.3
-"""An arm that has said nothing for so long may not move on."""
+_BLIND_S = 0.15
+"""An arm that has said nothing for so long may not move on; of single lost datagrams that is not long enough."""
+_OFF_M, _AWAY_M = 0.015, 0.008
+"""A tool so far beside its way is moved by something else; one so far from where it was left has been."""
 _FOLLOW_HZ, _CATCH_UP_M_S, _CATCH_UP_RAD_S = 2.0, 0.02, 0.1
 """How fast a tool that is moved by hand catches up with where it should be, and at most by how much."""
 _FINGERS_M, _CARRIED_S = 0.002, 0.05
@@ -65,8 +67,10 @@ class KinovaControl:
         self._driver, self._limits, self._joints_of = driver, site.limits, joints_of
         self._errand: Errand | None = None
         self._clearing: Errand | None = None
-        self._path: PathFollower | None = None
+        self._path: Along | None = None
         self._jogging: Jogging | None = None
+        self._by: int | None = None
+        self._heard_s = self._silence_s = 0.0
         self._gripped_m, self._pushed = float(driver.seen.tool[7]), False
         self._end: ToolPose | None = None
         self.mode: ArmMode = "idle"
@@ -100,8 +104,7 @@ class KinovaControl:
             raise MotionRefused(Refusal.DEVICE, why)
         if not len(speeds):
             return
-        self._path = PathFollower(points, speeds, self._limits.acceleration_m_s2)
-        self._end = points[-1]
+        self._path, self._end, self._by = Along(points), points[-1], None
         ways = stretches(points, speeds, self._limits.opening_m, self._limits.angular_speed_rad_s)
         self._errand = self._driver.go(ways)
         self.mode, self.reason = "moving", ""
@@ -115,7 +118,7 @@ class KinovaControl:
                 return False
             self.commanded = self._driver.seen.tool
             self._jogging = Jogging(self.commanded, self._limits)
-            self._gripped_m, self._pushed = float(self.commanded[7]), False
+            self._gripped_m, self._pushed, self._by, self._end = float(self.commanded[7]), False, None, None
             self.mode, self.reason = "moving", ""
         if self._jogging is not None:
             self._jogging.aim(jog)
@@ -147,6 +150,9 @@ class KinovaControl:
         """Look at what the arm does, and have it go on with what it is told by hand."""
         self._driver.pulse()
         seen = self._driver.seen
+        # By ticks, not by the clock: an arm is not to be blamed for a process that was late itself.
+        self._silence_s = self._silence_s + duration_s if seen.time_s == self._heard_s else 0.0
+        self._heard_s = seen.time_s
         self.measured = carried(seen, time.monotonic())
         self._look_for_trouble(seen)
         if self._clearing is not None and self._clearing.over:
@@ -157,8 +163,8 @@ class KinovaControl:
             self._follow(self._errand, duration_s)
         elif self.mode == "stopping" and seen.still:
             self.mode = "stopped"
-        if self.mode in ("stopped", "fault"):
-            self.commanded = seen.tool
+        if self.mode != "moving":
+            self._rest(seen, duration_s)
 
     def close(self) -> None:
         """Stop the arm and let go of it."""
@@ -167,8 +173,8 @@ class KinovaControl:
     def _look_for_trouble(self, seen: Seen) -> None:
         """Fall into fault where the arm does, is out of reach, or says nothing."""
         why = self._driver.trouble or self._in_fault(seen)
-        if not why and self.mode == "moving" and self._blind(seen):
-            self.stop(f"The arm has said nothing for {_BLIND_S:.1f} s; look at its cable, then press Resume.")
+        if not why and self.mode == "moving" and (unsafe := self._unsafe(seen)):
+            self.stop(unsafe)
         if why and self.mode != "fault":
             self._driver.stop()
             self.mode, self.reason = "fault", why
@@ -178,19 +184,46 @@ class KinovaControl:
         elif self.mode == "fault" and self._clearing is None and self.reason.startswith("The connection"):
             self.reason = "The connection to the arm is back; look at the arm, then press Resume."
 
+    def _unsafe(self, seen: Seen) -> str:
+        """Why what moves may not move on; empty where it may."""
+        if self._silence_s > _BLIND_S:
+            return f"The arm has said nothing for {_BLIND_S:.2f} s; look at its cable, then press Resume."
+        if not seen.ready:
+            return "The arm is commanded at low level or serviced; have that end, then press Resume."
+        if self._others(seen):
+            return "Something else commands the arm: its web page, a gamepad, a program. End that, then press Resume."
+        if self._path is not None and self._path.off_m > _OFF_M:
+            return f"The tool is {1e3 * self._path.off_m:.0f} mm beside its way; look at it, then press Resume."
+        return self._driver.refused
+
+    def _others(self, seen: Seen) -> bool:
+        """Whether it has come to obey another connection since it began to move by what it was told here."""
+        begun = self._pushed if self._jogging is not None else self._errand is not None and self._errand.begun
+        if begun and not seen.still and self._by is None:
+            self._by = seen.by
+        return self._by is not None and seen.by != self._by
+
     def _follow(self, errand: Errand, duration_s: float) -> None:
         """See how far a motion is, and how it ended."""
         if self._path is not None and errand.begun:
-            self.commanded = self._path.advance(duration_s)
+            self.commanded = self._path.advance(self.measured, self._limits.speed_m_s * duration_s)
         if not errand.over:
             return
-        end, self._errand, self._path, self._end = self._end, None, None, None
+        self._errand = self._path = None
         if errand.problem:
             self._driver.stop()
-            self.mode, self.reason = "stopping", errand.problem
-            return
-        assert end is not None
-        self.mode, self.commanded = "idle", end
+            self.mode, self.reason, self._end = "stopping", errand.problem, None
+        else:
+            self.mode = "idle"
+
+    def _rest(self, seen: Seen, duration_s: float) -> None:
+        """Where nothing is commanded, the tool shall be where it is, or where its last motion ended."""
+        if self._end is not None and np.linalg.norm(seen.tool[:3] - self._end[:3]) > _AWAY_M:
+            self._end = None
+        there = seen.tool if self._end is None else self._end
+        # No faster than a command, so that what is logged as one is one.
+        way = _at_most(there[:3] - self.commanded[:3], self._limits.speed_m_s * duration_s)
+        self.commanded = np.concatenate([self.commanded[:3] + way, there[3:]])
 
     def _push(self, jogging: Jogging, seen: Seen, duration_s: float) -> None:
         """Have the tool follow the one that the hand moves, which keeps all limits."""
@@ -200,7 +233,7 @@ class KinovaControl:
                 self._driver.stop()
                 self._pushed = False
             elif seen.still:
-                self._jogging, self.mode, self.commanded = None, "idle", seen.tool
+                self._jogging, self.mode = None, "idle"
             return
         turn = (_rotation(self.commanded) * _rotation(before).inv()).as_rotvec() / duration_s
         behind = (_rotation(self.commanded) * _rotation(seen.tool).inv()).as_rotvec()
@@ -222,16 +255,15 @@ class KinovaControl:
         """Why the arm would not move now; empty where it would."""
         if why := self._driver.trouble or self._in_fault(seen):
             return why
-        if self._blind(seen):
+        if self._silence_s > _BLIND_S:
             return "The arm does not say where it is; look at its cable."
+        if np.linalg.norm(seen.tool[:3] - self.commanded[:3]) > _AWAY_M:
+            return "The arm was moved by something else just now; wait until it is at rest, then plan again."
         return "" if seen.ready else "The arm is not ready: it starts, is serviced, or is commanded at low level."
 
     def _in_fault(self, seen: Seen) -> str:
         said = " ".join(seen.faults)
         return f"The arm is in fault: {said} Remove the cause, then press Resume." if said else ""
-
-    def _blind(self, seen: Seen) -> bool:
-        return time.monotonic() - seen.time_s > _BLIND_S
 
 
 def carried(seen: Seen, now_s: float) -> ToolPose:

@@ -24,13 +24,15 @@ from app.rig.kinova.kortex import Kortex
 from app.rig.kinova.legs import Stretch
 from app.rig.kinova.seen import Seen, seen
 
-FEEDBACK_S, ALIVE_S, COMMAND_S = 0.010, 0.100, 0.025
+FEEDBACK_S, ALIVE_S, COMMAND_S = 0.010, 0.025, 0.025
 """How often feedback is asked for, life is shown, and a twist is sent at most: the arm heeds 40 commands a second."""
-PULSE_S, TWIST_S = 0.300, 0.150
-"""A loop that has not shown itself for so long hangs; a twist that is older than that is ended."""
+PULSES, TWIST_S = 5, 0.150
+"""A loop that has not shown itself while life was shown so often hangs; a twist that is older than that is ended."""
+_WATCHERS = 4
+"""So many ask for feedback in turn: a lost datagram keeps one of them waiting."""
 _OURS = "dipac "
 """How the zones that are made here are named."""
-BACK_OFF_S = (0.2, 0.5, 1.0, 2.0, 5.0)
+BACK_OFF_S = (0.0, 0.2, 0.5, 1.0, 2.0, 5.0)
 _STOP_S, _STOPS, _FIRST_S, _JOIN_S, _CLEAR_S = 0.3, 3, 3.0, 3.0, 3.0
 _Velocity: TypeAlias = tuple[Float64[np.ndarray, "3"], Float64[np.ndarray, "3"]]
 _Body: TypeAlias = Callable[[int, Errand], None]
@@ -38,7 +40,10 @@ _Body: TypeAlias = Callable[[int, Errand], None]
 
 @final
 class Driver:
-    """One arm. `trouble` says why it is out of reach, `seen` how it was. Nothing waits here but `open` and `close`."""
+    """One arm. Nothing waits here but `open` and `close`.
+
+    `trouble` says why it is out of reach, `refused` why it does not move as it was told to last, `seen` how it was.
+    """
 
     def __init__(self, kortex: Kortex, site: Site, holds: Holds) -> None:
         self._kortex, self._site, self._holds = kortex, site, holds
@@ -47,20 +52,21 @@ class Driver:
         self._over, self._stop, self._work = threading.Event(), threading.Event(), threading.Condition()
         self._errands = deque[tuple[int, Errand, _Body]]()
         self._twist: _Velocity | None = None
-        self._twist_s = self._pulse_s = 0.0
-        self._stops = 0
+        self._twist_s = 0.0
+        self._stops = self._pulses = self._asked = self._answered = 0
+        self._asking = threading.Lock()
         self._threads: list[threading.Thread] = []
-        self.trouble = ""
+        self.trouble = self.refused = ""
 
     def open(self) -> None:
         """Connect, set the arm up, wait for its first feedback, and let the threads run. Raises DeviceError."""
         try:
-            self._connect()
+            self._kortex.open()
+            self._set_up()
         except DeviceError:
             self._let_go()
             raise
-        self._pulse_s = time.monotonic()
-        bodies = (self._watch, self._live, self._command, self._halt, self._ease)
+        bodies = (*[self._watch] * _WATCHERS, self._live, self._command, self._halt, self._ease)
         self._threads = [threading.Thread(target=body, name=f"dipac{body.__name__}", daemon=True) for body in bodies]
         for thread in self._threads:
             thread.start()
@@ -95,7 +101,7 @@ class Driver:
 
     def pulse(self) -> None:
         """Whoever controls is there: the session is kept alive for a little longer."""
-        self._pulse_s = time.monotonic()
+        self._pulses += 1
 
     def go(self, stretches: tuple[Stretch, ...]) -> Errand:
         """Have the arm check all of it, then go stretch by stretch."""
@@ -123,7 +129,7 @@ class Driver:
         """Stop the arm, and drop what it was to do: it waits behind nothing."""
         with self._work:
             self._stops += 1
-            self._twist = None
+            self._twist, self.refused = None, ""
             dropped, self._errands = self._errands, deque()
         for _, errand, _ in dropped:
             errand.end("It was stopped before it began.")
@@ -146,9 +152,9 @@ class Driver:
 
         return check
 
-    def _connect(self) -> None:
+    def _set_up(self) -> None:
+        """Have the arm be as this site wants it. Raises DeviceError."""
         limits = self._site.limits
-        self._kortex.open()
         if (joints := self._kortex.joint_count()) != 7:
             raise DeviceError(f"The arm has {joints} joints; only a Gen3 of seven is known here.")
         # An arm in fault may refuse; what clears the fault asks for it again.
@@ -170,27 +176,38 @@ class Driver:
         self._kortex.close()
 
     def _watch(self) -> None:
-        """Ask for feedback, again and again."""
-        while not self._over.wait(FEEDBACK_S):
+        """Ask for feedback, again and again; the answer to what was asked last counts."""
+        while not self._over.wait(_WATCHERS * FEEDBACK_S):
             if self.trouble:
                 continue
+            with self._asking:
+                self._asked += 1
+                number = self._asked
             try:
                 said = self._kortex.feedback()
             except (LinkLost, Refused):
                 continue  # One datagram may be lost; of many the connection says so itself, see `_live`.
-            self._seen = seen(said, time.monotonic(), self._site.limits.opening_m) or self._seen
-            if self._seen is not None:
-                self._grip.look(self._seen)
+            found = seen(said, time.monotonic(), self._site.limits.opening_m)
+            with self._asking:
+                if found is not None and number > self._answered:
+                    self._seen, self._answered = found, number
+                    self._grip.look(found)
 
     def _live(self) -> None:
-        """Keep the session alive while somebody controls, and connect again where it is lost."""
+        """Keep the session alive while somebody controls, stop where nobody does, connect again where it is lost."""
+        heard = missed = 0
         while not self._over.wait(ALIVE_S):
+            # Counted, not timed: where this whole process was late, the arm notices by its own clock.
+            missed = missed + 1 if self._pulses == heard else 0
+            heard = self._pulses
             try:
                 if self._kortex.lost:
                     raise LinkLost(self._kortex.lost)
-                if time.monotonic() - self._pulse_s < PULSE_S:
+                if missed < PULSES:
                     self._kortex.keep_alive()
-            except (LinkLost, Refused) as error:
+                elif missed == PULSES:
+                    self._stop.set()  # A little sooner than the arm would by itself.
+            except LinkLost as error:
                 self._reconnect(str(error))
 
     def _reconnect(self, reason: str) -> None:
@@ -202,8 +219,11 @@ class Driver:
         while not self._over.wait(wait_s):
             wait_s = next(waits, BACK_OFF_S[-1])
             try:
-                self._connect()
-                self._kortex.stop()
+                self._kortex.open()
+                # First of all: a session that is gone no longer says so, and the arm waits for it for a while.
+                with contextlib.suppress(Refused):
+                    self._kortex.stop(timeout_s=_STOP_S)
+                self._set_up()
             except DeviceError as error:
                 self.trouble = f"The connection to the arm is lost, and is made again. {error}"
             else:
@@ -238,8 +258,13 @@ class Driver:
 
     def _push(self, number: int, twist: _Velocity) -> None:
         """Send a twist; one that is not answered may have been heard all the same."""
-        with contextlib.suppress(LinkLost, Refused):
+        try:
             self._kortex.twist(*twist)
+        except LinkLost:
+            pass  # The connection says so itself, see `_live`.
+        except Refused as error:
+            with self._work:
+                self.refused = str(error) if self._stops == number else ""
         if self._stops != number:
             self._stop.set()  # A stop came while it was sent, and may have been heard before it.
 

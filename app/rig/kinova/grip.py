@@ -28,8 +28,8 @@ _OPENED: Final = 0.02
 class Grip:
     """The fingers, of whose motor `most_ma` [mA] are allowed; None where any current is.
 
-    `look` is called from the thread that hears what the arm measures, `watch` is the body of one of its own, and
-    `close` is for any other.
+    `look` is called by one thread at a time of those that hear what the arm measures, `watch` is the body of one of its
+    own, and `close` is for any other.
     """
 
     def __init__(self, kortex: Kortex, most_ma: float | None) -> None:

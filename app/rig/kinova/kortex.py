@@ -82,8 +82,8 @@ class Kortex:
         return self._link.told()
 
     def keep_alive(self) -> None:
-        """Say that this session is there: where nothing is said for long the arm stops what it moves."""
-        self._link.call(calls.KEEP_ALIVE, _NOTHING)
+        """Say that this session is there, and wait for nothing: where nothing is said the arm stops what it moves."""
+        self._link.tell(calls.KEEP_ALIVE, _NOTHING)
 
     def feedback(self) -> Feedback:
         """What the arm measures now, over UDP."""

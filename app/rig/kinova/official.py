@@ -29,7 +29,9 @@ INSTALL = (
     "of Kinovarobotics/kortex on GitHub links to, then: pip install protobuf==3.20.3 deprecated==1.2.7 && "
     "pip install --no-deps kortex_api-*.whl"
 )
-_KEPT, _UNANSWERED, _EVENT, _CLOSE_S = 1000, 10, 3, 0.3
+_KEPT, _UNANSWERED, _EVENT, _CLOSE_S = 1000, 40, 3, 0.3
+_ALIVE_S = 0.6
+"""Of silence that its thread, which shows life every 150 ms, needs to be allowed."""
 
 
 @final
@@ -76,14 +78,21 @@ class OfficialLink:
 
     def call(self, call: Call[Asked, Answered], asked: Asked, *, timeout_s: float | None = None) -> Answered:
         """By the stub's method of the call's name."""
-        if call.service == Service.SESSION:
-            return self._keep_alive(call)
         if self._lost or (client := self._clients.get(call.service)) is None:
             raise LinkLost(self._lost)
         method, arguments = getattr(client, call.name), self._api.arguments(call, asked)
         options = self._api.options(call.timeout_s if timeout_s is None else timeout_s)
         answer = self._answered(call, partial(method, *arguments, options=options))
         return decode(call.answered, answer.SerializeToString() if answer is not None else b"")
+
+    def tell(self, call: Call[Asked, Any], asked: Asked) -> None:  # noqa: ARG002 - the port's
+        """Nothing: that a session is alive this client says itself, and no other call is made so.
+
+        Its thread does so every 150 ms for as long as the process lives (`SessionManager`): the arm does not notice a
+        loop that hangs, which is left to the watchdog of the arm's process.
+        """
+        if self._lost:
+            raise LinkLost(self._lost)
 
     def subscribe(self, topic: Topic[Any]) -> None:
         """The callback only keeps what it got: a call from within it would wait for itself."""
@@ -101,15 +110,6 @@ class OfficialLink:
     def told(self) -> list[object]:
         """In order."""
         return [self._told.popleft() for _ in range(len(self._told))]
-
-    def _keep_alive(self, call: Call[Any, Answered]) -> Answered:
-        """Nothing: this client's own thread says so every 150 ms for as long as the process lives (`SessionManager`).
-
-        So the arm does not notice a loop that hangs; that is left to the watchdog of the arm's process.
-        """
-        if self._lost:
-            raise LinkLost(self._lost)
-        return call.answered()
 
     def _answered(self, call: Call[Any, Any], made: partial[Any]) -> Any:
         """What the client returns, its errors as ours."""
@@ -143,7 +143,7 @@ class OfficialLink:
             username=address.username,
             password=address.password,
             session_inactivity_timeout=round(1e3 * address.closes_after_s),
-            connection_inactivity_timeout=round(1e3 * address.stops_after_s),
+            connection_inactivity_timeout=round(1e3 * max(address.stops_after_s, _ALIVE_S)),
         )
         sessions = self._api.sessions(router)
         asked = self._api.message("Session", "CreateSessionInfo")

@@ -28,7 +28,7 @@ class Seen:
     """The arm at `time_s`, when this was received. `closed`: the fingers, 0 to 1; `faults`: sentences, or none.
 
     `velocity` [m/s] and `force` [N] of the tool; `gripper_ma`: the current of the gripper's motor [mA];
-    `ready`: whether it takes commands.
+    `ready`: whether it takes commands; `by`: whose command it obeyed last, a number that the arm gives each connection.
     """
 
     time_s: float
@@ -40,6 +40,7 @@ class Seen:
     gripper_ma: float
     still: bool
     ready: bool
+    by: int
     faults: tuple[str, ...]
 
 
@@ -64,6 +65,7 @@ def seen(said: Feedback, time_s: float, opening_m: float) -> Seen | None:
         gripper_ma=motor.current_motor,
         still=float(np.linalg.norm(velocity)) < _STILL_M_S and fastest < _STILL_DEG_S,
         ready=base.active_state in _READY,
+        by=base.active_state_connection_identifier,
         faults=_faults(said),
     )
 

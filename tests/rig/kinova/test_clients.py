@@ -22,7 +22,7 @@ from app.rig.kinova.messages import ActionNotification
 from app.rig.kinova.official import OfficialLink
 from app.rig.kinova.session import ArmStateNotification, Empty
 from app.rig.kinova.words import ROBOT_IN_EMERGENCY_STOP, SESSION_NOT_IN_CONTROL
-from tests.rig.kinova.conftest import address, tool, until, way
+from tests.rig.kinova.conftest import PATIENT_S, address, keep_alive, tool, until, way
 
 STILL, STRAIGHT_UP = np.zeros(3), np.array([0.0, 0.0, 0.05])
 
@@ -287,6 +287,27 @@ def test_an_arm_that_accepts_and_never_answers_is_given_up_in_time(link: Link, a
     kortex.stop()
 
 
+def test_a_life_that_is_shown_to_nobody_ends_the_connection(arm: FakeProcess) -> None:
+    kortex = Kortex(OwnLink(address(arm, stops_after_s=PATIENT_S)))
+    kortex.open()
+    arm.set(Adversity(deaf=True))
+    begun = time.monotonic()
+    keep_alive(kortex, threading.Event())
+    assert "has not answered KeepAlive" in kortex.lost
+    assert time.monotonic() - begun > 0.5
+    arm.set(Adversity())
+    kortex.close()
+
+
+def test_a_session_that_the_arm_has_closed_is_noticed_by_whoever_keeps_it_alive(arm: FakeProcess) -> None:
+    kortex = Kortex(OwnLink(address(arm, closes_after_s=0.2)))
+    kortex.open()
+    until(lambda: not arm.look()["sessions"])
+    kortex.keep_alive()
+    until(lambda: "closed the session" in kortex.lost)
+    kortex.close()
+
+
 def test_a_lost_datagram_is_no_lost_connection_and_many_are(link: Link, arm: FakeProcess) -> None:
     kortex = Kortex(link)
     kortex.open()
@@ -300,7 +321,7 @@ def test_a_lost_datagram_is_no_lost_connection_and_many_are(link: Link, arm: Fak
     assert lost == 3
     assert not kortex.lost
     arm.set(Adversity(lose_feedback=10**6))
-    for _ in range(10):
+    for _ in range(40):
         with pytest.raises(NoAnswer):
             kortex.feedback()
     assert "over UDP" in kortex.lost

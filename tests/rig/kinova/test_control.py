@@ -18,7 +18,7 @@ from app.rig.kinova.control import KinovaControl, taken
 from app.rig.kinova.fake.adversity import Adversity
 from app.rig.kinova.fake.process import FakeProcess
 from app.rig.kinova.kortex import Kortex
-from tests.rig.kinova.conftest import address, tool, until
+from tests.rig.kinova.conftest import PATIENT_S, address, tool, until
 
 STAND = KeepOut(name="stand", low=(0.6, 0.25, 0.0), high=(0.7, 0.35, 0.4))
 BOX = Workspace(low=(0.3, -0.3, 0.02), high=(0.6, 0.3, 0.4))
@@ -51,7 +51,8 @@ class Loop:
         self.control.close()
 
     def go(self, *positions: tuple[float, float, float], speed: float = 0.25, openings: tuple[float, ...] = ()) -> None:
-        """Begin a motion from where the tool is."""
+        """Begin a motion from where the tool is, once what it shall do has come to that after a stop."""
+        until(lambda: np.linalg.norm(self.control.commanded[:3] - self.control.measured[:3]) < 5e-3)
         points = np.array([self.control.measured, *(pointing_down(np.array(each)) for each in positions)])
         if openings:
             points[:, 7] = openings
@@ -71,7 +72,7 @@ class Loop:
 
 @pytest.fixture
 def loop(arm: FakeProcess) -> Iterator[Loop]:
-    loop = Loop(taken(address(arm), SITE))
+    loop = Loop(taken(address(arm, stops_after_s=PATIENT_S), SITE))
     yield loop
     arm.set(Adversity())
     loop.end()
@@ -109,7 +110,7 @@ def test_a_motion_goes_through_its_points_within_the_limits_and_ends_idle(loop: 
     assert loop.control.mode == "moving"
     loop.comes_to("idle")
     assert tool(arm) == pytest.approx(way[-1], abs=2e-3)
-    assert loop.control.commanded[:3] == pytest.approx(way[-1])
+    until(lambda: loop.control.commanded[:3] == pytest.approx(way[-1]))
     (told,) = [each for each in arm.commands() if each["call"] == "ExecuteAction"]
     assert told["positions"] == [pytest.approx(each, abs=1e-6) for each in way]
     assert fastest(arm) <= SITE.limits.speed_m_s * (1 + 1e-6)
@@ -266,6 +267,55 @@ def test_another_session_in_control_is_said(loop: Loop, arm: FakeProcess) -> Non
     assert "another session has control" in loop.control.reason
 
 
+@pytest.mark.parametrize("by_hand", [True, False])
+def test_an_arm_that_somebody_else_commands_is_stopped_and_that_is_said(
+    loop: Loop, arm: FakeProcess, by_hand: bool
+) -> None:
+    if by_hand:
+        hold(loop, Jog(linear=np.array([0.0, 0.05, 0.0])), 0.5)
+    else:
+        loop.go((0.45, 0.25, 0.3), speed=0.05)
+        until(lambda: np.linalg.norm(loop.control.velocity) > 0.03)
+    arm.take_over(0.05)
+    if by_hand:
+        hold(loop, Jog(linear=np.array([0.0, 0.05, 0.0])), 0.3)
+    loop.comes_to("stopped")
+    assert "commands the arm" in loop.control.reason or "another session has control" in loop.control.reason
+    until(lambda: not arm.look()["moving"])
+    assert tool(arm)[2] < START[2] + 0.05
+
+
+def test_an_arm_that_somebody_else_has_moved_goes_on_from_where_it_is(loop: Loop, arm: FakeProcess) -> None:
+    arm.take_over(0.1)
+    until(lambda: tool(arm)[2] > START[2] + 0.05)
+    loop.do(loop.control.stop, "STOP was pressed.")
+    until(lambda: not arm.look()["moving"])
+    arm.set(Adversity())
+    loop.do(loop.control.reset)
+    loop.comes_to("idle")
+    loop.go((0.45, 0.05, 0.35))
+    loop.comes_to("idle")
+    assert tool(arm) == pytest.approx((0.45, 0.05, 0.35), abs=2e-3)
+
+
+def test_where_the_tool_shall_be_never_jumps_also_not_where_it_is_stopped(loop: Loop) -> None:
+    shall = list[np.ndarray]()
+    loop.go((0.45, 0.1, 0.3), (0.45, 0.1, 0.2), (0.45, -0.1, 0.2))
+    advance = loop.control.advance
+
+    def watched(duration_s: float) -> None:
+        advance(duration_s)
+        shall.append(loop.control.commanded[:3].copy())
+
+    loop.control.advance = watched  # type: ignore[method-assign]
+    until(lambda: loop.control.velocity[2] < -0.1)
+    loop.do(loop.control.stop, "STOP was pressed.")
+    loop.comes_to("stopped")
+    until(lambda: np.linalg.norm(shall[-1] - loop.control.measured[:3]) < 1e-3)
+    steps = np.linalg.norm(np.diff(shall, axis=0), axis=1)
+    assert steps.max() <= SITE.limits.speed_m_s * 0.01 * (1 + 1e-6)
+
+
 @pytest.mark.parametrize("deaf", [False, True])
 def test_a_lost_connection_is_a_fault_and_is_made_again(loop: Loop, arm: FakeProcess, deaf: bool) -> None:
     loop.go((0.45, 0.0, 0.1), speed=0.02)
@@ -297,7 +347,7 @@ def test_a_push_at_the_tool_is_felt(loop: Loop, arm: FakeProcess) -> None:
 
 
 def test_letting_go_of_an_arm_that_moves_stops_it(arm: FakeProcess) -> None:
-    loop = Loop(taken(address(arm), SITE))
+    loop = Loop(taken(address(arm, stops_after_s=PATIENT_S), SITE))
     loop.go((0.45, 0.0, 0.1), speed=0.02)
     until(lambda: arm.look()["moving"])
     loop.end()

@@ -19,6 +19,7 @@ from app.rig.kinova.errors import Refused
 from app.rig.kinova.fake.adversity import Adversity
 from app.rig.kinova.fake.fingers import FULL_S, Fingers
 from app.rig.kinova.fake.process import FakeProcess
+from app.rig.kinova.fake.sessions import PASSWORD, USER, Sessions
 from app.rig.kinova.fake.timed import ACCELERATION_M_S2, TimedPath
 from app.rig.kinova.fake.zones import inside
 from app.rig.kinova.gen3 import tool as forward
@@ -33,14 +34,54 @@ from app.rig.kinova.messages import (
     JointAngles,
     Pose,
 )
-from app.rig.kinova.session import Empty
+from app.rig.kinova.session import Empty, SessionInfo
 from app.rig.kinova.setup import Point, ProtectionZone, ZoneShape
 from app.rig.kinova.wire import MAGIC, Frame, FrameKind, Splitter, decoded
+from app.rig.kinova.words import SESSION_NOT_IN_CONTROL
 from tests.conftest import ROOT
 from tests.rig.kinova.conftest import address, tool, until, way
 
 UP, STILL = np.array([0.0, 0.0, 0.05]), np.zeros(3)
 DOWN = np.array([[1.0, 0, 0, 0.45], [0, -1, 0, 0], [0, 0, -1, 0.3], [0, 0, 0, 1]])
+
+
+def test_a_session_is_silent_for_as_long_as_the_arm_itself_ran() -> None:
+    sessions = Sessions()
+    info = SessionInfo(username=USER, password=PASSWORD, connection_inactivity_timeout=150)
+    session = sessions.create(info, None)
+    assert sessions.silent(0.2) == []  # It was made since the last tick.
+    assert sessions.silent(0.1) == []
+    sessions.hear(session)
+    assert [sessions.silent(0.08) for _ in range(2)] == [[], []]
+    assert sessions.silent(0.08) == [session]
+    assert sessions.silent(0.08) == []
+
+
+def test_an_arm_that_another_session_takes_over_breaks_off_says_so_and_obeys_that(arm: FakeProcess) -> None:
+    kortex = connected(arm, stops_after_s=30.0)
+    kortex.go([way(0.45, 0.2, 0.3, speed=0.05)])
+    until(lambda: arm.look()["moving"])
+    before = kortex.feedback().base
+    arm.take_over(0.1)
+    told: list[object] = []
+    until(lambda: told.extend(kortex.events()) or any(map(aborted, told)))
+    (ended,) = filter(aborted, told)
+    assert isinstance(ended, ActionNotification)
+    assert ended.abort_details == SESSION_NOT_IN_CONTROL
+    until(lambda: tool(arm)[2] > 0.31)
+    after = kortex.feedback().base
+    assert before is not None
+    assert after is not None
+    assert before.active_state_connection_identifier != after.active_state_connection_identifier
+    with pytest.raises(Refused):
+        kortex.twist(UP, STILL)
+    kortex.stop()
+    until(lambda: not arm.look()["moving"])
+    kortex.close()
+
+
+def aborted(told: object) -> bool:
+    return isinstance(told, ActionNotification) and told.action_event == ActionEvent.ABORT
 
 
 def connected(arm: FakeProcess, **changed: object) -> Kortex:

@@ -7,7 +7,7 @@ from typing import final
 import numpy as np
 
 from app.rig.kinova import gen3
-from app.rig.kinova.codes import ActionEvent, ArmStateCode, ControlMode, ServoingMode
+from app.rig.kinova.codes import ActionEvent, ArmStateCode, ControlMode, ReferenceFrame, ServoingMode
 from app.rig.kinova.fake.adversity import Adversity
 from app.rig.kinova.fake.fingers import Fingers
 from app.rig.kinova.fake.motions import AlongPath, Broken, InJoints, Motion, Twisting
@@ -38,6 +38,8 @@ START: gen3.Joints = np.radians([2.444, 20.8641, 176.7349, -85.9559, 1.2141, -73
 STOPPED, BROKEN_OFF, WRONG_MODE, INVALID, NOT_FOUND = 55, 140, 75, 3, 17
 """Sub errors of `Errors.proto`."""
 EMERGENCY_STOP_BIT, ENTERING_ZONE, ZONE_REACHED = 1 << 23, 11, 1
+ANOTHER = 0xFFFF
+"""The number of a connection that nobody here has made."""
 Notification = ActionNotification | ArmStateNotification | ProtectionZoneNotification
 
 
@@ -127,6 +129,15 @@ class FakeArm:
     def emergency_stop(self) -> None:
         """Fall into fault at once."""
         self.fail(base=EMERGENCY_STOP_BIT)
+
+    def take_over(self, speed_m_s: float) -> None:
+        """Another session takes control and moves the tool upwards, on and on; what was being done is broken off.
+
+        That a gamepad or the wrist's buttons always do is said in the user guide; that an action ends so was reported
+        (ros_kortex #144).
+        """
+        self.adversity = dataclasses.replace(self.adversity, foreign=True)
+        self._inbox.append(lambda: self._obey_another(TwistValues(linear_z=speed_m_s)))
 
     def fail(self, *, base: int = 0, joint: int = 0, bits: int = 0, lasting: bool = False) -> None:
         """Set bits of the base's bank, or of a joint's from 1; `lasting` ones cannot be cleared yet."""
@@ -229,6 +240,12 @@ class FakeArm:
         linear, angular = self.soft_limits[ControlMode.CARTESIAN_JOYSTICK]
         frame, tool = command.reference_frame, gen3.tool(self.joints)
         self._motion.aim(command.twist or TwistValues(), frame, tool, linear, angular)
+
+    def _obey_another(self, twist: TwistValues) -> None:
+        self._drop(SESSION_NOT_IN_CONTROL)
+        self.mover, self._motion, self._stopping = ANOTHER, Twisting(), False
+        linear, angular = self.soft_limits[ControlMode.CARTESIAN_JOYSTICK]
+        self._motion.aim(twist, ReferenceFrame.BASE, gen3.tool(self.joints), linear, angular)
 
     def _stop(self) -> None:
         self.fingers.stop()

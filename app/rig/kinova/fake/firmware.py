@@ -112,10 +112,10 @@ class Firmware:
         """The answer to a request; of errors, too."""
         now_s = self._clock()
         if (frame.service, frame.function) == (Service.SESSION, 1):
-            return self._create_session(frame, now_s, address)
+            return self._create_session(frame, address)
         if (session := self.sessions.get(frame.session)) is None:
             return _failed(frame, SERVER_ERROR, NO_SESSION, "no such session")
-        self.sessions.hear(session, now_s)
+        self.sessions.hear(session)
         if frame.service == Service.BASE and frame.function in _TOPICS:
             return _reply(frame, self._subscribe(session, frame.function))
         if (handler := self._handlers.get((frame.service, frame.function))) is None:
@@ -126,7 +126,7 @@ class Firmware:
     def tick(self, duration_s: float) -> None:
         """Let time pass: the arm moves, and sessions that are silent lose what they move."""
         now_s = self._clock()
-        for session in self.sessions.silent(now_s):
+        for session in self.sessions.silent(duration_s):
             if self.arm.mover == session.number and self.arm.moving:
                 self.arm.stop()
         self.arm.tick(now_s, duration_s)
@@ -142,14 +142,14 @@ class Firmware:
             if (handle := session.topics.get(topics[type(message)])) is not None
         ]
 
-    def _create_session(self, frame: Frame, now_s: float, address: object) -> Frame:
+    def _create_session(self, frame: Frame, address: object) -> Frame:
         try:
             info = decode(SessionInfo, frame.payload)
         except WireError as error:
             return _failed(frame, SERVER_ERROR, UNREADABLE, str(error))
         if refused := self.sessions.refused(info):
             return _failed(frame, SERVER_ERROR, refused, "")
-        session = self.sessions.create(info, now_s, address)
+        session = self.sessions.create(info, address)
         return _reply(dataclasses.replace(frame, session=session.number), Empty())
 
     def _subscribe(self, session: Session, function: int) -> Handle:

@@ -9,6 +9,7 @@ from types import TracebackType
 from typing import Any, Self, final
 
 from app.core.errors import DeviceError
+from app.core.processes import ask_for_real_time
 from app.core.ring import SPAWN, Ring
 from app.rig.kinova import gen3
 from app.rig.kinova.fake.adversity import Adversity
@@ -68,6 +69,10 @@ class FakeProcess:
         """Set bits of the arm's banks; `lasting` ones cannot be cleared before the next call without."""
         self._ask("fail", base=base, joint=joint, bits=bits, lasting=lasting)
 
+    def take_over(self, speed_m_s: float) -> None:
+        """Another session takes control and moves the tool upwards, until it is stopped; `set` gives control back."""
+        self._ask("take over", speed_m_s=speed_m_s)
+
     def cut(self) -> None:
         """Cut all connections over TCP."""
         self._ask("cut")
@@ -100,6 +105,8 @@ class FakeProcess:
 def run(control: Connection, states: Ring, udp_port: int) -> None:
     """The body of the process: serve until the other end of `control` is closed."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
+    # A firmware has a machine of its own: whoever else is busy on this one does not make it late.
+    ask_for_real_time()
     asyncio.run(_served(control, states, udp_port))
 
 
@@ -131,6 +138,8 @@ def _done(server: Server, what: str, values: dict[str, Any]) -> object:
             firmware.arm.adversity = Adversity(**values)
         case "fail":
             firmware.arm.fail(**values)
+        case "take over":
+            firmware.arm.take_over(**values)
         case "cut":
             server.cut()
         case "reset":

@@ -22,6 +22,9 @@ STATE = np.dtype(
 TICK_S, LONGEST_TICK_S = 0.010, 0.050
 """A tick that comes later than the longest moves the arm no further than that: late, it slows."""
 LOOPBACK = "127.0.0.1"
+RESENT_S = 0.040
+"""Until what was lost on a stream is sent again: after the next segment, which comes 25 ms later, was acknowledged
+(RACK-TLP, RFC 8985)."""
 
 
 @final
@@ -34,6 +37,7 @@ class Server:
         self._writers: set[asyncio.StreamWriter] = set()
         self._tasks: set[asyncio.Task[None]] = set()
         self._datagrams = 0
+        self._chance = np.random.default_rng(0)
 
     async def open(self, udp_port: int = 0) -> None:
         """Listen on ports that are free, or on that for UDP; `ports` are those of TCP and UDP then."""
@@ -79,9 +83,11 @@ class Server:
                 self._in_background(self._answer_datagram(frame, address))
 
     async def _answer_datagram(self, frame: Frame, address: tuple[str, int]) -> None:
+        if self._lost():
+            return
         answer, adversity = self.firmware.answer(frame, address), self.firmware.arm.adversity
         self._datagrams += 1
-        if adversity.lose_feedback and self._datagrams % adversity.lose_feedback:
+        if self._lost() or (adversity.lose_feedback and self._datagrams % adversity.lose_feedback):
             return
         if adversity.delay_s:
             await asyncio.sleep(adversity.delay_s)
@@ -94,6 +100,8 @@ class Server:
         try:
             while data := await reader.read(65536):
                 for frame in map(decoded, splitter.feed(data)):
+                    if late_s := self._late_s():
+                        await asyncio.sleep(late_s)  # And so does all that was sent after it.
                     if frame.kind == FrameKind.PING:
                         self._send(writer, Frame(kind=FrameKind.PONG, message=frame.message))
                     elif frame.kind == FrameKind.REQUEST and not self.firmware.arm.adversity.deaf:
@@ -110,9 +118,20 @@ class Server:
             answer = await asyncio.to_thread(self.firmware.answer, frame, writer)
         else:
             answer = self.firmware.answer(frame, writer)
-        if delay_s := self.firmware.arm.adversity.delay_s:
+        if delay_s := self.firmware.arm.adversity.delay_s + self._late_s():
             await asyncio.sleep(delay_s)
         self._send(writer, answer)
+
+    def _lost(self) -> bool:
+        """Whether what is sent now does not arrive."""
+        return self._chance.random() < self.firmware.arm.adversity.loss
+
+    def _late_s(self) -> float:
+        """How much later what is sent on a stream now arrives, until it is not lost any more."""
+        late_s = 0.0
+        while self._lost():
+            late_s += RESENT_S
+        return late_s
 
     def _send(self, writer: asyncio.StreamWriter, frame: Frame) -> None:
         if not writer.is_closing():

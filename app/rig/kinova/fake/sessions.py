@@ -15,12 +15,16 @@ WRONG_PASSWORD, NO_USER, NO_SESSION = 15, 16, 12
 @final
 @dataclass(kw_only=True)
 class Session:
-    """One of them; `halted` once it was silent for so long that what it moves is stopped."""
+    """One of them; `halted` once it was silent for so long that what it moves is stopped.
+
+    `heard` since the last tick; by ticks it is silent, so that an arm that itself did not run blames nobody.
+    """
 
     number: int
     closes_after_s: float
     stops_after_s: float
-    heard_s: float
+    silence_s: float = 0.0
+    heard: bool = True
     address: object = None
     topics: dict[int, int] = field(default_factory=dict[int, int])
     """Of subscriptions: the function of the topic to the handle that names it."""
@@ -48,14 +52,13 @@ class Sessions:
             return NO_USER
         return 0 if info.password == PASSWORD else WRONG_PASSWORD
 
-    def create(self, info: SessionInfo, now_s: float, address: object) -> Session:
+    def create(self, info: SessionInfo, address: object) -> Session:
         """A new one."""
         self._made = self._made % 0xFFFF + 1
         session = Session(
             number=self._made,
             closes_after_s=info.session_inactivity_timeout / 1e3,
             stops_after_s=info.connection_inactivity_timeout / 1e3,
-            heard_s=now_s,
             address=address,
         )
         self._open[session.number] = session
@@ -65,18 +68,19 @@ class Sessions:
         """End it."""
         self._open.pop(number, None)
 
-    def hear(self, session: Session, now_s: float) -> None:
+    def hear(self, session: Session) -> None:
         """Note that it has said something."""
-        session.heard_s, session.halted = now_s, False
+        session.heard, session.halted = True, False
 
-    def silent(self, now_s: float) -> list[Session]:
-        """Those whose movements are to be stopped now; those that are silent for longer still are closed."""
+    def silent(self, duration_s: float) -> list[Session]:
+        """Those whose movements are to be stopped after a tick; those that are silent for longer still are closed."""
         found = list[Session]()
         for session in self:
-            silence_s = now_s - session.heard_s
-            if 0 < session.stops_after_s < silence_s and not session.halted:
+            session.silence_s = 0.0 if session.heard else session.silence_s + duration_s
+            session.heard = False
+            if 0 < session.stops_after_s < session.silence_s and not session.halted:
                 session.halted = True
                 found.append(session)
-            if 0 < session.closes_after_s < silence_s:
+            if 0 < session.closes_after_s < session.silence_s:
                 self.close(session.number)
         return found
