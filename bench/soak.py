@@ -1,7 +1,8 @@
 """The whole application for a long time: memory, drops, and the arm's period. `python -m bench.soak [MINUTES] [RIG]`.
 
 Motions are made automatically, towards a new goal whenever one is reached, on the rig of that name (the rehearsal where
-none is given). The memory is what each process has for itself (USS), so what they share counts for none.
+none is given). Where the arm was stopped it is resumed, as by an operator, and counted. The memory is what each process
+has for itself (USS), so what they share counts for none.
 """
 
 import sys
@@ -24,7 +25,7 @@ from app.cells.base import Wanted
 from app.commands._clock import SystemClock
 from app.config import Site
 from app.core.control import ModeRequest
-from app.core.messages import ArmState, Episode, Executed, Fault, Goal, Health, Message, fresh_id
+from app.core.messages import ArmState, Episode, Executed, Fault, Goal, Health, Message, ResumeRequest, fresh_id
 from app.core.requests import GoalRequest, Request
 from app.core.worker import Worker
 from app.flow import Flow
@@ -37,6 +38,7 @@ from app.tasks.base import Wish
 _MINUTES, _RIG, _TASK, _PRESET = 10.0, "rehearsal", "rope_push", "cpu"
 _SAMPLE_S = 10.0
 _GOAL_EVERY_S = 90.0
+_RESUMES_S = 2.0
 _SETTLED = 0.25
 """The first part of the time, in which caches fill, does not count for the growth."""
 _MANY = 10_000
@@ -54,23 +56,28 @@ class Soaked:
     drops: dict[str, int] = field(default_factory=dict[str, int])
     faults: list[str] = field(default_factory=list[str])
     motions: int = 0
+    stops: list[str] = field(default_factory=list[str])
 
 
 @final
 class Somebody:
-    """An operator who wants one goal after the other, and all motions made automatically."""
+    """An operator who wants one goal after the other, and all motions made automatically, also after a stop."""
 
     def __init__(self, task: Task, soaked: Soaked) -> None:
         self._task, self._soaked = task, soaked
+        self._stopped = anyio.Event()
 
     def show(self, message: Message) -> None:
         """Note what counts."""
         match message:
             case ArmState(period_s=period_s):
                 self._soaked.longest_period_s.append(period_s)
-            case Executed(times_s=times_s):
+            case Executed(times_s=times_s, outcome=outcome, reason=reason):
                 self._soaked.motions += 1
                 self._soaked.periods_s.append(np.diff(times_s))
+                if outcome != "completed":
+                    self._soaked.stops.append(reason)
+                    self._stopped.set()
             case Health(drops=drops):
                 self._soaked.drops = dict(drops)
             case Fault(text=text):
@@ -86,7 +93,12 @@ class Somebody:
             name, mode = fresh_id("goal request"), fresh_id("mode request")
             yield GoalRequest(id=name, time_s=now_s, operator="soak", source="region", positions=goal)
             yield ModeRequest(id=mode, time_s=now_s, operator="soak", mode="automatic", motions=_MANY)
-            await anyio.sleep(_GOAL_EVERY_S)
+            with anyio.move_on_after(_GOAL_EVERY_S):
+                await self._stopped.wait()
+            if self._stopped.is_set():
+                await anyio.sleep(_RESUMES_S)
+                self._stopped = anyio.Event()
+                yield ResumeRequest(id=fresh_id("resume request"), time_s=time.monotonic(), operator="soak")
             seed += 1
 
 
@@ -176,6 +188,12 @@ def total(soaked: Soaked) -> list[tuple[float, float]]:
     return [(rows[0][0], sum(row[1] for row in rows)) for rows in zip(*whole, strict=True)]
 
 
+def tenths(soaked: Soaked) -> list[float]:
+    """The application's own memory at the end of each tenth of the time [bytes]."""
+    sizes = [size for _, size in soaked.memory["application"]]
+    return [sizes[round(part * (len(sizes) - 1) / 10)] for part in range(1, 11)]
+
+
 def main(arguments: Sequence[str]) -> None:
     """Print the table."""
     minutes = float(arguments[0]) if arguments else _MINUTES
@@ -186,9 +204,11 @@ def main(arguments: Sequence[str]) -> None:
     memory = total(soaked)
     table = Table(f"{minutes:g} minutes on the {rig} rig", "")
     table.add_row("motions", str(soaked.motions))
+    table.add_row("of these stopped, and resumed", "; ".join(soaked.stops) or "none")
     table.add_row("memory at the end, all processes", f"{memory[-1][1] / 1e6:.0f} MB")
     table.add_row(f"its growth after the first {_SETTLED:.0%}", f"{growth(memory):+.1%}")
     table.add_row("the application's own", f"{growth(soaked.memory['application']):+.1%}")
+    table.add_row("in each tenth of the time", " ".join(f"{size / 1e6:.0f}" for size in tenths(soaked)) + " MB")
     table.add_row("arm's period, p99 / longest", f"{np.percentile(periods_ms, 99):.1f} / {periods_ms.max():.1f} ms")
     table.add_row("messages said, in the recording", f"{said}, {kept}")
     table.add_row("newest counts alone: not read", ", ".join(f"{name} {count}" for name, count in soaked.drops.items()))
