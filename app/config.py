@@ -5,7 +5,7 @@ All numbers are SI; the ranges are read by the command line and the console, and
 
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import final
+from typing import Final, final
 
 import numpy as np
 
@@ -54,6 +54,38 @@ class KeepOut:
 
 @final
 @dataclass(frozen=True, kw_only=True)
+class Reach:
+    """How far an arm reaches: its wrist is up to `radius_m` from its shoulder, which is at `middle` [m, world frame].
+
+    The wrist is `hand_m` behind the tool's tip, along the axis that the tool points along.
+    """
+
+    middle: tuple[float, float, float]
+    radius_m: float
+    hand_m: float
+
+    def beyond_m(self, poses: np.ndarray) -> np.ndarray:
+        """How far out of reach the wrist is at each of `poses (..., 7 or more)`, below zero within: shape (...)."""
+        w, x, y, z = np.moveaxis(poses[..., 3:7], -1, 0)
+        axis = np.stack([2 * (x * z + w * y), 2 * (y * z - w * x), 1 - 2 * (x * x + y * y)], axis=-1)
+        wrist = poses[..., :3] - self.hand_m * axis
+        return np.asarray(np.linalg.norm(wrist - np.asarray(self.middle), axis=-1) - self.radius_m)
+
+
+@final
+@dataclass(frozen=True, kw_only=True)
+class Confines:
+    """Where in its workspace an arm may not or cannot be; a planner is compiled for them."""
+
+    keep_out: tuple[KeepOut, ...] = ()
+    reach: Reach | None = None
+
+
+ANYWHERE: Final = Confines()
+
+
+@final
+@dataclass(frozen=True, kw_only=True)
 class Limits:
     """What the arm may do; checked by the planner and again in the arm's own process."""
 
@@ -71,6 +103,13 @@ class Limits:
     """Of current of the gripper's motor, where the arm measures that: beyond it the fingers close no further."""
     workspace: Workspace = field(default_factory=Workspace)
     keep_out: tuple[KeepOut, ...] = ()
+    reach: Reach | None = None
+    """Of an arm that does not reach all of its workspace."""
+
+    @property
+    def confines(self) -> Confines:
+        """What a planner is compiled for."""
+        return Confines(keep_out=self.keep_out, reach=self.reach)
 
     def trespassed(self, path: np.ndarray) -> KeepOut | None:
         """The first volume that the straight lines between `path (W, 3)` [m] enter, None where they enter none."""

@@ -50,6 +50,7 @@ def way(tool: ToolPose, motion: Motion, site: Site) -> tuple[ToolPath, Float64[n
             Refusal.OUTSIDE, "The way to the motion leaves the workspace; lower the travel height, or move the tool in."
         )
     _check_free(points[:, :3], site.limits, "The way to the motion")
+    _check_reach(points, site.limits, "The way to the motion")
     return points, speeds
 
 
@@ -68,6 +69,7 @@ def check_motion(motion: Motion, digest: str, site: Site) -> None:
         raise MotionRefused(
             Refusal.SPEED, f"Speeds must be above 0 and up to {fastest} m/s; the fastest is {np.max(speeds):.3f}."
         )
+    _check_reach(motion.poses, site.limits, "The motion")
 
 
 def _check_shape(motion: Motion) -> None:
@@ -103,6 +105,19 @@ def _check_free(path: np.ndarray, limits: Limits, name: str) -> None:
     volume = limits.trespassed(path)
     if volume is not None:
         raise MotionRefused(Refusal.KEEP_OUT, f"{name} enters {volume.name!r}, which is kept free; plan around it.")
+
+
+def _check_reach(poses: ToolPath, limits: Limits, name: str) -> None:
+    """Raise MotionRefused where one of `poses` is out of the arm's reach.
+
+    Between two poses of the same turn all are as near as these: the wrist goes straight, in a ball. A tool that turns
+    on the way may swing its wrist out of it, which the arm's own controller finds.
+    """
+    if limits.reach is not None and (beyond_m := float(limits.reach.beyond_m(poses).max())) > 0:
+        raise MotionRefused(
+            Refusal.REACH,
+            f"{name} goes {np.ceil(1e3 * beyond_m):.0f} mm further than the arm reaches; plan nearer to its base.",
+        )
 
 
 def _check_tool(motion: Motion, limits: Limits) -> None:

@@ -5,9 +5,12 @@ from pathlib import Path
 from typing import Annotated, Final, TypeAlias, final
 
 import msgspec
+import numpy as np
 
 from app.config import KeepOut, Limits, Workspace
 from app.core.errors import RecordingError, UsageError
+from app.core.motion import pointing_down
+from app.rig.kinova.gen3 import reach
 
 SCHEMA: Final = 1
 _MOST: Final = Limits()
@@ -111,9 +114,30 @@ def limits(cell: CellFile) -> Limits:
         angular_speed_rad_s=said.angular_speed_rad_s,
         force_n=said.force_n,
         gripper_ma=said.gripper_ma,
+        reach=reach(cell.arm.tool.tip_m),
         workspace=Workspace(low=said.workspace.low, high=said.workspace.high),
         keep_out=tuple(KeepOut(name=each.name, low=each.low, high=each.high) for each in said.keep_out),
     )
+
+
+def far_corner(cell: CellFile) -> str:
+    """What of the workspace the arm does not reach with a tool that points down, as a sentence; empty where nothing."""
+    beyond_m = _beyond_m(cell, middle=False)
+    if beyond_m <= 0:
+        return ""
+    return (
+        f"The farthest corner of the workspace of {cell.name!r} is {1e3 * beyond_m:.0f} mm further away than the arm "
+        "reaches with a tool that points down; motions there are refused, and none is planned."
+    )
+
+
+def _beyond_m(cell: CellFile, *, middle: bool) -> float:
+    """How far out of reach the workspace is at most, or over its middle."""
+    low, high = np.array(cell.limits.workspace.low), np.array(cell.limits.workspace.high)
+    corners = np.stack(np.meshgrid(*np.stack([low, high]).T), axis=-1).reshape(-1, 3)
+    over = np.array([[*(low + high)[:2] / 2, cell.travel_height_m]])
+    poses = np.array([pointing_down(each) for each in (over if middle else corners)])
+    return float(reach(cell.arm.tool.tip_m).beyond_m(poses).max())
 
 
 def _wrong(cell: CellFile) -> str:
@@ -127,6 +151,11 @@ def _wrong(cell: CellFile) -> str:
     low, high = cell.limits.workspace.low[2], cell.limits.workspace.high[2]
     if not low < cell.travel_height_m < high:
         return f"travel_height_m {cell.travel_height_m} is not within the workspace's height {low} to {high} m"
+    if (beyond_m := _beyond_m(cell, middle=True)) > 0:
+        return (
+            f"over the middle of its workspace, at travel_height_m, a tool that points down is {1e3 * beyond_m:.0f} mm "
+            "further away than the arm reaches; put the workspace nearer to its base"
+        )
     if len(cell.cameras) < 2:
         return f"it has {len(cell.cameras)} cameras, and one alone does not see around an object"
     for what in ("name", "serial"):

@@ -1,6 +1,7 @@
 """A real cell: a Kinova Gen3, RealSense cameras around it, and a file that says where they are and what is allowed."""
 
 import os
+import sys
 from collections.abc import AsyncGenerator, Sequence
 from contextlib import asynccontextmanager
 from dataclasses import replace
@@ -11,7 +12,7 @@ from anyio import to_thread
 
 from app.arm.process_arm import ProcessArm
 from app.cells.base import Cell, Wanted
-from app.cells.cell_file import CameraEntry, CellFile, ToolEntry, limits, load_cell
+from app.cells.cell_file import CameraEntry, CellFile, ToolEntry, far_corner, limits, load_cell
 from app.config import Site
 from app.core.errors import PreflightError, UsageError
 from app.core.hand_eye import HandEye
@@ -83,6 +84,8 @@ def _narrowed(site: Site, file: Path | None) -> Site:
 async def _opened(wanted: Wanted) -> AsyncGenerator[Gen3Rig]:
     """Raises PreflightError where a camera is not calibrated, DeviceError where arm or cameras are not there."""
     cell, mounted = await to_thread.run_sync(_found, wanted.file)
+    if far := far_corner(cell):
+        sys.stderr.write(f"dipac: {far}\n")
     async with (
         kinova_arm(_address(cell), wanted.site, cell.arm.client, _holds(cell.arm.tool)) as arm,
         realsense_cameras(mounted, wanted.site.timing) as cameras,

@@ -8,17 +8,19 @@ from collections.abc import AsyncGenerator, Sequence
 from contextlib import AsyncExitStack, asynccontextmanager
 from dataclasses import replace
 from functools import partial
+from pathlib import Path
 from typing import Final, final
 
 from anyio import to_thread
 
 from app.cells.base import Cell, Wanted, as_it_is
 from app.cells.simulated import drawn
+from app.config import Site
 from app.core.limbs import ArmShape
 from app.core.ports import Arm, Camera
 from app.rig.kinova.control import taken
 from app.rig.kinova.fake.process import FakeProcess
-from app.rig.kinova.gen3 import Joints
+from app.rig.kinova.gen3 import GRIPPER_M, Joints, reach
 from app.rig.kinova.link import Address
 from app.rig.kinova.seen import Seen
 from app.rig.realsense.camera import RealSenseCamera
@@ -119,9 +121,14 @@ async def _opened(wanted: Wanted) -> AsyncGenerator[Rehearsal]:
         yield Rehearsal(world, cameras, fake)
 
 
+def _reached(site: Site, file: Path | None) -> Site:
+    """Within what a Gen3 reaches: the arm that is told is one, whatever is drawn."""
+    return replace(as_it_is(site, file), limits=replace(site.limits, reach=reach(GRIPPER_M)))
+
+
 def _drawn(seen: Seen) -> Joints:
     """The joints of the arm that the world draws, with its tool where this one's is: a Gen3's links are shorter."""
     return solve_joints(seen.tool)
 
 
-CELL: Final = Cell(name="rehearsal", simulated=True, open=_opened, narrowed=as_it_is, pictured=drawn)
+CELL: Final = Cell(name="rehearsal", simulated=True, open=_opened, narrowed=_reached, pictured=drawn)

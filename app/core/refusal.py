@@ -30,6 +30,8 @@ class Refusal(StrEnum):
     """Too fast, or no speed at all."""
     TOOL = "tool"
     """A turn that is none, or an opening that the tool does not have."""
+    REACH = "out-of-reach"
+    """The motion or the way to it goes further than the arm reaches."""
     ELSEWHERE = "elsewhere"
     """The motion continues from where the tool is not."""
     UNREACHABLE = "unreachable"

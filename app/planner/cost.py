@@ -7,7 +7,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from app.config import KeepOut
+from app.config import KeepOut, Reach
 from app.core.chamfer import chamfer_m2
 
 _SMOOTH_M = 1e-4
@@ -38,7 +38,8 @@ class Weights:
     action and plans again may put things off for ever. `level`: contact is measured over the table, not in space.
     `distance`: what progress is made in, where the paper has the Chamfer distance. `trespass` per metre that the tool's
     path is inside of `keep_out`, volumes that the site keeps free, which the paper has not: with 1, a path that is 1 cm
-    inside throughout costs 100 cm^2 of progress. What still enters one is not chosen, whatever it costs.
+    inside throughout costs 100 cm^2 of progress. So does the way that it is out of the arm's `reach`. What still enters
+    a volume, or is out of reach, is not chosen, whatever it costs.
     """
 
     progress: float
@@ -48,6 +49,12 @@ class Weights:
     distance: Distance = straight
     trespass: float = 1.0
     keep_out: tuple[KeepOut, ...] = ()
+    reach: Reach | None = None
+
+    @property
+    def bounded(self) -> bool:
+        """Whether there is anything to trespass on."""
+        return bool(self.keep_out) or self.reach is not None
 
 
 class Terms(NamedTuple):
@@ -85,6 +92,8 @@ def step_terms(
     progress = weights.distance(x_after, goal) - weights.distance(x_before, goal)
     squared = ((x_after[..., :axes] - tool_path[:, -1:, :axes]) ** 2).sum(-1).min(-1)
     trespass = sum((_inside_m(tool_path, volume) for volume in weights.keep_out), jnp.zeros(len(x_after)))
+    if weights.reach is not None:
+        trespass = trespass + _beyond_m(tool_path, weights.reach)
     return Terms(progress, jnp.sqrt(squared + _SMOOTH_M**2), trespass)
 
 
@@ -96,3 +105,10 @@ def _inside_m(tool_path: Float[Array, "B T C"], volume: KeepOut) -> Float[Array,
     low, high = np.asarray(volume.low) - _CLEAR_M, np.asarray(volume.high) + _CLEAR_M
     sideways = jnp.minimum(tool_path[..., :2] - low[:2], high[:2] - tool_path[..., :2]).min(-1)
     return jnp.where(tool_path[..., 2] < high[2], jnp.maximum(sideways, 0.0), 0.0).mean(-1)
+
+
+def _beyond_m(tool_path: Float[Array, "B T C"], reach: Reach) -> Float[Array, " B"]:
+    """How far the path is out of reach on average [m], of a tool that points down."""
+    from_shoulder = tool_path[..., :3] + jnp.array([0.0, 0.0, reach.hand_m]) - jnp.array(reach.middle)
+    away = jnp.sqrt((from_shoulder**2).sum(-1) + _SMOOTH_M**2)
+    return jnp.maximum(away - (reach.radius_m - _CLEAR_M), 0.0).mean(-1)

@@ -146,7 +146,8 @@ def choose(
     if not np.isfinite(cost[best]):
         raise PlanningError(
             f"Of {len(branches)} branches {int((~found.finite).sum())} became non-finite, {int((~inside).sum())} "
-            "leave the workspace or enter what is kept free, and the others start on top of the object; plan again "
+            "leave the workspace, enter what is kept free or go further than the arm reaches, and the others start on "
+            "top of the object; plan again "
             f"with another seed{'' if len(branches) > 1 else ' or with branches besides the policy'}, or move the "
             "object by hand."
         )
@@ -193,7 +194,7 @@ def _branch(search: Search, found: Descended, tool: ToolPose, index: int, origin
         terms={
             "progress": weights.progress * float(best.terms.progress[index]),
             "contact": weights.contact * float(best.terms.contact[index]),
-            **({"trespass": weights.trespass * float(best.terms.trespass[index])} if weights.keep_out else {}),
+            **({"trespass": weights.trespass * float(best.terms.trespass[index])} if weights.bounded else {}),
             "last iterate": float(found.iterates[-1, index]),
             "lost gradients": float(found.lost_gradients[index]),
         },

@@ -3,7 +3,7 @@
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import lru_cache
-from typing import NamedTuple, TypeAlias, final
+from typing import NamedTuple, final
 
 import jax.numpy as jnp
 import numpy as np
@@ -13,7 +13,7 @@ from app.calibration.calibrate import Calibrator, next_model, phi_of
 from app.calibration.evidence import Advance as FromRest
 from app.calibration.evidence import Evidence, Predictor, gather
 from app.calibration.fit import Settings, Tried
-from app.config import KeepOut
+from app.config import ANYWHERE, Confines
 from app.core.messages import MessageId, Model, Parameter, Transition
 from app.planner.base import Planner
 from app.planner.made import made
@@ -27,9 +27,6 @@ from app.sim.rollout import make_rollout
 from app.sim.state import Setting, State
 from app.tasks import load
 from app.tasks.base import Task
-
-KeptOut: TypeAlias = tuple[KeepOut, ...]
-"""Volumes that the site keeps free; a planner is compiled for them."""
 
 __all__ = ["advance", "calibrated", "nominal_model", "now", "phi_of", "planner", "search", "stages"]
 
@@ -96,30 +93,30 @@ def now(candidates: int, particle_count: int) -> Setting:
 
 
 def planner(
-    task: str, preset: str, phi: Float32[np.ndarray, " P"], method: Method = DIPAC, kept_out: KeptOut = ()
+    task: str, preset: str, phi: Float32[np.ndarray, " P"], method: Method = DIPAC, confines: Confines = ANYWHERE
 ) -> Planner:
     """The task's planner, sized by the preset, for models that need the effects that `phi` does."""
-    return _planner(task, preset, acting(phi), method, kept_out)
+    return _planner(task, preset, acting(phi), method, confines)
 
 
 @lru_cache
-def _planner(task: str, preset: str, effects: tuple[Effect, ...], method: Method, kept_out: KeptOut) -> Planner:
+def _planner(task: str, preset: str, effects: tuple[Effect, ...], method: Method, confines: Confines) -> Planner:
     data = load(task)
-    return made(method, _search(task, preset, effects, kept_out), data.descent, data.preset(preset).gradient_steps)
+    return made(method, _search(task, preset, effects, confines), data.descent, data.preset(preset).gradient_steps)
 
 
-def search(task: str, preset: str, phi: Float32[np.ndarray, " P"], kept_out: KeptOut = ()) -> Search:
+def search(task: str, preset: str, phi: Float32[np.ndarray, " P"], confines: Confines = ANYWHERE) -> Search:
     """What the task's decisions are searched with, sized by the preset, for models that need the effects of `phi`."""
-    return _search(task, preset, acting(phi), kept_out)
+    return _search(task, preset, acting(phi), confines)
 
 
 @lru_cache
-def _search(task: str, preset: str, effects: tuple[Effect, ...], kept_out: KeptOut) -> Search:
+def _search(task: str, preset: str, effects: tuple[Effect, ...], confines: Confines) -> Search:
     data, size = load(task), load(task).preset(preset)
     return Search(
         space=data.actions,
         policy=data.policy,
-        weights=replace(data.weights, keep_out=kept_out),
+        weights=replace(data.weights, keep_out=confines.keep_out, reach=confines.reach),
         advance=carried(task, size.particle_count, effects),
         begin=data.begin,
         branches=size.branches,
@@ -207,7 +204,7 @@ class Stage:
 
 
 def stages(
-    task: str, preset: str, model: Model | None = None, method: Method = DIPAC, kept_out: KeptOut = ()
+    task: str, preset: str, model: Model | None = None, method: Method = DIPAC, confines: Confines = ANYWHERE
 ) -> list[Stage]:
     """For `model`, or the nominal one, in order; each one after the first is quick where the first was done."""
     data, size = load(task), load(task).preset(preset)
@@ -222,5 +219,5 @@ def stages(
 
     return [
         Stage("the simulator and its adjoint", simulator),
-        Stage("the planner's search", lambda: planner(task, preset, phi, method, kept_out).compile(x, phi)),
+        Stage("the planner's search", lambda: planner(task, preset, phi, method, confines).compile(x, phi)),
     ]

@@ -53,7 +53,7 @@ def edited_plan(
     if not 0 <= index < len(branches):
         raise PlanningError("That plan has no such branch; edit the one that is shown.")
     way = reshaped(branches[index].tool_path.astype(np.float64), start, end)
-    search = compiled.search(task, preset, phi, where.limits.keep_out)
+    search = compiled.search(task, preset, phi, where.limits.confines)
     planner = GivenPush(search=replace(search, branches=1), pushes=pushes, way=way)
     if model.apparatus:
         found = correction(model).plan(planner, observed, goal, phi, seed=0, site=where)

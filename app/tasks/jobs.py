@@ -55,7 +55,7 @@ def plan(
 
     phi = compiled.phi_of(model)
     where = site or Site()
-    planner = compiled.planner(task, preset, phi, method, where.limits.keep_out)
+    planner = compiled.planner(task, preset, phi, method, where.limits.confines)
     allowed_for = _allowed_for(model)
     try:
         if allowed_for:
@@ -184,7 +184,7 @@ def warm_up_stages(
     """
     from app.tasks import compiled
 
-    return [stage.name for stage in compiled.stages(task, preset, model, method, (site or Site()).limits.keep_out)]
+    return [stage.name for stage in compiled.stages(task, preset, model, method, (site or Site()).limits.confines)]
 
 
 def warm_up_stage(
@@ -198,4 +198,4 @@ def warm_up_stage(
     """Compile stage `index` of `warm_up_stages`, in the process that is going to plan."""
     from app.tasks import compiled
 
-    compiled.stages(task, preset, model, method, (site or Site()).limits.keep_out)[index].run()
+    compiled.stages(task, preset, model, method, (site or Site()).limits.confines)[index].run()

@@ -7,9 +7,10 @@ from collections import Counter
 
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 
 from app.arm.gate import MAX_WAYPOINTS, begin
-from app.config import KeepOut, Limits, Site
+from app.config import KeepOut, Limits, Reach, Site
 from app.core.errors import MotionRefused
 from app.core.motion import TOOL_DOWN, Motion, pointing_down
 from app.core.refusal import Refusal
@@ -20,7 +21,8 @@ COMMANDS = 10_000
 TICK_S = 0.01
 STAND = KeepOut(name="camera stand", low=(0.60, 0.10, 0.0), high=(0.70, 0.20, 0.40))
 CUP = KeepOut(name="cup", low=(0.40, -0.25, 0.0), high=(0.46, -0.19, 0.10))
-SITE = Site(limits=Limits(keep_out=(STAND, CUP)))
+REACH = Reach(middle=(0.0, 0.0, 0.3), radius_m=0.8, hand_m=0.25)
+SITE = Site(limits=Limits(keep_out=(STAND, CUP), reach=REACH))
 BOX = SITE.limits.workspace
 COUNTS = {0: 0.01, 1: 0.2, 2: 0.35, 3: 0.2, 5: 0.2, 20: 0.02, MAX_WAYPOINTS: 0.01, MAX_WAYPOINTS + 1: 0.01}
 """How many positions a motion has, and how often."""
@@ -96,6 +98,23 @@ def crosses(start: list[float], end: list[float], volume: KeepOut) -> bool:
     return True
 
 
+def along(motion: Motion, tool: ToolPose) -> list[list[float]]:
+    """Place and turn at all points of the way, in plain numbers."""
+    turns = motion.turns.tolist() or [list(TOOL_DOWN)] * len(motion.positions)
+    told = [[*row, *turn] for row, turn in zip(motion.positions.tolist(), turns, strict=True)]
+    here = tool.tolist()[:7]
+    if motion.continues:
+        return [here, *told]
+    high = [[*row[:2], max(row[2], SITE.travel_height_m), *row[3:]] for row in (here, told[0], told[-1])]
+    return [here, *high, *told]
+
+
+def reached_m(pose: list[float]) -> float:
+    """From the shoulder to the wrist: SciPy turns the way from the tip to the wrist."""
+    back = Rotation.from_quat(pose[3:], scalar_first=True).apply([0.0, 0.0, -REACH.hand_m]).tolist()
+    return math.dist([tip + to for tip, to in zip(pose[:3], back, strict=True)], REACH.middle)
+
+
 def broken(motion: Motion, tool: ToolPose) -> set[Refusal]:
     """Every rule that the motion breaks, read off its plain numbers."""
     positions, speeds = motion.positions.tolist(), motion.speeds.tolist()
@@ -125,6 +144,8 @@ def broken(motion: Motion, tool: ToolPose) -> set[Refusal]:
     else:
         high = [[row[0], row[1], max(row[2], SITE.travel_height_m)] for row in (here, first, last)]
         whole = [here, high[0], high[1], *positions, high[2]]
+    if Refusal.TOOL not in rules and any(reached_m(pose) > REACH.radius_m for pose in along(motion, tool)):
+        rules.add(Refusal.REACH)
     for volume in SITE.limits.keep_out:
         if any(crosses(a, b, volume) for a, b in itertools.pairwise(whole)):
             rules.add(Refusal.KEEP_OUT)
@@ -153,7 +174,7 @@ def test_of_ten_thousand_commands_none_that_breaks_a_limit_passes_and_none_that_
         assert arm.mode == ("moving" if answer == "passed" else "idle")
         met[answer] += 1
     assert met.keys() == {
-        "passed", "shape", "not-finite", "outside-workspace", "keep-out", "speed", "tool", "elsewhere",
+        "passed", "shape", "not-finite", "outside-workspace", "keep-out", "speed", "tool", "elsewhere", "out-of-reach",
     }  # fmt: skip
     assert met["passed"] > COMMANDS / 4
     assert min(met.values()) > 30
@@ -194,6 +215,25 @@ def test_a_motion_whose_way_there_leads_through_such_a_volume_is_refused() -> No
     arm = ArmControl(SITE, pointing_down(np.array([0.65, 0.0, 0.12])))
     with pytest.raises(MotionRefused, match="way to the motion enters"):
         begin(arm, beyond, beyond.digest(), SITE)
+
+
+def test_a_motion_further_than_the_arm_reaches_is_refused_by_how_far() -> None:
+    far = Motion(positions=np.array([[0.60, 0.0, 0.05], [0.84, 0.0, 0.05]]), speeds=np.full(2, 0.2))
+    arm = ArmControl(SITE, pointing_down(np.array([0.30, 0.0, 0.30])))
+    with pytest.raises(MotionRefused, match="The motion goes 40 mm further than the arm reaches") as refusal:
+        begin(arm, far, far.digest(), SITE)
+    assert refusal.value.code is Refusal.REACH
+    assert arm.mode == "idle"
+
+
+def test_the_way_to_a_motion_may_be_out_of_reach_where_the_motion_is_not() -> None:
+    high = dataclasses.replace(SITE, travel_height_m=0.44)
+    # Lower down both ends are within reach, with the wrist 0.8 m from the shoulder or less.
+    near = Motion(positions=np.array([[0.72, 0.0, 0.05]]), speeds=np.array([0.2]))
+    arm = ArmControl(high, pointing_down(np.array([0.30, 0.0, 0.30])))
+    with pytest.raises(MotionRefused, match="The way to the motion goes") as refusal:
+        begin(arm, near, near.digest(), high)
+    assert refusal.value.code is Refusal.REACH
 
 
 @pytest.mark.parametrize("mode", ["stopped", "moving"])

@@ -7,10 +7,11 @@ import pytest
 
 from app import cells
 from app.cells.base import Wanted
-from app.cells.cell_file import limits, load_cell
+from app.cells.cell_file import far_corner, limits, load_cell
 from app.config import KeepOut, Limits, Site, Workspace
 from app.core.errors import DipacError, RecordingError, UsageError
 from app.core.stage import Stage
+from app.rig.kinova.gen3 import GRIPPER_M, reach
 from tests.conftest import ROOT
 from tests.rig.scene import FINGER, ROPE, straight_rope
 
@@ -33,9 +34,17 @@ def test_the_file_on_the_page_is_one(tmp_path: Path) -> None:
         angular_speed_rad_s=0.5,
         force_n=30.0,
         gripper_ma=300.0,
+        reach=reach(0.163),
         workspace=Workspace(low=(0.30, -0.30, 0.02), high=(0.70, 0.30, 0.40)),
         keep_out=(KeepOut(name="camera stand", low=(0.60, 0.22, 0.0), high=(0.75, 0.35, 0.40)),),
     )
+
+
+def test_a_corner_that_the_arm_does_not_reach_is_said_and_is_no_mistake(tmp_path: Path) -> None:
+    assert "'bench 1' is 152 mm further away" in far_corner(load_cell(written(tmp_path, GOOD)))
+    box = "low = [0.30, -0.30, 0.02], high = [0.70, 0.30, 0.40]"
+    near = GOOD.replace(box, "low = [0.30, -0.20, 0.02], high = [0.60, 0.20, 0.25]")
+    assert far_corner(load_cell(written(tmp_path, near))) == ""
 
 
 @pytest.mark.parametrize(
@@ -55,6 +64,7 @@ def test_the_file_on_the_page_is_one(tmp_path: Path) -> None:
         ("[arm]", "[arm", "describes no cell"),
         ("tip_m = 0.163", "tip_m = 163.0", "tip_m"),
         ("gripper_ma = 300.0", "gripper_ma = 0.0", "gripper_ma"),
+        ("low = [0.30, -0.30, 0.02], high = [0.70,", "low = [0.60, -0.30, 0.02], high = [0.99,", "mm further away"),
         ("turn_deg = 90.0", "turn_deg = nan", "turn_deg"),
     ],
 )
@@ -82,8 +92,9 @@ def test_the_site_of_a_real_cell_has_the_limits_of_its_file_and_the_slower_speed
 def test_a_real_cell_needs_a_file_and_a_simulated_one_none(tmp_path: Path) -> None:
     with pytest.raises(UsageError, match="--cell"):
         cells.load("gen3").narrowed(Site(), None)
+    assert cells.load("simulated").narrowed(Site(), None) == Site()
+    assert cells.load("rehearsal").narrowed(Site(), None) == Site(limits=Limits(reach=reach(GRIPPER_M)))
     for name in ("simulated", "rehearsal"):
-        assert cells.load(name).narrowed(Site(), None) == Site()
         with pytest.raises(UsageError, match="real cell"):
             cells.load(name).narrowed(Site(), tmp_path / "cell.toml")
 

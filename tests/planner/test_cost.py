@@ -8,7 +8,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from app.config import KeepOut
+from app.config import KeepOut, Reach
 from app.core.chamfer import chamfer_m2
 from app.planner.cost import Terms, Weights, step_terms
 from tests.planner.table import batch, rope
@@ -50,6 +50,20 @@ def test_the_gradient_is_finite_where_the_finger_ends_on_a_particle() -> None:
     on = PATH.at[0, -1].set(X[1][0, 0])
     gradient = jax.grad(lambda path: step_terms(X[0], X[1], GOAL, path, WEIGHTS).contact.sum())(on)
     assert np.all(np.isfinite(gradient))
+
+
+def test_a_path_pays_for_how_far_it_is_out_of_reach_and_is_drawn_back() -> None:
+    weights = dataclasses.replace(WEIGHTS, reach=Reach(middle=(0.0, 0.0, 0.3), radius_m=0.6, hand_m=0.294))
+
+    def cost(path: jax.Array) -> jax.Array:
+        return step_terms(X[0], X[1], GOAL, path, weights).trespass.sum()
+
+    within = jnp.asarray([[[0.55, 0.0, 0.006], [0.0, -0.59, 0.006]]])
+    assert cost(within) == 0.0
+    half = jnp.asarray([[[0.55, 0.0, 0.006], [0.63, 0.0, 0.006]]])
+    # The second of two points is 30 mm out of reach, and 5 mm before that are kept clear.
+    assert cost(half) == pytest.approx(0.035 / 2, rel=1e-4)
+    assert np.asarray(jax.grad(cost)(half))[0] == pytest.approx(np.array([[0.0, 0.0, 0.0], [0.5, 0.0, 0.0]]), abs=1e-5)
 
 
 def test_a_path_pays_for_how_far_it_is_inside_of_what_is_kept_free_and_is_drawn_out_of_it() -> None:

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from app.arm.gate import check_motion
-from app.config import KeepOut, Limits, Site
+from app.config import KeepOut, Limits, Reach, Site
 from app.core.chamfer import chamfer_m2
 from app.core.errors import PlanningError
 from app.planner.plan import Plan
@@ -75,6 +75,24 @@ def test_where_every_branch_enters_what_is_kept_free_there_is_no_plan() -> None:
     everywhere = KeepOut(name="cover", low=(0.0, -1.0, -1.0), high=(1.0, 1.0, 0.05))
     with pytest.raises(PlanningError, match="enter what is kept free"):
         planner()(START, GOAL, PHI, seed=0, site=Site(limits=Limits(keep_out=(everywhere,))))
+
+
+def test_a_plan_stays_within_what_the_arm_reaches(decision: Plan) -> None:
+    ways = [branch.tool_path for branch in decision.branches]
+    farthest = [float(np.linalg.norm(way, axis=1).max()) for way in ways]
+    # What was chosen before is out of reach now, and something else is not.
+    nearest, chosen = min(farthest), farthest[decision.best]
+    radius_m = (nearest + chosen) / 2 if nearest < chosen else chosen - 0.002
+    reach = Reach(middle=(0.0, 0.0, 0.0), radius_m=radius_m, hand_m=0.0)
+    site = Site(limits=Limits(reach=reach), travel_height_m=0.02)
+    weights = dataclasses.replace(TASK.weights, reach=reach)
+    aware = dataclasses.replace(planner(), search=dataclasses.replace(search(), weights=weights))
+    plan = aware(START, GOAL, PHI, seed=0, site=site)
+    assert plan.motion.digest() != decision.motion.digest()
+    assert reach.beyond_m(plan.motion.poses).max() <= 0
+    through = plan.branches[decision.best]
+    total = through.terms["progress"] + through.terms["contact"] + through.terms["trespass"]
+    assert total == pytest.approx(through.cost_after, abs=1e-7)
 
 
 @pytest.mark.skipif(jax.default_backend() != "cpu", reason="A GPU's threads add up in any order.")

@@ -10,6 +10,7 @@ import numpy as np
 from jaxtyping import Float64
 from scipy.spatial.transform import Rotation
 
+from app.config import Reach
 from app.core.types import Transform
 from app.rig.kinova.messages import Pose
 
@@ -44,8 +45,27 @@ _DAMPING = 0.02
 _LONGEST_STEP = 0.3
 """Of one iteration [m and rad]: further on, the tool's way is no straight line in the joints."""
 _ARRIVED = 1e-5
+_SHORT_OF_M = 0.005
+"""Of an arm that is stretched out the tool does not move outward, and its joints run fast a little before."""
 _CENTRING = 0.02
 """Of what a step could move without moving the tool, how much draws the joints with a range to its middle."""
+
+
+def reach(tip_m: float) -> Reach:
+    """How far it reaches with a tool whose tip is `tip_m` from its flange: to 5 mm before it is stretched out.
+
+    The shoulder is where the axis of the second joint crosses the upright, the wrist where that of the sixth crosses
+    the fifth's. What folds the arm too near to its base is not of it.
+    """
+    lengths = np.abs(np.array(_ORIGINS_M))
+    shoulder, hand_m = lengths[0, 2] + lengths[1, 2], lengths[6, 1] + FLANGE_M + tip_m
+    upper_m, fore_m, aside_m = (
+        lengths[2, 1] + lengths[3, 2],
+        lengths[4, 1] + lengths[5, 2],
+        lengths[2, 2] + lengths[3, 1],
+    )
+    stretched = float(np.hypot(upper_m + fore_m, aside_m))
+    return Reach(middle=(0.0, 0.0, float(shoulder)), radius_m=stretched - _SHORT_OF_M, hand_m=float(hand_m))
 
 
 def _origin(offset_m: tuple[float, float, float], roll: float) -> Transform:

@@ -3,7 +3,9 @@
 import numpy as np
 import pytest
 from jaxtyping import Float64
+from scipy.spatial.transform import Rotation
 
+from app.core.motion import pointing_down
 from app.rig.kinova import gen3
 
 # Kinova Gen3 Ultra lightweight robot user guide, classical DH parameters of the arm with seven joints: twist [rad],
@@ -75,6 +77,30 @@ def test_how_far_a_tool_that_points_down_gets_is_what_the_links_allow(x: float, 
     away = np.hypot(x, z + 0.287 - 0.285)
     assert (away < 0.735) == within
     assert (gen3.solved(target, gen3.HOME) is not None) == within
+
+
+def test_what_is_said_of_the_reach_is_what_the_inverse_finds() -> None:
+    reach, met = gen3.reach(gen3.GRIPPER_M), [0, 0]
+    for _ in range(40):
+        place = RNG.uniform((0.25, -0.5, 0.0), (0.85, 0.5, 0.4))
+        beyond_m = float(reach.beyond_m(pointing_down(place)))
+        if abs(beyond_m) < 0.01:
+            continue
+        target = DOWN.copy()
+        target[:3, 3] = place
+        found = gen3.solved(target, gen3.HOME) is not None
+        assert found == (beyond_m < 0), f"{place} is {beyond_m:.3f} m beyond"
+        met[found] += 1
+    assert min(met) > 5
+
+
+def test_no_joints_bring_the_wrist_further_than_the_reach() -> None:
+    reach = gen3.reach(0.2)
+    for _ in range(200):
+        tool = gen3.tool(anywhere() * RNG.uniform(0.0, 1.0))
+        tip = tool[:3, 3] + (0.2 - gen3.GRIPPER_M) * tool[:3, 2]
+        turn = Rotation.from_matrix(tool[:3, :3]).as_quat(scalar_first=True)
+        assert reach.beyond_m(np.array([*tip, *turn])) < 0.0055
 
 
 def test_joints_that_the_inverse_finds_are_within_their_ranges() -> None:
