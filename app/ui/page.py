@@ -42,7 +42,7 @@ that do not see it; a real one; or a recording and nothing else."""
 
 _BANNERS: Final[Mapping[Cell, tuple[str, str]]] = {
     "simulated": ("SIMULATED", "nothing real moves"),
-    "replayed": ("RECORDED IMAGES", "a simulated arm, which they do not show: nothing answers to it"),
+    "replayed": ("RECORDED IMAGES", "nothing that is seen answers to the arm"),
     "real": ("REAL ARM", "keep a hand on the hardware stop"),
     "replay": ("REPLAY", "a recording: nothing moves"),
 }
