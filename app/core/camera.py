@@ -16,7 +16,8 @@ class CameraModel:
     """A calibrated RGB-D camera whose depth is aligned to its colour image.
 
     The optical frame follows OpenCV: x right, y down, z forward. `calibrated_at`: the day, as 2026-11-23; empty where
-    nobody noted it.
+    nobody noted it. `checked_at`: the day of the last check in which it stood where it was calibrated; `doubt`: what a
+    check has found since that does not fit; each empty where there is none.
     """
 
     name: str
@@ -26,16 +27,18 @@ class CameraModel:
     T_world_camera: Transform
     depth_unit_m: float
     calibrated_at: str = ""
+    checked_at: str = ""
+    doubt: str = ""
 
     def age_days(self, today: date) -> int | None:
-        """How long ago it was calibrated; None where nobody noted the day, or that is none or is to come."""
+        """How long ago it was calibrated or last stood a check; None where that day is unknown, none, or to come."""
         try:
-            days = (today - date.fromisoformat(self.calibrated_at[:10])).days
+            days = (today - date.fromisoformat(max(self.calibrated_at[:10], self.checked_at[:10]))).days
         except ValueError:
             return None
         return days if days >= 0 else None
 
     def stale(self, today: date) -> bool:
-        """Whether its calibration wants to be checked."""
+        """Whether its calibration wants to be checked, or has not stood a check."""
         days = self.age_days(today)
-        return days is None or days > STALE_DAYS
+        return bool(self.doubt) or days is None or days > STALE_DAYS

@@ -12,6 +12,7 @@ from app.core.types import Transform
 
 Setup: TypeAlias = Literal["fixed", "wrist"]
 """The camera stands in the world and the gripper holds the board, or it is on the wrist and the board stands."""
+Verdict: TypeAlias = Literal["agrees", "differs", "open"]
 Three: TypeAlias = tuple[float, float, float]
 
 _SEEN_BEND_PX = 0.5
@@ -32,6 +33,16 @@ class Spread:
 
 
 @final
+@dataclass(frozen=True, kw_only=True)
+class LastCheck:
+    """What a check found on that day, in words: what was calibrated `agrees`, `differs`, or was left `open`."""
+
+    day: date
+    verdict: Verdict
+    said: str
+
+
+@final
 @dataclass(frozen=True, kw_only=True, eq=False)
 class HandEye:
     """A calibrated camera.
@@ -39,7 +50,8 @@ class HandEye:
     `pose`: T_world_camera of one that is fixed, T_gripper_camera of one on the wrist; `board_pose`: T_gripper_board or
     T_world_board. `deviation_m` and `deviation_deg`: standard deviations along and about the axes of the frame that
     `pose` goes to. `views`: how many it is from, without the `outliers`; `error_px`, `error_m`, `error_deg`: root mean
-    squares of what those miss the chain by, in the image and as an error of the gripper's pose.
+    squares of what those miss the chain by, in the image and as an error of the gripper's pose. `place` and `optics`:
+    the last check since of where the camera stands, and of its intrinsics; None where there was none.
     """
 
     serial: str
@@ -57,6 +69,19 @@ class HandEye:
     deviation_m: Three
     deviation_deg: Three
     spread: Spread
+    place: LastCheck | None = None
+    optics: LastCheck | None = None
+
+    @property
+    def known_at(self) -> date:
+        """The day on which its place was known last: calibrated, or checked and found."""
+        return self.place.day if self.place and self.place.verdict == "agrees" else self.calibrated_at
+
+    @property
+    def doubt(self) -> str:
+        """What a check has found since that does not fit; empty where none has."""
+        found = next((each for each in (self.place, self.optics) if each and each.verdict == "differs"), None)
+        return f"checked on {found.day.isoformat()}: {found.said}" if found else ""
 
     def model(self, *, depth_unit_m: float) -> CameraModel:
         """The camera for all that has images of it. Raises UsageError where it is not what a CameraModel can say."""
@@ -78,4 +103,6 @@ class HandEye:
             T_world_camera=self.pose,
             depth_unit_m=depth_unit_m,
             calibrated_at=self.calibrated_at.isoformat(),
+            checked_at=self.known_at.isoformat() if self.known_at != self.calibrated_at else "",
+            doubt=self.doubt,
         )

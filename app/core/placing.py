@@ -71,7 +71,8 @@ class Placing(Message):
 
     `placed`, `spread`, `checked`: one, or none yet. `next_pose (0 or 1, 7)`: where the gripper should go, as a tool
     pose, which makes the worst standard deviation of the camera's place `promised_m`. `said`: what is missing, or what
-    was done. `kept_at`: the day of the calibration that was kept for this camera, empty where there is none.
+    was done. `kept_at`: the day of the calibration that was kept for this camera, or of a later check that it stood;
+    empty where there is none.
     """
 
     camera: str

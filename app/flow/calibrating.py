@@ -15,7 +15,7 @@ from app.core.channel import Latest
 from app.core.charuco import Charuco
 from app.core.control import ModeName
 from app.core.errors import DeviceError, DipacError, PerceptionError, UsageError
-from app.core.hand_eye import HandEye
+from app.core.hand_eye import HandEye, LastCheck, Verdict
 from app.core.lens import Lens
 from app.core.messages import ArmState, Frame, fresh_id
 from app.core.placing import BoardSeen, Checked, Placed, Placing, TakenView
@@ -152,9 +152,14 @@ class Calibrating:
         if self._kept is None:
             raise UsageError(f"No calibration of camera {target.serial!r} was kept that could be checked; make one.")
         found = drift(self._kept, await self._view(target, mode))
+        verdict: Verdict = "differs" if found.beyond else "agrees"
+        noted = LastCheck(day=datetime.now(UTC).date(), verdict=verdict, said=str(found))
+        self._kept = replace(self._kept, place=noted)
         self._checked = (Checked(moved_m=found.moved_m, turned_deg=found.turned_deg, beyond=found.beyond),)
         self._say(target, said=str(found))
         self._announcer.notice("calibration", f"Camera {target.serial!r}: {found}")
+        if self._shelf is not None:
+            await self._shelf.keep(self._kept)
 
     async def _save(self, target: Target, request: CalibrationRequest) -> None:
         solved = self._assessed.solved if self._assessed else None
@@ -195,7 +200,7 @@ class Calibrating:
                 next_pose=_pose(best.T_world_gripper)[None] if best else np.zeros((0, 7)),
                 promised_m=best.promised_m if best else float("nan"),
                 said=said,
-                kept_at=self._kept.calibrated_at.isoformat() if self._kept else "",
+                kept_at=self._kept.known_at.isoformat() if self._kept else "",
             )
         )
 

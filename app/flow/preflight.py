@@ -171,4 +171,5 @@ def _found(key: str, text: str, wrong: str) -> CheckItem:
 
 
 def _dated(camera: CameraModel) -> str:
-    return f"{camera.name} on {camera.calibrated_at or 'no known day'}"
+    known = max(camera.calibrated_at, camera.checked_at) or "no known day"
+    return f"{camera.name} on {known}" + (f", {camera.doubt}" if camera.doubt else "")

@@ -3,6 +3,7 @@
 import math
 import tomllib
 from collections.abc import Mapping
+from dataclasses import replace
 from datetime import date
 from pathlib import Path
 from typing import Any, final
@@ -14,7 +15,7 @@ from scipy.spatial.transform import Rotation
 
 from app.core.charuco import Charuco
 from app.core.errors import DipacError, RecordingError, UsageError
-from app.core.hand_eye import HandEye, Setup, Spread, Three
+from app.core.hand_eye import HandEye, LastCheck, Setup, Spread, Three, Verdict
 from app.core.lens import Lens
 from app.core.types import Transform
 
@@ -22,6 +23,7 @@ SCHEMA = 1
 FILE = Path("calibration.toml")
 """Its name, where nobody says another."""
 _SETUPS: Mapping[str, Setup] = {"fixed": "fixed", "wrist": "wrist"}
+_VERDICTS: Mapping[str, Verdict] = {"agrees": "agrees", "differs": "differs", "open": "open"}
 _UNIT = 1e-3
 """By so much may a quaternion's length differ from 1: it was rounded by hand, and not mistyped."""
 _LARGEST_PX = 20_000
@@ -58,6 +60,17 @@ def save_camera(path: Path, found: HandEye) -> None:
         new.replace(path)  # A cut leaves the old file or the new one, and never half of one.
     except OSError as error:
         raise UsageError(f"Cannot write the calibration to {path}: {error.strerror}; choose another place.") from None
+
+
+def note_check(path: Path, serial: str, *, place: LastCheck | None = None, optics: LastCheck | None = None) -> bool:
+    """Write beside the camera what a check of it found; whether the file is there and has it.
+
+    Raises as `save_camera`.
+    """
+    found = load_cameras(path).get(serial) if path.exists() else None
+    if found is not None:
+        save_camera(path, replace(found, place=place or found.place, optics=optics or found.optics))
+    return found is not None
 
 
 def load_cameras(path: Path) -> dict[str, HandEye]:
@@ -128,7 +141,13 @@ def _entry(found: HandEye) -> dict[str, Any]:
             "turns_deg": list(found.spread.turns_deg),
             "shifts_m": list(found.spread.shifts_m),
         },
+        "checks": {name: dict(vars(each)) for name, each in _checks(found).items()},
     }
+
+
+def _checks(found: HandEye) -> dict[str, LastCheck]:
+    """Those that there were."""
+    return {name: each for name, each in (("place", found.place), ("optics", found.optics)) if each is not None}
 
 
 def _pose(T: Transform) -> dict[str, list[float]]:
@@ -176,7 +195,20 @@ def _read(serial: str, entry: Mapping[str, Any]) -> HandEye:
         spread=Spread(
             turns_deg=_three("turns_deg", quality["turns_deg"]), shifts_m=_three("shifts_m", quality["shifts_m"])
         ),
+        place=_check("place", entry),
+        optics=_check("optics", entry),
     )
+
+
+def _check(name: str, entry: Mapping[str, Any]) -> LastCheck | None:
+    """None where there was none: in files of before, too."""
+    if (said := entry.get("checks", {}).get(name)) is None:
+        return None
+    if type(said["day"]) is not date:
+        raise ValueError(f"checks.{name}.day = {said['day']!r} is no day such as 2026-11-23.")
+    if said["verdict"] not in _VERDICTS:
+        raise UsageError.unknown("verdict", str(said["verdict"]), _VERDICTS)
+    return LastCheck(day=said["day"], verdict=_VERDICTS[said["verdict"]], said=str(said["said"]))
 
 
 def _transform(name: str, entry: Mapping[str, Any]) -> Transform:

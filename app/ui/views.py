@@ -6,7 +6,7 @@ from datetime import date, datetime
 from html import escape
 from typing import Final
 
-from app.core.camera import STALE_DAYS, CameraModel
+from app.core.camera import CameraModel
 from app.core.messages import Frame
 from app.core.seeing import Seen
 from app.ui import words
@@ -74,7 +74,10 @@ def calibrated(camera: CameraModel, *, simulated: bool, today: date) -> tuple[st
     if days < 0:
         return f"on {camera.calibrated_at}, which is to come", True
     said = "today" if days == 0 else "yesterday" if days == 1 else f"{days} days ago"
-    return (f"{said}: stale, calibrate again", True) if days > STALE_DAYS else (said, False)
+    said = f"{said}, checked on {camera.checked_at}" if camera.checked_at else said
+    if camera.doubt:
+        return f"{said}; {camera.doubt}", True
+    return (f"{said}: stale, check it or calibrate again", True) if camera.stale(today) else (said, False)
 
 
 def clouds(counts: Mapping[str, int]) -> str:

@@ -161,10 +161,18 @@ async def test_a_camera_is_calibrated_view_by_view_kept_and_checked(tmp_path: Pa
         await run.asks("check")
         holds = [message for message in run.seen if isinstance(message, Placing)][-1]
         assert not holds.checked[0].beyond
+        checked = await CalibrationFile(path).kept("camera0")
+        assert checked is not None
+        assert checked.place is not None
+        assert checked.place.verdict == "agrees"
+        assert holds.kept_at == checked.place.day.isoformat()
         run.knocked = transform(exp(np.radians([0.0, 1.0, 0.0])), np.array([0.0, 0.006, 0.0]))
         said = await run.asks("check")
         assert isinstance(said, Notice)
         assert "calibrate again" in said.text
+        moved = await CalibrationFile(path).kept("camera0")
+        assert moved is not None
+        assert "calibrate again" in moved.doubt
         assert not (await run.says("end")).under_way
 
 

@@ -11,9 +11,9 @@ import tomli_w
 
 from app.core.charuco import Charuco
 from app.core.errors import RecordingError, UsageError
-from app.core.hand_eye import HandEye, Spread
+from app.core.hand_eye import HandEye, LastCheck, Spread
 from app.core.lens import Lens
-from app.recording.calibration_file import load_cameras, load_lens, save_camera
+from app.recording.calibration_file import load_cameras, load_lens, note_check, save_camera
 
 
 def camera(serial: str = "f1420001") -> HandEye:
@@ -54,6 +54,31 @@ def test_what_is_written_is_read_and_other_cameras_stay(tmp_path: Path) -> None:
     assert (model.name, model.width, model.calibrated_at) == ("f1420001", 640, "2026-11-23")
 
 
+def test_what_a_check_found_is_noted_beside_the_camera_and_told_with_it(tmp_path: Path) -> None:
+    path = tmp_path / "calibration.toml"
+    stood = LastCheck(day=date(2026, 12, 24), verdict="agrees", said="The calibration holds.")
+    bent = LastCheck(day=date(2026, 12, 25), verdict="differs", said="The image is bent.")
+    assert not note_check(path, "f1420001", place=stood)
+    assert not path.exists()
+    save_camera(path, camera())
+    assert not note_check(path, "another", place=stood)
+    assert load_cameras(path)["f1420001"].model(depth_unit_m=0.001).checked_at == ""
+    assert note_check(path, "f1420001", place=stood)
+    model = load_cameras(path)["f1420001"].model(depth_unit_m=0.001)
+    assert (model.calibrated_at, model.checked_at, model.doubt) == ("2026-11-23", "2026-12-24", "")
+    assert model.age_days(date(2026, 12, 30)) == 6
+    assert note_check(path, "f1420001", optics=bent)
+    both = load_cameras(path)["f1420001"]
+    assert (both.place, both.optics) == (stood, bent)
+    assert both.model(depth_unit_m=0.001).doubt == "checked on 2026-12-25: The image is bent."
+    # Of intrinsics that agree nothing follows for where the camera stands.
+    assert note_check(path, "f1420001", optics=replace(bent, verdict="agrees"))
+    assert load_cameras(path)["f1420001"].model(depth_unit_m=0.001).checked_at == "2026-12-24"
+    # One that is calibrated anew has not been checked.
+    save_camera(path, camera())
+    assert load_cameras(path)["f1420001"].place is None
+
+
 def test_a_camera_that_the_program_cannot_use_is_refused_in_words() -> None:
     with pytest.raises(UsageError, match="wrist"):
         replace(camera(), setup="wrist").model(depth_unit_m=0.001)
@@ -73,6 +98,8 @@ def test_a_camera_that_the_program_cannot_use_is_refused_in_words() -> None:
         (("intrinsics", "fx"), -3.0, "intrinsics"),
         (("intrinsics", "distortion"), "none", "5 numbers"),
         (("board", "square_m"), 7.0, "square_m"),
+        (("checks",), {"place": {"day": "lately", "verdict": "agrees", "said": ""}}, "no day"),
+        (("checks",), {"optics": {"day": date(2026, 11, 23), "verdict": "fine", "said": ""}}, "Unknown verdict"),
         (("quality", "views"), None, "lacks 'views'"),
     ],
 )

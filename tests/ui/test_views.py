@@ -36,7 +36,7 @@ def server() -> Iterator[ViserServer]:
         ("2026-11-22T10:30:00", "yesterday", False),
         ("2026-11-20", "3 days ago", False),
         ("2026-10-24", "30 days ago", False),
-        ("2026-10-23", "31 days ago: stale, calibrate again", True),
+        ("2026-10-23", "31 days ago: stale, check it or calibrate again", True),
         ("2027-01-01", "on 2027-01-01, which is to come", True),
         ("lately", "on 'lately', which is no day", True),
         ("", "never dated", True),
@@ -46,6 +46,22 @@ def test_the_age_of_a_calibration_is_said_and_an_old_one_is_warned_of(calibrated
     camera = replace(LEFT.camera, calibrated_at=calibrated_at)
     assert views.calibrated(camera, simulated=False, today=TODAY) == (said, stale)
     assert views.calibrated(camera, simulated=True, today=TODAY) == ("simulated, exact", False)
+
+
+@pytest.mark.parametrize(
+    ("checked_at", "doubt", "said", "stale"),
+    [
+        ("2026-11-20", "", "62 days ago, checked on 2026-11-20", False),
+        ("2026-10-01", "", "62 days ago, checked on 2026-10-01: stale, check it or calibrate again", True),
+        ("", "checked on 2026-11-20: it has moved.", "62 days ago; checked on 2026-11-20: it has moved.", True),
+    ],
+)
+def test_a_check_that_was_stood_makes_a_calibration_fresh_and_one_that_was_not_makes_it_stale(
+    checked_at: str, doubt: str, said: str, stale: bool
+):
+    camera = replace(LEFT.camera, calibrated_at="2026-09-22", checked_at=checked_at, doubt=doubt)
+    assert views.calibrated(camera, simulated=False, today=TODAY) == (said, stale)
+    assert camera.stale(TODAY) == stale
 
 
 def test_a_camera_s_card_has_pixels_points_distance_and_whether_its_picture_is_live():

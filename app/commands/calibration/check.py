@@ -1,5 +1,6 @@
 """Compare a camera's intrinsics with what images of a board say."""
 
+from datetime import UTC, datetime
 from pathlib import Path
 
 import tyro
@@ -9,18 +10,21 @@ from rich.text import Text
 
 from app.commands.calibration._session import read_session
 from app.core.charuco import Charuco
+from app.core.hand_eye import LastCheck
 from app.perception.calibration.intrinsics import LensCheck, check_lens
+from app.recording.calibration_file import FILE, note_check
 
 _A4 = Charuco()
 _NAMES = ("fx", "fy", "cx", "cy")
 
 
-def check(folder: tyro.conf.Positional[Path], /, *, board: Charuco = _A4) -> None:
+def check(folder: tyro.conf.Positional[Path], /, *, board: Charuco = _A4, kept: Path = FILE) -> None:
     """Take 10 to 20 images of the board, near and far, tilted to all sides, in all corners of the image.
 
     Args:
         folder: the images, with the maker's intrinsics in camera.toml.
         board: what was printed.
+        kept: where calibrations are kept; what is found here is noted beside the camera's, where there is one.
     """
     terminal = Console(highlight=False, soft_wrap=True)
     session = read_session(terminal, folder, board)
@@ -31,6 +35,9 @@ def check(folder: tyro.conf.Positional[Path], /, *, board: Charuco = _A4) -> Non
         f"those fitted, {found.bent_px:.2f} with distortion beyond the maker's ({found.bend_px:.1f} pixels at most)."
     )
     terminal.print(Text(str(found), "green" if found.verdict == "agrees" else "yellow"))
+    noted = LastCheck(day=datetime.now(UTC).date(), verdict=found.verdict, said=str(found))
+    if note_check(kept, session.serial, optics=noted):
+        terminal.print(f"That is noted beside camera {session.serial!r} in {kept}.")
 
 
 def _table(found: LensCheck) -> Table:

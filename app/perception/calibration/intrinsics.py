@@ -2,7 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Literal, TypeAlias, final
+from typing import final
 
 import cv2
 import numpy as np
@@ -10,10 +10,9 @@ from jaxtyping import Float64
 
 from app.core.charuco import Charuco
 from app.core.errors import PerceptionError
+from app.core.hand_eye import Verdict
 from app.core.lens import STRAIGHT, Distortion, Lens
 from app.perception.calibration.sight import Sight
-
-Verdict: TypeAlias = Literal["agrees", "differs", "open"]
 
 FEWEST_SIGHTS = 6
 _LEAST_TILT_DEG = 8.0

@@ -22,13 +22,15 @@ _SAME_PX = 1.0
 class Mounted:
     """A camera where it stands: `T_world_camera` is the pose of its colour imager, `calibrated_at` its day.
 
-    `K` [pixel]: what it was calibrated with, None where it was not.
+    `checked_at` and `doubt` as `CameraModel` has them. `K` [pixel]: what it was calibrated with, None where it was not.
     """
 
     name: str
     source: Source
     T_world_camera: Transform = field(default_factory=lambda: np.eye(4))
     calibrated_at: str = ""
+    checked_at: str = ""
+    doubt: str = ""
     K: Intrinsics | None = None
     settings: Settings = field(default_factory=Settings)
 
@@ -45,6 +47,8 @@ class Mounted:
             source=source or Live(serial=found.serial),
             T_world_camera=model.T_world_camera,
             calibrated_at=model.calibrated_at,
+            checked_at=model.checked_at,
+            doubt=model.doubt,
             K=model.K,
             settings=replace(settings, width=model.width, height=model.height),
         )
@@ -65,4 +69,6 @@ class Mounted:
             T_world_camera=self.T_world_camera,
             depth_unit_m=identity.depth_unit_m,
             calibrated_at=self.calibrated_at,
+            checked_at=self.checked_at,
+            doubt=self.doubt,
         )

@@ -72,7 +72,7 @@ def _seen(seen: BoardSeen | None, camera: str) -> str:
 
 
 def _kept(placing: Placing, today: date) -> str:
-    rows = [("Camera", escape(placing.camera)), ("Calibrated", _age(placing.kept_at, today))]
+    rows = [("Camera", escape(placing.camera)), ("Calibrated or checked", _age(placing.kept_at, today))]
     for checked in placing.checked:
         text = f"{_MM * checked.moved_m:.1f} mm, {checked.turned_deg:.2f}°"
         rows.append(("Drift", toned(text, False, checked.beyond)))

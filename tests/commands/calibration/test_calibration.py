@@ -1,5 +1,6 @@
 """`dipac calibration`, as a user types it: a board is made, intrinsics are checked, and a camera is found and kept."""
 
+from datetime import UTC, datetime
 from pathlib import Path
 
 import numpy as np
@@ -50,8 +51,9 @@ def test_a_board_is_written_in_the_format_that_its_name_says(tmp_path: Path, cap
     assert "marker_m" in refused(capsys, 2, "board", "-o", tmp_path / "b.svg", "--board.marker-m", "0.05")
 
 
-def test_intrinsics_are_compared(taken, capsys) -> None:
-    shown = said(capsys, "check", taken[0])
+def test_intrinsics_are_compared(taken, tmp_path: Path, capsys) -> None:
+    shown = said(capsys, "check", taken[0], "--kept", tmp_path / "none.toml")
+    assert "noted" not in shown
     assert "7.png is left out: The image has no contrast" in shown
     assert "agree with 7 views" in shown
 
@@ -66,6 +68,10 @@ def test_a_camera_is_found_and_kept_and_compared_with_what_was_kept(taken, tmp_p
     assert wrong_mm < 2.0
     assert wrong_deg < 0.2
     assert "moved by 0.0 mm" in said(capsys, "solve", folder, "-o", file)
+    assert "noted beside camera 'f1420001'" in said(capsys, "check", folder, "--kept", file)
+    noted = load_cameras(file)["f1420001"].optics
+    assert noted is not None
+    assert (noted.verdict, noted.day) == ("agrees", datetime.now(UTC).date())
 
 
 def test_what_is_missing_is_named(taken, tmp_path: Path, capsys) -> None:
