@@ -4,7 +4,7 @@ import os
 import signal
 import time
 from collections.abc import Callable, Generator, Mapping
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from functools import partial
 from typing import Any, Final, Protocol, TypeAlias, final
@@ -140,8 +140,9 @@ class Subject:
     def _recover(self) -> None:
         """Have it move again: as it is, or started anew where it is gone."""
         if self.process.is_alive() and not self.memory.closing.value:
-            self.tell("again")
-            return
+            with suppress(BrokenPipeError):  # It is about to end: a busy machine takes its time.
+                self.tell("again")
+                return
         self.end()
         self._begin()
 
