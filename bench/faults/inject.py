@@ -81,11 +81,13 @@ class Subject:
         else:
             kept_on = _OUTSIDE.get(fault, partial(_told, name=fault))(self)
         time.sleep(max(0.0, fault_s + _WATCHED_S - time.monotonic()))
+        # Who does not run can notice nothing; what an arm does by itself it does meanwhile.
+        since_s = fault_s if kept_on is None or self._truth is not None else kept_on
         times_s, speeds = self._truth.motion() if self._truth else motion(self.memory.states.since(seen))
         outcome = Outcome(
             fault=fault,
             doing=self.doing,
-            rest_ms=1e3 * (came_to_rest(times_s, speeds, kept_on or fault_s) - (kept_on or fault_s)),
+            rest_ms=1e3 * (came_to_rest(times_s, speeds, since_s) - since_s),
             speed_m_s=speed_m_s,
             within=kept(self.memory.states.since(0), self._site.limits)
             and (self._truth is None or self._truth.within(fault_s - _BEFORE_S)),

@@ -1,13 +1,21 @@
 """Whatever goes wrong between the program and a Gen3, the arm is at rest in time and was told nothing out of bounds."""
 
+import time
+from collections.abc import Callable
 from functools import cache
 
+import numpy as np
 import pytest
 
+from app.rig.kinova.client import OwnLink
 from app.rig.kinova.fake.adversity import Adversity
+from app.rig.kinova.fake.process import FakeProcess
+from app.rig.kinova.kortex import Kortex
 from bench.faults.application import FAULTS, Doing
-from bench.faults.gen3 import disturbed, suffered
+from bench.faults.gen3 import SITE, Wire, disturbed, suffered
 from bench.faults.inject import Outcome
+from bench.faults.place import KEPT_OUT
+from tests.rig.kinova.conftest import address, way
 
 REST_MS = 250.0
 WIRE = ("cut", "deaf", "feedback lost", "another commands", "joint fault", "base fault", "pushed hard")
@@ -27,6 +35,29 @@ def test_the_arm_is_at_rest_soon_after_a_fault_at_the_wire_and_nothing_told_ther
     outcome = outcomes(doing)[fault]
     assert outcome.rest_ms <= REST_MS
     assert outcome.within
+
+
+def test_a_command_or_a_tool_out_of_bounds_is_seen_at_the_wire() -> None:
+    away, beside = np.array([0.0, 0.0, 0.09]), np.zeros(3)
+    outside = way(0.45, 0.0, SITE.limits.workspace.high[2] + 0.01, speed=0.05)
+    through = way(*KEPT_OUT.high[:2], 0.1, speed=0.05), way(*KEPT_OUT.low[:2], 0.1, speed=0.05)
+    tried: list[Callable[[Kortex], None]] = [
+        lambda arm: arm.twist(away, beside),
+        lambda arm: arm.twist(2 * away, beside),
+        lambda arm: arm.twist(away, np.array([0.0, 0.0, 1.1])),
+        lambda arm: arm.go([outside]),
+        lambda arm: arm.go(through),
+    ]
+    with FakeProcess() as fake:
+        seen, arm = Wire(fake, SITE.limits), Kortex(OwnLink(address(fake)))
+        arm.open()
+        found = list[bool]()
+        for told in tried:
+            begun_s = time.monotonic()
+            told(arm)
+            found.append(seen.within(begun_s))
+        arm.close()
+    assert found == [True, False, False, False, False]
 
 
 @pytest.mark.slow

@@ -71,7 +71,7 @@ class KinovaControl:
         self._jogging: Jogging | None = None
         self._by: int | None = None
         self._heard_s = self._silence_s = 0.0
-        self._gripped_m, self._pushed = float(driver.seen.tool[7]), False
+        self._gripped_m, self._pushed, self._coasts = float(driver.seen.tool[7]), False, False
         self._end: ToolPose | None = None
         self.mode: ArmMode = "idle"
         self.reason = ""
@@ -118,16 +118,21 @@ class KinovaControl:
                 return False
             self.commanded = self._driver.seen.tool
             self._jogging = Jogging(self.commanded, self._limits)
-            self._gripped_m, self._pushed, self._by, self._end = float(self.commanded[7]), False, None, None
+            self._gripped_m, self._pushed, self._coasts = float(self.commanded[7]), False, False
+            self._by = self._end = None
             self.mode, self.reason = "moving", ""
         if self._jogging is not None:
             self._jogging.aim(jog)
         return True
 
     def coast(self) -> None:
-        """Brake to rest where it is jogged."""
+        """Brake to rest where it is jogged: by the arm's own Stop, which is no slower than slower and slower twists."""
         if self._jogging is not None:
             self._jogging.brake(self._limits.stop_deceleration_m_s2)
+            if self._pushed:
+                self._driver.stop()
+                self._pushed = False
+            self._coasts = True
 
     def stop(self, reason: str) -> None:
         """Have the arm stop; the first reason is kept."""
@@ -228,11 +233,11 @@ class KinovaControl:
     def _push(self, jogging: Jogging, seen: Seen, duration_s: float) -> None:
         """Have the tool follow the one that the hand moves, which keeps all limits."""
         before, self.commanded = self.commanded, jogging.advance(duration_s)
-        if jogging.at_rest:
+        if jogging.at_rest or self._coasts:
             if self._pushed:
                 self._driver.stop()
                 self._pushed = False
-            elif seen.still:
+            elif jogging.at_rest and seen.still:
                 self._jogging, self.mode = None, "idle"
             return
         turn = (_rotation(self.commanded) * _rotation(before).inv()).as_rotvec() / duration_s

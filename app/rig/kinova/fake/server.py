@@ -106,8 +106,8 @@ class Server:
                         self._send(writer, Frame(kind=FrameKind.PONG, message=frame.message))
                     elif frame.kind == FrameKind.REQUEST and not self.firmware.arm.adversity.deaf:
                         self._in_background(self._answer(frame, writer))
-        except (WireError, ConnectionError):
-            pass  # A peer that is gone or speaks another protocol: its connection is closed below.
+        except (WireError, ConnectionError, asyncio.CancelledError):
+            pass  # A peer that is gone or speaks another protocol, or the end of the arm: it is closed below.
         finally:
             self._writers.discard(writer)
             writer.close()
