@@ -54,7 +54,7 @@ Asked = TypeVar("Asked")
 Answered = TypeVar("Answered")
 Told = TypeVar("Told")
 
-ANSWER_S, THOUGHT_S, FEEDBACK_S = 1.0, 6.0, 0.10
+ANSWER_S, THOUGHT_S, FEEDBACK_S = 1.0, 6.0, 0.15
 """How long an answer is waited for: as a rule; where the arm computes a trajectory first, which takes it 1.5 to 2 s
 (ros_kortex #258); and for feedback, which is asked for again anyway. Kinova's own client waits for 10 s."""
 
