@@ -67,6 +67,7 @@ class _Loop:
     def tick(self, now_s: float, elapsed_s: float) -> None:
         """Listen, move, report."""
         self._hear_stop_and_reset()
+        self._hear_watcher(now_s)
         self._hear_motion(now_s)
         self._hear_jogs(now_s)
         self._watch(now_s)
@@ -102,19 +103,20 @@ class _Loop:
         """Follow the newest jog; where none has come for longer than the watchdog allows, or none counts, slow down."""
         memory, control = self._memory, self._control
         new, self._jogs = memory.jogs.count != self._jogs, memory.jogs.count
-        if new and memory.heeding.value and control.jog(jog_of(memory.jogs.newest())):
+        heeds = memory.heeding.value and now_s - self._heard_s <= self._timing.watchdog_s
+        if new and heeds and control.jog(jog_of(memory.jogs.newest())):
             self._jogged_s = now_s
-        elif not memory.heeding.value or now_s - self._jogged_s > self._timing.watchdog_s:
+        elif not heeds or now_s - self._jogged_s > self._timing.watchdog_s:
             control.coast()
 
-    def _watch(self, now_s: float) -> None:
-        """Stop a motion that nobody has watched for longer than the watchdog allows.
-
-        The time is that of hearing, on this process's clock: a sender's late or wrong stamps cannot keep the arm going.
-        """
+    def _hear_watcher(self, now_s: float) -> None:
+        """The time is that of hearing, on this process's clock: a sender's late or wrong stamps keep no arm going."""
         keepalives = self._memory.keepalives.value
         if keepalives != self._keepalives:
             self._keepalives, self._heard_s = keepalives, now_s
+
+    def _watch(self, now_s: float) -> None:
+        """Stop a motion that nobody has watched for longer than the watchdog allows; a jog is not heeded then."""
         silence_s = now_s - self._heard_s
         followed = self._control.mode == "moving" and not self._control.jogging
         if followed and silence_s > self._timing.watchdog_s:

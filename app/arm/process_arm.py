@@ -102,6 +102,7 @@ class ProcessArm:
         """
         self._check_alive()
         self._check_free()
+        self._memory.keepalives.value += 1
         self._busy, self._memory.heeding.value = True, 1
         try:
             log, reason = await self._stretch(over)
@@ -167,6 +168,7 @@ class ProcessArm:
         seen = memory.states.count
         log = memory.states.since(seen)[:0]
         while (end := _rested(log, timing.jog_rest_s)) is None:
+            memory.keepalives.value += 1
             await anyio.sleep(timing.keepalive_s)
             self._check_alive()
             states = memory.states.since(seen)

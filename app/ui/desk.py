@@ -198,6 +198,11 @@ class Desk:
             if self._board.holder == operator and not self._board.replay:
                 self._lend("", f"{operator} has left")
 
+    def tell(self, text: str) -> None:
+        """Something about control, for everybody to read."""
+        with self._lock:
+            self._tell(text)
+
     def hindrance(self, operator: str) -> str | None:
         """Why `operator` may not move the tool by hand now, in words; None where he may, and uses his control by it."""
         with self._lock:

@@ -7,11 +7,11 @@ import viser
 from app.core.control import EndRequest, ModeName, ModeRequest
 from app.core.messages import fresh_id
 from app.ui import words
+from app.ui.board import Board
 from app.ui.decision import operator
 from app.ui.desk import Desk
 
 _PRESSED: Final[dict[str, ModeName]] = {words.MODES[mode]: mode for mode in words.MODES if mode != "automatic"}
-_SURE: Final = "Yes: on the REAL arm, without approval"
 _FIRST, _MOST = 3, 100
 """Motions."""
 
@@ -32,26 +32,40 @@ class ModeForm:
         with gui.add_form(None) as form:
             motions = gui.add_number("Motions", _FIRST, min=1, max=_MOST, step=1)
             start = gui.add_button("Make them automatically", color="gray", icon=viser.Icon.PLAYER_TRACK_NEXT)
-        sure = gui.add_button(_SURE, color="red", icon=viser.Icon.ALERT_TRIANGLE, visible=False)
+        self._sure = gui.add_button("", color="red", icon=viser.Icon.ALERT_TRIANGLE, visible=False)
+        self._asked: tuple[str, int] | None = None
 
         def automatic(event: viser.GuiEvent[Any]) -> None:
             if self._real:
-                sure.visible = True
+                self._make_sure(operator(event), int(motions.value))
             else:
                 self._ask(event, "automatic", int(motions.value))
 
-        def confirmed(event: viser.GuiEvent[Any]) -> None:
-            if sure.visible:
-                sure.visible = False
-                self._ask(event, "automatic", int(motions.value), confirmed=True)
-
-        def other_number(_: viser.GuiEvent[Any]) -> None:
-            sure.visible = False
-
         start.on_click(automatic)
         form.on_submit(automatic)
-        sure.on_click(confirmed)
-        motions.on_update(other_number)
+        self._sure.on_click(self._confirmed)
+
+    def paint(self, board: Board) -> None:
+        """What somebody was asked who has no control any more is asked no more."""
+        if self._asked is not None and self._asked[0] != board.holder:
+            self._asked = None
+        if self._sure.visible != (self._asked is not None):
+            self._sure.visible = self._asked is not None
+
+    def _make_sure(self, who: str, motions: int) -> None:
+        """Ask whoever has control whether he means it, with the number that he then gets: the field is everybody's."""
+        if self._desk.board.holder != who:
+            self._desk.tell(f"{who} has no control; take it first.")
+            return
+        self._asked = who, motions
+        self._sure.label = f"Yes: {words.motions(motions)} on the REAL arm, without approval"
+        self._sure.visible = True
+
+    def _confirmed(self, event: viser.GuiEvent[Any]) -> None:
+        asked = self._asked
+        if asked is not None and asked[0] == operator(event):
+            self._asked = None
+            self._ask(event, "automatic", asked[1], confirmed=True)
 
     @property
     def _real(self) -> bool:

@@ -42,9 +42,10 @@ class Panel:
         commands = not desk.board.replay
         self._checklist = ChecklistForm(self._gui, desk) if commands else None
         self._decision = DecisionForm(self._gui, desk) if commands else None
+        self._modes: ModeForm | None = None
         if commands:
             with self._gui.add_folder("Mode"):
-                ModeForm(self._gui, desk)
+                self._modes = ModeForm(self._gui, desk)
         with self._gui.add_folder("Plan"):
             self._plan = Text(self._gui, cards.plan(self._last, desk.now()))
         self._demonstrations: DemonstrationForm | None = None
@@ -65,6 +66,8 @@ class Panel:
             self._checklist.paint(board)
         if self._decision is not None:
             self._decision.paint(board, now_s)
+        if self._modes is not None:
+            self._modes.paint(board)
         if self._demonstrations is not None:
             self._demonstrations.paint(board)
         if self._goal is not None:

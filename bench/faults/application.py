@@ -114,15 +114,17 @@ class Application:
                     await self._arm.reset(asked_s=time.monotonic())
 
     async def _jogged(self) -> None:
-        async with anyio.create_task_group() as tasks:
-            tasks.start_soon(self._holds)
+        let_go = threading.Event()
+        threading.Thread(target=self._holds, args=(let_go,), daemon=True).start()
+        try:
             await self._arm.jogged()
-            tasks.cancel_scope.cancel()
+        finally:
+            let_go.set()
 
-    async def _holds(self) -> None:
-        while True:
+    def _holds(self, let_go: threading.Event) -> None:
+        """In a thread of its own, as a console's: what is held there goes on when the event loop does not."""
+        while not let_go.wait(_HAND_PERIOD_S):
             self._hand()
-            await anyio.sleep(_HAND_PERIOD_S)
 
     def _steady(self) -> bool:
         """As fast as may be, to and fro."""

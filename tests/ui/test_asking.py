@@ -1,5 +1,6 @@
 """Modes, goals and demonstrations in a real browser: what is pressed is what is asked for."""
 
+import re
 import time
 from dataclasses import replace
 from pathlib import Path
@@ -10,8 +11,8 @@ from PIL import Image
 from playwright.sync_api import Page, expect
 
 from app.core.checklist import CheckedBy, CheckItem, Checklist, ChecklistRequest
-from app.core.control import EndRequest, Mode, ModeRequest
-from app.core.messages import Fault, fresh_id
+from app.core.control import EndRequest, Lease, Mode, ModeRequest
+from app.core.messages import Fault, Notice, fresh_id
 from app.core.requests import ClipRequest, GoalRequest, PictureGoalRequest, TakeRequest
 from app.core.takes import Take
 from tests.ui import synthetic
@@ -97,18 +98,39 @@ def test_on_a_real_arm_motions_without_approval_are_asked_for_twice(served: Serv
     page = opened(browser_page, served)
     served.console.show(replace(synthetic.episode(), simulated=False))
     served.console.show(mode("approve each"))
-    sure = page.get_by_role("button", name="Yes: on the REAL arm, without approval")
-    expect(sure).to_be_hidden()
+    sure = page.get_by_role("button", name=re.compile("on the REAL arm, without approval"))
     button(page, "Make them automatically")
-    expect(sure).to_be_visible()
+    notice = served.next_request()
+    assert isinstance(notice, Notice)
+    assert "client 0 has no control" in notice.text
+    button(page, "Take")
+    expect(page.get_by_text("client 0 has control")).to_be_visible()
     page.get_by_role("textbox", name="Motions").fill("5")
-    expect(sure).to_be_hidden()
     button(page, "Make them automatically")
+    expect(sure).to_have_text("Yes: 5 motions on the REAL arm, without approval")
+    page.get_by_role("textbox", name="Motions").fill("50")
     sure.click()
     request = served.next_request()
     assert isinstance(request, ModeRequest)
     assert (request.mode, request.motions, request.confirmed) == ("automatic", 5, True)
     expect(sure).to_be_hidden()
+
+
+def test_nobody_else_confirms_what_somebody_was_asked(served: Served, browser_page: Page) -> None:
+    page = opened(browser_page, served)
+    served.console.show(replace(synthetic.episode(), simulated=False))
+    button(page, "Take")
+    expect(page.get_by_text("client 0 has control")).to_be_visible()
+    button(page, "Make them automatically")
+    sure = re.compile("Yes: 3 motions on the REAL arm")
+    watcher = page.context.new_page()
+    watcher.goto(served.console.url)
+    watcher.get_by_role("button", name=sure).click()
+    watcher.wait_for_timeout(500)
+    expect(page.get_by_role("button", name=sure)).to_be_visible()
+    button(page, "Release")
+    expect(page.get_by_role("button", name=sure)).to_be_hidden()
+    assert {type(request) for request in served.requests} == {Lease}
 
 
 def test_the_session_ends_once_that_is_said_twice(served: Served, browser_page: Page) -> None:
