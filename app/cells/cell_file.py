@@ -96,7 +96,7 @@ def load_cell(path: Path) -> CellFile:
         cell = msgspec.toml.decode(path.read_bytes(), type=CellFile)
     except OSError as error:
         raise UsageError(f"Cannot read the cell {path}: {error.strerror}; docs/real-cell.md has one to copy.") from None
-    except (msgspec.ValidationError, msgspec.DecodeError) as error:
+    except (msgspec.ValidationError, msgspec.DecodeError, UnicodeDecodeError) as error:
         raise RecordingError(
             f"{path} describes no cell: {error}. docs/real-cell.md says what it has to hold."
         ) from None

@@ -27,9 +27,10 @@ from app.commands._preflight import check_port
 from app.commands._sight import seen_with
 from app.config import Limits, Site
 from app.core.bounds import checked
-from app.core.errors import DipacError, ParameterError, PreflightError, UsageError
+from app.core.errors import DipacError, MotionRefused, ParameterError, PreflightError, UsageError
 from app.core.messages import Episode, Goal, fresh_id
 from app.core.ports import Rig
+from app.core.refusal import Refusal
 from app.core.summary import Summary
 from app.core.worker import Worker
 from app.flow import Flow
@@ -213,6 +214,11 @@ async def episode(order: Order, output: Output) -> Report:
 
     What is wrong with the order or the machine is raised before anything moves; what fails later is in the report.
     """
+    if order.automatic and not load_cell(order.options.rig).simulated:
+        raise MotionRefused(
+            Refusal.NOT_SIMULATED,
+            f"{order.options.rig} is real, and `dipac run` approves by itself; use `dipac console`.",
+        )
     options, site = order.options, await to_thread.run_sync(order.options.site)
     task = await to_thread.run_sync(partial(seen_with, load(order.task), options.segmenter, depth=options.depth))
     if options.pushes < 0:

@@ -113,7 +113,8 @@ class Preflight:
         yield _found("cameras", "Every camera gives pictures.", self._cameras())
         yield _found("calibration", "Every camera's place was calibrated lately.", self._calibrated())
         yield _found("object", "The object is seen.", self._object())
-        tried = "" if self._holding.tried else "press STOP in the bar above, and then Resume"
+        untried = "press STOP in the bar above, and then Resume" if self._holding.free else "now press Resume"
+        tried = "" if self._holding.tried else untried
         yield _found("stop", "STOP works: it was pressed in this session, and lifted.", tried)
 
     def _arm(self, arm: ArmState) -> str:
@@ -122,7 +123,8 @@ class Preflight:
             return f"its newest state is {age_s:.0f} s old: look at its process and its cable"
         if arm.mode == "idle":
             return ""
-        return f"it is {arm.mode}{f': {arm.reason}' if arm.reason else ''}; Resume lifts a stop or a fault"
+        why = f": {arm.reason.rstrip('.')}" if arm.reason else ""
+        return f"it is {arm.mode}{why}; Resume lifts a stop or a fault"
 
     def _place(self, arm: ArmState) -> str:
         limits, tip = self._site.limits, arm.pose[None, :3]

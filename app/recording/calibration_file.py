@@ -81,7 +81,10 @@ def load_cameras(path: Path) -> dict[str, HandEye]:
     try:
         table = tomllib.loads(path.read_text(encoding="utf-8"))
     except OSError as error:
-        raise UsageError(f"Cannot read the calibration {path}: {error.strerror}.") from None
+        raise UsageError(
+            f"Cannot read the calibration {path}: {error.strerror}; `dipac calibration solve` makes one "
+            "(docs/calibration-cameras.md)."
+        ) from None
     except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
         raise RecordingError(f"{path} is no TOML file: {error}.") from None
     if table.get("schema") != SCHEMA:

@@ -112,3 +112,10 @@ async def test_a_real_cell_is_not_opened_where_nobody_knows_where_its_cameras_st
     with pytest.raises(DipacError, match="calibration"):
         async with cells.load("gen3").open(wanted):
             pass
+
+
+def test_a_file_of_other_bytes_than_text_is_said(tmp_path: Path) -> None:
+    file = tmp_path / "cell.toml"
+    file.write_bytes(GOOD.replace("bench", "Prüfstand").encode("latin-1"))
+    with pytest.raises(RecordingError, match="describes no cell"):
+        load_cell(file)

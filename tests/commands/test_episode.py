@@ -3,7 +3,7 @@
 import pytest
 
 from app.__main__ import main
-from app.core.errors import UsageError
+from app.core.errors import MotionRefused, UsageError
 
 
 @pytest.mark.parametrize("option", ["--seed", "--pushes"])
@@ -32,3 +32,10 @@ def test_a_segmenter_that_is_none_is_refused_before_anything_starts(capsys, tmp_
 def test_a_liquid_without_depth_is_refused_before_anything_starts(capsys, tmp_path):
     assert main(["run", "pour_water", "--no-depth", "--recordings", str(tmp_path)]) == UsageError.exit_code
     assert "level of the liquid of pour_water cannot be told from its outline" in capsys.readouterr().err
+
+
+def test_a_run_that_approves_by_itself_is_refused_on_a_real_arm_before_that_is_looked_for(capsys, tmp_path):
+    order = ["run", "rope_push", "--rig", "gen3", "--cell", str(tmp_path / "none.toml"), "--recordings", str(tmp_path)]
+    assert main(order) == MotionRefused.exit_code
+    assert "use `dipac console`" in capsys.readouterr().err
+    assert list(tmp_path.iterdir()) == []

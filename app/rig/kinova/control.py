@@ -138,6 +138,7 @@ class KinovaControl:
         """Have the arm stop; the first reason is kept."""
         # Said again even where it was said before: a stop too many does no harm.
         self._driver.stop()
+        self._clearing = None  # What was being lifted is in force again.
         if self.mode in ("stopping", "stopped", "fault"):
             return
         self.reason = reason

@@ -236,6 +236,20 @@ def test_an_arm_whose_loop_hangs_stops(loop: Loop, arm: FakeProcess, by_hand: bo
     assert tool(arm)[1] < 0.15
 
 
+def test_a_stop_while_a_fault_is_being_cleared_stays_in_force(loop: Loop, arm: FakeProcess) -> None:
+    loop.go((0.45, 0.0, 0.1), speed=0.02)
+    until(lambda: arm.look()["moving"])
+    arm.fail(joint=4, bits=1 << 5)
+    loop.comes_to("fault")
+    with loop.lock:
+        loop.control.reset()
+        loop.control.stop("STOP was pressed.")
+    time.sleep(1.0)
+    assert loop.control.mode == "fault"
+    loop.do(loop.control.reset)
+    loop.comes_to("idle")
+
+
 def test_a_fault_is_said_in_words_and_cleared_by_resume(loop: Loop, arm: FakeProcess) -> None:
     loop.go((0.45, 0.0, 0.1), speed=0.02)
     until(lambda: arm.look()["moving"])
