@@ -1,6 +1,6 @@
 """What a cell is to the commands: where its arm may be, and how it is opened."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from contextlib import AbstractAsyncContextManager
 from dataclasses import dataclass
 from pathlib import Path
@@ -13,7 +13,7 @@ from app.config import Site
 from app.core.errors import UsageError
 from app.core.limbs import ArmShape
 from app.core.messages import ArmState
-from app.core.ports import Rig
+from app.core.ports import Arm, Camera, Posed, Rig
 from app.core.stage import Stage, Tool
 
 
@@ -32,6 +32,19 @@ class Wanted:
     seed: int
     board: bool = False
     file: Path | None = None
+
+
+@final
+@dataclass(frozen=True, kw_only=True, eq=False)
+class OpenedRig:
+    """A cell that is open, as the `Rig` of its parts."""
+
+    name: str
+    simulated: bool
+    shape: ArmShape | None
+    seen_arm: Posed
+    cameras: Sequence[Camera]
+    arm: Arm
 
 
 Open: TypeAlias = Callable[[Wanted], AbstractAsyncContextManager[Rig]]

@@ -2,23 +2,21 @@
 
 import os
 import sys
-from collections.abc import AsyncGenerator, Sequence
+from collections.abc import AsyncGenerator
 from contextlib import asynccontextmanager
 from dataclasses import replace
 from pathlib import Path
-from typing import Final, final
+from typing import Final
 
 from anyio import to_thread
 
-from app.arm.process_arm import ProcessArm
-from app.cells.base import Cell, Wanted
+from app.cells.base import Cell, OpenedRig, Wanted
 from app.cells.cell_file import CameraEntry, CellFile, ToolEntry, far_corner, limits, load_cell
 from app.config import Site
 from app.core.errors import PreflightError, UsageError
 from app.core.hand_eye import HandEye
 from app.core.limbs import ArmShape
 from app.core.messages import ArmState
-from app.core.ports import Arm, Camera
 from app.core.stage import Tool
 from app.recording.calibration_file import load_cameras
 from app.rig.kinova.arm import kinova_arm
@@ -34,44 +32,6 @@ USER, PASSWORD = "DIPAC_ARM_USER", "DIPAC_ARM_PASSWORD"
 _NEEDED = "--rig gen3 needs --cell FILE.toml, which says where arm and cameras are; docs/real-cell.md has one to copy."
 
 
-@final
-class Gen3Rig:
-    """An arm and cameras that are there."""
-
-    def __init__(self, name: str, shape: ArmShape, arm: ProcessArm, cameras: Sequence[Camera]) -> None:
-        self._name, self._shape, self._arm, self._cameras = name, shape, arm, cameras
-
-    @property
-    def name(self) -> str:
-        """For the log and the console."""
-        return self._name
-
-    @property
-    def simulated(self) -> bool:
-        """What it does is real."""
-        return False
-
-    @property
-    def shape(self) -> ArmShape:
-        """A Gen3 with its gripper and the task's tool."""
-        return self._shape
-
-    @property
-    def seen_arm(self) -> Arm:
-        """It is seen."""
-        return self._arm
-
-    @property
-    def cameras(self) -> Sequence[Camera]:
-        """As the file has them."""
-        return self._cameras
-
-    @property
-    def arm(self) -> Arm:
-        """The Gen3."""
-        return self._arm
-
-
 def _narrowed(site: Site, file: Path | None) -> Site:
     """With the limits of the file; the slower of the two speeds counts."""
     cell = _read(file)
@@ -81,7 +41,7 @@ def _narrowed(site: Site, file: Path | None) -> Site:
 
 
 @asynccontextmanager
-async def _opened(wanted: Wanted) -> AsyncGenerator[Gen3Rig]:
+async def _opened(wanted: Wanted) -> AsyncGenerator[OpenedRig]:
     """Raises PreflightError where a camera is not calibrated, DeviceError where arm or cameras are not there."""
     cell, mounted = await to_thread.run_sync(_found, wanted.file)
     if far := far_corner(cell):
@@ -90,7 +50,8 @@ async def _opened(wanted: Wanted) -> AsyncGenerator[Gen3Rig]:
         kinova_arm(_address(cell), wanted.site, cell.arm.client, _holds(cell.arm.tool)) as arm,
         realsense_cameras(mounted, wanted.site.timing) as cameras,
     ):
-        yield Gen3Rig(cell.name, known_gen3(wanted.stage.tool, cell.arm.tool.tip_m), arm, cameras)
+        shape = known_gen3(wanted.stage.tool, cell.arm.tool.tip_m)
+        yield OpenedRig(name=cell.name, simulated=False, shape=shape, seen_arm=arm, cameras=cameras, arm=arm)
 
 
 def _found(file: Path | None) -> tuple[CellFile, list[Mounted]]:

@@ -7,22 +7,19 @@ what cameras really saw, where nothing can move.
 from collections.abc import AsyncGenerator, Sequence
 from contextlib import asynccontextmanager
 from pathlib import Path
-from typing import Final, final
+from typing import Final
 
 from anyio import to_thread
 
 from app import cells
-from app.arm.process_arm import ProcessArm
-from app.cells.base import Cell, Wanted
+from app.cells.base import Cell, OpenedRig, Wanted
 from app.config import Site
 from app.core.errors import RecordingError, UsageError
 from app.core.limbs import ArmShape
 from app.core.messages import ArmState
-from app.core.ports import Arm, Camera, Posed
 from app.core.stage import Tool
 from app.recording.film import Film, film_states, read_film
 from app.recording.reader import read_episode
-from app.rig.replayed.camera import ReplayedCamera
 from app.rig.replayed.cameras import replayed_cameras
 from app.rig.replayed.recorded_arm import RecordedArm
 from app.rig.simulated.arm import simulated_arm
@@ -33,47 +30,6 @@ _NEEDED: Final = (
 )
 
 
-@final
-class ReplayedRig:
-    """Recorded cameras, and an arm that they do not see."""
-
-    def __init__(
-        self, arm: ProcessArm, cameras: Sequence[ReplayedCamera], seen_arm: Posed, shape: ArmShape | None
-    ) -> None:
-        self._arm, self._cameras = arm, cameras
-        self._seen_arm, self._shape = seen_arm, shape
-
-    @property
-    def name(self) -> str:
-        """For the log and the console."""
-        return "replayed"
-
-    @property
-    def simulated(self) -> bool:
-        """Nothing real can move."""
-        return True
-
-    @property
-    def shape(self) -> ArmShape | None:
-        """What the arm in the images looks like, where the cell that they were recorded in says it."""
-        return self._shape
-
-    @property
-    def seen_arm(self) -> Posed:
-        """The arm in the images, where it was then; the one that is told what to do, where nobody noted that."""
-        return self._seen_arm
-
-    @property
-    def cameras(self) -> Sequence[Camera]:
-        """Those of the recording."""
-        return self._cameras
-
-    @property
-    def arm(self) -> Arm:
-        """The simulated arm, alone."""
-        return self._arm
-
-
 def _narrowed(site: Site, file: Path | None) -> Site:
     """The site as it is. Raises UsageError where the file is no recording that can be shown."""
     _film(file)
@@ -81,7 +37,7 @@ def _narrowed(site: Site, file: Path | None) -> Site:
 
 
 @asynccontextmanager
-async def _opened(wanted: Wanted) -> AsyncGenerator[ReplayedRig]:
+async def _opened(wanted: Wanted) -> AsyncGenerator[OpenedRig]:
     """Raises UsageError where the file is no recording that can be shown, DeviceError where the arm does not start."""
     if wanted.board:
         raise UsageError("--board puts one into the simulated gripper, and no recorded image shows that; leave it out.")
@@ -93,7 +49,7 @@ async def _opened(wanted: Wanted) -> AsyncGenerator[ReplayedRig]:
         replayed_cameras(film, wanted.site.timing) as screen,
     ):
         seen = RecordedArm(states, screen.recorded_s) if states else arm
-        yield ReplayedRig(arm, screen.cameras, seen, shape)
+        yield OpenedRig(name="replayed", simulated=True, shape=shape, seen_arm=seen, cameras=screen.cameras, arm=arm)
 
 
 def _pictured(film: Film, tool: Tool, states: Sequence[ArmState]) -> ArmShape | None:
