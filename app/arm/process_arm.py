@@ -23,7 +23,8 @@ from app.core.types import ToolPose
 
 _SILENCE_S = 2.0
 """An arm whose process has reported no state for this long is taken for gone."""
-_ANSWER_S = 1.0
+_ANSWER_S, _CLEARED_S = 1.0, 5.0
+"""How long a reset is waited for: until it is heard, and until an arm has left its fault."""
 
 
 @final
@@ -118,20 +119,27 @@ class ProcessArm:
         self._memory.stop_ns.value = time.monotonic_ns()
 
     async def reset(self, *, asked_s: float) -> None:
-        """Lift a stop that came before `asked_s`, once the arm is at rest.
+        """Lift a stop that came before `asked_s`, or a fault, once the arm is at rest.
 
-        Raises DeviceError where a later stop is in force, or the arm does not answer.
+        Raises DeviceError where the arm is not ready afterwards: the request has then no effect later either.
         """
         self._check_alive()
-        request_ns = round(asked_s * 1e9)
-        self._memory.reset_ns.value = request_ns
-        with anyio.move_on_after(_ANSWER_S):
-            while True:
-                if self._memory.states.newest()["reset_ns"] >= request_ns:
-                    return
-                await anyio.sleep(self._site.timing.arm_period_s)
+        memory, request_ns = self._memory, round(asked_s * 1e9)
+        former_ns, memory.reset_ns.value = memory.reset_ns.value, request_ns
+        begun_s = time.monotonic()
+        while True:
+            state, waited_s = memory.states.newest(), time.monotonic() - begun_s
+            heard, mode = state["reset_ns"] >= request_ns, MODES[state["mode"]]
+            if heard and mode in ("idle", "moving"):
+                return
+            if memory.stop_ns.value > request_ns or waited_s > (_CLEARED_S if heard else _ANSWER_S):
+                break
+            await anyio.sleep(self._site.timing.arm_period_s)
+        memory.reset_ns.value = former_ns
+        why = bytes(state["reason"]).decode(errors="ignore")
         raise DeviceError(
-            "The arm did not lift its stop; it was stopped again since, or does not answer: look at its state."
+            f"The arm is still {mode}{f': {why}' if why else '.'} It was stopped again since, does not answer, or "
+            "cannot leave its fault; look at it, then press Resume again."
         )
 
     def _check_leave(self, approved: Approved) -> None:

@@ -65,12 +65,14 @@ def _check_upright(gravity: GravityVector) -> None:
 
 
 def _check_frame(said: ToolConfiguration, holds: Holds) -> None:
-    frame = gen3.transform(said.tool_transform or Pose())
+    told = said.tool_transform or Pose()
+    if not np.isfinite([told.x, told.y, told.z, told.theta_x, told.theta_y, told.theta_z]).all():
+        raise DeviceError(f"The arm's tool frame is of numbers that are none; set the tool {_PAGE}.")
+    frame = gen3.transform(told)
     wanted = gen3.transform(Pose(z=holds.tip_m, theta_z=holds.turn_deg))
     off_m = float(np.linalg.norm(frame[:3, 3] - wanted[:3, 3]))
     off_rad = Rotation.from_matrix(frame[:3, :3].T @ wanted[:3, :3]).magnitude()
-    # Numbers that are none are not near either.
-    if not (off_m <= _NEAR_M and off_rad <= _NEAR_RAD):
+    if off_m > _NEAR_M or off_rad > _NEAR_RAD:
         raise DeviceError(
             f"The arm's tool frame is {_said(gen3.pose(frame))} from its flange, and this cell's tool is "
             f"{_said(gen3.pose(wanted))} so that poses would be {1e3 * off_m:.0f} mm and {np.degrees(off_rad):.0f} "

@@ -27,6 +27,7 @@ from app.rig.kinova.legs import stretches
 from app.rig.kinova.link import Address
 from app.rig.kinova.seen import Seen
 
+_BACK = "The connection to the arm is back; look at the arm, then press Resume."
 _BLIND_S = 0.15
 """An arm that has said nothing for so long may not move on; of single lost datagrams that is not long enough."""
 _OFF_M, _AWAY_M = 0.015, 0.008
@@ -71,6 +72,7 @@ class KinovaControl:
         self._jogging: Jogging | None = None
         self._by: int | None = None
         self._heard_s = self._silence_s = 0.0
+        self._ticked_s, self._losses = time.monotonic(), driver.losses
         self._gripped_m, self._pushed, self._coasts = float(driver.seen.tool[7]), False, False
         self._end: ToolPose | None = None
         self.mode: ArmMode = "idle"
@@ -155,10 +157,10 @@ class KinovaControl:
     def advance(self, duration_s: float) -> None:
         """Look at what the arm does, and have it go on with what it is told by hand."""
         self._driver.pulse()
-        seen = self._driver.seen
-        # By ticks, not by the clock: an arm is not to be blamed for a process that was late itself.
-        self._silence_s = self._silence_s + duration_s if seen.time_s == self._heard_s else 0.0
-        self._heard_s = seen.time_s
+        seen, now_s = self._driver.seen, time.monotonic()
+        # From tick to tick: what came while this process was late is not taken for silence.
+        self._silence_s = self._silence_s + now_s - self._ticked_s if seen.time_s == self._heard_s else 0.0
+        self._heard_s, self._ticked_s = seen.time_s, now_s
         self.measured = carried(seen, time.monotonic())
         self._look_for_trouble(seen)
         if self._clearing is not None and self._clearing.over:
@@ -179,6 +181,9 @@ class KinovaControl:
     def _look_for_trouble(self, seen: Seen) -> None:
         """Fall into fault where the arm does, is out of reach, or says nothing."""
         why = self._driver.trouble or self._in_fault(seen)
+        if self._losses != self._driver.losses:
+            # Lost and made again between two ticks it leaves no trouble.
+            self._losses, why = self._driver.losses, why or _BACK
         if not why and self.mode == "moving" and (unsafe := self._unsafe(seen)):
             self.stop(unsafe)
         if why and self.mode != "fault":
@@ -188,7 +193,7 @@ class KinovaControl:
         elif why and self._clearing is None:
             self.reason = why
         elif self.mode == "fault" and self._clearing is None and self.reason.startswith("The connection"):
-            self.reason = "The connection to the arm is back; look at the arm, then press Resume."
+            self.reason = _BACK
 
     def _unsafe(self, seen: Seen) -> str:
         """Why what moves may not move on; empty where it may."""

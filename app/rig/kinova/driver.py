@@ -42,7 +42,8 @@ _Body: TypeAlias = Callable[[int, Errand], None]
 class Driver:
     """One arm. Nothing waits here but `open` and `close`.
 
-    `trouble` says why it is out of reach, `refused` why it does not move as it was told to last, `seen` how it was.
+    `trouble` says why it is out of reach, `refused` why it does not move as it was told to last, `seen` how it was;
+    `losses` counts the connections that were lost.
     """
 
     def __init__(self, kortex: Kortex, site: Site, holds: Holds) -> None:
@@ -56,7 +57,8 @@ class Driver:
         self._stops = self._pulses = self._asked = self._answered = 0
         self._asking = threading.Lock()
         self._threads: list[threading.Thread] = []
-        self.trouble = self.refused = ""
+        self.trouble = self.refused = self._defied = ""
+        self.losses = 0
 
     def open(self) -> None:
         """Connect, set the arm up, wait for its first feedback, and let the threads run. Raises DeviceError."""
@@ -200,6 +202,8 @@ class Driver:
             # Counted, not timed: where this whole process was late, the arm notices by its own clock.
             missed = missed + 1 if self._pulses == heard else 0
             heard = self._pulses
+            if self._defied:
+                continue  # Of a session that is silent the arm stops what it moves.
             try:
                 if self._kortex.lost:
                     raise LinkLost(self._kortex.lost)
@@ -213,6 +217,7 @@ class Driver:
     def _reconnect(self, reason: str) -> None:
         """Try until it works, with longer and longer waits. The arm has stopped by itself meanwhile."""
         self.trouble = f"The connection to the arm is lost, and is made again; the arm stops by itself. {reason}"
+        self.losses += 1
         self.stop()
         waits = iter(BACK_OFF_S)
         wait_s = next(waits)
@@ -307,9 +312,19 @@ class Driver:
                     self._kortex.stop(timeout_s=_STOP_S)
                 except NoAnswer:
                     continue
-                except (LinkLost, Refused):
-                    break  # Lost, it stops by itself; in fault it does not move.
+                except LinkLost:
+                    pass  # It stops by itself.
+                except Refused as error:
+                    self._defy(error)
                 break
+
+    def _defy(self, error: Refused) -> None:
+        """Have an arm that moves and refuses to stop do so for want of a session, and command it no more."""
+        if not self.seen.still and not self.seen.faults:
+            self.trouble = self._defied = (
+                f"The arm refuses to stop, and is left to its own time-out: {error} Use its hardware stop, find out "
+                "who else commands it, and start this program again."
+            )
 
     def _ease(self) -> None:
         """Tell fingers that press too hard to stay."""

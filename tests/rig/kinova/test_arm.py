@@ -73,6 +73,21 @@ async def test_a_stop_in_the_middle_is_an_outcome_and_holds(arm: FakeProcess) ->
 
 
 @pytest.mark.anyio
+async def test_a_resume_that_comes_to_nothing_says_why_and_lifts_nothing_later(arm: FakeProcess) -> None:
+    async with kinova_arm(address(arm), SITE) as port:
+        arm.fail(joint=4, bits=1 << 5, lasting=True)
+        await anyio.sleep(0.5)
+        with pytest.raises(DeviceError, match="met too much torque") as refused:
+            await port.reset(asked_s=time.monotonic())
+        assert "still fault" in str(refused.value)
+        arm.fail()
+        await anyio.sleep(0.5)
+        assert (await port.state()).mode == "fault"
+        await port.reset(asked_s=time.monotonic())
+        assert (await port.state()).mode == "idle"
+
+
+@pytest.mark.anyio
 async def test_a_hand_moves_the_tool_through_the_port(arm: FakeProcess) -> None:
     async with kinova_arm(address(arm), SITE) as port, anyio.create_task_group() as tasks:
 

@@ -44,6 +44,7 @@ def tick(control: KinovaControl) -> bool:
     ("adversity", "holds", "said"),
     [
         ({"tip_m": 0.0}, Holds(), "poses would be 120 mm and 0 degrees off"),
+        ({"tip_m": float("nan")}, Holds(), "of numbers that are none"),
         ({}, Holds(tip_m=0.163), "(0.000, 0.000, 0.120) m, turned by (0, 0, 0) degrees, from its flange"),
         ({}, Holds(turn_deg=90.0), "0 mm and 90 degrees off. Set the tool in the arm's web page"),
         ({"tip_m": -0.12}, Holds(), "by tip_m and turn_deg of [arm.tool]"),

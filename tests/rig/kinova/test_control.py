@@ -142,6 +142,23 @@ def test_a_stop_ends_a_motion_and_holds_until_it_is_lifted(loop: Loop, arm: Fake
     assert tool(arm)[2] == pytest.approx(0.2, abs=2e-3)
 
 
+def test_an_arm_that_refuses_to_stop_is_left_to_its_own_time_out_and_commanded_no_more(
+    loop: Loop, arm: FakeProcess
+) -> None:
+    loop.go((0.45, 0.0, 0.1), speed=0.02)
+    until(lambda: loop.control.velocity[2] < -0.01)
+    arm.set(Adversity(denies="Stop"))
+    loop.do(loop.control.stop, "STOP was pressed.")
+    until(lambda: "refuses to stop" in loop.control.reason)
+    assert loop.control.mode == "fault"
+    until(lambda: not arm.look()["moving"])
+    assert tool(arm)[2] > 0.2
+    arm.set(Adversity())
+    loop.do(loop.control.reset)
+    time.sleep(0.3)
+    assert loop.control.mode == "fault"
+
+
 def test_a_stop_right_after_the_beginning_is_not_overtaken_by_it(loop: Loop, arm: FakeProcess) -> None:
     for wait_s in (0.0, 0.01, 0.03, 0.06):
         loop.go((0.45, 0.0, 0.1), speed=0.02)
