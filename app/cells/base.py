@@ -15,6 +15,7 @@ from app.core.limbs import ArmShape
 from app.core.messages import ArmState
 from app.core.ports import Arm, Camera, Posed, Rig
 from app.core.stage import Stage, Tool
+from app.recording.calibration_file import CalibrationFile
 
 
 @final
@@ -50,12 +51,18 @@ class OpenedRig:
 Open: TypeAlias = Callable[[Wanted], AbstractAsyncContextManager[Rig]]
 
 
+def _beside_the_program(_: Path | None) -> CalibrationFile:
+    """In the folder that it was started in."""
+    return CalibrationFile()
+
+
 @final
 @dataclass(frozen=True, kw_only=True)
 class Cell:
     """A cell by its name. `simulated`: nothing real can move; `narrowed`: the site with what its file says, if any.
 
     `answers`: what the arm does shows in what the cameras see; where it does not, there is nothing to learn from it.
+    `shelf`: where its cameras' calibrations are kept, by its file.
     `pictured`: what the arm looks like in images that were recorded there, with this tool and by any of its recorded
     states; None where nobody knows.
     """
@@ -65,6 +72,7 @@ class Cell:
     open: Open
     narrowed: Callable[[Site, Path | None], Site]
     answers: bool = True
+    shelf: Callable[[Path | None], CalibrationFile] = _beside_the_program
     pictured: Callable[[Tool, ArmState], ArmShape] | None = None
 
 

@@ -13,12 +13,12 @@ from anyio import to_thread
 from app.cells.base import Cell, OpenedRig, Wanted
 from app.cells.cell_file import CameraEntry, CellFile, ToolEntry, far_corner, limits, load_cell
 from app.config import Site
-from app.core.errors import PreflightError, UsageError
+from app.core.errors import UsageError
 from app.core.hand_eye import HandEye
 from app.core.limbs import ArmShape
 from app.core.messages import ArmState
 from app.core.stage import Tool
-from app.recording.calibration_file import load_cameras
+from app.recording.calibration_file import CalibrationFile, load_cameras
 from app.rig.kinova.arm import kinova_arm
 from app.rig.kinova.configured import Holds
 from app.rig.kinova.link import Address
@@ -26,6 +26,7 @@ from app.rig.kinova.shape import known_gen3, tip_m
 from app.rig.realsense.cameras import realsense_cameras
 from app.rig.realsense.mounted import Mounted
 from app.rig.realsense.settings import Settings
+from app.rig.realsense.sources import Live
 
 USER, PASSWORD = "DIPAC_ARM_USER", "DIPAC_ARM_PASSWORD"
 """Variables of the environment with the arm's account, where it is not the one that it is delivered with."""
@@ -42,7 +43,7 @@ def _narrowed(site: Site, file: Path | None) -> Site:
 
 @asynccontextmanager
 async def _opened(wanted: Wanted) -> AsyncGenerator[OpenedRig]:
-    """Raises PreflightError where a camera is not calibrated, DeviceError where arm or cameras are not there."""
+    """Raises DeviceError where arm or cameras are not there; cameras may still have to be calibrated."""
     cell, mounted = await to_thread.run_sync(_found, wanted.file)
     if far := far_corner(cell):
         sys.stderr.write(f"dipac: {far}\n")
@@ -55,12 +56,21 @@ async def _opened(wanted: Wanted) -> AsyncGenerator[OpenedRig]:
 
 
 def _found(file: Path | None) -> tuple[CellFile, list[Mounted]]:
-    """What the file says, and its cameras where they are calibrated."""
+    """What the file says, and its cameras, where they stand as far as they are calibrated."""
     cell = _read(file)
-    assert file is not None, "what was read has a name"
-    calibration = file.parent / cell.calibration
-    places = load_cameras(calibration)
+    calibration = _calibration(cell, file)
+    places = load_cameras(calibration) if calibration.exists() else {}
     return cell, [_mounted(camera, places, calibration) for camera in cell.cameras]
+
+
+def _calibration(cell: CellFile, file: Path | None) -> Path:
+    assert file is not None, "what was read has a name"
+    return file.parent / cell.calibration
+
+
+def _shelf(file: Path | None) -> CalibrationFile:
+    cell = _read(file)
+    return CalibrationFile(_calibration(cell, file), {camera.name: camera.serial for camera in cell.cameras})
 
 
 def _read(file: Path | None) -> CellFile:
@@ -80,12 +90,13 @@ def _holds(tool: ToolEntry) -> Holds:
 
 
 def _mounted(camera: CameraEntry, places: dict[str, HandEye], file: Path) -> Mounted:
-    """The camera where its calibration has it. Raises PreflightError where that does not have it."""
+    """The camera where its calibration has it; at the arm's base, of no date, where that does not have it yet."""
     if camera.serial not in places:
-        raise PreflightError(
-            f"{file} does not say where camera {camera.name!r} ({camera.serial}) stands; calibrate it with "
-            "`dipac calibration solve` or in the console."
+        sys.stderr.write(
+            f"dipac: {file} does not say where camera {camera.name!r} ({camera.serial}) stands. Nothing is approved "
+            "before it is calibrated: in the tab Calibrate of the console, or with `dipac calibration solve`.\n"
         )
+        return Mounted(name=camera.name, source=Live(serial=camera.serial))
     return Mounted.calibrated(places[camera.serial], name=camera.name, settings=Settings())
 
 
@@ -93,4 +104,4 @@ def _pictured(tool: Tool, state: ArmState) -> ArmShape:
     return known_gen3(tool, tip_m(state.joints, state.pose[:3]))
 
 
-CELL: Final = Cell(name="gen3", simulated=False, open=_opened, narrowed=_narrowed, pictured=_pictured)
+CELL: Final = Cell(name="gen3", simulated=False, open=_opened, narrowed=_narrowed, shelf=_shelf, pictured=_pictured)

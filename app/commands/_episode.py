@@ -29,13 +29,12 @@ from app.config import Limits, Site
 from app.core.bounds import checked
 from app.core.errors import DipacError, MotionRefused, ParameterError, PreflightError, UsageError
 from app.core.messages import Episode, Goal, fresh_id
-from app.core.ports import Rig
+from app.core.ports import CameraShelf, Rig
 from app.core.refusal import Refusal
 from app.core.summary import Summary
 from app.core.worker import Worker
 from app.flow import Flow
 from app.planner.method import PAPER, Method
-from app.recording.calibration_file import CalibrationFile
 from app.recording.model_file import load_model
 from app.recording.preflight import Room
 from app.recording.studio import Studio, open_studio
@@ -234,6 +233,7 @@ async def episode(order: Order, output: Output) -> Report:
             preset = options.preset if options.preset != "auto" else await planner.run(choose_preset)
             wish = await _doubted(await to_thread.run_sync(_wish, task, order, preset, method), order, site, planner)
         start = await to_thread.run_sync(_start, order, preset)
+        shelf = await to_thread.run_sync(load_cell(options.rig).shelf, options.cell)
         async with (
             open_studio(site.recordings, start, _room(site, options.pushes), take_bytes=_take_bytes(site)) as recorder,
             cell(options.rig, order.wanted(task, site), tls, f"dipac {task.name}", output) as (rig, console),
@@ -246,7 +246,7 @@ async def episode(order: Order, output: Output) -> Report:
                 async with open_terminal(output, *heading) as terminal:
                     audience = Audience(console, terminal)
                     audience.show(start)
-                    summary, failure = await _run(wish, site, rig, audience, recorder, planner)
+                    summary, failure = await _run(wish, site, rig, audience, recorder, planner, shelf)
     return Report(
         order=order,
         rig=rig.name,
@@ -283,7 +283,7 @@ def _announced_if_interrupted(output: Output, recording: Path) -> Generator[None
 
 
 async def _run(
-    wish: Wish, site: Site, rig: Rig, audience: Audience, recorder: Studio, planner: Worker
+    wish: Wish, site: Site, rig: Rig, audience: Audience, recorder: Studio, planner: Worker, shelf: CameraShelf
 ) -> tuple[Summary, DipacError | None]:
     flow = Flow(
         wish,
@@ -296,7 +296,7 @@ async def _run(
         recording=recorder.path,
         studio=recorder,
         # What was recorded does not say where a camera stands now.
-        shelf=CalibrationFile() if wish.answering else None,
+        shelf=shelf if wish.answering else None,
     )
     try:
         return await flow.run(), None

@@ -23,10 +23,14 @@ class CheckItem:
 @final
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Checklist(Message):
-    """How it stands; nothing moves before it is `passed`, which it then is for the whole session."""
+    """How it stands; no motion is approved before it is `passed`, which it then is for the whole session.
+
+    `by_hand`: the tool may be moved by hand before: what lacks is only of what the cameras say.
+    """
 
     items: tuple[CheckItem, ...]
     passed: bool
+    by_hand: bool = False
 
 
 @final

@@ -309,7 +309,7 @@ class Flow:
     async def _moved_by_hand(self) -> None:
         """What somebody does by jogging, from rest to rest, learned from like any motion."""
         with self.modes.lasting() as lasting:
-            await self.preflight.wait(self.reporting.do)
+            await self.preflight.wait_by_hand(self.reporting.do)
             await self.holding.resumed(self.reporting.do)
         if lasting.cancel_called:
             return

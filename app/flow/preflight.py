@@ -17,6 +17,8 @@ from app.flow.holding import Holding
 from app.flow.sensing import Sensing
 
 _PERIOD_S: Final = 0.5
+_SIGHT: Final = ("cameras", "calibration", "object")
+"""Items that a hand, which goes by a person's eyes, does not need."""
 _LATE_S: Final = 2.0
 """News of an arm or a camera that is older is none."""
 
@@ -44,9 +46,10 @@ class Preflight:
         self._asked = _asked(site.limits)
         self._confirmed = dict[str, str]()
         self._said = tuple[CheckItem, ...]()
-        self._passed = anyio.Event()
+        self._passed, self._by_hand = anyio.Event(), anyio.Event()
         if not needed:
             self._passed.set()
+            self._by_hand.set()
 
     @property
     def passed(self) -> bool:
@@ -66,6 +69,12 @@ class Preflight:
         if not self.passed:
             do("waiting for the checklist")
             await self._passed.wait()
+
+    async def wait_by_hand(self, do: Callable[[str], None]) -> None:
+        """Until the tool may be moved by hand: to calibrate cameras, say, which the rest waits for."""
+        if not self._by_hand.is_set():
+            do("waiting for the checklist")
+            await self._by_hand.wait()
 
     async def run(self) -> None:
         """Look again and again, until it is passed."""
@@ -92,10 +101,15 @@ class Preflight:
     async def _look(self) -> None:
         items = (*self._seen(await self._rig.arm.state()), *self._told())
         passed = all(item.right for item in items)
+        by_hand = all(item.right for item in items if item.key not in _SIGHT)
         if items != self._said:
             self._said = items
             now_s = self._clock.now()
-            self._announcer.say(Checklist(id=fresh_id("checklist"), time_s=now_s, items=items, passed=passed))
+            self._announcer.say(
+                Checklist(id=fresh_id("checklist"), time_s=now_s, items=items, passed=passed, by_hand=by_hand)
+            )
+        if by_hand:
+            self._by_hand.set()
         if passed and not self.passed:
             self._passed.set()
             self._announcer.notice("checklist", "The checklist is complete; motions may be approved.")

@@ -6,6 +6,7 @@ from collections.abc import Mapping
 from dataclasses import replace
 from datetime import date
 from pathlib import Path
+from types import MappingProxyType
 from typing import Any, final
 
 import numpy as np
@@ -31,18 +32,23 @@ _LARGEST_PX = 20_000
 
 @final
 class CalibrationFile:
-    """The file as a shelf of calibrations; reading and writing keep out of the event loop's way."""
+    """The file as a shelf of calibrations; reading and writing keep out of the event loop's way.
 
-    def __init__(self, path: Path = FILE) -> None:
-        self._path = path
+    `serials`: those of cameras that a cell calls by names of its own.
+    """
 
-    async def kept(self, serial: str) -> HandEye | None:
+    def __init__(self, path: Path = FILE, serials: Mapping[str, str] = MappingProxyType({})) -> None:
+        self._path, self._serials = path, serials
+
+    async def kept(self, name: str) -> HandEye | None:
         """What the file has of the camera, if it is there. Raises RecordingError where it is no such file."""
+        serial = self._serials.get(name, name)
         return await to_thread.run_sync(lambda: load_cameras(self._path).get(serial) if self._path.exists() else None)
 
     async def keep(self, found: HandEye) -> Path:
         """Write it into the file, as `save_camera`."""
-        await to_thread.run_sync(save_camera, self._path, found)
+        serial = self._serials.get(found.serial, found.serial)
+        await to_thread.run_sync(save_camera, self._path, replace(found, serial=serial))
         return self._path
 
 

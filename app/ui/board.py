@@ -154,6 +154,11 @@ class Board:
         return self.checklist is None or self.checklist.passed
 
     @property
+    def cleared_by_hand(self) -> bool:
+        """Whether no checklist keeps the tool from being moved by hand."""
+        return self.checklist is None or self.checklist.passed or self.checklist.by_hand
+
+    @property
     def decidable(self) -> bool:
         """Whether a decision on the pending proposal would mean anything now."""
         asked = self.cleared and (self.mode is None or self.mode.mode == "approve each")

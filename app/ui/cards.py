@@ -41,7 +41,8 @@ def _mode(board: Board, now_s: float) -> tuple[str, str, Tone]:
     if board.arm_mode == "fault":
         return "Fault at the arm", (board.arm.reason if board.arm else "") or "Resume lifts it.", "bad"
     if board.stopped:
-        return "Stopped", "The arm holds still. Clear the workspace, then press Resume.", "bad"
+        why = f"{board.arm.reason} " if board.arm and board.arm.reason else ""
+        return "Stopped", f"{why}The arm holds still. Clear the workspace, then press Resume.", "bad"
     if health is not None and now_s - health.time_s > _SILENCE_S:
         return f"No news for {words.duration(now_s - health.time_s)}", f"It was: {doing}. STOP still works.", "bad"
     if not board.cleared:

@@ -269,7 +269,7 @@ def _hindrance(board: Board, operator: str) -> str | None:
         return "the program has ended"
     if board.stopped:
         return "a stop is in force: press Resume"
-    if not board.cleared:
+    if not board.cleared_by_hand:
         return "complete the checklist first"
     if not board.holder:
         return "nobody has control: press Take first"

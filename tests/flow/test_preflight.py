@@ -98,6 +98,21 @@ async def test_nothing_moves_by_hand_before_it_is_complete(real: Run) -> None:
     assert np.ptp(executed.measured[:, 0]) > 0.005
 
 
+async def test_a_hand_needs_nothing_of_what_the_cameras_say(tmp_path: Path) -> None:
+    site = small_site(tmp_path, jog_rest_s=0.15)
+    async with running(site, small_wish(staying=True), rig=SmallRig(site, simulated=False)) as run:
+        await run.person.sees(Proposal)
+        await run.person.chooses("teleoperate")
+        await run.person.sees(Health, "waiting for the checklist")
+        await tries_stop(run)
+        await run.person.confirms(*PERSONAL)
+        await run.person.sees(Health, "waiting to be moved by hand")
+        assert set(wrong(run)) == {"calibration"}
+        assert not run.flow.preflight.passed
+        assert await jogs(run, (0.05, 0.0, 0.0)) > 0
+        await run.person.sees(Executed)
+
+
 async def test_whoever_has_control_confirms_all_of_it(real: Run) -> None:
     await real.person.confirms("emergency", "clear")
     await until(real, tool="", limits="", stop="")

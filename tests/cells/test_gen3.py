@@ -1,0 +1,41 @@
+"""A real cell before its cameras are calibrated, and where their calibration is kept."""
+
+from pathlib import Path
+
+import anyio
+import numpy as np
+import pytest
+
+from app.cells import gen3
+from app.recording.calibration_file import load_cameras, save_camera
+from tests.cells.test_cell_file import GOOD, written
+from tests.recording.test_calibration_file import camera
+
+
+def test_cameras_that_are_not_calibrated_are_opened_without_a_date_which_is_said(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    file = written(tmp_path, GOOD)
+    save_camera(tmp_path / "calibration.toml", camera("012345678901"))
+    _, (left, right) = gen3._found(file)
+    assert (left.calibrated_at, right.calibrated_at) == ("2026-11-23", "")
+    np.testing.assert_allclose(left.T_world_camera, camera().pose, atol=1e-12)
+    said = capsys.readouterr().err
+    assert "where camera 'right' (012345678902) stands" in said
+    assert "'left'" not in said
+
+
+def test_a_calibration_made_in_the_console_lies_beside_the_cells_file_by_the_cameras_serial(
+    tmp_path: Path,
+) -> None:
+    file = written(tmp_path, GOOD)
+    shelf = gen3.CELL.shelf(file)
+    assert anyio.run(shelf.kept, "right") is None
+    assert anyio.run(shelf.keep, camera("right")) == tmp_path / "calibration.toml"
+    assert set(load_cameras(tmp_path / "calibration.toml")) == {"012345678902"}
+    kept = anyio.run(shelf.kept, "right")
+    assert kept is not None
+    anyio.run(shelf.keep, kept)
+    assert set(load_cameras(tmp_path / "calibration.toml")) == {"012345678902"}
+    _, (_, right) = gen3._found(file)
+    assert right.calibrated_at == "2026-11-23"
