@@ -92,7 +92,7 @@ class Options:
     depth: bool = True
     """use the cameras' depth; without, the object's shape is what its outlines leave"""
     speed: float = Limits().speed_m_s
-    """the fastest that the tool may move [m/s]; lower it to watch what it does"""
+    """the fastest that the tool may move [m/s], or what a real cell's file says where that is less"""
     recordings: Path = Path("recordings")
     """folder of the MCAP file"""
     budget_gb: float | None = None

@@ -49,7 +49,8 @@ class Holding:
             self._free = anyio.Event()
         self._modes.interrupt("was made before the stop; planning again")
         self._modes.stopped()
-        self._announcer.notice("stop", f"{why.rstrip('.')}. Press Resume to go on.")
+        until = f" within {self._patience_s:.0f} s" if self._patience_s else ""
+        self._announcer.notice("stop", f"{why.rstrip('.')}. Press Resume in the console{until} to go on.")
 
     def heed(self, executed: Executed) -> None:
         """Hold where the arm itself ended a motion before its time."""

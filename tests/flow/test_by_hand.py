@@ -65,7 +65,7 @@ async def test_a_stop_by_hand_holds_until_somebody_resumes(by_hand: Run) -> None
         await person.presses_stop()
         assert (await person.sees(Executed)).outcome == "stopped"
     assert await jogs(by_hand, (0.05, 0.0, 0.0), samples=3) == 0
-    await person.sees(Notice, "Press Resume to go on")
+    await person.sees(Notice, "Press Resume in the console to go on")
     await person.presses_resume()
     await person.sees(Health, "waiting to be moved by hand")
     assert await jogs(by_hand, (0.0, 0.0, 0.05)) == 12

@@ -69,7 +69,7 @@ async def test_an_arm_that_was_stopped_by_itself_holds_the_session_and_breaks_no
     await run.person.chooses("teleoperate")
     await run.person.sees(Health, "waiting to be moved by hand")
     run.rig.arm.stop()
-    await run.person.sees(Notice, "Press Resume to go on")
+    await run.person.sees(Notice, "Press Resume in the console to go on")
     await run.person.sees(Health, "stopped")
     await run.person.presses_resume()
     await run.person.sees(Health, "waiting to be moved by hand")
