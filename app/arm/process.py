@@ -82,7 +82,7 @@ class _Loop:
         if stop_ns != self._stop_ns:
             self._stop_ns = stop_ns
             self._control.stop("STOP was pressed.")
-        elif stop_ns <= reset_ns != self._reset_ns and self._control.mode != "stopping":
+        elif reset_ns >= stop_ns and reset_ns > self._reset_ns and self._control.mode != "stopping":
             self._reset_ns = reset_ns
             self._control.reset()
 

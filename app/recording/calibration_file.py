@@ -40,10 +40,10 @@ class CalibrationFile:
     def __init__(self, path: Path = FILE, serials: Mapping[str, str] = MappingProxyType({})) -> None:
         self._path, self._serials = path, serials
 
-    async def kept(self, name: str) -> HandEye | None:
+    async def kept(self, serial: str) -> HandEye | None:
         """What the file has of the camera, if it is there. Raises RecordingError where it is no such file."""
-        serial = self._serials.get(name, name)
-        return await to_thread.run_sync(lambda: load_cameras(self._path).get(serial) if self._path.exists() else None)
+        own = self._serials.get(serial, serial)
+        return await to_thread.run_sync(lambda: load_cameras(self._path).get(own) if self._path.exists() else None)
 
     async def keep(self, found: HandEye) -> Path:
         """Write it into the file, as `save_camera`."""

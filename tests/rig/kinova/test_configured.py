@@ -8,6 +8,7 @@ import pytest
 
 from app.config import Limits, Site
 from app.core.errors import DeviceError
+from app.rig.kinova import configured
 from app.rig.kinova.arm import kinova_arm
 from app.rig.kinova.client import OwnLink
 from app.rig.kinova.configured import Holds
@@ -15,6 +16,8 @@ from app.rig.kinova.control import KinovaControl, taken
 from app.rig.kinova.fake.adversity import Adversity
 from app.rig.kinova.fake.process import FakeProcess
 from app.rig.kinova.kortex import Kortex
+from app.rig.kinova.messages import Pose
+from app.rig.kinova.setup import ToolConfiguration
 from tests.rig.kinova.conftest import address, until
 
 SITE = Site(limits=Limits(speed_m_s=0.25, angular_speed_rad_s=0.7))
@@ -44,7 +47,6 @@ def tick(control: KinovaControl) -> bool:
     ("adversity", "holds", "said"),
     [
         ({"tip_m": 0.0}, Holds(), "poses would be 120 mm and 0 degrees off"),
-        ({"tip_m": float("nan")}, Holds(), "of numbers that are none"),
         ({}, Holds(tip_m=0.163), "(0.000, 0.000, 0.120) m, turned by (0, 0, 0) degrees, from its flange"),
         ({}, Holds(turn_deg=90.0), "0 mm and 90 degrees off. Set the tool in the arm's web page"),
         ({"tip_m": -0.12}, Holds(), "by tip_m and turn_deg of [arm.tool]"),
@@ -63,6 +65,11 @@ def test_an_arm_that_is_configured_otherwise_is_let_go_with_a_word_on_where_to_s
         held(arm, holds)
     assert arm.look()["sessions"] == []
     arm.set(Adversity())
+
+
+def test_a_tool_frame_of_numbers_that_are_none_is_said() -> None:
+    with pytest.raises(DeviceError, match="numbers that are none"):
+        configured._check_frame(ToolConfiguration(tool_transform=Pose(z=float("nan"))), Holds())
 
 
 def test_an_arm_that_is_configured_for_what_it_holds_is_taken(arm: FakeProcess) -> None:
