@@ -132,7 +132,8 @@ class ProcessArm:
             heard, mode = state["reset_ns"] >= request_ns, MODES[state["mode"]]
             if heard and mode in ("idle", "moving"):
                 return
-            if memory.stop_ns.value > request_ns or waited_s > (_CLEARED_S if heard else _ANSWER_S):
+            superseded = memory.stop_ns.value > request_ns and mode not in ("idle", "moving")
+            if superseded or waited_s > (_CLEARED_S if heard else _ANSWER_S):
                 break
             await anyio.sleep(self._site.timing.arm_period_s)
         memory.reset_ns.value = former_ns
