@@ -29,11 +29,14 @@ class ModeForm:
                 self._ask(event, _PRESSED[event.target.value])
 
         buttons.on_click(pressed)
-        with gui.add_form(None) as form:
-            motions = gui.add_number("Motions", _FIRST, min=1, max=_MOST, step=1)
-            start = gui.add_button("Make them automatically", color="gray", icon=viser.Icon.PLAYER_TRACK_NEXT)
+        # In a form the page would lose what is typed within 50 ms of a press, and Enter would move the arm.
+        motions = gui.add_number("Motions", _FIRST, min=1, max=_MOST, step=1)
+        start = gui.add_button(_automatically(_FIRST), color="gray", icon=viser.Icon.PLAYER_TRACK_NEXT)
         self._sure = gui.add_button("", color="red", icon=viser.Icon.ALERT_TRIANGLE, visible=False)
         self._asked: tuple[str, int] | None = None
+
+        def counted(_: viser.GuiEvent[Any]) -> None:
+            start.label = _automatically(int(motions.value))
 
         def automatic(event: viser.GuiEvent[Any]) -> None:
             if self._real:
@@ -41,8 +44,8 @@ class ModeForm:
             else:
                 self._ask(event, "automatic", int(motions.value))
 
+        motions.on_update(counted)
         start.on_click(automatic)
-        form.on_submit(automatic)
         self._sure.on_click(self._confirmed)
 
     def paint(self, board: Board) -> None:
@@ -84,6 +87,11 @@ class ModeForm:
                 confirmed=confirmed,
             )
         )
+
+
+def _automatically(motions: int) -> str:
+    """With the number that arrived here: the page drops what is typed less than 50 ms before a press."""
+    return f"Make {words.motions(motions)} automatically"
 
 
 @final

@@ -34,8 +34,11 @@ _OFF_M, _AWAY_M = 0.015, 0.008
 """A tool so far beside its way is moved by something else; one so far from where it was left has been."""
 _FOLLOW_HZ, _CATCH_UP_M_S, _CATCH_UP_RAD_S = 2.0, 0.02, 0.1
 """How fast a tool that is moved by hand catches up with where it should be, and at most by how much."""
-_FINGERS_M, _CARRIED_S = 0.002, 0.05
-"""Fingers follow a hand in such steps; no tool is taken to have moved on for longer than this."""
+_FINGERS_M, _AHEAD_M = 0.002, 0.013
+"""Fingers follow a hand in such steps, and are told to be no further closed than this from where they are: in what they
+hold they press no harder, however late it is noticed that they press."""
+_CARRIED_S = 0.05
+"""No tool is taken to have moved on for longer than this."""
 
 
 def measured_joints(seen: Seen) -> Joints:
@@ -254,8 +257,9 @@ class KinovaControl:
         linear = held_back(_at_most(linear, self._limits.speed_m_s), seen.tool[:3], self._limits)
         turn = turn + _at_most(_FOLLOW_HZ * behind, _CATCH_UP_RAD_S)
         self._driver.twist(linear, _at_most(turn, self._limits.angular_speed_rad_s))
-        if abs(self.commanded[7] - self._gripped_m) > _FINGERS_M:
-            self._gripped_m = float(self.commanded[7])
+        opening_m = max(float(self.commanded[7]), float(seen.tool[7]) - _AHEAD_M)
+        if abs(opening_m - self._gripped_m) > _FINGERS_M:
+            self._gripped_m = opening_m
             self._driver.grip(float(np.clip(1.0 - self._gripped_m / self._limits.opening_m, 0.0, 1.0)))
 
     def _cleared(self, problem: str) -> None:
