@@ -24,7 +24,7 @@ from app import cells
 from app.cells.base import Wanted
 from app.commands._clock import SystemClock
 from app.config import Site
-from app.core.control import ModeRequest
+from app.core.control import Mode, ModeRequest
 from app.core.messages import ArmState, Episode, Executed, Fault, Goal, Health, Message, ResumeRequest, fresh_id
 from app.core.requests import GoalRequest, Request
 from app.core.worker import Worker
@@ -41,7 +41,8 @@ _GOAL_EVERY_S = 90.0
 _RESUMES_S = 2.0
 _SETTLED = 0.25
 """The first part of the time, in which caches fill, does not count for the growth."""
-_MANY = 10_000
+_MANY, _AT_ONCE = 10_000, 1000
+"""Motions: in all, and asked for with each goal."""
 _ROOM = Room(min_free_bytes=1_000_000_000, expected_bytes=1_000_000_000, budget_bytes=None)
 
 
@@ -65,7 +66,7 @@ class Somebody:
 
     def __init__(self, task: Task, soaked: Soaked) -> None:
         self._task, self._soaked = task, soaked
-        self._stopped = anyio.Event()
+        self._aimed, self._stopped, self._idle = anyio.Event(), anyio.Event(), anyio.Event()
 
     def show(self, message: Message) -> None:
         """Note what counts."""
@@ -78,6 +79,11 @@ class Somebody:
                 if outcome != "completed":
                     self._soaked.stops.append(reason)
                     self._stopped.set()
+                    self._idle.set()
+            case Goal():
+                self._aimed.set()
+            case Mode(mode="idle"):
+                self._idle.set()
             case Health(drops=drops):
                 self._soaked.drops = dict(drops)
             case Fault(text=text):
@@ -86,15 +92,22 @@ class Somebody:
                 pass
 
     async def requests(self) -> AsyncIterator[Request]:
-        """A goal now and then, and automatic motions."""
+        """A goal after the other, and automatic motions."""
         count, seed = self._task.preset(_PRESET).particle_count, 1
         while True:
-            goal, now_s = await to_thread.run_sync(self._task.goal, seed, count), time.monotonic()
-            name, mode = fresh_id("goal request"), fresh_id("mode request")
-            yield GoalRequest(id=name, time_s=now_s, operator="soak", source="region", positions=goal)
-            yield ModeRequest(id=mode, time_s=now_s, operator="soak", mode="automatic", motions=_MANY)
+            goal = await to_thread.run_sync(self._task.goal, seed, count)
+            now_s, self._aimed = time.monotonic(), anyio.Event()
+            yield GoalRequest(
+                id=fresh_id("goal request"), time_s=now_s, operator="soak", source="region", positions=goal
+            )
             with anyio.move_on_after(_GOAL_EVERY_S):
-                await self._stopped.wait()
+                await self._aimed.wait()
+            now_s, self._idle = time.monotonic(), anyio.Event()
+            yield ModeRequest(
+                id=fresh_id("mode request"), time_s=now_s, operator="soak", mode="automatic", motions=_AT_ONCE
+            )
+            with anyio.move_on_after(_GOAL_EVERY_S):
+                await self._idle.wait()
             if self._stopped.is_set():
                 await anyio.sleep(_RESUMES_S)
                 self._stopped = anyio.Event()

@@ -5,6 +5,7 @@ from typing import Protocol
 import numpy as np
 from jaxtyping import Float64
 
+from app.core.errors import MotionRefused
 from app.core.jog import Jog
 from app.core.messages import ArmMode
 from app.core.types import ToolPath, ToolPose
@@ -61,6 +62,10 @@ class Control(Protocol):
 
         Raises MotionRefused, with nothing moved, where the arm has a reason of its own.
         """
+        ...
+
+    def refusal(self) -> MotionRefused | None:
+        """Why the arm does not make what it was told to by `begin` after all, said once: nothing moved, it is idle."""
         ...
 
     def jog(self, jog: Jog) -> bool:

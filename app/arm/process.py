@@ -20,6 +20,7 @@ Controlled: TypeAlias = Callable[[Site], Control]
 
 _LATEST_TICK_PERIODS = 3.0
 """A tick that comes later than this many periods moves the arm no further than this many: late, it slows."""
+_USUALLY = "A computer that is too busy is the usual cause; end what else it does."
 _REST_S = 1.0
 """An arm whose application is gone has this long to come to rest."""
 
@@ -74,6 +75,7 @@ class _Loop:
         self._wake(elapsed_s)
         self._feel()
         self._control.advance(min(elapsed_s, _LATEST_TICK_PERIODS * self._timing.arm_period_s))
+        self._hear_refusal()
         self._report(now_s, elapsed_s)
 
     def _hear_stop_and_reset(self) -> None:
@@ -95,9 +97,16 @@ class _Loop:
             begin(self._control, motion_of(request), bytes(request["digest"]).decode(), self._site)
             self._begun, self._heard_s = self._heard, now_s
         except MotionRefused as refusal:
-            self._memory.refusals.append(
-                motion=self._heard, code=refusal.code.encode(), reason=refusal.sentence.encode()[:TEXT_BYTES]
-            )
+            self._refuse(refusal)
+
+    def _hear_refusal(self) -> None:
+        """What is refused only once the arm has looked at it itself."""
+        if (refusal := self._control.refusal()) is not None:
+            self._refuse(refusal)
+
+    def _refuse(self, refusal: MotionRefused) -> None:
+        code, reason = refusal.code.encode(), refusal.sentence.encode()[:TEXT_BYTES]
+        self._memory.refusals.append(motion=self._heard, code=code, reason=reason)
 
     def _hear_jogs(self, now_s: float) -> None:
         """Follow the newest jog; where none has come for longer than the watchdog allows, or none counts, slow down."""
@@ -120,12 +129,14 @@ class _Loop:
         silence_s = now_s - self._heard_s
         followed = self._control.mode == "moving" and not self._control.jogging
         if followed and silence_s > self._timing.watchdog_s:
-            self._control.stop(f"Watchdog: nothing was heard from the application for {silence_s * 1e3:.0f} ms.")
+            self._control.stop(
+                f"Watchdog: nothing was heard from the application for {silence_s * 1e3:.0f} ms. {_USUALLY}"
+            )
 
     def _wake(self, elapsed_s: float) -> None:
         """Stop where this process itself has been deaf for longer than the watchdog allows: nobody watched the arm."""
         if elapsed_s > self._timing.watchdog_s and self._control.mode == "moving":
-            self._control.stop(f"The arm's own process did not run for {elapsed_s * 1e3:.0f} ms.")
+            self._control.stop(f"The arm's own process did not run for {elapsed_s * 1e3:.0f} ms. {_USUALLY}")
 
     def _feel(self) -> None:
         """Stop where the tool presses harder than it may; an arm that measures no force is not stopped by any."""

@@ -207,10 +207,10 @@ class ProcessArm:
             memory.keepalives.value += 1
             await anyio.sleep(self._site.timing.keepalive_s)
             self._check_alive()
-            self._raise_refusal(number)
             states = memory.states.since(seen)
             seen += len(states)
             log = np.concatenate([log, states[states["motion"] == number]])
+            self._raise_refusal(number)  # It is there before the state of an arm that is idle again.
         return log[: int(np.argmin(_moves(log))) + 1]
 
     def _raise_refusal(self, number: int) -> None:

@@ -1,6 +1,8 @@
 """A real cell as a TOML file: which arm, which cameras, and what may happen between them (docs/real-cell.md)."""
 
+import difflib
 import math
+import re
 from pathlib import Path
 from typing import Annotated, Final, TypeAlias, final
 
@@ -10,6 +12,7 @@ import numpy as np
 from app.config import KeepOut, Limits, Workspace
 from app.core.errors import RecordingError, UsageError
 from app.core.motion import pointing_down
+from app.rig.kinova.clients import CLIENTS
 from app.rig.kinova.gen3 import reach
 
 SCHEMA: Final = 1
@@ -98,7 +101,7 @@ def load_cell(path: Path) -> CellFile:
         raise UsageError(f"Cannot read the cell {path}: {error.strerror}; docs/real-cell.md has one to copy.") from None
     except (msgspec.ValidationError, msgspec.DecodeError, UnicodeDecodeError) as error:
         raise RecordingError(
-            f"{path} describes no cell: {error}. docs/real-cell.md says what it has to hold."
+            f"{path} describes no cell: {error}.{_meant(str(error))} docs/real-cell.md says what it has to hold."
         ) from None
     if wrong := _wrong(cell):
         raise RecordingError(f"{path} describes no cell: {wrong}.")
@@ -140,10 +143,20 @@ def _beyond_m(cell: CellFile, *, middle: bool) -> float:
     return float(reach(cell.arm.tool.tip_m).beyond_m(poses).max())
 
 
+def _meant(error: str) -> str:
+    """A key that is spelt much like the unknown one that `error` names, as a sentence; empty where none is."""
+    unknown = re.search(r"unknown field `(.+?)`", error)
+    known = {name for table in (CellFile, *_Entry.__subclasses__(), Volume) for name in table.__struct_fields__}
+    near = difflib.get_close_matches(unknown[1], sorted(known), n=1) if unknown else []
+    return f" Did you mean {near[0]!r}?" if near else ""
+
+
 def _wrong(cell: CellFile) -> str:
     """What no type says; empty where nothing is wrong."""
     if cell.schema != SCHEMA:
         return f"it has schema {cell.schema}, and this version reads {SCHEMA}"
+    if cell.arm.client not in CLIENTS:
+        return f"the arm's client is {cell.arm.client!r}, and there are {', '.join(sorted(CLIENTS))}"
     boxes = [("workspace", cell.limits.workspace), *((each.name, each) for each in cell.limits.keep_out)]
     for name, box in boxes:
         if not all(-math.inf < low < high < math.inf for low, high in zip(box.low, box.high, strict=True)):

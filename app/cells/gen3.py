@@ -35,7 +35,7 @@ _NEEDED = "--rig gen3 needs --cell FILE.toml, which says where arm and cameras a
 
 def _narrowed(site: Site, file: Path | None) -> Site:
     """With the limits of the file; the slower of the two speeds counts."""
-    cell = _read(file)
+    cell, _ = _read(file)
     own = limits(cell)
     speed_m_s = min(own.speed_m_s, site.limits.speed_m_s)
     return replace(site, limits=replace(own, speed_m_s=speed_m_s), travel_height_m=cell.travel_height_m)
@@ -48,7 +48,7 @@ async def _opened(wanted: Wanted) -> AsyncGenerator[OpenedRig]:
     if far := far_corner(cell):
         sys.stderr.write(f"dipac: {far}\n")
     async with (
-        kinova_arm(_address(cell), wanted.site, cell.arm.client, _holds(cell.arm.tool)) as arm,
+        kinova_arm(address(cell), wanted.site, cell.arm.client, holds(cell.arm.tool)) as arm,
         realsense_cameras(mounted, wanted.site.timing) as cameras,
     ):
         shape = known_gen3(wanted.stage.tool, cell.arm.tool.tip_m)
@@ -57,35 +57,37 @@ async def _opened(wanted: Wanted) -> AsyncGenerator[OpenedRig]:
 
 def _found(file: Path | None) -> tuple[CellFile, list[Mounted]]:
     """What the file says, and its cameras, where they stand as far as they are calibrated."""
-    cell = _read(file)
-    calibration = _calibration(cell, file)
+    cell, there = _read(file)
+    calibration = calibration_of(cell, there)
     places = load_cameras(calibration) if calibration.exists() else {}
     return cell, [_mounted(camera, places, calibration) for camera in cell.cameras]
 
 
-def _calibration(cell: CellFile, file: Path | None) -> Path:
-    assert file is not None, "what was read has a name"
+def calibration_of(cell: CellFile, file: Path) -> Path:
+    """Where the cameras' calibration is kept."""
     return file.parent / cell.calibration
 
 
 def _shelf(file: Path | None) -> CalibrationFile:
-    cell = _read(file)
-    return CalibrationFile(_calibration(cell, file), {camera.name: camera.serial for camera in cell.cameras})
+    cell, there = _read(file)
+    return CalibrationFile(calibration_of(cell, there), {camera.name: camera.serial for camera in cell.cameras})
 
 
-def _read(file: Path | None) -> CellFile:
+def _read(file: Path | None) -> tuple[CellFile, Path]:
     if file is None:
         raise UsageError(_NEEDED)
-    return load_cell(file)
+    return load_cell(file), file
 
 
-def _address(cell: CellFile) -> Address:
+def address(cell: CellFile) -> Address:
+    """Where the arm is, with the account that the environment says."""
     usual = Address(host=cell.arm.host)
     user, password = os.environ.get(USER, usual.username), os.environ.get(PASSWORD, usual.password)
     return replace(usual, username=user, password=password)
 
 
-def _holds(tool: ToolEntry) -> Holds:
+def holds(tool: ToolEntry) -> Holds:
+    """What the arm has to be configured for."""
     return Holds(tip_m=tool.tip_m, turn_deg=tool.turn_deg, mass_kg=tool.mass_kg)
 
 

@@ -48,6 +48,15 @@ class Finding:
     mend: str = ""
 
 
+@final
+@dataclass(frozen=True, kw_only=True)
+class Probe:
+    """What a probe said, or why it failed."""
+
+    said: Any = None
+    failure: str = ""
+
+
 Check: TypeAlias = Callable[[], list[Finding]]
 
 
@@ -120,9 +129,15 @@ def _open3d() -> list[Finding]:
     return [_loads("open3d loads", "from app.core.native import load_open3d; load_open3d()")]
 
 
+def census() -> Probe:
+    """Of the RealSense cameras on the bus, as `app.rig.realsense.bus.census` says it."""
+    return _probe(
+        "from app.rig.realsense.bus import census\nfrom app.rig.realsense.sdk import Sdk\nsay(census(Sdk.loaded()))"
+    )
+
+
 def _realsense() -> list[Finding]:
-    code = "from app.rig.realsense.bus import census\nfrom app.rig.realsense.sdk import Sdk\nsay(census(Sdk.loaded()))"
-    probe = _probe(code)
+    probe = census()
     what = "pyrealsense2 loads"
     if probe.failure:
         return [Finding(what=what, state="missing", found=probe.failure, mend=SETUP)]
@@ -226,15 +241,6 @@ def _port(site: Site) -> list[Finding]:
     return [Finding(what="console port", state="ok", found=f"{address} is free")]
 
 
-@final
-@dataclass(frozen=True, kw_only=True)
-class _Probe:
-    """What a probe said, or why it failed."""
-
-    said: Any = None
-    failure: str = ""
-
-
 def _loads(what: str, code: str) -> Finding:
     probe = _probe(code)
     if probe.failure:
@@ -242,7 +248,7 @@ def _loads(what: str, code: str) -> Finding:
     return Finding(what=what, state="ok", found=str(probe.said or "yes"))
 
 
-def _probe(code: str) -> _Probe:
+def _probe(code: str) -> Probe:
     """Run `code` in a process of its own, which a broken native library may take down.
 
     In the code, `say(value)` reports a value that JSON can carry.
@@ -253,13 +259,13 @@ def _probe(code: str) -> _Probe:
             [sys.executable, "-c", program], capture_output=True, text=True, timeout=PROBE_TIMEOUT_S
         )
     except subprocess.TimeoutExpired:
-        return _Probe(failure=f"no answer in {PROBE_TIMEOUT_S:.0f} s")
+        return Probe(failure=f"no answer in {PROBE_TIMEOUT_S:.0f} s")
     if result.returncode < 0:
-        return _Probe(failure=f"crashed with {signal.Signals(-result.returncode).name}")
+        return Probe(failure=f"crashed with {signal.Signals(-result.returncode).name}")
     if result.returncode > 0:
-        return _Probe(failure=(result.stderr.strip().splitlines() or ["failed without a word"])[-1])
+        return Probe(failure=(result.stderr.strip().splitlines() or ["failed without a word"])[-1])
     last = (result.stdout.strip().splitlines() or ["null"])[-1]
-    return _Probe(said=json.loads(last) if "say(" in code else None)
+    return Probe(said=json.loads(last) if "say(" in code else None)
 
 
 def _size(count: int) -> str:

@@ -82,11 +82,9 @@ class Options:
     segmenter: Path | None = None
     """an ONNX file that finds the object, instead of its colour (docs/perception.md says what it has to be)"""
     rig: str = "simulated"
-    """which cell: simulated; rehearsal, the same through a Kinova's protocol and the SDK of its cameras; replayed, the
-    images of the recording that --cell names, with a simulated arm; gen3, a real one, which --cell describes"""
+    """simulated, rehearsal (by a Kinova's protocol), replayed (what --cell recorded), gen3 (real, as --cell says)"""
     cell: Path | None = None
-    """a TOML file of a real cell: arm, cameras and limits (docs/real-cell.md); or the .mcap file that --rig replayed
-    shows"""
+    """the TOML file of a real cell (docs/real-cell.md), or the .mcap file that --rig replayed shows"""
     checklist: bool = False
     """ask for the checklist before the first motion in a simulated cell, too; on a real arm it is always asked for"""
     depth: bool = True

@@ -1,4 +1,4 @@
-"""Open the operator console on the simulated cell; motions wait for approval by hand, unless the mode is changed."""
+"""Open the operator console of a simulated, recorded or real cell; motions wait for approval, or the mode says more."""
 
 from pathlib import Path
 from typing import Annotated

@@ -11,6 +11,7 @@ from rich.markup import escape
 from rich.progress import track
 from rich.table import Table
 
+from app.commands._cell_checks import cell_checks
 from app.commands._checks import Check, Finding, State, checks
 from app.config import Site
 from app.core.errors import PreflightError
@@ -21,15 +22,22 @@ _AT_ONCE = 2
 """Importing the native libraries keeps about this many cores busy."""
 
 
-def doctor(*, json: bool = False, recordings: Path = _SITE.recordings, port: int = _SITE.console_port) -> None:
+def doctor(
+    *,
+    json: bool = False,
+    recordings: Path = _SITE.recordings,
+    port: int = _SITE.console_port,
+    cell: Path | None = None,
+) -> None:
     """Look at Python, libraries, devices, disk and port. Exits with 3 where something required is missing.
 
     Args:
         json: Print one JSON document instead of the table.
         recordings: The folder that recordings would go to.
         port: The port that the console would use.
+        cell: The file of a real cell, whose arm and cameras are looked at as well: docs/real-cell.md.
     """
-    findings = _examine(Site(recordings=recordings, console_port=port))
+    findings = _examine(Site(recordings=recordings, console_port=port), cell)
     if json:
         rows = [asdict(finding) for finding in findings]
         sys.stdout.write(json_format.dumps({"ok": not _missing(findings), "findings": rows}, indent=2) + "\n")
@@ -39,8 +47,8 @@ def doctor(*, json: bool = False, recordings: Path = _SITE.recordings, port: int
         raise PreflightError(f"{len(missing)} required: {', '.join(finding.what for finding in missing)}.")
 
 
-def _examine(site: Site) -> list[Finding]:
-    todo = checks(site)
+def _examine(site: Site, cell: Path | None) -> list[Finding]:
+    todo = (*checks(site), *(cell_checks(cell) if cell else ()))
     with ThreadPoolExecutor(max_workers=_AT_ONCE) as pool:
         results = pool.map(_carry_out, todo)
         progress = track(

@@ -7,12 +7,14 @@ import anyio
 
 from app.core.announcer import Announcer
 from app.core.errors import DeviceError
-from app.core.messages import Executed, ResumeRequest, StopRequest
+from app.core.messages import Executed, ResumeRequest, StopRequest, fresh_id
 from app.core.ports import Clock, Rig
 from app.flow.modes import Modes
 
 _UNATTENDED_S = 120.0
 """How long a run with automatic approval waits for somebody to resume it after a stop."""
+_PAUSE_S, _MOST_PAUSES = 5.0, 3
+"""How soon it goes on by itself where nobody but the arm's own process stopped it, and how often in a row."""
 
 
 @final
@@ -21,7 +23,8 @@ class Holding:
 
     `tried`: somebody pressed STOP in this session, and the arm went on after it was lifted.
 
-    Where nobody is expected to be there, it is `unattended`: waiting ends with an error then.
+    Where nobody is expected to be there, it is `unattended`: waiting ends with an error then, and after a stop that
+    nobody pressed, most often of a computer that is too busy, it goes on by itself. Nothing real moves in such a run.
     """
 
     def __init__(self, rig: Rig, modes: Modes, announcer: Announcer, clock: Clock, *, unattended: bool) -> None:
@@ -32,6 +35,7 @@ class Holding:
         self._free.set()
         self.resumed_s = clock.now()
         self._pressed = self.tried = False
+        self._passes, self._pauses = False, 0
 
     @property
     def free(self) -> bool:
@@ -43,19 +47,32 @@ class Holding:
         self._pressed = True
         self.hold(f"Stopped by {request.operator}.")
 
-    def hold(self, why: str) -> None:
-        """Nothing moves from now on until the operator resumes, and the plan that is shown never."""
+    def hold(self, why: str, *, passes: bool = False) -> None:
+        """Nothing moves from now on until the operator resumes, and the plan that is shown never.
+
+        `passes`: an unattended run may go on by itself.
+        """
         if self.free:
             self._free = anyio.Event()
+        self._passes = passes and self._patience_s is not None and self._pauses < _MOST_PAUSES
         self._modes.interrupt("was made before the stop; planning again")
         self._modes.stopped()
+        self._announcer.notice("stop", f"{why.rstrip('.')}. {self._onward}")
+
+    @property
+    def _onward(self) -> str:
+        """How it goes on."""
+        if self._passes:
+            return f"Nothing real moves, so the run goes on by itself in {_PAUSE_S:.0f} s unless somebody presses STOP."
         until = f" within {self._patience_s:.0f} s" if self._patience_s else ""
-        self._announcer.notice("stop", f"{why.rstrip('.')}. Press Resume in the console{until} to go on.")
+        return f"Press Resume in the console{until} to go on."
 
     def heed(self, executed: Executed) -> None:
         """Hold where the arm itself ended a motion before its time."""
-        if executed.outcome != "completed" and executed.time_s > self.resumed_s:
-            self.hold(executed.reason)
+        if executed.outcome == "completed":
+            self._pauses = 0
+        elif executed.time_s > self.resumed_s:
+            self.hold(executed.reason, passes=self.free and executed.outcome == "stopped")
 
     async def resume(self, request: ResumeRequest) -> None:
         """Go on, if the arm does."""
@@ -73,7 +90,16 @@ class Holding:
         """Wait until the operator resumes, if something stopped; for ever, unless nobody is expected to be there."""
         while not self.free:
             do("stopped")
-            with anyio.move_on_after(self._patience_s) as patience:
+            passes = self._passes
+            with anyio.move_on_after(_PAUSE_S if passes else self._patience_s) as patience:
                 await self._free.wait()
-            if patience.cancelled_caught:
+            if patience.cancelled_caught and self._passes:
+                await self._go_on()
+            elif patience.cancelled_caught and not passes:
                 raise DeviceError(f"The arm was stopped and nobody pressed Resume for {self._patience_s:.0f} s.")
+
+    async def _go_on(self) -> None:
+        """Resume as an operator would; once, so that a stop that came meanwhile is left to one."""
+        self._passes, self._pauses = False, self._pauses + 1
+        request = ResumeRequest(id=fresh_id("resume"), time_s=self._clock.now(), operator="the run")
+        await self.resume(self._announcer.say(request))

@@ -37,18 +37,21 @@ _END: Final = "end"
 async def open_recording(folder: Path, episode: Episode, room: Room) -> AsyncGenerator["EpisodeRecorder"]:
     """A recorder that writes a new file in `folder`, named by the time of day (UTC), the task and the seed.
 
-    The file is whole once the context is left, however it is left, and its SHA-256 is written down. Raises
-    PreflightError before anything is written where the folder cannot take a recording, and RecordingError on leaving
-    where something was lost.
+    The file is whole once the context is left, however it is left, and its SHA-256 is written down; where it is left by
+    an error before anything but the episode came into it, there is no file. Raises PreflightError before anything is
+    written where the folder cannot take a recording, and RecordingError on leaving where something was lost.
     """
     file = await to_thread.run_sync(start, folder, episode, room)
-    recorder = EpisodeRecorder(file)
+    recorder, failed = EpisodeRecorder(file), True
     try:
         await recorder.write(episode)
         yield recorder
+        failed = False
     finally:
         with anyio.CancelScope(shield=True):
             await to_thread.run_sync(recorder.finish)
+            if failed and recorder.written <= 1:
+                await to_thread.run_sync(recorder.remove)
     recorder.raise_failure()
 
 
@@ -112,6 +115,11 @@ class EpisodeRecorder:
             self._ended = True
             self._queue.put(_END)
         self._thread.join()
+
+    def remove(self) -> None:
+        """Delete the closed file, and its checksum with it."""
+        self.path.unlink(missing_ok=True)
+        digests.forget(self.path)
 
     def raise_failure(self) -> None:
         """Raises RecordingError where a message could not be written."""

@@ -4,15 +4,17 @@ import math
 from collections.abc import Iterable, Mapping
 from datetime import date, datetime
 from html import escape
-from typing import Final
+from typing import Final, Literal, TypeAlias
 
 from app.core.camera import CameraModel
-from app.core.messages import Frame
+from app.core.messages import Episode, Frame
 from app.core.seeing import Seen
 from app.ui import words
 from app.ui.board import Board
 from app.ui.cards import table, toned
 
+Origin: TypeAlias = Literal["simulated", "recorded", "real"]
+"""Of what cameras show."""
 _MM: Final = 1e3
 APART_M: Final = 4e-3
 """Cameras whose points of the object are farther apart stand otherwise than their calibration says."""
@@ -39,13 +41,12 @@ def camera(board: Board, frame: Frame, now_s: float, *, today: date, previewed: 
 
     `previewed`: how many pixels colours that are not in use yet would take.
     """
-    simulated = board.episode is not None and board.episode.simulated
-    rows = _camera_rows(board.seen, frame, now_s, simulated=simulated, today=today, previewed=previewed)
+    rows = _camera_rows(board.seen, frame, now_s, origin=_origin(board.episode), today=today, previewed=previewed)
     return f'<div class="dp">{table(rows)}</div>'
 
 
 def _camera_rows(
-    seen: Seen | None, frame: Frame, now_s: float, *, simulated: bool, today: date, previewed: int | None
+    seen: Seen | None, frame: Frame, now_s: float, *, origin: Origin, today: date, previewed: int | None
 ) -> Iterable[tuple[str, str]]:
     name = frame.camera.name
     if seen is not None and name in seen.pixels:
@@ -56,15 +57,22 @@ def _camera_rows(
     if previewed is not None:
         yield "Pixels in preview", _count(previewed, warn=previewed == 0)
     age_s = now_s - frame.time_s
-    yield "Picture", toned(f"{words.duration(float(round(age_s)))} old", True, False) if age_s > _LATE_S else "live"
-    text, stale = calibrated(frame.camera, simulated=simulated, today=today)
+    fresh = "of the recording" if origin == "recorded" else "live"
+    yield "Picture", toned(f"{words.duration(float(round(age_s)))} old", True, False) if age_s > _LATE_S else fresh
+    text, stale = calibrated(frame.camera, origin=origin, today=today)
     yield "Calibrated", toned(text, stale, False)
 
 
-def calibrated(camera: CameraModel, *, simulated: bool, today: date) -> tuple[str, bool]:
+def _origin(episode: Episode | None) -> Origin:
+    if episode is None or not episode.simulated:
+        return "real"
+    return "recorded" if episode.rig == "replayed" else "simulated"
+
+
+def calibrated(camera: CameraModel, *, origin: Origin, today: date) -> tuple[str, bool]:
     """When, in words, and whether that wants to be done again."""
-    if simulated:
-        return "simulated, exact", False
+    if origin != "real":
+        return {"simulated": "simulated, exact", "recorded": "as it was when this was recorded"}[origin], False
     if not camera.calibrated_at:
         return "never dated", True
     try:

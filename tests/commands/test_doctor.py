@@ -9,10 +9,15 @@ from pathlib import Path
 
 import pytest
 
-from app.commands import _checks
+from app.commands import _cell_checks, _checks
 from app.commands.doctor import doctor
 from app.config import Site
 from app.core.errors import PreflightError
+from app.recording.calibration_file import save_camera
+from app.rig.kinova.fake.process import FakeProcess
+from app.rig.kinova.link import Address
+from tests.cells.test_cell_file import GOOD, written
+from tests.recording.test_calibration_file import camera
 
 
 @pytest.fixture
@@ -130,3 +135,39 @@ def test_the_command_fails_where_something_required_is_missing(capsys, tmp_path)
     said = capsys.readouterr().out
     assert "missing" in said
     assert "--recordings" in said
+
+
+def test_a_cell_is_looked_at_with_what_mends_each_part(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    delivered = GOOD.replace("tip_m = 0.163", "tip_m = 0.12").replace("turn_deg = 90.0", "turn_deg = 0.0")
+    file = written(tmp_path, delivered)
+    save_camera(tmp_path / "calibration.toml", camera("012345678901"))
+    monkeypatch.setattr(_cell_checks, "census", lambda: _checks.Probe(said={"serials": ["012345678902"]}))
+    with FakeProcess() as arm:
+        there = Address(host=arm.host, tcp_port=arm.ports[0], udp_port=arm.ports[1])
+        monkeypatch.setattr(_cell_checks, "address", lambda _: there)
+        found = looked_at(file)
+        assert not arm.commands()
+        arm.fail(joint=4, bits=1 << 5, lasting=True)
+        assert "met too much torque" in looked_at(file)["arm"].mend
+        held = looked_at(written(tmp_path, GOOD))
+        assert "Set the tool" in held["arm"].mend
+    assert {what: row.state for what, row in found.items()} == {
+        "cell": "ok",
+        "camera left": "missing",
+        "camera right": "ok",
+        "calibration of left": "ok",
+        "calibration of right": "missing",
+        "arm": "ok",
+    }
+    assert "7 joints" in found["arm"].found
+    assert looked_at(file)["arm"].state == "missing"
+
+
+def test_a_file_that_describes_no_cell_is_all_that_is_said_of_one(tmp_path: Path) -> None:
+    (row,) = looked_at(written(tmp_path, GOOD.replace("[limits]", "[limit]"))).values()
+    assert (row.what, row.state) == ("cell", "missing")
+    assert "Did you mean 'limits'?" in row.mend
+
+
+def looked_at(file: Path) -> dict[str, _checks.Finding]:
+    return {row.what: row for check in _cell_checks.cell_checks(file) for row in check()}

@@ -10,7 +10,7 @@ import pytest
 from app.core.approval import Approved
 from app.core.doubt import Watched
 from app.core.errors import DeviceError, MotionRefused, PlanningError, WorkerError
-from app.core.messages import ArmState, Executed, Fault, Health, Notice, Outcome, Proposal, Transition
+from app.core.messages import ArmState, Executed, Fault, Health, Notice, Outcome, Proposal, ResumeRequest, Transition
 from app.tasks.curves import fill_tube
 from tests.flow.cell import Run, for_a_while, narrower, running, small_site, small_wish, some, withdrawn
 from tests.flow.planner import Habits
@@ -116,6 +116,51 @@ async def test_an_automatic_run_that_was_stopped_ends_where_nobody_resumes(
         begun = len(run.rig.arm.begun)
         await anyio.sleep(0.2)
         assert len(run.rig.arm.begun) == begun
+
+
+async def test_an_automatic_run_goes_on_by_itself_where_only_the_arm_ended_a_motion(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("app.flow.holding._PAUSE_S", 0.3)
+    async with running(small_site(tmp_path), small_wish(pushes=2, automatic=True)) as run:
+        await run.person.sees(ArmState, "moving")
+        run.rig.arm.stop()
+        assert await run.end() is None
+        assert [executed.outcome for executed in run.person.all(Executed)] == ["stopped", "completed", "completed"]
+        assert [request.operator for request in run.person.all(ResumeRequest)] == ["the run"]
+        assert run.flow.summary.pushes == 2
+
+
+async def test_an_automatic_run_that_the_arm_stops_again_and_again_waits_for_somebody(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("app.flow.holding._PAUSE_S", 0.1)
+    monkeypatch.setattr("app.flow.holding._UNATTENDED_S", 0.5)
+    async with running(small_site(tmp_path), small_wish(automatic=True)) as run:
+        for _ in range(4):
+            await run.person.sees(ArmState, "moving")
+            run.rig.arm.stop()
+            await run.person.sees(Executed, "stopped")
+        error = await run.end()
+        assert isinstance(error, DeviceError)
+        assert len(run.rig.arm.begun) == 4
+
+
+async def test_a_stop_that_somebody_presses_as_an_automatic_run_pauses_is_not_lifted_by_it(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("app.flow.holding._PAUSE_S", 0.5)
+    monkeypatch.setattr("app.flow.holding._UNATTENDED_S", 1.5)
+    async with running(small_site(tmp_path), small_wish(automatic=True)) as run:
+        await run.person.sees(ArmState, "moving")
+        run.rig.arm.stop()
+        await run.person.sees(Notice, "goes on by itself")
+        await run.person.presses_stop()
+        error = await run.end()
+        assert isinstance(error, DeviceError)
+        assert "nobody pressed Resume" in str(error)
+        assert not run.person.all(ResumeRequest)
+        assert len(run.rig.arm.begun) == 1
 
 
 async def test_where_cameras_err_the_goal_is_reached_when_they_show_what_they_would_show_there(tmp_path: Path) -> None:

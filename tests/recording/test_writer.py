@@ -122,6 +122,16 @@ async def test_an_error_in_the_episode_comes_through_and_the_file_is_whole(make:
     assert len(await read(only_file(tmp_path))) == 2
 
 
+async def test_an_episode_that_fails_before_anything_was_said_leaves_no_file(make: Maker, tmp_path: Path) -> None:
+    with pytest.raises(PreflightError, match="no arm"):
+        async with open_recording(tmp_path, make(Episode), Room()):
+            raise PreflightError("There is no arm.")
+    assert files_in(tmp_path) == []
+    async with open_recording(tmp_path, make(Episode), Room()) as recorder:
+        pass
+    assert only_file(tmp_path) == recorder.path
+
+
 async def test_a_cancelled_episode_leaves_a_whole_file(make: Maker, tmp_path: Path) -> None:
     with anyio.CancelScope() as scope:
         async with open_recording(tmp_path, make(Episode), Room()) as recorder:

@@ -24,7 +24,7 @@ def spread_of(T_world_gripper: Float64[np.ndarray, "V 4 4"]) -> Spread:
 def lack(spread: Spread, views: int) -> str | None:
     """Why so spread views cannot tell where the camera is, and what to do; None where they can."""
     if views < FEWEST_VIEWS:
-        return f"There are {views} views and {FEWEST_VIEWS} are needed at least; 15 to 25 are good. Take more."
+        return f"{FEWEST_VIEWS} views are needed at least, and there is {views}; 15 to 25 are good. Take more."
     first, second, _ = spread.turns_deg
     if first < LEAST_TURN_DEG:
         return (

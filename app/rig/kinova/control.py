@@ -70,6 +70,7 @@ class KinovaControl:
     def __init__(self, driver: Driver, site: Site, joints_of: Callable[[Seen], Joints] = measured_joints) -> None:
         self._driver, self._limits, self._joints_of = driver, site.limits, joints_of
         self._errand: Errand | None = None
+        self._refusal: MotionRefused | None = None
         self._clearing: Errand | None = None
         self._path: Along | None = None
         self._jogging: Jogging | None = None
@@ -113,6 +114,11 @@ class KinovaControl:
         ways = stretches(points, speeds, self._limits.opening_m, self._limits.angular_speed_rad_s)
         self._errand = self._driver.go(ways)
         self.mode, self.reason = "moving", ""
+
+    def refusal(self) -> MotionRefused | None:
+        """Why the arm would not go the way that was begun last; said once."""
+        said, self._refusal = self._refusal, None
+        return said
 
     def jog(self, jog: Jog) -> bool:
         """Move so from now on; whether that was heeded."""
@@ -224,7 +230,9 @@ class KinovaControl:
         if not errand.over:
             return
         self._errand = self._path = None
-        if errand.problem:
+        if errand.refusal is not None:
+            self.mode, self._refusal, self._end = "idle", errand.refusal, None
+        elif errand.problem:
             self._driver.stop()
             self.mode, self.reason, self._end = "stopping", errand.problem, None
         else:

@@ -281,7 +281,7 @@ class Driver:
             problem = "It was stopped."
         except DeviceError as error:
             problem = str(error)
-        if self._stops != number or problem:
+        if self._stops != number or (problem and errand.refusal is None):
             self._stop.set()  # What was begun before the stop came may have been heard after it.
         errand.end(problem)
 

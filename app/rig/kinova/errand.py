@@ -29,10 +29,14 @@ class Superseded(Exception):
 
 @final
 class Errand:
-    """`begun` once something moves; `over` once it has ended, then `problem` says why it did not do what it should."""
+    """`begun` once something moves; `over` once it has ended, then `problem` says why it did not do what it should.
+
+    `refusal`: the arm would not do it, and nothing has moved.
+    """
 
     def __init__(self) -> None:
         self.begun, self.over, self.problem = False, False, ""
+        self.refusal: MotionRefused | None = None
 
     def end(self, problem: str) -> None:
         """Note how it ended."""
@@ -54,7 +58,11 @@ def made(
     go there; DeviceError where it breaks off, does not come to an end, or is not where it says.
     """
     if ways := [way for stretch in stretches for way in stretch.ways]:
-        kortex.check(ways)
+        try:
+            kortex.check(ways)
+        except MotionRefused as refused:
+            errand.refusal = refused
+            raise
     for stretch in stretches:
         check()
         if stretch.closed is not None:

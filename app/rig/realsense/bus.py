@@ -44,10 +44,11 @@ def described(rs: ModuleType, device: Any) -> Listed:
 
 
 def census(sdk: Sdk) -> Mapping[str, Any]:
-    """What a doctor wants to know, as JSON can carry it: the SDK's version, and of each camera what it is and lacks."""
+    """What a doctor wants to know, as JSON can carry it: the SDK's version, of each camera what it is and lacks."""
     cameras = found(sdk)
     return {
         "version": str(sdk.rs.__version__),
+        "serials": [each.serial for each in cameras],
         "cameras": [f"{each.name} {each.serial}, USB {each.usb or 'unknown'}" for each in cameras],
         "warnings": [said for each in cameras if (said := warning(each))],
     }

@@ -40,6 +40,9 @@ class ArmControl:
         self._path = PathFollower(points, speeds, self._limits.acceleration_m_s2)
         self.mode, self.reason = "moving", ""
 
+    def refusal(self) -> None:
+        """There is none: what the gate has passed is made."""
+
     @property
     def jogging(self) -> bool:
         """Whether it is being moved by hand, or coming to rest from that."""

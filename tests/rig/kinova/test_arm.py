@@ -73,6 +73,19 @@ async def test_a_stop_in_the_middle_is_an_outcome_and_holds(arm: FakeProcess) ->
 
 
 @pytest.mark.anyio
+async def test_a_way_that_the_arm_itself_would_not_go_is_refused_and_the_next_one_made_without_a_resume(
+    arm: FakeProcess,
+) -> None:
+    far = dataclasses.replace(SITE, limits=dataclasses.replace(SITE.limits, workspace=Workspace(high=(1.0, 0.6, 0.5))))
+    async with kinova_arm(address(arm), far) as port:
+        with pytest.raises(MotionRefused, match="outside of what the arm reaches") as refused:
+            await port.execute(approved(push((0.45, 0.1), (0.9, 0.3))))
+        assert refused.value.code == Refusal.UNREACHABLE
+        done = await port.execute(approved(push((0.45, -0.05), (0.45, 0.05))))
+        assert done.outcome == "completed", done.reason
+
+
+@pytest.mark.anyio
 async def test_a_resume_that_comes_to_nothing_says_why_and_lifts_nothing_later(arm: FakeProcess) -> None:
     async with kinova_arm(address(arm), SITE) as port:
         arm.fail(joint=4, bits=1 << 5, lasting=True)

@@ -12,6 +12,7 @@ from app.config import KeepOut, Limits, Site, Workspace
 from app.core.errors import DeviceError, MotionRefused
 from app.core.jog import Jog
 from app.core.motion import pointing_down
+from app.core.refusal import Refusal
 from app.rig.kinova import gen3
 from app.rig.kinova.client import OwnLink
 from app.rig.kinova.control import KinovaControl, taken
@@ -120,11 +121,13 @@ def test_a_motion_goes_through_its_points_within_the_limits_and_ends_idle(loop: 
 def test_a_way_that_the_arm_cannot_go_ends_before_anything_moves(loop: Loop, arm: FakeProcess) -> None:
     before = tool(arm)
     loop.go((0.45, 0.1, 0.25), (0.9, 0.3, 0.3))
-    loop.comes_to("stopped")
-    assert "outside of what the arm reaches" in loop.control.reason
+    loop.comes_to("idle")
+    refusal = loop.do(loop.control.refusal)
+    assert refusal.code == Refusal.UNREACHABLE
+    assert "outside of what the arm reaches" in refusal.sentence
+    assert loop.do(loop.control.refusal) is None
     assert tool(arm) == pytest.approx(before, abs=1e-6)
-    loop.do(loop.control.reset)
-    assert loop.control.mode == "idle"
+    assert not [each for each in arm.commands() if each["call"] in ("Stop", "ExecuteAction")]
 
 
 def test_a_stop_ends_a_motion_and_holds_until_it_is_lifted(loop: Loop, arm: FakeProcess) -> None:

@@ -1,0 +1,86 @@
+"""What `doctor` looks at in a real cell: its file, its cameras and their calibration, its arm. Nothing moves."""
+
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import Any
+
+from app.cells.cell_file import CellFile, far_corner, load_cell
+from app.cells.gen3 import address, calibration_of, holds
+from app.commands._checks import Check, Finding, census
+from app.core.errors import DipacError
+from app.core.hand_eye import HandEye
+from app.recording.calibration_file import load_cameras
+from app.rig.kinova.look import look_at
+
+_CALIBRATE = "Calibrate it in the tab Calibrate of the console, or with `dipac calibration solve`."
+
+
+def cell_checks(file: Path) -> tuple[Check, ...]:
+    """Every check of the cell that `file` describes; the file alone where it describes none."""
+    try:
+        cell = load_cell(file)
+    except DipacError as error:
+        wrong = Finding(what="cell", state="missing", found=f"{file} describes none", mend=str(error))
+        return (lambda: [wrong],)
+    return (
+        lambda: _file(cell, file),
+        lambda: _cameras(cell),
+        lambda: _calibrations(cell, file),
+        lambda: _arm(cell),
+    )
+
+
+def _file(cell: CellFile, file: Path) -> list[Finding]:
+    far = far_corner(cell)
+    return [Finding(what="cell", state="optional" if far else "ok", found=f"{cell.name!r} of {file}", mend=far)]
+
+
+def _cameras(cell: CellFile) -> list[Finding]:
+    """Whether each is on the bus."""
+    probe = census()
+    there: list[str] = [] if probe.failure else probe.said["serials"]
+    return [
+        _finding(
+            f"camera {camera.name}",
+            camera.serial in there,
+            f"{camera.serial} is {'' if camera.serial in there else 'not '}on the bus",
+            "connect it to a USB 3 port, or correct its serial number in the cell's file",
+        )
+        for camera in cell.cameras
+    ]
+
+
+def _calibrations(cell: CellFile, file: Path) -> list[Finding]:
+    """Whether each is calibrated, and since when."""
+    path = calibration_of(cell, file)
+    try:
+        known = load_cameras(path) if path.exists() else {}
+    except DipacError as error:
+        return [Finding(what="calibration", state="missing", found=f"{path} is none", mend=str(error))]
+    return [_calibrated(camera.name, known.get(camera.serial), path) for camera in cell.cameras]
+
+
+def _calibrated(name: str, found: HandEye | None, path: Path) -> Finding:
+    what = f"calibration of {name}"
+    if found is None:
+        return Finding(what=what, state="missing", found=f"none in {path}", mend=_CALIBRATE)
+    model, today = found.model(depth_unit_m=1.0), datetime.now(UTC).date()
+    days = model.age_days(today)
+    said = f"of {model.calibrated_at}" + ("" if days is None else f", known to hold {days} days ago")
+    if not model.stale(today):
+        return Finding(what=what, state="ok", found=said)
+    doubt = model.doubt or "It is old; `dipac calibration check` says whether it still holds."
+    return Finding(what=what, state="optional", found=said, mend=f"{doubt} {_CALIBRATE}")
+
+
+def _arm(cell: CellFile) -> list[Finding]:
+    """Whether it is there, configured for its tool, and in no fault."""
+    try:
+        found = look_at(address(cell), cell.arm.client, holds(cell.arm.tool))
+    except DipacError as error:
+        return [Finding(what="arm", state="missing", found=f"not as it should be, at {cell.arm.host}", mend=str(error))]
+    return [Finding(what="arm", state="ok", found=f"{found}, at {cell.arm.host}")]
+
+
+def _finding(what: str, right: Any, found: str, mend: str) -> Finding:
+    return Finding(what=what, state="ok" if right else "missing", found=found, mend="" if right else mend)

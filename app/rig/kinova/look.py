@@ -1,0 +1,43 @@
+"""A look at an arm that nobody takes hold of: nothing is set, and nothing moves."""
+
+import time
+from dataclasses import replace
+from typing import Final
+
+from app.config import Limits
+from app.core.errors import DeviceError
+from app.rig.kinova.clients import linked
+from app.rig.kinova.configured import Holds, check
+from app.rig.kinova.kortex import Kortex
+from app.rig.kinova.link import Address
+from app.rig.kinova.seen import seen
+
+_PATIENT_S: Final = 2.0
+"""This session moves nothing, so it needs not be missed soon."""
+
+
+def look_at(address: Address, client: str, holds: Holds) -> str:
+    """What the arm there says of itself.
+
+    Raises DeviceError, which says what to do, where none answers, it is not configured for what it `holds`, or it is in
+    fault; UsageError where there is no such client, and PreflightError where that is not installed.
+    """
+    kortex = Kortex(linked(replace(address, stops_after_s=_PATIENT_S), client))
+    try:
+        kortex.open()
+        check(kortex, holds)
+        return _said(kortex)
+    finally:
+        kortex.close()
+
+
+def _said(kortex: Kortex) -> str:
+    firmware, joints = kortex.firmware(), kortex.joint_count()
+    state = seen(kortex.feedback(), time.monotonic(), Limits().opening_m)
+    if joints != 7 or state is None:
+        raise DeviceError(f"The arm there has {joints} joints and says where they are, or not; a Gen3 of 7 is needed.")
+    if state.faults:
+        raise DeviceError(f"The arm is in fault: {' '.join(state.faults)} Remove the cause; the console clears it.")
+    rests = "at rest" if state.still else "moving"
+    ready = "ready" if state.ready else "not ready: it starts, is serviced, or is commanded at low level"
+    return f"Gen3 with {joints} joints, firmware {firmware}, {rests}, {ready}"
