@@ -97,16 +97,16 @@ class _Loop:
             begin(self._control, motion_of(request), bytes(request["digest"]).decode(), self._site)
             self._begun, self._heard_s = self._heard, now_s
         except MotionRefused as refusal:
-            self._refuse(refusal)
+            self._refuse(self._heard, refusal)
 
     def _hear_refusal(self) -> None:
-        """What is refused only once the arm has looked at it itself."""
+        """What was begun and is refused only once the arm has looked at it itself."""
         if (refusal := self._control.refusal()) is not None:
-            self._refuse(refusal)
+            self._refuse(self._begun, refusal)
 
-    def _refuse(self, refusal: MotionRefused) -> None:
+    def _refuse(self, motion: int, refusal: MotionRefused) -> None:
         code, reason = refusal.code.encode(), refusal.sentence.encode()[:TEXT_BYTES]
-        self._memory.refusals.append(motion=self._heard, code=code, reason=reason)
+        self._memory.refusals.append(motion=motion, code=code, reason=reason)
 
     def _hear_jogs(self, now_s: float) -> None:
         """Follow the newest jog; where none has come for longer than the watchdog allows, or none counts, slow down."""

@@ -88,7 +88,7 @@ class ProcessArm:
 
     def jog(self, jog: Jog) -> bool:
         """Leave it where the arm's process looks at its next tick, where that may heed it. From any thread."""
-        if not self._memory.heeding.value or self._stopped:
+        if not self._memory.heeding.value or self.held:
             return False
         # Threads may jog at the same time, and a ring has one writer.
         with self._hand:
@@ -118,25 +118,37 @@ class ProcessArm:
         """Stop now: one number in shared memory, no lock, no wait."""
         self._memory.stop_ns.value = time.monotonic_ns()
 
+    @property
+    def held(self) -> bool:
+        """Whether the newest stop that somebody asked for was not lifted yet."""
+        return self._memory.stop_ns.value > self._memory.reset_ns.value
+
     async def reset(self, *, asked_s: float) -> None:
         """Lift a stop that came before `asked_s`, or a fault, once the arm is at rest.
 
-        Raises DeviceError where the arm is not ready afterwards: the request has then no effect later either.
+        Raises DeviceError where the arm is not ready afterwards; then, and where it is cancelled, it is stopped again,
+        so that the request frees nothing later.
         """
         self._check_alive()
-        memory, request_ns = self._memory, round(asked_s * 1e9)
-        former_ns, memory.reset_ns.value = memory.reset_ns.value, request_ns
-        begun_s = time.monotonic()
+        try:
+            await self._lifted(round(asked_s * 1e9))
+        except BaseException:
+            # Whatever of it is still under way shall free nothing later.
+            self.stop()
+            raise
+
+    async def _lifted(self, request_ns: int) -> None:
+        memory, begun_s = self._memory, time.monotonic()
+        memory.reset_ns.value = max(memory.reset_ns.value, request_ns)
         while True:
             state, waited_s = memory.states.newest(), time.monotonic() - begun_s
             heard, mode = state["reset_ns"] >= request_ns, MODES[state["mode"]]
-            if heard and mode in ("idle", "moving"):
+            free, superseded = mode in ("idle", "moving"), memory.stop_ns.value > request_ns
+            if heard and free and not superseded:
                 return
-            superseded = memory.stop_ns.value > request_ns and mode not in ("idle", "moving")
-            if superseded or waited_s > (_CLEARED_S if heard else _ANSWER_S):
+            if (superseded and not free) or waited_s > (_CLEARED_S if heard else _ANSWER_S):
                 break
             await anyio.sleep(self._site.timing.arm_period_s)
-        memory.reset_ns.value = former_ns
         why = bytes(state["reason"]).decode(errors="ignore")
         raise DeviceError(
             f"The arm is still {mode}{f': {why}' if why else '.'} It was stopped again since, does not answer, or "
@@ -159,14 +171,10 @@ class ProcessArm:
 
     def _check_free(self) -> None:
         """Raise MotionRefused where the arm is stopped, or told what to do by somebody else."""
-        if self._stopped:
+        if self.held:
             raise MotionRefused(Refusal.STOPPED, "A stop is in force; press Resume, then try again.")
         if self._busy:
             raise MotionRefused(Refusal.BUSY, "The arm is making another motion, or moved by hand; wait for its end.")
-
-    @property
-    def _stopped(self) -> bool:
-        return self._memory.stop_ns.value > self._memory.reset_ns.value
 
     async def _stretch(self, over: anyio.Event | None) -> tuple[Any, str]:
         """The arm's states from its first move until it has been at rest for a while, and why that is all.
@@ -185,7 +193,7 @@ class ProcessArm:
             log = np.concatenate([log, states]) if len(log) else states[int(_moves(states).argmax()) :]
             if not _moves(log).any():
                 log = log[:0]
-                if self._stopped:
+                if self.held:
                     raise MotionRefused(Refusal.STOPPED, "A stop is in force; press Resume, then move the tool again.")
                 if over is not None and over.is_set():
                     if not memory.heeding.value:  # The arm has had the time to show what it still heard.

@@ -1,12 +1,12 @@
 """What `doctor` looks at in a real cell: its file, its cameras and their calibration, its arm. Nothing moves."""
 
+from collections.abc import Mapping
 from datetime import UTC, datetime
 from pathlib import Path
-from typing import Any
 
-from app.cells.cell_file import CellFile, far_corner, load_cell
+from app.cells.cell_file import CameraEntry, CellFile, far_corner, load_cell
 from app.cells.gen3 import address, calibration_of, holds
-from app.commands._checks import Check, Finding, census
+from app.commands._checks import SETUP, Check, Finding, census
 from app.core.errors import DipacError
 from app.core.hand_eye import HandEye
 from app.recording.calibration_file import load_cameras
@@ -38,16 +38,20 @@ def _file(cell: CellFile, file: Path) -> list[Finding]:
 def _cameras(cell: CellFile) -> list[Finding]:
     """Whether each is on the bus."""
     probe = census()
-    there: list[str] = [] if probe.failure else probe.said["serials"]
-    return [
-        _finding(
-            f"camera {camera.name}",
-            camera.serial in there,
-            f"{camera.serial} is {'' if camera.serial in there else 'not '}on the bus",
-            "connect it to a USB 3 port, or correct its serial number in the cell's file",
-        )
-        for camera in cell.cameras
-    ]
+    if probe.failure:
+        return [Finding(what="cameras of the cell", state="missing", found=probe.failure, mend=SETUP)]
+    there = dict(zip(probe.said["serials"], probe.said["warned"], strict=True))
+    return [_camera(camera, there) for camera in cell.cameras]
+
+
+def _camera(camera: CameraEntry, there: Mapping[str, str]) -> Finding:
+    """`there`: what is wrong with how each camera on the bus is connected, by its serial number."""
+    what, serial = f"camera {camera.name}", camera.serial
+    if serial not in there:
+        mend = "Connect it to a USB 3 port, or correct its serial number in the cell's file."
+        return Finding(what=what, state="missing", found=f"{serial} is not on the bus", mend=mend)
+    wrong = there[serial]
+    return Finding(what=what, state="optional" if wrong else "ok", found=f"{serial} is on the bus", mend=wrong)
 
 
 def _calibrations(cell: CellFile, file: Path) -> list[Finding]:
@@ -80,7 +84,3 @@ def _arm(cell: CellFile) -> list[Finding]:
     except DipacError as error:
         return [Finding(what="arm", state="missing", found=f"not as it should be, at {cell.arm.host}", mend=str(error))]
     return [Finding(what="arm", state="ok", found=f"{found}, at {cell.arm.host}")]
-
-
-def _finding(what: str, right: Any, found: str, mend: str) -> Finding:
-    return Finding(what=what, state="ok" if right else "missing", found=found, mend="" if right else mend)

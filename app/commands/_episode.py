@@ -190,6 +190,13 @@ class Report:
     recorded: int
     failure: DipacError | None
 
+    @property
+    def faults(self) -> list[str]:
+        """All that went wrong, what ended it last: once, also where it was said before that it would end it."""
+        said = self.summary.faults
+        again = self.failure is None or (said and said[-1].endswith(str(self.failure)))
+        return list(said) if again else [*said, str(self.failure)]
+
     def to_json(self) -> str:
         """The keys that `dipac run --json` promises, and the timings behind the results page."""
         row = asdict(self.summary) | {
@@ -198,7 +205,7 @@ class Report:
             "ablation": self.order.options.ablation,
             "seed": self.order.options.seed,
             "rig": self.rig,
-            "faults": [*self.summary.faults, *([str(self.failure)] if self.failure else [])],
+            "faults": self.faults,
             "failure": str(self.failure) if self.failure else None,
             "recording": str(self.recording),
             "recorded": self.recorded,

@@ -42,13 +42,12 @@ def _write(path: Path, report: Report) -> None:
 
 def _summarise(report: Report, output: Output) -> None:
     chamfer_m2 = report.summary.chamfer_m2
-    faults = len(report.summary.faults) + (report.failure is not None)
     if chamfer_m2:
         pushes = "1 push" if report.summary.pushes == 1 else f"{report.summary.pushes} pushes"
         output.print(
             f"\n[bold]{pushes}[/]: {millimetres(chamfer_m2[0]):.1f} mm -> "
             f"{millimetres(chamfer_m2[-1]):.1f} mm from the goal; the Chamfer distance, their square, fell to "
-            f"{chamfer_m2[-1] / chamfer_m2[0]:.0%} of its start. Faults: {faults}.",
+            f"{chamfer_m2[-1] / chamfer_m2[0]:.0%} of its start. Faults: {len(report.faults)}.",
             highlight=False,
             soft_wrap=True,
         )

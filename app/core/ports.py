@@ -106,6 +106,11 @@ class Arm(Protocol):
         """Stop now. May be called from any thread, never blocks, works in every mode; stays in force until `reset`."""
         ...
 
+    @property
+    def held(self) -> bool:
+        """Whether a `stop` is in force; not where the arm's own process stopped it. Never blocks."""
+        ...
+
     async def reset(self, *, asked_s: float) -> None:
         """Lift a stop or a fault, so that motions are accepted again; `asked_s` is when somebody asked for it [s].
 

@@ -328,7 +328,9 @@ class Flow:
         self.planning.forget()
         self.holding.heed(executed)
         before = self.sensing.before(executed.times_s[0])
-        if self.wish.answering and before and executed.outcome == "completed":
+        # Before the checklist is passed nobody knows where cameras stand, and what they show teaches nothing.
+        known = self.wish.answering and self.preflight.passed
+        if known and before and executed.outcome == "completed":
             self.reporting.do("looking at what was done by hand")
             after = self._observed = await self._look()
             transition = self.say(Transition.between(before, executed, after, time_s=self.clock.now()))

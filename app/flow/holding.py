@@ -72,7 +72,8 @@ class Holding:
         if executed.outcome == "completed":
             self._pauses = 0
         elif executed.time_s > self.resumed_s:
-            self.hold(executed.reason, passes=self.free and executed.outcome == "stopped")
+            own = executed.outcome == "stopped" and not self._rig.arm.held
+            self.hold(executed.reason, passes=self.free and own)
 
     async def resume(self, request: ResumeRequest) -> None:
         """Go on, if the arm does."""
@@ -99,7 +100,8 @@ class Holding:
                 raise DeviceError(f"The arm was stopped and nobody pressed Resume for {self._patience_s:.0f} s.")
 
     async def _go_on(self) -> None:
-        """Resume as an operator would; once, so that a stop that came meanwhile is left to one."""
+        """Resume as an operator would; once, and not where somebody has pressed STOP since, heard of here or not."""
         self._passes, self._pauses = False, self._pauses + 1
         request = ResumeRequest(id=fresh_id("resume"), time_s=self._clock.now(), operator="the run")
-        await self.resume(self._announcer.say(request))
+        if not self._rig.arm.held:  # What is pressed from now on is newer than the request, which does not lift it.
+            await self.resume(self._announcer.say(request))

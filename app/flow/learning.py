@@ -1,5 +1,6 @@
 """Transitions -> model, in the background and never in the way of planning."""
 
+from collections import deque
 from typing import final
 
 from app.config import Site
@@ -13,7 +14,7 @@ from app.core.types import Points
 from app.core.worker import Worker
 from app.flow.modelling import Modelling
 from app.tasks.base import Wish
-from app.tasks.jobs import update
+from app.tasks.jobs import RECENT, update
 
 
 @final
@@ -56,17 +57,17 @@ class Learning:
 
     async def run(self) -> None:
         """Transitions -> models, for ever."""
-        seen: list[Transition] = []
+        newest = deque[Transition](maxlen=RECENT)
         async for transition in self._transitions:
-            seen.append(transition)
+            newest.append(transition)
             if self._wish.calibrating and self.models.value is not None:
-                await self._update(seen, self.models.value)
-            self.done = len(seen)
+                await self._update(tuple(newest), self.models.value)
+            self.done += 1
 
-    async def _update(self, seen: list[Transition], old: Model) -> None:
+    async def _update(self, newest: tuple[Transition, ...], old: Model) -> None:
         wish, self.busy = self._wish, True
         try:
-            new = await self.calibrator.run(update, wish.task.name, wish.preset, seen, old, self._site)
+            new = await self.calibrator.run(update, wish.task.name, wish.preset, newest, old, self._site)
         except DipacError as error:
             self._announcer.fault("calibration", error)
             return

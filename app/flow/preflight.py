@@ -97,11 +97,14 @@ class Preflight:
         """Control has changed hands."""
         if any(operator != lease.holder for operator in self._confirmed.values()):
             self._confirmed.clear()
+            if self._by_hand.is_set() and not self.passed:
+                self._by_hand = anyio.Event()
 
     async def _look(self) -> None:
         items = (*self._seen(await self._rig.arm.state()), *self._told())
         passed = all(item.right for item in items)
-        by_hand = all(item.right for item in items if item.key not in _SIGHT)
+        # Once it was so, it stays so: an arm that a hand moves does not rest.
+        by_hand = self._by_hand.is_set() or all(item.right for item in items if item.key not in _SIGHT)
         if items != self._said:
             self._said = items
             now_s = self._clock.now()

@@ -50,7 +50,7 @@ async def open_recording(folder: Path, episode: Episode, room: Room) -> AsyncGen
     finally:
         with anyio.CancelScope(shield=True):
             await to_thread.run_sync(recorder.finish)
-            if failed and recorder.written <= 1:
+            if failed and recorder.empty:
                 await to_thread.run_sync(recorder.remove)
     recorder.raise_failure()
 
@@ -116,10 +116,17 @@ class EpisodeRecorder:
             self._queue.put(_END)
         self._thread.join()
 
+    @property
+    def empty(self) -> bool:
+        """Whether nothing but the episode was to come into the file."""
+        return self.written <= 1 and self._failure is None
+
     def remove(self) -> None:
-        """Delete the closed file, and its checksum with it."""
-        self.path.unlink(missing_ok=True)
-        digests.forget(self.path)
+        """Delete the closed file, and its checksum with it, as far as that can be."""
+        # What ended the episode is to be told, and not that nothing was left behind.
+        with suppress(OSError, RecordingError):
+            self.path.unlink(missing_ok=True)
+            digests.forget(self.path)
 
     def raise_failure(self) -> None:
         """Raises RecordingError where a message could not be written."""

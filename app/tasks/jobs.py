@@ -16,7 +16,7 @@ from app.planner.method import DIPAC, Method
 
 _log = logging.getLogger(__name__)
 
-_RECENT = 16
+RECENT = 16
 """Transitions of one update: about those of the last episode, in about the time of one decision."""
 _TRUSTED, _TRUSTED_OF_ANOTHER = 1.5, 4.0
 """Factors by which a model in use may be off. With 4, a rod's stiffness falls to a rope's, a fifth, in 3 pushes."""
@@ -102,7 +102,7 @@ def update(task: str, preset: str, transitions: Sequence[Transition], model: Mod
 
     trust_factor = _TRUSTED if load(task).lesson is None else _TRUSTED_OF_ANOTHER
     settings = Settings(steps=2, trust_factor=trust_factor)
-    return _fitted(task, preset, transitions[-_RECENT:], model, settings, site or Site()).model
+    return _fitted(task, preset, transitions[-RECENT:], model, settings, site or Site()).model
 
 
 def _fitted(

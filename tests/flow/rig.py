@@ -108,7 +108,7 @@ class TickedArm:
 
     def __init__(self, site: Site) -> None:
         self.begun: list[MessageId] = []
-        self._stop_s = 0.0
+        self._stop_s = self._reset_s = 0.0
         self._heeding, self._told, self._jogged_s = False, list[Jog](), 0.0
         self._tool = pointing_down(np.array(HOME_TOOL_M))
         self.obey(site)
@@ -205,6 +205,14 @@ class TickedArm:
             openings=measured[:, 7],
         )
 
+    @property
+    def held(self) -> bool:
+        return self._stop_s > self._reset_s
+
+    def trips(self) -> None:
+        """As where the watchdog of the arm's own process stops it."""
+        self._control.stop("Watchdog: nothing was heard.")
+
     def stop(self) -> None:
         self._stop_s = time.monotonic()
         self._control.stop("STOP was pressed.")
@@ -212,6 +220,7 @@ class TickedArm:
     async def reset(self, *, asked_s: float) -> None:
         if self._stop_s > asked_s or self._control.mode == "stopping":
             raise DeviceError("The arm did not lift its stop; it was stopped again since, or is not at rest yet.")
+        self._reset_s = asked_s
         self._control.reset()
 
     async def _stretch(self, over: anyio.Event | None) -> tuple[list[tuple[float, ToolPose, ToolPose]], str]:

@@ -124,7 +124,7 @@ async def test_an_automatic_run_goes_on_by_itself_where_only_the_arm_ended_a_mot
     monkeypatch.setattr("app.flow.holding._PAUSE_S", 0.3)
     async with running(small_site(tmp_path), small_wish(pushes=2, automatic=True)) as run:
         await run.person.sees(ArmState, "moving")
-        run.rig.arm.stop()
+        run.rig.arm.trips()
         assert await run.end() is None
         assert [executed.outcome for executed in run.person.all(Executed)] == ["stopped", "completed", "completed"]
         assert [request.operator for request in run.person.all(ResumeRequest)] == ["the run"]
@@ -139,7 +139,7 @@ async def test_an_automatic_run_that_the_arm_stops_again_and_again_waits_for_som
     async with running(small_site(tmp_path), small_wish(automatic=True)) as run:
         for _ in range(4):
             await run.person.sees(ArmState, "moving")
-            run.rig.arm.stop()
+            run.rig.arm.trips()
             await run.person.sees(Executed, "stopped")
         error = await run.end()
         assert isinstance(error, DeviceError)
@@ -153,7 +153,7 @@ async def test_a_stop_that_somebody_presses_as_an_automatic_run_pauses_is_not_li
     monkeypatch.setattr("app.flow.holding._UNATTENDED_S", 1.5)
     async with running(small_site(tmp_path), small_wish(automatic=True)) as run:
         await run.person.sees(ArmState, "moving")
-        run.rig.arm.stop()
+        run.rig.arm.trips()
         await run.person.sees(Notice, "goes on by itself")
         await run.person.presses_stop()
         error = await run.end()
@@ -161,6 +161,23 @@ async def test_a_stop_that_somebody_presses_as_an_automatic_run_pauses_is_not_li
         assert "nobody pressed Resume" in str(error)
         assert not run.person.all(ResumeRequest)
         assert len(run.rig.arm.begun) == 1
+
+
+async def test_a_stop_that_somebody_pressed_is_not_lifted_by_an_automatic_run_before_it_heard_of_it(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("app.flow.holding._PAUSE_S", 0.3)
+    monkeypatch.setattr("app.flow.holding._UNATTENDED_S", 1.0)
+    for tripped in (False, True):
+        async with running(small_site(tmp_path), small_wish(automatic=True)) as run:
+            await run.person.sees(ArmState, "moving")
+            if tripped:
+                run.rig.arm.trips()
+                await run.person.sees(Notice, "goes on by itself")
+            run.rig.arm.stop()
+            assert isinstance(await run.end(), DeviceError)
+            assert not run.person.all(ResumeRequest)
+            assert len(run.rig.arm.begun) == 1
 
 
 async def test_where_cameras_err_the_goal_is_reached_when_they_show_what_they_would_show_there(tmp_path: Path) -> None:

@@ -69,6 +69,12 @@ class OwnLink:
             if router is not None:
                 router.close()
 
+    def cut(self) -> None:
+        """Both sessions are silent from now on."""
+        for router in (self._commands, self._cyclic):
+            if router is not None:
+                router.cut()
+
     @property
     def lost(self) -> str:
         """Of either session."""

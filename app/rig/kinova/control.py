@@ -35,8 +35,8 @@ _OFF_M, _AWAY_M = 0.015, 0.008
 _FOLLOW_HZ, _CATCH_UP_M_S, _CATCH_UP_RAD_S = 2.0, 0.02, 0.1
 """How fast a tool that is moved by hand catches up with where it should be, and at most by how much."""
 _FINGERS_M, _AHEAD_M = 0.002, 0.013
-"""Fingers follow a hand in such steps, and are told to be no further closed than this from where they are: in what they
-hold they press no harder, however late it is noticed that they press."""
+"""Fingers follow a hand in such steps, and are told to be no further closed than this from where they are, so that they
+are not told further and further as they press."""
 _CARRIED_S = 0.05
 """No tool is taken to have moved on for longer than this."""
 

@@ -30,6 +30,8 @@ PULSES, TWIST_S = 5, 0.150
 """A loop that has not shown itself while life was shown so often hangs; a twist that is older than that is ended."""
 _WATCHERS = 4
 """So many ask for feedback in turn: a lost datagram keeps one of them waiting."""
+_SHOWS_S, _THINKS_S = 0.05, 5.0
+"""What an arm measures shows a fault so soon, and no arm thinks about a way for longer (ros_kortex #258: 2 s)."""
 _OURS = "dipac "
 """How the zones that are made here are named."""
 BACK_OFF_S = (0.0, 0.2, 0.5, 1.0, 2.0, 5.0)
@@ -58,6 +60,7 @@ class Driver:
         self._asking = threading.Lock()
         self._threads: list[threading.Thread] = []
         self.trouble = self.refused = self._defied = ""
+        self._denied: tuple[float, str] | None = None
         self.losses = 0
 
     def open(self) -> None:
@@ -194,6 +197,7 @@ class Driver:
                 if found is not None and number > self._answered:
                     self._seen, self._answered = found, number
                     self._grip.look(found)
+                    self._judge(found)
 
     def _live(self) -> None:
         """Keep the session alive while somebody controls, stop where nobody does, connect again where it is lost."""
@@ -226,13 +230,14 @@ class Driver:
             try:
                 self._kortex.open()
                 # First of all: a session that is gone no longer says so, and the arm waits for it for a while.
-                with contextlib.suppress(Refused):
-                    self._kortex.stop(timeout_s=_STOP_S)
+                self._say_stop()
                 self._set_up()
             except DeviceError as error:
                 self.trouble = f"The connection to the arm is lost, and is made again. {error}"
             else:
-                self.trouble = ""
+                self.trouble = self._defied
+                if self._defied:
+                    self._kortex.cut()
                 return
 
     def _command(self) -> None:
@@ -309,22 +314,38 @@ class Driver:
             self._stop.clear()
             for _ in range(_STOPS):
                 try:
-                    self._kortex.stop(timeout_s=_STOP_S)
+                    self._say_stop()
                 except NoAnswer:
                     continue
                 except LinkLost:
                     pass  # It stops by itself.
-                except Refused as error:
-                    self._defy(error)
                 break
 
-    def _defy(self, error: Refused) -> None:
-        """Have an arm that moves and refuses to stop do so for want of a session, and command it no more."""
-        if not self.seen.still and not self.seen.faults:
+    def _say_stop(self) -> None:
+        """Once. What the arm does where it refuses that is judged by what it measures then. Raises LinkLost."""
+        try:
+            self._kortex.stop(timeout_s=_STOP_S)
+        except Refused as error:
+            self._denied = time.monotonic(), str(error)
+        else:
+            self._denied = None
+
+    def _judge(self, found: Seen) -> None:
+        """Let go of an arm that refused to stop and moves on, or sets out later: it stops for want of a session.
+
+        One in fault stops by itself, and one that rests for longer than any thinks about a way has none to go.
+        """
+        denied = self._denied
+        if denied is None or found.time_s < denied[0] + _SHOWS_S:
+            return
+        if found.faults or found.time_s > denied[0] + _THINKS_S:
+            self._denied = None
+        elif not found.still:
             self.trouble = self._defied = (
-                f"The arm refuses to stop, and is left to its own time-out: {error} Use its hardware stop, find out "
-                "who else commands it, and start this program again."
+                f"The arm refuses to stop, and is left to its own time-out: {denied[1]} Use its hardware stop, find "
+                "out who else commands it, and start this program again."
             )
+            self._kortex.cut()
 
     def _ease(self) -> None:
         """Tell fingers that press too hard to stay."""

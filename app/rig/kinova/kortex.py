@@ -74,6 +74,10 @@ class Kortex:
         """End the connection."""
         self._link.close()
 
+    def cut(self) -> None:
+        """Drop it without a word: of sessions that are silent the arm stops what it moves."""
+        self._link.cut()
+
     def events(self) -> list[object]:
         """What happened since this was asked last to actions, the arm's state and protection zones, as notifications.
 

@@ -45,6 +45,10 @@ class Link(Protocol):
         """End both sessions, where they stand, and the connection. Never raises, and may be called at any time."""
         ...
 
+    def cut(self) -> None:
+        """Drop the connection without a word, as a cable does that is pulled. Never raises."""
+        ...
+
     @property
     def lost(self) -> str:
         """Why the connection is of no use any more; empty while it is."""

@@ -8,10 +8,12 @@ from app.config import Limits
 from app.core.errors import DeviceError
 from app.rig.kinova.clients import linked
 from app.rig.kinova.configured import Holds, check
+from app.rig.kinova.errors import NoAnswer
 from app.rig.kinova.kortex import Kortex
 from app.rig.kinova.link import Address
-from app.rig.kinova.seen import seen
+from app.rig.kinova.seen import Seen, seen
 
+_TRIES: Final = 10
 _PATIENT_S: Final = 2.0
 """This session moves nothing, so it needs not be missed soon."""
 
@@ -33,11 +35,23 @@ def look_at(address: Address, client: str, holds: Holds) -> str:
 
 def _said(kortex: Kortex) -> str:
     firmware, joints = kortex.firmware(), kortex.joint_count()
-    state = seen(kortex.feedback(), time.monotonic(), Limits().opening_m)
-    if joints != 7 or state is None:
-        raise DeviceError(f"The arm there has {joints} joints and says where they are, or not; a Gen3 of 7 is needed.")
+    if joints != 7:
+        raise DeviceError(f"The arm there has {joints} joints; a Gen3 of 7 is needed.")
+    state = _state(kortex)
     if state.faults:
         raise DeviceError(f"The arm is in fault: {' '.join(state.faults)} Remove the cause; the console clears it.")
-    rests = "at rest" if state.still else "moving"
-    ready = "ready" if state.ready else "not ready: it starts, is serviced, or is commanded at low level"
-    return f"Gen3 with {joints} joints, firmware {firmware}, {rests}, {ready}"
+    if not state.ready:
+        raise DeviceError("The arm starts, is serviced, or is commanded at low level; have that end.")
+    return f"Gen3 with {joints} joints, firmware {firmware}, {'at rest' if state.still else 'moving'}"
+
+
+def _state(kortex: Kortex) -> Seen:
+    """Of several answers the first whole one: a datagram may be lost, and a number may be none for a moment."""
+    for _ in range(_TRIES):
+        try:
+            found = seen(kortex.feedback(), time.monotonic(), Limits().opening_m)
+        except NoAnswer:
+            continue
+        if found is not None:
+            return found
+    raise DeviceError("The arm does not say over UDP where it is; open port 10001 on the way to it, then try again.")

@@ -44,6 +44,7 @@ class OfficialLink:
         self._address, self._api = address, _Api()
         self._lock, self._lost = threading.Lock(), "There is no connection to the arm."
         self._ends = contextlib.ExitStack()
+        self._wires: list[Any] = []
         self._clients: dict[Service, Any] = {}
         self._session: Any = None
         self._told = deque[object](maxlen=_KEPT)
@@ -65,9 +66,15 @@ class OfficialLink:
         """End both sessions."""
         with self._lock:
             ends, self._ends = self._ends, contextlib.ExitStack()
-        self._clients, self._lost = {}, self._lost or "The connection was closed."
+        self._clients, self._lost, self._wires = {}, self._lost or "The connection was closed.", []
         ends.close()
         self._told.clear()
+
+    def cut(self) -> None:
+        """Its thread that shows life has nothing left to show it by."""
+        self._lost = self._lost or "The connection was cut from here."
+        for wire in self._wires:
+            _quietly(wire.disconnect)
 
     @property
     def lost(self) -> str:
@@ -138,7 +145,8 @@ class OfficialLink:
             transport.connect(address.host, port)
         except OSError as error:
             raise LinkLost(f"No arm answers at {address.host}, {kind} port {port} ({error}).") from None
-        self._ends.callback(transport.disconnect)
+        self._ends.callback(_quietly, transport.disconnect)
+        self._wires.append(transport)
         info = SessionInfo(
             username=address.username,
             password=address.password,

@@ -81,6 +81,10 @@ class Router:
         if threading.current_thread() is not self._thread:
             self._thread.join(_JOIN_S)
 
+    def cut(self) -> None:
+        """End without a word."""
+        self._lose("The connection was cut from here.")
+
     def _exchange(self, call: Call[Asked, Answered], asked: Asked, timeout_s: float) -> Frame:
         future, number = self._expect()
         try:
