@@ -24,7 +24,8 @@ def spread_of(T_world_gripper: Float64[np.ndarray, "V 4 4"]) -> Spread:
 def lack(spread: Spread, views: int) -> str | None:
     """Why so spread views cannot tell where the camera is, and what to do; None where they can."""
     if views < FEWEST_VIEWS:
-        return f"{FEWEST_VIEWS} views are needed at least, and there is {views}; 15 to 25 are good. Take more."
+        there = "There is 1 view" if views == 1 else f"There are {views} views"
+        return f"{there} and {FEWEST_VIEWS} are needed at least; 15 to 25 are good. Take more."
     first, second, _ = spread.turns_deg
     if first < LEAST_TURN_DEG:
         return (

@@ -326,7 +326,8 @@ class Driver:
         try:
             self._kortex.stop(timeout_s=_STOP_S)
         except Refused as error:
-            self._denied = time.monotonic(), str(error)
+            # The first of several counts: a key that is held says Stop again before any of them could be judged.
+            self._denied = self._denied or (time.monotonic(), str(error))
         else:
             self._denied = None
 

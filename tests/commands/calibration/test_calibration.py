@@ -89,5 +89,5 @@ def test_what_is_missing_is_named(taken, tmp_path: Path, capsys) -> None:
         (tmp_path / "poses.csv").write_text(table, encoding="utf-8")
         assert words in refused(capsys, 4, "solve", tmp_path, "-o", tmp_path / "c.toml")
     (tmp_path / "poses.csv").write_text("image,x,y,z,qw,qx,qy,qz\n0.png,0,0,0,1,0,0,0\n", encoding="utf-8")
-    assert "1 views" in refused(capsys, 5, "solve", tmp_path, "-o", tmp_path / "c.toml")
+    assert "There is 1 view and" in refused(capsys, 5, "solve", tmp_path, "-o", tmp_path / "c.toml")
     assert not (tmp_path / "c.toml").exists()
