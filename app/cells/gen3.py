@@ -18,7 +18,7 @@ from app.core.hand_eye import HandEye
 from app.core.limbs import ArmShape
 from app.core.messages import ArmState
 from app.core.stage import Tool
-from app.recording.calibration_file import CalibrationFile, load_cameras
+from app.recording.calibration_file import CalibrationFile, known_cameras
 from app.rig.kinova.arm import kinova_arm
 from app.rig.kinova.configured import Holds
 from app.rig.kinova.link import Address
@@ -59,7 +59,7 @@ def _found(file: Path | None) -> tuple[CellFile, list[Mounted]]:
     """What the file says, and its cameras, where they stand as far as they are calibrated."""
     cell, there = _read(file)
     calibration = calibration_of(cell, there)
-    places = load_cameras(calibration) if calibration.exists() else {}
+    places = known_cameras(calibration)
     return cell, [_mounted(camera, places, calibration) for camera in cell.cameras]
 
 

@@ -9,7 +9,7 @@ from app.cells.gen3 import address, calibration_of, holds
 from app.commands._checks import SETUP, Check, Finding, census
 from app.core.errors import DipacError
 from app.core.hand_eye import HandEye
-from app.recording.calibration_file import load_cameras
+from app.recording.calibration_file import known_cameras
 from app.rig.kinova.look import look_at
 
 _CALIBRATE = "Calibrate it in the tab Calibrate of the console, or with `dipac calibration solve`."
@@ -40,8 +40,7 @@ def _cameras(cell: CellFile) -> list[Finding]:
     probe = census()
     if probe.failure:
         return [Finding(what="cameras of the cell", state="missing", found=probe.failure, mend=SETUP)]
-    there = dict(zip(probe.said["serials"], probe.said["warned"], strict=True))
-    return [_camera(camera, there) for camera in cell.cameras]
+    return [_camera(camera, probe.said["connections"]) for camera in cell.cameras]
 
 
 def _camera(camera: CameraEntry, there: Mapping[str, str]) -> Finding:
@@ -58,7 +57,7 @@ def _calibrations(cell: CellFile, file: Path) -> list[Finding]:
     """Whether each is calibrated, and since when."""
     path = calibration_of(cell, file)
     try:
-        known = load_cameras(path) if path.exists() else {}
+        known = known_cameras(path)
     except DipacError as error:
         return [Finding(what="calibration", state="missing", found=f"{path} is none", mend=str(error))]
     return [_calibrated(camera.name, known.get(camera.serial), path) for camera in cell.cameras]

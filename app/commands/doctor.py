@@ -11,7 +11,6 @@ from rich.markup import escape
 from rich.progress import track
 from rich.table import Table
 
-from app.commands._cell_checks import cell_checks
 from app.commands._checks import Check, Finding, State, checks
 from app.config import Site
 from app.core.errors import PreflightError
@@ -48,7 +47,7 @@ def doctor(
 
 
 def _examine(site: Site, cell: Path | None) -> list[Finding]:
-    todo = (*checks(site), *(cell_checks(cell) if cell else ()))
+    todo = (*checks(site), *(_of_cell(cell) if cell else ()))
     with ThreadPoolExecutor(max_workers=_AT_ONCE) as pool:
         results = pool.map(_carry_out, todo)
         progress = track(
@@ -59,6 +58,13 @@ def _examine(site: Site, cell: Path | None) -> list[Finding]:
             transient=True,
         )
         return [finding for found in progress for finding in found]
+
+
+def _of_cell(file: Path) -> tuple[Check, ...]:
+    """Loaded for those alone who have a cell: it needs libraries that the doctor may be asked about."""
+    from app.commands._cell_checks import cell_checks
+
+    return cell_checks(file)
 
 
 def _carry_out(check: Check) -> list[Finding]:

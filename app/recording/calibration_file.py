@@ -43,7 +43,7 @@ class CalibrationFile:
     async def kept(self, serial: str) -> HandEye | None:
         """What the file has of the camera, if it is there. Raises RecordingError where it is no such file."""
         own = self._serials.get(serial, serial)
-        return await to_thread.run_sync(lambda: load_cameras(self._path).get(own) if self._path.exists() else None)
+        return (await to_thread.run_sync(known_cameras, self._path)).get(own)
 
     async def keep(self, found: HandEye) -> Path:
         """Write it into the file, as `save_camera`."""
@@ -57,7 +57,7 @@ def save_camera(path: Path, found: HandEye) -> None:
 
     Raises UsageError where the file cannot be written, RecordingError where what is there is no such file.
     """
-    cameras = load_cameras(path) if path.exists() else {}
+    cameras = known_cameras(path)
     cameras[found.serial] = found
     table = {"schema": SCHEMA, "cameras": {serial: _entry(each) for serial, each in sorted(cameras.items())}}
     try:
@@ -73,10 +73,15 @@ def note_check(path: Path, serial: str, *, place: LastCheck | None = None, optic
 
     Raises as `save_camera`.
     """
-    found = load_cameras(path).get(serial) if path.exists() else None
+    found = known_cameras(path).get(serial)
     if found is not None:
         save_camera(path, replace(found, place=place or found.place, optics=optics or found.optics))
     return found is not None
+
+
+def known_cameras(path: Path) -> dict[str, HandEye]:
+    """As `load_cameras`; none where there is no file yet."""
+    return load_cameras(path) if path.exists() else {}
 
 
 def load_cameras(path: Path) -> dict[str, HandEye]:

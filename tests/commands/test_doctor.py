@@ -141,7 +141,7 @@ def test_a_cell_is_looked_at_with_what_mends_each_part(tmp_path: Path, monkeypat
     delivered = GOOD.replace("tip_m = 0.163", "tip_m = 0.12").replace("turn_deg = 90.0", "turn_deg = 0.0")
     file = written(tmp_path, delivered)
     save_camera(tmp_path / "calibration.toml", camera("012345678901"))
-    bus = {"serials": ["012345678902"], "warned": [""]}
+    bus = {"connections": {"012345678902": ""}}
     monkeypatch.setattr(_cell_checks, "census", lambda: _checks.Probe(said=bus))
     with FakeProcess() as arm:
         there = Address(host=arm.host, tcp_port=arm.ports[0], udp_port=arm.ports[1])

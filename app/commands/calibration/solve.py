@@ -20,7 +20,7 @@ from app.perception.calibration.next_pose import Eye, next_pose
 from app.perception.calibration.se3 import angle, inverse
 from app.perception.calibration.solve import Solved, View, ends_of
 from app.perception.calibration.solve import solve as solved
-from app.recording.calibration_file import FILE, load_cameras, save_camera
+from app.recording.calibration_file import FILE, known_cameras, save_camera
 
 _A4 = Charuco()
 _MM = 1e3
@@ -44,7 +44,7 @@ def solve(
     """
     terminal = Console(highlight=False, soft_wrap=True)
     check_writable(output, "-o")
-    before = load_cameras(output) if output.exists() else {}
+    before = known_cameras(output)
     poses = read_poses(folder / POSES)
     session = read_session(terminal, folder, board, list(poses))
     views = [View(sight=each, T_world_gripper=poses[name]) for name, each in session.sights.items()]

@@ -48,8 +48,7 @@ def census(sdk: Sdk) -> Mapping[str, Any]:
     cameras = found(sdk)
     return {
         "version": str(sdk.rs.__version__),
-        "serials": [each.serial for each in cameras],
-        "warned": [warning(each) for each in cameras],
+        "connections": {each.serial: warning(each) for each in cameras},
         "cameras": [f"{each.name} {each.serial}, USB {each.usb or 'unknown'}" for each in cameras],
         "warnings": [said for each in cameras if (said := warning(each))],
     }
