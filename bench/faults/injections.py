@@ -46,29 +46,30 @@ class Kind:
     undo: Callable[[Driven], None] = lambda _: None
 
 
+def _there(target: str, one: Driven) -> int:
+    """The process of that name, waited for: it calibrates after a motion, and a planner begins when it is asked."""
+    until_s = time.monotonic() + PATIENCE_S
+    while time.monotonic() < until_s and not one.ended:
+        if pid := one.process_id(target):
+            return pid
+        if target == "planner":
+            one.order("plans", plans="sound")
+        time.sleep(0.2)
+    raise AssertionError(f"there is no {target}; {one.errors()}")
+
+
 def _signalled(target: str, number: signal.Signals, one: Driven, _: ModeName) -> None:
-    pid = one.process_id(target)
-    assert pid, f"there is no {target} to be ended; {one.errors()}"
-    os.kill(pid, number)
+    os.kill(_there(target, one), number)
 
 
 def _hung(target: str, duration_s: float, one: Driven, _: ModeName) -> float | None:
     """Stop a process for a while; the arm's own can notice when it goes on, and that is then."""
-    pid = one.process_id(target)
-    assert pid, f"there is no {target} to be stopped; {one.errors()}"
+    pid = _there(target, one)
     os.kill(pid, signal.SIGSTOP)
     time.sleep(duration_s)
     on_s = time.monotonic()
     os.kill(pid, signal.SIGCONT)
     return on_s if target == "arm" else None
-
-
-def _calibrator(do: Callable[[Driven, ModeName], float | None], one: Driven, mode: ModeName) -> float | None:
-    """Once it calibrates, which it does after a motion."""
-    until_s = time.monotonic() + PATIENCE_S
-    while not one.process_id("calibrator") and time.monotonic() < until_s:
-        time.sleep(0.2)
-    return do(one, mode)
 
 
 def _ordered(name: str, one: Driven, _: ModeName, **told: object) -> None:
@@ -153,16 +154,8 @@ _KILL, _TERMINATE = signal.SIGKILL, signal.SIGTERM
 KINDS: Final[tuple[Kind, ...]] = (
     *(Kind(name=f"kill {it}", do=partial(_signalled, it, _KILL)) for it in _WORKERS),
     *(Kind(name=f"hang {it}", do=partial(_hung, it, _HUNG_S)) for it in (*_WORKERS, "cameras", "world")),
-    Kind(
-        name="kill calibrator",
-        do=partial(_calibrator, partial(_signalled, "calibrator", _KILL)),
-        modes=_LEARNING,
-    ),
-    Kind(
-        name="hang calibrator",
-        do=partial(_calibrator, partial(_hung, "calibrator", _HUNG_S)),
-        modes=_LEARNING,
-    ),
+    Kind(name="kill calibrator", do=partial(_signalled, "calibrator", _KILL), modes=_LEARNING),
+    Kind(name="hang calibrator", do=partial(_hung, "calibrator", _HUNG_S), modes=_LEARNING),
     Kind(name="hang arm", do=partial(_hung, "arm", _ARM_HUNG_S), silences=True),
     Kind(name="hang application", do=partial(_hung, "application", _HUNG_S), silences=True),
     Kind(name="hang the event loop", do=partial(_ordered, "block", duration_s=_HUNG_S), modes=_LEARNING, silences=True),
