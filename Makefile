@@ -79,7 +79,7 @@ pictures: setup ## take the pictures of the console anew, from the running progr
 	$(BIN)/python -m bench.console_pictures
 
 lock: setup ## resolve requirements.lock anew from pyproject.toml
-	UV_CUSTOM_COMPILE_COMMAND="make lock" $(BIN)/uv pip compile --quiet --universal --python-version 3.11 \
+	UV_CUSTOM_COMPILE_COMMAND="make lock" $(BIN)/uv pip compile --quiet --universal --fork-strategy fewest --python-version 3.11 \
 	    --generate-hashes --no-emit-index-url --no-emit-find-links --group dev pyproject.toml --output-file requirements.lock
 
 clean: ## remove .venv and everything that can be made again; recordings stay

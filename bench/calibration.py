@@ -36,7 +36,7 @@ def episode(task: Task, seed: int, pushes: int, particle_count: int) -> list[Tra
         if number % 2:
             action = jnp.asarray(task.actions.sample(rng, x, AWAY, 1))
         else:
-            action = task.policy.act(task.policy.prepare(x, goal), now)
+            action = task.policy.act(task.policy.prepare(x, goal), now).mean
         allowed = np.asarray(task.actions.project(action, now))[0]
         seen.append(table.push(task.actions.motion(allowed, AWAY, Site()), x))
         x = seen[-1].after

@@ -35,7 +35,7 @@ def images(task: Task, seed: int, camera: int) -> list[ColourImage]:
         if made == task.horizon or task.ended(x, goal, cell.tool):
             return seen
         now = Now.at_rest(jnp.asarray(x)[None], cell.tool)
-        action = task.actions.project(task.policy.act(task.policy.prepare(x, goal), now), now)
+        action = task.actions.project(task.policy.act(task.policy.prepare(x, goal), now).mean, now)
         cell.execute(task.actions.motion(np.asarray(action)[0], cell.tool, Site()))
     raise AssertionError("counting has no end")
 

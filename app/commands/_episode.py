@@ -2,7 +2,6 @@
 
 import json
 import socket
-import subprocess
 import time
 from collections.abc import Generator
 from contextlib import contextmanager
@@ -15,7 +14,6 @@ import anyio
 from anyio import to_thread
 from rich.text import Text
 
-from app import __version__
 from app.cells import load as load_cell
 from app.cells.base import Wanted
 from app.commands._audience import Audience
@@ -25,6 +23,7 @@ from app.commands._clock import SystemClock
 from app.commands._goal import read_goal
 from app.commands._preflight import check_port
 from app.commands._sight import seen_with
+from app.commands._version import code_version
 from app.config import Limits, Site
 from app.core.bounds import checked
 from app.core.errors import DipacError, MotionRefused, ParameterError, PreflightError, UsageError
@@ -77,6 +76,8 @@ class Options:
     """an .npy file of points (M, 3) [m] instead of a random goal; at least as many as the preset's particles"""
     model: Path | None = None
     """a model.toml to start from instead of the nominal model"""
+    policy: Path | None = None
+    """a folder of `dipac train`, whose policy guides the tree instead of the task's own"""
     calibrate: bool = True
     """calibrate the model in the background"""
     segmenter: Path | None = None
@@ -236,7 +237,8 @@ async def episode(order: Order, output: Output) -> Report:
     async with Worker("planner", niceness=PLANNER_NICENESS) as planner:
         with output.status("starting the planner's process"):
             preset = options.preset if options.preset != "auto" else await planner.run(choose_preset)
-            wish = await _doubted(await to_thread.run_sync(_wish, task, order, preset, method), order, site, planner)
+            guided = await to_thread.run_sync(_guided, method, options.policy, order.task)
+            wish = await _doubted(await to_thread.run_sync(_wish, task, order, preset, guided), order, site, planner)
         start = await to_thread.run_sync(_start, order, preset)
         shelf = await to_thread.run_sync(load_cell(options.rig).shelf, options.cell)
         async with (
@@ -338,6 +340,16 @@ def _wish(task: Task, order: Order, preset: str, method: Method) -> Wish:
     )
 
 
+def _guided(method: Method, policy: Path | None, task: str) -> Method:
+    """By the learned policy, where one is named. Raises UsageError and RecordingError where it is none of it."""
+    if policy is None:
+        return method
+    from app.policy.learned.file import load_policy
+    from app.tasks.teaching import lessons
+
+    return replace(method, policy=load_policy(policy, task=task, how=lessons(load(task)))[0])
+
+
 def _room(site: Site, pushes: int) -> Room:
     """What the episode may take on the disk, and must leave there."""
     expected_s = _AROUND_S + pushes * _LONGEST_ROUND_S
@@ -365,13 +377,3 @@ def _start(order: Order, preset: str) -> Episode:
         code_version=code_version(),
         config=json.dumps(config, default=str),
     )
-
-
-def code_version() -> str:
-    """The program's version with the commit it was started from, where that is known."""
-    command = ["git", "-C", str(Path(__file__).parent), "describe", "--always", "--dirty"]
-    try:
-        commit = subprocess.run(command, capture_output=True, text=True, timeout=5, check=True)  # noqa: S603 - fixed
-    except (OSError, subprocess.SubprocessError):
-        return __version__
-    return f"{__version__}+{commit.stdout.strip()}"

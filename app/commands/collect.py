@@ -1,4 +1,4 @@
-"""Record demonstrations: the scripted expert of a task plays episodes in a simulated cell."""
+"""Record demonstrations: an expert of a task plays episodes in a simulated cell."""
 
 from pathlib import Path
 from typing import Annotated, Literal
@@ -10,7 +10,7 @@ from rich.progress import TimeRemainingColumn
 from app.commands._preflight import make_folder
 from app.commands._progress import counting
 from app.core.errors import UsageError
-from app.evaluation.demonstrate import FIRST_SEED, Demonstration, demonstrations, record
+from app.evaluation.demonstrate import FIRST_SEED, Demonstration, Expert, demonstrations, record
 from app.evaluation.play import Eyes
 from app.recording.writer import unused
 from app.tasks import load
@@ -25,6 +25,7 @@ def collect(
     seed: int = FIRST_SEED,
     preset: Literal["auto", "cpu", "gpu"] = "auto",
     eyes: Eyes = "cameras",
+    expert: Expert = "scripted",
     output: Annotated[Path | None, tyro.conf.arg(aliases=["-o"])] = None,
 ) -> None:
     """One recording an episode, for `dipac calibrate` and for learning a policy. What is there already is kept.
@@ -37,6 +38,7 @@ def collect(
         seed: of the first problem; the next ones count up.
         preset: whose number of particles the clouds have; auto asks this machine.
         eyes: rendered images, or the truth with the noise that particles from images have, which is faster.
+        expert: the task's scripted policy, or the planner that it guides, which takes longer and errs less.
         output: the folder of the recordings; recordings/TASK where none is named.
     """
     terminal = Console(highlight=False, soft_wrap=True)
@@ -49,14 +51,17 @@ def collect(
     reached = actions = 0
     with counting(terminal, TimeRemainingColumn()) as progress:
         bar = progress.add_task("episodes", total=episodes)
-        for shown in demonstrations(task, size, range(seed, seed + episodes), eyes):
+        for shown in demonstrations(task, size, range(seed, seed + episodes), eyes, expert):
             path = unused(folder, f"{task}-{shown.wish.seed:04d}")
             record(shown, path)
             reached, actions = reached + shown.played.success, actions + len(shown.steps)
             progress.update(bar, advance=1)
             progress.console.print(f"{path}: {_told(shown)}", markup=False)
     terminal.print(f"{reached} of {episodes} episodes reached their goal, in {actions} actions together.")
-    terminal.print(f"Calibrate with `dipac calibrate {folder}/*.mcap -o {task}.toml`.", markup=False)
+    terminal.print(f"Calibrate with `dipac calibrate {folder}/*.mcap -o {task}.toml`,", markup=False)
+    terminal.print(
+        f"learn a policy with `dipac train {task} --demos {folder}/*.mcap -o policies/{task}/bc`.", markup=False
+    )
 
 
 def _told(shown: Demonstration) -> str:

@@ -17,7 +17,8 @@ from app.evaluation.demonstrate import calibrated
 from app.evaluation.play import Eyes
 from app.evaluation.scores import scores
 from app.evaluation.tables import markdown, tables
-from app.evaluation.trial import WHOLE, Trial, run_trial
+from app.evaluation.trial import POLICIES, WHOLE, Trial, run_trial
+from app.evaluation.trial import methods as methods_known
 from app.evaluation.workers import Where, finished, share_the_machine
 from app.planner.method import ABLATIONS, NO_ONLINE, PAPER, planners
 from app.tasks import load, names
@@ -34,6 +35,7 @@ def evaluate(
     ablation: _Names = (),
     seeds: int = 10,
     demonstrations: int = 10,
+    policies: Path = POLICIES,
     online: bool = False,
     eyes: Eyes = "cameras",
     preset: Literal["auto", "cpu", "gpu"] = "auto",
@@ -47,10 +49,12 @@ def evaluate(
 
     Args:
         task: all tasks where none is named.
-        planner: all planners where none is named, dipac, which is the paper's, where an ablation is.
+        planner: all planners where none is named, dipac, which is the paper's, where an ablation is. Besides: bc,
+            transporter, act, diffusion and ild, a learned policy alone; dipac+bc and so on, the tree that it guides.
         ablation: of dipac; all where none is named and no planner is; "none" for the whole planner alone.
         seeds: problems 0, 1, ... of each task.
         demonstrations: by the scripted expert, which the model of each task is calibrated from first.
+        policies: where learned policies are, as `dipac train` writes them: TASK/KIND in this folder.
         online: the model also learns from each action of an episode, as it always does where demonstrations are of
             another object.
         eyes: rendered images, or the truth with the noise that particles from images have, which is faster.
@@ -79,6 +83,7 @@ def evaluate(
             eyes=eyes,
             online=online,
             model=models[name],
+            policies=policies,
             actions=actions,
             play_on=play_on,
         )
@@ -111,8 +116,8 @@ def _check(seeds: int, demonstrations: int, jobs: int, actions: int | None) -> N
 def _methods(chosen: Sequence[str], left_out: Sequence[str]) -> list[tuple[str, str]]:
     """Planner and ablation of each method."""
     for name in chosen:
-        if name not in planners():
-            raise UsageError.unknown("planner", name, planners())
+        if name not in methods_known():
+            raise UsageError.unknown("planner", name, methods_known())
     for name in left_out:
         if name not in (WHOLE, *ABLATIONS):
             raise UsageError.unknown("ablation", name, [WHOLE, *ABLATIONS])

@@ -3,9 +3,10 @@
 import itertools
 import json
 import time
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
-from typing import NamedTuple
+from types import MappingProxyType
+from typing import Literal, NamedTuple, TypeAlias
 
 from app import __version__
 from app.core.errors import RecordingError
@@ -21,8 +22,11 @@ from app.tasks import load
 from app.tasks.base import Wish
 from app.tasks.jobs import calibrate, nominal_model
 
-EXPERT = Method.named(ablation="no_planning")
-"""The policy's actions as they are."""
+Expert: TypeAlias = Literal["scripted", "planned"]
+"""Who demonstrates: the task's scripted policy, or the planner that it guides, which takes longer and errs less."""
+EXPERTS: Mapping[Expert, Method] = MappingProxyType(
+    {"scripted": Method.named(ablation="no_planning"), "planned": Method.named()}
+)
 FIRST_SEED = 1000
 """Of demonstrations: other problems than those of evaluations, which count from 0."""
 
@@ -35,9 +39,11 @@ class Demonstration(NamedTuple):
     played: Played
 
 
-def demonstrations(task: str, preset: str, seeds: range, eyes: Eyes) -> Iterator[Demonstration]:
+def demonstrations(
+    task: str, preset: str, seeds: range, eyes: Eyes, expert: Expert = "scripted"
+) -> Iterator[Demonstration]:
     """Each episode of the expert, in the order of the seeds; of the task's lesson, where it has one."""
-    known, model = load(task).demonstrated, nominal_model(task)
+    known, model, method = load(task).demonstrated, nominal_model(task), EXPERTS[expert]
     for seed in seeds:
         steps = list[Step]()
         goal = known.goal(seed, known.preset(preset).particle_count)
@@ -50,9 +56,9 @@ def demonstrations(task: str, preset: str, seeds: range, eyes: Eyes) -> Iterator
             pushes=known.horizon,
             automatic=True,
             calibrating=False,
-            method=EXPERT,
+            method=method,
         )
-        order = Order(task=known, preset=preset, seed=seed, method=EXPERT, model=model, eyes=eyes)
+        order = Order(task=known, preset=preset, seed=seed, method=method, model=model, eyes=eyes)
         yield Demonstration(wish, steps, play(order, steps.append))
 
 

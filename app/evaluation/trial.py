@@ -1,21 +1,36 @@
 """One episode as a row of an evaluation: plain data in and out, to be run in any process of any machine."""
 
+from __future__ import annotations
+
 import time
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
+from functools import lru_cache
 from pathlib import Path
-from typing import Any, final
+from typing import TYPE_CHECKING, Any, final
 
 import numpy as np
 
 from app.config import Site
 from app.core.messages import Model
 from app.evaluation.play import Eyes, Order, play
-from app.planner.method import Method
+from app.planner.method import PAPER, Method, planners
+from app.policy.learned import kinds
 from app.recording.model_file import load_model
 from app.tasks import jobs, load
 
+if TYPE_CHECKING:  # Whoever lists trials shall not load JAX for them.
+    from app.policy.learned.base import LearnedPolicy
+
 WHOLE = "none"
 """The name of what leaves nothing out, where ablations are listed."""
+
+
+GUIDED = "+"
+"""Between a planner and the kind of learned policy that guides it."""
+POLICIES = Path("policies")
+"""Where learned policies are, unless somebody says otherwise."""
+ALONE = replace(Method.named(ablation="no_planning"), calibrated=False)
+"""A policy's actions as they are."""
 
 
 @final
@@ -23,7 +38,8 @@ WHOLE = "none"
 class Trial:
     """An episode of `task` by `planner` with an `ablation`, or `none`.
 
-    `model`: the file of the calibrated model; None where the method does without.
+    `planner`: a planner, a kind of learned policy that acts alone, or `dipac+KIND`, which it guides. `policies`: where
+    these are, as TASK/KIND. `model`: the file of the calibrated model; None where the method does without.
     """
 
     task: str
@@ -34,6 +50,7 @@ class Trial:
     eyes: Eyes = "cameras"
     online: bool = False
     model: Path | None = None
+    policies: Path | None = None
     actions: int | None = None
     play_on: bool = False
 
@@ -59,8 +76,18 @@ class Trial:
 
     @property
     def method(self) -> Method:
-        """How it decides. Raises UsageError for a planner or an ablation that does not exist."""
-        return Method.named(self.planner, None if self.ablation == WHOLE else self.ablation)
+        """How it decides. Raises UsageError for a planner, an ablation or a policy that does not exist."""
+        planner, _, kind = self.planner.rpartition(GUIDED)
+        if not planner and kind not in kinds.names():
+            return Method.named(self.planner, None if self.ablation == WHOLE else self.ablation)
+        policy = _policy(self.policies or POLICIES, self.task, kind)
+        return replace(Method.named(planner) if planner else ALONE, policy=policy)
+
+
+def methods() -> list[str]:
+    """All names that a trial's planner may have."""
+    learned = kinds.names()
+    return [*planners(), *learned, *(f"{PAPER}{GUIDED}{kind}" for kind in learned)]
 
 
 def run_trial(trial: Trial) -> dict[str, Any]:
@@ -82,6 +109,7 @@ def run_trial(trial: Trial) -> dict[str, Any]:
         jobs.warm_up_stage(trial.task, trial.preset, stage, model, method)
     played = play(order, site=Site())
     return asdict(trial) | {
+        "policies": str(trial.policies) if trial.policies and method.policy else None,
         "model": str(trial.model) if trial.model and method.calibrated else None,
         "chamfer_m2": played.chamfer_m2[-1] if played.chamfer_m2 else None,
         "success": played.success,
@@ -95,6 +123,14 @@ def run_trial(trial: Trial) -> dict[str, Any]:
         "parameters": [_calibrated(trial.task, model) for model in played.models] if order.online else [],
         "took_s": time.perf_counter() - began_s,
     }
+
+
+@lru_cache
+def _policy(folder: Path, task: str, kind: str) -> LearnedPolicy:
+    from app.policy.learned.file import load_policy
+    from app.tasks.teaching import lessons
+
+    return load_policy(folder / task / kind, task=task, how=lessons(load(task)))[0]
 
 
 def _model(trial: Trial, method: Method) -> Model:

@@ -7,12 +7,13 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 from jax.lax import Precision
-from jaxtyping import Array, Bool, Float, Float32, Int
+from jaxtyping import Array, Bool, Float, Float32, Float64, Int
 
 from app.config import Site
 from app.core.motion import Motion
 from app.core.types import Points, ToolPose
 from app.policy.base import Now
+from app.policy.symmetry import Isometry
 
 _CLEARING_STEPS = 12
 """Between the parts of a curled rope a start needs a few steps to come free; alone beside one it needs two."""
@@ -41,6 +42,11 @@ class ActionSpace(Protocol):
         ...
 
     @property
+    def chunk(self) -> tuple[int, int]:
+        """T small moves of K numbers each, in which an action may be thought of: A = T K."""
+        ...
+
+    @property
     def substeps(self) -> int:
         """S: simulated substeps an action takes."""
         ...
@@ -66,6 +72,10 @@ class ActionSpace(Protocol):
         """What a typical change of each number is: the unit of one step of gradient descent."""
         ...
 
+    def moved(self, actions: Float[Array, "B A"], by: Isometry) -> Float[Array, "B A"]:
+        """What has to be done where the table and all on it is moved so, to do the same."""
+        ...
+
     def tool_path(self, actions: Float[Array, "B A"], tool: Float[Array, "B 8"]) -> Float[Array, "B T C"]:
         """The tools' coordinates at the ends of all substeps, from poses `tool` on; the first three are a place [m]."""
         ...
@@ -83,6 +93,10 @@ class ActionSpace(Protocol):
 
         Of those K = 8 numbers are known, or the first 3, the position, where the actions need no more.
         """
+        ...
+
+    def measured_action(self, tool: Float[np.ndarray, "M K"]) -> Float32[np.ndarray, " A"]:
+        """The action that was made along measured poses, as `measured_path` takes them: what demonstrations teach."""
         ...
 
 
@@ -121,6 +135,11 @@ class Pushes:
     def size(self) -> int:
         """Two numbers of start and two a displacement."""
         return 2 + 2 * self.displacements
+
+    @property
+    def chunk(self) -> tuple[int, int]:
+        """The start, and each displacement."""
+        return 1 + self.displacements, 2
 
     @property
     def substeps(self) -> int:
@@ -193,6 +212,30 @@ class Pushes:
             np.array([self.start_scale_m, self.displacement_scale_m], np.float32), [2, 2 * self.displacements]
         )
 
+    def moved(self, actions: Float[Array, "B A"], by: Isometry) -> Float[Array, "B A"]:
+        """The start as a place, displacements as directions."""
+        start, steps = self._split(actions)
+        return self._join(by.places(start), by.directions(steps))
+
+    def ends(self, actions: Float[Array, "B A"]) -> Float[Array, "B 2 2"]:
+        """Where a push begins and ends [m]."""
+        return self._waypoints(actions)[:, [0, -1]]
+
+    def bends(self, actions: Float[Array, "B A"]) -> Float[Array, "B M"]:
+        """Each displacement as shares of the way from end to end, along it and across it."""
+        ends, (_, steps) = self.ends(actions), self._split(actions)
+        frame = _frame(ends[:, 1] - ends[:, 0])
+        return jnp.einsum("bij,bki->bkj", frame, steps, precision=Precision.HIGHEST).reshape(len(actions), -1)
+
+    def stroke(self, ends: Float[Array, "B 2 2"], bends: Float[Array, "B M"]) -> Float[Array, "B A"]:
+        """The push of these ends that bends so; what the bends leave open is made up for by all displacements."""
+        way = ends[:, 1] - ends[:, 0]
+        shares = bends.reshape(len(bends), self.displacements, 2)
+        missing = jnp.array([1.0, 0.0]) - shares.sum(1)
+        shares = shares + missing[:, None] / self.displacements
+        steps = jnp.einsum("bij,bkj->bki", _frame(way), shares, precision=Precision.HIGHEST)
+        return self._join(ends[:, 0], steps * (way**2).sum(-1)[:, None, None])
+
     def tool_path(self, actions: Float[Array, "B A"], tool: Float[Array, "B 8"]) -> Float[Array, "B T 3"]:
         """Straight lines between the waypoints, slowly at first and last, then at rest; all at the push height.
 
@@ -224,6 +267,14 @@ class Pushes:
 
         Raises ValueError where nothing was measured.
         """
+        return (self._interpolation() @ self._measured(tool)).astype(np.float32)
+
+    def measured_action(self, tool: Float[np.ndarray, "M K"]) -> Float32[np.ndarray, " A"]:
+        """From where that part begins, in displacements of equal length. Raises ValueError as `measured_path`."""
+        points = self._measured(tool)[:, :2]
+        return np.concatenate([points[0], np.diff(points, axis=0).ravel()]).astype(np.float32)
+
+    def _measured(self, tool: Float[np.ndarray, "M K"]) -> Float64[np.ndarray, "W 3"]:
         if not len(tool):
             raise ValueError("No tool positions were measured; the transition cannot be simulated.")
         positions = tool[:, :3]
@@ -231,8 +282,7 @@ class Pushes:
         path = positions[heights < max(self.height_m, float(heights.min())) + LOW_ENOUGH_M]
         arc = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(path[:, :2], axis=0), axis=1))])
         nodes = np.linspace(0.0, arc[-1], self.displacements + 1)
-        points = np.stack([np.interp(nodes, arc, path[:, k]) for k in range(3)], axis=1)
-        return (self._interpolation() @ points).astype(np.float32)
+        return np.stack([np.interp(nodes, arc, path[:, k]) for k in range(3)], axis=1)
 
     def _split(self, actions: Float[Array, "B A"]) -> tuple[Float[Array, "B 2"], Float[Array, "B D 2"]]:
         return actions[:, :2], actions[:, 2:].reshape(-1, self.displacements, 2)
@@ -292,6 +342,12 @@ class Pushes:
 
     def _bounds(self) -> tuple[Float32[np.ndarray, "2"], Float32[np.ndarray, "2"]]:
         return np.asarray(self.region[:2], np.float32), np.asarray(self.region[2:], np.float32)
+
+
+def _frame(way: Float[Array, "B 2"]) -> Float[Array, "B 2 2"]:
+    """Columns along a way and across it, over its squared length, and no less than a square millimetre."""
+    along = way / jnp.maximum((way**2).sum(-1, keepdims=True), 1e-6)
+    return jnp.stack([along, jnp.stack([-along[:, 1], along[:, 0]], axis=-1)], axis=-1)
 
 
 def _length(vectors: Float[Array, "*axes 2"]) -> Float[Array, "*axes"]:

@@ -6,13 +6,15 @@ from typing import final
 import jax.numpy as jnp
 import numpy as np
 from jax.lax import Precision
-from jaxtyping import Array, Bool, Float, Float32
+from jaxtyping import Array, Bool, Float, Float32, Float64
 
 from app.config import Site
 from app.core.motion import Motion
 from app.core.types import Points, ToolPose
 from app.planner.actions import Reach
+from app.planner.corners import corners
 from app.policy.base import Now
+from app.policy.symmetry import Isometry
 
 _RAMP = 0.2
 """Share of an action in which the tool speeds up, and in which it slows down again."""
@@ -58,6 +60,11 @@ class Carries:
     def size(self) -> int:
         """Four numbers a move."""
         return 4 * self.moves
+
+    @property
+    def chunk(self) -> tuple[int, int]:
+        """The moves."""
+        return self.moves, 4
 
     @property
     def substeps(self) -> int:
@@ -108,6 +115,10 @@ class Carries:
         """Of a displacement and of an opening."""
         return np.tile(np.array([*[self.displacement_scale_m] * 3, self.opening_scale_m], np.float32), self.moves)
 
+    def moved(self, actions: Float[Array, "B A"], by: Isometry) -> Float[Array, "B A"]:
+        """The displacements; openings stay."""
+        return by.directions(actions.reshape(-1, self.moves, 4)).reshape(actions.shape)
+
     def tool_path(self, actions: Float[Array, "B A"], tool: Float[Array, "B 8"]) -> Float[Array, "B T 8"]:
         """Straight lines between the ends of the moves, slowly at first and last, then at rest.
 
@@ -135,14 +146,23 @@ class Carries:
 
         Raises ValueError where nothing was measured, or positions alone.
         """
-        if not len(tool) or tool.shape[1] < 8:
-            raise ValueError("Carrying needs measured poses with openings; the transition cannot be simulated.")
-        path = np.concatenate([tool[:, :3], tool[:, 7:8]], axis=1)
+        path = self._measured(tool)
         arc = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(path, axis=0), axis=1))])
-        at = _eased(np.minimum(np.arange(self.substeps + 1) / self.move_substeps, 1.0)) * arc[-1]
-        points = np.stack([np.interp(at, arc, column) for column in path.T], axis=1)
+        shares = _eased(np.minimum(np.arange(self.substeps + 1) / self.move_substeps, 1.0))
+        points = np.stack([np.interp(shares * arc[-1], arc, column) for column in path.T], axis=1)
         turn = np.tile(_UPRIGHT, (len(points), 1))
         return np.concatenate([points[:, :3], turn, points[:, 3:]], axis=1).astype(np.float32)
+
+    def measured_action(self, tool: Float[np.ndarray, "M K"]) -> Float32[np.ndarray, " A"]:
+        """The way in moves that end where it turns, or fingers begin or cease to move. Raises as `measured_path`."""
+        points = corners(self._measured(tool), self.moves)
+        return np.concatenate([np.diff(points[:, :3], axis=0), points[1:, 3:]], axis=1).ravel().astype(np.float32)
+
+    def _measured(self, tool: Float[np.ndarray, "M K"]) -> Float64[np.ndarray, "M 4"]:
+        """Places and openings."""
+        if not len(tool) or tool.shape[1] < 8:
+            raise ValueError("Carrying needs measured poses with openings; the transition cannot be simulated.")
+        return np.concatenate([tool[:, :3], tool[:, 7:8]], axis=1).astype(np.float64)
 
     def _free(self, places: Float[Array, "*axes 3"]) -> Float[Array, "*axes 3"]:
         """The nearest places inside the bounds and outside the band of the rack: above it, or beside it."""

@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 import pkgutil
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from types import MappingProxyType
-from typing import Self, final
+from typing import TYPE_CHECKING, Self, final
 
 from app.core.errors import UsageError
 from app.planner import methods
+
+if TYPE_CHECKING:  # Whoever needs these names alone shall not load JAX for them.
+    from app.policy.learned.base import LearnedPolicy
 
 PAPER = "dipac"
 """The planner of the paper, of which all ablations are."""
@@ -37,6 +40,7 @@ class Method:
     are drawn at random. Neither branching nor descending, the policy's action is executed as it is, and simulated only
     for what is shown. `calibrated`: the model is calibrated; without, it is what the simulator would be without any
     demonstration. `following`: it goes on learning where it is used. Both are for those to heed who have the model.
+    `policy`: a learned one instead of the task's own.
 
     Raises UsageError for a planner that does not exist, and for options that make no sense together.
     """
@@ -47,6 +51,7 @@ class Method:
     guided: bool = True
     calibrated: bool = True
     following: bool = True
+    policy: LearnedPolicy | None = None
 
     def __post_init__(self) -> None:
         """Checks that there is such a method."""
@@ -64,7 +69,7 @@ class Method:
             return cls(planner=planner)
         if ablation not in ABLATIONS:
             raise UsageError.unknown("ablation", ablation, ABLATIONS)
-        return cls(planner=planner, **ABLATIONS[ablation])
+        return replace(cls(planner=planner), **ABLATIONS[ablation])
 
 
 def planners() -> list[str]:

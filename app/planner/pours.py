@@ -6,12 +6,14 @@ from typing import TypeAlias, final
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool, Float, Float32, Float64
+from scipy.spatial.transform import Rotation
 
 from app.config import Site
 from app.core.motion import Motion
 from app.core.types import Points, ToolPose
 from app.planner.actions import Reach
 from app.policy.base import Now
+from app.policy.symmetry import Isometry
 
 Corner: TypeAlias = tuple[float, float, float]
 _LEVER_M = 0.1
@@ -44,6 +46,11 @@ class Pours:
     shift_scale_m: float = 0.01
     turn_scale_rad: float = 0.06
     size: int = 6
+
+    @property
+    def chunk(self) -> tuple[int, int]:
+        """The whole of it."""
+        return 1, self.size
 
     @property
     def substeps(self) -> int:
@@ -81,6 +88,10 @@ class Pours:
     def scale(self) -> Float32[np.ndarray, " A"]:
         """A centimetre and a few degrees."""
         return np.repeat(np.array([self.shift_scale_m, self.turn_scale_rad], np.float32), 3)
+
+    def moved(self, actions: Float[Array, "B A"], by: Isometry) -> Float[Array, "B A"]:
+        """Shift and turn."""
+        return jnp.concatenate([by.directions(actions[:, :3]), by.rotations(actions[:, 3:])], axis=1)
 
     def tool_path(self, actions: Float[Array, "B A"], tool: Float[Array, "B 8"]) -> Float[Array, "B T 7"]:
         """Place and turn from upright of the bowl."""
@@ -121,6 +132,14 @@ class Pours:
         turned = np.asarray(from_upright(jnp.asarray(path[:, 3:])))
         turned = turned / np.linalg.norm(turned, axis=1, keepdims=True)
         return np.concatenate([path[:, :3], turned], axis=1).astype(np.float32)
+
+    def measured_action(self, tool: Float[np.ndarray, "M K"]) -> Float32[np.ndarray, " A"]:
+        """By how much the last pose is shifted and turned from the first. Raises ValueError as `measured_path`."""
+        if not len(tool) or tool.shape[1] < 7:
+            raise ValueError("No poses of the bowl were measured; the transition cannot be simulated.")
+        before, after = (Rotation.from_quat(tool[at, 3:7], scalar_first=True) for at in (0, -1))
+        shift, turn = tool[-1, :3] - tool[0, :3], (after * before.inv()).as_rotvec()
+        return np.concatenate([shift, turn]).astype(np.float32)
 
     def _shares(self) -> Float32[np.ndarray, " T"]:
         """How much of an action is made at the end of each substep: its speed rises and falls like sin^2."""

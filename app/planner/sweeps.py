@@ -13,6 +13,7 @@ from app.core.motion import Motion
 from app.core.types import Points, ToolPose
 from app.planner.actions import LOW_ENOUGH_M, ON_TABLE_M, Reach
 from app.policy.base import Now
+from app.policy.symmetry import Isometry
 
 _SAMPLES_PER_BRANCH = 32
 _SHIFT_STEP_M = 0.004
@@ -54,6 +55,11 @@ class Sweeps:
     def size(self) -> int:
         """Start and end."""
         return 4
+
+    @property
+    def chunk(self) -> tuple[int, int]:
+        """Start and end."""
+        return 2, 2
 
     @property
     def substeps(self) -> int:
@@ -115,6 +121,23 @@ class Sweeps:
         """The same for all."""
         return np.full(4, self.scale_m, np.float32)
 
+    def moved(self, actions: Float[Array, "B 4"], by: Isometry) -> Float[Array, "B 4"]:
+        """Both ends."""
+        return by.places(actions.reshape(-1, 2, 2)).reshape(actions.shape)
+
+    def ends(self, actions: Float[Array, "B 4"]) -> Float[Array, "B 2 2"]:
+        """Where a sweep begins and ends [m]."""
+        return actions.reshape(-1, 2, 2)
+
+    def bends(self, actions: Float[Array, "B 4"]) -> Float[Array, "B 0"]:
+        """None: a sweep is straight."""
+        return jnp.zeros((len(actions), 0))
+
+    def stroke(self, ends: Float[Array, "B 2 2"], bends: Float[Array, "B 0"]) -> Float[Array, "B 4"]:
+        """The sweep from end to end."""
+        del bends
+        return ends.reshape(-1, 4)
+
     def tool_path(self, actions: Float[Array, "B 4"], tool: Float[Array, "B 8"]) -> Float[Array, "B T 7"]:
         """From start to end, slowly at first and last, then at rest; the quaternion is that of the upright paddle."""
         del tool
@@ -153,17 +176,22 @@ class Sweeps:
 
         Raises ValueError where nothing was measured.
         """
+        start, end = self.measured_action(tool).reshape(2, 2)
+        way = end - start
+        path = np.zeros((self.substeps + 1, 7))
+        path[:, :2] = start + self._progress()[:, None] * way
+        path[:, 2] = max(self.height_m, float(tool[:, 2].min()))
+        angle = (np.arctan2(way[1], way[0]) - np.pi / 2) / 2
+        path[:, 3], path[:, 6] = np.cos(angle), np.sin(angle)
+        return path.astype(np.float32)
+
+    def measured_action(self, tool: Float[np.ndarray, "M K"]) -> Float32[np.ndarray, "4"]:
+        """The ends of that line. Raises ValueError where nothing was measured."""
         if not len(tool):
             raise ValueError("No tool positions were measured; the transition cannot be simulated.")
         heights = tool[:, 2]
         low = tool[heights < max(self.height_m, float(heights.min())) + LOW_ENOUGH_M]
-        way = low[-1, :2] - low[0, :2]
-        path = np.zeros((self.substeps + 1, 7))
-        path[:, :2] = low[0, :2] + self._progress()[:, None] * way
-        path[:, 2] = max(self.height_m, float(heights.min()))
-        angle = (np.arctan2(way[1], way[0]) - np.pi / 2) / 2
-        path[:, 3], path[:, 6] = np.cos(angle), np.sin(angle)
-        return path.astype(np.float32)
+        return low[[0, -1], :2].ravel().astype(np.float32)
 
     def _shift(
         self,

@@ -106,7 +106,7 @@ def start_by_policy(
 ) -> tuple[Prepared, list[Float[Array, "1 A"]]]:
     """What the policy makes of the observation, and the action that it takes first."""
     prepared = search.policy.prepare(observed, goal)
-    return prepared, [search.policy.act(prepared, situation(search, observed, tool, 1))]
+    return prepared, [search.policy.act(prepared, situation(search, observed, tool, 1)).mean]
 
 
 def situation(search: Search, observed: Points, tool: ToolPose, count: int) -> Now:
@@ -121,7 +121,7 @@ def roll_out(search: Search, tree: Start) -> Float[Array, "B D A"]:
     actions = [search.space.project(tree.first, now)]
     for step in range(search.depth - 1):
         now = moved(search, tree.phi, now, actions[-1])
-        wanted = search.policy.act(tree.prepared, now) if search.guided else tree.later[:, step]
+        wanted = search.policy.act(tree.prepared, now).mean if search.guided else tree.later[:, step]
         actions.append(search.space.project(wanted, now))
     return jnp.stack(actions, axis=1)
 

@@ -37,13 +37,30 @@ class Now(NamedTuple):
         return cls(State.at_rest(x), jnp.tile(pose, (len(x), 1)))
 
 
+@final
+class Acted(NamedTuple):
+    """What B candidates do next, A numbers each: one of the task's actions, which may be a chunk of small ones.
+
+    `spread`: how far about `mean` the policy would as well act, one standard deviation of each number; 0 where it
+    knows of no other way.
+    """
+
+    mean: Float[Array, "B A"]
+    spread: Float[Array, "B A"]
+
+    @classmethod
+    def surely(cls, actions: Float[Array, "B A"]) -> Self:
+        """These, and no others."""
+        return cls(actions, jnp.zeros_like(actions))
+
+
 class Policy(Protocol):
-    """Proposes the next action. Frozen and hashable, so that what is compiled for it can be cached."""
+    """Proposes the next action. Hashable, so that what is compiled for it can be cached."""
 
     def prepare(self, observed: Points, goal: Points) -> Prepared:
         """What is worked out once an observation, in NumPy: orderings, matches, embeddings."""
         ...
 
-    def act(self, prepared: Prepared, now: Now) -> Float[Array, "B A"]:
-        """One action for each candidate; a pure JAX function."""
+    def act(self, prepared: Prepared, now: Now) -> Acted:
+        """One action for each candidate; a pure JAX function, called on simulated states as on seen ones."""
         ...

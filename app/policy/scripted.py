@@ -9,7 +9,7 @@ from jax.lax import Precision
 from jaxtyping import Array, Float, Float32
 
 from app.core.types import Points
-from app.policy.base import Now
+from app.policy.base import Acted, Now
 from app.policy.ordering import arclength_labels, centreline_weights
 
 _BLOCKED_M = 10.0
@@ -52,7 +52,7 @@ class ScriptedPush:
         line = (centreline_weights(arclength_labels(goal), self.nodes) @ goal)[:, :2]
         return Matched(weights, np.stack([line, line[::-1]]))
 
-    def act(self, prepared: Matched, now: Now) -> Float[Array, "B A"]:
+    def act(self, prepared: Matched, now: Now) -> Acted:
         """The push that helps most, for each candidate."""
         x = now.x
         nodes = jnp.einsum("mn,bnk->bmk", prepared.weights, x[..., :2], precision=Precision.HIGHEST)
@@ -68,7 +68,7 @@ class ScriptedPush:
         start, direction = (jnp.take_along_axis(a, best[..., None], axis=1)[:, 0] for a in (start, direction))
         length = jnp.clip(advance + self.start_gap_m - self.contact_gap_m, 0.0, self.max_length_m)
         steps = jnp.tile(length * direction / self.displacements, (1, self.displacements))
-        return jnp.concatenate([start, steps], axis=1)
+        return Acted.surely(jnp.concatenate([start, steps], axis=1))
 
     def _directions(self, nodes: Float[Array, "B M 2"], error: Float[Array, "B M 2"]) -> Float[Array, "B M 2"]:
         """Unit vectors along the errors, turned towards the normal of the rope where they lean too far."""

@@ -7,7 +7,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float
 
 from app.core.types import Points
-from app.policy.base import Now
+from app.policy.base import Acted, Now
 
 _END = 0.85
 """Where an end is pushed, as a share of the half length: nearer to the tip the finger slips off."""
@@ -59,7 +59,7 @@ class ScriptedGap:
     def prepare(self, observed: Points, goal: Points) -> None:
         """Nothing: where the gap is says it all."""
 
-    def act(self, prepared: None, now: Now) -> Float[Array, "B A"]:
+    def act(self, prepared: None, now: Now) -> Acted:
         """One push for each candidate."""
         del prepared
         rod = fitted(now.x[..., :2])
@@ -68,7 +68,8 @@ class ScriptedGap:
         start, way = jnp.moveaxis(jnp.take_along_axis(ends, chosen[:, None, None, None], axis=1)[:, 0], 1, 0)
         length = _length(way)[:, None]
         way = way * jnp.minimum(1.0, self.max_length_m / length)
-        return jnp.concatenate([start, jnp.tile(way / self.displacements, (1, self.displacements))], axis=1)
+        steps = jnp.tile(way / self.displacements, (1, self.displacements))
+        return Acted.surely(jnp.concatenate([start, steps], axis=1))
 
     def _aligned(self, rod: Rod) -> Bool[Array, " B"]:
         """Whether it leads through the gap, or is half through."""

@@ -9,7 +9,7 @@ import numpy as np
 from jaxtyping import Array, Float, Float32
 
 from app.core.types import Points
-from app.policy.base import Now
+from app.policy.base import Acted, Now
 
 _TINY_M = 1e-6
 
@@ -52,7 +52,7 @@ class ScriptedSweep:
         middle = goal[:, :2].mean(axis=0)
         return Aim(middle, np.sqrt(2 * ((goal[:, :2] - middle) ** 2).sum(1).mean()))
 
-    def act(self, prepared: Aim, now: Now) -> Float[Array, "B 4"]:
+    def act(self, prepared: Aim, now: Now) -> Acted:
         """The stroke that gains most, for each candidate."""
         angle = jnp.asarray(np.linspace(0, 2 * np.pi, self.angles, endpoint=False), jnp.float32)
         ahead = jnp.stack([jnp.cos(angle), jnp.sin(angle)], axis=-1)
@@ -68,7 +68,8 @@ class ScriptedSweep:
         ahead = ahead[way]
         end = self.stop * radius + self.half_m[1]
         begin = self._starts(radius)[start] + self.half_m[1] + self.gap_m
-        return jnp.concatenate([prepared.middle - begin[:, None] * ahead, prepared.middle - end * ahead], axis=1)
+        ends = [prepared.middle - each * ahead for each in (begin[:, None], end)]
+        return Acted.surely(jnp.concatenate(ends, axis=1))
 
     def _starts(self, radius: Float[Array, ""]) -> Float[Array, " S"]:
         """How far before the middle the paddle's face may start [m]: at the goal's rim or farther out."""

@@ -29,11 +29,15 @@ if TYPE_CHECKING:  # Whoever needs these names alone shall not load JAX and Warp
     from app.planner.plan import Plan
     from app.planner.tree import Begin
     from app.policy.base import Policy
+    from app.policy.pictures import View
+    from app.policy.symmetry import Symmetry
     from app.sim.scene import Scene
     from app.sim.state import State
     from app.tasks.aim import Aim
 
 
+_AROUND_M, _PIXEL_M = 0.04, 0.008
+"""What is seen around where actions reach, and a pixel of it: half of a rope's width."""
 _LONGEST, _HASTIEST, _MOST = 1e3, 1e2, 1e6
 """No episode has more actions, no simulation is faster, no preset larger: such a number is a slip."""
 
@@ -92,6 +96,8 @@ class Task:
 
     `seeing`: how perception finds the object; its particle count is the preset's. `begin`: the simulator's state of an
     object that is seen; `at_rest`: actions end at rest, and nothing but where the object is matters to the next one.
+    `symmetry`: what a demonstration shows of problems that were not demonstrated; `side`: from where policies that look
+    see the object besides from above.
     `nominal`: parameters of the simulator, by name, whose nominal value for this task is not the simulator's own;
     `calibrated`: those that calibration estimates from transitions. `aim`: when it is done, truly; `ends`: when what
     cameras see is enough to stop, where that has to be more than the aim; `horizon`: after how many actions an
@@ -106,6 +112,7 @@ class Task:
     scene: Scene
     actions: ActionSpace
     policy: Policy
+    symmetry: Symmetry
     weights: Weights
     descent: Descent
     problems: Problems
@@ -119,6 +126,7 @@ class Task:
     at_rest: bool = True
     ends: Aim | None = None
     empty_m: float = 0.0
+    side: View | None = None
     lesson: Lesson | None = None
 
     @property
@@ -142,6 +150,16 @@ class Task:
         for kind, preset in self.presets.items():
             for name, value in vars(preset).items():
                 checked(f"presets[{kind!r}].{name}", float(value), float(name != "gradient_steps"), _MOST)
+
+    @property
+    def views(self) -> tuple[View, ...]:
+        """What policies that look see: all that actions reach, from above, and from the side where that tells more."""
+        from app.policy.pictures import View
+
+        (x0, y0, z0), (x1, y1, z1) = self.actions.reach
+        around = ((x0 - _AROUND_M, y0 - _AROUND_M, z0), (x1 + _AROUND_M, y1 + _AROUND_M, z1))
+        top = View(low=around[0], high=around[1], pixel_m=_PIXEL_M)
+        return (top,) if self.side is None else (top, self.side)
 
     @property
     def rope(self) -> Rope:

@@ -1,5 +1,6 @@
 """Hanging a cloth that lies on the table over a rack: grasp, carry, release (paper, cloth task)."""
 
+from math import pi
 from types import MappingProxyType
 
 from app.core.colours import ColourRange
@@ -10,6 +11,7 @@ from app.planner.carries import Carries, KeptClear
 from app.planner.cost import Weights
 from app.planner.optimise import Descent
 from app.policy.scripted_carry import ScriptedCarry
+from app.policy.symmetry import Symmetry
 from app.sim.materials.cloth import Cloth as ClothMaterial
 from app.sim.materials.threads import unstretched
 from app.sim.scene import Body, Scene
@@ -95,6 +97,7 @@ TASK = Task(
         openings_m=OPENINGS_M,
         steps_m=(STEP_M, 0.05),
     ),
+    symmetry=Symmetry(about_m=(0.55, CLEAR.y_m), angles_rad=(0.0, pi), mirrored=True, shift_m=(0.04, 0.0)),
     weights=Weights(progress=1.0, contact=0.0005, discount=0.9, level=False),
     descent=Descent(learning_rate=1.0, clip=1.0, shrink=0.5),
     problems=ClothProblems(cloth=CLOTH, rack=RACK, middle_m=(0.55, -0.175), shift_m=(0.06, 0.02), turn_rad=0.15),

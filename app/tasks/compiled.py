@@ -101,8 +101,10 @@ def planner(
 
 @lru_cache
 def _planner(task: str, preset: str, effects: tuple[Effect, ...], method: Method, confines: Confines) -> Planner:
-    data = load(task)
-    return made(method, _search(task, preset, effects, confines), data.descent, data.preset(preset).gradient_steps)
+    data, search = load(task), _search(task, preset, effects, confines)
+    if method.policy is not None:
+        search = replace(search, policy=method.policy)
+    return made(method, search, data.descent, data.preset(preset).gradient_steps)
 
 
 def search(task: str, preset: str, phi: Float32[np.ndarray, " P"], confines: Confines = ANYWHERE) -> Search:

@@ -15,6 +15,7 @@ from app.planner.cost import Weights
 from app.planner.optimise import Descent
 from app.planner.pours import Pours
 from app.policy.scripted_pour import ScriptedPour
+from app.policy.symmetry import Symmetry
 from app.tasks.aim import InBowl
 from app.tasks.base import Preset, Task
 from app.tasks.pouring import PouringProblems, pouring_scene
@@ -59,6 +60,7 @@ TASK = Task(
         full_rad=1.75,
         max_shift_m=0.12,
     ),
+    symmetry=Symmetry(mirrored=True),
     weights=Weights(progress=1.0, contact=0.0, discount=0.9),
     descent=Descent(learning_rate=0.5, clip=1.0, shrink=0.5),
     problems=PouringProblems(liquid=WATER, held=HELD, target=TARGET, home_m=HOME_M),

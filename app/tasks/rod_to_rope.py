@@ -12,6 +12,7 @@ from app.planner.cost import Weights
 from app.planner.optimise import Descent
 from app.planner.passage import Passage
 from app.policy.scripted_gap import ScriptedGap
+from app.policy.symmetry import Symmetry
 from app.sim.materials.rope import Rope as RopeMaterial
 from app.sim.scene import Body, Scene
 from app.sim.tools import finger as sim_finger
@@ -87,6 +88,7 @@ TASK = Task(
         contact_gap_m=TOUCH_M,
         max_length_m=0.18,
     ),
+    symmetry=Symmetry(mirrored=True),
     weights=Weights(
         progress=1.0,
         contact=0.002,

@@ -10,6 +10,7 @@ from app.planner.actions import Pushes
 from app.planner.cost import Weights
 from app.planner.optimise import Descent
 from app.policy.scripted import ScriptedPush
+from app.policy.symmetry import Symmetry
 from app.sim.materials.rope import Rope as RopeMaterial
 from app.sim.scene import Body, Scene
 from app.sim.tools import finger as sim_finger
@@ -67,6 +68,7 @@ TASK = Task(
         max_length_m=0.18,
         clearance_m=CLEARANCE_M,
     ),
+    symmetry=Symmetry(about_m=(0.55, 0.0), turns=True, mirrored=True, shift_m=(0.08, 0.08)),
     weights=Weights(progress=1.0, contact=0.002, discount=0.7),
     descent=Descent(learning_rate=1.0, clip=1.0, shrink=0.5),
     problems=RopeProblems(rope=ROPE),

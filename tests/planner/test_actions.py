@@ -118,3 +118,13 @@ def test_a_motion_that_was_stopped_before_it_came_down_touches_nothing() -> None
 def test_a_motion_without_measurements_cannot_be_simulated() -> None:
     with pytest.raises(ValueError, match="No tool positions"):
         SPACE.measured_path(np.zeros((0, 3)))
+
+
+def test_a_push_is_its_ends_and_how_it_bends_between_them() -> None:
+    rng = np.random.default_rng(7)
+    actions = jnp.asarray(np.concatenate([rng.uniform(0.4, 0.6, (5, 2)), rng.uniform(-0.002, 0.01, (5, 40))], axis=1))
+
+    ends, bends = SPACE.ends(actions), SPACE.bends(actions)
+    np.testing.assert_allclose(SPACE.stroke(ends, bends), actions, atol=1e-5)
+    moved = SPACE.ends(SPACE.stroke(ends + jnp.array([[0.01, -0.02]]), 0.5 * bends))
+    np.testing.assert_allclose(moved, ends + jnp.array([[0.01, -0.02]]), atol=1e-5)

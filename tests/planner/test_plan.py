@@ -114,10 +114,10 @@ def test_a_tree_begins_with_the_policy_and_continues_every_branch_with_it() -> N
     tree = search()
     begun = start(tree, START, GOAL, PHI, seed=0)
     assert begun.first.shape == (tree.branches, SPACE.size)
-    np.testing.assert_allclose(begun.first[0], tree.policy.act(begun.prepared, now(START, 1))[0], atol=1e-6)
+    np.testing.assert_allclose(begun.first[0], tree.policy.act(begun.prepared, now(START, 1)).mean[0], atol=1e-6)
     actions = roll_out(tree, begun)
     after, prepared = moved(tree, begun.phi, begun.now, actions[:, 0]), begun.prepared
-    np.testing.assert_allclose(actions[:, 1], SPACE.project(tree.policy.act(prepared, after), after), atol=1e-5)
+    np.testing.assert_allclose(actions[:, 1], SPACE.project(tree.policy.act(prepared, after).mean, after), atol=1e-5)
 
 
 def test_the_gradient_of_a_branchs_cost_agrees_with_central_differences() -> None:

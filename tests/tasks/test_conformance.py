@@ -127,7 +127,7 @@ def test_the_experts_action_is_allowed_and_the_same_action_gives_the_same_world(
         cell = LockStep(task.stage, task.start(SEED), Site(), SEED)
         x, goal, tool = task.particles(cell.nodes(), count), task.goal(SEED, count), cell.tool
         now = Now.at_rest(jnp.asarray(x)[None], tool)
-        action = task.actions.project(task.policy.act(task.policy.prepare(x, goal), now), now)
+        action = task.actions.project(task.policy.act(task.policy.prepare(x, goal), now).mean, now)
         assert bool(task.actions.allowed(action, now)[0])
         executed = cell.execute(task.actions.motion(np.asarray(action)[0], tool, Site()))
         assert executed.outcome == "completed"

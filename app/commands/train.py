@@ -1,0 +1,127 @@
+"""Train a policy on demonstrations: a file for `--policy`, with curves of how it went; what was broken off goes on."""
+
+import shlex
+import sys
+from dataclasses import asdict
+from pathlib import Path
+from typing import Annotated
+
+import tyro
+from rich.console import Console
+from rich.progress import Progress as Bar
+from rich.progress import TaskID, TimeRemainingColumn
+
+from app.commands._preflight import make_folder
+from app.commands._progress import counting
+from app.commands._version import code_version
+from app.core.errors import UsageError
+from app.evaluation.learning import draw_learning
+from app.policy.learned import kinds
+from app.policy.learned.file import CHECKPOINT, FILE, Origin, load_training, save_policy, save_training
+from app.policy.learned.train import Progress, Settings, Training, begin, learn
+from app.recording.model_file import load_model
+from app.recording.shelf import counted_once
+from app.recording.taught import Taught, read_taught
+from app.tasks import load
+from app.tasks.jobs import nominal_model
+from app.tasks.teaching import examples, lessons, simulator
+
+_SAVE_EVERY = 500
+"""Steps, between two checkpoints."""
+
+
+def train(
+    task: tyro.conf.Positional[str],
+    /,
+    *,
+    demos: tuple[Path, ...],
+    policy: str = "bc",
+    steps: int = 4000,
+    batch: int = 64,
+    seed: int = 0,
+    model: Path | None = None,
+    output: Annotated[Path, tyro.conf.arg(aliases=["-o"])] = Path("policy"),
+) -> None:
+    """Learn what was demonstrated, and what follows from it by the task's symmetries; the last recording is held out.
+
+    Args:
+        task: whose policy it is, such as rope_push; an unknown one is answered with all names.
+        demos: recordings: ten are enough, of `dipac collect` or the console.
+        policy: the way to learn; an unknown one is answered with all names.
+        steps: at most; fewer where what is held out gains nothing any more.
+        batch: situations that a step is made of.
+        model: of the simulator, for policies that learn by trying in it; the nominal one where none is named.
+        seed: of what is drawn: parameters to begin with, batches, symmetries, noise.
+        output: the folder to write: the policy, curves, and what is needed to go on.
+    """
+    terminal = Console(highlight=False, soft_wrap=True)
+    known, learner = load(task), kinds.load(policy)
+    if steps < 1 or batch < 1 or seed < 0:
+        raise UsageError(f"--steps {steps} and --batch {batch} must be at least 1, and --seed {seed} at least 0.")
+    make_folder(output, "-o")
+    shown = _shown(demos, task)
+    taught = examples(known, [(each.transitions, each.goals) for each in shown.values()])
+    start = load_model(model, task=task, time_s=0.0) if model else nominal_model(task)
+    how = lessons(known, simulator(known, start, taught.x.shape[1]))
+    settings = Settings(steps=steps, batch=batch, seed=seed)
+    hashes = {path.name: each.digest for path, each in shown.items()}
+    told = {"task": task, "kind": policy, "demonstrations": hashes} | asdict(settings)
+    training = begin(learner, how, taught, settings)
+    checkpoint = output / CHECKPOINT
+    if checkpoint.exists():
+        training = load_training(checkpoint, training, told)
+        terminal.print(f"Going on with {checkpoint} from step {training.step}.", markup=False)
+    terminal.print(f"Learning from {len(taught.x)} actions of {len(shown)} demonstrations.")
+    curve = list[Progress]()
+    with counting(terminal, TimeRemainingColumn()) as progress:
+        bar = progress.add_task("steps", total=steps, completed=training.step)
+
+        def listen(step: Progress) -> None:
+            curve.append(step)
+            _tell(progress, bar, step)
+            if step.step % _SAVE_EVERY == 0:
+                save_training(checkpoint, training, told)
+
+        found, training = learn(learner, how, taught, settings, training, listen)
+    save_training(checkpoint, training, told)
+    save_policy(output / FILE, found, _origin(task, policy, settings, training, hashes))
+    if curve:
+        draw_learning(curve, f"{task}: {policy}", output / "learning.svg")
+    terminal.print(
+        f"Held out loss {training.best_loss:.4g} after {training.step} steps; written to {output / FILE}. "
+        f"Use it with `dipac run {task} --policy {output}`.",
+        markup=False,
+    )
+
+
+def _shown(demos: tuple[Path, ...], task: str) -> dict[Path, Taught]:
+    """Each recording once. Raises UsageError where one is of another task."""
+    if not demos:
+        raise UsageError("Name at least one recording: dipac train TASK --demos recordings/TASK/*.mcap")
+    shown = {path: read_taught(path) for path in counted_once(demos)}
+    others = {path.name: each.task for path, each in shown.items() if each.task != task}
+    if others:
+        listed = ", ".join(f"{name}: {other}" for name, other in others.items())
+        raise UsageError(f"These recordings are of other tasks than {task} ({listed}); leave them out.")
+    return shown
+
+
+def _tell(progress: Bar, bar: TaskID, step: Progress) -> None:
+    better = " *" if step.best else ""
+    progress.update(bar, completed=step.step)
+    progress.console.print(
+        f"step {step.step}: loss {step.loss:.4g}, held out {step.held_out:.4g}{better}", markup=False
+    )
+
+
+def _origin(task: str, kind: str, settings: Settings, training: Training, hashes: dict[str, str]) -> Origin:
+    return Origin(
+        task=task,
+        kind=kind,
+        seed=settings.seed,
+        steps=training.step,
+        held_out_loss=training.best_loss,
+        code_version=code_version(),
+        command=shlex.join(["dipac", *sys.argv[1:]]),
+        demonstrations=hashes,
+    )

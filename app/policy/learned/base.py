@@ -1,0 +1,173 @@
+"""What a learner is, and the policy that comes of one: a network's parameters behind the port of all policies."""
+
+import hashlib
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field, replace
+from typing import Any, NamedTuple, Protocol, Self, TypeAlias, final
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Bool, Float, Float32, PRNGKeyArray
+
+from app.core.types import Points
+from app.policy.base import Acted, Now
+from app.policy.learned.sight import Aimed, Sight, Views, aim, sight
+from app.policy.symmetry import Isometry, Symmetry
+from app.sim.state import State
+
+Params: TypeAlias = Mapping[str, Any]
+"""A pytree of arrays, as flax has it."""
+Chunk: TypeAlias = tuple[int, int]
+"""T small moves of K numbers each, of which an action of A = T K numbers is made."""
+
+
+class Space(Protocol):
+    """Of a task's actions what learning needs (`app.planner.actions.ActionSpace`). Frozen and hashable."""
+
+    @property
+    def chunk(self) -> Chunk:
+        """Its small moves."""
+        ...
+
+    def allowed(self, actions: Float[Array, "B A"], now: Now) -> Bool[Array, " B"]:
+        """Whether they may be made."""
+        ...
+
+    def moved(self, actions: Float[Array, "B A"], by: Isometry) -> Float[Array, "B A"]:
+        """What they are where the table is moved so."""
+        ...
+
+    def project(self, actions: Float[Array, "B A"], now: Now) -> Float[Array, "B A"]:
+        """The nearest ones that may be made."""
+        ...
+
+    def tool_path(self, actions: Float[Array, "B A"], tool: Float[Array, "B 8"]) -> Float[Array, "B T C"]:
+        """The tools' coordinates as the simulator takes them."""
+        ...
+
+    def after(self, actions: Float[Array, "B A"], tool: Float[Array, "B 8"]) -> Float[Array, "B 8"]:
+        """Where they leave the tools."""
+        ...
+
+
+Advance: TypeAlias = Callable[[Float[Array, "B P"], State, Float[Array, "B T C"]], State]
+"""The simulator: parameters, state before, tool path -> state after."""
+
+
+@final
+@dataclass(frozen=True, kw_only=True)
+class World:
+    """A simulator that learners may try in, with the parameters `phi` of its model.
+
+    `begin`: the simulator's state of an object that is seen.
+    """
+
+    advance: Advance
+    begin: Callable[[Float[Array, "B N 3"]], State]
+    phi: tuple[float, ...]
+
+
+@final
+@dataclass(frozen=True, kw_only=True)
+class Lessons:
+    """What a task says of how its policies learn. `world`: for those who learn by trying; nobody acts by it."""
+
+    space: Space
+    symmetry: Symmetry
+    views: Views
+    world: World | None = None
+
+
+@final
+class Scale(NamedTuple):
+    """What a network's numbers are of an action's: standard deviations from a mean, as small moves."""
+
+    mean: Float32[np.ndarray, "T K"]
+    std: Float32[np.ndarray, "T K"]
+
+    def to(self, actions: Float[Array, "B A"]) -> Float[Array, "B T K"]:
+        """An action's numbers to a network's."""
+        return (actions.reshape(-1, *self.mean.shape) - self.mean) / self.std
+
+    def back(self, moves: Float[Array, "B T K"], spread: Float[Array, "B T K"]) -> Acted:
+        """A network's numbers to actions."""
+        shape = (len(moves), -1)
+        return Acted((moves * self.std + self.mean).reshape(shape), (spread * self.std).reshape(shape))
+
+
+@final
+class Shown(NamedTuple):
+    """Of B situations what was seen there, and done; a JAX pytree.
+
+    `after`: where the object then was, and after each of the W - 1 actions that followed [m]. `counts` is 0 where none
+    followed, and 1 otherwise. `aimed`: each one's goal, as `sight` takes it.
+    """
+
+    seen: Sight
+    now: Now
+    actions: Float[Array, "B A"]
+    after: Float[Array, "B W N 3"]
+    counts: Float[Array, "B W"]
+    aimed: Aimed
+
+
+class Learner(Protocol):
+    """A way to learn: a network, what it minimises, and how it acts. A frozen dataclass of numbers."""
+
+    @property
+    def window(self) -> int:
+        """W: of how many actions in a row it asks what came of them."""
+        ...
+
+    def begin(self, key: PRNGKeyArray, seen: Sight, how: Lessons) -> Params:
+        """Parameters to begin with, for such sights and the actions of such lessons."""
+        ...
+
+    def loss(
+        self,
+        params: Params,
+        key: PRNGKeyArray,
+        shown: Shown,
+        how: Lessons,
+        scale: Scale,
+    ) -> Float[Array, ""]:
+        """How far the policy is from doing what was shown; `key` for what is drawn in training."""
+        ...
+
+    def act(self, params: Params, seen: Sight, how: Lessons, scale: Scale) -> Acted:
+        """What the policy does."""
+        ...
+
+
+@final
+@dataclass(frozen=True, kw_only=True)
+class LearnedPolicy:
+    """A policy as `app.policy.base.Policy` has it. What is compiled for it holds its parameters: `digest` names them.
+
+    Two of the same digest are the same, so that one that went from process to process needs no new compilation.
+    """
+
+    learner: Learner
+    how: Lessons
+    params: Params = field(compare=False, repr=False)
+    scale: Scale = field(compare=False, repr=False)
+    digest: str
+
+    @classmethod
+    def of(cls, learner: Learner, how: Lessons, params: Params, scale: Scale) -> Self:
+        """With the digest of these numbers."""
+        digest = hashlib.sha256()
+        for array in jax.tree_util.tree_leaves((params, tuple(scale))):
+            digest.update(np.ascontiguousarray(np.asarray(array, np.float32)).tobytes())
+        how = replace(how, world=None)
+        return cls(learner=learner, how=how, params=params, scale=scale, digest=digest.hexdigest())
+
+    def prepare(self, observed: Points, goal: Points) -> Aimed:
+        """The goal's pictures."""
+        del observed
+        return aim(self.how.views, jnp.asarray(goal)[None])
+
+    def act(self, prepared: Aimed, now: Now) -> Acted:
+        """As the network acts on what there is to be seen."""
+        return self.learner.act(self.params, sight(self.how.views, prepared, now), self.how, self.scale)

@@ -1,0 +1,84 @@
+"""What demonstrations show, and batches of it for a step of learning, moved by the task's symmetries."""
+
+from typing import NamedTuple, Self, final
+
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Bool, Float, Float32, Int
+
+from app.policy.base import Now
+from app.policy.learned.base import Lessons, Scale, Shown
+from app.policy.learned.sight import aim, sight
+from app.policy.symmetry import Isometry
+
+_DRAWS = 32
+"""Of symmetries for each example, to see what actions there are."""
+_LEAST, _ASSUMED = 1e-4, 1e-2
+"""A standard deviation [m, rad] below which a number of an action is always the same, and what it is taken for then."""
+
+
+@final
+class Examples(NamedTuple):
+    """E situations, what was done in them, and where the object was `after` it [m].
+
+    `episode`: of which demonstration each is, counted from 0; those of one are in their order.
+    """
+
+    x: Float32[np.ndarray, "E N 3"]
+    goal: Float32[np.ndarray, "E M 3"]
+    tool: Float32[np.ndarray, "E 8"]
+    actions: Float32[np.ndarray, "E A"]
+    after: Float32[np.ndarray, "E N 3"]
+    episode: Int[np.ndarray, " E"]
+
+    def of(self, chosen: Bool[np.ndarray, " E"] | Int[np.ndarray, " C"]) -> Self:
+        """Some of them."""
+        return type(self)(*(each[chosen] for each in self))
+
+    def following(self, window: int) -> Int[np.ndarray, "E W"]:
+        """Of each the index, and those of the next ones; its last one's again where its demonstration ends before."""
+        last = np.searchsorted(self.episode, self.episode, side="right") - 1
+        return np.minimum(np.arange(len(self.x))[:, None] + np.arange(window), last[:, None])
+
+
+@final
+class Batch(NamedTuple):
+    """B examples, with what came of each and of those after it, as `Shown` has it; a JAX pytree."""
+
+    x: Float[Array, "B N 3"]
+    goal: Float[Array, "B M 3"]
+    tool: Float[Array, "B 8"]
+    actions: Float[Array, "B A"]
+    after: Float[Array, "B W N 3"]
+    counts: Float[Array, "B W"]
+
+    @classmethod
+    def of(cls, examples: Examples, chosen: Int[np.ndarray, " B"], window: int = 1) -> Self:
+        """The chosen ones."""
+        index = examples.following(window)[chosen]
+        counts = np.concatenate([np.ones((len(index), 1)), index[:, 1:] > index[:, :-1]], axis=1)
+        x, goal, tool, actions = (jnp.asarray(each[chosen]) for each in examples[:4])
+        return cls(x, goal, tool, actions, jnp.asarray(examples.after[index]), jnp.asarray(counts, jnp.float32))
+
+    def moved(self, lessons: Lessons, by: Isometry) -> Self:
+        """Each as it would be on the moved table; as it is, where the arm could not do there what was done."""
+        x, tool, actions = by.places(self.x), by.poses(self.tool), lessons.space.moved(self.actions, by)
+        may = lessons.space.allowed(actions, Now.at_rest(x)._replace(tool=tool))
+        new = type(self)(x, by.places(self.goal), tool, actions, by.places(self.after), self.counts)
+        pairs = zip(new, self, strict=True)
+        return type(self)(*(jnp.where(may.reshape(-1, *[1] * (there.ndim - 1)), there, here) for there, here in pairs))
+
+    def shown(self, lessons: Lessons) -> Shown:
+        """As a learner sees it."""
+        now, aimed = Now.at_rest(self.x)._replace(tool=self.tool), aim(lessons.views, self.goal)
+        seen = sight(lessons.views, aimed, now)
+        return Shown(seen, now, self.actions, self.after, self.counts, aimed)
+
+
+def scale_of(lessons: Lessons, examples: Examples, seed: int) -> Scale:
+    """Of the actions as they are taught, moved by symmetries."""
+    rng, count = np.random.default_rng([seed, len(examples.x)]), len(examples.x)
+    many = Batch.of(examples, np.repeat(np.arange(count), _DRAWS))
+    actions = np.asarray(many.moved(lessons, lessons.symmetry.drawn(rng, _DRAWS * count)).actions)
+    mean, std = (each(actions, axis=0).reshape(lessons.space.chunk).astype(np.float32) for each in (np.mean, np.std))
+    return Scale(mean, np.where(std < _LEAST, np.float32(_ASSUMED), std))

@@ -1,0 +1,150 @@
+"""Learned policies as files: numbers in safetensors, everything else as JSON in their header. No pickle anywhere."""
+
+import json
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass, field, replace
+from pathlib import Path
+from typing import Any, Final, TypeAlias, final
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from flax.traverse_util import flatten_dict, unflatten_dict
+from safetensors import SafetensorError, safe_open
+from safetensors.numpy import save_file
+
+from app.core.errors import RecordingError, UsageError
+from app.policy.learned import kinds
+from app.policy.learned.base import LearnedPolicy, Learner, Lessons, Params, Scale
+from app.policy.learned.train import Training
+
+SCHEMA: Final = 1
+FILE: Final = "policy.safetensors"
+CHECKPOINT: Final = "checkpoint.safetensors"
+"""Their names in the folder that `dipac train` writes."""
+_HEADER: Final = "dipac"
+Arrays: TypeAlias = dict[str, np.ndarray]
+
+
+@final
+@dataclass(frozen=True, kw_only=True)
+class Origin:
+    """Where a policy is from: its task and kind, how it was trained, and on what (SHA-256 by file)."""
+
+    task: str
+    kind: str
+    seed: int
+    steps: int
+    held_out_loss: float
+    code_version: str
+    command: str
+    demonstrations: Mapping[str, str] = field(default_factory=dict[str, str])
+
+
+def save_policy(path: Path, policy: LearnedPolicy, origin: Origin) -> None:
+    """Write it, in half precision. Raises UsageError where the file cannot be written."""
+    arrays = {f"params/{name}": value.astype(np.float16) for name, value in _flat(policy.params).items()}
+    arrays |= {"scale/mean": np.asarray(policy.scale.mean), "scale/std": np.asarray(policy.scale.std)}
+    header = {
+        "schema": SCHEMA,
+        "origin": asdict(origin),
+        "learner": asdict(policy.learner),  # type: ignore[call-overload] - learners are frozen dataclasses.
+        "shape": _shape(policy.how),
+    }
+    _write(path, arrays, header)
+
+
+def load_policy(path: Path, *, task: str, how: Lessons) -> tuple[LearnedPolicy, Origin]:
+    """The policy in the file, or in `FILE` of that folder, and where it is from; `how` the task has it.
+
+    Raises UsageError where it is not there, of another task, or of one that had other actions or views; RecordingError
+    where it is none.
+    """
+    arrays, header = _read(path / FILE if path.is_dir() else path)
+    try:
+        origin, shape = Origin(**header["origin"]), header["shape"]
+        learner: Learner = replace(kinds.load(origin.kind), **header["learner"])  # type: ignore[type-var] - as above.
+        params, scale = _nested(arrays, "params/"), Scale(arrays["scale/mean"], arrays["scale/std"])
+    except (KeyError, TypeError, ValueError) as error:
+        raise RecordingError(f"{path} is no policy of this version ({error}); train it again.") from None
+    if origin.task != task:
+        raise UsageError(f"{path} holds a policy of {origin.task}, not of {task}; train one of that.")
+    if shape != json.loads(json.dumps(_shape(how))):
+        raise UsageError(f"{path} was trained for other actions or views than {task} has now; train it again.")
+    return LearnedPolicy.of(learner, how, params, scale), origin
+
+
+def save_training(path: Path, training: Training, settings: Mapping[str, Any]) -> None:
+    """Write what is needed to go on, in full. Raises UsageError where the file cannot be written."""
+    arrays = {f"params/{name}": value for name, value in _flat(training.params).items()}
+    arrays |= {f"best/{name}": value for name, value in _flat(training.best).items()}
+    leaves = jax.tree_util.tree_leaves(training.optimiser)
+    arrays |= {f"optimiser/{index:05}": np.asarray(leaf) for index, leaf in enumerate(leaves)}
+    told = {"step": training.step, "best_loss": training.best_loss, "idle": training.idle}
+    _write(path, arrays, {"schema": SCHEMA, "training": told, "settings": dict(settings)})
+
+
+def load_training(path: Path, begun: Training, settings: Mapping[str, Any]) -> Training:
+    """What `save_training` wrote of a training that began as `begun` did.
+
+    Raises UsageError where its settings were others, RecordingError where the file is none.
+    """
+    arrays, header = _read(path)
+    try:
+        if header["settings"] != json.loads(json.dumps(dict(settings))):
+            raise UsageError(f"{path} was begun with other options or demonstrations; give the same, or another -o.")
+        leaves = [jnp.asarray(arrays[name]) for name in sorted(arrays) if name.startswith("optimiser/")]
+        optimiser = jax.tree_util.tree_unflatten(jax.tree_util.tree_structure(begun.optimiser), leaves)
+        told = header["training"]
+        return Training(
+            params=_nested(arrays, "params/"),
+            best=_nested(arrays, "best/"),
+            optimiser=optimiser,
+            step=int(told["step"]),
+            best_loss=float(told["best_loss"]),
+            idle=int(told["idle"]),
+        )
+    except (KeyError, TypeError, ValueError) as error:
+        raise RecordingError(f"{path} is no checkpoint of this version ({error}); choose another -o.") from None
+
+
+def _flat(params: Params) -> Arrays:
+    return {str(name): np.asarray(value) for name, value in flatten_dict(dict(params), sep="/").items()}
+
+
+def _nested(arrays: Arrays, prefix: str) -> Params:
+    chosen = {name.removeprefix(prefix): value for name, value in arrays.items() if name.startswith(prefix)}
+    nested: Params = unflatten_dict({name: jnp.asarray(value, jnp.float32) for name, value in chosen.items()}, sep="/")
+    return nested
+
+
+def _shape(how: Lessons) -> dict[str, Any]:
+    """What a network fits alone."""
+    return {"chunk": how.space.chunk, "views": [asdict(view) for view in how.views]}
+
+
+def _write(path: Path, arrays: Arrays, header: Mapping[str, Any]) -> None:
+    new = path.with_name(f".{path.name}.new")
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        whole = {name: np.asarray(value, order="C") for name, value in arrays.items()}
+        save_file(whole, new, {_HEADER: json.dumps(header)})
+        new.replace(path)  # A cut leaves the old file or the new one, and never half of one.
+    except (OSError, SafetensorError) as error:
+        raise UsageError(f"Cannot write {path}: {error}; choose another place with -o.") from None
+
+
+def _read(path: Path) -> tuple[Arrays, dict[str, Any]]:
+    if not path.is_file():
+        raise UsageError(f"There is no policy {path}; `dipac train` makes one.")
+    try:
+        with safe_open(path, framework="numpy") as stored:
+            header = json.loads((stored.metadata() or {})[_HEADER])
+            arrays = {name: stored.get_tensor(name) for name in stored.keys()}  # noqa: SIM118 - it is no mapping.
+    except (OSError, SafetensorError, KeyError, ValueError) as error:
+        raise RecordingError(f"{path} holds no policy ({error}); train it again.") from None
+    if header.get("schema") != SCHEMA:
+        raise RecordingError(
+            f"{path} has policy schema {header.get('schema')}, and this version reads {SCHEMA}; train it again."
+        )
+    return arrays, header

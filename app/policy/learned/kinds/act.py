@@ -1,0 +1,126 @@
+"""ACT, action chunking with transformers (Zhao et al. 2023, "Learning fine-grained bimanual manipulation").
+
+A conditional variational autoencoder of a chunk of small moves: what in a demonstration does not follow from what was
+seen, its style z, is encoded, and left out where the policy acts (section IV-B, algorithms 1 and 2). An action of a
+task is one chunk, and made whole; the next one is decided on what is seen then.
+"""
+
+from dataclasses import dataclass
+from typing import ClassVar, final
+
+import flax.linen as nn
+import jax
+import jax.numpy as jnp
+from jaxtyping import Array, Float, PRNGKeyArray
+
+from app.policy.base import Acted
+from app.policy.learned.attention import Block, Tokens, waves
+from app.policy.learned.base import Chunk, Lessons, Params, Scale, Shown
+from app.policy.learned.networks import applied
+from app.policy.learned.sight import Sight
+
+_STYLES = 8
+"""How many styles are drawn to see how far apart they act."""
+
+
+@final
+@dataclass(frozen=True, kw_only=True)
+class Act:
+    """`style` numbers of z; `beta` weighs what they may tell (table III of the paper: 10)."""
+
+    eyes: int = 32
+    width: int = 128
+    depth: int = 2
+    style: int = 16
+    beta: float = 10.0
+
+    window: ClassVar[int] = 1
+
+    def begin(self, key: PRNGKeyArray, seen: Sight, how: Lessons) -> Params:
+        """As flax draws them."""
+        moves = jnp.zeros((len(seen.tool), *how.space.chunk))
+        return self._network(how.space.chunk).init(key, key, seen, moves)["params"]
+
+    def loss(
+        self,
+        params: Params,
+        key: PRNGKeyArray,
+        shown: Shown,
+        how: Lessons,
+        scale: Scale,
+    ) -> Float[Array, ""]:
+        """Algorithm 1: the mean absolute error of the moves, and beta times how far z is from a unit Gaussian."""
+        moves = scale.to(shown.actions)
+        made, mean, log_variance = applied(self._network(how.space.chunk), params, key, shown.seen, moves)
+        divergence = -0.5 * (1 + log_variance - mean**2 - jnp.exp(log_variance)).sum(-1)
+        return jnp.abs(made - moves).mean() + self.beta * divergence.mean()
+
+    def act(self, params: Params, seen: Sight, how: Lessons, scale: Scale) -> Acted:
+        """Algorithm 2, line 3: z is the prior's mean, 0; other styles tell how far apart demonstrations were."""
+        network = self._network(how.space.chunk)
+        styles = jax.random.normal(jax.random.key(0), (_STYLES, self.style)).at[0].set(0.0)
+
+        def styled(z: Float[Array, " Z"]) -> Float[Array, "B T K"]:
+            each = jnp.broadcast_to(z, (len(seen.tool), self.style))
+            made: Float[Array, "B T K"] = applied(network, params, seen, each, method="decode")
+            return made
+
+        made = jax.vmap(styled)(styles)
+        return scale.back(made[0], made.std(0))
+
+    def _network(self, chunk: Chunk) -> "_Act":
+        return _Act(self.eyes, self.width, self.depth, self.style, chunk)
+
+
+@final
+class _Act(nn.Module):
+    eyes: int
+    width: int
+    depth: int
+    style: int
+    chunk: Chunk
+
+    def setup(self) -> None:
+        count, numbers = self.chunk
+        self.seen = Tokens(self.eyes, self.width)
+        self.told = nn.Dense(self.width)
+        self.held = nn.Dense(self.width)
+        self.whole = self.param("whole", nn.initializers.normal(0.02), (1, self.width))
+        self.encoder = [Block() for _ in range(self.depth)]
+        self.styled = nn.Dense(2 * self.style)
+        self.understood = nn.Dense(self.width)
+        self.looking = [Block() for _ in range(self.depth)]
+        self.queries = self.param("queries", nn.initializers.normal(0.02), (count, self.width))
+        self.decoder = [Block() for _ in range(self.depth)]
+        self.out = nn.Dense(numbers)
+
+    def __call__(
+        self, key: PRNGKeyArray, seen: Sight, actions: Float[Array, "B T K"]
+    ) -> tuple[Float[Array, "B T K"], Float[Array, "B Z"], Float[Array, "B Z"]]:
+        """The moves as they are made with a style that is drawn for them, and the Gaussian that it is drawn from."""
+        mean, log_variance = self.encode(seen, actions)
+        z = mean + jnp.exp(0.5 * log_variance) * jax.random.normal(key, mean.shape)
+        return self.decode(seen, z), mean, log_variance
+
+    def encode(self, seen: Sight, actions: Float[Array, "B T K"]) -> tuple[Float[Array, "B Z"], Float[Array, "B Z"]]:
+        """The style of the moves, by them and the tool alone (the paper leaves pictures out here, for speed)."""
+        whole = jnp.broadcast_to(self.whole, (len(actions), 1, self.width))
+        moves = self.told(actions) + waves(jnp.arange(1.0 * self.chunk[0]), self.width)
+        tokens = jnp.concatenate([whole, self.held(seen.tool)[:, None], moves], axis=1)
+        for block in self.encoder:
+            tokens = block(tokens)
+        mean, log_variance = jnp.split(self.styled(tokens[:, 0]), 2, axis=-1)
+        return mean, log_variance
+
+    def decode(self, seen: Sight, z: Float[Array, "B Z"]) -> Float[Array, "B T K"]:
+        """The moves of that style where that is seen."""
+        tokens = jnp.concatenate([self.understood(z)[:, None], self.seen(seen)], axis=1)
+        for block in self.looking:
+            tokens = block(tokens)
+        moves = jnp.broadcast_to(self.queries, (len(z), *self.queries.shape))
+        for block in self.decoder:
+            moves = block(moves, tokens)
+        return self.out(moves)
+
+
+LEARNER = Act()

@@ -1,0 +1,109 @@
+"""ILD, imitation learning through a differentiable simulator (Chen et al. 2022, "... via differentiable physics").
+
+The policy acts in the simulator, and what it is to match are not the demonstrated actions but the places where the
+object went: the slopes of that go through the rollout to the policy (section 3.2, with the Chamfer distance to the
+demonstrated states as its loss, equation 4).
+"""
+
+from dataclasses import dataclass
+from functools import partial
+from typing import Final, final
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Float, PRNGKeyArray
+
+from app.core.chamfer import chamfer_m2
+from app.core.errors import UsageError
+from app.policy.base import Acted, Now
+from app.policy.learned.base import Chunk, Lessons, Params, Scale, Shown, World
+from app.policy.learned.networks import Seeing, applied
+from app.policy.learned.sight import Sight, sight
+
+_UNIT_M: Final = 0.01
+"""A distance from a demonstrated state that counts as 1."""
+
+
+@final
+@dataclass(frozen=True, kw_only=True)
+class Imitation:
+    """`window` actions in a row are rolled out, from every demonstrated state on.
+
+    `told` weighs how far the moves are from those that were demonstrated: a tool that touches nothing changes nothing,
+    so no slope leads it to where it would. `steepest`: the length beyond which one candidate's slope of an action is
+    shortened, so that one which explodes through a contact leaves the others alone.
+    """
+
+    width: int = 32
+    hidden: int = 256
+    depth: int = 2
+    window: int = 2
+    told: float = 0.2
+    steepest: float = 1.0
+
+    def begin(self, key: PRNGKeyArray, seen: Sight, how: Lessons) -> Params:
+        """As flax draws them. Raises UsageError where there is no simulator to try in."""
+        _world(how)
+        params: Params = self._network(how.space.chunk).init(key, seen)["params"]
+        return params
+
+    def loss(self, params: Params, key: PRNGKeyArray, shown: Shown, how: Lessons, scale: Scale) -> Float[Array, ""]:
+        """Equation 4 over the window, and `told` times the mean squared error of the first moves."""
+        del key
+        world = _world(how)
+        now = Now(world.begin(shown.now.x), shown.now.tool)
+        phi = jnp.tile(jnp.array(world.phi), (len(now.x), 1))
+        lost = self.told * ((self._moves(params, shown.seen, how) - scale.to(shown.actions)) ** 2).mean()
+        for step in range(self.window):
+            action = self._made(params, sight(how.views, shown.aimed, now), now, how, scale)
+            state = world.advance(phi, now.state, how.space.tool_path(action, now.tool))
+            off = chamfer_m2(state.x, shown.after[:, step]) / _UNIT_M**2
+            lost += (shown.counts[:, step] * off).mean() / self.window
+            now = Now(state, how.space.after(action, now.tool))
+        return lost
+
+    def act(self, params: Params, seen: Sight, how: Lessons, scale: Scale) -> Acted:
+        """The one action that it knows."""
+        moves = self._moves(params, seen, how)
+        return scale.back(moves, jnp.zeros_like(moves))
+
+    def _moves(self, params: Params, seen: Sight, how: Lessons) -> Float[Array, "B T K"]:
+        out = applied(self._network(how.space.chunk), params, seen)
+        return out.reshape(-1, *how.space.chunk)
+
+    def _made(self, params: Params, seen: Sight, now: Now, how: Lessons, scale: Scale) -> Float[Array, "B A"]:
+        """The action as it may be made; its slope passes that straight through, and is shortened."""
+        wanted = self.act(params, seen, how, scale).mean
+        here, start = jax.lax.stop_gradient((wanted, now))
+        return _shortened(wanted + (how.space.project(here, start) - here), self.steepest)
+
+    def _network(self, chunk: Chunk) -> Seeing:
+        return Seeing(self.width, self.hidden, self.depth, int(np.prod(chunk)))
+
+
+def _world(how: Lessons) -> World:
+    if how.world is None:
+        raise UsageError("Imitation through a simulator needs one; give its lessons a world.")
+    return how.world
+
+
+@partial(jax.custom_vjp, nondiff_argnums=(1,))
+def _shortened(actions: Float[Array, "B A"], steepest: float) -> Float[Array, "B A"]:
+    """The same, with slopes of each candidate no longer than that."""
+    del steepest
+    return actions
+
+
+def _shortened_forward(actions: Float[Array, "B A"], steepest: float) -> tuple[Float[Array, "B A"], None]:
+    del steepest
+    return actions, None
+
+
+def _shortened_backward(steepest: float, _: None, slopes: Float[Array, "B A"]) -> tuple[Float[Array, "B A"]]:
+    length = jnp.linalg.norm(slopes, axis=1, keepdims=True)
+    return (slopes * jnp.minimum(1.0, steepest / jnp.maximum(length, 1e-12)),)
+
+
+_shortened.defvjp(_shortened_forward, _shortened_backward)
+LEARNER = Imitation()

@@ -1,0 +1,46 @@
+"""What learned policies see of a situation, seen or predicted: pictures of object and goal, and where the tool is."""
+
+from typing import NamedTuple, TypeAlias, final
+
+import jax.numpy as jnp
+from jaxtyping import Array, Float
+
+from app.policy.base import Now
+from app.policy.pictures import View
+
+Views: TypeAlias = tuple[View, ...]
+Aimed: TypeAlias = tuple[Float[Array, "G R C 2"], ...]
+"""Pictures of goals, of each view."""
+TOOL = 7
+"""Numbers of a tool: its place as a share of the first view, its axis, and its opening."""
+_OPEN_M = 0.1
+"""An opening that counts as 1."""
+
+
+@final
+class Sight(NamedTuple):
+    """Of B situations; a JAX pytree. A picture of each view: the object's two channels, and then the goal's."""
+
+    pictures: tuple[Float[Array, "B R C 4"], ...]
+    tool: Float[Array, "B 7"]
+
+
+def aim(views: Views, goals: Float[Array, "G M 3"]) -> Aimed:
+    """The pictures of goals, which stay the same for all that is looked at on the way there."""
+    return tuple(view.picture(goals) for view in views)
+
+
+def sight(views: Views, aimed: Aimed, now: Now) -> Sight:
+    """Object and goal side by side; one goal for all, or each its own (G is 1, or B)."""
+    seen = [view.picture(now.x) for view in views]
+    goals = [jnp.broadcast_to(goal, picture.shape) for goal, picture in zip(aimed, seen, strict=True)]
+    pictures = tuple(jnp.concatenate(both, axis=-1) for both in zip(seen, goals, strict=True))
+    return Sight(pictures, _tool(views[0], now.tool))
+
+
+def _tool(view: View, tool: Float[Array, "B 8"]) -> Float[Array, "B 7"]:
+    low, high = jnp.array(view.low), jnp.array(view.high)
+    place = 2 * (tool[:, :3] - low) / (high - low) - 1
+    w, x, y, z = jnp.moveaxis(tool[:, 3:7], -1, 0)
+    axis = jnp.stack([2 * (x * z + w * y), 2 * (y * z - w * x), 1 - 2 * (x**2 + y**2)], axis=-1)
+    return jnp.concatenate([place, axis, tool[:, 7:] / _OPEN_M], axis=1)

@@ -1,0 +1,73 @@
+"""Pictures of particles, for policies that look: of what is seen and of what is predicted alike, as JAX functions."""
+
+from dataclasses import dataclass
+from typing import Final, final
+
+import jax.numpy as jnp
+from jaxtyping import Array, Float, Int
+
+CHANNELS: Final = 2
+"""How much of the object is over a pixel, and how far it rises there."""
+_BLOCK: Final = 16
+"""Sides of pictures are multiples of this, so that networks may halve them four times."""
+
+
+@final
+@dataclass(frozen=True, kw_only=True)
+class View:
+    """A picture as an orthographic camera takes it: pixels of `pixel_m` between corners `low` and `high` [m].
+
+    Rows go along the first of `axes`, columns along the second, and what rises does so along the third, all upwards;
+    (0, 1, 2) looks down on a table. What lies outside of the corners is not in the picture.
+    """
+
+    low: tuple[float, float, float]
+    high: tuple[float, float, float]
+    pixel_m: float
+    axes: tuple[int, int, int] = (0, 1, 2)
+
+    @property
+    def shape(self) -> tuple[int, int]:
+        """Rows and columns: enough for the corners, and as many as networks like."""
+        sides = [(self.high[axis] - self.low[axis]) / self.pixel_m for axis in self.axes[:2]]
+        rows, columns = (-int(-side // _BLOCK) * _BLOCK for side in sides)
+        return rows, columns
+
+    @property
+    def depth_m(self) -> float:
+        """From the lowest that is in it to the highest."""
+        return self.high[self.axes[2]] - self.low[self.axes[2]]
+
+    def pixels(self, points: Float[Array, "*axes 3"]) -> Float[Array, "*axes 2"]:
+        """Where points [m] are in it, in rows and columns; the middle of the first pixel is (0, 0)."""
+        rows, columns, _ = self.axes
+        origin = jnp.array([self.low[rows], self.low[columns]])
+        return (points[..., [rows, columns]] - origin) / self.pixel_m - 0.5
+
+    def picture(self, x: Float[Array, "B N 3"]) -> Float[Array, "B R C 2"]:
+        """Of each candidate's particles [m]: `CHANNELS` from 0 on, differentiable in `x`.
+
+        The first is 1 where the share of all particles that is over a pixel is that of particles which lie evenly on a
+        tenth of the picture; particles count for the four pixels about them. The second is the height of the highest
+        of those that are nearest to the pixel, as a share of the view's depth.
+        """
+        rows, columns = self.shape
+        at = self.pixels(x)
+        low = jnp.floor(at).astype(jnp.int32)
+        part = at - low
+        candidates = jnp.arange(len(x))[:, None]
+        density = jnp.zeros((len(x), rows, columns))
+        for row, column in ((0, 0), (0, 1), (1, 0), (1, 1)):
+            share = jnp.abs(1 - row - part[..., 0]) * jnp.abs(1 - column - part[..., 1])
+            there = self._inside(low + jnp.array([row, column]))
+            density = density.at[candidates, there[..., 0], there[..., 1]].add(share, mode="drop")
+        nearest = self._inside(jnp.round(at).astype(jnp.int32))
+        rise = (x[..., self.axes[2]] - self.low[self.axes[2]]) / self.depth_m
+        height = jnp.zeros((len(x), rows, columns))
+        height = height.at[candidates, nearest[..., 0], nearest[..., 1]].max(rise, mode="drop")
+        return jnp.stack([density * (0.1 * rows * columns / x.shape[1]), height], axis=-1)
+
+    def _inside(self, pixels: Int[Array, "B N 2"]) -> Int[Array, "B N 2"]:
+        """The same pixels; those outside of the picture as one that is nowhere, which negative ones would not be."""
+        outside = (pixels < 0) | (pixels >= jnp.array(self.shape))
+        return jnp.where(outside.any(-1, keepdims=True), jnp.array(self.shape), pixels)

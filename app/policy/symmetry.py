@@ -1,0 +1,80 @@
+"""Symmetries of a table: what is turned, mirrored or shifted on it is done alike, so few demonstrations are many."""
+
+from dataclasses import dataclass
+from math import pi
+from typing import NamedTuple, Self, final
+
+import jax.numpy as jnp
+import numpy as np
+from jax.lax import Precision
+from jaxtyping import Array, Float
+
+
+@final
+class Isometry(NamedTuple):
+    """For each of B: the table mirrored across its x axis or not (-1 or 1), turned [rad], and then shifted [m].
+
+    Heights stay. Also a JAX pytree.
+    """
+
+    side: Float[Array, " B"]
+    angle: Float[Array, " B"]
+    shift: Float[Array, "B 2"]
+
+    @classmethod
+    def identity(cls, count: int) -> Self:
+        """Nothing is moved."""
+        return cls(jnp.ones(count), jnp.zeros(count), jnp.zeros((count, 2)))
+
+    @property
+    def matrix(self) -> Float[Array, "B 2 2"]:
+        """What directions on the table are multiplied by."""
+        c, s = jnp.cos(self.angle), jnp.sin(self.angle)
+        return jnp.stack([jnp.stack([c, -self.side * s], -1), jnp.stack([s, self.side * c], -1)], -2)
+
+    def directions(self, v: Float[Array, "B *axes K"]) -> Float[Array, "B *axes K"]:
+        """Of vectors of 2 or 3 numbers, whose first two are on the table."""
+        level = jnp.einsum("bij,b...j->b...i", self.matrix, v[..., :2], precision=Precision.HIGHEST)
+        return jnp.concatenate([level, v[..., 2:]], axis=-1)
+
+    def places(self, x: Float[Array, "B *axes K"]) -> Float[Array, "B *axes K"]:
+        """Of points [m] of 2 or 3 numbers."""
+        shift = self.shift.reshape(len(self.shift), *[1] * (x.ndim - 2), 2)
+        return self.directions(x) + jnp.concatenate([shift, jnp.zeros((*shift.shape[:-1], x.shape[-1] - 2))], axis=-1)
+
+    def rotations(self, w: Float[Array, "B *axes 3"]) -> Float[Array, "B *axes 3"]:
+        """Of rotation vectors: in a mirror they turn the other way round."""
+        return self.directions(w) * self.side.reshape(len(self.side), *[1] * (w.ndim - 1))
+
+    def poses(self, tool: Float[Array, "B 8"]) -> Float[Array, "B 8"]:
+        """Of a tool that is its own mirror image across the plane of its x and z axes: place, quaternion, opening."""
+        w, x, y, z = jnp.moveaxis(tool[:, 3:7], -1, 0)
+        x, z = self.side * x, self.side * z
+        c, s = jnp.cos(self.angle / 2), jnp.sin(self.angle / 2)
+        turn = jnp.stack([c * w - s * z, c * x - s * y, c * y + s * x, c * z + s * w], axis=-1)
+        return jnp.concatenate([self.places(tool[:, :3]), turn, tool[:, 7:]], axis=1)
+
+
+@final
+@dataclass(frozen=True, kw_only=True)
+class Symmetry:
+    """Which isometries leave a task as it is.
+
+    It may be turned by any of `angles_rad` about `about_m` (x, y), or by any angle where it `turns`; be `mirrored`
+    across a line along x through there; and be shifted by up to `shift_m` (x, y) either way.
+    """
+
+    about_m: tuple[float, float] = (0.0, 0.0)
+    angles_rad: tuple[float, ...] = (0.0,)
+    turns: bool = False
+    mirrored: bool = False
+    shift_m: tuple[float, float] = (0.0, 0.0)
+
+    def drawn(self, rng: np.random.Generator, count: int) -> Isometry:
+        """So many of them, evenly."""
+        angle = rng.uniform(-pi, pi, count) if self.turns else rng.choice(self.angles_rad, count)
+        side = np.where(self.mirrored & (rng.random(count) < 0.5), -1.0, 1.0)
+        about = np.tile(self.about_m, (count, 1))
+        by = Isometry(jnp.asarray(side), jnp.asarray(angle), jnp.zeros((count, 2)))
+        shift = about - by.places(jnp.asarray(about)) + rng.uniform(-1, 1, (count, 2)) * self.shift_m
+        return by._replace(shift=jnp.asarray(shift))

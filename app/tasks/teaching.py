@@ -1,0 +1,51 @@
+"""What demonstrations of a task teach a policy."""
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from app.core.errors import RecordingError
+from app.core.messages import Model, Transition
+from app.core.types import Points
+from app.policy.learned.base import Lessons, World
+from app.policy.learned.examples import Examples
+from app.sim.params import acting
+from app.tasks.base import Task
+from app.tasks.compiled import carried, phi_of
+
+
+def lessons(task: Task, world: World | None = None) -> Lessons:
+    """How policies of the task learn."""
+    return Lessons(space=task.actions, symmetry=task.symmetry, views=task.views, world=world)
+
+
+def simulator(task: Task, model: Model, particle_count: int) -> World:
+    """The task's simulator of so many particles, for those who learn by trying."""
+    phi = phi_of(model)
+    advance = carried(task.name, particle_count, acting(phi))
+    return World(advance=advance, begin=task.begin, phi=tuple(map(float, phi)))
+
+
+def examples(task: Task, shown: Sequence[tuple[Sequence[Transition], Sequence[Points]]]) -> Examples:
+    """Of demonstrations, each of transitions and the goal of each of them [m].
+
+    Raises RecordingError where the object was seen as so many particles here and as others there.
+    """
+    rows = [
+        (np.asarray(transition.before, np.float32), np.asarray(goal, np.float32), *_done(task, transition), episode)
+        for episode, (transitions, goals) in enumerate(shown)
+        for transition, goal in zip(transitions, goals, strict=True)
+    ]
+    counts = sorted({(len(before), len(goal)) for before, goal, *_ in rows})
+    if len(counts) > 1:
+        raise RecordingError(
+            f"The recordings hold clouds and goals of {counts} particles; take those of one preset of {task.name}."
+        )
+    return Examples(*(np.stack(column) for column in zip(*rows, strict=True)))
+
+
+def _done(task: Task, transition: Transition) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Where the tool was, the action that was made, and where the object was then."""
+    poses = transition.executed.tool
+    after = np.asarray(transition.after, np.float32)
+    return np.asarray(poses[0], np.float32), task.actions.measured_action(poses), after

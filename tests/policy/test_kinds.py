@@ -1,0 +1,148 @@
+"""Every way to learn: what is learned of a few demonstrations is done again, in files and rollouts as well."""
+
+from dataclasses import replace
+from pathlib import Path
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+from app.core.errors import RecordingError, UsageError
+from app.policy.base import Now
+from app.policy.learned import kinds
+from app.policy.learned.base import LearnedPolicy
+from app.policy.learned.examples import Batch, Examples, scale_of
+from app.policy.learned.file import FILE, Origin, load_policy, load_training, save_policy, save_training
+from app.policy.learned.kinds.ild import Imitation
+from app.policy.learned.train import Progress, Settings, begin, learn
+from app.policy.symmetry import Symmetry
+from app.tasks import load
+from app.tasks.compiled import nominal_model
+from app.tasks.teaching import lessons, simulator
+
+TASK = load("rope_push")
+COUNT = 100
+WORLD = simulator(TASK, nominal_model("rope_push"), COUNT)
+PHI = jnp.array(WORLD.phi)[None]
+HOW = lessons(TASK, WORLD)
+NEAR_M = {"act": 0.012, "bc": 0.004, "diffusion": 0.02, "ild": 0.025, "transporter": 0.008}
+"""Of both ends of each push, after the few steps that a test has; a pixel has 8 mm."""
+
+
+def taught(count: int) -> Examples:
+    """Demonstrations of the scripted expert in the simulator: so many, of three pushes each."""
+    rows = []
+    for seed in range(count):
+        x, goal = TASK.particles(TASK.start(seed), COUNT), TASK.goal(seed, COUNT)
+        now = Now.at_rest(jnp.asarray(x)[None])
+        prepared = TASK.policy.prepare(x, goal)
+        for _ in range(3):
+            action = TASK.actions.project(TASK.policy.act(prepared, now).mean, now)
+            state = WORLD.advance(PHI, now.state, TASK.actions.tool_path(action, now.tool))
+            rows.append((*map(np.asarray, (now.x[0], goal, now.tool[0], action[0], state.x[0])), seed))
+            now = now._replace(state=state)
+    return Examples(*(np.stack(column) for column in zip(*rows, strict=True)))
+
+
+@pytest.fixture(scope="module")
+def one() -> Examples:
+    return taught(1)
+
+
+def enough(kind: str) -> Settings:
+    """Of steps, for a demonstration of three pushes."""
+    steps = {"act": 400, "diffusion": 800, "ild": 250, "transporter": 150}.get(kind, 300)
+    return Settings(steps=steps, batch=3, warm_up=20, patience=steps, learning_rate=1e-3 if kind != "bc" else 5e-4)
+
+
+@pytest.mark.unhurried
+@pytest.mark.parametrize("kind", kinds.names())
+def test_a_single_demonstration_is_done_again_by_a_file_of_it_and_by_many_candidates_alike(
+    kind: str, one: Examples, tmp_path: Path
+) -> None:
+    how = replace(HOW, symmetry=Symmetry())
+    learner = Imitation(window=1) if kind == "ild" else kinds.load(kind)
+    policy, training = learn(learner, how, one, enough(kind))
+    assert training.step == enough(kind).steps
+    save_policy(tmp_path / FILE, policy, origin_of(kind))
+    assert (tmp_path / FILE).stat().st_size < 3e6
+    stored, origin = load_policy(tmp_path, task="rope_push", how=HOW)
+    assert origin.kind == kind
+    acted = [acting(each, one) for each in (policy, stored)]
+    for actions in acted:
+        np.testing.assert_allclose(ends(actions), ends(one.actions), atol=NEAR_M[kind])
+    np.testing.assert_allclose(acted[0], acted[1], atol=2e-3)
+    alone = [acting(policy, one.of(np.array([index])))[0] for index in range(len(one.x))]
+    np.testing.assert_allclose(np.stack(alone), acted[0], atol=1e-4)
+    again, _ = load_policy(tmp_path, task="rope_push", how=HOW)
+    assert again == stored
+    assert hash(again) == hash(stored)
+
+
+def test_the_slope_through_the_simulator_is_that_of_the_loss(one: Examples) -> None:
+    learner, how = Imitation(told=0.0, steepest=np.inf), replace(HOW, symmetry=Symmetry())
+    shown = Batch.of(one, np.array([0]), learner.window).shown(how)
+    scale = scale_of(how, one, 0)
+    params = dict(learner.begin(jax.random.key(0), shown.seen, how))
+    last = dict(params["Dense_0"])
+    name = sorted(layer for layer in last if layer.startswith("Dense"))[-1]
+    # As the first push was shown, a little beside: there the finger moves the rope.
+    told = scale.to(jnp.asarray(one.actions[:1])).reshape(-1) + 0.03
+
+    def loss(bias: jax.Array) -> jax.Array:
+        changed = last | {name: {"kernel": jnp.zeros_like(last[name]["kernel"]), "bias": bias}}
+        return learner.loss(params | {"Dense_0": changed}, jax.random.key(0), shown, how, scale)
+
+    slope = jax.jit(jax.grad(loss))(told)
+    way, step = slope / jnp.linalg.norm(slope), 2e-3
+    measured = (jax.jit(loss)(told + step * way) - jax.jit(loss)(told - step * way)) / (2 * step)
+    assert measured > 0
+    np.testing.assert_allclose(measured, jnp.linalg.norm(slope), rtol=0.05)
+
+
+def test_a_policy_of_another_task_is_refused_by_name(one: Examples, tmp_path: Path) -> None:
+    policy, _ = learn(kinds.load("bc"), HOW, one, Settings(steps=1, batch=2))
+    save_policy(tmp_path / FILE, policy, origin_of("bc"))
+    with pytest.raises(UsageError, match="of rope_push, not of bean_sweep"):
+        load_policy(tmp_path, task="bean_sweep", how=lessons(load("bean_sweep")))
+    (tmp_path / FILE).write_bytes(b"no numbers")
+    with pytest.raises(RecordingError, match="train it again"):
+        load_policy(tmp_path, task="rope_push", how=HOW)
+
+
+def test_a_training_that_was_broken_off_goes_on_as_if_it_had_not_been(tmp_path: Path) -> None:
+    how, shown, whole = HOW, taught(3), Settings(steps=6, batch=4, check_every=2)
+    straight, _ = learn(kinds.load("bc"), how, shown, whole)
+    begun = begin(kinds.load("bc"), how, shown, whole)
+
+    def broken(_: Progress) -> None:
+        raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        learn(kinds.load("bc"), how, shown, whole, begun, broken)
+    assert begun.step == 2
+    save_training(tmp_path / "half", begun, {"steps": 6})
+    stored = load_training(tmp_path / "half", begin(kinds.load("bc"), how, shown, whole), {"steps": 6})
+    resumed, _ = learn(kinds.load("bc"), how, shown, whole, stored)
+    np.testing.assert_allclose(acting(resumed, shown), acting(straight, shown), atol=1e-5)
+    with pytest.raises(UsageError, match="other options"):
+        load_training(tmp_path / "half", begun, {"steps": 7})
+
+
+def origin_of(kind: str) -> Origin:
+    return Origin(
+        task="rope_push", kind=kind, seed=0, steps=1, held_out_loss=0.0, code_version="test", command="dipac train"
+    )
+
+
+def acting(policy: LearnedPolicy, shown: Examples) -> np.ndarray:
+    """What it does in all the situations, as candidates side by side."""
+    prepared = policy.prepare(shown.x[0], shown.goal[0])
+    now = Now.at_rest(jnp.asarray(shown.x))
+    return np.asarray(jax.jit(lambda here: policy.act(prepared, here).mean)(now))
+
+
+def ends(actions: np.ndarray) -> np.ndarray:
+    steps = actions.reshape(len(actions), -1, 2)
+    return np.stack([steps[:, 0], steps.sum(1)], axis=1)
