@@ -74,7 +74,7 @@ class Symmetry:
         """So many of them, evenly."""
         angle = rng.uniform(-pi, pi, count) if self.turns else rng.choice(self.angles_rad, count)
         side = np.where(self.mirrored & (rng.random(count) < 0.5), -1.0, 1.0)
-        about = np.tile(self.about_m, (count, 1))
-        by = Isometry(jnp.asarray(side), jnp.asarray(angle), jnp.zeros((count, 2)))
-        shift = about - by.places(jnp.asarray(about)) + rng.uniform(-1, 1, (count, 2)) * self.shift_m
-        return by._replace(shift=jnp.asarray(shift))
+        about, (c, s) = np.array(self.about_m), (np.cos(angle), np.sin(angle))
+        went = np.stack([c * about[0] - side * s * about[1], s * about[0] + side * c * about[1]], axis=1)
+        shift = about - went + rng.uniform(-1, 1, (count, 2)) * self.shift_m
+        return Isometry(*(jnp.asarray(each, jnp.float32) for each in (side, angle, shift)))

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from app.policy.pictures import View
+from app.tasks import load, names
 
 TOP = View(low=(0.2, -0.3, 0.0), high=(0.8, 0.3, 0.1), pixel_m=0.01)
 SIDE = View(low=(0.2, -0.3, 0.0), high=(0.8, 0.3, 0.3), pixel_m=0.01, axes=(2, 1, 0))
@@ -55,3 +56,16 @@ def test_slopes_are_those_of_small_changes() -> None:
     here, way, step = jnp.asarray(x)[None], jnp.asarray(rng.standard_normal((1, *x.shape))), 1e-4
     secant = (looked(here + step * way) - looked(here - step * way)) / (2 * step)
     assert float((jax.grad(looked)(here) * way).sum()) == pytest.approx(float(secant), rel=2e-3)
+
+
+@pytest.mark.parametrize("name", names())
+def test_each_task_is_seen_whole_and_from_the_side_where_heights_tell_more(name: str) -> None:
+    task = load(name)
+    count = task.preset("cpu").particle_count
+    assert len(task.views) == (2 if name in ("cloth_hang", "pour_soup", "pour_water") else 1)
+    for seed in range(3):
+        objects = np.stack([task.particles(task.start(seed), count), task.goal(seed, count)])
+        for view in task.views:
+            seen = np.asarray(view.pixels(jnp.asarray(objects)))
+            inside = ((seen > -0.5) & (seen < np.array(view.shape) - 0.5)).all(-1)
+            assert inside.mean() > 0.98
