@@ -26,8 +26,9 @@ COUNT = 100
 WORLD = simulator(TASK, nominal_model("rope_push"), COUNT)
 PHI = jnp.array(WORLD.phi)[None]
 HOW = lessons(TASK, WORLD)
-NEAR_M = {"act": 0.012, "bc": 0.004, "diffusion": 0.02, "ild": 0.025, "transporter": 0.008}
-"""Of both ends of each push, after the few steps that a test has; a pixel has 8 mm."""
+COARSE = replace(HOW, symmetry=Symmetry(), views=(replace(HOW.views[0], pixel_m=0.016),))
+NEAR_M = {"act": 0.012, "bc": 0.004, "diffusion": 0.02, "ild": 0.025, "transporter": 0.016}
+"""Of both ends of each push, after the few steps that a test has; a pixel of theirs has 16 mm."""
 
 
 def taught(count: int) -> Examples:
@@ -56,26 +57,31 @@ def enough(kind: str) -> Settings:
     return Settings(steps=steps, batch=3, warm_up=20, patience=steps, learning_rate=1e-3 if kind != "bc" else 5e-4)
 
 
+@pytest.mark.slow
+@pytest.mark.parametrize("kind", kinds.names())
+def test_a_single_demonstration_is_done_again(kind: str, one: Examples) -> None:
+    learner = Imitation(window=1) if kind == "ild" else kinds.load(kind)
+    policy, training = learn(learner, COARSE, one, enough(kind))
+    assert training.step == enough(kind).steps
+    np.testing.assert_allclose(ends(acting(policy, one)), ends(one.actions), atol=NEAR_M[kind])
+
+
 @pytest.mark.unhurried
 @pytest.mark.parametrize("kind", kinds.names())
-def test_a_single_demonstration_is_done_again_by_a_file_of_it_and_by_many_candidates_alike(
+def test_the_file_of_a_policy_acts_as_it_does_and_many_candidates_as_each_alone(
     kind: str, one: Examples, tmp_path: Path
 ) -> None:
-    how = replace(HOW, symmetry=Symmetry())
     learner = Imitation(window=1) if kind == "ild" else kinds.load(kind)
-    policy, training = learn(learner, how, one, enough(kind))
-    assert training.step == enough(kind).steps
+    policy, _ = learn(learner, COARSE, one, Settings(steps=2, batch=2))
     save_policy(tmp_path / FILE, policy, origin_of(kind))
     assert (tmp_path / FILE).stat().st_size < 3e6
-    stored, origin = load_policy(tmp_path, task="rope_push", how=HOW)
+    stored, origin = load_policy(tmp_path, task="rope_push", how=COARSE)
     assert origin.kind == kind
-    acted = [acting(each, one) for each in (policy, stored)]
-    for actions in acted:
-        np.testing.assert_allclose(ends(actions), ends(one.actions), atol=NEAR_M[kind])
-    np.testing.assert_allclose(acted[0], acted[1], atol=2e-3)
+    made = acting(policy, one)
+    np.testing.assert_allclose(acting(stored, one), made, atol=4e-3)
     alone = [acting(policy, one.of(np.array([index])))[0] for index in range(len(one.x))]
-    np.testing.assert_allclose(np.stack(alone), acted[0], atol=1e-4)
-    again, _ = load_policy(tmp_path, task="rope_push", how=HOW)
+    np.testing.assert_allclose(np.stack(alone), made, atol=1e-4)
+    again, _ = load_policy(tmp_path, task="rope_push", how=COARSE)
     assert again == stored
     assert hash(again) == hash(stored)
 

@@ -20,7 +20,7 @@ assert isinstance(POLICY, ScriptedCarry)
 assert isinstance(SPACE, Carries)
 CLOSED_M, OPEN_M = SPACE.openings_m
 GOAL = TASK.goal(0, 256)
-act, project = jax.jit(POLICY.act), jax.jit(SPACE.project)
+act, project = jax.jit(lambda prepared, now: POLICY.act(prepared, now).mean), jax.jit(SPACE.project)
 
 
 def hand(x_m: float, y_m: float, z_m: float, opening_m: float) -> ToolPose:

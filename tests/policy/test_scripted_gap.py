@@ -14,7 +14,7 @@ from app.tasks.curves import fill_tube
 
 TASK = load("rod_to_rope")
 POLICY, SPACE = TASK.policy, TASK.actions
-act = jax.jit(POLICY.act)
+act = jax.jit(lambda prepared, now: POLICY.act(prepared, now).mean)
 
 
 def rod(x: float, y: float, heading: float) -> Points:

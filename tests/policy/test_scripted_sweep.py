@@ -16,7 +16,7 @@ assert isinstance(TASK.policy, ScriptedSweep)
 POLICY: ScriptedSweep = TASK.policy
 MIDDLE = np.array([0.55, 0.0])
 ANGLES = st.floats(-np.pi, np.pi)
-act = jax.jit(POLICY.act)
+act = jax.jit(lambda prepared, now: POLICY.act(prepared, now).mean)
 
 
 def heap(middle: np.ndarray, count: int = 60, spread_m: float = 0.015) -> np.ndarray:
