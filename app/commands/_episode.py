@@ -344,10 +344,9 @@ def _guided(method: Method, policy: Path | None, task: str) -> Method:
     """By the learned policy, where one is named. Raises UsageError and RecordingError where it is none of it."""
     if policy is None:
         return method
-    from app.policy.learned.file import load_policy
-    from app.tasks.teaching import lessons
+    from app.tasks.teaching import learned
 
-    return replace(method, policy=load_policy(policy, task=task, how=lessons(load(task)))[0])
+    return replace(method, policy=learned(policy, load(task)))
 
 
 def _room(site: Site, pushes: int) -> Room:

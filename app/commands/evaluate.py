@@ -17,8 +17,7 @@ from app.evaluation.demonstrate import calibrated
 from app.evaluation.play import Eyes
 from app.evaluation.scores import scores
 from app.evaluation.tables import markdown, tables
-from app.evaluation.trial import POLICIES, WHOLE, Trial, run_trial
-from app.evaluation.trial import methods as methods_known
+from app.evaluation.trial import POLICIES, WHOLE, Trial, playable, run_trial
 from app.evaluation.workers import Where, finished, share_the_machine
 from app.planner.method import ABLATIONS, NO_ONLINE, PAPER, planners
 from app.tasks import load, names
@@ -116,8 +115,8 @@ def _check(seeds: int, demonstrations: int, jobs: int, actions: int | None) -> N
 def _methods(chosen: Sequence[str], left_out: Sequence[str]) -> list[tuple[str, str]]:
     """Planner and ablation of each method."""
     for name in chosen:
-        if name not in methods_known():
-            raise UsageError.unknown("planner", name, methods_known())
+        if name not in playable():
+            raise UsageError.unknown("planner", name, playable())
     for name in left_out:
         if name not in (WHOLE, *ABLATIONS):
             raise UsageError.unknown("ablation", name, [WHOLE, *ABLATIONS])

@@ -84,10 +84,10 @@ class Trial:
         return replace(Method.named(planner) if planner else ALONE, policy=policy)
 
 
-def methods() -> list[str]:
+def playable() -> list[str]:
     """All names that a trial's planner may have."""
-    learned = kinds.names()
-    return [*planners(), *learned, *(f"{PAPER}{GUIDED}{kind}" for kind in learned)]
+    alone = kinds.names()
+    return [*planners(), *alone, *(f"{PAPER}{GUIDED}{kind}" for kind in alone)]
 
 
 def run_trial(trial: Trial) -> dict[str, Any]:
@@ -127,10 +127,9 @@ def run_trial(trial: Trial) -> dict[str, Any]:
 
 @lru_cache
 def _policy(folder: Path, task: str, kind: str) -> LearnedPolicy:
-    from app.policy.learned.file import load_policy
-    from app.tasks.teaching import lessons
+    from app.tasks.teaching import learned
 
-    return load_policy(folder / task / kind, task=task, how=lessons(load(task)))[0]
+    return learned(folder / task / kind, load(task))
 
 
 def _model(trial: Trial, method: Method) -> Model:

@@ -1,14 +1,16 @@
-"""What demonstrations of a task teach a policy."""
+"""What demonstrations of a task teach a policy, and the policy that was learned."""
 
 from collections.abc import Sequence
+from pathlib import Path
 
 import numpy as np
 
 from app.core.errors import RecordingError
 from app.core.messages import Model, Transition
 from app.core.types import Points
-from app.policy.learned.base import Lessons, World
+from app.policy.learned.base import LearnedPolicy, Lessons, World
 from app.policy.learned.examples import Examples
+from app.policy.learned.file import load_policy
 from app.sim.params import acting
 from app.tasks.base import Task
 from app.tasks.compiled import carried, phi_of
@@ -17,6 +19,11 @@ from app.tasks.compiled import carried, phi_of
 def lessons(task: Task, world: World | None = None) -> Lessons:
     """How policies of the task learn."""
     return Lessons(space=task.actions, symmetry=task.symmetry, views=task.views, world=world)
+
+
+def learned(path: Path, task: Task) -> LearnedPolicy:
+    """The task's policy in that file or folder. Raises UsageError and RecordingError as `load_policy`."""
+    return load_policy(path, task=task.name, how=lessons(task))[0]
 
 
 def simulator(task: Task, model: Model, particle_count: int) -> World:

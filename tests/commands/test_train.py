@@ -9,7 +9,7 @@ from app.__main__ import main
 from app.core.errors import UsageError
 from app.core.messages import Episode, Executed, Goal, MessageId, Transition, fresh_id
 from app.core.motion import pointing_down
-from app.evaluation.trial import Trial, methods, run_trial
+from app.evaluation.trial import Trial, playable, run_trial
 from app.planner.method import PAPER
 from app.policy.learned.file import CHECKPOINT, FILE, load_policy
 from app.recording.epoch import Epoch
@@ -108,7 +108,7 @@ def test_what_cannot_be_learned_from_is_refused_with_a_reason(
 
 def test_a_learned_policy_plays_alone_and_guides_the_tree(demos: list[str], tmp_path: Path) -> None:
     assert train(demos, tmp_path / "policies" / "rope_push" / "bc") == 0
-    assert {"bc", f"{PAPER}+bc"} < set(methods())
+    assert {"bc", f"{PAPER}+bc"} < set(playable())
 
     def trial(planner: str) -> Trial:
         return Trial(

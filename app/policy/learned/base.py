@@ -124,14 +124,7 @@ class Learner(Protocol):
         """Parameters to begin with, for such sights and the actions of such lessons."""
         ...
 
-    def loss(
-        self,
-        params: Params,
-        key: PRNGKeyArray,
-        shown: Shown,
-        how: Lessons,
-        scale: Scale,
-    ) -> Float[Array, ""]:
+    def loss(self, params: Params, key: PRNGKeyArray, shown: Shown, how: Lessons, scale: Scale) -> Float[Array, ""]:
         """How far the policy is from doing what was shown; `key` for what is drawn in training."""
         ...
 

@@ -41,14 +41,7 @@ class Act:
         moves = jnp.zeros((len(seen.tool), *how.space.chunk))
         return self._network(how.space.chunk).init(key, key, seen, moves)["params"]
 
-    def loss(
-        self,
-        params: Params,
-        key: PRNGKeyArray,
-        shown: Shown,
-        how: Lessons,
-        scale: Scale,
-    ) -> Float[Array, ""]:
+    def loss(self, params: Params, key: PRNGKeyArray, shown: Shown, how: Lessons, scale: Scale) -> Float[Array, ""]:
         """Algorithm 1: the mean absolute error of the moves, and beta times how far z is from a unit Gaussian."""
         moves = scale.to(shown.actions)
         made, mean, log_variance = applied(self._network(how.space.chunk), params, key, shown.seen, moves)

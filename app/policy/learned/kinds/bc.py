@@ -30,14 +30,7 @@ class Cloning:
         """As flax draws them."""
         return self._network(how.space.chunk).init(key, seen)["params"]
 
-    def loss(
-        self,
-        params: Params,
-        key: PRNGKeyArray,
-        shown: Shown,
-        how: Lessons,
-        scale: Scale,
-    ) -> Float[Array, ""]:
+    def loss(self, params: Params, key: PRNGKeyArray, shown: Shown, how: Lessons, scale: Scale) -> Float[Array, ""]:
         """The negative logarithm of the likelihood, for each number of an action."""
         del key
         mean, spread = self._told(params, shown.seen, how.space.chunk)

@@ -48,14 +48,7 @@ class Diffusion:
         count, chunk = len(seen.tool), how.space.chunk
         return self._network(chunk).init(key, seen, jnp.zeros((count, *chunk)), jnp.zeros(count, jnp.int32))["params"]
 
-    def loss(
-        self,
-        params: Params,
-        key: PRNGKeyArray,
-        shown: Shown,
-        how: Lessons,
-        scale: Scale,
-    ) -> Float[Array, ""]:
+    def loss(self, params: Params, key: PRNGKeyArray, shown: Shown, how: Lessons, scale: Scale) -> Float[Array, ""]:
         """Equation 5, of moves: their mean squared error, told from noised ones at a level drawn for each."""
         moves, (drawn, noised) = scale.to(shown.actions), jax.random.split(key)
         level = jax.random.randint(drawn, (len(moves),), 0, self.noisy)

@@ -64,14 +64,7 @@ class Transporter:
         somewhere = jnp.full((len(seen.tool), 2), self.crop)
         return self._network(how).init(key, seen.pictures[0], somewhere, somewhere)["params"]
 
-    def loss(
-        self,
-        params: Params,
-        key: PRNGKeyArray,
-        shown: Shown,
-        how: Lessons,
-        scale: Scale,
-    ) -> Float[Array, ""]:
+    def loss(self, params: Params, key: PRNGKeyArray, shown: Shown, how: Lessons, scale: Scale) -> Float[Array, ""]:
         """Cross entropy of both pixels (section 3.3), and the mean squared error of what is between."""
         del key, scale
         space, view = _strokes(how), how.views[0]
