@@ -22,10 +22,18 @@ from app.tasks import load
 from app.tasks.base import Wish
 from app.tasks.jobs import calibrate, nominal_model
 
-Expert: TypeAlias = Literal["scripted", "planned"]
-"""Who demonstrates: the task's scripted policy, or the planner that it guides, which takes longer and errs less."""
+Expert: TypeAlias = Literal["scripted", "descended", "planned"]
+"""Who demonstrates: the task's scripted policy, the same with its actions improved by descent, or the planner.
+
+Each takes longer than the one before and errs less. What the first two do follows from what is seen, as a policy's
+actions will; the planner also does what chance found.
+"""
 EXPERTS: Mapping[Expert, Method] = MappingProxyType(
-    {"scripted": Method.named(ablation="no_planning"), "planned": Method.named()}
+    {
+        "scripted": Method.named(ablation="no_planning"),
+        "descended": Method(branching=False),
+        "planned": Method.named(),
+    }
 )
 FIRST_SEED = 1000
 """Of demonstrations: other problems than those of evaluations, which count from 0."""

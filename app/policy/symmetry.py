@@ -2,12 +2,16 @@
 
 from dataclasses import dataclass
 from math import pi
-from typing import NamedTuple, Self, final
+from typing import Final, Literal, NamedTuple, Self, final
 
 import jax.numpy as jnp
 import numpy as np
 from jax.lax import Precision
 from jaxtyping import Array, Float
+
+_ABOUT_RAD: Final = 0.25
+_ABOUT_M: Final = 0.02
+"""How far about their frame examples of a task that may be turned, or shifted, are drawn: nobody lies quite in his."""
 
 
 @final
@@ -31,6 +35,16 @@ class Isometry(NamedTuple):
         """What directions on the table are multiplied by."""
         c, s = jnp.cos(self.angle), jnp.sin(self.angle)
         return jnp.stack([jnp.stack([c, -self.side * s], -1), jnp.stack([s, self.side * c], -1)], -2)
+
+    @property
+    def inverse(self) -> Self:
+        """What moves everything back."""
+        back = type(self)(self.side, -self.side * self.angle, jnp.zeros_like(self.shift))
+        return back._replace(shift=-back.directions(self.shift))
+
+    def after(self, first: Self) -> Self:
+        """What does the other first, and then this."""
+        return type(self)(self.side * first.side, self.angle + self.side * first.angle, self.places(first.shift))
 
     def directions(self, v: Float[Array, "B *axes K"]) -> Float[Array, "B *axes K"]:
         """Of vectors of 2 or 3 numbers, whose first two are on the table."""
@@ -62,6 +76,10 @@ class Symmetry:
 
     It may be turned by any of `angles_rad` about `about_m` (x, y), or by any angle where it `turns`; be `mirrored`
     across a line along x through there; and be shifted by up to `shift_m` (x, y) either way.
+
+    What may be turned by any angle is looked at in a frame: with its goal, or its object, `along` the x axis, and that
+    in the middle where it may be shifted as well. A policy that acts in that frame does alike what is turned, and need
+    not learn that it is alike.
     """
 
     about_m: tuple[float, float] = (0.0, 0.0)
@@ -69,12 +87,31 @@ class Symmetry:
     turns: bool = False
     mirrored: bool = False
     shift_m: tuple[float, float] = (0.0, 0.0)
+    along: Literal["goal", "object"] = "goal"
+
+    def frame(self, goal: Float[Array, "B M 3"], x: Float[Array, "B N 3"]) -> Isometry:
+        """What brings each of these goals and objects [m] into its frame; nothing moves where a task has none."""
+        count = len(x)
+        if not self.turns:
+            return Isometry.identity(count)
+        level = (goal if self.along == "goal" else x)[..., :2]
+        about = jnp.array(self.about_m)
+        middle = level.mean(1) if any(self.shift_m) else jnp.tile(about, (count, 1))
+        off = level - middle[:, None]
+        xx, yy, xy = (off[..., 0] ** 2).mean(1), (off[..., 1] ** 2).mean(1), off.prod(-1).mean(1)
+        # The principal axis of the second moments; either way round, as what is drawn is.
+        turned = Isometry(jnp.ones(count), -0.5 * jnp.arctan2(2 * xy, xx - yy), jnp.zeros((count, 2)))
+        return turned._replace(shift=about - turned.directions(middle))
 
     def drawn(self, rng: np.random.Generator, count: int) -> Isometry:
-        """So many of them, evenly."""
-        angle = rng.uniform(-pi, pi, count) if self.turns else rng.choice(self.angles_rad, count)
+        """So many of them, evenly; of what is looked at in a frame, of those near that."""
+        if self.turns:
+            angle = rng.choice([0.0, pi], count) + rng.uniform(-_ABOUT_RAD, _ABOUT_RAD, count)
+            far = np.minimum(self.shift_m, _ABOUT_M)
+        else:
+            angle, far = rng.choice(self.angles_rad, count), np.array(self.shift_m)
         side = np.where(self.mirrored & (rng.random(count) < 0.5), -1.0, 1.0)
         about, (c, s) = np.array(self.about_m), (np.cos(angle), np.sin(angle))
         went = np.stack([c * about[0] - side * s * about[1], s * about[0] + side * c * about[1]], axis=1)
-        shift = about - went + rng.uniform(-1, 1, (count, 2)) * self.shift_m
+        shift = about - went + rng.uniform(-1, 1, (count, 2)) * far
         return Isometry(*(jnp.asarray(each, jnp.float32) for each in (side, angle, shift)))

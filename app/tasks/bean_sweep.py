@@ -66,7 +66,7 @@ TASK = Task(
         scale_m=0.015,
     ),
     policy=ScriptedSweep(half_m=PADDLE.half_m[:2], gap_m=CLEARANCE_M + 0.002),
-    symmetry=Symmetry(about_m=(0.55, 0.0), turns=True, mirrored=True),
+    symmetry=Symmetry(about_m=(0.55, 0.0), turns=True, mirrored=True, along="object"),
     weights=Weights(progress=1.0, contact=0.0002),
     descent=Descent(learning_rate=1.0, clip=1.0, shrink=0.5),
     problems=BeanProblems(beans=BEANS, mat=MAT, region=(0.31, -0.29, 0.79, 0.29), goal_m=0.065),

@@ -12,7 +12,7 @@ from jaxtyping import Array, Bool, Float, Float32, PRNGKeyArray
 
 from app.core.types import Points
 from app.policy.base import Acted, Now
-from app.policy.learned.sight import Aimed, Sight, Views, aim, sight
+from app.policy.learned.sight import Sight, Views, sight
 from app.policy.symmetry import Isometry, Symmetry
 from app.sim.state import State
 
@@ -78,6 +78,26 @@ class Lessons:
     views: Views
     world: World | None = None
 
+    def framed(self, goal: Float[Array, "B M 3"], now: Now, act: Callable[[Sight], Acted]) -> Acted:
+        """What is done now by what acts on what is seen in the frame of the task's symmetry."""
+        frame = self.symmetry.frame(goal, now.x)
+        here = Now(now.state._replace(x=frame.places(now.x)), frame.poses(now.tool))
+        acted = act(sight(self.views, frame.places(goal), here))
+        return _moved(self.space, acted, frame.inverse) if self.symmetry.turns else acted
+
+
+def _moved(space: Space, acted: Acted, by: Isometry) -> Acted:
+    """Moved on the table, as actions are; what is spread evenly one way there is so in parts of several here."""
+
+    def moved(actions: Float[Array, "B A"]) -> Float[Array, "B A"]:
+        return space.moved(actions, by)
+
+    def along(number: Float[Array, " A"]) -> Float[Array, "B A"]:
+        return jax.jvp(moved, (acted.mean,), (acted.spread * number,))[1]
+
+    parts = jax.vmap(along)(jnp.eye(acted.mean.shape[1]))
+    return Acted(moved(acted.mean), jnp.linalg.norm(parts, axis=0))
+
 
 @final
 class Scale(NamedTuple):
@@ -101,15 +121,15 @@ class Shown(NamedTuple):
     """Of B situations what was seen there, and done; a JAX pytree.
 
     `after`: where the object then was, and after each of the W - 1 actions that followed [m]. `counts` is 0 where none
-    followed, and 1 otherwise. `aimed`: each one's goal, as `sight` takes it.
+    followed, and 1 otherwise. All is where it is in the frames of the task's symmetry, or near that.
     """
 
     seen: Sight
+    goal: Float[Array, "B M 3"]
     now: Now
     actions: Float[Array, "B A"]
     after: Float[Array, "B W N 3"]
     counts: Float[Array, "B W"]
-    aimed: Aimed
 
 
 class Learner(Protocol):
@@ -156,11 +176,12 @@ class LearnedPolicy:
         how = replace(how, world=None)
         return cls(learner=learner, how=how, params=params, scale=scale, digest=digest.hexdigest())
 
-    def prepare(self, observed: Points, goal: Points) -> Aimed:
-        """The goal's pictures."""
+    def prepare(self, observed: Points, goal: Points) -> Float[Array, "1 M 3"]:
+        """The goal."""
         del observed
-        return aim(self.how.views, jnp.asarray(goal)[None])
+        return jnp.asarray(goal)[None]
 
-    def act(self, prepared: Aimed, now: Now) -> Acted:
+    def act(self, prepared: Float[Array, "1 M 3"], now: Now) -> Acted:
         """As the network acts on what there is to be seen."""
-        return self.learner.act(self.params, sight(self.how.views, prepared, now), self.how, self.scale)
+        goal = jnp.broadcast_to(prepared, (len(now.x), *prepared.shape[1:]))
+        return self.how.framed(goal, now, lambda seen: self.learner.act(self.params, seen, self.how, self.scale))

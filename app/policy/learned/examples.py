@@ -8,7 +8,7 @@ from jaxtyping import Array, Bool, Float, Float32, Int
 
 from app.policy.base import Now
 from app.policy.learned.base import Lessons, Scale, Shown
-from app.policy.learned.sight import aim, sight
+from app.policy.learned.sight import sight
 from app.policy.symmetry import Isometry
 
 _DRAWS = 32
@@ -37,8 +37,24 @@ class Examples(NamedTuple):
 
     def following(self, window: int) -> Int[np.ndarray, "E W"]:
         """Of each the index, and those of the next ones; its last one's again where its demonstration ends before."""
-        last = np.searchsorted(self.episode, self.episode, side="right") - 1
-        return np.minimum(np.arange(len(self.x))[:, None] + np.arange(window), last[:, None])
+        return np.minimum(np.arange(len(self.x))[:, None] + np.arange(window), self._last[:, None])
+
+    def goals(
+        self, chosen: Int[np.ndarray, " B"], hindsight: float, rng: np.random.Generator
+    ) -> Float32[np.ndarray, "B M 3"]:
+        """What the chosen ones were done for; for the share `hindsight`, where the object was after a later action.
+
+        What was done leads there as surely as to what was wanted (Andrychowicz et al. 2017, "Hindsight experience
+        replay", section 4.1 with its strategy "future").
+        """
+        reached = self.after[rng.integers(chosen, self._last[chosen], endpoint=True)]
+        instead = rng.random(len(chosen)) < hindsight
+        return np.where(instead[:, None, None], reached, self.goal[chosen])
+
+    @property
+    def _last(self) -> Int[np.ndarray, " E"]:
+        """Of each the index of its demonstration's last one."""
+        return np.searchsorted(self.episode, self.episode, side="right") - 1
 
 
 @final
@@ -60,25 +76,39 @@ class Batch(NamedTuple):
         x, goal, tool, actions = (jnp.asarray(each[chosen]) for each in examples[:4])
         return cls(x, goal, tool, actions, jnp.asarray(examples.after[index]), jnp.asarray(counts, jnp.float32))
 
+    def framed(self, lessons: Lessons) -> Self:
+        """Each as it is in its frame."""
+        return self._moved(lessons, lessons.symmetry.frame(self.goal, self.x))
+
     def moved(self, lessons: Lessons, by: Isometry) -> Self:
-        """Each as it would be on the moved table; as it is, where the arm could not do there what was done."""
-        x, tool, actions = by.places(self.x), by.poses(self.tool), lessons.space.moved(self.actions, by)
-        may = lessons.space.allowed(actions, Now.at_rest(x)._replace(tool=tool))
-        new = type(self)(x, by.places(self.goal), tool, actions, by.places(self.after), self.counts)
+        """Each as it would be on the moved table.
+
+        Where frames are none, one that the arm could not do there stays as it is: what it does elsewhere tells nothing.
+        """
+        new = self._moved(lessons, by)
+        if lessons.symmetry.turns:
+            return new
+        may = lessons.space.allowed(new.actions, Now.at_rest(new.x)._replace(tool=new.tool))
         pairs = zip(new, self, strict=True)
         return type(self)(*(jnp.where(may.reshape(-1, *[1] * (there.ndim - 1)), there, here) for there, here in pairs))
 
     def shown(self, lessons: Lessons) -> Shown:
         """As a learner sees it."""
-        now, aimed = Now.at_rest(self.x)._replace(tool=self.tool), aim(lessons.views, self.goal)
-        seen = sight(lessons.views, aimed, now)
-        return Shown(seen, now, self.actions, self.after, self.counts, aimed)
+        now = Now.at_rest(self.x)._replace(tool=self.tool)
+        return Shown(sight(lessons.views, self.goal, now), self.goal, now, self.actions, self.after, self.counts)
+
+    def _moved(self, lessons: Lessons, by: Isometry) -> Self:
+        actions, places = lessons.space.moved(self.actions, by), by.places
+        return type(self)(
+            places(self.x), places(self.goal), by.poses(self.tool), actions, places(self.after), self.counts
+        )
 
 
 def scale_of(lessons: Lessons, examples: Examples, seed: int) -> Scale:
     """Of the actions as they are taught, moved by symmetries."""
     rng, count = np.random.default_rng([seed, len(examples.x)]), len(examples.x)
     many = Batch.of(examples, np.repeat(np.arange(count), _DRAWS))
-    actions = np.asarray(many.moved(lessons, lessons.symmetry.drawn(rng, _DRAWS * count)).actions)
+    by = lessons.symmetry.drawn(rng, _DRAWS * count)
+    actions = np.asarray(many.framed(lessons).moved(lessons, by).actions)
     mean, std = (each(actions, axis=0).reshape(lessons.space.chunk).astype(np.float32) for each in (np.mean, np.std))
     return Scale(mean, np.where(std < _LEAST, np.float32(_ASSUMED), std))

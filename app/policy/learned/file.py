@@ -119,8 +119,8 @@ def _nested(arrays: Arrays, prefix: str) -> Params:
 
 
 def _shape(how: Lessons) -> dict[str, Any]:
-    """What a network fits alone."""
-    return {"chunk": how.space.chunk, "views": [asdict(view) for view in how.views]}
+    """What a network fits alone: its actions, and how it looks at the table."""
+    return {"chunk": how.space.chunk, "views": [asdict(view) for view in how.views], "symmetry": asdict(how.symmetry)}
 
 
 def _write(path: Path, arrays: Arrays, header: Mapping[str, Any]) -> None:

@@ -9,8 +9,6 @@ from app.policy.base import Now
 from app.policy.pictures import View
 
 Views: TypeAlias = tuple[View, ...]
-Aimed: TypeAlias = tuple[Float[Array, "G R C 2"], ...]
-"""Pictures of goals, of each view."""
 TOOL = 7
 """Numbers of a tool: its place as a share of the first view, its axis, and its opening."""
 _OPEN_M = 0.1
@@ -25,17 +23,10 @@ class Sight(NamedTuple):
     tool: Float[Array, "B 7"]
 
 
-def aim(views: Views, goals: Float[Array, "G M 3"]) -> Aimed:
-    """The pictures of goals, which stay the same for all that is looked at on the way there."""
-    return tuple(view.picture(goals) for view in views)
-
-
-def sight(views: Views, aimed: Aimed, now: Now) -> Sight:
-    """Object and goal side by side; one goal for all, or each its own (G is 1, or B)."""
-    seen = [view.picture(now.x) for view in views]
-    goals = [jnp.broadcast_to(goal, picture.shape) for goal, picture in zip(aimed, seen, strict=True)]
-    pictures = tuple(jnp.concatenate(both, axis=-1) for both in zip(seen, goals, strict=True))
-    return Sight(pictures, _tool(views[0], now.tool))
+def sight(views: Views, goal: Float[Array, "B M 3"], now: Now) -> Sight:
+    """Each object [m] beside its goal [m], and the tool."""
+    pairs = [(view.picture(now.x), view.picture(goal)) for view in views]
+    return Sight(tuple(jnp.concatenate(both, axis=-1) for both in pairs), _tool(views[0], now.tool))
 
 
 def _tool(view: View, tool: Float[Array, "B 8"]) -> Float[Array, "B 7"]:

@@ -28,6 +28,7 @@ class Settings:
     warm_up: int = 100
     check_every: int = 100
     patience: int = 10
+    hindsight: float = 0.5
     seed: int = 0
 
 
@@ -59,7 +60,7 @@ class Training:
 
 def begin(learner: Learner, lessons: Lessons, examples: Examples, settings: Settings) -> Training:
     """Before the first step."""
-    shown = Batch.of(examples, np.array([0])).shown(lessons)
+    shown = Batch.of(examples, np.array([0])).framed(lessons).shown(lessons)
     params = learner.begin(jax.random.key(settings.seed), shown.seen, lessons)
     return Training(params=params, best=params, optimiser=_optimiser(settings).init(params))
 
@@ -86,7 +87,9 @@ def learn(
     losses = list[Float[Array, ""]]()
     while told.step < settings.steps and told.idle < settings.patience:
         rng, key = np.random.default_rng([settings.seed, told.step]), jax.random.key(told.step)
-        chosen = Batch.of(taught, rng.integers(len(taught.x), size=settings.batch), learner.window)
+        drawn = rng.integers(len(taught.x), size=settings.batch)
+        goals = taught.goals(drawn, settings.hindsight, rng)
+        chosen = Batch.of(taught, drawn, learner.window)._replace(goal=jnp.asarray(goals))
         by = lessons.symmetry.drawn(rng, settings.batch)
         told.params, told.optimiser, loss = step(told.params, told.optimiser, key, chosen, by)
         losses.append(loss)
@@ -110,7 +113,7 @@ def _step(
     by: Isometry,
 ) -> tuple[Params, Any, Float[Array, ""]]:
     """One step of gradient descent."""
-    shown = chosen.moved(lessons, by).shown(lessons)
+    shown = chosen.framed(lessons).moved(lessons, by).shown(lessons)
     loss, slopes = jax.value_and_grad(learner.loss)(params, key, shown, lessons, scale)
     updates, optimiser = _optimiser(settings).update(slopes, optimiser, params)
     stepped = cast("Params", optax.apply_updates(params, updates))
@@ -121,7 +124,7 @@ def _step(
 def _held_out(
     learner: Learner, lessons: Lessons, scale: Scale, params: Params, key: PRNGKeyArray, held: Batch
 ) -> Float[Array, ""]:
-    return learner.loss(params, key, held.shown(lessons), lessons, scale)
+    return learner.loss(params, key, held.framed(lessons).shown(lessons), lessons, scale)
 
 
 def _check(

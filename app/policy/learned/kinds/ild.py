@@ -19,7 +19,7 @@ from app.core.errors import UsageError
 from app.policy.base import Acted, Now
 from app.policy.learned.base import Chunk, Lessons, Params, Scale, Shown, World
 from app.policy.learned.networks import Seeing, applied
-from app.policy.learned.sight import Sight, sight
+from app.policy.learned.sight import Sight
 
 _UNIT_M: Final = 0.01
 """A distance from a demonstrated state that counts as 1."""
@@ -56,7 +56,7 @@ class Imitation:
         phi = jnp.tile(jnp.array(world.phi), (len(now.x), 1))
         lost = self.told * ((self._moves(params, shown.seen, how) - scale.to(shown.actions)) ** 2).mean()
         for step in range(self.window):
-            action = self._made(params, sight(how.views, shown.aimed, now), now, how, scale)
+            action = self._made(params, shown.goal, now, how, scale)
             state = world.advance(phi, now.state, how.space.tool_path(action, now.tool))
             off = chamfer_m2(state.x, shown.after[:, step]) / _UNIT_M**2
             lost += (shown.counts[:, step] * off).mean() / self.window
@@ -72,9 +72,11 @@ class Imitation:
         out = applied(self._network(how.space.chunk), params, seen)
         return out.reshape(-1, *how.space.chunk)
 
-    def _made(self, params: Params, seen: Sight, now: Now, how: Lessons, scale: Scale) -> Float[Array, "B A"]:
+    def _made(
+        self, params: Params, goal: Float[Array, "B M 3"], now: Now, how: Lessons, scale: Scale
+    ) -> Float[Array, "B A"]:
         """The action as it may be made; its slope passes that straight through, and is shortened."""
-        wanted = self.act(params, seen, how, scale).mean
+        wanted = how.framed(goal, now, lambda seen: self.act(params, seen, how, scale)).mean
         here, start = jax.lax.stop_gradient((wanted, now))
         return _shortened(wanted + (how.space.project(here, start) - here), self.steepest)
 

@@ -126,7 +126,7 @@ class _Transporter(nn.Module):
         def correlated(query: Float[Array, "R C F"], key: Float[Array, "R C F"], at: Int[Array, "2"]) -> Array:
             return jax.nn.logsumexp(_correlation(key, self._crops(query, at)), axis=0)
 
-        return self.sharpness * jax.vmap(correlated)(queries, keys, first) / self.crop
+        return self.sharpness * jax.vmap(correlated)(queries, keys, first) / (self.crop * self.features**0.5)
 
     def bending(
         self, picture: Float[Array, "B R C 4"], first: Int[Array, "B 2"], last: Int[Array, "B 2"]
