@@ -77,7 +77,8 @@ class Options:
     model: Path | None = None
     """a model.toml to start from instead of the nominal model"""
     policy: Path | None = None
-    """a folder of `dipac train`, whose policy guides the tree instead of the task's own"""
+    """a folder of `dipac train`, whose policy guides the tree instead of the task's scripted one; or `shipped`, the
+    learned one that comes with the program"""
     calibrate: bool = True
     """calibrate the model in the background"""
     segmenter: Path | None = None

@@ -144,9 +144,9 @@ class Model(Message):
         raise KeyError(name)
 
 
-Origin: TypeAlias = Literal["policy", "random", "sampled", "asked", "edited"]
-"""Where a branch's actions came from: the initial policy, chance, a distribution that was fitted, discovery, or the
-operator, who changed another's."""
+Origin: TypeAlias = Literal["policy", "learned", "random", "sampled", "asked", "edited"]
+"""Where a branch's actions came from: the task's own initial policy, one that was learned, chance, a distribution that
+was fitted, discovery, or the operator, who changed another's."""
 
 
 @final

@@ -81,7 +81,7 @@ class TreePlanner:
         descended = _descended(self, tree.phi, tree.now, jnp.asarray(goal), _rolled_out(self.search, tree))
         origins: list[Origin] = ["random"] * self.search.branches
         if self.search.guided:
-            origins[0] = "policy"
+            origins[0] = self.search.origin
         seen = film(self.search, tree.phi, tree.now, descended.best.actions, descended.best.final)
         found = jax.device_get(descended)
         return choose(self.search, found, origins, observed, goal, site, tool, command, seen=seen, rejected=rejected)

@@ -9,6 +9,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool, Float, Float32
 
+from app.core.messages import Origin
 from app.core.types import Points, ToolPose
 from app.planner.actions import ActionSpace
 from app.planner.cost import Terms, Weights, step_terms
@@ -30,7 +31,7 @@ class Search:
 
     Without `guided` no policy has a say: all actions are drawn at random. `part`: the simulator of a piece of an
     action, which does not come to rest at its end as `advance` does where actions end `at_rest`; None where nobody
-    looks at moments in between.
+    looks at moments in between. `origin`: what a branch of the policy is called.
     """
 
     space: ActionSpace
@@ -43,6 +44,7 @@ class Search:
     guided: bool = True
     part: Part | None = None
     at_rest: bool = True
+    origin: Origin = "policy"
 
 
 class Rollout(NamedTuple):

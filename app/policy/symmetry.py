@@ -89,6 +89,11 @@ class Symmetry:
     shift_m: tuple[float, float] = (0.0, 0.0)
     along: Literal["goal", "object"] = "goal"
 
+    @property
+    def everywhere(self) -> bool:
+        """Whether a goal may be wherever an object may come to lie, so that whatever was done led to one."""
+        return self.turns and self.along == "goal"
+
     def frame(self, goal: Float[Array, "B M 3"], x: Float[Array, "B N 3"]) -> Isometry:
         """What brings each of these goals and objects [m] into its frame; nothing moves where a task has none."""
         count = len(x)

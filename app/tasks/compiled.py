@@ -103,7 +103,7 @@ def planner(
 def _planner(task: str, preset: str, effects: tuple[Effect, ...], method: Method, confines: Confines) -> Planner:
     data, search = load(task), _search(task, preset, effects, confines)
     if method.policy is not None:
-        search = replace(search, policy=method.policy)
+        search = replace(search, policy=method.policy, origin="learned")
     return made(method, search, data.descent, data.preset(preset).gradient_steps)
 
 

@@ -21,9 +21,22 @@ def lessons(task: Task, world: World | None = None) -> Lessons:
     return Lessons(space=task.actions, symmetry=task.symmetry, views=task.views, world=world)
 
 
+SHIPPED = Path("shipped")
+"""Named instead of a file: the policy that comes with the program, of the folder `app/tasks/shipped`."""
+_SHIPPED = Path(__file__).parent / SHIPPED
+
+
 def learned(path: Path, task: Task) -> LearnedPolicy:
-    """The task's policy in that file or folder. Raises UsageError and RecordingError as `load_policy`."""
-    return load_policy(path, task=task.name, how=lessons(task))[0]
+    """The task's policy in that file or folder, or the one that is `SHIPPED`.
+
+    Raises UsageError and RecordingError as `load_policy`.
+    """
+    return load_policy(shipped(task.name) if path == SHIPPED else path, task=task.name, how=lessons(task))[0]
+
+
+def shipped(task: str) -> Path:
+    """The file of the policy of that task which comes with the program."""
+    return _SHIPPED / f"{task}.safetensors"
 
 
 def simulator(task: Task, model: Model, particle_count: int) -> World:

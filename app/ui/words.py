@@ -82,6 +82,8 @@ def origin(proposal: Proposal) -> str:
         return "the push that discovery asks for"
     if proposal.chosen.origin == "edited":
         return f"the motion as you changed it, before {len(proposal.branches) - 1} others"
+    if proposal.chosen.origin == "learned":
+        return f"the learned policy's branch, of {len(proposal.branches)}"
     return f"{proposal.chosen.origin} branch, {proposal.best + 1} of {len(proposal.branches)}"
 
 

@@ -103,8 +103,8 @@ def _moved(space: Space, acted: Acted, by: Isometry) -> Acted:
 class Scale(NamedTuple):
     """What a network's numbers are of an action's: standard deviations from a mean, as small moves."""
 
-    mean: Float32[np.ndarray, "T K"]
-    std: Float32[np.ndarray, "T K"]
+    mean: Float32[np.ndarray | Array, "T K"]
+    std: Float32[np.ndarray | Array, "T K"]
 
     def to(self, actions: Float[Array, "B A"]) -> Float[Array, "B T K"]:
         """An action's numbers to a network's."""
@@ -153,12 +153,21 @@ class Learner(Protocol):
         ...
 
 
+class Prepared(NamedTuple):
+    """What a learned policy acts by: what it learned, and the goal [m] that it is to reach; a JAX pytree."""
+
+    params: Params
+    scale: Scale
+    goal: Float[Array, "1 M 3"]
+
+
 @final
 @dataclass(frozen=True, kw_only=True)
 class LearnedPolicy:
-    """A policy as `app.policy.base.Policy` has it. What is compiled for it holds its parameters: `digest` names them.
+    """A policy as `app.policy.base.Policy` has it. Two of the same `digest`, which is of their parameters, are one.
 
-    Two of the same digest are the same, so that one that went from process to process needs no new compilation.
+    The parameters are handed over with every observation, so that what is compiled for one policy serves all that
+    learned something else in the same way.
     """
 
     learner: Learner
@@ -176,12 +185,13 @@ class LearnedPolicy:
         how = replace(how, world=None)
         return cls(learner=learner, how=how, params=params, scale=scale, digest=digest.hexdigest())
 
-    def prepare(self, observed: Points, goal: Points) -> Float[Array, "1 M 3"]:
-        """The goal."""
+    def prepare(self, observed: Points, goal: Points) -> Prepared:
+        """The goal, beside what was learned."""
         del observed
-        return jnp.asarray(goal)[None]
+        return Prepared(self.params, self.scale, jnp.asarray(goal)[None])
 
-    def act(self, prepared: Float[Array, "1 M 3"], now: Now) -> Acted:
+    def act(self, prepared: Prepared, now: Now) -> Acted:
         """As the network acts on what there is to be seen."""
-        goal = jnp.broadcast_to(prepared, (len(now.x), *prepared.shape[1:]))
-        return self.how.framed(goal, now, lambda seen: self.learner.act(self.params, seen, self.how, self.scale))
+        params, scale, one = prepared
+        goal = jnp.broadcast_to(one, (len(now.x), *one.shape[1:]))
+        return self.how.framed(goal, now, lambda seen: self.learner.act(params, seen, self.how, scale))

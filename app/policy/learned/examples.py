@@ -4,8 +4,9 @@ from typing import NamedTuple, Self, final
 
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Bool, Float, Float32, Int
+from jaxtyping import Array, Bool, Float, Float32, Float64, Int
 
+from app.core.chamfer import chamfer_m2
 from app.policy.base import Now
 from app.policy.learned.base import Lessons, Scale, Shown
 from app.policy.learned.sight import sight
@@ -39,16 +40,22 @@ class Examples(NamedTuple):
         """Of each the index, and those of the next ones; its last one's again where its demonstration ends before."""
         return np.minimum(np.arange(len(self.x))[:, None] + np.arange(window), self._last[:, None])
 
+    def chances(self, hindsight: float) -> Float64[np.ndarray, " E"]:
+        """How likely each is shown with another goal than its own: so, and surely where it brought that no nearer."""
+        pairs = zip(self.x, self.after, self.goal, strict=True)
+        gained = [chamfer_m2(after, goal) < chamfer_m2(before, goal) for before, after, goal in pairs]
+        return np.where(gained, hindsight, 1.0)
+
     def goals(
-        self, chosen: Int[np.ndarray, " B"], hindsight: float, rng: np.random.Generator
+        self, chosen: Int[np.ndarray, " B"], chances: Float64[np.ndarray, " E"], rng: np.random.Generator
     ) -> Float32[np.ndarray, "B M 3"]:
-        """What the chosen ones were done for; for the share `hindsight`, where the object was after a later action.
+        """What the chosen ones were done for; or else, by chance, where the object was after a later action.
 
         What was done leads there as surely as to what was wanted (Andrychowicz et al. 2017, "Hindsight experience
         replay", section 4.1 with its strategy "future").
         """
         reached = self.after[rng.integers(chosen, self._last[chosen], endpoint=True)]
-        instead = rng.random(len(chosen)) < hindsight
+        instead = rng.random(len(chosen)) < chances[chosen]
         return np.where(instead[:, None, None], reached, self.goal[chosen])
 
     @property

@@ -48,11 +48,12 @@ class Gist(nn.Module):
     def __call__(self, seen: Sight) -> Float[Array, "B F"]:
         """For each of B."""
         parts = [seen.tool]
-        for picture in seen.pictures:
+        for index, picture in enumerate(seen.pictures):
             features = Eyes(self.width)(picture)
+            sharpness = self.param(f"sharpness_{index}", nn.initializers.constant(4.0), ())
             at = _coordinates(features).reshape(len(features), -1, 2)
             flat = features.reshape(*at.shape[:2], -1)
-            weights = jax.nn.softmax(flat * self.param("sharpness", nn.initializers.constant(4.0), ()), axis=1)
+            weights = jax.nn.softmax(flat * sharpness, axis=1)
             where = jnp.einsum("bpf,bpk->bfk", weights, at)
             parts += [where.reshape(len(features), -1), (weights * flat).sum(1)]
         return jnp.concatenate(parts, axis=-1)

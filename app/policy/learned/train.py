@@ -19,7 +19,10 @@ from app.policy.symmetry import Isometry
 @final
 @dataclass(frozen=True, kw_only=True)
 class Settings:
-    """How long and how fast. After `patience` checks, each `check_every` steps, that gain nothing it is over."""
+    """How long and how fast. After `patience` checks, each `check_every` steps, that gain nothing it is over.
+
+    `hindsight`: the share of what was done that is shown as done for where it led.
+    """
 
     steps: int = 4000
     batch: int = 64
@@ -83,12 +86,14 @@ def learn(
     taught = examples.of(~held) if not held.all() else examples
     scale = scale_of(lessons, taught, settings.seed)
     kept = Batch.of(examples.of(held), np.arange(held.sum()), learner.window)
+    # Where goals do not lie just anywhere, what was done on the way to them teaches nothing of others.
+    chances = taught.chances(settings.hindsight) if lessons.symmetry.everywhere else np.zeros(len(taught.x))
     step = partial(_step, learner, lessons, settings, scale)
     losses = list[Float[Array, ""]]()
     while told.step < settings.steps and told.idle < settings.patience:
         rng, key = np.random.default_rng([settings.seed, told.step]), jax.random.key(told.step)
         drawn = rng.integers(len(taught.x), size=settings.batch)
-        goals = taught.goals(drawn, settings.hindsight, rng)
+        goals = taught.goals(drawn, chances, rng)
         chosen = Batch.of(taught, drawn, learner.window)._replace(goal=jnp.asarray(goals))
         by = lessons.symmetry.drawn(rng, settings.batch)
         told.params, told.optimiser, loss = step(told.params, told.optimiser, key, chosen, by)

@@ -68,7 +68,7 @@ class Diffusion:
         def found(noise: Float[Array, "1 T K"]) -> Float[Array, "B T K"]:
             return self._denoised(network, params, tokens, jnp.broadcast_to(noise, (count, *chunk)))
 
-        made = jax.lax.map(found, noises)
+        made = jax.vmap(found)(noises)
         return scale.back(made[0], made.std(0))
 
     def _denoised(

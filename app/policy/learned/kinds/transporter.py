@@ -29,6 +29,10 @@ _NEAR: Final = 1
 """Pixels around the likeliest one among which a place is refined, by the mean of what is likely there."""
 
 
+_FAINT: Final = nn.initializers.variance_scaling(0.01, "fan_in", "truncated_normal")
+"""Of features that are correlated over a crop: all pixels are about as likely before anything is learned."""
+
+
 @runtime_checkable
 class Strokes(Protocol):
     """Actions that begin somewhere on the table and end somewhere else."""
@@ -71,8 +75,8 @@ class Transporter:
         first, last = jnp.moveaxis(_pixels(view, space.ends(shown.actions)), 1, 0)
         begins, ends, bends = applied(self._network(how), params, shown.seen.pictures[0], first, last)
         lost = _surprise(begins, first) + _surprise(ends, last)
-        wanted = space.bends(shown.actions)
-        return lost + (((bends - wanted) * max(wanted.shape[1] // 2, 1)) ** 2).sum() / max(wanted.size, 1)
+        off = (bends - space.bends(shown.actions)) * _pieces(bends)
+        return lost + (off**2).sum() / max(off.size, 1)
 
     def act(self, params: Params, seen: Sight, how: Lessons, scale: Scale) -> Acted:
         """The likeliest pixels, refined among their neighbours."""
@@ -131,12 +135,15 @@ class _Transporter(nn.Module):
     def bending(
         self, picture: Float[Array, "B R C 4"], first: Int[Array, "B 2"], last: Int[Array, "B 2"]
     ) -> Float[Array, "B M"]:
-        """What is done between both ends, by what is around them."""
+        """What is done between both ends, by what is around them; nothing where strokes are straight."""
+        if not self.between:
+            return jnp.zeros((len(picture), 0))
         features = self.queries(picture)
         each = jnp.arange(len(picture))
         around = [features[each, pixel[:, 0], pixel[:, 1]] for pixel in (first, last)]
         way = (last - first) / jnp.array(picture.shape[1:3])
-        return self.bent(jnp.concatenate([*around, way], axis=-1))
+        told = self.bent(jnp.concatenate([*around, way], axis=-1))
+        return told / _pieces(told)
 
     def _crops(self, query: Float[Array, "R C F"], at: Int[Array, "2"]) -> Float[Array, "G S S F"]:
         """What is around a pixel, turned by each angle."""
@@ -163,7 +170,7 @@ class _Whole(nn.Module):
         far = nn.Conv(fine, (1, 1))(Eyes(self.eyes)(picture))
         far = jax.image.resize(far, (*picture.shape[:3], fine), "bilinear")
         both = nn.relu(nn.Conv(fine, (3, 3))(jnp.concatenate([near, far], axis=-1)))
-        return nn.Conv(self.features, (1, 1))(both)
+        return nn.Conv(self.features, (1, 1), kernel_init=_FAINT)(both)
 
 
 def _correlation(picture: Float[Array, "R C F"], crops: Float[Array, "G S S F"]) -> Float[Array, "G R C"]:
@@ -175,6 +182,11 @@ def _correlation(picture: Float[Array, "R C F"], crops: Float[Array, "G S S F"])
     parts = jnp.fft.rfft2(crops, shape, axes=(1, 2))
     found = jnp.fft.irfft2((whole * parts.conj()).sum(-1), shape, axes=(1, 2))
     return jnp.roll(found, (side // 2, side // 2), axis=(1, 2))[:, :rows, :columns]
+
+
+def _pieces(bends: Float[Array, "B M"]) -> int:
+    """Of how many pieces a stroke is made, each of about the same share of it; 1 where it is straight."""
+    return max(bends.shape[1] // 2, 1)
 
 
 def _strokes(how: Lessons) -> Strokes:
