@@ -9,12 +9,15 @@ from rich.progress import TimeRemainingColumn
 
 from app.commands._preflight import make_folder
 from app.commands._progress import counting
-from app.core.errors import UsageError
+from app.core.errors import PlanningError, UsageError
 from app.evaluation.demonstrate import FIRST_SEED, Demonstration, Expert, demonstrations, record
 from app.evaluation.play import Eyes
 from app.recording.writer import unused
 from app.tasks import load
 from app.tasks.jobs import choose_preset
+
+_TRIES = 5
+"""Problems that are played for each recording, at most, where those that miss their goal are not kept."""
 
 
 def collect(
@@ -26,11 +29,13 @@ def collect(
     preset: Literal["auto", "cpu", "gpu"] = "auto",
     eyes: Eyes = "cameras",
     expert: Expert = "scripted",
+    reached: bool = False,
     output: Annotated[Path | None, tyro.conf.arg(aliases=["-o"])] = None,
 ) -> None:
     """One recording an episode, for `dipac calibrate` and for learning a policy. What is there already is kept.
 
-    Episodes that miss their goal are recorded too: a calibration learns from every action, whatever it was good for.
+    Episodes that miss their goal are recorded too, unless you say --reached: a calibration learns from every action,
+    whatever it was good for, and a policy does as it was shown.
 
     Args:
         task: whose expert plays, such as rope_push; an unknown one is answered with all names.
@@ -38,7 +43,9 @@ def collect(
         seed: of the first problem; the next ones count up.
         preset: whose number of particles the clouds have; auto asks this machine.
         eyes: rendered images, or the truth with the noise that particles from images have, which is faster.
-        expert: the task's scripted policy, or the planner that it guides, which takes longer and errs less.
+        expert: the task's scripted policy, the same with its actions improved by descent, or the planner that it
+            guides; each takes longer and errs less. What the planner does is partly chance, and harder to learn.
+        reached: record none that misses its goal, and play the next problem instead.
         output: the folder of the recordings; recordings/TASK where none is named.
     """
     terminal = Console(highlight=False, soft_wrap=True)
@@ -48,16 +55,24 @@ def collect(
     load(task).preset(size)
     folder = output or Path("recordings") / task
     make_folder(folder, "-o")
-    reached = actions = 0
+    kept = met = actions = 0
+    seeds = range(seed, seed + (_TRIES if reached else 1) * episodes)
     with counting(terminal, TimeRemainingColumn()) as progress:
         bar = progress.add_task("episodes", total=episodes)
-        for shown in demonstrations(task, size, range(seed, seed + episodes), eyes, expert):
+        for shown in demonstrations(task, size, seeds, eyes, expert):
+            if reached and not shown.played.success:
+                progress.console.print(f"{task} {shown.wish.seed}: {_told(shown)}; not kept", markup=False)
+                continue
             path = unused(folder, f"{task}-{shown.wish.seed:04d}")
             record(shown, path)
-            reached, actions = reached + shown.played.success, actions + len(shown.steps)
+            kept, met, actions = kept + 1, met + shown.played.success, actions + len(shown.steps)
             progress.update(bar, advance=1)
             progress.console.print(f"{path}: {_told(shown)}", markup=False)
-    terminal.print(f"{reached} of {episodes} episodes reached their goal, in {actions} actions together.")
+            if kept == episodes:
+                break
+    terminal.print(f"{met} of {kept} recorded episodes reached their goal, in {actions} actions together.")
+    if kept < episodes:
+        raise PlanningError(f"Of {len(seeds)} episodes {kept} reached the goal; try another --expert.")
     terminal.print(f"Calibrate with `dipac calibrate {folder}/*.mcap -o {task}.toml`,", markup=False)
     terminal.print(
         f"learn a policy with `dipac train {task} --demos {folder}/*.mcap -o policies/{task}/bc`.", markup=False

@@ -9,8 +9,8 @@ import numpy as np
 from jax.lax import Precision
 from jaxtyping import Array, Float
 
-_ABOUT_RAD: Final = 0.25
-_ABOUT_M: Final = 0.02
+_ABOUT_RAD: Final = 0.5
+_ABOUT_M: Final = 0.03
 """How far about their frame examples of a task that may be turned, or shifted, are drawn: nobody lies quite in his."""
 
 
