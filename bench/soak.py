@@ -117,8 +117,10 @@ class Somebody:
 
 async def soak(minutes: float, rig_name: str, folder: Path) -> tuple[Soaked, int, int]:
     """What was noted, and how many messages were said and are in the recording."""
-    task, site, soaked = load(_TASK), Site(recordings=folder), Soaked()
+    task, soaked = load(_TASK), Soaked()
     cell = await to_thread.run_sync(cells.load, rig_name)
+    # As a command does it: what the arm of this cell does not reach is not to be planned.
+    site = cell.narrowed(Site(recordings=folder), None)
     start = Episode(
         id=fresh_id("episode"),
         time_s=time.monotonic(),

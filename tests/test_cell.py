@@ -95,6 +95,7 @@ def test_a_line_a_push_the_consoles_address_and_the_recording_are_printed(ran: R
     assert "Operator console: http://127.0.0.1:" in printed
     assert printed.count(" mm  ") >= PUSHES
     assert ran.outcome["recording"] in printed
+    assert f"The goal is {'' if ran.outcome['reached'] else 'not '}reached." in printed
 
 
 def test_every_executed_motion_leads_back_to_frames_model_and_plan(ran: Ran) -> None:

@@ -96,7 +96,8 @@ def _mounted(camera: CameraEntry, places: dict[str, HandEye], file: Path) -> Mou
     if camera.serial not in places:
         sys.stderr.write(
             f"dipac: {file} does not say where camera {camera.name!r} ({camera.serial}) stands. Nothing is approved "
-            "before it is calibrated: in the tab Calibrate of the console, or with `dipac calibration solve`.\n"
+            "before it is calibrated: in the tab Calibrate of the console, or with "
+            f"`dipac calibration solve FOLDER -o {file}`.\n"
         )
         return Mounted(name=camera.name, source=Live(serial=camera.serial))
     return Mounted.calibrated(places[camera.serial], name=camera.name, settings=Settings())

@@ -12,8 +12,6 @@ from app.core.hand_eye import HandEye
 from app.recording.calibration_file import known_cameras
 from app.rig.kinova.look import look_at
 
-_CALIBRATE = "Calibrate it in the tab Calibrate of the console, or with `dipac calibration solve`."
-
 
 def cell_checks(file: Path) -> tuple[Check, ...]:
     """Every check of the cell that `file` describes; the file alone where it describes none."""
@@ -60,20 +58,23 @@ def _calibrations(cell: CellFile, file: Path) -> list[Finding]:
         known = known_cameras(path)
     except DipacError as error:
         return [Finding(what="calibration", state="missing", found=f"{path} is none", mend=str(error))]
-    return [_calibrated(camera.name, known.get(camera.serial), path) for camera in cell.cameras]
+    console = f"in the tab Calibrate of `dipac console TASK --rig gen3 --cell {file}`"
+    anew = f"Calibrate it {console}, or with `dipac calibration solve FOLDER -o {path}`."
+    return [_calibrated(camera.name, known.get(camera.serial), path, console, anew) for camera in cell.cameras]
 
 
-def _calibrated(name: str, found: HandEye | None, path: Path) -> Finding:
+def _calibrated(name: str, found: HandEye | None, path: Path, console: str, anew: str) -> Finding:
+    """`console`: where in the console that is done; `anew`: how a camera is calibrated."""
     what = f"calibration of {name}"
     if found is None:
-        return Finding(what=what, state="missing", found=f"none in {path}", mend=_CALIBRATE)
+        return Finding(what=what, state="missing", found=f"none in {path}", mend=anew)
     model, today = found.model(depth_unit_m=1.0), datetime.now(UTC).date()
     days = model.age_days(today)
     said = f"of {model.calibrated_at}" + ("" if days is None else f", known to hold {days} days ago")
     if not model.stale(today):
         return Finding(what=what, state="ok", found=said)
-    doubt = model.doubt or "It is old; `dipac calibration check` says whether it still holds."
-    return Finding(what=what, state="optional", found=said, mend=f"{doubt} {_CALIBRATE}")
+    doubt = model.doubt or f"It is old; Check, {console}, says whether it still holds."
+    return Finding(what=what, state="optional", found=said, mend=f"{doubt} {anew}")
 
 
 def _arm(cell: CellFile) -> list[Finding]:

@@ -84,7 +84,8 @@ class Options:
     segmenter: Path | None = None
     """an ONNX file that finds the object, instead of its colour (docs/perception.md says what it has to be)"""
     rig: str = "simulated"
-    """simulated, rehearsal (by a Kinova's protocol), replayed (what --cell recorded), gen3 (real, as --cell says)"""
+    """simulated; rehearsal, the same by Kinova's protocol and RealSense's SDK; replayed, what --cell recorded; or gen3,
+    which is real, as --cell says"""
     cell: Path | None = None
     """the TOML file of a real cell (docs/real-cell.md), or the .mcap file that --rig replayed shows"""
     checklist: bool = False

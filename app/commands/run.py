@@ -40,6 +40,13 @@ def _write(path: Path, report: Report) -> None:
         raise unwritable(path, "--json", error) from None
 
 
+def _came(report: Report) -> str:
+    """Whether it came to the goal, and what would bring it nearer."""
+    if report.summary.reached:
+        return "The goal is reached."
+    return "The goal is not reached." + ("" if report.failure else " More pushes: --pushes.")
+
+
 def _summarise(report: Report, output: Output) -> None:
     chamfer_m2 = report.summary.chamfer_m2
     if chamfer_m2:
@@ -47,7 +54,7 @@ def _summarise(report: Report, output: Output) -> None:
         output.print(
             f"\n[bold]{pushes}[/]: {millimetres(chamfer_m2[0]):.1f} mm -> "
             f"{millimetres(chamfer_m2[-1]):.1f} mm from the goal; the Chamfer distance, their square, fell to "
-            f"{chamfer_m2[-1] / chamfer_m2[0]:.0%} of its start. Faults: {len(report.faults)}.",
+            f"{chamfer_m2[-1] / chamfer_m2[0]:.0%} of its start. {_came(report)} Faults: {len(report.faults)}.",
             highlight=False,
             soft_wrap=True,
         )

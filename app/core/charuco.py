@@ -21,10 +21,10 @@ _LEAST_BORDER: Final = 0.1
 @final
 @dataclass(frozen=True, kw_only=True)
 class Charuco:
-    """`columns` x `rows` squares of `square_m`, with markers of `marker_m`, of the family `dictionary`, on white ones.
+    """`columns` x `rows` squares of `square_m`, with markers of `marker_m`, of a family of markers, on white ones.
 
     Its frame is OpenCV's: origin at the outer corner of the first square, x along the columns, y along the rows, z into
-    the board. What is left out here is one sheet of A4. Raises ParameterError or UsageError where it is no board.
+    the board. What is left out here is one sheet of A4.
     """
 
     columns: int = 7
@@ -32,8 +32,10 @@ class Charuco:
     square_m: float = 0.036
     marker_m: float = 0.024
     dictionary: str = "4x4"
+    """the family of markers: 4x4, 5x5 or 6x6"""
 
     def __post_init__(self) -> None:
+        """Raises ParameterError or UsageError where it is no board."""
         if self.dictionary not in DICTIONARIES:
             raise UsageError.unknown("dictionary of markers", self.dictionary, DICTIONARIES)
         checked("columns", float(self.columns), float(_FEWEST), float(_MOST))

@@ -357,7 +357,7 @@ class Flow:
 
     def _is_enough(self, observed: Particles) -> bool:
         """Whether there is nothing left to plan for: the goal is reached, or the motions are made."""
-        reached = self.wish.reached(observed, self.rig.arm.tool())
+        reached = self.summary.reached = self.wish.reached(observed, self.rig.arm.tool())
         made = self.summary.pushes - self._begun_with
         counted = self.wish.staying and self.modes.name == "automatic"  # The mode itself counts these.
         if not reached and (counted or made < self.wish.pushes):

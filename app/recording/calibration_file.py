@@ -118,7 +118,9 @@ def load_lens(path: Path) -> tuple[str, Lens]:
         table = tomllib.loads(path.read_text(encoding="utf-8"))
         return str(table["serial"]), _lens(table["intrinsics"])
     except OSError as error:
-        raise UsageError(f"Cannot read the camera {path}: {error.strerror}.") from None
+        raise UsageError(
+            f"Cannot read the camera {path}: {error.strerror}; docs/calibration-cameras.md has one to copy."
+        ) from None
     except (tomllib.TOMLDecodeError, UnicodeDecodeError, KeyError, TypeError, ValueError) as error:
         why = f"it lacks {error}" if isinstance(error, KeyError) else str(error)
         raise RecordingError(

@@ -4,11 +4,14 @@ import json
 import os
 import socket
 import sys
+from dataclasses import replace
+from datetime import UTC, date, datetime
 from importlib import metadata
 from pathlib import Path
 
 import pytest
 
+from app.cells.cell_file import load_cell
 from app.commands import _cell_checks, _checks
 from app.commands.doctor import doctor
 from app.config import Site
@@ -140,7 +143,7 @@ def test_the_command_fails_where_something_required_is_missing(capsys, tmp_path)
 def test_a_cell_is_looked_at_with_what_mends_each_part(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     delivered = GOOD.replace("tip_m = 0.163", "tip_m = 0.12").replace("turn_deg = 90.0", "turn_deg = 0.0")
     file = written(tmp_path, delivered)
-    save_camera(tmp_path / "calibration.toml", camera("012345678901"))
+    save_camera(tmp_path / "calibration.toml", replace(camera("012345678901"), calibrated_at=datetime.now(UTC).date()))
     bus = {"connections": {"012345678902": ""}}
     monkeypatch.setattr(_cell_checks, "census", lambda: _checks.Probe(said=bus))
     with FakeProcess() as arm:
@@ -162,6 +165,18 @@ def test_a_cell_is_looked_at_with_what_mends_each_part(tmp_path: Path, monkeypat
     }
     assert "7 joints" in found["arm"].found
     assert looked_at(file)["arm"].state == "missing"
+
+
+def test_of_an_old_calibration_and_of_none_it_is_said_what_to_do_and_in_which_files(tmp_path: Path) -> None:
+    file, kept = written(tmp_path, GOOD), tmp_path / "calibration.toml"
+    save_camera(kept, replace(camera("012345678901"), calibrated_at=date(2026, 1, 1)))
+    old, none = _cell_checks._calibrations(load_cell(file), file)
+    assert (old.state, none.state) == ("optional", "missing")
+    # What compares the lens alone does not say whether the camera still stands there.
+    assert "calibration check" not in old.mend
+    assert f"Check, in the tab Calibrate of `dipac console TASK --rig gen3 --cell {file}`, says whether" in old.mend
+    for row in (old, none):
+        assert f"`dipac calibration solve FOLDER -o {kept}`" in row.mend
 
 
 def test_a_file_that_describes_no_cell_is_all_that_is_said_of_one(tmp_path: Path) -> None:

@@ -11,6 +11,7 @@ from app.core.approval import Approved
 from app.core.doubt import Watched
 from app.core.errors import DeviceError, MotionRefused, PlanningError, WorkerError
 from app.core.messages import ArmState, Executed, Fault, Health, Notice, Outcome, Proposal, ResumeRequest, Transition
+from app.tasks.aim import Near
 from app.tasks.curves import fill_tube
 from tests.flow.cell import Run, for_a_while, narrower, running, small_site, small_wish, some, withdrawn
 from tests.flow.planner import Habits
@@ -90,8 +91,18 @@ async def test_an_automatic_run_makes_its_pushes_and_records_everything_it_shows
         assert await run.end() is None
         assert [executed.outcome for executed in run.person.all(Executed)] == ["completed"] * 2
         assert run.flow.summary.pushes == 2
+        assert not run.flow.summary.reached
         assert run.log.messages == run.person.seen
         assert run.flow.summary.said == len(run.log.messages)
+
+
+async def test_an_automatic_run_ends_where_the_goal_is_reached(tmp_path: Path) -> None:
+    wish = small_wish(automatic=True)
+    near = replace(wish, task=replace(wish.task, ends=Near(limit_m2=1.0)))
+    async with running(small_site(tmp_path), near) as run:
+        assert await run.end() is None
+        assert run.flow.summary.reached
+        assert run.flow.summary.pushes == 0
 
 
 async def test_where_what_is_seen_does_not_answer_a_push_is_scored_and_nothing_learned(tmp_path: Path) -> None:

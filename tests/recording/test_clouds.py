@@ -3,12 +3,12 @@
 from pathlib import Path
 
 import numpy as np
-import open3d
 import pytest
 
 from app.commands.import_ import import_
 from app.core.errors import RecordingError
 from app.core.messages import Episode, Particles
+from app.core.native import load_open3d
 from app.recording.clouds import write_npz, write_ply
 from app.recording.plain import read_plain
 from app.recording.reader import read_messages, read_transitions
@@ -26,7 +26,7 @@ def test_ply_files_hold_each_cloud_and_open3d_reads_them(tmp_path: Path, what: s
     assert [file.name for file in files][:2] == ["00000-0000.000s.ply", "00001-0003.000s.ply"]
     for file, seen in zip(files, read_messages(path, [Particles]), strict=True):
         assert isinstance(seen, Particles)
-        read = np.asarray(open3d.io.read_point_cloud(str(file)).points, np.float32)
+        read = np.asarray(load_open3d().io.read_point_cloud(str(file)).points, np.float32)
         assert np.array_equal(read, seen.surface if what == "surface" else seen.positions)
 
 

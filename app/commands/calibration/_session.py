@@ -71,7 +71,10 @@ def read_poses(path: Path) -> dict[str, Transform]:
         with path.open(encoding="utf-8", newline="") as lines:
             return dict(_poses(path, csv.DictReader(lines)))
     except OSError as error:
-        raise UsageError(f"Cannot read the poses {path}: {error.strerror}.") from None
+        raise UsageError(
+            f"Cannot read the poses {path}: {error.strerror}; its first line is {','.join(_COLUMNS)}, then comes one "
+            "for each image (docs/calibration-cameras.md)."
+        ) from None
     except (UnicodeDecodeError, csv.Error) as error:
         raise RecordingError(f"{path} is no table of poses: {error}.") from None
 

@@ -41,7 +41,7 @@ def check(folder: tyro.conf.Positional[Path], /, *, board: Charuco = _A4, kept: 
 
 
 def _table(found: LensCheck) -> Table:
-    table = Table("[pixel]", "maker", "fitted", "standard error", "difference", box=None)
+    table = Table("pixels", "maker", "fitted", "standard error", "difference", box=None)
     for name, told, fitted, deviation in zip(_NAMES, found.told, found.fitted, found.deviation, strict=True):
         table.add_row(name, f"{told:.2f}", f"{fitted:.2f}", f"{deviation:.2f}", f"{fitted - told:+.2f}")
     return table

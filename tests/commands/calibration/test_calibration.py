@@ -56,6 +56,7 @@ def test_intrinsics_are_compared(taken, tmp_path: Path, capsys) -> None:
     assert "noted" not in shown
     assert "7.png is left out: The image has no contrast" in shown
     assert "agree with 7 views" in shown
+    assert "pixels  maker" in shown
 
 
 def test_a_camera_is_found_and_kept_and_compared_with_what_was_kept(taken, tmp_path: Path, capsys) -> None:
@@ -75,12 +76,12 @@ def test_a_camera_is_found_and_kept_and_compared_with_what_was_kept(taken, tmp_p
 
 
 def test_what_is_missing_is_named(taken, tmp_path: Path, capsys) -> None:
-    assert "camera.toml" in refused(capsys, 2, "check", tmp_path)
+    assert "camera.toml: No such file or directory; docs/" in refused(capsys, 2, "check", tmp_path)
     (tmp_path / "camera.toml").write_text('serial = "a"', encoding="utf-8")
     assert "intrinsics" in refused(capsys, 4, "check", tmp_path)
     for name in ("camera.toml", "0.png"):
         (tmp_path / name).write_bytes((taken[0] / name).read_bytes())
-    assert "poses.csv" in refused(capsys, 2, "solve", tmp_path, "-o", tmp_path / "c.toml")
+    assert "its first line is image,x,y,z,qw" in refused(capsys, 2, "solve", tmp_path, "-o", tmp_path / "c.toml")
     for table, words in (
         ("x,y\n1,2\n", "names its columns"),
         ("image,x,y,z,qw,qx,qy,qz\n0.png,0,0,0,1,1,0,0\n", "line 2"),

@@ -5,6 +5,7 @@ import pytest
 from jaxtyping import Float64
 from scipy.spatial.transform import Rotation
 
+from app.config import Workspace
 from app.core.motion import pointing_down
 from app.rig.kinova import gen3
 
@@ -35,6 +36,18 @@ def by_table(joints: Float64[np.ndarray, "7"]) -> Float64[np.ndarray, "4 4"]:
 
 def anywhere() -> Float64[np.ndarray, "7"]:
     return RNG.uniform(-0.95, 0.95, 7) * np.where(np.isfinite(gen3.RANGE), gen3.RANGE, np.pi)
+
+
+def with_its_elbow_aside(arc_rad: float) -> Float64[np.ndarray, "7"]:
+    """Joints that have moved so far without moving the tool, as they drift in the course of many motions."""
+    joints, step_rad = gen3.HOME, 0.05
+    target = DOWN.copy()
+    target[:3, 3] = 0.45, 0.0, 0.12
+    for _ in range(round(arc_rad / step_rad)):
+        aside = np.linalg.svd(gen3.jacobian(gen3.frames(joints)))[2][-1]
+        moved = joints + step_rad * np.sign(aside[2]) * aside
+        joints = gen3.nearer(np.clip(moved, -gen3.RANGE, gen3.RANGE), target)
+    return joints
 
 
 def test_the_chain_of_links_is_that_of_the_published_table() -> None:
@@ -92,6 +105,19 @@ def test_what_is_said_of_the_reach_is_what_the_inverse_finds() -> None:
         assert found == (beyond_m < 0), f"{place} is {beyond_m:.3f} m beyond"
         met[found] += 1
     assert min(met) > 5
+
+
+@pytest.mark.parametrize("arc_rad", [0.0, 1.0, 2.0])
+def test_wherever_its_elbow_is_the_arm_gets_to_all_of_the_workspace_that_is_within_reach(arc_rad: float) -> None:
+    """Ranges of joints are in the way nowhere there, so that the distance alone says what the arm would refuse."""
+    reach, workspace, joints = gen3.reach(gen3.GRIPPER_M), Workspace(), with_its_elbow_aside(arc_rad)
+    places = RNG.uniform(workspace.low, workspace.high, (80, 3))
+    within = [place for place in places if reach.beyond_m(pointing_down(place)) < 0]
+    assert len(within) > 20
+    for place in within:
+        target = DOWN.copy()
+        target[:3, 3] = place
+        assert gen3.solved(target, joints) is not None, f"{place}"
 
 
 def test_no_joints_bring_the_wrist_further_than_the_reach() -> None:
