@@ -1,7 +1,6 @@
 """Train a policy on demonstrations: a file for `--policy`, with curves of how it went; what was broken off goes on."""
 
 import shlex
-import sys
 from dataclasses import asdict
 from pathlib import Path
 from typing import Annotated
@@ -84,7 +83,7 @@ def train(
 
         found, training = learn(learner, how, taught, settings, training, listen)
     save_training(checkpoint, training, told)
-    save_policy(output / FILE, found, _origin(task, policy, settings, training, hashes))
+    save_policy(output / FILE, found, _origin(task, policy, settings, training, hashes, model))
     if curve:
         draw_learning(curve, f"{task}: {policy}", output / "learning.svg")
     terminal.print(
@@ -114,7 +113,13 @@ def _tell(progress: Bar, bar: TaskID, step: Progress) -> None:
     )
 
 
-def _origin(task: str, kind: str, settings: Settings, training: Training, hashes: dict[str, str]) -> Origin:
+def _origin(
+    task: str, kind: str, settings: Settings, training: Training, hashes: dict[str, str], model: Path | None
+) -> Origin:
+    """With a command that names files and no folders of this machine."""
+    numbers = (("--steps", settings.steps), ("--batch", settings.batch), ("--seed", settings.seed))
+    options = [text for name, number in numbers for text in (name, str(number))]
+    started = ["--model", model.name] if model else []
     return Origin(
         task=task,
         kind=kind,
@@ -122,6 +127,6 @@ def _origin(task: str, kind: str, settings: Settings, training: Training, hashes
         steps=training.step,
         held_out_loss=training.best_loss,
         code_version=code_version(),
-        command=shlex.join(["dipac", *sys.argv[1:]]),
+        command=shlex.join(["dipac", "train", task, "--policy", kind, *options, *started, "--demos", *hashes]),
         demonstrations=hashes,
     )
