@@ -22,7 +22,7 @@ from app.tasks.base import Task
 from app.tasks.compiled import nominal_model
 from app.tasks.teaching import lessons, simulator
 
-_STEPS: Final = {"bc": 2000, "act": 2000, "diffusion": 3000, "transporter": 1000, "ild": 300}
+_STEPS: Final = {"bc": 2000, "act": 1500, "diffusion": 900, "transporter": 600, "ild": 80}
 """What the reduced trainings of docs/results.md take, of `_BATCH` situations each."""
 _BATCH: Final = 16
 _TIMED: Final = 6

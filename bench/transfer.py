@@ -1,10 +1,12 @@
 """How a model that was calibrated on the rod follows the rope, push by push: a table, a plot and a picture.
 
 `python -m bench.transfer table EVALUATION` reads what `dipac evaluate --task rod_to_rope` wrote to the folder
-EVALUATION; `python -m bench.transfer picture` plays one episode before the simulated cameras.
+EVALUATION; `python -m bench.transfer picture` plays one episode before the simulated cameras, and `guided` two with a
+policy that was learned from rods.
 """
 
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any, Final
 
@@ -14,14 +16,16 @@ import tyro
 from app.config import Site
 from app.core.messages import Model
 from app.core.motion import Motion
+from app.core.types import ColourImage
 from app.evaluation import ledger
 from app.evaluation.play import Order, play
-from app.evaluation.trial import WHOLE
-from app.planner.method import DIPAC, PAPER
+from app.evaluation.trial import ALONE, WHOLE
+from app.planner.method import DIPAC, PAPER, Method
 from app.recording.model_file import load_model
 from app.rig.simulated.lockstep import LockStep
 from app.sim.params import PARAMETERS, index
 from app.tasks import load, nominal_model
+from app.tasks.teaching import SHIPPED, learned
 from bench.task_pictures import images as of_policy
 from bench.task_pictures import save
 
@@ -62,18 +66,51 @@ def picture(
     task, known = load(TASK), load_model(model, task=TASK, time_s=0.0) if model else nominal_model(TASK)
     rod = images / f"{TASK}-rod.png"
     print(f"{rod}: {save(of_policy(task.demonstrated, seed, camera), shown, rod)} pushes")
-    motions = list[Motion]()
-    order = Order(task=task, preset="cpu", seed=seed, method=DIPAC, model=known, online=True)
+    rope = images / f"{TASK}.png"
+    seen = _seen(DIPAC, known, seed, camera)
+    print(f"{rope}: {save(seen, shown, rope)} pushes")
+
+
+def guided(
+    policy: Path = SHIPPED,
+    model: Path | None = None,
+    seed: int = 0,
+    camera: int = 0,
+    shown: int = 4,
+    images: Path = Path("docs/images"),
+) -> None:
+    """Write what a camera sees of a rope that a policy learned from rods pushes alone, and as it guides the tree.
+
+    Args:
+        policy: a folder of `dipac train`, or `shipped`.
+        model: the rod's; the task's nominal one where none is named.
+        seed: of the problems.
+        camera: which of the simulated ones.
+        shown: so many images, evenly over an episode.
+        images: where the pictures go, as rod_to_rope-alone.png and rod_to_rope-guided.png.
+    """
+    known = load_model(model, task=TASK, time_s=0.0) if model else nominal_model(TASK)
+    found = learned(policy, load(TASK))
+    for name, method in (("alone", ALONE), ("guided", DIPAC)):
+        file = images / f"{TASK}-{name}.png"
+        seen = _seen(replace(method, policy=found), known, seed, camera)
+        print(f"{file}: {save(seen, shown, file)} pushes")
+
+
+def _seen(method: Method, model: Model, seed: int, camera: int) -> Sequence[ColourImage]:
+    """By a camera, of an episode, before and after each push."""
+    task, motions = load(TASK), list[Motion]()
+    order = Order(task=task, preset="cpu", seed=seed, method=method, model=model, online=method.branching)
     played = play(order, lambda step: motions.append(step.plan.motion))
     if played.failure:
         raise SystemExit(played.failure)
+    print(f"{100 * played.share[-1]:.0f} % beyond the wall")
     cell = LockStep(task.stage, task.start(seed), Site(), seed)  # The same motions move the same rope again.
     seen = [cell.look()[camera].color]
     for motion in motions:
         cell.execute(motion)
         seen.append(cell.look()[camera].color)
-    rope = images / f"{TASK}.png"
-    print(f"{rope}: {save(seen, shown, rope)} pushes; {100 * played.share[-1]:.0f} % beyond the wall")
+    return seen
 
 
 def _online(row: dict[str, Any]) -> bool:
@@ -111,4 +148,4 @@ def _draw(rows: Sequence[dict[str, Any]], start: Model, names: Sequence[str], pa
 
 
 if __name__ == "__main__":
-    tyro.extras.subcommand_cli_from_dict({"table": table, "picture": picture})
+    tyro.extras.subcommand_cli_from_dict({"table": table, "picture": picture, "guided": guided})
