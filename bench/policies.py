@@ -13,6 +13,7 @@ from rich.console import Console
 from rich.table import Table
 
 from app.core.errors import UsageError
+from app.planner.tree import first_action
 from app.policy.base import Now
 from app.policy.learned import kinds
 from app.policy.learned.examples import Examples
@@ -62,13 +63,8 @@ def row(task: Task, kind: str, shown: Examples) -> Sequence[str]:
     policy, _ = learn(kinds.load(kind), lessons(task, world), shown, settings, None, listen)
     step_s = (moments[1] - moments[0]) / _TIMED
     prepared = policy.prepare(shown.x[0], shown.goal[0])
-
-    @jax.jit
-    def act(now: Now) -> jax.Array:
-        return policy.act(prepared, now).mean
-
     one, many = (Now.at_rest(jnp.tile(jnp.asarray(shown.x[:1]), (count, 1, 1))) for count in (1, _CANDIDATES))
-    times = [f"{milliseconds(partial(act, now)):.1f}" for now in (one, many)]
+    times = [f"{milliseconds(partial(first_action, policy, prepared, now)):.1f}" for now in (one, many)]
     return [kind, f"{1e3 * step_s:.0f}", str(_STEPS[kind]), f"{_STEPS[kind] * step_s / 60:.1f}", *times]
 
 

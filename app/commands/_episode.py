@@ -21,6 +21,7 @@ from app.commands._case import MODEL, Found, read_case
 from app.commands._cell import cell
 from app.commands._clock import SystemClock
 from app.commands._goal import read_goal
+from app.commands._guiding import guided
 from app.commands._preflight import check_port
 from app.commands._sight import seen_with
 from app.commands._version import code_version
@@ -239,8 +240,8 @@ async def episode(order: Order, output: Output) -> Report:
     async with Worker("planner", niceness=PLANNER_NICENESS) as planner:
         with output.status("starting the planner's process"):
             preset = options.preset if options.preset != "auto" else await planner.run(choose_preset)
-            guided = await to_thread.run_sync(_guided, method, options.policy, order.task)
-            wish = await _doubted(await to_thread.run_sync(_wish, task, order, preset, guided), order, site, planner)
+            method = await to_thread.run_sync(guided, method, options.policy, order.task)
+            wish = await _doubted(await to_thread.run_sync(_wish, task, order, preset, method), order, site, planner)
         start = await to_thread.run_sync(_start, order, preset)
         shelf = await to_thread.run_sync(load_cell(options.rig).shelf, options.cell)
         async with (
@@ -340,15 +341,6 @@ def _wish(task: Task, order: Order, preset: str, method: Method) -> Wish:
         checklist=options.checklist,
         allow_automatic=order.allow_automatic,
     )
-
-
-def _guided(method: Method, policy: Path | None, task: str) -> Method:
-    """By the learned policy, where one is named. Raises UsageError and RecordingError where it is none of it."""
-    if policy is None:
-        return method
-    from app.tasks.teaching import learned
-
-    return replace(method, policy=learned(policy, load(task)))
 
 
 def _room(site: Site, pushes: int) -> Room:

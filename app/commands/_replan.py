@@ -10,6 +10,7 @@ from typing import Any, cast, final
 
 from anyio import to_thread
 
+from app.commands._guiding import guided
 from app.config import Limits, Site
 from app.core.errors import UsageError
 from app.core.messages import Episode, Goal, Model, Particles, Proposal
@@ -90,6 +91,8 @@ async def replanned(planner: Worker, timeline: Timeline, order: Order, said: Cal
     chosen, called = await _model(planner, timeline, order, seen)
     model = _sendable(chosen)
     method = Method.named(str(seen.options.get("planner") or PAPER), seen.options.get("ablation"))
+    if policy := seen.options.get("policy"):
+        method = await to_thread.run_sync(guided, method, Path(str(policy)), task.name)
     wish = Wish(
         task=task,
         preset=preset,

@@ -60,7 +60,7 @@ def collect(
     with counting(terminal, TimeRemainingColumn()) as progress:
         bar = progress.add_task("episodes", total=episodes)
         for shown in demonstrations(task, size, seeds, eyes, expert):
-            if reached and not shown.played.success:
+            if reached and not (shown.played.success and shown.steps):
                 progress.console.print(f"{task} {shown.wish.seed}: {_told(shown)}; not kept", markup=False)
                 continue
             path = unused(folder, f"{task}-{shown.wish.seed:04d}")
@@ -72,7 +72,10 @@ def collect(
                 break
     terminal.print(f"{met} of {kept} recorded episodes reached their goal, in {actions} actions together.")
     if kept < episodes:
-        raise PlanningError(f"Of {len(seeds)} episodes {kept} reached the goal; try another --expert.")
+        raise PlanningError(
+            f"Of {len(seeds)} episodes {kept} reached the goal, and are in {folder}; go on with --seed {seeds.stop}, "
+            "or try another --expert."
+        )
     terminal.print(f"Calibrate with `dipac calibrate {folder}/*.mcap -o {task}.toml`,", markup=False)
     terminal.print(
         f"learn a policy with `dipac train {task} --demos {folder}/*.mcap -o policies/{task}/bc`.", markup=False

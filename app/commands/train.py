@@ -1,9 +1,10 @@
 """Train a policy on demonstrations: a file for `--policy`, with curves of how it went; what was broken off goes on."""
 
+import math
 import shlex
 from dataclasses import asdict
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import tyro
 from rich.console import Console
@@ -13,10 +14,11 @@ from rich.progress import TaskID, TimeRemainingColumn
 from app.commands._preflight import make_folder
 from app.commands._progress import counting
 from app.commands._version import code_version
-from app.core.errors import UsageError
+from app.core.errors import SimulationError, UsageError
 from app.evaluation.learning import draw_learning
 from app.policy.learned import kinds
-from app.policy.learned.file import CHECKPOINT, FILE, Origin, load_training, save_policy, save_training
+from app.policy.learned.base import Lessons
+from app.policy.learned.file import CHECKPOINT, FILE, Origin, load_training, save_policy, save_training, shape_of
 from app.policy.learned.train import Progress, Settings, Training, begin, learn
 from app.recording.model_file import load_model
 from app.recording.shelf import counted_once
@@ -64,28 +66,30 @@ def train(
     how = lessons(known, simulator(known, start, taught.x.shape[1]))
     settings = Settings(steps=steps, batch=batch, seed=seed)
     hashes = {path.name: each.digest for path, each in shown.items()}
-    told = {"task": task, "kind": policy, "demonstrations": hashes} | asdict(settings)
+    told = _settings(task, policy, settings, hashes, how) | {"learner": asdict(learner)}  # type: ignore[call-overload]
     training = begin(learner, how, taught, settings)
     checkpoint = output / CHECKPOINT
     if checkpoint.exists():
         training = load_training(checkpoint, training, told)
         terminal.print(f"Going on with {checkpoint} from step {training.step}.", markup=False)
     terminal.print(f"Learning from {len(taught.x)} actions of {len(shown)} demonstrations.")
-    curve = list[Progress]()
     with counting(terminal, TimeRemainingColumn()) as progress:
         bar = progress.add_task("steps", total=steps, completed=training.step)
 
         def listen(step: Progress) -> None:
-            curve.append(step)
             _tell(progress, bar, step)
             if step.step % _SAVE_EVERY == 0:
                 save_training(checkpoint, training, told)
 
         found, training = learn(learner, how, taught, settings, training, listen)
     save_training(checkpoint, training, told)
+    if not math.isfinite(training.best_loss):
+        raise SimulationError(
+            f"In {training.step} steps no loss was a number; train on other demonstrations, or by another --policy."
+        )
     save_policy(output / FILE, found, _origin(task, policy, settings, training, hashes, model))
-    if curve:
-        draw_learning(curve, f"{task}: {policy}", output / "learning.svg")
+    if training.curve:
+        draw_learning(training.curve, f"{task}: {policy}", output / "learning.svg")
     terminal.print(
         f"Held out loss {training.best_loss:.4g} after {training.step} steps; written to {output / FILE}. "
         f"Use it with `dipac run {task} --policy {output}`.",
@@ -98,11 +102,22 @@ def _shown(demos: tuple[Path, ...], task: str) -> dict[Path, Taught]:
     if not demos:
         raise UsageError("Name at least one recording: dipac train TASK --demos recordings/TASK/*.mcap")
     shown = {path: read_taught(path) for path in counted_once(demos)}
+    for what, said in (("name", [path.name for path in shown]), ("content", [each.digest for each in shown.values()])):
+        twice = sorted({each.name for each, value in zip(shown, said, strict=True) if said.count(value) > 1})
+        if twice:
+            raise UsageError(f"Recordings of the same {what} ({', '.join(twice)}) count once; leave out the others.")
     others = {path.name: each.task for path, each in shown.items() if each.task != task}
     if others:
         listed = ", ".join(f"{name}: {other}" for name, other in others.items())
         raise UsageError(f"These recordings are of other tasks than {task} ({listed}); leave them out.")
     return shown
+
+
+def _settings(task: str, kind: str, settings: Settings, hashes: dict[str, str], how: Lessons) -> dict[str, Any]:
+    """What has to be the same to go on; the order of demonstrations says which one is held out."""
+    phi = how.world.phi if how.world else ()
+    told = {"task": task, "kind": kind, "demonstrations": list(hashes.items()), "phi": phi, "shape": shape_of(how)}
+    return told | asdict(settings)
 
 
 def _tell(progress: Bar, bar: TaskID, step: Progress) -> None:

@@ -110,6 +110,7 @@ def run_trial(trial: Trial) -> dict[str, Any]:
     played = play(order, site=Site())
     return asdict(trial) | {
         "policies": str(trial.policies) if trial.policies and method.policy else None,
+        "policy_digest": method.policy.digest if method.policy else None,
         "model": str(trial.model) if trial.model and method.calibrated else None,
         "chamfer_m2": played.chamfer_m2[-1] if played.chamfer_m2 else None,
         "success": played.success,
@@ -129,7 +130,7 @@ def run_trial(trial: Trial) -> dict[str, Any]:
 def _policy(folder: Path, task: str, kind: str) -> LearnedPolicy:
     from app.tasks.teaching import learned
 
-    return learned(folder / task / kind, load(task))
+    return learned(folder / task / kind, load(task), kind)
 
 
 def _model(trial: Trial, method: Method) -> Model:

@@ -52,6 +52,11 @@ class ActionSpace(Protocol):
         ...
 
     @property
+    def anywhere(self) -> bool:
+        """Whether an action begins anywhere, so that it is of no account where the tool is."""
+        ...
+
+    @property
     def reach(self) -> Reach:
         """Lower and upper corner of where actions can bring the middle of an object [m]."""
         ...
@@ -130,6 +135,11 @@ class Pushes:
     displacement_scale_m: float = 0.001
     displacements: int = 20
     keep_out: tuple[tuple[float, float, float, float], ...] = ()
+
+    @property
+    def anywhere(self) -> bool:
+        """An action begins beside the object, wherever the tool was."""
+        return True
 
     @property
     def size(self) -> int:

@@ -57,6 +57,11 @@ class Carries:
     moves: int = 8
 
     @property
+    def anywhere(self) -> bool:
+        """An action begins where the tool is."""
+        return False
+
+    @property
     def size(self) -> int:
         """Four numbers a move."""
         return 4 * self.moves

@@ -61,6 +61,8 @@ class Method:
             raise UsageError("Without initial policy and without branches beside its own nothing is left to plan with.")
         if self.planner != PAPER and not (self.descending and self.branching and self.guided):
             raise UsageError(f"Only {PAPER} has parts to leave out; {self.planner} can do without calibration alone.")
+        if self.policy is not None and not (self.guided and self.planner == PAPER):
+            raise UsageError(f"A learned policy guides {PAPER} alone, and not without a policy; leave out one of both.")
 
     @classmethod
     def named(cls, planner: str = PAPER, ablation: str | None = None) -> Self:

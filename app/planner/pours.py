@@ -48,6 +48,11 @@ class Pours:
     size: int = 6
 
     @property
+    def anywhere(self) -> bool:
+        """An action begins where the tool is."""
+        return False
+
+    @property
     def chunk(self) -> tuple[int, int]:
         """The whole of it."""
         return 1, self.size

@@ -52,6 +52,11 @@ class Sweeps:
     scale_m: float = 0.006
 
     @property
+    def anywhere(self) -> bool:
+        """An action begins beside the object, wherever the tool was."""
+        return True
+
+    @property
     def size(self) -> int:
         """Start and end."""
         return 4

@@ -2,6 +2,7 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
 from typing import NamedTuple, final
 
 import jax
@@ -108,7 +109,13 @@ def start_by_policy(
 ) -> tuple[Prepared, list[Float[Array, "1 A"]]]:
     """What the policy makes of the observation, and the action that it takes first."""
     prepared = search.policy.prepare(observed, goal)
-    return prepared, [search.policy.act(prepared, situation(search, observed, tool, 1)).mean]
+    return prepared, [first_action(search.policy, prepared, situation(search, observed, tool, 1))]
+
+
+@partial(jax.jit, static_argnums=0)
+def first_action(policy: Policy, prepared: Prepared, now: Now) -> Float[Array, "B A"]:
+    """What a policy does in these situations."""
+    return policy.act(prepared, now).mean
 
 
 def situation(search: Search, observed: Points, tool: ToolPose, count: int) -> Now:

@@ -5,7 +5,7 @@ from pathlib import Path
 
 import numpy as np
 
-from app.core.errors import RecordingError
+from app.core.errors import RecordingError, UsageError
 from app.core.messages import Model, Transition
 from app.core.types import Points
 from app.policy.learned.base import LearnedPolicy, Lessons, World
@@ -26,12 +26,16 @@ SHIPPED = Path("shipped")
 _SHIPPED = Path(__file__).parent / SHIPPED
 
 
-def learned(path: Path, task: Task) -> LearnedPolicy:
+def learned(path: Path, task: Task, kind: str | None = None) -> LearnedPolicy:
     """The task's policy in that file or folder, or the one that is `SHIPPED`.
 
-    Raises UsageError and RecordingError as `load_policy`.
+    Raises UsageError and RecordingError as `load_policy`, and UsageError where it is of another `kind`.
     """
-    return load_policy(shipped(task.name) if path == SHIPPED else path, task=task.name, how=lessons(task))[0]
+    where = shipped(task.name) if path == SHIPPED else path
+    policy, origin = load_policy(where, task=task.name, how=lessons(task))
+    if kind is not None and origin.kind != kind:
+        raise UsageError(f"{where} holds a policy of the kind {origin.kind}, not {kind}; move it, or train one.")
+    return policy
 
 
 def shipped(task: str) -> Path:
@@ -56,7 +60,7 @@ def examples(task: Task, shown: Sequence[tuple[Sequence[Transition], Sequence[Po
         for episode, (transitions, goals) in enumerate(shown)
         for transition, goal in zip(transitions, goals, strict=True)
     ]
-    counts = sorted({(len(before), len(goal)) for before, goal, *_ in rows})
+    counts = sorted({count for before, goal, *_ in rows for count in (len(before), len(goal))})
     if len(counts) > 1:
         raise RecordingError(
             f"The recordings hold clouds and goals of {counts} particles; take those of one preset of {task.name}."

@@ -90,3 +90,15 @@ def test_an_impossible_order_is_refused_before_anything_is_played(
     assert main(["collect", *wrong, "--preset", "cpu", "-o", str(tmp_path / "new")]) == UsageError.exit_code
     assert wrong[-1] in capsys.readouterr().err
     assert not (tmp_path / "new").exists()
+
+
+@pytest.mark.usefixtures("short")
+def test_what_misses_its_goal_is_not_kept_where_only_the_rest_is_asked_for(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    order = ["collect", "rope_push", "--episodes", "1", "--preset", "cpu", "--eyes", "truth", "-o", str(tmp_path)]
+    assert main([*order, "--expert", "descended", "--reached"]) != 0
+    said = capsys.readouterr()
+    assert said.out.count("not kept") == 5
+    assert "go on with --seed 1005" in said.err
+    assert not list(tmp_path.glob("*.mcap"))

@@ -1,5 +1,7 @@
 """`dipac train` makes a policy of recordings, which `evaluate` plays alone and which guides the tree."""
 
+import shutil
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -90,13 +92,21 @@ def test_a_policy_of_recordings_goes_on_and_says_what_it_is_from(
     assert origin.demonstrations == {Path(path).name: read_taught(Path(path)).digest for path in demos}
     assert train(demos, output) == 0
     assert "Going on" in capsys.readouterr().out
-    assert train(demos, output, "--seed", "1") == 2
-    assert "other options or demonstrations" in capsys.readouterr().err
+    for other in (train(demos, output, "--seed", "1"), train(demos[::-1], output)):
+        assert other == 2
+        assert "other options or demonstrations" in capsys.readouterr().err
 
 
 def test_what_cannot_be_learned_from_is_refused_with_a_reason(
     demos: list[str], tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
+    (tmp_path / "copies").mkdir()
+    copy = shutil.copy(demos[0], tmp_path / "copies" / "another.mcap")
+    assert train([*demos, str(copy)], tmp_path / "policy") == 2
+    assert "same content (1.mcap, another.mcap)" in capsys.readouterr().err
+    namesake = demonstration(tmp_path / "copies" / "1.mcap", 4)
+    assert train([*demos, str(namesake)], tmp_path / "policy") == 2
+    assert "same name (1.mcap)" in capsys.readouterr().err
     other = demonstration(tmp_path / "other.mcap", 3, task="bean_sweep")
     assert train([*demos, str(other)], tmp_path / "policy") == 2
     assert "other.mcap: bean_sweep" in capsys.readouterr().err
@@ -129,5 +139,12 @@ def test_a_learned_policy_plays_alone_and_guides_the_tree(demos: list[str], tmp_
     row = run_trial(trial("bc"))
     assert row["failure"] == "" or "branches" in row["failure"]
     assert row["policies"] == str(tmp_path / "policies")
+    assert row["policy_digest"] == alone.policy.digest
     with pytest.raises(UsageError, match="There is no policy"):
         _ = trial("act").method
+    shutil.copytree(tmp_path / "policies" / "rope_push" / "bc", tmp_path / "policies" / "rope_push" / "ild")
+    with pytest.raises(UsageError, match="of the kind bc, not ild"):
+        _ = trial("ild").method
+    for changes in ({"guided": False}, {"planner": "cem_mpc"}):
+        with pytest.raises(UsageError, match="guides dipac alone"):
+            replace(guided, **changes)

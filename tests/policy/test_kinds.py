@@ -112,6 +112,10 @@ def test_a_policy_of_another_task_is_refused_by_name(one: Examples, tmp_path: Pa
     save_policy(tmp_path / FILE, policy, origin_of("bc"))
     with pytest.raises(UsageError, match="of rope_push, not of bean_sweep"):
         load_policy(tmp_path, task="bean_sweep", how=lessons(load("bean_sweep")))
+    broken = replace(policy, params={name: value for name, value in policy.params.items() if name != "Gist_0"})
+    save_policy(tmp_path / FILE, broken, origin_of("bc"))
+    with pytest.raises(RecordingError, match="no whole policy"):
+        load_policy(tmp_path, task="rope_push", how=HOW)
     (tmp_path / FILE).write_bytes(b"no numbers")
     with pytest.raises(RecordingError, match="train it again"):
         load_policy(tmp_path, task="rope_push", how=HOW)

@@ -105,12 +105,36 @@ def test_what_brought_the_object_nowhere_teaches_where_it_led_and_the_rest_its_g
     shown, rng = examples_of("rope_push", episodes=2, actions=3), np.random.default_rng(3)
     nearer = shown._replace(after=np.where(np.arange(6)[:, None, None] % 3 == 0, shown.goal, shown.x))
     np.testing.assert_array_equal(nearer.chances(0.25), [0.25, 1.0, 1.0, 0.25, 1.0, 1.0])
-    np.testing.assert_array_equal(nearer.goals(np.arange(6), np.zeros(6), rng), nearer.goal)
-    instead = nearer.goals(np.arange(6), np.ones(6), rng)
+    own, last = nearer.goals(np.arange(6), np.zeros(6), rng)
+    np.testing.assert_array_equal(own, nearer.goal)
+    np.testing.assert_array_equal(last, [2, 2, 2, 5, 5, 5])
+    instead, reached = nearer.goals(np.arange(6), np.ones(6), rng)
+    np.testing.assert_array_equal(instead, nearer.after[reached])
     for index in (1, 2, 4, 5):  # After each of these and all later ones of its demonstration the rope is where it was.
         np.testing.assert_array_equal(instead[index], nearer.x[index])
     for index in (0, 3):
         assert any(np.array_equal(instead[index], nearer.after[later]) for later in range(index, index + 3))
+
+
+def test_nothing_is_asked_of_what_followed_where_the_goal_in_hindsight_was_reached() -> None:
+    shown, chosen = examples_of("rope_push", episodes=2, actions=3), np.arange(6)
+    numbered = shown._replace(after=np.arange(6, dtype=np.float32)[:, None, None] + np.zeros_like(shown.x))
+    drawn = Batch.drawn(numbered, chosen, np.ones(6), 3, np.random.default_rng(4))
+    reached = np.asarray(drawn.goal[:, 0, 0])
+    asked = np.asarray(drawn.counts)
+    followed = np.arange(6)[:, None] + np.arange(3)
+    np.testing.assert_array_equal(asked, (followed <= reached[:, None]) * (followed // 3 == chosen[:, None] // 3))
+    assert (reached == chosen).any()
+    assert (reached > chosen).any()
+
+
+def test_where_the_tool_was_left_tells_nothing_where_actions_begin_anywhere() -> None:
+    for name, tells in (("rope_push", False), ("cloth_hang", True)):
+        how, shown = lessons(load(name)), examples_of(name, episodes=1, actions=1)
+        now = Now.at_rest(jnp.asarray(shown.x))
+        elsewhere = now._replace(tool=now.tool + jnp.array([0.1, 0.0, -0.2, 0.0, 0.0, 0.0, 0.0, 0.0]))
+        here, there = (how.seen(jnp.asarray(shown.goal), each).tool for each in (now, elsewhere))
+        assert (np.abs(np.asarray(there - here)).max() > 0.01) == tells
 
 
 @pytest.mark.parametrize("name", ["rope_push", "bean_sweep"])

@@ -11,7 +11,7 @@ import numpy as np
 from jaxtyping import Array, Bool, Float, Float32, PRNGKeyArray
 
 from app.core.types import Points
-from app.policy.base import Acted, Now
+from app.policy.base import AWAY, Acted, Now
 from app.policy.learned.sight import Sight, Views, sight
 from app.policy.symmetry import Isometry, Symmetry
 from app.sim.state import State
@@ -28,6 +28,11 @@ class Space(Protocol):
     @property
     def chunk(self) -> Chunk:
         """Its small moves."""
+        ...
+
+    @property
+    def anywhere(self) -> bool:
+        """Whether an action begins anywhere, so that it is of no account where the tool is."""
         ...
 
     def allowed(self, actions: Float[Array, "B A"], now: Now) -> Bool[Array, " B"]:
@@ -82,8 +87,16 @@ class Lessons:
         """What is done now by what acts on what is seen in the frame of the task's symmetry."""
         frame = self.symmetry.frame(goal, now.x)
         here = Now(now.state._replace(x=frame.places(now.x)), frame.poses(now.tool))
-        acted = act(sight(self.views, frame.places(goal), here))
+        acted = act(self.seen(frame.places(goal), here))
         return _moved(self.space, acted, frame.inverse) if self.symmetry.turns else acted
+
+    def seen(self, goal: Float[Array, "B M 3"], now: Now) -> Sight:
+        """What is to be seen; a tool that is of no account is where it is before the first action.
+
+        Where it is after a demonstrated one would tell which that was, and a simulated one does not say.
+        """
+        away = jnp.broadcast_to(jnp.asarray(AWAY, jnp.float32), now.tool.shape)
+        return sight(self.views, goal, now._replace(tool=away) if self.space.anywhere else now)
 
 
 def _moved(space: Space, acted: Acted, by: Isometry) -> Acted:
@@ -166,8 +179,8 @@ class Prepared(NamedTuple):
 class LearnedPolicy:
     """A policy as `app.policy.base.Policy` has it. Two of the same `digest`, which is of their parameters, are one.
 
-    The parameters are handed over with every observation, so that what is compiled for one policy serves all that
-    learned something else in the same way.
+    The parameters are handed over with every observation: what is compiled has none of them inside, and is the same
+    program, which a cache on disk finds again, for all policies of one kind and task.
     """
 
     learner: Learner

@@ -9,7 +9,6 @@ from jaxtyping import Array, Bool, Float, Float32, Float64, Int
 from app.core.chamfer import chamfer_m2
 from app.policy.base import Now
 from app.policy.learned.base import Lessons, Scale, Shown
-from app.policy.learned.sight import sight
 from app.policy.symmetry import Isometry
 
 _DRAWS = 32
@@ -48,15 +47,16 @@ class Examples(NamedTuple):
 
     def goals(
         self, chosen: Int[np.ndarray, " B"], chances: Float64[np.ndarray, " E"], rng: np.random.Generator
-    ) -> Float32[np.ndarray, "B M 3"]:
+    ) -> tuple[Float32[np.ndarray, "B M 3"], Int[np.ndarray, " B"]]:
         """What the chosen ones were done for; or else, by chance, where the object was after a later action.
 
         What was done leads there as surely as to what was wanted (Andrychowicz et al. 2017, "Hindsight experience
-        replay", section 4.1 with its strategy "future").
+        replay", section 4.1 with its strategy "future"). Also the index of the last one that was done for it.
         """
-        reached = self.after[rng.integers(chosen, self._last[chosen], endpoint=True)]
+        later = rng.integers(chosen, self._last[chosen], endpoint=True)
         instead = rng.random(len(chosen)) < chances[chosen]
-        return np.where(instead[:, None, None], reached, self.goal[chosen])
+        goals = np.where(instead[:, None, None], self.after[later], self.goal[chosen])
+        return goals, np.where(instead, later, self._last[chosen])
 
     @property
     def _last(self) -> Int[np.ndarray, " E"]:
@@ -83,6 +83,21 @@ class Batch(NamedTuple):
         x, goal, tool, actions = (jnp.asarray(each[chosen]) for each in examples[:4])
         return cls(x, goal, tool, actions, jnp.asarray(examples.after[index]), jnp.asarray(counts, jnp.float32))
 
+    @classmethod
+    def drawn(
+        cls,
+        examples: Examples,
+        chosen: Int[np.ndarray, " B"],
+        chances: Float64[np.ndarray, " E"],
+        window: int,
+        rng: np.random.Generator,
+    ) -> Self:
+        """The chosen ones, some in hindsight; what followed where their goal was reached is of no account."""
+        goals, last = examples.goals(chosen, chances, rng)
+        own = cls.of(examples, chosen, window)
+        towards = chosen[:, None] + np.arange(window) <= last[:, None]
+        return own._replace(goal=jnp.asarray(goals), counts=own.counts * towards)
+
     def framed(self, lessons: Lessons) -> Self:
         """Each as it is in its frame."""
         return self._moved(lessons, lessons.symmetry.frame(self.goal, self.x))
@@ -102,7 +117,7 @@ class Batch(NamedTuple):
     def shown(self, lessons: Lessons) -> Shown:
         """As a learner sees it."""
         now = Now.at_rest(self.x)._replace(tool=self.tool)
-        return Shown(sight(lessons.views, self.goal, now), self.goal, now, self.actions, self.after, self.counts)
+        return Shown(lessons.seen(self.goal, now), self.goal, now, self.actions, self.after, self.counts)
 
     def _moved(self, lessons: Lessons, by: Isometry) -> Self:
         actions, places = lessons.space.moved(self.actions, by), by.places

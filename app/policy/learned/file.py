@@ -9,20 +9,24 @@ from typing import Any, Final, TypeAlias, final
 import jax
 import jax.numpy as jnp
 import numpy as np
+from flax.errors import FlaxError
 from flax.traverse_util import flatten_dict, unflatten_dict
 from safetensors import SafetensorError, safe_open
 from safetensors.numpy import save_file
 
 from app.core.errors import RecordingError, UsageError
+from app.policy.base import Now
 from app.policy.learned import kinds
 from app.policy.learned.base import LearnedPolicy, Learner, Lessons, Params, Scale
-from app.policy.learned.train import Training
+from app.policy.learned.train import Progress, Training
 
 SCHEMA: Final = 1
 FILE: Final = "policy.safetensors"
 CHECKPOINT: Final = "checkpoint.safetensors"
 """Their names in the folder that `dipac train` writes."""
 _HEADER: Final = "dipac"
+_FEW: Final = 60
+"""Particles of a situation that a policy is tried in."""
 Arrays: TypeAlias = dict[str, np.ndarray]
 
 
@@ -49,7 +53,7 @@ def save_policy(path: Path, policy: LearnedPolicy, origin: Origin) -> None:
         "schema": SCHEMA,
         "origin": asdict(origin),
         "learner": asdict(policy.learner),  # type: ignore[call-overload] - learners are frozen dataclasses.
-        "shape": _shape(policy.how),
+        "shape": shape_of(policy.how),
     }
     _write(path, arrays, header)
 
@@ -69,9 +73,25 @@ def load_policy(path: Path, *, task: str, how: Lessons) -> tuple[LearnedPolicy, 
         raise RecordingError(f"{path} is no policy of this version ({error}); train it again.") from None
     if origin.task != task:
         raise UsageError(f"{path} holds a policy of {origin.task}, not of {task}; train one of that.")
-    if shape != json.loads(json.dumps(_shape(how))):
+    if shape != json.loads(json.dumps(shape_of(how))):
         raise UsageError(f"{path} was trained for other actions or views than {task} has now; train it again.")
-    return LearnedPolicy.of(learner, how, params, scale), origin
+    policy = LearnedPolicy.of(learner, how, params, scale)
+    _check(path, policy)
+    return policy, origin
+
+
+def _check(path: Path, policy: LearnedPolicy) -> None:
+    """Raises RecordingError where an array is missing, of another shape, or holds what is no number."""
+    few = np.zeros((_FEW, 3), np.float32)
+    try:
+        made = jax.eval_shape(policy.act, policy.prepare(few, few), Now.at_rest(jnp.asarray(few)[None])).mean.shape
+        wrong = "" if made == (1, int(np.prod(policy.how.space.chunk))) else f"it makes actions of {made}"
+    except (FlaxError, TypeError, ValueError) as error:
+        wrong = str(error).splitlines()[0]
+    if not all(np.isfinite(leaf).all() for leaf in jax.tree_util.tree_leaves((policy.params, tuple(policy.scale)))):
+        wrong = "some of its numbers are none"
+    if wrong:
+        raise RecordingError(f"{path} holds no whole policy ({wrong}); train it again.")
 
 
 def save_training(path: Path, training: Training, settings: Mapping[str, Any]) -> None:
@@ -80,7 +100,7 @@ def save_training(path: Path, training: Training, settings: Mapping[str, Any]) -
     arrays |= {f"best/{name}": value for name, value in _flat(training.best).items()}
     leaves = jax.tree_util.tree_leaves(training.optimiser)
     arrays |= {f"optimiser/{index:05}": np.asarray(leaf) for index, leaf in enumerate(leaves)}
-    told = {"step": training.step, "best_loss": training.best_loss, "idle": training.idle}
+    told = {name: getattr(training, name) for name in ("step", "best_loss", "idle", "curve")}
     _write(path, arrays, {"schema": SCHEMA, "training": told, "settings": dict(settings)})
 
 
@@ -103,6 +123,7 @@ def load_training(path: Path, begun: Training, settings: Mapping[str, Any]) -> T
             step=int(told["step"]),
             best_loss=float(told["best_loss"]),
             idle=int(told["idle"]),
+            curve=[Progress(*each) for each in told["curve"]],
         )
     except (KeyError, TypeError, ValueError) as error:
         raise RecordingError(f"{path} is no checkpoint of this version ({error}); choose another -o.") from None
@@ -118,7 +139,7 @@ def _nested(arrays: Arrays, prefix: str) -> Params:
     return nested
 
 
-def _shape(how: Lessons) -> dict[str, Any]:
+def shape_of(how: Lessons) -> dict[str, Any]:
     """What a network fits alone: its actions, and how it looks at the table."""
     return {"chunk": how.space.chunk, "views": [asdict(view) for view in how.views], "symmetry": asdict(how.symmetry)}
 

@@ -1,7 +1,7 @@
 """Learning from demonstrations: batches of what was done, moved by the task's symmetries, until nothing is gained."""
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import partial
 from typing import Any, NamedTuple, TypeAlias, cast, final
 
@@ -51,7 +51,10 @@ Listener: TypeAlias = Callable[[Progress], None]
 @final
 @dataclass(kw_only=True, eq=False)
 class Training:
-    """A training that can be gone on with: parameters, those that were best, and what the optimiser knows."""
+    """A training that can be gone on with: parameters, those that were best, and what the optimiser knows.
+
+    `curve`: every check that there was.
+    """
 
     params: Params
     best: Params
@@ -59,6 +62,7 @@ class Training:
     step: int = 0
     best_loss: float = float("inf")
     idle: int = 0
+    curve: list[Progress] = field(default_factory=list[Progress])
 
 
 def begin(learner: Learner, lessons: Lessons, examples: Examples, settings: Settings) -> Training:
@@ -91,10 +95,9 @@ def learn(
     step = partial(_step, learner, lessons, settings, scale)
     losses = list[Float[Array, ""]]()
     while told.step < settings.steps and told.idle < settings.patience:
-        rng, key = np.random.default_rng([settings.seed, told.step]), jax.random.key(told.step)
-        drawn = rng.integers(len(taught.x), size=settings.batch)
-        goals = taught.goals(drawn, chances, rng)
-        chosen = Batch.of(taught, drawn, learner.window)._replace(goal=jnp.asarray(goals))
+        rng = np.random.default_rng([settings.seed, told.step])
+        key = jax.random.fold_in(jax.random.key(settings.seed), told.step)
+        chosen = Batch.drawn(taught, rng.integers(len(taught.x), size=settings.batch), chances, learner.window, rng)
         by = lessons.symmetry.drawn(rng, settings.batch)
         told.params, told.optimiser, loss = step(told.params, told.optimiser, key, chosen, by)
         losses.append(loss)
@@ -146,8 +149,9 @@ def _check(
     if best:
         told.best, told.best_loss = told.params, found
     told.idle = 0 if best else told.idle + 1
+    told.curve.append(Progress(told.step, loss, found, best))
     if listen is not None:
-        listen(Progress(told.step, loss, found, best))
+        listen(told.curve[-1])
 
 
 def _optimiser(settings: Settings) -> optax.GradientTransformation:

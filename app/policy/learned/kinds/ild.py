@@ -92,7 +92,7 @@ def _world(how: Lessons) -> World:
 
 @partial(jax.custom_vjp, nondiff_argnums=(1,))
 def _shortened(actions: Float[Array, "B A"], steepest: float) -> Float[Array, "B A"]:
-    """The same, with slopes of each candidate no longer than that."""
+    """The same, with slopes of each candidate no longer than that, and none where they are no numbers."""
     del steepest
     return actions
 
@@ -104,7 +104,8 @@ def _shortened_forward(actions: Float[Array, "B A"], steepest: float) -> tuple[F
 
 def _shortened_backward(steepest: float, _: None, slopes: Float[Array, "B A"]) -> tuple[Float[Array, "B A"]]:
     length = jnp.linalg.norm(slopes, axis=1, keepdims=True)
-    return (slopes * jnp.minimum(1.0, steepest / jnp.maximum(length, 1e-12)),)
+    shorter = slopes * jnp.minimum(1.0, steepest / jnp.maximum(length, 1e-12))
+    return (jnp.where(jnp.isfinite(length), shorter, 0.0),)
 
 
 _shortened.defvjp(_shortened_forward, _shortened_backward)
