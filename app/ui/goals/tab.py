@@ -1,7 +1,8 @@
 """The tab in which a goal is set: from the view, drawn over the table, or of a file."""
 
 import math
-from collections.abc import Iterable
+import threading
+from collections.abc import Callable, Iterable
 from dataclasses import replace
 from html import escape
 from typing import Any, Final, final
@@ -37,6 +38,7 @@ class GoalTab:
 
     def __init__(self, server: viser.ViserServer, desk: Desk) -> None:
         self._server, self._desk = server, desk
+        self._changing = threading.Lock()
         self._draft, self._drawn = Draft(), Draft()
         self._object: Points | None = None
         self._last = Board()
@@ -101,14 +103,16 @@ class GoalTab:
     def _choose(self, kind: Kind) -> None:
         seen = self._desk.board.particles
         middle = seen.positions[:, :2].mean(0) if seen is not None else np.zeros(2)
+        begun = Draft(kind=kind, place=(float(middle[0]), float(middle[1])), radius_m=float(self._radius.value))
         self._bend.value = 0.0
-        self._redraw(Draft(kind=kind, place=(float(middle[0]), float(middle[1])), radius_m=float(self._radius.value)))
+        self._redraw(lambda _: begun)
 
     def _change(self, **changes: Any) -> None:
-        self._redraw(replace(self._draft, **changes))
+        self._redraw(lambda draft: replace(draft, **changes))
 
-    def _redraw(self, draft: Draft) -> None:
-        self._draft = draft
+    def _redraw(self, changed: Callable[[Draft], Draft]) -> None:
+        with self._changing:
+            self._draft = changed(self._draft)
         self._desk.changed.set()
 
     def _dragged(self, event: viser.TransformControlsEvent) -> None:
@@ -118,10 +122,11 @@ class GoalTab:
     def _clicked(self, event: viser.SceneClickEvent) -> None:
         place = on_table(event.ray_origin, event.ray_direction)
         if place is not None:
-            self._redraw(self._draft.with_point(*place))
+            self._redraw(lambda draft: draft.with_point(*place))
 
     def _unpoint(self, event: viser.GuiEvent[Any]) -> None:
-        self._change(curve=self._draft.curve[:-1] if event.target.value == "Undo" else ())
+        kept = -1 if event.target.value == "Undo" else 0
+        self._redraw(lambda draft: replace(draft, curve=draft.curve[:kept]))
 
     def _draw_line(self, draft: Draft) -> None:
         if self._line is not None:
@@ -141,12 +146,12 @@ class GoalTab:
             self._ask(event, "view", seen.positions)
 
     def _use_draft(self, event: viser.GuiEvent[Any]) -> None:
+        """The draft ends before the goal is asked for: whoever sees it set may begin the next one at once."""
         draft, object_ = self._draft, self._object
         goal = draft.positions(object_) if object_ is not None else None
         if goal is not None:
-            self._ask(event, _SOURCES[draft.kind], goal)
             self._kind.value = _NOTHING
-            self._redraw(Draft())
+            self._ask(event, _SOURCES[draft.kind], goal)
 
     def _ask(self, event: viser.GuiEvent[Any], source: GoalSource, positions: Points) -> None:
         now_s, who = self._desk.now(), operator(event)
