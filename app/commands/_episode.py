@@ -207,6 +207,7 @@ class Report:
             "task": self.order.task,
             "planner": self.order.options.planner,
             "ablation": self.order.options.ablation,
+            "policy": str(self.order.options.policy) if self.order.options.policy else None,
             "seed": self.order.options.seed,
             "rig": self.rig,
             "faults": self.faults,

@@ -141,6 +141,7 @@ def _calibrate(terminal: Console, trials: Sequence[Trial], models: dict[str, Pat
 def _play(terminal: Console, trials: Sequence[Trial], path: Path, workers: Where, jobs: int) -> None:
     before = _rows(path, {trial.task for trial in trials})
     _check_same(path, trials[0], before)
+    _check_policies(path, trials, before)
     keys = {row["key"] for row in before if not row.get("lost")}
     left = [trial for trial in trials if trial.key not in keys]
     with counting(terminal, TimeRemainingColumn()) as progress:
@@ -159,6 +160,16 @@ def _check_same(path: Path, trial: Trial, before: Sequence[dict[str, Any]]) -> N
             if row.get(name, value) != value:
                 held = f"{path} holds episodes with {name.replace('_', '-')} {row[name]}, not {value}"
                 raise UsageError(f"{held}; go on with that, or choose another folder with -o.")
+
+
+def _check_policies(path: Path, trials: Sequence[Trial], before: Sequence[dict[str, Any]]) -> None:
+    """Raises UsageError where any episode before was played by a policy that was trained anew since."""
+    learned = {(trial.task, trial.planner): trial.method.policy for trial in trials}
+    for row in before:
+        policy, digest = learned.get((row["task"], row["planner"])), row.get("policy_digest")
+        if policy is not None and digest not in (None, policy.digest):
+            held = f"{path} holds episodes of another policy for {row['planner']} in {row['task']}, trained before"
+            raise UsageError(f"{held}; choose another folder with -o.")
 
 
 def _lost(trial: Trial, why: str) -> dict[str, Any]:

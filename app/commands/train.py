@@ -88,6 +88,8 @@ def train(
             f"In {training.step} steps no loss was a number; train on other demonstrations, or by another --policy."
         )
     save_policy(output / FILE, found, _origin(task, policy, settings, training, hashes, model))
+    if training.left_out:
+        terminal.print(f"{training.left_out} of {training.step} steps changed nothing: their slopes were no numbers.")
     if training.curve:
         draw_learning(training.curve, f"{task}: {policy}", output / "learning.svg")
     terminal.print(

@@ -3,7 +3,7 @@
 import time
 from collections.abc import Callable, Sequence
 from contextlib import suppress
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Literal, TypeAlias, final
 
 import numpy as np
@@ -108,6 +108,7 @@ class _Episode:
         self._count = order.task.preset(order.preset).particle_count
         self._cell = LockStep(order.task.stage, order.task.start(order.seed), site, order.seed)
         self._goal, self._model = order.task.goal(order.seed, self._count), order.model
+        self._method = order.method
         self._rng, self._learnt = np.random.default_rng([order.seed, 1]), list[Transition]()
         self._frames: Sequence[Frame] = ()
 
@@ -124,6 +125,7 @@ class _Episode:
             frames, began_s = self._frames, time.perf_counter()
             plan = self._plan(before.positions, len(played.decision_s))
             played.decision_s.append(time.perf_counter() - began_s)
+            self._remember(before.positions)
             executed = self._cell.execute(plan.motion)
             self._judge(played)
             after = self._see()
@@ -170,12 +172,18 @@ class _Episode:
                 return jobs.plan(
                     *(self._task.name, order.preset, x, self._goal, self._model, seed, self._site),
                     tool=self._cell.tool,
-                    method=order.method,
+                    method=self._method,
                 )
             except PlanningError:
                 if attempt + 1 == _ATTEMPTS:
                     raise
         raise AssertionError("the last attempt returns or raises")
+
+    def _remember(self, x: Points) -> None:
+        """A policy that acts alone remembers what it means to do next; in a tree something else may have been done."""
+        policy = self._method.policy
+        if policy is not None and self._method.alone:
+            self._method = replace(self._method, policy=policy.after(x, self._goal, self._cell.tool))
 
     def _learn(self, before: Particles, executed: Executed, after: Particles) -> Transition:
         transition = Transition.between(before, executed, after)

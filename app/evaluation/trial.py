@@ -72,7 +72,7 @@ class Trial:
         Not where no decision heeds it.
         """
         method, asked = self.method, self.online or load(self.task).lesson is not None
-        return asked and method.calibrated and method.following and (method.branching or method.descending)
+        return asked and method.calibrated and method.following and not method.alone
 
     @property
     def method(self) -> Method:

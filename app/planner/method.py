@@ -64,6 +64,11 @@ class Method:
         if self.policy is not None and not (self.guided and self.planner == PAPER):
             raise UsageError(f"A learned policy guides {PAPER} alone, and not without a policy; leave out one of both.")
 
+    @property
+    def alone(self) -> bool:
+        """Whether the policy's actions are made as they are."""
+        return not (self.branching or self.descending)
+
     @classmethod
     def named(cls, planner: str = PAPER, ablation: str | None = None) -> Self:
         """The method of these names. Raises UsageError with the known ones, and for an ablation that is not of it."""

@@ -14,7 +14,7 @@ from app.core.messages import Origin
 from app.core.types import Points, ToolPose
 from app.planner.actions import ActionSpace
 from app.planner.cost import Terms, Weights, step_terms
-from app.policy.base import AWAY, Now, Policy, Prepared
+from app.policy.base import AWAY, Now, Policy, Prepared, Remembering
 from app.sim.state import State
 
 Advance = Callable[[Float[Array, "B P"], State, Float[Array, "B T C"]], State]
@@ -114,8 +114,8 @@ def start_by_policy(
 
 @partial(jax.jit, static_argnums=0)
 def first_action(policy: Policy, prepared: Prepared, now: Now) -> Float[Array, "B A"]:
-    """What a policy does in these situations."""
-    return policy.act(prepared, now).mean
+    """What a policy does where that is seen."""
+    return (policy.first if isinstance(policy, Remembering) else policy.act)(prepared, now).mean
 
 
 def situation(search: Search, observed: Points, tool: ToolPose, count: int) -> Now:

@@ -1,6 +1,6 @@
 """What an initial policy is: something that proposes an action for a state, inside a rollout as well."""
 
-from typing import Any, NamedTuple, Protocol, Self, TypeAlias, final
+from typing import Any, NamedTuple, Protocol, Self, TypeAlias, final, runtime_checkable
 
 import jax.numpy as jnp
 import numpy as np
@@ -42,11 +42,12 @@ class Acted(NamedTuple):
     """What B candidates do next, A numbers each: one of the task's actions, which may be a chunk of small ones.
 
     `spread`: how far about `mean` the policy would as well act, one standard deviation of each number; 0 where it
-    knows of no other way.
+    knows of no other way. `later`: what it means to do after that, L actions of those whose chunks span several.
     """
 
     mean: Float[Array, "B A"]
     spread: Float[Array, "B A"]
+    later: Float[Array, "B L A"] | None = None
 
     @classmethod
     def surely(cls, actions: Float[Array, "B A"]) -> Self:
@@ -63,4 +64,13 @@ class Policy(Protocol):
 
     def act(self, prepared: Prepared, now: Now) -> Acted:
         """One action for each candidate; a pure JAX function, called on simulated states as on seen ones."""
+        ...
+
+
+@runtime_checkable
+class Remembering(Protocol):
+    """A policy that heeds what it meant to do at earlier decisions, where it was told of them."""
+
+    def first(self, prepared: Prepared, now: Now) -> Acted:
+        """As `act`, on what is seen; rollouts, which nobody told it of, ask `act`."""
         ...

@@ -17,6 +17,7 @@ from app.policy.learned.file import FILE, Origin, load_policy, load_training, sa
 from app.policy.learned.kinds.ild import Imitation
 from app.policy.learned.train import Progress, Settings, begin, learn
 from app.policy.symmetry import Symmetry
+from app.sim.state import State
 from app.tasks import load
 from app.tasks.compiled import nominal_model
 from app.tasks.teaching import lessons, simulator
@@ -105,6 +106,34 @@ def test_the_slope_through_the_simulator_is_that_of_the_loss(one: Examples) -> N
     measured = (jax.jit(loss)(told + step * way) - jax.jit(loss)(told - step * way)) / (2 * step)
     assert measured > 0
     np.testing.assert_allclose(measured, jnp.linalg.norm(slope), rtol=0.05)
+
+
+def test_a_rollout_that_ends_in_no_numbers_counts_as_one_that_moved_nothing(one: Examples) -> None:
+    def broken(phi: jax.Array, state: State, path: jax.Array) -> State:
+        """The object goes with the tool; of the first candidate in units of nothing."""
+        went = (path[:, -1, :3] - path[:, 0, :3])[:, None]
+        return state._replace(x=state.x + went / jnp.arange(len(phi))[:, None, None])
+
+    def still(phi: jax.Array, state: State, path: jax.Array) -> State:
+        went = (path[:, -1, :3] - path[:, 0, :3])[:, None]
+        return state._replace(x=state.x + went * jnp.arange(len(phi))[:, None, None])
+
+    learner, shown = Imitation(told=0.0), Batch.of(one, np.array([0, 1]), Imitation().window)
+    scale, found = scale_of(COARSE, one, 0), []
+    for advance in (broken, still):
+        how = replace(COARSE, world=replace(WORLD, advance=advance))
+        seen = shown.shown(how)
+        params = learner.begin(jax.random.key(0), seen.seen, how)
+        value = jax.jit(
+            jax.value_and_grad(lambda at, how=how, seen=seen: learner.loss(at, jax.random.key(0), seen, how, scale))
+        )
+        found.append(value(params))
+    (lost, slopes), (wanted, _) = found
+    assert jnp.isfinite(wanted)
+    np.testing.assert_allclose(lost, wanted, rtol=1e-5)
+    steep = np.concatenate([np.ravel(each) for each in jax.tree_util.tree_leaves(slopes)])
+    assert np.isfinite(steep).all()
+    assert np.abs(steep).max() > 0
 
 
 def test_a_policy_of_another_task_is_refused_by_name(one: Examples, tmp_path: Path) -> None:

@@ -137,6 +137,37 @@ def test_where_the_tool_was_left_tells_nothing_where_actions_begin_anywhere() ->
         assert (np.abs(np.asarray(there - here)).max() > 0.01) == tells
 
 
+def test_what_was_meant_for_now_at_earlier_decisions_has_a_say_and_the_oldest_the_most() -> None:
+    task, learner = load("pour_water"), kinds.load("act")
+    how, shown = lessons(task), examples_of("pour_water", episodes=3, actions=1)
+    seen = Batch.of(shown, np.array([0])).framed(how).shown(how).seen
+    scale = Scale(*np.ones((2, *task.actions.chunk), np.float32))
+    policy = LearnedPolicy.of(learner, how, learner.begin(jax.random.key(1), seen, how), scale)
+    meant = []
+    for x, goal, tool in zip(shown.x, shown.goal, np.float64(shown.tool), strict=True):
+        now = Now.at_rest(jnp.asarray(x)[None], tool)
+        acted = policy.act(policy.prepare(x, goal), now)
+        meant = [np.stack([acted.mean[0], *acted.later[0]]), *meant]
+        # Made so many decisions ago, it says of now what it said of so many actions later.
+        said = np.stack([chunk[ago] for ago, chunk in enumerate(meant)])
+        weights = np.exp(-0.01 * np.arange(len(said)))[::-1]
+        wanted = (weights[:, None] * said).sum(0) / weights.sum()
+        np.testing.assert_allclose(policy.first(policy.prepare(x, goal), now).mean[0], wanted, rtol=1e-4, atol=1e-5)
+        policy = policy.after(x, goal, tool)
+    assert len(policy.meant) == 3
+    assert len(policy.after(x, goal, tool).meant) == 3
+    assert np.abs(said - said[0]).max() > 0.01
+
+
+def test_nothing_is_remembered_where_chunks_do_not_overlap() -> None:
+    for name, kind in (("rope_push", "act"), ("pour_water", "bc")):
+        how, shown = lessons(load(name)), examples_of(name, episodes=1, actions=1)
+        policy = LearnedPolicy(
+            learner=kinds.load(kind), how=how, params={}, scale=Scale(*np.ones((2, 1, 1))), digest=""
+        )
+        assert policy.after(shown.x[0], shown.goal[0], None) is policy
+
+
 @pytest.mark.parametrize("name", ["rope_push", "bean_sweep"])
 def test_a_policy_does_alike_what_is_turned_on_the_table(name: str) -> None:
     task, learner = load(name), kinds.load("bc")

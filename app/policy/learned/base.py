@@ -3,6 +3,7 @@
 import hashlib
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
+from functools import partial
 from typing import Any, NamedTuple, Protocol, Self, TypeAlias, final
 
 import jax
@@ -10,7 +11,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool, Float, Float32, PRNGKeyArray
 
-from app.core.types import Points
+from app.core.types import Points, ToolPose
 from app.policy.base import AWAY, Acted, Now
 from app.policy.learned.sight import Sight, Views, sight
 from app.policy.symmetry import Isometry, Symmetry
@@ -20,6 +21,9 @@ Params: TypeAlias = Mapping[str, Any]
 """A pytree of arrays, as flax has it."""
 Chunk: TypeAlias = tuple[int, int]
 """T small moves of K numbers each, of which an action of A = T K numbers is made."""
+
+_FADING = 0.01
+"""`m` of the paper's public program: by how much less what is meant now counts than what was meant just before."""
 
 
 class Space(Protocol):
@@ -133,16 +137,21 @@ class Scale(NamedTuple):
 class Shown(NamedTuple):
     """Of B situations what was seen there, and done; a JAX pytree.
 
-    `after`: where the object then was, and after each of the W - 1 actions that followed [m]. `counts` is 0 where none
-    followed, and 1 otherwise. All is where it is in the frames of the task's symmetry, or near that.
+    `made`: that and the W - 1 actions that followed; `after`: where the object was after each [m]. `counts` is 0 where
+    none followed, and 1 otherwise. All is where it is in the frames of the task's symmetry, or near that.
     """
 
     seen: Sight
     goal: Float[Array, "B M 3"]
     now: Now
-    actions: Float[Array, "B A"]
+    made: Float[Array, "B W A"]
     after: Float[Array, "B W N 3"]
     counts: Float[Array, "B W"]
+
+    @property
+    def actions(self) -> Float[Array, "B A"]:
+        """What was done there."""
+        return self.made[:, 0]
 
 
 class Learner(Protocol):
@@ -150,7 +159,7 @@ class Learner(Protocol):
 
     @property
     def window(self) -> int:
-        """W: of how many actions in a row it asks what came of them."""
+        """W: of how many actions in a row it asks what they were, and what came of them."""
         ...
 
     def begin(self, key: PRNGKeyArray, seen: Sight, how: Lessons) -> Params:
@@ -161,17 +170,26 @@ class Learner(Protocol):
         """How far the policy is from doing what was shown; `key` for what is drawn in training."""
         ...
 
+    def ahead(self, how: Lessons) -> int:
+        """L: of how many actions more than the next it tells what it means to do."""
+        ...
+
     def act(self, params: Params, seen: Sight, how: Lessons, scale: Scale) -> Acted:
         """What the policy does."""
         ...
 
 
 class Prepared(NamedTuple):
-    """What a learned policy acts by: what it learned, and the goal [m] that it is to reach; a JAX pytree."""
+    """What a learned policy acts by; a JAX pytree: what it learned, and the goal [m] that it is to reach.
+
+    `meant`: what it meant to do now at each of the L last decisions, the newest first, as far as they are `told` (1).
+    """
 
     params: Params
     scale: Scale
     goal: Float[Array, "1 M 3"]
+    meant: Float[Array, "L A"]
+    told: Float[Array, " L"]
 
 
 @final
@@ -181,6 +199,8 @@ class LearnedPolicy:
 
     The parameters are handed over with every observation: what is compiled has none of them inside, and is the same
     program, which a cache on disk finds again, for all policies of one kind and task.
+
+    `meant`: of the last decisions, the newest first, what it meant to do after what it did then, L actions each.
     """
 
     learner: Learner
@@ -188,6 +208,7 @@ class LearnedPolicy:
     params: Params = field(compare=False, repr=False)
     scale: Scale = field(compare=False, repr=False)
     digest: str
+    meant: tuple[Float32[np.ndarray, "L A"], ...] = field(default=(), compare=False, repr=False)
 
     @classmethod
     def of(cls, learner: Learner, how: Lessons, params: Params, scale: Scale) -> Self:
@@ -199,12 +220,45 @@ class LearnedPolicy:
         return cls(learner=learner, how=how, params=params, scale=scale, digest=digest.hexdigest())
 
     def prepare(self, observed: Points, goal: Points) -> Prepared:
-        """The goal, beside what was learned."""
+        """The goal, beside what was learned and meant."""
         del observed
-        return Prepared(self.params, self.scale, jnp.asarray(goal)[None])
+        ahead, told = self.learner.ahead(self.how), len(self.meant)
+        meant = np.zeros((ahead, int(np.prod(self.how.space.chunk))), np.float32)
+        for ago, later in enumerate(self.meant):
+            meant[ago] = later[ago]
+        known = jnp.asarray(np.arange(ahead) < told, jnp.float32)
+        return Prepared(self.params, self.scale, jnp.asarray(goal)[None], jnp.asarray(meant), known)
+
+    def first(self, prepared: Prepared, now: Now) -> Acted:
+        """As `act`, and as was meant for now before: the mean of all these, weighed by exp(-m i), the oldest of i = 0.
+
+        Temporal ensembling: Zhao et al. 2023, "Learning fine-grained bimanual manipulation", algorithm 2, lines 5 to 7.
+        """
+        acted = self.act(prepared, now)
+        # Of so many that were told, the newest one's i is one less, and that of what is meant now the next.
+        count, rank = prepared.told.sum(), jnp.arange(len(prepared.told))
+        weights = prepared.told * jnp.exp(-_FADING * (count - 1 - rank))
+        newest = jnp.exp(-_FADING * count)
+        mean = (newest * acted.mean + weights @ prepared.meant) / (newest + weights.sum())
+        return acted._replace(mean=mean)
+
+    def after(self, observed: Points, goal: Points, tool: ToolPose | None) -> Self:
+        """The same once it has decided on that: it knows what it meant to do next."""
+        if not self.learner.ahead(self.how):
+            return self
+        later = _later(self, self.prepare(observed, goal), Now.at_rest(jnp.asarray(observed)[None], tool))
+        kept = (np.asarray(later[0]), *self.meant)[: self.learner.ahead(self.how)]
+        return replace(self, meant=kept)
 
     def act(self, prepared: Prepared, now: Now) -> Acted:
         """As the network acts on what there is to be seen."""
-        params, scale, one = prepared
+        params, scale, one, *_ = prepared
         goal = jnp.broadcast_to(one, (len(now.x), *one.shape[1:]))
         return self.how.framed(goal, now, lambda seen: self.learner.act(params, seen, self.how, scale))
+
+
+@partial(jax.jit, static_argnums=0)
+def _later(policy: LearnedPolicy, prepared: Prepared, now: Now) -> Float[Array, "B L A"]:
+    later = policy.act(prepared, now).later
+    assert later is not None, "whoever looks ahead says what comes later"
+    return later

@@ -71,17 +71,23 @@ class Batch(NamedTuple):
     x: Float[Array, "B N 3"]
     goal: Float[Array, "B M 3"]
     tool: Float[Array, "B 8"]
-    actions: Float[Array, "B A"]
+    made: Float[Array, "B W A"]
     after: Float[Array, "B W N 3"]
     counts: Float[Array, "B W"]
+
+    @property
+    def actions(self) -> Float[Array, "B A"]:
+        """What was done there."""
+        return self.made[:, 0]
 
     @classmethod
     def of(cls, examples: Examples, chosen: Int[np.ndarray, " B"], window: int = 1) -> Self:
         """The chosen ones."""
         index = examples.following(window)[chosen]
         counts = np.concatenate([np.ones((len(index), 1)), index[:, 1:] > index[:, :-1]], axis=1)
-        x, goal, tool, actions = (jnp.asarray(each[chosen]) for each in examples[:4])
-        return cls(x, goal, tool, actions, jnp.asarray(examples.after[index]), jnp.asarray(counts, jnp.float32))
+        x, goal, tool = (jnp.asarray(each[chosen]) for each in examples[:3])
+        made, after = (jnp.asarray(each[index]) for each in (examples.actions, examples.after))
+        return cls(x, goal, tool, made, after, jnp.asarray(counts, jnp.float32))
 
     @classmethod
     def drawn(
@@ -117,13 +123,12 @@ class Batch(NamedTuple):
     def shown(self, lessons: Lessons) -> Shown:
         """As a learner sees it."""
         now = Now.at_rest(self.x)._replace(tool=self.tool)
-        return Shown(lessons.seen(self.goal, now), self.goal, now, self.actions, self.after, self.counts)
+        return Shown(lessons.seen(self.goal, now), self.goal, now, self.made, self.after, self.counts)
 
     def _moved(self, lessons: Lessons, by: Isometry) -> Self:
-        actions, places = lessons.space.moved(self.actions, by), by.places
-        return type(self)(
-            places(self.x), places(self.goal), by.poses(self.tool), actions, places(self.after), self.counts
-        )
+        window, places = self.made.shape[1], by.places
+        made = jnp.stack([lessons.space.moved(self.made[:, at], by) for at in range(window)], axis=1)
+        return type(self)(places(self.x), places(self.goal), by.poses(self.tool), made, places(self.after), self.counts)
 
 
 def scale_of(lessons: Lessons, examples: Examples, seed: int) -> Scale:

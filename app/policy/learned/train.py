@@ -64,6 +64,11 @@ class Training:
     idle: int = 0
     curve: list[Progress] = field(default_factory=list[Progress])
 
+    @property
+    def left_out(self) -> int:
+        """Steps that changed nothing, as their slopes were no numbers."""
+        return int(self.optimiser.total_notfinite)
+
 
 def begin(learner: Learner, lessons: Lessons, examples: Examples, settings: Settings) -> Training:
     """Before the first step."""

@@ -1,12 +1,13 @@
 """ACT, action chunking with transformers (Zhao et al. 2023, "Learning fine-grained bimanual manipulation").
 
 A conditional variational autoencoder of a chunk of small moves: what in a demonstration does not follow from what was
-seen, its style z, is encoded, and left out where the policy acts (section IV-B, algorithms 1 and 2). An action of a
-task is one chunk, and made whole; the next one is decided on what is seen then.
+seen, its style z, is encoded, and left out where the policy acts (section IV-B, algorithms 1 and 2). Where actions
+begin where the tool is, a chunk spans several, and what earlier chunks meant for now has a say (temporal ensembling,
+`LearnedPolicy.first`); where they begin anywhere, each is one chunk, and none overlaps another.
 """
 
 from dataclasses import dataclass
-from typing import ClassVar, final
+from typing import final
 
 import flax.linen as nn
 import jax
@@ -26,31 +27,43 @@ _STYLES = 8
 @final
 @dataclass(frozen=True, kw_only=True)
 class Act:
-    """`style` numbers of z; `beta` weighs what they may tell (table III of the paper: 10)."""
+    """`style` numbers of z; `beta` weighs what they may tell (table III of the paper: 10).
+
+    `window`: how many actions a chunk spans, where actions begin where the tool is.
+    """
 
     eyes: int = 32
     width: int = 128
     depth: int = 2
     style: int = 16
     beta: float = 10.0
+    window: int = 1
 
-    window: ClassVar[int] = 1
+    def ahead(self, how: Lessons) -> int:
+        """All of a chunk but the next."""
+        return 0 if how.space.anywhere else self.window - 1
 
     def begin(self, key: PRNGKeyArray, seen: Sight, how: Lessons) -> Params:
         """As flax draws them."""
-        moves = jnp.zeros((len(seen.tool), *how.space.chunk))
-        return self._network(how.space.chunk).init(key, key, seen, moves)["params"]
+        count, numbers = self._chunk(how)
+        counts = jnp.ones((len(seen.tool), count))
+        moves = jnp.zeros((len(seen.tool), count, numbers))
+        return self._network(how).init(key, key, seen, moves, counts)["params"]
 
     def loss(self, params: Params, key: PRNGKeyArray, shown: Shown, how: Lessons, scale: Scale) -> Float[Array, ""]:
         """Algorithm 1: the mean absolute error of the moves, and beta times how far z is from a unit Gaussian."""
-        moves = scale.to(shown.actions)
-        made, mean, log_variance = applied(self._network(how.space.chunk), params, key, shown.seen, moves)
+        spanned, batch = 1 + self.ahead(how), len(shown.made)
+        moves = scale.to(shown.made[:, :spanned].reshape(-1, shown.made.shape[-1]))
+        moves = moves.reshape(batch, *self._chunk(how))
+        counts = jnp.repeat(shown.counts[:, :spanned], how.space.chunk[0], axis=1)
+        made, mean, log_variance = applied(self._network(how), params, key, shown.seen, moves, counts)
         divergence = -0.5 * (1 + log_variance - mean**2 - jnp.exp(log_variance)).sum(-1)
-        return jnp.abs(made - moves).mean() + self.beta * divergence.mean()
+        off = jnp.abs(made - moves).mean(-1)
+        return (counts * off).sum() / counts.sum() + self.beta * divergence.mean()
 
     def act(self, params: Params, seen: Sight, how: Lessons, scale: Scale) -> Acted:
         """Algorithm 2, line 3: z is the prior's mean, 0; other styles tell how far apart demonstrations were."""
-        network = self._network(how.space.chunk)
+        network = self._network(how)
         styles = jax.random.normal(jax.random.key(0), (_STYLES, self.style)).at[0].set(0.0)
 
         def styled(z: Float[Array, " Z"]) -> Float[Array, "B T K"]:
@@ -58,11 +71,20 @@ class Act:
             made: Float[Array, "B T K"] = applied(network, params, seen, each, method="decode")
             return made
 
+        first, meant = how.space.chunk[0], styled(styles[0])
         # Apart from each other, so that who asks for the mean alone does not pay for the spread.
-        return scale.back(styled(styles[0]), jax.vmap(styled)(styles).std(0))
+        acted = scale.back(meant[:, :first], jax.vmap(styled)(styles)[:, :, :first].std(0))
+        if not (ahead := self.ahead(how)):
+            return acted
+        later = meant[:, first:].reshape(-1, *how.space.chunk)
+        return acted._replace(later=scale.back(later, later).mean.reshape(len(meant), ahead, -1))
 
-    def _network(self, chunk: Chunk) -> "_Act":
-        return _Act(self.eyes, self.width, self.depth, self.style, chunk)
+    def _chunk(self, how: Lessons) -> Chunk:
+        count, numbers = how.space.chunk
+        return (1 + self.ahead(how)) * count, numbers
+
+    def _network(self, how: Lessons) -> "_Act":
+        return _Act(self.eyes, self.width, self.depth, self.style, self._chunk(how))
 
 
 @final
@@ -88,10 +110,10 @@ class _Act(nn.Module):
         self.out = nn.Dense(numbers)
 
     def __call__(
-        self, key: PRNGKeyArray, seen: Sight, actions: Float[Array, "B T K"]
+        self, key: PRNGKeyArray, seen: Sight, actions: Float[Array, "B T K"], counts: Float[Array, "B T"]
     ) -> tuple[Float[Array, "B T K"], Float[Array, "B Z"], Float[Array, "B Z"]]:
         """The moves as they are made with a style that is drawn for them, and the Gaussian that it is drawn from."""
-        mean, log_variance = self.encode(seen, actions)
+        mean, log_variance = self.encode(seen, actions * counts[..., None])
         z = mean + jnp.exp(0.5 * log_variance) * jax.random.normal(key, mean.shape)
         return self.decode(seen, z), mean, log_variance
 
@@ -116,4 +138,4 @@ class _Act(nn.Module):
         return self.out(moves)
 
 
-LEARNER = Act()
+LEARNER = Act(window=4)

@@ -26,6 +26,11 @@ class Cloning:
 
     window: ClassVar[int] = 1
 
+    def ahead(self, how: Lessons) -> int:
+        """None."""
+        del how
+        return 0
+
     def begin(self, key: PRNGKeyArray, seen: Sight, how: Lessons) -> Params:
         """As flax draws them."""
         return self._network(how.space.chunk).init(key, seen)["params"]

@@ -43,6 +43,11 @@ class Diffusion:
 
     window: ClassVar[int] = 1
 
+    def ahead(self, how: Lessons) -> int:
+        """None."""
+        del how
+        return 0
+
     def begin(self, key: PRNGKeyArray, seen: Sight, how: Lessons) -> Params:
         """As flax draws them."""
         count, chunk = len(seen.tool), how.space.chunk

@@ -20,6 +20,7 @@ from app.policy.base import Acted, Now
 from app.policy.learned.base import Chunk, Lessons, Params, Scale, Shown, World
 from app.policy.learned.networks import Seeing, applied
 from app.policy.learned.sight import Sight
+from app.sim.state import State
 
 _UNIT_M: Final = 0.01
 """A distance from a demonstrated state that counts as 1."""
@@ -42,6 +43,11 @@ class Imitation:
     told: float = 0.2
     steepest: float = 1.0
 
+    def ahead(self, how: Lessons) -> int:
+        """None."""
+        del how
+        return 0
+
     def begin(self, key: PRNGKeyArray, seen: Sight, how: Lessons) -> Params:
         """As flax draws them. Raises UsageError where there is no simulator to try in."""
         _world(how)
@@ -58,6 +64,7 @@ class Imitation:
         for step in range(self.window):
             action = self._made(params, shown.goal, now, how, scale)
             state = world.advance(phi, now.state, how.space.tool_path(action, now.tool))
+            state = _finite(state, now.state)
             off = chamfer_m2(state.x, shown.after[:, step]) / _UNIT_M**2
             lost += (shown.counts[:, step] * off).mean() / self.window
             now = Now(state, how.space.after(action, now.tool))
@@ -88,6 +95,12 @@ def _world(how: Lessons) -> World:
     if how.world is None:
         raise UsageError("Imitation through a simulator needs one; give its lessons a world.")
     return how.world
+
+
+def _finite(state: State, before: State) -> State:
+    """As it was before, of each candidate of which the simulation ended in no numbers; that has no slopes either."""
+    fine = jnp.stack([jnp.isfinite(each).reshape(len(each), -1).all(1) for each in state]).all(0)
+    return jax.tree.map(lambda new, old: jnp.where(fine.reshape(-1, *[1] * (new.ndim - 1)), new, old), state, before)
 
 
 @partial(jax.custom_vjp, nondiff_argnums=(1,))

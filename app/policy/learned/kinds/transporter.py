@@ -53,15 +53,23 @@ class Strokes(Protocol):
 @final
 @dataclass(frozen=True, kw_only=True)
 class Transporter:
-    """`crop` pixels of a side around the beginning, turned by `turns` angles; `features` that are correlated."""
+    """`crop` pixels of a side around the beginning, turned by `turns` angles; `features` that are correlated.
+
+    An odd `crop` has the beginning in its middle.
+    """
 
     eyes: int = 32
     features: int = 8
-    crop: int = 16
+    crop: int = 17
     turns: int = 4
     hidden: int = 128
 
     window: ClassVar[int] = 1
+
+    def ahead(self, how: Lessons) -> int:
+        """None."""
+        del how
+        return 0
 
     def begin(self, key: PRNGKeyArray, seen: Sight, how: Lessons) -> Params:
         """As flax draws them. Raises UsageError for actions that are no strokes over a table."""
