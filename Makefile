@@ -48,7 +48,7 @@ run: setup ## push a rope to its goal in the simulated cell
 console: setup ## a session in the browser, each push approved by hand
 	$(BIN)/dipac console
 
-# Small linear algebra is slower with threads. Tests that heed no clock give way to those that do.
+# Small linear algebra is slower with threads. Tests that heed no clock give way to those that do, file by file.
 test test-slow: export OPENBLAS_NUM_THREADS := 1
 test: setup ## everything that CI runs: lint, types, layering, tests, documentation
 	$(BIN)/ruff check .
@@ -57,7 +57,7 @@ test: setup ## everything that CI runs: lint, types, layering, tests, documentat
 	$(BIN)/lint-imports
 	NO_MKDOCS_2_WARNING=1 $(BIN)/mkdocs build --strict
 	@mkdir -p $(dir $(BESIDE)); \
-	nice -n 19 $(PYTEST) -q -m "not slow and unhurried" -o timeout=1800 >$(BESIDE) 2>&1 & beside=$$!; \
+	nice -n 19 $(PYTEST) -q -n 2 --dist loadfile -m "not slow and unhurried" -o timeout=1800 >$(BESIDE) 2>&1 & beside=$$!; \
 	trap 'kill $$beside' INT TERM; \
 	$(PYTEST) -m "not slow and not unhurried"; others=$$?; \
 	echo "Those that heed no clock ran beside them:"; \

@@ -26,7 +26,7 @@ Expert: TypeAlias = Literal["scripted", "descended", "planned"]
 """Who demonstrates: the task's scripted policy, the same with its actions improved by descent, or the planner.
 
 Each takes longer than the one before and errs less. What the first two do follows from what is seen, as a policy's
-actions will; the planner also does what chance found.
+actions will; the planner also does what chance found, and decides where descent alone finds nothing that may be done.
 """
 EXPERTS: Mapping[Expert, Method] = MappingProxyType(
     {
@@ -66,7 +66,8 @@ def demonstrations(
             calibrating=False,
             method=method,
         )
-        order = Order(task=known, preset=preset, seed=seed, method=method, model=model, eyes=eyes)
+        otherwise = EXPERTS["planned"] if expert == "descended" else None
+        order = Order(task=known, preset=preset, seed=seed, method=method, model=model, eyes=eyes, otherwise=otherwise)
         yield Demonstration(wish, steps, play(order, steps.append))
 
 

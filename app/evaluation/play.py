@@ -35,6 +35,7 @@ class Order:
     """What is to be played. `online`: the model learns from every action; `actions` at most, the task's horizon.
 
     `play_on`: all actions are made, also once the object is seen where it shall be, so that all methods make as many.
+    `otherwise`: how it is decided where `method` finds nothing that may be done; the same again where it is None.
     """
 
     task: Task
@@ -46,6 +47,7 @@ class Order:
     eyes: Eyes = "cameras"
     actions: int | None = None
     play_on: bool = False
+    otherwise: Method | None = None
 
 
 @final
@@ -168,11 +170,12 @@ class _Episode:
         order = self._order
         for attempt in range(_ATTEMPTS):
             seed = hash((order.seed, index, attempt)) % 2**31
+            method = order.otherwise if attempt and order.otherwise else self._method
             try:
                 return jobs.plan(
                     *(self._task.name, order.preset, x, self._goal, self._model, seed, self._site),
                     tool=self._cell.tool,
-                    method=self._method,
+                    method=method,
                 )
             except PlanningError:
                 if attempt + 1 == _ATTEMPTS:

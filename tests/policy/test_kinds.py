@@ -28,7 +28,7 @@ WORLD = simulator(TASK, nominal_model("rope_push"), COUNT)
 PHI = jnp.array(WORLD.phi)[None]
 HOW = lessons(TASK, WORLD)
 COARSE = replace(HOW, symmetry=Symmetry(), views=(replace(HOW.views[0], pixel_m=0.016),))
-NEAR_M = {"act": 0.012, "bc": 0.004, "diffusion": 0.02, "ild": 0.025, "transporter": 0.016}
+NEAR_M = {"act": 0.012, "bc": 0.004, "diffusion": 0.02, "ild": 0.005, "transporter": 0.016}
 """Of both ends of each push, after the few steps that a test has; a pixel of theirs has 16 mm."""
 
 
@@ -72,30 +72,31 @@ def test_a_single_demonstration_is_done_again(kind: str, one: Examples) -> None:
 def test_the_file_of_a_policy_acts_as_it_does_and_many_candidates_as_each_alone(
     kind: str, one: Examples, tmp_path: Path
 ) -> None:
-    learner = Imitation(window=1) if kind == "ild" else kinds.load(kind)
-    policy, _ = learn(learner, COARSE, one, Settings(steps=2, batch=2))
+    policy = unlearned(kind, one)
     save_policy(tmp_path / FILE, policy, origin_of(kind))
     assert (tmp_path / FILE).stat().st_size < 3e6
     stored, origin = load_policy(tmp_path, task="rope_push", how=COARSE)
     assert origin.kind == kind
     made = acting(policy, one)
     np.testing.assert_allclose(acting(stored, one), made, atol=4e-3)
-    alone = [acting(policy, one.of(np.array([index])))[0] for index in range(len(one.x))]
-    np.testing.assert_allclose(np.stack(alone), made, atol=1e-4)
+    np.testing.assert_allclose(acting(policy, one.of(np.array([1])))[0], made[1], atol=1e-4)
     again, _ = load_policy(tmp_path, task="rope_push", how=COARSE)
     assert again == stored
     assert hash(again) == hash(stored)
 
 
-def test_the_slope_through_the_simulator_is_that_of_the_loss(one: Examples) -> None:
-    learner, how = Imitation(told=0.0, steepest=np.inf), replace(HOW, symmetry=Symmetry())
-    shown = Batch.of(one, np.array([0]), learner.window).shown(how)
+def test_the_slope_through_frame_and_simulator_is_that_of_the_loss(one: Examples) -> None:
+    learner, how = Imitation(told=0.0, steepest=np.inf), HOW
+    batch = Batch.of(one, np.array([0]), learner.window)
+    shown = batch.shown(how)
     scale = scale_of(how, one, 0)
     params = dict(learner.begin(jax.random.key(0), shown.seen, how))
     last = dict(params["Dense_0"])
     name = sorted(layer for layer in last if layer.startswith("Dense"))[-1]
-    # As the first push was shown, a little beside: there the finger moves the rope.
-    told = scale.to(jnp.asarray(one.actions[:1])).reshape(-1) + 0.03
+    # As the first push was shown, in its frame, a little beside: there the finger moves the rope.
+    framed = batch.framed(how)
+    assert abs(float(how.symmetry.frame(batch.goal, batch.x).angle[0])) > 0.1
+    told = scale.to(framed.actions).reshape(-1) + 0.03
 
     def loss(bias: jax.Array) -> jax.Array:
         changed = last | {name: {"kernel": jnp.zeros_like(last[name]["kernel"]), "bias": bias}}
@@ -167,6 +168,13 @@ def test_a_training_that_was_broken_off_goes_on_as_if_it_had_not_been(tmp_path: 
     np.testing.assert_allclose(acting(resumed, shown), acting(straight, shown), atol=1e-5)
     with pytest.raises(UsageError, match="other options"):
         load_training(tmp_path / "half", begun, {"steps": 7})
+
+
+def unlearned(kind: str, shown: Examples) -> LearnedPolicy:
+    """It acts by the parameters that it would begin to learn with."""
+    learner = kinds.load(kind)
+    params = begin(learner, COARSE, shown, Settings()).params
+    return LearnedPolicy.of(learner, COARSE, params, scale_of(COARSE, shown, 0))
 
 
 def origin_of(kind: str) -> Origin:
