@@ -12,6 +12,8 @@ from app.policy.base import Now
 from app.policy.learned import kinds
 from app.policy.learned.base import LearnedPolicy, Scale
 from app.policy.learned.examples import Batch, Examples
+from app.policy.learned.kinds.act import Act
+from app.policy.learned.train import Settings, begin
 from app.policy.symmetry import Isometry
 from app.tasks import load, names
 from app.tasks.compiled import nominal_model
@@ -138,21 +140,26 @@ def test_where_the_tool_was_left_tells_nothing_where_actions_begin_anywhere() ->
 
 
 def test_what_was_meant_for_now_at_earlier_decisions_has_a_say_and_the_oldest_the_most() -> None:
-    task, learner = load("pour_water"), kinds.load("act")
+    task, learner = load("pour_water"), Act(eyes=8, width=16, depth=1, window=4)
     how, shown = lessons(task), examples_of("pour_water", episodes=3, actions=1)
-    seen = Batch.of(shown, np.array([0])).framed(how).shown(how).seen
     scale = Scale(*np.ones((2, *task.actions.chunk), np.float32))
-    policy = LearnedPolicy.of(learner, how, learner.begin(jax.random.key(1), seen, how), scale)
+    policy = LearnedPolicy.of(learner, how, begin(learner, how, shown, Settings()).params, scale)
+
+    @partial(jax.jit, static_argnums=0)
+    def told(policy, prepared, now):
+        acted = policy.act(prepared, now)
+        return acted.mean[0], acted.later[0], policy.first(prepared, now).mean[0]
+
     meant = []
     for x, goal, tool in zip(shown.x, shown.goal, np.float64(shown.tool), strict=True):
         now = Now.at_rest(jnp.asarray(x)[None], tool)
-        acted = policy.act(policy.prepare(x, goal), now)
-        meant = [np.stack([acted.mean[0], *acted.later[0]]), *meant]
+        mean, later, found = told(policy, policy.prepare(x, goal), now)
+        meant = [np.stack([mean, *later]), *meant]
         # Made so many decisions ago, it says of now what it said of so many actions later.
         said = np.stack([chunk[ago] for ago, chunk in enumerate(meant)])
         weights = np.exp(-0.01 * np.arange(len(said)))[::-1]
         wanted = (weights[:, None] * said).sum(0) / weights.sum()
-        np.testing.assert_allclose(policy.first(policy.prepare(x, goal), now).mean[0], wanted, rtol=1e-4, atol=1e-5)
+        np.testing.assert_allclose(found, wanted, rtol=1e-4, atol=1e-5)
         policy = policy.after(x, goal, tool)
     assert len(policy.meant) == 3
     assert len(policy.after(x, goal, tool).meant) == 3
@@ -172,8 +179,7 @@ def test_nothing_is_remembered_where_chunks_do_not_overlap() -> None:
 def test_a_policy_does_alike_what_is_turned_on_the_table(name: str) -> None:
     task, learner = load(name), kinds.load("bc")
     how, shown = lessons(task), examples_of(name, episodes=1, actions=1)
-    seen = Batch.of(shown, np.array([0])).framed(how).shown(how).seen
-    params = learner.begin(jax.random.key(1), seen, how)
+    params = begin(learner, how, shown, Settings()).params
     scale = Scale(np.zeros(task.actions.chunk, np.float32), np.full(task.actions.chunk, 0.01, np.float32))
     policy = LearnedPolicy.of(learner, how, params, scale)
     # As far as it lies along its frame: a principal axis has no head, and may be taken the other way round elsewhere.

@@ -102,7 +102,8 @@ def _world(how: Lessons) -> World:
 def _finite(state: State, before: State) -> State:
     """As it was before, of each candidate of which the simulation ended in no numbers; that has no slopes either."""
     fine = jnp.stack([jnp.isfinite(each).reshape(len(each), -1).all(1) for each in state]).all(0)
-    return jax.tree.map(lambda new, old: jnp.where(fine.reshape(-1, *[1] * (new.ndim - 1)), new, old), state, before)
+    pairs = zip(state, before, strict=True)
+    return State(*(jnp.where(fine.reshape(-1, *[1] * (new.ndim - 1)), new, old) for new, old in pairs))
 
 
 @partial(jax.custom_vjp, nondiff_argnums=(1,))
