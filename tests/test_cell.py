@@ -31,7 +31,8 @@ from app.core.messages import (
 from app.recording.reader import read_episode, read_messages
 from tests.conftest import ROOT
 
-PUSHES = 3
+SEED, PUSHES = 8, 3
+"""A rope so far from its goal that so many pushes do not bring it there, whatever the model has learned meanwhile."""
 
 
 @dataclass
@@ -64,7 +65,7 @@ def ran(tmp_path_factory: pytest.TempPathFactory) -> Ran:
     folder = tmp_path_factory.mktemp("cell")
     outcome = folder / "outcome.json"
     process = dipac(
-        *("run", "rope_push", "--seed", "3", "--pushes", PUSHES, "--preset", "cpu"),
+        *("run", "rope_push", "--seed", SEED, "--pushes", PUSHES, "--preset", "cpu"),
         *("--json", outcome, "--recordings", folder, "--port", "0"),
         timeout_s=580,
     )
@@ -77,7 +78,7 @@ def test_the_outcome_has_its_promised_keys_and_no_fault(ran: Ran) -> None:
     row = ran.outcome
     promised = {"task", "seed", "rig", "chamfer_m2", "decision_s", "cost_before", "cost_after", "faults", "recording"}
     assert promised <= row.keys()
-    assert (row["task"], row["seed"], row["rig"]) == ("rope_push", 3, "simulated")
+    assert (row["task"], row["seed"], row["rig"]) == ("rope_push", SEED, "simulated")
     assert len(row["chamfer_m2"]) == PUSHES + 1
     assert len(row["decision_s"]) == len(row["cost_before"]) == len(row["cost_after"]) == PUSHES
     assert row["faults"] == []
@@ -108,13 +109,21 @@ def test_every_executed_motion_leads_back_to_frames_model_and_plan(ran: Ran) -> 
         return found
 
     executed = ran.all(Executed)
-    assert len(executed) == PUSHES
+    assert len(executed) == PUSHES + len(kept_waiting(executed))
     for motion in executed:
         assert {Proposal, Particles, Frame, Goal, Model} <= causes(motion)
 
 
+def kept_waiting(executed: list[Executed]) -> list[Executed]:
+    """Those that the watchdog stopped as this computer was too busy; a run in simulation then goes on by itself."""
+    return [motion for motion in executed if motion.outcome == "stopped" and motion.reason.startswith("Watchdog")]
+
+
 def test_what_was_shown_is_what_was_executed(ran: Ran) -> None:
+    halted = kept_waiting(ran.all(Executed))
     for proposal, executed in zip(ran.all(Proposal), ran.all(Executed), strict=True):
+        if any(executed is each for each in halted):
+            continue
         assert executed.outcome == "completed"
         path = proposal.motion.positions
         apart = np.linalg.norm(executed.measured[:, None, :3] - path[None], axis=-1).min(axis=0)
@@ -136,7 +145,7 @@ def test_nothing_said_is_missing_from_the_recording(ran: Ran) -> None:
     assert len({message.id for message in ran.messages}) == len(ran.messages)
     assert ran.all(Health)[-1].faults == 0
     episode = read_episode(Path(ran.outcome["recording"]))
-    assert (episode.task, episode.seed, episode.simulated) == ("rope_push", 3, True)
+    assert (episode.task, episode.seed, episode.simulated) == ("rope_push", SEED, True)
 
 
 def test_a_recording_calibrates_a_model_that_another_run_starts_from(ran: Ran, tmp_path: Path) -> None:

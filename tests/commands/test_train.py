@@ -11,6 +11,7 @@ from app.__main__ import main
 from app.core.errors import UsageError
 from app.core.messages import Episode, Executed, Goal, MessageId, Transition, fresh_id
 from app.core.motion import pointing_down
+from app.evaluation import ledger
 from app.evaluation.trial import Trial, playable, run_trial
 from app.planner.method import PAPER
 from app.policy.learned.file import CHECKPOINT, FILE, load_policy
@@ -116,7 +117,9 @@ def test_what_cannot_be_learned_from_is_refused_with_a_reason(
     assert "dipac train" in capsys.readouterr().err
 
 
-def test_a_learned_policy_plays_alone_and_guides_the_tree(demos: list[str], tmp_path: Path) -> None:
+def test_a_learned_policy_plays_alone_and_guides_the_tree(
+    demos: list[str], tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
     assert train(demos, tmp_path / "policies" / "rope_push" / "bc") == 0
     assert {"bc", f"{PAPER}+bc"} < set(playable())
 
@@ -136,10 +139,20 @@ def test_a_learned_policy_plays_alone_and_guides_the_tree(demos: list[str], tmp_
     assert alone.policy == guided.policy
     assert not alone.branching
     assert guided.branching
+    (tmp_path / "results").mkdir()
     row = run_trial(trial("bc"))
     assert row["failure"] == "" or "branches" in row["failure"]
     assert row["policies"] == str(tmp_path / "policies")
     assert row["policy_digest"] == alone.policy.digest
+    where = ["--policies", str(tmp_path / "policies"), "-o", str(tmp_path / "results")]
+    short = ["--preset", "cpu", "--eyes", "truth", "--actions", "1", "--seeds", "1"]
+    again = ["evaluate", "--task", "rope_push", "--planner", "bc", *short, *where]
+    for digest, code in ((row["policy_digest"], 0), ("of another training", 2)):
+        ledger.append(
+            tmp_path / "results" / "episodes.jsonl", {"key": trial("bc").key} | row | {"policy_digest": digest}
+        )
+        assert main(again) == code
+    assert "another policy for bc in rope_push" in capsys.readouterr().err
     with pytest.raises(UsageError, match="There is no policy"):
         _ = trial("act").method
     shutil.copytree(tmp_path / "policies" / "rope_push" / "bc", tmp_path / "policies" / "rope_push" / "ild")
