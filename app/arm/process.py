@@ -12,6 +12,7 @@ from app.arm.control import Control
 from app.arm.gate import begin
 from app.arm.memory import MODES, TEXT_BYTES, ArmMemory, jog_of, motion_of
 from app.config import Site
+from app.core.collector import spared_collection
 from app.core.errors import MotionRefused
 from app.core.processes import ask_for_real_time
 
@@ -35,10 +36,11 @@ def run_arm(memory: ArmMemory, site: Site, take: Controlled, parent: int) -> Non
     control = take(site)
     loop = _Loop(memory, site, control)
     try:
-        loop.run(lambda: not memory.closing.value and os.getppid() == parent)
-        control.stop("The application has ended.")
-        until_s = time.monotonic() + _REST_S
-        loop.run(lambda: control.mode in ("moving", "stopping") and time.monotonic() < until_s)
+        with spared_collection():
+            loop.run(lambda: not memory.closing.value and os.getppid() == parent)
+            control.stop("The application has ended.")
+            until_s = time.monotonic() + _REST_S
+            loop.run(lambda: control.mode in ("moving", "stopping") and time.monotonic() < until_s)
     finally:
         control.close()
 

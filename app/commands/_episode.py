@@ -27,6 +27,7 @@ from app.commands._sight import seen_with
 from app.commands._version import code_version
 from app.config import Limits, Site
 from app.core.bounds import checked
+from app.core.collector import spared_collection
 from app.core.errors import DipacError, MotionRefused, ParameterError, PreflightError, UsageError
 from app.core.messages import Episode, Goal, fresh_id
 from app.core.ports import CameraShelf, Rig
@@ -310,7 +311,8 @@ async def _run(
         shelf=shelf if wish.answering else None,
     )
     try:
-        return await flow.run(), None
+        with spared_collection():
+            return await flow.run(), None
     except DipacError as error:
         return flow.summary, error
 

@@ -1,0 +1,40 @@
+"""Where the garbage collector is spared, it passes over what was made before, and over nothing made since."""
+
+import gc
+import weakref
+
+from app.core.collector import spared_collection
+
+
+class Knot:
+    """Refers to itself: freed by the collector alone."""
+
+    def __init__(self) -> None:
+        self.itself = self
+
+
+def collected(knot: Knot) -> bool:
+    """Whether the collector goes through it."""
+    return any(each is knot for each in gc.get_objects())
+
+
+def test_what_was_made_before_is_passed_over_for_as_long_as_it_is_open() -> None:
+    before = Knot()
+    assert collected(before)
+    with spared_collection():
+        assert not collected(before)
+    assert collected(before)
+
+
+def test_what_is_made_meanwhile_is_freed_as_ever() -> None:
+    with spared_collection():
+        freed = weakref.ref(Knot())
+        assert freed() is not None
+        gc.collect()
+        assert freed() is None
+
+
+def test_garbage_of_before_is_freed_first() -> None:
+    freed = weakref.ref(Knot())
+    with spared_collection():
+        assert freed() is None
