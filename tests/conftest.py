@@ -3,6 +3,7 @@
 from collections.abc import Iterator
 from pathlib import Path
 
+import jax
 import pytest
 from blockbuster import blockbuster_ctx
 from jaxtyping import install_import_hook
@@ -32,6 +33,10 @@ def modules_without_kernels() -> list[str]:
         if "import warp" not in file.read_text(encoding="utf-8")
     ]
 
+
+# What one test had compiled, those after it take from there, as every start of the program does.
+jax.config.update("jax_compilation_cache_dir", str(ROOT / ".pytest_cache" / "compiled"))
+jax.config.update("jax_persistent_cache_min_compile_time_secs", 0.2)
 
 # Calls in these modules are checked at run time against their declared shapes and types.
 install_import_hook(modules_without_kernels(), f"{checked.__module__}.{checked.__name__}")

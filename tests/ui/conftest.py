@@ -129,10 +129,21 @@ def served() -> Iterator[Served]:
                 task.cancel()
 
 
+FAILED = pytest.StashKey[bool]()
+
+
+@pytest.hookimpl(wrapper=True)
+def pytest_runtest_makereport(item: pytest.Item, call: pytest.CallInfo[None]):
+    report = yield
+    item.stash[FAILED] = item.stash.get(FAILED, False) or report.failed
+    return report
+
+
 @pytest.fixture
-def browser_page(tmp_path) -> Iterator[Page]:
+def browser_page(request: pytest.FixtureRequest, tmp_path) -> Iterator[Page]:
     """A page in a fresh headless Chromium. At the end the test fails where the page reported an error or asked any
-    other machine for anything. Name it after the fixture that serves, so that it is closed before the server is.
+    other machine for anything; of a test that failed, what the page showed is in the report. Name it after the fixture that
+    serves, so that it is closed before the server is.
     """
     executable = chromium()
     if executable is None:
@@ -148,6 +159,8 @@ def browser_page(tmp_path) -> Iterator[Page]:
         page.on("console", lambda said: complaints.append(said.text) if complains(said) else None)
         page.on("request", lambda request: None if is_local(request.url) else complaints.append(request.url))
         yield page
+        if request.node.stash[FAILED]:
+            request.node.add_report_section("teardown", "page", page.locator("body").aria_snapshot())
         context.close()
     assert complaints == []
 

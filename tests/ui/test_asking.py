@@ -17,19 +17,13 @@ from app.core.requests import ClipRequest, GoalRequest, PictureGoalRequest, Take
 from app.core.takes import Take
 from tests.ui import synthetic
 from tests.ui.conftest import Served
-from tests.ui.test_browser import APPROVE, opened, wait_until
+from tests.ui.test_browser import APPROVE, choose, opened, wait_until
 
 pytestmark = pytest.mark.browser
 
 
 def button(page: Page, name: str) -> None:
     page.get_by_role("button", name=name, exact=True).click()
-
-
-def choose(page: Page, label: str, option: str) -> None:
-    """An option of the dropdown beside `label`."""
-    page.get_by_role("combobox", name=label).click()
-    page.get_by_role("option", name=option).click()
 
 
 def mode(name: str, motions: int = 0) -> Mode:

@@ -1,7 +1,9 @@
 """The console in a real browser: what the operator sees, and what the buttons do."""
 
+import re
 import time
 from collections.abc import Callable
+from contextlib import suppress
 from dataclasses import replace
 
 import cv2
@@ -40,6 +42,21 @@ def wait_until(holds: Callable[[], bool]) -> None:
 def reason(page: Page) -> Locator:
     """The box for a rejection's reason, which viser's page gives no label that a program could read."""
     return page.get_by_text("Reason", exact=True).locator("xpath=ancestor::*[.//input][1]").locator("input")
+
+
+def choose(page: Page, label: str, option: str) -> None:
+    """The option that is called `option`, whatever more it says behind a comma, of the dropdown beside `label`.
+
+    What the page was just drawing may move the list from under the pointer: then it is pressed again.
+    """
+    box, called = page.get_by_role("combobox", name=label, exact=True), re.compile(rf"^{re.escape(option)}(,|$)")
+    for _ in range(3):
+        box.click()
+        page.get_by_role("option", name=called).click()
+        with suppress(AssertionError):
+            expect(box).to_have_value(called, timeout=5 * SECONDS)
+            return
+    expect(box).to_have_value(called)
 
 
 def opened(page: Page, served: Served) -> Page:

@@ -7,8 +7,7 @@ from app.core.colours import ColourRange
 from app.core.requests import ColourRequest
 from tests.ui import synthetic
 from tests.ui.conftest import Served
-from tests.ui.test_browser import opened
-from tests.ui.test_model_tab import choose
+from tests.ui.test_browser import choose, opened
 
 pytestmark = pytest.mark.browser
 

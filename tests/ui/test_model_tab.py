@@ -11,7 +11,7 @@ from app.core.requests import ModelRequest
 from app.recording.model_file import save_model
 from tests.ui import synthetic
 from tests.ui.conftest import Served
-from tests.ui.test_browser import opened
+from tests.ui.test_browser import choose, opened
 from tests.ui.test_models import version
 
 pytestmark = pytest.mark.browser
@@ -22,11 +22,6 @@ def somewhere(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     """The folder in which the program was started; it comes before the console that is served."""
     monkeypatch.chdir(tmp_path)
     return tmp_path
-
-
-def choose(page: Page, label: str, option: str) -> None:
-    page.get_by_role("combobox", name=label, exact=True).click()
-    page.get_by_role("option", name=option).click()
 
 
 def test_versions_are_compared_gone_back_to_and_loaded_from_files(

@@ -15,8 +15,7 @@ from app.ui.board import Board
 from app.ui.placing import cards
 from tests.ui import synthetic
 from tests.ui.conftest import Served
-from tests.ui.test_browser import opened
-from tests.ui.test_model_tab import choose
+from tests.ui.test_browser import choose, opened
 
 TODAY = date(2026, 11, 23)
 

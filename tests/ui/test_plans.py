@@ -13,6 +13,7 @@ from app.core.requests import EditRequest
 from app.ui.plans.look import BEST, NONE, names
 from tests.ui import synthetic
 from tests.ui.conftest import Served
+from tests.ui.test_browser import choose
 
 pytestmark = pytest.mark.browser
 
@@ -33,12 +34,6 @@ def page(served: Served, browser_page: Page) -> Page:
     browser_page.goto(served.console.url)
     browser_page.get_by_text("Plans", exact=True).click()
     return browser_page
-
-
-def choose(page: Page, label: str, option: str) -> None:
-    page.get_by_role("combobox", name=label).click()
-    page.get_by_role("option", name=option, exact=True).click()
-    expect(page.get_by_role("combobox", name=label)).to_have_value(option)
 
 
 def set_moment(page: Page, moment: int) -> None:
