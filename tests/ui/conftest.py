@@ -141,9 +141,10 @@ def pytest_runtest_makereport(item: pytest.Item, call: pytest.CallInfo[None]):
 
 @pytest.fixture
 def browser_page(request: pytest.FixtureRequest, tmp_path) -> Iterator[Page]:
-    """A page in a fresh headless Chromium. At the end the test fails where the page reported an error or asked any
-    other machine for anything; of a test that failed, what the page showed is in the report. Name it after the fixture that
-    serves, so that it is closed before the server is.
+    """A page in a fresh headless Chromium; of a test that failed, what it showed is in the report.
+
+    At the end the test fails where the page reported an error or asked any other machine for anything. Name it after
+    the fixture that serves, so that it is closed before the server is.
     """
     executable = chromium()
     if executable is None:
