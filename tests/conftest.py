@@ -6,6 +6,7 @@ from pathlib import Path
 import jax
 import pytest
 from blockbuster import blockbuster_ctx
+from hypothesis import settings
 from jaxtyping import install_import_hook
 
 from tests.shapes import checked
@@ -33,6 +34,10 @@ def modules_without_kernels() -> list[str]:
         if "import warp" not in file.read_text(encoding="utf-8")
     ]
 
+
+# An example may take as long as it takes: how long that is depends on what else runs.
+settings.register_profile("dipac", deadline=None)
+settings.load_profile("dipac")
 
 # What one test had compiled, those after it take from there, as every start of the program does.
 jax.config.update("jax_compilation_cache_dir", str(ROOT / ".pytest_cache" / "compiled"))

@@ -58,7 +58,7 @@ def come_to_rest(arm: ArmControl) -> float:
     raise AssertionError("the arm does not come to rest")
 
 
-@settings(max_examples=150, deadline=None)
+@settings(max_examples=150)
 @given(
     places,
     st.lists(st.tuples(jogs, st.lists(ticks, min_size=1, max_size=60)), max_size=8),

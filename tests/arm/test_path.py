@@ -32,7 +32,7 @@ def poses(points: np.ndarray) -> np.ndarray:
     return np.array([pointing_down(point) for point in points])
 
 
-@settings(max_examples=15, deadline=None)
+@settings(max_examples=15)
 @given(path=paths, speed=st.floats(0.1, 0.3))
 def test_any_path_is_followed_to_its_end_within_its_limits(
     path: list[tuple[float, float, float]], speed: float
@@ -65,7 +65,7 @@ def test_each_segment_is_run_at_its_own_speed() -> None:
 
 
 @given(ticks=st.integers(1, 120))
-@settings(max_examples=30, deadline=None)
+@settings(max_examples=30)
 def test_braking_comes_to_rest_on_the_path_within_the_stopping_distance(ticks: int) -> None:
     points = np.array([[0.3, 0, 0.1], [0.5, 0, 0.1], [0.5, 0.2, 0.1]])
     follower, deceleration = PathFollower(poses(points), np.array([0.3, 0.3]), ACCELERATION), 6.0

@@ -72,7 +72,7 @@ def test_two_strands_side_by_side_stay_two():
     assert not ((y > 0.0095) & (y < 0.0165)).any()
 
 
-@settings(deadline=None, max_examples=25)
+@settings(max_examples=25)
 @example(angle=0.008, x=0.0, y=0.008, table_m=0.008)
 @given(angle=st.floats(0, 2 * np.pi), x=st.floats(-1, 1), y=st.floats(-1, 1), table_m=st.floats(-0.1, 0.1))
 def test_where_the_object_lies_makes_no_difference(angle, x, y, table_m):

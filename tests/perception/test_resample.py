@@ -20,7 +20,7 @@ def shares(particles: np.ndarray, body: np.ndarray) -> np.ndarray:
     return np.bincount(KDTree(particles).query(body)[1], minlength=len(particles))
 
 
-@settings(deadline=None, max_examples=30)
+@settings(max_examples=30)
 @given(count=st.integers(1, 500), size=st.integers(0, 1500), seed=st.integers(0, 2**32 - 1))
 def test_there_are_exactly_as_many_as_asked_for(count, size, seed):
     body = np.random.default_rng(seed).normal(size=(count + size, 3)).astype(np.float32)

@@ -28,7 +28,7 @@ def waypoints(actions: jnp.ndarray) -> np.ndarray:
     return np.asarray(actions)[:, None, :2] + np.concatenate([np.zeros_like(steps[:, :1]), steps.cumsum(1)], axis=1)
 
 
-@settings(max_examples=20, deadline=None)
+@settings(max_examples=20)
 @given(SEEDS)
 def test_projected_pushes_keep_to_the_region_and_to_the_limits_of_displacement_and_length(seed: int) -> None:
     pushes = waypoints(project(wild(seed), now(ROPE, 16)))
@@ -39,7 +39,7 @@ def test_projected_pushes_keep_to_the_region_and_to_the_limits_of_displacement_a
     assert lengths.sum(1).max() <= SPACE.max_length_m + 1e-4
 
 
-@settings(max_examples=20, deadline=None)
+@settings(max_examples=20)
 @given(SEEDS)
 def test_projection_moves_every_start_off_a_lone_rope(seed: int) -> None:
     projected = project(wild(seed), now(ROPE, 16))
@@ -48,7 +48,7 @@ def test_projection_moves_every_start_off_a_lone_rope(seed: int) -> None:
     assert near.min() >= SPACE.clearance_m - 2e-4
 
 
-@settings(max_examples=20, deadline=None)
+@settings(max_examples=20)
 @given(SEEDS)
 def test_projection_leaves_allowed_pushes_alone(seed: int) -> None:
     x = now(ROPE, 16)
@@ -61,7 +61,7 @@ def test_a_start_on_top_of_the_rope_is_not_allowed() -> None:
     assert not allowed(on_top, now(ROPE, 1))[0]
 
 
-@settings(max_examples=20, deadline=None)
+@settings(max_examples=20)
 @given(SEEDS)
 def test_random_pushes_start_beside_the_rope_and_go_through_one_of_its_particles(seed: int) -> None:
     drawn = SPACE.sample(np.random.default_rng(seed), ROPE, AWAY, 8)

@@ -48,7 +48,7 @@ def places(actions: jnp.ndarray, tool: np.ndarray) -> np.ndarray:
     return tool[:3] + np.cumsum(np.asarray(actions, np.float64).reshape(len(actions), -1, 4)[..., :3], axis=1)
 
 
-@settings(max_examples=20, deadline=None)
+@settings(max_examples=20)
 @given(SEEDS)
 def test_projected_moves_are_allowed_bounded_and_clear_of_the_rack(seed: int) -> None:
     rng = np.random.default_rng(seed)
@@ -64,7 +64,7 @@ def test_projected_moves_are_allowed_bounded_and_clear_of_the_rack(seed: int) ->
     assert opening.max() <= 0.040 + 1e-6
 
 
-@settings(max_examples=20, deadline=None)
+@settings(max_examples=20)
 @given(SEEDS)
 def test_projection_leaves_allowed_moves_alone(seed: int) -> None:
     here = now(hand())

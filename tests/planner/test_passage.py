@@ -27,14 +27,14 @@ def point(x: float, y: float) -> jnp.ndarray:
     return jnp.asarray([[x, y, 0.008]])
 
 
-@settings(max_examples=20, deadline=None)
+@settings(max_examples=20)
 @given(SEEDS)
 def test_on_one_side_of_the_wall_it_is_the_chamfer_distance(seed: int) -> None:
     x, goal = front(seed), front(seed + 1)
     assert float(distance(x[None], goal)[0]) == pytest.approx(float(chamfer_m2(x, goal)), rel=1e-4, abs=1e-8)
 
 
-@settings(max_examples=20, deadline=None)
+@settings(max_examples=20)
 @given(SEEDS)
 def test_through_the_wall_it_is_never_less_than_the_chamfer_distance(seed: int) -> None:
     x, goal = front(seed), back(seed + 1)
@@ -62,7 +62,7 @@ def test_in_front_of_the_wall_it_falls_towards_the_gap_where_the_chamfer_distanc
     assert slope(lambda x, goal: chamfer_m2(x, goal[None]), 0.15) < 0
 
 
-@settings(max_examples=20, deadline=None)
+@settings(max_examples=20)
 @given(SEEDS)
 def test_its_gradient_is_finite(seed: int) -> None:
     x, goal = jnp.concatenate([front(seed), back(seed)]), jnp.concatenate([front(seed + 1), back(seed + 1)])

@@ -35,7 +35,7 @@ def situation(seed: int, count: int = 16) -> tuple[Now, jnp.ndarray]:
     return now, jnp.asarray(rng.normal(0, [0.1] * 3 + [0.5] * 3, (count, 6)), jnp.float32)
 
 
-@settings(max_examples=20, deadline=None)
+@settings(max_examples=20)
 @given(SEEDS)
 def test_projected_pours_end_in_the_box_and_tilt_no_further_than_allowed(seed: int) -> None:
     now, wild = situation(seed)
@@ -48,7 +48,7 @@ def test_projected_pours_end_in_the_box_and_tilt_no_further_than_allowed(seed: i
     assert np.asarray(tilt(jnp.asarray(end[:, 3:7]))).max() < SPACE.max_tilt_rad + 0.03
 
 
-@settings(max_examples=20, deadline=None)
+@settings(max_examples=20)
 @given(SEEDS)
 def test_a_path_goes_from_where_the_tool_is_to_where_the_next_action_begins(seed: int) -> None:
     now, wild = situation(seed)
@@ -62,7 +62,7 @@ def test_a_path_goes_from_where_the_tool_is_to_where_the_next_action_begins(seed
     np.testing.assert_allclose(np.linalg.norm(path[..., 3:], axis=-1), 1.0, atol=1e-5)
 
 
-@settings(max_examples=20, deadline=None)
+@settings(max_examples=20)
 @given(SEEDS)
 def test_what_the_arm_is_told_and_then_measured_to_do_is_what_was_simulated(seed: int) -> None:
     now, wild = situation(seed, count=1)

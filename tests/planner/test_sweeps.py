@@ -43,7 +43,7 @@ def in_paddle(x: np.ndarray, action: np.ndarray) -> np.ndarray:
     return np.abs(np.stack([offset @ [ahead[1], -ahead[0]], offset @ ahead], axis=1))
 
 
-@settings(max_examples=20, deadline=None)
+@settings(max_examples=20)
 @given(SEEDS)
 @example(375)
 def test_projected_sweeps_keep_to_the_region_and_to_the_limits_of_length(seed: int) -> None:
@@ -53,7 +53,7 @@ def test_projected_sweeps_keep_to_the_region_and_to_the_limits_of_length(seed: i
     assert np.linalg.norm(swept[:, 2:] - swept[:, :2], axis=1).max() <= SPACE.length_m[1] + 1e-4
 
 
-@settings(max_examples=20, deadline=None)
+@settings(max_examples=20)
 @given(SEEDS)
 def test_the_paddle_of_an_allowed_sweep_comes_down_on_no_bean(seed: int) -> None:
     swept = project(wild(seed), NOW)
@@ -63,7 +63,7 @@ def test_the_paddle_of_an_allowed_sweep_comes_down_on_no_bean(seed: int) -> None
         assert (in_paddle(X, action) - SPACE.half_m).max(axis=1).min() >= SPACE.clearance_m / np.sqrt(2) - 2e-4
 
 
-@settings(max_examples=20, deadline=None)
+@settings(max_examples=20)
 @given(SEEDS)
 def test_projection_leaves_allowed_sweeps_alone(seed: int) -> None:
     once = project(wild(seed), NOW)
@@ -83,7 +83,7 @@ def test_a_sweep_that_goes_nowhere_gets_a_length_or_is_not_allowed() -> None:
     assert np.linalg.norm(swept[2:] - swept[:2]) == pytest.approx(SPACE.length_m[0], abs=1e-5)
 
 
-@settings(max_examples=10, deadline=None)
+@settings(max_examples=10)
 @given(SEEDS)
 def test_random_sweeps_start_beside_the_beans_and_go_through_one_of_their_particles(seed: int) -> None:
     drawn = SPACE.sample(np.random.default_rng(seed), X, AWAY, 8)
@@ -105,7 +105,7 @@ def test_the_tool_path_goes_from_start_to_end_at_sweep_height_and_rests_there() 
     np.testing.assert_array_equal(path[:, 2], np.float32(SPACE.height_m))
 
 
-@settings(max_examples=20, deadline=None)
+@settings(max_examples=20)
 @given(SEEDS)
 def test_the_paddle_is_turned_across_the_sweep_in_the_simulator_and_on_the_arm_alike(seed: int) -> None:
     action = np.asarray(project(wild(seed, 1), ONE))

@@ -25,7 +25,7 @@ def error(labels: np.ndarray, truth: np.ndarray) -> float:
     return min(np.abs(labels - truth).max(), np.abs(1 - labels - truth).max())
 
 
-@settings(max_examples=25, deadline=None)
+@settings(max_examples=25)
 @given(st.integers(0, 2**31 - 1))
 def test_labels_follow_the_rope_whatever_its_shape(seed: int) -> None:
     x, truth = rope(seed)

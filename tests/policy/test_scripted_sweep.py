@@ -31,7 +31,7 @@ def stroke(x: np.ndarray) -> np.ndarray:
     return np.asarray(act(prepared, Now.at_rest(jnp.asarray(x)[None])))[0]
 
 
-@settings(max_examples=20, deadline=None)
+@settings(max_examples=20)
 @given(ANGLES, st.floats(0.12, 0.25))
 def test_a_heap_beside_the_goal_is_swept_into_it(angle: float, distance_m: float) -> None:
     at = MIDDLE + distance_m * np.array([np.cos(angle), np.sin(angle)])
@@ -44,7 +44,7 @@ def test_a_heap_beside_the_goal_is_swept_into_it(angle: float, distance_m: float
     assert abs(across) < POLICY.half_m[0]
 
 
-@settings(max_examples=10, deadline=None)
+@settings(max_examples=10)
 @given(ANGLES)
 def test_turning_everything_turns_the_stroke(angle: float) -> None:
     quarter = round(angle / (np.pi / 2)) * np.pi / 2

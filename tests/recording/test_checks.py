@@ -31,7 +31,7 @@ def test_the_standard_tool_reads_our_checksums(whole: Path) -> None:
     assert told.stdout == f"{whole.name}: OK\n"
 
 
-@settings(max_examples=30, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@settings(max_examples=30, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(place=st.floats(0.0, 1.0, exclude_max=True), bit=st.integers(0, 7))
 def test_one_wrong_bit_anywhere_is_found(whole: Path, tmp_path: Path, place: float, bit: int) -> None:
     data = bytearray(whole.read_bytes())
@@ -42,7 +42,7 @@ def test_one_wrong_bit_anywhere_is_found(whole: Path, tmp_path: Path, place: flo
     assert any(finding.grave for finding in check(path))
 
 
-@settings(max_examples=15, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@settings(max_examples=15, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(place=st.floats(0.0, 1.0, exclude_max=True))
 def test_one_that_was_cut_off_is_found(whole: Path, tmp_path: Path, place: float) -> None:
     path = tmp_path / "cut.mcap"

@@ -17,7 +17,7 @@ from app.recording.reader import read_messages
 from app.recording.recover import recover
 from tests.recording.samples import Recording, same_as_read
 
-_each = settings(max_examples=25, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+_each = settings(max_examples=25, suppress_health_check=[HealthCheck.function_scoped_fixture])
 _fractions = st.floats(0, 1, exclude_max=True)
 _numbers = itertools.count()
 

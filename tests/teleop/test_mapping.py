@@ -47,7 +47,7 @@ def test_no_deflection_is_faster_than_the_share_of_the_limits(x, y, z, yaw, spee
     assert np.linalg.norm(jog.angular) <= speed * LIMITS.angular_speed_rad_s + 1e-12
 
 
-@settings(max_examples=30, deadline=None)
+@settings(max_examples=30)
 @given(st.tuples(st.floats(0.3, 0.8), st.floats(-0.3, 0.3), st.floats(0.05, 0.4)), st.floats(0.05, 1))
 def test_an_aim_is_reached_without_going_beyond_it(aim, speed) -> None:
     arm, tool = Jogging(TOOL, LIMITS), TOOL

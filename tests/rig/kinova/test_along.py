@@ -29,7 +29,7 @@ def gone(points: np.ndarray, speed: float = 0.25) -> list[np.ndarray]:
     return at
 
 
-@settings(max_examples=25, deadline=None, phases=[Phase.generate])
+@settings(max_examples=25, phases=[Phase.generate])
 @given(path=paths, speed=st.floats(0.05, 0.3))
 def test_a_tool_is_found_where_it_is_on_any_way_that_it_goes_along(
     path: list[tuple[float, float, float]], speed: float

@@ -149,7 +149,7 @@ def made(cls: type[Any], values: dict[str, Any]) -> Any:
     return cls(**filled)
 
 
-@settings(max_examples=30, deadline=None)
+@settings(max_examples=30)
 @given(st.sampled_from([messages.Action, messages.ActionNotification, feedback.Feedback, Sample]), st.data())
 def test_what_was_written_is_read_as_it_was(cls: type[Any], data: st.DataObject) -> None:
     message = made(cls, data.draw(plain(cls)))
@@ -165,7 +165,7 @@ def test_hostile_bytes_are_a_message_or_one_error(cls: type[Any], data: bytes) -
     assert isinstance(message, cls)
 
 
-@settings(max_examples=50, deadline=None)
+@settings(max_examples=50)
 @given(st.data())
 def test_a_message_cut_or_spoilt_anywhere_is_a_message_or_one_error(data: st.DataObject) -> None:
     spoilt = bytearray(SPOILT)
