@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
+from app.core.errors import SimulationError
 from app.core.motion import pointing_down
 from app.core.types import ToolPose
 from app.rig.simulated.kinds import kind_of
@@ -107,3 +108,10 @@ def test_every_seed_begins_in_a_bowl_of_its_own_that_the_hand_holds(name: str) -
         assert outside(name, task(name).start(seed), home[:3]).max() < 1e-3
         np.testing.assert_allclose(home[:3], task(name).problems.home_m, atol=0.045)
     assert min(np.linalg.norm(homes[0] - other) for other in homes[1:]) > 0.001
+
+
+def test_a_liquid_that_is_nowhere_any_more_is_said_to_have_broken() -> None:
+    broken = world("pour_water")
+    away = pointing_down(np.array([np.nan, 0.0, 0.2]))
+    with pytest.raises(SimulationError, match="not finite"):
+        broken.step(away, 0.01)

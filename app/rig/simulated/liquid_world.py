@@ -14,6 +14,7 @@ from jaxtyping import Float64
 from scipy.spatial.transform import Rotation
 
 from app.core.bowls import centre_of_bowl
+from app.core.errors import SimulationError
 from app.core.motion import pointing_down
 from app.core.stage import Block, Bowl, HeldBowl, Liquid, Mat, Soup, Stage
 from app.core.types import ToolPose
@@ -69,7 +70,10 @@ class LiquidWorld:
         return self._tool.copy()
 
     def step(self, tool: ToolPose, duration_s: float) -> None:
-        """Move the bowl in a straight line, turning evenly, while `duration_s` passes (whole substeps, at least 1)."""
+        """Move the bowl in a straight line, turning evenly, while `duration_s` passes (whole substeps, at least 1).
+
+        Raises SimulationError where the liquid is nowhere afterwards.
+        """
         begin, end = self._tool, _same_sided(tool, self._tool)
         substeps, done = max(1, round(duration_s / DT_S)), 0
         self._steps += substeps
@@ -83,7 +87,13 @@ class LiquidWorld:
                 path = bowl_coordinates(begin + share[:, None] * (end - begin))
                 self._state = self._simulate(self._phi, self._state, jnp.asarray(path[None], jnp.float32))
                 done += chunk
-        self._rest.watch(before, self.nodes(), substeps * DT_S)
+        after = self.nodes()
+        if not np.isfinite(after).all():
+            raise SimulationError(
+                f"The simulated liquid broke {self.time_s:.2f} s into the episode: its numbers are not finite. Liquid "
+                "that falls fast on the table may do that; pour lower or slower, or begin from another seed."
+            )
+        self._rest.watch(before, after, substeps * DT_S)
 
     def place(self, tool: ToolPose) -> None:
         """Put the bowl there with what it holds; no time passes."""
