@@ -183,6 +183,34 @@ def test_goals_are_the_view_a_bent_copy_a_region_and_a_curve(served: Served, bro
     np.testing.assert_array_equal(request.positions[:, 2], object_[:, 2])
 
 
+def test_a_goal_that_is_refused_for_want_of_control_stays_drawn(served: Served, browser_page: Page) -> None:
+    page, object_ = opened(browser_page, served), synthetic.rope(0.5)
+    other = page.context.new_page()
+    other.goto(served.console.url)
+    button(other, "Take")
+    expect(page.get_by_text("client 1 has control")).to_be_visible()
+    page.get_by_text("Goal", exact=True).click()
+    choose(page, "Draw", "A moved copy of the object")
+    slider = page.get_by_role("slider").first
+    slider.focus()
+    for _ in range(40):
+        page.keyboard.press("ArrowRight")
+    wait_until(lambda: "0.0 mm" not in page.get_by_text("From what is drawn").inner_text())
+    button(page, "Use as goal")
+    notice = served.next_request()
+    assert isinstance(notice, Notice)
+    assert notice.text == "client 0 has no control; client 1 has. Take it first."
+    button(other, "Release")
+    button(page, "Take")
+    expect(page.get_by_text("client 0 has control")).to_be_visible()
+    button(page, "Use as goal")
+    request = served.next_request()
+    assert isinstance(request, GoalRequest)
+    assert request.source == "copy"
+    assert np.abs(request.positions - object_).max() > 0.01
+    expect(page.get_by_role("button", name="Use as goal")).to_be_hidden()
+
+
 def test_files_are_goals_once_they_are_chosen(served: Served, browser_page: Page, tmp_path: Path) -> None:
     page, points = opened(browser_page, served), synthetic.rope(0.2)
     page.get_by_text("Goal", exact=True).click()

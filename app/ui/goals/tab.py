@@ -95,7 +95,7 @@ class GoalTab:
         self._gizmo.visible = kind in ("copy", "region")
         self._gizmo.disable_rotations = kind == "region"
         self._gizmo.position = (*draft.place, _LINE_M)
-        self._gizmo.wxyz = (1.0, 0.0, 0.0, 0.0)
+        self._gizmo.wxyz = (math.cos(draft.turn_rad / 2), 0.0, 0.0, math.sin(draft.turn_rad / 2))
         self._server.scene.remove_click_callback("all")
         if kind == "curve":
             self._server.scene.on_click()(self._clicked)
@@ -146,16 +146,23 @@ class GoalTab:
             self._ask(event, "view", seen.positions)
 
     def _use_draft(self, event: viser.GuiEvent[Any]) -> None:
-        """The draft ends before the goal is asked for: whoever sees it set may begin the next one at once."""
-        draft, object_ = self._draft, self._object
-        goal = draft.positions(object_) if object_ is not None else None
-        if goal is not None:
-            self._kind.value = _NOTHING
-            self._ask(event, _SOURCES[draft.kind], goal)
+        """The draft ends before the goal is asked for: whoever sees it set may begin the next one at once.
 
-    def _ask(self, event: viser.GuiEvent[Any], source: GoalSource, positions: Points) -> None:
+        It is there again where whoever asked may not.
+        """
+        draft, object_, shown = self._draft, self._object, self._kind.value
+        goal = draft.positions(object_) if object_ is not None else None
+        if goal is None:
+            return
+        self._kind.value = _NOTHING
+        if not self._ask(event, _SOURCES[draft.kind], goal):
+            self._kind.value, self._bend.value = shown, draft.bend_1_m
+            self._redraw(lambda _: draft)
+
+    def _ask(self, event: viser.GuiEvent[Any], source: GoalSource, positions: Points) -> bool:
         now_s, who = self._desk.now(), operator(event)
-        self._desk.ask(GoalRequest(id=fresh_id("goal"), time_s=now_s, operator=who, source=source, positions=positions))
+        request = GoalRequest(id=fresh_id("goal"), time_s=now_s, operator=who, source=source, positions=positions)
+        return self._desk.ask(request)
 
 
 def card(board: Board, draft: Points | None) -> str:
