@@ -9,24 +9,33 @@ from jaxtyping import Float64
 
 from app.evaluation.figure import save
 from app.evaluation.scores import MM2
-from app.evaluation.trial import WHOLE
+from app.evaluation.trial import GUIDED, WHOLE
 from app.planner.method import PAPER
 
 
 def draw(rows: Sequence[dict[str, Any]], folder: Path) -> list[Path]:
-    """A figure a task, `TASK-chamfer.svg`, of all methods; returns the files."""
-    from matplotlib.figure import Figure  # Takes a second to load, which nobody pays who draws nothing.
+    """A figure a task, `TASK-chamfer.svg`, of all methods; returns the files.
+
+    What a learned policy guides has the colour of that policy alone, and dashes.
+    """
+    from matplotlib import colormaps  # Takes a second to load, which nobody pays who draws nothing.
+    from matplotlib.figure import Figure
     from matplotlib.ticker import MaxNLocator
 
+    palette = [*colormaps["tab10"].colors, *colormaps["Dark2"].colors]  # type: ignore[attr-defined]
     drawn = list[Path]()
     for task in sorted({row["task"] for row in rows}):
         figure = Figure(figsize=(9.5, 4.5), layout="constrained")
         axes = figure.add_subplot(xlabel="actions", ylabel="Chamfer distance to the goal [mm$^2$]", yscale="log")
         axes.set_title(f"{task}: mean over seeds, and the middle four fifths")
+        colours = dict[str, Any]()
         for name, curves in _methods([row for row in rows if row["task"] == task]).items():
             low, high = np.quantile(curves, (0.1, 0.9), axis=0)
-            (line,) = axes.plot(curves.mean(axis=0), label=f"{name} (n = {len(curves)})")
-            axes.fill_between(np.arange(curves.shape[1]), low, high, color=line.get_color(), alpha=0.12, linewidth=0)
+            _, guided, kind = name.rpartition(GUIDED)
+            colour = colours.setdefault(kind, palette[len(colours) % len(palette)])
+            style = {"color": colour, "linestyle": "--" if guided else "-"}
+            axes.plot(curves.mean(axis=0), label=f"{name} (n = {len(curves)})", **style)
+            axes.fill_between(np.arange(curves.shape[1]), low, high, color=colour, alpha=0.1, linewidth=0)
         axes.xaxis.set_major_locator(MaxNLocator(integer=True))
         figure.legend(loc="outside right upper", fontsize="small")
         drawn.append(folder / f"{task}-chamfer.svg")
