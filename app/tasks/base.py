@@ -157,6 +157,10 @@ class Task:
         from app.policy.pictures import View
 
         (x0, y0, z0), (x1, y1, z1) = self.actions.reach
+        if self.symmetry.turns and not any(self.symmetry.shift_m):
+            # All of the reach is turned about one place, so that its longer side may come to lie either way.
+            (x, y), half = self.symmetry.about_m, max(x1 - x0, y1 - y0) / 2
+            x0, y0, x1, y1 = x - half, y - half, x + half, y + half
         around = ((x0 - _AROUND_M, y0 - _AROUND_M, z0), (x1 + _AROUND_M, y1 + _AROUND_M, z1))
         top = View(low=around[0], high=around[1], pixel_m=_PIXEL_M)
         return (top,) if self.side is None else (top, self.side)
