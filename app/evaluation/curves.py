@@ -12,9 +12,12 @@ from app.evaluation.scores import MM2
 from app.evaluation.trial import GUIDED, WHOLE
 from app.planner.method import PAPER
 
+_SHADED = 8
+"""Of more methods the first is shaded alone, as nobody could tell so many shades apart."""
 
-def draw(rows: Sequence[dict[str, Any]], folder: Path) -> list[Path]:
-    """A figure a task, `TASK-chamfer.svg`, of all methods; returns the files.
+
+def draw(rows: Sequence[dict[str, Any]], folder: Path, name: str = "chamfer") -> list[Path]:
+    """A figure a task, `TASK-NAME.svg`, of all methods; returns the files.
 
     What a learned policy guides has the colour of that policy alone, and dashes.
     """
@@ -27,18 +30,19 @@ def draw(rows: Sequence[dict[str, Any]], folder: Path) -> list[Path]:
     for task in sorted({row["task"] for row in rows}):
         figure = Figure(figsize=(9.5, 4.5), layout="constrained")
         axes = figure.add_subplot(xlabel="actions", ylabel="Chamfer distance to the goal [mm$^2$]", yscale="log")
-        axes.set_title(f"{task}: mean over seeds, and the middle four fifths")
-        colours = dict[str, Any]()
-        for name, curves in _methods([row for row in rows if row["task"] == task]).items():
-            low, high = np.quantile(curves, (0.1, 0.9), axis=0)
-            _, guided, kind = name.rpartition(GUIDED)
+        axes.set_title(f"{task}: mean over seeds; shaded: the middle four fifths")
+        colours, methods = dict[str, Any](), _methods([row for row in rows if row["task"] == task])
+        for index, (method, curves) in enumerate(methods.items()):
+            _, guided, kind = method.rpartition(GUIDED)
             colour = colours.setdefault(kind, palette[len(colours) % len(palette)])
-            style = {"color": colour, "linestyle": "--" if guided else "-"}
-            axes.plot(curves.mean(axis=0), label=f"{name} (n = {len(curves)})", **style)
-            axes.fill_between(np.arange(curves.shape[1]), low, high, color=colour, alpha=0.1, linewidth=0)
+            label, dashes = f"{method} (n = {len(curves)})", "--" if guided else "-"
+            axes.plot(curves.mean(axis=0), label=label, color=colour, linestyle=dashes)
+            if index == 0 or len(methods) <= _SHADED:
+                low, high = np.quantile(curves, (0.1, 0.9), axis=0)
+                axes.fill_between(np.arange(curves.shape[1]), low, high, color=colour, alpha=0.12, linewidth=0)
         axes.xaxis.set_major_locator(MaxNLocator(integer=True))
         figure.legend(loc="outside right upper", fontsize="small")
-        drawn.append(folder / f"{task}-chamfer.svg")
+        drawn.append(folder / f"{task}-{name}.svg")
         save(figure, drawn[-1], salt=task)
     return drawn
 

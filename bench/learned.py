@@ -1,0 +1,103 @@
+"""What learned policies are worth, from the episodes that were measured: `python -m bench.learned` prints the tables of
+docs/results.md and draws their figures. See `--help`.
+"""
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any, Final
+
+import tyro
+from matplotlib import colormaps
+from matplotlib.figure import Figure
+
+from app.evaluation import ledger
+from app.evaluation.curves import draw
+from app.evaluation.figure import save
+from app.evaluation.intervals import Measured, mean, share
+from app.evaluation.scores import MM2, scores
+from app.evaluation.tables import markdown
+from app.evaluation.trial import GUIDED, WHOLE
+from app.planner.method import PAPER
+from app.policy.learned import kinds
+
+_DOCS: Final = Path(__file__).parents[1] / "docs"
+_MEASURED: Final = _DOCS / "measured"
+_SHOWN: Final = (WHOLE, "no_policy", "no_planning")
+"""What is left out of the planner where learned policies are compared with it."""
+_SEEDS, _TEN, _TASK = 10, 10, "rope_push"
+
+
+def main(folder: Path = _MEASURED, images: Path = _DOCS / "images") -> None:
+    """Print the tables, and draw `TASK-learned.svg` and `rope_push-demonstrations.svg`.
+
+    Args:
+        folder: of policies.jsonl and evaluation.jsonl, and of efficiency.jsonl, whose rows say how many demonstrations
+            taught.
+        images: where the figures go.
+    """
+    taught = ledger.latest(folder / "policies.jsonl")
+    rows = [*_planners(folder / "evaluation.jsonl", {row["key"] for row in taught}), *taught]
+    print(markdown(scores(rows)))
+    for file in draw(rows, images, "learned"):
+        print(file)
+    counted = [*ledger.lines(folder / "efficiency.jsonl"), *({**row, "demonstrations": _TEN} for row in taught)]
+    found = _efficiency([row for row in counted if row["task"] == _TASK])
+    print(_table(found))
+    _draw(found, images / f"{_TASK}-demonstrations.svg")
+
+
+def _planners(file: Path, known: set[str]) -> list[dict[str, Any]]:
+    """Without learned policies: the planners, and the paper's without its parts; those episodes that are not known."""
+    return [
+        row
+        for row in ledger.latest(file)
+        if row["ablation"] in _SHOWN and row["seed"] < _SEEDS and row["key"] not in known
+    ]
+
+
+_Found = dict[str, dict[int, tuple[Measured, Measured]]]
+"""By method and number of demonstrations: the share of successes, and the mean Chamfer distance at the end [m^2]."""
+
+
+def _efficiency(rows: Sequence[dict[str, Any]]) -> _Found:
+    found = _Found()
+    for method in [name for kind in kinds.names() for name in (kind, f"{PAPER}{GUIDED}{kind}")]:
+        of = [row for row in rows if row["planner"] == method]
+        for count in sorted({row["demonstrations"] for row in of}):
+            same = [row for row in of if row["demonstrations"] == count]
+            ends = share(row["success"] for row in same), mean(row["chamfer_m2"] for row in same)
+            found.setdefault(method, {})[count] = ends
+    return found
+
+
+def _table(found: _Found) -> str:
+    counts = sorted({count for each in found.values() for count in each})
+    rows = [["method", *map(str, counts)], ["---"] * (1 + len(counts))]
+    for method, each in found.items():
+        told = {count: f"{100 * ends.value:.0f}%, {MM2 * off.value:.0f}" for count, (ends, off) in each.items()}
+        rows.append([method, *(told.get(count, "-") for count in counts)])
+    return "\n".join("| " + " | ".join(row) + " |" for row in rows)
+
+
+def _draw(found: _Found, file: Path) -> None:
+    figure = Figure(figsize=(9.5, 4.0), layout="constrained")
+    reached, off = figure.subplots(1, 2)
+    reached.set(xlabel="demonstrations", ylabel="success [%]", xscale="log", ylim=(-3, 103))
+    off.set(xlabel="demonstrations", ylabel="final Chamfer distance [mm$^2$]", xscale="log", yscale="log")
+    palette = colormaps["tab10"].colors  # type: ignore[attr-defined]
+    for index, (method, each) in enumerate(found.items()):
+        counts, colour, line = list(each), palette[index // 2], "--" if GUIDED in method else "-"
+        shares, means = ([ends[part] for ends in each.values()] for part in (0, 1))
+        reached.plot(counts, [100 * at.value for at in shares], line, marker="o", color=colour, label=method)
+        off.plot(counts, [MM2 * at.value for at in means], line, marker="o", color=colour)
+    for axes in (reached, off):
+        ticks = list(next(iter(found.values())))
+        axes.set_xticks(ticks, [str(count) for count in ticks])
+        axes.minorticks_off()
+    figure.legend(loc="outside right upper", fontsize="small")
+    save(figure, file, salt=_TASK)
+    print(file)
+
+
+if __name__ == "__main__":
+    tyro.cli(main)
