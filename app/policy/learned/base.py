@@ -179,6 +179,15 @@ class Learner(Protocol):
         ...
 
 
+class NextOnly:
+    """Of a learner that tells the next action alone."""
+
+    def ahead(self, how: Lessons) -> int:
+        """None."""
+        del how
+        return 0
+
+
 class Prepared(NamedTuple):
     """What a learned policy acts by; a JAX pytree: what it learned, and the goal [m] that it is to reach.
 

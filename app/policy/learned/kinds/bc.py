@@ -7,7 +7,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float, PRNGKeyArray
 
 from app.policy.base import Acted
-from app.policy.learned.base import Chunk, Lessons, Params, Scale, Shown
+from app.policy.learned.base import Chunk, Lessons, NextOnly, Params, Scale, Shown
 from app.policy.learned.networks import Seeing, applied
 from app.policy.learned.sight import Sight
 
@@ -17,7 +17,7 @@ _LEAST, _MOST = -4.0, 1.0
 
 @final
 @dataclass(frozen=True, kw_only=True)
-class Cloning:
+class Cloning(NextOnly):
     """A Gaussian about one action, whose mean and standard deviation the network says, by its likelihood."""
 
     width: int = 32
@@ -25,11 +25,6 @@ class Cloning:
     depth: int = 2
 
     window: ClassVar[int] = 1
-
-    def ahead(self, how: Lessons) -> int:
-        """None."""
-        del how
-        return 0
 
     def begin(self, key: PRNGKeyArray, seen: Sight, how: Lessons) -> Params:
         """As flax draws them."""

@@ -17,7 +17,7 @@ from jaxtyping import Array, Float, Float32, Int, PRNGKeyArray
 
 from app.policy.base import Acted
 from app.policy.learned.attention import Block, Tokens, waves
-from app.policy.learned.base import Chunk, Lessons, Params, Scale, Shown
+from app.policy.learned.base import Chunk, Lessons, NextOnly, Params, Scale, Shown
 from app.policy.learned.networks import applied
 from app.policy.learned.sight import Sight
 
@@ -32,7 +32,7 @@ _DRAWN = 4
 
 @final
 @dataclass(frozen=True, kw_only=True)
-class Diffusion:
+class Diffusion(NextOnly):
     """`noisy` levels of noise in training, of which acting passes `steps` (DDIM: Song et al. 2021)."""
 
     eyes: int = 32
@@ -42,11 +42,6 @@ class Diffusion:
     steps: int = 10
 
     window: ClassVar[int] = 1
-
-    def ahead(self, how: Lessons) -> int:
-        """None."""
-        del how
-        return 0
 
     def begin(self, key: PRNGKeyArray, seen: Sight, how: Lessons) -> Params:
         """As flax draws them."""

@@ -17,7 +17,7 @@ from jaxtyping import Array, Float, PRNGKeyArray
 from app.core.chamfer import chamfer_m2
 from app.core.errors import UsageError
 from app.policy.base import Acted, Now
-from app.policy.learned.base import Chunk, Lessons, Params, Scale, Shown, World
+from app.policy.learned.base import Chunk, Lessons, NextOnly, Params, Scale, Shown, World
 from app.policy.learned.networks import Seeing, applied
 from app.policy.learned.sight import Sight
 from app.sim.state import State
@@ -28,7 +28,7 @@ _UNIT_M: Final = 0.01
 
 @final
 @dataclass(frozen=True, kw_only=True)
-class Imitation:
+class Imitation(NextOnly):
     """`window` actions in a row are rolled out, from every demonstrated state on.
 
     `told` weighs how far the moves are from those that were demonstrated: a tool that touches nothing changes nothing,
@@ -43,11 +43,6 @@ class Imitation:
     window: int = 2
     told: float = 0.2
     steepest: float = 0.3
-
-    def ahead(self, how: Lessons) -> int:
-        """None."""
-        del how
-        return 0
 
     def begin(self, key: PRNGKeyArray, seen: Sight, how: Lessons) -> Params:
         """As flax draws them. Raises UsageError where there is no simulator to try in."""

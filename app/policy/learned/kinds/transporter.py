@@ -20,7 +20,7 @@ from jaxtyping import Array, Float, Int, PRNGKeyArray
 
 from app.core.errors import UsageError
 from app.policy.base import Acted
-from app.policy.learned.base import Lessons, Params, Scale, Shown
+from app.policy.learned.base import Lessons, NextOnly, Params, Scale, Shown
 from app.policy.learned.networks import Dense, Eyes, applied
 from app.policy.learned.sight import Sight
 from app.policy.pictures import View
@@ -52,7 +52,7 @@ class Strokes(Protocol):
 
 @final
 @dataclass(frozen=True, kw_only=True)
-class Transporter:
+class Transporter(NextOnly):
     """`crop` pixels of a side around the beginning, turned by `turns` angles; `features` that are correlated.
 
     An odd `crop` has the beginning in its middle.
@@ -65,11 +65,6 @@ class Transporter:
     hidden: int = 128
 
     window: ClassVar[int] = 1
-
-    def ahead(self, how: Lessons) -> int:
-        """None."""
-        del how
-        return 0
 
     def begin(self, key: PRNGKeyArray, seen: Sight, how: Lessons) -> Params:
         """As flax draws them. Raises UsageError for actions that are no strokes over a table."""
