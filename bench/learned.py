@@ -40,8 +40,9 @@ def main(folder: Path = _MEASURED, images: Path = _DOCS / "images") -> None:
     print(markdown(scores(rows)))
     for file in draw(rows, images, "learned"):
         print(file)
-    counted = [*ledger.lines(folder / "efficiency.jsonl"), *({**row, "demonstrations": _TEN} for row in taught)]
-    found = _efficiency([row for row in counted if row["task"] == _TASK])
+    counted = [{**row, "demonstrations": _TEN} for row in taught if row["task"] == _TASK]
+    counted += {(row["key"], row["demonstrations"]): row for row in ledger.lines(folder / "efficiency.jsonl")}.values()
+    found = _efficiency(counted)
     print(_table(found))
     _draw(found, images / f"{_TASK}-demonstrations.svg")
 
@@ -65,13 +66,13 @@ def _efficiency(rows: Sequence[dict[str, Any]]) -> _Found:
         of = [row for row in rows if row["planner"] == method]
         for count in sorted({row["demonstrations"] for row in of}):
             same = [row for row in of if row["demonstrations"] == count]
-            ends = share(row["success"] for row in same), mean(row["chamfer_m2"] for row in same)
-            found.setdefault(method, {})[count] = ends
+            off = [row["chamfer_m2"] for row in same if row["chamfer_m2"] is not None]
+            found.setdefault(method, {})[count] = share(row["success"] for row in same), mean(off)
     return found
 
 
 def _table(found: _Found) -> str:
-    counts = sorted({count for each in found.values() for count in each})
+    counts = _counts(found)
     rows = [["method", *map(str, counts)], ["---"] * (1 + len(counts))]
     for method, each in found.items():
         told = {count: f"{100 * ends.value:.0f}%, {MM2 * off.value:.0f}" for count, (ends, off) in each.items()}
@@ -79,20 +80,24 @@ def _table(found: _Found) -> str:
     return "\n".join("| " + " | ".join(row) + " |" for row in rows)
 
 
+def _counts(found: _Found) -> list[int]:
+    return sorted({count for each in found.values() for count in each})
+
+
 def _draw(found: _Found, file: Path) -> None:
     figure = Figure(figsize=(9.5, 4.0), layout="constrained")
     reached, off = figure.subplots(1, 2)
     reached.set(xlabel="demonstrations", ylabel="success [%]", xscale="log", ylim=(-3, 103))
     off.set(xlabel="demonstrations", ylabel="final Chamfer distance [mm$^2$]", xscale="log", yscale="log")
-    palette = colormaps["tab10"].colors  # type: ignore[attr-defined]
-    for index, (method, each) in enumerate(found.items()):
-        counts, colour, line = list(each), palette[index // 2], "--" if GUIDED in method else "-"
+    colours = dict(zip(kinds.names(), colormaps["tab10"].colors, strict=False))  # type: ignore[attr-defined]
+    for method, each in found.items():
+        _, guided, kind = method.rpartition(GUIDED)
+        counts, colour, line = list(each), colours[kind], "--" if guided else "-"
         shares, means = ([ends[part] for ends in each.values()] for part in (0, 1))
         reached.plot(counts, [100 * at.value for at in shares], line, marker="o", color=colour, label=method)
         off.plot(counts, [MM2 * at.value for at in means], line, marker="o", color=colour)
     for axes in (reached, off):
-        ticks = list(next(iter(found.values())))
-        axes.set_xticks(ticks, [str(count) for count in ticks])
+        axes.set_xticks(_counts(found), [str(count) for count in _counts(found)])
         axes.minorticks_off()
     figure.legend(loc="outside right upper", fontsize="small")
     save(figure, file, salt=_TASK)

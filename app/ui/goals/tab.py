@@ -95,7 +95,7 @@ class GoalTab:
         self._gizmo.visible = kind in ("copy", "region")
         self._gizmo.disable_rotations = kind == "region"
         self._gizmo.position = (*draft.place, _LINE_M)
-        self._gizmo.wxyz = (math.cos(draft.turn_rad / 2), 0.0, 0.0, math.sin(draft.turn_rad / 2))
+        self._gizmo.wxyz = (1.0, 0.0, 0.0, 0.0)
         self._server.scene.remove_click_callback("all")
         if kind == "curve":
             self._server.scene.on_click()(self._clicked)
@@ -148,21 +148,18 @@ class GoalTab:
     def _use_draft(self, event: viser.GuiEvent[Any]) -> None:
         """The draft ends before the goal is asked for: whoever sees it set may begin the next one at once.
 
-        It is there again where whoever asked may not.
+        It stays where somebody else has control, so that the goal will be refused.
         """
-        draft, object_, shown = self._draft, self._object, self._kind.value
+        draft, object_ = self._draft, self._object
         goal = draft.positions(object_) if object_ is not None else None
-        if goal is None:
-            return
-        self._kind.value = _NOTHING
-        if not self._ask(event, _SOURCES[draft.kind], goal):
-            self._kind.value, self._bend.value = shown, draft.bend_1_m
-            self._redraw(lambda _: draft)
+        if goal is not None:
+            if self._desk.board.holder in ("", operator(event)):
+                self._kind.value = _NOTHING
+            self._ask(event, _SOURCES[draft.kind], goal)
 
-    def _ask(self, event: viser.GuiEvent[Any], source: GoalSource, positions: Points) -> bool:
+    def _ask(self, event: viser.GuiEvent[Any], source: GoalSource, positions: Points) -> None:
         now_s, who = self._desk.now(), operator(event)
-        request = GoalRequest(id=fresh_id("goal"), time_s=now_s, operator=who, source=source, positions=positions)
-        return self._desk.ask(request)
+        self._desk.ask(GoalRequest(id=fresh_id("goal"), time_s=now_s, operator=who, source=source, positions=positions))
 
 
 def card(board: Board, draft: Points | None) -> str:
