@@ -13,8 +13,7 @@ from matplotlib.figure import Figure
 from app.evaluation import ledger
 from app.evaluation.curves import draw
 from app.evaluation.figure import save
-from app.evaluation.intervals import Measured, mean, share
-from app.evaluation.scores import MM2, scores
+from app.evaluation.scores import MM2, Score, scores
 from app.evaluation.tables import markdown
 from app.evaluation.trial import GUIDED, WHOLE
 from app.planner.method import PAPER
@@ -56,28 +55,29 @@ def _planners(file: Path, known: set[str]) -> list[dict[str, Any]]:
     ]
 
 
-_Found = dict[str, dict[int, tuple[Measured, Measured]]]
-"""By method and number of demonstrations: the share of successes, and the mean Chamfer distance at the end [m^2]."""
+_Found = dict[str, dict[int, Score]]
+"""By method and number of demonstrations."""
 
 
 def _efficiency(rows: Sequence[dict[str, Any]]) -> _Found:
     found = _Found()
-    for method in [name for kind in kinds.names() for name in (kind, f"{PAPER}{GUIDED}{kind}")]:
-        of = [row for row in rows if row["planner"] == method]
-        for count in sorted({row["demonstrations"] for row in of}):
-            same = [row for row in of if row["demonstrations"] == count]
-            off = [row["chamfer_m2"] for row in same if row["chamfer_m2"] is not None]
-            found.setdefault(method, {})[count] = share(row["success"] for row in same), mean(off)
-    return found
+    for count in sorted({row["demonstrations"] for row in rows}):
+        for score in scores([row for row in rows if row["demonstrations"] == count]):
+            found.setdefault(score.planner, {})[count] = score
+    pairs = [name for kind in kinds.names() for name in (kind, f"{PAPER}{GUIDED}{kind}")]
+    return {name: found[name] for name in pairs if name in found}
 
 
 def _table(found: _Found) -> str:
     counts = _counts(found)
     rows = [["method", *map(str, counts)], ["---"] * (1 + len(counts))]
     for method, each in found.items():
-        told = {count: f"{100 * ends.value:.0f}%, {MM2 * off.value:.0f}" for count, (ends, off) in each.items()}
-        rows.append([method, *(told.get(count, "-") for count in counts)])
+        rows.append([method, *(_told(each.get(count)) for count in counts)])
     return "\n".join("| " + " | ".join(row) + " |" for row in rows)
+
+
+def _told(score: Score | None) -> str:
+    return f"{100 * score.success.value:.0f}%, {MM2 * score.chamfer_m2.value:.0f}" if score else "-"
 
 
 def _counts(found: _Found) -> list[int]:
@@ -93,9 +93,10 @@ def _draw(found: _Found, file: Path) -> None:
     for method, each in found.items():
         _, guided, kind = method.rpartition(GUIDED)
         counts, colour, line = list(each), colours[kind], "--" if guided else "-"
-        shares, means = ([ends[part] for ends in each.values()] for part in (0, 1))
-        reached.plot(counts, [100 * at.value for at in shares], line, marker="o", color=colour, label=method)
-        off.plot(counts, [MM2 * at.value for at in means], line, marker="o", color=colour)
+        shares = [100 * score.success.value for score in each.values()]
+        reached.plot(counts, shares, line, marker="o", color=colour, label=method)
+        ends = [MM2 * score.chamfer_m2.value for score in each.values()]
+        off.plot(counts, ends, line, marker="o", color=colour)
     for axes in (reached, off):
         axes.set_xticks(_counts(found), [str(count) for count in _counts(found)])
         axes.minorticks_off()

@@ -131,6 +131,10 @@ class Board:
         """Who has control; empty where nobody has."""
         return self.lease.holder if self.lease else ""
 
+    def open_to(self, operator: str) -> bool:
+        """Whether nobody else has control."""
+        return self.holder in ("", operator)
+
     @property
     def mode_now(self) -> ModeName | Literal["fault"] | None:
         """What the program does by itself; a fault overrules every mode. None before anything was said."""

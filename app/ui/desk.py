@@ -215,7 +215,7 @@ class Desk:
         """Whether `operator` may command now. Where nobody has control, whoever commands takes it."""
         if not self._in_pace(operator):
             return False
-        if self._board.holder not in ("", operator):
+        if not self._board.open_to(operator):
             self._tell(f"{operator} has no control; {self._board.holder} has. Take it first.")
             return False
         if not self._board.holder:

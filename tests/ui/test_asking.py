@@ -30,6 +30,16 @@ def mode(name: str, motions: int = 0) -> Mode:
     return Mode(id=fresh_id("mode"), time_s=time.monotonic(), mode=name, motions=motions)
 
 
+def draw_a_bent_copy(page: Page) -> None:
+    choose(page, "Draw", "A moved copy of the object")
+    slider = page.get_by_role("slider").first
+    slider.focus()
+    for _ in range(40):
+        page.keyboard.press("ArrowRight")
+    expect(page.get_by_text("From what is drawn")).to_be_visible()
+    wait_until(lambda: "0.0 mm" not in page.get_by_text("From what is drawn").inner_text())
+
+
 def test_the_mode_is_always_in_view_and_each_is_one_press_away(served: Served, browser_page: Page) -> None:
     page = opened(browser_page, served)
     bar = page.locator("#dp-mode-now")
@@ -147,13 +157,7 @@ def test_goals_are_the_view_a_bent_copy_a_region_and_a_curve(served: Served, bro
     assert request.source == "view"
     np.testing.assert_array_equal(request.positions, object_)
 
-    choose(page, "Draw", "A moved copy of the object")
-    slider = page.get_by_role("slider").first
-    slider.focus()
-    for _ in range(40):
-        page.keyboard.press("ArrowRight")
-    expect(page.get_by_text("From what is drawn")).to_be_visible()
-    wait_until(lambda: "0.0 mm" not in page.get_by_text("From what is drawn").inner_text())
+    draw_a_bent_copy(page)
     button(page, "Use as goal")
     request = served.next_request()
     assert isinstance(request, GoalRequest)
@@ -190,12 +194,7 @@ def test_a_goal_that_is_refused_for_want_of_control_stays_drawn(served: Served, 
     button(other, "Take")
     expect(page.get_by_text("client 1 has control")).to_be_visible()
     page.get_by_text("Goal", exact=True).click()
-    choose(page, "Draw", "A moved copy of the object")
-    slider = page.get_by_role("slider").first
-    slider.focus()
-    for _ in range(40):
-        page.keyboard.press("ArrowRight")
-    wait_until(lambda: "0.0 mm" not in page.get_by_text("From what is drawn").inner_text())
+    draw_a_bent_copy(page)
     button(page, "Use as goal")
     notice = served.next_request()
     assert isinstance(notice, Notice)

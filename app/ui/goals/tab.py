@@ -153,7 +153,7 @@ class GoalTab:
         draft, object_ = self._draft, self._object
         goal = draft.positions(object_) if object_ is not None else None
         if goal is not None:
-            if self._desk.board.holder in ("", operator(event)):
+            if self._desk.board.open_to(operator(event)):
                 self._kind.value = _NOTHING
             self._ask(event, _SOURCES[draft.kind], goal)
 
