@@ -1,46 +1,65 @@
 # `make help` lists the targets. Nothing here needs root, and every path is relative, so a folder with spaces is fine.
 #
-# PYTHON is the interpreter that .venv is made from; without it the first Python 3.11 or 3.12 of these is taken.
+# PYTHON is the interpreter that .venv is made from; without it the first supported one of CANDIDATES is taken.
 SHELL := /bin/sh
 .DEFAULT_GOAL := help
 .SUFFIXES:
-.PHONY: help setup run console test check test-slow bench docs pictures lock clean
+.PHONY: help setup develop static run console test check test-slow bench docs pictures lock clean
 
-CANDIDATES := python3.11 python3.12 python3
-IS_SUPPORTED := import sys, venv, ensurepip; sys.exit(sys.version_info[:2] not in ((3, 11), (3, 12)))
+CANDIDATES := python3.11 python3.12 python3.13 python3.14 python3
+IS_SUPPORTED := import sys, venv, ensurepip; sys.exit(not (3, 11) <= sys.version_info[:2] <= (3, 14))
+HAS_PIP := import pip, pip._internal; $(IS_SUPPORTED)
 BIN := .venv/bin
 READY := .venv/ready
-PYTEST := $(BIN)/pytest
-BESIDE := .pytest_cache/beside.log
+DEVELOPED := .venv/developed
+BEGUN := .venv/begun
 PIP := $(BIN)/python -m pip
-QUIET := install --disable-pip-version-check --quiet --no-compile
+QUIET := install --disable-pip-version-check --quiet --no-compile --no-deps
 OWN_INDEX := \.(index-url|no-index|proxy)=
 
 help: ## say what each target does
 	@awk -F ':.*## ' '/^[a-z-]+:.*## / {printf "  make %-10s %s\n", $$1, $$2}' Makefile
 
-setup: $(READY) ## create .venv with the locked dependencies; does nothing while they are unchanged
+setup: $(READY) ## create .venv with what running needs; does nothing while that is unchanged
 
-# uv, taken from the lock by its hash, installs five times as fast as pip (docs/decisions/0002) but does not read pip's
-# configuration: where that names an index or a proxy, and where uv fails, pip does it.
+develop: $(DEVELOPED) ## add what tests, types, lint and documentation need
+
+# A lock is whole, so nothing is resolved here (--no-deps). uv, taken from the lock by its hash, installs five times as fast
+# as pip (docs/decisions/0002) but does not read pip's configuration: where that names an index or a proxy, and where uv
+# fails, pip does it. What an interrupted installation left behind is installed anew: $(BEGUN) tells.
+define install # lock, what it downloads
+	@echo "Installing $(1); the first time downloads about $(2)"
+	@[ -e $(BEGUN) ] && again=1 || again=; touch $(BEGUN); \
+	cache=$${UV_CACHE_DIR:-$${XDG_CACHE_HOME:-$$HOME/.cache}/uv}; \
+	mkdir -p "$$cache" 2>/dev/null && [ -w "$$cache" ] || export UV_NO_CACHE=1; \
+	awk '/^uv==/ { found = 1; print; next } found && !/^ +--hash/ { exit } found' requirements.lock > .venv/uv.lock; \
+	{ ! $(PIP) config list | grep -qE '$(OWN_INDEX)' && \
+	  $(PIP) $(QUIET) --require-hashes --requirement .venv/uv.lock 2>.venv/install.log && \
+	  $(BIN)/uv pip install --python $(BIN)/python $${again:+--reinstall} --no-deps --require-hashes --requirement $(1); \
+	} || \
+	$(PIP) $(QUIET) $${again:+--force-reinstall} --require-hashes --requirement $(1) 2>.venv/install.log || { \
+	    echo "dipac: $(1) could not be installed: check the network (pip config list) and the disk (df -h .)," \
+	         "then call make again; .venv/install.log holds what pip said" >&2; exit 1; }
+	@rm -f $(BEGUN)
+endef
+
 $(READY): requirements.lock pyproject.toml
-	@python="$(PYTHON)"; \
+	@[ -e $(READY) ] || [ ! -d .venv ] || touch $(BEGUN); \
+	python="$(PYTHON)"; \
 	for candidate in $(CANDIDATES); do \
 	    [ -z "$$python" ] && "$$candidate" -c '$(IS_SUPPORTED)' >/dev/null 2>&1 && python=$$candidate; \
 	done; \
 	"$${python:-python3}" -c '$(IS_SUPPORTED)' >/dev/null 2>&1 || { \
-	    echo "dipac needs Python 3.11 or 3.12 with venv; name one: make setup PYTHON=/path/to/python3.11" >&2; exit 1; }; \
-	$(BIN)/python -c '$(IS_SUPPORTED)' >/dev/null 2>&1 || { \
+	    echo "dipac needs Python 3.11 to 3.14 with venv; name one: make setup PYTHON=/path/to/python3.11" >&2; exit 1; }; \
+	$(BIN)/python -c '$(HAS_PIP)' >/dev/null 2>&1 || { \
 	    echo "Creating .venv with $$("$$python" --version)"; "$$python" -m venv --clear .venv; }
-	@rm -f $(READY)
-	@echo "Installing the locked dependencies; the first time downloads about 1.2 GB"
-	@awk '/^uv==/ { found = 1 } found && /#/ { exit } found' requirements.lock > .venv/uv.lock
-	@$(PIP) config list | grep -qE '$(OWN_INDEX)' || \
-	    { $(PIP) $(QUIET) --require-hashes --requirement .venv/uv.lock && \
-	      $(BIN)/uv pip install --python $(BIN)/python --require-hashes --requirement requirements.lock; } || \
-	    $(PIP) $(QUIET) --require-hashes --requirement requirements.lock
-	@$(PIP) $(QUIET) --no-deps --no-build-isolation --editable .
+	$(call install,requirements.lock,0.9 GB)
+	@$(PIP) $(QUIET) --no-build-isolation --editable .
 	@touch $(READY)
+
+$(DEVELOPED): $(READY) requirements-dev.lock
+	$(call install,requirements-dev.lock,0.3 GB)
+	@touch $(DEVELOPED)
 
 run: setup ## push a rope to its goal in the simulated cell
 	$(BIN)/dipac run rope_push
@@ -48,39 +67,50 @@ run: setup ## push a rope to its goal in the simulated cell
 console: setup ## a session in the browser, each push approved by hand
 	$(BIN)/dipac console
 
-# Small linear algebra is slower with threads. Tests that heed no clock give way to those that do, file by file.
+# Small linear algebra is slower with threads. What Warp and JAX compile is kept beside the checkout.
 test test-slow: export OPENBLAS_NUM_THREADS := 1
-test: setup ## everything that CI runs: lint, types, layering, tests, documentation
-	$(BIN)/ruff check .
-	$(BIN)/ruff format --check .
-	$(BIN)/basedpyright
-	$(BIN)/lint-imports
-	NO_MKDOCS_2_WARNING=1 $(BIN)/mkdocs build --strict
-	@mkdir -p $(dir $(BESIDE)); \
-	nice -n 19 $(PYTEST) -q -n 2 --dist loadfile -m "not slow and unhurried" -o timeout=1800 >$(BESIDE) 2>&1 & beside=$$!; \
+
+# Everything at once: tests that wait for clocks, processes and sockets hardly use a core, so what uses one goes beside
+# them and gives way to them. Imports are linted by tests/test_structure.py.
+test: develop ## everything that CI runs: lint, types, layering, tests, documentation
+	@mkdir -p $(LOGS); \
+	( $(MAKE) --no-print-directory static; status=$$?; \
+	  nice -n 19 $(PYTEST) -q -n 2 --dist loadfile -m "not slow and unhurried" -o timeout=1800 --durations=25; \
+	  exit $$((status + $$?)) ) >$(BESIDE) 2>&1 & beside=$$!; \
 	trap 'kill $$beside' INT TERM; \
-	$(PYTEST) -m "not slow and not unhurried"; others=$$?; \
-	echo "Those that heed no clock ran beside them:"; \
+	$(PYTEST) -m "not slow and not unhurried" --durations=25; others=$$?; \
+	echo "Lint, types, documentation, and the tests that heed no clock, which ran beside them:"; \
 	wait $$beside; unhurried=$$?; cat $(BESIDE); \
 	exit $$((others + unhurried))
 
+static: develop ## what is checked without running the program: lint, format, types, documentation
+	@nice -n 19 $(BIN)/ruff check . && nice -n 19 $(BIN)/ruff format --check . && \
+	nice -n 19 $(BIN)/basedpyright && NO_MKDOCS_2_WARNING=1 nice -n 19 $(BIN)/mkdocs build --strict
+
 check: test ## the same as test
 
-test-slow: setup ## the tests that take minutes
+test-slow: develop ## the tests that take minutes
 	$(PYTEST) -m slow
 
 bench: setup ## measure what docs/results.md states
 	$(BIN)/dipac bench
 
-docs: setup ## serve the documentation on http://127.0.0.1:8000
+docs: develop ## serve the documentation on http://127.0.0.1:8000
 	$(BIN)/mkdocs serve
 
-pictures: setup ## take the pictures of the console anew, from the running program; needs Chromium
+pictures: develop ## take the pictures of the console anew, from the running program; needs Chromium
 	$(BIN)/python -m bench.console_pictures
 
-lock: setup ## resolve requirements.lock anew from pyproject.toml
-	UV_CUSTOM_COMPILE_COMMAND="make lock" $(BIN)/uv pip compile --quiet --universal --fork-strategy fewest --python-version 3.11 \
-	    --generate-hashes --no-emit-index-url --no-emit-find-links --group dev pyproject.toml --output-file requirements.lock
+# Everything is resolved at once, at the versions locked today where they fit; what running needs stands in
+# requirements.lock, the rest in requirements-dev.lock.
+lock: develop ## resolve both locks anew from pyproject.toml
+	@set -e; compile() { UV_CUSTOM_COMPILE_COMMAND="make lock" $(BIN)/uv pip compile --quiet --universal \
+	    --fork-strategy fewest --python-version 3.11 --generate-hashes --no-annotate --no-emit-index-url --no-emit-find-links "$$@"; }; \
+	cat requirements.lock requirements-dev.lock > .venv/all.lock; \
+	compile --group dev pyproject.toml --output-file .venv/all.lock; \
+	compile --group setup pyproject.toml --constraint .venv/all.lock --output-file requirements.lock; \
+	compile --group dev pyproject.toml --constraint .venv/all.lock --output-file requirements-dev.lock \
+	    $$(sed -nE 's/^([a-z0-9._-]+)==.*/--no-emit-package \1/p' requirements.lock)
 
 clean: ## remove .venv and everything that can be made again; recordings stay
 	rm -rf .venv site dist .pytest_cache .ruff_cache .hypothesis .import_linter_cache

@@ -6,9 +6,12 @@ there is a command with commands of its own, found in the same way; the docstrin
 """
 
 import ast
+import atexit
 import importlib
 import os
+import shutil
 import sys
+import tempfile
 from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 
@@ -23,12 +26,13 @@ INTERRUPTED = 130
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run one command line (that of the process by default); returns the exit code."""
     given = list(sys.argv[1:] if arguments is None else arguments)
-    _keep_compiled()
     return exit_code_of(lambda: _run(given))
 
 
 def exit_code_of(action: Callable[[], None]) -> int:
     """0 when `action` returns; for a deliberate error its own code, said on stderr in one line; 130 for Ctrl-C.
+
+    A library that is not installed is a fault of the installation, and said in one line as well.
 
     Tasks that run side by side raise their errors in groups: such a group counts as its first error where all of it
     was deliberate. Anything else is a defect of the program and keeps its traceback.
@@ -46,17 +50,42 @@ def exit_code_of(action: Callable[[], None]) -> int:
         for leaf in deliberate:
             _complain(str(leaf))
         return deliberate[0].exit_code
+    except ModuleNotFoundError as error:
+        if error.name is None or error.name.partition(".")[0] == __package__:
+            raise
+        _complain(f"the Python package {error.name} is missing: `make clean setup` makes .venv anew; recordings stay")
+        return DipacError.exit_code
     return 0
 
 
 def _keep_compiled() -> None:
-    """Let every process started from here keep what JAX compiles, so that the next start is a warm one.
+    """Let every process started from here keep what JAX and Warp compile, so that the next start is a warm one.
 
-    Where the environment says something else, that holds. What Warp compiles lies in Warp's own cache.
+    Where the environment says something else, that holds. A home that cannot be written to is said in one line, and
+    what is compiled then lies in a temporary folder that goes with this process.
     """
-    caches = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache")
-    os.environ.setdefault("JAX_COMPILATION_CACHE_DIR", str(caches / "dipac" / "compiled"))
+    try:
+        compiled = _cache_folder() / "dipac" / "compiled"
+        compiled.mkdir(parents=True, exist_ok=True)
+        # As a library would use it: a folder that is there may still be read-only.
+        tempfile.TemporaryFile(dir=compiled).close()
+    except (OSError, RuntimeError) as error:
+        _complain(
+            f"compiled programs cannot be kept ({error}), so every start compiles them anew: "
+            "set XDG_CACHE_HOME to a folder that can be written to"
+        )
+        temporary = tempfile.mkdtemp(prefix="dipac-")
+        atexit.register(shutil.rmtree, temporary, ignore_errors=True)
+        # Warp and Matplotlib look there as well.
+        os.environ.update(XDG_CACHE_HOME=temporary, XDG_CONFIG_HOME=temporary)
+        compiled = Path(temporary) / "dipac" / "compiled"
+    os.environ.setdefault("JAX_COMPILATION_CACHE_DIR", str(compiled))
     os.environ.setdefault("JAX_PERSISTENT_CACHE_MIN_COMPILE_TIME_SECS", "0.2")
+
+
+def _cache_folder() -> Path:
+    """The user's folder for what can be made again (XDG Base Directory Specification). RuntimeError without a home."""
+    return Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache")
 
 
 def command_names(folder: Path = COMMANDS) -> dict[str, Path]:
@@ -88,6 +117,7 @@ def _run_among(folder: Path, prog: str, arguments: list[str]) -> None:
 
 
 def _run_command(file: Path, prog: str, arguments: list[str]) -> None:
+    _keep_compiled()
     import tyro  # Costs more than everything else here together, and `--help` does without it.
 
     module = importlib.import_module(".".join(("app", *file.relative_to(COMMANDS.parent).with_suffix("").parts)))

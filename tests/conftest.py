@@ -1,5 +1,6 @@
 """What all tests share: declared shapes and types are checked, and the event loop is never blocked."""
 
+import os
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -39,8 +40,11 @@ def modules_without_kernels() -> list[str]:
 settings.register_profile("dipac", deadline=None)
 settings.load_profile("dipac")
 
-# What one test had compiled, those after it take from there, as every start of the program does.
-jax.config.update("jax_compilation_cache_dir", str(ROOT / ".pytest_cache" / "compiled"))
+# What one test had compiled, those after it, their processes and the next run take from beside the checkout.
+os.environ["WARP_CACHE_PATH"] = str(ROOT / ".pytest_cache" / "warp")
+os.environ["JAX_COMPILATION_CACHE_DIR"] = str(ROOT / ".pytest_cache" / "compiled")
+os.environ["JAX_PERSISTENT_CACHE_MIN_COMPILE_TIME_SECS"] = "0.2"
+jax.config.update("jax_compilation_cache_dir", os.environ["JAX_COMPILATION_CACHE_DIR"])
 jax.config.update("jax_persistent_cache_min_compile_time_secs", 0.2)
 
 # Calls in these modules are checked at run time against their declared shapes and types.

@@ -1,5 +1,6 @@
 """The command line: finds the commands, imports the chosen one alone, and says every error in one line."""
 
+import os
 import subprocess
 import sys
 
@@ -8,7 +9,7 @@ import pytest
 
 from app import __version__
 from app.__main__ import COMMANDS, command_names, exit_code_of, main
-from app.core.errors import DeviceError, RecordingError, UsageError
+from app.core.errors import DeviceError, DipacError, RecordingError, UsageError
 
 
 def raising(error: BaseException):
@@ -120,3 +121,32 @@ def test_a_defect_keeps_its_traceback():
 def test_success_is_zero_and_silent(capsys):
     assert exit_code_of(lambda: None) == 0
     assert capsys.readouterr() == ("", "")
+
+
+def test_a_library_that_is_not_installed_is_said_in_one_line_with_what_mends_it(capsys):
+    assert exit_code_of(raising(ModuleNotFoundError("No module named 'viser'", name="viser"))) == DipacError.exit_code
+    said = capsys.readouterr().err
+    assert said.count("\n") == 1
+    assert "viser" in said
+    assert "make clean setup" in said
+
+
+def test_a_module_of_the_programs_own_that_is_missing_is_a_defect():
+    with pytest.raises(ModuleNotFoundError):
+        exit_code_of(raising(ModuleNotFoundError("No module named 'app.none'", name="app.none")))
+
+
+@pytest.mark.parametrize("home", ["/proc/none", "/proc"], ids=["missing", "read-only"])
+def test_a_home_that_cannot_be_written_to_is_said_in_one_line_and_the_command_goes_on(home, tmp_path):
+    temporary = tmp_path / "temporary"
+    temporary.mkdir()
+    environment = {key: value for key, value in os.environ.items() if not key.startswith(("XDG_", "JAX_"))}
+    environment |= {"HOME": home, "TMPDIR": str(temporary)}
+    program = "import sys; from app.__main__ import main; sys.exit(main(['replay', 'none.mcap']))"
+    result = subprocess.run(
+        [sys.executable, "-c", program], capture_output=True, text=True, check=False, env=environment
+    )
+    first, second = result.stderr.splitlines()
+    assert "XDG_CACHE_HOME" in first
+    assert "none.mcap" in second
+    assert list(temporary.iterdir()) == []

@@ -80,7 +80,7 @@ def checks(site: Site) -> tuple[Check, ...]:
 
 def _machine() -> list[Finding]:
     version = platform.python_version()
-    supported = sys.version_info[:2] in ((3, 11), (3, 12))
+    supported = (3, 11) <= sys.version_info[:2] <= (3, 14)
     memory = psutil.virtual_memory()
     system = " ".join([platform.system(), platform.release(), platform.machine(), *platform.libc_ver()])
     linux = sys.platform == "linux"
