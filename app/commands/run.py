@@ -44,6 +44,8 @@ def _came(report: Report) -> str:
     """Whether it came to the goal, and what would bring it nearer."""
     if report.summary.reached:
         return "The goal is reached."
+    if report.summary.exhausted:
+        return "The goal is not reached, and no push that the planner finds promises to bring it nearer."
     return "The goal is not reached." + ("" if report.failure else " More pushes: --pushes.")
 
 

@@ -199,6 +199,11 @@ class Proposal(Message):
         return self.branches[self.best]
 
     @property
+    def beats_waiting(self) -> bool:
+        """Whether the motion costs less than none, which costs 0; one that somebody asked for is not weighed."""
+        return not self.chosen.cost_after >= 0.0
+
+    @property
     def dropped(self) -> int:
         """How many branches became non-finite."""
         return sum(not branch.finite for branch in self.branches)

@@ -13,8 +13,9 @@ from app.core.types import Points
 class Summary:
     """Grows while the episode runs. `chamfer_m2` holds the start and then one value after each push.
 
-    `reached`: whether the goal was, by what was seen last. `said` counts the messages that were to be recorded;
-    `reconstruction_latency_s` is from exposure to particles.
+    `reached`: whether the goal was, by what was seen last; `exhausted`: whether it ended before, as no motion was
+    better than none, by the model. `said`: how many messages were to be recorded; `reconstruction_latency_s` is from
+    exposure to particles.
     """
 
     chamfer_m2: list[float] = field(default_factory=list[float])
@@ -26,6 +27,7 @@ class Summary:
     faults: list[str] = field(default_factory=list[str])
     first_push_s: float | None = None
     reached: bool = False
+    exhausted: bool = False
     said: int = 0
 
     @property

@@ -59,6 +59,7 @@ from app.flow.learning import Learning
 from app.flow.modes import Modes
 from app.flow.planning import Planning
 from app.flow.preflight import Preflight
+from app.flow.promise import EXHAUSTED, Promise
 from app.flow.reporting import Reporting
 from app.flow.resting import rested
 from app.flow.sensing import Sensing
@@ -102,7 +103,7 @@ class Flow:
         self.holding = Holding(rig, self.modes, *by, unattended=wish.automatic)
         self.sensing = Sensing(rig, how, self.summary, *by)
         self.learning = Learning(wish, planner, site, *by)
-        self.planning = Planning(wish, planner, site, *by)
+        self.planning, self.promise = Planning(wish, planner, site, *by), Promise(wish, self.announcer)
         checked = wish.checklist or not rig.simulated
         self.preflight = Preflight(rig, site, self.sensing, self.holding, *by, needed=checked)
         self.approving = Approving(site, self.sensing, self.modes, *by, hindrance=lambda: self.preflight.hindrance)
@@ -279,7 +280,11 @@ class Flow:
         if self.modes.interruptions != asked:
             self.notice("plan", f"{proposal.id} {self.modes.interrupted}.", proposal.id)
         elif not self.approving.moved_away(proposal):
-            await self._shown(proposal)
+            if self.modes.name != "automatic" or self.promise.admits(proposal):
+                await self._shown(proposal)
+            elif self.promise.exhausted:
+                self.summary.exhausted = True
+                self._leave_off(EXHAUSTED)
 
     async def _shown(self, proposal: Proposal) -> None:
         """Show it and, where that is the mode, make its motion once it is approved."""
@@ -362,12 +367,14 @@ class Flow:
         counted = self.wish.staying and self.modes.name == "automatic"  # The mode itself counts these.
         if not reached and (counted or made < self.wish.pushes):
             return False
-        why = "the goal is reached" if reached else f"{made} motions were made"
+        self._leave_off("the goal is reached" if reached else f"{made} motions were made")
+        return True
+
+    def _leave_off(self, why: str) -> None:
         if self.wish.staying:
             self.modes.set("idle", f"{why}; set another goal or choose a mode")
         else:
             self.modes.end()
-        return True
 
     async def _learn(
         self, proposal: Proposal, before: Particles, executed: Executed, after: Particles, goal: Points

@@ -35,13 +35,14 @@ _FREE_LOW_M, _FREE_HIGH_M = (0.32, -0.15), (0.40, 0.15)
 @dataclass(frozen=True, kw_only=True)
 class Habits:
     """How the planner behaves: `compiling_s` before its first plan where that is not 0, `thinking_s` a plan, and its
-    first `failures` plans fail as `trouble` says.
+    first `failures` plans fail as `trouble` says. A plan costs `cost` and 1 more for each that was rejected.
     """
 
     compiling_s: float = 0.0
     thinking_s: float = 0.0
     failures: int = 0
     trouble: Literal["no finite branch", "dies"] = "no finite branch"
+    cost: float = -10.0
 
 
 def unspoilt(motion: Motion, _: Site) -> Motion:
@@ -96,7 +97,7 @@ class Strokes:
         above = paths[1, [0, 1]] + [0.0, 0.0, _TRAVEL_HEIGHT_M]
         positions = np.stack([above[0], *paths[1], above[1]])
         distance_m2 = float(chamfer_m2(observed, goal))
-        cost = 1.0 + len(rejected)
+        cost = self._habits.cost + len(rejected)
         branches = (_branch("policy", paths[0], observed, cost), _branch("random", paths[1], observed, cost))
         motion = Motion(positions=positions, speeds=np.full(len(positions), _SPEED_M_S))
         return _Sent((branches, 1, self._spoil(motion, site), observed, distance_m2, distance_m2))

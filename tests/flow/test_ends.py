@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from app.core.approval import Approved
+from app.core.control import Mode
 from app.core.doubt import Watched
 from app.core.errors import DeviceError, MotionRefused, PlanningError, WorkerError
 from app.core.messages import ArmState, Executed, Fault, Health, Notice, Outcome, Proposal, ResumeRequest, Transition
@@ -103,6 +104,23 @@ async def test_an_automatic_run_ends_where_the_goal_is_reached(tmp_path: Path) -
         assert await run.end() is None
         assert run.flow.summary.reached
         assert run.flow.summary.pushes == 0
+
+
+async def test_an_automatic_run_ends_where_no_motion_is_better_than_none(tmp_path: Path) -> None:
+    async with running(small_site(tmp_path), small_wish(automatic=True), habits=Habits(cost=0.0)) as run:
+        assert await run.end() is None
+        assert run.flow.summary.exhausted
+        assert len(run.person.all(Proposal)) == len({proposal.id for proposal in run.person.all(Proposal)}) == 2
+        assert run.rig.arm.begun == []
+
+
+async def test_a_session_that_goes_on_by_itself_waits_where_no_motion_is_better_than_none(tmp_path: Path) -> None:
+    async with running(small_site(tmp_path), small_wish(staying=True), habits=Habits(cost=0.0)) as run:
+        await run.person.chooses("automatic", 5)
+        assert (await run.person.sees(Mode, "no motion promises")).mode == "idle"
+        await run.person.chooses("approve each")
+        await run.person.decides(await run.person.sees(Proposal))
+        assert (await run.person.sees(Executed)).outcome == "completed"
 
 
 async def test_where_what_is_seen_does_not_answer_a_push_is_scored_and_nothing_learned(tmp_path: Path) -> None:

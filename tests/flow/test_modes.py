@@ -123,7 +123,7 @@ async def test_what_was_rejected_is_told_to_the_planner_until_something_moves(id
         await person.decides(proposal, approve=False)
     await pushes(idle, await person.sees(Proposal))
     costs.append((await person.sees(Proposal)).chosen.cost_after)
-    assert costs == [1.0, 2.0, 3.0, 1.0]
+    assert costs == [-10.0, -9.0, -8.0, -10.0]
 
 
 async def test_what_fails_leads_to_idle_and_the_session_goes_on(idle: Run) -> None:

@@ -1,0 +1,41 @@
+"""Stopping rule of automatic motion: when no plan that is found promises anything."""
+
+from typing import Final, final
+
+from app.core.announcer import Announcer
+from app.core.messages import Proposal
+from app.tasks.base import Wish
+
+_FUTILE_PLANS: Final = 2
+"""So many in a row, each with other random branches, that are no better than no motion are enough."""
+EXHAUSTED: Final = "no motion promises to bring the object nearer to its goal"
+
+
+@final
+class Promise:
+    """Counts plans in a row that are no better than no motion, by the model.
+
+    Only where each motion of the task ends at rest: of a longer sequence, what it costs so far says nothing. A policy
+    that acts without a planner is not weighed.
+    """
+
+    def __init__(self, wish: Wish, announcer: Announcer) -> None:
+        self._weighs = wish.task.at_rest and not wish.method.alone
+        self._announcer = announcer
+        self._futile = 0
+
+    @property
+    def exhausted(self) -> bool:
+        """Whether another plan would hardly fare better."""
+        return self._futile >= _FUTILE_PLANS
+
+    def admits(self, proposal: Proposal) -> bool:
+        """Whether the motion is worth making; one that is not is said."""
+        if not self._weighs or proposal.beats_waiting:
+            self._futile = 0
+            return True
+        # What was exhausted begins anew: somebody has chosen to go on.
+        self._futile = 1 if self.exhausted else self._futile + 1
+        said = "The best motion found is no better than none, by the model; it is not made."
+        self._announcer.notice("plan", said, proposal.id)
+        return False
