@@ -33,7 +33,7 @@ define install # lock, what it downloads
 	cache=$${UV_CACHE_DIR:-$${XDG_CACHE_HOME:-$$HOME/.cache}/uv}; \
 	mkdir -p "$$cache" 2>/dev/null && [ -w "$$cache" ] || export UV_NO_CACHE=1; \
 	awk '/^uv==/ { found = 1; print; next } found && !/^ +--hash/ { exit } found' requirements.lock > .venv/uv.lock; \
-	{ ! $(PIP) config list | grep -qE '$(OWN_INDEX)' && \
+	{ ! $(PIP) config list | grep -E '$(OWN_INDEX)' >/dev/null && \
 	  $(PIP) $(QUIET) --require-hashes --requirement .venv/uv.lock 2>.venv/install.log && \
 	  $(BIN)/uv pip install --python $(BIN)/python $${again:+--reinstall} --no-deps --require-hashes --requirement $(1); \
 	} || \
@@ -42,6 +42,11 @@ define install # lock, what it downloads
 	         "then call make again; .venv/install.log holds what pip said" >&2; exit 1; }
 	@rm -f $(BEGUN)
 endef
+
+# An environment that has lost its interpreter is not ready, whatever the stamp says.
+ifeq ($(wildcard $(BIN)/python),)
+.PHONY: $(READY)
+endif
 
 $(READY): requirements.lock pyproject.toml
 	@[ -e $(READY) ] || [ ! -d .venv ] || touch $(BEGUN); \
