@@ -13,6 +13,9 @@ BIN := .venv/bin
 READY := .venv/ready
 DEVELOPED := .venv/developed
 BEGUN := .venv/begun
+PYTEST := $(BIN)/pytest
+LOGS := .pytest_cache
+BESIDE := $(LOGS)/beside.log
 PIP := $(BIN)/python -m pip
 QUIET := install --disable-pip-version-check --quiet --no-compile --no-deps
 OWN_INDEX := \.(index-url|no-index|proxy)=
