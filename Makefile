@@ -83,13 +83,13 @@ test test-slow: export OPENBLAS_NUM_THREADS := 1
 test: develop ## everything that CI runs: lint, types, layering, tests, documentation
 	@mkdir -p $(LOGS); \
 	( $(MAKE) --no-print-directory static; status=$$?; \
-	  nice -n 19 $(PYTEST) -q -n 2 --dist loadfile -m "not slow and unhurried" -o timeout=1800 --durations=25; \
+	  nice -n 19 $(PYTEST) -q -n 2 --dist loadfile -m "not slow and not serial" -o timeout=1800 --durations=25; \
 	  exit $$((status + $$?)) ) >$(BESIDE) 2>&1 & beside=$$!; \
 	trap 'kill $$beside' INT TERM; \
-	$(PYTEST) -m "not slow and not unhurried" --durations=25; others=$$?; \
-	echo "Lint, types, documentation, and the tests that heed no clock, which ran beside them:"; \
-	wait $$beside; unhurried=$$?; cat $(BESIDE); \
-	exit $$((others + unhurried))
+	$(PYTEST) -m "not slow and serial" --durations=25; serial=$$?; \
+	echo "Lint, types, documentation, and the tests that need a core alone, which ran beside them:"; \
+	wait $$beside; parallel=$$?; cat $(BESIDE); \
+	exit $$((serial + parallel))
 
 static: develop ## what is checked without running the program: lint, format, types, documentation
 	@nice -n 19 $(BIN)/ruff check . && nice -n 19 $(BIN)/ruff format --check . && \

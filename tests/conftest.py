@@ -6,24 +6,21 @@ from pathlib import Path
 
 import jax
 import pytest
+import warp
 from blockbuster import blockbuster_ctx
 from hypothesis import settings
 from jaxtyping import install_import_hook
 
+from tests.needs import FIXTURES, undeclared
 from tests.shapes import checked
 
 ROOT = Path(__file__).parent.parent
-TESTS = ROOT / "tests"
-UNHURRIED = {
-    TESTS / folder for folder in ("calibration", "discovery", "perception", "planner", "policy", "sim", "tasks")
-}
-"""Folders whose tests neither heed a clock nor serve a port: others may run beside them."""
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     for item in items:
-        if not UNHURRIED.isdisjoint(item.path.parents):
-            item.add_marker("unhurried")
+        if not FIXTURES.isdisjoint(getattr(item, "fixturenames", ())):
+            item.add_marker("serial")
 
 
 def modules_without_kernels() -> list[str]:
@@ -47,6 +44,11 @@ os.environ["JAX_PERSISTENT_CACHE_MIN_COMPILE_TIME_SECS"] = "0.2"
 jax.config.update("jax_compilation_cache_dir", os.environ["JAX_COMPILATION_CACHE_DIR"])
 jax.config.update("jax_persistent_cache_min_compile_time_secs", 0.2)
 
+# What libraries start at their first use (a thread, a process that looks for a driver) is no test's own.
+jax.devices()
+warp.config.log_level = warp.LOG_WARNING
+warp.init()
+
 # Calls in these modules are checked at run time against their declared shapes and types.
 install_import_hook(modules_without_kernels(), f"{checked.__module__}.{checked.__name__}")
 
@@ -54,6 +56,18 @@ install_import_hook(modules_without_kernels(), f"{checked.__module__}.{checked._
 @pytest.fixture(scope="session")
 def anyio_backend() -> str:
     return "asyncio"
+
+
+@pytest.fixture(autouse=True)
+def a_test_that_is_not_serial_needs_a_core_alone(request: pytest.FixtureRequest) -> Iterator[None]:
+    """Whatever else it used would fail or slow other tests now and then."""
+    if request.node.get_closest_marker("serial") is not None:
+        yield
+        return
+    with undeclared() as used:
+        yield
+    if used:
+        pytest.fail(f"This test uses {' and '.join(sorted(used))}; mark it `serial`.", pytrace=False)
 
 
 @pytest.fixture(autouse=True)

@@ -1,4 +1,4 @@
-"""The main job on a short episode, started as a user starts it: `dipac run rope_push` with three pushes.
+"""The main job on a short episode, started as a user starts it: `dipac run rope_push` with one push.
 
 The physics of the cell is MuJoCo's, the images are ray-cast, and the processes are those of every run.
 """
@@ -31,8 +31,10 @@ from app.core.messages import (
 from app.recording.reader import read_episode, read_messages
 from tests.conftest import ROOT
 
-SEED, PUSHES = 8, 3
-"""A rope so far from its goal that so many pushes do not bring it there, whatever the model has learned meanwhile."""
+pytestmark = pytest.mark.serial
+
+SEED, PUSHES = 8, 1
+"""A rope so far from its goal that so many pushes do not bring it there."""
 
 
 @dataclass
@@ -140,6 +142,7 @@ def test_nothing_said_is_missing_from_the_recording(ran: Ran) -> None:
     assert (episode.task, episode.seed, episode.simulated) == ("rope_push", SEED, True)
 
 
+@pytest.mark.slow
 def test_a_recording_calibrates_a_model_that_another_run_starts_from(ran: Ran, tmp_path: Path) -> None:
     model = tmp_path / "model.toml"
     fitted = dipac("calibrate", ran.outcome["recording"], "-o", model)

@@ -11,6 +11,8 @@ from app import __version__
 from app.__main__ import COMMANDS, command_names, exit_code_of, main
 from app.core.errors import DeviceError, DipacError, RecordingError, UsageError
 
+pytestmark = pytest.mark.serial
+
 
 def raising(error: BaseException):
     def action() -> None:

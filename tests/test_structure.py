@@ -43,6 +43,7 @@ def defined(file: Path) -> dict[str, ast.stmt]:
     return names
 
 
+@pytest.mark.serial
 def test_imports_keep_to_the_layers():
     # A process of its own: in this one the linter would write to a stream that an earlier test has closed.
     linter = Path(sys.executable).with_name("lint-imports")
@@ -74,6 +75,7 @@ def test_every_task_file_defines_a_task_named_as_the_file():
         assert tasks.load(task).name == task
 
 
+@pytest.mark.serial
 def test_no_tracked_file_names_a_machine_s_folder_or_a_package_registry():
     listed = subprocess.run(["git", "ls-files", "-z"], cwd=ROOT, capture_output=True, text=True)
     if listed.returncode != 0:

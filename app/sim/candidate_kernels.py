@@ -26,15 +26,18 @@ from app.sim.packed import (
     store_motion,
     velocity,
 )
-from app.sim.substep import Pieces, make_pieces, module_of
+from app.sim.substep import Pieces, adjoint_module_of, make_pieces, module_of
 
 
 @final
 @dataclass(frozen=True, kw_only=True)
 class CandidateKernels:
-    """Whole actions of candidate b in grid slot `slot`, one thread a launch."""
+    """Whole actions of candidate b in grid slot `slot`, one thread a launch.
 
-    module: wp.Module
+    Forward and adjoint are modules of their own: whoever takes no gradient does not wait for the longer one.
+    """
+
+    modules: tuple[wp.Module, wp.Module]
     pieces: Pieces
     forward: wp.Kernel
     adjoint: wp.Kernel
@@ -44,12 +47,11 @@ class CandidateKernels:
 def candidate_kernels(code: Code) -> CandidateKernels:
     """For scenes of this code. Cheap: compilation happens at the first launch, or in warm-up."""
     pieces = make_pieces(code)
-    module = module_of("candidates", code, pieces)
+    there, back = module_of("forward", code), adjoint_module_of("adjoint", code, pieces)
     types = pieces.types
     Inputs, PhiGrain, PhiNode, Pose = types.Inputs, types.PhiGrain, types.PhiNode, types.Pose
     p2g, g2p, node = pieces.to_grid, pieces.to_particles, pieces.node
     p2g_adjoint, g2p_adjoint, node_adjoint = pieces.to_grid_adjoint, pieces.to_particles_adjoint, pieces.node_adjoint
-    kernel = wp.kernel(module=module, enable_backward=False)
 
     @wp.func
     def to_grid(k: Constants, a: Inputs, w: Place, read: int, write: int, h: wp.array4d[wp.vec4], grid: Grid):
@@ -64,7 +66,7 @@ def candidate_kernels(code: Code) -> CandidateKernels:
         for n in range(grid.count[w.listing] * BLOCK_NODES):
             node(k, a, w, active_node(n, w.listing, grid), grid)
 
-    @kernel
+    @wp.kernel(module=there, enable_backward=False)
     def forward(
         k: Constants, a: Inputs, b: int, slot: int, start: wp.array4d[wp.vec4], h: wp.array4d[wp.vec4], grid: Grid
     ):
@@ -85,7 +87,7 @@ def candidate_kernels(code: Code) -> CandidateKernels:
             for n in range(grid.count[slot] * BLOCK_NODES):
                 clear(active_node(n, slot, grid), slot, w.stamp, grid)
 
-    @kernel
+    @wp.kernel(module=back, enable_backward=False)
     def adjoint(
         k: Constants,
         a: Inputs,
@@ -103,9 +105,9 @@ def candidate_kernels(code: Code) -> CandidateKernels:
         grain_sum = PhiGrain()
         node_sum = PhiNode()
         steps = a.tool.shape[1] - 1
-        for back in range(steps):
-            s = steps - 1 - back
-            w = place_of(b, s, slot, slot, back + 1)
+        for later in range(steps):
+            s = steps - 1 - later
+            w = place_of(b, s, slot, slot, later + 1)
             now_sum = Pose()
             then_sum = Pose()
             to_grid(k, a, w, s, s, h, grid)
@@ -137,7 +139,7 @@ def candidate_kernels(code: Code) -> CandidateKernels:
         grain_bar[b, 0] = grain_sum
         node_bar[b, 0] = node_sum
 
-    return CandidateKernels(module=module, pieces=pieces, forward=forward, adjoint=adjoint)
+    return CandidateKernels(modules=(there, back), pieces=pieces, forward=forward, adjoint=adjoint)
 
 
 @wp.func

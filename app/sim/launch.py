@@ -146,11 +146,14 @@ def make_operations(scene: Scene, counts: Sequence[int], schedule: Schedule) -> 
         needed = bytes_of(schedule, particles=particle_count, blocks=block_count, rows=rows, backwards=backwards)
         require(needed, candidates, jax.local_devices()[0])
 
-    def inputs(phi: jax.Array, tool: jax.Array, setting: Setting) -> tuple[jax.Array, ...]:
-        """What kernels read. Compiles while JAX traces: a compiler has no place in a computation that is recorded."""
+    def inputs(phi: jax.Array, tool: jax.Array, setting: Setting, module: wp.Module) -> tuple[jax.Array, ...]:
+        """What the kernels of `module` read.
+
+        Compiles while JAX traces: a compiler has no place in a computation that is recorded.
+        """
         for device in jax.local_devices():
             on = wp.device_from_jax(device)
-            wp.load_module(kernels.module, on)
+            wp.load_module(module, on)
             constants(on.alias)
         path = tool if coordinates else jnp.zeros((*tool.shape[:2], 1), tool.dtype)
         return phi[:, jnp.array(chosen.grain)], phi[:, jnp.array(chosen.node)], path, *setting
@@ -159,7 +162,7 @@ def make_operations(scene: Scene, counts: Sequence[int], schedule: Schedule) -> 
         candidates = phi.shape[0]
         plan(candidates, rows, backwards=rows == tool.shape[1])  # A whole history is kept for an adjoint to come.
         dims = grid_dims(candidates, backwards=False) | {"history": (candidates, rows, QUADS, particle_count)}
-        return forward_call(*inputs(phi, tool, setting), pack(state)[:, None], output_dims=dims)[0]
+        return forward_call(*inputs(phi, tool, setting, kernels.modules[0]), pack(state)[:, None], output_dims=dims)[0]
 
     def run_backward(
         phi: jax.Array, history: jax.Array, tool: jax.Array, setting: Setting, end_bar: State, every: bool
@@ -172,7 +175,7 @@ def make_operations(scene: Scene, counts: Sequence[int], schedule: Schedule) -> 
             "node_bar": (candidates, schedule.node_columns()),
             "tool_bar": tool.shape[:2],
         }
-        given = inputs(phi, tool, setting)
+        given = inputs(phi, tool, setting, kernels.modules[-1])
         state_bar, grain_bar, node_bar, tool_bar, *_ = backward_call(
             *given, history, pack(end_bar)[:, None], int(every), output_dims=dims
         )

@@ -31,7 +31,7 @@ from app.sim.packed import (
     store_motion,
     velocity,
 )
-from app.sim.substep import Pieces, make_pieces, module_of
+from app.sim.substep import Pieces, adjoint_module_of, make_pieces
 
 WARP_SIZE = 32
 
@@ -52,7 +52,7 @@ class ParticleKernels:
     `particles`, two for `nodes` and `particles_adjoint`, three for `nodes_adjoint`.
     """
 
-    module: wp.Module
+    modules: tuple[wp.Module]
     pieces: Pieces
     particles: wp.Kernel
     nodes: wp.Kernel
@@ -76,7 +76,7 @@ def back(b: int, s: int, steps: int) -> Place:
 def particle_kernels(code: Code) -> ParticleKernels:
     """For scenes of this code. Cheap: compilation happens at the first launch, or in warm-up."""
     pieces = make_pieces(code)
-    module = module_of("particles", code, pieces)
+    module = adjoint_module_of("particles", code, pieces)
     module.options["fast_math"] = True
     types = pieces.types
     Inputs, PhiGrain, PhiNode, Pose = types.Inputs, types.PhiGrain, types.PhiNode, types.Pose
@@ -227,7 +227,7 @@ def particle_kernels(code: Code) -> ParticleKernels:
                 clear_both(active_node(n, b, grid), old.slot, old.stamp, grid, grid_bars)
 
     return ParticleKernels(
-        module=module,
+        modules=(module,),
         pieces=pieces,
         particles=particles,
         nodes=nodes,

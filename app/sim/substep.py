@@ -72,12 +72,17 @@ def make_pieces(code: Code) -> Pieces:
     )
 
 
-def module_of(kind: str, code: Code, pieces: Pieces) -> wp.Module:
-    """A module of its own for each kind of kernels, so that no platform compiles the other's.
+def module_of(kind: str, code: Code) -> wp.Module:
+    """A module of its own for each kind of kernels, so that nobody compiles what another platform or way needs."""
+    return wp.get_module(f"dipac_sim_{kind}_{code.name()}")
+
+
+def adjoint_module_of(kind: str, code: Code, pieces: Pieces) -> wp.Module:
+    """A module whose kernels may call adjoints.
 
     Warp emits the adjoints of nested functions only where a differentiable kernel calls them; it is put in here.
     """
-    module = wp.get_module(f"dipac_sim_{kind}_{code.name()}")
+    module = module_of(kind, code)
     Inputs, worked = pieces.types.Inputs, pieces.worked
 
     @wp.kernel(module=module)

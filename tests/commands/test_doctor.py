@@ -22,6 +22,8 @@ from app.rig.kinova.link import Address
 from tests.cells.test_cell_file import GOOD, written
 from tests.recording.test_calibration_file import camera
 
+pytestmark = pytest.mark.serial
+
 
 @pytest.fixture
 def free_port() -> int:

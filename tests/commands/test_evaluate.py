@@ -49,6 +49,7 @@ def killed_after_one(folder: Path) -> None:
         process.wait()
 
 
+@pytest.mark.serial
 def test_an_evaluation_that_was_killed_goes_on_and_plays_nothing_twice(
     folder: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -83,6 +84,7 @@ def test_an_evaluation_that_was_killed_goes_on_and_plays_nothing_twice(
     assert "holds episodes with actions 1, not 2" in capsys.readouterr().err.replace("\n", " ")
 
 
+@pytest.mark.slow
 def test_an_episode_whose_process_was_lost_is_played_again(folder: Path) -> None:
     once = [*SHORT[:-1], "1", "-o", str(folder)]
     assert main(["evaluate", *once]) == 0

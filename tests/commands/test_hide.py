@@ -106,6 +106,7 @@ def test_the_truth_is_sealed_outside_and_names_effects_world_and_recordings(fold
     assert said["recordings"] == digests
 
 
+@pytest.mark.serial
 def test_another_process_makes_the_same_bytes_of_the_same_seed_and_other_pushes_of_another(
     folder: Path, tmp_path: Path
 ) -> None:

@@ -19,6 +19,8 @@ from app.tasks import load
 from app.tasks.doubted import subject_of
 from tests.plain_data import EPISODES, OPTIONAL, POINTS, PUSHES, plain_arrays, saved
 
+pytestmark = pytest.mark.serial
+
 Arrays = dict[str, Any]
 
 

@@ -33,6 +33,7 @@ def test_a_run_whose_outcome_could_not_be_written_is_not_started(tmp_path: Path,
     assert capsys.readouterr().out == ""
 
 
+@pytest.mark.serial
 def test_a_port_is_refused_only_while_it_is_taken():
     with socket.socket() as taken:
         taken.bind(("127.0.0.1", 0))

@@ -16,6 +16,8 @@ from app.recording.preflight import Room, check_folder
 from app.recording.recover import recover
 from tests.recording.demonstrations import PUSHES, demonstration
 
+pytestmark = pytest.mark.serial
+
 
 @pytest.fixture
 def folder(tmp_path: Path) -> Path:

@@ -79,6 +79,7 @@ def train(demos: list[str], output: Path, *more: str) -> int:
     return main(order)
 
 
+@pytest.mark.serial
 def test_a_policy_of_recordings_goes_on_and_says_what_it_is_from(
     demos: list[str], tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -98,6 +99,7 @@ def test_a_policy_of_recordings_goes_on_and_says_what_it_is_from(
         assert "other options or demonstrations" in capsys.readouterr().err
 
 
+@pytest.mark.serial
 def test_what_cannot_be_learned_from_is_refused_with_a_reason(
     demos: list[str], tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -117,6 +119,7 @@ def test_what_cannot_be_learned_from_is_refused_with_a_reason(
     assert "dipac train" in capsys.readouterr().err
 
 
+@pytest.mark.serial
 def test_a_learned_policy_plays_alone_and_guides_the_tree(
     demos: list[str], tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -18,6 +18,9 @@ from app.tasks.curves import fill_tube
 from app.tasks.doubted import subject_of
 from bench.own_world import DENSER, OwnWorld, finer
 
+# Slopes, projection and evidence are tested apart; here all of it is, on simulated pushes that are made for it.
+pytestmark = pytest.mark.slow
+
 TASK = load("rope_push")
 SUBJECT, CATALOGUE = subject_of(TASK), catalogue()
 PREDICTOR = Predictor(SUBJECT, CATALOGUE)

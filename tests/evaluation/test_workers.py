@@ -64,6 +64,7 @@ def ticking(folder: Path) -> dict[str, Any]:
         time.sleep(0.05)
 
 
+@pytest.mark.serial
 def test_workers_end_with_their_parent_even_if_it_is_killed(tmp_path: Path) -> None:
     code = "import sys; from pathlib import Path; from tests.evaluation.test_workers import ticking\n"
     code += "from app.evaluation.workers import finished\n"

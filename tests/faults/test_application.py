@@ -25,6 +25,7 @@ def some(mode: ModeName, names: tuple[str, ...]) -> list[Came]:
     return sequence(mode, [found[name] for name in names])
 
 
+@pytest.mark.serial
 def test_after_a_fault_the_arm_rests_the_log_is_whole_and_the_application_goes_on_or_says_what_to_do() -> None:
     with ThreadPoolExecutor(len(SOME)) as pool:
         came = [it for each in pool.map(some, *zip(*SOME, strict=True)) for it in each]

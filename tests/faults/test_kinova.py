@@ -17,6 +17,8 @@ from bench.faults.inject import Outcome
 from bench.faults.place import KEPT_OUT
 from tests.rig.kinova.conftest import address, way
 
+pytestmark = pytest.mark.serial
+
 REST_MS = 250.0
 WIRE = ("cut", "deaf", "feedback lost", "another commands", "joint fault", "base fault", "pushed hard")
 

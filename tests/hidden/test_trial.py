@@ -15,6 +15,7 @@ from tests.hidden.synthetic import blamed, line
 SETUP = Setup(seed=3, plan=Plan(episodes=1, pushes=1), oracle=False, deadline_s=550.0)
 
 
+@pytest.mark.serial
 @pytest.mark.parametrize("world", WORLDS)
 def test_both_worlds_hide_the_same_size_and_hand_over_recordings_alone(world, tmp_path: Path) -> None:
     case = Case(number=0, world=world, hidden=(Chosen(effect="depth_bias", size=2.0),))
@@ -31,6 +32,7 @@ def test_both_worlds_hide_the_same_size_and_hand_over_recordings_alone(world, tm
     assert scored.truths[0].typical == 2.0
 
 
+@pytest.mark.serial
 def test_recordings_that_are_kept_are_not_made_again(tmp_path: Path) -> None:
     kept = tmp_path / "own-0-3-1x1"
     kept.mkdir()
@@ -41,6 +43,7 @@ def test_recordings_that_are_kept_are_not_made_again(tmp_path: Path) -> None:
     assert "episode-01.mcap" in made["failure"]
 
 
+@pytest.mark.serial
 def test_what_cannot_be_read_is_a_failure_and_no_verdict(tmp_path: Path) -> None:
     path = tmp_path / "episode-01.mcap"
     path.write_bytes(b"no recording")
@@ -49,6 +52,7 @@ def test_what_cannot_be_read_is_a_failure_and_no_verdict(tmp_path: Path) -> None
     assert "episode-01.mcap" in caught.value.stderr
 
 
+@pytest.mark.serial
 def test_a_case_that_takes_too_long_is_a_line_that_says_so() -> None:
     case = Case(number=1, world="own", hidden=())
     hasty = Setup(seed=3, plan=SETUP.plan, oracle=False, deadline_s=0.05)

@@ -68,7 +68,6 @@ def test_a_single_demonstration_is_done_again(kind: str, one: Examples) -> None:
     np.testing.assert_allclose(ends(acting(policy, one)), ends(one.actions), atol=NEAR_M[kind])
 
 
-@pytest.mark.unhurried
 @pytest.mark.parametrize("kind", kinds.names())
 def test_the_file_of_a_policy_acts_as_it_does_and_many_candidates_as_each_alone(
     kind: str, one: Examples, tmp_path: Path

@@ -39,8 +39,15 @@ def _start(name: str):
     return lambda seed, count: task.particles(task.start(seed), count)
 
 
-@pytest.mark.parametrize("kind", kinds.names())
-@pytest.mark.parametrize("name", names())
+PAIRS = [
+    pytest.param(name, kind, marks=[] if name == "rope_push" or kind == "bc" else pytest.mark.slow)
+    for name in names()
+    for kind in kinds.names()
+]
+"""Every kind in one task and one kind in every task are quick enough; the rest is for `make test-slow`."""
+
+
+@pytest.mark.parametrize(("name", "kind"), PAIRS)
 def test_every_kind_can_be_taught_and_acts_in_every_task_or_says_why_not(name: str, kind: str) -> None:
     task, learner, shown = load(name), kinds.load(kind), examples_of(name)
     how = lessons(task, simulator(task, nominal_model(name), COUNT))

@@ -24,6 +24,7 @@ def test_nothing_is_wrong_with_a_whole_one(whole: Path) -> None:
     assert check(whole) == []
 
 
+@pytest.mark.serial
 def test_the_standard_tool_reads_our_checksums(whole: Path) -> None:
     told = subprocess.run(
         ["sha256sum", "--check", "--strict", digests.SUMS], cwd=whole.parent, capture_output=True, text=True, check=True

@@ -84,6 +84,7 @@ def test_at_most_the_last_second_is_lost(killed: tuple[Path, int, float]) -> Non
     assert killed_at_s - notices[-1].time_s < 1.0
 
 
+@pytest.mark.serial
 def test_what_was_flushed_is_whole_in_the_file_of_a_killed_episode(tmp_path: Path) -> None:
     # Killed at rest: a kill in the middle of a write may cut that write short.
     path, last, _ = _killed(tmp_path, rest_after=_LAST)

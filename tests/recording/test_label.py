@@ -165,6 +165,7 @@ time.sleep(60)
 """
 
 
+@pytest.mark.serial
 def test_a_recording_that_is_being_written_is_left_alone_until_its_writer_is_gone(tmp_path: Path) -> None:
     path = tmp_path / "now.mcap"
     with subprocess.Popen([sys.executable, "-c", _WRITES, path], stdout=subprocess.PIPE, text=True) as writer:

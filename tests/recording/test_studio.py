@@ -401,6 +401,7 @@ anyio.run(main)
 """
 
 
+@pytest.mark.serial
 def test_a_kill_costs_at_most_the_last_second_of_both_files(tmp_path: Path) -> None:
     with subprocess.Popen([sys.executable, "-c", _SESSION, str(tmp_path)], stdout=subprocess.PIPE, text=True) as child:
         assert child.stdout is not None

@@ -256,6 +256,7 @@ except RecordingError as error:
 """
 
 
+@pytest.mark.serial
 def test_a_disk_that_fills_up_stops_the_episode_and_keeps_what_fitted(tmp_path: Path) -> None:
     done = subprocess.run(
         [sys.executable, "-c", _FULL_DISK, str(tmp_path)], capture_output=True, text=True, timeout=120, check=True

@@ -114,6 +114,7 @@ if __name__ == "__main__":
 """
 
 
+@pytest.mark.serial
 @pytest.mark.parametrize("doing", ["waiting", "jogging"])
 def test_no_process_outlives_an_application_that_is_killed(doing: str) -> None:
     with subprocess.Popen(

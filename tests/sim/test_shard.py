@@ -89,6 +89,7 @@ def run(out: Path, *, hosts: int, devices: int, candidates: int) -> list[np.ndar
         return [found[name] for name in found.files]
 
 
+@pytest.mark.serial
 @pytest.mark.parametrize("candidates", [4, 5])
 def test_two_devices_find_what_one_finds(tmp_path: Path, candidates: int):
     leaves = run(tmp_path / "two.npz", hosts=1, devices=2, candidates=candidates)
@@ -97,6 +98,7 @@ def test_two_devices_find_what_one_finds(tmp_path: Path, candidates: int):
     assert np.abs(leaves[0][1] - leaves[0][0]).max() > 1e-5  # Candidates differ.
 
 
+@pytest.mark.serial
 def test_two_hosts_find_what_one_finds(tmp_path: Path):
     one = run(tmp_path / "one.npz", hosts=1, devices=1, candidates=4)
     two = run(tmp_path / "hosts.npz", hosts=2, devices=1, candidates=4)

@@ -109,6 +109,7 @@ def test_random_actions_are_allowed_stay_in_the_site_and_end_where_they_say(name
             np.testing.assert_allclose(after[index, :3], motion.poses[-1][:3], atol=1e-4)
 
 
+@pytest.mark.serial
 @pytest.mark.parametrize("name", TASKS)
 def test_the_cameras_see_the_object_where_it_is(name: str) -> None:
     task, cell = opened(name)

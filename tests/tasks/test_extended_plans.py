@@ -4,10 +4,10 @@ The world is our own simulator with few particles; its arm and cameras are writt
 of the very world would bring the rope, so that one push may come close to it.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass, replace
 from functools import cache
-from typing import final
+from typing import Any, final
 
 import jax.numpy as jnp
 import numpy as np
@@ -107,13 +107,21 @@ def outcomes(name: str, plan: Callable[[World, Model | None, Points, Points, int
     return np.array(rows)
 
 
-@pytest.mark.parametrize("name", CASES)
+QUICK = "hand_eye_translation"
+"""The others need programs of their own: for them `make test-slow`."""
+
+
+def each(names: Iterable[str]) -> list[Any]:
+    return [pytest.param(name, marks=[] if name == QUICK else pytest.mark.slow) for name in names]
+
+
+@pytest.mark.parametrize("name", each(CASES))
 def test_the_model_that_knows_what_is_wrong_predicts_what_its_pushes_come_to(name: str) -> None:
     off = [np.abs(np.diff(outcomes(name, plan))).mean() for plan in (nominal_plan, extended_plan)]
     assert off[1] < 0.6 * off[0]
 
 
-@pytest.mark.parametrize("kind", ["tcp_offset", "hand_eye_translation", "table_tilt"])
+@pytest.mark.parametrize("kind", each(["tcp_offset", "hand_eye_translation", "table_tilt"]))
 def test_and_its_pushes_end_nearer_to_their_goals(kind: str) -> None:
     names = [name for name in CASES if name.startswith(kind)]
     reached = [sum(outcomes(name, plan)[:, 0].sum() for name in names) for plan in (nominal_plan, extended_plan)]

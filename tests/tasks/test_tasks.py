@@ -58,6 +58,7 @@ def test_a_task_file_that_is_wrong_is_refused_with_file_field_and_value(
     assert said in str(refusal.value)
 
 
+@pytest.mark.serial
 def test_naming_a_rope_loads_neither_jax_nor_warp() -> None:
     code = "import sys, app.tasks.base; print([m for m in ('jax', 'warp') if m in sys.modules])"
     found = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)

@@ -1,5 +1,6 @@
 """A console that is being served, and a browser to look at it with."""
 
+import subprocess
 import threading
 import time
 from collections.abc import Iterator
@@ -23,6 +24,15 @@ from app.ui.desk import Request
 from bench.browser import FLAGS, MISSING, chromium
 from tests.ui import synthetic
 
+UNATTENDED = (
+    "--headless=new",
+    "--hide-scrollbars",
+    "--mute-audio",
+    "--disable-background-timer-throttling",
+    "--disable-backgrounding-occluded-windows",
+    "--disable-renderer-backgrounding",
+)
+"""A page works as if somebody looked at it, whichever other pages there are."""
 THROTTLED_S = 0.05
 """viser's page sends one message in this time [s]; of those that wait for the next one, all but the last are lost."""
 
@@ -139,20 +149,36 @@ def pytest_runtest_makereport(item: pytest.Item, call: pytest.CallInfo[None]):
     return report
 
 
+@pytest.fixture(scope="session")
+def browser_address(tmp_path_factory: pytest.TempPathFactory) -> Iterator[str]:
+    """Where the one headless Chromium of all tests is spoken to; every test has a context of its own in it."""
+    executable = chromium()
+    if executable is None:
+        pytest.skip(MISSING)
+    profile = tmp_path_factory.mktemp("profile")
+    port = profile / "DevToolsActivePort"
+    options = [*FLAGS, *UNATTENDED, "--remote-debugging-port=0", f"--user-data-dir={profile}"]
+    with subprocess.Popen([executable, *options, "about:blank"], stderr=subprocess.DEVNULL) as browser:
+        try:
+            while not (port.is_file() and port.read_text(encoding="utf-8").count("\n")):
+                assert browser.poll() is None, f"{executable} ended as it started."
+                time.sleep(0.05)
+            yield f"http://127.0.0.1:{port.read_text(encoding='utf-8').split()[0]}"
+        finally:
+            browser.terminate()
+
+
 @pytest.fixture
-def browser_page(request: pytest.FixtureRequest, tmp_path) -> Iterator[Page]:
-    """A page in a fresh headless Chromium; of a test that failed, what it showed is in the report.
+def browser_page(request: pytest.FixtureRequest, browser_address: str) -> Iterator[Page]:
+    """A page in a fresh context; of a test that failed, what it showed is in the report.
 
     At the end the test fails where the page reported an error or asked any other machine for anything. Name it after
     the fixture that serves, so that it is closed before the server is.
     """
-    executable = chromium()
-    if executable is None:
-        pytest.skip(MISSING)
     complaints: list[str] = []
     with sync_playwright() as playwright:
-        context = playwright.chromium.launch_persistent_context(
-            tmp_path / "profile", executable_path=executable, args=FLAGS, viewport={"width": 1600, "height": 900}
+        context = playwright.chromium.connect_over_cdp(browser_address).new_context(
+            viewport={"width": 1600, "height": 900}
         )
         context.add_init_script(UNHURRIED)
         page = context.new_page()

@@ -1,5 +1,6 @@
 """What is drawn of the site, as its scene goes to a browser."""
 
+import pytest
 import viser
 import zstandard
 
@@ -20,6 +21,7 @@ def drawn(limits: Limits) -> bytes:
     return zstandard.ZstdDecompressor().decompressobj().decompress(packed[_HEADER_BYTES:])
 
 
+@pytest.mark.serial
 def test_a_volume_that_is_kept_free_is_drawn_with_its_name() -> None:
     stand = KeepOut(name="camera stand", low=(0.6, 0.2, 0.0), high=(0.7, 0.3, 0.4))
     assert b"camera stand" in drawn(Limits(keep_out=(stand,)))

@@ -168,6 +168,7 @@ anyio.run(main)
 """
 
 
+@pytest.mark.serial
 def test_a_pipe_whose_reader_has_left_ends_the_printing_and_nothing_else():
     with subprocess.Popen(
         [sys.executable, "-c", _READER_LEAVES],

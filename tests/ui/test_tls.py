@@ -87,6 +87,7 @@ async def test_a_certificate_that_is_none_is_said_with_its_options(tmp_path: Pat
         bad.context()
 
 
+@pytest.mark.serial
 def test_a_key_with_a_passphrase_is_an_error_and_not_a_question(tls: Tls, tmp_path: Path) -> None:
     locked = tmp_path / "locked.pem"
     subprocess.run(

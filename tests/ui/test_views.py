@@ -16,6 +16,8 @@ from app.ui.clouds import SURFACE, Clouds, readings
 from tests.ui import synthetic
 from tests.ui.test_board import board_after
 
+pytestmark = pytest.mark.serial
+
 TODAY = date(2026, 11, 23)
 ROPE = synthetic.rope(0.5)
 LEFT, RIGHT = (synthetic.frame(synthetic.camera(name, turn), ROPE) for name, turn in (("left", -1.0), ("right", 1.0)))

@@ -24,6 +24,8 @@ from app.rig.kinova.session import ArmStateNotification, Empty
 from app.rig.kinova.words import ROBOT_IN_EMERGENCY_STOP, SESSION_NOT_IN_CONTROL
 from tests.rig.kinova.conftest import PATIENT_S, address, keep_alive, tool, until, way
 
+pytestmark = pytest.mark.serial
+
 STILL, STRAIGHT_UP = np.zeros(3), np.array([0.0, 0.0, 0.05])
 
 

@@ -20,6 +20,8 @@ from app.rig.kinova.messages import Pose
 from app.rig.kinova.setup import ToolConfiguration
 from tests.rig.kinova.conftest import address, until
 
+pytestmark = pytest.mark.serial
+
 SITE = Site(limits=Limits(speed_m_s=0.25, angular_speed_rad_s=0.7))
 
 

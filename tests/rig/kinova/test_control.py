@@ -22,6 +22,8 @@ from app.rig.kinova.fake.process import FakeProcess
 from app.rig.kinova.kortex import Kortex
 from tests.rig.kinova.conftest import PATIENT_S, address, tool, until
 
+pytestmark = pytest.mark.serial
+
 STAND = KeepOut(name="stand", low=(0.6, 0.25, 0.0), high=(0.7, 0.35, 0.4))
 BOX = Workspace(low=(0.3, -0.3, 0.02), high=(0.6, 0.3, 0.4))
 SITE = Site(limits=Limits(speed_m_s=0.25, workspace=BOX, keep_out=(STAND,)))

@@ -41,6 +41,8 @@ from app.rig.kinova.words import SESSION_NOT_IN_CONTROL
 from tests.conftest import ROOT
 from tests.rig.kinova.conftest import address, tool, until, way
 
+pytestmark = pytest.mark.serial
+
 UP, STILL = np.array([0.0, 0.0, 0.05]), np.zeros(3)
 DOWN = np.array([[1.0, 0, 0, 0.45], [0, -1, 0, 0], [0, 0, -1, 0.3], [0, 0, 0, 1]])
 

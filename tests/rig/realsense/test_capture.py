@@ -67,6 +67,7 @@ def does(memory: CaptureMemory, command: int, step: str) -> bool:
     return said is not None and (said.command, said.step) == (command, step)
 
 
+@pytest.mark.serial
 def test_a_camera_is_opened_and_reset_and_gives_images_after_both(memory: CaptureMemory) -> None:
     assert memory.tell("open") == 1
     until(lambda: does(memory, 1, "streaming"))

@@ -5,6 +5,7 @@ from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
+import pytest
 
 from app.core.motion import pointing_down
 from app.core.stage import Stage
@@ -37,6 +38,7 @@ def played(file: Path, settings: Settings) -> Shot:
                 shots.append(shot)
 
 
+@pytest.mark.serial
 def test_a_rope_on_the_table_has_the_depth_and_colour_that_a_camera_at_the_colour_imager_sees(tmp_path: Path) -> None:
     model = replace(table_cameras()[0], depth_unit_m=UNIT_M)
     body = Body.like_d435(model, "0123")

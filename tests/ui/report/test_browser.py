@@ -1,32 +1,29 @@
 """The case file in a real browser, opened from disk without any network."""
 
+from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
 from playwright.sync_api import Page, sync_playwright
 
 from app.ui.report import write_report
-from bench.browser import FLAGS, chromium
 from tests.ui.report.cases import CASES, named
 
 pytestmark = pytest.mark.browser
 
 
 @pytest.fixture
-def offline_page():
+def offline_page(browser_address: str) -> Iterator[Page]:
     """A page that has no network; at its end the test fails where it reported an error or asked for anything."""
-    executable = chromium()
-    if executable is None:
-        pytest.skip("Chromium is missing; install it (`apt-get install chromium`) or set DIPAC_CHROMIUM to its path.")
     complaints: list[str] = []
     with sync_playwright() as playwright:
-        browser = playwright.chromium.launch(executable_path=executable, args=FLAGS)
-        page = browser.new_context(offline=True).new_page()
+        context = playwright.chromium.connect_over_cdp(browser_address).new_context(offline=True)
+        page = context.new_page()
         page.on("pageerror", lambda error: complaints.append(f"error: {error}"))
         page.on("console", lambda said: complaints.append(said.text) if said.type in ("error", "warning") else None)
         page.on("request", lambda asked: None if asked.url.startswith("file:") else complaints.append(asked.url))
         yield page
-        browser.close()
+        context.close()
     assert complaints == []
 
 

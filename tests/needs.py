@@ -1,0 +1,61 @@
+"""What a test needs besides a core: tests that need nothing else run beside each other, the others one by one.
+
+Tests say so by the fixtures they use, or by the mark `serial`; `undeclared` finds those that do not.
+"""
+
+import sys
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from typing import Any
+
+FIXTURES = frozenset({"anyio_backend", "browser_address", "served"})
+"""Whoever uses one has an event loop, a served console or a browser."""
+_AUDITED = {
+    "os.fork": "a process",
+    "os.posix_spawn": "a process",
+    "subprocess.Popen": "a process",
+    "socket.bind": "a socket",
+    "socket.connect": "a socket",
+}
+"""Events that the interpreter raises for these (PEP 578); Python 3.11 raises none for sleeps."""
+_used: set[str] | None = None
+
+
+def _hear(event: str, _: tuple[Any, ...]) -> None:
+    if _used is not None and event in _AUDITED and not _is_importing():
+        _used.add(_AUDITED[event])
+
+
+def _is_importing() -> bool:
+    """Whether a library is being loaded: some look around then, as urllib3 does for IPv6."""
+    frame = sys._getframe()
+    while frame := frame.f_back:
+        if frame.f_code.co_filename.startswith("<frozen importlib"):
+            return True
+    return False
+
+
+sys.addaudithook(_hear)
+
+
+@contextmanager
+def undeclared() -> Iterator[set[str]]:
+    """What is used meanwhile besides a core: processes, sockets and sleeps.
+
+    Threads are not looked for: those of a pool compute, and who waits for one with a clock has to sleep or to serve.
+    """
+    global _used
+    _used = used = set[str]()
+    sleep = time.sleep
+
+    def heard_sleep(seconds: float) -> None:
+        used.add("a sleep")
+        sleep(seconds)
+
+    time.sleep = heard_sleep
+    try:
+        yield used
+    finally:
+        time.sleep = sleep
+        _used = None
