@@ -110,7 +110,7 @@ pictures: develop ## take the pictures of the console anew, from the running pro
 	$(BIN)/python -m bench.console_pictures
 
 # Everything is resolved at once, at the versions locked today where they fit; what running needs stands in
-# requirements.lock, the rest in requirements-dev.lock.
+# requirements.lock, the rest in requirements-dev.lock; what running needs on some systems alone is in both.
 lock: develop ## resolve both locks anew from pyproject.toml
 	@set -e; compile() { UV_CUSTOM_COMPILE_COMMAND="make lock" $(BIN)/uv pip compile --quiet --universal \
 	    --fork-strategy fewest --python-version 3.11 --generate-hashes --no-annotate --no-emit-index-url --no-emit-find-links "$$@"; }; \
@@ -118,7 +118,7 @@ lock: develop ## resolve both locks anew from pyproject.toml
 	compile --group dev pyproject.toml --output-file .venv/all.lock; \
 	compile --group setup pyproject.toml --constraint .venv/all.lock --output-file requirements.lock; \
 	compile --group dev pyproject.toml --constraint .venv/all.lock --output-file requirements-dev.lock \
-	    $$(sed -nE 's/^([a-z0-9._-]+)==.*/--no-emit-package \1/p' requirements.lock)
+	    $$(sed -nE 's/^([a-z0-9._-]+)==[^ ;]+ .$$/--no-emit-package \1/p' requirements.lock)
 
 clean: ## remove .venv and everything that can be made again; recordings stay
 	rm -rf .venv site dist .pytest_cache .ruff_cache .hypothesis .import_linter_cache
