@@ -8,14 +8,14 @@ SHELL := /bin/sh
 
 CANDIDATES := python3.11 python3.12 python3.13 python3.14 python3
 IS_SUPPORTED := import sys, venv, ensurepip; sys.exit(not (3, 11) <= sys.version_info[:2] <= (3, 14))
-HAS_PIP := import pip, pip._internal; $(IS_SUPPORTED)
+HAS_PIP := import pip._internal; $(IS_SUPPORTED)
 BIN := .venv/bin
 READY := .venv/ready
 DEVELOPED := .venv/developed
 BEGUN := .venv/begun
 PYTEST := $(BIN)/pytest
-LOGS := .pytest_cache
-BESIDE := $(LOGS)/beside.log
+NICE := nice -n 19
+BESIDE := .pytest_cache/beside.log
 PIP := $(BIN)/python -m pip
 QUIET := install --disable-pip-version-check --quiet --no-compile --no-deps
 OWN_INDEX := \.(index-url|no-index|proxy)=
@@ -75,15 +75,21 @@ run: setup ## push a rope to its goal in the simulated cell
 console: setup ## a session in the browser, each push approved by hand
 	$(BIN)/dipac console
 
-# Small linear algebra is slower with threads. What Warp and JAX compile is kept beside the checkout.
+# Small linear algebra is slower with threads.
 test test-slow: export OPENBLAS_NUM_THREADS := 1
 
+# Imports are linted by tests/test_structure.py.
+define static_checks
+$(NICE) $(BIN)/ruff check . && $(NICE) $(BIN)/ruff format --check . && $(NICE) $(BIN)/basedpyright && \
+NO_MKDOCS_2_WARNING=1 $(NICE) $(BIN)/mkdocs build --strict
+endef
+
 # Everything at once: tests that wait for clocks, processes and sockets hardly use a core, so what uses one goes beside
-# them and gives way to them. Imports are linted by tests/test_structure.py.
+# them and gives way to them.
 test: develop ## everything that CI runs: lint, types, layering, tests, documentation
-	@mkdir -p $(LOGS); \
-	( $(MAKE) --no-print-directory static; status=$$?; \
-	  nice -n 19 $(PYTEST) -q -n 2 --dist loadfile -m "not slow and not serial" -o timeout=1800 --durations=25; \
+	@mkdir -p $(dir $(BESIDE)); \
+	( $(static_checks); status=$$?; \
+	  $(NICE) $(PYTEST) -q -n 2 --dist loadfile -m "not slow and not serial" -o timeout=1800 --durations=25; \
 	  exit $$((status + $$?)) ) >$(BESIDE) 2>&1 & beside=$$!; \
 	trap 'kill $$beside' INT TERM; \
 	$(PYTEST) -m "not slow and serial" --durations=25; serial=$$?; \
@@ -92,8 +98,7 @@ test: develop ## everything that CI runs: lint, types, layering, tests, document
 	exit $$((serial + parallel))
 
 static: develop ## what is checked without running the program: lint, format, types, documentation
-	@nice -n 19 $(BIN)/ruff check . && nice -n 19 $(BIN)/ruff format --check . && \
-	nice -n 19 $(BIN)/basedpyright && NO_MKDOCS_2_WARNING=1 nice -n 19 $(BIN)/mkdocs build --strict
+	@$(static_checks)
 
 check: test ## the same as test
 

@@ -65,7 +65,7 @@ def _keep_compiled() -> None:
     what is compiled then lies in a temporary folder that goes with this process.
     """
     try:
-        compiled = _cache_folder() / "dipac" / "compiled"
+        compiled = _compiled_folder()
         compiled.mkdir(parents=True, exist_ok=True)
         # As a library would use it: a folder that is there may still be read-only.
         tempfile.TemporaryFile(dir=compiled).close()
@@ -78,14 +78,14 @@ def _keep_compiled() -> None:
         atexit.register(shutil.rmtree, temporary, ignore_errors=True)
         # Warp and Matplotlib look there as well.
         os.environ.update(XDG_CACHE_HOME=temporary, XDG_CONFIG_HOME=temporary)
-        compiled = Path(temporary) / "dipac" / "compiled"
+        compiled = _compiled_folder()
     os.environ.setdefault("JAX_COMPILATION_CACHE_DIR", str(compiled))
     os.environ.setdefault("JAX_PERSISTENT_CACHE_MIN_COMPILE_TIME_SECS", "0.2")
 
 
-def _cache_folder() -> Path:
-    """The user's folder for what can be made again (XDG Base Directory Specification). RuntimeError without a home."""
-    return Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache")
+def _compiled_folder() -> Path:
+    """Our part of the user's cache folder (XDG Base Directory Specification). RuntimeError without a home."""
+    return Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache", "dipac", "compiled")
 
 
 def command_names(folder: Path = COMMANDS) -> dict[str, Path]:

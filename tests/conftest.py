@@ -1,4 +1,4 @@
-"""What all tests share: declared shapes and types are checked, and the event loop is never blocked."""
+"""Rules for all tests: declared shapes and types are checked, and the event loop is never blocked."""
 
 import os
 from collections.abc import Iterator
@@ -44,8 +44,7 @@ os.environ["JAX_PERSISTENT_CACHE_MIN_COMPILE_TIME_SECS"] = "0.2"
 jax.config.update("jax_compilation_cache_dir", os.environ["JAX_COMPILATION_CACHE_DIR"])
 jax.config.update("jax_persistent_cache_min_compile_time_secs", 0.2)
 
-# What libraries start at their first use (a thread, a process that looks for a driver) is no test's own.
-jax.devices()
+# Warp looks for a driver in a process of its own at its first use, which is no test's.
 warp.config.log_level = warp.LOG_WARNING
 warp.init()
 

@@ -1,4 +1,4 @@
-"""What a test needs besides a core: tests that need nothing else run beside each other, the others one by one.
+"""Needs of tests besides a core: tests without any run beside each other, the others one by one.
 
 Tests say so by the fixtures they use, or by the mark `serial`; `undeclared` finds those that do not.
 """
@@ -28,7 +28,7 @@ def _hear(event: str, _: tuple[Any, ...]) -> None:
 
 
 def _is_importing() -> bool:
-    """Whether a library is being loaded: some look around then, as urllib3 does for IPv6."""
+    """A library is being loaded: some look around then, as urllib3 does for IPv6."""
     frame = sys._getframe()
     while frame := frame.f_back:
         if frame.f_code.co_filename.startswith("<frozen importlib"):
@@ -41,7 +41,7 @@ sys.addaudithook(_hear)
 
 @contextmanager
 def undeclared() -> Iterator[set[str]]:
-    """What is used meanwhile besides a core: processes, sockets and sleeps.
+    """Processes, sockets and sleeps that are used meanwhile.
 
     Threads are not looked for: those of a pool compute, and who waits for one with a clock has to sleep or to serve.
     """

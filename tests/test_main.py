@@ -11,8 +11,6 @@ from app import __version__
 from app.__main__ import COMMANDS, command_names, exit_code_of, main
 from app.core.errors import DeviceError, DipacError, RecordingError, UsageError
 
-pytestmark = pytest.mark.serial
-
 
 def raising(error: BaseException):
     def action() -> None:
@@ -45,6 +43,7 @@ def test_a_folder_of_commands_has_an_overview_of_its_own(capsys):
     assert "Did you mean 'list'?" in capsys.readouterr().err
 
 
+@pytest.mark.serial
 def test_the_overview_imports_no_command_and_nothing_heavy():
     program = "import sys, app.__main__ as m; m.main(['--help']); print(sorted(sys.modules), file=sys.stderr)"
     result = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=True)
@@ -138,6 +137,7 @@ def test_a_module_of_the_programs_own_that_is_missing_is_a_defect():
         exit_code_of(raising(ModuleNotFoundError("No module named 'app.none'", name="app.none")))
 
 
+@pytest.mark.serial
 @pytest.mark.parametrize("home", ["/proc/none", "/proc"], ids=["missing", "read-only"])
 def test_a_home_that_cannot_be_written_to_is_said_in_one_line_and_the_command_goes_on(home, tmp_path):
     temporary = tmp_path / "temporary"

@@ -199,7 +199,7 @@ class Proposal(Message):
         return self.branches[self.best]
 
     @property
-    def beats_waiting(self) -> bool:
+    def is_improvement(self) -> bool:
         """Whether the motion costs less than none, which costs 0; one that somebody asked for is not weighed."""
         return not self.chosen.cost_after >= 0.0
 

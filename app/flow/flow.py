@@ -59,10 +59,10 @@ from app.flow.learning import Learning
 from app.flow.modes import Modes
 from app.flow.planning import Planning
 from app.flow.preflight import Preflight
-from app.flow.promise import EXHAUSTED, Promise
 from app.flow.reporting import Reporting
 from app.flow.resting import rested
 from app.flow.sensing import Sensing
+from app.flow.stopping import EXHAUSTED, StoppingRule
 from app.flow.watching import Push, Watching
 from app.tasks.base import Wish
 
@@ -103,7 +103,7 @@ class Flow:
         self.holding = Holding(rig, self.modes, *by, unattended=wish.automatic)
         self.sensing = Sensing(rig, how, self.summary, *by)
         self.learning = Learning(wish, planner, site, *by)
-        self.planning, self.promise = Planning(wish, planner, site, *by), Promise(wish, self.announcer)
+        self.planning, self.stopping = Planning(wish, planner, site, *by), StoppingRule(wish, self.announcer)
         checked = wish.checklist or not rig.simulated
         self.preflight = Preflight(rig, site, self.sensing, self.holding, *by, needed=checked)
         self.approving = Approving(site, self.sensing, self.modes, *by, hindrance=lambda: self.preflight.hindrance)
@@ -280,9 +280,9 @@ class Flow:
         if self.modes.interruptions != asked:
             self.notice("plan", f"{proposal.id} {self.modes.interrupted}.", proposal.id)
         elif not self.approving.moved_away(proposal):
-            if self.modes.name != "automatic" or self.promise.admits(proposal):
+            if self.modes.name != "automatic" or self.stopping.admits(proposal):
                 await self._shown(proposal)
-            elif self.promise.exhausted:
+            elif self.stopping.exhausted:
                 self.summary.exhausted = True
                 self._leave_off(EXHAUSTED)
 

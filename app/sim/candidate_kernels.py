@@ -47,7 +47,7 @@ class CandidateKernels:
 def candidate_kernels(code: Code) -> CandidateKernels:
     """For scenes of this code. Cheap: compilation happens at the first launch, or in warm-up."""
     pieces = make_pieces(code)
-    there, back = module_of("forward", code), adjoint_module_of("adjoint", code, pieces)
+    forward_module, adjoint_module = module_of("forward", code), adjoint_module_of("adjoint", code, pieces)
     types = pieces.types
     Inputs, PhiGrain, PhiNode, Pose = types.Inputs, types.PhiGrain, types.PhiNode, types.Pose
     p2g, g2p, node = pieces.to_grid, pieces.to_particles, pieces.node
@@ -66,7 +66,7 @@ def candidate_kernels(code: Code) -> CandidateKernels:
         for n in range(grid.count[w.listing] * BLOCK_NODES):
             node(k, a, w, active_node(n, w.listing, grid), grid)
 
-    @wp.kernel(module=there, enable_backward=False)
+    @wp.kernel(module=forward_module, enable_backward=False)
     def forward(
         k: Constants, a: Inputs, b: int, slot: int, start: wp.array4d[wp.vec4], h: wp.array4d[wp.vec4], grid: Grid
     ):
@@ -87,7 +87,7 @@ def candidate_kernels(code: Code) -> CandidateKernels:
             for n in range(grid.count[slot] * BLOCK_NODES):
                 clear(active_node(n, slot, grid), slot, w.stamp, grid)
 
-    @wp.kernel(module=back, enable_backward=False)
+    @wp.kernel(module=adjoint_module, enable_backward=False)
     def adjoint(
         k: Constants,
         a: Inputs,
@@ -139,7 +139,7 @@ def candidate_kernels(code: Code) -> CandidateKernels:
         grain_bar[b, 0] = grain_sum
         node_bar[b, 0] = node_sum
 
-    return CandidateKernels(modules=(there, back), pieces=pieces, forward=forward, adjoint=adjoint)
+    return CandidateKernels(modules=(forward_module, adjoint_module), pieces=pieces, forward=forward, adjoint=adjoint)
 
 
 @wp.func

@@ -22,8 +22,6 @@ from app.rig.kinova.link import Address
 from tests.cells.test_cell_file import GOOD, written
 from tests.recording.test_calibration_file import camera
 
-pytestmark = pytest.mark.serial
-
 
 @pytest.fixture
 def free_port() -> int:
@@ -32,6 +30,7 @@ def free_port() -> int:
         return listening.getsockname()[1]
 
 
+@pytest.mark.serial
 def test_this_installation_is_whole_and_every_row_is_said_as_json(capsys, tmp_path, free_port):
     doctor(json=True, recordings=tmp_path, port=free_port)
     report = json.loads(capsys.readouterr().out)
@@ -51,6 +50,7 @@ def test_this_installation_is_whole_and_every_row_is_said_as_json(capsys, tmp_pa
         assert bool(row["mend"]) == (row["state"] != "ok")
 
 
+@pytest.mark.serial
 def test_a_busy_port_is_missing(tmp_path):
     with socket.socket() as taken:
         taken.bind(("127.0.0.1", 0))
@@ -113,6 +113,7 @@ def test_a_library_of_an_extra_is_optional():
     assert ".[ray]" in row.mend
 
 
+@pytest.mark.serial
 def test_a_probe_reports_what_was_said_and_every_way_to_fail():
     assert _checks._probe("say({'devices': ['cpu']})").said == {"devices": ["cpu"]}
     assert "no_such_module" in _checks._probe("import no_such_module").failure
@@ -130,6 +131,7 @@ def test_kernels_are_counted_by_folder(tmp_path: Path):
     assert "2 modules, 2.0 MB" in row.found
 
 
+@pytest.mark.serial
 def test_the_command_fails_where_something_required_is_missing(capsys, tmp_path):
     (tmp_path / "file").touch()
     with socket.socket() as taken:
@@ -142,6 +144,7 @@ def test_the_command_fails_where_something_required_is_missing(capsys, tmp_path)
     assert "--recordings" in said
 
 
+@pytest.mark.serial
 def test_a_cell_is_looked_at_with_what_mends_each_part(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     delivered = GOOD.replace("tip_m = 0.163", "tip_m = 0.12").replace("turn_deg = 90.0", "turn_deg = 0.0")
     file = written(tmp_path, delivered)

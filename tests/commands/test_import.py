@@ -19,8 +19,6 @@ from app.tasks import load
 from app.tasks.doubted import subject_of
 from tests.plain_data import EPISODES, OPTIONAL, POINTS, PUSHES, plain_arrays, saved
 
-pytestmark = pytest.mark.serial
-
 Arrays = dict[str, Any]
 
 
@@ -205,6 +203,7 @@ def test_what_is_no_archive_of_arrays_is_refused(tmp_path: Path) -> None:
         import_(tmp_path / "other.npz", output=tmp_path / "out.mcap")
 
 
+@pytest.mark.serial
 def test_the_script_in_the_documentation_makes_such_a_file(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     page = (Path(__file__).parents[2] / "docs" / "recording-format.md").read_text(encoding="utf-8")
     script = page.split("```python\n")[1].split("```")[0]

@@ -16,8 +16,6 @@ from app.recording.preflight import Room, check_folder
 from app.recording.recover import recover
 from tests.recording.demonstrations import PUSHES, demonstration
 
-pytestmark = pytest.mark.serial
-
 
 @pytest.fixture
 def folder(tmp_path: Path) -> Path:
@@ -195,6 +193,7 @@ def test_an_episode_that_may_not_fit_is_refused_before_it_begins(folder: Path) -
         check_folder(folder, Room(expected_bytes=1 << 60))
 
 
+@pytest.mark.serial
 def test_the_program_refuses_where_its_budget_is_used_up(folder: Path) -> None:
     command = [sys.executable, "-m", "app", "run", "rope_push", "--recordings", str(folder), "--budget-gb", "0.001"]
     ended = subprocess.run([*command, "--port", "0", "--preset", "cpu"], capture_output=True, text=True, timeout=120)

@@ -18,7 +18,6 @@ from tests.recording.demonstrations import demonstration
 from tests.recording.samples import Maker, record
 
 
-@pytest.mark.serial
 @pytest.mark.parametrize("what", ["surface", "particles"])
 def test_ply_files_hold_each_cloud_and_open3d_reads_them(tmp_path: Path, what: str) -> None:
     path = demonstration(tmp_path)

@@ -151,7 +151,7 @@ def pytest_runtest_makereport(item: pytest.Item, call: pytest.CallInfo[None]):
 
 @pytest.fixture(scope="session")
 def browser_address(tmp_path_factory: pytest.TempPathFactory) -> Iterator[str]:
-    """Where the one headless Chromium of all tests is spoken to; every test has a context of its own in it."""
+    """Address of the one headless Chromium of all tests (Chrome DevTools Protocol); each test has its own context."""
     executable = chromium()
     if executable is None:
         pytest.skip(MISSING)

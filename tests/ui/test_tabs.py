@@ -37,7 +37,6 @@ def desk() -> Desk:
     return Desk(stop=lambda: None, post=posted.append)
 
 
-@pytest.mark.serial
 def test_the_newest_version_is_chosen_until_somebody_chooses_another(server: ViserServer, tmp_path: Path):
     one, two, three = (version(number, 2e4) for number in (1, 2, 3))
     versions = Versions(server.gui, desk(), tmp_path)
@@ -51,7 +50,6 @@ def test_the_newest_version_is_chosen_until_somebody_chooses_another(server: Vis
     assert not versions._use.disabled
 
 
-@pytest.mark.serial
 def test_a_choice_that_is_not_offered_chooses_nothing(server: ViserServer, tmp_path: Path):
     versions = Versions(server.gui, desk(), tmp_path)
     versions.paint(board_after(version(1, 2e4)))
@@ -61,7 +59,6 @@ def test_a_choice_that_is_not_offered_chooses_nothing(server: ViserServer, tmp_p
     assert versions._difference._handle.content == ""
 
 
-@pytest.mark.serial
 def test_the_picture_is_tinted_previewed_and_plain_as_the_switches_say(server: ViserServer):
     cell = Cell(server, desk(), Scene(server, Limits()))
     board = board_after(LEFT, synthetic.seen(LEFT))
@@ -81,7 +78,6 @@ def test_the_picture_is_tinted_previewed_and_plain_as_the_switches_say(server: V
     assert "Pixels in preview</td><td><span" in view._text._handle.content
 
 
-@pytest.mark.serial
 def test_one_camera_is_shown_with_all_its_pixels(server: ViserServer):
     cell = Cell(server, desk(), Scene(server, Limits()))
     board = board_after(LEFT, synthetic.seen(LEFT))
@@ -96,7 +92,6 @@ def test_one_camera_is_shown_with_all_its_pixels(server: ViserServer):
     assert not cell._large._image.image.any()
 
 
-@pytest.mark.serial
 def test_what_is_hidden_is_drawn_in_shade_until_it_is_seen_again(server: ViserServer):
     scene, rope = Scene(server, Limits()), synthetic.rope(0.5)
     hidden = np.arange(len(rope)) < 10

@@ -32,14 +32,12 @@ def tuning(server: ViserServer) -> Tuning:
     return Tuning(server.gui, Desk(stop=lambda: None, post=posted.append))
 
 
-@pytest.mark.serial
 def test_the_sliders_follow_what_is_in_use_also_through_red(tuning: Tuning):
     assert tuning.paint(board_after()) is None
     assert tuning.paint(board_after(synthetic.seen(LEFT, colour=RED))) is None
     assert tuning.wanted == RED
 
 
-@pytest.mark.serial
 def test_what_is_moved_is_previewed_until_it_is_in_use(tuning: Tuning):
     board = board_after(synthetic.seen(LEFT, colour=RED))
     tuning.paint(board)
@@ -49,7 +47,6 @@ def test_what_is_moved_is_previewed_until_it_is_in_use(tuning: Tuning):
     assert tuning.paint(board.after(synthetic.seen(LEFT, colour=wanted))) is None
 
 
-@pytest.mark.serial
 @pytest.mark.parametrize("said", [(), (1.0,), (0.1, 0.2, 0.3), (-5.0, 0.5), (0.5, 700.0)])
 def test_what_is_no_range_is_neither_previewed_nor_asked_for(tuning: Tuning, said: tuple[float, ...]):
     board = board_after(synthetic.seen(LEFT, colour=RED))

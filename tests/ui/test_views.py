@@ -16,8 +16,6 @@ from app.ui.clouds import SURFACE, Clouds, readings
 from tests.ui import synthetic
 from tests.ui.test_board import board_after
 
-pytestmark = pytest.mark.serial
-
 TODAY = date(2026, 11, 23)
 ROPE = synthetic.rope(0.5)
 LEFT, RIGHT = (synthetic.frame(synthetic.camera(name, turn), ROPE) for name, turn in (("left", -1.0), ("right", 1.0)))
@@ -125,6 +123,7 @@ def test_a_camera_s_readings_lie_where_they_are_seen():
     np.testing.assert_array_equal(LEFT.color[row, column], cloud.colours)
 
 
+@pytest.mark.serial
 def test_clouds_are_drawn_where_they_are_wanted_follow_the_frames_and_go(server: ViserServer):
     clouds, board = Clouds(server), board_after(LEFT, RIGHT, synthetic.particles(ROPE))
     clouds.paint(board)

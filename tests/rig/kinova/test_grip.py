@@ -49,7 +49,6 @@ def fingers(control: KinovaControl, opening_m: float) -> None:
     until(lambda: not control.advance(0.01) and control.mode == "idle")
 
 
-@pytest.mark.serial
 def test_fingers_that_close_on_something_press_no_longer_than_it_takes_to_notice(
     control: KinovaControl, arm: FakeProcess
 ) -> None:
@@ -62,7 +61,6 @@ def test_fingers_that_close_on_something_press_no_longer_than_it_takes_to_notice
     assert arm.look()["fingers"] == pytest.approx(OBJECT, abs=0.01)
 
 
-@pytest.mark.serial
 def test_what_was_gripped_is_not_pressed_again_before_the_fingers_have_opened(
     control: KinovaControl, arm: FakeProcess
 ) -> None:
@@ -78,7 +76,6 @@ def test_what_was_gripped_is_not_pressed_again_before_the_fingers_have_opened(
     assert arm.look()["fingers"] == pytest.approx(0.7, abs=0.03)
 
 
-@pytest.mark.serial
 def test_a_hand_that_closes_the_fingers_presses_no_harder(control: KinovaControl, arm: FakeProcess) -> None:
     end = time.monotonic() + 2.0
     while time.monotonic() < end:
@@ -91,7 +88,6 @@ def test_a_hand_that_closes_the_fingers_presses_no_harder(control: KinovaControl
     assert told(arm)[-1] <= OBJECT + 0.01
 
 
-@pytest.mark.serial
 def test_where_no_current_is_too_high_fingers_close_as_they_are_told(arm: FakeProcess) -> None:
     arm.set(Adversity(object_at=OBJECT))
     free = dataclasses.replace(SITE, limits=dataclasses.replace(SITE.limits, gripper_ma=None))
@@ -125,12 +121,10 @@ def looked(kortex: Kortex, arm: FakeProcess, measured: Seen, currents_ma: list[f
     return told(arm)
 
 
-@pytest.mark.serial
 def test_a_peak_as_the_fingers_set_out_is_none_that_presses(kortex: Kortex, arm: FakeProcess, measured: Seen) -> None:
     assert looked(kortex, arm, measured, [900.0, 900.0, 900.0, 20.0] * 10) == []
 
 
-@pytest.mark.serial
 def test_fingers_that_press_on_where_they_stand_give_way_step_by_step(
     kortex: Kortex, arm: FakeProcess, measured: Seen
 ) -> None:

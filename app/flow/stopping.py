@@ -1,4 +1,4 @@
-"""Stopping rule of automatic motion: when no plan that is found promises anything."""
+"""Stopping rule of automatic motion: plans in a row that are no better than no motion end it."""
 
 from typing import Final, final
 
@@ -12,7 +12,7 @@ EXHAUSTED: Final = "no motion promises to bring the object nearer to its goal"
 
 
 @final
-class Promise:
+class StoppingRule:
     """Counts plans in a row that are no better than no motion, by the model.
 
     Only where each motion of the task ends at rest: of a longer sequence, what it costs so far says nothing. A policy
@@ -31,7 +31,7 @@ class Promise:
 
     def admits(self, proposal: Proposal) -> bool:
         """Whether the motion is worth making; one that is not is said."""
-        if not self._weighs or proposal.beats_waiting:
+        if not self._weighs or proposal.is_improvement:
             self._futile = 0
             return True
         # What was exhausted begins anew: somebody has chosen to go on.
