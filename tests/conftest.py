@@ -9,17 +9,17 @@ import pytest
 import warp
 from blockbuster import blockbuster_ctx
 from hypothesis import settings
-from jaxtyping import install_import_hook
 
-from tests.needs import FIXTURES, undeclared
-from tests.shapes import checked
+from tests.needs import FIXTURES, VIRTUAL, undeclared
+from tests.shapes import check_calls
 
 ROOT = Path(__file__).parent.parent
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     for item in items:
-        if not FIXTURES.isdisjoint(getattr(item, "fixturenames", ())):
+        fixtures = getattr(item, "fixturenames", ())
+        if VIRTUAL not in fixtures and not FIXTURES.isdisjoint(fixtures):
             item.add_marker("serial")
 
 
@@ -49,7 +49,7 @@ warp.config.log_level = warp.LOG_WARNING
 warp.init()
 
 # Calls in these modules are checked at run time against their declared shapes and types.
-install_import_hook(modules_without_kernels(), f"{checked.__module__}.{checked.__name__}")
+check_calls(modules_without_kernels())
 
 
 @pytest.fixture(scope="session")

@@ -11,6 +11,8 @@ from typing import Any
 
 FIXTURES = frozenset({"anyio_backend", "browser_address", "served"})
 """Whoever uses one has an event loop, a served console or a browser."""
+VIRTUAL = "virtual_time"
+"""Whoever uses this fixture has an event loop that waits for nothing, which needs a core alone."""
 _AUDITED = {
     "os.fork": "a process",
     "os.posix_spawn": "a process",

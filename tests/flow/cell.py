@@ -1,7 +1,7 @@
 """A cell small enough to test the flow in: a rig inside this process, a person at the console, a log in memory."""
 
+import asyncio
 import dataclasses
-import time
 from collections.abc import AsyncGenerator, AsyncIterator, Callable
 from contextlib import asynccontextmanager
 from pathlib import Path
@@ -30,11 +30,10 @@ from app.core.messages import (
     fresh_id,
 )
 from app.core.requests import Request
-from app.core.worker import Worker
 from app.flow import Flow
 from app.tasks.base import Preset, Wish
 from app.tasks.rope_push import TASK
-from tests.flow.planner import Habits, take_up
+from tests.flow.planner import Habits, planner_here, restored, take_up
 from tests.flow.rig import Place, SmallRig
 
 MessageT = TypeVar("MessageT", bound=Message)
@@ -67,7 +66,7 @@ def small_wish(*, pushes: int = 1000, automatic: bool = False, staying: bool = F
     return Wish(
         task=task,
         preset="small",
-        goal=Goal(id=fresh_id("goal"), time_s=time.monotonic(), positions=task.goal(0, preset.particle_count)),
+        goal=Goal(id=fresh_id("goal"), time_s=0.0, positions=task.goal(0, preset.particle_count)),
         model=Model(id=fresh_id("model"), time_s=0.0, version=0, task=task.name, parameters=()),
         seed=0,
         pushes=pushes,
@@ -129,7 +128,7 @@ class Person:
         decision = Decision(
             id=fresh_id("decision"),
             cause=(proposal.id,),
-            time_s=time.monotonic(),
+            time_s=anyio.current_time(),
             proposal_id=proposal.id,
             digest=digest or proposal.motion.digest(),
             approve=approve,
@@ -148,7 +147,7 @@ class Person:
         await self.asks(
             ModeRequest(
                 id=fresh_id("mode"),
-                time_s=time.monotonic(),
+                time_s=anyio.current_time(),
                 operator="tests",
                 mode=mode,
                 motions=motions,
@@ -159,16 +158,16 @@ class Person:
     async def confirms(self, *keys: str) -> None:
         """Confirm items of the checklist."""
         for key in keys:
-            now_s = time.monotonic()
+            now_s = anyio.current_time()
             await self.asks(ChecklistRequest(id=fresh_id("checklist"), time_s=now_s, operator="tests", key=key))
 
     async def presses_stop(self) -> None:
         """The arm is told first, and then the flow, as the console does it."""
         self._stop()
-        await self._asked.put(StopRequest(id=fresh_id("stop"), time_s=time.monotonic(), operator="tests"))
+        await self._asked.put(StopRequest(id=fresh_id("stop"), time_s=anyio.current_time(), operator="tests"))
 
     async def presses_resume(self) -> None:
-        await self._asked.put(ResumeRequest(id=fresh_id("resume"), time_s=time.monotonic(), operator="tests"))
+        await self._asked.put(ResumeRequest(id=fresh_id("resume"), time_s=anyio.current_time(), operator="tests"))
 
     def hears_of_the_end(self, error: Exception | None) -> None:
         """The run has ended, with `error` where it has failed."""
@@ -197,11 +196,14 @@ class MemoryLog:
 
 
 @final
-class MonotonicClock:
-    """The machine's clock."""
+class LoopClock:
+    """The time of the loop that runs where it is made: the machine's monotonic time, or virtual time."""
+
+    def __init__(self) -> None:
+        self._loop = asyncio.get_running_loop()
 
     def now(self) -> float:
-        return time.monotonic()
+        return self._loop.time()
 
     async def sleep(self, duration_s: float) -> None:
         await anyio.sleep(duration_s)
@@ -213,14 +215,14 @@ class Run:
 
     def __init__(self, wish: Wish, site: Site, rig: SmallRig) -> None:
         self.site, self.rig = site, rig
-        self.person, self.log, self.planner = Person(rig.arm.stop), MemoryLog(), Worker("planner")
+        self.person, self.log, self.planner = Person(rig.arm.stop), MemoryLog(), planner_here()
         self.flow = Flow(
             wish,
             site=site,
             rig=rig,
             operator=self.person,
             recorder=self.log,
-            clock=MonotonicClock(),
+            clock=LoopClock(),
             planner=self.planner,
         )
         self._error: Exception | None = None
@@ -260,11 +262,12 @@ async def running(
     """A run that has begun; it ends with the block at the latest. Call `photographs` before, outside of any loop."""
     run = Run(wish, site, rig or SmallRig(site))
     run.rig.table.place = place
-    await run.plans_with(habits or Habits())
-    async with anyio.create_task_group() as tasks:
-        tasks.start_soon(run.go)
-        yield run
-        tasks.cancel_scope.cancel()
+    with restored():
+        await run.plans_with(habits or Habits())
+        async with anyio.create_task_group() as tasks:
+            tasks.start_soon(run.go)
+            yield run
+            tasks.cancel_scope.cancel()
 
 
 def withdrawn(notice: Notice, proposal: Proposal) -> bool:

@@ -8,24 +8,31 @@ import os
 import signal
 import sys
 import time
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass, replace
 from types import ModuleType, SimpleNamespace
 from typing import TYPE_CHECKING, Literal, cast, final
 
+import anyio
 import numpy as np
 
+import app.tasks
 from app.config import KeepOut, Site
 from app.core.chamfer import chamfer_m2
 from app.core.errors import PlanningError
 from app.core.messages import Branch, Model
 from app.core.motion import Motion
 from app.core.types import Points, ToolPose
+from app.core.worker import Worker
 from app.planner.method import Method
+from app.tasks.jobs import plan, warm_up_stage
+from tests.flow.virtual import InsideWorker, is_virtual
 
 if TYPE_CHECKING:
     from app.planner.plan import Plan
 
+_COMPILED = "app.tasks.compiled"
 _PUSH_HEIGHT_M, _TRAVEL_HEIGHT_M, _SPEED_M_S = 0.006, 0.05, 0.4
 _FREE_LOW_M, _FREE_HIGH_M = (0.32, -0.15), (0.40, 0.15)
 """Where the strokes are: 10 cm nearer to the arm than the rope, which therefore never moves by them."""
@@ -58,11 +65,47 @@ def take_up(habits: Habits, spoil: Callable[[Motion, Site], Motion] = unspoilt) 
         return strokes
 
     def stages(task: str, preset: str, model: Model, method: Method, kept_out: tuple[KeepOut, ...]) -> list[object]:
-        compiling = SimpleNamespace(name="strokes", run=lambda: time.sleep(habits.compiling_s))
+        compiling = SimpleNamespace(name="strokes", run=lambda: None)
         return [compiling] if habits.compiling_s else []
 
     compiled = SimpleNamespace(planner=planner, phi_of=_phi_of, stages=stages)
-    sys.modules["app.tasks.compiled"] = cast(ModuleType, cast(object, compiled))
+    _put(cast(ModuleType, cast(object, compiled)))
+
+
+@contextmanager
+def restored() -> Iterator[None]:
+    """Afterwards, whoever plans in this process does as before."""
+    before = sys.modules.get(_COMPILED)
+    try:
+        yield
+    finally:
+        _put(before)
+
+
+def _put(module: ModuleType | None) -> None:
+    """Let `module` be what a task compiles; None where that is yet to be loaded."""
+    if module is not None:
+        sys.modules[_COMPILED] = app.tasks.compiled = module
+    elif sys.modules.pop(_COMPILED, None) is not None:
+        del app.tasks.compiled
+
+
+def planner_here() -> Worker:
+    """A planner's process, or in virtual time a thread that takes as long as its habits say."""
+    return StrokesWorker("planner") if is_virtual() else Worker("planner")
+
+
+class StrokesWorker(InsideWorker):
+    """Takes the time [s] of its habits, in the loop's time, for what they are about."""
+
+    _takes_s: Mapping[Callable[..., object], float] = {}
+
+    async def _answer(self, function: Callable[..., object], arguments: tuple[object, ...]) -> tuple[bool, object]:
+        if function is take_up and isinstance(habits := arguments[0], Habits):
+            self._takes_s = {plan: habits.thinking_s, warm_up_stage: habits.compiling_s}
+            arguments = (replace(habits, thinking_s=0.0), *arguments[1:])
+        await anyio.sleep(self._takes_s.get(function, 0.0))
+        return await super()._answer(function, arguments)
 
 
 @final
@@ -85,7 +128,8 @@ class Strokes:
         rejected: Sequence[np.ndarray] = (),
     ) -> "_Sent":
         """Two strokes, drawn from the seed; the second is the motion. What was rejected is counted in its cost."""
-        time.sleep(self._habits.thinking_s)
+        if self._habits.thinking_s:
+            time.sleep(self._habits.thinking_s)
         if self._failed < self._habits.failures:
             self._failed += 1
             if self._habits.trouble == "dies":

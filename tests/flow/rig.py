@@ -5,7 +5,6 @@ the strokes that it is asked for never come near the rope.
 """
 
 import dataclasses
-import time
 from collections.abc import Mapping, Sequence
 from functools import lru_cache
 from typing import Literal, TypeAlias, final
@@ -96,7 +95,7 @@ class PhotographicCamera:
             raise DeviceError(f"Camera {self._model.name!r} gave no image; check its cable.")
         self._taken += 1
         color, depth = photographs()[self._table.place, self._model.name][self._taken % _TAKES]
-        return Frame(id=fresh_id("frame"), time_s=time.monotonic(), camera=self._model, color=color, depth=depth)
+        return Frame(id=fresh_id("frame"), time_s=anyio.current_time(), camera=self._model, color=color, depth=depth)
 
 
 @final
@@ -122,7 +121,7 @@ class TickedArm:
         control = self._control
         return ArmState(
             id=fresh_id("state"),
-            time_s=time.monotonic(),
+            time_s=anyio.current_time(),
             pose=control.measured[:7].copy(),
             velocity=control.velocity.copy(),
             joints=solve_joints(control.measured),
@@ -214,7 +213,7 @@ class TickedArm:
         self._control.stop("Watchdog: nothing was heard.")
 
     def stop(self) -> None:
-        self._stop_s = time.monotonic()
+        self._stop_s = anyio.current_time()
         self._control.stop("STOP was pressed.")
 
     async def reset(self, *, asked_s: float) -> None:
@@ -226,10 +225,10 @@ class TickedArm:
     async def _stretch(self, over: anyio.Event | None) -> tuple[list[tuple[float, ToolPose, ToolPose]], str]:
         """Tick while somebody jogs: times, commanded and measured poses from the first move to rest."""
         control, timing = self._control, self._site.timing
-        rows, last_s, rested_s, reason = list[tuple[float, ToolPose, ToolPose]](), time.monotonic(), 0.0, ""
+        rows, last_s, rested_s, reason = list[tuple[float, ToolPose, ToolPose]](), anyio.current_time(), 0.0, ""
         while rested_s < timing.jog_rest_s:
             await anyio.sleep(timing.arm_period_s)
-            now_s = time.monotonic()
+            now_s = anyio.current_time()
             if over is not None and over.is_set():
                 self._heeding = False
                 self._told.clear()
@@ -261,10 +260,10 @@ class TickedArm:
     async def _followed(self) -> tuple[np.ndarray, Poses, Poses]:
         """Tick until the arm is at rest: times, commanded and measured poses."""
         control, period_s = self._control, self._site.timing.arm_period_s
-        rows, last_s = list[tuple[float, np.ndarray, np.ndarray]](), time.monotonic()
+        rows, last_s = list[tuple[float, np.ndarray, np.ndarray]](), anyio.current_time()
         while control.mode in ("moving", "stopping"):
             await anyio.sleep(period_s)
-            now_s = time.monotonic()
+            now_s = anyio.current_time()
             control.advance(min(now_s - last_s, _MAX_TICKS * period_s))
             last_s = now_s
             rows.append((now_s, control.commanded.copy(), control.measured.copy()))

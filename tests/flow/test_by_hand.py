@@ -1,6 +1,5 @@
 """Motions that somebody makes by jogging: heeded in one mode alone, recorded and learned from like any other."""
 
-import time
 from collections.abc import AsyncIterator
 from pathlib import Path
 
@@ -13,7 +12,7 @@ from app.core.messages import Executed, Health, Notice, Outcome, Particles, Prop
 from tests.flow.cell import Run, for_a_while, jogs, running, small_site, small_wish, some
 from tests.flow.planner import Habits
 
-pytestmark = pytest.mark.anyio
+pytestmark = [pytest.mark.anyio, pytest.mark.usefixtures("virtual_time")]
 
 
 @pytest.fixture(scope="module")
@@ -76,7 +75,7 @@ async def test_teleoperation_ends_with_control_and_the_arm_comes_to_rest(by_hand
     async with anyio.create_task_group() as tasks:
         tasks.start_soon(jogs, by_hand, (0.0, -0.05, 0.0))
         await anyio.sleep(0.1)
-        lease = Lease(id=fresh_id("lease"), time_s=time.monotonic(), holder="another", why="tests")
+        lease = Lease(id=fresh_id("lease"), time_s=anyio.current_time(), holder="another", why="tests")
         await by_hand.person.asks(lease)
         await by_hand.person.sees(Mode, "idle")
         tasks.cancel_scope.cancel()
@@ -86,7 +85,7 @@ async def test_teleoperation_ends_with_control_and_the_arm_comes_to_rest(by_hand
 
 async def test_nobody_who_moves_the_tool_by_hand_waits_for_the_planner_to_compile(tmp_path: Path) -> None:
     site = small_site(tmp_path, jog_rest_s=0.15)
-    async with running(site, small_wish(staying=True), habits=Habits(compiling_s=1000.0)) as run:
+    async with running(site, small_wish(staying=True), habits=Habits(compiling_s=500.0)) as run:
         person = run.person
         await person.sees(Health, "compiling strokes")
         await person.chooses("teleoperate")
@@ -96,6 +95,6 @@ async def test_nobody_who_moves_the_tool_by_hand_waits_for_the_planner_to_compil
         await person.sees(Transition)
         await person.chooses("approve each")
         await person.sees(Health, "compiling strokes")
-        await person.asks(EndRequest(id=fresh_id("end"), time_s=time.monotonic(), operator="tests"))
+        await person.asks(EndRequest(id=fresh_id("end"), time_s=anyio.current_time(), operator="tests"))
         assert await run.end() is None
         assert not person.all(Proposal)

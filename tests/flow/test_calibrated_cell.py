@@ -23,10 +23,17 @@ from app.recording.calibration_file import CalibrationFile
 from app.rig.simulated.held_board import HeldBoard
 from app.rig.simulated.rig import SimulatedRig, simulated_rig
 from app.tasks.rope_push import TASK
-from tests.flow.cell import MemoryLog, MonotonicClock
+from tests.flow.cell import LoopClock, MemoryLog
 from tests.flow.test_modelling import Shown
 
 pytestmark = [pytest.mark.anyio, pytest.mark.slow]
+
+
+@pytest.fixture(scope="module")
+def anyio_backend() -> str:
+    """Its processes take their own time."""
+    return "asyncio"
+
 
 TURNS_RAD = [
     (-0.35, 0.0, 0.0),
@@ -46,8 +53,8 @@ class Session:
     def __init__(self, rig: SimulatedRig, path: Path) -> None:
         self.rig, self.shown = rig, Shown()
         self.frames = {camera.model.name: Latest[Frame](camera.model.name) for camera in rig.cameras}
-        announcer = Announcer(operator=self.shown, recorder=MemoryLog(), clock=MonotonicClock(), summary=Summary())
-        self.stage = Calibrating(rig, self.frames, CalibrationFile(path), Site(), announcer, MonotonicClock())
+        announcer = Announcer(operator=self.shown, recorder=MemoryLog(), clock=LoopClock(), summary=Summary())
+        self.stage = Calibrating(rig, self.frames, CalibrationFile(path), Site(), announcer, LoopClock())
 
     async def capture(self, camera: Camera) -> None:
         while True:

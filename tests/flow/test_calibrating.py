@@ -1,6 +1,5 @@
 """A camera calibrated step by step, as the console asks for it: views at rest, a result, kept, and checked later."""
 
-import time
 from collections.abc import AsyncIterator, Sequence
 from contextlib import asynccontextmanager
 from pathlib import Path
@@ -23,9 +22,9 @@ from app.flow.calibrating import Calibrating
 from app.perception.calibration.se3 import exp, inverse, transform
 from app.recording.calibration_file import CalibrationFile
 from bench.boards import LENS, Camera, cell, image
-from tests.flow.cell import MemoryLog, MonotonicClock
+from tests.flow.cell import LoopClock, MemoryLog
 
-pytestmark = pytest.mark.anyio
+pytestmark = [pytest.mark.anyio, pytest.mark.usefixtures("virtual_time")]
 
 TRUTH = cell(0, 9)
 BOX = Workspace(low=(-2.0, -2.0, -2.0), high=(2.0, 2.0, 2.0))
@@ -45,7 +44,7 @@ class OneArm:
         turn = Rotation.from_matrix(self.gripper[:3, :3]).as_quat(scalar_first=True)
         return ArmState(
             id=fresh_id("state"),
-            time_s=time.monotonic(),
+            time_s=anyio.current_time(),
             pose=np.array([*self.gripper[:3, 3], *turn]),
             velocity=np.zeros(3),
             joints=np.zeros(7),
@@ -64,8 +63,8 @@ class Calibrated:
             name="camera0", width=640, height=480, K=LENS.K, T_world_camera=TRUTH.X, depth_unit_m=0.001
         )
         self.frames = {"camera0": Latest[Frame]("frames")}
-        announcer = Announcer(operator=self, recorder=MemoryLog(), clock=MonotonicClock(), summary=Summary())
-        self.stage = Calibrating(self, self.frames, CalibrationFile(path), SITE, announcer, MonotonicClock())
+        announcer = Announcer(operator=self, recorder=MemoryLog(), clock=LoopClock(), summary=Summary())
+        self.stage = Calibrating(self, self.frames, CalibrationFile(path), SITE, announcer, LoopClock())
         self._rng = np.random.default_rng(0)
 
     @property
@@ -94,14 +93,14 @@ class Calibrated:
             taken = image(C, Camera(), self._rng)
             depth = np.zeros(taken.shape[:2], np.uint16)
             self.frames["camera0"].put(
-                Frame(id=fresh_id("frame"), time_s=time.monotonic(), camera=self.model, color=taken, depth=depth)
+                Frame(id=fresh_id("frame"), time_s=anyio.current_time(), camera=self.model, color=taken, depth=depth)
             )
             await anyio.sleep(0.1)
 
     async def asks(self, act: CalibrationAct, mode: ModeName = "teleoperate", camera: str = "camera0") -> Message:
         """What was said last of what came of it."""
         request = CalibrationRequest(
-            id=fresh_id("request"), time_s=time.monotonic(), operator="client 1", act=act, camera=camera
+            id=fresh_id("request"), time_s=anyio.current_time(), operator="client 1", act=act, camera=camera
         )
         await self.stage.asked(request, mode)
         return [message for message in self.seen if isinstance(message, Placing | Notice)][-1]

@@ -1,7 +1,5 @@
 """The motion that an operator changed: noted of the plan that is up alone, simulated once, or refused in words."""
 
-import time
-
 import anyio
 import numpy as np
 import pytest
@@ -11,15 +9,15 @@ from app.core.announcer import Announcer
 from app.core.messages import Goal, Notice, fresh_id
 from app.core.requests import EditRequest
 from app.core.summary import Summary
-from app.core.worker import Worker
 from app.flow.editing import Editing
 from app.tasks import load, nominal_model
 from app.tasks.base import Wish
-from tests.flow.cell import MemoryLog, MonotonicClock
+from tests.flow.cell import LoopClock, MemoryLog
 from tests.flow.test_watching import Shown
+from tests.flow.virtual import InsideWorker
 from tests.ui import synthetic
 
-pytestmark = pytest.mark.anyio
+pytestmark = [pytest.mark.anyio, pytest.mark.usefixtures("virtual_time")]
 
 TASK = load("rope_push")
 COUNT = TASK.preset("cpu").particle_count
@@ -31,7 +29,7 @@ PROPOSAL = synthetic.proposal(OBSERVED, branches=3)
 def request(start: tuple[float, float], end: tuple[float, float], *, of: str = PROPOSAL.id) -> EditRequest:
     return EditRequest(
         id=fresh_id("edit"),
-        time_s=time.monotonic(),
+        time_s=anyio.current_time(),
         operator="client 0",
         proposal_id=fresh_id("proposal") if of != PROPOSAL.id else PROPOSAL.id,
         start=np.array([*start, 0.006]),
@@ -40,7 +38,7 @@ def request(start: tuple[float, float], end: tuple[float, float], *, of: str = P
     )
 
 
-def editing(shown: Shown, planner: Worker) -> Editing:
+def editing(shown: Shown, planner: InsideWorker) -> Editing:
     wish = Wish(
         task=TASK,
         preset="cpu",
@@ -51,13 +49,13 @@ def editing(shown: Shown, planner: Worker) -> Editing:
         automatic=False,
         calibrating=False,
     )
-    announcer = Announcer(operator=shown, recorder=MemoryLog(), clock=MonotonicClock(), summary=Summary())
+    announcer = Announcer(operator=shown, recorder=MemoryLog(), clock=LoopClock(), summary=Summary())
     return Editing(wish, announcer, planner, Site())
 
 
 async def test_a_change_of_the_plan_that_is_up_is_simulated_once() -> None:
     shown = Shown(0)
-    async with Worker("planner") as planner:
+    async with InsideWorker("planner") as planner:
         stage, particles, model = editing(shown, planner), synthetic.particles(OBSERVED), nominal_model("rope_push")
         with anyio.fail_after(300):
             assert await stage.plan(particles, GOAL, model) is None
@@ -75,7 +73,7 @@ async def test_a_change_of_the_plan_that_is_up_is_simulated_once() -> None:
 
 async def test_what_cannot_be_made_is_refused_in_words_and_forgotten() -> None:
     shown = Shown(0)
-    async with Worker("planner") as planner:
+    async with InsideWorker("planner") as planner:
         stage, particles, model = editing(shown, planner), synthetic.particles(OBSERVED), nominal_model("rope_push")
         assert stage.wanted(request((0.30, -0.30), (0.80, -0.30)), PROPOSAL)
         with anyio.fail_after(300):
@@ -88,7 +86,7 @@ async def test_what_cannot_be_made_is_refused_in_words_and_forgotten() -> None:
 
 async def test_a_change_of_another_plan_is_not_wanted() -> None:
     shown = Shown(0)
-    stage = editing(shown, Worker("planner"))
+    stage = editing(shown, InsideWorker("planner"))
     assert not stage.wanted(request((0.3, -0.3), (0.4, -0.3), of="another"), PROPOSAL)
     assert not stage.wanted(request((0.3, -0.3), (0.4, -0.3)), None)
     assert all(isinstance(said, Notice) and "not the plan shown" in said.text for said in shown.seen)

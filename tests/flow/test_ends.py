@@ -10,17 +10,15 @@ import pytest
 from app.core.approval import Approved
 from app.core.control import Mode
 from app.core.doubt import Watched
-from app.core.errors import DeviceError, MotionRefused, PlanningError, WorkerError
-from app.core.messages import ArmState, Executed, Fault, Health, Notice, Outcome, Proposal, ResumeRequest, Transition
+from app.core.errors import DeviceError, MotionRefused, PlanningError
+from app.core.messages import ArmState, Executed, Fault, Notice, Outcome, Proposal, ResumeRequest, Transition
 from app.tasks.aim import Near
 from app.tasks.curves import fill_tube
 from tests.flow.cell import Run, for_a_while, narrower, running, small_site, small_wish, some, withdrawn
 from tests.flow.planner import Habits
 from tests.flow.rig import SmallRig
 
-pytestmark = pytest.mark.anyio
-
-DYING = Habits(thinking_s=1.0, failures=1, trouble="dies")
+pytestmark = [pytest.mark.anyio, pytest.mark.usefixtures("virtual_time")]
 
 
 async def test_a_plan_that_grew_too_old_is_withdrawn_and_cannot_be_approved_any_more(tmp_path: Path) -> None:
@@ -67,16 +65,6 @@ async def test_three_plans_that_fail_in_a_row_end_the_run(tmp_path: Path) -> Non
         assert isinstance(error, PlanningError)
         assert "No branch stayed finite" in str(error)
         assert [fault.fatal for fault in run.person.all(Fault)] == [False, False, False, True]
-
-
-async def test_a_planner_that_dies_three_times_in_a_row_ends_the_run(tmp_path: Path) -> None:
-    async with running(small_site(tmp_path), small_wish(), habits=DYING) as run:
-        await run.person.sees(Health, "planning")
-        for _ in range(2):
-            await run.plans_with(DYING)
-        error = await run.end()
-        assert isinstance(error, WorkerError)
-        assert all("code -9" in fault.text for fault in run.person.all(Fault) if not fault.fatal)
 
 
 async def test_automatic_approval_is_refused_where_something_real_can_move(tmp_path: Path) -> None:

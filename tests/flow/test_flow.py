@@ -36,9 +36,7 @@ from tests.flow.cell import (
 )
 from tests.flow.planner import Habits
 
-pytestmark = pytest.mark.anyio
-
-DYING = Habits(thinking_s=1.0, failures=1, trouble="dies")
+pytestmark = [pytest.mark.anyio, pytest.mark.usefixtures("virtual_time")]
 
 
 @pytest.fixture(scope="module")
@@ -314,15 +312,4 @@ async def test_two_plans_that_fail_in_a_row_are_faults_and_the_third_is_shown(ce
     await person.decides(first, approve=False)
     for _ in range(2):
         await person.sees(Fault, "planner No branch stayed finite")
-    assert (await pushes(cell, await person.sees(Proposal))).outcome == "completed"
-
-
-async def test_a_planner_that_dies_once_is_replaced(cell: Run) -> None:
-    person, first = cell.person, await fresh_plan(cell)
-    await cell.plans_with(DYING)
-    await person.decides(first, approve=False)
-    await person.sees(Health, "planning")
-    # Callers take turns: this one comes before the flow's second attempt, in the process that replaces the dead one.
-    await cell.plans_with(Habits())
-    await person.sees(Fault, "planner The planner process ended with code -9")
     assert (await pushes(cell, await person.sees(Proposal))).outcome == "completed"

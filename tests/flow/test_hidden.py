@@ -1,6 +1,5 @@
 """What is hidden while the application looks: kept, marked, and given up in words."""
 
-import time
 from collections.abc import AsyncIterator, Sequence
 from contextlib import asynccontextmanager
 from dataclasses import replace
@@ -20,11 +19,11 @@ from app.flow.sensing import Sensing, forgotten
 from app.perception.reconstruct import Reconstruction
 from app.rig.simulated.limbs import known_arm
 from app.tasks.rope_push import TASK
-from tests.flow.cell import MemoryLog, MonotonicClock
+from tests.flow.cell import LoopClock, MemoryLog
 from tests.flow.rig import TickedArm, photographs, small_cameras
 from tests.perception.hiding import screened
 
-pytestmark = pytest.mark.anyio
+pytestmark = [pytest.mark.anyio, pytest.mark.usefixtures("virtual_time")]
 
 PATIENCE_S, PERIOD_S = 60.0, 0.15
 MIDDLE = np.stack([np.full(9, 0.54), np.linspace(-0.04, 0.04, 9), np.full(9, 0.016)], axis=1)
@@ -50,7 +49,7 @@ class ScreenedCamera:
     async def read(self) -> Frame:
         await anyio.sleep(PERIOD_S)
         color, depth = photographs()["here", self._model.name][0]
-        frame = Frame(id=fresh_id("frame"), time_s=time.monotonic(), camera=self._model, color=color, depth=depth)
+        frame = Frame(id=fresh_id("frame"), time_s=anyio.current_time(), camera=self._model, color=color, depth=depth)
         return screened([frame], MIDDLE)[0] if self._screen.held else frame
 
 
@@ -107,7 +106,7 @@ class Watcher:
 async def looking(how: Reconstruction) -> AsyncIterator[tuple[Sensing, Screen, Watcher]]:
     """Perception at work until the block ends."""
     photographs()
-    screen, watcher, clock, summary = Screen(), Watcher(), MonotonicClock(), Summary()
+    screen, watcher, clock, summary = Screen(), Watcher(), LoopClock(), Summary()
     announcer = Announcer(operator=watcher, recorder=MemoryLog(), clock=clock, summary=summary)
     sensing = Sensing(ScreenedRig(screen), how, summary, announcer, clock)
     with anyio.fail_after(PATIENCE_S):

@@ -10,12 +10,12 @@ from app.core.announcer import Announcer
 from app.core.messages import Extension, Message, Model, Notice, Parameter, fresh_id
 from app.core.requests import ModelRequest, Request
 from app.core.summary import Summary
-from app.core.worker import Worker
 from app.flow.modelling import Modelling, Taken
 from app.tasks.compiled import nominal_model
-from tests.flow.cell import MemoryLog, MonotonicClock
+from tests.flow.cell import LoopClock, MemoryLog
+from tests.flow.virtual import InsideWorker
 
-pytestmark = pytest.mark.anyio
+pytestmark = [pytest.mark.anyio, pytest.mark.usefixtures("virtual_time")]
 
 TASK = "rope_push"
 NOMINAL = nominal_model(TASK)
@@ -54,8 +54,8 @@ def changed(**values: float) -> Model:
 
 async def asked(model: Model, *, newest: int = 6) -> tuple[Taken | None, Shown]:
     shown = Shown()
-    async with Worker("planner") as planner:
-        announcer = Announcer(operator=shown, recorder=MemoryLog(), clock=MonotonicClock(), summary=Summary())
+    async with InsideWorker("planner") as planner:
+        announcer = Announcer(operator=shown, recorder=MemoryLog(), clock=LoopClock(), summary=Summary())
         modelling = Modelling(TASK, announcer, planner)
         current = modelling.numbered(replace(NOMINAL, version=newest))
         request = ModelRequest(
@@ -112,8 +112,8 @@ async def test_where_cameras_err_the_goal_is_as_they_will_show_it() -> None:
 async def test_numbers_only_grow_and_the_first_model_keeps_its_own() -> None:
     modelling = Modelling(
         TASK,
-        Announcer(operator=Shown(), recorder=MemoryLog(), clock=MonotonicClock(), summary=Summary()),
-        Worker("planner"),
+        Announcer(operator=Shown(), recorder=MemoryLog(), clock=LoopClock(), summary=Summary()),
+        InsideWorker("planner"),
     )
     assert modelling.numbered(replace(NOMINAL, version=4)).version == 4
     assert modelling.numbered(replace(NOMINAL, version=5)).version == 5

@@ -1,8 +1,8 @@
 """What the program does by itself, and what it leaves alone, in each of its modes; goals that come while it runs."""
 
-import time
 from collections.abc import AsyncIterator
 
+import anyio
 import numpy as np
 import pytest
 
@@ -13,7 +13,7 @@ from app.core.requests import GoalRequest, GoalSource, PictureGoalRequest
 from tests.flow.cell import Run, for_a_while, pushes, running, small_site, small_wish, some, withdrawn
 from tests.flow.planner import Habits
 
-pytestmark = pytest.mark.anyio
+pytestmark = [pytest.mark.anyio, pytest.mark.usefixtures("virtual_time")]
 
 
 @pytest.fixture(scope="module")
@@ -109,7 +109,7 @@ async def test_automatic_ends_when_whoever_asked_for_it_has_no_control_any_more(
     person = idle.person
     await person.chooses("automatic", 100)
     await person.sees(Executed)
-    await person.asks(Lease(id=fresh_id("lease"), time_s=time.monotonic(), holder="", why="tests have left"))
+    await person.asks(Lease(id=fresh_id("lease"), time_s=anyio.current_time(), holder="", why="tests have left"))
     await person.sees(Mode, "tests has no control any more")
     await person.sees(Health, "waiting for approval")
 
@@ -142,7 +142,7 @@ async def test_what_fails_leads_to_idle_and_the_session_goes_on(idle: Run) -> No
 def goal_request(positions: np.ndarray, source: GoalSource = "copy") -> GoalRequest:
     return GoalRequest(
         id=fresh_id("goal"),
-        time_s=time.monotonic(),
+        time_s=anyio.current_time(),
         operator="tests",
         source=source,
         positions=positions.astype(np.float32),
@@ -188,7 +188,7 @@ async def test_a_goal_that_cannot_be_is_refused_in_words(idle: Run, shift: tuple
 
 async def test_a_pair_of_pictures_is_a_goal_where_the_object_is_in_them(idle: Run) -> None:
     frame = await idle.person.sees(Frame)
-    fields = {"id": fresh_id("goal"), "time_s": time.monotonic(), "operator": "tests", "camera": frame.camera.name}
+    fields = {"id": fresh_id("goal"), "time_s": anyio.current_time(), "operator": "tests", "camera": frame.camera.name}
     await idle.person.asks(PictureGoalRequest(**fields, color=frame.color, depth=frame.depth))
     goal = await idle.person.sees(Goal)
     # One camera does not see all of it: the arm stands before a part.
@@ -203,5 +203,5 @@ async def test_a_pair_of_pictures_is_a_goal_where_the_object_is_in_them(idle: Ru
 async def test_somebody_ends_the_session(tmp_path) -> None:
     async with running(small_site(tmp_path), small_wish(staying=True)) as run:
         await run.person.sees(Proposal)
-        await run.person.asks(EndRequest(id=fresh_id("end"), time_s=time.monotonic(), operator="tests"))
+        await run.person.asks(EndRequest(id=fresh_id("end"), time_s=anyio.current_time(), operator="tests"))
         assert await run.end() is None

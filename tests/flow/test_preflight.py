@@ -1,6 +1,5 @@
 """What has to be so before a real arm moves for the first time, and that nothing moves until it is."""
 
-import time
 from collections.abc import AsyncIterator
 from dataclasses import replace
 from datetime import UTC, datetime, timedelta
@@ -18,7 +17,7 @@ from app.core.messages import Executed, Health, Notice, Proposal, Transition, fr
 from tests.flow.cell import Run, for_a_while, jogs, pushes, running, small_site, small_wish, some
 from tests.flow.rig import SmallRig
 
-pytestmark = pytest.mark.anyio
+pytestmark = [pytest.mark.anyio, pytest.mark.usefixtures("virtual_time")]
 
 PERSONAL = ("emergency", "clear", "tool", "limits")
 
@@ -123,7 +122,7 @@ async def test_a_hand_needs_nothing_of_what_the_cameras_say(tmp_path: Path) -> N
 async def test_whoever_has_control_confirms_all_of_it(real: Run) -> None:
     await real.person.confirms("emergency", "clear")
     await until(real, tool="", limits="", stop="")
-    await real.person.asks(Lease(id=fresh_id("lease"), time_s=time.monotonic(), holder="another", why=""))
+    await real.person.asks(Lease(id=fresh_id("lease"), time_s=anyio.current_time(), holder="another", why=""))
     await until(real, emergency="", clear="", tool="", limits="", stop="")
 
 

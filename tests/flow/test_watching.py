@@ -1,6 +1,5 @@
 """The stage that watches the model: a message after every push, one notice when it stops being right."""
 
-import time
 from collections.abc import AsyncIterator
 from dataclasses import replace
 from pathlib import Path
@@ -15,10 +14,10 @@ from app.core.messages import Message, Model, Notice, Transition, fresh_id
 from app.core.summary import Summary
 from app.discovery.watch import FIRST
 from app.flow.watching import Push, Watching
-from tests.flow.cell import MemoryLog, MonotonicClock, Request
+from tests.flow.cell import LoopClock, MemoryLog, Request
 from tests.ui import synthetic
 
-pytestmark = pytest.mark.anyio
+pytestmark = [pytest.mark.anyio, pytest.mark.usefixtures("virtual_time")]
 
 RIGHT, WRONG = 12, 14
 VERDICT = Verdict(
@@ -56,14 +55,14 @@ def push(error_m: float, rng: np.random.Generator, model: Model | None = None) -
     executed = synthetic.executed(way)
     after = (predicted - np.float32(error_m) * ahead + 3e-4 * rng.normal(size=observed.shape)).astype(np.float32)
     transition = Transition(
-        id=fresh_id("transition"), time_s=time.monotonic(), before=observed, executed=executed, after=after
+        id=fresh_id("transition"), time_s=anyio.current_time(), before=observed, executed=executed, after=after
     )
     branch = replace(proposal.branches[0], predicted=predicted)
     return Push(replace(proposal, branches=(branch,), best=0), transition, model)
 
 
 async def watched(pushes: list[Push], verdict: Verdict | None = None, recording: Path | None = None) -> list[Message]:
-    shown, clock, summary = Shown(len(pushes)), MonotonicClock(), Summary()
+    shown, clock, summary = Shown(len(pushes)), LoopClock(), Summary()
     announcer = Announcer(operator=shown, recorder=MemoryLog(), clock=clock, summary=summary)
     watching = Watching(announcer, clock, verdict, recording)
     async with anyio.create_task_group() as tasks:

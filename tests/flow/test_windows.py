@@ -1,6 +1,5 @@
 """What somebody asks for at an awkward moment: while the program looks, while it is stopped, amid a motion."""
 
-import time
 from collections.abc import AsyncIterator
 
 import anyio
@@ -13,7 +12,7 @@ from app.core.jog import Jog
 from app.core.messages import Executed, Health, Notice, Proposal, Transition, fresh_id
 from tests.flow.cell import Run, for_a_while, jogs, running, small_site, small_wish, some
 
-pytestmark = pytest.mark.anyio
+pytestmark = [pytest.mark.anyio, pytest.mark.usefixtures("virtual_time")]
 
 
 @pytest.fixture
@@ -25,7 +24,7 @@ async def run(tmp_path) -> AsyncIterator[Run]:
 
 
 async def ends(run: Run) -> None:
-    await run.person.asks(EndRequest(id=fresh_id("end"), time_s=time.monotonic(), operator="tests"))
+    await run.person.asks(EndRequest(id=fresh_id("end"), time_s=anyio.current_time(), operator="tests"))
     assert await run.end() is None
 
 
@@ -53,7 +52,7 @@ async def test_nothing_is_moved_after_the_end_was_asked_for_while_the_program_lo
     await run.person.chooses("automatic", 100)
     await looks_in_vain(run)
     begun = list(run.rig.arm.begun)
-    await run.person.asks(EndRequest(id=fresh_id("end"), time_s=time.monotonic(), operator="tests"))
+    await run.person.asks(EndRequest(id=fresh_id("end"), time_s=anyio.current_time(), operator="tests"))
     run.rig.table.place = "here"
     assert await run.end() is None
     assert run.rig.arm.begun == begun

@@ -19,7 +19,7 @@ from app.ui import palette
 from tests.conftest import ROOT
 from tests.ui.test_browser import APPROVE, RESUME, SECONDS, STOP, pixels, wait_until
 
-pytestmark = pytest.mark.browser
+pytestmark = [pytest.mark.browser, pytest.mark.slow]
 
 PATIENCE = 250 * SECONDS
 """For a first start: kernels are compiled while a browser renders in software on the same cores."""

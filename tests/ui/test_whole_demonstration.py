@@ -24,7 +24,7 @@ from tests.conftest import ROOT
 from tests.ui.test_browser import SECONDS
 from tests.ui.test_whole_cell import address, command, heeding_interrupts, started
 
-pytestmark = pytest.mark.browser
+pytestmark = [pytest.mark.browser, pytest.mark.slow]
 __all__ = ["heeding_interrupts"]
 
 PATIENCE_S = 120
