@@ -44,6 +44,12 @@ os.environ["JAX_PERSISTENT_CACHE_MIN_COMPILE_TIME_SECS"] = "0.2"
 jax.config.update("jax_compilation_cache_dir", os.environ["JAX_COMPILATION_CACHE_DIR"])
 jax.config.update("jax_persistent_cache_min_compile_time_secs", 0.2)
 
+# A program that a test compiles runs a few times: XLA spends less on making it fast. In the application's own processes
+# it spends what it does.
+with pytest.MonkeyPatch.context() as _environment:
+    _environment.setenv("XLA_FLAGS", f"{os.environ.get('XLA_FLAGS', '')} --xla_backend_optimization_level=0")
+    jax.devices()
+
 # Warp looks for a driver in a process of its own at its first use, which is no test's.
 warp.config.log_level = warp.LOG_WARNING
 warp.init()

@@ -1,5 +1,7 @@
 """Which way a slender object runs where each of its particles is, seen from the particles alone."""
 
+from functools import partial
+
 import jax
 import jax.numpy as jnp
 from jaxtyping import Float
@@ -28,7 +30,8 @@ def directed(scene: Scene, setting: Setting, x: Float[jax.Array, "B N 3"]) -> Se
     return setting._replace(label=jax.lax.stop_gradient(known))
 
 
-def _label(x: Float[jax.Array, "N 3"], width_m: float) -> Float[jax.Array, "N 4"]:
+@partial(jax.jit, inline=True)
+def _label(x: Float[jax.Array, "N 3"], width_m: float | jax.Array) -> Float[jax.Array, "N 4"]:
     """Offset and principal direction in the plane of what is around each particle; which way it points is arbitrary."""
     place = jax.lax.stop_gradient(x[:, :2] - x[:, :2].mean(0)) / width_m
     apart = jnp.square(place[:, None] - place[None]).sum(-1)

@@ -8,6 +8,8 @@ eight times as many transactions. Warp's own loads and stores of a vec4 are four
 # pyright: reportGeneralTypeIssues=false, reportIndexIssue=false, reportOperatorIssue=false, reportArgumentType=false
 # pyright: reportCallIssue=false, reportInvalidTypeForm=false, reportReturnType=false
 
+from functools import partial
+
 import jax
 import jax.numpy as jnp
 import warp as wp
@@ -151,6 +153,7 @@ def affine(m: Motion) -> wp.mat33:
     return wp.mat33(m[1, 2], m[1, 3], m[2, 0], m[2, 1], m[2, 2], m[2, 3], m[3, 0], m[3, 1], m[3, 2])
 
 
+@partial(jax.jit, inline=True)
 def pack(state: State) -> jax.Array:
     """A state (B, N, ...) as quads, shape (B, QUADS, N, 4)."""
     candidates, particles = state.x.shape[:2]
@@ -160,6 +163,7 @@ def pack(state: State) -> jax.Array:
     return rows.reshape(candidates, particles, QUADS, 4).transpose(0, 2, 1, 3)
 
 
+@partial(jax.jit, inline=True)
 def unpack(quads: jax.Array) -> State:
     """The inverse of `pack`."""
     candidates, _, particles, _ = quads.shape

@@ -1,6 +1,7 @@
 """A whole action as one differentiable JAX operation."""
 
 from dataclasses import dataclass
+from functools import partial
 from typing import Any, Protocol, TypeAlias, TypeVar, final
 
 import jax
@@ -135,6 +136,7 @@ def _float32(leaf: jax.Array) -> jax.Array:
     return jnp.asarray(leaf, jnp.float32)
 
 
+@partial(jax.jit, inline=True)
 def _finite(*tree: jax.Array | State) -> Bool[jax.Array, " B"]:
     """Which candidates are finite in every number."""
     flags = [jnp.isfinite(leaf).all(axis=tuple(range(1, leaf.ndim))) for leaf in jax.tree.leaves(tree)]
@@ -143,8 +145,9 @@ def _finite(*tree: jax.Array | State) -> Bool[jax.Array, " B"]:
 
 def _where_finite(finite: Bool[jax.Array, " B"], tree: TreeT) -> TreeT:
     """`tree` with NaN in every number of a candidate that is not finite."""
+    return jax.tree.map(partial(_masked, finite), tree)
 
-    def masked(leaf: jax.Array) -> jax.Array:
-        return jnp.where(finite.reshape(-1, *[1] * (leaf.ndim - 1)), leaf, jnp.nan)
 
-    return jax.tree.map(masked, tree)
+@partial(jax.jit, inline=True)
+def _masked(finite: jax.Array, leaf: jax.Array) -> jax.Array:
+    return jnp.where(finite.reshape(-1, *[1] * (leaf.ndim - 1)), leaf, jnp.nan)

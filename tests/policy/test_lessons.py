@@ -1,5 +1,6 @@
 """Every way to learn fits every task; examples are shown in frames, and with the goals that what was done led to."""
 
+from dataclasses import replace
 from functools import partial
 
 import jax
@@ -10,7 +11,7 @@ import pytest
 from app.core.errors import UsageError
 from app.policy.base import Now
 from app.policy.learned import kinds
-from app.policy.learned.base import LearnedPolicy, Scale
+from app.policy.learned.base import LearnedPolicy, Lessons, Scale
 from app.policy.learned.examples import Batch, Examples
 from app.policy.learned.kinds.act import Act
 from app.policy.learned.train import Settings, begin
@@ -146,9 +147,14 @@ def test_where_the_tool_was_left_tells_nothing_where_actions_begin_anywhere() ->
         assert (np.abs(np.asarray(there - here)).max() > 0.01) == tells
 
 
+def coarse(how: Lessons) -> Lessons:
+    """The same, seen in pictures of a sixteenth of the pixels."""
+    return replace(how, views=tuple(replace(view, pixel_m=4 * view.pixel_m) for view in how.views))
+
+
 def test_what_was_meant_for_now_at_earlier_decisions_has_a_say_and_the_oldest_the_most() -> None:
     task, learner = load("pour_water"), Act(eyes=8, width=16, depth=1, window=4)
-    how, shown = lessons(task), examples_of("pour_water", episodes=3, actions=1)
+    how, shown = coarse(lessons(task)), examples_of("pour_water", episodes=3, actions=1)
     scale = Scale(*np.ones((2, *task.actions.chunk), np.float32))
     policy = LearnedPolicy.of(learner, how, begin(learner, how, shown, Settings()).params, scale)
 

@@ -73,8 +73,10 @@ class Training:
 def begin(learner: Learner, lessons: Lessons, examples: Examples, settings: Settings) -> Training:
     """Before the first step."""
     shown = Batch.of(examples, np.array([0])).framed(lessons).shown(lessons)
-    # As one program: flax would have hundreds of small ones compiled, one after the other.
-    params = jax.jit(learner.begin, static_argnums=2)(jax.random.key(settings.seed), shown.seen, lessons)
+    # As one program: flax would have hundreds of small ones compiled, one after the other. It runs once, so that what
+    # the compiler would need to make it fast is not worth it.
+    drawn = jax.jit(learner.begin, static_argnums=2, compiler_options={"xla_backend_optimization_level": 0})
+    params = drawn(jax.random.key(settings.seed), shown.seen, lessons)
     return Training(params=params, best=params, optimiser=_optimiser(settings).init(params))
 
 

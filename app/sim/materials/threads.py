@@ -5,6 +5,8 @@ long as they were woven. Which way they run in its plane is not to be seen, and 
 stiffness is near that of an isotropic sheet; they are laid along the world's x axis.
 """
 
+from functools import partial
+
 import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float
@@ -37,6 +39,7 @@ def threads(x: Float[Array, "B N 3"]) -> Float[Array, "B N 3 3"]:
     return jnp.stack([warp, jnp.cross(normal, warp), normal], axis=-1)
 
 
+@partial(jax.jit, inline=True)
 def _normals(x: Float[Array, "B N 3"]) -> Float[Array, "B N 3"]:
     """Unit vectors across the plane of each particle's neighbours, upwards."""
     count = min(NEIGHBOURS, x.shape[1])
