@@ -13,6 +13,7 @@ from app.arm.gate import MAX_WAYPOINTS
 from app.arm.memory import MODES, ArmMemory, posted
 from app.config import Site
 from app.core.approval import Approved
+from app.core.collector import paused_collection
 from app.core.errors import ApprovalRefused, DeviceError, MotionRefused
 from app.core.jog import Jog
 from app.core.limbs import JointAngles
@@ -76,7 +77,9 @@ class ProcessArm:
         self._check_leave(approved)
         self._busy = True
         try:
-            return _executed(await self._followed(approved.motion, approved.digest), approved.id, approved.id)
+            with paused_collection():  # Of what the whole application has made, which would hold the event loop.
+                log = await self._followed(approved.motion, approved.digest)
+            return _executed(log, approved.id, approved.id)
         except MotionRefused:
             raise
         except BaseException:

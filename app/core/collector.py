@@ -18,3 +18,15 @@ def spared_collection() -> Generator[None]:
         yield
     finally:
         gc.unfreeze()
+
+
+@contextmanager
+def paused_collection() -> Generator[None]:
+    """While open, no cycle of garbage is looked for: for seconds in which nothing may pause, not for longer."""
+    collects = gc.isenabled()
+    gc.disable()
+    try:
+        yield
+    finally:
+        if collects:
+            gc.enable()

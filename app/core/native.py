@@ -1,9 +1,11 @@
 """Native libraries that need a hand before they can be imported."""
 
 import ctypes
+import functools
 from types import ModuleType
 
 
+@functools.cache
 def load_open3d() -> ModuleType:
     """The module `open3d`."""
     load_libusb()

@@ -23,6 +23,8 @@ from app.perception.reconstruct import Known, Reconstructed, Reconstruction, loo
 _OBSERVE_DEADLINE_S = 30.0
 _PERCEPTION_S = 120.0
 """A process that looks for longer hangs, and another is started; the first look loads it from a cold disk."""
+_NICENESS = 5
+"""Perception gives way to the event loop, which feeds the arm's watchdog, and goes before planning."""
 _KEPT = 600
 """Particles of the past: those of two minutes, at five a second."""
 
@@ -35,7 +37,7 @@ class Sensing:
         self.seeing = Seeing(how)
         self.frames = {camera.model.name: Latest[Frame](f"frames {camera.model.name}") for camera in rig.cameras}
         self.particles = Latest[Particles]("particles")
-        self.perceiver = Worker("perception", deadline_s=_PERCEPTION_S)
+        self.perceiver = Worker("perception", niceness=_NICENESS, deadline_s=_PERCEPTION_S)
         self._rig, self._clock = rig, clock
         self._announcer, self._summary = announcer, summary
         self._past = deque[tuple[float, Particles]](maxlen=_KEPT)

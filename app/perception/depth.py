@@ -12,6 +12,7 @@ from jaxtyping import Float
 
 from app.core.camera import CameraModel
 from app.core.colours import Mask
+from app.core.native import load_open3d
 from app.core.types import Cloud, DepthImage
 
 Pixels: TypeAlias = Float[np.ndarray, "M 3"]
@@ -22,11 +23,16 @@ _NO_READING = 0
 
 def deproject(depth: DepthImage, mask: Mask, camera: CameraModel) -> Cloud:
     """The masked pixels that have a reading, as points [m] of the world."""
-    rows, columns = np.nonzero(mask & (depth != _NO_READING))
-    z = depth[rows, columns] * camera.depth_unit_m
-    pixels = np.stack([columns * z, rows * z, z], axis=1)
-    rotation, origin = camera.T_world_camera[:3, :3], camera.T_world_camera[:3, 3]
-    return (pixels @ (rotation @ np.linalg.inv(camera.K)).T + origin).astype(np.float32)
+    open3d = load_open3d()
+    tensor, image = open3d.core.Tensor, np.where(mask, depth, _NO_READING).astype(depth.dtype)
+    cloud = open3d.t.geometry.PointCloud.create_from_depth_image(
+        open3d.t.geometry.Image(tensor(image)),
+        tensor(camera.K),
+        tensor(np.linalg.inv(camera.T_world_camera)),
+        depth_scale=1 / camera.depth_unit_m,
+        depth_max=np.inf,
+    )
+    return cloud.point.positions.numpy() if "positions" in cloud.point else np.empty((0, 3), np.float32)
 
 
 def project(points: Cloud, camera: CameraModel) -> Pixels:

@@ -6,9 +6,9 @@ from typing import TypeAlias, final
 
 import numpy as np
 from jaxtyping import Bool, Float32
-from scipy.spatial import KDTree
 
 from app.core.camera import CameraModel
+from app.core.native import load_open3d
 from app.core.types import Cloud, DepthImage
 from app.perception.depth import nearest, project
 
@@ -65,6 +65,7 @@ def without_outliers(points: Cloud, neighbours: int, spread: float) -> Float32[n
     """
     if len(points) <= neighbours:
         return points
-    distance, _ = KDTree(points).query(points, k=neighbours + 1)
-    loneliness = distance[:, 1:].mean(axis=1)
-    return points[loneliness <= loneliness.mean() + spread * loneliness.std()]
+    open3d = load_open3d()
+    cloud = open3d.geometry.PointCloud(open3d.utility.Vector3dVector(points.astype(np.float64)))
+    _, kept = cloud.remove_statistical_outlier(neighbours + 1, spread)  # It counts the point itself as one.
+    return points[np.asarray(kept, int)]

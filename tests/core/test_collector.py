@@ -3,7 +3,7 @@
 import gc
 import weakref
 
-from app.core.collector import spared_collection
+from app.core.collector import paused_collection, spared_collection
 
 
 class Knot:
@@ -38,3 +38,12 @@ def test_garbage_of_before_is_freed_first() -> None:
     freed = weakref.ref(Knot())
     with spared_collection():
         assert freed() is None
+
+
+def test_a_pause_ends_with_the_block_and_leaves_alone_what_did_not_collect() -> None:
+    with paused_collection():
+        assert not gc.isenabled()
+        with paused_collection():
+            pass
+        assert not gc.isenabled()
+    assert gc.isenabled()
