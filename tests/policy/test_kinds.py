@@ -22,6 +22,7 @@ from app.sim.state import State
 from app.tasks import load
 from app.tasks.compiled import nominal_model
 from app.tasks.teaching import lessons, simulator
+from tests.programs import program
 
 TASK = load("rope_push")
 COUNT = 100
@@ -41,8 +42,8 @@ def taught(count: int) -> Examples:
         now = Now.at_rest(jnp.asarray(x)[None])
         prepared = TASK.policy.prepare(x, goal)
         for _ in range(3):
-            action = TASK.actions.project(TASK.policy.act(prepared, now).mean, now)
-            state = WORLD.advance(PHI, now.state, TASK.actions.tool_path(action, now.tool))
+            action = program(TASK.actions.project)(first_action(TASK.policy, prepared, now), now)
+            state = WORLD.advance(PHI, now.state, program(TASK.actions.tool_path)(action, now.tool))
             rows.append((*map(np.asarray, (now.x[0], goal, now.tool[0], action[0], state.x[0])), seed))
             now = now._replace(state=state)
     return Examples(*(np.stack(column) for column in zip(*rows, strict=True)))

@@ -6,9 +6,11 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
+from app.planner.tree import first_action
 from app.policy.base import Now
 from app.policy.symmetry import Isometry, Symmetry
 from app.tasks import load, names
+from tests.programs import program
 
 COUNT = 12
 
@@ -51,8 +53,9 @@ def test_a_moved_action_moves_the_tool_along_the_moved_way(name: str) -> None:
     by, x = drawn(5, symmetry), task.goal(0, task.preset("cpu").particle_count)
     tool = jnp.tile(jnp.asarray(np.array([0.45, 0.02, 0.25, 0.0, 0.8, 0.0, 0.6, 0.05]), jnp.float32), (COUNT, 1))
     actions = jnp.asarray(task.actions.sample(rng, x, np.asarray(tool[0], np.float64), COUNT))
-    way = task.actions.tool_path(actions, tool)
-    moved = task.actions.tool_path(task.actions.moved(actions, by), by.poses(tool))
+    tool_path = program(task.actions.tool_path)
+    way = tool_path(actions, tool)
+    moved = tool_path(program(task.actions.moved)(actions, by), by.poses(tool))
     np.testing.assert_allclose(moved[..., :3], by.places(way[..., :3]), atol=2e-5)
     if way.shape[-1] == 7:
         wanted = np.stack([by.poses(jnp.pad(way[:, at], ((0, 0), (0, 1))))[:, 3:7] for at in (0, -1)], axis=1)
@@ -73,7 +76,7 @@ def test_the_scripted_expert_does_alike_what_is_moved_by_a_symmetry_of_its_task(
     quarters = replace(task.symmetry, turns=False, angles_rad=QUARTERS) if task.symmetry.turns else task.symmetry
     by = drawn(6, quarters)
     here = Now.at_rest(jnp.tile(jnp.asarray(x)[None], (COUNT, 1, 1)))._replace(tool=tool)
-    wanted = task.actions.moved(task.policy.act(task.policy.prepare(x, goal), here).mean, by)
+    wanted = program(task.actions.moved)(first_action(task.policy, task.policy.prepare(x, goal), here), by)
     found = [_acted(task, np.asarray(by.places(here.x))[one], goal, by, one, tool) for one in range(COUNT)]
     same = np.linalg.norm(np.concatenate(found) - np.asarray(wanted), axis=1)
     # A choice between two ways that are as good falls either way.
@@ -84,4 +87,4 @@ def _acted(task, x: np.ndarray, goal: np.ndarray, by: Isometry, one: int, tool) 
     here = Isometry(*(each[one : one + 1] for each in by))
     moved = np.asarray(here.places(jnp.asarray(goal)[None]))[0]
     now = Now.at_rest(jnp.asarray(x)[None])._replace(tool=here.poses(tool[one : one + 1]))
-    return np.asarray(task.policy.act(task.policy.prepare(x, moved), now).mean)
+    return np.asarray(first_action(task.policy, task.policy.prepare(x, moved), now))

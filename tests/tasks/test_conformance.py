@@ -10,11 +10,13 @@ import pytest
 from app.config import Site
 from app.core.chamfer import chamfer_m2
 from app.perception.reconstruct import reconstruct
+from app.planner.tree import first_action
 from app.policy.base import AWAY, Now
 from app.rig.simulated.lockstep import LockStep
 from app.sim.params import PARAMETERS
 from app.sim.tools.base import COORDINATES
 from app.tasks import Task, compiled, load, names, nominal_model
+from tests.programs import program
 
 TASKS = names()
 DOCS = Path(__file__).parents[2] / "docs"
@@ -95,14 +97,15 @@ def test_random_actions_are_allowed_stay_in_the_site_and_end_where_they_say(name
     assert drawn.shape == (8, actions.size)
     assert actions.scale().shape == (actions.size,)
     now = Now.at_rest(jnp.tile(jnp.asarray(x)[None], (8, 1, 1)), tool)
-    projected = actions.project(jnp.asarray(drawn), now)
-    assert np.asarray(actions.allowed(projected, now)).sum() >= 6
-    np.testing.assert_allclose(actions.project(projected, now), projected, atol=2e-3)
-    path = np.asarray(actions.tool_path(projected, now.tool))
+    project, allowed = program(actions.project), program(actions.allowed)
+    projected = project(jnp.asarray(drawn), now)
+    assert np.asarray(allowed(projected, now)).sum() >= 6
+    np.testing.assert_allclose(project(projected, now), projected, atol=2e-3)
+    path = np.asarray(program(actions.tool_path)(projected, now.tool))
     assert path.shape == (8, actions.substeps + 1, coordinates(task))
     assert np.isfinite(path).all()
-    after = np.asarray(actions.after(projected, now.tool))
-    for index in np.flatnonzero(np.asarray(actions.allowed(projected, now))):
+    after = np.asarray(program(actions.after)(projected, now.tool))
+    for index in np.flatnonzero(np.asarray(allowed(projected, now))):
         motion = actions.motion(np.asarray(projected)[index], tool, Site())
         assert Site().limits.workspace.contains(motion.positions)
         if motion.continues:
@@ -128,8 +131,8 @@ def test_the_experts_action_is_allowed_and_the_same_action_gives_the_same_world(
         cell = LockStep(task.stage, task.start(SEED), Site(), SEED)
         x, goal, tool = task.particles(cell.nodes(), count), task.goal(SEED, count), cell.tool
         now = Now.at_rest(jnp.asarray(x)[None], tool)
-        action = task.actions.project(task.policy.act(task.policy.prepare(x, goal), now).mean, now)
-        assert bool(task.actions.allowed(action, now)[0])
+        action = program(task.actions.project)(first_action(task.policy, task.policy.prepare(x, goal), now), now)
+        assert bool(program(task.actions.allowed)(action, now)[0])
         executed = cell.execute(task.actions.motion(np.asarray(action)[0], tool, Site()))
         assert executed.outcome == "completed"
         made = task.actions.measured_path(executed.tool)
@@ -158,5 +161,5 @@ def test_where_a_tool_is_away_actions_that_begin_anywhere_may_be_made(name: str)
     x = task.goal(0, 100)
     drawn = task.actions.sample(np.random.default_rng(0), x, AWAY, 8)
     now = Now.at_rest(jnp.tile(jnp.asarray(x)[None], (8, 1, 1)), AWAY)
-    for action in np.asarray(task.actions.project(jnp.asarray(drawn), now)):
+    for action in np.asarray(program(task.actions.project)(jnp.asarray(drawn), now)):
         assert site.limits.workspace.contains(task.actions.motion(action, AWAY, site).positions)
