@@ -7,15 +7,13 @@ import asyncio
 import pickle
 import selectors
 from collections.abc import Callable
-from typing import Any, TypeVar, final
+from typing import Any, final
 
 import pytest
 from anyio import to_thread
 
 from app.core.errors import DipacError, WorkerError
 from app.core.worker import Worker
-
-ResultT = TypeVar("ResultT")
 
 _BEGIN_S, _MOMENT_S = 1000.0, 1e-9
 
@@ -32,7 +30,9 @@ class _Selector(selectors.DefaultSelector):
     def select(self, timeout: float | None = None) -> list[tuple[selectors.SelectorKey, int]]:
         if timeout is None or timeout <= 0:
             return super().select(timeout)
-        events = super().select(None if self.computing else 0)
+        if self.computing:
+            return super().select(None)
+        events = super().select(0)
         self.now_s += 0.0 if events else timeout
         return events
 
