@@ -37,11 +37,13 @@ def main(folder: Path = IMAGES, task: str = "rope_push", seed: int = 1) -> None:
         page.context.add_init_script(f"{_SELDOM}; {_PACED}")
         page.goto(url)
         page.get_by_text("Waiting for your approval").wait_for()
+        page.evaluate(_DRAWN)
         page.get_by_text("Software WebGL rendering detected").locator("xpath=../..").get_by_role("button").click()
         _picture(page, folder / "console-plan.png")
         _approve(page)
         page.get_by_text("Progress", exact=True).click()
         page.get_by_text("Distance to the goal").wait_for()
+        page.evaluate(_SELDOM)
         page.get_by_text("Waiting for your approval").wait_for()
         _picture(page, folder / "console-progress.png")
         page.get_by_role("tab", name="Plans").click()
@@ -56,11 +58,10 @@ def main(folder: Path = IMAGES, task: str = "rope_push", seed: int = 1) -> None:
 
 
 def _picture(page: Page, path: Path) -> None:
-    """With everything drawn that was said meanwhile."""
+    """With everything drawn that was said meanwhile; what is clicked next has to be drawn as well."""
     page.evaluate(_DRAWN)
     page.wait_for_timeout(_SETTLED_MS + _SELDOM_MS)
     page.screenshot(path=path)
-    page.evaluate(_SELDOM)
 
 
 def _approve(page: Page) -> None:
