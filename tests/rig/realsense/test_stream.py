@@ -26,6 +26,10 @@ EVERYTHING = Filters(near_m=0.2, far_m=2.0, spatial=True, temporal=True)
 rs = load_realsense()
 
 
+# The SDK plays a recording at the pace of its camera and leaves out what comes too late for that.
+pytestmark = pytest.mark.serial
+
+
 @pytest.fixture(scope="module")
 def recordings(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
     """A recording of each kind of scene, by its name."""
@@ -135,7 +139,6 @@ def test_the_first_images_are_dropped_while_the_camera_warms_up(recordings: dict
     assert int(shots[0].color[0, 0, 0]) >= 4
 
 
-@pytest.mark.serial
 def test_a_lens_is_made_a_pinhole(tmp_path: Path) -> None:
     """A dot where the lens has a ray is, rectified, where the pinhole has it; depth is never mixed."""
     lens = imager(150.0, distortion=(0.15, -0.05, 0.002, -0.001, 0.0))
@@ -181,7 +184,6 @@ def test_a_camera_that_can_is_told_to_keep_global_time() -> None:
         assert [sensor.get_option(option) for sensor in sensors] == [1, 1]
 
 
-@pytest.mark.serial
 def test_a_slow_port_is_noticed_and_said(tmp_path: Path) -> None:
     record(tmp_path / "slow.db3", replace(together(), usb="2.1"), Scene(body=together()).views(4))
     stream, _ = played(tmp_path / "slow.db3")
