@@ -18,7 +18,7 @@ from app.core.worker import Worker
 from app.flow.following import Following
 from app.flow.seeing import Seeing, credible, placed, seen
 from app.perception.memory import NOTHING
-from app.perception.reconstruct import Known, Reconstructed, Reconstruction, looked, reconstruct
+from app.perception.reconstruct import Known, Reconstructed, Reconstruction, looked, reconstruct, warm_up
 
 _OBSERVE_DEADLINE_S = 30.0
 _PERCEPTION_S = 120.0
@@ -92,7 +92,7 @@ class Sensing:
         """One new frame of every camera -> particles."""
         changes = [channel.changes() for channel in self.frames.values()]
         with suppress(WorkerError):  # The next call starts it anew, and says what is wrong with it.
-            await self.perceiver.run(callable, reconstruct)  # Starts the process and loads what it will use.
+            await self.perceiver.run(warm_up)  # Starts the process, too.
         while True:
             frames = [await anext(change) for change in changes]
             started_s = self._clock.now()

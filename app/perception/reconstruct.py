@@ -12,6 +12,7 @@ from app.core.colours import ColourRange
 from app.core.errors import PerceptionError
 from app.core.limbs import ArmShape, Posture
 from app.core.messages import Frame
+from app.core.native import load_open3d
 from app.core.types import Cloud, Points, ToolPath, ToolPose
 from app.perception.carried import carried
 from app.perception.fill import Solid, Underside, fill, points_inside
@@ -136,6 +137,11 @@ class Reconstructed:
     predicted: Bool[np.ndarray, " N"]
     memory: Memory
     expired: int = 0
+
+
+def warm_up() -> None:
+    """Load what the first look would have to wait for."""
+    load_open3d()
 
 
 def reconstruct(
