@@ -12,7 +12,6 @@ from jaxtyping import Float
 
 from app.core.camera import CameraModel
 from app.core.colours import Mask
-from app.core.native import load_open3d
 from app.core.types import Cloud, DepthImage
 
 Pixels: TypeAlias = Float[np.ndarray, "M 3"]
@@ -22,17 +21,13 @@ _NO_READING = 0
 
 
 def deproject(depth: DepthImage, mask: Mask, camera: CameraModel) -> Cloud:
-    """The masked pixels that have a reading, as points [m] of the world."""
-    open3d = load_open3d()
-    tensor, image = open3d.core.Tensor, np.where(mask, depth, _NO_READING).astype(depth.dtype)
-    cloud = open3d.t.geometry.PointCloud.create_from_depth_image(
-        open3d.t.geometry.Image(tensor(image)),
-        tensor(camera.K),
-        tensor(np.linalg.inv(camera.T_world_camera)),
-        depth_scale=1 / camera.depth_unit_m,
-        depth_max=np.inf,
-    )
-    return cloud.point.positions.numpy() if "positions" in cloud.point else np.empty((0, 3), np.float32)
+    """The masked pixels that have a reading, as points [m] of the world, row by row."""
+    rows, columns = np.nonzero(mask & (depth != _NO_READING))
+    z = depth[rows, columns] * camera.depth_unit_m
+    rotation, origin = camera.T_world_camera[:3, :3], camera.T_world_camera[:3, 3]
+    # Axis by axis: linear algebra would use threads for so small a matrix, and take seven times as long.
+    axes = zip(rotation @ np.linalg.inv(camera.K), origin, strict=True)
+    return np.stack([(a * columns + b * rows + c) * z + at for (a, b, c), at in axes], axis=1).astype(np.float32)
 
 
 def project(points: Cloud, camera: CameraModel) -> Pixels:

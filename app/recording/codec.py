@@ -120,13 +120,18 @@ def _is_fixed(kind: Any) -> bool:
 
 
 def _dtype(kind: Any) -> np.dtype[Any]:
-    return np.dtype(kind.dtypes[0]).newbyteorder("<")
+    return _little(kind.dtypes[0])
+
+
+def _little(name: str) -> np.dtype[Any]:
+    """The type `name`, least byte first; by its string, so that it is the computer's own where that is the same."""
+    return np.dtype(np.dtype(name).newbyteorder("<").str)
 
 
 def _packed(array: np.ndarray) -> dict[str, Any]:
     if array.dtype == np.bool_:
         return {"dtype": _BITS, "shape": list(array.shape), "data": np.packbits(array).tobytes()}
-    little = np.ascontiguousarray(array, dtype=array.dtype.newbyteorder("<"))
+    little = np.ascontiguousarray(array, dtype=_little(array.dtype.name))
     return {"dtype": array.dtype.name, "shape": list(array.shape), "data": little.tobytes()}
 
 
@@ -135,7 +140,7 @@ def _unpacked(plain: Any, kind: Any) -> np.ndarray:
     if plain["dtype"] == _BITS:
         bits = np.unpackbits(np.frombuffer(data, np.uint8), count=math.prod(plain["shape"]))
         return _frozen(bits.view(np.bool_).reshape(plain["shape"]))
-    array = np.frombuffer(data, np.dtype(plain["dtype"]).newbyteorder("<")).reshape(plain["shape"])
+    array = np.frombuffer(data, _little(plain["dtype"])).reshape(plain["shape"])
     return array.astype(_dtype(kind), copy=False)
 
 

@@ -43,6 +43,16 @@ def test_a_camera_that_looks_straight_down_sees_the_table_at_zero():
     assert points[0, 1] > points[-1, 1]
 
 
+def test_points_of_a_whole_image_come_in_the_order_of_its_pixels():
+    """Whoever thins them out keeps the same ones each time."""
+    camera = two_cameras()[0]
+    depth = np.random.default_rng(0).integers(600, 900, (camera.height, camera.width)).astype(np.uint16)
+    column, row, _ = project(deproject(depth, everywhere(depth), camera), camera).T
+    rows, columns = np.indices(depth.shape).reshape(2, -1)
+    np.testing.assert_array_equal(np.rint(row), rows)
+    np.testing.assert_array_equal(np.rint(column), columns)
+
+
 def test_only_masked_pixels_with_a_reading_become_points():
     depth = np.array([[500, 0], [600, 700]], np.uint16)
     mask = np.array([[True, True], [False, True]])

@@ -15,7 +15,7 @@ from app.core.seeing import Seen
 from app.recording.channels import TOPICS, record_of
 from app.recording.codec import decode, encode, schema
 from app.recording.reader import read_episode, read_messages, read_transitions
-from app.recording.records import ParticlesRecord
+from app.recording.records import FrameRecord, ParticlesRecord
 from tests.recording.samples import Maker, Recording, all_kinds, record, same, same_as_read
 
 
@@ -29,6 +29,14 @@ def test_every_kind_of_message_comes_back_as_it_was_written(kind: type[Message],
     written = make(kind)
     read = list(read_messages(record(tmp_path, make(Episode), [written])))[-1]
     assert same_as_read(written, read)
+
+
+def test_arrays_are_read_in_types_that_libraries_in_c_take(make: Maker) -> None:
+    """A type that names its order of bytes is refused there, be it the computer's own."""
+    frame, particles = make(Frame), make(Particles)
+    camera = decode(encode(frame, FrameRecord), FrameRecord).camera
+    read = decode(encode(particles, ParticlesRecord), ParticlesRecord)
+    assert [memoryview(each).format for each in (camera.K, camera.T_world_camera, read.positions)] == ["d", "d", "f"]
 
 
 def test_particles_of_before_there_were_predicted_ones_are_read(make: Maker) -> None:
