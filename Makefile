@@ -89,7 +89,7 @@ endef
 test: develop ## everything that CI runs: lint, types, layering, tests, documentation
 	@mkdir -p $(dir $(BESIDE)); \
 	( $(static_checks); status=$$?; \
-	  $(NICE) $(PYTEST) -q -n 2 --dist loadfile -m "not slow and not serial" -o timeout=1800 --durations=25; \
+	  $(NICE) $(PYTEST) -q -n 2 --dist worksteal -m "not slow and not serial" -o timeout=1800 --durations=25; \
 	  exit $$((status + $$?)) ) >$(BESIDE) 2>&1 & beside=$$!; \
 	trap 'kill $$beside' INT TERM; \
 	$(PYTEST) -m "not slow and serial" --durations=25; serial=$$?; \
@@ -103,7 +103,7 @@ static: develop ## what is checked without running the program: lint, format, ty
 check: test ## the same as test
 
 test-slow: develop ## the tests that take minutes
-	$(PYTEST) -m slow
+	$(PYTEST) -m slow --hypothesis-profile=search
 
 bench: setup ## measure what docs/results.md states
 	$(BIN)/dipac bench

@@ -33,8 +33,10 @@ def modules_without_kernels() -> list[str]:
     ]
 
 
-# An example may take as long as it takes: how long that is depends on what else runs.
-settings.register_profile("dipac", deadline=None)
+# An example may take as long as it takes: how long that is depends on what else runs. A run tries the same ones as the
+# one before, so that it fails by a change alone; `--hypothesis-profile=search` tries others.
+settings.register_profile("dipac", deadline=None, derandomize=True)
+settings.register_profile("search", deadline=None)
 settings.load_profile("dipac")
 
 # What one test had compiled, those after it, their processes and the next run take from beside the checkout.
