@@ -25,14 +25,13 @@ _SPAWN = multiprocessing.get_context("spawn")
 class Worker(AbstractAsyncContextManager["Worker"]):
     """One process that runs one pure function at a time and keeps its compiled state between calls.
 
-    `niceness` is added to its scheduling priority: planners yield to the arm and the cameras. An `idle` one gets of the
-    processors what nobody else wants. A call that is cancelled or takes longer than `deadline_s` ends the process, and
-    so does closing; the next call starts a fresh one.
+    `niceness` is added to its scheduling priority: planners yield to the arm and the cameras. A call that is cancelled
+    or takes longer than `deadline_s` ends the process, and so does closing; the next call starts a fresh one.
     """
 
-    def __init__(self, name: str, *, niceness: int = 0, idle: bool = False, deadline_s: float = 600.0) -> None:
+    def __init__(self, name: str, *, niceness: int = 0, deadline_s: float = 600.0) -> None:
         self.name = name
-        self._niceness, self._idle = niceness, idle
+        self._niceness = niceness
         self._deadline_s = deadline_s
         self._process: SpawnProcess | None = None
         self._connection: Connection[Any, Any] | None = None
@@ -99,7 +98,7 @@ class Worker(AbstractAsyncContextManager["Worker"]):
                 self._connection, theirs = _SPAWN.Pipe()
                 self._process = _SPAWN.Process(
                     target=_serve,
-                    args=(theirs, self._niceness, self._idle),
+                    args=(theirs, self._niceness),
                     name=f"dipac {self.name}",
                     daemon=True,
                 )
@@ -118,12 +117,10 @@ class Worker(AbstractAsyncContextManager["Worker"]):
                 self._connection = None
 
 
-def _serve(connection: "Connection[Any, Any]", niceness: int, idle: bool) -> None:
+def _serve(connection: "Connection[Any, Any]", niceness: int) -> None:
     """Answer calls until the parent closes its end or dies."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
-    os.nice(19 if idle else niceness)
-    if idle and hasattr(os, "SCHED_IDLE"):
-        os.sched_setscheduler(0, os.SCHED_IDLE, os.sched_param(0))
+    os.nice(niceness)
     while True:
         try:
             function, arguments = connection.recv()

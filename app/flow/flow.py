@@ -68,7 +68,7 @@ from app.tasks.base import Wish
 
 _CHORES = 8
 """That wait; some hold pictures, and take seconds each."""
-_LAST_CALIBRATION_S = 120.0
+_LAST_CALIBRATION_S = 300.0
 """How long the end of an episode waits for the model to learn from its last pushes."""
 
 

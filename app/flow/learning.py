@@ -26,7 +26,8 @@ class Learning:
 
     def __init__(self, wish: Wish, planner: Worker, site: Site, announcer: Announcer, clock: Clock) -> None:
         self.models = Latest[Model]("models")
-        self.calibrator = Worker("calibrator", idle=True)  # A decision waits for the planner, nothing for this.
+        # A decision waits for the planner, only the end of an episode for this: a tenth of a core that all others want.
+        self.calibrator = Worker("calibrator", niceness=10)
         self.done, self.put_in, self.busy = 0, 0, False
         self._wish, self._site = wish, site
         self._announcer, self._clock = announcer, clock

@@ -37,10 +37,6 @@ def niceness() -> int:
     return os.nice(0)
 
 
-def scheduling_policy() -> int:
-    return os.sched_getscheduler(0)
-
-
 async def test_a_worker_computes_in_another_process_and_stays_the_same_one() -> None:
     async with Worker("test") as worker:
         first = await worker.run(where)
@@ -98,10 +94,3 @@ async def test_calls_take_turns_and_each_gets_its_own_answer() -> None:
 async def test_a_worker_yields_to_others_by_its_niceness() -> None:
     async with Worker("test", niceness=7) as worker:
         assert await worker.run(niceness) == os.nice(0) + 7
-
-
-@pytest.mark.skipif(not hasattr(os, "SCHED_IDLE"), reason="this system has no idle scheduling class")
-async def test_an_idle_worker_gets_what_nobody_else_wants() -> None:
-    async with Worker("test", idle=True) as worker:
-        assert await worker.run(scheduling_policy) == os.SCHED_IDLE
-        assert await worker.run(niceness) == 19
