@@ -22,8 +22,8 @@ from app.discovery.predict import Predictor, resisting
 from app.discovery.study import Push, Study, View
 from app.discovery.subject import Theta
 from app.perception.resample import resample
-from app.policy.ordering import arclength_labels, centreline_weights
 from app.policy.strokes import REGION, Plan, midway_s, random_track
+from app.sim.arc_length import arclength_labels, centreline_weights
 from app.sim.catalogue import EFFECTS
 from app.sim.effects.base import Effect
 from app.sim.params import PARAMETERS, acting, columns_of

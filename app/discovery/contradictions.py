@@ -9,7 +9,7 @@ from app.core.types import Points
 from app.discovery.case import Limit
 from app.discovery.study import Push, Study
 from app.discovery.subject import Subject
-from app.policy.ordering import arclength_labels, centreline_weights
+from app.sim.arc_length import arclength_labels, centreline_weights
 
 _NEAR_M = 0.025
 """From the tip to the nearest particle, seen from above: farther away it touched nothing, even if cameras err."""

@@ -21,7 +21,7 @@ from app.core.types import Points
 from app.discovery.apparatus.base import Apparatus, Eye, Load, Places
 from app.discovery.study import Push, Study, View
 from app.discovery.subject import Catalogue, Subject, Theta
-from app.policy.ordering import arclength_labels, centreline_weights
+from app.sim.arc_length import arclength_labels, centreline_weights
 from app.sim.params import PARAMETERS, index
 from app.sim.rollout import Simulate, make_rollout
 from app.sim.scene import Scene

@@ -10,7 +10,7 @@ from jaxtyping import Array, Float, Float32
 
 from app.core.types import Points
 from app.policy.base import Acted, Now
-from app.policy.ordering import arclength_labels, centreline_weights
+from app.sim.arc_length import arclength_labels, centreline_weights
 
 _BLOCKED_M = 10.0
 """More than any sum of errors on a table: a start on top of the rope is chosen only where there is no other."""

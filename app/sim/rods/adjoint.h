@@ -1,0 +1,215 @@
+// The adjoint of a time step: from the cotangents of what follows to those of what was, by the chain rule, by hand.
+#pragma once
+#include "rod.h"
+
+namespace rods {
+
+constexpr int BAR_ROWS = 31;
+
+// Rows of n lanes each: a bar is a cotangent. The first STATE of them are turned in place from the end of a step to its
+// beginning.
+struct Bars {
+    Lanes* base;
+    int n;
+
+    ROD_HERE Lanes* row(int number) const { return base + number * n; }
+    ROD_HERE Lanes* x(int c) const { return row(c); }
+    ROD_HERE Lanes* v(int c) const { return row(2 + c); }
+    ROD_HERE Lanes* z(int c) const { return row(4 + c); }
+    ROD_HERE Lanes* s() const { return row(6); }
+    ROD_HERE Lanes* p() const { return row(7); }
+    ROD_HERE Lanes* mass() const { return row(8); }             // sums over all steps
+    ROD_HERE Lanes* bending() const { return row(9); }
+    ROD_HERE Lanes* curved() const { return row(10); }
+    ROD_HERE Lanes* limit() const { return row(11); }           // of the effects' factor in this step
+    ROD_HERE Lanes* g(int c) const { return row(12 + c); }      // of the change of velocity
+    ROD_HERE Lanes* f(int c) const { return row(14 + c); }      // of the force on a node, and of its weight
+    ROD_HERE Lanes* weight() const { return row(16); }
+    ROD_HERE Lanes* t(int c) const { return row(17 + c); }
+    ROD_HERE Lanes* length() const { return row(19); }
+    ROD_HERE Lanes* spin() const { return row(20); }
+    ROD_HERE Lanes* moment() const { return row(21); }
+    ROD_HERE Lanes* first(int c) const { return row(22 + c); }  // of positions: what a segment gives to its nodes
+    ROD_HERE Lanes* second(int c) const { return row(24 + c); }
+    ROD_HERE Lanes* vfirst(int c) const { return row(26 + c); } // of velocities likewise
+    ROD_HERE Lanes* vsecond(int c) const { return row(28 + c); }
+};
+
+ROD_CALL void nodes_adjoint(const Rod& r, const Bars& o, const Numbers& k, const Traits& c, Traits& sum) {
+    EACH(i, 0, r.n) {
+        const Load l = load_of(r, i, k);
+        const Lanes vx = r.v(0)[i], vy = r.v(1)[i], speed = root(vx * vx + vy * vy + c.creep * c.creep + 1e-12f);
+        const Lanes limit = c.table_friction * r.limit()[i] * l.weight + 1e-9f;
+        const Lanes relaxed = 1.0f / (1.0f + k.dt * k.table * speed / limit);
+        const Lanes rate = (k.table_damping / k.dt) * relaxed, gain = k.dt / r.mass()[i];
+        const Lanes fx = o.g(0)[i] * gain, fy = o.g(1)[i] * gain;
+        const Lanes zx = o.z(0)[i] - fx * (k.table + rate), zy = o.z(1)[i] - fy * (k.table + rate);
+        const Lanes damped = fx * (r.zn(0)[i] - r.z(0)[i]) + fy * (r.zn(1)[i] - r.z(1)[i]);
+        const Lanes slower = (rate * damped - zx * r.zn(0)[i] - zy * r.zn(1)[i]) * relaxed;
+        const Lanes of_speed = slower * (k.dt * k.table) / (limit * speed);
+        const Lanes of_limit = -slower * (k.dt * k.table) * speed / (limit * limit);
+        o.z(0)[i] = fx * rate + zx * relaxed;
+        o.z(1)[i] = fy * rate + zy * relaxed;
+        o.v(0)[i] += k.dt * zx * relaxed + of_speed * vx;
+        o.v(1)[i] += k.dt * zy * relaxed + of_speed * vy;
+        sum.creep += of_speed * c.creep;
+        const Lanes weight = of_limit * c.table_friction * r.limit()[i];
+        sum.table_friction += of_limit * r.limit()[i] * l.weight;
+        o.limit()[i] = of_limit * c.table_friction * l.weight;
+        o.f(0)[i] = fx; o.f(1)[i] = fy; o.weight()[i] = weight;
+        o.mass()[i] += weight * k.gravity - (o.g(0)[i] * r.g(0)[i] + o.g(1)[i] * r.g(1)[i]) / r.mass()[i];
+    }
+    TOGETHER();
+}
+
+// The contact of segment j with the finger; adds to the bars of the segment and of the finger.
+ROD_CALL void meeting_adjoint(
+    const Rod& r, int j, const Bars& o, const Numbers& k, const Traits& c, const Finger& u, Lanes hop, Traits& sum, Finger& bar
+) {
+    const Meeting m = meet(r, j, k, c, u, hop);
+    const Lanes next_s = o.s()[j];
+    o.s()[j] = Lanes{};
+    if (!any(m.touching)) return;
+    const Lanes zero = {}, rest = 1.0f - m.share, s = r.sn()[j], E = 1.0f + k.dt * k.finger * m.any_slip / m.drag;
+    const Lanes px = o.f(0)[j] * rest + o.f(0)[j + 1] * m.share, py = o.f(1)[j] * rest + o.f(1)[j + 1] * m.share;
+    const Lanes pressed = o.weight()[j] * rest + o.weight()[j + 1] * m.share;
+    Lanes share = r.push(0)[j] * (o.f(0)[j + 1] - o.f(0)[j]) + r.push(1)[j] * (o.f(1)[j + 1] - o.f(1)[j]) +
+                  r.press()[j] * (o.weight()[j + 1] - o.weight()[j]);
+    // push = o normal - side finger s, side = (-oy, ox)
+    const Lanes ks = k.finger * s;
+    Lanes ox = px * m.normal - py * ks, oy = py * m.normal + px * ks;
+    Lanes normal = px * m.ox + py * m.oy;
+    const Lanes bristle = next_s + k.finger * (px * m.oy - py * m.ox);
+    Lanes total = pressed * (u.sine + m.up * m.cosine), up = pressed * m.total * m.cosine;
+    Lanes sine = pressed * m.total, cosine = pressed * m.total * m.up;
+    const Lanes relaxed = bristle / E, slower = -relaxed * s;
+    Lanes slip = k.dt * relaxed, any_slip = slower * (k.dt * k.finger) / m.drag;
+    const Lanes drag = -slower * (k.dt * k.finger) * m.any_slip / (m.drag * m.drag);
+    total += drag * c.finger_friction;
+    const Lanes den = m.cosine - m.up * u.sine, of_den = -total * m.total / den;
+    normal += total / den;
+    cosine += of_den; up -= of_den * u.sine; sine -= of_den * m.up;
+    sine -= cosine * u.sine / m.cosine;
+    const Lanes friction = drag * m.total + up * hop / m.any_slip;
+    any_slip -= up * m.up / m.any_slip;
+    slip += any_slip * m.slip / m.any_slip;
+    const Lanes hopped = up * c.finger_friction / m.any_slip + any_slip * hop / m.any_slip;
+    // slip = my ox - mx oy
+    Lanes mx = -slip * m.oy, my = slip * m.ox;
+    ox += slip * m.my; oy -= slip * m.mx;
+    normal = either(m.inside, normal, zero);
+    const Mask shallow = m.depth < k.onset;
+    Lanes depth = normal * (k.finger - either(shallow, k.finger_damping * m.approach / k.onset, zero));
+    const Lanes approach = -normal * k.finger_damping * m.ramp;
+    mx += approach * m.ox; my += approach * m.oy;
+    ox += approach * m.mx; oy += approach * m.my;
+    const Lanes dx = r.v(0)[j + 1] - r.v(0)[j], dy = r.v(1)[j + 1] - r.v(1)[j];
+    share += mx * dx + my * dy;
+    const Lanes distance = -depth + (ox * m.gx + oy * m.gy) / (m.distance * m.distance);
+    const Lanes gx = -ox / m.distance + distance * m.gx / m.distance, gy = -oy / m.distance + distance * m.gy / m.distance;
+    const Lanes length = r.length()[j], ex = r.t(0)[j] * length, ey = r.t(1)[j] * length;
+    share -= gx * ex + gy * ey;
+    const Mask within = (m.along > 0.0f) & (m.along < 1.0f);
+    const Lanes w = either(within, share / (length * length), zero);
+    const Lanes awx = u.x - r.x(0)[j], awy = u.y - r.x(1)[j];
+    Lanes ax = gx + w * ex, ay = gy + w * ey;
+    // along = aw . e / |e|^2, and |e| is a function of e: the two together.
+    Lanes bx = w * awx - m.share * gx - 2.0f * w * m.along * ex, by = w * awy - m.share * gy - 2.0f * w * m.along * ey;
+    const auto kept = [&](Lanes a) { return either(m.touching, a, zero); };
+    ax = kept(ax); ay = kept(ay); bx = kept(bx); by = kept(by); mx = kept(mx); my = kept(my);
+    o.first(0)[j] -= ax + bx; o.first(1)[j] -= ay + by;
+    o.second(0)[j] += bx; o.second(1)[j] += by;
+    o.vfirst(0)[j] += mx * rest; o.vfirst(1)[j] += my * rest;
+    o.vsecond(0)[j] += mx * m.share; o.vsecond(1)[j] += my * m.share;
+    o.s()[j] = kept(relaxed);
+    sum.finger_friction += kept(friction);
+    sum.climb += kept(hopped) * hop / larger(c.climb, all_of(1e-12f));
+    const Lanes quick = kept(hopped) * c.climb * c.climb / larger(hop, all_of(1e-12f));
+    bar.x += ax; bar.y += ay;
+    bar.vx += quick * u.vx - mx; bar.vy += quick * u.vy - my;
+    bar.reach += kept(depth); bar.sine += kept(sine);
+}
+
+ROD_CALL void segments_adjoint(const Rod& r, const Bars& o, const Numbers& k, const Traits& c, const Finger& u, Traits& sum, Finger& bar) {
+    const int n = r.n;
+    const Lanes hop = hop_of(c, u);
+    EACH(i, 0, n) o.moment()[i] = Lanes{};
+    EACH(j, 0, n - 1) {
+        for (int a = 0; a < 2; a++) o.first(a)[j] = o.second(a)[j] = o.vfirst(a)[j] = o.vsecond(a)[j] = Lanes{};
+        meeting_adjoint(r, j, o, k, c, u, hop, sum, bar);
+        // f = normal q - t tension, with normal = (-ty, tx)
+        const Lanes fx = o.f(0)[j + 1] - o.f(0)[j], fy = o.f(1)[j + 1] - o.f(1)[j];
+        const Lanes length = r.length()[j], q = (r.moment()[j + 1] - r.moment()[j]) / length, tx = r.t(0)[j], ty = r.t(1)[j];
+        const Lanes of_q = tx * fy - ty * fx, pull = -(tx * fx + ty * fy);
+        const Lanes dx = r.v(0)[j + 1] - r.v(0)[j], dy = r.v(1)[j + 1] - r.v(1)[j];
+        o.spin()[j] = of_q / length;  // For the moments; turned into that of the rate of turning below.
+        o.t(0)[j] = q * fy - r.tension()[j] * fx + pull * k.stretch_damping * dx;
+        o.t(1)[j] = -q * fx - r.tension()[j] * fy + pull * k.stretch_damping * dy;
+        o.length()[j] = pull * (k.stretch / k.rest) - of_q * q / length;
+        const Lanes vx = pull * k.stretch_damping * tx, vy = pull * k.stretch_damping * ty;
+        o.vfirst(0)[j] -= vx; o.vfirst(1)[j] -= vy;
+        o.vsecond(0)[j] += vx; o.vsecond(1)[j] += vy;
+    }
+    TOGETHER();
+    EACH(i, 1, n - 1) o.moment()[i] = o.spin()[i - 1] - o.spin()[i];
+    TOGETHER();
+    // moment = bending kept + damping (spin - spin before)
+    EACH(j, 0, n - 1) {
+        const Lanes turning = (o.moment()[j] - o.moment()[j + 1]) * c.bending_damping;
+        const Lanes dx = r.v(0)[j + 1] - r.v(0)[j], dy = r.v(1)[j + 1] - r.v(1)[j], length = r.length()[j];
+        // spin = (tx dy - ty dx) / length
+        const Lanes w = turning / length;
+        o.t(0)[j] += w * dy; o.t(1)[j] -= w * dx;
+        o.length()[j] -= w * r.spin()[j];
+        o.vfirst(0)[j] += w * r.t(1)[j]; o.vfirst(1)[j] -= w * r.t(0)[j];
+        o.vsecond(0)[j] -= w * r.t(1)[j]; o.vsecond(1)[j] += w * r.t(0)[j];
+    }
+    TOGETHER();
+    EACH(i, 1, n - 1) {
+        const Lanes ax = r.t(0)[i - 1], ay = r.t(1)[i - 1], bx = r.t(0)[i], by = r.t(1)[i];
+        const Lanes dot = 1.0f + ax * bx + ay * by, d = larger(dot, all_of(0.1f));
+        const Lanes angle = 2.0f * (ax * by - ay * bx) / d, a2 = angle * angle;
+        const Lanes turned = angle * (1.0f - a2 * (1.0f / 12 - a2 / 80.0f)), e = turned - r.curved()[i] - r.p()[i];
+        const Mask elastic = (e < c.yield_angle) & (e > -c.yield_angle);
+        const Lanes kept = clipped(e, -c.yield_angle, c.yield_angle);
+        const Lanes next_p = o.p()[i], of_kept = o.moment()[i] * r.bending()[i] - next_p;
+        o.bending()[i] += o.moment()[i] * kept;
+        sum.bending_damping += o.moment()[i] * (r.spin()[i] - r.spin()[i - 1]);
+        const Lanes of_e = next_p + either(elastic, of_kept, Lanes{});
+        sum.yield_angle += either(elastic, Lanes{}, either(e > 0.0f, of_kept, -of_kept));
+        o.p()[i] = next_p - of_e;
+        o.curved()[i] -= of_e;
+        const Mask tight = (turned > k.tightest) | (turned < -k.tightest);
+        const Lanes of_angle = of_e + either(tight, o.moment()[i] * k.stop, Lanes{});
+        const Lanes u1 = of_angle * (1.0f - a2 * (0.25f - a2 / 16.0f));
+        const Lanes cross = 2.0f * u1 / d, of_d = either(dot > 0.1f, -u1 * angle / d, Lanes{});
+        // Kept for both of its segments, each of which adds its own part.
+        o.moment()[i] = cross; o.g(0)[i] = of_d;
+    }
+    TOGETHER();
+    EACH(j, 0, n - 1) {
+        Lanes tx = o.t(0)[j], ty = o.t(1)[j];
+        if (j < n - 2) {
+            const Lanes bx = r.t(0)[j + 1], by = r.t(1)[j + 1], cross = o.moment()[j + 1], d = o.g(0)[j + 1];
+            tx += cross * by + d * bx; ty += d * by - cross * bx;
+        }
+        if (j > 0) {
+            const Lanes ax = r.t(0)[j - 1], ay = r.t(1)[j - 1], cross = o.moment()[j], d = o.g(0)[j];
+            tx += d * ax - cross * ay; ty += cross * ax + d * ay;
+        }
+        const Lanes length = r.length()[j], of_length = o.length()[j] - (tx * r.t(0)[j] + ty * r.t(1)[j]) / length;
+        const Lanes ex = tx / length + of_length * r.t(0)[j], ey = ty / length + of_length * r.t(1)[j];
+        o.first(0)[j] -= ex; o.first(1)[j] -= ey;
+        o.second(0)[j] += ex; o.second(1)[j] += ey;
+    }
+    TOGETHER();
+    EACH(i, 0, n) {
+        for (int a = 0; a < 2; a++) {
+            if (i < n - 1) { o.x(a)[i] += o.first(a)[i]; o.v(a)[i] += o.vfirst(a)[i]; }
+            if (i > 0) { o.x(a)[i] += o.second(a)[i - 1]; o.v(a)[i] += o.vsecond(a)[i - 1]; }
+        }
+    }
+    TOGETHER();
+}
+
+}  // namespace rods

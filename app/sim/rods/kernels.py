@@ -1,0 +1,357 @@
+"""The Warp kernels of rods: whole actions, sixteen candidates abreast on a CPU, a block a candidate on a GPU."""
+
+# Warp reads its types at run time; as static types, its vectors, arrays and structs have no operators.
+# pyright: reportInvalidTypeForm=false, reportIndexIssue=false, reportOperatorIssue=false, reportArgumentType=false
+# pyright: reportCallIssue=false, reportGeneralTypeIssues=false, reportUntypedFunctionDecorator=false
+# pyright: reportAttributeAccessIssue=false, reportUndefinedVariable=false
+
+import functools
+from dataclasses import dataclass
+from pathlib import Path
+from typing import final
+
+import warp as wp
+
+STATE, TRAITS, FIELDS, TOOL = 8, 6, 3, 4
+"""Rows of a state (x, v, z by axes, s, p), traits of a candidate, rows of fields, coordinates of the finger."""
+ROWS, BAR_ROWS = 35, 31
+"""Rows of scratch memory for a step, and for its adjoint besides."""
+EVERY = 32
+"""Steps between the states that are kept for the adjoint, which computes those between again."""
+THREADS = 64
+"""Of a block on a GPU, as in lanes.h."""
+LANES = {True: 1, False: 16}
+"""Candidates in one group, on a GPU and on a CPU."""
+
+_FOLDER = Path(__file__).parent
+_INCLUDED = '#include "step.h"'
+_OPTIONS = wp.ModuleBuildOptions(
+    extra_cpu_include_dirs=[_FOLDER],
+    extra_cuda_include_dirs=[_FOLDER],
+    extra_cpu_preamble=_INCLUDED,
+    extra_cuda_preamble=_INCLUDED,
+    extra_build_dependencies=[_FOLDER / name for name in ("lanes.h", "rod.h", "adjoint.h", "own.h", "step.h")],
+)
+
+_HERE = """
+    using namespace rods;
+    const int n = start.shape[2], last = start.shape[0] - 1, first = group * WIDTH;
+    const Numbers& k = *(const Numbers*)numbers.data;
+    Lanes* const base = memory_of((float*)scratch.data, slot, (ROWS + BAR_ROWS) * n);
+    const Rod r = {base, n};
+    const auto one = [&](const wp::array_t<float>& a, int row, int i) {
+        return (float*)a.data + (long long)row * a.shape[2] + i;
+    };
+    const auto stride = [&](const wp::array_t<float>& a) { return a.shape[1] * a.shape[2]; };
+"""
+_TRAITS = """
+    Traits c;
+    {
+        const float* from = (const float*)traits.data;
+        Lanes* const each = (Lanes*)&c;
+        for (int m = 0; m < TRAITS; m++) each[m] = gather(from + m, first, last, TRAITS);
+    }
+    const auto finger_at = [&](int s) {
+        const float *now = one(tool, s, 0), *then = one(tool, s + 1, 0);
+        const int w = stride(tool);
+        Finger u;
+        u.x = gather(then, first, last, w); u.y = gather(then + 1, first, last, w);
+        u.vx = (u.x - gather(now, first, last, w)) / k.dt; u.vy = (u.y - gather(now + 1, first, last, w)) / k.dt;
+        u.reach = gather(then + 2, first, last, w); u.sine = gather(then + 3, first, last, w);
+        return u;
+    };
+"""
+
+
+@wp.func_native(
+    _HERE
+    + """
+    EACH(i, 0, n) {
+        for (int row = 0; row < STATE; row++)
+            base[row * n + i] = gather(one(start, row, i), first, last, stride(start));
+        r.mass()[i] = gather(one(fields, 0, i), first, last, stride(fields));
+        r.bending()[i] = gather(one(fields, 1, i), first, last, stride(fields));
+        r.curved()[i] = gather(one(fields, 2, i), first, last, stride(fields));
+        r.limit()[i] = all_of(1.0f);
+        r.x0(0)[i] = r.x(0)[i]; r.x0(1)[i] = r.x(1)[i];
+        r.around(0)[i] = r.around(1)[i] = r.weight()[i] = r.sn()[i] = r.share()[i] = r.press()[i] = Lanes{};
+    }
+    TOGETHER();
+""",
+)
+def load_start(
+    group: int,
+    slot: int,
+    numbers: wp.array[float],
+    start: wp.array3d[float],
+    fields: wp.array3d[float],
+    scratch: wp.array[float],
+):
+    """A group's states and fields into its slot."""
+
+
+@wp.func_native(
+    _HERE
+    + _TRAITS
+    + """
+    const Finger u = finger_at(s);
+    find_forces(r, k, c, u);
+    find_changes(r, k, c);
+    advance(r, k, (const float*)smoother.data);
+"""
+)
+def step(
+    group: int,
+    slot: int,
+    s: int,
+    numbers: wp.array[float],
+    smoother: wp.array[float],
+    start: wp.array3d[float],
+    traits: wp.array[float],
+    tool: wp.array3d[float],
+    scratch: wp.array[float],
+):
+    """One time step."""
+
+
+@wp.func_native(
+    _HERE
+    + """
+    Lanes* const to = (Lanes*)kept.data + ((long long)which * rows + row) * STATE * n;
+    EACH(i, 0, STATE * n) to[i] = base[i];
+    TOGETHER();
+"""
+)
+def keep(
+    group: int,
+    slot: int,
+    which: int,
+    rows: int,
+    row: int,
+    numbers: wp.array[float],
+    start: wp.array3d[float],
+    scratch: wp.array[float],
+    kept: wp.array[float],
+):
+    """The state, as a row of what is kept."""
+
+
+@wp.func_native(
+    _HERE
+    + """
+    const Lanes* const from = (const Lanes*)kept.data + ((long long)which * rows + row) * STATE * n;
+    EACH(i, 0, STATE * n) base[i] = from[i];
+    TOGETHER();
+"""
+)
+def restore(
+    group: int,
+    slot: int,
+    which: int,
+    rows: int,
+    row: int,
+    numbers: wp.array[float],
+    start: wp.array3d[float],
+    scratch: wp.array[float],
+    kept: wp.array[float],
+):
+    """The state from a row of what is kept."""
+
+
+@wp.func_native(
+    _HERE
+    + """
+    EACH(i, 0, n)
+        for (int row = 0; row < STATE; row++) scatter(one(end, row, i), first, last, stride(end), base[row * n + i]);
+"""
+)
+def store_end(
+    group: int,
+    slot: int,
+    numbers: wp.array[float],
+    start: wp.array3d[float],
+    scratch: wp.array[float],
+    end: wp.array3d[float],
+):
+    """A group's states out of its slot."""
+
+
+@wp.func_native(
+    _HERE
+    + """
+    Lanes* const bars = base + ROWS * n;
+    EACH(i, 0, n) {
+        for (int row = 0; row < BAR_ROWS; row++) bars[row * n + i] = Lanes{};
+        for (int row = 0; row < STATE; row++)
+            bars[row * n + i] = gather(one(end_bar, row, i), first, last, stride(end_bar));
+    }
+    TOGETHER();
+"""
+)
+def load_bars(
+    group: int,
+    slot: int,
+    numbers: wp.array[float],
+    start: wp.array3d[float],
+    scratch: wp.array[float],
+    end_bar: wp.array3d[float],
+):
+    """Cotangents of the last state; those of sums are none so far."""
+
+
+@wp.func_native(
+    _HERE
+    + _TRAITS
+    + """
+    const Bars o = {base + ROWS * n, n};
+    const Finger u = finger_at(s);
+    Traits sum = {};
+    Finger bar = {};
+    find_forces(r, k, c, u);
+    find_changes(r, k, c);
+    step_adjoint(r, o, k, c, u, (const float*)smoother.data, sum, bar);
+    Lanes *const of_trait = (Lanes*)&sum, *const of_finger = (Lanes*)&bar;
+    for (int m = 0; m < TRAITS; m++) of_trait[m] = over_nodes(of_trait[m]);
+    for (int m = 0; m < FINGER; m++) of_finger[m] = over_nodes(of_finger[m]);
+    EACH(m, 0, 1) {
+        float *now = one(tool_bar, s, 0), *then = one(tool_bar, s + 1, 0);
+        const int w = stride(tool_bar);
+        const auto add = [&](float* to, int by, Lanes a) {
+            scatter(to, first, last, by, gather(to, first, last, by) + a);
+        };
+        const Lanes vx = bar.vx / k.dt, vy = bar.vy / k.dt;
+        add(then, w, bar.x + vx); add(then + 1, w, bar.y + vy); add(then + 2, w, bar.reach); add(then + 3, w, bar.sine);
+        add(now, w, -vx); add(now + 1, w, -vy);
+        for (int m = 0; m < TRAITS; m++) add((float*)traits_bar.data + m, TRAITS, of_trait[m]);
+    }
+    TOGETHER();
+"""
+)
+def step_adjoint(
+    group: int,
+    slot: int,
+    s: int,
+    numbers: wp.array[float],
+    smoother: wp.array[float],
+    start: wp.array3d[float],
+    traits: wp.array[float],
+    tool: wp.array3d[float],
+    scratch: wp.array[float],
+    traits_bar: wp.array[float],
+    tool_bar: wp.array3d[float],
+):
+    """The adjoint of a step, from the state at its beginning."""
+
+
+@wp.func_native(
+    _HERE
+    + """
+    const Bars o = {base + ROWS * n, n};
+    const Lanes* const bars = base + ROWS * n;
+    EACH(i, 0, n) {
+        for (int row = 0; row < STATE; row++)
+            scatter(one(start_bar, row, i), first, last, stride(start_bar), bars[row * n + i]);
+        scatter(one(fields_bar, 0, i), first, last, stride(fields_bar), o.mass()[i]);
+        scatter(one(fields_bar, 1, i), first, last, stride(fields_bar), o.bending()[i]);
+        scatter(one(fields_bar, 2, i), first, last, stride(fields_bar), o.curved()[i]);
+    }
+"""
+)
+def store_bars(
+    group: int,
+    slot: int,
+    numbers: wp.array[float],
+    start: wp.array3d[float],
+    scratch: wp.array[float],
+    start_bar: wp.array3d[float],
+    fields_bar: wp.array3d[float],
+):
+    """Cotangents of the first state and of the fields."""
+
+
+@final
+@dataclass(frozen=True, kw_only=True)
+class RodKernels:
+    """Whole actions of one group of candidates."""
+
+    module: wp.Module
+    forward: wp.Kernel
+    adjoint: wp.Kernel
+
+
+@functools.cache
+def rod_kernels(*, on_gpu: bool) -> RodKernels:
+    """Compilation happens at the first launch, or in warm-up."""
+    module = wp.get_module(f"dipac_rods_{'gpu' if on_gpu else 'cpu'}")
+    module.options["extra_build_options"] = _OPTIONS
+    module.options["fast_math"] = on_gpu  # A block waits for its divisions and roots; on a CPU they come in sixteens.
+
+    @wp.kernel(module=module, enable_backward=False)
+    def forward(
+        first_group: int,
+        first_slot: int,
+        numbers: wp.array[float],
+        smoother: wp.array[float],
+        start: wp.array3d[float],
+        fields: wp.array3d[float],
+        traits: wp.array[float],
+        tool: wp.array3d[float],
+        scratch: wp.array[float],
+        kept: wp.array[float],
+        rows: int,
+        end: wp.array3d[float],
+    ):
+        at = wp.tid() // wp.static(THREADS)
+        group = first_group + at
+        slot = first_slot + at
+        load_start(group, slot, numbers, start, fields, scratch)
+        for s in range(tool.shape[1] - 1):
+            if rows > 0 and s % wp.static(EVERY) == 0:
+                keep(group, slot, group, rows, s // wp.static(EVERY), numbers, start, scratch, kept)
+            step(group, slot, s, numbers, smoother, start, traits, tool, scratch)
+        store_end(group, slot, numbers, start, scratch, end)
+
+    @wp.kernel(module=module, enable_backward=False)
+    def adjoint(
+        first_group: int,
+        first_slot: int,
+        numbers: wp.array[float],
+        smoother: wp.array[float],
+        start: wp.array3d[float],
+        fields: wp.array3d[float],
+        traits: wp.array[float],
+        tool: wp.array3d[float],
+        scratch: wp.array[float],
+        kept: wp.array[float],
+        rows: int,
+        between: wp.array[float],
+        end_bar: wp.array3d[float],
+        start_bar: wp.array3d[float],
+        fields_bar: wp.array3d[float],
+        traits_bar: wp.array[float],
+        tool_bar: wp.array3d[float],
+    ):
+        at = wp.tid() // wp.static(THREADS)
+        group = first_group + at
+        slot = first_slot + at
+        load_start(group, slot, numbers, start, fields, scratch)
+        load_bars(group, slot, numbers, start, scratch, end_bar)
+        steps = tool.shape[1] - 1
+        for later in range(rows):
+            row = rows - 1 - later
+            begin = row * wp.static(EVERY)
+            count = wp.min(wp.static(EVERY), steps - begin)
+            restore(group, slot, group, rows, row, numbers, start, scratch, kept)
+            for m in range(count):
+                keep(group, slot, slot, wp.static(EVERY), m, numbers, start, scratch, between)
+                if m < count - 1:
+                    step(group, slot, begin + m, numbers, smoother, start, traits, tool, scratch)
+            for back in range(count):
+                m = count - 1 - back
+                restore(group, slot, slot, wp.static(EVERY), m, numbers, start, scratch, between)
+                step_adjoint(
+                    group, slot, begin + m, numbers, smoother, start, traits, tool, scratch, traits_bar, tool_bar
+                )
+        store_bars(group, slot, numbers, start, scratch, start_bar, fields_bar)
+
+    return RodKernels(module=module, forward=forward, adjoint=adjoint)

@@ -1,0 +1,160 @@
+"""Rod kernels as JAX calls: a whole action forward, and its adjoint."""
+
+# The annotations of the callables are Warp's run-time array types, which are no static types.
+# pyright: reportInvalidTypeForm=false, reportAttributeAccessIssue=false, reportCallIssue=false
+# pyright: reportGeneralTypeIssues=false
+
+import os
+from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
+from typing import Any, final
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import warp as wp
+
+from app.sim.rods.kernels import BAR_ROWS, EVERY, FIELDS, LANES, ROWS, STATE, THREADS, TOOL, TRAITS, rod_kernels
+from app.sim.rods.scene import RodScene, factors_of, numbers_of, smoother_of
+
+
+@final
+@dataclass(frozen=True, kw_only=True)
+class RodOperations:
+    """The two calls of a rollout of rods.
+
+    `forward(start, fields, traits, tool, keeps)` returns the end and what the adjoint needs if `keeps`;
+    `backward(kept, start, fields, traits, tool, end_bar)` the cotangents of start, fields, traits and tool.
+    """
+
+    forward: Callable[..., tuple[jax.Array, jax.Array]]
+    backward: Callable[..., tuple[jax.Array, jax.Array, jax.Array, jax.Array]]
+
+
+def make_rod_operations(scene: RodScene, bending_n_m: float, damping_n_m_s: float) -> RodOperations:
+    """For one scene, whose joints are at most so stiff and damped."""
+    wp.config.log_level = wp.LOG_WARNING
+    n = scene.nodes
+    numbers = np.array(numbers_of(scene), np.float32)
+    matrix = smoother_of(scene, bending_n_m, damping_n_m_s)
+    on_gpu = jax.default_backend() == "gpu"
+    kernels = rod_kernels(on_gpu=on_gpu)
+    smoother = (np.linalg.inv(matrix) if on_gpu else factors_of(matrix)).astype(np.float32).ravel()
+    width = LANES[on_gpu]
+    threads = len(os.sched_getaffinity(0))
+
+    def groups_of(candidates: int) -> int:
+        return -(-candidates // width)
+
+    def launch(kernel: wp.Kernel, groups: int, arguments: list[Any], device: wp.Device) -> None:
+        if device.is_cuda:
+            wp.launch(kernel, groups * THREADS, [0, 0, *arguments], device=device, block_dim=THREADS)
+            return
+        waiting = iter(range(groups))
+
+        def simulate(slot: int) -> None:
+            for group in waiting:
+                wp.launch(kernel, 1, [group, slot, *arguments], device=device)
+
+        if min(threads, groups) == 1:
+            simulate(0)
+            return
+        with ThreadPoolExecutor(min(threads, groups)) as pool:
+            list(pool.map(simulate, range(min(threads, groups))))
+
+    def forward(
+        constants: wp.array(dtype=float),
+        smoothing: wp.array(dtype=float),
+        start: wp.array3d(dtype=float),
+        fields: wp.array3d(dtype=float),
+        traits: wp.array(dtype=float),
+        tool: wp.array3d(dtype=float),
+        rows: int,
+        end: wp.array3d(dtype=float),
+        kept: wp.array(dtype=float),
+        scratch: wp.array(dtype=float),
+    ):
+        groups = groups_of(start.shape[0])
+        arguments = [constants, smoothing, start, fields, traits, tool, scratch, kept, rows, end]
+        launch(kernels.forward, groups, arguments, start.device)
+
+    def backward(
+        constants: wp.array(dtype=float),
+        smoothing: wp.array(dtype=float),
+        start: wp.array3d(dtype=float),
+        fields: wp.array3d(dtype=float),
+        traits: wp.array(dtype=float),
+        tool: wp.array3d(dtype=float),
+        kept: wp.array(dtype=float),
+        end_bar: wp.array3d(dtype=float),
+        rows: int,
+        start_bar: wp.array3d(dtype=float),
+        fields_bar: wp.array3d(dtype=float),
+        traits_bar: wp.array(dtype=float),
+        tool_bar: wp.array3d(dtype=float),
+        between: wp.array(dtype=float),
+        scratch: wp.array(dtype=float),
+    ):
+        tool_bar.zero_()
+        traits_bar.zero_()
+        groups = groups_of(start.shape[0])
+        given = [constants, smoothing, start, fields, traits, tool, scratch, kept, rows, between, end_bar]
+        launch(kernels.adjoint, groups, [*given, start_bar, fields_bar, traits_bar, tool_bar], start.device)
+
+    forward_call = wp.jax_callable(forward, num_outputs=3)
+    backward_call = wp.jax_callable(backward, num_outputs=6)
+
+    def slots(candidates: int) -> int:
+        groups = groups_of(candidates)
+        return groups if on_gpu else min(threads, groups)
+
+    def compiled() -> None:
+        for device in jax.local_devices():
+            wp.load_module(kernels.module, wp.device_from_jax(device))
+
+    def run_forward(
+        start: jax.Array, fields: jax.Array, traits: jax.Array, tool: jax.Array, keeps: bool
+    ) -> tuple[jax.Array, jax.Array]:
+        compiled()
+        candidates, steps = start.shape[0], tool.shape[1] - 1
+        rows = -(-steps // EVERY) if keeps else 0
+        dims = {
+            "end": start.shape,
+            "kept": (max(1, groups_of(candidates) * rows * STATE * n * width),),
+            "scratch": (slots(candidates) * (ROWS + BAR_ROWS) * n * width,),
+        }
+        end, kept, _ = forward_call(
+            jnp.asarray(numbers), jnp.asarray(smoother), start, fields, traits.ravel(), tool, rows, output_dims=dims
+        )
+        return end, kept
+
+    def run_backward(
+        kept: jax.Array, start: jax.Array, fields: jax.Array, traits: jax.Array, tool: jax.Array, end_bar: jax.Array
+    ) -> tuple[jax.Array, jax.Array, jax.Array, jax.Array]:
+        compiled()
+        candidates, steps = start.shape[0], tool.shape[1] - 1
+        dims = {
+            "start_bar": (candidates, STATE, n),
+            "fields_bar": (candidates, FIELDS, n),
+            "traits_bar": (candidates * TRAITS,),
+            "tool_bar": (candidates, steps + 1, TOOL),
+            "between": (slots(candidates) * EVERY * STATE * n * width,),
+            "scratch": (slots(candidates) * (ROWS + BAR_ROWS) * n * width,),
+        }
+        rows = -(-steps // EVERY)
+        start_bar, fields_bar, traits_bar, tool_bar, *_ = backward_call(
+            jnp.asarray(numbers),
+            jnp.asarray(smoother),
+            start,
+            fields,
+            traits.ravel(),
+            tool,
+            kept,
+            end_bar,
+            rows,
+            output_dims=dims,
+        )
+        return start_bar, fields_bar, traits_bar.reshape(candidates, TRAITS), tool_bar
+
+    return RodOperations(forward=run_forward, backward=run_backward)

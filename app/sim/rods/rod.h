@@ -1,0 +1,197 @@
+// One time step of a planar elasto-plastic rod that a finger pushes over a table, and its adjoint.
+//
+// Nodes i = 0 .. n - 1, segments j = 0 .. n - 2 from node j to j + 1. Notation follows docs/rods.md.
+#pragma once
+#include "lanes.h"
+
+namespace rods {
+
+// The same for all candidates and steps; in the order of `Numbers` in app/sim/rods/numbers.py.
+struct Numbers {
+    float dt, rest, stretch, stretch_damping;  // time step [s], rest length of a segment [m], EA [N], [N s/m]
+    float table, table_damping;                // bristles of the table [N/m], [N s/m]
+    float finger, finger_damping, onset;       // contact with the finger [N/m], [N s/m], depth of full damping [m]
+    float self, self_damping, thickness;       // contact of the rope with itself, and where it begins [m]
+    float gravity;                             // [m/s^2]
+    float stop, tightest;                      // stiffness [N m/rad] beyond the tightest bend [rad]
+};
+
+// Of each candidate, the same for all steps.
+struct Traits {
+    Lanes table_friction, finger_friction, bending_damping, yield_angle, climb, creep;
+};
+
+// The finger during a step: its place at the end [m], velocity [m/s], the distance at which it meets the centreline [m]
+// (0: it is above the rope), and sine of the angle from above at which it does.
+struct Finger {
+    Lanes x, y, vx, vy, reach, sine;
+};
+
+constexpr int STATE = 8, TRAITS = 6, FINGER = 6;
+constexpr int ROWS = 35;
+
+// Rows of n lanes each; the first STATE of them are the state.
+struct Rod {
+    Lanes* base;
+    int n;
+
+    ROD_HERE Lanes* row(int number) const { return base + number * n; }
+    ROD_HERE Lanes* x(int c) const { return row(c); }           // positions
+    ROD_HERE Lanes* v(int c) const { return row(2 + c); }       // velocities
+    ROD_HERE Lanes* z(int c) const { return row(4 + c); }       // bristles of the table
+    ROD_HERE Lanes* s() const { return row(6); }                // bristle of the finger
+    ROD_HERE Lanes* p() const { return row(7); }                // lasting bends
+    ROD_HERE Lanes* mass() const { return row(8); }             // of each node [kg]
+    ROD_HERE Lanes* bending() const { return row(9); }          // [N m/rad]
+    ROD_HERE Lanes* curved() const { return row(10); }          // rest angle [rad]
+    ROD_HERE Lanes* t(int c) const { return row(11 + c); }      // tangents of segments
+    ROD_HERE Lanes* length() const { return row(13); }
+    ROD_HERE Lanes* spin() const { return row(14); }            // rates of turning
+    ROD_HERE Lanes* tension() const { return row(15); }
+    ROD_HERE Lanes* moment() const { return row(16); }          // at nodes
+    ROD_HERE Lanes* f(int c) const { return row(17 + c); }      // force of a segment on its second node
+    ROD_HERE Lanes* push(int c) const { return row(19 + c); }   // force of the finger on a segment
+    ROD_HERE Lanes* share() const { return row(21); }           // of it that the second node takes
+    ROD_HERE Lanes* press() const { return row(22); }           // of the finger on the table
+    ROD_HERE Lanes* zn(int c) const { return row(23 + c); }     // what follows z, s and p
+    ROD_HERE Lanes* sn() const { return row(25); }
+    ROD_HERE Lanes* pn() const { return row(26); }
+    ROD_HERE Lanes* g(int c) const { return row(27 + c); }      // change of velocity before it is smoothed
+    ROD_HERE Lanes* limit() const { return row(29); }           // factor on the table's friction, from effects
+    ROD_HERE Lanes* around(int c) const { return row(30 + c); } // forces from contacts with itself
+    ROD_HERE Lanes* weight() const { return row(32); }          // what those press
+    ROD_HERE Lanes* x0(int c) const { return row(33 + c); }     // positions at the start
+};
+
+ROD_CALL Lanes angle_between(Lanes ax, Lanes ay, Lanes bx, Lanes by) {
+    Lanes u = 2.0f * (ax * by - ay * bx) / larger(1.0f + ax * bx + ay * by, all_of(0.1f)), u2 = u * u;
+    return u * (1.0f - u2 * (1.0f / 12 - u2 / 80.0f));
+}
+
+ROD_CALL void find_edges(const Rod& r) {
+    EACH(j, 0, r.n - 1) {
+        const Lanes ex = r.x(0)[j + 1] - r.x(0)[j], ey = r.x(1)[j + 1] - r.x(1)[j];
+        const Lanes length = root(ex * ex + ey * ey);
+        r.length()[j] = length; r.t(0)[j] = ex / length; r.t(1)[j] = ey / length;
+    }
+    TOGETHER();
+}
+
+// Stretch, and bending with yield (return mapping).
+ROD_CALL void find_elastic_forces(const Rod& r, const Numbers& k, const Traits& c) {
+    const int n = r.n;
+    EACH(j, 0, n - 1) {
+        const Lanes dx = r.v(0)[j + 1] - r.v(0)[j], dy = r.v(1)[j + 1] - r.v(1)[j];
+        r.spin()[j] = (r.t(0)[j] * dy - r.t(1)[j] * dx) / r.length()[j];
+        r.tension()[j] = k.stretch * (r.length()[j] / k.rest - 1.0f) + k.stretch_damping * (r.t(0)[j] * dx + r.t(1)[j] * dy);
+    }
+    TOGETHER();
+    EACH(i, 0, n) {
+        if (i == 0 || i == n - 1) { r.moment()[i] = Lanes{}; r.pn()[i] = Lanes{}; continue; }
+        const Lanes angle = angle_between(r.t(0)[i - 1], r.t(1)[i - 1], r.t(0)[i], r.t(1)[i]);
+        const Lanes e = angle - r.curved()[i] - r.p()[i], kept = clipped(e, -c.yield_angle, c.yield_angle);
+        r.pn()[i] = r.p()[i] + e - kept;
+        const Lanes beyond = angle - clipped(angle, all_of(-k.tightest), all_of(k.tightest));
+        r.moment()[i] = r.bending()[i] * kept + c.bending_damping * (r.spin()[i] - r.spin()[i - 1]) + k.stop * beyond;
+    }
+    TOGETHER();
+    EACH(j, 0, n - 1) {
+        const Lanes q = (r.moment()[j + 1] - r.moment()[j]) / r.length()[j];
+        r.f(0)[j] = -r.t(1)[j] * q - r.t(0)[j] * r.tension()[j];
+        r.f(1)[j] = r.t(0)[j] * q - r.t(1)[j] * r.tension()[j];
+    }
+}
+
+// How one segment and the finger meet.
+struct Meeting {
+    Lanes along, share, gx, gy, distance, ox, oy, depth, mx, my, approach, ramp, normal, slip, any_slip, up, cosine, total, drag;
+    Mask inside, touching;
+};
+
+ROD_CALL Meeting meet(const Rod& r, int j, const Numbers& k, const Traits& c, const Finger& u, Lanes hop) {
+    Meeting m;
+    const Lanes ax = u.x - r.x(0)[j], ay = u.y - r.x(1)[j];
+    m.along = (ax * r.t(0)[j] + ay * r.t(1)[j]) / r.length()[j];
+    m.share = clipped(m.along, Lanes{}, all_of(1.0f));
+    m.gx = ax - r.t(0)[j] * (m.share * r.length()[j]);
+    m.gy = ay - r.t(1)[j] * (m.share * r.length()[j]);
+    m.distance = root(m.gx * m.gx + m.gy * m.gy + 1e-12f);
+    m.depth = u.reach - m.distance;
+    m.touching = m.depth > 0.0f;
+    if (!any(m.touching)) return m;
+    m.ox = -m.gx / m.distance; m.oy = -m.gy / m.distance;
+    m.mx = r.v(0)[j] + (r.v(0)[j + 1] - r.v(0)[j]) * m.share - u.vx;
+    m.my = r.v(1)[j] + (r.v(1)[j + 1] - r.v(1)[j]) * m.share - u.vy;
+    m.approach = m.mx * m.ox + m.my * m.oy;
+    m.ramp = smaller(m.depth / k.onset, all_of(1.0f));
+    const Lanes pushed = k.finger * m.depth - k.finger_damping * m.approach * m.ramp;
+    m.inside = pushed > 0.0f;
+    m.normal = either(m.touching, larger(pushed, Lanes{}), Lanes{});
+    m.slip = m.my * m.ox - m.mx * m.oy;
+    m.any_slip = root(m.slip * m.slip + hop * hop + 1e-12f);
+    m.up = c.finger_friction * hop / m.any_slip;
+    m.cosine = root(1.0f - u.sine * u.sine);
+    m.total = m.normal / (m.cosine - m.up * u.sine);
+    m.drag = c.finger_friction * m.total + 1e-6f;
+    return m;
+}
+
+// What hops over the table as it slides slips up and down the finger besides, which takes its share of the friction.
+ROD_CALL Lanes hop_of(const Traits& c, const Finger& u) {
+    return c.climb * root(u.vx * u.vx + u.vy * u.vy + 1e-12f);
+}
+
+ROD_CALL void find_finger_forces(const Rod& r, const Numbers& k, const Traits& c, const Finger& u) {
+    const Lanes hop = hop_of(c, u);
+    EACH(j, 0, r.n - 1) {
+        const Meeting m = meet(r, j, k, c, u, hop);
+        r.push(0)[j] = r.push(1)[j] = r.share()[j] = r.press()[j] = r.sn()[j] = Lanes{};
+        if (!any(m.touching)) continue;
+        // A bristle that relaxes as it slides (Dahl): its force goes to the finger's friction along the slip, smoothly.
+        const Lanes bristle = (r.s()[j] + k.dt * m.slip) / (1.0f + k.dt * k.finger * m.any_slip / m.drag);
+        const Lanes s = either(m.touching, bristle, Lanes{});
+        r.sn()[j] = s;
+        r.push(0)[j] = m.ox * m.normal + m.oy * (k.finger * s);
+        r.push(1)[j] = m.oy * m.normal - m.ox * (k.finger * s);
+        r.share()[j] = m.share;
+        r.press()[j] = m.total * (u.sine + m.up * m.cosine);
+    }
+}
+
+// The forces on node i, and the weight that it puts on the table.
+struct Load { Lanes fx, fy, weight; };
+
+ROD_CALL Load load_of(const Rod& r, int i, const Numbers& k) {
+    Load o = {r.around(0)[i], r.around(1)[i], r.mass()[i] * k.gravity + r.weight()[i]};
+    if (i > 0) {
+        o.fx += r.f(0)[i - 1] + r.push(0)[i - 1] * r.share()[i - 1];
+        o.fy += r.f(1)[i - 1] + r.push(1)[i - 1] * r.share()[i - 1];
+        o.weight += r.press()[i - 1] * r.share()[i - 1];
+    }
+    if (i < r.n - 1) {
+        const Lanes rest = 1.0f - r.share()[i];
+        o.fx += r.push(0)[i] * rest - r.f(0)[i];
+        o.fy += r.push(1)[i] * rest - r.f(1)[i];
+        o.weight += r.press()[i] * rest;
+    }
+    return o;
+}
+
+// Friction of the table (a relaxing bristle, too), and the change of velocity of each node by itself.
+ROD_CALL void find_changes(const Rod& r, const Numbers& k, const Traits& c) {
+    EACH(i, 0, r.n) {
+        const Load o = load_of(r, i, k);
+        const Lanes vx = r.v(0)[i], vy = r.v(1)[i], speed = root(vx * vx + vy * vy + c.creep * c.creep + 1e-12f);
+        const Lanes limit = c.table_friction * r.limit()[i] * o.weight + 1e-9f;
+        const Lanes relaxed = 1.0f / (1.0f + k.dt * k.table * speed / limit);
+        const Lanes zx = (r.z(0)[i] + k.dt * vx) * relaxed, zy = (r.z(1)[i] + k.dt * vy) * relaxed;
+        // Damping is for what sticks: what slides would feel more than Coulomb's bound.
+        const Lanes rate = (k.table_damping / k.dt) * relaxed, gain = k.dt / r.mass()[i];
+        r.zn(0)[i] = zx; r.zn(1)[i] = zy;
+        r.g(0)[i] = (o.fx - k.table * zx - rate * (zx - r.z(0)[i])) * gain;
+        r.g(1)[i] = (o.fy - k.table * zy - rate * (zy - r.z(1)[i])) * gain;
+    }
+    TOGETHER();
+}
+
+}  // namespace rods

@@ -1,0 +1,131 @@
+"""A whole action on ropes as rods, as one differentiable JAX operation."""
+
+from typing import Any, NamedTuple, Protocol, final
+
+import jax
+import jax.numpy as jnp
+from jaxtyping import Float
+
+from app.sim.rods.kernels import FIELDS
+from app.sim.rods.operations import make_rod_operations
+from app.sim.rods.scene import RodScene
+from app.sim.rods.state import RodState
+
+
+@final
+class RodPhysics(NamedTuple):
+    """What is unknown about ropes of B candidates, their table and finger; a JAX pytree."""
+
+    rigidity: Float[jax.Array, " B"]
+    """Bending rigidity E I [N m^2]."""
+    table_friction: Float[jax.Array, " B"]
+    finger_friction: Float[jax.Array, " B"]
+    viscosity: Float[jax.Array, " B"]
+    """Of bending: moment per rate of curvature [N m^2 s]."""
+    yield_curvature: Float[jax.Array, " B"]
+    """Elastic curvature [1/m] beyond which the rope keeps its bend."""
+    rest_curvature: Float[jax.Array, " B"]
+    """Of the unloaded rope [1/m]."""
+    climb: Float[jax.Array, " B"]
+    """Speed with which the rope slips up and down the finger, as a share of the finger's own: it hops as it slides."""
+    press: Float[jax.Array, " B"]
+    """Share of the finger's downward push, by its round tip, that the table bears."""
+    margin: Float[jax.Array, " B"]
+    """By how much finger and rope meet before their radii do [m]."""
+    creep: Float[jax.Array, " B"]
+    """Of what friction holds: the speed [m/s] at which it would bear half of what it does when sliding."""
+    mass: Float[jax.Array, " B"]
+    """Of the rope [kg]."""
+
+    @classmethod
+    def nominal(cls, scene: RodScene, candidates: int) -> "RodPhysics":
+        """A limp rope of 16 mm, scaled to the scene's radius."""
+        values = scene.nominal_physics()
+        return cls(**{name: jnp.full(candidates, value, jnp.float32) for name, value in values.items()})
+
+
+class SimulateRod(Protocol):
+    """x' = f(x, u; phi) for B ropes, each with its own physics, state and finger path."""
+
+    def __call__(self, physics: RodPhysics, state: RodState, tool: Float[jax.Array, "B T 3"]) -> RodState:
+        """The state after T - 1 time steps with the finger's tip at `tool[:, s]` [m] at their boundaries.
+
+        Differentiable once, in reverse mode. A candidate with a non-finite input becomes NaN throughout, and so does
+        its gradient; the others are not touched.
+        """
+        ...
+
+
+def make_rod_rollout(scene: RodScene) -> SimulateRod:
+    """The simulator of one scene, for use inside and outside of `jax.jit`. Make it once and keep it."""
+    bounds = scene.nominal_physics()
+    joint = 4 * bounds["rigidity"] / scene.rest_m, 1.3 * bounds["viscosity"] / scene.rest_m
+    operations = make_rod_operations(scene, *joint)
+
+    @jax.custom_vjp
+    def rollout(start: jax.Array, fields: jax.Array, traits: jax.Array, tool: jax.Array) -> jax.Array:
+        return operations.forward(start, fields, traits, tool, False)[0]
+
+    def rollout_forward(*given: jax.Array) -> tuple[jax.Array, Any]:
+        end, kept = operations.forward(*given, True)
+        return end, (kept, *given)
+
+    def rollout_backward(residuals: Any, end_bar: jax.Array) -> tuple[jax.Array, ...]:
+        kept, *given = residuals
+        return operations.backward(kept, *given, end_bar)
+
+    rollout.defvjp(rollout_forward, rollout_backward)
+
+    def simulate(physics: RodPhysics, state: RodState, tool: Float[jax.Array, "B T 3"]) -> RodState:
+        physics, state, tool = jax.tree.map(_float32, (physics, state, tool))
+        end = rollout(state.nodes, _fields(scene, physics), _traits(scene, physics), _fingers(scene, physics, tool))
+        inputs = jax.tree.leaves((physics, state, tool))
+        finite = jnp.stack([jnp.isfinite(leaf).reshape(len(end), -1).all(1) for leaf in [end, *inputs]]).all(0)
+        return state._replace(nodes=jnp.where(finite[:, None, None], end, jnp.nan))
+
+    return simulate
+
+
+def _float32(leaf: jax.Array) -> jax.Array:
+    return jnp.asarray(leaf, jnp.float32)
+
+
+def _fields(scene: RodScene, physics: RodPhysics) -> Float[jax.Array, "B 3 n"]:
+    """Mass [kg], bending stiffness [N m] and rest angle [rad] of each node."""
+    share = jnp.asarray(scene.masses() / scene.mass_kg, jnp.float32)
+    ones = jnp.ones(scene.nodes)
+    rows = [
+        physics.mass[:, None] * share,
+        physics.rigidity[:, None] / scene.rest_m * ones,
+        physics.rest_curvature[:, None] * scene.rest_m * ones,
+    ]
+    assert len(rows) == FIELDS
+    return jnp.stack(rows, axis=1)
+
+
+def _traits(scene: RodScene, physics: RodPhysics) -> Float[jax.Array, "B 6"]:
+    """In the order of `Traits` in rod.h."""
+    return jnp.stack(
+        [
+            physics.table_friction,
+            physics.finger_friction,
+            physics.viscosity / scene.rest_m,
+            physics.yield_curvature * scene.rest_m,
+            physics.climb,
+            physics.creep,
+        ],
+        axis=1,
+    )
+
+
+def _fingers(scene: RodScene, physics: RodPhysics, tool: Float[jax.Array, "B T 3"]) -> Float[jax.Array, "B T 4"]:
+    """Place, distance from the centreline at contact, and sine of the angle of contact from above.
+
+    A round tip whose middle is above the rope's meets it at a smaller distance, and presses it down.
+    """
+    meets = scene.finger_radius_m + scene.radius_m
+    above = jnp.clip(tool[..., 2] + scene.finger_radius_m - scene.radius_m, 0.0, None)
+    down = above < meets
+    reach = jnp.sqrt(jnp.where(down, meets**2 - above**2, 1.0)) + physics.margin[:, None]
+    sine = physics.press[:, None] * jnp.where(down, above / meets, 0.0)
+    return jnp.stack([tool[..., 0], tool[..., 1], jnp.where(down, reach, 0.0), jnp.minimum(sine, 0.9)], axis=-1)

@@ -1,0 +1,164 @@
+"""A rod scene: the rope, the finger and the table that a rod simulation is made for, and its numerical constants."""
+
+from dataclasses import dataclass
+from math import pi
+from typing import NamedTuple, final
+
+import numpy as np
+from jaxtyping import Float32, Float64
+
+from app.core.bounds import checked
+
+_SPACING_M = 0.010
+_FEWEST, _MOST = 11, 129
+"""Nodes: a GPU's blocks have room for so many."""
+_TIGHTEST = 1.25
+_STEP_S = 1e-3
+_YOUNG_PA, _VISCOSITY_PA_S = 1.865e4, 311.0
+"""Of bending: 6e-5 N m^2 and 1e-6 N m^2 s for a rope of 8 mm radius."""
+
+
+@final
+@dataclass(frozen=True, kw_only=True)
+class RodScene:
+    """A rope on the table z = 0 and a finger with a round tip, in SI units without any scaling.
+
+    `spacing_m`: the distance of neighbouring nodes, about. Raises ParameterError for a number that cannot be.
+    """
+
+    length_m: float
+    radius_m: float
+    mass_kg: float
+    finger_radius_m: float
+    gravity_m_s2: float = 9.81
+    spacing_m: float = _SPACING_M
+    dt_s: float = 1e-3
+    tightest_m: float | None = None
+    """Radius of the tightest bend of the centreline; None: five quarters of the rope's, whose inner side has to fit."""
+
+    def __post_init__(self) -> None:
+        """Raises ParameterError for a number that cannot be."""
+        checked("length_m", self.length_m, 0.02, 10.0)
+        checked("radius_m", self.radius_m, 5e-4, 0.05)
+        checked("mass_kg", self.mass_kg, 1e-4, 10.0)
+        checked("finger_radius_m", self.finger_radius_m, 1e-3, 0.05)
+        checked("gravity_m_s2", self.gravity_m_s2, 0.0, 100.0)
+        checked("spacing_m", self.spacing_m, 1e-3, 0.1)
+        checked("dt_s", self.dt_s, 1e-6, 2e-3)
+        checked("nodes, of length_m and spacing_m,", float(self.nodes), float(_FEWEST), float(_MOST))
+
+    @property
+    def nodes(self) -> int:
+        """Number of nodes along the rope, odd, so that one is in its middle."""
+        return max(_FEWEST, 2 * round(self.length_m / self.spacing_m / 2) + 1)
+
+    @property
+    def rest_m(self) -> float:
+        """Rest length of a segment [m]."""
+        return self.length_m / (self.nodes - 1)
+
+    @property
+    def node_mass_kg(self) -> float:
+        """Mass of an inner node; those at the ends have half of it."""
+        return self.mass_kg / (self.nodes - 1)
+
+    def masses(self) -> Float64[np.ndarray, " N"]:
+        """Of the nodes [kg]."""
+        masses = np.full(self.nodes, self.node_mass_kg)
+        masses[[0, -1]] /= 2
+        return masses
+
+    @property
+    def second_moment_m4(self) -> float:
+        """Second moment of area of the round cross section: I = pi r^4 / 4."""
+        return pi * self.radius_m**4 / 4
+
+    def nominal_physics(self) -> dict[str, float]:
+        """Values of `RodPhysics` for a limp rope: 6e-5 N m^2 at 8 mm radius, and in proportion to r^4."""
+        return {
+            "rigidity": _YOUNG_PA * self.second_moment_m4,
+            "table_friction": 0.5,
+            "finger_friction": 0.3,
+            "viscosity": _VISCOSITY_PA_S * self.second_moment_m4,
+            "yield_curvature": 5.0,
+            "rest_curvature": 0.0,
+            "climb": 0.0,
+            "press": 1.0,
+            "margin": 0.0,
+            "creep": 1e-4,
+            "mass": self.mass_kg,
+        }
+
+
+@final
+class Numbers(NamedTuple):
+    """Constants of a time step, in the order of `Numbers` in rod.h.
+
+    Contact stiffnesses are as large as explicit steps of a millisecond bear, or of `dt` where that is longer: shares of
+    m / dt^2. Shorter steps converge.
+    """
+
+    dt: float
+    rest: float
+    stretch: float
+    stretch_damping: float
+    table: float
+    table_damping: float
+    finger: float
+    finger_damping: float
+    onset: float
+    own: float
+    own_damping: float
+    thickness: float
+    gravity: float
+    stop: float
+    tightest: float
+
+
+def numbers_of(scene: RodScene) -> Numbers:
+    """The constants of a scene."""
+    m, rest = scene.node_mass_kg, scene.rest_m
+    step = max(scene.dt_s, _STEP_S)
+    spring, damper = m / step**2, m / step
+    return Numbers(
+        dt=scene.dt_s,
+        rest=rest,
+        stretch=2.5 * spring * rest,
+        stretch_damping=0.0125 * damper,
+        table=0.05 * spring,
+        table_damping=0.15 * damper,
+        finger=0.375 * spring,
+        finger_damping=0.19 * damper,
+        onset=5e-4,
+        own=0.375 * spring,
+        own_damping=0.19 * damper,
+        thickness=2 * scene.radius_m,
+        gravity=scene.gravity_m_s2,
+        stop=0.2 * spring * rest**2,
+        tightest=rest / (scene.tightest_m or _TIGHTEST * scene.radius_m),
+    )
+
+
+def smoother_of(scene: RodScene, stiffness_n_m: float, damping_n_m_s: float) -> Float64[np.ndarray, "N N"]:
+    """The matrix A = I + beta D2^T D2 that takes the linear part of bending and its damping implicitly.
+
+    beta = (dt c + dt^2 K) / (rest^2 m) for bending stiffness K [N m] and damping c [N m s] of a joint; D2 takes second
+    differences. A^-1 times a change of velocity stabilises it, and changes no equilibrium.
+    """
+    n, dt = scene.nodes, scene.dt_s
+    beta = (dt * damping_n_m_s + dt**2 * stiffness_n_m) / (scene.rest_m**2 * scene.node_mass_kg)
+    second = np.diff(np.eye(n), 2, axis=0)
+    return np.eye(n) + beta * second.T @ second
+
+
+def factors_of(matrix: Float64[np.ndarray, "N N"]) -> Float32[np.ndarray, "3 N"]:
+    """Of a symmetric matrix with two bands beside its diagonal: 1 / D, and the bands of L, of L D L^T."""
+    n = len(matrix)
+    lower = np.linalg.cholesky(matrix)
+    diagonal = np.diag(lower)
+    unit = lower / diagonal
+    factors = np.zeros((3, n), np.float32)
+    factors[0] = 1 / diagonal**2
+    factors[1, 1:] = np.diag(unit, -1)
+    factors[2, 2:] = np.diag(unit, -2)
+    return factors

@@ -1,0 +1,136 @@
+"""Rod state: a centreline of nodes, and the particles of the rope that go with it."""
+
+from functools import lru_cache
+from typing import NamedTuple, Self, final
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Float, Float32
+
+from app.sim.arc_length import arclength_labels
+from app.sim.rods.kernels import STATE
+
+_SMOOTHING = 7.0
+"""Weight of squared second differences beside squared distances of particles: waves of 6 nodes keep 0.87 of their
+height, and particles of a thick rope do not bend its middle."""
+_ROUNDS = 6
+"""Of Newton's iteration to segments of equal length; starts that are 2 mm off are so to 1e-6 after four."""
+
+
+@final
+class RodState(NamedTuple):
+    """Ropes of B candidates as n nodes each, and N particles; a JAX pytree."""
+
+    nodes: Float[jax.Array, "B 8 n"]
+    """Rows: x, y [m], velocities [m/s], bristles of the table [m], that of the finger [m], lasting bends [rad]."""
+    place: Float[jax.Array, "B N"]
+    """Where along the rope a particle is, in segments from the first node."""
+    offset: Float[jax.Array, "B N 3"]
+    """From the centreline there: forward, to the left, and above the table [m]."""
+
+    @property
+    def x(self) -> Float[jax.Array, "B N 3"]:
+        """Positions of the particles [m]."""
+        middle, tangent = frames(self.nodes[:, :2], self.place)
+        along, left, height = jnp.moveaxis(self.offset, -1, 0)
+        x = middle[..., 0] + along * tangent[..., 0] - left * tangent[..., 1]
+        y = middle[..., 1] + along * tangent[..., 1] + left * tangent[..., 0]
+        return jnp.stack([x, y, height], axis=-1)
+
+    @classmethod
+    def at_rest(cls, x: Float[jax.Array, "B N 3"], count: int, rest_m: float) -> Self:
+        """Unmoving and free of stress: `count` nodes, `rest_m` apart, through particles `x` of a rope.
+
+        Along the rope particles are ordered by distances between neighbours (`arclength_labels`), on the host. Nodes
+        minimise squared distances of particles to the polygon plus squared second differences, and are then moved to
+        the nearest polygon whose segments are all `rest_m` long.
+        """
+        x = jnp.asarray(x, jnp.float32)
+        shape = jax.ShapeDtypeStruct(x.shape[:2], jnp.float32)
+        place = (count - 1) * jax.lax.stop_gradient(jax.pure_callback(_labels, shape, jax.lax.stop_gradient(x)))
+        line = inextensible(jax.vmap(_centreline, (0, 0, None))(x[..., :2], place, count), rest_m)
+        rows = jnp.zeros((len(x), STATE, count)).at[:, :2].set(line).at[:, 7, 1:-1].set(bends(line))
+        return cls(nodes=rows, place=place, offset=_offsets(x, line, place))
+
+    def resting(self) -> Self:
+        """The same without motion; what friction and yield have stored stays."""
+        return self._replace(nodes=self.nodes.at[:, 2:4].set(0.0))
+
+
+def frames(
+    line: Float[jax.Array, "B 2 n"], place: Float[jax.Array, "B N"]
+) -> tuple[Float[jax.Array, "B N 2"], Float[jax.Array, "B N 2"]]:
+    """Points of polygons at `place`, and unit tangents there, which turn evenly from node to node."""
+    edges = jnp.diff(line, axis=2)
+    edges /= jnp.linalg.norm(edges, axis=1, keepdims=True)
+    turning = jnp.concatenate([edges[..., :1], edges[..., 1:] + edges[..., :-1], edges[..., -1:]], axis=2)
+    turning /= jnp.linalg.norm(turning, axis=1, keepdims=True) + 1e-9
+    first = jnp.clip(jnp.floor(place), 0, line.shape[2] - 2).astype(jnp.int32)
+    share = (place - first)[:, None]
+
+    def between(values: jax.Array) -> jax.Array:
+        at = jnp.broadcast_to(first[:, None], (len(first), 2, first.shape[1]))
+        one, other = jnp.take_along_axis(values, at, 2), jnp.take_along_axis(values, at + 1, 2)
+        return one + share * (other - one)
+
+    tangent = between(turning)
+    tangent /= jnp.linalg.norm(tangent, axis=1, keepdims=True) + 1e-9
+    return jnp.moveaxis(between(line), 1, 2), jnp.moveaxis(tangent, 1, 2)
+
+
+def bends(line: Float[jax.Array, "B 2 n"]) -> Float[jax.Array, "B n-2"]:
+    """Angles [rad] between neighbouring segments, positive to the left."""
+    edges = jnp.diff(line, axis=2)
+    one, other = edges[..., :-1], edges[..., 1:]
+    cross = one[:, 0] * other[:, 1] - one[:, 1] * other[:, 0]
+    u = 2 * cross / (jnp.linalg.norm(one, axis=1) * jnp.linalg.norm(other, axis=1) + (one * other).sum(1))
+    return u * (1 - u**2 * (1 / 12 - u**2 / 80))
+
+
+def inextensible(line: Float[jax.Array, "B 2 n"], rest_m: float) -> Float[jax.Array, "B 2 n"]:
+    """The nearest polygons, to first order, whose segments are all `rest_m` long: a rod must not start strained."""
+    count = line.shape[2] - 1
+    at = jnp.arange(count)
+
+    def closer(_: jax.Array, x: jax.Array) -> jax.Array:
+        edges = jnp.diff(x, axis=2)
+        length = jnp.linalg.norm(edges, axis=1)
+        t = edges / length[:, None]
+        beside = -(t[..., 1:] * t[..., :-1]).sum(1)
+        matrix = jnp.zeros((len(x), count, count)).at[:, at, at].set(2.0)
+        matrix = matrix.at[:, at[1:], at[:-1]].set(beside).at[:, at[:-1], at[1:]].set(beside)
+        push = jnp.linalg.solve(matrix, (rest_m - length)[..., None])[..., 0][:, None] * t
+        return x.at[..., 1:].add(push).at[..., :-1].add(-push)
+
+    return jax.lax.fori_loop(0, _ROUNDS, closer, line)
+
+
+def _centreline(x: Float[jax.Array, "N 2"], place: Float[jax.Array, " N"], count: int) -> Float[jax.Array, "2 n"]:
+    first = jnp.clip(jnp.floor(place), 0, count - 2).astype(jnp.int32)
+    share = place - first
+    rows = jnp.arange(len(x))
+    weights = jnp.zeros((len(x), count)).at[rows, first].set(1 - share).at[rows, first + 1].set(share)
+    second = np.diff(np.eye(count, dtype=np.float32), 2, axis=0)
+    squares = weights.T @ weights + _SMOOTHING * len(x) / (7.0 * count) * second.T @ second
+    return jnp.linalg.solve(squares, weights.T @ x).T
+
+
+def _offsets(
+    x: Float[jax.Array, "B N 3"], line: Float[jax.Array, "B 2 n"], place: Float[jax.Array, "B N"]
+) -> Float[jax.Array, "B N 3"]:
+    middle, t = frames(line, place)
+    d = x[..., :2] - middle
+    along = (d * t).sum(-1)
+    left = d[..., 1] * t[..., 0] - d[..., 0] * t[..., 1]
+    return jnp.stack([along, left, x[..., 2]], axis=-1)
+
+
+def _labels(x: jax.Array) -> Float32[np.ndarray, "B N"]:
+    return np.stack([_label(np.asarray(cloud, np.float32).tobytes()) for cloud in x])
+
+
+@lru_cache(maxsize=256)
+def _label(cloud: bytes) -> Float32[np.ndarray, " N"]:
+    """Of one cloud: planners ask for the same one as often as they have candidates."""
+    return arclength_labels(np.frombuffer(cloud, np.float32).reshape(-1, 3))
