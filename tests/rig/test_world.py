@@ -98,6 +98,24 @@ def test_the_finger_never_passes_through_the_rope_at_full_speed(end: tuple[float
     assert min(apart) > 0.7 * (FINGER.radius_m + ROPE.radius_m)
 
 
+def test_which_end_of_the_rope_is_the_first_does_not_matter() -> None:
+    """The root of the chain of bodies, which cannot roll, stands in its middle."""
+    apart = list[float]()
+    for seed in range(4):
+        rng = np.random.default_rng(seed)
+        laid = random_curve(rng, length_m=ROPE.length_m, height_m=ROPE.radius_m, workspace=Workspace())
+        way = laid[3 * len(laid) // 4, :2] - laid[len(laid) // 2, :2]
+        across = np.array([-way[1], way[0]]) / np.linalg.norm(way)
+        start, end = laid[5 * len(laid) // 8, :2] - 0.05 * across, laid[5 * len(laid) // 8, :2] + 0.06 * across
+        ends = list[np.ndarray]()
+        for line in (laid, laid[::-1]):
+            table = world(line)
+            drive(table, (start[0], start[1]), (end[0], end[1]), 0.15)
+            ends.append(wait(table, 0.5))
+        apart.append(float(np.linalg.norm(ends[0] - ends[1][::-1], axis=1).mean()))
+    assert np.mean(apart) < 0.5e-3
+
+
 def test_a_finger_that_does_not_touch_the_rope_does_not_move_it() -> None:
     table = world()
     before = wait(table, 0.5)

@@ -13,7 +13,7 @@ from app.rig.simulated.arm_model import solve_joints
 from app.rig.simulated.engine import mujoco, new_spec
 from app.rig.simulated.intrusion import Intrusion
 from app.rig.simulated.physics import HOME_TOOL_M, Centreline, Position, WorldPhysics
-from app.rig.simulated.rope import FINGER_BIT, TABLE_BIT, add_rope, resample
+from app.rig.simulated.rope import FINGER_BIT, TABLE_BIT, add_rope, resample, root_of
 from app.rig.simulated.world import Snapshot
 
 _PRESCRIBED_KG = 1000.0
@@ -46,7 +46,8 @@ class RopeWorld:
         self._model = _compile(rope, finger, physics, nodes, self.intrusion, fixtures)
         self._data = mujoco.MjData(self._model)
         self._links = np.array([self._model.body(f"rope{index}").id for index in range(physics.rope.segments)])
-        self._last_length = float(np.linalg.norm(nodes[-1] - nodes[-2]))
+        self._lengths = np.linalg.norm(np.diff(nodes, axis=0), axis=1)
+        self._root = root_of(physics.rope.segments)
         self._bend = slice(3, int(self._model.body("finger").jntnum[0]))
         self._data.qpos[:3], self._data.time = tool, time_s
         mujoco.mj_forward(self._model, self._data)
@@ -90,9 +91,10 @@ class RopeWorld:
 
     def nodes(self) -> Centreline:
         """The rope's nodes [m], shape (segments + 1, 3)."""
-        starts, tail = self._data.xpos[self._links], self._links[-1]
-        along = self._data.xmat[tail].reshape(3, 3)[:, 0]
-        return np.vstack([starts, starts[-1] + along * self._last_length])
+        origins, root = self._data.xpos[self._links], self._root
+        along = self._data.xmat[self._links].reshape(-1, 3, 3)[:, :, 0] * self._lengths[:, None]
+        before, after = origins[:root] - along[:root], origins[root:]
+        return np.vstack([before, after, after[-1] + along[-1]])
 
     def snapshot(self) -> Snapshot:
         """The state to draw, with the arm's joints solved for the present tool pose."""

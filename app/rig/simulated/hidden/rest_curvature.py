@@ -4,13 +4,14 @@ from typing import Any
 
 from app.rig.simulated.hidden.base import Hidden, Quantity, Values, signed
 from app.rig.simulated.physics import WorldPhysics
+from app.rig.simulated.rope import hinged
 
 
 def _build(spec: Any, physics: WorldPhysics, values: Values) -> None:
     for index in range(1, physics.rope.segments):
-        body = spec.body(f"rope{index}")
-        # The first of its two hinges turns about the vertical; a body stands a segment's length from its parent.
-        body.joints[0].springref = values[0] * body.pos[0]
+        length_m = 2 * abs(spec.body(f"rope{index}").ipos[0])
+        # The first of its two hinges turns about the vertical.
+        spec.body(f"rope{hinged(index, physics.rope.segments)}").joints[0].springref = values[0] * length_m
 
 
 HIDDEN = Hidden(
