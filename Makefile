@@ -84,15 +84,15 @@ $(NICE) $(BIN)/ruff check . && $(NICE) $(BIN)/ruff format --check . && $(NICE) $
 NO_MKDOCS_2_WARNING=1 $(NICE) $(BIN)/mkdocs build --strict
 endef
 
-# Everything at once: tests that wait for clocks, processes and sockets hardly use a core, so two files of them run at a
-# time, and what uses a core goes beside them and gives way to them.
+# Everything at once: tests that wait for clocks, processes and sockets hardly use a core, so what uses one goes beside
+# them and gives way to them. Two files of the former at a time are a third faster, and trip watchdogs now and then.
 test: develop ## everything that CI runs: lint, types, layering, tests, documentation
 	@mkdir -p $(dir $(BESIDE)); \
 	( $(static_checks); status=$$?; \
 	  $(NICE) $(PYTEST) -q -n 2 --dist worksteal -m "not slow and not serial" -o timeout=1800 --durations=25; \
 	  exit $$((status + $$?)) ) >$(BESIDE) 2>&1 & beside=$$!; \
 	trap 'kill $$beside' INT TERM; \
-	$(PYTEST) -q -n 2 --dist loadfile --no-loadscope-reorder -m "not slow and serial" --durations=25; serial=$$?; \
+	$(PYTEST) -m "not slow and serial" --durations=25; serial=$$?; \
 	echo "Lint, types, documentation, and the tests that need a core alone, which ran beside them:"; \
 	wait $$beside; parallel=$$?; cat $(BESIDE); \
 	exit $$((serial + parallel))

@@ -1,4 +1,4 @@
-"""Needs of tests besides a core: tests without any run beside each other, of the others two files at a time.
+"""Needs of tests besides a core: tests without any run beside each other, the others one by one.
 
 Tests say so by the fixtures they use, or by the mark `serial`; `undeclared` finds those that do not.
 """

@@ -8,7 +8,7 @@ from jaxtyping import Array, Float, Float32
 
 from app.core.types import Points, ToolPose
 from app.planner.tree import Search, moved, roll_out, start
-from app.sim.state import State
+from app.sim.rods.object_state import ObjectState
 
 
 @final
@@ -17,7 +17,7 @@ class Failed(NamedTuple):
 
     branch: int
     depth: int
-    state: State
+    state: ObjectState
     tool: Float[Array, "1 T C"]
 
 
@@ -43,6 +43,6 @@ def failed_action(
         if broken.any():
             branch = int(np.argmax(broken))
             only = slice(branch, branch + 1)
-            return Failed(branch, depth, State(*(part[only] for part in now.state)), path[only])
+            return Failed(branch, depth, type(now.state)(*(part[only] for part in now.state)), path[only])
         now = after
     return None

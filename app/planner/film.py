@@ -11,7 +11,6 @@ from jaxtyping import Array, Float, Float32
 
 from app.planner.tree import Search
 from app.policy.base import Now
-from app.sim.state import State
 
 MOMENTS: Final = 8
 """After now; more where a branch has more actions: its ends of actions are moments."""
@@ -71,7 +70,7 @@ def _filmed(
         for begin, end in pairwise(cuts):
             state = search.part(phi, state, path[:, begin : end + 1], now.x)
             frames.append(state.x)
-        rested = State.at_rest(state.x) if search.at_rest else state
+        rested = state.resting() if search.at_rest else state
         now = Now(rested, search.space.after(actions[:, step], now.tool))
     stride = _stride(now.x.shape[1])
     return jnp.stack(frames, axis=1)[:, :, ::stride], jnp.stack(tools, axis=1)

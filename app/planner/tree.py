@@ -15,13 +15,14 @@ from app.core.types import Points, ToolPose
 from app.planner.actions import ActionSpace
 from app.planner.cost import Terms, Weights, step_terms
 from app.policy.base import AWAY, Now, Policy, Prepared, Remembering
+from app.sim.rods.object_state import ObjectState
 from app.sim.state import State
 
-Advance = Callable[[Float[Array, "B P"], State, Float[Array, "B T C"]], State]
+Advance = Callable[[Float[Array, "B P"], ObjectState, Float[Array, "B T C"]], ObjectState]
 """The simulator: parameters, state before, tool path -> state after."""
-Part = Callable[[Float[Array, "B P"], State, Float[Array, "B T C"], Float[Array, "B N 3"]], State]
+Part = Callable[[Float[Array, "B P"], ObjectState, Float[Array, "B T C"], Float[Array, "B N 3"]], ObjectState]
 """The simulator of a piece of an action, as `Advance` but for the particles as the action began."""
-Begin = Callable[[Float[Array, "B N 3"]], State]
+Begin = Callable[[Float[Array, "B N 3"]], ObjectState]
 """The state of an object of which the cameras see where its particles are."""
 
 

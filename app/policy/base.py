@@ -8,6 +8,7 @@ from jaxtyping import Array, Float
 
 from app.core.motion import pointing_down
 from app.core.types import Points, ToolPose
+from app.sim.rods.object_state import ObjectState
 from app.sim.state import State
 
 Prepared: TypeAlias = Any
@@ -22,7 +23,7 @@ AWAY = pointing_down(np.array([0.30, 0.0, 0.30]))
 class Now(NamedTuple):
     """What B candidates act on; a JAX pytree. `tool`: where each has its tool, as poses with openings."""
 
-    state: State
+    state: ObjectState
     tool: Float[Array, "B 8"]
 
     @property

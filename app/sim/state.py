@@ -27,6 +27,10 @@ class State(NamedTuple):
         identity = jnp.broadcast_to(jnp.eye(3, dtype=x.dtype), (*x.shape, 3))
         return cls(x=x, v=jnp.zeros_like(x), C=jnp.zeros_like(identity), F=identity)
 
+    def resting(self) -> Self:
+        """The same particles, unmoving and undeformed."""
+        return self.at_rest(self.x)
+
 
 @final
 class Setting(NamedTuple):

@@ -31,12 +31,14 @@ def names() -> list[str]:
     return sorted(file.stem for file in Path(__file__).parent.glob("*.py") if _DEFINES.search(file.read_text()))
 
 
+@cache
 def load(name: str) -> Task:
-    """The task in the file `name`.
+    """The task in the file `name`, or with "@" and a kind of dynamics after that (`Task.with_dynamics`).
 
     Raises UsageError with the known tasks where there is no such file, and with the file, the field and the value where
     what it defines is no task: a field is missing or unknown, a number impossible, the name another one.
     """
+    name, _, dynamics = name.partition("@")
     if name not in names():
         raise UsageError.unknown("task", name, names())
     module = f"{__name__}.{name}"
@@ -47,4 +49,4 @@ def load(name: str) -> Task:
         raise UsageError(f"{file} defines no task: {error}") from error
     if task.name != name:
         raise UsageError(f"{file} defines a task of the name {task.name!r}; it must be that of the file, {name!r}.")
-    return task
+    return task.with_dynamics(dynamics) if dynamics else task

@@ -31,6 +31,7 @@ if TYPE_CHECKING:  # Whoever needs these names alone shall not load JAX and Warp
     from app.policy.base import Policy
     from app.policy.pictures import View
     from app.policy.symmetry import Symmetry
+    from app.sim.rods.scene import RodScene
     from app.sim.scene import Scene
     from app.sim.state import State
     from app.tasks.aim import Aim
@@ -55,6 +56,23 @@ class Preset:
 
 Nodes: TypeAlias = Float64[np.ndarray, "K 3"]
 """Where a simulated world has the object [m], in its own terms: a rope's centreline, or the centres of many pieces."""
+
+
+@final
+@dataclass(frozen=True, kw_only=True)
+class RodDynamics:
+    """A task's simulation of its rope as a rod, in real time and under real weight.
+
+    `physics`: of the contact with finger and table, by the names of `RodPhysics`; `nominal`, `presets`: as a task's;
+    `push_substeps`, `rest_substeps`: of its pushes, each a time step of the scene.
+    """
+
+    scene: RodScene
+    physics: Mapping[str, float]
+    nominal: Mapping[str, float]
+    presets: Mapping[str, Preset]
+    push_substeps: int
+    rest_substeps: int
 
 
 def _at_rest(x: Float[Array, "B N 3"]) -> State:
@@ -101,7 +119,8 @@ class Task:
     `nominal`: parameters of the simulator, by name, whose nominal value for this task is not the simulator's own;
     `calibrated`: those that calibration estimates from transitions. `aim`: when it is done, truly; `ends`: when what
     cameras see is enough to stop, where that has to be more than the aim; `horizon`: after how many actions an
-    evaluation ends otherwise. `haste`: real seconds in a simulated one. `empty_m`: a tool that opens less may hold the
+    evaluation ends otherwise. `rods`: the object as a rod, where it is a rope; `dynamics`: see `with_dynamics`.
+    `haste`: real seconds in a simulated one. `empty_m`: a tool that opens less may hold the
     object, which is not done then, wherever it is. `lesson`: what demonstrations are about, where that is another
     object; a model that they calibrate has to go on learning in use.
     """
@@ -128,6 +147,34 @@ class Task:
     empty_m: float = 0.0
     side: View | None = None
     lesson: Lesson | None = None
+    rods: RodDynamics | None = None
+    dynamics: str = "mpm"
+
+    def with_dynamics(self, dynamics: str) -> Task:
+        """The same task, its object simulated by another engine: "mpm" (material points) or "rods".
+
+        It is called TASK@rods, as its models are others. Raises UsageError where its object is no rope.
+        """
+        from app.planner.actions import Pushes
+        from app.sim.rods.state import RodStart
+
+        known = ["mpm"] if self.rods is None else ["mpm", "rods"]
+        if dynamics not in known:
+            raise UsageError.unknown(f"dynamics of {self.name}", dynamics, known)
+        if dynamics == "mpm" or self.rods is None:
+            return self
+        assert isinstance(self.actions, Pushes)
+        steps = {"push_substeps": self.rods.push_substeps, "rest_substeps": self.rods.rest_substeps}
+        return replace(
+            self,
+            name=f"{self.name}@rods",
+            dynamics="rods",
+            actions=replace(self.actions, **steps),
+            nominal=self.rods.nominal,
+            presets=self.rods.presets,
+            begin=RodStart(self.rods.scene.nodes, self.rods.scene.rest_m),
+            haste=1.0,
+        )
 
     @property
     def demonstrated(self) -> Task:

@@ -14,6 +14,7 @@ from app.calibration.evidence import Advance as FromRest
 from app.calibration.evidence import Evidence, Predictor, gather
 from app.calibration.fit import Settings, Tried
 from app.config import ANYWHERE, Confines
+from app.core.errors import UsageError
 from app.core.messages import MessageId, Model, Parameter, Transition
 from app.planner.base import Planner
 from app.planner.made import made
@@ -22,7 +23,10 @@ from app.planner.tree import Advance, Part, Search
 from app.policy.base import AWAY
 from app.sim.directions import directed
 from app.sim.effects.base import Effect
-from app.sim.params import PARAMETERS, acting, columns_of
+from app.sim.params import PARAMETERS, acting, columns_of, index
+from app.sim.rods.object_state import ObjectState
+from app.sim.rods.rollout import RodPhysics, make_rod_rollout
+from app.sim.rods.state import RodState
 from app.sim.rollout import make_rollout
 from app.sim.state import Setting, State
 from app.tasks import load
@@ -31,6 +35,8 @@ from app.tasks.base import Task
 __all__ = ["advance", "calibrated", "nominal_model", "now", "phi_of", "planner", "search", "stages"]
 
 _CHUNK = 8
+_OF_RODS = ("stiffness", "table_friction", "finger_friction")
+"""Parameters that rods heed."""
 _NOW = 0.5
 """The end of a session."""
 
@@ -56,9 +62,9 @@ def carried(task: str, particle_count: int, effects: tuple[Effect, ...] = ()) ->
     """
     move, at_rest = moving(task, particle_count, effects), load(task).at_rest
 
-    def carry(phi: Float[Array, "B P"], state: State, tool: Float[Array, "B T C"]) -> State:
+    def carry(phi: Float[Array, "B P"], state: ObjectState, tool: Float[Array, "B T C"]) -> ObjectState:
         end = move(phi, state, tool, state.x)
-        return State.at_rest(end.x) if at_rest else end
+        return end.resting() if at_rest else end
 
     return carry
 
@@ -74,15 +80,47 @@ def moving(task: str, particle_count: int, effects: tuple[Effect, ...] = ()) -> 
     """
     known = tuple(effect for effect in effects if not effect.oriented)
     data = load(task)
+    if data.dynamics == "rods":
+        return _moving_rod(data, known)
     simulate = make_rollout(data.scene, particle_count=data.scene.split(particle_count), effects=known)
     own = np.array(columns_of(known))
 
     def move(
-        phi: Float[Array, "B P"], state: State, tool: Float[Array, "B T C"], began: Float[Array, "B N 3"]
-    ) -> State:
+        phi: Float[Array, "B P"], state: ObjectState, tool: Float[Array, "B T C"], began: Float[Array, "B N 3"]
+    ) -> ObjectState:
+        assert isinstance(state, State)
         setting = now(len(phi), particle_count)
         known = setting if began is state.x else directed(data.scene, setting, began)
         return simulate(phi[:, own], state, tool, known)
+
+    return move
+
+
+def _moving_rod(task: Task, effects: tuple[Effect, ...]) -> Part:
+    """The same for a rope as a rod, which knows bending, the frictions of table and finger, and no other effect yet.
+
+    Raises UsageError for a model that needs more.
+    """
+    assert task.rods is not None
+    scene, given = task.rods.scene, task.rods.physics
+    if more := [spec.name for effect in effects for spec in effect.parameters if spec.name not in _OF_RODS]:
+        raise UsageError(f"Rods do not know {', '.join(more)}; plan with material points: the task without @rods.")
+    simulate = make_rod_rollout(scene)
+    stiffness, table, finger = (index(name) for name in _OF_RODS)
+
+    def move(
+        phi: Float[Array, "B P"], state: ObjectState, tool: Float[Array, "B T C"], began: Float[Array, "B N 3"]
+    ) -> ObjectState:
+        del began
+        assert isinstance(state, RodState)
+        known = {name: jnp.full(len(phi), value, jnp.float32) for name, value in given.items()}
+        physics = RodPhysics.nominal(scene, len(phi))._replace(
+            rigidity=phi[:, stiffness] * scene.second_moment_m4,
+            table_friction=phi[:, table],
+            finger_friction=phi[:, finger],
+            **known,
+        )
+        return simulate(physics, state, tool)
 
     return move
 

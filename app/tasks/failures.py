@@ -18,6 +18,7 @@ from app.sim.autopsy import single
 from app.sim.catalogue import EFFECTS
 from app.sim.checks import Arrays, Setup
 from app.sim.dump import Dump, leave_dump
+from app.sim.rods.object_state import ObjectState
 from app.sim.state import State
 from app.tasks import load
 from app.tasks.compiled import now
@@ -56,7 +57,9 @@ def of_transitions(task: str, lost: Sequence[Transition], phi: Float32[np.ndarra
     return _left(task, about, phi, load(task).begin(jnp.asarray(first.before)), first.tool, site)
 
 
-def _left(task: str, about: str, phi: Float32[np.ndarray, " P"], state: State, tool: Arrays, site: Site) -> str:
+def _left(task: str, about: str, phi: Float32[np.ndarray, " P"], state: ObjectState, tool: Arrays, site: Site) -> str:
+    if not isinstance(state, State):
+        return ""  # Rods have no dumps.
     scene = load(task).scene
     setup = Setup(scene=scene, counts=scene.split(state.x.shape[1]), effects=EFFECTS)
     case = single(setup, phi[None], state, tool, now(1, state.x.shape[1]))

@@ -12,10 +12,11 @@ from app.planner.optimise import Descent
 from app.policy.scripted import ScriptedPush
 from app.policy.symmetry import Symmetry
 from app.sim.materials.rope import Rope as RopeMaterial
+from app.sim.rods.scene import RodScene
 from app.sim.scene import Body, Scene
 from app.sim.tools import finger as sim_finger
 from app.tasks.aim import Near
-from app.tasks.base import Preset, Task
+from app.tasks.base import Preset, RodDynamics, Task
 from app.tasks.curves import RopeProblems
 
 ROPE = Rope(length_m=0.40, radius_m=0.008, mass_kg=0.064, colour=(0.80, 0.24, 0.10))
@@ -78,6 +79,25 @@ TASK = Task(
     ends=Near(limit_m2=2 * 0.010**2),
     horizon=30,
     haste=5.0,
+    rods=RodDynamics(
+        scene=RodScene(
+            length_m=ROPE.length_m,
+            radius_m=ROPE.radius_m,
+            mass_kg=ROPE.mass_kg,
+            finger_radius_m=FINGER.radius_m,
+        ),
+        # Of the simulated cell, whose rope hops a little as it slides (`bench.rods`).
+        physics=MappingProxyType({"climb": 0.5, "press": 0.5, "margin": 2.5e-4}),
+        nominal=MappingProxyType({"stiffness": 1.865e4, "table_friction": 0.49, "finger_friction": 0.26}),
+        presets=MappingProxyType(
+            {
+                "cpu": Preset(branches=32, depth=2, particle_count=300, gradient_steps=8),
+                "gpu": Preset(branches=256, depth=3, particle_count=2000, gradient_steps=10),
+            }
+        ),
+        push_substeps=1200,
+        rest_substeps=150,
+    ),
     presets=MappingProxyType(
         {
             "cpu": Preset(branches=8, depth=2, particle_count=300, gradient_steps=5),

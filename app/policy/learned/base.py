@@ -15,7 +15,7 @@ from app.core.types import Points, ToolPose
 from app.policy.base import AWAY, Acted, Now
 from app.policy.learned.sight import Sight, Views, sight
 from app.policy.symmetry import Isometry, Symmetry
-from app.sim.state import State
+from app.sim.rods.object_state import ObjectState
 
 Params: TypeAlias = Mapping[str, Any]
 """A pytree of arrays, as flax has it."""
@@ -60,7 +60,7 @@ class Space(Protocol):
         ...
 
 
-Advance: TypeAlias = Callable[[Float[Array, "B P"], State, Float[Array, "B T C"]], State]
+Advance: TypeAlias = Callable[[Float[Array, "B P"], ObjectState, Float[Array, "B T C"]], ObjectState]
 """The simulator: parameters, state before, tool path -> state after."""
 
 
@@ -73,7 +73,7 @@ class World:
     """
 
     advance: Advance
-    begin: Callable[[Float[Array, "B N 3"]], State]
+    begin: Callable[[Float[Array, "B N 3"]], ObjectState]
     phi: tuple[float, ...]
 
 

@@ -1,6 +1,7 @@
 """Rod state: a centreline of nodes, and the particles of the rope that go with it."""
 
-from functools import lru_cache
+from dataclasses import dataclass
+from functools import lru_cache, partial
 from typing import NamedTuple, Self, final
 
 import jax
@@ -46,16 +47,34 @@ class RodState(NamedTuple):
         minimise squared distances of particles to the polygon plus squared second differences, and are then moved to
         the nearest polygon whose segments are all `rest_m` long.
         """
-        x = jnp.asarray(x, jnp.float32)
-        shape = jax.ShapeDtypeStruct(x.shape[:2], jnp.float32)
-        place = (count - 1) * jax.lax.stop_gradient(jax.pure_callback(_labels, shape, jax.lax.stop_gradient(x)))
-        line = inextensible(jax.vmap(_centreline, (0, 0, None))(x[..., :2], place, count), rest_m)
-        rows = jnp.zeros((len(x), STATE, count)).at[:, :2].set(line).at[:, 7, 1:-1].set(bends(line))
-        return cls(nodes=rows, place=place, offset=_offsets(x, line, place))
+        return cls(*_at_rest(jnp.asarray(x, jnp.float32), count, rest_m))
 
     def resting(self) -> Self:
         """The same without motion; what friction and yield have stored stays."""
         return self._replace(nodes=self.nodes.at[:, 2:4].set(0.0))
+
+
+@partial(jax.jit, static_argnums=(1, 2))
+def _at_rest(x: Float[jax.Array, "B N 3"], count: int, rest_m: float) -> tuple[jax.Array, jax.Array, jax.Array]:
+    """Nodes, places and offsets of `RodState`."""
+    shape = jax.ShapeDtypeStruct(x.shape[:2], jnp.float32)
+    place = (count - 1) * jax.lax.stop_gradient(jax.pure_callback(_labels, shape, jax.lax.stop_gradient(x)))
+    line = inextensible(jax.vmap(_centreline, (0, 0, None))(x[..., :2], place, count), rest_m)
+    nodes = jnp.zeros((len(x), STATE, count)).at[:, :2].set(line).at[:, 7, 1:-1].set(bends(line))
+    return nodes, place, _offsets(x, line, place)
+
+
+@final
+@dataclass(frozen=True)
+class RodStart:
+    """`RodState.at_rest` for one scene; equal where their numbers are, so that what is compiled is found again."""
+
+    count: int
+    rest_m: float
+
+    def __call__(self, x: Float[jax.Array, "B N 3"]) -> RodState:
+        """Unmoving and free of stress."""
+        return RodState.at_rest(x, self.count, self.rest_m)
 
 
 def frames(
@@ -80,11 +99,12 @@ def frames(
 
 
 def bends(line: Float[jax.Array, "B 2 n"]) -> Float[jax.Array, "B n-2"]:
-    """Angles [rad] between neighbouring segments, positive to the left."""
+    """Angles [rad] between neighbouring segments, positive to the left, as rod.h has them; it bends no further back."""
     edges = jnp.diff(line, axis=2)
     one, other = edges[..., :-1], edges[..., 1:]
     cross = one[:, 0] * other[:, 1] - one[:, 1] * other[:, 0]
-    u = 2 * cross / (jnp.linalg.norm(one, axis=1) * jnp.linalg.norm(other, axis=1) + (one * other).sum(1))
+    size = jnp.linalg.norm(one, axis=1) * jnp.linalg.norm(other, axis=1)
+    u = 2 * cross / jnp.maximum(size + (one * other).sum(1), 0.1 * size)
     return u * (1 - u**2 * (1 / 12 - u**2 / 80))
 
 

@@ -20,7 +20,7 @@ from app.policy.base import Acted, Now
 from app.policy.learned.base import Chunk, Lessons, NextOnly, Params, Scale, Shown, World
 from app.policy.learned.networks import Seeing, applied
 from app.policy.learned.sight import Sight
-from app.sim.state import State
+from app.sim.rods.object_state import ObjectState
 
 _UNIT_M: Final = 0.01
 """A distance from a demonstrated state that counts as 1."""
@@ -94,11 +94,11 @@ def _world(how: Lessons) -> World:
     return how.world
 
 
-def _finite(state: State, before: State) -> State:
+def _finite(state: ObjectState, before: ObjectState) -> ObjectState:
     """As it was before, of each candidate of which the simulation ended in no numbers; that has no slopes either."""
     fine = jnp.stack([jnp.isfinite(each).reshape(len(each), -1).all(1) for each in state]).all(0)
     pairs = zip(state, before, strict=True)
-    return State(*(jnp.where(fine.reshape(-1, *[1] * (new.ndim - 1)), new, old) for new, old in pairs))
+    return type(state)(*(jnp.where(fine.reshape(-1, *[1] * (new.ndim - 1)), new, old) for new, old in pairs))
 
 
 @partial(jax.custom_vjp, nondiff_argnums=(1,))

@@ -1,0 +1,58 @@
+"""A rope task whose object is simulated as a rod."""
+
+from functools import cache
+
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+from app.core.errors import UsageError
+from app.planner.plan import Plan
+from app.sim.params import index
+from app.tasks import compiled, load
+from app.tasks.jobs import nominal_model, plan
+
+RODS = "rope_push@rods"
+COUNT = 300
+
+
+def test_it_is_the_same_task_with_another_simulation():
+    rods, points = load(RODS), load("rope_push")
+    assert (rods.name, rods.dynamics, points.dynamics) == (RODS, "rods", "mpm")
+    assert rods.stage == points.stage
+    assert np.array_equal(rods.goal(3, COUNT), points.goal(3, COUNT))
+    assert rods.actions.reach == points.actions.reach
+    assert nominal_model(RODS).task == RODS
+
+
+@pytest.mark.parametrize(("name", "said"), [("rope_push@threads", "rods"), ("bean_sweep@rods", "mpm")])
+def test_other_dynamics_are_refused_with_those_that_there_are(name: str, said: str):
+    with pytest.raises(UsageError, match=said):
+        load(name)
+
+
+def test_a_model_that_needs_other_effects_is_refused_by_their_names():
+    phi = compiled.phi_of(nominal_model(RODS)).copy()
+    phi[index("film_drag")] = 5.0
+    with pytest.raises(UsageError, match="film_drag"):
+        compiled.planner(RODS, "cpu", phi)
+
+
+@cache
+def planned() -> Plan:
+    task = load(RODS)
+    start = task.problems.particles(task.start(0), COUNT)
+    return plan(RODS, "cpu", start, task.goal(0, COUNT), nominal_model(RODS), 0)
+
+
+def test_a_plan_brings_the_rope_nearer_to_its_goal_by_the_model():
+    assert planned().predicted_chamfer_m2 < 0.6 * planned().chamfer_m2
+
+
+def test_pushes_that_touch_nothing_move_nothing():
+    task = load(RODS)
+    start = jnp.asarray(task.problems.particles(task.start(0), COUNT))[None]
+    away = jnp.tile(jnp.array([0.2, -0.3, 0.3]), (1, task.actions.substeps + 1, 1))
+    phi = jnp.asarray(compiled.phi_of(nominal_model(RODS)))[None]
+    end = compiled.advance(RODS, COUNT)(phi, start, away)
+    assert np.abs(end - start).max() < 1e-4
