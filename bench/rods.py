@@ -1,8 +1,7 @@
 """How true and fast ropes as rods are: `python -m bench.rods`.
 
-Random pushes of the simulated world's rope, seen exactly, in two sets; the rod's frictions and contact are fitted to one
-set and tried on the other, which also shows what each push does with the other end of the rope as its first. Errors are
-mean distances of nodes. Then the time of a push on one core, and how gradients agree with central differences.
+Random pushes of the simulated world's rope, seen exactly, in two sets; the rod's frictions and contact are fitted
+to one set and tried on the other. Errors are mean distances of nodes. Then the time of a push on one core.
 """
 
 import time
