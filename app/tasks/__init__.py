@@ -31,14 +31,14 @@ def names() -> list[str]:
     return sorted(file.stem for file in Path(__file__).parent.glob("*.py") if _DEFINES.search(file.read_text()))
 
 
-@cache
 def load(name: str) -> Task:
     """The task in the file `name`, or with "@" and a kind of dynamics after that (`Task.with_dynamics`).
 
     Raises UsageError with the known tasks where there is no such file, and with the file, the field and the value where
     what it defines is no task: a field is missing or unknown, a number impossible, the name another one.
     """
-    name, _, dynamics = name.partition("@")
+    if "@" in name:
+        return _with_dynamics(*name.split("@", 1))
     if name not in names():
         raise UsageError.unknown("task", name, names())
     module = f"{__name__}.{name}"
@@ -49,4 +49,10 @@ def load(name: str) -> Task:
         raise UsageError(f"{file} defines no task: {error}") from error
     if task.name != name:
         raise UsageError(f"{file} defines a task of the name {task.name!r}; it must be that of the file, {name!r}.")
-    return task.with_dynamics(dynamics) if dynamics else task
+    return task
+
+
+@cache
+def _with_dynamics(name: str, dynamics: str) -> Task:
+    """One and the same each time, as for those without: what is compiled for it is found again."""
+    return load(name).with_dynamics(dynamics)
