@@ -22,7 +22,7 @@ from app.rig.simulated.physics import WorldPhysics
 from app.rig.simulated.rehearsal import rehearse
 from app.sim.rods.rollout import RodPhysics, make_rod_rollout
 from app.sim.rods.scene import RodScene
-from app.sim.rods.state import RodState, bends
+from app.sim.rods.state import RodState
 from app.tasks import load
 
 TASK: Final = load("rope_push")
@@ -76,17 +76,11 @@ def physics(values: dict[str, float], count: int) -> RodPhysics:
     return RodPhysics.nominal(SCENE, count)._replace(**given)
 
 
-def at_rest(lines: Float64[np.ndarray, "P 2 n"]) -> RodState:
-    """Ropes free of stress through exactly known nodes."""
-    line = jnp.asarray(lines, jnp.float32)
-    nodes = jnp.zeros((len(line), 8, line.shape[2])).at[:, :2].set(line).at[:, 7, 1:-1].set(bends(line))
-    place = jnp.tile(jnp.arange(line.shape[2], dtype=jnp.float32), (len(line), 1))
-    return RodState(nodes=nodes, place=place, offset=jnp.zeros((*place.shape, 3)))
-
-
 def errors_mm(of: Pushes, values: dict[str, float]) -> Float64[np.ndarray, " P"]:
     """Mean distance of nodes of each push."""
-    end = SIMULATE(physics(values, len(of.before)), at_rest(of.before), jnp.asarray(of.tool, jnp.float32))
+    end = SIMULATE(
+        physics(values, len(of.before)), RodState.along(jnp.asarray(of.before)), jnp.asarray(of.tool, jnp.float32)
+    )
     return 1e3 * np.linalg.norm(np.asarray(end.nodes[:, :2]) - of.after, axis=1).mean(1)
 
 
@@ -123,7 +117,7 @@ def timed(count: int) -> tuple[str, ...]:
     one = pushes(SEEDS[0])
     which = np.arange(count) % len(one.before)
     tool = jnp.asarray(one.tool[which, :1401], jnp.float32)
-    given, state = physics({}, count), at_rest(one.before[which])
+    given, state = physics({}, count), RodState.along(jnp.asarray(one.before[which]))
 
     def cost(path: jax.Array) -> jax.Array:
         return jnp.square(SIMULATE(given, state, path).nodes[:, :2]).sum()

@@ -8,7 +8,7 @@ from jaxtyping import Array, Float, Float32
 
 from app.core.types import Points, ToolPose
 from app.planner.tree import Search, moved, roll_out, start
-from app.sim.rods.object_state import ObjectState
+from app.sim.object_state import ObjectState
 
 
 @final

@@ -1,14 +1,14 @@
 """A whole action as one differentiable JAX operation."""
 
 from dataclasses import dataclass
-from functools import partial
-from typing import Any, Protocol, TypeAlias, TypeVar, final
+from typing import Any, Protocol, TypeAlias, final
 
 import jax
 import jax.numpy as jnp
 from jax.custom_derivatives import SymbolicZero
-from jaxtyping import Bool, Float
+from jaxtyping import Float
 
+from app.sim.candidates import are_finite, as_float32, where_finite
 from app.sim.catalogue import EFFECTS
 from app.sim.checks import Setup, require_counts, require_shapes
 from app.sim.directions import directed
@@ -19,8 +19,6 @@ from app.sim.packed import unpack
 from app.sim.scene import Scene
 from app.sim.schedule import Schedule, schedule_for
 from app.sim.state import Setting, State
-
-TreeT = TypeVar("TreeT")
 
 
 @jax.tree_util.register_static
@@ -81,21 +79,21 @@ def make_rollout(
     @jax.custom_vjp
     def rollout(phi: jax.Array, state: State, tool: jax.Array, setting: Setting) -> State:
         end = _row(operations.forward(phi, state, tool, setting, 2), (tool.shape[1] - 1) % 2)
-        return _where_finite(_finite(phi, end, tool), end)
+        return where_finite(are_finite(phi, end, tool), end)
 
     def rollout_forward(*given: Any) -> tuple[State, Kept]:
         phi, state, tool, setting = jax.tree.map(_value, given)
         history = operations.forward(phi, state, tool, setting, tool.shape[1])
         end = _row(history, tool.shape[1] - 1)
-        finite = _finite(phi, end, tool)
-        return _where_finite(finite, end), (phi, history, tool, setting, finite, Sought(phi=given[0].perturbed))
+        finite = are_finite(phi, end, tool)
+        return where_finite(finite, end), (phi, history, tool, setting, finite, Sought(phi=given[0].perturbed))
 
     def rollout_backward(kept: Kept, end_bar: State) -> tuple[jax.Array, State, jax.Array, Setting]:
         phi, history, tool, setting, finite, sought = kept
         end_bar = jax.tree.map(_instantiated, end_bar, is_leaf=_is_zero)
         state_bar, phi_bar, tool_bar = operations.backward(phi, history, tool, setting, end_bar, sought.phi)
         bars = (phi_bar, state_bar, tool_bar)
-        finite_bars = _where_finite(finite & _finite(end_bar) & _finite(*bars), bars)
+        finite_bars = where_finite(finite & are_finite(end_bar) & are_finite(*bars), bars)
         return (*finite_bars, jax.tree.map(jnp.zeros_like, setting))
 
     rollout.defvjp(rollout_forward, rollout_backward, symbolic_zeros=True)
@@ -103,7 +101,7 @@ def make_rollout(
     def simulate(phi: jax.Array, state: State, tool: jax.Array, setting: Setting | None = None) -> State:
         known = setting or Setting.unknown(phi.shape[0], sizes.particles)
         require_shapes(phi, state, tool, known, sizes)
-        phi, state, tool, known = jax.tree.map(_float32, (phi, state, tool, known))
+        phi, state, tool, known = jax.tree.map(as_float32, (phi, state, tool, known))
         known = directed(scene, known, state.x)
         if not launched.sorts:
             return rollout(phi, state, tool, known)
@@ -130,24 +128,3 @@ def _is_zero(leaf: Any) -> bool:
 
 def _instantiated(leaf: Any) -> jax.Array:
     return jnp.zeros(leaf.shape, leaf.dtype) if _is_zero(leaf) else leaf
-
-
-def _float32(leaf: jax.Array) -> jax.Array:
-    return jnp.asarray(leaf, jnp.float32)
-
-
-@partial(jax.jit, inline=True)
-def _finite(*tree: jax.Array | State) -> Bool[jax.Array, " B"]:
-    """Which candidates are finite in every number."""
-    flags = [jnp.isfinite(leaf).all(axis=tuple(range(1, leaf.ndim))) for leaf in jax.tree.leaves(tree)]
-    return jnp.stack(flags).all(axis=0)
-
-
-def _where_finite(finite: Bool[jax.Array, " B"], tree: TreeT) -> TreeT:
-    """`tree` with NaN in every number of a candidate that is not finite."""
-    return jax.tree.map(partial(_masked, finite), tree)
-
-
-@partial(jax.jit, inline=True)
-def _masked(finite: jax.Array, leaf: jax.Array) -> jax.Array:
-    return jnp.where(finite.reshape(-1, *[1] * (leaf.ndim - 1)), leaf, jnp.nan)

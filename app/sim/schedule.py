@@ -3,8 +3,6 @@
 # Warp's arrays and structs are untyped.
 # pyright: reportAttributeAccessIssue=false, reportGeneralTypeIssues=false
 
-import os
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field
 from typing import Any, NamedTuple, Protocol, final
 
@@ -24,6 +22,7 @@ from app.sim.particle_kernels import (
     particle_kernels,
 )
 from app.sim.scene import Scene
+from app.sim.threads import core_count, run_jobs
 from app.sim.touching import parts
 
 LANES = 1024
@@ -93,7 +92,7 @@ class ThreadedCandidates:
     """For the CPU: one launch a candidate; a thread that has ended one takes the next, for cores are rarely equal."""
 
     kernels: CandidateKernels
-    threads: int = field(default_factory=lambda: len(os.sched_getaffinity(0)))
+    threads: int = field(default_factory=core_count)
     sorts: bool = False
 
     def lists(self, candidates: int) -> int:
@@ -124,19 +123,10 @@ class ThreadedCandidates:
         self._launch(self.kernels.adjoint, work, [work.history, *sums, work.grid, bars.grid])
 
     def _launch(self, kernel: wp.Kernel, work: Work, arguments: list[Any]) -> None:
-        candidates = work.history.shape[0]
-        threads = self.lists(candidates)
-        waiting = iter(range(candidates))  # Shared: the interpreter lock makes taking the next one atomic.
+        def simulate(b: int, slot: int) -> None:
+            wp.launch(kernel, 1, [work.k, work.inputs, b, slot, *arguments], device=work.history.device)
 
-        def simulate(slot: int) -> None:
-            for b in waiting:
-                wp.launch(kernel, 1, [work.k, work.inputs, b, slot, *arguments], device=work.history.device)
-
-        if threads == 1:
-            simulate(0)
-            return
-        with ThreadPoolExecutor(threads) as pool:  # Launches release the interpreter lock.
-            list(pool.map(simulate, range(threads)))
+        run_jobs(work.history.shape[0], self.threads, simulate)
 
 
 @final

@@ -23,8 +23,8 @@ from app.planner.tree import Advance, Part, Search
 from app.policy.base import AWAY
 from app.sim.directions import directed
 from app.sim.effects.base import Effect
+from app.sim.object_state import ObjectState
 from app.sim.params import PARAMETERS, acting, columns_of, index
-from app.sim.rods.object_state import ObjectState
 from app.sim.rods.rollout import RodPhysics, make_rod_rollout
 from app.sim.rods.state import RodState
 from app.sim.rollout import make_rollout

@@ -18,7 +18,7 @@ from app.sim.autopsy import single
 from app.sim.catalogue import EFFECTS
 from app.sim.checks import Arrays, Setup
 from app.sim.dump import Dump, leave_dump
-from app.sim.rods.object_state import ObjectState
+from app.sim.object_state import ObjectState
 from app.sim.state import State
 from app.tasks import load
 from app.tasks.compiled import now

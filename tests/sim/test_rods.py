@@ -36,10 +36,7 @@ def curve(turn_rad: float, scene: RodScene = SCENE) -> np.ndarray:
 
 def lying(*lines: np.ndarray) -> RodState:
     """Ropes (n, 2) each, free of stress and without particles of their own."""
-    line = jnp.asarray(np.stack(lines).transpose(0, 2, 1), jnp.float32)
-    nodes = jnp.zeros((len(lines), 8, line.shape[2])).at[:, :2].set(line).at[:, 7, 1:-1].set(bends(line))
-    place = jnp.tile(jnp.arange(line.shape[2], dtype=jnp.float32), (len(lines), 1))
-    return RodState(nodes=nodes, place=place, offset=jnp.zeros((*place.shape, 3)))
+    return RodState.along(jnp.asarray(np.stack(lines).transpose(0, 2, 1)))
 
 
 def physics(candidates: int = 1, scene: RodScene = SCENE, **values: float) -> RodPhysics:

@@ -9,7 +9,7 @@ from jaxtyping import Float64, Int
 from app.core.stage import Finger, Rope
 from app.rig.simulated.hidden.base import Injected, Moment, Vectors
 from app.rig.simulated.physics import Position, WorldPhysics
-from app.rig.simulated.rope import hinged
+from app.rig.simulated.rope import hinge_owner
 
 _TABLE_GEOM = 0
 _QUIET_M_S, _QUIET_M = 1e-3, 0.02
@@ -88,7 +88,7 @@ class _Chain:
         self._finger_radius_m, self._finger = finger.radius_m, model.body("finger").id
         # Of a segment's two geoms the second meets the table; of its two hinges the first turns about the vertical.
         self._soles = model.body_geomadr[links] + 1
-        joined = [hinged(index, len(links)) for index in range(1, len(links))]
+        joined = [hinge_owner(index, len(links)) for index in range(1, len(links))]
         self._hinges = model.body_jntadr[links[joined]]
         self._angles, self._lasting = model.jnt_qposadr[self._hinges], model.jnt_plasticadr[self._hinges]
         self._mass = model.body_mass[links].copy()

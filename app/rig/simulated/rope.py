@@ -66,7 +66,7 @@ def root_of(segments: int) -> int:
     return segments // 2
 
 
-def hinged(index: int, segments: int) -> int:
+def hinge_owner(index: int, segments: int) -> int:
     """The segment whose body has the hinges between segments `index` - 1 and `index`."""
     return index if index > root_of(segments) else index - 1
 

@@ -4,7 +4,8 @@
 
 namespace rods {
 
-constexpr int BAR_ROWS = 31;
+constexpr int BAR_ROWS = 29;
+static_assert(ROWS + BAR_ROWS <= MOST_ROWS);
 
 // Rows of n lanes each: a bar is a cotangent. The first STATE of them are turned in place from the end of a step to its
 // beginning.
@@ -21,25 +22,24 @@ struct Bars {
     ROD_HERE Lanes* mass() const { return row(8); }             // sums over all steps
     ROD_HERE Lanes* bending() const { return row(9); }
     ROD_HERE Lanes* curved() const { return row(10); }
-    ROD_HERE Lanes* limit() const { return row(11); }           // of the effects' factor in this step
-    ROD_HERE Lanes* g(int c) const { return row(12 + c); }      // of the change of velocity
-    ROD_HERE Lanes* f(int c) const { return row(14 + c); }      // of the force on a node, and of its weight
-    ROD_HERE Lanes* weight() const { return row(16); }
-    ROD_HERE Lanes* t(int c) const { return row(17 + c); }
-    ROD_HERE Lanes* length() const { return row(19); }
-    ROD_HERE Lanes* spin() const { return row(20); }
-    ROD_HERE Lanes* moment() const { return row(21); }
-    ROD_HERE Lanes* first(int c) const { return row(22 + c); }  // of positions: what a segment gives to its nodes
-    ROD_HERE Lanes* second(int c) const { return row(24 + c); }
-    ROD_HERE Lanes* vfirst(int c) const { return row(26 + c); } // of velocities likewise
-    ROD_HERE Lanes* vsecond(int c) const { return row(28 + c); }
+    ROD_HERE Lanes* g(int c) const { return row(11 + c); }      // of the change of velocity
+    ROD_HERE Lanes* f(int c) const { return row(13 + c); }      // of the force on a node, and of its weight
+    ROD_HERE Lanes* weight() const { return row(15); }
+    ROD_HERE Lanes* t(int c) const { return row(16 + c); }
+    ROD_HERE Lanes* length() const { return row(18); }
+    ROD_HERE Lanes* spin() const { return row(19); }
+    ROD_HERE Lanes* moment() const { return row(20); }
+    ROD_HERE Lanes* first(int c) const { return row(21 + c); }  // of positions: what a segment gives to its nodes
+    ROD_HERE Lanes* second(int c) const { return row(23 + c); }
+    ROD_HERE Lanes* vfirst(int c) const { return row(25 + c); } // of velocities likewise
+    ROD_HERE Lanes* vsecond(int c) const { return row(27 + c); }
 };
 
 ROD_CALL void nodes_adjoint(const Rod& r, const Bars& o, const Numbers& k, const Traits& c, Traits& sum) {
     EACH(i, 0, r.n) {
         const Load l = load_of(r, i, k);
         const Lanes vx = r.v(0)[i], vy = r.v(1)[i], speed = root(vx * vx + vy * vy + c.creep * c.creep + 1e-12f);
-        const Lanes limit = c.table_friction * r.limit()[i] * l.weight + 1e-9f;
+        const Lanes limit = c.table_friction * l.weight + 1e-9f;
         const Lanes relaxed = 1.0f / (1.0f + k.dt * k.table * speed / limit);
         const Lanes rate = (k.table_damping / k.dt) * relaxed, gain = k.dt / r.mass()[i];
         const Lanes fx = o.g(0)[i] * gain, fy = o.g(1)[i] * gain;
@@ -53,9 +53,8 @@ ROD_CALL void nodes_adjoint(const Rod& r, const Bars& o, const Numbers& k, const
         o.v(0)[i] += k.dt * zx * relaxed + of_speed * vx;
         o.v(1)[i] += k.dt * zy * relaxed + of_speed * vy;
         sum.creep += of_speed * c.creep;
-        const Lanes weight = of_limit * c.table_friction * r.limit()[i];
-        sum.table_friction += of_limit * r.limit()[i] * l.weight;
-        o.limit()[i] = of_limit * c.table_friction * l.weight;
+        const Lanes weight = of_limit * c.table_friction;
+        sum.table_friction += of_limit * l.weight;
         o.f(0)[i] = fx; o.f(1)[i] = fy; o.weight()[i] = weight;
         o.mass()[i] += weight * k.gravity - (o.g(0)[i] * r.g(0)[i] + o.g(1)[i] * r.g(1)[i]) / r.mass()[i];
     }

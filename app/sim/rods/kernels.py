@@ -12,10 +12,10 @@ from typing import final
 
 import warp as wp
 
-STATE, TRAITS, FIELDS, TOOL = 8, 6, 3, 4
-"""Rows of a state (x, v, z by axes, s, p), traits of a candidate, rows of fields, coordinates of the finger."""
-ROWS, BAR_ROWS = 35, 31
-"""Rows of scratch memory for a step, and for its adjoint besides."""
+TRAITS, FIELDS, TOOL = 6, 3, 4
+"""Traits of a candidate, rows of fields, coordinates of the finger."""
+ROWS, BAR_ROWS = 33, 29
+"""Rows of scratch memory for a step, and for its adjoint besides, as in rod.h and adjoint.h."""
 EVERY = 32
 """Steps between the states that are kept for the adjoint, which computes those between again."""
 THREADS = 64
@@ -72,9 +72,8 @@ _TRAITS = """
         r.mass()[i] = gather(one(fields, 0, i), first, last, stride(fields));
         r.bending()[i] = gather(one(fields, 1, i), first, last, stride(fields));
         r.curved()[i] = gather(one(fields, 2, i), first, last, stride(fields));
-        r.limit()[i] = all_of(1.0f);
         r.x0(0)[i] = r.x(0)[i]; r.x0(1)[i] = r.x(1)[i];
-        r.around(0)[i] = r.around(1)[i] = r.weight()[i] = r.sn()[i] = r.share()[i] = r.press()[i] = Lanes{};
+        r.around(0)[i] = r.around(1)[i] = r.sn()[i] = r.share()[i] = r.press()[i] = Lanes{};
     }
     TOGETHER();
 """,

@@ -18,7 +18,6 @@ ROD_CALL Lanes smaller(Lanes a, Lanes b) { return fminf(a, b); }
 ROD_CALL Lanes either(Mask m, Lanes a, Lanes b) { return m ? a : b; }
 ROD_CALL bool any(Mask m) { return m; }
 ROD_CALL Lanes all_of(float a) { return a; }
-ROD_CALL Lanes load(const float* from) { return *from; }
 #else
 typedef float Lanes __attribute__((vector_size(64), aligned(64)));
 typedef int Mask __attribute__((vector_size(64), aligned(64)));
@@ -36,7 +35,7 @@ ROD_CALL Lanes all_of(float a) { return Lanes{} + a; }
 #endif
 
 // Where a group works: on a GPU in memory that its block has for itself.
-constexpr int MOST_NODES = 129, MOST_ROWS = 66;
+constexpr int MOST_NODES = 129, MOST_ROWS = 62;
 #if defined(__CUDA_ARCH__)
 ROD_CALL Lanes* memory_of(float*, int, int) {
     __shared__ float rows[MOST_ROWS * MOST_NODES];

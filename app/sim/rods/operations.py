@@ -4,9 +4,7 @@
 # pyright: reportInvalidTypeForm=false, reportAttributeAccessIssue=false, reportCallIssue=false
 # pyright: reportGeneralTypeIssues=false
 
-import os
 from collections.abc import Callable
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from typing import Any, final
 
@@ -15,8 +13,10 @@ import jax.numpy as jnp
 import numpy as np
 import warp as wp
 
-from app.sim.rods.kernels import BAR_ROWS, EVERY, FIELDS, LANES, ROWS, STATE, THREADS, TOOL, TRAITS, rod_kernels
+from app.sim.rods.kernels import BAR_ROWS, EVERY, FIELDS, LANES, ROWS, THREADS, TOOL, TRAITS, rod_kernels
 from app.sim.rods.scene import RodScene, factors_of, numbers_of, smoother_of
+from app.sim.rods.state import STATE
+from app.sim.threads import core_count, run_jobs
 
 
 @final
@@ -42,7 +42,7 @@ def make_rod_operations(scene: RodScene, bending_n_m: float, damping_n_m_s: floa
     kernels = rod_kernels(on_gpu=on_gpu)
     smoother = (np.linalg.inv(matrix) if on_gpu else factors_of(matrix)).astype(np.float32).ravel()
     width = LANES[on_gpu]
-    threads = len(os.sched_getaffinity(0))
+    threads = core_count()
 
     def groups_of(candidates: int) -> int:
         return -(-candidates // width)
@@ -51,17 +51,11 @@ def make_rod_operations(scene: RodScene, bending_n_m: float, damping_n_m_s: floa
         if device.is_cuda:
             wp.launch(kernel, groups * THREADS, [0, 0, *arguments], device=device, block_dim=THREADS)
             return
-        waiting = iter(range(groups))
 
-        def simulate(slot: int) -> None:
-            for group in waiting:
-                wp.launch(kernel, 1, [group, slot, *arguments], device=device)
+        def simulate(group: int, slot: int) -> None:
+            wp.launch(kernel, 1, [group, slot, *arguments], device=device)
 
-        if min(threads, groups) == 1:
-            simulate(0)
-            return
-        with ThreadPoolExecutor(min(threads, groups)) as pool:
-            list(pool.map(simulate, range(min(threads, groups))))
+        run_jobs(groups, threads, simulate)
 
     def forward(
         constants: wp.array(dtype=float),

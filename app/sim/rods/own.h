@@ -39,15 +39,15 @@ ROD_CALL bool find_touch(const Rod& r, int i, int j, const Numbers& k, const Tra
     m.my = r.v(1)[i] - r.v(1)[j] - (r.v(1)[j + 1] - r.v(1)[j]) * m.share;
     m.approach = m.mx * m.ox + m.my * m.oy;
     m.ramp = smaller(m.depth / k.onset, all_of(1.0f));
-    const Lanes pushed = k.self * m.depth - k.self_damping * m.approach * m.ramp;
+    const Lanes pushed = k.own * m.depth - k.own_damping * m.approach * m.ramp;
     m.inside = m.touching & (pushed > 0.0f);
     m.normal = either(m.inside, pushed, Lanes{});
     m.slip = m.my * m.ox - m.mx * m.oy;
     // Friction that grows with slip up to the bound of Coulomb.
     m.bound = c.table_friction * m.normal + 1e-9f;
-    const Lanes wanted = k.self_damping * root(m.slip * m.slip + 1e-12f);
+    const Lanes wanted = k.own_damping * root(m.slip * m.slip + 1e-12f);
     m.fade = m.bound / (m.bound + wanted);
-    m.rub = k.self_damping * m.slip * m.fade;
+    m.rub = k.own_damping * m.slip * m.fade;
     return true;
 }
 
@@ -131,16 +131,16 @@ ROD_CALL void own_adjoint(const Rod& r, const Bars& o, const Numbers& k, const T
         Lanes ox = px * m.normal - py * m.rub, oy = py * m.normal + px * m.rub;
         Lanes normal = px * m.ox + py * m.oy;
         const Lanes rub = px * m.oy - py * m.ox;
-        const Lanes slip = rub * k.self_damping * m.fade * m.fade;
-        const Lanes bound = rub * k.self_damping * m.slip * (1.0f - m.fade) * m.fade / m.bound;
+        const Lanes slip = rub * k.own_damping * m.fade * m.fade;
+        const Lanes bound = rub * k.own_damping * m.slip * (1.0f - m.fade) * m.fade / m.bound;
         normal += bound * c.table_friction;
         sum.table_friction += either(m.inside, bound * m.normal, zero);
         normal = either(m.inside, normal, zero);
         Lanes mx = -slip * m.oy, my = slip * m.ox;
         ox += slip * m.my; oy -= slip * m.mx;
         const Mask shallow = m.depth < k.onset;
-        const Lanes depth = normal * (k.self - either(shallow, k.self_damping * m.approach / k.onset, zero));
-        const Lanes approach = -normal * k.self_damping * m.ramp;
+        const Lanes depth = normal * (k.own - either(shallow, k.own_damping * m.approach / k.onset, zero));
+        const Lanes approach = -normal * k.own_damping * m.ramp;
         mx += approach * m.ox; my += approach * m.oy;
         ox += approach * m.mx; oy += approach * m.my;
         share -= mx * (r.v(0)[j + 1] - r.v(0)[j]) + my * (r.v(1)[j + 1] - r.v(1)[j]);

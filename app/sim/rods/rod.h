@@ -6,12 +6,12 @@
 
 namespace rods {
 
-// The same for all candidates and steps; in the order of `Numbers` in app/sim/rods/numbers.py.
+// The same for all candidates and steps; in the order of `Numbers` in scene.py.
 struct Numbers {
     float dt, rest, stretch, stretch_damping;  // time step [s], rest length of a segment [m], EA [N], [N s/m]
     float table, table_damping;                // bristles of the table [N/m], [N s/m]
     float finger, finger_damping, onset;       // contact with the finger [N/m], [N s/m], depth of full damping [m]
-    float self, self_damping, thickness;       // contact of the rope with itself, and where it begins [m]
+    float own, own_damping, thickness;         // contact of the rope with itself, and where it begins [m]
     float gravity;                             // [m/s^2]
     float stop, tightest;                      // stiffness [N m/rad] beyond the tightest bend [rad]
 };
@@ -28,7 +28,7 @@ struct Finger {
 };
 
 constexpr int STATE = 8, TRAITS = 6, FINGER = 6;
-constexpr int ROWS = 35;
+constexpr int ROWS = 33;
 
 // Rows of n lanes each; the first STATE of them are the state.
 struct Rod {
@@ -57,10 +57,8 @@ struct Rod {
     ROD_HERE Lanes* sn() const { return row(25); }
     ROD_HERE Lanes* pn() const { return row(26); }
     ROD_HERE Lanes* g(int c) const { return row(27 + c); }      // change of velocity before it is smoothed
-    ROD_HERE Lanes* limit() const { return row(29); }           // factor on the table's friction, from effects
-    ROD_HERE Lanes* around(int c) const { return row(30 + c); } // forces from contacts with itself
-    ROD_HERE Lanes* weight() const { return row(32); }          // what those press
-    ROD_HERE Lanes* x0(int c) const { return row(33 + c); }     // positions at the start
+    ROD_HERE Lanes* around(int c) const { return row(29 + c); } // forces from contacts with itself
+    ROD_HERE Lanes* x0(int c) const { return row(31 + c); }     // positions at the start
 };
 
 ROD_CALL Lanes angle_between(Lanes ax, Lanes ay, Lanes bx, Lanes by) {
@@ -162,7 +160,7 @@ ROD_CALL void find_finger_forces(const Rod& r, const Numbers& k, const Traits& c
 struct Load { Lanes fx, fy, weight; };
 
 ROD_CALL Load load_of(const Rod& r, int i, const Numbers& k) {
-    Load o = {r.around(0)[i], r.around(1)[i], r.mass()[i] * k.gravity + r.weight()[i]};
+    Load o = {r.around(0)[i], r.around(1)[i], r.mass()[i] * k.gravity};
     if (i > 0) {
         o.fx += r.f(0)[i - 1] + r.push(0)[i - 1] * r.share()[i - 1];
         o.fy += r.f(1)[i - 1] + r.push(1)[i - 1] * r.share()[i - 1];
@@ -182,7 +180,7 @@ ROD_CALL void find_changes(const Rod& r, const Numbers& k, const Traits& c) {
     EACH(i, 0, r.n) {
         const Load o = load_of(r, i, k);
         const Lanes vx = r.v(0)[i], vy = r.v(1)[i], speed = root(vx * vx + vy * vy + c.creep * c.creep + 1e-12f);
-        const Lanes limit = c.table_friction * r.limit()[i] * o.weight + 1e-9f;
+        const Lanes limit = c.table_friction * o.weight + 1e-9f;
         const Lanes relaxed = 1.0f / (1.0f + k.dt * k.table * speed / limit);
         const Lanes zx = (r.z(0)[i] + k.dt * vx) * relaxed, zy = (r.z(1)[i] + k.dt * vy) * relaxed;
         // Damping is for what sticks: what slides would feel more than Coulomb's bound.

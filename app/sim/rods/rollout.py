@@ -6,6 +6,7 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Float
 
+from app.sim.candidates import are_finite, as_float32, where_finite
 from app.sim.rods.kernels import FIELDS
 from app.sim.rods.operations import make_rod_operations
 from app.sim.rods.scene import RodScene
@@ -50,8 +51,8 @@ class SimulateRod(Protocol):
     def __call__(self, physics: RodPhysics, state: RodState, tool: Float[jax.Array, "B T 3"]) -> RodState:
         """The state after T - 1 time steps with the finger's tip at `tool[:, s]` [m] at their boundaries.
 
-        Differentiable once, in reverse mode. A candidate with a non-finite input becomes NaN throughout, and so does
-        its gradient; the others are not touched.
+        Differentiable once, in reverse mode. A candidate with a non-finite input becomes NaN throughout; the others are
+        not touched.
         """
         ...
 
@@ -77,17 +78,11 @@ def make_rod_rollout(scene: RodScene) -> SimulateRod:
     rollout.defvjp(rollout_forward, rollout_backward)
 
     def simulate(physics: RodPhysics, state: RodState, tool: Float[jax.Array, "B T 3"]) -> RodState:
-        physics, state, tool = jax.tree.map(_float32, (physics, state, tool))
+        physics, state, tool = jax.tree.map(as_float32, (physics, state, tool))
         end = rollout(state.nodes, _fields(scene, physics), _traits(scene, physics), _fingers(scene, physics, tool))
-        inputs = jax.tree.leaves((physics, state, tool))
-        finite = jnp.stack([jnp.isfinite(leaf).reshape(len(end), -1).all(1) for leaf in [end, *inputs]]).all(0)
-        return state._replace(nodes=jnp.where(finite[:, None, None], end, jnp.nan))
+        return state._replace(nodes=where_finite(are_finite(end, physics, state, tool), end))
 
     return simulate
-
-
-def _float32(leaf: jax.Array) -> jax.Array:
-    return jnp.asarray(leaf, jnp.float32)
 
 
 def _fields(scene: RodScene, physics: RodPhysics) -> Float[jax.Array, "B 3 n"]:

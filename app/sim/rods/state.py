@@ -10,11 +10,13 @@ import numpy as np
 from jaxtyping import Float, Float32
 
 from app.sim.arc_length import arclength_labels
-from app.sim.rods.kernels import STATE
 
-_SMOOTHING = 7.0
-"""Weight of squared second differences beside squared distances of particles: waves of 6 nodes keep 0.87 of their
-height, and particles of a thick rope do not bend its middle."""
+STATE = 8
+"""Rows of `RodState.nodes`."""
+
+_SMOOTHING = 1.0
+"""Weight of a squared second difference beside the squared distances of a node's share of particles: waves of 6 nodes
+keep 0.87 of their height, and particles of a thick rope do not bend its middle."""
 _ROUNDS = 6
 """Of Newton's iteration to segments of equal length; starts that are 2 mm off are so to 1e-6 after four."""
 
@@ -49,6 +51,13 @@ class RodState(NamedTuple):
         """
         return cls(*_at_rest(jnp.asarray(x, jnp.float32), count, rest_m))
 
+    @classmethod
+    def along(cls, line: Float[jax.Array, "B 2 n"]) -> Self:
+        """Unmoving and free of stress through known nodes, which are also its particles, at the height of the table."""
+        line = jnp.asarray(line, jnp.float32)
+        place = jnp.tile(jnp.arange(line.shape[2], dtype=jnp.float32), (len(line), 1))
+        return cls(nodes=_free_of_stress(line), place=place, offset=jnp.zeros((*place.shape, 3)))
+
     def resting(self) -> Self:
         """The same without motion; what friction and yield have stored stays."""
         return self._replace(nodes=self.nodes.at[:, 2:4].set(0.0))
@@ -60,8 +69,13 @@ def _at_rest(x: Float[jax.Array, "B N 3"], count: int, rest_m: float) -> tuple[j
     shape = jax.ShapeDtypeStruct(x.shape[:2], jnp.float32)
     place = (count - 1) * jax.lax.stop_gradient(jax.pure_callback(_labels, shape, jax.lax.stop_gradient(x)))
     line = inextensible(jax.vmap(_centreline, (0, 0, None))(x[..., :2], place, count), rest_m)
-    nodes = jnp.zeros((len(x), STATE, count)).at[:, :2].set(line).at[:, 7, 1:-1].set(bends(line))
-    return nodes, place, _offsets(x, line, place)
+    return _free_of_stress(line), place, _offsets(x, line, place)
+
+
+def _free_of_stress(line: Float[jax.Array, "B 2 n"]) -> Float[jax.Array, "B 8 n"]:
+    """The rows `nodes` of unmoving ropes whose bends all last."""
+    candidates, _, count = line.shape
+    return jnp.zeros((candidates, STATE, count)).at[:, :2].set(line).at[:, 7, 1:-1].set(bends(line))
 
 
 @final
@@ -85,13 +99,12 @@ def frames(
     edges /= jnp.linalg.norm(edges, axis=1, keepdims=True)
     turning = jnp.concatenate([edges[..., :1], edges[..., 1:] + edges[..., :-1], edges[..., -1:]], axis=2)
     turning /= jnp.linalg.norm(turning, axis=1, keepdims=True) + 1e-9
-    first = jnp.clip(jnp.floor(place), 0, line.shape[2] - 2).astype(jnp.int32)
-    share = (place - first)[:, None]
+    first, share = _segments(place, line.shape[2])
 
     def between(values: jax.Array) -> jax.Array:
         at = jnp.broadcast_to(first[:, None], (len(first), 2, first.shape[1]))
         one, other = jnp.take_along_axis(values, at, 2), jnp.take_along_axis(values, at + 1, 2)
-        return one + share * (other - one)
+        return one + share[:, None] * (other - one)
 
     tangent = between(turning)
     tangent /= jnp.linalg.norm(tangent, axis=1, keepdims=True) + 1e-9
@@ -126,13 +139,18 @@ def inextensible(line: Float[jax.Array, "B 2 n"], rest_m: float) -> Float[jax.Ar
     return jax.lax.fori_loop(0, _ROUNDS, closer, line)
 
 
-def _centreline(x: Float[jax.Array, "N 2"], place: Float[jax.Array, " N"], count: int) -> Float[jax.Array, "2 n"]:
+def _segments(place: jax.Array, count: int) -> tuple[jax.Array, jax.Array]:
+    """The segment of `count` nodes in which each place is, and where in it, from 0 to 1."""
     first = jnp.clip(jnp.floor(place), 0, count - 2).astype(jnp.int32)
-    share = place - first
+    return first, place - first
+
+
+def _centreline(x: Float[jax.Array, "N 2"], place: Float[jax.Array, " N"], count: int) -> Float[jax.Array, "2 n"]:
+    first, share = _segments(place, count)
     rows = jnp.arange(len(x))
     weights = jnp.zeros((len(x), count)).at[rows, first].set(1 - share).at[rows, first + 1].set(share)
     second = np.diff(np.eye(count, dtype=np.float32), 2, axis=0)
-    squares = weights.T @ weights + _SMOOTHING * len(x) / (7.0 * count) * second.T @ second
+    squares = weights.T @ weights + _SMOOTHING * len(x) / count * second.T @ second
     return jnp.linalg.solve(squares, weights.T @ x).T
 
 

@@ -20,7 +20,8 @@ from app.policy.base import Acted, Now
 from app.policy.learned.base import Chunk, Lessons, NextOnly, Params, Scale, Shown, World
 from app.policy.learned.networks import Seeing, applied
 from app.policy.learned.sight import Sight
-from app.sim.rods.object_state import ObjectState
+from app.sim.candidates import are_finite
+from app.sim.object_state import ObjectState
 
 _UNIT_M: Final = 0.01
 """A distance from a demonstrated state that counts as 1."""
@@ -96,7 +97,7 @@ def _world(how: Lessons) -> World:
 
 def _finite(state: ObjectState, before: ObjectState) -> ObjectState:
     """As it was before, of each candidate of which the simulation ended in no numbers; that has no slopes either."""
-    fine = jnp.stack([jnp.isfinite(each).reshape(len(each), -1).all(1) for each in state]).all(0)
+    fine = are_finite(*state)
     pairs = zip(state, before, strict=True)
     return type(state)(*(jnp.where(fine.reshape(-1, *[1] * (new.ndim - 1)), new, old) for new, old in pairs))
 

@@ -4,14 +4,14 @@ from typing import Any
 
 from app.rig.simulated.hidden.base import Hidden, Quantity, Values, signed
 from app.rig.simulated.physics import WorldPhysics
-from app.rig.simulated.rope import hinged
+from app.rig.simulated.rope import hinge_owner
 
 
 def _build(spec: Any, physics: WorldPhysics, values: Values) -> None:
     for index in range(1, physics.rope.segments):
         length_m = 2 * abs(spec.body(f"rope{index}").ipos[0])
         # The first of its two hinges turns about the vertical.
-        spec.body(f"rope{hinged(index, physics.rope.segments)}").joints[0].springref = values[0] * length_m
+        spec.body(f"rope{hinge_owner(index, physics.rope.segments)}").joints[0].springref = values[0] * length_m
 
 
 HIDDEN = Hidden(
