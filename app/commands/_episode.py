@@ -6,7 +6,7 @@ import time
 from collections.abc import Generator
 from contextlib import contextmanager
 from dataclasses import asdict, dataclass, replace
-from functools import partial
+from functools import cached_property, partial
 from pathlib import Path
 from typing import Literal, final
 
@@ -22,6 +22,7 @@ from app.commands._cell import cell
 from app.commands._clock import SystemClock
 from app.commands._goal import read_goal
 from app.commands._guiding import guided
+from app.commands._named import Dynamics, full_name
 from app.commands._preflight import check_port
 from app.commands._sight import seen_with
 from app.commands._version import code_version
@@ -33,6 +34,7 @@ from app.core.messages import Episode, Goal, fresh_id
 from app.core.ports import CameraShelf, Rig
 from app.core.refusal import Refusal
 from app.core.summary import Summary
+from app.core.task_name import TaskName, recorded
 from app.core.worker import Worker
 from app.flow import Flow
 from app.planner.method import PAPER, Method
@@ -83,6 +85,10 @@ class Options:
     learned one that comes with the program"""
     calibrate: bool = True
     """calibrate the model in the background"""
+    dynamics: Dynamics | None = None
+    """how plans simulate the object: rods, for ropes, or mpm, material points; the task's own where none is named"""
+    object: Path | None = None
+    """a TOML file with sizes of another rope or finger: length_m, radius_m, mass_kg, finger_radius_m"""
     segmenter: Path | None = None
     """an ONNX file that finds the object, instead of its colour (docs/perception.md says what it has to be)"""
     rig: str = "simulated"
@@ -144,17 +150,24 @@ class Options:
 @final
 @dataclass(frozen=True, kw_only=True)
 class Order:
-    """What the command line asked for. `case`: a folder that a discovery wrote; `board`: one is in the gripper.
+    """What the command line asked for, of the task `asked`.
+
+    `case`: a folder that a discovery wrote; `board`: one is in the gripper.
 
     `allow_automatic`: on a real arm, too, somebody may let motions be made without approval.
     """
 
-    task: str
+    asked: str
     options: Options
     automatic: bool
     case: Path | None = None
     board: bool = False
     allow_automatic: bool = False
+
+    @cached_property
+    def task(self) -> str:
+        """The full name of the task. Raises UsageError where there is none such."""
+        return full_name(self.asked, dynamics=self.options.dynamics, sizes=self.options.object, model=self.model)
 
     @property
     def model(self) -> Path | None:
@@ -206,6 +219,7 @@ class Report:
         """The keys that `dipac run --json` promises, and the timings behind the results page."""
         row = asdict(self.summary) | {
             "task": self.order.task,
+            "dynamics": TaskName.parse(self.order.task).dynamics,
             "planner": self.order.options.planner,
             "ablation": self.order.options.ablation,
             "policy": str(self.order.options.policy) if self.order.options.policy else None,
@@ -273,7 +287,7 @@ async def _doubted(wish: Wish, order: Order, site: Site, planner: Worker) -> Wis
     """With what the model and the case say beyond the simulator. Raises ParameterError, which names the file."""
     if order.case:
         own = order.options.model is None
-        case: Found = await planner.run(read_case, order.case, order.task, site, time.monotonic(), own)
+        case: Found = await planner.run(read_case, order.case, recorded(order.task), site, time.monotonic(), own)
         wish = replace(wish, verdict=case.verdict, asked=case.asked)
     if wish.model is None:
         return wish
@@ -362,11 +376,11 @@ def _take_bytes(site: Site) -> int:
 
 
 def _start(order: Order, preset: str) -> Episode:
-    config = asdict(order) | {"preset": preset}
+    config = asdict(order) | {"task": order.task, "preset": preset}
     return Episode(
         id=fresh_id("episode"),
         time_s=time.monotonic(),
-        task=order.task,
+        task=recorded(order.task),
         rig=order.options.rig,
         seed=order.options.seed,
         simulated=load_cell(order.options.rig).simulated,

@@ -4,7 +4,7 @@ import json
 import time
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
-from functools import reduce
+from functools import partial, reduce
 from pathlib import Path
 from typing import Any, cast, final
 
@@ -86,9 +86,9 @@ async def replanned(planner: Worker, timeline: Timeline, order: Order, said: Cal
     Raises UsageError where that moment cannot be planned, and what loading the model and `app.tasks.jobs.plan` raise.
     """
     seen = await to_thread.run_sync(moment, timeline, order.time_s)
-    task = load(seen.episode.task)
-    preset = await _preset(planner, task, seen)
     chosen, called = await _model(planner, timeline, order, seen)
+    task = load(chosen.task)
+    preset = await _preset(planner, task, seen)
     model = _sendable(chosen)
     method = Method.named(str(seen.options.get("planner") or PAPER), seen.options.get("ablation"))
     if policy := seen.options.get("policy"):
@@ -138,7 +138,8 @@ async def _model(planner: Worker, timeline: Timeline, order: Order, seen: Moment
     """The model to plan with and what it is called. Raises UsageError, RecordingError or ParameterError."""
     if order.path:
         path = Path(order.path)
-        model = await to_thread.run_sync(lambda: load_model(path, task=seen.episode.task, time_s=seen.time_s))
+        read = partial(load_model, path, task=seen.episode.task, time_s=seen.time_s, whole=False)
+        model = await to_thread.run_sync(read)
         await planner.run(check_model, model)
         return model, path.name
     if order.model != AS_RECORDED:
@@ -148,7 +149,7 @@ async def _model(planner: Worker, timeline: Timeline, order: Order, seen: Moment
         return known[order.model], f"version {known[order.model].version}"
     if seen.model is not None:
         return seen.model, f"version {seen.model.version}"
-    return await planner.run(nominal_model, seen.episode.task), "the nominal model"
+    return await planner.run(nominal_model, str(seen.config.get("task", seen.episode.task))), "the nominal model"
 
 
 def _sendable(model: Model) -> Model:

@@ -1,5 +1,6 @@
 """Estimate stiffness and friction from recorded actions; write them as a model file, with a plot of how it went."""
 
+import shlex
 from pathlib import Path
 from typing import Annotated
 
@@ -8,6 +9,7 @@ from rich.console import Console
 from rich.table import Table
 from rich.text import Text
 
+from app.commands._named import Dynamics, full_name
 from app.commands._preflight import check_writable
 from app.core.errors import RecordingError, UsageError
 from app.core.messages import Model, Transition
@@ -27,13 +29,17 @@ def calibrate(
     *,
     output: Annotated[Path, tyro.conf.arg(aliases=["-o"], help="the model file to write")] = Path("model.toml"),
     start: Annotated[Path | None, tyro.conf.arg(help="a model.toml to start from instead of the nominal model")] = None,
+    dynamics: Annotated[
+        Dynamics | None,
+        tyro.conf.arg(help="rods, for ropes, or mpm, material points; the task's own where none is named"),
+    ] = None,
 ) -> None:
     """All recordings must be of one task; each push in them is one transition."""
     terminal = Console(highlight=False)
     if not recordings:
         raise UsageError("Name at least one recording: dipac calibrate recordings/FILE.mcap -o model.toml")
     check_writable(output, "-o")
-    task = load(_task_of(recordings))
+    task = load(full_name(_task_of(recordings), dynamics=dynamics, model=start))
     transitions = _transitions_of(recordings)
     preset = _preset_for(task, transitions)
     fitting = f"{', '.join(task.calibrated)} to {len(transitions)} transitions of {len(recordings)} recordings"
@@ -50,7 +56,8 @@ def calibrate(
         Text(
             f"One-step Chamfer distance {MM2 * found.trials[0].loss_m2:.4g} mm^2 at the start, now "
             f"{MM2 * new.loss_m2:.4g} mm^2. "
-            f"Written to {output}, how it went to {picture}; use it with `dipac run {task.name} --model {output}`."
+            f"Written to {output}, how it went to {picture}; use it with "
+            f"`dipac run {shlex.quote(task.recorded)} --model {output}`."
         ),
         soft_wrap=True,
     )

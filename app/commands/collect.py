@@ -7,6 +7,7 @@ import tyro
 from rich.console import Console
 from rich.progress import TimeRemainingColumn
 
+from app.commands._named import Dynamics, full_name
 from app.commands._preflight import make_folder
 from app.commands._progress import counting
 from app.core.errors import PlanningError, UsageError
@@ -30,6 +31,7 @@ def collect(
     eyes: Eyes = "cameras",
     expert: Expert = "scripted",
     reached: bool = False,
+    dynamics: Dynamics | None = None,
     output: Annotated[Path | None, tyro.conf.arg(aliases=["-o"])] = None,
 ) -> None:
     """One recording an episode, for `dipac calibrate` and for learning a policy. What is there already is kept.
@@ -45,6 +47,7 @@ def collect(
         eyes: rendered images, or the truth with the noise that particles from images have, which is faster.
         expert: the task's scripted policy, the same with its actions improved by descent, or the planner that it
             guides; each takes longer and errs less. What the planner does is partly chance, and harder to learn.
+        dynamics: rods or mpm, what an expert simulates who does; the task's own where none is named.
         reached: record none that misses its goal, and play the next problem instead.
         output: the folder of the recordings; recordings/TASK where none is named.
     """
@@ -52,14 +55,16 @@ def collect(
     if episodes < 1 or seed < 0:
         raise UsageError(f"--episodes {episodes} must be at least 1, and --seed {seed} at least 0.")
     size = preset if preset != "auto" else choose_preset()
-    load(task).preset(size)
+    full = full_name(task, dynamics=dynamics)
+    task = load(full).recorded
+    load(full).preset(size)
     folder = output or Path("recordings") / task
     make_folder(folder, "-o")
     kept = met = actions = 0
     seeds = range(seed, seed + (_TRIES if reached else 1) * episodes)
     with counting(terminal, TimeRemainingColumn()) as progress:
         bar = progress.add_task("episodes", total=episodes)
-        for shown in demonstrations(task, size, seeds, eyes, expert):
+        for shown in demonstrations(full, size, seeds, eyes, expert):
             if reached and not (shown.played.success and shown.steps):
                 progress.console.print(f"{task} {shown.wish.seed}: {_told(shown)}; not kept", markup=False)
                 continue

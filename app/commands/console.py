@@ -39,7 +39,7 @@ def console(
     Where the goal is reached, or --pushes motions are made, it waits for another goal or mode.
     """
     output = Output()
-    order = Order(task=task, options=options, automatic=False, case=case, board=board, allow_automatic=allow_automatic)
+    order = Order(asked=task, options=options, automatic=False, case=case, board=board, allow_automatic=allow_automatic)
     report = anyio.run(episode, order, output)
     output.print(Text(f"Recording: {report.recording}"), soft_wrap=True)
     if report.failure is not None:

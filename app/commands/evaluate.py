@@ -8,6 +8,7 @@ import tyro
 from rich.console import Console
 from rich.progress import TimeRemainingColumn
 
+from app.commands._named import Dynamics, full_name
 from app.commands._preflight import make_folder
 from app.commands._progress import counting
 from app.core.errors import UsageError
@@ -30,6 +31,7 @@ _Names = Annotated[tuple[str, ...], tyro.conf.arg(metavar="NAME [NAME ...]")]
 def evaluate(
     *,
     task: _Names = (),
+    dynamics: Annotated[tuple[Dynamics, ...], tyro.conf.arg(metavar="{rods,mpm} [{rods,mpm} ...]")] = (),
     planner: _Names = (),
     ablation: _Names = (),
     seeds: int = 10,
@@ -48,6 +50,8 @@ def evaluate(
 
     Args:
         task: all tasks where none is named.
+        dynamics: how plans simulate the object: rods, for ropes, mpm, material points, or both, to compare them; each
+            task's own where none is named.
         planner: all planners where none is named, dipac, which is the paper's, where an ablation is. Besides: bc,
             transporter, act, diffusion and ild, a learned policy alone; dipac+bc and so on, the tree that it guides.
         ablation: of dipac; all where none is named and no planner is; "none" for the whole planner alone.
@@ -68,7 +72,7 @@ def evaluate(
     _check(seeds, demonstrations, jobs, actions)
     share_the_machine()
     size = preset if preset != "auto" else choose_preset()
-    methods, tasks = _methods(planner, ablation), tuple(dict.fromkeys(task or names()))
+    methods, tasks = _methods(planner, ablation), _tasks(task, dynamics)
     for name in tasks:
         load(name).preset(size)
     models = {name: output / "models" / f"{name}.toml" for name in tasks}
@@ -98,6 +102,14 @@ def evaluate(
         _calibrate(terminal, [trial for trial in trials if trial.seed == 0], models, demonstrations)
         _play(terminal, trials, output / EPISODES, workers, jobs)
         _report(terminal, _rows(output / EPISODES, tasks), output)
+
+
+def _tasks(chosen: Sequence[str], dynamics: Sequence[Dynamics]) -> tuple[str, ...]:
+    """Their full names. Where none is chosen, all that have such dynamics."""
+    engines: Sequence[Dynamics | None] = dynamics or (None,)
+    asked = [(name, each) for name in chosen or names() for each in engines]
+    known = [(name, each) for name, each in asked if chosen or each != "rods" or load(name).rods]
+    return tuple(dict.fromkeys(full_name(name, dynamics=each) for name, each in known))
 
 
 def _check(seeds: int, demonstrations: int, jobs: int, actions: int | None) -> None:

@@ -12,6 +12,7 @@ from app.commands._imported import imported_messages
 from app.commands._preflight import check_writable, unwritable
 from app.core.errors import RecordingError, UsageError
 from app.core.messages import Episode, Message
+from app.core.task_name import TaskName
 from app.recording import digests
 from app.recording.file import EpisodeFile
 from app.recording.plain import Plain, read_plain
@@ -35,13 +36,23 @@ def import_(
         raise UsageError(f"{output} exists; choose another place with -o, so that no recording is lost.")
     check_writable(output, "-o")
     plain = read_plain(file)
-    known = load(_task_name(plain, task, file))
+    known = _sized(load(_task_name(plain, task, file)), plain)
     count = known.preset("cpu").particle_count
     _write(output, imported_messages(plain, known.name, count))
     pushes = sum(len(episode.pushes) for episode in plain.episodes)
     terminal.print(f"{output}: {pushes} pushes in {len(plain.episodes)} episodes of {known.name}.")
-    for note in _notes(plain, known):
-        terminal.print(note)
+
+
+def _sized(task: Task, plain: Plain) -> Task:
+    """The task about an object and a tool of the sizes that the file says, where these can be others."""
+    said = {
+        "length_m": (plain.about.get("object", {}).get("length_m"), task.rope.length_m),
+        "radius_m": (plain.about.get("object", {}).get("radius_m"), task.rope.radius_m),
+        "mass_kg": (plain.about.get("object", {}).get("mass_kg"), task.rope.mass_kg),
+        "finger_radius_m": (plain.about.get("tool", {}).get("radius_m"), task.finger.radius_m),
+    }
+    other = {name: float(value) for name, (value, own) in said.items() if value is not None and value != own}
+    return load(str(TaskName.of(task.problem, other)))
 
 
 def _task_name(plain: Plain, given: str | None, file: Path) -> str:
@@ -80,17 +91,3 @@ def _unwritable(path: Path, error: OSError | RuntimeError) -> UsageError:
     if isinstance(error, OSError):
         return unwritable(path, "-o", error)
     return UsageError(f"Cannot write {path}: {error}; choose another place with -o.")
-
-
-def _notes(plain: Plain, task: Task) -> list[str]:
-    """What the file says of tool and object, and the task otherwise."""
-    given = {
-        "object.length_m": (plain.about.get("object", {}).get("length_m"), task.rope.length_m),
-        "object.radius_m": (plain.about.get("object", {}).get("radius_m"), task.rope.radius_m),
-        "tool.radius_m": (plain.about.get("tool", {}).get("radius_m"), task.finger.radius_m),
-    }
-    return [
-        f"about says {name} {said:g}, the task {task.name} has {own:g}: the simulation takes the task's."
-        for name, (said, own) in given.items()
-        if said is not None and said != own
-    ]

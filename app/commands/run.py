@@ -22,7 +22,7 @@ def run(
 ) -> None:
     """Push the object to its goal; the console is served meanwhile, and STOP works there."""
     output = Output()
-    order = Order(task=task, options=options, automatic=True)
+    order = Order(asked=task, options=options, automatic=True)
     if json is not None:
         check_writable(json, "--json")
     report = anyio.run(episode, order, output)

@@ -11,6 +11,7 @@ from rich.console import Console
 from rich.progress import Progress as Bar
 from rich.progress import TaskID, TimeRemainingColumn
 
+from app.commands._named import full_name
 from app.commands._preflight import make_folder
 from app.commands._progress import counting
 from app.commands._version import code_version
@@ -56,13 +57,13 @@ def train(
         output: the folder to write: the policy, curves, and what is needed to go on.
     """
     terminal = Console(highlight=False, soft_wrap=True)
-    known, learner = load(task), kinds.load(policy)
+    known, learner = load(full_name(task, dynamics=None if model else "mpm", model=model)), kinds.load(policy)
     if steps < 1 or batch < 1 or seed < 0:
         raise UsageError(f"--steps {steps} and --batch {batch} must be at least 1, and --seed {seed} at least 0.")
     make_folder(output, "-o")
-    shown = _shown(demos, task)
+    shown = _shown(demos, known.recorded)
     taught = examples(known, [(each.transitions, each.goals) for each in shown.values()])
-    start = load_model(model, task=task, time_s=0.0) if model else nominal_model(task)
+    start = load_model(model, task=known.name, time_s=0.0) if model else nominal_model(known.name)
     how = lessons(known, simulator(known, start, taught.x.shape[1]))
     settings = Settings(steps=steps, batch=batch, seed=seed)
     hashes = {path.name: each.digest for path, each in shown.items()}

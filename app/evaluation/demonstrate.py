@@ -81,7 +81,7 @@ def record(shown: Demonstration, path: Path) -> int:
     episode = Episode(
         id=fresh_id("episode"),
         time_s=begin_s,
-        task=wish.task.name,
+        task=wish.task.recorded,
         rig="simulated",
         seed=wish.seed,
         simulated=True,

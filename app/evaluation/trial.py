@@ -130,7 +130,8 @@ def run_trial(trial: Trial) -> dict[str, Any]:
 def _policy(folder: Path, task: str, kind: str) -> LearnedPolicy:
     from app.tasks.teaching import learned
 
-    return learned(folder / task / kind, load(task), kind)
+    known = load(task)
+    return learned(folder / known.problem / kind, known, kind)
 
 
 def _model(trial: Trial, method: Method) -> Model:

@@ -13,6 +13,7 @@ import tomli_w
 
 from app.core.errors import RecordingError, UsageError
 from app.core.messages import Extension, Model, Parameter, fresh_id
+from app.core.task_name import TaskName, recorded
 
 SCHEMA = 2
 _READ = (1, 2)
@@ -43,12 +44,26 @@ def save_model(path: Path, model: Model) -> None:
         raise UsageError(f"Cannot write the model to {path}: {error.strerror}; choose another place with -o.") from None
 
 
-def load_model(path: Path, *, task: str, time_s: float) -> Model:
-    """The model in `path`, as a message of now.
+def task_of(path: Path) -> str:
+    """The full name of the task that the model in `path` is of. Raises as `load_model`."""
+    return _read(path, 0.0).task
+
+
+def load_model(path: Path, *, task: str, time_s: float, whole: bool = True) -> Model:
+    """The model in `path`, as a message of now; where not `whole`, with whichever dynamics of the task.
 
     Raises UsageError where the file is not there or belongs to another task, RecordingError where it is not a model.
     Whether its parameters are known and within their ranges is the task's to say (`app.tasks.jobs.check_model`).
     """
+    model = _read(path, time_s)
+    if model.task != task and (whole or recorded(model.task) != recorded(task)):
+        other = recorded(model.task) == recorded(task)
+        step = f"give --dynamics {TaskName.parse(model.task).dynamics}" if other else "calibrate one for it"
+        raise UsageError(f"{path} is a model of task {model.task!r}, not of {task!r}; {step}.")
+    return model
+
+
+def _read(path: Path, time_s: float) -> Model:
     try:
         table = tomllib.loads(path.read_text(encoding="utf-8"))
         if table["schema"] not in _READ:
@@ -56,7 +71,7 @@ def load_model(path: Path, *, task: str, time_s: float) -> Model:
                 f"{path} has model schema {table['schema']}; this version reads schema {_READ[0]} and {_READ[1]}. "
                 "Use the version of dipac that wrote it, or calibrate again."
             )
-        model = _model(table, time_s)
+        return _model(table, time_s)
     except OSError as error:
         raise UsageError(f"Cannot read the model {path}: {error.strerror}.") from None
     except (tomllib.TOMLDecodeError, UnicodeDecodeError, KeyError, TypeError, AttributeError, ValueError) as error:
@@ -64,9 +79,6 @@ def load_model(path: Path, *, task: str, time_s: float) -> Model:
         raise RecordingError(
             f"{path} is not a model file ({why}); `dipac calibrate` and `dipac discover` write one."
         ) from None
-    if model.task != task:
-        raise UsageError(f"{path} is a model of task {model.task!r}, not of {task!r}; calibrate one for it.")
-    return model
 
 
 def _entries(parameters: tuple[Parameter, ...]) -> dict[str, dict[str, Any]]:

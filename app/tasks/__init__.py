@@ -2,10 +2,12 @@
 
 import importlib
 import re
+from dataclasses import replace
 from functools import cache
 from pathlib import Path
 
 from app.core.errors import UsageError
+from app.core.task_name import TaskName
 from app.tasks.base import Preset, Task
 from app.tasks.jobs import calibrate, nominal_model, plan, update, warm_up_stage, warm_up_stages
 
@@ -14,6 +16,7 @@ __all__ = [
     "Task",
     "calibrate",
     "load",
+    "named",
     "names",
     "nominal_model",
     "plan",
@@ -32,13 +35,31 @@ def names() -> list[str]:
 
 
 def load(name: str) -> Task:
-    """The task in the file `name`, or with "@" and a kind of dynamics after that (`Task.with_dynamics`).
+    """The task of that name, which may say sizes and dynamics (`TaskName`); one and the same each time.
 
     Raises UsageError with the known tasks where there is no such file, and with the file, the field and the value where
     what it defines is no task: a field is missing or unknown, a number impossible, the name another one.
     """
-    if "@" in name:
-        return _with_dynamics(*name.split("@", 1))
+    wanted = TaskName.parse(name)
+    task = _of_file(wanted.problem)
+    return task if str(wanted) == task.name else _other(wanted)
+
+
+def named(task: str, dynamics: str | None = None) -> str:
+    """The full name of `task` with these dynamics: its own where None are given and its name says none.
+
+    Raises UsageError where two are given, or a task has no such dynamics.
+    """
+    said = TaskName.parse(task)
+    if "@" in task:
+        if dynamics not in (None, said.dynamics):
+            raise UsageError(f"{task} contradicts --dynamics {dynamics}; leave one of them out.")
+        return load(task).name
+    known = load(task)
+    return load(str(replace(said, dynamics=dynamics or known.own_dynamics))).name
+
+
+def _of_file(name: str) -> Task:
     if name not in names():
         raise UsageError.unknown("task", name, names())
     module = f"{__name__}.{name}"
@@ -53,6 +74,9 @@ def load(name: str) -> Task:
 
 
 @cache
-def _with_dynamics(name: str, dynamics: str) -> Task:
-    """One and the same each time, as for those without: what is compiled for it is found again."""
-    return load(name).with_dynamics(dynamics)
+def _other(name: TaskName) -> Task:
+    """With other sizes or dynamics; what is compiled for it is found again."""
+    task = _of_file(name.problem)
+    if name.sizes:
+        task = task.with_sizes(dict(name.sizes))
+    return task.with_dynamics(name.dynamics)

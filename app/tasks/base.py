@@ -13,8 +13,10 @@ from app.core.bounds import checked
 from app.core.errors import UsageError
 from app.core.messages import Proposal, fresh_id
 from app.core.stage import Finger, Rope, Stage
+from app.core.task_name import TaskName, recorded
 from app.core.types import Points, ToolPose
 from app.planner.method import DIPAC, Method
+from app.tasks.sizes import resized
 
 if TYPE_CHECKING:  # Whoever needs these names alone shall not load JAX and Warp for them.
     from jaxtyping import Array, Float
@@ -35,6 +37,7 @@ if TYPE_CHECKING:  # Whoever needs these names alone shall not load JAX and Warp
     from app.sim.scene import Scene
     from app.sim.state import State
     from app.tasks.aim import Aim
+    from app.tasks.sizes import Sized
 
 
 _AROUND_M, _PIXEL_M = 0.04, 0.008
@@ -119,7 +122,8 @@ class Task:
     `nominal`: parameters of the simulator, by name, whose nominal value for this task is not the simulator's own;
     `calibrated`: those that calibration estimates from transitions. `aim`: when it is done, truly; `ends`: when what
     cameras see is enough to stop, where that has to be more than the aim; `horizon`: after how many actions an
-    evaluation ends otherwise. `rods`: the object as a rod, where it is a rope; `dynamics`: see `with_dynamics`.
+    evaluation ends otherwise. `rods`: the object as a rod, where it is a rope; `dynamics`: see `with_dynamics`;
+    `own_dynamics`: those that commands take where nobody names others. `sized`: the task about another rope and finger.
     `haste`: real seconds in a simulated one. `empty_m`: a tool that opens less may hold the
     object, which is not done then, wherever it is. `lesson`: what demonstrations are about, where that is another
     object; a model that they calibrate has to go on learning in use.
@@ -149,11 +153,27 @@ class Task:
     lesson: Lesson | None = None
     rods: RodDynamics | None = None
     dynamics: str = "mpm"
+    own_dynamics: str = "mpm"
+    sized: Sized | None = None
+
+    @property
+    def recorded(self) -> str:
+        """As recordings of it name it: without its dynamics."""
+        return recorded(self.name)
+
+    @property
+    def problem(self) -> str:
+        """The name of its file, whatever its sizes and dynamics."""
+        return TaskName.parse(self.name).problem
+
+    def with_sizes(self, sizes: Mapping[str, float]) -> Task:
+        """The same with another rope or finger; see `sizes.resized`."""
+        return resized(self, sizes)
 
     def with_dynamics(self, dynamics: str) -> Task:
         """The same task, its object simulated by another engine: "mpm" (material points) or "rods".
 
-        It is called TASK@rods, as its models are others. Raises UsageError where its object is no rope.
+        It is called TASK@rods (`TaskName`), as its models are others. Raises UsageError where its object is no rope.
         """
         from app.planner.actions import Pushes
         from app.sim.rods.state import RodStart

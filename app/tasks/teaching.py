@@ -31,8 +31,8 @@ def learned(path: Path, task: Task, kind: str | None = None) -> LearnedPolicy:
 
     Raises UsageError and RecordingError as `load_policy`, and UsageError where it is of another `kind`.
     """
-    where = shipped(task.name) if path == SHIPPED else path
-    policy, origin = load_policy(where, task=task.name, how=lessons(task))
+    where = shipped(task.problem) if path == SHIPPED else path
+    policy, origin = load_policy(where, task=task.problem, how=lessons(task))
     if kind is not None and origin.kind != kind:
         raise UsageError(f"{where} holds a policy of the kind {origin.kind}, not {kind}; move it, or train one.")
     return policy

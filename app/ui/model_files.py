@@ -22,7 +22,7 @@ def read_model(named: str, folder: Path, *, task: str, time_s: float) -> Model:
         raise UsageError(f"{named!r} is no model of this folder; give a .toml file within {inside}.")
     if path.stat().st_size > _MOST_BYTES:
         raise UsageError(f"{named!r} is too large for a model; name the file that `dipac calibrate` wrote.")
-    return load_model(path, task=task, time_s=time_s)
+    return load_model(path, task=task, time_s=time_s, whole=False)
 
 
 def _found(folder: Path, named: str) -> Path | None:

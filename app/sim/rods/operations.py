@@ -14,7 +14,7 @@ import numpy as np
 import warp as wp
 
 from app.sim.rods.kernels import BAR_ROWS, EVERY, FIELDS, LANES, ROWS, THREADS, TOOL, TRAITS, rod_kernels
-from app.sim.rods.scene import RodScene, factors_of, numbers_of, smoother_of
+from app.sim.rods.scene import RodScene, factors_of, numbers_of, smoother_of, smoothing_of
 from app.sim.rods.state import STATE
 from app.sim.threads import core_count, run_jobs
 
@@ -36,8 +36,9 @@ def make_rod_operations(scene: RodScene, bending_n_m: float, damping_n_m_s: floa
     """For one scene, whose joints are at most so stiff and damped."""
     wp.config.log_level = wp.LOG_WARNING
     n = scene.nodes
-    numbers = np.array(numbers_of(scene), np.float32)
-    matrix = smoother_of(scene, bending_n_m, damping_n_m_s)
+    smoothing = smoothing_of(scene, bending_n_m, damping_n_m_s)
+    numbers = np.array(numbers_of(scene, smoothing), np.float32)
+    matrix = smoother_of(scene, smoothing)
     on_gpu = jax.default_backend() == "gpu"
     kernels = rod_kernels(on_gpu=on_gpu)
     smoother = (np.linalg.inv(matrix) if on_gpu else factors_of(matrix)).astype(np.float32).ravel()

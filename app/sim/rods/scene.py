@@ -115,15 +115,26 @@ class Numbers(NamedTuple):
     tightest: float
 
 
-def numbers_of(scene: RodScene) -> Numbers:
-    """The constants of a scene."""
+_STRETCH, _STRETCH_MARGIN = 2.5, 0.32
+"""Stiffness of stretch, as a share of m / dt^2, at most: and as a share of the limit of stability."""
+
+
+def numbers_of(scene: RodScene, smoothing: float) -> Numbers:
+    """The constants of a scene whose bending is smoothed by beta = `smoothing` (see `smoother_of`).
+
+    A chain of masses and springs s m / dt^2 is stable where s q < 4 for all squared differences q in 0..4; smoothing
+    divides by 1 + beta q^2, which thin ropes, with little bending, have little of.
+    """
     m, rest = scene.node_mass_kg, scene.rest_m
     step = max(scene.dt_s, _STEP_S)
     spring, damper = m / step**2, m / step
+    roughest = min(4.0, smoothing**-0.5)
+    limit = 4 * (step / scene.dt_s) ** 2 * (1 + smoothing * roughest**2) / roughest
+    stretch = min(_STRETCH, _STRETCH_MARGIN * limit)
     return Numbers(
         dt=scene.dt_s,
         rest=rest,
-        stretch=2.5 * spring * rest,
+        stretch=stretch * spring * rest,
         stretch_damping=0.0125 * damper,
         table=0.05 * spring,
         table_damping=0.15 * damper,
@@ -139,16 +150,19 @@ def numbers_of(scene: RodScene) -> Numbers:
     )
 
 
-def smoother_of(scene: RodScene, stiffness_n_m: float, damping_n_m_s: float) -> Float64[np.ndarray, "N N"]:
+def smoothing_of(scene: RodScene, stiffness_n_m: float, damping_n_m_s: float) -> float:
+    """The number beta = (dt c + dt^2 K) / (rest^2 m) for bending stiffness K [N m] and damping c [N m s] of a joint."""
+    dt = scene.dt_s
+    return (dt * damping_n_m_s + dt**2 * stiffness_n_m) / (scene.rest_m**2 * scene.node_mass_kg)
+
+
+def smoother_of(scene: RodScene, smoothing: float) -> Float64[np.ndarray, "N N"]:
     """The matrix A = I + beta D2^T D2 that takes the linear part of bending and its damping implicitly.
 
-    beta = (dt c + dt^2 K) / (rest^2 m) for bending stiffness K [N m] and damping c [N m s] of a joint; D2 takes second
-    differences. A^-1 times a change of velocity stabilises it, and changes no equilibrium.
+    D2 takes second differences. A^-1 times a change of velocity stabilises it, and changes no equilibrium.
     """
-    n, dt = scene.nodes, scene.dt_s
-    beta = (dt * damping_n_m_s + dt**2 * stiffness_n_m) / (scene.rest_m**2 * scene.node_mass_kg)
-    second = np.diff(np.eye(n), 2, axis=0)
-    return np.eye(n) + beta * second.T @ second
+    second = np.diff(np.eye(scene.nodes), 2, axis=0)
+    return np.eye(scene.nodes) + smoothing * second.T @ second
 
 
 def factors_of(matrix: Float64[np.ndarray, "N N"]) -> Float32[np.ndarray, "3 N"]:

@@ -1,0 +1,56 @@
+"""The full name of a task: which one it is, sizes of its object and tool that are other ones, and its dynamics."""
+
+import re
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from typing import Self, final
+
+from app.core.errors import UsageError
+
+_WRITTEN = re.compile(r"(?P<problem>[^@()]+)(?:\((?P<sizes>[^()]*)\))?(?:@(?P<dynamics>[^@()]+))?")
+
+
+@final
+@dataclass(frozen=True)
+class TaskName:
+    """PROBLEM(size=value,...)@DYNAMICS, where sizes and dynamics may be left out.
+
+    A recording is of a problem and its sizes, whatever its pushes were planned with; a model is of dynamics besides.
+    `sizes`: [m] or [kg], by name; `dynamics`: "mpm", material points, or "rods".
+    """
+
+    problem: str
+    sizes: tuple[tuple[str, float], ...] = ()
+    dynamics: str = "mpm"
+
+    @classmethod
+    def of(cls, problem: str, sizes: Mapping[str, float], dynamics: str = "mpm") -> Self:
+        """With its sizes in order, so that what is the same is called the same."""
+        return cls(problem, tuple(sorted((name, float(value)) for name, value in sizes.items())), dynamics)
+
+    @classmethod
+    def parse(cls, text: str) -> Self:
+        """The inverse of `str`. Raises UsageError where it is no such name."""
+        found = _WRITTEN.fullmatch(text)
+        try:
+            if found is None:
+                raise ValueError("it is not of that form")
+            pairs = [pair.split("=") for pair in (found["sizes"] or "").split(",") if pair]
+            return cls.of(found["problem"], {name: float(value) for name, value in pairs}, found["dynamics"] or "mpm")
+        except ValueError as error:
+            form = "rope_push, or rope_push(length_m=0.3,radius_m=0.006)@rods"
+            raise UsageError(f"{text!r} is no name of a task ({error}); give one such as {form}.") from None
+
+    @property
+    def recorded(self) -> str:
+        """As recordings of it name it."""
+        return str(replace(self, dynamics="mpm"))
+
+    def __str__(self) -> str:
+        sizes = ",".join(f"{name}={value:.6g}" for name, value in self.sizes)
+        return self.problem + (f"({sizes})" if sizes else "") + ("" if self.dynamics == "mpm" else f"@{self.dynamics}")
+
+
+def recorded(task: str) -> str:
+    """The name that recordings of a task have: without its dynamics."""
+    return TaskName.parse(task).recorded

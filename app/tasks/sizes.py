@@ -1,0 +1,44 @@
+"""Tasks with another rope or another finger than their file's."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import replace
+from typing import TYPE_CHECKING, TypeAlias
+
+from app.core.bounds import checked
+from app.core.errors import UsageError
+from app.core.stage import Finger, Rope
+from app.core.task_name import TaskName
+
+if TYPE_CHECKING:
+    from app.tasks.base import Task
+
+Sized: TypeAlias = "Callable[[Rope, Finger], Task]"
+"""A task about this rope and this finger."""
+
+SIZES = {
+    "length_m": (0.20, 0.70),
+    "radius_m": (0.003, 0.012),
+    "mass_kg": (0.005, 0.3),
+    "finger_radius_m": (0.004, 0.015),
+}
+"""What may be another one, and from where to where."""
+
+
+def resized(task: Task, sizes: Mapping[str, float]) -> Task:
+    """The same with these sizes.
+
+    Raises UsageError where the task has no rope or finger to change, or a size is unknown, ParameterError where it is
+    out of its range.
+    """
+    if task.sized is None:
+        raise UsageError(f"{task.name} is about an object and a tool of its own; leave --object out.")
+    for name, value in sizes.items():
+        if name not in SIZES:
+            raise UsageError.unknown("size", name, SIZES)
+        checked(name, value, *SIZES[name])
+    own = {name: value for name, value in sizes.items() if name != "finger_radius_m"}
+    finger = replace(task.finger, radius_m=sizes.get("finger_radius_m", task.finger.radius_m))
+    made = task.sized(replace(task.rope, **own), finger)
+    return replace(made, name=str(TaskName.of(task.name, sizes)))

@@ -1,0 +1,61 @@
+"""Which task a command line is about: its sizes, and how its object is simulated."""
+
+from pathlib import Path
+
+import pytest
+
+from app.commands._named import full_name, read_sizes
+from app.core.errors import UsageError
+from app.recording.model_file import load_model, save_model
+from app.tasks.jobs import nominal_model
+
+ROPE = "length_m = 0.3\nradius_m = 0.006\n"
+
+
+def file(folder: Path, text: str) -> Path:
+    path = folder / "rope.toml"
+    path.write_text(text)
+    return path
+
+
+def test_a_rope_is_simulated_as_a_rod_where_nobody_says_otherwise():
+    assert full_name("rope_push", dynamics=None) == "rope_push@rods"
+    assert full_name("rope_push", dynamics="mpm") == "rope_push"
+    assert full_name("bean_sweep", dynamics=None) == "bean_sweep"
+
+
+def test_sizes_come_from_a_file_and_go_with_the_name(tmp_path: Path):
+    name = full_name("rope_push", dynamics=None, sizes=file(tmp_path, ROPE))
+    assert name == "rope_push(length_m=0.3,radius_m=0.006)@rods"
+
+
+def test_a_model_says_what_it_is_of(tmp_path: Path):
+    for task in ("rope_push", "rope_push@rods", "rope_push(radius_m=0.006)@rods"):
+        save_model(tmp_path / "model.toml", nominal_model(task))
+        assert full_name("rope_push", dynamics=None, model=tmp_path / "model.toml") == task
+
+
+def test_a_model_of_other_dynamics_is_refused_with_those_to_name(tmp_path: Path):
+    save_model(tmp_path / "model.toml", nominal_model("rope_push"))
+    with pytest.raises(UsageError, match="--dynamics mpm"):
+        load_model(tmp_path / "model.toml", task="rope_push@rods", time_s=0.0)
+
+
+@pytest.mark.parametrize(
+    ("text", "said"),
+    [("lenght_m = 0.3", "length_m"), ("length_m = true", "no number"), ("length_m", "no TOML"), ("x = 1", "Known")],
+)
+def test_a_file_that_says_no_sizes_is_refused(tmp_path: Path, text: str, said: str):
+    with pytest.raises(UsageError, match=said):
+        read_sizes(file(tmp_path, text))
+
+
+def test_impossible_sizes_and_contradictions_are_refused(tmp_path: Path):
+    with pytest.raises(UsageError, match="radius_m"):
+        full_name("rope_push", dynamics=None, sizes=file(tmp_path, "radius_m = 0.1"))
+    with pytest.raises(UsageError, match="leave --object out"):
+        full_name("bean_sweep", dynamics=None, sizes=file(tmp_path, ROPE))
+    with pytest.raises(UsageError, match="contradicts"):
+        full_name("rope_push@rods", dynamics="mpm")
+    with pytest.raises(UsageError, match="Unknown dynamics"):
+        full_name("bean_sweep", dynamics="rods")

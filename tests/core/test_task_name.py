@@ -1,0 +1,32 @@
+"""Full names of tasks: written, read, and refused."""
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from app.core.errors import UsageError
+from app.core.task_name import TaskName, recorded
+
+names = st.from_regex(r"[a-z][a-z_]{0,10}", fullmatch=True)
+sizes = st.dictionaries(names, st.floats(1e-3, 10).map(lambda value: float(f"{value:.6g}")), max_size=4)
+
+
+@given(names, sizes, st.sampled_from(["mpm", "rods"]))
+def test_what_is_written_is_read_again(problem: str, given_sizes: dict[str, float], dynamics: str):
+    name = TaskName.of(problem, given_sizes, dynamics)
+    assert TaskName.parse(str(name)) == name
+
+
+def test_recordings_are_of_a_problem_and_its_sizes_and_not_of_dynamics():
+    assert recorded("rope_push(radius_m=0.006)@rods") == "rope_push(radius_m=0.006)"
+    assert recorded("rope_push@mpm") == recorded("rope_push@rods") == "rope_push"
+
+
+def test_sizes_in_any_order_are_the_same_name():
+    assert str(TaskName.parse("a(y=2,x=1)")) == "a(x=1,y=2)"
+
+
+@pytest.mark.parametrize("text", ["", "rope_push(", "rope_push(radius_m)", "rope_push(radius_m=thin)", "a@b@c", "a()b"])
+def test_what_is_no_name_is_refused(text: str):
+    with pytest.raises(UsageError, match="no name of a task"):
+        TaskName.parse(text)

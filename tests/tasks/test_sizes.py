@@ -1,0 +1,64 @@
+"""A rope task about other ropes and fingers."""
+
+from itertools import product
+
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+from app.core.task_name import TaskName
+from app.sim.rods.state import RodState
+from app.tasks import compiled, load
+from app.tasks.jobs import nominal_model
+
+COUNT = 300
+ENDS = {
+    "length_m": (0.25, 0.60),
+    "radius_m": (0.004, 0.010),
+    "mass_kg": (0.015, 0.100),
+    "finger_radius_m": (0.005, 0.012),
+}
+EXTREMES = [dict(zip(ENDS, values, strict=True)) for values in product(*ENDS.values())]
+
+
+def named(sizes: dict[str, float], dynamics: str) -> str:
+    return str(TaskName.of("rope_push", sizes, dynamics))
+
+
+def pushed(task: str) -> tuple[RodState, RodState]:
+    """The rope before and after a push through its middle, across it."""
+    data = load(task)
+    x = data.particles(data.start(0), COUNT)
+    middle = x.mean(0)
+    nearest = x[np.linalg.norm(x - middle, axis=1).argmin(), :2]
+    along = np.linalg.svd(x[:, :2] - middle[:2])[2][0]
+    across = np.array([-along[1], along[0]])
+    way = np.linspace(-0.05, 0.05, data.actions.substeps + 1)[:, None]
+    tool = np.concatenate([nearest + way * across, np.full((len(way), 1), data.finger.push_height_m)], axis=1)
+    phi = jnp.asarray(compiled.phi_of(nominal_model(task)))[None]
+    begin = data.begin(jnp.asarray(x)[None])
+    end = compiled.carried(task, COUNT)(phi, begin, jnp.asarray(tool, jnp.float32)[None])
+    assert isinstance(begin, RodState)
+    assert isinstance(end, RodState)
+    return begin, end
+
+
+@pytest.mark.parametrize("sizes", EXTREMES, ids=lambda sizes: "-".join(f"{value:g}" for value in sizes.values()))
+def test_ropes_and_fingers_of_all_sizes_are_pushed_and_keep_their_length(sizes: dict[str, float]):
+    before, after = pushed(named(sizes, "rods"))
+    assert 0.02 < np.linalg.norm(after.x - before.x, axis=-1).max() < 0.12
+    lengths = np.linalg.norm(np.diff(after.nodes[0, :2], axis=-1), axis=0)
+    assert lengths.sum() == pytest.approx(sizes["length_m"], rel=0.01)
+
+
+def test_sizes_change_what_is_simulated_seen_and_shown():
+    sizes = EXTREMES[0]
+    task = load(named(sizes, "rods"))
+    assert task.rods is not None
+    assert (task.rope.length_m, task.rods.scene.length_m) == (0.25, 0.25)
+    assert task.rope.radius_m == task.rods.scene.radius_m == 0.004
+    assert task.scene.bodies[0].density_kg_m3 == pytest.approx(0.015 / (np.pi * 0.004**2 * 0.25))
+    assert task.seeing.half_width_m == pytest.approx(0.006)
+    length = np.linalg.norm(np.diff(task.start(3), axis=0), axis=1).sum()
+    assert length == pytest.approx(0.25)
+    assert task is load(str(TaskName.parse(task.name)))
