@@ -1,7 +1,7 @@
 """Rules for all tests: declared shapes and types are checked, and the event loop is never blocked."""
 
 import os
-from collections.abc import Iterator
+from collections.abc import Generator, Iterator
 from pathlib import Path
 
 import jax
@@ -65,16 +65,27 @@ def anyio_backend() -> str:
     return "asyncio"
 
 
-@pytest.fixture(autouse=True)
-def a_test_that_is_not_serial_needs_a_core_alone(request: pytest.FixtureRequest) -> Iterator[None]:
-    """Whatever else it used would fail or slow other tests now and then."""
-    if request.node.get_closest_marker("serial") is not None:
+def _alone(item: pytest.Item) -> Generator[None]:
+    """A test that is not serial needs a core alone: whatever else it used would fail or slow others now and then."""
+    if item.get_closest_marker("serial") is not None:
         yield
         return
     with undeclared() as used:
         yield
     if used:
         pytest.fail(f"This test uses {' and '.join(sorted(used))}; mark it `serial`.", pytrace=False)
+
+
+@pytest.hookimpl(wrapper=True)
+def pytest_runtest_setup(item: pytest.Item) -> Generator[None]:
+    """With the fixtures of its module, too."""
+    yield from _alone(item)
+
+
+@pytest.hookimpl(wrapper=True)
+def pytest_runtest_call(item: pytest.Item) -> Generator[None]:
+    """The test itself."""
+    yield from _alone(item)
 
 
 @pytest.fixture(autouse=True)

@@ -3,9 +3,10 @@
 Tests say so by the fixtures they use, or by the mark `serial`; `undeclared` finds those that do not.
 """
 
+import multiprocessing.util
 import sys
 import time
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from typing import Any
 
@@ -49,15 +50,21 @@ def undeclared() -> Iterator[set[str]]:
     """
     global _used
     _used = used = set[str]()
-    sleep = time.sleep
+    sleep, spawn = time.sleep, multiprocessing.util.spawnv_passfds
 
     def heard_sleep(seconds: float) -> None:
         used.add("a sleep")
         sleep(seconds)
 
-    time.sleep = heard_sleep
+    def heard_spawn(path: bytes, args: Sequence[Any], passfds: Sequence[int]) -> int:
+        """Of `multiprocessing`, which the interpreter does not tell of; what tracks shared memory does nothing."""
+        if not any("resource_tracker" in str(arg) for arg in args):
+            used.add("a process")
+        return spawn(path, args, passfds)
+
+    time.sleep, multiprocessing.util.spawnv_passfds = heard_sleep, heard_spawn
     try:
         yield used
     finally:
-        time.sleep = sleep
+        time.sleep, multiprocessing.util.spawnv_passfds = sleep, spawn
         _used = None

@@ -107,9 +107,13 @@ def evaluate(
 def _tasks(chosen: Sequence[str], dynamics: Sequence[Dynamics]) -> tuple[str, ...]:
     """Their full names. Where none is chosen, all that have such dynamics."""
     engines: Sequence[Dynamics | None] = dynamics or (None,)
-    asked = [(name, each) for name in chosen or names() for each in engines]
-    known = [(name, each) for name, each in asked if chosen or each != "rods" or load(name).rods]
-    return tuple(dict.fromkeys(full_name(name, dynamics=each) for name, each in known))
+    full = [
+        full_name(name, dynamics=engine)
+        for name in chosen or names()
+        for engine in engines
+        if chosen or engine != "rods" or load(name).rods
+    ]
+    return tuple(dict.fromkeys(full))
 
 
 def _check(seeds: int, demonstrations: int, jobs: int, actions: int | None) -> None:

@@ -23,6 +23,9 @@ from app.tasks.curves import RopeProblems
 ROPE = Rope(length_m=0.40, radius_m=0.008, mass_kg=0.064, colour=(0.80, 0.24, 0.10))
 FINGER = Finger(radius_m=0.009, push_height_m=0.006)
 
+LOWEST_M = 0.0055
+"""Of the tip of a finger: the workspace ends half a millimetre below."""
+
 DT_S, PUSH_SUBSTEPS, DENSITY_KG_M3 = 7.0e-4, 240, 795.0
 """Time steps of material points in a push, for this rope or a denser one."""
 
@@ -32,7 +35,7 @@ BESIDE_M = 0.008
 
 def _task(rope: Rope, finger: Finger) -> Task:
     """About this rope and this finger, which pushes a thinner rope nearer to the table."""
-    finger = replace(finger, push_height_m=min(finger.push_height_m, 0.75 * rope.radius_m))
+    finger = replace(finger, push_height_m=min(finger.push_height_m, max(LOWEST_M, 0.75 * rope.radius_m)))
     touch_m = rope.radius_m + finger.radius_m
     volume_m3 = pi * rope.radius_m**2 * rope.length_m
     # Waves are faster in what is lighter, and time steps as much shorter.

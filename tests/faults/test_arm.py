@@ -6,6 +6,8 @@ from bench.faults.__main__ import every
 from bench.faults.application import FAULTS, Doing
 from bench.faults.inject import Outcome, faults
 
+pytestmark = pytest.mark.serial
+
 REST_MS = 250.0
 CASES = [(doing, fault) for doing in FAULTS for fault in faults(doing)]
 
