@@ -9,7 +9,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Float, Float32
 
-from app.sim.arc_length import arclength_labels
+from app.sim.rods.centreline import RopeShape, placed, radius_of, traced
 
 STATE = 8
 """Rows of `RodState.nodes`."""
@@ -42,14 +42,23 @@ class RodState(NamedTuple):
         return jnp.stack([x, y, height], axis=-1)
 
     @classmethod
-    def at_rest(cls, x: Float[jax.Array, "B N 3"], count: int, rest_m: float) -> Self:
+    def at_rest(
+        cls,
+        x: Float[jax.Array, "B N 3"],
+        count: int,
+        rest_m: float,
+        radius_m: float | None = None,
+        near: Float[jax.Array, "2 n"] | None = None,
+    ) -> Self:
         """Unmoving and free of stress: `count` nodes, `rest_m` apart, through particles `x` of a rope.
 
-        Along the rope particles are ordered by distances between neighbours (`arclength_labels`), on the host. Nodes
-        minimise squared distances of particles to the polygon plus squared second differences, and are then moved to
-        the nearest polygon whose segments are all `rest_m` long.
+        The order along the rope is found on the host (`centreline.traced`), from the prediction `near` [m] too where
+        there is one. Nodes minimise squared distances of particles to their places on the polygon, weighted by how near
+        to the centreline they must be, plus squared second differences, and are then moved to the nearest polygon whose
+        segments are all `rest_m` long: linear in `x` but for that. `radius_m`: None, as evenly filled as `x` is high.
         """
-        return cls(*_at_rest(jnp.asarray(x, jnp.float32), count, rest_m))
+        near = jnp.zeros((2, 0)) if near is None else near
+        return cls(*_at_rest(jnp.asarray(x, jnp.float32), count, rest_m, radius_m, jnp.asarray(near, jnp.float32)))
 
     @classmethod
     def along(cls, line: Float[jax.Array, "B 2 n"]) -> Self:
@@ -63,12 +72,16 @@ class RodState(NamedTuple):
         return self._replace(nodes=self.nodes.at[:, 2:4].set(0.0))
 
 
-@partial(jax.jit, static_argnums=(1, 2))
-def _at_rest(x: Float[jax.Array, "B N 3"], count: int, rest_m: float) -> tuple[jax.Array, jax.Array, jax.Array]:
+@partial(jax.jit, static_argnums=(1, 2, 3))
+def _at_rest(
+    x: Float[jax.Array, "B N 3"], count: int, rest_m: float, radius_m: float | None, near: Float[jax.Array, "2 k"]
+) -> tuple[jax.Array, jax.Array, jax.Array]:
     """Nodes, places and offsets of `RodState`."""
-    shape = jax.ShapeDtypeStruct(x.shape[:2], jnp.float32)
-    place = (count - 1) * jax.lax.stop_gradient(jax.pure_callback(_labels, shape, jax.lax.stop_gradient(x)))
-    line = inextensible(jax.vmap(_centreline, (0, 0, None))(x[..., :2], place, count), rest_m)
+    shape = jax.ShapeDtypeStruct((2, *x.shape[:2]), jnp.float32)
+    labels = partial(_labels, count, rest_m, radius_m)
+    known = jax.pure_callback(labels, shape, *jax.lax.stop_gradient((x, near)))
+    place, weight = jax.lax.stop_gradient(known)
+    line = inextensible(jax.vmap(_centreline, (0, 0, 0, None))(x[..., :2], place, weight, count), rest_m)
     return _free_of_stress(line), place, _offsets(x, line, place)
 
 
@@ -85,10 +98,11 @@ class RodStart:
 
     count: int
     rest_m: float
+    radius_m: float | None = None
 
     def __call__(self, x: Float[jax.Array, "B N 3"]) -> RodState:
         """Unmoving and free of stress."""
-        return RodState.at_rest(x, self.count, self.rest_m)
+        return RodState.at_rest(x, self.count, self.rest_m, self.radius_m)
 
 
 def frames(
@@ -145,13 +159,16 @@ def _segments(place: jax.Array, count: int) -> tuple[jax.Array, jax.Array]:
     return first, place - first
 
 
-def _centreline(x: Float[jax.Array, "N 2"], place: Float[jax.Array, " N"], count: int) -> Float[jax.Array, "2 n"]:
+def _centreline(
+    x: Float[jax.Array, "N 2"], place: Float[jax.Array, " N"], weight: Float[jax.Array, " N"], count: int
+) -> Float[jax.Array, "2 n"]:
     first, share = _segments(place, count)
     rows = jnp.arange(len(x))
-    weights = jnp.zeros((len(x), count)).at[rows, first].set(1 - share).at[rows, first + 1].set(share)
+    parts = jnp.zeros((len(x), count)).at[rows, first].set(1 - share).at[rows, first + 1].set(share)
     second = np.diff(np.eye(count, dtype=np.float32), 2, axis=0)
-    squares = weights.T @ weights + _SMOOTHING * len(x) / count * second.T @ second
-    return jnp.linalg.solve(squares, weights.T @ x).T
+    turned = parts.T * weight
+    squares = turned @ parts + _SMOOTHING * len(x) / count * second.T @ second
+    return jnp.linalg.solve(squares, turned @ x).T
 
 
 def _offsets(
@@ -164,11 +181,23 @@ def _offsets(
     return jnp.stack([along, left, x[..., 2]], axis=-1)
 
 
-def _labels(x: jax.Array) -> Float32[np.ndarray, "B N"]:
-    return np.stack([_label(np.asarray(cloud, np.float32).tobytes()) for cloud in x])
+def _labels(
+    count: int, rest_m: float, radius_m: float | None, x: jax.Array, near: jax.Array
+) -> Float32[np.ndarray, "2 B N"]:
+    """Places along the rope, and weights, one in the mean."""
+    prior = np.asarray(near, np.float32).tobytes()
+    clouds = [np.asarray(cloud, np.float32).tobytes() for cloud in x]
+    return np.stack([_label(cloud, count, rest_m, radius_m, prior) for cloud in clouds], axis=1)
 
 
 @lru_cache(maxsize=256)
-def _label(cloud: bytes) -> Float32[np.ndarray, " N"]:
+def _label(
+    cloud: bytes, count: int, rest_m: float, radius_m: float | None, near: bytes
+) -> Float32[np.ndarray, "2 N"]:
     """Of one cloud: planners ask for the same one as often as they have candidates."""
-    return arclength_labels(np.frombuffer(cloud, np.float32).reshape(-1, 3))
+    x = np.frombuffer(cloud, np.float32).reshape(-1, 3)
+    prior = np.frombuffer(near, np.float32).reshape(2, -1).T.astype(np.float64)
+    if not np.isfinite(x).all():
+        return np.ones((2, len(x)), np.float32)
+    rope = RopeShape(count=count, rest_m=rest_m, radius_m=radius_m or radius_of(x, rest_m))
+    return np.stack(placed(x, traced(x, rope, prior if len(prior) else None).line, rope))
