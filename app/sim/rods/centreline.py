@@ -12,7 +12,7 @@ from dataclasses import dataclass
 from typing import final
 
 import numpy as np
-from jaxtyping import Float32, Float64
+from jaxtyping import Float32, Float64, Int64
 
 from app.core.types import Points
 from app.sim.rods.orders import core_density, reconnected, shortest_orders
@@ -161,14 +161,25 @@ def radius_of(x: Points, rest_m: float) -> float:
 def places(
     lines: Float64[np.ndarray, "K n 2"], at: Float64[np.ndarray, "N 2"]
 ) -> tuple[Float64[np.ndarray, "K N"], Float64[np.ndarray, "K N"]]:
-    """Where along each line its point nearest to each of `at` is, in segments, and the squared distance [m^2]."""
-    edges = np.diff(lines, axis=1)[:, None]
-    d = at[None, :, None] - lines[:, None, :-1]
-    share = np.clip((d * edges).sum(-1) / np.maximum((edges**2).sum(-1), 1e-12), 0.0, 1.0)
-    squared = np.square(d - share[..., None] * edges).sum(-1)
-    first = squared.argmin(-1)
-    along = first + np.take_along_axis(share, first[..., None], -1)[..., 0]
-    return along, np.take_along_axis(squared, first[..., None], -1)[..., 0]
+    """Where along each line its point nearest to each of `at` is, in segments, and the squared distance [m^2].
+
+    It is on one of the two segments at the nearest node.
+    """
+    nearest = (np.square(lines).sum(2)[:, None] - 2 * at @ np.swapaxes(lines, 1, 2)).argmin(2)
+    one, other = (_on_segment(lines, at, np.clip(nearest - k, 0, lines.shape[1] - 2)) for k in (1, 0))
+    nearer = one[1] <= other[1]
+    return np.where(nearer, one[0], other[0]), np.where(nearer, one[1], other[1])
+
+
+def _on_segment(
+    lines: Float64[np.ndarray, "K n 2"], at: Float64[np.ndarray, "N 2"], first: Int64[np.ndarray, "K N"]
+) -> tuple[Float64[np.ndarray, "K N"], Float64[np.ndarray, "K N"]]:
+    """The same for the segments that begin at the nodes `first`."""
+    which = np.arange(len(lines))[:, None]
+    start = lines[which, first]
+    (ex, ey), (dx, dy) = np.moveaxis(lines[which, first + 1] - start, 2, 0), np.moveaxis(at - start, 2, 0)
+    share = np.clip((dx * ex + dy * ey) / np.maximum(ex**2 + ey**2, 1e-12), 0.0, 1.0)
+    return first + share, np.square(dx - share * ex) + np.square(dy - share * ey)
 
 
 def balanced(
