@@ -28,12 +28,14 @@ _BALANCE = (1.0, 0.3)
 """Share of the balanced place, beside that of the nearest point, in the first and in the last round."""
 _HOLE = 1.9
 """Distance along the rope without a point that is a hole in the cloud, in radii."""
-_TRIED, _RECONNECTED = 6, 6
+_TRIED, _RECONNECTED, _VARIATIONS = 6, 8, 3
 _SURE = 6.0
 """Margin over all other orders beyond which none is looked for."""
 _WEIGHTS = {"residual": 9.0, "uneven": 0.37, "overlap": 0.50, "bend": 0.14, "bare": 0.31}
 """Nats. Fitted by logistic regression to right and wrong orders of 180 folded ropes of the simulated world (those of
 `bench.centrelines`), and tried on as many others."""
+_OVERLAP = 1.85
+"""Distance of strands in radii that is too little: fitted lines are shrunk a little where they bend."""
 _FAR_OFF = 9.0
 """A squared deviation, in variances, beyond which a point is not explained; larger ones count as this."""
 _PRIOR = 1.0, 4.0
@@ -122,14 +124,9 @@ def traced(x: Points, rope: RopeShape, near: Float64[np.ndarray, "n 2"] | None =
     if near is not None:
         starts.append(near - cloud.origin)
     lines = _fitted(np.stack(starts), cloud, rope)
-    scores = _scores(lines, cloud, rope, near)
-    lines, scores = _sorted(lines, scores)
-    found = Trace(lines=lines, scores=scores, cloud=cloud, rope=rope)
-    if found.margin < _SURE or len(starts) < _TRIED or _touches(lines[0], rope):
-        starts = [_resampled(line, rope.count) for line in reconnected(lines[0], cloud, rope, _RECONNECTED)]
-        more = _fitted(np.stack(starts), cloud, rope)
-        lines = np.concatenate([lines, more])
-        lines, scores = _sorted(lines, np.concatenate([scores, _scores(more, cloud, rope, near)]))
+    lines, scores = _sorted(lines, _scores(lines, cloud, rope, near))
+    if len(lines) > 1 or _touches(lines[0], rope):
+        lines, scores = _varied(lines, scores, cloud, rope, near)
     return Trace(lines=_directed(lines + cloud.origin, near), scores=scores, cloud=cloud, rope=rope)
 
 
@@ -259,6 +256,29 @@ def _variance(x: Points, radius_m: float) -> Float64[np.ndarray, " N"]:
     return h2 / 3 + (_NOISE * radius_m) ** 2
 
 
+def _varied(
+    lines: Float64[np.ndarray, "K n 2"],
+    scores: Float64[np.ndarray, " K"],
+    cloud: Weighted,
+    rope: RopeShape,
+    near: Float64[np.ndarray, "n 2"] | None,
+) -> tuple[Float64[np.ndarray, "L n 2"], Float64[np.ndarray, " L"]]:
+    """With reconnections of the best line, then of the best that has none yet, for some rounds."""
+    done = list[Float64[np.ndarray, "n 2"]]()
+    for _ in range(_VARIATIONS):
+        left = [line for line in lines[:2] if not any(line is other or (line == other).all() for other in done)]
+        if not left:
+            break
+        done.append(left[0])
+        starts = [_resampled(line, rope.count) for line in reconnected(left[0], cloud, rope, _RECONNECTED)]
+        more = _fitted(np.stack(starts), cloud, rope)
+        every = np.concatenate([lines, more])
+        lines, scores = _sorted(every, np.concatenate([scores, _scores(more, cloud, rope, near)]))
+        if Trace(lines=lines, scores=scores, cloud=cloud, rope=rope).margin > _SURE:
+            break
+    return lines, scores
+
+
 def _fitted(lines: Float64[np.ndarray, "K n 2"], cloud: Weighted, rope: RopeShape) -> Float64[np.ndarray, "K n 2"]:
     lines = of_equal_steps(lines, rope.rest_m)
     for smoothing, balance in zip(np.linspace(*_SMOOTHING, _ROUNDS), np.linspace(*_BALANCE, _ROUNDS), strict=True):
@@ -285,7 +305,7 @@ def _scores(
     terms = {
         "residual": (cloud.share * np.minimum(squared / cloud.variance, _FAR_OFF)).sum(1),
         "uneven": np.minimum(np.square(filled - 1), 1.0).sum(1),
-        "overlap": np.square(np.where(apart, np.clip(2 - gaps / r, 0.0, None), 0.0)).sum((1, 2)) * (along_m / 1.25) ** 2,
+        "overlap": np.square(np.where(apart, np.clip(_OVERLAP - gaps / r, 0.0, None), 0.0)).sum((1, 2)) * (along_m / 1.25) ** 2,
         "bend": np.square(turns(lines)).sum(1) * 1.25 / along_m,
         "bare": np.clip(0.6 - density, 0.0, None).mean(1) * 2 * rope.length_m / (1.25 * r),
     }
@@ -343,7 +363,7 @@ def _directed(
 
     def turned(line: Float64[np.ndarray, "n 2"]) -> bool:
         if near is None:
-            return tuple(line[-1]) < tuple(line[0])
+            return bool(tuple(line[-1]) < tuple(line[0]))
         return bool(np.linalg.norm(line[::-1] - near) < np.linalg.norm(line - near))
 
     return np.stack([line[::-1] if turned(line) else line for line in lines])

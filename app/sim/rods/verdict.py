@@ -173,7 +173,7 @@ def crossing(line: Float64[np.ndarray, "n 2"]) -> bool:
     start, edge = line[:-1], np.diff(line, axis=0)
     between = start[None] - start[:, None]
 
-    def cross(a: Float64[np.ndarray, "*k 2"], b: Float64[np.ndarray, "*k 2"]) -> Float64[np.ndarray, "*k"]:
+    def cross(a: Float64[np.ndarray, "... 2"], b: Float64[np.ndarray, "... 2"]) -> Float64[np.ndarray, "..."]:
         return a[..., 0] * b[..., 1] - a[..., 1] * b[..., 0]
 
     slant = cross(edge[:, None], edge[None])

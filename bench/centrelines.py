@@ -1,0 +1,172 @@
+"""How truly a rope's centreline is found from points: `python -m bench.centrelines [EPISODES] [PUSHES]`.
+
+Random pushes in a row fold the rope of the simulated world, whose nodes are known. Its cloud is seen exactly, with
+noise, with a hole, and as more particles; errors are mean distances of nodes at equal arc length, either end first. A
+tracked centreline is given what rods predict of the push, from the centreline found before it.
+"""
+
+import sys
+import time
+from collections.abc import Callable, Iterator
+from typing import Final, NamedTuple, final
+
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Float64
+from rich.console import Console
+from rich.table import Table
+
+from app.core.types import Points
+from app.policy.strokes import Plan
+from app.rig.simulated.physics import WorldPhysics
+from app.rig.simulated.rehearsal import rehearse
+from app.sim.arc_length import arclength_labels
+from app.sim.rods.centreline import RopeShape, Weighted, distance, of_equal_steps, through
+from app.sim.rods.state import RodState
+from app.sim.rods.verdict import judged
+from bench.rods import SCENE, SIMULATE, TASK, _down, _lifted, physics
+
+ROPE: Final = RopeShape(count=SCENE.nodes, rest_m=SCENE.rest_m, radius_m=SCENE.radius_m)
+SEED: Final = 1
+WRONG_MM: Final = 10.0
+_FOLDED_M, _APART = 0.020, 5
+_HOLE_M = 0.015
+_PRIOR: Final = {"climb": 0.5, "press": 0.5, "margin": 2.5e-4, "finger_friction": 0.26}
+
+
+@final
+class Start(NamedTuple):
+    """Nodes (P, n, 3) of one episode after each push, and the paths (P, T, 3) of the finger."""
+
+    nodes: Float64[np.ndarray, "P n 3"]
+    tool: Float64[np.ndarray, "P T 3"]
+
+
+@final
+class Found(NamedTuple):
+    """Errors [mm] of centrelines, and whether the verdict has nothing against each."""
+
+    errors: Float64[np.ndarray, " P"]
+    clear: np.ndarray
+
+
+def episodes(count: int, pushes: int) -> list[Start]:
+    """Of random pushes, each up to 18 cm long."""
+    takes = list(rehearse(TASK, Plan(episodes=count, pushes=pushes, lengths_m=(0.06, 0.18)), WorldPhysics(), (), SEED))
+    paths = [_down(take.command.times_s, take.command.poses[:, :3]) for take in takes]
+    longest = max(map(len, paths)) + 300
+    nodes = np.stack([take.after.snapshot.nodes for take in takes]).reshape(count, pushes, -1, 3)
+    tool = np.stack([_lifted(path, longest) for path in paths]).reshape(count, pushes, longest, 3)
+    return [Start(*each) for each in zip(nodes, tool, strict=True)]
+
+
+def exact(nodes: Float64[np.ndarray, "n 3"], seed: int) -> Points:
+    """As perfect cameras show it."""
+    del seed
+    return TASK.particles(nodes, 300)
+
+
+def noisy(nodes: Float64[np.ndarray, "n 3"], seed: int) -> Points:
+    """With a standard deviation of 1.5 mm along each axis."""
+    x = TASK.particles(nodes, 300)
+    return (x + 0.0015 * np.random.default_rng(seed).standard_normal(x.shape)).astype(np.float32)
+
+
+def holed(nodes: Float64[np.ndarray, "n 3"], seed: int) -> Points:
+    """Nothing within 15 mm of a place of the rope is seen; elsewhere 1 mm of noise."""
+    rng, x = np.random.default_rng(seed), TASK.particles(nodes, 330)
+    hidden = nodes[rng.integers(4, len(nodes) - 4), :2]
+    x = x[np.linalg.norm(x[:, :2] - hidden, axis=1) > _HOLE_M]
+    return (x + 0.001 * rng.standard_normal(x.shape)).astype(np.float32)
+
+
+def dense(nodes: Float64[np.ndarray, "n 3"], seed: int) -> Points:
+    """As many particles as on a GPU."""
+    del seed
+    return TASK.particles(nodes, 2000)
+
+
+def folded(line: Float64[np.ndarray, "n 2"]) -> bool:
+    """Whether strands are nearer than 20 mm."""
+    gap = np.linalg.norm(line[:, None] - line[None], axis=-1)
+    return bool(gap[np.subtract.outer(np.arange(len(line)), np.arange(len(line))) >= _APART].min() < _FOLDED_M)
+
+
+def by_neighbours(x: Points) -> Float64[np.ndarray, "n 2"]:
+    """The centreline in the order of distances between neighbours."""
+    at = x[:, :2].astype(np.float64)
+    even = np.full(len(at), 1 / len(at))
+    cloud = Weighted(at=at, share=even, variance=np.ones(len(at)), origin=np.zeros(2))
+    place = (ROPE.count - 1) * arclength_labels(x).astype(np.float64)
+    return of_equal_steps(through(place[None], cloud, ROPE.count, 1.0), ROPE.rest_m)[0]
+
+
+def predicted(line: Float64[np.ndarray, "n 2"], tool: Float64[np.ndarray, "T 3"]) -> Float64[np.ndarray, "n 2"]:
+    """Where a push takes a centreline, by rods."""
+    start = RodState.along(jnp.asarray(line.T[None]))
+    end = SIMULATE(physics(_PRIOR, 1), start, jnp.asarray(tool[None], jnp.float32))
+    return np.asarray(end.nodes[0, :2], np.float64).T
+
+
+def followed(of: list[Start], see: Callable[..., Points], *, tracked: bool) -> Found:
+    """Errors and verdicts of all pushes."""
+    errors, clear = list[float](), list[bool]()
+    for episode, (nodes, tool) in enumerate(of):
+        near = None
+        for push, now in enumerate(nodes):
+            verdict = judged(see(now, 1000 * episode + push), ROPE, near)
+            errors.append(1e3 * distance(verdict.line, now[:, :2]))
+            clear.append(not verdict.problems)
+            if tracked and push + 1 < len(nodes):
+                near = predicted(verdict.line, tool[push + 1])
+    return Found(np.array(errors), np.array(clear))
+
+
+def rows(of: list[Start]) -> Iterator[tuple[str, ...]]:
+    """Lines of the table."""
+    lines = [now[:, :2] for start in of for now in start.nodes]
+    fold = np.array([folded(line) for line in lines])
+    for see in (exact, noisy, holed, dense):
+        old = [1e3 * distance(by_neighbours(see(now, k)), now[:, :2]) for k, now in enumerate(_all(of))]
+        every = np.ones(len(lines), bool)
+        found = {"neighbours": Found(np.array(old), every)}
+        found |= {name: followed(of, see, tracked=name == "tracked") for name in ("orders", "tracked")}
+        for name, (errors, clear) in found.items():
+            for where, which in (("open", ~fold), ("folded", fold)):
+                yield see.__name__, name, where, *_summary(errors[which], clear[which])
+
+
+def _all(of: list[Start]) -> list[Float64[np.ndarray, "n 3"]]:
+    return [now for start in of for now in start.nodes]
+
+
+def _summary(errors: np.ndarray, clear: np.ndarray) -> tuple[str, ...]:
+    wrong = errors > WRONG_MM
+    silent = f"{100 * wrong[clear].mean():.1f}" if clear.any() else "-"
+    return (
+        str(len(errors)),
+        f"{np.median(errors):.1f} / {np.percentile(errors, 95):.1f}",
+        f"{100 * wrong.mean():.1f}",
+        f"{100 * clear.mean():.0f}",
+        silent,
+    )
+
+
+def main() -> None:
+    """Print the table, and the time of one centreline with its verdict."""
+    count, pushes = (int(each) for each in (*sys.argv[1:], *("8", "15")[len(sys.argv) - 1 :]))
+    of = episodes(count, pushes)
+    table = Table("cloud", "order", "rope", "n", "median / 95 %, mm", "> 10 mm, %", "clear, %", "> 10 mm of clear, %")
+    for row in rows(of):
+        table.add_row(*row)
+    console = Console(width=120)
+    console.print(table)
+    clouds = [exact(now, 0) for now in _all(of)]
+    began_s = time.process_time()
+    for cloud in clouds:
+        judged(cloud, ROPE)
+    console.print(f"{1e3 * (time.process_time() - began_s) / len(clouds):.0f} ms of processors a cloud")
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,250 @@
+"""Where a rope is seen: its centreline from unordered points, and what is said where it cannot be told."""
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from app.config import Workspace
+from app.core.errors import PerceptionError
+from app.sim.rods.centreline import RopeShape, distance, of_equal_steps, traced
+from app.sim.rods.state import RodState
+from app.sim.rods.verdict import crossing, judged
+from app.tasks.curves import fill_tube, random_curve
+
+ROPE = RopeShape(count=41, rest_m=0.010, radius_m=0.008)
+R = ROPE.radius_m
+
+
+def joined(*parts: np.ndarray, count: int = 41, length_m: float = 0.40) -> np.ndarray:
+    """Nodes (n, 3) at the height of a lying rope: the first `length_m` of a polygon."""
+    line = np.concatenate(parts)
+    arc = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(line, axis=0), axis=1))])
+    assert arc[-1] >= length_m - 1e-9
+    at = np.linspace(0.0, length_m, count)
+    xy = np.stack([np.interp(at, arc, line[:, k]) for k in range(2)], axis=1)
+    return np.concatenate([xy + [0.5, 0.0], np.full((count, 1), R)], axis=1)
+
+
+def serpentine(gap_m: float, strand_m: float = 0.11) -> np.ndarray:
+    """Strands beside one another, `gap_m` from middle to middle."""
+    angle = np.linspace(-np.pi / 2, np.pi / 2, 12)
+    bow = gap_m / 2 * np.stack([np.cos(angle), np.sin(angle) + 1], axis=1)
+    parts, y = list[np.ndarray](), 0.0
+    for k in range(5):
+        ends = np.array([[0.0, y], [strand_m, y]])
+        parts += [ends if k % 2 == 0 else ends[::-1]]
+        parts += [bow * [1, 1] + [strand_m, y] if k % 2 == 0 else bow * [-1, 1] + [0.0, y]]
+        y += gap_m
+    return joined(*parts)
+
+
+def hook(gap_m: float) -> np.ndarray:
+    """A strand, and the end of the rope turned back beside it."""
+    angle = np.linspace(-np.pi / 2, np.pi / 2, 12)
+    bow = gap_m / 2 * np.stack([np.cos(angle), np.sin(angle) + 1], axis=1)
+    return joined(np.array([[0.0, 0.0], [0.25, 0.0]]), bow + [0.25, 0.0], np.array([[0.25, gap_m], [0.0, gap_m]]))
+
+
+def spiral(gap_m: float) -> np.ndarray:
+    """A coil whose turns are `gap_m` apart."""
+    angle = np.linspace(0.0, 8 * np.pi, 2000)
+    radius = 0.014 + gap_m * angle / (2 * np.pi)
+    return joined(radius[:, None] * np.stack([np.cos(angle), np.sin(angle)], axis=1))
+
+
+FOLDED = {
+    "serpentine, touching": serpentine(2.0 * R),
+    "serpentine": serpentine(2.5 * R),
+    "hook, touching": hook(2.0 * R),
+    "spiral, touching": spiral(2.0 * R),
+}
+
+
+def seen(nodes: np.ndarray, seed: int, *, count: int = 300, noise_m: float = 0.001) -> np.ndarray:
+    """Its particles in any order, with noise."""
+    rng = np.random.default_rng(seed)
+    x = fill_tube(nodes, R, count)[rng.permutation(count)]
+    return (x + noise_m * rng.standard_normal(x.shape)).astype(np.float32)
+
+
+def bent(seed: int) -> np.ndarray:
+    """A rope at random whose strands may touch."""
+    rng = np.random.default_rng(seed)
+    curve = random_curve(
+        rng, length_m=0.4, height_m=R, workspace=Workspace(), max_turn_rad=4.5, min_gap_m=2.05 * R, points=41
+    )
+    return curve
+
+
+# Recovery.
+
+
+@pytest.mark.parametrize("name", FOLDED)
+@pytest.mark.parametrize("count", [300, 2000])
+def test_a_folded_rope_is_followed_along_its_strands(name: str, count: int) -> None:
+    for seed in range(3):
+        verdict = judged(seen(FOLDED[name], seed, count=count), ROPE)
+        assert distance(verdict.line, FOLDED[name][:, :2]) < R / 2, seed
+
+
+@settings(max_examples=20)
+@given(st.integers(0, 2**31 - 1))
+def test_a_wrong_order_is_never_silent(seed: int) -> None:
+    nodes = bent(seed)
+    verdict = judged(seen(nodes, seed, noise_m=0.0015), ROPE)
+    assert verdict.problems or distance(verdict.line, nodes[:, :2]) < R
+
+
+@settings(max_examples=10)
+@given(st.integers(0, 2**31 - 1))
+def test_a_centreline_has_the_length_of_the_rope_in_equal_steps(seed: int) -> None:
+    line = traced(seen(bent(seed), seed), ROPE).line
+    assert np.linalg.norm(np.diff(line, axis=0), axis=1) == pytest.approx(np.full(40, ROPE.rest_m), rel=1e-2)
+
+
+# Invariance.
+
+
+@pytest.mark.parametrize("name", FOLDED)
+def test_numbering_does_not_matter(name: str) -> None:
+    x = seen(FOLDED[name], 0)
+    shuffled = x[np.random.default_rng(1).permutation(len(x))]
+    np.testing.assert_allclose(traced(shuffled, ROPE).line, traced(x, ROPE).line, atol=1e-5)
+
+
+@pytest.mark.parametrize("name", FOLDED)
+def test_a_mirrored_turned_and_shifted_rope_has_such_a_centreline(name: str) -> None:
+    x = seen(FOLDED[name], 0)
+    cos, sin = np.cos(0.7), np.sin(0.7)
+    for motion in (np.diag([1.0, -1.0]), np.array([[cos, -sin], [sin, cos]])):
+        moved = x.copy()
+        moved[:, :2] = x[:, :2] @ motion.T + [0.1, -0.05]
+        expected = traced(x, ROPE).line @ motion.T + [0.1, -0.05]
+        assert distance(traced(moved, ROPE).line, expected) < 1e-3
+
+
+# A predicted centreline.
+
+
+def ring() -> np.ndarray:
+    """A rope whose ends touch."""
+    radius = 0.40 / (2 * np.pi)
+    angle = np.linspace(0.0, 2 * np.pi, 400)
+    return joined(1.001 * radius * np.stack([np.cos(angle), np.sin(angle)], axis=1))
+
+
+@pytest.mark.parametrize("first", [0, 13, 27])
+def test_a_prediction_tells_where_a_ring_begins_and_which_way_it_runs(first: int) -> None:
+    x = seen(ring(), 0)
+    near = np.roll(ring()[:-1, :2], -first, axis=0)
+    near = of_equal_steps(np.concatenate([near, near[:1]])[None] + [0.004, 0.002], ROPE.rest_m)[0]
+    for given_line in (near, near[::-1].copy()):
+        line = traced(x, ROPE, given_line).line
+        assert np.linalg.norm(line - given_line, axis=1).mean() < R
+
+
+def test_a_prediction_that_is_far_off_does_not_bend_what_is_seen() -> None:
+    nodes = FOLDED["serpentine"]
+    line = traced(seen(nodes, 0), ROPE, nodes[:, :2][:, ::-1] + 0.2).line
+    assert distance(line, nodes[:, :2]) < R / 2
+
+
+# Verdicts.
+
+
+def beans() -> np.ndarray:
+    rng = np.random.default_rng(0)
+    middles = rng.uniform([0.3, -0.3], [0.7, 0.3], (30, 2))
+    x = middles[rng.integers(30, size=300)] + 0.003 * rng.standard_normal((300, 2))
+    return np.concatenate([x, rng.uniform(0.0, 2 * R, (300, 1))], axis=1).astype(np.float32)
+
+
+def two_ropes() -> np.ndarray:
+    one = seen(joined(np.array([[0.0, 0.0], [0.4, 0.0]])), 0, count=150)
+    return np.concatenate([one, one + np.array([0.0, 0.1, 0.0], np.float32)])
+
+
+def lying_over_itself() -> np.ndarray:
+    """A loop, with the upper strand a diameter higher."""
+    angle = np.linspace(-0.7 * np.pi, 0.7 * np.pi, 200)
+    loop = np.stack([-0.05 * np.sin(2 * angle / 1.4) * 1.2, 0.08 * np.cos(angle / 1.4)], axis=1)
+    tail = np.linspace([-0.1, -0.1], [0.1, 0.1], 100)
+    other = np.linspace([0.1, -0.1], [-0.1, 0.1], 100)
+    del loop
+    low = seen(joined(tail, count=41, length_m=0.2), 0, count=150)
+    high = seen(joined(other, count=41, length_m=0.2), 1, count=150)
+    crossed = np.linalg.norm(high[:, :2] - [0.5, 0.0], axis=1) < 0.03
+    high[crossed, 2] += 2 * R
+    return np.concatenate([low, high])
+
+
+def straight(length_m: float) -> np.ndarray:
+    return seen(joined(np.array([[0.0, 0.0], [length_m, 0.0]]), length_m=length_m), 0)
+
+
+def block() -> np.ndarray:
+    rng = np.random.default_rng(0)
+    return (rng.uniform([-0.06, -0.06, 0.0], [0.06, 0.06, 2 * R], (300, 3)) + [0.5, 0, 0]).astype(np.float32)
+
+
+BAD = {
+    "too few": (lambda: straight(0.4)[:60], "60 points.*particle_count"),
+    "not finite": (lambda: np.where(np.arange(300)[:, None] == 7, np.nan, straight(0.4)).astype(np.float32), "finite"),
+    "beans": (beans, "pieces"),
+    "two ropes": (two_ropes, "2 pieces"),
+    "longer": (lambda: straight(0.5), "longer than length_m"),
+    "shorter": (lambda: straight(0.3), "shorter than length_m"),
+    "lifted": (lambda: straight(0.4) + np.array([0, 0, 0.02], np.float32), "lifted"),
+    "over itself": (lying_over_itself, "over itself"),
+    "a ring": (lambda: seen(ring(), 0), "ends touch"),
+    "a block": (block, "."),
+}
+
+
+@pytest.mark.parametrize("name", BAD)
+def test_what_is_no_such_rope_is_named_in_one_line(name: str) -> None:
+    make, words = BAD[name]
+    with pytest.raises(PerceptionError, match=words) as raised:
+        judged(make(), ROPE).checked()
+    assert "\n" not in str(raised.value)
+    assert str(raised.value).endswith(".")
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_nothing_is_said_against_an_open_rope(seed: int) -> None:
+    curve = random_curve(
+        np.random.default_rng(seed), length_m=0.4, height_m=R, workspace=Workspace(), points=41, min_gap_m=0.04
+    )
+    verdict = judged(seen(curve, seed), ROPE)
+    assert verdict.problems == ()
+    assert distance(verdict.checked(), curve[:, :2]) < R / 4
+
+
+def test_lines_that_cross_are_told_from_those_that_do_not() -> None:
+    assert not crossing(FOLDED["spiral, touching"][:, :2])
+    assert crossing(np.array([[0.0, 0.0], [1.0, 1.0], [1.0, 0.0], [0.0, 1.0]]))
+
+
+# The state.
+
+
+def test_particles_of_a_folded_rope_are_where_they_were() -> None:
+    x = seen(FOLDED["serpentine, touching"], 0)
+    state = RodState.at_rest(jnp.asarray(x)[None], ROPE.count, ROPE.rest_m, R)
+    assert np.asarray(state.x[0]) == pytest.approx(x, abs=1e-5)
+    assert distance(np.asarray(state.nodes[0, :2]).T.astype(np.float64), FOLDED["serpentine, touching"][:, :2]) < R / 2
+
+
+def test_nodes_follow_particles_as_their_gradient_says() -> None:
+    x = jnp.asarray(seen(FOLDED["hook, touching"], 0))[None]
+    toward = jnp.asarray(np.random.default_rng(0).standard_normal((2, ROPE.count)), jnp.float32)
+
+    def product(moved: jax.Array) -> jax.Array:
+        return (RodState.at_rest(moved, ROPE.count, ROPE.rest_m, R).nodes[0, :2] * toward).sum()
+
+    # A shift of all particles changes no place along the rope, so that differences see what the gradient sees.
+    slope = np.asarray(jax.grad(product)(x))[0, :, :2].sum(0)
+    assert slope == pytest.approx(np.asarray(toward.sum(1)), rel=1e-3, abs=1e-3)
