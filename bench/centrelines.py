@@ -27,7 +27,8 @@ from app.sim.rods.verdict import judged
 from bench.rods import SCENE, SIMULATE, TASK, _down, _lifted, physics
 
 ROPE: Final = RopeShape(count=SCENE.nodes, rest_m=SCENE.rest_m, radius_m=SCENE.radius_m)
-SEED: Final = 1
+SEED: Final = 2
+"""Not that to which scores were fitted."""
 WRONG_MM: Final = 10.0
 _FOLDED_M, _APART = 0.020, 5
 _HOLE_M = 0.015

@@ -32,14 +32,14 @@ _TRIED, _RECONNECTED, _VARIATIONS = 6, 8, 3
 _SURE = 6.0
 """Margin over all other orders beyond which none is looked for."""
 _WEIGHTS = {"residual": 9.0, "uneven": 0.37, "overlap": 0.50, "bend": 0.14, "bare": 0.31}
-"""Nats. Fitted by logistic regression to right and wrong orders of 180 folded ropes of the simulated world (those of
-`bench.centrelines`), and tried on as many others."""
+"""Of a score. Fitted by logistic regression to right and wrong orders of 171 clouds of folded ropes, as those of
+`bench.centrelines`, in half of the episodes; with a penalty on large ones, so that scores are less sure than chances."""
 _OVERLAP = 1.85
 """Distance of strands in radii that is too little: fitted lines are shrunk a little where they bend."""
 _FAR_OFF = 9.0
 """A squared deviation, in variances, beyond which a point is not explained; larger ones count as this."""
 _PRIOR = 1.0, 4.0
-"""Standard deviation of the prior centreline, in radii, and the most that it counts [nats]."""
+"""Standard deviation of the prior centreline, in radii, and the most that it counts."""
 
 
 @final
@@ -82,7 +82,7 @@ class Weighted:
 @final
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Trace:
-    """Centrelines (K, n, 2) [m] that were tried, the best first, and how badly each explains the cloud [nats].
+    """Centrelines (K, n, 2) [m] that were tried, the best first, and how badly each explains the cloud.
 
     `cloud`: the points that they were fitted to.
     """
@@ -107,7 +107,7 @@ class Trace:
 
     @property
     def margin(self) -> float:
-        """By how much the rival explains the cloud worse [nats]; infinite where there is none."""
+        """By how much the rival explains the cloud worse; infinite where there is none."""
         return float("inf") if self.rival is None else float(self.scores[self.rival] - self.scores[0])
 
 
@@ -125,7 +125,7 @@ def traced(x: Points, rope: RopeShape, near: Float64[np.ndarray, "n 2"] | None =
         starts.append(near - cloud.origin)
     lines = _fitted(np.stack(starts), cloud, rope)
     lines, scores = _sorted(lines, _scores(lines, cloud, rope, near))
-    if len(lines) > 1 or _touches(lines[0], rope):
+    if len(lines) > 1 or strands_touch(lines[0], rope):
         lines, scores = _varied(lines, scores, cloud, rope, near)
     return Trace(lines=_directed(lines + cloud.origin, near), scores=scores, cloud=cloud, rope=rope)
 
@@ -213,9 +213,7 @@ def through(
     np.put_along_axis(rows, first[..., None] + 1, share, -1)
     second, weight = np.diff(np.eye(count), 2, axis=0), cloud.weight
     turned = np.swapaxes(rows * weight[None, :, None], 1, 2)
-    return np.linalg.solve(
-        turned @ rows + smoothing * weight.sum() / count * second.T @ second, turned @ cloud.at
-    )
+    return np.linalg.solve(turned @ rows + smoothing * weight.sum() / count * second.T @ second, turned @ cloud.at)
 
 
 def of_equal_steps(lines: Float64[np.ndarray, "K n 2"], rest_m: float, rounds: int = 4) -> Float64[np.ndarray, "K n 2"]:
@@ -247,6 +245,13 @@ def turns(lines: Float64[np.ndarray, "K n 2"]) -> Float64[np.ndarray, "K n-2"]:
     edges = np.diff(lines, axis=1)
     edges = edges / np.maximum(np.linalg.norm(edges, axis=2, keepdims=True), 1e-9)
     return np.arccos(np.clip((edges[:, 1:] * edges[:, :-1]).sum(2), -1.0, 1.0))
+
+
+def strands_touch(line: Float64[np.ndarray, "n 2"], rope: RopeShape) -> bool:
+    """Whether strands are nearer than three radii."""
+    gaps = np.linalg.norm(line[:, None] - line[None], axis=-1)
+    apart = np.subtract.outer(np.arange(len(line)), np.arange(len(line))) >= round(5 * rope.radius_m / rope.rest_m)
+    return bool((gaps[apart] < 3 * rope.radius_m).any())
 
 
 def _variance(x: Points, radius_m: float) -> Float64[np.ndarray, " N"]:
@@ -290,13 +295,11 @@ def _fitted(lines: Float64[np.ndarray, "K n 2"], cloud: Weighted, rope: RopeShap
 def _scores(
     lines: Float64[np.ndarray, "K n 2"], cloud: Weighted, rope: RopeShape, near: Float64[np.ndarray, "n 2"] | None
 ) -> Float64[np.ndarray, " K"]:
-    """How badly tubes about the lines explain the cloud [nats], as far as lines differ."""
+    """How badly tubes about the lines explain the cloud, as far as lines differ."""
     r, along_m = rope.radius_m, rope.rest_m / rope.radius_m
     along, squared = places(lines, cloud.at)
     bins = max(8, round(rope.length_m / (2.5 * r)))
-    filled = bins * np.stack(
-        [np.histogram(each, bins, (0, rope.count - 1), weights=cloud.share)[0] for each in along]
-    )
+    filled = bins * np.stack([np.histogram(each, bins, (0, rope.count - 1), weights=cloud.share)[0] for each in along])
     gaps = np.linalg.norm(lines[:, :, None] - lines[:, None], axis=-1)
     apart = np.subtract.outer(np.arange(rope.count), np.arange(rope.count)) >= max(2, round(5 / along_m))
     middles = np.concatenate([lines, (lines[:, 1:] + lines[:, :-1]) / 2], axis=1)
@@ -305,7 +308,8 @@ def _scores(
     terms = {
         "residual": (cloud.share * np.minimum(squared / cloud.variance, _FAR_OFF)).sum(1),
         "uneven": np.minimum(np.square(filled - 1), 1.0).sum(1),
-        "overlap": np.square(np.where(apart, np.clip(_OVERLAP - gaps / r, 0.0, None), 0.0)).sum((1, 2)) * (along_m / 1.25) ** 2,
+        "overlap": np.square(np.where(apart, np.clip(_OVERLAP - gaps / r, 0.0, None), 0.0)).sum((1, 2))
+        * (along_m / 1.25) ** 2,
         "bend": np.square(turns(lines)).sum(1) * 1.25 / along_m,
         "bare": np.clip(0.6 - density, 0.0, None).mean(1) * 2 * rope.length_m / (1.25 * r),
     }
@@ -315,13 +319,6 @@ def _scores(
         off = np.array([distance(line, near - cloud.origin) for line in lines]) / (width * r)
         total = total + np.minimum(off**2 / 2, most)
     return total
-
-
-def _touches(line: Float64[np.ndarray, "n 2"], rope: RopeShape) -> bool:
-    """Whether strands are nearer than three radii."""
-    gaps = np.linalg.norm(line[:, None] - line[None], axis=-1)
-    apart = np.subtract.outer(np.arange(len(line)), np.arange(len(line))) >= round(5 * rope.radius_m / rope.rest_m)
-    return bool((gaps[apart] < 3 * rope.radius_m).any())
 
 
 def _averaged(

@@ -93,7 +93,10 @@ def core_density(
 
 
 def step_costs(
-    spots: Float64[np.ndarray, "K 2"], at: Float64[np.ndarray, "N 2"], weight: Float64[np.ndarray, " N"], radius_m: float
+    spots: Float64[np.ndarray, "K 2"],
+    at: Float64[np.ndarray, "N 2"],
+    weight: Float64[np.ndarray, " N"],
+    radius_m: float,
 ) -> Float64[np.ndarray, "K K"]:
     """Costs of steps between spots: their length, and more where they leave the core."""
     gap = np.linalg.norm(spots[:, None] - spots[None], axis=-1)

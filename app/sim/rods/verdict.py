@@ -11,12 +11,15 @@ from scipy.spatial import KDTree
 
 from app.core.errors import PerceptionError
 from app.core.types import Points
-from app.sim.rods.centreline import RopeShape, Trace, balanced, places, through, traced
+from app.sim.rods.centreline import RopeShape, Trace, balanced, places, strands_touch, through, traced
 
 _FEWEST_A_NODE = 2
 _LIFTED = 2.6
 """Height over the table, in radii, above which a lying rope of two radii is not seen; noise is a fifth of one."""
 _LIFTED_SHARE = 0.02
+_BENEATH, _OVER_SHARE = 0.6, 0.1
+"""Height in radii of what is lower than a rope can be whose top is at `_LIFTED`, and the share of high points that have
+it beneath them where the rope lies over itself."""
 _PIECES_APART = 3.0
 """Distance in radii at which points are no neighbours."""
 _CRUMB = 0.02
@@ -26,10 +29,11 @@ _LENGTH = 0.12
 _EXPLAINED = 1.35
 """Distance from the centreline within which a particle is explained, in radii: noise is a fifth of one."""
 _UNEXPLAINED = 0.06
-_HIDDEN = 0.10
-"""Share of the length without a particle that is not told from a break."""
+_HIDDEN, _HIDDEN_BESIDE = 0.10, 0.02
+"""Share of the length without a particle that is not told from a break, and where strands touch: then the order on the
+other side of a hole is a guess."""
 _AMBIGUOUS = 1.5
-"""Margin in nats; see `bench.centrelines` for how often orders with less are wrong."""
+"""Margin; see `bench.centrelines` for how often orders with less are wrong."""
 _ENDS_MEET = 2.8
 
 
@@ -40,8 +44,8 @@ class Verdict:
 
     `residual_m`: root of the mean squared distance of points from it, each as far as it is beyond what a tube explains;
     `unexplained`: share of points outside the tube; `bare`: share of the tube's length without a point; `length_m`:
-    found without the known length; `margin`: by how much the best order that is another explains the cloud worse
-    [nats]; `problems`: one sentence each, the gravest first; none where the centreline can be relied on.
+    found without the known length; `margin`: by how much the best order that is another explains the cloud worse;
+    `problems`: one sentence each, the gravest first; none where the centreline can be relied on.
     """
 
     line: Float64[np.ndarray, "n 2"]
@@ -115,7 +119,7 @@ def _problems(x: Points, rope: RopeShape, verdict: Verdict) -> Iterator[str]:
         )
     if crossing(verdict.line):
         yield "The rope crosses itself, which a planar rod cannot; lay its strands apart."
-    if verdict.bare > _HIDDEN:
+    if verdict.bare > (_HIDDEN_BESIDE if strands_touch(verdict.line, rope) else _HIDDEN):
         yield f"{100 * verdict.bare:.0f} % of the rope's length is not seen; free the cameras' view of it."
     if verdict.margin < _AMBIGUOUS and verdict.rival is not None:
         yield _two_orders(rope, verdict.line, verdict.rival, verdict.margin)
@@ -137,9 +141,9 @@ def _off_the_table(x: Points, rope: RopeShape) -> Iterator[str]:
     high = x[:, 2] > _LIFTED * rope.radius_m
     if high.mean() <= _LIFTED_SHARE:
         return
-    low = x[x[:, 2] < rope.radius_m]
+    low = x[x[:, 2] < _BENEATH * rope.radius_m]
     top = f"Points up to {1e3 * x[:, 2].max():.0f} mm over the table, where a lying rope reaches {2e3 * rope.radius_m:.0f}"
-    beneath = len(low) > 0 and np.mean(KDTree(low[:, :2]).query(x[high, :2])[0] < rope.radius_m / 2) > 0.5
+    beneath = len(low) > 0 and np.mean(KDTree(low[:, :2]).query(x[high, :2])[0] < rope.radius_m) > _OVER_SHARE
     if beneath:
         yield f"{top}: it lies over itself, which a planar rod cannot; lay its strands apart."
     else:
