@@ -16,6 +16,7 @@ from jaxtyping import Float64
 from rich.console import Console
 from rich.table import Table
 
+from app.core.track import Track
 from app.core.types import Points
 from app.policy.strokes import Plan
 from app.rig.simulated.physics import WorldPhysics
@@ -24,14 +25,14 @@ from app.sim.arc_length import arclength_labels
 from app.sim.rods.centreline import RopeShape, Weighted, distance, of_equal_steps, through
 from app.sim.rods.state import RodState
 from app.sim.rods.verdict import judged
-from bench.rods import SCENE, SIMULATE, TASK, _down, _lifted, physics
+from bench.rods import SCENE, SIMULATE, TASK, physics
 
 ROPE: Final = RopeShape(count=SCENE.nodes, rest_m=SCENE.rest_m, radius_m=SCENE.radius_m)
 SEED: Final = 2
 """Not that to which scores were fitted."""
 WRONG_MM: Final = 10.0
 _FOLDED_M, _APART = 0.020, 5
-_HOLE_M = 0.015
+_HOLE_M, _LIFTED_M, _REST_S = 0.015, 0.05, 0.3
 _PRIOR: Final = {"climb": 0.5, "press": 0.5, "margin": 2.5e-4, "finger_friction": 0.26}
 
 
@@ -54,11 +55,21 @@ class Found(NamedTuple):
 def episodes(count: int, pushes: int) -> list[Start]:
     """Of random pushes, each up to 18 cm long."""
     takes = list(rehearse(TASK, Plan(episodes=count, pushes=pushes, lengths_m=(0.06, 0.18)), WorldPhysics(), (), SEED))
-    paths = [_down(take.command.times_s, take.command.poses[:, :3]) for take in takes]
-    longest = max(map(len, paths)) + 300
+    paths = [pushing(take.command) for take in takes]
+    longest = max(map(len, paths)) + round(_REST_S / SCENE.dt_s)
     nodes = np.stack([take.after.snapshot.nodes for take in takes]).reshape(count, pushes, -1, 3)
-    tool = np.stack([_lifted(path, longest) for path in paths]).reshape(count, pushes, longest, 3)
+    tool = np.stack([np.pad(path, ((0, longest - len(path)), (0, 0)), mode="edge") for path in paths])
+    for way, path in zip(tool, paths, strict=True):
+        way[len(path) :, 2] += 1.0
+    tool = tool.reshape(count, pushes, longest, 3)
     return [Start(*each) for each in zip(nodes, tool, strict=True)]
+
+
+def pushing(command: Track) -> Float64[np.ndarray, "T 3"]:
+    """The part of a path in which the finger is low, a time step apart."""
+    at = np.arange(command.times_s[0], command.times_s[-1], SCENE.dt_s)
+    path = np.stack([np.interp(at, command.times_s, command.poses[:, axis]) for axis in range(3)], axis=1)
+    return path[path[:, 2] < _LIFTED_M]
 
 
 def exact(nodes: Float64[np.ndarray, "n 3"], seed: int) -> Points:

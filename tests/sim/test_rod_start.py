@@ -25,7 +25,7 @@ def joined(*parts: np.ndarray, count: int = 41, length_m: float = 0.40) -> np.nd
     assert arc[-1] >= length_m - 1e-9
     at = np.linspace(0.0, length_m, count)
     xy = np.stack([np.interp(at, arc, line[:, k]) for k in range(2)], axis=1)
-    return np.concatenate([xy + [0.5, 0.0], np.full((count, 1), R)], axis=1)
+    return np.concatenate([xy + np.array([0.5, 0.0]), np.full((count, 1), R)], axis=1)
 
 
 def serpentine(gap_m: float, strand_m: float = 0.11) -> np.ndarray:
@@ -45,7 +45,9 @@ def hook(gap_m: float) -> np.ndarray:
     """A strand, and the end of the rope turned back beside it."""
     angle = np.linspace(-np.pi / 2, np.pi / 2, 12)
     bow = gap_m / 2 * np.stack([np.cos(angle), np.sin(angle) + 1], axis=1)
-    return joined(np.array([[0.0, 0.0], [0.25, 0.0]]), bow + [0.25, 0.0], np.array([[0.25, gap_m], [0.0, gap_m]]))
+    return joined(
+        np.array([[0.0, 0.0], [0.25, 0.0]]), bow + np.array([0.25, 0.0]), np.array([[0.25, gap_m], [0.0, gap_m]])
+    )
 
 
 def spiral(gap_m: float) -> np.ndarray:
@@ -190,7 +192,7 @@ def straight(length_m: float) -> np.ndarray:
 
 def block() -> np.ndarray:
     rng = np.random.default_rng(0)
-    return (rng.uniform([-0.06, -0.06, 0.0], [0.06, 0.06, 2 * R], (300, 3)) + [0.5, 0, 0]).astype(np.float32)
+    return (rng.uniform([-0.06, -0.06, 0.0], [0.06, 0.06, 2 * R], (300, 3)) + np.array([0.5, 0, 0])).astype(np.float32)
 
 
 BAD = {

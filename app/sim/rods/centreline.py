@@ -32,8 +32,8 @@ _TRIED, _RECONNECTED, _VARIATIONS = 6, 8, 3
 _SURE = 6.0
 """Margin over all other orders beyond which none is looked for."""
 _WEIGHTS = {"residual": 9.0, "uneven": 0.37, "overlap": 0.50, "bend": 0.14, "bare": 0.31}
-"""Of a score. Fitted by logistic regression to right and wrong orders of 171 clouds of folded ropes, as those of
-`bench.centrelines`, in half of the episodes; with a penalty on large ones, so that scores are less sure than chances."""
+"""Of a score. Fitted by logistic regression to right and wrong orders of 170 clouds of folded ropes, as those of
+`bench.centrelines` but of another seed, with a penalty on large weights: a score is no logarithm of a chance."""
 _OVERLAP = 1.85
 """Distance of strands in radii that is too little: fitted lines are shrunk a little where they bend."""
 _FAR_OFF = 9.0
@@ -60,8 +60,9 @@ class RopeShape:
 @final
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Weighted:
-    """Points in the plane [m], relative to their mean `origin`, the share of the cloud of each, and the variance of its
-    distance from the centreline [m^2].
+    """Points in the plane [m], relative to their mean `origin`, and what is known of each.
+
+    `share` of the cloud; `variance` of its distance from the centreline [m^2].
 
     A round rope's points at its top or bottom are near its centreline, those half way up may be a radius beside it: at
     the height z over the table the chord is 2 h wide, h^2 = r^2 - (z - r)^2, and the variance h^2 / 3.
@@ -302,14 +303,14 @@ def _scores(
     filled = bins * np.stack([np.histogram(each, bins, (0, rope.count - 1), weights=cloud.share)[0] for each in along])
     gaps = np.linalg.norm(lines[:, :, None] - lines[:, None], axis=-1)
     apart = np.subtract.outer(np.arange(rope.count), np.arange(rope.count)) >= max(2, round(5 / along_m))
+    close = np.where(apart, np.clip(_OVERLAP - gaps / r, 0.0, None), 0.0) * along_m / 1.25
     middles = np.concatenate([lines, (lines[:, 1:] + lines[:, :-1]) / 2], axis=1)
     density = core_density(middles, cloud.at, cloud.weight, r)
     density /= np.median(density, axis=1, keepdims=True) + 1e-12
     terms = {
         "residual": (cloud.share * np.minimum(squared / cloud.variance, _FAR_OFF)).sum(1),
         "uneven": np.minimum(np.square(filled - 1), 1.0).sum(1),
-        "overlap": np.square(np.where(apart, np.clip(_OVERLAP - gaps / r, 0.0, None), 0.0)).sum((1, 2))
-        * (along_m / 1.25) ** 2,
+        "overlap": np.square(close).sum((1, 2)),
         "bend": np.square(turns(lines)).sum(1) * 1.25 / along_m,
         "bare": np.clip(0.6 - density, 0.0, None).mean(1) * 2 * rope.length_m / (1.25 * r),
     }

@@ -1,7 +1,7 @@
-"""Verdict on a centreline: how well a rod of the known length and radius explains a cloud, and what is wrong with it."""
+"""Verdict on a centreline: how well a rod of known length and radius explains a cloud, and what is wrong with it."""
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import final
 
 import numpy as np
@@ -83,13 +83,13 @@ def judged(x: Points, rope: RopeShape, near: Float64[np.ndarray, "n 2"] | None =
         rival=None if found.rival is None else found.lines[found.rival],
         problems=(),
     )
-    return Verdict(**{**vars(verdict), "problems": tuple(_problems(x, rope, verdict))})
+    return replace(verdict, problems=tuple(_problems(x, rope, verdict)))
 
 
 def _check_points(x: Points, rope: RopeShape) -> None:
-    if len(x) < _FEWEST_A_NODE * rope.count:
+    if len(x) < (fewest := _FEWEST_A_NODE * rope.count):
         raise PerceptionError(
-            f"The rope is seen as {len(x)} points, and its rod of {rope.count} nodes needs {_FEWEST_A_NODE * rope.count}; "
+            f"The rope is seen as {len(x)} points, and its rod of {rope.count} nodes needs {fewest}; "
             "reconstruct it as more particles (particle_count)."
         )
     if broken := int((~np.isfinite(x).all(1)).sum()):
@@ -102,15 +102,15 @@ def _problems(x: Points, rope: RopeShape, verdict: Verdict) -> Iterator[str]:
     yield from _off_the_table(x, rope)
     if len(pieces) > 1 and (len(pieces) > 3 or verdict.bare > _HIDDEN or verdict.unexplained > _UNEXPLAINED):
         yield (
-            f"The cloud is {len(pieces)} pieces that are {_PIECES_APART * rope.radius_m * 1e3:.0f} mm or more apart, and no "
-            "one rope; check the segmentation, or clear the table of what has its colour."
+            f"The cloud is {len(pieces)} pieces that are {_PIECES_APART * rope.radius_m * 1e3:.0f} mm or more apart, "
+            "and no one rope; check the segmentation, or clear the table of what has its colour."
         )
     off = verdict.length_m / rope.length_m - 1
     if abs(off) > _LENGTH:
         word = "longer" if off > 0 else "shorter"
         yield (
-            f"The rope is {verdict.length_m:.3f} m long as it is seen, {word} than length_m = {rope.length_m:.3f}; correct "
-            "length_m, or free the cameras' view of it."
+            f"The rope is {verdict.length_m:.3f} m long as it is seen, {word} than length_m = {rope.length_m:.3f}; "
+            "correct length_m, or free the cameras' view of it."
         )
     if verdict.unexplained > _UNEXPLAINED:
         yield (
@@ -132,8 +132,8 @@ def _two_orders(
         return "The rope's ends touch, and where it begins cannot be told from one cloud; lay the ends apart."
     apart = 1e3 * min(np.linalg.norm(line - each, axis=1).mean() for each in (rival, rival[::-1]))
     return (
-        f"Two orders of the rope's strands, {apart:.0f} mm apart, explain the cloud about as well (margin {margin:.1f}); "
-        "give the predicted centreline, or lay the strands apart."
+        f"Two orders of the rope's strands, {apart:.0f} mm apart, explain the cloud about as well "
+        f"(margin {margin:.1f}); give the predicted centreline, or lay the strands apart."
     )
 
 
@@ -142,20 +142,20 @@ def _off_the_table(x: Points, rope: RopeShape) -> Iterator[str]:
     if high.mean() <= _LIFTED_SHARE:
         return
     low = x[x[:, 2] < _BENEATH * rope.radius_m]
-    top = f"Points up to {1e3 * x[:, 2].max():.0f} mm over the table, where a lying rope reaches {2e3 * rope.radius_m:.0f}"
+    top, lying = 1e3 * x[:, 2].max(), 2e3 * rope.radius_m
+    what = f"Points are up to {top:.0f} mm over the table, where a lying rope reaches {lying:.0f}"
     beneath = len(low) > 0 and np.mean(KDTree(low[:, :2]).query(x[high, :2])[0] < rope.radius_m) > _OVER_SHARE
     if beneath:
-        yield f"{top}: it lies over itself, which a planar rod cannot; lay its strands apart."
+        yield f"{what}: it lies over itself, which a planar rod cannot; lay its strands apart."
     else:
-        yield f"{top}: it is lifted; lay it down, or check the height of the table."
+        yield f"{what}: it is lifted; lay it down, or check the height of the table."
 
 
 def _pieces(x: Points, rope: RopeShape) -> list[int]:
     """Sizes of pieces of the cloud, seen from above, that are apart."""
     at = x[:, :2].astype(np.float64)
     graph = KDTree(at).sparse_distance_matrix(KDTree(at), _PIECES_APART * rope.radius_m, output_type="coo_matrix")
-    count, which = connected_components(graph, directed=False)
-    del count
+    _, which = connected_components(graph, directed=False)
     return [size for size in np.bincount(which).tolist() if size > _CRUMB * len(x)]
 
 
