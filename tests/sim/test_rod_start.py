@@ -253,3 +253,16 @@ def test_nodes_follow_particles_as_their_gradient_says() -> None:
     # A shift of all particles changes no place along the rope, so that differences see what the gradient sees.
     slope = np.asarray(jax.grad(product)(x))[0, :, :2].sum(0)
     assert slope == pytest.approx(np.asarray(toward.sum(1)), rel=1e-3, abs=1e-3)
+
+
+def test_a_state_begins_where_a_prediction_says() -> None:
+    near = ring()[::-1, :2].T.copy()
+    state = RodState.at_rest(jnp.asarray(seen(ring(), 0))[None], ROPE.count, ROPE.rest_m, R, jnp.asarray(near))
+    assert np.linalg.norm(np.asarray(state.nodes[0, :2]) - near, axis=0).mean() < R
+
+
+@pytest.mark.parametrize("count", [5, 20, 60])
+def test_a_straight_rope_of_few_particles_has_its_nodes(count: int) -> None:
+    x = np.concatenate([np.linspace([0.3, 0.0], [0.7, 0.0], count), np.full((count, 1), R)], axis=1)
+    nodes = np.asarray(RodState.at_rest(jnp.asarray(x, jnp.float32)[None], ROPE.count, ROPE.rest_m).nodes[0, :2])
+    assert nodes == pytest.approx(np.stack([np.linspace(0.3, 0.7, ROPE.count), np.zeros(ROPE.count)]), abs=1e-3)

@@ -335,7 +335,7 @@ def _averaged(
 
 
 def _spots(rope: RopeShape, points: int) -> int:
-    return int(np.clip(round(1.1 * rope.length_m / (1.25 * rope.radius_m)), 8, min(64, points // 2)))
+    return int(np.clip(round(1.1 * rope.length_m / (1.25 * rope.radius_m)), 4, max(4, min(64, points // 2))))
 
 
 def _resampled(line: Float64[np.ndarray, "m 2"], count: int) -> Float64[np.ndarray, "n 2"]:
