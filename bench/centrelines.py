@@ -1,7 +1,7 @@
 """How truly a rope's centreline is found from points: `python -m bench.centrelines [EPISODES] [PUSHES]`.
 
 Random pushes in a row fold the rope of the simulated world, whose nodes are known. Its cloud is seen exactly, with
-noise, with a hole, and as more particles; errors are mean distances of nodes at equal arc length, either end first. A
+noise, with a hole, as more particles, and by rendered cameras; errors are mean distances of nodes at equal arc length, either end first. A
 tracked centreline is given what rods predict of the push, from the centreline found before it.
 """
 
@@ -16,11 +16,18 @@ from jaxtyping import Float64
 from rich.console import Console
 from rich.table import Table
 
+from app.core.messages import Frame, fresh_id
+from app.core.motion import pointing_down
 from app.core.track import Track
 from app.core.types import Points
+from app.perception.reconstruct import reconstruct
 from app.policy.strokes import Plan
-from app.rig.simulated.physics import WorldPhysics
+from app.rig.simulated.arm_model import solve_joints
+from app.rig.simulated.cameras import table_cameras
+from app.rig.simulated.physics import HOME_TOOL_M, WorldPhysics
 from app.rig.simulated.rehearsal import rehearse
+from app.rig.simulated.render import render
+from app.rig.simulated.world import Snapshot
 from app.sim.arc_length import arclength_labels
 from app.sim.rods.centreline import RopeShape, Weighted, distance, of_equal_steps, through
 from app.sim.rods.state import RodState
@@ -98,6 +105,19 @@ def dense(nodes: Float64[np.ndarray, "n 3"], seed: int) -> Points:
     return TASK.particles(nodes, 2000)
 
 
+def rendered(nodes: Float64[np.ndarray, "n 3"], seed: int) -> Points:
+    """As the simulated cell's cameras and the reconstruction of their images show it."""
+    tool, rng, frames = pointing_down(np.array(HOME_TOOL_M)), np.random.default_rng(seed), list[Frame]()
+    snapshot = Snapshot(time_s=0.0, nodes=nodes, tool=tool, joints=solve_joints(tool))
+    for camera in table_cameras():
+        color, depth = render(snapshot, camera, rng, stage=TASK.stage)
+        frames.append(Frame(id=fresh_id("frame"), time_s=0.0, camera=camera, color=color, depth=depth))
+    return reconstruct(frames, TASK.seeing).positions
+
+
+SEEN: Final[tuple[Callable[[Float64[np.ndarray, "n 3"], int], Points], ...]] = (exact, noisy, holed, dense, rendered)
+
+
 def folded(line: Float64[np.ndarray, "n 2"]) -> bool:
     """Whether strands are nearer than 20 mm."""
     gap = np.linalg.norm(line[:, None] - line[None], axis=-1)
@@ -120,13 +140,13 @@ def predicted(line: Float64[np.ndarray, "n 2"], tool: Float64[np.ndarray, "T 3"]
     return np.asarray(end.nodes[0, :2], np.float64).T
 
 
-def followed(of: list[Start], see: Callable[..., Points], *, tracked: bool) -> Found:
-    """Errors and verdicts of all pushes."""
-    errors, clear = list[float](), list[bool]()
-    for episode, (nodes, tool) in enumerate(of):
+def followed(of: list[Start], clouds: list[Points], *, tracked: bool) -> Found:
+    """Errors and verdicts of all pushes, whose clouds are in order."""
+    errors, clear, left = list[float](), list[bool](), iter(clouds)
+    for nodes, tool in of:
         near = None
         for push, now in enumerate(nodes):
-            verdict = judged(see(now, 1000 * episode + push), ROPE, near)
+            verdict = judged(next(left), ROPE, near)
             errors.append(1e3 * distance(verdict.line, now[:, :2]))
             clear.append(not verdict.problems)
             if tracked and push + 1 < len(nodes):
@@ -138,14 +158,16 @@ def rows(of: list[Start]) -> Iterator[tuple[str, ...]]:
     """Lines of the table."""
     lines = [now[:, :2] for start in of for now in start.nodes]
     fold = np.array([folded(line) for line in lines])
-    for see in (exact, noisy, holed, dense):
-        old = [1e3 * distance(by_neighbours(see(now, k)), now[:, :2]) for k, now in enumerate(_all(of))]
+    for see in SEEN:
+        clouds = [see(now, k) for k, now in enumerate(_all(of))]
+        pairs = zip(clouds, lines, strict=True)
+        old = [1e3 * distance(by_neighbours(cloud), line) for cloud, line in pairs]
         every = np.ones(len(lines), bool)
         found = {"neighbours": Found(np.array(old), every)}
-        found |= {name: followed(of, see, tracked=name == "tracked") for name in ("orders", "tracked")}
+        found |= {name: followed(of, clouds, tracked=name == "tracked") for name in ("orders", "tracked")}
         for name, (errors, clear) in found.items():
             for where, which in (("open", ~fold), ("folded", fold)):
-                yield see.__name__, name, where, *_summary(errors[which], clear[which])
+                yield getattr(see, "__name__", ""), name, where, *_summary(errors[which], clear[which])
 
 
 def _all(of: list[Start]) -> list[Float64[np.ndarray, "n 3"]]:
