@@ -1,8 +1,8 @@
 """How truly a rope's centreline is found from points: `python -m bench.centrelines [EPISODES] [PUSHES]`.
 
 Random pushes in a row fold the rope of the simulated world, whose nodes are known. Its cloud is seen exactly, with
-noise, with a hole, as more particles, and by rendered cameras; errors are mean distances of nodes at equal arc length, either end first. A
-tracked centreline is given what rods predict of the push, from the centreline found before it.
+noise, with a hole, as more particles, and by rendered cameras; errors are mean distances of nodes at equal arc length,
+either end first. A tracked centreline is given what rods predict of the push, from the centreline found before it.
 """
 
 import sys
