@@ -192,7 +192,7 @@ class Task:
             actions=replace(self.actions, **steps),
             nominal=self.rods.nominal,
             presets=self.rods.presets,
-            begin=RodStart(self.rods.scene.nodes, self.rods.scene.rest_m),
+            begin=RodStart(self.rods.scene.nodes, self.rods.scene.rest_m, self.rods.scene.radius_m),
             haste=1.0,
         )
 
