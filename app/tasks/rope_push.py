@@ -104,18 +104,19 @@ def _task(rope: Rope, finger: Finger) -> Task:
                 radius_m=rope.radius_m,
                 mass_kg=rope.mass_kg,
                 finger_radius_m=finger.radius_m,
+                dt_s=1.5e-3,
             ),
             # Of the simulated cell, whose rope hops a little as it slides (`bench.rods`).
-            physics=MappingProxyType({"climb": 0.5, "press": 0.5, "margin": 2.5e-4}),
-            nominal=MappingProxyType({"stiffness": 1.865e4, "table_friction": 0.49, "finger_friction": 0.26}),
+            physics=MappingProxyType({"climb": 0.36, "press": 0.4, "margin": 4.5e-4}),
+            nominal=MappingProxyType({"stiffness": 1.865e4, "table_friction": 0.50, "finger_friction": 0.25}),
             presets=MappingProxyType(
                 {
                     "cpu": Preset(branches=32, depth=2, particle_count=300, gradient_steps=8),
                     "gpu": Preset(branches=256, depth=3, particle_count=2000, gradient_steps=10),
                 }
             ),
-            push_substeps=1200,
-            rest_substeps=150,
+            push_substeps=800,
+            rest_substeps=100,
         ),
         presets=MappingProxyType(
             {

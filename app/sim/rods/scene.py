@@ -115,6 +115,7 @@ class Numbers(NamedTuple):
     tightest: float
 
 
+_LEAST_SMOOTHING = 0.5
 _STRETCH, _STRETCH_MARGIN = 2.5, 0.32
 """Stiffness of stretch, as a share of m / dt^2, at most: and as a share of the limit of stability."""
 
@@ -151,9 +152,13 @@ def numbers_of(scene: RodScene, smoothing: float) -> Numbers:
 
 
 def smoothing_of(scene: RodScene, stiffness_n_m: float, damping_n_m_s: float) -> float:
-    """The number beta = (dt c + dt^2 K) / (rest^2 m) for bending stiffness K [N m] and damping c [N m s] of a joint."""
+    """The number beta = (dt c + dt^2 K) / (rest^2 m) for bending stiffness K [N m] and damping c [N m s] of a joint.
+
+    At least a half, without which a thin or heavy rope could not be as stiff along itself.
+    """
     dt = scene.dt_s
-    return (dt * damping_n_m_s + dt**2 * stiffness_n_m) / (scene.rest_m**2 * scene.node_mass_kg)
+    beta = (dt * damping_n_m_s + dt**2 * stiffness_n_m) / (scene.rest_m**2 * scene.node_mass_kg)
+    return max(_LEAST_SMOOTHING, beta)
 
 
 def smoother_of(scene: RodScene, smoothing: float) -> Float64[np.ndarray, "N N"]:
