@@ -13,12 +13,12 @@ from app.core.errors import PlanningError, WorkerError
 from app.core.messages import Model, Particles, Proposal
 from app.core.ports import Clock
 from app.core.requests import EditRequest
-from app.core.types import ToolPose
+from app.core.types import Points, ToolPose
 from app.core.worker import Worker
 from app.flow.asking import Asking
 from app.flow.editing import Editing
 from app.tasks.base import Wish
-from app.tasks.jobs import nominal_model, plan, uncalibrated_model, warm_up_stage, warm_up_stages
+from app.tasks.jobs import doubt, nominal_model, plan, uncalibrated_model, warm_up_stage, warm_up_stages
 
 FAILURES_IN_A_ROW = 3
 _NOTHING = ""
@@ -35,6 +35,7 @@ class Planning:
         self._editing = Editing(wish, announcer, planner, site)
         self._compiling = Latest[str]("compiling")
         self._changed: tuple[int, Proposal] | None = None
+        self._doubted = ""
         self._rejected: tuple[Float32[np.ndarray, "_ 3"], ...] = ()
 
     async def begin(self, wish: Wish, do: Callable[[str], None]) -> Model:
@@ -108,6 +109,14 @@ class Planning:
                 if attempt + 1 == FAILURES_IN_A_ROW:
                     raise
             else:
+                await self._doubt(wish, x)
                 now_s = self._clock.now()
                 return self._announcer.say(wish.proposal(found, observed, model, began_s=started_s, now_s=now_s))
         raise AssertionError("the last attempt returns or raises")
+
+    async def _doubt(self, wish: Wish, x: Points) -> None:
+        """Say, once, what makes it doubtful that the simulation begins where the object is."""
+        said = await self._planner.run(doubt, wish.task.name, x)
+        if said and said != self._doubted:
+            self._announcer.notice("planner", f"{said} Until then what is predicted may be wrong.")
+        self._doubted = said

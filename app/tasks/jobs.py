@@ -124,6 +124,23 @@ def _fitted(
     return found
 
 
+def doubt(task: str, observed: Points) -> str:
+    """What makes it doubtful that the task's dynamics begin where the object is, in a sentence; empty for nothing.
+
+    `observed` (N, 3) [m]. Rods doubt ropes that cross themselves, are lifted or partly hidden, or whose strands touch
+    so that one cloud does not tell their order.
+    """
+    from app.sim.rods.centreline import RopeShape
+    from app.sim.rods.verdict import doubt
+    from app.tasks import load
+
+    known = load(task)
+    if known.dynamics != "rods" or known.rods is None:
+        return ""
+    scene = known.rods.scene
+    return doubt(observed, RopeShape(count=scene.nodes, rest_m=scene.rest_m, radius_m=scene.radius_m))
+
+
 def choose_preset() -> str:
     """The preset for the best device that JAX finds on this machine."""
     import jax

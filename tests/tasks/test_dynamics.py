@@ -10,7 +10,7 @@ from app.core.errors import UsageError
 from app.planner.plan import Plan
 from app.sim.params import index
 from app.tasks import compiled, load
-from app.tasks.jobs import nominal_model, plan
+from app.tasks.jobs import doubt, nominal_model, plan
 
 RODS = "rope_push@rods"
 COUNT = 300
@@ -47,6 +47,15 @@ def planned() -> Plan:
 
 def test_a_plan_brings_the_rope_nearer_to_its_goal_by_the_model():
     assert planned().predicted_chamfer_m2 < 0.6 * planned().chamfer_m2
+
+
+def test_what_no_planar_rod_can_be_is_said_and_an_open_rope_is_not_doubted():
+    task = load(RODS)
+    x = task.problems.particles(task.start(0), COUNT)
+    assert doubt(RODS, x) == ""
+    assert "lifted" in doubt(RODS, np.where(np.arange(COUNT)[:, None] < COUNT // 4, x + np.float32([0, 0, 0.05]), x))
+    assert "no one rope" in doubt(RODS, np.concatenate([x, x + np.float32([0.0, 0.3, 0.0])]))
+    assert doubt("rope_push", x + np.float32([0, 0, 0.05])) == ""
 
 
 def test_pushes_that_touch_nothing_move_nothing():

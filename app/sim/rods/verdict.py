@@ -64,6 +64,15 @@ class Verdict:
         return self.line
 
 
+def doubt(x: Points, rope: RopeShape) -> str:
+    """The gravest thing that speaks against a planar rod through `x`, in a sentence; empty where nothing does."""
+    try:
+        judged(x, rope).checked()
+    except PerceptionError as error:
+        return str(error)
+    return ""
+
+
 def judged(x: Points, rope: RopeShape, near: Float64[np.ndarray, "n 2"] | None = None) -> Verdict:
     """The best centreline through `x`, and what speaks against it. `near`: see `traced`.
 
