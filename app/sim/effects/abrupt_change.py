@@ -6,10 +6,12 @@ inspection schemes"). phi is that of the session's middle, t = 0: where the time
 
 from typing import Any
 
+import jax.numpy as jnp
 import warp as wp
 
-from app.sim.effects.base import Effect, Grain, Node
+from app.sim.effects.base import Effect, Grain, Node, linear
 from app.sim.parameter import ParameterSpec
+from app.sim.rods.effect import EffectParameters, RodContext, RodEffect, RodProperties
 
 WIDTH = wp.constant(0.01)
 """Of the step, in sessions: one action of a hundred."""
@@ -33,26 +35,23 @@ def changed_stiffness(E: float, grain: Grain, phi: Any, at: int) -> float:
     return E * wp.exp(phi[at + 1] * (rise(grain.time - phi[at + 2]) + rise(phi[at + 2])))
 
 
-def _log_step(name: str, of: str) -> ParameterSpec:
-    about = f"Logarithm of {of} after the change over that before it."
-    return ParameterSpec(name=name, unit="1", nominal=0.0, low=-1.0, high=1.0, typical=0.5, scale="linear", about=about)
+def changed_rods(rods: RodProperties, context: RodContext, phi: EffectParameters) -> RodProperties:
+    """The same of rods."""
+    u = jnp.stack([context.setting.session_time - phi[:, 2], phi[:, 2]])
+    factor = jnp.exp(phi[:, :2] * (0.5 * u / (jnp.abs(u) + WIDTH)).sum(0)[:, None])
+    return rods._replace(table_friction=rods.table_friction * factor[:, 0], rigidity=rods.rigidity * factor[:, 1:])
 
 
+_AFTER = "after the change over that before it."
+_ABOUT = "When the change happens: -0.5 is the beginning and 0.5 the end of the session."
 EFFECT = Effect(
     parameters=(
-        _log_step("friction_step", "the table's friction"),
-        _log_step("stiffness_step", "the object's stiffness"),
-        ParameterSpec(
-            name="step_time",
-            unit="session",
-            nominal=0.0,
-            low=-0.5,
-            high=0.5,
-            scale="linear",
-            about="When the change happens: -0.5 is the beginning and 0.5 the end of the session.",
-        ),
+        linear("friction_step", "1", (-1.0, 0.5, 1.0), f"Logarithm of the table's friction {_AFTER}"),
+        linear("stiffness_step", "1", (-1.0, 0.5, 1.0), f"Logarithm of the object's stiffness {_AFTER}"),
+        ParameterSpec(name="step_time", unit="session", nominal=0.0, low=-0.5, high=0.5, scale="linear", about=_ABOUT),
     ),
     switches=2,
     table_friction=changed_friction,
     stiffness=changed_stiffness,
+    rod=RodEffect(properties=changed_rods),
 )

@@ -7,6 +7,7 @@ from typing import Any, TypeAlias, TypeVar, cast, final
 import warp as wp
 
 from app.sim.parameter import ParameterSpec
+from app.sim.rods.effect import RodEffect
 
 WarpFunction: TypeAlias = Callable[..., Any]
 ClassT = TypeVar("ClassT")
@@ -66,6 +67,24 @@ def place(name: str, what: str) -> tuple[ParameterSpec, ...]:
     )
 
 
+def linear(
+    name: str, unit: str, ends: tuple[float, float, float], about: str, scaling: tuple[int, int] = (0, 0)
+) -> ParameterSpec:
+    """A parameter that vanishes at 0, on a linear scale; `ends` are its lowest, typical and highest value."""
+    low, typical, high = ends
+    return ParameterSpec(
+        name=name,
+        unit=unit,
+        nominal=0.0,
+        low=low,
+        high=high,
+        typical=typical,
+        scaling=scaling,
+        scale="linear",
+        about=about,
+    )
+
+
 @final
 @dataclass(frozen=True, kw_only=True)
 class Effect:
@@ -107,3 +126,6 @@ class Effect:
     """Of the cohesion [Pa] of grains."""
     tool_friction: WarpFunction | None = None
     """Of a particle's Coulomb coefficient on a tool."""
+
+    rod: RodEffect | None = None
+    """How it acts on ropes that are simulated as rods; None: it does not, and a model that needs it has no rod."""

@@ -9,10 +9,11 @@ Drag goes with the square of the air's speed, which grows linearly with height i
 
 from typing import Any
 
+import jax.numpy as jnp
 import warp as wp
 
-from app.sim.effects.base import Effect, Node
-from app.sim.parameter import ParameterSpec
+from app.sim.effects.base import Effect, Node, linear
+from app.sim.rods.effect import EffectParameters, RodContext, RodEffect
 
 LAYER = wp.constant(0.02)
 """Thickness D of the boundary layer [m]."""
@@ -26,28 +27,18 @@ def blown_velocity(v: wp.vec3, node: Node, phi: Any, at: int) -> wp.vec3:
     return v + wp.vec3(push * phi[at], push * phi[at + 1], 0.0)
 
 
+def pull_on_section(phi: EffectParameters, rods: RodContext) -> EffectParameters:
+    """The shares of weight with which the wind pulls a rod: as its cross section on average."""
+    return phi * rods.section_mean(lambda z: jnp.clip(z / LAYER, 0, 1) ** 2)
+
+
 EFFECT = Effect(
     parameters=(
-        ParameterSpec(
-            name="draught_x",
-            unit="1",
-            nominal=0.0,
-            low=-0.5,
-            high=0.5,
-            typical=0.1,
-            scale="linear",
-            about="Pull of a draught along x, as a share of weight.",
-        ),
-        ParameterSpec(
-            name="draught_y",
-            unit="1",
-            nominal=0.0,
-            low=-0.5,
-            high=0.5,
-            typical=0.1,
-            scale="linear",
-            about="Pull of a draught along y, as a share of weight.",
-        ),
+        linear("draught_x", "1", (-0.5, 0.1, 0.5), "Pull of a draught along x, as a share of weight."),
+        linear("draught_y", "1", (-0.5, 0.1, 0.5), "Pull of a draught along y, as a share of weight."),
     ),
     node_velocity=blown_velocity,
+    rod=RodEffect(
+        velocity="vx += k.gravity * k.dt * phi[0]; vy += k.gravity * k.dt * phi[1];", numbers=pull_on_section
+    ),
 )

@@ -10,6 +10,7 @@ import warp as wp
 
 from app.sim.effects.base import Effect, Grain
 from app.sim.parameter import ParameterSpec
+from app.sim.rods.effect import EffectParameters, RodContext, RodEffect, RodProperties
 
 NOMINAL = wp.constant(0.3)
 """Of the bare finger; the friction of other tools is scaled as much as the finger's."""
@@ -19,6 +20,11 @@ NOMINAL = wp.constant(0.3)
 def scaled_friction(mu: float, _grain: Grain, phi: Any, at: int) -> float:
     """A tool's coefficient, times how much more than nominal the finger's is."""
     return mu * phi[at] / NOMINAL
+
+
+def scaled_finger(rods: RodProperties, _context: RodContext, phi: EffectParameters) -> RodProperties:
+    """The finger's coefficient, likewise."""
+    return rods._replace(finger_friction=rods.finger_friction * (phi[:, 0] / NOMINAL))
 
 
 EFFECT = Effect(
@@ -35,4 +41,5 @@ EFFECT = Effect(
         ),
     ),
     tool_friction=scaled_friction,
+    rod=RodEffect(properties=scaled_finger),
 )

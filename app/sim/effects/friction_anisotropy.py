@@ -13,6 +13,7 @@ import warp as wp
 
 from app.sim.effects.base import Effect, Node
 from app.sim.parameter import ParameterSpec
+from app.sim.rods.effect import RodEffect
 
 REST = wp.constant(1.0e-6)
 """Square of the speed [m^2/s^2] below which there is no direction of sliding: 1 mm/s."""
@@ -49,4 +50,10 @@ EFFECT = Effect(
         ),
     ),
     table_friction=directed_friction,
+    rod=RodEffect(
+        friction=f"""
+        const T square = vx * vx + vy * vy + {REST}f;
+        mu *= 1.0f + (phi[0] * (vx * vx - vy * vy) + phi[1] * (2.0f * vx * vy)) / square;
+        """
+    ),
 )

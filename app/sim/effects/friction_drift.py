@@ -10,12 +10,18 @@ import warp as wp
 
 from app.sim.effects.base import Effect, Node
 from app.sim.parameter import ParameterSpec
+from app.sim.rods.effect import EffectParameters, RodContext, RodEffect, RodProperties
 
 
 @wp.func
 def drifted_friction(mu: float, node: Node, phi: Any, at: int) -> float:
     """The coefficient at this time of the session."""
     return mu * (1.0 + phi[at] * node.time)
+
+
+def drifted_table(rods: RodProperties, context: RodContext, phi: EffectParameters) -> RodProperties:
+    """The same of a rod's table."""
+    return rods._replace(table_friction=rods.table_friction * (1 + phi[:, 0] * context.setting.session_time))
 
 
 EFFECT = Effect(
@@ -32,4 +38,5 @@ EFFECT = Effect(
         ),
     ),
     table_friction=drifted_friction,
+    rod=RodEffect(properties=drifted_table),
 )

@@ -13,6 +13,7 @@ import warp as wp
 
 from app.sim.effects.base import Effect, Node
 from app.sim.parameter import ParameterSpec
+from app.sim.rods.effect import RodEffect
 
 X0 = wp.constant(0.55)
 """x of the reference point [m], where mu is phi's: the middle of the workspace, at y = 0."""
@@ -51,4 +52,5 @@ EFFECT = Effect(
         ),
     ),
     table_friction=placed_friction,
+    rod=RodEffect(friction=f"mu *= larger(all_of({LEAST}f), 1.0f + phi[0] * (x - {X0}f) + phi[1] * y);"),
 )

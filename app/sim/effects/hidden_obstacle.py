@@ -13,6 +13,7 @@ import warp as wp
 
 from app.sim.effects.base import Effect, Node, place
 from app.sim.parameter import ParameterSpec
+from app.sim.rods.effect import RodEffect
 
 RADIUS = wp.constant(0.02)
 """R of the post [m]: h = max(0, 1 - (r / 2 R)^2)^2 is a half near R and gone at twice that."""
@@ -46,4 +47,13 @@ EFFECT = Effect(
     switches=1,
     reach_m=0.045,
     node_velocity=obstructed_velocity,
+    rod=RodEffect(
+        velocity=f"""
+        const T ax = (x - phi[1]) / {RADIUS}f, ay = (y - phi[2]) / {RADIUS}f, square = ax * ax + ay * ay;
+        const T near = larger(all_of(0.0f), 1.0f - 0.25f * square), resisted = k.dt * phi[0] * near * near;
+        const T approach = smaller(all_of(0.0f), vx * ax + vy * ay);
+        const T stopped = resisted / (1.0f + resisted) * approach / (square + 0.01f);
+        vx -= stopped * ax; vy -= stopped * ay;
+        """
+    ),
 )

@@ -10,12 +10,23 @@ import warp as wp
 
 from app.sim.effects.base import Effect, Grain
 from app.sim.parameter import ParameterSpec
+from app.sim.rods.effect import EffectParameters, RodContext, RodEffect, RodProperties
 
 
 @wp.func
 def solid_viscosity(viscosity: float, grain: Grain, phi: Any, at: int) -> float:
     """The viscosity; that of liquids is their own."""
     return viscosity + phi[at] * (1.0 - grain.fluid)
+
+
+POISSON = 0.2
+"""Of ropes."""
+
+
+def viscous_rods(rods: RodProperties, context: RodContext, phi: EffectParameters) -> RodProperties:
+    """Viscosity of bending, I dE/dG eta: E depends on a shear modulus G as dE/dG = 2 + 4 nu^2 at constant lambda."""
+    added = (2 + 4 * POISSON**2) * context.scene.second_moment_m4 * phi[:, 0]
+    return rods._replace(viscosity=rods.viscosity + added)
 
 
 EFFECT = Effect(
@@ -33,4 +44,5 @@ EFFECT = Effect(
         ),
     ),
     viscosity=solid_viscosity,
+    rod=RodEffect(properties=viscous_rods),
 )

@@ -6,10 +6,12 @@ As for stiffness: Legendre polynomials, less their value in the middle, of the l
 
 from typing import Any
 
+import jax.numpy as jnp
 import warp as wp
 
 from app.sim.effects.base import Effect, Grain
 from app.sim.parameter import ParameterSpec
+from app.sim.rods.effect import EffectParameters, RodContext, RodEffect, RodProperties
 
 
 @wp.func
@@ -17,6 +19,12 @@ def varied_mass(mass: float, grain: Grain, phi: Any, at: int) -> float:
     """The mass at the particle's place along the object."""
     s = grain.label[0]
     return mass * wp.exp(s * (phi[at] + 1.5 * phi[at + 1] * s))
+
+
+def varied_rods(rods: RodProperties, context: RodContext, phi: EffectParameters) -> RodProperties:
+    """The masses of a rod's nodes."""
+    s = context.setting.material_coordinates
+    return rods._replace(mass=rods.mass * jnp.exp(s * (phi[:, :1] + 1.5 * phi[:, 1:] * s)))
 
 
 EFFECT = Effect(
@@ -43,4 +51,5 @@ EFFECT = Effect(
         ),
     ),
     mass=varied_mass,
+    rod=RodEffect(properties=varied_rods),
 )

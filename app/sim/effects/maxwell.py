@@ -10,6 +10,7 @@ import warp as wp
 
 from app.sim.effects.base import Effect, Grain
 from app.sim.parameter import ParameterSpec
+from app.sim.rods.effect import RodEffect
 
 
 @wp.func
@@ -33,4 +34,5 @@ EFFECT = Effect(
         ),
     ),
     kept=relaxed_share,
+    rod=RodEffect(bend="e *= phi[0];", numbers=lambda phi, rods: 1 / (1 + phi * rods.scene.dt_s)),
 )

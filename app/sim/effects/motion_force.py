@@ -10,10 +10,11 @@ itself: see `discovery/formula.py`. Drag that does not grow with speed is the ta
 
 from typing import Any
 
+import jax.numpy as jnp
 import warp as wp
 
-from app.sim.effects.base import Effect, Node
-from app.sim.parameter import ParameterSpec
+from app.sim.effects.base import Effect, Node, linear
+from app.sim.rods.effect import EffectParameters, RodContext, RodEffect
 
 REST = wp.constant(0.02)
 """Far below this speed [m/s] the pull to the left is in proportion to it."""
@@ -29,31 +30,28 @@ def moving_velocity(v: wp.vec3, node: Node, phi: Any, at: int) -> wp.vec3:
     return wp.vec3(ahead * v[0] - aside * v[1], ahead * v[1] + aside * v[0], v[2])
 
 
-def _term(
-    name: str, unit: str, ends: tuple[float, float, float], about: str, scaling: tuple[int, int] = (0, 0)
-) -> ParameterSpec:
-    """`ends`: low, typical, high."""
-    low, typical, high = ends
-    return ParameterSpec(
-        name=name,
-        unit=unit,
-        nominal=0.0,
-        low=low,
-        high=high,
-        typical=typical,
-        scaling=scaling,
-        scale="linear",
-        about=about,
-    )
+def rates_of_step(phi: EffectParameters, rods: RodContext) -> EffectParameters:
+    """For rods, the share of velocity that drag leaves in a step, and the others as they are."""
+    return phi.at[:, 0].set(jnp.exp(-phi[:, 0] * rods.scene.dt_s))
 
 
 EFFECT = Effect(
     parameters=(
-        _term("drag", "1/s", (-10.0, 10.0, 50.0), "Drag in proportion to speed.", (1, -1)),
-        _term("drag_squared", "1/m", (-20.0, 20.0, 100.0), "Drag that grows with the square of speed.", (2, -1)),
-        _term("sideways", "1", (-0.5, 0.15, 0.5), "Pull to the left of the way, as a share of weight."),
-        _term("sideways_rate", "1/s", (-50.0, 10.0, 50.0), "Pull to the left in proportion to speed.", (1, -1)),
+        linear("drag", "1/s", (-10.0, 10.0, 50.0), "Drag in proportion to speed.", (1, -1)),
+        linear("drag_squared", "1/m", (-20.0, 20.0, 100.0), "Drag that grows with the square of speed.", (2, -1)),
+        linear("sideways", "1", (-0.5, 0.15, 0.5), "Pull to the left of the way, as a share of weight."),
+        linear("sideways_rate", "1/s", (-50.0, 10.0, 50.0), "Pull to the left in proportion to speed.", (1, -1)),
     ),
     catalogued=False,
     node_velocity=moving_velocity,
+    rod=RodEffect(
+        velocity=f"""
+        const T speed = root(vx * vx + vy * vy + {REST * REST}f), was = vx;
+        const T half = 0.5f * k.dt * (k.gravity * phi[2] / speed + phi[3]), square = half * half;
+        const T slowed = phi[0] / (1.0f + k.dt * phi[1] * speed) / (1.0f + square);
+        vx = slowed * ((1.0f - square) * vx - 2.0f * half * vy);
+        vy = slowed * ((1.0f - square) * vy + 2.0f * half * was);
+        """,
+        numbers=rates_of_step,
+    ),
 )

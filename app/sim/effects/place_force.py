@@ -11,6 +11,7 @@ import warp as wp
 
 from app.sim.effects.base import Effect, Node
 from app.sim.parameter import ParameterSpec
+from app.sim.rods.effect import RodEffect
 
 MIDDLE_X, MIDDLE_Y = 0.55, 0.0
 """The middle of the workspace [m]."""
@@ -44,4 +45,12 @@ EFFECT = Effect(
     ),
     catalogued=False,
     node_velocity=placed_velocity,
+    rod=RodEffect(
+        velocity=f"""
+        const float pull = k.gravity * k.dt;
+        const T dx = x - {MIDDLE_X}f, dy = y - {MIDDLE_Y}f;
+        vx += pull * (phi[0] + (phi[2] + phi[4]) * dx + (phi[5] - phi[3]) * dy);
+        vy += pull * (phi[1] + (phi[5] + phi[3]) * dx + (phi[2] - phi[4]) * dy);
+        """
+    ),
 )

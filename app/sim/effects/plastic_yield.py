@@ -4,18 +4,27 @@ Von Mises' condition on the deviatoric stress s with radial return (Simo and Hug
 box 9.1). The null is an infinite yield stress; near it, nothing happens until the stress reaches 1 / c.
 """
 
+from math import sqrt
 from typing import Any
 
 import warp as wp
 
 from app.sim.effects.base import Effect, Grain
 from app.sim.parameter import ParameterSpec
+from app.sim.rods.effect import EffectParameters, RodContext, RodEffect, RodProperties
 
 
 @wp.func
 def yielded_share(kept: float, grain: Grain, phi: Any, at: int) -> float:
     """The share that the yield surface leaves."""
     return kept / wp.max(1.0, phi[at] * grain.stress)
+
+
+def yielding_rods(rods: RodProperties, context: RodContext, phi: EffectParameters) -> RodProperties:
+    """The curvature at the fully plastic moment 4/3 r^3 sqrt(3/2) / c of a round rod (Hill 1950), whose own c adds."""
+    middle = rods.rigidity[:, rods.rigidity.shape[1] // 2]
+    share = phi[:, 0] * middle / (4 / 3 * sqrt(3 / 2) * context.scene.radius_m**3) * rods.yield_curvature
+    return rods._replace(yield_curvature=rods.yield_curvature / (1 + share))
 
 
 EFFECT = Effect(
@@ -33,4 +42,5 @@ EFFECT = Effect(
         ),
     ),
     kept=yielded_share,
+    rod=RodEffect(properties=yielding_rods),
 )

@@ -10,6 +10,7 @@ import warp as wp
 
 from app.sim.effects.base import Effect, Node, place
 from app.sim.parameter import ParameterSpec
+from app.sim.rods.effect import RodEffect
 
 WIDTH = wp.constant(0.05)
 """Distance [m] at which it pulls most."""
@@ -39,4 +40,11 @@ EFFECT = Effect(
     ),
     switches=1,
     node_velocity=attracted_velocity,
+    rod=RodEffect(
+        velocity=f"""
+        const T dx = (phi[1] - x) / {WIDTH}f, dy = (phi[2] - y) / {WIDTH}f;
+        const T pull = 2.0f * k.gravity * k.dt * phi[0] / (1.0f + dx * dx + dy * dy);
+        vx += pull * dx; vy += pull * dy;
+        """
+    ),
 )

@@ -10,6 +10,7 @@ import warp as wp
 
 from app.sim.effects.base import Effect, Node, place
 from app.sim.parameter import ParameterSpec
+from app.sim.rods.effect import RodEffect
 
 WIDTH = wp.constant(0.015)
 """Of the held spot [m], about one cell."""
@@ -41,4 +42,11 @@ EFFECT = Effect(
     switches=1,
     reach_m=0.05,
     node_velocity=held_velocity,
+    rod=RodEffect(
+        velocity=f"""
+        const T dx = (x - phi[1]) / {WIDTH}f, dy = (y - phi[2]) / {WIDTH}f, far = 1.0f + dx * dx + dy * dy;
+        const T slower = 1.0f + k.dt * phi[0] / (far * far);
+        vx /= slower; vy /= slower;
+        """
+    ),
 )

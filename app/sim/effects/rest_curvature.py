@@ -14,6 +14,7 @@ import warp as wp
 
 from app.sim.effects.base import Effect, Grain
 from app.sim.parameter import ParameterSpec
+from app.sim.rods.effect import EffectParameters, RodContext, RodEffect, RodProperties
 
 
 @wp.func
@@ -21,6 +22,11 @@ def curved_rest(F: wp.mat33, grain: Grain, phi: Any, at: int) -> wp.mat33:
     """The deformation from the curved shape."""
     t = wp.vec3(grain.label[2], grain.label[3], 0.0)
     return F + (phi[at] * grain.label[1]) * wp.outer(F * t, t)
+
+
+def curved_rods(rods: RodProperties, context: RodContext, phi: EffectParameters) -> RodProperties:
+    """The rest curvature of rods, whose nodes may be in either order."""
+    return rods._replace(rest_curvature=rods.rest_curvature + phi * context.direction)
 
 
 EFFECT = Effect(
@@ -38,4 +44,5 @@ EFFECT = Effect(
     ),
     rest=curved_rest,
     oriented=True,
+    rod=RodEffect(properties=curved_rods),
 )

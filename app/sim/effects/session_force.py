@@ -10,6 +10,7 @@ import warp as wp
 
 from app.sim.effects.base import Effect, Node
 from app.sim.parameter import ParameterSpec
+from app.sim.rods.effect import RodEffect
 
 
 @wp.func
@@ -36,4 +37,8 @@ EFFECT = Effect(
     parameters=(_growth("x"), _growth("y")),
     catalogued=False,
     node_velocity=growing_velocity,
+    rod=RodEffect(
+        velocity="vx += k.gravity * k.dt * phi[0]; vy += k.gravity * k.dt * phi[1];",
+        numbers=lambda phi, rods: phi * rods.setting.session_time[:, None],
+    ),
 )

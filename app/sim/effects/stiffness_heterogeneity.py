@@ -6,10 +6,12 @@ random fields: Ghanem and Spanos 1991, "Stochastic Finite Elements", ch. 2): a w
 
 from typing import Any
 
+import jax.numpy as jnp
 import warp as wp
 
 from app.sim.effects.base import Effect, Grain
 from app.sim.parameter import ParameterSpec
+from app.sim.rods.effect import EffectParameters, RodContext, RodEffect, RodProperties
 
 
 @wp.func
@@ -17,6 +19,12 @@ def varied_stiffness(E: float, grain: Grain, phi: Any, at: int) -> float:
     """Young's modulus at the particle's place along the object."""
     s = grain.label[0]
     return E * wp.exp(s * (phi[at] + 1.5 * phi[at + 1] * s))
+
+
+def varied_rods(rods: RodProperties, context: RodContext, phi: EffectParameters) -> RodProperties:
+    """The bending rigidities of a rod's nodes."""
+    s = context.setting.material_coordinates
+    return rods._replace(rigidity=rods.rigidity * jnp.exp(s * (phi[:, :1] + 1.5 * phi[:, 1:] * s)))
 
 
 EFFECT = Effect(
@@ -43,4 +51,5 @@ EFFECT = Effect(
         ),
     ),
     stiffness=varied_stiffness,
+    rod=RodEffect(properties=varied_rods),
 )

@@ -13,6 +13,7 @@ import warp as wp
 
 from app.sim.effects.base import Effect, Node
 from app.sim.parameter import ParameterSpec
+from app.sim.rods.effect import RodEffect
 
 
 @wp.func
@@ -47,4 +48,5 @@ EFFECT = Effect(
     ),
     switches=1,
     table_friction=stribeck_friction,
+    rod=RodEffect(friction="mu *= 1.0f + phi[0] * exponential(-(vx * vx + vy * vy) / (phi[1] * phi[1]));"),
 )

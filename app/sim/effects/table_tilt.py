@@ -10,6 +10,7 @@ import warp as wp
 
 from app.sim.effects.base import Effect, Node
 from app.sim.parameter import ParameterSpec
+from app.sim.rods.effect import RodEffect
 
 RADIANS = wp.constant(3.14159265 / 180.0)
 """A degree."""
@@ -46,4 +47,7 @@ EFFECT = Effect(
         ),
     ),
     node_velocity=tilted_velocity,
+    rod=RodEffect(
+        velocity=f"const float pull = {RADIANS}f * k.gravity * k.dt; vx += pull * phi[1]; vy -= pull * phi[0];"
+    ),
 )

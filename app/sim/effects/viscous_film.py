@@ -6,10 +6,12 @@ speed and not on weight: a wet or dusty table, a thin layer of oil.
 
 from typing import Any
 
+import jax.numpy as jnp
 import warp as wp
 
 from app.sim.effects.base import Effect, Node
 from app.sim.parameter import ParameterSpec
+from app.sim.rods.effect import EffectParameters, RodContext, RodEffect
 
 FILM_REACH = wp.constant(0.02)
 """How far above the table it acts [m], about one rope diameter: what is lifted is free of it."""
@@ -20,6 +22,12 @@ def film_velocity(v: wp.vec3, node: Node, phi: Any, at: int) -> wp.vec3:
     """The velocity after one substep of drag, integrated exactly so that no drag can reverse it."""
     nearness = wp.clamp(1.0 - node.x[2] / FILM_REACH, 0.0, 1.0)
     return wp.exp(-phi[at] * nearness * node.dt) * v
+
+
+def share_of_velocity(phi: EffectParameters, rods: RodContext) -> EffectParameters:
+    """The share of its velocity that a rod keeps in a step: it is slowed as much as its cross section on average."""
+    nearness = rods.section_mean(lambda z: jnp.clip(1 - z / FILM_REACH, 0, 1))
+    return jnp.exp(-phi * nearness * rods.scene.dt_s)
 
 
 EFFECT = Effect(
@@ -37,4 +45,5 @@ EFFECT = Effect(
         ),
     ),
     node_velocity=film_velocity,
+    rod=RodEffect(velocity="vx *= phi[0]; vy *= phi[0];", numbers=share_of_velocity),
 )

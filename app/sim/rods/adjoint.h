@@ -35,11 +35,40 @@ struct Bars {
     ROD_HERE Lanes* vsecond(int c) const { return row(27 + c); }
 };
 
+// From the change of velocity after the laws of effects to the one before; `r` holds the latter.
+ROD_CALL void velocities_adjoint(const Rod& r, const Bars& o, const Numbers& k, const Traits& c, Traits& sum) {
+    if constexpr (Acting::has<OfVelocity>()) {
+        EACH(i, 0, r.n) {
+            const Lanes given[] = {r.x(0)[i], r.x(1)[i]};
+            const Lanes v[] = {r.v(0)[i] + r.g(0)[i], r.v(1)[i] + r.g(1)[i]};
+            Lanes v_bar[] = {o.g(0)[i], o.g(1)[i]}, x_bar[2] = {};
+            Acting::apply_adjoint<OfVelocity>(k, c.law(), given, v, v_bar, x_bar, sum.law());
+            for (int a = 0; a < 2; a++) {
+                o.v(a)[i] += v_bar[a] - o.g(a)[i];
+                o.x(a)[i] += x_bar[a];
+                o.g(a)[i] = v_bar[a];
+            }
+        }
+        TOGETHER();
+    }
+}
+
+// From the coefficient under node i to the table's own, to where the node is and how it moves.
+ROD_CALL void friction_adjoint(const Rod& r, int i, const Bars& o, const Numbers& k, const Traits& c, Lanes bar, Traits& sum) {
+    if constexpr (Acting::has<OfFriction>()) {
+        const Lanes given[] = {r.x(0)[i], r.x(1)[i], r.v(0)[i], r.v(1)[i]};
+        Lanes given_bar[4] = {};
+        Acting::apply_adjoint<OfFriction>(k, c.law(), given, &c.table_friction, &bar, given_bar, sum.law());
+        for (int a = 0; a < 2; a++) { o.x(a)[i] += given_bar[a]; o.v(a)[i] += given_bar[2 + a]; }
+    }
+    sum.table_friction += bar;
+}
+
 ROD_CALL void nodes_adjoint(const Rod& r, const Bars& o, const Numbers& k, const Traits& c, Traits& sum) {
     EACH(i, 0, r.n) {
         const Load l = load_of(r, i, k);
         const Lanes vx = r.v(0)[i], vy = r.v(1)[i], speed = root(vx * vx + vy * vy + c.creep * c.creep + 1e-12f);
-        const Lanes limit = c.table_friction * l.weight + 1e-9f;
+        const Lanes mu = friction_at(r, i, k, c), limit = mu * l.weight + 1e-9f;
         const Lanes relaxed = 1.0f / (1.0f + k.dt * k.table * speed / limit);
         const Lanes rate = (k.table_damping / k.dt) * relaxed, gain = k.dt / r.mass()[i];
         const Lanes fx = o.g(0)[i] * gain, fy = o.g(1)[i] * gain;
@@ -53,8 +82,8 @@ ROD_CALL void nodes_adjoint(const Rod& r, const Bars& o, const Numbers& k, const
         o.v(0)[i] += k.dt * zx * relaxed + of_speed * vx;
         o.v(1)[i] += k.dt * zy * relaxed + of_speed * vy;
         sum.creep += of_speed * c.creep;
-        const Lanes weight = of_limit * c.table_friction;
-        sum.table_friction += of_limit * l.weight;
+        const Lanes weight = of_limit * mu;
+        friction_adjoint(r, i, o, k, c, of_limit * l.weight, sum);
         o.f(0)[i] = fx; o.f(1)[i] = fy; o.weight()[i] = weight;
         o.mass()[i] += weight * k.gravity - (o.g(0)[i] * r.g(0)[i] + o.g(1)[i] * r.g(1)[i]) / r.mass()[i];
     }
@@ -170,9 +199,12 @@ ROD_CALL void segments_adjoint(const Rod& r, const Bars& o, const Numbers& k, co
         const Lanes angle = 2.0f * (ax * by - ay * bx) / d, a2 = angle * angle;
         const Lanes turned = angle * (1.0f - a2 * (1.0f / 12 - a2 / 80.0f)), e = turned - r.curved()[i] - r.p()[i];
         const Mask elastic = (e < c.yield_angle) & (e > -c.yield_angle);
-        const Lanes kept = clipped(e, -c.yield_angle, c.yield_angle);
-        const Lanes next_p = o.p()[i], of_kept = o.moment()[i] * r.bending()[i] - next_p;
+        const Lanes borne = clipped(e, -c.yield_angle, c.yield_angle), kept = kept_bend(borne, k, c);
+        const Lanes next_p = o.p()[i];
+        Lanes of_kept = o.moment()[i] * r.bending()[i] - next_p;
         o.bending()[i] += o.moment()[i] * kept;
+        if constexpr (Acting::has<OfBend>())
+            Acting::apply_adjoint<OfBend>(k, c.law(), nullptr, &borne, &of_kept, nullptr, sum.law());
         sum.bending_damping += o.moment()[i] * (r.spin()[i] - r.spin()[i - 1]);
         const Lanes of_e = next_p + either(elastic, of_kept, Lanes{});
         sum.yield_angle += either(elastic, Lanes{}, either(e > 0.0f, of_kept, -of_kept));

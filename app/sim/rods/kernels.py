@@ -7,13 +7,14 @@
 
 import functools
 from dataclasses import dataclass
+from hashlib import sha256
 from pathlib import Path
 from typing import final
 
 import warp as wp
 
-TRAITS, FIELDS, TOOL = 6, 3, 4
-"""Traits of a candidate, rows of fields, coordinates of the finger."""
+FIELDS, TOOL = 3, 4
+"""Rows of fields, coordinates of the finger."""
 ROWS, BAR_ROWS = 33, 29
 """Rows of scratch memory for a step, and for its adjoint besides, as in rod.h and adjoint.h."""
 EVERY = 32
@@ -25,13 +26,18 @@ LANES = {True: 1, False: 16}
 
 _FOLDER = Path(__file__).parent
 _INCLUDED = '#include "step.h"'
-_OPTIONS = wp.ModuleBuildOptions(
-    extra_cpu_include_dirs=[_FOLDER],
-    extra_cuda_include_dirs=[_FOLDER],
-    extra_cpu_preamble=_INCLUDED,
-    extra_cuda_preamble=_INCLUDED,
-    extra_build_dependencies=[_FOLDER / name for name in ("lanes.h", "rod.h", "adjoint.h", "own.h", "step.h")],
-)
+_HEADERS = ("lanes.h", "numbers.h", "laws.h", "rod.h", "adjoint.h", "own.h", "step.h")
+
+
+def _options(laws: str) -> wp.ModuleBuildOptions:
+    return wp.ModuleBuildOptions(
+        extra_cpu_include_dirs=[_FOLDER],
+        extra_cuda_include_dirs=[_FOLDER],
+        extra_cpu_preamble=laws + _INCLUDED,
+        extra_cuda_preamble=laws + _INCLUDED,
+        extra_build_dependencies=[_FOLDER / name for name in _HEADERS],
+    )
+
 
 _HERE = """
     using namespace rods;
@@ -96,6 +102,7 @@ def load_start(
     const Finger u = finger_at(s);
     find_forces(r, k, c, u);
     find_changes(r, k, c);
+    change_velocities(r, k, c);
     advance(r, k, (const float*)smoother.data);
 """
 )
@@ -279,10 +286,11 @@ class RodKernels:
 
 
 @functools.cache
-def rod_kernels(*, on_gpu: bool) -> RodKernels:
-    """Compilation happens at the first launch, or in warm-up."""
-    module = wp.get_module(f"dipac_rods_{'gpu' if on_gpu else 'cpu'}")
-    module.options["extra_build_options"] = _OPTIONS
+def rod_kernels(*, on_gpu: bool, laws: str = "") -> RodKernels:
+    """With these laws of effects (`laws.law_source`). Compilation happens at the first launch, or in warm-up."""
+    code = f"_{sha256(laws.encode()).hexdigest()[:10]}" if laws else ""
+    module = wp.get_module(f"dipac_rods_{'gpu' if on_gpu else 'cpu'}{code}")
+    module.options["extra_build_options"] = _options(laws)
     module.options["fast_math"] = on_gpu  # A block waits for its divisions and roots; on a CPU they come in sixteens.
 
     @wp.kernel(module=module, enable_backward=False)

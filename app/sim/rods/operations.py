@@ -13,7 +13,7 @@ import jax.numpy as jnp
 import numpy as np
 import warp as wp
 
-from app.sim.rods.kernels import BAR_ROWS, EVERY, FIELDS, LANES, ROWS, THREADS, TOOL, TRAITS, rod_kernels
+from app.sim.rods.kernels import BAR_ROWS, EVERY, FIELDS, LANES, ROWS, THREADS, TOOL, rod_kernels
 from app.sim.rods.scene import RodScene, factors_of, numbers_of, smoother_of, smoothing_of
 from app.sim.rods.state import STATE
 from app.sim.threads import core_count, run_jobs
@@ -32,15 +32,15 @@ class RodOperations:
     backward: Callable[..., tuple[jax.Array, jax.Array, jax.Array, jax.Array]]
 
 
-def make_rod_operations(scene: RodScene, bending_n_m: float, damping_n_m_s: float) -> RodOperations:
-    """For one scene, whose joints are at most so stiff and damped."""
+def make_rod_operations(scene: RodScene, bending_n_m: float, damping_n_m_s: float, laws: str = "") -> RodOperations:
+    """For one scene, whose joints are at most so stiff and damped, with these laws of effects (`laws.law_source`)."""
     wp.config.log_level = wp.LOG_WARNING
     n = scene.nodes
     smoothing = smoothing_of(scene, bending_n_m, damping_n_m_s)
     numbers = np.array(numbers_of(scene, smoothing), np.float32)
     matrix = smoother_of(scene, smoothing)
     on_gpu = jax.default_backend() == "gpu"
-    kernels = rod_kernels(on_gpu=on_gpu)
+    kernels = rod_kernels(on_gpu=on_gpu, laws=laws)
     smoother = (np.linalg.inv(matrix) if on_gpu else factors_of(matrix)).astype(np.float32).ravel()
     width = LANES[on_gpu]
     threads = core_count()
@@ -132,7 +132,7 @@ def make_rod_operations(scene: RodScene, bending_n_m: float, damping_n_m_s: floa
         dims = {
             "start_bar": (candidates, STATE, n),
             "fields_bar": (candidates, FIELDS, n),
-            "traits_bar": (candidates * TRAITS,),
+            "traits_bar": (traits.size,),
             "tool_bar": (candidates, steps + 1, TOOL),
             "between": (slots(candidates) * EVERY * STATE * n * width,),
             "scratch": (slots(candidates) * (ROWS + BAR_ROWS) * n * width,),
@@ -150,6 +150,6 @@ def make_rod_operations(scene: RodScene, bending_n_m: float, damping_n_m_s: floa
             rows,
             output_dims=dims,
         )
-        return start_bar, fields_bar, traits_bar.reshape(candidates, TRAITS), tool_bar
+        return start_bar, fields_bar, traits_bar.reshape(traits.shape), tool_bar
 
     return RodOperations(forward=run_forward, backward=run_backward)

@@ -2,24 +2,17 @@
 //
 // Nodes i = 0 .. n - 1, segments j = 0 .. n - 2 from node j to j + 1. Notation follows docs/rods.md.
 #pragma once
-#include "lanes.h"
+#include "laws.h"
 
 namespace rods {
 
-// The same for all candidates and steps; in the order of `Numbers` in scene.py.
-struct Numbers {
-    float dt, rest, stretch, stretch_damping;  // time step [s], rest length of a segment [m], EA [N], [N s/m]
-    float table, table_damping;                // bristles of the table [N/m], [N s/m]
-    float finger, finger_damping, onset;       // contact with the finger [N/m], [N s/m], depth of full damping [m]
-    float own, own_damping, thickness;         // contact of the rope with itself, and where it begins [m]
-    float gravity;                             // [m/s^2]
-    float stop, tightest;                      // stiffness [N m/rad] beyond the tightest bend [rad]
-};
-
 // Of each candidate, the same for all steps.
-struct Traits {
+struct OwnTraits {
     Lanes table_friction, finger_friction, bending_damping, yield_angle, climb, creep;
 };
+
+// And numbers of the laws of effects.
+struct Traits : OwnTraits, LawNumbers<Acting::NUMBERS> {};
 
 // The finger during a step: its place at the end [m], velocity [m/s], the distance at which it meets the centreline [m]
 // (0: it is above the rope), and sine of the angle from above at which it does.
@@ -27,7 +20,7 @@ struct Finger {
     Lanes x, y, vx, vy, reach, sine;
 };
 
-constexpr int STATE = 8, TRAITS = 6, FINGER = 6;
+constexpr int STATE = 8, TRAITS = 6 + Acting::NUMBERS, FINGER = 6;
 constexpr int ROWS = 33;
 
 // Rows of n lanes each; the first STATE of them are the state.
@@ -75,6 +68,12 @@ ROD_CALL void find_edges(const Rod& r) {
     TOGETHER();
 }
 
+// The elastic bend [rad] that the laws of effects leave.
+ROD_CALL Lanes kept_bend(Lanes e, const Numbers& k, const Traits& c) {
+    if constexpr (Acting::has<OfBend>()) Acting::apply<OfBend>(k, c.law(), nullptr, &e);
+    return e;
+}
+
 // Stretch, and bending with yield (return mapping).
 ROD_CALL void find_elastic_forces(const Rod& r, const Numbers& k, const Traits& c) {
     const int n = r.n;
@@ -87,7 +86,7 @@ ROD_CALL void find_elastic_forces(const Rod& r, const Numbers& k, const Traits& 
     EACH(i, 0, n) {
         if (i == 0 || i == n - 1) { r.moment()[i] = Lanes{}; r.pn()[i] = Lanes{}; continue; }
         const Lanes angle = angle_between(r.t(0)[i - 1], r.t(1)[i - 1], r.t(0)[i], r.t(1)[i]);
-        const Lanes e = angle - r.curved()[i] - r.p()[i], kept = clipped(e, -c.yield_angle, c.yield_angle);
+        const Lanes e = angle - r.curved()[i] - r.p()[i], kept = kept_bend(clipped(e, -c.yield_angle, c.yield_angle), k, c);
         r.pn()[i] = r.p()[i] + e - kept;
         const Lanes beyond = angle - clipped(angle, all_of(-k.tightest), all_of(k.tightest));
         r.moment()[i] = r.bending()[i] * kept + c.bending_damping * (r.spin()[i] - r.spin()[i - 1]) + k.stop * beyond;
@@ -175,12 +174,22 @@ ROD_CALL Load load_of(const Rod& r, int i, const Numbers& k) {
     return o;
 }
 
+// The table's Coulomb coefficient under node i.
+ROD_CALL Lanes friction_at(const Rod& r, int i, const Numbers& k, const Traits& c) {
+    Lanes mu = c.table_friction;
+    if constexpr (Acting::has<OfFriction>()) {
+        const Lanes given[] = {r.x(0)[i], r.x(1)[i], r.v(0)[i], r.v(1)[i]};
+        Acting::apply<OfFriction>(k, c.law(), given, &mu);
+    }
+    return mu;
+}
+
 // Friction of the table (a relaxing bristle, too), and the change of velocity of each node by itself.
 ROD_CALL void find_changes(const Rod& r, const Numbers& k, const Traits& c) {
     EACH(i, 0, r.n) {
         const Load o = load_of(r, i, k);
         const Lanes vx = r.v(0)[i], vy = r.v(1)[i], speed = root(vx * vx + vy * vy + c.creep * c.creep + 1e-12f);
-        const Lanes limit = c.table_friction * o.weight + 1e-9f;
+        const Lanes limit = friction_at(r, i, k, c) * o.weight + 1e-9f;
         const Lanes relaxed = 1.0f / (1.0f + k.dt * k.table * speed / limit);
         const Lanes zx = (r.z(0)[i] + k.dt * vx) * relaxed, zy = (r.z(1)[i] + k.dt * vy) * relaxed;
         // Damping is for what sticks: what slides would feel more than Coulomb's bound.
@@ -190,6 +199,20 @@ ROD_CALL void find_changes(const Rod& r, const Numbers& k, const Traits& c) {
         r.g(1)[i] = (o.fy - k.table * zy - rate * (zy - r.z(1)[i])) * gain;
     }
     TOGETHER();
+}
+
+// What the laws of effects make of the velocity that each node would have by itself.
+ROD_CALL void change_velocities(const Rod& r, const Numbers& k, const Traits& c) {
+    if constexpr (Acting::has<OfVelocity>()) {
+        EACH(i, 0, r.n) {
+            const Lanes given[] = {r.x(0)[i], r.x(1)[i]};
+            const Lanes before[] = {r.v(0)[i] + r.g(0)[i], r.v(1)[i] + r.g(1)[i]};
+            Lanes v[] = {before[0], before[1]};
+            Acting::apply<OfVelocity>(k, c.law(), given, v);
+            for (int a = 0; a < 2; a++) r.g(a)[i] += v[a] - before[a];
+        }
+        TOGETHER();
+    }
 }
 
 }  // namespace rods

@@ -4,10 +4,14 @@ from typing import Any, NamedTuple, Protocol, final
 
 import jax
 import jax.numpy as jnp
+import numpy as np
 from jaxtyping import Float
 
 from app.sim.candidates import are_finite, as_float32, where_finite
+from app.sim.effects.base import Effect
+from app.sim.rods.effect import RodContext, RodProperties, RodSetting
 from app.sim.rods.kernels import FIELDS
+from app.sim.rods.laws import changed_properties, law_numbers, law_source, require_known
 from app.sim.rods.operations import make_rod_operations
 from app.sim.rods.scene import RodScene
 from app.sim.rods.state import RodState
@@ -48,20 +52,33 @@ class RodPhysics(NamedTuple):
 class SimulateRod(Protocol):
     """x' = f(x, u; phi) for B ropes, each with its own physics, state and finger path."""
 
-    def __call__(self, physics: RodPhysics, state: RodState, tool: Float[jax.Array, "B T 3"]) -> RodState:
+    def __call__(
+        self,
+        physics: RodPhysics,
+        state: RodState,
+        tool: Float[jax.Array, "B T 3"],
+        phi: Float[jax.Array, "B P"] | None = None,
+        setting: RodSetting | None = None,
+    ) -> RodState:
         """The state after T - 1 time steps with the finger's tip at `tool[:, s]` [m] at their boundaries.
 
-        Differentiable once, in reverse mode. A candidate with a non-finite input becomes NaN throughout; the others are
-        not touched.
+        `phi`: the parameters of the simulator's effects, one effect after the other; None: all at their null values.
+        `setting`: where effects depend on more; None: unknown. Differentiable once, in reverse mode, but by the
+        setting. A candidate with a non-finite input becomes NaN throughout; the others are not touched.
         """
         ...
 
 
-def make_rod_rollout(scene: RodScene) -> SimulateRod:
-    """The simulator of one scene, for use inside and outside of `jax.jit`. Make it once and keep it."""
+def make_rod_rollout(scene: RodScene, effects: tuple[Effect, ...] = ()) -> SimulateRod:
+    """The simulator of one scene with these effects, for use inside and outside of `jax.jit`. Make it once and keep it.
+
+    Raises ParameterError for an effect that does not act on rods.
+    """
+    require_known(effects)
     bounds = scene.nominal_physics()
     joint = 4 * bounds["rigidity"] / scene.rest_m, 1.3 * bounds["viscosity"] / scene.rest_m
-    operations = make_rod_operations(scene, *joint)
+    operations = make_rod_operations(scene, *joint, law_source(effects))
+    null = np.array([spec.nominal for effect in effects for spec in effect.parameters], np.float32)
 
     @jax.custom_vjp
     def rollout(start: jax.Array, fields: jax.Array, traits: jax.Array, tool: jax.Array) -> jax.Array:
@@ -77,35 +94,55 @@ def make_rod_rollout(scene: RodScene) -> SimulateRod:
 
     rollout.defvjp(rollout_forward, rollout_backward)
 
-    def simulate(physics: RodPhysics, state: RodState, tool: Float[jax.Array, "B T 3"]) -> RodState:
-        physics, state, tool = jax.tree.map(as_float32, (physics, state, tool))
-        end = rollout(state.nodes, _fields(scene, physics), _traits(scene, physics), _fingers(scene, physics, tool))
-        return state._replace(nodes=where_finite(are_finite(end, physics, state, tool), end))
+    def simulate(
+        physics: RodPhysics,
+        state: RodState,
+        tool: Float[jax.Array, "B T 3"],
+        phi: Float[jax.Array, "B P"] | None = None,
+        setting: RodSetting | None = None,
+    ) -> RodState:
+        phi = jnp.tile(null, (len(tool), 1)) if phi is None else phi
+        setting = RodSetting.unknown(len(tool), scene.nodes) if setting is None else setting
+        physics, state, tool, phi, setting = jax.tree.map(as_float32, (physics, state, tool, phi, setting))
+        context = RodContext(scene=scene, setting=jax.tree.map(jax.lax.stop_gradient, setting))
+        properties = changed_properties(effects, _properties(scene, physics), phi, context)
+        traits = jnp.concatenate([_traits(scene, physics, properties), *law_numbers(effects, phi, context)], axis=1)
+        end = rollout(state.nodes, _fields(scene, properties), traits, _fingers(scene, physics, tool))
+        return state._replace(nodes=where_finite(are_finite(end, physics, state, tool, phi), end))
 
     return simulate
 
 
-def _fields(scene: RodScene, physics: RodPhysics) -> Float[jax.Array, "B 3 n"]:
-    """Mass [kg], bending stiffness [N m] and rest angle [rad] of each node."""
+def _properties(scene: RodScene, physics: RodPhysics) -> RodProperties:
+    """The same along the rope, but for its ends' mass."""
     share = jnp.asarray(scene.masses() / scene.mass_kg, jnp.float32)
     ones = jnp.ones(scene.nodes)
-    rows = [
-        physics.mass[:, None] * share,
-        physics.rigidity[:, None] / scene.rest_m * ones,
-        physics.rest_curvature[:, None] * scene.rest_m * ones,
-    ]
+    return RodProperties(
+        mass=physics.mass[:, None] * share,
+        rigidity=physics.rigidity[:, None] * ones,
+        rest_curvature=physics.rest_curvature[:, None] * ones,
+        table_friction=physics.table_friction,
+        finger_friction=physics.finger_friction,
+        viscosity=physics.viscosity,
+        yield_curvature=physics.yield_curvature,
+    )
+
+
+def _fields(scene: RodScene, properties: RodProperties) -> Float[jax.Array, "B 3 n"]:
+    """Mass [kg], bending stiffness [N m] and rest angle [rad] of each node."""
+    rows = [properties.mass, properties.rigidity / scene.rest_m, properties.rest_curvature * scene.rest_m]
     assert len(rows) == FIELDS
     return jnp.stack(rows, axis=1)
 
 
-def _traits(scene: RodScene, physics: RodPhysics) -> Float[jax.Array, "B 6"]:
-    """In the order of `Traits` in rod.h."""
+def _traits(scene: RodScene, physics: RodPhysics, properties: RodProperties) -> Float[jax.Array, "B 6"]:
+    """In the order of `OwnTraits` in rod.h."""
     return jnp.stack(
         [
-            physics.table_friction,
-            physics.finger_friction,
-            physics.viscosity / scene.rest_m,
-            physics.yield_curvature * scene.rest_m,
+            properties.table_friction,
+            properties.finger_friction,
+            properties.viscosity / scene.rest_m,
+            properties.yield_curvature * scene.rest_m,
             physics.climb,
             physics.creep,
         ],

@@ -57,11 +57,13 @@ ROD_CALL void advance(const Rod& r, const Numbers& k, const float* smoother) {
     TOGETHER();
 }
 
-// Bars of the state at the end of a step to those at its beginning; `r` holds the beginning and what `find_changes` found.
+// Bars of the state at the end of a step to those at its beginning; `r` holds the beginning and what `find_changes`
+// found.
 ROD_CALL void step_adjoint(const Rod& r, const Bars& o, const Numbers& k, const Traits& c, const Finger& u, const float* smoother, Traits& sum, Finger& bar) {
     EACH(i, 0, r.n) for (int a = 0; a < 2; a++) o.v(a)[i] += k.dt * o.x(a)[i];
     TOGETHER();
     smooth(smoother, o.v(0), o.g(0), r.n);
+    velocities_adjoint(r, o, k, c, sum);
     nodes_adjoint(r, o, k, c, sum);
     own_adjoint(r, o, k, c, sum);
     segments_adjoint(r, o, k, c, u, sum, bar);

@@ -1,0 +1,96 @@
+"""The laws of effects on rods as text for the compiler, and the numbers that they need."""
+
+from collections.abc import Iterator, Sequence
+from itertools import pairwise
+
+import jax
+from jaxtyping import Float
+
+from app.core.errors import ParameterError
+from app.sim.effects.base import Effect
+from app.sim.rods.effect import RodContext, RodEffect, RodProperties
+
+_LAW = """
+struct {name} {{
+    static constexpr int NUMBERS = {numbers};
+    static constexpr bool HAS_VELOCITY = {has_velocity}, HAS_FRICTION = {has_friction}, HAS_BEND = {has_bend};
+    template <typename T>
+    ROD_CALL void velocity(const Numbers& k, const T* phi, const T& x, const T& y, T& vx, T& vy) {{
+        {velocity}
+    }}
+    template <typename T>
+    ROD_CALL void friction(const Numbers& k, const T* phi, const T& x, const T& y, const T& vx, const T& vy, T& mu) {{
+        {friction}
+    }}
+    template <typename T>
+    ROD_CALL void bend(const Numbers& k, const T* phi, T& e) {{
+        {bend}
+    }}
+}};
+"""
+
+
+def require_known(effects: Sequence[Effect]) -> None:
+    """Raises ParameterError, which names the parameters, for effects that do not act on rods."""
+    if unknown := [spec.name for effect in effects if effect.rod is None for spec in effect.parameters]:
+        raise ParameterError(f"Rods do not know {', '.join(unknown)}; simulate material points instead.")
+
+
+def law_source(effects: Sequence[Effect]) -> str:
+    """C++ structs of these effects' laws and their list, `ROD_LAWS`; nothing where there is none."""
+    laws = [_law(f"Law{number}", effect, rod) for number, (effect, rod) in enumerate(_lawful(effects))]
+    if not laws:
+        return ""
+    names = ", ".join(f"Law{number}" for number in range(len(laws)))
+    text = "".join(laws)
+    return f'#include "numbers.h"\nnamespace rods {{\n{text}}}  // namespace rods\n#define ROD_LAWS {names}\n'
+
+
+def law_numbers(
+    effects: Sequence[Effect], phi: Float[jax.Array, "B P"], context: RodContext
+) -> list[Float[jax.Array, "B _"]]:
+    """The numbers of these effects' laws, in the order of their list."""
+    parts = _parts(effects, phi)
+    return [rod.numbers(own, context) for (_, rod), own in zip(_known(effects), parts, strict=True) if rod.has_law]
+
+
+def changed_properties(
+    effects: Sequence[Effect], properties: RodProperties, phi: Float[jax.Array, "B P"], context: RodContext
+) -> RodProperties:
+    """What these effects make of properties, one after the other."""
+    for (_, rod), own in zip(_known(effects), _parts(effects, phi), strict=True):
+        if rod.properties is not None:
+            properties = rod.properties(properties, context, own)
+    return properties
+
+
+def _known(effects: Sequence[Effect]) -> Iterator[tuple[Effect, RodEffect]]:
+    return ((effect, effect.rod) for effect in effects if effect.rod is not None)
+
+
+def _lawful(effects: Sequence[Effect]) -> Iterator[tuple[Effect, RodEffect]]:
+    return ((effect, rod) for effect, rod in _known(effects) if rod.has_law)
+
+
+def _parts(effects: Sequence[Effect], phi: Float[jax.Array, "B P"]) -> list[jax.Array]:
+    """The parameters of each effect."""
+    ends = [0]
+    for effect in effects:
+        ends.append(ends[-1] + len(effect.parameters))
+    return [phi[:, first:last] for first, last in pairwise(ends)]
+
+
+def _law(name: str, effect: Effect, rod: RodEffect) -> str:
+    def flag(text: str) -> str:
+        return "true" if text else "false"
+
+    return _LAW.format(
+        name=name,
+        numbers=len(effect.parameters),
+        has_velocity=flag(rod.velocity),
+        has_friction=flag(rod.friction),
+        has_bend=flag(rod.bend),
+        velocity=rod.velocity.strip(),
+        friction=rod.friction.strip(),
+        bend=rod.bend.strip(),
+    )
