@@ -14,7 +14,6 @@ from app.calibration.evidence import Advance as FromRest
 from app.calibration.evidence import Evidence, Predictor, gather
 from app.calibration.fit import Settings, Tried
 from app.config import ANYWHERE, Confines
-from app.core.errors import UsageError
 from app.core.messages import MessageId, Model, Parameter, Transition
 from app.planner.base import Planner
 from app.planner.made import made
@@ -25,6 +24,7 @@ from app.sim.directions import directed
 from app.sim.effects.base import Effect
 from app.sim.object_state import ObjectState
 from app.sim.params import PARAMETERS, acting, columns_of, index
+from app.sim.rods.effect import RodSetting
 from app.sim.rods.rollout import RodPhysics, make_rod_rollout
 from app.sim.rods.state import RodState
 from app.sim.rollout import make_rollout
@@ -35,8 +35,6 @@ from app.tasks.base import Task
 __all__ = ["advance", "calibrated", "nominal_model", "now", "phi_of", "planner", "search", "stages"]
 
 _CHUNK = 8
-_OF_RODS = ("stiffness", "table_friction", "finger_friction")
-"""Parameters that rods heed."""
 _NOW = 0.5
 """The end of a session."""
 
@@ -97,16 +95,15 @@ def moving(task: str, particle_count: int, effects: tuple[Effect, ...] = ()) -> 
 
 
 def _moving_rod(task: Task, effects: tuple[Effect, ...]) -> Part:
-    """The same for a rope as a rod, which knows bending, the frictions of table and finger, and no other effect yet.
+    """The same for a rope as a rod.
 
-    Raises UsageError for a model that needs more.
+    Raises ParameterError, which names the parameters, for a model that needs effects that do not act on rods.
     """
     assert task.rods is not None
     scene, given = task.rods.scene, task.rods.physics
-    if more := [spec.name for effect in effects for spec in effect.parameters if spec.name not in _OF_RODS]:
-        raise UsageError(f"Rods do not know {', '.join(more)}; plan with material points: the task without @rods.")
-    simulate = make_rod_rollout(scene)
-    stiffness, table, finger = (index(name) for name in _OF_RODS)
+    simulate = make_rod_rollout(scene, effects)
+    stiffness, table = index("stiffness"), index("table_friction")
+    own = np.array([index(spec.name) for effect in effects for spec in effect.parameters], int)
 
     def move(
         phi: Float[Array, "B P"], state: ObjectState, tool: Float[Array, "B T C"], began: Float[Array, "B N 3"]
@@ -115,12 +112,10 @@ def _moving_rod(task: Task, effects: tuple[Effect, ...]) -> Part:
         assert isinstance(state, RodState)
         known = {name: jnp.full(len(phi), value, jnp.float32) for name, value in given.items()}
         physics = RodPhysics.nominal(scene, len(phi))._replace(
-            rigidity=phi[:, stiffness] * scene.second_moment_m4,
-            table_friction=phi[:, table],
-            finger_friction=phi[:, finger],
-            **known,
+            rigidity=phi[:, stiffness] * scene.second_moment_m4, table_friction=phi[:, table], **known
         )
-        return simulate(physics, state, tool)
+        setting = RodSetting.unknown(len(phi), scene.nodes)._replace(session_time=jnp.full(len(phi), _NOW))
+        return simulate(physics, state, tool, phi[:, own], setting)
 
     return move
 

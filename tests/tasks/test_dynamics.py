@@ -8,7 +8,7 @@ import pytest
 
 from app.core.errors import UsageError
 from app.planner.plan import Plan
-from app.sim.params import index
+from app.sim.params import acting, index
 from app.tasks import compiled, load
 from app.tasks.jobs import doubt, nominal_model, plan
 
@@ -33,9 +33,20 @@ def test_other_dynamics_are_refused_with_those_that_there_are(name: str, said: s
 
 def test_a_model_that_needs_other_effects_is_refused_by_their_names():
     phi = compiled.phi_of(nominal_model(RODS)).copy()
-    phi[index("film_drag")] = 5.0
-    with pytest.raises(UsageError, match="film_drag"):
+    phi[index("cohesion")] = 5.0
+    with pytest.raises(UsageError, match="cohesion"):
         compiled.planner(RODS, "cpu", phi)
+
+
+def test_a_model_moves_the_rope_with_the_effects_that_it_needs():
+    task, phi = load(RODS), compiled.phi_of(nominal_model(RODS)).copy()
+    phi[index("tilt_x")] = 5.0
+    phi[index("table_friction")] = 0.02
+    start = jnp.asarray(task.problems.particles(task.start(0), COUNT))[None]
+    away = jnp.tile(jnp.array([0.2, -0.3, 0.3]), (1, 301, 1))
+    end = compiled.advance(RODS, COUNT, acting(phi))(jnp.asarray(phi)[None], start, away)
+    pull = 9.81 * (np.radians(5.0) - 0.02)
+    assert (end - start).mean((0, 1))[1] == pytest.approx(-pull * 0.3**2 / 2, rel=0.05)
 
 
 @cache

@@ -51,5 +51,5 @@ EFFECT = Effect(
         ),
     ),
     mass=varied_mass,
-    rod=RodEffect(properties=varied_rods),
+    rod=RodEffect(properties=varied_rods, lightens=True),
 )

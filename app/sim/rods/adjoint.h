@@ -173,7 +173,7 @@ ROD_CALL void segments_adjoint(const Rod& r, const Bars& o, const Numbers& k, co
         o.spin()[j] = of_q / length;  // For the moments; turned into that of the rate of turning below.
         o.t(0)[j] = q * fy - r.tension()[j] * fx + pull * k.stretch_damping * dx;
         o.t(1)[j] = -q * fx - r.tension()[j] * fy + pull * k.stretch_damping * dy;
-        o.length()[j] = pull * (k.stretch / k.rest) - of_q * q / length;
+        o.length()[j] = pull * (stretch_of(r, j, k) / k.rest) - of_q * q / length;
         const Lanes vx = pull * k.stretch_damping * tx, vy = pull * k.stretch_damping * ty;
         o.vfirst(0)[j] -= vx; o.vfirst(1)[j] -= vy;
         o.vsecond(0)[j] += vx; o.vsecond(1)[j] += vy;

@@ -99,6 +99,8 @@ class RodEffect:
     """Changes `mu`: the table's coefficient under a node at `x`, `y` [m] that moves with `vx`, `vy` [m/s]."""
     bend: str = ""
     """Changes `e`: the elastic part of the angle [rad] at a node, once a step; what it loses lasts."""
+    lightens: bool = False
+    """Whether it may make nodes lighter than the scene's, which steps in time have to heed."""
     numbers: Callable[[jax.Array, RodContext], jax.Array] = unscaled
     """The numbers `phi` of the laws (B, P), from the parameters and the context: what is constant is computed here."""
 

@@ -26,7 +26,7 @@ LANES = {True: 1, False: 16}
 
 _FOLDER = Path(__file__).parent
 _INCLUDED = '#include "step.h"'
-_HEADERS = ("lanes.h", "numbers.h", "laws.h", "rod.h", "adjoint.h", "own.h", "step.h")
+_HEADERS = ("lanes.h", "numbers.h", "laws.h", "walls.h", "acting.h", "rod.h", "adjoint.h", "own.h", "step.h")
 
 
 def _options(laws: str) -> wp.ModuleBuildOptions:

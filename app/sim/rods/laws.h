@@ -1,7 +1,7 @@
 // Laws of effects beside a rod's own, and their exact derivatives by dual numbers.
 //
-// Each law is a struct in ROD_LAWS, which laws.py writes before this is included: so many NUMBERS of its own, and, as
-// HAS_... says, `velocity` (what is added to it in a step), `friction` (of the table under a node) and `bend` (elastic).
+// Each law is a struct that laws.py writes: so many NUMBERS of its own, and, as HAS_... says, `velocity` of a node,
+// `friction` of the table under it and `bend`, the elastic angle at it.
 #pragma once
 #include "numbers.h"
 
@@ -61,6 +61,8 @@ struct Dual {
         const Lanes value = exponential(p.a);
         return of(p, value, value);
     }
+    friend ROD_HERE Mask operator<(const Dual& p, const Dual& q) { return p.a < q.a; }
+    friend ROD_HERE Mask operator>(const Dual& p, const Dual& q) { return p.a > q.a; }
     // Of equal numbers the second one is taken, and its derivative.
     friend ROD_HERE Dual larger(const Dual& p, const Dual& q) { return either(p.a > q.a, p, q); }
     friend ROD_HERE Dual smaller(const Dual& p, const Dual& q) { return either(p.a < q.a, p, q); }
@@ -155,10 +157,5 @@ struct LawNumbers<0> {
     ROD_HERE Lanes* law() { return nullptr; }
     ROD_HERE const Lanes* law() const { return nullptr; }
 };
-
-#if !defined(ROD_LAWS)
-#define ROD_LAWS
-#endif
-typedef Laws<ROD_LAWS> Acting;
 
 }  // namespace rods

@@ -4,11 +4,13 @@ from collections.abc import Iterator, Sequence
 from itertools import pairwise
 
 import jax
+import jax.numpy as jnp
 from jaxtyping import Float
 
 from app.core.errors import ParameterError
 from app.sim.effects.base import Effect
 from app.sim.rods.effect import RodContext, RodEffect, RodProperties
+from app.sim.rods.scene import Wall
 
 _LAW = """
 struct {name} {{
@@ -33,17 +35,19 @@ struct {name} {{
 def require_known(effects: Sequence[Effect]) -> None:
     """Raises ParameterError, which names the parameters, for effects that do not act on rods."""
     if unknown := [spec.name for effect in effects if effect.rod is None for spec in effect.parameters]:
-        raise ParameterError(f"Rods do not know {', '.join(unknown)}; simulate material points instead.")
+        names = ", ".join(unknown)
+        raise ParameterError(f"Rods do not know {names}; simulate material points: a task without @rods.")
 
 
-def law_source(effects: Sequence[Effect]) -> str:
-    """C++ structs of these effects' laws and their list, `ROD_LAWS`; nothing where there is none."""
+def law_source(effects: Sequence[Effect], walls: int = 0) -> str:
+    """C++ structs of these effects' laws, and the list of all laws, so many walls last; "" where there is none."""
     laws = [_law(f"Law{number}", effect, rod) for number, (effect, rod) in enumerate(_lawful(effects))]
-    if not laws:
+    names = [f"Law{number}" for number in range(len(laws))] + ["BoxWall"] * walls
+    uneven = any(rod.lightens for _, rod in _known(effects))
+    if not names and not uneven:
         return ""
-    names = ", ".join(f"Law{number}" for number in range(len(laws)))
-    text = "".join(laws)
-    return f'#include "numbers.h"\nnamespace rods {{\n{text}}}  // namespace rods\n#define ROD_LAWS {names}\n'
+    defined = f"#define ROD_LAWS {', '.join(names)}\n#define ROD_UNEVEN {_flag(uneven)}\n"
+    return f'#include "walls.h"\nnamespace rods {{\n{"".join(laws)}}}  // namespace rods\n{defined}'
 
 
 def law_numbers(
@@ -52,6 +56,16 @@ def law_numbers(
     """The numbers of these effects' laws, in the order of their list."""
     parts = _parts(effects, phi)
     return [rod.numbers(own, context) for (_, rod), own in zip(_known(effects), parts, strict=True) if rod.has_law]
+
+
+def wall_numbers(walls: Sequence[Wall], rougher: Float[jax.Array, " B"]) -> list[Float[jax.Array, "B 5"]]:
+    """The numbers of walls, whose friction is scaled as much as the finger's."""
+
+    def numbers(wall: Wall) -> jax.Array:
+        corners = jnp.broadcast_to(jnp.array([*wall.low_m, *wall.high_m]), (len(rougher), 4))
+        return jnp.concatenate([corners, wall.friction * rougher[:, None]], axis=1)
+
+    return [numbers(wall) for wall in walls]
 
 
 def changed_properties(
@@ -80,16 +94,17 @@ def _parts(effects: Sequence[Effect], phi: Float[jax.Array, "B P"]) -> list[jax.
     return [phi[:, first:last] for first, last in pairwise(ends)]
 
 
-def _law(name: str, effect: Effect, rod: RodEffect) -> str:
-    def flag(text: str) -> str:
-        return "true" if text else "false"
+def _flag(value: str | bool) -> str:
+    return "true" if value else "false"
 
+
+def _law(name: str, effect: Effect, rod: RodEffect) -> str:
     return _LAW.format(
         name=name,
         numbers=len(effect.parameters),
-        has_velocity=flag(rod.velocity),
-        has_friction=flag(rod.friction),
-        has_bend=flag(rod.bend),
+        has_velocity=_flag(rod.velocity),
+        has_friction=_flag(rod.friction),
+        has_bend=_flag(rod.bend),
         velocity=rod.velocity.strip(),
         friction=rod.friction.strip(),
         bend=rod.bend.strip(),

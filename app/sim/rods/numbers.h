@@ -12,6 +12,7 @@ struct Numbers {
     float own, own_damping, thickness;         // contact of the rope with itself, and where it begins [m]
     float gravity;                             // [m/s^2]
     float stop, tightest;                      // stiffness [N m/rad] beyond the tightest bend [rad]
+    float node_mass;                           // of an inner node of the scene's rope [kg]
 };
 
 }  // namespace rods

@@ -2,7 +2,7 @@
 //
 // Nodes i = 0 .. n - 1, segments j = 0 .. n - 2 from node j to j + 1. Notation follows docs/rods.md.
 #pragma once
-#include "laws.h"
+#include "acting.h"
 
 namespace rods {
 
@@ -74,13 +74,24 @@ ROD_CALL Lanes kept_bend(Lanes e, const Numbers& k, const Traits& c) {
     return e;
 }
 
+// EA of a segment: less where nodes are lighter than the scene's, as explicit steps ask for. The rope hardly stretches.
+ROD_CALL auto stretch_of(const Rod& r, int j, const Numbers& k) {
+    if constexpr (UNEVEN) {
+        const Lanes first = r.mass()[j] * (j == 0 ? 2.0f : 1.0f), second = r.mass()[j + 1] * (j == r.n - 2 ? 2.0f : 1.0f);
+        const Lanes share = smaller(smaller(first, second) / k.node_mass, all_of(1.0f));
+        return k.stretch * share * share;
+    } else {
+        return k.stretch;
+    }
+}
+
 // Stretch, and bending with yield (return mapping).
 ROD_CALL void find_elastic_forces(const Rod& r, const Numbers& k, const Traits& c) {
     const int n = r.n;
     EACH(j, 0, n - 1) {
         const Lanes dx = r.v(0)[j + 1] - r.v(0)[j], dy = r.v(1)[j + 1] - r.v(1)[j];
         r.spin()[j] = (r.t(0)[j] * dy - r.t(1)[j] * dx) / r.length()[j];
-        r.tension()[j] = k.stretch * (r.length()[j] / k.rest - 1.0f) + k.stretch_damping * (r.t(0)[j] * dx + r.t(1)[j] * dy);
+        r.tension()[j] = stretch_of(r, j, k) * (r.length()[j] / k.rest - 1.0f) + k.stretch_damping * (r.t(0)[j] * dx + r.t(1)[j] * dy);
     }
     TOGETHER();
     EACH(i, 0, n) {

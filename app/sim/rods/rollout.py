@@ -11,7 +11,7 @@ from app.sim.candidates import are_finite, as_float32, where_finite
 from app.sim.effects.base import Effect
 from app.sim.rods.effect import RodContext, RodProperties, RodSetting
 from app.sim.rods.kernels import FIELDS
-from app.sim.rods.laws import changed_properties, law_numbers, law_source, require_known
+from app.sim.rods.laws import changed_properties, law_numbers, law_source, require_known, wall_numbers
 from app.sim.rods.operations import make_rod_operations
 from app.sim.rods.scene import RodScene
 from app.sim.rods.state import RodState
@@ -77,7 +77,7 @@ def make_rod_rollout(scene: RodScene, effects: tuple[Effect, ...] = ()) -> Simul
     require_known(effects)
     bounds = scene.nominal_physics()
     joint = 4 * bounds["rigidity"] / scene.rest_m, 1.3 * bounds["viscosity"] / scene.rest_m
-    operations = make_rod_operations(scene, *joint, law_source(effects))
+    operations = make_rod_operations(scene, *joint, law_source(effects, len(scene.walls)))
     null = np.array([spec.nominal for effect in effects for spec in effect.parameters], np.float32)
 
     @jax.custom_vjp
@@ -106,7 +106,9 @@ def make_rod_rollout(scene: RodScene, effects: tuple[Effect, ...] = ()) -> Simul
         physics, state, tool, phi, setting = jax.tree.map(as_float32, (physics, state, tool, phi, setting))
         context = RodContext(scene=scene, setting=jax.tree.map(jax.lax.stop_gradient, setting))
         properties = changed_properties(effects, _properties(scene, physics), phi, context)
-        traits = jnp.concatenate([_traits(scene, physics, properties), *law_numbers(effects, phi, context)], axis=1)
+        walls = wall_numbers(scene.walls, properties.finger_friction / physics.finger_friction)
+        own = _traits(scene, physics, properties)
+        traits = jnp.concatenate([own, *law_numbers(effects, phi, context), *walls], axis=1)
         end = rollout(state.nodes, _fields(scene, properties), traits, _fingers(scene, physics, tool))
         return state._replace(nodes=where_finite(are_finite(end, physics, state, tool, phi), end))
 

@@ -14,8 +14,35 @@ _FEWEST, _MOST = 11, 129
 """Nodes: a GPU's blocks have room for so many."""
 _TIGHTEST = 1.25
 _STEP_S = 1e-3
+_FARTHEST_M = 100.0
 _YOUNG_PA, _VISCOSITY_PA_S = 1.865e4, 311.0
 """Of bending: 6e-5 N m^2 and 1e-6 N m^2 s for a rope of 8 mm radius."""
+
+
+@final
+@dataclass(frozen=True, kw_only=True)
+class Wall:
+    """A fixed block on the table, from corner to corner (x, y) [m], higher than the rope."""
+
+    low_m: tuple[float, float]
+    high_m: tuple[float, float]
+    friction: float = 0.3
+
+    def __post_init__(self) -> None:
+        """Raises ParameterError for a number that cannot be."""
+        for axis in (0, 1):
+            checked("Wall low_m", self.low_m[axis], -_FARTHEST_M, _FARTHEST_M)
+            checked("Wall high_m", self.high_m[axis], self.low_m[axis], _FARTHEST_M)
+        checked("Wall friction", self.friction, 0.0, 5.0)
+
+    @classmethod
+    def with_gap(cls, x_m: float, gap_m: float, half_length_m: float, thickness_m: float) -> tuple["Wall", "Wall"]:
+        """A wall along y about (x, 0) with an opening in its middle, as `tools.box.WallsWithGap`."""
+        sides = (x_m - thickness_m / 2, x_m + thickness_m / 2)
+        return (
+            cls(low_m=(sides[0], -half_length_m), high_m=(sides[1], -gap_m / 2)),
+            cls(low_m=(sides[0], gap_m / 2), high_m=(sides[1], half_length_m)),
+        )
 
 
 @final
@@ -35,6 +62,8 @@ class RodScene:
     dt_s: float = 1e-3
     tightest_m: float | None = None
     """Radius of the tightest bend of the centreline; None: five quarters of the rope's, whose inner side has to fit."""
+    walls: tuple[Wall, ...] = ()
+    """What stands on the table; as thick as nodes are apart at least, or it would pass between them."""
 
     def __post_init__(self) -> None:
         """Raises ParameterError for a number that cannot be."""
@@ -46,6 +75,9 @@ class RodScene:
         checked("spacing_m", self.spacing_m, 1e-3, 0.1)
         checked("dt_s", self.dt_s, 1e-6, 2e-3)
         checked("nodes, of length_m and spacing_m,", float(self.nodes), float(_FEWEST), float(_MOST))
+        for wall in self.walls:
+            for low, high in zip(wall.low_m, wall.high_m, strict=True):
+                checked("sides of a wall, of low_m and high_m,", high - low, self.rest_m, 2 * _FARTHEST_M)
 
     @property
     def nodes(self) -> int:
@@ -113,6 +145,7 @@ class Numbers(NamedTuple):
     gravity: float
     stop: float
     tightest: float
+    node_mass: float
 
 
 _LEAST_SMOOTHING = 0.5
@@ -148,6 +181,7 @@ def numbers_of(scene: RodScene, smoothing: float) -> Numbers:
         gravity=scene.gravity_m_s2,
         stop=0.2 * spring * rest**2,
         tightest=rest / (scene.tightest_m or _TIGHTEST * scene.radius_m),
+        node_mass=m,
     )
 
 
