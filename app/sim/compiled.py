@@ -4,7 +4,7 @@
 # pyright: reportGeneralTypeIssues=false, reportIndexIssue=false, reportOperatorIssue=false, reportArgumentType=false
 # pyright: reportCallIssue=false, reportInvalidTypeForm=false, reportUntypedFunctionDecorator=false
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from hashlib import sha256
 from typing import Any, final
 
@@ -35,7 +35,8 @@ class Code:
             (part.surface.__name__, part.motion, part.at, part.side, part.thin, part.grasps) for part in self.parts
         ]
         specs = [(spec.name, spec.nominal) for effect in self.effects for spec in effect.parameters]
-        hooks = [[hook for hook, value in vars(effect).items() if value is not None] for effect in self.effects]
+        fields = [vars(replace(effect, rod=None)) for effect in self.effects]  # What acts on rods is not compiled here.
+        hooks = [[hook for hook, value in each.items() if value is not None] for each in fields]
         return sha256(repr((laws, parts, self.coordinates, specs, hooks)).encode()).hexdigest()[:10]
 
     def grips(self) -> bool:

@@ -21,6 +21,8 @@ SCENE = RodScene(
     finger_radius_m=0.009,
     walls=Wall.with_gap(x_m=X_M, gap_m=GAP_M, half_length_m=0.35, thickness_m=THICK_M),
 )
+MOST_M = 0.004
+"""Half of the rope's radius: so far a wall may be pressed into it."""
 AWAY = np.array([0.0, 0.0, 0.3])
 
 
@@ -71,18 +73,17 @@ def test_a_rope_that_is_flung_at_a_wall_stops_or_comes_back_and_is_on_its_side(h
     for seconds in (0.03, 0.06, 0.2):
         nodes = run(start, still(seconds), table_friction=0.05)
         assert nodes[0].max() < X_M - THICK_M / 2
-        assert depth(nodes) < 3e-3
+        assert depth(nodes) < MOST_M
 
 
-def test_a_rope_that_is_pushed_through_the_gap_gets_through_and_never_into_the_walls():
-    """Its end is 12 mm beside the middle of the gap and it comes at a slant, pushed from behind at 0.3 m/s."""
-    start = lying(0.44, 0.012, 0.12)
-    behind = (0.44 - 0.12 - 0.02, 0.012 - 0.12 * 0.12)
+def test_a_rope_that_is_pushed_through_the_gap_folds_gets_through_and_is_never_in_the_walls():
+    """It lies across, three times as long as the gap is wide; a finger takes its middle along at 0.3 m/s."""
+    start = lying(0.52, 0.002, np.pi / 2)
     for seconds in np.linspace(0.1, 1.0, 10):
-        nodes = run(start, straight(behind, (0.3, 0.0), float(seconds)))
-        assert depth(nodes) < 3e-3
-    assert nodes[0].min() > X_M
-    assert np.abs(nodes[1][np.abs(nodes[0] - X_M) < THICK_M / 2]).max(initial=0.0) < GAP_M / 2
+        nodes = run(start, straight((0.49, 0.0), (0.3, 0.0), float(seconds)))
+        assert depth(nodes) < MOST_M
+        assert np.abs(nodes[1][np.abs(nodes[0] - X_M) < THICK_M / 2]).max(initial=0.0) < GAP_M / 2
+    assert nodes[0].min() > X_M + THICK_M / 2
 
 
 @pytest.mark.parametrize("speed", [0.1, 0.3])
@@ -92,7 +93,7 @@ def test_a_rope_that_is_pushed_against_the_wall_does_not_cross_it(speed: float):
     nodes = run(start, straight((0.52, 0.10), (speed, 0.0), length / speed))
     upper = nodes[:, nodes[1] > GAP_M / 2]
     assert upper[0].max() < X_M - THICK_M / 2
-    assert depth(nodes) < 4e-3
+    assert depth(nodes) < MOST_M
 
 
 def test_a_rougher_wall_slows_what_slides_along_it():
