@@ -174,6 +174,7 @@ ROD_CALL void segments_adjoint(const Rod& r, const Bars& o, const Numbers& k, co
         o.t(0)[j] = q * fy - r.tension()[j] * fx + pull * k.stretch_damping * dx;
         o.t(1)[j] = -q * fx - r.tension()[j] * fy + pull * k.stretch_damping * dy;
         o.length()[j] = pull * (stretch_of(r, j, k) / k.rest) - of_q * q / length;
+        if constexpr (UNEVEN) o.g(1)[j] = pull * (length / k.rest - 1.0f);  // Of EA; see the end.
         const Lanes vx = pull * k.stretch_damping * tx, vy = pull * k.stretch_damping * ty;
         o.vfirst(0)[j] -= vx; o.vfirst(1)[j] -= vy;
         o.vsecond(0)[j] += vx; o.vsecond(1)[j] += vy;
@@ -235,6 +236,10 @@ ROD_CALL void segments_adjoint(const Rod& r, const Bars& o, const Numbers& k, co
     }
     TOGETHER();
     EACH(i, 0, n) {
+        if constexpr (UNEVEN) {
+            if (i < n - 1) o.mass()[i] += o.g(1)[i] * stretch_by_mass(r, i, i + 1, k);
+            if (i > 0) o.mass()[i] += o.g(1)[i - 1] * stretch_by_mass(r, i, i - 1, k);
+        }
         for (int a = 0; a < 2; a++) {
             if (i < n - 1) { o.x(a)[i] += o.first(a)[i]; o.v(a)[i] += o.vfirst(a)[i]; }
             if (i > 0) { o.x(a)[i] += o.second(a)[i - 1]; o.v(a)[i] += o.vsecond(a)[i - 1]; }

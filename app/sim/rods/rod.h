@@ -74,15 +74,25 @@ ROD_CALL Lanes kept_bend(Lanes e, const Numbers& k, const Traits& c) {
     return e;
 }
 
+// The mass of an inner node beside which there would be one as heavy as node i.
+ROD_CALL Lanes whole_mass(const Rod& r, int i) { return r.mass()[i] * (i == 0 || i == r.n - 1 ? 2.0f : 1.0f); }
+
 // EA of a segment: less where nodes are lighter than the scene's, as explicit steps ask for. The rope hardly stretches.
 ROD_CALL auto stretch_of(const Rod& r, int j, const Numbers& k) {
     if constexpr (UNEVEN) {
-        const Lanes first = r.mass()[j] * (j == 0 ? 2.0f : 1.0f), second = r.mass()[j + 1] * (j == r.n - 2 ? 2.0f : 1.0f);
-        const Lanes share = smaller(smaller(first, second) / k.node_mass, all_of(1.0f));
+        const Lanes lighter = smaller(whole_mass(r, j), whole_mass(r, j + 1));
+        const Lanes share = smaller(lighter / k.node_mass, all_of(1.0f));
         return k.stretch * share * share;
     } else {
         return k.stretch;
     }
+}
+
+// Its derivative by the mass of node i, which is beside node `other` there.
+ROD_CALL Lanes stretch_by_mass(const Rod& r, int i, int other, const Numbers& k) {
+    const Lanes own = whole_mass(r, i);
+    const Mask counts = (own < whole_mass(r, other)) & (own < k.node_mass);
+    return either(counts, 2.0f * k.stretch * own * own / (k.node_mass * k.node_mass * r.mass()[i]), Lanes{});
 }
 
 // Stretch, and bending with yield (return mapping).

@@ -101,16 +101,16 @@ def make_rod_rollout(scene: RodScene, effects: tuple[Effect, ...] = ()) -> Simul
         phi: Float[jax.Array, "B P"] | None = None,
         setting: RodSetting | None = None,
     ) -> RodState:
-        phi = jnp.tile(null, (len(tool), 1)) if phi is None else phi
-        setting = RodSetting.unknown(len(tool), scene.nodes) if setting is None else setting
-        physics, state, tool, phi, setting = jax.tree.map(as_float32, (physics, state, tool, phi, setting))
-        context = RodContext(scene=scene, setting=jax.tree.map(jax.lax.stop_gradient, setting))
-        properties = changed_properties(effects, _properties(scene, physics), phi, context)
+        own = jnp.tile(null, (len(tool), 1)) if phi is None else phi
+        known = RodSetting.unknown(len(tool), scene.nodes) if setting is None else setting
+        physics, state, tool, own, known = jax.tree.map(as_float32, (physics, state, tool, own, known))
+        context = RodContext(scene=scene, setting=jax.tree.map(jax.lax.stop_gradient, known))
+        properties = changed_properties(effects, _properties(scene, physics), own, context)
         walls = wall_numbers(scene.walls, properties.finger_friction / physics.finger_friction)
-        own = _traits(scene, physics, properties)
-        traits = jnp.concatenate([own, *law_numbers(effects, phi, context), *walls], axis=1)
+        numbers = [_traits(scene, physics, properties), *law_numbers(effects, own, context), *walls]
+        traits = jnp.concatenate(numbers, axis=1)
         end = rollout(state.nodes, _fields(scene, properties), traits, _fingers(scene, physics, tool))
-        return state._replace(nodes=where_finite(are_finite(end, physics, state, tool, phi), end))
+        return state._replace(nodes=where_finite(are_finite(end, physics, state, tool, own), end))
 
     return simulate
 
