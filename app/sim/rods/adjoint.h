@@ -5,10 +5,10 @@
 namespace rods {
 
 constexpr int BAR_ROWS = 29;
-static_assert(ROWS + BAR_ROWS <= MOST_ROWS);
+static_assert(ROWS + BAR_ROWS <= MOST_ROWS && TRAITS * SUMS + FINGER <= MOST_SUMS);
 
 // Rows of n lanes each: a bar is a cotangent. The first STATE of them are turned in place from the end of a step to its
-// beginning.
+// beginning. After the rows stand those of traits, in SUMS of all steps, and of the finger in this one.
 struct Bars {
     Lanes* base;
     int n;
@@ -33,6 +33,8 @@ struct Bars {
     ROD_HERE Lanes* second(int c) const { return row(23 + c); }
     ROD_HERE Lanes* vfirst(int c) const { return row(25 + c); } // of velocities likewise
     ROD_HERE Lanes* vsecond(int c) const { return row(27 + c); }
+    ROD_HERE Lanes* traits() const { return row(BAR_ROWS); }
+    ROD_HERE Lanes* finger() const { return traits() + TRAITS * SUMS; }
 };
 
 // From the change of velocity after the laws of effects to the one before; `r` holds the latter.
@@ -90,9 +92,9 @@ ROD_CALL void nodes_adjoint(const Rod& r, const Bars& o, const Numbers& k, const
     TOGETHER();
 }
 
-// The contact of segment j with the finger; adds to the bars of the segment and of the finger.
+// The contact of segment j with the finger; adds to the bars of its nodes and of the finger.
 ROD_CALL void meeting_adjoint(
-    const Rod& r, int j, const Bars& o, const Numbers& k, const Traits& c, const Finger& u, Lanes hop, Traits& sum, Finger& bar
+    const Rod& r, int j, const Bars& o, const Numbers& k, const Traits& c, const Finger& u, Lanes hop, Traits& sum
 ) {
     const Meeting m = meet(r, j, k, c, u, hop);
     const Lanes next_s = o.s()[j];
@@ -145,26 +147,28 @@ ROD_CALL void meeting_adjoint(
     Lanes bx = w * awx - m.share * gx - 2.0f * w * m.along * ex, by = w * awy - m.share * gy - 2.0f * w * m.along * ey;
     const auto kept = [&](Lanes a) { return either(m.touching, a, zero); };
     ax = kept(ax); ay = kept(ay); bx = kept(bx); by = kept(by); mx = kept(mx); my = kept(my);
-    o.first(0)[j] -= ax + bx; o.first(1)[j] -= ay + by;
-    o.second(0)[j] += bx; o.second(1)[j] += by;
-    o.vfirst(0)[j] += mx * rest; o.vfirst(1)[j] += my * rest;
-    o.vsecond(0)[j] += mx * m.share; o.vsecond(1)[j] += my * m.share;
+    add_to(o.x(0)[j], -ax - bx); add_to(o.x(1)[j], -ay - by);
+    add_to(o.x(0)[j + 1], bx); add_to(o.x(1)[j + 1], by);
+    add_to(o.v(0)[j], mx * rest); add_to(o.v(1)[j], my * rest);
+    add_to(o.v(0)[j + 1], mx * m.share); add_to(o.v(1)[j + 1], my * m.share);
     o.s()[j] = kept(relaxed);
     sum.finger_friction += kept(friction);
     sum.climb += kept(hopped) * hop / larger(c.climb, all_of(1e-12f));
     const Lanes quick = kept(hopped) * c.climb * c.climb / larger(hop, all_of(1e-12f));
-    bar.x += ax; bar.y += ay;
-    bar.vx += quick * u.vx - mx; bar.vy += quick * u.vy - my;
-    bar.reach += kept(depth); bar.sine += kept(sine);
+    const Lanes of_finger[] = {ax, ay, quick * u.vx - mx, quick * u.vy - my, kept(depth), kept(sine)};
+    for (int a = 0; a < FINGER; a++) add_to(o.finger()[a], of_finger[a]);
 }
 
-ROD_CALL void segments_adjoint(const Rod& r, const Bars& o, const Numbers& k, const Traits& c, const Finger& u, Traits& sum, Finger& bar) {
-    const int n = r.n;
+ROD_CALL void finger_adjoint(const Rod& r, const Bars& o, const Numbers& k, const Traits& c, const Finger& u, Traits& sum) {
     const Lanes hop = hop_of(c, u);
+    EACH(j, 0, r.n - 1) meeting_adjoint(r, j, o, k, c, u, hop, sum);
+}
+
+// What segments give to their nodes stands in rows of its own.
+ROD_CALL void elastic_adjoint(const Rod& r, const Bars& o, const Numbers& k, const Traits& c, Traits& sum) {
+    const int n = r.n;
     EACH(i, 0, n) o.moment()[i] = Lanes{};
     EACH(j, 0, n - 1) {
-        for (int a = 0; a < 2; a++) o.first(a)[j] = o.second(a)[j] = o.vfirst(a)[j] = o.vsecond(a)[j] = Lanes{};
-        meeting_adjoint(r, j, o, k, c, u, hop, sum, bar);
         // f = normal q - t tension, with normal = (-ty, tx)
         const Lanes fx = o.f(0)[j + 1] - o.f(0)[j], fy = o.f(1)[j + 1] - o.f(1)[j];
         const Lanes length = r.length()[j], q = (r.moment()[j + 1] - r.moment()[j]) / length, tx = r.t(0)[j], ty = r.t(1)[j];
@@ -176,8 +180,8 @@ ROD_CALL void segments_adjoint(const Rod& r, const Bars& o, const Numbers& k, co
         o.length()[j] = pull * (stretch_of(r, j, k) / k.rest) - of_q * q / length;
         if constexpr (UNEVEN) o.g(1)[j] = pull * (length / k.rest - 1.0f);  // Of EA; see the end.
         const Lanes vx = pull * k.stretch_damping * tx, vy = pull * k.stretch_damping * ty;
-        o.vfirst(0)[j] -= vx; o.vfirst(1)[j] -= vy;
-        o.vsecond(0)[j] += vx; o.vsecond(1)[j] += vy;
+        o.vfirst(0)[j] = -vx; o.vfirst(1)[j] = -vy;
+        o.vsecond(0)[j] = vx; o.vsecond(1)[j] = vy;
     }
     TOGETHER();
     EACH(i, 1, n - 1) o.moment()[i] = o.spin()[i - 1] - o.spin()[i];
@@ -231,19 +235,25 @@ ROD_CALL void segments_adjoint(const Rod& r, const Bars& o, const Numbers& k, co
         }
         const Lanes length = r.length()[j], of_length = o.length()[j] - (tx * r.t(0)[j] + ty * r.t(1)[j]) / length;
         const Lanes ex = tx / length + of_length * r.t(0)[j], ey = ty / length + of_length * r.t(1)[j];
-        o.first(0)[j] -= ex; o.first(1)[j] -= ey;
-        o.second(0)[j] += ex; o.second(1)[j] += ey;
+        o.first(0)[j] = -ex; o.first(1)[j] = -ey;
+        o.second(0)[j] = ex; o.second(1)[j] = ey;
     }
-    TOGETHER();
+}
+
+// To each node what its two segments have for it.
+ROD_CALL void gather_adjoint(const Rod& r, const Bars& o, const Numbers& k) {
+    const int n = r.n;
     EACH(i, 0, n) {
         if constexpr (UNEVEN) {
             if (i < n - 1) o.mass()[i] += o.g(1)[i] * stretch_by_mass(r, i, i + 1, k);
             if (i > 0) o.mass()[i] += o.g(1)[i - 1] * stretch_by_mass(r, i, i - 1, k);
         }
+        Lanes x[] = {o.x(0)[i], o.x(1)[i]}, v[] = {o.v(0)[i], o.v(1)[i]};
         for (int a = 0; a < 2; a++) {
-            if (i < n - 1) { o.x(a)[i] += o.first(a)[i]; o.v(a)[i] += o.vfirst(a)[i]; }
-            if (i > 0) { o.x(a)[i] += o.second(a)[i - 1]; o.v(a)[i] += o.vsecond(a)[i - 1]; }
+            if (i < n - 1) { x[a] += o.first(a)[i]; v[a] += o.vfirst(a)[i]; }
+            if (i > 0) { x[a] += o.second(a)[i - 1]; v[a] += o.vsecond(a)[i - 1]; }
         }
+        for (int a = 0; a < 2; a++) { o.x(a)[i] = x[a]; o.v(a)[i] = v[a]; }
     }
     TOGETHER();
 }

@@ -13,13 +13,13 @@ from typing import final
 
 import warp as wp
 
-FIELDS, TOOL = 3, 4
-"""Rows of fields, coordinates of the finger."""
+FIELDS, TOOL, FINGER = 3, 4, 6
+"""Rows of fields, numbers of the finger in a path, and in a step."""
 ROWS, BAR_ROWS = 33, 29
 """Rows of scratch memory for a step, and for its adjoint besides, as in rod.h and adjoint.h."""
-EVERY = 32
-"""Steps between the states that are kept for the adjoint, which computes those between again."""
-THREADS = 64
+EVERY = {True: 1, False: 32}
+"""Steps between the states that are kept for the adjoint, which computes those between again, on a GPU and on a CPU."""
+THREADS = 384
 """Of a block on a GPU, as in lanes.h."""
 LANES = {True: 1, False: 16}
 """Candidates in one group, on a GPU and on a CPU."""
@@ -42,8 +42,8 @@ def _options(laws: str) -> wp.ModuleBuildOptions:
 _HERE = """
     using namespace rods;
     const int n = start.shape[2], last = start.shape[0] - 1, first = group * WIDTH;
-    const Numbers& k = *(const Numbers*)numbers.data;
-    Lanes* const base = memory_of((float*)scratch.data, slot, (ROWS + BAR_ROWS) * n);
+    const Numbers k = *(const Numbers*)numbers.data;
+    Lanes* const base = memory_of((float*)scratch.data, slot, (ROWS + BAR_ROWS) * n + TRAITS * SUMS + FINGER);
     const Rod r = {base, n};
     const auto one = [&](const wp::array_t<float>& a, int row, int i) {
         return (float*)a.data + (long long)row * a.shape[2] + i;
@@ -72,7 +72,7 @@ _TRAITS = """
 @wp.func_native(
     _HERE
     + """
-    EACH(i, 0, n) {
+    AS(0) EACH(i, 0, n) {
         for (int row = 0; row < STATE; row++)
             base[row * n + i] = gather(one(start, row, i), first, last, stride(start));
         r.mass()[i] = gather(one(fields, 0, i), first, last, stride(fields));
@@ -81,7 +81,7 @@ _TRAITS = """
         r.x0(0)[i] = r.x(0)[i]; r.x0(1)[i] = r.x(1)[i];
         r.around(0)[i] = r.around(1)[i] = r.sn()[i] = r.share()[i] = r.press()[i] = Lanes{};
     }
-    TOGETHER();
+    ALL_TOGETHER();
 """,
 )
 def load_start(
@@ -101,9 +101,7 @@ def load_start(
     + """
     const Finger u = finger_at(s);
     find_forces(r, k, c, u);
-    find_changes(r, k, c);
-    change_velocities(r, k, c);
-    advance(r, k, (const float*)smoother.data);
+    advance(r, k, c, (const float*)smoother.data);
 """
 )
 def step(
@@ -124,8 +122,8 @@ def step(
     _HERE
     + """
     Lanes* const to = (Lanes*)kept.data + ((long long)which * rows + row) * STATE * n;
-    EACH(i, 0, STATE * n) to[i] = base[i];
-    TOGETHER();
+    AS(0) EACH(i, 0, STATE * n) to[i] = base[i];
+    ALL_TOGETHER();
 """
 )
 def keep(
@@ -146,8 +144,8 @@ def keep(
     _HERE
     + """
     const Lanes* const from = (const Lanes*)kept.data + ((long long)which * rows + row) * STATE * n;
-    EACH(i, 0, STATE * n) base[i] = from[i];
-    TOGETHER();
+    AS(0) EACH(i, 0, STATE * n) base[i] = from[i];
+    ALL_TOGETHER();
 """
 )
 def restore(
@@ -167,7 +165,7 @@ def restore(
 @wp.func_native(
     _HERE
     + """
-    EACH(i, 0, n)
+    AS(0) EACH(i, 0, n)
         for (int row = 0; row < STATE; row++) scatter(one(end, row, i), first, last, stride(end), base[row * n + i]);
 """
 )
@@ -185,13 +183,14 @@ def store_end(
 @wp.func_native(
     _HERE
     + """
-    Lanes* const bars = base + ROWS * n;
-    EACH(i, 0, n) {
-        for (int row = 0; row < BAR_ROWS; row++) bars[row * n + i] = Lanes{};
+    const Bars o = {base + ROWS * n, n};
+    AS(0) EACH(i, 0, n) {
+        for (int row = 0; row < BAR_ROWS; row++) o.row(row)[i] = Lanes{};
         for (int row = 0; row < STATE; row++)
-            bars[row * n + i] = gather(one(end_bar, row, i), first, last, stride(end_bar));
+            o.row(row)[i] = gather(one(end_bar, row, i), first, last, stride(end_bar));
     }
-    TOGETHER();
+    AS(0) EACH(m, 0, TRAITS * SUMS + FINGER) o.traits()[m] = Lanes{};
+    ALL_TOGETHER();
 """
 )
 def load_bars(
@@ -211,26 +210,19 @@ def load_bars(
     + """
     const Bars o = {base + ROWS * n, n};
     const Finger u = finger_at(s);
-    Traits sum = {};
-    Finger bar = {};
     find_forces(r, k, c, u);
-    find_changes(r, k, c);
-    step_adjoint(r, o, k, c, u, (const float*)smoother.data, sum, bar);
-    Lanes *const of_trait = (Lanes*)&sum, *const of_finger = (Lanes*)&bar;
-    for (int m = 0; m < TRAITS; m++) of_trait[m] = over_nodes(of_trait[m]);
-    for (int m = 0; m < FINGER; m++) of_finger[m] = over_nodes(of_finger[m]);
-    EACH(m, 0, 1) {
-        float *now = one(tool_bar, s, 0), *then = one(tool_bar, s + 1, 0);
+    AS(0) find_changes(r, k, c);
+    step_adjoint(r, o, k, c, u, (const float*)smoother.data);
+    // To the finger at the end of the step; and at its beginning, which its velocity depends on.
+    AS(1) EACH(m, 0, FINGER) {
+        const Lanes* const bar = o.finger();
+        const Lanes a = m < 2 ? bar[m] + bar[2 + m] / k.dt : m < 4 ? bar[2 + m] : -bar[m - 2] / k.dt;
+        float* const to = m < 4 ? one(tool_bar, s + 1, m) : one(tool_bar, s, m - 4);
         const int w = stride(tool_bar);
-        const auto add = [&](float* to, int by, Lanes a) {
-            scatter(to, first, last, by, gather(to, first, last, by) + a);
-        };
-        const Lanes vx = bar.vx / k.dt, vy = bar.vy / k.dt;
-        add(then, w, bar.x + vx); add(then + 1, w, bar.y + vy); add(then + 2, w, bar.reach); add(then + 3, w, bar.sine);
-        add(now, w, -vx); add(now + 1, w, -vy);
-        for (int m = 0; m < TRAITS; m++) add((float*)traits_bar.data + m, TRAITS, of_trait[m]);
+        scatter(to, first, last, w, gather(to, first, last, w) + a);
     }
-    TOGETHER();
+    AS(1) TOGETHER();
+    AS(1) EACH(m, 0, FINGER) o.finger()[m] = Lanes{};
 """
 )
 def step_adjoint(
@@ -243,7 +235,6 @@ def step_adjoint(
     traits: wp.array[float],
     tool: wp.array3d[float],
     scratch: wp.array[float],
-    traits_bar: wp.array[float],
     tool_bar: wp.array3d[float],
 ):
     """The adjoint of a step, from the state at its beginning."""
@@ -253,14 +244,14 @@ def step_adjoint(
     _HERE
     + """
     const Bars o = {base + ROWS * n, n};
-    const Lanes* const bars = base + ROWS * n;
-    EACH(i, 0, n) {
+    AS(0) EACH(i, 0, n) {
         for (int row = 0; row < STATE; row++)
-            scatter(one(start_bar, row, i), first, last, stride(start_bar), bars[row * n + i]);
+            scatter(one(start_bar, row, i), first, last, stride(start_bar), o.row(row)[i]);
         scatter(one(fields_bar, 0, i), first, last, stride(fields_bar), o.mass()[i]);
         scatter(one(fields_bar, 1, i), first, last, stride(fields_bar), o.bending()[i]);
         scatter(one(fields_bar, 2, i), first, last, stride(fields_bar), o.curved()[i]);
     }
+    AS(0) EACH(m, 0, TRAITS) scatter((float*)traits_bar.data + m, first, last, TRAITS, sum_of(o.traits(), m));
 """
 )
 def store_bars(
@@ -271,8 +262,9 @@ def store_bars(
     scratch: wp.array[float],
     start_bar: wp.array3d[float],
     fields_bar: wp.array3d[float],
+    traits_bar: wp.array[float],
 ):
-    """Cotangents of the first state and of the fields."""
+    """Cotangents of the first state, of the fields and of the traits."""
 
 
 @final
@@ -288,6 +280,7 @@ class RodKernels:
 @functools.cache
 def rod_kernels(*, on_gpu: bool, laws: str = "") -> RodKernels:
     """With these laws of effects (`laws.law_source`). Compilation happens at the first launch, or in warm-up."""
+    every = EVERY[on_gpu]
     code = f"_{sha256(laws.encode()).hexdigest()[:10]}" if laws else ""
     module = wp.get_module(f"dipac_rods_{'gpu' if on_gpu else 'cpu'}{code}")
     module.options["extra_build_options"] = _options(laws)
@@ -313,8 +306,8 @@ def rod_kernels(*, on_gpu: bool, laws: str = "") -> RodKernels:
         slot = first_slot + at
         load_start(group, slot, numbers, start, fields, scratch)
         for s in range(tool.shape[1] - 1):
-            if rows > 0 and s % wp.static(EVERY) == 0:
-                keep(group, slot, group, rows, s // wp.static(EVERY), numbers, start, scratch, kept)
+            if rows > 0 and s % wp.static(every) == 0:
+                keep(group, slot, group, rows, s // wp.static(every), numbers, start, scratch, kept)
             step(group, slot, s, numbers, smoother, start, traits, tool, scratch)
         store_end(group, slot, numbers, start, scratch, end)
 
@@ -346,19 +339,19 @@ def rod_kernels(*, on_gpu: bool, laws: str = "") -> RodKernels:
         steps = tool.shape[1] - 1
         for later in range(rows):
             row = rows - 1 - later
-            begin = row * wp.static(EVERY)
-            count = wp.min(wp.static(EVERY), steps - begin)
+            begin = row * wp.static(every)
+            count = wp.min(wp.static(every), steps - begin)
             restore(group, slot, group, rows, row, numbers, start, scratch, kept)
-            for m in range(count):
-                keep(group, slot, slot, wp.static(EVERY), m, numbers, start, scratch, between)
-                if m < count - 1:
-                    step(group, slot, begin + m, numbers, smoother, start, traits, tool, scratch)
+            if wp.static(every > 1):
+                for m in range(count):
+                    keep(group, slot, slot, wp.static(every), m, numbers, start, scratch, between)
+                    if m < count - 1:
+                        step(group, slot, begin + m, numbers, smoother, start, traits, tool, scratch)
             for back in range(count):
                 m = count - 1 - back
-                restore(group, slot, slot, wp.static(EVERY), m, numbers, start, scratch, between)
-                step_adjoint(
-                    group, slot, begin + m, numbers, smoother, start, traits, tool, scratch, traits_bar, tool_bar
-                )
-        store_bars(group, slot, numbers, start, scratch, start_bar, fields_bar)
+                if wp.static(every > 1):
+                    restore(group, slot, slot, wp.static(every), m, numbers, start, scratch, between)
+                step_adjoint(group, slot, begin + m, numbers, smoother, start, traits, tool, scratch, tool_bar)
+        store_bars(group, slot, numbers, start, scratch, start_bar, fields_bar, traits_bar)
 
     return RodKernels(module=module, forward=forward, adjoint=adjoint)

@@ -1,4 +1,7 @@
 // Lanes: sixteen candidates abreast on a CPU; on a GPU one candidate a block, whose threads are its nodes.
+//
+// A block has teams of threads: AS(team) is done by one of them, and what several do needs nothing of each other. Within
+// EACH and TOGETHER a team is among itself; ALL_TOGETHER is for all of them. A CPU does one after the other.
 #pragma once
 
 namespace rods {
@@ -8,9 +11,17 @@ typedef float Lanes;
 typedef bool Mask;
 #define ROD_CALL static __device__ inline
 #define ROD_HERE __device__ inline
-#define EACH(i, from, to) for (int i = (from) + (int)threadIdx.x; i < (to); i += THREADS)
-#define TOGETHER() __syncthreads()
-constexpr int THREADS = 64;
+#define EACH(i, from, to) for (int i = (from) + place_in_team(); i < (to); i += team_size())
+#define AS(number) if (team() == (number))
+#define AS_TOO(number) AS(number)
+#define TOGETHER() team_barrier()
+#define ALL_TOGETHER() __syncthreads()
+constexpr int WARP = 32, SMALL_TEAM = 64, THREADS = 384;  // Two small teams, and a third one for pairs.
+constexpr int SUMS = SMALL_TEAM + 1;                      // Of each number: see add_sums.
+ROD_CALL int team() { return threadIdx.x < SMALL_TEAM ? 0 : threadIdx.x < 2 * SMALL_TEAM ? 1 : 2; }
+ROD_CALL int place_in_team() { return (int)threadIdx.x - team() * SMALL_TEAM; }
+ROD_CALL int team_size() { return team() < 2 ? SMALL_TEAM : THREADS - 2 * SMALL_TEAM; }
+ROD_CALL void team_barrier() { asm volatile("bar.sync %0, %1;" ::"r"(1 + team()), "r"(team_size()) : "memory"); }
 constexpr int WIDTH = 1;
 ROD_CALL Lanes root(Lanes a) { return sqrtf(a); }
 ROD_CALL Lanes larger(Lanes a, Lanes b) { return fmaxf(a, b); }
@@ -25,8 +36,11 @@ typedef int Mask __attribute__((vector_size(64), aligned(64)));
 #define ROD_CALL static inline __attribute__((always_inline))
 #define ROD_HERE inline __attribute__((always_inline))
 #define EACH(i, from, to) for (int i = (from); i < (to); i++)
+#define AS(team)
+#define AS_TOO(team) if (false)
 #define TOGETHER()
-constexpr int WIDTH = 16;
+#define ALL_TOGETHER()
+constexpr int WIDTH = 16, SUMS = 1;
 ROD_CALL Lanes root(Lanes a) { return __builtin_elementwise_sqrt(a); }
 ROD_CALL Lanes larger(Lanes a, Lanes b) { return a > b ? a : b; }
 ROD_CALL Lanes smaller(Lanes a, Lanes b) { return a < b ? a : b; }
@@ -43,15 +57,24 @@ ROD_CALL Lanes exponential(Lanes a) {
 #endif
 
 // Where a group works: on a GPU in memory that its block has for itself.
-constexpr int MOST_NODES = 129, MOST_ROWS = 62;
+constexpr int MOST_NODES = 129, MOST_ROWS = 62, MOST_SUMS = 54 * 65;
 #if defined(__CUDA_ARCH__)
 ROD_CALL Lanes* memory_of(float*, int, int) {
-    __shared__ float rows[MOST_ROWS * MOST_NODES];
+    __shared__ float rows[MOST_ROWS * MOST_NODES + MOST_SUMS];
     return rows;
 }
 #else
 ROD_CALL Lanes* memory_of(float* scratch, int slot, int size) { return (Lanes*)scratch + (long long)slot * size; }
 #endif
+
+// Several threads may add to the same number.
+ROD_CALL void add_to(Lanes& to, Lanes a) {
+#if defined(__CUDA_ARCH__)
+    atomicAdd(&to, a);
+#else
+    to += a;
+#endif
+}
 
 ROD_CALL Lanes clipped(Lanes a, Lanes low, Lanes high) { return smaller(larger(a, low), high); }
 

@@ -13,7 +13,7 @@ import jax.numpy as jnp
 import numpy as np
 import warp as wp
 
-from app.sim.rods.kernels import BAR_ROWS, EVERY, FIELDS, LANES, ROWS, THREADS, TOOL, rod_kernels
+from app.sim.rods.kernels import BAR_ROWS, EVERY, FIELDS, FINGER, LANES, ROWS, THREADS, TOOL, rod_kernels
 from app.sim.rods.scene import RodScene, factors_of, numbers_of, smoother_of, smoothing_of
 from app.sim.rods.state import STATE
 from app.sim.threads import core_count, run_jobs
@@ -42,7 +42,7 @@ def make_rod_operations(scene: RodScene, bending_n_m: float, damping_n_m_s: floa
     on_gpu = jax.default_backend() == "gpu"
     kernels = rod_kernels(on_gpu=on_gpu, laws=laws)
     smoother = (np.linalg.inv(matrix) if on_gpu else factors_of(matrix)).astype(np.float32).ravel()
-    width = LANES[on_gpu]
+    width, every = LANES[on_gpu], EVERY[on_gpu]
     threads = core_count()
 
     def groups_of(candidates: int) -> int:
@@ -92,7 +92,6 @@ def make_rod_operations(scene: RodScene, bending_n_m: float, damping_n_m_s: floa
         scratch: wp.array(dtype=float),
     ):
         tool_bar.zero_()
-        traits_bar.zero_()
         groups = groups_of(start.shape[0])
         given = [constants, smoothing, start, fields, traits, tool, scratch, kept, rows, between, end_bar]
         launch(kernels.adjoint, groups, [*given, start_bar, fields_bar, traits_bar, tool_bar], start.device)
@@ -113,11 +112,11 @@ def make_rod_operations(scene: RodScene, bending_n_m: float, damping_n_m_s: floa
     ) -> tuple[jax.Array, jax.Array]:
         compiled()
         candidates, steps = start.shape[0], tool.shape[1] - 1
-        rows = -(-steps // EVERY) if keeps else 0
+        rows = -(-steps // every) if keeps else 0
         dims = {
             "end": start.shape,
             "kept": (max(1, groups_of(candidates) * rows * STATE * n * width),),
-            "scratch": (slots(candidates) * (ROWS + BAR_ROWS) * n * width,),
+            "scratch": (slots(candidates) * ((ROWS + BAR_ROWS) * n + traits.shape[1] + FINGER) * width,),
         }
         end, kept, _ = forward_call(
             jnp.asarray(numbers), jnp.asarray(smoother), start, fields, traits.ravel(), tool, rows, output_dims=dims
@@ -134,10 +133,10 @@ def make_rod_operations(scene: RodScene, bending_n_m: float, damping_n_m_s: floa
             "fields_bar": (candidates, FIELDS, n),
             "traits_bar": (traits.size,),
             "tool_bar": (candidates, steps + 1, TOOL),
-            "between": (slots(candidates) * EVERY * STATE * n * width,),
-            "scratch": (slots(candidates) * (ROWS + BAR_ROWS) * n * width,),
+            "between": (slots(candidates) * every * STATE * n * width,),
+            "scratch": (slots(candidates) * ((ROWS + BAR_ROWS) * n + traits.shape[1] + FINGER) * width,),
         }
-        rows = -(-steps // EVERY)
+        rows = -(-steps // every)
         start_bar, fields_bar, traits_bar, tool_bar, *_ = backward_call(
             jnp.asarray(numbers),
             jnp.asarray(smoother),

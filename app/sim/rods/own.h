@@ -51,6 +51,7 @@ ROD_CALL bool find_touch(const Rod& r, int i, int j, const Numbers& k, const Tra
     return true;
 }
 
+#if !defined(__CUDA_ARCH__)
 // Whether any node is near one that is `lag` nodes farther, or near the `beside` before and after that.
 ROD_CALL bool is_near(const Rod& r, int lag, float beside, const Numbers& k) {
     const float reach = k.thickness + beside * k.rest;
@@ -61,21 +62,28 @@ ROD_CALL bool is_near(const Rod& r, int lag, float beside, const Numbers& k) {
     }
     return any(near);
 }
+#endif
 
 // Calls `each(i, j)` for nodes i and segments j that may touch.
 template <typename Each>
 ROD_CALL void near_pairs(const Rod& r, const Numbers& k, Each each) {
     const int n = r.n;
 #if defined(__CUDA_ARCH__)
-    bool near = is_near(r, 7, 2.2f, k) || is_near(r, 13, 3.3f, k);
-    for (int lag = 2 * PIECE; lag < n && !near; lag += PIECE) near = is_near(r, lag, 1.1f * PIECE, k);
-    if (!__syncthreads_or(near)) return;
-    EACH(i, 0, n)
-        for (int j = 0; j < n - 1; j++) {
-            if ((i > j ? i - 1 - j : j - i) < APART) continue;
-            const float x = r.x(0)[i] - r.x(0)[j], y = r.x(1)[i] - r.x(1)[j], reach = k.thickness + 1.5f * k.rest;
-            if (x * x + y * y < reach * reach) each(i, j);
-        }
+    // Threads of a warp are nodes, its turns are segments; that none is near is found without waiting for each.
+    const float reach = k.thickness + 1.5f * k.rest, square = reach * reach;
+    const auto is_near = [&](int i, int j) {
+        const float x = r.x(0)[i] - r.x(0)[j], y = r.x(1)[i] - r.x(1)[j];
+        return (x * x + y * y < square) & ((i > j ? i - 1 - j : j - i) >= APART);
+    };
+    const int warp = place_in_team() / WARP, warps = team_size() / WARP;
+    for (int i = threadIdx.x % WARP; i < n; i += WARP) {
+        bool near = false;
+#pragma unroll 6
+        for (int j = warp; j < n - 1; j += warps) near |= is_near(i, j);
+        if (near)
+            for (int j = warp; j < n - 1; j += warps)
+                if (is_near(i, j)) each(i, j);
+    }
 #else
     const int pieces = (n + PIECE - 1) / PIECE;
     const float reach = k.thickness + 1.1f * PIECE * k.rest;
@@ -94,14 +102,6 @@ ROD_CALL void near_pairs(const Rod& r, const Numbers& k, Each each) {
                 for (int j = b * PIECE; j < (b + 1) * PIECE && j < n - 1; j++)
                     if ((i > j ? i - 1 - j : j - i) >= APART) each(i, j);
         }
-#endif
-}
-
-ROD_CALL void add_to(Lanes& to, Lanes a) {
-#if defined(__CUDA_ARCH__)
-    atomicAdd(&to, a);
-#else
-    to += a;
 #endif
 }
 

@@ -5,15 +5,21 @@
 namespace rods {
 
 #if defined(__CUDA_ARCH__)
-// Both rows of g times the dense S: a thread a node.
+// Both rows of g times the dense S, by all teams: four threads a number.
 ROD_CALL void smooth(const float* S, const Lanes* g, Lanes* out, int n) {
-    EACH(i, 0, n) {
-        float x = 0.0f, y = 0.0f;
-#pragma unroll 8
-        for (int m = 0; m < n; m++) { const float w = S[m * n + i]; x += w * g[m]; y += w * g[n + m]; }
-        out[i] = x; out[n + i] = y;
+    const int quarter = threadIdx.x % 4;
+    for (int first = 0; first < 2 * n; first += THREADS / 4) {
+        const int e = first + threadIdx.x / 4, row = e < n ? 0 : n, i = e - row;
+        float sum = 0.0f;
+        if (e < 2 * n) {
+#pragma unroll 4
+            for (int m = quarter; m < n; m += 4) sum += S[m * n + i] * g[row + m];
+        }
+        sum += __shfl_xor_sync(0xffffffffu, sum, 1);
+        sum += __shfl_xor_sync(0xffffffffu, sum, 2);
+        if (quarter == 0 && e < 2 * n) out[e] = sum;
     }
-    TOGETHER();
+    ALL_TOGETHER();
 }
 #else
 // Both rows of g times S, by the factors L D L^T of its inverse, which has two bands beside its diagonal.
@@ -36,16 +42,19 @@ ROD_CALL void smooth(const float* L, const Lanes* g, Lanes* out, int n) {
 #endif
 
 ROD_CALL void find_forces(const Rod& r, const Numbers& k, const Traits& c, const Finger& u) {
-    find_edges(r);
-    find_elastic_forces(r, k, c);
-    find_finger_forces(r, k, c, u);
-    find_own_forces(r, k, c);
+    AS(0) { find_edges(r); find_elastic_forces(r, k, c); }
+    AS_TOO(1) find_edges(r);  // The same, sooner than they would be waited for.
+    AS(1) find_finger_forces(r, k, c, u);
+    AS(2) find_own_forces(r, k, c);
+    ALL_TOGETHER();
 }
 
-// From the changes to the next state.
-ROD_CALL void advance(const Rod& r, const Numbers& k, const float* smoother) {
+// From the forces to the next state.
+ROD_CALL void advance(const Rod& r, const Numbers& k, const Traits& c, const float* smoother) {
+    AS(0) { find_changes(r, k, c); change_velocities(r, k, c); }
+    ALL_TOGETHER();
     smooth(smoother, r.g(0), r.f(0), r.n);  // The forces have been used.
-    EACH(i, 0, r.n) {
+    AS(0) EACH(i, 0, r.n) {
         for (int a = 0; a < 2; a++) {
             const Lanes v = r.v(a)[i] + r.f(a)[i];
             r.v(a)[i] = v;
@@ -54,35 +63,49 @@ ROD_CALL void advance(const Rod& r, const Numbers& k, const float* smoother) {
         }
         r.s()[i] = r.sn()[i]; r.p()[i] = r.pn()[i];
     }
-    TOGETHER();
+    ALL_TOGETHER();
 }
 
-// Bars of the state at the end of a step to those at its beginning; `r` holds the beginning and what `find_changes`
-// found.
-ROD_CALL void step_adjoint(const Rod& r, const Bars& o, const Numbers& k, const Traits& c, const Finger& u, const float* smoother, Traits& sum, Finger& bar) {
-    EACH(i, 0, r.n) for (int a = 0; a < 2; a++) o.v(a)[i] += k.dt * o.x(a)[i];
-    TOGETHER();
+// Each thread's numbers to sums: threads of the first team have one each, the others, most of them without any, share.
+ROD_CALL void add_sums(Lanes* sums, const Lanes* each, int count) {
+    for (int m = 0; m < count; m++) {
+#if defined(__CUDA_ARCH__)
+        float* const of = sums + m * SUMS;
+        if (team() == 0) of[threadIdx.x] += each[m];
+        else if (each[m] != 0.0f) atomicAdd(of + SUMS - 1, each[m]);
+#else
+        sums[m] += each[m];
+#endif
+    }
+}
+
+ROD_CALL Lanes sum_of(const Lanes* sums, int number) {
+    Lanes a = {};
+    for (int w = 0; w < SUMS; w++) a += sums[number * SUMS + w];
+    return a;
+}
+
+// Bars of the state at the end of a step to those at its beginning, and of traits and finger besides; `r` holds the
+// beginning and what `find_changes` found.
+ROD_CALL void step_adjoint(const Rod& r, const Bars& o, const Numbers& k, const Traits& c, const Finger& u, const float* smoother) {
+    Traits sum = {};
+    AS(0) EACH(i, 0, r.n) for (int a = 0; a < 2; a++) o.v(a)[i] += k.dt * o.x(a)[i];
+    ALL_TOGETHER();
     smooth(smoother, o.v(0), o.g(0), r.n);
-    velocities_adjoint(r, o, k, c, sum);
-    nodes_adjoint(r, o, k, c, sum);
-    own_adjoint(r, o, k, c, sum);
-    segments_adjoint(r, o, k, c, u, sum, bar);
+    AS(0) { velocities_adjoint(r, o, k, c, sum); nodes_adjoint(r, o, k, c, sum); }
+    ALL_TOGETHER();
+    AS(0) elastic_adjoint(r, o, k, c, sum);
+    AS(1) finger_adjoint(r, o, k, c, u, sum);
+    AS(2) own_adjoint(r, o, k, c, sum);
+    ALL_TOGETHER();
+    AS(0) gather_adjoint(r, o, k);
+    add_sums(o.traits(), (const Lanes*)&sum, TRAITS);
+    ALL_TOGETHER();
 }
 
 #if defined(__CUDA_ARCH__)
 ROD_CALL Lanes gather(const float* from, int first, int, int stride) { return from[(long long)first * stride]; }
 ROD_CALL void scatter(float* to, int first, int, int stride, Lanes a) { to[(long long)first * stride] = a; }
-// The sum over the threads of a block, for its first one.
-ROD_CALL Lanes over_nodes(Lanes a) {
-    __shared__ float of_warp[THREADS / 32];
-    for (int o = 16; o > 0; o /= 2) a += __shfl_xor_sync(0xffffffffu, a, o);
-    if ((threadIdx.x & 31) == 0) of_warp[threadIdx.x / 32] = a;
-    __syncthreads();
-    a = 0.0f;
-    for (int w = 0; w < THREADS / 32; w++) a += of_warp[w];
-    __syncthreads();
-    return a;
-}
 #else
 ROD_CALL Lanes gather(const float* from, int first, int last, int stride) {
     Lanes a;
@@ -92,7 +115,6 @@ ROD_CALL Lanes gather(const float* from, int first, int last, int stride) {
 ROD_CALL void scatter(float* to, int first, int last, int stride, Lanes a) {
     for (int w = 0; w < WIDTH && first + w <= last; w++) to[(long long)(first + w) * stride] = a[w];
 }
-ROD_CALL Lanes over_nodes(Lanes a) { return a; }
 #endif
 
 }  // namespace rods
