@@ -26,6 +26,11 @@ FINGER = Finger(radius_m=0.009, push_height_m=0.006)
 LOWEST_M = 0.0055
 """Of the tip of a finger: the workspace ends half a millimetre below."""
 
+PUSH_S, REST_S = 1.2, 0.15
+"""Of a push as rods simulate it: 18 cm at 0.15 m/s, and what comes to rest after it."""
+THIN_M = 0.006
+"""Thinner ropes bend so little that longer time steps would let them stretch by more than a hundredth."""
+
 DT_S, PUSH_SUBSTEPS, DENSITY_KG_M3 = 7.0e-4, 240, 795.0
 """Time steps of material points in a push, for this rope or a denser one."""
 
@@ -39,6 +44,7 @@ def _task(rope: Rope, finger: Finger) -> Task:
     touch_m = rope.radius_m + finger.radius_m
     volume_m3 = pi * rope.radius_m**2 * rope.length_m
     # Waves are faster in what is lighter, and time steps as much shorter.
+    rod_dt_s = 1.5e-3 if rope.radius_m > THIN_M else 1e-3
     substeps = ceil(PUSH_SUBSTEPS * max(1.0, sqrt(DENSITY_KG_M3 * volume_m3 / rope.mass_kg)))
     clearance_m = touch_m + BESIDE_M
     return Task(
@@ -104,7 +110,7 @@ def _task(rope: Rope, finger: Finger) -> Task:
                 radius_m=rope.radius_m,
                 mass_kg=rope.mass_kg,
                 finger_radius_m=finger.radius_m,
-                dt_s=1.5e-3,
+                dt_s=rod_dt_s,
             ),
             # Of the simulated cell, whose rope hops a little as it slides (`bench.rods`).
             physics=MappingProxyType({"climb": 0.36, "press": 0.4, "margin": 4.5e-4}),
@@ -115,8 +121,8 @@ def _task(rope: Rope, finger: Finger) -> Task:
                     "gpu": Preset(branches=256, depth=3, particle_count=2000, gradient_steps=10),
                 }
             ),
-            push_substeps=800,
-            rest_substeps=100,
+            push_substeps=round(PUSH_S / rod_dt_s),
+            rest_substeps=round(REST_S / rod_dt_s),
         ),
         presets=MappingProxyType(
             {

@@ -331,7 +331,7 @@ def test_the_table_rubs_as_it_does_on_a_node_of_the_grid(name: str):
     own, x, v = samples(name, phi, THIN.radius_m)
     mu = at_nodes(name, "table_friction", own, x, v, np.full(len(x), friction)).reshape(PUSHES, THIN.nodes)
     way = scattered()[1] / np.linalg.norm(scattered()[1], axis=1, keepdims=True)
-    bristles = way[:, :, None] * THIN.masses() * G / numbers_of(THIN).table
+    bristles = way[:, :, None] * THIN.masses() * G / numbers_of(THIN, 0.0).table
     more = at_the_null(friction, friction * bristles) - after_one_step(phi, friction, mu[:, None] * bristles)
     assert np.ptp(mu) > 0.05
     assert (more * way[:, None]).sum(2) == pytest.approx((mu - friction) * G * THIN.dt_s, abs=2e-5)

@@ -148,7 +148,6 @@ class Numbers(NamedTuple):
     node_mass: float
 
 
-_LEAST_SMOOTHING = 0.5
 _STRETCH, _STRETCH_MARGIN = 2.5, 0.32
 """Stiffness of stretch, as a share of m / dt^2, at most: and as a share of the limit of stability."""
 
@@ -162,7 +161,7 @@ def numbers_of(scene: RodScene, smoothing: float) -> Numbers:
     m, rest = scene.node_mass_kg, scene.rest_m
     step = max(scene.dt_s, _STEP_S)
     spring, damper = m / step**2, m / step
-    roughest = min(4.0, smoothing**-0.5)
+    roughest = min(4.0, max(smoothing, 1e-9) ** -0.5)
     limit = 4 * (step / scene.dt_s) ** 2 * (1 + smoothing * roughest**2) / roughest
     stretch = min(_STRETCH, _STRETCH_MARGIN * limit)
     return Numbers(
@@ -186,13 +185,9 @@ def numbers_of(scene: RodScene, smoothing: float) -> Numbers:
 
 
 def smoothing_of(scene: RodScene, stiffness_n_m: float, damping_n_m_s: float) -> float:
-    """The number beta = (dt c + dt^2 K) / (rest^2 m) for bending stiffness K [N m] and damping c [N m s] of a joint.
-
-    At least a half, without which a thin or heavy rope could not be as stiff along itself.
-    """
+    """The number beta = (dt c + dt^2 K) / (rest^2 m) for bending stiffness K [N m] and damping c [N m s] of a joint."""
     dt = scene.dt_s
-    beta = (dt * damping_n_m_s + dt**2 * stiffness_n_m) / (scene.rest_m**2 * scene.node_mass_kg)
-    return max(_LEAST_SMOOTHING, beta)
+    return (dt * damping_n_m_s + dt**2 * stiffness_n_m) / (scene.rest_m**2 * scene.node_mass_kg)
 
 
 def smoother_of(scene: RodScene, smoothing: float) -> Float64[np.ndarray, "N N"]:
