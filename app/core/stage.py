@@ -4,9 +4,13 @@ Rigs are built from it, and their processes shall not load JAX and Warp for thes
 here and a file in `app/rig/simulated/kinds`, which says what it does in a simulated world and what it looks like.
 """
 
-from dataclasses import dataclass
-from typing import TypeAlias, final
+from dataclasses import dataclass, replace
+from typing import Literal, TypeAlias, final
 
+from app.core.errors import UsageError
+
+RopeModel: TypeAlias = Literal["chain", "cable"]
+"""How a simulated world makes a rope: bodies joined by hinges, or mass points joined by elastic segments."""
 Colour: TypeAlias = tuple[float, float, float]
 """RGB albedo in 0..1."""
 Vector: TypeAlias = tuple[float, float, float]
@@ -15,13 +19,17 @@ Vector: TypeAlias = tuple[float, float, float]
 @final
 @dataclass(frozen=True, kw_only=True)
 class Rope:
-    """A rope lying on the table; `rigid`: a rod of its size, which does not bend."""
+    """A rope lying on the table; `rigid`: a rod of its size, which does not bend.
+
+    `model`: how a simulated world makes it; a rod is always a chain.
+    """
 
     length_m: float
     radius_m: float
     mass_kg: float
     colour: Colour
     rigid: bool = False
+    model: RopeModel = "chain"
 
 
 @final
@@ -222,3 +230,11 @@ class Stage:
     body: Body
     tool: Tool
     fixtures: tuple[Fixture, ...] = ()
+
+    def in_world(self, world: RopeModel) -> "Stage":
+        """The same with the rope that a simulated world makes so. Raises UsageError where there is no rope."""
+        if isinstance(self.body, Rope):
+            return self if self.body.rigid else replace(self, body=replace(self.body, model=world))
+        if world == "chain":
+            return self
+        raise UsageError(f"--world {world} is of tasks with a rope, not with {type(self.body).__name__}; leave it out.")

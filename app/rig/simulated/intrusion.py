@@ -30,6 +30,11 @@ class Intrusion:
         self._hidden = tuple(hidden)
         self._acts = any(_acts(each) for each in hidden)
 
+    @property
+    def hides(self) -> bool:
+        """Whether there is any effect."""
+        return bool(self._hidden)
+
     def physics(self, physics: WorldPhysics, rope: Rope) -> WorldPhysics:
         """The world's physics with what these effects change of it."""
         for each in self._hidden:

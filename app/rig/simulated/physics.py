@@ -1,10 +1,14 @@
 """The physical parameters of the simulated world, in one place, so that a world can differ in any of them."""
 
+from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import final
+from types import MappingProxyType
+from typing import Final, final
 
 from jaxtyping import Float64
 from numpy import ndarray
+
+from app.core.stage import RopeModel
 
 HOME_TOOL_M = (0.30, 0.0, 0.30)
 """Where the tool tip waits before its first motion: over the near edge of the table, out of the cameras' way."""
@@ -32,14 +36,33 @@ class RopePhysics:
 
 @final
 @dataclass(frozen=True, kw_only=True)
+class CablePhysics:
+    """How the rope bends that is a cable of mass points: elastically, about a straight line, as the limpest ropes do.
+
+    `rigidity_n_m2`: flexural rigidity EI, a quarter of the chain's. A cable keeps no bend: only the table's friction
+    holds a curve, those with a radius above about (EI / (friction x weight a length))^(1/3), here 27 mm.
+    `bend_damping_s`: bending moment per rate of curvature, in EI. `stretch_time_s`: time constant in which segments
+    come back to their lengths.
+    """
+
+    segments: int = 50
+    rigidity_n_m2: float = 1.5e-5
+    bend_damping_s: float = 0.05
+    stretch_time_s: float = 0.004
+
+
+@final
+@dataclass(frozen=True, kw_only=True)
 class WorldPhysics:
     """Friction, contact and time step. Coulomb coefficients: nylon rope on wood 0.4-0.6; on a smooth finger 0.3.
 
     `contact_time_s` is the time constant in which contacts push apart; at least twice the time step (MuJoCo's rule).
-    `friction_stiffness` is MuJoCo's `impratio`: above 1 the rope at rest creeps less.
+    `friction_stiffness` is MuJoCo's `impratio`: above 1 the rope at rest creeps less. `cable`: what the rope is instead
+    of the chain that `rope` says.
     """
 
     rope: RopePhysics = field(default_factory=RopePhysics)
+    cable: CablePhysics | None = None
     table_friction: float = 0.5
     finger_friction: float = 0.3
     gravity_m_s2: float = 9.81
@@ -47,6 +70,17 @@ class WorldPhysics:
     contact_time_s: float = 0.006
     friction_stiffness: float = 10.0
     finger_length_m: float = 0.12
+
+    @property
+    def segments(self) -> int:
+        """Number of the rope's segments."""
+        return self.rope.segments if self.cable is None else self.cable.segments
+
+
+ROPE_WORLDS: Final[Mapping[RopeModel, WorldPhysics]] = MappingProxyType(
+    {"chain": WorldPhysics(), "cable": WorldPhysics(cable=CablePhysics(), contact_time_s=0.010)}
+)
+"""Nominal physics of the worlds of ropes: the same materials on the same table, in other mechanics."""
 
 
 @final

@@ -7,10 +7,10 @@ was at one end, the same push ended 3.5 mm elsewhere with the other end first (m
 mm.
 """
 
-from typing import Any
+from typing import Any, Protocol, final
 
 import numpy as np
-from jaxtyping import Float64
+from jaxtyping import Float64, Int
 
 from app.core.stage import Rope
 from app.rig.simulated.engine import mujoco
@@ -19,6 +19,58 @@ from app.rig.simulated.physics import Centreline, WorldPhysics
 TABLE_BIT, FINGER_BIT = 1, 2
 _NEIGHBOURS_APART = 4
 """Segments closer than this along the chain overlap by construction, so they do not collide."""
+
+
+class RopeBody(Protocol):
+    """A rope in a MuJoCo model; its bodies are called `rope0`, `rope1`, ..."""
+
+    def add(self, spec: Any) -> None:
+        """Add it to the MuJoCo `spec`."""
+        ...
+
+    def lay(self, model: Any, data: Any) -> None:
+        """Take hold of it in the compiled model and its state, and put it where it lies at first."""
+        ...
+
+    @property
+    def links(self) -> Int[np.ndarray, " S"]:
+        """Its bodies in order."""
+        ...
+
+    def nodes(self) -> Centreline:
+        """Its nodes [m], from the first end to the last."""
+        ...
+
+
+@final
+class Chain:
+    """Capsules in a chain through `nodes` (S + 1, 3) [m]."""
+
+    def __init__(self, rope: Rope, physics: WorldPhysics, nodes: Centreline) -> None:
+        self._rope, self._physics, self._nodes = rope, physics, nodes
+        self._lengths = np.linalg.norm(np.diff(nodes, axis=0), axis=1)
+        self._root = root_of(len(self._lengths))
+
+    def add(self, spec: Any) -> None:
+        """See `add_rope`."""
+        add_rope(spec, self._rope, self._physics, self._nodes)
+
+    def lay(self, model: Any, data: Any) -> None:
+        """Take hold of it; it was compiled where it lies."""
+        self._data = data
+        self._links = np.array([model.body(f"rope{index}").id for index in range(len(self._lengths))])
+
+    @property
+    def links(self) -> Int[np.ndarray, " S"]:
+        """The segments' bodies."""
+        return self._links
+
+    def nodes(self) -> Centreline:
+        """Ends of the segments [m], shape (S + 1, 3)."""
+        origins, root = self._data.xpos[self._links], self._root
+        along = self._data.xmat[self._links].reshape(-1, 3, 3)[:, :, 0] * self._lengths[:, None]
+        before, after = origins[:root] - along[:root], origins[root:]
+        return np.vstack([before, after, after[-1] + along[-1]])
 
 
 def resample(centreline: Centreline, points: int) -> Float64[np.ndarray, "points 3"]:

@@ -10,10 +10,11 @@ from app.core.motion import pointing_down
 from app.core.stage import Block, Finger, Rope
 from app.core.types import ToolPose
 from app.rig.simulated.arm_model import solve_joints
+from app.rig.simulated.cable import Cable
 from app.rig.simulated.engine import mujoco, new_spec
 from app.rig.simulated.intrusion import Intrusion
 from app.rig.simulated.physics import HOME_TOOL_M, Centreline, Position, WorldPhysics
-from app.rig.simulated.rope import FINGER_BIT, TABLE_BIT, add_rope, resample, root_of
+from app.rig.simulated.rope import FINGER_BIT, TABLE_BIT, Chain, RopeBody, resample
 from app.rig.simulated.world import Snapshot
 
 _PRESCRIBED_KG = 1000.0
@@ -24,8 +25,9 @@ _PRESCRIBED_KG = 1000.0
 class RopeWorld:
     """A rope on the table z = 0 and a vertical finger whose tip goes exactly where it is told.
 
-    `centreline (K, 3)` [m] is where the rope lies at first; the world keeps its own `physics.rope.segments + 1` nodes.
-    What an `intrusion` hides in it happens besides. The same calls give the same numbers, bit for bit.
+    `centreline (K, 3)` [m] is where the rope lies at first; the world keeps its own `physics.segments + 1` nodes.
+    What an `intrusion` hides in it happens besides; ValueError where it hides something in a cable. The same calls give
+    the same numbers, bit for bit.
     """
 
     def __init__(
@@ -42,16 +44,17 @@ class RopeWorld:
     ) -> None:
         self.intrusion = intrusion or Intrusion(())
         physics = self.intrusion.physics(physics or WorldPhysics(), rope)
-        nodes = resample(centreline, physics.rope.segments + 1)
-        self._model = _compile(rope, finger, physics, nodes, self.intrusion, fixtures)
+        if physics.cable is not None and self.intrusion.hides:
+            raise ValueError("Effects are hidden in a rope that is a chain, not in a cable; leave one out.")
+        nodes = resample(centreline, physics.segments + 1)
+        self._rope: RopeBody = (Chain if physics.cable is None else Cable)(rope, physics, nodes)
+        self._model = _compile(self._rope, finger, physics, self.intrusion, fixtures)
         self._data = mujoco.MjData(self._model)
-        self._links = np.array([self._model.body(f"rope{index}").id for index in range(physics.rope.segments)])
-        self._lengths = np.linalg.norm(np.diff(nodes, axis=0), axis=1)
-        self._root = root_of(physics.rope.segments)
+        self._rope.lay(self._model, self._data)
         self._bend = slice(3, int(self._model.body("finger").jntnum[0]))
         self._data.qpos[:3], self._data.time = tool, time_s
         mujoco.mj_forward(self._model, self._data)
-        self.intrusion.attach(self._model, self._data, self._links, rope, finger)
+        self.intrusion.attach(self._model, self._data, self._rope.links, rope, finger)
 
     @property
     def time_s(self) -> float:
@@ -91,10 +94,7 @@ class RopeWorld:
 
     def nodes(self) -> Centreline:
         """The rope's nodes [m], shape (segments + 1, 3)."""
-        origins, root = self._data.xpos[self._links], self._root
-        along = self._data.xmat[self._links].reshape(-1, 3, 3)[:, :, 0] * self._lengths[:, None]
-        before, after = origins[:root] - along[:root], origins[root:]
-        return np.vstack([before, after, after[-1] + along[-1]])
+        return self._rope.nodes()
 
     def snapshot(self) -> Snapshot:
         """The state to draw, with the arm's joints solved for the present tool pose."""
@@ -103,10 +103,9 @@ class RopeWorld:
 
 
 def _compile(
-    rope: Rope,
+    rope: RopeBody,
     finger: Finger,
     physics: WorldPhysics,
-    nodes: Centreline,
     intrusion: Intrusion,
     fixtures: Sequence[Block],
 ) -> Any:
@@ -116,7 +115,7 @@ def _compile(
     spec.option.enableflags |= mujoco.mjtEnableBit.mjENBL_SLEEP
     _add_table(spec, physics)
     _add_finger(spec, finger, physics)
-    add_rope(spec, rope, physics, nodes)
+    rope.add(spec)
     for block in fixtures:
         _add_block(spec, block, physics)
     intrusion.build(spec, physics)
@@ -145,6 +144,7 @@ def _add_table(spec: Any, physics: WorldPhysics) -> None:
         conaffinity=TABLE_BIT,
         friction=[physics.table_friction, 0.0, 0.0],
         solref=[physics.contact_time_s, 1.0],
+        priority=int(physics.cable is not None),
     )
 
 

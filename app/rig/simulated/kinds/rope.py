@@ -2,7 +2,7 @@
 
 from app.core.stage import Block, Finger, Rope, Stage
 from app.rig.simulated.kind import Kind
-from app.rig.simulated.physics import WorldPhysics
+from app.rig.simulated.physics import ROPE_WORLDS, WorldPhysics
 from app.rig.simulated.rope_world import RopeWorld
 from app.rig.simulated.shapes import Surface, tube
 from app.rig.simulated.world import Nodes
@@ -15,14 +15,17 @@ def _of(stage: Stage) -> tuple[Rope, Finger]:
     return stage.body, stage.tool
 
 
+def _physics(stage: Stage) -> WorldPhysics:
+    return ROPE_WORLDS[_of(stage)[0].model]
+
+
 def _node_count(stage: Stage) -> int:
-    del stage
-    return WorldPhysics().rope.segments + 1
+    return _physics(stage).segments + 1
 
 
 def _build(stage: Stage, start: Nodes, time_s: float) -> RopeWorld:
     blocks = [each for each in stage.fixtures if isinstance(each, Block)]
-    return RopeWorld(*_of(stage), start, fixtures=blocks, time_s=time_s)
+    return RopeWorld(*_of(stage), start, physics=_physics(stage), fixtures=blocks, time_s=time_s)
 
 
 def _surfaces(stage: Stage, nodes: Nodes) -> list[Surface]:
