@@ -2,16 +2,17 @@
 
 `python -m bench.cell --seeds 10 -o DIR` keeps one JSON file and one recording a seed in DIR and goes on where it was
 interrupted. The default DIR is named after the version of the code, so that no seed of another version is counted; the
-versions of uncommitted changes look alike, so commit before measuring.
+versions of uncommitted changes look alike, so commit before measuring. `--world cable` has the other rope.
 """
 
 import argparse
 import json
 import subprocess
 import sys
+from collections.abc import Sequence
 from pathlib import Path
 from statistics import median
-from typing import Any
+from typing import Any, get_args
 
 import numpy as np
 from rich.console import Console
@@ -21,6 +22,7 @@ from rich.text import Text
 from app.commands._episode import code_version
 from app.core.errors import DipacError
 from app.core.messages import ArmState, Particles
+from app.core.stage import RopeModel
 from app.recording.reader import read_messages
 
 _DEADLINE_S = 1800
@@ -28,23 +30,28 @@ _OPENING = 1
 """The recorder itself writes the episode's opening message."""
 
 
-def main() -> None:
+def main(options: Sequence[str] = ()) -> None:
+    given = _given(options)
+    folder = given.output or Path(".cache/bench-cell") / f"{code_version()}-{given.world}"
+    folder.mkdir(parents=True, exist_ok=True)
+    _print([_episode(seed, given, folder) for seed in range(given.seeds)])
+
+
+def _given(options: Sequence[str]) -> argparse.Namespace:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--seeds", type=int, default=10)
     parser.add_argument("--pushes", type=int, default=10)
-    parser.add_argument("-o", "--output", type=Path, default=Path(".cache/bench-cell") / code_version())
-    options, _ = parser.parse_known_args()
-    options.output.mkdir(parents=True, exist_ok=True)
-    rows = [_episode(seed, options.pushes, options.output) for seed in range(options.seeds)]
-    _print(rows)
+    parser.add_argument("--world", choices=get_args(RopeModel), default="chain")
+    parser.add_argument("-o", "--output", type=Path)
+    return parser.parse_args(list(options))
 
 
-def _episode(seed: int, pushes: int, folder: Path) -> dict[str, Any]:
+def _episode(seed: int, given: argparse.Namespace, folder: Path) -> dict[str, Any]:
     """The outcome of one seed, run unless it is there; where it failed, the seed and why, under `failure`."""
     outcome = folder / f"seed{seed}.json"
     try:
         if not outcome.exists():
-            _run(seed, pushes, outcome)
+            _run(seed, given, outcome)
         row = json.loads(outcome.read_text())
         failure = _failure(row)
         return {"seed": seed, "failure": failure} if failure else row | _measured(row, folder)
@@ -52,12 +59,12 @@ def _episode(seed: int, pushes: int, folder: Path) -> dict[str, Any]:
         return {"seed": seed, "failure": str(error)}
 
 
-def _run(seed: int, pushes: int, outcome: Path) -> None:
+def _run(seed: int, given: argparse.Namespace, outcome: Path) -> None:
     print(f"seed {seed} ...", flush=True)
     subprocess.run(
         [
             *(sys.executable, "-m", "app", "run", "rope_push", "--preset", "cpu", "--port", "0"),
-            *("--seed", str(seed), "--pushes", str(pushes)),
+            *("--seed", str(seed), "--pushes", str(given.pushes), "--world", given.world),
             *("--json", str(outcome), "--recordings", str(outcome.parent)),
         ],
         check=False,
@@ -154,4 +161,4 @@ def _mm(chamfer_m2: float) -> float:
 
 
 if __name__ == "__main__":
-    main()
+    main(sys.argv[1:])

@@ -1,13 +1,19 @@
-"""How true and fast ropes as rods are: `python -m bench.rods`.
+"""How true and fast ropes as rods are: `python -m bench.rods`, of one world of ropes `--world chain` or `cable`.
 
-Random pushes of the simulated world's rope, seen exactly, in two sets; the rod's frictions and contact are fitted
-to one set and tried on the other. Errors are mean distances of nodes. Then the time of a push on one core.
+Random pushes of the rope in both simulated worlds, seen exactly, in two sets each. The rod's frictions and contact are
+fitted to one set and tried on another, of the same world or of the other one; likewise how it bends: its rigidity, and
+whether it keeps its bends or is elastic about a straight line. Errors are mean distances of nodes. Each world is also
+run against itself, from starts a millimetre an axis beside: the least that anybody who sees so well can err. Then the
+time of a push on one core.
 """
 
+import argparse
+import sys
 import time
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Final, final
+from functools import cache
+from typing import Final, final, get_args
 
 import jax
 import jax.numpy as jnp
@@ -17,9 +23,11 @@ from rich.console import Console
 from rich.table import Table
 from scipy.optimize import least_squares
 
+from app.core.stage import RopeModel
 from app.policy.strokes import Plan
-from app.rig.simulated.physics import WorldPhysics
-from app.rig.simulated.rehearsal import rehearse
+from app.rig.simulated.physics import ROPE_WORLDS
+from app.rig.simulated.rehearsal import Take, push_again, rehearse
+from app.rig.simulated.rope import resample
 from app.sim.rods.rollout import RodPhysics, make_rod_rollout
 from app.sim.rods.scene import RodScene
 from app.sim.rods.state import RodState
@@ -32,7 +40,17 @@ PLAN: Final = Plan(episodes=10, pushes=6)
 SEEDS: Final = (0, 77)
 FITTED: Final = {"table_friction": 0.05, "finger_friction": 0.05, "climb": 0.2, "press": 0.2, "margin": 5e-4}
 """And how much of each is little."""
-_SOFT_M, _LIFTED_M, _REST_S, _MIDDLE = 0.003, 0.05, 0.3, 10.0
+RIGIDITY: Final = {"rigidity": 0.2}
+"""And its step, as a share of it."""
+ELASTIC: Final = {"yield_curvature": 500.0}
+"""Of a rope that keeps no bend: no rope is bent so much [1/m]."""
+BESIDE_M: Final = 1e-3
+"""Standard deviation an axis of starts beside the true one."""
+_WAVES: Final = 7
+"""Of which these are made: a shift, and cosines of up to six half waves along the rope."""
+_SOFT_M, _LIFTED_M, _REST_S, _ASIDE = 0.003, 0.05, 0.3, 0.2
+_LASTING: Final = 7
+"""Row of lasting bends in `RodState.nodes`."""
 
 
 @final
@@ -45,16 +63,28 @@ class Pushes:
     tool: Float64[np.ndarray, "P T 3"]
 
 
-def pushes(seed: int) -> Pushes:
-    """Random ones of the nominal world."""
-    takes = list(rehearse(TASK, PLAN, WorldPhysics(), (), seed))
-    paths = [_down(take.command.times_s, take.command.poses[:, :3]) for take in takes]
+@cache
+def takes(world: RopeModel, seed: int) -> tuple[Take, ...]:
+    """Random pushes of a nominal world."""
+    return tuple(rehearse(TASK, PLAN, ROPE_WORLDS[world], (), seed))
+
+
+@cache
+def pushes(world: RopeModel, seed: int) -> Pushes:
+    """The same as the rod sees them."""
+    made = takes(world, seed)
+    paths = [_down(take.command.times_s, take.command.poses[:, :3]) for take in made]
     longest = max(map(len, paths)) + round(_REST_S / SCENE.dt_s)
     return Pushes(
-        before=np.stack([take.before.snapshot.nodes[:, :2].T for take in takes]),
-        after=np.stack([take.after.snapshot.nodes[:, :2].T for take in takes]),
+        before=np.stack([_level(take.before.snapshot.nodes) for take in made]),
+        after=np.stack([_level(take.after.snapshot.nodes) for take in made]),
         tool=np.stack([_lifted(path, longest) for path in paths]),
     )
+
+
+def _level(nodes: Float64[np.ndarray, "K 3"]) -> Float64[np.ndarray, "2 n"]:
+    """As many as the rod has, without their heights."""
+    return (nodes if len(nodes) == SCENE.nodes else resample(nodes, SCENE.nodes))[:, :2].T
 
 
 def _down(times_s: np.ndarray, places: np.ndarray) -> np.ndarray:
@@ -70,51 +100,123 @@ def _lifted(path: np.ndarray, length: int) -> np.ndarray:
     return np.concatenate([path, rest])
 
 
-def physics(values: dict[str, float], count: int) -> RodPhysics:
+def physics(values: Mapping[str, float], count: int) -> RodPhysics:
     """The nominal one but for these, for so many candidates."""
     given = {name: jnp.full(count, value, jnp.float32) for name, value in values.items()}
     return RodPhysics.nominal(SCENE, count)._replace(**given)
 
 
-def errors_mm(of: Pushes, values: dict[str, float]) -> Float64[np.ndarray, " P"]:
+@final
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Rod:
+    """Values that are not nominal; `straight`: unloaded it is, and not as it was laid."""
+
+    values: Mapping[str, float]
+    straight: bool = False
+
+    def start(self, before: Float64[np.ndarray, "P 2 n"]) -> RodState:
+        """Unmoving along these nodes."""
+        state = RodState.along(jnp.asarray(before))
+        return state._replace(nodes=state.nodes.at[:, _LASTING].set(0.0)) if self.straight else state
+
+    def __str__(self) -> str:
+        """Its values."""
+        told = (f"{name} {value:.3g}" for name, value in self.values.items() if name not in ELASTIC)
+        return ", ".join([*told, "straight at rest"] if self.straight else told)
+
+
+def errors_mm(of: Pushes, rod: Rod) -> Float64[np.ndarray, " P"]:
     """Mean distance of nodes of each push."""
-    end = SIMULATE(
-        physics(values, len(of.before)), RodState.along(jnp.asarray(of.before)), jnp.asarray(of.tool, jnp.float32)
-    )
+    given = physics(rod.values, len(of.before))
+    end = SIMULATE(given, rod.start(of.before), jnp.asarray(of.tool, jnp.float32))
     return 1e3 * np.linalg.norm(np.asarray(end.nodes[:, :2]) - of.after, axis=1).mean(1)
 
 
-def fitted(to: Pushes) -> dict[str, float]:
-    """Frictions and contact that fit these pushes, of which those far off count less."""
-    nominal = SCENE.nominal_physics() | {"climb": 0.4, "press": 0.6}
-    scales = np.array(list(FITTED.values()))
-    start = np.array([nominal[name] for name in FITTED])
+@cache
+def contact_of(world: RopeModel, seed: int) -> Rod:
+    """Frictions and contact that fit these pushes, with nominal bending."""
+    return _fitted(pushes(world, seed), Rod(values={}), FITTED)[0]
 
-    def values(x: np.ndarray) -> dict[str, float]:
-        return dict(zip(FITTED, (start + (x - _MIDDLE) * scales).tolist(), strict=True))
+
+@cache
+def bending_of(world: RopeModel, seed: int, contact: Rod, *, again: bool) -> Rod:
+    """Bending that fits these pushes, with frictions and contact as they are or fitted `again` with it."""
+    chosen = RIGIDITY | (FITTED if again else {})
+    kinds = contact, Rod(values={**contact.values, **ELASTIC}, straight=True)
+    return min((_fitted(pushes(world, seed), kind, chosen) for kind in kinds), key=lambda fit: fit[1])[0]
+
+
+def _fitted(to: Pushes, rod: Rod, steps: Mapping[str, float]) -> tuple[Rod, float]:
+    """The rod with those of its values that fit best, and its loss, in which pushes far off count less."""
+    nominal = SCENE.nominal_physics() | {"climb": 0.4, "press": 0.6} | dict(rod.values)
+
+    def made(x: np.ndarray) -> Rod:
+        chosen = {
+            name: nominal[name] * np.exp(by * step) if name in RIGIDITY else nominal[name] + by * step
+            for by, (name, step) in zip(x.tolist(), steps.items(), strict=True)
+        }
+        return Rod(values={**rod.values, **chosen}, straight=rod.straight)
 
     def residuals(x: np.ndarray) -> np.ndarray:
-        return errors_mm(to, values(x)) / (1e3 * _SOFT_M)
+        return errors_mm(to, made(x)) / (1e3 * _SOFT_M)
 
-    middle = np.full(len(scales), _MIDDLE)  # Steps of differences are shares of it.
-    return values(least_squares(residuals, middle, loss="cauchy", diff_step=0.2 / _MIDDLE, max_nfev=15).x)
+    def slopes(x: np.ndarray) -> np.ndarray:
+        aside = [residuals(x + _ASIDE * unit) for unit in np.eye(len(x))]
+        return (np.array(aside) - residuals(x)).T / _ASIDE
+
+    found = least_squares(residuals, np.zeros(len(steps)), slopes, loss="cauchy", max_nfev=25)
+    return made(found.x), float(found.cost)
 
 
-def accuracy() -> Iterator[tuple[str, ...]]:
-    """Rows of what was fitted, and errors on the other set."""
-    sets = [pushes(seed) for seed in SEEDS]
-    for fit, test in ((0, 1), (1, 0)):
-        values = fitted(sets[fit])
-        still = 1e3 * np.linalg.norm(sets[test].before - sets[test].after, axis=1).mean(1)
-        errors = errors_mm(sets[test], values)
-        told = ", ".join(f"{name} {value:.3g}" for name, value in values.items())
-        summary = [f"{np.median(e):.2f} / {e.mean():.2f} / {np.percentile(e, 90):.2f}" for e in (still, errors)]
-        yield f"fitted to {SEEDS[fit]}: {told}", str(len(errors)), *summary
+def itself_mm(world: RopeModel, seed: int) -> Float64[np.ndarray, " P"]:
+    """Mean distance of nodes of each push from where it ends when its start is beside the true one."""
+    rng, found = np.random.default_rng([seed, 1]), list[float]()
+    for take in takes(world, seed):
+        start = take.before.snapshot.nodes.copy()
+        start[:, :2] += _smooth_noise(rng, len(start))
+        end = push_again(TASK, ROPE_WORLDS[world], start, take.command)
+        found.append(1e3 * float(np.linalg.norm((end - take.after.snapshot.nodes)[:, :2], axis=1).mean()))
+    return np.array(found)
+
+
+def _smooth_noise(rng: np.random.Generator, count: int) -> Float64[np.ndarray, "K 2"]:
+    """As a camera's centreline errs: smooth along the rope, with a shift."""
+    waves = np.cos(np.pi * np.arange(_WAVES)[:, None] * np.linspace(0, 1, count))
+    waves[1:] *= np.sqrt(2)
+    return BESIDE_M * np.einsum("wa,wk->ka", rng.standard_normal((_WAVES, 2)), waves / np.sqrt(_WAVES))
+
+
+def accuracy(world: RopeModel) -> Iterator[tuple[str, ...]]:
+    """Rows of errors on each set of a world's pushes: of no motion, of rods by what they are fitted to, of itself."""
+    for other, seed in (SEEDS, SEEDS[::-1]):
+        test = pushes(world, seed)
+        still = 1e3 * np.linalg.norm(test.before - test.after, axis=1).mean(1)
+        yield world, str(seed), "no motion", *_spread(still)
+        for name, rod in _rods(world, other):
+            yield world, str(seed), f"{name}: {rod}", *_spread(errors_mm(test, rod))
+        yield world, str(seed), f"itself from starts {1e3 * BESIDE_M:.0f} mm beside", *_spread(itself_mm(world, seed))
+
+
+def _rods(world: RopeModel, seed: int) -> Iterator[tuple[str, Rod]]:
+    """Rods by what was fitted to these pushes of this world, and what to those of the chain."""
+    own = contact_of(world, seed)
+    if world != "chain":
+        chain = contact_of("chain", seed)
+        yield f"all fitted to chain {seed}", chain
+        yield f"contact fitted to chain {seed}, bending to {world}", bending_of(world, seed, chain, again=False)
+    yield f"contact fitted to {world} {seed}", own
+    yield f"contact and bending fitted to {world} {seed}", bending_of(world, seed, own, again=True)
+
+
+def _spread(errors_mm: Float64[np.ndarray, " P"]) -> tuple[str, str, str, str]:
+    """How many, median, mean, and what nine of ten are below."""
+    numbers = np.median(errors_mm), errors_mm.mean(), np.percentile(errors_mm, 90)
+    return str(len(errors_mm)), *(f"{number:.2f}" for number in numbers)
 
 
 def timed(count: int) -> tuple[str, ...]:
     """Milliseconds of processors a push of 1.4 s, and with its gradient."""
-    one = pushes(SEEDS[0])
+    one = pushes("chain", SEEDS[0])
     which = np.arange(count) % len(one.before)
     tool = jnp.asarray(one.tool[which, :1401], jnp.float32)
     given, state = physics({}, count), RodState.along(jnp.asarray(one.before[which]))
@@ -133,12 +235,17 @@ def timed(count: int) -> tuple[str, ...]:
     return str(count), f"{taken[0]:.2f}", f"{taken[1]:.2f}"
 
 
-def main() -> None:
+def main(options: Sequence[str] = ()) -> None:
     """Print the tables."""
-    console = Console(width=140)
-    table = Table("", "pushes", "no motion: median / mean / 90 %, mm", "rod")
-    for row in accuracy():
-        table.add_row(*row)
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--world", choices=(*get_args(RopeModel), "both"), default="both")
+    world = parser.parse_args(list(options)).world
+    worlds: Sequence[RopeModel] = get_args(RopeModel) if world == "both" else (world,)
+    console = Console(width=160)
+    table = Table("world", "set", "rod, but for others", "pushes", "median, mm", "mean", "nine of ten below")
+    for world in worlds:
+        for row in accuracy(world):
+            table.add_row(*row)
     console.print(table)
     table = Table("candidates", "push, ms of a core", "with gradient")
     for count in (1, 16, 64, 256):
@@ -147,4 +254,4 @@ def main() -> None:
 
 
 if __name__ == "__main__":
-    main()
+    main(sys.argv[1:])

@@ -33,6 +33,7 @@ from app.core.errors import DipacError, MotionRefused, ParameterError, Preflight
 from app.core.messages import Episode, Goal, fresh_id
 from app.core.ports import CameraShelf, Rig
 from app.core.refusal import Refusal
+from app.core.stage import RopeModel, Stage
 from app.core.summary import Summary
 from app.core.task_name import TaskName, recorded
 from app.core.worker import Worker
@@ -94,6 +95,8 @@ class Options:
     rig: str = "simulated"
     """simulated; rehearsal, the same by Kinova's protocol and RealSense's SDK; replayed, what --cell recorded; or gen3,
     which is real, as --cell says"""
+    world: RopeModel = "chain"
+    """a simulated rope's: a chain of bodies joined by hinges, or an elastic cable of mass points"""
     cell: Path | None = None
     """the TOML file of a real cell (docs/real-cell.md), or the .mcap file that --rig replayed shows"""
     checklist: bool = False
@@ -178,8 +181,20 @@ class Order:
         """What the cell is opened for."""
         seed = self.options.seed
         return Wanted(
-            stage=task.stage, start=task.start(seed), site=site, seed=seed, board=self.board, file=self.options.cell
+            stage=self.stage(task),
+            start=task.start(seed),
+            site=site,
+            seed=seed,
+            board=self.board,
+            file=self.options.cell,
         )
+
+    def stage(self, task: Task) -> Stage:
+        """What stands in the cell. Raises UsageError where there is no such rope in it."""
+        options, rig = self.options, load_cell(self.options.rig)
+        if options.world != "chain" and not (rig.simulated and rig.answers):
+            raise UsageError(f"--world {options.world} is of a simulated rope, and {rig.name} has none; leave it out.")
+        return task.stage.in_world(options.world)
 
     @property
     def method(self) -> Method:
@@ -225,6 +240,7 @@ class Report:
             "policy": str(self.order.options.policy) if self.order.options.policy else None,
             "seed": self.order.options.seed,
             "rig": self.rig,
+            "world": self.order.options.world,
             "faults": self.faults,
             "failure": str(self.failure) if self.failure else None,
             "recording": str(self.recording),
@@ -249,6 +265,7 @@ async def episode(order: Order, output: Output) -> Report:
         raise UsageError(f"--pushes {options.pushes} must not be negative.")
     if options.seed < 0:
         raise UsageError(f"--seed {options.seed} must not be negative.")
+    order.stage(task)  # It is said now, and not once all has started, where there is no such rope.
     method, tls = order.method, options.tls
     if tls is not None:
         tls.context()  # What is wrong with its files shall be said now, and not once all has started.

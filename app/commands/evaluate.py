@@ -12,6 +12,7 @@ from app.commands._named import Dynamics, full_name
 from app.commands._preflight import make_folder
 from app.commands._progress import counting
 from app.core.errors import UsageError
+from app.core.stage import RopeModel
 from app.evaluation import ledger
 from app.evaluation.curves import draw
 from app.evaluation.demonstrate import calibrated
@@ -42,6 +43,7 @@ def evaluate(
     preset: Literal["auto", "cpu", "gpu"] = "auto",
     actions: int | None = None,
     play_on: bool = False,
+    world: RopeModel = "chain",
     workers: Where = "local",
     jobs: int = 1,
     output: Annotated[Path, tyro.conf.arg(aliases=["-o"])],
@@ -64,6 +66,7 @@ def evaluate(
         preset: how much is computed for a decision; auto asks this machine.
         actions: at most, in an episode; the task's horizon where none is said.
         play_on: make all actions, also once the goal is reached, so that ends compare; success counts when it was seen.
+        world: a simulated rope's: a chain of bodies joined by hinges, or an elastic cable of mass points.
         workers: processes of this machine, or those of a Ray cluster.
         jobs: so many processes of this machine at a time.
         output: the folder of results, new or one to go on with.
@@ -75,6 +78,7 @@ def evaluate(
     methods, tasks = _methods(planner, ablation), _tasks(task, dynamics)
     for name in tasks:
         load(name).preset(size)
+        load(name).stage.in_world(world)
     models = {name: output / "models" / f"{name}.toml" for name in tasks}
     trials = [
         Trial(
@@ -89,6 +93,7 @@ def evaluate(
             policies=policies,
             actions=actions,
             play_on=play_on,
+            world=world,
         )
         for seed in range(seeds)
         for name in tasks
@@ -150,7 +155,7 @@ def _calibrate(terminal: Console, trials: Sequence[Trial], models: dict[str, Pat
         if wanting and not path.exists():
             trial = wanting[0]
             with terminal.status(f"{name}: {episodes} demonstrations, and the model that they calibrate"):
-                calibrated(name, trial.preset, episodes, trial.eyes, path)
+                calibrated(name, trial.preset, episodes, trial.eyes, path, trial.world)
             terminal.print(f"{path}: calibrated; demonstrations: {episodes}.", markup=False)
 
 
@@ -173,8 +178,9 @@ def _check_same(path: Path, trial: Trial, before: Sequence[dict[str, Any]]) -> N
     """Raises UsageError where any episode before was played with other options."""
     for row in before:
         for name, value in trial.settings.items():
-            if row.get(name, value) != value:
-                held = f"{path} holds episodes with {name.replace('_', '-')} {row[name]}, not {value}"
+            before_it = row.get(name, getattr(Trial, name, value))  # Older rows lack what had no alternative then.
+            if before_it != value:
+                held = f"{path} holds episodes with {name.replace('_', '-')} {before_it}, not {value}"
                 raise UsageError(f"{held}; go on with that, or choose another folder with -o.")
 
 

@@ -4,6 +4,7 @@ import itertools
 import json
 import time
 from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 from types import MappingProxyType
 from typing import Literal, NamedTuple, TypeAlias
@@ -11,6 +12,7 @@ from typing import Literal, NamedTuple, TypeAlias
 from app import __version__
 from app.core.errors import RecordingError
 from app.core.messages import Episode, Goal, Message, Transition, fresh_id
+from app.core.stage import RopeModel
 from app.core.summary import Summary
 from app.evaluation.play import Eyes, Order, Played, Step, play
 from app.planner.method import Method
@@ -48,10 +50,11 @@ class Demonstration(NamedTuple):
 
 
 def demonstrations(
-    task: str, preset: str, seeds: range, eyes: Eyes, expert: Expert = "scripted"
+    task: str, preset: str, seeds: range, eyes: Eyes, expert: Expert = "scripted", world: RopeModel = "chain"
 ) -> Iterator[Demonstration]:
     """Each episode of the expert, in the order of the seeds; of the task's lesson, where it has one."""
-    known, model, method = load(task).demonstrated, nominal_model(task), EXPERTS[expert]
+    known = load(task).demonstrated
+    known, model, method = replace(known, stage=known.stage.in_world(world)), nominal_model(task), EXPERTS[expert]
     for seed in seeds:
         steps = list[Step]()
         goal = known.goal(seed, known.preset(preset).particle_count)
@@ -123,13 +126,14 @@ def _said(shown: Demonstration) -> Iterator[Message]:
         yield summary.scored(proposal, step.before, executed, step.after, wish.target, now_s=step.transition.time_s)
 
 
-def calibrated(task: str, preset: str, episodes: int, eyes: Eyes, output: Path) -> Path:
+def calibrated(task: str, preset: str, episodes: int, eyes: Eyes, output: Path, world: RopeModel = "chain") -> Path:
     """Write the model that so many demonstrations calibrate to the file `output`.
 
     Raises RecordingError where none of them moved anything.
     """
     seen = list[Transition]()
-    for shown in demonstrations(task, preset, range(FIRST_SEED, FIRST_SEED + episodes), eyes):
+    seeds = range(FIRST_SEED, FIRST_SEED + episodes)
+    for shown in demonstrations(task, preset, seeds, eyes, world=world):
         seen += [step.transition for step in shown.steps]
     if not seen:
         raise RecordingError(f"The expert of {task} made no action in {episodes} episodes; is its aim reached already?")

@@ -12,6 +12,7 @@ import numpy as np
 
 from app.config import Site
 from app.core.messages import Model
+from app.core.stage import RopeModel
 from app.evaluation.play import Eyes, Order, play
 from app.planner.method import PAPER, Method, planners
 from app.policy.learned import kinds
@@ -53,6 +54,7 @@ class Trial:
     policies: Path | None = None
     actions: int | None = None
     play_on: bool = False
+    world: RopeModel = "chain"
 
     @property
     def key(self) -> str:
@@ -62,7 +64,7 @@ class Trial:
     @property
     def settings(self) -> dict[str, Any]:
         """What all episodes of an evaluation share, as it stands in their rows."""
-        names = ("preset", "eyes", "online", "actions", "play_on")
+        names = ("preset", "eyes", "online", "actions", "play_on", "world")
         return {name: getattr(self, name) for name in names}
 
     @property
@@ -94,8 +96,9 @@ def run_trial(trial: Trial) -> dict[str, Any]:
     """Play it. The row says what came of it, `failure` included; what is wrong with the program itself is raised."""
     began_s, method = time.perf_counter(), trial.method
     model = _model(trial, method)
+    task = load(trial.task)
     order = Order(
-        task=load(trial.task),
+        task=replace(task, stage=task.stage.in_world(trial.world)),
         preset=trial.preset,
         seed=trial.seed,
         method=method,

@@ -3,7 +3,9 @@
 import pytest
 
 from app.__main__ import main
+from app.commands._episode import Options, Order
 from app.core.errors import MotionRefused, UsageError
+from app.tasks import load
 
 
 @pytest.mark.parametrize("option", ["--seed", "--pushes"])
@@ -12,6 +14,20 @@ def test_a_negative_number_is_refused_by_its_options_name(option, capsys, tmp_pa
     assert main(["run", "rope_push", option, "-1", "--recordings", str(recordings)]) == UsageError.exit_code
     assert f"{option} -1 must not be negative" in capsys.readouterr().err
     assert not recordings.exists()
+
+
+def test_a_world_of_ropes_is_refused_for_a_task_without_one_before_anything_starts(capsys, tmp_path):
+    order = ["run", "bean_sweep", "--world", "cable", "--recordings", str(tmp_path / "recordings")]
+    assert main(order) == UsageError.exit_code
+    assert "--world cable is of tasks with a rope, not with Beans" in capsys.readouterr().err
+    assert not (tmp_path / "recordings").exists()
+
+
+@pytest.mark.parametrize("rig", ["gen3", "replayed"])
+def test_a_cell_whose_rope_is_not_simulated_is_in_no_world_of_ropes(rig):
+    order = Order(task="rope_push", options=Options(rig=rig, world="cable"), automatic=False)
+    with pytest.raises(UsageError, match=f"{rig} has none"):
+        order.stage(load("rope_push"))
 
 
 def test_a_segmenter_that_is_none_is_refused_before_anything_starts(capsys, tmp_path):

@@ -78,6 +78,8 @@ def test_an_evaluation_that_was_killed_goes_on_and_plays_nothing_twice(
     # Other options would mix what cannot be compared.
     assert main(["evaluate", *SHORT, "--actions", "2", "-o", str(folder)]) == UsageError.exit_code
     assert "holds episodes with actions 1, not 2" in capsys.readouterr().err.replace("\n", " ")
+    assert main(["evaluate", *SHORT, "--world", "cable", "-o", str(folder)]) == UsageError.exit_code
+    assert "holds episodes with world chain, not cable" in capsys.readouterr().err.replace("\n", " ")
     # Nor may another planner's: their rows would stand in the same table.
     other = ["evaluate", "--task", "rope_push", "--planner", "cem_mpc", "--preset", "cpu", "--eyes", "truth"]
     assert main([*other, "--actions", "2", "-o", str(folder)]) == UsageError.exit_code
@@ -116,6 +118,7 @@ def test_two_evaluations_do_not_write_to_one_folder(folder: Path, capsys: pytest
         ["--seeds", "0"],
         ["--jobs", "0"],
         ["--actions", "0"],
+        ["--task", "bean_sweep", "--planner", "dipac", "--world", "cable"],
     ],
 )
 def test_an_impossible_order_is_refused_before_anything_is_played(

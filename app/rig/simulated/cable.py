@@ -16,8 +16,8 @@ from app.rig.simulated.physics import CablePhysics, Centreline, WorldPhysics
 from app.rig.simulated.rope import FINGER_BIT, TABLE_BIT
 
 _OWN_BIT = 4
-_NEIGHBOURS_APART = 3
-"""Points closer than this along the rope overlap, or nearly, so they do not collide."""
+_NEIGHBOURS_APART = 1
+"""Points that are no farther from each other along the rope overlap, so they do not collide."""
 _POISSON = 0.3
 """Of no account: nothing twists."""
 _FIRM = (0.98, 0.999, 0.001, 0.5, 2.0)

@@ -76,6 +76,17 @@ def rehearse(task: Task, plan: Plan, physics: WorldPhysics, hidden: Sequence[Inj
         ends = world.nodes()[[0, -1], :2]
 
 
+def push_again(task: Task, physics: WorldPhysics, start: Centreline, command: Track) -> Centreline:
+    """The nodes [m] at which a rope that is laid along `start (K, 3)` comes to rest after the push `command`."""
+    begin_s = float(command.times_s[0]) - _SETTLE_S
+    world = RopeWorld(task.rope, task.finger, start, physics=physics, time_s=begin_s)
+    _wait(world, float(command.times_s[0]))
+    world.place(command.positions[0])
+    _follow(world, command, command.end_s)
+    _withdraw(world)
+    return world.nodes()
+
+
 def first_end(task: Task, plan: Plan, seed: int) -> Float64[np.ndarray, "2"]:
     """Where the rope's end s = -1 lies at first [m]."""
     starts = np.random.default_rng([seed, _STARTS]).integers(2**31, size=plan.episodes).tolist()
@@ -117,8 +128,7 @@ def _pushed(world: RopeWorld, task: Task, plan: Plan, arm: _Arm, seed: int, epis
     _follow(world, made, stamp_s + arm.late_s)
     during = Look(stamp_s=stamp_s, snapshot=world.snapshot())
     _follow(world, made, max(made.end_s, command.end_s))
-    world.place(np.array(HOME_TOOL_M))
-    _wait(world, world.time_s + _REST_S)
+    _withdraw(world)
     return Take(
         episode=episode,
         before=before,
@@ -127,6 +137,12 @@ def _pushed(world: RopeWorld, task: Task, plan: Plan, arm: _Arm, seed: int, epis
         command=command,
         measured=_measured(arm, command, np.random.default_rng([seed, _ENCODERS, number])),
     )
+
+
+def _withdraw(world: RopeWorld) -> None:
+    """Take the finger away, and let the rope come to rest."""
+    world.place(np.array(HOME_TOOL_M))
+    _wait(world, world.time_s + _REST_S)
 
 
 def _rest(world: RopeWorld) -> Look:
