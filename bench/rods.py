@@ -164,7 +164,13 @@ def _fitted(to: Pushes, rod: Rod, steps: Mapping[str, float]) -> tuple[Rod, floa
         aside = [residuals(x + _ASIDE * unit) for unit in np.eye(len(x))]
         return (np.array(aside) - residuals(x)).T / _ASIDE
 
-    found = least_squares(residuals, np.zeros(len(steps)), slopes, loss="cauchy", max_nfev=25)
+    found = least_squares(
+        residuals,
+        np.zeros(len(steps)),
+        slopes,  # pyright: ignore[reportArgumentType] - SciPy's types know its default alone
+        loss="cauchy",
+        max_nfev=25,
+    )
     return made(found.x), float(found.cost)
 
 
@@ -208,7 +214,7 @@ def _rods(world: RopeModel, seed: int) -> Iterator[tuple[str, Rod]]:
     yield f"contact and bending fitted to {world} {seed}", bending_of(world, seed, own, again=True)
 
 
-def _spread(errors_mm: Float64[np.ndarray, " P"]) -> tuple[str, str, str, str]:
+def _spread(errors_mm: Float64[np.ndarray, " P"]) -> tuple[str, ...]:
     """How many, median, mean, and what nine of ten are below."""
     numbers = np.median(errors_mm), errors_mm.mean(), np.percentile(errors_mm, 90)
     return str(len(errors_mm)), *(f"{number:.2f}" for number in numbers)
