@@ -23,6 +23,9 @@ _POISSON = 0.3
 _FIRM = (0.98, 0.999, 0.001, 0.5, 2.0)
 """MuJoCo's `solimp` of the segments' lengths: they hardly give way."""
 
+_ITERATIONS = 500
+"""Of MuJoCo's solvers, at most: for bending its usual 100 run out at times, with errors of 1e-6, and it says so."""
+
 
 @final
 class Cable:
@@ -42,6 +45,7 @@ class Cable:
 
     def add(self, spec: Any) -> None:
         """Add points and flex to the MuJoCo `spec`, straight."""
+        spec.option.iterations = _ITERATIONS
         count = len(self._nodes)
         names = [f"rope{index}" for index in range(count)]
         for name, place, mass_kg in zip(names, self._straight, _masses(self._rope, count), strict=True):

@@ -41,9 +41,8 @@ class CablePhysics:
 
     `rigidity_n_m2`: flexural rigidity EI, a quarter of the chain's. A cable keeps no bend: only the table's friction
     holds a curve, those with a radius above about (EI / (friction x weight a length))^(1/3), here 27 mm.
-    `bend_damping_s`: bending moment per rate of curvature, in EI; with more, or more segments, MuJoCo's iterations for
-    it do not always converge. `stretch_time_s`: time constant in which segments
-    come back to their lengths.
+    `bend_damping_s`: bending moment per rate of curvature, in EI; more of it, or of segments, takes more iterations.
+    `stretch_time_s`: time constant in which segments come back to their lengths.
     """
 
     segments: int = 32
