@@ -25,7 +25,7 @@ def test_what_benches_there_are_is_listed_without_running_any(capsys: pytest.Cap
 @pytest.mark.parametrize(
     ("words", "said"),
     [
-        (["sim", "--n", "3"], "--n is no option of `dipac bench`; a single bench has options: discovery"),
+        (["sim", "--n", "3"], "--n is no option of `dipac bench`; a single bench has options: cell, discovery"),
         (["--n", "3"], "--n is no option"),
         (["discovery", "plan", "--n", "3"], "--n is no option"),
         (["plan", "--json", "rows.json"], "--json takes one bench that makes rows; those are: sim"),
