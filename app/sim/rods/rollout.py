@@ -16,6 +16,9 @@ from app.sim.rods.operations import make_rod_operations
 from app.sim.rods.scene import RodScene
 from app.sim.rods.state import RodState
 
+_STIFFEST = 4.0
+"""The largest bending rigidity that is simulated where the scene does not say, as a multiple of the nominal one."""
+
 
 @final
 class RodPhysics(NamedTuple):
@@ -76,7 +79,8 @@ def make_rod_rollout(scene: RodScene, effects: tuple[Effect, ...] = ()) -> Simul
     """
     require_known(effects)
     bounds = scene.nominal_physics()
-    joint = 4 * bounds["rigidity"] / scene.rest_m, 1.3 * bounds["viscosity"] / scene.rest_m
+    stiffest = scene.stiffest_n_m2 or _STIFFEST * bounds["rigidity"]
+    joint = stiffest / scene.rest_m, 1.3 * bounds["viscosity"] / scene.rest_m
     operations = make_rod_operations(scene, *joint, law_source(effects, len(scene.walls)))
     null = np.array([spec.nominal for effect in effects for spec in effect.parameters], np.float32)
 

@@ -64,6 +64,10 @@ class RodScene:
     """Radius of the tightest bend of the centreline; None: five quarters of the rope's, whose inner side has to fit."""
     walls: tuple[Wall, ...] = ()
     """What stands on the table; as thick as nodes are apart at least, or it would pass between them."""
+    mass_shares: tuple[float, ...] | None = None
+    """Of the nodes, where the rope is not equally heavy along its length: it may have knots or tassels at its ends."""
+    stiffest_n_m2: float | None = None
+    """The largest bending rigidity that is simulated; None: four times the nominal one."""
 
     def __post_init__(self) -> None:
         """Raises ParameterError for a number that cannot be."""
@@ -78,6 +82,12 @@ class RodScene:
         for wall in self.walls:
             for low, high in zip(wall.low_m, wall.high_m, strict=True):
                 checked("sides of a wall, of low_m and high_m,", high - low, self.rest_m, 2 * _FARTHEST_M)
+        if self.stiffest_n_m2 is not None:
+            checked("stiffest_n_m2", self.stiffest_n_m2, 1e-9, 1.0)
+        if self.mass_shares is not None:
+            checked("number of mass_shares", float(len(self.mass_shares)), float(self.nodes), float(self.nodes))
+            checked("least of mass_shares", min(self.mass_shares), 0.1 / self.nodes, 1.0)
+            checked("sum of mass_shares", sum(self.mass_shares), 0.999, 1.001)
 
     @property
     def nodes(self) -> int:
@@ -96,6 +106,8 @@ class RodScene:
 
     def masses(self) -> Float64[np.ndarray, " N"]:
         """Of the nodes [kg]."""
+        if self.mass_shares is not None:
+            return self.mass_kg * np.array(self.mass_shares)
         masses = np.full(self.nodes, self.node_mass_kg)
         masses[[0, -1]] /= 2
         return masses
