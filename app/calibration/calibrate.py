@@ -10,17 +10,55 @@ from jaxtyping import Float32, Float64
 from app.calibration.evidence import Evidence, Predictor
 from app.calibration.fit import Fit, Settings, fit
 from app.core.messages import Model, Parameter, Transition, fresh_id
+from app.sim.parameter import ParameterSpec
 from app.sim.params import PARAMETERS, index
 
 
 @final
 @dataclass(frozen=True, kw_only=True)
+class ToolOffset:
+    """Coordinates of the tool's tip that are unknown: x_tip = x + axes t [m].
+
+    `specs`: of the coordinates t; `axes`: rows of the matrix that takes t to x and y.
+    """
+
+    specs: tuple[ParameterSpec, ...]
+    axes: tuple[tuple[float, ...], tuple[float, ...]]
+
+    @property
+    def matrix(self) -> Float64[np.ndarray, "2 T"]:
+        """The same as an array."""
+        return np.array(self.axes, np.float64)
+
+
+@final
+@dataclass(frozen=True, kw_only=True)
 class Calibrator:
-    """Estimates the parameters called `names`; the others keep the values of the model that it starts from."""
+    """Estimates the parameters called `names`; the others keep the values of the model that it starts from.
+
+    `offset`: what of the tool's place is estimated besides (`fit_with_offset`).
+    """
 
     predictor: Predictor
     names: tuple[str, ...]
     settings: Settings
+    offset: ToolOffset | None = None
+
+    def fit_with_offset(self, evidence: Evidence, phi: Float32[np.ndarray, " P"]) -> Fit:
+        """As `fit`, and after `names` the coordinates of the tool's offset, from none."""
+        assert self.offset is not None
+        columns, matrix = [index(name) for name in self.names], self.offset.matrix
+
+        def slopes(values: Float64[np.ndarray, " Q"]) -> tuple[Float64[np.ndarray, " K"], Float64[np.ndarray, "K Q"]]:
+            trial, offset = phi.copy(), values[len(columns) :]
+            trial[columns] = values[: len(columns)]
+            shift_m = (matrix @ offset).astype(np.float32)
+            losses, by_phi, by_shift = self.predictor.shifted_slopes(trial, shift_m, evidence)
+            return losses.astype(np.float64), np.concatenate([by_phi[:, columns], by_shift @ matrix], axis=1)
+
+        start = np.concatenate([phi[columns].astype(np.float64), np.zeros(len(self.offset.specs))])
+        specs = [*(PARAMETERS[column] for column in columns), *self.offset.specs]
+        return fit(slopes, start, specs, self.settings)
 
     def fit(self, evidence: Evidence, phi: Float32[np.ndarray, " P"]) -> Fit:
         """The parameters `names` that predict the evidence best, starting from `phi`."""
@@ -41,14 +79,21 @@ def phi_of(model: Model) -> Float32[np.ndarray, " P"]:
     return np.clip(values, [spec.low for spec in PARAMETERS], [spec.high for spec in PARAMETERS]).astype(np.float32)
 
 
-def next_model(old: Model, found: Fit, names: Sequence[str], transitions: Sequence[Transition]) -> Model:
+def next_model(
+    old: Model,
+    found: Fit,
+    names: Sequence[str],
+    transitions: Sequence[Transition],
+    offset: Sequence[ParameterSpec] = (),
+) -> Model:
     """`old` with the fitted parameters; dated as the newest transition behind it.
 
-    What cameras and arm get wrong stays, and so does where an extended model is from.
+    What cameras and arm get wrong stays, but for the tool's `offset`, whose coordinates follow `names` in what was
+    found, and are added to what `old` says of them. Where an extended model is from stays.
     """
     estimates = {
         name: (float(value), float(low), float(high))
-        for name, value, low, high in zip(names, found.values, found.low, found.high, strict=True)
+        for name, value, low, high in zip(names, found.values, found.low, found.high, strict=False)
     }
     parameters = tuple(
         parameter
@@ -69,6 +114,22 @@ def next_model(old: Model, found: Fit, names: Sequence[str], transitions: Sequen
         time_s=max(transition.time_s for transition in transitions),
         version=old.version + 1,
         parameters=parameters,
+        apparatus=_with_offset(old.apparatus, found, len(names), offset),
         loss_m2=found.loss_m2,
         transition_count=len(transitions),
     )
+
+
+def _with_offset(
+    known: tuple[Parameter, ...], found: Fit, first: int, specs: Sequence[ParameterSpec]
+) -> tuple[Parameter, ...]:
+    """What is known of cameras and arm, with the coordinates of the tool's offset moved by what was found."""
+    before = {parameter.name: parameter.value for parameter in known}
+    moved = [parameter for parameter in known if parameter.name not in {spec.name for spec in specs}]
+    for column, spec in enumerate(specs, first):
+        was = before.get(spec.name, spec.nominal)
+        value, low, high = (
+            float(np.clip(was + ends[column], spec.low, spec.high)) for ends in (found.values, found.low, found.high)
+        )
+        moved.append(Parameter(name=spec.name, unit=spec.unit, value=value, low=low, high=high))
+    return tuple(moved)

@@ -77,6 +77,14 @@ class Predictor:
         losses, gradients = (np.concatenate(pieces)[: len(evidence)] for pieces in zip(*parts, strict=True))
         return losses, gradients
 
+    def shifted_slopes(
+        self, phi: Float32[np.ndarray, " P"], shift_m: Float32[np.ndarray, "2"], evidence: Evidence
+    ) -> tuple[Float32[np.ndarray, " K"], Float32[np.ndarray, "K P"], Float32[np.ndarray, "K 2"]]:
+        """The same with the tool beside where it was measured, by `shift_m` along x and y; and by that, too."""
+        parts = [jax.device_get(_shifted_slopes(self.advance, phi, shift_m, *part)) for part in self._parts(evidence)]
+        losses, by_phi, by_shift = (np.concatenate(pieces)[: len(evidence)] for pieces in zip(*parts, strict=True))
+        return losses, by_phi, by_shift
+
     def _parts(self, evidence: Evidence) -> list[tuple[np.ndarray, np.ndarray, np.ndarray]]:
         """Chunks of equal size; the last one is filled up with repetitions, whose results are cut off."""
         count = len(evidence)
@@ -109,3 +117,18 @@ def _slopes(advance: Advance, phi: Array, before: Array, tool: Array, after: Arr
 
     gradients, losses = jax.grad(summed, has_aux=True)(jnp.tile(phi, (len(before), 1)))
     return losses, gradients
+
+
+@partial(jax.jit, static_argnums=0)
+def _shifted_slopes(
+    advance: Advance, phi: Array, shift: Array, before: Array, tool: Array, after: Array
+) -> tuple[Array, Array, Array]:
+    def summed(phis: Array, shifts: Array) -> tuple[Array, Array]:
+        there = tool.at[..., :2].add(shifts[:, None])
+        losses = _predicted_losses(advance, phis, before, there, after)
+        return losses.sum(), losses
+
+    count = len(before)
+    each = jnp.tile(phi, (count, 1)), jnp.tile(shift, (count, 1))
+    gradients, losses = jax.grad(summed, argnums=(0, 1), has_aux=True)(*each)
+    return losses, *gradients

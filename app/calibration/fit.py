@@ -16,6 +16,7 @@ from typing import NamedTuple, final
 
 import numpy as np
 from jaxtyping import Float64
+from scipy.stats import t
 
 from app.core.errors import SimulationError
 from app.sim.parameter import ParameterSpec
@@ -24,13 +25,15 @@ Vector = Float64[np.ndarray, " Q"]
 Slopes = Callable[[Vector], tuple[Float64[np.ndarray, " K"], Float64[np.ndarray, "K Q"]]]
 """Parameter values -> the loss of each transition [m^2] and its gradient; Q parameters, K transitions."""
 
-_Z90 = 1.645
+_ONE_SIDED = 0.95
+"""Ends of a 90 % interval."""
 _OUTLYING = 1.5
 """Residuals above this many medians count linearly, not squared."""
 _FLOOR_STRETCH = 2.0
 """How much larger than the loss says a residual's slope may be taken to be, once the noise's share is taken away."""
 _PROBE = 0.25
-"""Step of the coordinates for curvature: a quarter in a logarithm. Shorter ones measure the noise of contact."""
+"""Step of the coordinates for curvature: a quarter in a logarithm. Shorter ones measure the noise of contact. On other
+scales it is a typical value, where there is one."""
 _FLAT_M2 = 1e-9
 """Less curvature than this is none: half of it is the loss [m^2] that a factor e would cost."""
 _SMALLEST_M = 1e-5
@@ -72,6 +75,8 @@ class Fit:
     trials: tuple[Tried, ...]
     lost: tuple[int, ...]
     """Which transitions these values do not predict: they count for nothing."""
+    losses_m2: Float64[np.ndarray, " K"]
+    """Of each transition [m^2]; NaN for those that are lost."""
 
 
 @final
@@ -147,7 +152,7 @@ def fit(slopes: Slopes, start: Vector, specs: Sequence[ParameterSpec], settings:
                 break
         else:
             damping = damping * 10
-    margin = _Z90 * _deviation(slopes, here, specs)
+    margin = _margin(len(here.r), len(here.u)) * _deviation(slopes, here, specs)
     return Fit(
         values=_values(here.u, specs),
         low=_values(_bounded(here.u - margin, specs), specs),
@@ -155,7 +160,15 @@ def fit(slopes: Slopes, start: Vector, specs: Sequence[ParameterSpec], settings:
         loss_m2=here.loss_m2,
         trials=tuple(trials),
         lost=here.lost,
+        losses_m2=_spread(here.r**2, here.lost),
     )
+
+
+def _spread(losses: Float64[np.ndarray, " K"], lost: Sequence[int]) -> Float64[np.ndarray, " L"]:
+    """With NaN at the indices `lost`."""
+    every = np.full(len(losses) + len(lost), np.nan)
+    every[np.setdiff1d(np.arange(len(every)), lost)] = losses
+    return every
 
 
 def _evaluated(slopes: Slopes, u: Vector, specs: Sequence[ParameterSpec]) -> _Point | None:
@@ -194,15 +207,25 @@ def _newton_step(here: _Point, objective: _Objective, damping: float, specs: Seq
     return step
 
 
+def _margin(count: int, free: int) -> float:
+    """Standard deviations from an estimate to the ends of its 90 % interval; infinite for too few transitions.
+
+    Student's t, and residuals that a fit of `free` parameters has made smaller, each by the same: the correction HC1 of
+    MacKinnon and White 1985.
+    """
+    left = count - free
+    return float(t.ppf(_ONE_SIDED, left)) * np.sqrt(count / left) if left > 0 else np.inf
+
+
 def _deviation(slopes: Slopes, here: _Point, specs: Sequence[ParameterSpec]) -> Vector:
     """Standard deviations of the coordinates: the infinitesimal jackknife over transitions (Jaeckel 1972).
 
     How much the mean gradient varies with the choice of transitions, through the inverse of the loss's curvature, which
-    is at least that of Gauss and Newton. Infinite for a single transition, and wide where the loss is flat.
+    is at least that of Gauss and Newton. Any for a single transition (`_margin`), and wide where the loss is flat.
     """
     count = len(here.r)
     if count < 2:
-        return np.full(len(here.u), np.inf)
+        return np.ones(len(here.u))
     curvature = np.stack([_curvature_along(slopes, here, specs, axis) for axis in range(len(here.u))])
     values, vectors = np.linalg.eigh((curvature + curvature.T) / 2)
     least = 2 / count * ((here.J @ vectors) ** 2).sum(0)
@@ -214,7 +237,9 @@ def _deviation(slopes: Slopes, here: _Point, specs: Sequence[ParameterSpec]) -> 
 def _curvature_along(slopes: Slopes, here: _Point, specs: Sequence[ParameterSpec], axis: int) -> Vector:
     """The change of the mean gradient by a step along one coordinate, away from the nearer end of its range."""
     low, high = _ends(specs)
-    step = _PROBE if high[axis] - here.u[axis] > here.u[axis] - low[axis] else -_PROBE
+    spec = specs[axis]
+    size = _PROBE if spec.scale == "log" or spec.typical is None else spec.typical / (spec.high - spec.low)
+    step = size if high[axis] - here.u[axis] > here.u[axis] - low[axis] else -size
     there = _evaluated(slopes, here.u + step * np.eye(len(specs))[axis], specs)
     if there is None:
         return np.zeros(len(specs))

@@ -2,7 +2,9 @@
 
 from dataclasses import dataclass
 from math import exp, log
-from typing import Literal, final
+from typing import Final, Literal, final
+
+_AT_END: Final = 1e-3
 
 
 @final
@@ -33,6 +35,11 @@ class ParameterSpec:
             raise ValueError(f"{self.name}: a logarithmic scale needs a positive lower bound, not {self.low:g}.")
         if self.typical is not None and not self.low <= self.typical <= self.high:
             raise ValueError(f"{self.name}: the typical value {self.typical:g} is outside {self.low:g}..{self.high:g}.")
+
+    def at_end(self, value: float) -> bool:
+        """Whether a value that was searched for is at an end of the range: within a thousandth of it."""
+        low, here, high = (self.coordinate(each) for each in (self.low, value, self.high))
+        return min(here - low, high - here) < _AT_END * (high - low)
 
     def coordinate(self, value: float) -> float:
         """`value` on the scale on which steps are even."""

@@ -76,6 +76,10 @@ class RodDynamics:
     presets: Mapping[str, Preset]
     push_substeps: int
     rest_substeps: int
+    calibrated: tuple[str, ...] = ("stiffness", "table_friction", "finger_friction")
+    """What calibration estimates."""
+    tool_offset: tuple[str, ...] = ("tcp_x", "tcp_y")
+    """What of the tool's place in its own frame calibration estimates besides, where recordings tell it."""
 
 
 def _at_rest(x: Float[Array, "B N 3"]) -> State:
@@ -191,6 +195,7 @@ class Task:
             dynamics="rods",
             actions=replace(self.actions, **steps),
             nominal=self.rods.nominal,
+            calibrated=self.rods.calibrated,
             presets=self.rods.presets,
             begin=RodStart(self.rods.scene.nodes, self.rods.scene.rest_m, self.rods.scene.radius_m),
             haste=1.0,

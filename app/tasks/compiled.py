@@ -8,13 +8,16 @@ from typing import NamedTuple, final
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float, Float32
+from scipy.spatial.transform import Rotation
 
-from app.calibration.calibrate import Calibrator, next_model, phi_of
+from app.calibration.calibrate import Calibrator, ToolOffset, next_model, phi_of
+from app.calibration.checks import check_better_than_no_motion, check_contact
 from app.calibration.evidence import Advance as FromRest
 from app.calibration.evidence import Evidence, Predictor, gather
 from app.calibration.fit import Settings, Tried
 from app.config import ANYWHERE, Confines
 from app.core.messages import MessageId, Model, Parameter, Transition
+from app.core.motion import TOOL_DOWN
 from app.planner.base import Planner
 from app.planner.made import made
 from app.planner.method import DIPAC, Method
@@ -35,6 +38,8 @@ from app.tasks.base import Task
 __all__ = ["advance", "calibrated", "nominal_model", "now", "phi_of", "planner", "search", "stages"]
 
 _CHUNK = 8
+NOWHERE_M = (0.0, 0.0, 0.0)
+"""The cameras' middle in a model that says nothing of the cameras: any."""
 _NOW = 0.5
 """The end of a session."""
 
@@ -162,7 +167,7 @@ def _search(task: str, preset: str, effects: tuple[Effect, ...], confines: Confi
 
 
 def calibrator(task: str, preset: str, settings: Settings, phi: Float32[np.ndarray, " P"]) -> Calibrator:
-    """The task's calibrator, for models that need the effects that `phi` does."""
+    """The task's calibrator, for models that need the effects that `phi` does; of rods also of the tool's offset."""
     return _calibrator(task, preset, settings, acting(phi, load(task).calibrated))
 
 
@@ -170,7 +175,20 @@ def calibrator(task: str, preset: str, settings: Settings, phi: Float32[np.ndarr
 def _calibrator(task: str, preset: str, settings: Settings, effects: tuple[Effect, ...]) -> Calibrator:
     data = load(task)
     predictor = Predictor(advance=advance(task, data.preset(preset).particle_count, effects), chunk=_CHUNK)
-    return Calibrator(predictor=predictor, names=data.calibrated, settings=settings)
+    return Calibrator(predictor=predictor, names=data.calibrated, settings=settings, offset=_tool_offset(data))
+
+
+def _tool_offset(task: Task) -> ToolOffset | None:
+    """In the frame of a tool that points down, as discovery's `tcp_offset` has it; None for other than rods."""
+    from app.discovery.apparatus.tcp_offset import EFFECT
+
+    if task.dynamics != "rods" or task.rods is None:
+        return None
+    specs = tuple(spec for spec in EFFECT.parameters if spec.name in task.rods.tool_offset)
+    down = Rotation.from_quat(TOOL_DOWN, scalar_first=True).as_matrix()
+    columns = ["xyz".index(spec.name[-1]) for spec in specs]
+    x, y = (tuple(down[row, columns].tolist()) for row in (0, 1))
+    return ToolOffset(specs=specs, axes=(x, y))
 
 
 @final
@@ -195,6 +213,30 @@ def calibrated(
     found = fitter.fit(gather(transitions, load(task).actions.measured_path), phi)
     new = next_model(model, found, fitter.names, transitions)
     return Calibrated(new, found.lost, fitter.names, found.trials)
+
+
+def calibrated_from_recordings(
+    task: str, preset: str, transitions: Sequence[Transition], model: Model, settings: Settings
+) -> Calibrated:
+    """As `calibrated`; of rods also the tool's offset, as far as an interval tells it from none.
+
+    Raises RecordingError where the transitions of a rod tell nothing (`app.calibration.checks`).
+    """
+    data, phi = load(task), phi_of(model)
+    fitter = calibrator(task, preset, settings, phi)
+    if fitter.offset is None:
+        return calibrated(task, preset, transitions, model, settings)
+    evidence = gather(transitions, data.actions.measured_path)
+    check_contact(evidence, data.finger.radius_m + data.rope.radius_m)
+    found, offset = fitter.fit_with_offset(evidence, phi), fitter.offset.specs
+    first = len(fitter.names)
+    if not ((found.low > 0) | (found.high < 0))[first:].any():
+        found, offset = fitter.fit(evidence, phi), ()
+    check_better_than_no_motion(found.losses_m2, evidence)
+    new = next_model(model, found, fitter.names, transitions, offset)
+    if new.apparatus and not new.extension.camera_m:
+        new = replace(new, extension=replace(new.extension, camera_m=NOWHERE_M))
+    return Calibrated(new, found.lost, (*fitter.names, *(spec.name for spec in offset)), found.trials)
 
 
 def nominal_model(task: str) -> Model:

@@ -85,10 +85,13 @@ def calibrate(
 def calibration(
     task: str, preset: str, transitions: Sequence[Transition], model: Model, site: Site | None = None
 ) -> Calibrated:
-    """As `calibrate`, with every trial on the way."""
+    """As `calibrate`, with every trial on the way; of rods also the tool's offset, and refusals of what tells nothing.
+
+    Raises RecordingError where nothing can be learned from the transitions.
+    """
     from app.calibration.fit import Settings
 
-    return _fitted(task, preset, transitions, model, Settings(), site or Site())
+    return _fitted(task, preset, transitions, model, Settings(), site or Site(), offline=True)
 
 
 def update(task: str, preset: str, transitions: Sequence[Transition], model: Model, site: Site | None = None) -> Model:
@@ -106,14 +109,22 @@ def update(task: str, preset: str, transitions: Sequence[Transition], model: Mod
 
 
 def _fitted(
-    task: str, preset: str, transitions: Sequence[Transition], model: Model, settings: Settings, site: Site
+    task: str,
+    preset: str,
+    transitions: Sequence[Transition],
+    model: Model,
+    settings: Settings,
+    site: Site,
+    *,
+    offline: bool = False,
 ) -> Calibrated:
     from app.tasks import compiled, failures
 
     if allowed_for := _allowed_for(model):
         transitions = [allowed_for.transition(transition) for transition in transitions]
     try:
-        found = compiled.calibrated(task, preset, transitions, model, settings)
+        way = compiled.calibrated_from_recordings if offline else compiled.calibrated
+        found = way(task, preset, transitions, model, settings)
     except SimulationError as error:
         left = failures.of_transitions(task, transitions, compiled.phi_of(model), site)
         raise SimulationError(f"{error}{left}") from None

@@ -7,6 +7,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Float
 
+from app.core.errors import ParameterError
 from app.sim.candidates import are_finite, as_float32, where_finite
 from app.sim.effects.base import Effect
 from app.sim.rods.effect import RodContext, RodProperties, RodSetting
@@ -105,6 +106,9 @@ def make_rod_rollout(scene: RodScene, effects: tuple[Effect, ...] = ()) -> Simul
         phi: Float[jax.Array, "B P"] | None = None,
         setting: RodSetting | None = None,
     ) -> RodState:
+        if state.nodes.shape[2] != scene.nodes:  # The kernels take their number from the state, and the matrix has it.
+            given = state.nodes.shape[2]
+            raise ParameterError(f"The rod has {given} nodes and its scene {scene.nodes}; make both with one spacing_m.")
         own = jnp.tile(null, (len(tool), 1)) if phi is None else phi
         known = RodSetting.unknown(len(tool), scene.nodes) if setting is None else setting
         physics, state, tool, own, known = jax.tree.map(as_float32, (physics, state, tool, own, known))
