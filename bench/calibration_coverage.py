@@ -19,7 +19,6 @@ from app.calibration.calibrate import Calibrator, phi_of
 from app.calibration.evidence import Evidence
 from app.calibration.fit import Fit, Settings
 from app.policy.base import AWAY
-from app.sim.params import index
 from app.sim.rods.rollout import RodPhysics, make_rod_rollout
 from app.sim.rods.state import RodState, inextensible
 from app.tasks import compiled, load, nominal_model
@@ -70,7 +69,7 @@ def data_set(seed: int, *, pushes: int = PUSHES, particles: int = 300, noise: fl
 
 def fitted(evidence: Evidence, settings: Settings | None = None) -> Fit:
     """By the calibrator of the task, from the nominal model, with the tool's offset."""
-    return _calibrator(evidence.before.shape[1], settings or Settings()).fit_with_offset(
+    return _calibrator(evidence.before.shape[1], settings or Settings(probes=96)).fit_with_offset(
         evidence, phi_of(nominal_model(TASK.name))
     )
 

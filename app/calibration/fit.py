@@ -16,8 +16,9 @@ from typing import NamedTuple, final
 
 import numpy as np
 from jaxtyping import Float64
-from scipy.stats import t
+from scipy.stats import qmc, t
 
+from app.calibration.quadratics import fit_quadratics
 from app.core.errors import SimulationError
 from app.sim.parameter import ParameterSpec
 
@@ -34,6 +35,8 @@ _FLOOR_STRETCH = 2.0
 _PROBE = 0.25
 """Step of the coordinates for curvature: a quarter in a logarithm. Shorter ones measure the noise of contact. On other
 scales it is a typical value, where there is one."""
+_ASIDE = 1.6
+"""How many such steps away the outermost probes are."""
 _FLAT_M2 = 1e-9
 """Less curvature than this is none: half of it is the loss [m^2] that a factor e would cost."""
 _SMALLEST_M = 1e-5
@@ -46,7 +49,8 @@ class Settings:
     """`steps` trial steps at most, each a factor `max_factor` at most (on a logarithmic scale).
 
     `trust_factor`: how far off the start may be, as the standard deviation of a prior on a logarithmic scale. Infinite
-    for a start that nobody vouches for; finite where a few new transitions refine a model that is in use.
+    for a start that nobody vouches for; finite where a few new transitions refine a model that is in use. Without
+    `probes` intervals are of slopes and curvature at the estimate, which is quick, and often much too wide.
     """
 
     steps: int = 25
@@ -54,6 +58,8 @@ class Settings:
     max_factor: float = 2.5
     damping: float = 0.03
     tolerance: float = 0.01
+    probes: int = 0
+    """Points about the estimate at which losses are asked for its intervals."""
 
 
 class Tried(NamedTuple):
@@ -134,11 +140,33 @@ def fit(slopes: Slopes, start: Vector, specs: Sequence[ParameterSpec], settings:
         raise SimulationError(
             "The model predicts none of the transitions; start from the nominal model, or record shorter motions."
         )
-    start_u, trust = here.u, here.loss_m2 / np.log(settings.trust_factor) ** 2
-    trials = [Tried(start, here.loss_m2)]
-    damping = settings.damping
+    trust = here.loss_m2 / np.log(settings.trust_factor) ** 2
+    here, trials = _descended(slopes, here, trust, specs, settings)
+    if settings.probes and len(here.r) > len(here.u):
+        quadratics = fit_quadratics(*_probed(slopes, here, specs, settings.probes))
+        weights = np.minimum(1, _OUTLYING * np.median(here.r) / here.r)
+        deviation = quadratics.deviation(weights) * _reach(specs)
+    else:
+        deviation = _deviation(slopes, here, specs)
+    margin = _margin(len(here.r), len(here.u)) * deviation
+    return Fit(
+        values=_values(here.u, specs),
+        low=_values(_bounded(here.u - margin, specs), specs),
+        high=_values(_bounded(here.u + margin, specs), specs),
+        loss_m2=here.loss_m2,
+        trials=(Tried(start, trials[0].loss_m2), *trials[1:]),
+        lost=here.lost,
+        losses_m2=_spread(here.r**2, here.lost),
+    )
+
+
+def _descended(
+    slopes: Slopes, start: _Point, trust: float, specs: Sequence[ParameterSpec], settings: Settings
+) -> tuple[_Point, list[Tried]]:
+    """The best point of at most `steps` trials from `start`, and all of them, beginning with it."""
+    here, damping, trials = start, settings.damping, [Tried(_values(start.u, specs), start.loss_m2)]
     for _ in range(settings.steps):
-        objective = _Objective(start=start_u, trust=trust, threshold_m=_OUTLYING * float(np.median(here.r)))
+        objective = _Objective(start=start.u, trust=trust, threshold_m=_OUTLYING * float(np.median(here.r)))
         step = _newton_step(here, objective, damping, specs)
         there = _bounded(here.u + np.clip(step, -np.log(settings.max_factor), np.log(settings.max_factor)), specs)
         length = float(np.abs(there - here.u).max())
@@ -152,16 +180,34 @@ def fit(slopes: Slopes, start: Vector, specs: Sequence[ParameterSpec], settings:
                 break
         else:
             damping = damping * 10
-    margin = _margin(len(here.r), len(here.u)) * _deviation(slopes, here, specs)
-    return Fit(
-        values=_values(here.u, specs),
-        low=_values(_bounded(here.u - margin, specs), specs),
-        high=_values(_bounded(here.u + margin, specs), specs),
-        loss_m2=here.loss_m2,
-        trials=tuple(trials),
-        lost=here.lost,
-        losses_m2=_spread(here.r**2, here.lost),
-    )
+    return here, trials
+
+
+def _probed(
+    slopes: Slopes, here: _Point, specs: Sequence[ParameterSpec], count: int
+) -> tuple[Float64[np.ndarray, "M Q"], Float64[np.ndarray, "M K"], Float64[np.ndarray, "M K Q"]]:
+    """Points about the estimate in units of `_reach`, and losses and their gradients [m^2] there.
+
+    Points at which a transition is lost that is not lost at the estimate are left out.
+    """
+    reach, points = _reach(specs), list[_Point]()
+    for z in 2 * qmc.Halton(len(specs), seed=0).random(count) - 1:
+        point = _evaluated(slopes, _bounded(here.u + z * reach, specs), specs)
+        if point is not None and point.lost == here.lost:
+            points.append(point)
+    points = points or [here]
+    at = np.stack([(point.u - here.u) / reach for point in points])
+    return at, np.stack([point.r**2 for point in points]), np.stack([point.gradients * reach for point in points])
+
+
+def _reach(specs: Sequence[ParameterSpec]) -> Vector:
+    """Of probes, along each coordinate."""
+    return np.array([_ASIDE * _probe(spec) for spec in specs])
+
+
+def _probe(spec: ParameterSpec) -> float:
+    """Of a coordinate: see `_PROBE`."""
+    return _PROBE if spec.scale == "log" or spec.typical is None else spec.typical / (spec.high - spec.low)
 
 
 def _spread(losses: Float64[np.ndarray, " K"], lost: Sequence[int]) -> Float64[np.ndarray, " L"]:
@@ -237,8 +283,7 @@ def _deviation(slopes: Slopes, here: _Point, specs: Sequence[ParameterSpec]) -> 
 def _curvature_along(slopes: Slopes, here: _Point, specs: Sequence[ParameterSpec], axis: int) -> Vector:
     """The change of the mean gradient by a step along one coordinate, away from the nearer end of its range."""
     low, high = _ends(specs)
-    spec = specs[axis]
-    size = _PROBE if spec.scale == "log" or spec.typical is None else spec.typical / (spec.high - spec.low)
+    size = _probe(specs[axis])
     step = size if high[axis] - here.u[axis] > here.u[axis] - low[axis] else -size
     there = _evaluated(slopes, here.u + step * np.eye(len(specs))[axis], specs)
     if there is None:

@@ -1,6 +1,10 @@
-"""Estimate stiffness and friction from recorded actions; write them as a model file, with a plot of how it went."""
+"""Estimate stiffness and friction from recorded actions; write them as a model file, with a plot of how it went.
+
+On ropes as rods also the friction of the finger, and where its tip is beside where the arm says.
+"""
 
 import shlex
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Annotated
 
@@ -15,12 +19,13 @@ from app.core.errors import RecordingError, UsageError
 from app.core.messages import Model, Transition
 from app.evaluation.progress import draw_trials
 from app.evaluation.scores import MM2
+from app.recording.digests import check_distinct, digest
 from app.recording.model_file import load_model, save_model
 from app.recording.reader import read_episode, read_transitions
 from app.recording.shelf import counted_once
 from app.tasks import load
 from app.tasks.base import Task
-from app.tasks.jobs import calibration, check_model, nominal_model
+from app.tasks.jobs import calibration, check_model, ends_of_ranges, nominal_model
 
 
 def calibrate(
@@ -49,9 +54,12 @@ def calibrate(
     with terminal.status(f"fitting {fitting}"):
         found = calibration(task.name, preset, transitions, old)
     new, picture = found.model, output.with_suffix(".svg")
-    save_model(output, new)
+    notes = ends_of_ranges(new)
+    save_model(output, new, notes=notes)
     draw_trials(found, picture)
-    terminal.print(_table(task, old, new))
+    terminal.print(_table(found.names, old, new, notes))
+    for name, note in notes.items():
+        terminal.print(Text(f"{name} is {note}: no measurement, and the truth may lie beyond it."), soft_wrap=True)
     terminal.print(
         Text(
             f"One-step Chamfer distance {MM2 * found.trials[0].loss_m2:.4g} mm^2 at the start, now "
@@ -79,7 +87,9 @@ def _task_of(recordings: tuple[Path, ...]) -> str:
 
 
 def _transitions_of(recordings: tuple[Path, ...]) -> list[Transition]:
-    transitions = [transition for path in counted_once(recordings) for transition in read_transitions(path)]
+    paths = list(dict.fromkeys(counted_once(recordings)))
+    check_distinct({path: digest(path) for path in paths})
+    transitions = [transition for path in paths for transition in read_transitions(path)]
     if not transitions:
         raise RecordingError("The recordings hold no finished push to learn from; record at least one.")
     return transitions
@@ -97,15 +107,17 @@ def _preset_for(task: Task, transitions: list[Transition]) -> str:
     )
 
 
-def _table(task: Task, old: Model, new: Model) -> Table:
-    table = Table("parameter", "unit", "start", "fitted", "90 % interval")
-    for parameter in new.parameters:
-        if parameter.name in task.calibrated:
+def _table(names: Sequence[str], old: Model, new: Model, notes: Mapping[str, str]) -> Table:
+    table = Table("parameter", "unit", "start", "fitted", "90 % interval", "")
+    began = {parameter.name: parameter.value for parameter in (*old.parameters, *old.apparatus)}
+    for parameter in (*new.parameters, *new.apparatus):
+        if parameter.name in names:
             table.add_row(
                 parameter.name,
                 Text(parameter.unit),
-                f"{old.value(parameter.name):.4g}",
+                f"{began.get(parameter.name, 0.0):.4g}",
                 f"{parameter.value:.4g}",
                 f"{parameter.low:.4g} to {parameter.high:.4g}",
+                notes.get(parameter.name, ""),
             )
     return table

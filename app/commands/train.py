@@ -21,6 +21,7 @@ from app.policy.learned import kinds
 from app.policy.learned.base import Lessons
 from app.policy.learned.file import CHECKPOINT, FILE, Origin, load_training, save_policy, save_training, shape_of
 from app.policy.learned.train import Progress, Settings, Training, begin, learn
+from app.recording.digests import check_distinct
 from app.recording.model_file import load_model
 from app.recording.shelf import counted_once
 from app.recording.taught import Taught, read_taught
@@ -105,10 +106,10 @@ def _shown(demos: tuple[Path, ...], task: str) -> dict[Path, Taught]:
     if not demos:
         raise UsageError("Name at least one recording: dipac train TASK --demos recordings/TASK/*.mcap")
     shown = {path: read_taught(path) for path in counted_once(demos)}
-    for what, said in (("name", [path.name for path in shown]), ("content", [each.digest for each in shown.values()])):
-        twice = sorted({each.name for each, value in zip(shown, said, strict=True) if said.count(value) > 1})
-        if twice:
-            raise UsageError(f"Recordings of the same {what} ({', '.join(twice)}) count once; leave out the others.")
+    names = [path.name for path in shown]
+    if twice := sorted({name for name in names if names.count(name) > 1}):
+        raise UsageError(f"Recordings of the same name ({', '.join(twice)}) count once; leave out the others.")
+    check_distinct({path: each.digest for path, each in shown.items()})
     others = {path.name: each.task for path, each in shown.items() if each.task != task}
     if others:
         listed = ", ".join(f"{name}: {other}" for name, other in others.items())

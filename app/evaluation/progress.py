@@ -15,7 +15,7 @@ def draw_trials(found: Calibrated, path: Path) -> None:
 
     values = np.array([trial.values for trial in found.trials])
     losses = MM2 * np.array([trial.loss_m2 for trial in found.trials])
-    fitted = {parameter.name: parameter for parameter in found.model.parameters}
+    fitted = {parameter.name: parameter for parameter in (*found.model.parameters, *found.model.apparatus)}
     figure = Figure(figsize=(7.0, 2.2 * (1 + len(found.names))), layout="constrained")
     panels = np.atleast_1d(figure.subplots(1 + len(found.names), sharex=True))
     panels[0].plot(losses, ".-", color="black")
@@ -27,7 +27,9 @@ def draw_trials(found: Calibrated, path: Path) -> None:
         panel.plot(tried, ".-", color="black")
         panel.axhline(parameter.value, color="tab:blue")
         panel.axhspan(parameter.low, parameter.high, color="tab:blue", alpha=0.15, linewidth=0, label="90 % interval")
-        panel.set(ylabel=f"{name} [{parameter.unit}]", yscale="log")
+        panel.set(
+            ylabel=f"{name} [{parameter.unit}]", yscale="log" if tried.min() > 0 and parameter.low > 0 else "linear"
+        )
         panel.legend(fontsize="small")
     panels[-1].set_xlabel("trial")
     save(figure, path, salt=found.model.task)

@@ -1,12 +1,12 @@
 """SHA-256 of each finished recording, in a file `SHA256SUMS` beside it that `sha256sum --check` reads as well."""
 
 import hashlib
-from collections.abc import Generator
+from collections.abc import Generator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Final
 
-from app.core.errors import RecordingError
+from app.core.errors import RecordingError, UsageError
 from app.recording.lock import locked
 
 SUMS: Final = "SHA256SUMS"
@@ -18,6 +18,14 @@ def digest(path: Path) -> str:
     """The SHA-256 of the file, in hexadecimal."""
     with path.open("rb") as stream:
         return hashlib.file_digest(stream, "sha256").hexdigest()
+
+
+def check_distinct(recordings: Mapping[Path, str]) -> None:
+    """Raises UsageError where two recordings, by path with their digests, have the same content: one counts."""
+    said = list(recordings.values())
+    twice = sorted({path.name for path, value in recordings.items() if said.count(value) > 1})
+    if twice:
+        raise UsageError(f"Recordings of the same content ({', '.join(twice)}) count once; leave out the others.")
 
 
 def note(path: Path) -> None:

@@ -7,6 +7,7 @@ import tomllib
 from collections.abc import Mapping
 from dataclasses import asdict
 from pathlib import Path
+from types import MappingProxyType
 from typing import Any
 
 import tomli_w
@@ -19,8 +20,10 @@ SCHEMA = 2
 _READ = (1, 2)
 
 
-def save_model(path: Path, model: Model) -> None:
+def save_model(path: Path, model: Model, *, notes: Mapping[str, str] = MappingProxyType({})) -> None:
     """Write `model`; the file holds everything but the message's id, causes and time.
+
+    `notes`: of parameters, by name, for people: they are not read again.
 
     Raises UsageError where the file cannot be written.
     """
@@ -30,10 +33,10 @@ def save_model(path: Path, model: Model) -> None:
         "version": model.version,
         "loss_m2": model.loss_m2,
         "transition_count": model.transition_count,
-        "parameters": _entries(model.parameters),
+        "parameters": _entries(model.parameters, notes),
     }
     if model.apparatus:
-        table["apparatus"] = _entries(model.apparatus)
+        table["apparatus"] = _entries(model.apparatus, notes)
     if model.extension != Extension():
         table["extension"] = vars(model.extension) | {"recordings": dict(model.extension.recordings)}
     try:
@@ -81,8 +84,9 @@ def _read(path: Path, time_s: float) -> Model:
         ) from None
 
 
-def _entries(parameters: tuple[Parameter, ...]) -> dict[str, dict[str, Any]]:
-    return {p.name: {k: v for k, v in asdict(p).items() if k != "name"} for p in parameters}
+def _entries(parameters: tuple[Parameter, ...], notes: Mapping[str, str]) -> dict[str, dict[str, Any]]:
+    entries = {p.name: {k: v for k, v in asdict(p).items() if k != "name"} for p in parameters}
+    return {name: entry | ({"note": notes[name]} if name in notes else {}) for name, entry in entries.items()}
 
 
 def _model(table: dict[str, Any], time_s: float) -> Model:

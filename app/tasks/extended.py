@@ -117,6 +117,19 @@ def check(model: Model) -> None:
         )
 
 
+def ends_of_ranges(model: Model) -> dict[str, str]:
+    """In words, of which estimates (those with an interval) are at an end of their range, by the parameters' names."""
+    specs = {spec.name: spec for spec in PARAMETERS} | _apparatus_specs()
+    found = dict[str, str]()
+    for parameter in (*model.parameters, *model.apparatus):
+        spec = specs[parameter.name]
+        if parameter.low < parameter.high and spec.at_end(parameter.value):
+            middle = (spec.coordinate(spec.low) + spec.coordinate(spec.high)) / 2
+            which = "low" if spec.coordinate(parameter.value) < middle else "high"
+            found[parameter.name] = f"at the {which} end of its range, {spec.low:g} to {spec.high:g} {spec.unit}"
+    return found
+
+
 def _slope(spec: ParameterSpec, value: float) -> float:
     """Of the value by its coordinate."""
     return float(value) if spec.scale == "log" else 1.0

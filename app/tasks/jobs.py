@@ -16,6 +16,8 @@ from app.planner.method import DIPAC, Method
 
 _log = logging.getLogger(__name__)
 
+_PROBES = 96
+"""Of a calibration on rods: four for each number of a quadratic of five coordinates."""
 RECENT = 16
 """Transitions of one update: about those of the last episode, in about the time of one decision."""
 _TRUSTED, _TRUSTED_OF_ANOTHER = 1.5, 4.0
@@ -89,9 +91,15 @@ def calibration(
 
     Raises RecordingError where nothing can be learned from the transitions.
     """
-    from app.calibration.fit import Settings
+    return _fitted(task, preset, transitions, model, _settings_of(task), site or Site(), offline=True)
 
-    return _fitted(task, preset, transitions, model, Settings(), site or Site(), offline=True)
+
+def _settings_of(task: str) -> Settings:
+    """With intervals from probes where a push takes a millisecond: of rods."""
+    from app.calibration.fit import Settings
+    from app.tasks import load
+
+    return Settings(probes=_PROBES if load(task).dynamics == "rods" else 0)
 
 
 def update(task: str, preset: str, transitions: Sequence[Transition], model: Model, site: Site | None = None) -> Model:
@@ -178,6 +186,13 @@ def check_model(model: Model) -> None:
     from app.tasks import extended
 
     extended.check(model)
+
+
+def ends_of_ranges(model: Model) -> dict[str, str]:
+    """In words, of which estimates (those with an interval) are at an end of their range, by the parameters' names."""
+    from app.tasks import extended
+
+    return extended.ends_of_ranges(model)
 
 
 def effects_of(model: Model) -> tuple[str, ...]:

@@ -1,0 +1,134 @@
+"""Calibration on rods: bending, both frictions and the tool's offset of a hidden rope, from what cameras saw of it."""
+
+from dataclasses import replace
+from functools import cache
+
+import numpy as np
+import pytest
+
+from app.calibration.fit import Fit, Settings
+from app.core.errors import RecordingError
+from app.core.messages import Executed, MessageId, Model, Transition
+from app.core.motion import TOOL_DOWN
+from app.tasks import compiled, nominal_model
+from app.tasks.compiled import calibrated_from_recordings, phi_of
+from app.tasks.jobs import check_model, ends_of_ranges
+from bench.calibration_coverage import TASK, DataSet, Truth, data_set, fitted
+
+NAMES = ("stiffness", "table_friction", "finger_friction")
+
+
+@cache
+def hidden() -> DataSet:
+    return data_set(0)
+
+
+@cache
+def found() -> Fit:
+    return fitted(hidden().evidence)
+
+
+@pytest.mark.parametrize("name", Truth._fields)
+def test_the_truth_lies_in_its_interval(name: str) -> None:
+    column = Truth._fields.index(name)
+    assert found().low[column] <= getattr(hidden().truth, name) <= found().high[column]
+
+
+def test_the_offset_of_the_tool_is_found_to_a_millimetre() -> None:
+    truth = hidden().truth
+    assert np.abs(found().values[3:] - [truth.tcp_x, truth.tcp_y]).max() < 1e-3
+    assert (found().high - found().low)[3:].max() < 4e-3
+
+
+def test_the_slope_by_the_offset_agrees_with_central_differences() -> None:
+    calibrator = compiled.calibrator(TASK.name, "cpu", Settings(), phi_of(nominal_model(TASK.name)))
+    phi, h = phi_of(nominal_model(TASK.name)), 3e-4
+
+    def mean_loss(*shift: float) -> float:
+        return float(calibrator.predictor.shifted_slopes(phi, np.float32(shift), hidden().evidence)[0].mean())
+
+    slopes = calibrator.predictor.shifted_slopes(phi, np.zeros(2, np.float32), hidden().evidence)[2].mean(0)
+    secants = [(mean_loss(h, 0) - mean_loss(-h, 0)) / (2 * h), (mean_loss(0, h) - mean_loss(0, -h)) / (2 * h)]
+    assert slopes == pytest.approx(secants, rel=0.15, abs=2e-4)
+
+
+@cache
+def transitions() -> tuple[Transition, ...]:
+    """The pushes as a recording has them."""
+    evidence = hidden().evidence
+    return tuple(_transition(evidence.before[k], evidence.tool[k], evidence.after[k], k) for k in range(len(evidence)))
+
+
+@cache
+def learnt() -> Model:
+    return calibrated_from_recordings(
+        TASK.name, "cpu", transitions(), nominal_model(TASK.name), Settings(probes=48)
+    ).model
+
+
+def test_a_model_of_recordings_says_where_the_tool_is_and_can_be_used() -> None:
+    offset = {parameter.name: parameter for parameter in learnt().apparatus}
+    assert sorted(offset) == ["tcp_x", "tcp_y"]
+    assert offset["tcp_x"].value == pytest.approx(hidden().truth.tcp_x, abs=1.5e-3)
+    check_model(learnt())
+    changed = [a.name for a, b in zip(learnt().parameters, nominal_model(TASK.name).parameters, strict=True) if a != b]
+    assert changed == list(NAMES)
+
+
+def test_recordings_of_a_tool_that_is_where_the_arm_says_leave_it_there() -> None:
+    evidence = hidden().evidence
+    shift = _shift_m(hidden().truth)
+    right = [_transition(evidence.before[k], evidence.tool[k] + shift, evidence.after[k], k) for k in range(10)]
+    model = calibrated_from_recordings(TASK.name, "cpu", right, nominal_model(TASK.name), Settings(probes=48)).model
+    assert all(abs(parameter.value) < 1e-3 for parameter in model.apparatus)
+
+
+def test_what_tells_nothing_is_refused() -> None:
+    aside = np.array([0.0, 0.6, 0.0, 0.0, 0.0, 0.0, 0.0])
+    far = [
+        replace(each, executed=replace(each.executed, measured=each.executed.measured + aside))
+        for each in transitions()
+    ]
+    with pytest.raises(RecordingError, match="different frames"):
+        calibrated_from_recordings(TASK.name, "cpu", far, nominal_model(TASK.name), Settings(probes=48))
+    still = [replace(each, after=each.before) for each in far]
+    with pytest.raises(RecordingError, match="touched nothing"):
+        calibrated_from_recordings(TASK.name, "cpu", still, nominal_model(TASK.name), Settings(probes=48))
+
+
+def test_an_estimate_at_the_end_of_its_range_is_said_to_be_one() -> None:
+    nominal = nominal_model(TASK.name)
+    ends = {"stiffness": (1e5, 5e4, 1e5), "table_friction": (0.02, 0.02, 0.1), "finger_friction": (0.3, 0.2, 0.4)}
+    parameters = tuple(
+        replace(each, **dict(zip(("value", "low", "high"), ends[each.name], strict=True)))
+        if each.name in ends
+        else each
+        for each in nominal.parameters
+    )
+    told = ends_of_ranges(replace(nominal, parameters=parameters))
+    assert sorted(told) == ["stiffness", "table_friction"]
+    assert "high end" in told["stiffness"]
+    assert "low end" in told["table_friction"]
+    assert not ends_of_ranges(nominal)
+
+
+def _shift_m(truth: Truth) -> np.ndarray:
+    offset = compiled.calibrator(TASK.name, "cpu", Settings(), phi_of(nominal_model(TASK.name))).offset
+    assert offset is not None
+    return np.float32([*(offset.matrix @ [truth.tcp_x, truth.tcp_y]), 0.0])
+
+
+def _transition(before: np.ndarray, tool: np.ndarray, after: np.ndarray, number: int) -> Transition:
+    way = tool[tool[:, 2] < 0.05].astype(np.float64)
+    poses = np.concatenate([way, np.tile(TOOL_DOWN, (len(way), 1))], axis=1)
+    executed = Executed(
+        id=MessageId(f"executed-{number}"),
+        time_s=1.0,
+        approved_id=MessageId(f"approved-{number}"),
+        outcome="completed",
+        reason="",
+        times_s=np.linspace(0, 1, len(way)),
+        commanded=poses,
+        measured=poses,
+    )
+    return Transition(id=MessageId(f"transition-{number}"), time_s=2.0, before=before, executed=executed, after=after)
