@@ -12,10 +12,9 @@ from jaxtyping import Float64
 
 _FLAT_M2 = 1e-9
 """Less curvature than this is none: half of it is the loss [m^2] that a step of one unit would cost on the average."""
-_INVOLVED = 0.5
-"""A coordinate with so much of a direction is unknown where nothing is known along that."""
-_WEAKEST = 0.005
-"""Share of the largest curvature that the smallest is taken to have at least: less cannot be told from none."""
+_WEAKEST, _REACH = 0.02, 0.5
+"""Share of the largest curvature that the smallest is taken to have at least, as less cannot be told from none; and
+standard deviation of points spread to both sides of the estimate by a unit. Both of `bench.calibration_coverage`."""
 
 
 @final
@@ -29,17 +28,21 @@ class Quadratics:
     def deviation(self, weights: Float64[np.ndarray, " K"]) -> Float64[np.ndarray, " Q"]:
         """Standard deviations of the minimum's coordinates by the choice of transitions, which weigh so much.
 
-        The infinitesimal jackknife (Jaeckel 1972) with the curvature of the quadratics' mean. Infinite for what is
-        involved in a direction along which the losses are flat.
+        The infinitesimal jackknife (Jaeckel 1972) with the curvature of the quadratics' mean. A direction in which that
+        cannot be told from none is as unknown as probes reach, at least. Infinite for a coordinate on which the losses
+        do not depend.
         """
         count = len(self.g)
-        values, vectors = np.linalg.eigh(np.tensordot(weights, self.H, 1) / count)
+        curvature = np.tensordot(weights, self.H, 1) / count
+        values, vectors = np.linalg.eigh(curvature)
         if values[-1] < _FLAT_M2:
             return np.full(len(values), np.inf)
-        inverse = vectors @ np.diag(1 / np.maximum(values, _WEAKEST * values[-1])) @ vectors.T
-        spread = np.cov((weights[:, None] * self.g).T).reshape(inverse.shape) / count
-        unknown = (np.abs(vectors[:, values < _FLAT_M2]) > _INVOLVED).any(1)
-        return np.where(unknown, np.inf, np.sqrt(np.diag(inverse @ spread @ inverse)))
+        least = _WEAKEST * values[-1]
+        inverse = np.diag(1 / np.maximum(values, least)) @ vectors.T
+        spread = inverse @ np.cov((weights[:, None] * self.g).T).reshape(curvature.shape) @ inverse.T / count
+        spread += np.diag(np.where(values < least, np.maximum(0, _REACH**2 - np.diag(spread)), 0))
+        deviation = np.sqrt(np.diag(vectors @ spread @ vectors.T))
+        return np.where(np.diag(curvature) < _FLAT_M2, np.inf, deviation)
 
 
 def fit_quadratics(

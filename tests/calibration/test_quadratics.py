@@ -48,3 +48,9 @@ def test_what_losses_do_not_depend_on_is_unknown() -> None:
     assert np.isinf(unknown)
     nothing = Quadratics(g=0 * g, H=np.zeros((10, 2, 2)))
     assert np.isinf(nothing.deviation(np.ones(10))).all()
+
+
+def test_of_two_coordinates_of_which_only_the_sum_matters_each_is_unknown_and_their_sum_is_known() -> None:
+    slopes = 1e-2 * np.random.default_rng(3).standard_normal((20, 1))
+    of = Quadratics(g=np.tile(slopes, (1, 2)), H=np.ones((20, 2, 2)))
+    assert of.deviation(np.ones(20)).min() > 0.3

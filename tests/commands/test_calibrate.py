@@ -1,0 +1,37 @@
+"""`dipac calibrate` counts each recording once, as `dipac train` does."""
+
+import shutil
+from pathlib import Path
+
+import pytest
+
+from app.commands.calibrate import calibrate
+from app.core.errors import RecordingError, UsageError
+from app.recording.model_file import load_model, save_model
+from app.tasks import nominal_model
+from tests.commands.test_train import demonstration
+
+
+@pytest.mark.parametrize("link", [True, False])
+def test_the_same_recording_under_two_names_is_refused(link: bool, tmp_path: Path) -> None:
+    first, second = demonstration(tmp_path / "a.mcap", 0), tmp_path / "b.mcap"
+    if link:
+        second.symlink_to(first)
+    else:
+        shutil.copy(first, second)
+    with pytest.raises(UsageError, match=r"same content \(a.mcap, b.mcap\) count once"):
+        calibrate((first, second), output=tmp_path / "model.toml")
+
+
+def test_the_same_path_twice_counts_once(tmp_path: Path) -> None:
+    """What is refused then is what a recording of a rope that moves as a whole tells of rods, and not the path."""
+    path = demonstration(tmp_path / "a.mcap", 0, task="rope_push@rods")
+    with pytest.raises(RecordingError, match="in 2 transitions|2 transitions|no better"):
+        calibrate((path, path), output=tmp_path / "model.toml")
+
+
+def test_notes_on_parameters_are_in_the_file_and_do_not_hinder_reading_it(tmp_path: Path) -> None:
+    model = nominal_model("rope_push@rods")
+    save_model(tmp_path / "m.toml", model, notes={"stiffness": "at the high end of its range"})
+    assert "at the high end" in (tmp_path / "m.toml").read_text()
+    assert load_model(tmp_path / "m.toml", task="rope_push@rods", time_s=0.0).parameters == model.parameters
