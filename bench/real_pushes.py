@@ -7,6 +7,7 @@ what was recorded and what is assumed; the rope's size and weight are of the clo
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import Final, NamedTuple, final
 
@@ -101,6 +102,24 @@ class Scores(NamedTuple):
     mm2: Float64[np.ndarray, "*batch K"]
 
 
+class Posterior(NamedTuple):
+    """A model of the rope: weight of tassels, values of the free numbers, and their 90 % intervals (2, V)."""
+
+    tassels: float
+    values: Float64[np.ndarray, " V"]
+    interval: Float64[np.ndarray, "2 V"]
+
+
+class Row(NamedTuple):
+    """A line of the table: errors on pushes left out, and what was found with all."""
+
+    name: str
+    particles: Scores
+    clouds: Scores
+    free: tuple[str, ...] = ()
+    found: Posterior | None = None
+
+
 @final
 class Rope:
     """A rod with tassels of some weight, and how well it predicts the pushes."""
@@ -143,8 +162,29 @@ class Rope:
     def cloud_scores(self, values: Float64[np.ndarray, " V"], free: Sequence[str]) -> Scores:
         """Of one model, by the recorded cloud carried with the centreline."""
         nodes = self._run(self._physical(values[None], free))[0][0]
-        carried = [rod._replace(nodes=nodes[k : k + 1]).x[0] for k, rod in enumerate(self._clouds)]
-        return compared([np.asarray(x) for x in carried], [after for _, after in self.pushes.clouds])
+        return self._carried([nodes[k : k + 1] for k in range(len(self.pushes))])[1]
+
+    def known_ends(self) -> Row:
+        """Errors where the centreline after each push is known, either end first: no rod comes below."""
+        lines = [principal_curve(x, NODES) for x in self.pushes.after]
+        ends = rods_along(lines, list(self.pushes.after), self.scene.rest_m)
+        both = [ends, [end._replace(nodes=end.nodes[..., ::-1]) for end in ends]]
+        found = [self._carried([rod.nodes for rod in rods]) for rods in both]
+        (a, of_a), (b, of_b) = found
+        return Row(
+            "centreline after it known",
+            Scores(np.minimum(a.mm, b.mm), np.minimum(a.mm2, b.mm2)),
+            Scores(np.minimum(of_a.mm, of_b.mm), np.minimum(of_a.mm2, of_b.mm2)),
+        )
+
+    def _carried(self, nodes: Sequence[jax.Array]) -> tuple[Scores, Scores]:
+        """Of particles and of recorded clouds, with each push's nodes (1, 8, n)."""
+        x = [
+            np.asarray(self.start._replace(nodes=jnp.tile(each, (len(self.pushes), 1, 1))).x[k])
+            for k, each in enumerate(nodes)
+        ]
+        carried = [np.asarray(rod._replace(nodes=each).x[0]) for rod, each in zip(self._clouds, nodes, strict=True)]
+        return compared(x, list(self.pushes.after)), compared(carried, [after for _, after in self.pushes.clouds])
 
     def _physical(self, values: np.ndarray, free: Sequence[str]) -> dict[str, jax.Array]:
         """All axes of as many models as are compiled, of which the last is repeated."""
@@ -167,16 +207,21 @@ class Rope:
             climb=each["climb"],
             press=jnp.zeros(models * count),
         )
-        state = jax.tree.map(lambda a: jnp.tile(a, (models,) + (1,) * (a.ndim - 1)), self.start)
+        state = jax.tree.map(partial(_repeated, count=models), self.start)
         shift = jnp.stack([each["offset_x"], each["offset_y"], jnp.zeros(models * count)], axis=-1)
         end = self._simulate(physics, state, jnp.tile(self.pushes.tool, (models, 1, 1)) + shift[:, None])
         seen = jnp.tile(self.pushes.after, (models, 1, 1))
-        mm, mm2 = jax.lax.map(lambda pair: _distances(*pair), (end.x, seen))
+        mm, mm2 = jax.lax.map(_distances, (end.x, seen))
         return end.nodes.reshape(models, count, *end.nodes.shape[1:]), mm.reshape(-1, count), mm2.reshape(-1, count)
 
 
-def _distances(x: jax.Array, y: jax.Array) -> tuple[jax.Array, jax.Array]:
+def _repeated(each: jax.Array, count: int) -> jax.Array:
+    return jnp.tile(each, (count,) + (1,) * (each.ndim - 1))
+
+
+def _distances(clouds: tuple[jax.Array, jax.Array]) -> tuple[jax.Array, jax.Array]:
     """As `chamfer_mm` and `chamfer_m2`."""
+    x, y = clouds
     flat = jnp.sqrt(((x[:, None, :2] - y[None, :, :2]) ** 2).sum(-1))
     return _MM * (flat.min(0).mean() + flat.min(1).mean()) / 2, _MM2 * chamfer_m2(x, y)
 
@@ -224,14 +269,6 @@ def mass_shares(clouds: Sequence[Points], lines: Sequence[np.ndarray], tassels: 
     return shares / shares.sum()
 
 
-class Posterior(NamedTuple):
-    """A model of the rope: weight of tassels, values of the free numbers, and their 90 % intervals (2, V)."""
-
-    tassels: float
-    values: Float64[np.ndarray, " V"]
-    interval: Float64[np.ndarray, "2 V"]
-
-
 def posterior(
     pool: Float64[np.ndarray, "M V"],
     mm2: Float64[np.ndarray, "L M K"],
@@ -256,29 +293,24 @@ def posterior(
     return Posterior(TASSELS[level], np.array(here), np.array([low, high]))
 
 
-class Row(NamedTuple):
-    """A line of the table: errors on pushes left out, and what was found with all."""
-
-    name: str
-    particles: Scores
-    clouds: Scores
-    free: tuple[str, ...] = ()
-    found: Posterior | None = None
-
-
 def left_out(ropes: Sequence[Rope], name: str, free: Sequence[str], models: int) -> Row:
     """Each push predicted by what the others say of the free numbers."""
-    pool = qmc.Sobol(len(free), seed=0).random(models)
+    pool = qmc.Sobol(len(free), rng=np.random.default_rng(0)).random(models)
     values = np.stack([AXES[each].value(pool[:, column]) for column, each in enumerate(free)], axis=1)
     mm2 = np.stack([rope.scores(values, free).mm2 for rope in ropes])
     found = [posterior(pool, mm2, train, free) for train in folds(mm2.shape[-1])]
-    scores, clouds = list[Scores](), list[Scores]()
-    for k, each in enumerate(found[:-1]):
-        rope = ropes[TASSELS.index(each.tassels)]
-        scores.append(Scores(*(score[0, k] for score in rope.scores(each.values[None], free))))
-        clouds.append(Scores(*(score[k] for score in rope.cloud_scores(each.values, free))))
-    joined = (Scores(*map(np.array, zip(*each, strict=True))) for each in (scores, clouds))
-    return Row(name, *joined, tuple(free), found[-1])
+    of_fold = [ropes[TASSELS.index(each.tassels)] for each in found[:-1]]
+    scores = [rope.scores(each.values[None], free) for rope, each in zip(of_fold, found, strict=False)]
+    clouds = [rope.cloud_scores(each.values, free) for rope, each in zip(of_fold, found, strict=False)]
+    particles = Scores(
+        np.array([score.mm[0, k] for k, score in enumerate(scores)]),
+        np.array([score.mm2[0, k] for k, score in enumerate(scores)]),
+    )
+    carried = Scores(
+        np.array([score.mm[k] for k, score in enumerate(clouds)]),
+        np.array([score.mm2[k] for k, score in enumerate(clouds)]),
+    )
+    return Row(name, particles, carried, tuple(free), found[-1])
 
 
 def main(folder: Path = FOLDER, models: int = MODELS, variants: bool = False) -> None:
@@ -296,7 +328,7 @@ def main(folder: Path = FOLDER, models: int = MODELS, variants: bool = False) ->
         compared(*map(list, zip(*pushes.clouds, strict=True))),
     )
     ropes = [Rope(pushes, tassels) for tassels in TASSELS]
-    rows = [still, left_out(ropes, "rod", FREE, models)]
+    rows = [still, ropes[0].known_ends(), left_out(ropes, "rod", FREE, models)]
     if variants:
         rows.append(left_out(ropes, "without the finger's offset", FREE[:-1], models))
         rows += [left_out(ropes, f"and {name}", (*FREE, name), models) for name in AXES if name not in FREE]

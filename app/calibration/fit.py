@@ -148,7 +148,8 @@ def fit(slopes: Slopes, start: Vector, specs: Sequence[ParameterSpec], settings:
         deviation = quadratics.deviation(weights) * _reach(specs)
     else:
         deviation = _deviation(slopes, here, specs)
-    margin = _margin(len(here.r), len(here.u)) * deviation
+    factor = _margin(len(here.r), len(here.u))
+    margin = factor * deviation if np.isfinite(factor) else np.full(len(here.u), np.inf)
     return Fit(
         values=_values(here.u, specs),
         low=_values(_bounded(here.u - margin, specs), specs),
@@ -191,7 +192,7 @@ def _probed(
     Points at which a transition is lost that is not lost at the estimate are left out.
     """
     reach, points = _reach(specs), list[_Point]()
-    for z in 2 * qmc.Halton(len(specs), seed=0).random(count) - 1:
+    for z in 2 * qmc.Halton(len(specs), rng=np.random.default_rng(0)).random(count) - 1:
         point = _evaluated(slopes, _bounded(here.u + z * reach, specs), specs)
         if point is not None and point.lost == here.lost:
             points.append(point)
@@ -267,11 +268,11 @@ def _deviation(slopes: Slopes, here: _Point, specs: Sequence[ParameterSpec]) -> 
     """Standard deviations of the coordinates: the infinitesimal jackknife over transitions (Jaeckel 1972).
 
     How much the mean gradient varies with the choice of transitions, through the inverse of the loss's curvature, which
-    is at least that of Gauss and Newton. Any for a single transition (`_margin`), and wide where the loss is flat.
+    is at least that of Gauss and Newton. Infinite for a single transition, and wide where the loss is flat.
     """
     count = len(here.r)
     if count < 2:
-        return np.ones(len(here.u))
+        return np.full(len(here.u), np.inf)
     curvature = np.stack([_curvature_along(slopes, here, specs, axis) for axis in range(len(here.u))])
     values, vectors = np.linalg.eigh((curvature + curvature.T) / 2)
     least = 2 / count * ((here.J @ vectors) ** 2).sum(0)

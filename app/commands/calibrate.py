@@ -44,10 +44,11 @@ def calibrate(
     if not recordings:
         raise UsageError("Name at least one recording: dipac calibrate recordings/FILE.mcap -o model.toml")
     check_writable(output, "-o")
+    paths = _counted(recordings)
     task = load(full_name(_task_of(recordings), dynamics=dynamics, model=start))
-    transitions = _transitions_of(recordings)
+    transitions = _transitions_of(paths)
     preset = _preset_for(task, transitions)
-    fitting = f"{', '.join(task.calibrated)} to {len(transitions)} transitions of {len(recordings)} recordings"
+    fitting = f"{', '.join(task.calibrated)} to {len(transitions)} transitions of {len(paths)} recordings"
     terminal.print(Text(f"Fitting {fitting}; that takes minutes."), soft_wrap=True)
     with terminal.status("loading the simulator"):
         old = _checked(start, task) if start else nominal_model(task.name)
@@ -86,9 +87,14 @@ def _task_of(recordings: tuple[Path, ...]) -> str:
     return next(iter(tasks.values()))
 
 
-def _transitions_of(recordings: tuple[Path, ...]) -> list[Transition]:
+def _counted(recordings: tuple[Path, ...]) -> list[Path]:
+    """Each recording once. Raises UsageError where one is there under several names."""
     paths = list(dict.fromkeys(counted_once(recordings)))
     check_distinct({path: digest(path) for path in paths})
+    return paths
+
+
+def _transitions_of(paths: list[Path]) -> list[Transition]:
     transitions = [transition for path in paths for transition in read_transitions(path)]
     if not transitions:
         raise RecordingError("The recordings hold no finished push to learn from; record at least one.")

@@ -35,7 +35,7 @@ def test_the_centreline_of_a_rope_with_tassels_is_found_and_is_as_long_as_the_ro
     line = principal_curve(tasselled(), 41)
     truth = arc(41)
     apart = min(np.linalg.norm(line - each, axis=1).mean() for each in (truth, truth[::-1]))
-    assert apart < 0.003
+    assert apart < RADIUS_M
     assert length_m(line) == pytest.approx(0.40, abs=0.012)
 
 

@@ -108,7 +108,9 @@ def make_rod_rollout(scene: RodScene, effects: tuple[Effect, ...] = ()) -> Simul
     ) -> RodState:
         if state.nodes.shape[2] != scene.nodes:  # The kernels take their number from the state, and the matrix has it.
             given = state.nodes.shape[2]
-            raise ParameterError(f"The rod has {given} nodes and its scene {scene.nodes}; make both with one spacing_m.")
+            raise ParameterError(
+                f"The rod has {given} nodes and its scene {scene.nodes}; make both with one spacing_m."
+            )
         own = jnp.tile(null, (len(tool), 1)) if phi is None else phi
         known = RodSetting.unknown(len(tool), scene.nodes) if setting is None else setting
         physics, state, tool, own, known = jax.tree.map(as_float32, (physics, state, tool, own, known))
