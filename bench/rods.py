@@ -29,12 +29,12 @@ from app.rig.simulated.physics import ROPE_WORLDS
 from app.rig.simulated.rehearsal import Take, push_again, rehearse
 from app.rig.simulated.rope import resample
 from app.sim.rods.rollout import RodPhysics, make_rod_rollout
-from app.sim.rods.scene import RodScene
 from app.sim.rods.state import RodState
 from app.tasks import load
 
 TASK: Final = load("rope_push")
-SCENE: Final = RodScene(length_m=0.40, radius_m=0.008, mass_kg=0.064, finger_radius_m=0.009)
+assert TASK.rods is not None
+SCENE: Final = TASK.rods.scene
 SIMULATE: Final = jax.jit(make_rod_rollout(SCENE))
 PLAN: Final = Plan(episodes=10, pushes=6)
 SEEDS: Final = (0, 77)
@@ -48,7 +48,7 @@ BESIDE_M: Final = 1e-3
 """Standard deviation an axis of starts beside the true one."""
 _WAVES: Final = 7
 """Of which these are made: a shift, and cosines of up to six half waves along the rope."""
-_SOFT_M, _LIFTED_M, _REST_S, _ASIDE = 0.003, 0.05, 0.3, 0.2
+_TIMED_S, _SOFT_M, _LIFTED_M, _REST_S, _ASIDE = 1.4, 0.003, 0.05, 0.3, 0.2
 _LASTING: Final = 7
 """Row of lasting bends in `RodState.nodes`."""
 
@@ -224,7 +224,7 @@ def timed(count: int) -> tuple[str, ...]:
     """Milliseconds of processors a push of 1.4 s, and with its gradient."""
     one = pushes("chain", SEEDS[0])
     which = np.arange(count) % len(one.before)
-    tool = jnp.asarray(one.tool[which, :1401], jnp.float32)
+    tool = jnp.asarray(one.tool[which, : round(_TIMED_S / SCENE.dt_s) + 1], jnp.float32)
     given, state = physics({}, count), RodState.along(jnp.asarray(one.before[which]))
 
     def cost(path: jax.Array) -> jax.Array:

@@ -118,7 +118,7 @@ def _task(rope: Rope, finger: Finger) -> Task:
             presets=MappingProxyType(
                 {
                     "cpu": Preset(branches=32, depth=2, particle_count=300, gradient_steps=8),
-                    "gpu": Preset(branches=256, depth=3, particle_count=2000, gradient_steps=10),
+                    "gpu": Preset(branches=64, depth=3, particle_count=2000, gradient_steps=10),
                 }
             ),
             push_substeps=round(PUSH_S / rod_dt_s),
