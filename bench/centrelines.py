@@ -16,22 +16,16 @@ from jaxtyping import Float64
 from rich.console import Console
 from rich.table import Table
 
-from app.core.messages import Frame, fresh_id
-from app.core.motion import pointing_down
 from app.core.track import Track
 from app.core.types import Points
-from app.perception.reconstruct import reconstruct
 from app.policy.strokes import Plan
-from app.rig.simulated.arm_model import solve_joints
-from app.rig.simulated.cameras import table_cameras
-from app.rig.simulated.physics import HOME_TOOL_M, WorldPhysics
+from app.rig.simulated.physics import WorldPhysics
 from app.rig.simulated.rehearsal import rehearse
-from app.rig.simulated.render import render
-from app.rig.simulated.world import Snapshot
 from app.sim.arc_length import arclength_labels
 from app.sim.rods.centreline import RopeShape, Weighted, distance, of_equal_steps, through
 from app.sim.rods.state import RodState
 from app.sim.rods.verdict import judged
+from bench.photographs import rendered
 from bench.rods import SCENE, SIMULATE, TASK, physics
 
 ROPE: Final = RopeShape(count=SCENE.nodes, rest_m=SCENE.rest_m, radius_m=SCENE.radius_m)
@@ -105,17 +99,12 @@ def dense(nodes: Float64[np.ndarray, "n 3"], seed: int) -> Points:
     return TASK.particles(nodes, 2000)
 
 
-def rendered(nodes: Float64[np.ndarray, "n 3"], seed: int) -> Points:
-    """As the simulated cell's cameras and the reconstruction of their images show it."""
-    tool, rng, frames = pointing_down(np.array(HOME_TOOL_M)), np.random.default_rng(seed), list[Frame]()
-    snapshot = Snapshot(time_s=0.0, nodes=nodes, tool=tool, joints=solve_joints(tool))
-    for camera in table_cameras():
-        color, depth = render(snapshot, camera, rng, stage=TASK.stage)
-        frames.append(Frame(id=fresh_id("frame"), time_s=0.0, camera=camera, color=color, depth=depth))
-    return reconstruct(frames, TASK.seeing).positions
+def seen(nodes: Float64[np.ndarray, "n 3"], seed: int) -> Points:
+    """As the simulated cell's cameras show it."""
+    return rendered(TASK, nodes, seed)
 
 
-SEEN: Final[tuple[Callable[[Float64[np.ndarray, "n 3"], int], Points], ...]] = (exact, noisy, holed, dense, rendered)
+SEEN: Final[tuple[Callable[[Float64[np.ndarray, "n 3"], int], Points], ...]] = (exact, noisy, holed, dense, seen)
 
 
 def folded(line: Float64[np.ndarray, "n 2"]) -> bool:

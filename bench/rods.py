@@ -18,7 +18,7 @@ from typing import Final, final, get_args
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Float64
+from jaxtyping import Float32, Float64
 from rich.console import Console
 from rich.table import Table
 from scipy.optimize import least_squares
@@ -31,6 +31,7 @@ from app.rig.simulated.rope import resample
 from app.sim.rods.rollout import RodPhysics, make_rod_rollout
 from app.sim.rods.state import RodState
 from app.tasks import load
+from bench.photographs import rendered
 
 TASK: Final = load("rope_push")
 assert TASK.rods is not None
@@ -192,14 +193,33 @@ def _smooth_noise(rng: np.random.Generator, count: int) -> Float64[np.ndarray, "
     return BESIDE_M * np.einsum("wa,wk->ka", rng.standard_normal((_WAVES, 2)), waves / np.sqrt(_WAVES))
 
 
-def accuracy(world: RopeModel) -> Iterator[tuple[str, ...]]:
+@cache
+def clouds(world: RopeModel, seed: int) -> Float32[np.ndarray, "P N 3"]:
+    """The rope before each push, as the cell's cameras and the reconstruction of their images show it."""
+    return np.stack(
+        [rendered(TASK, take.before.snapshot.nodes, number) for number, take in enumerate(takes(world, seed))]
+    )
+
+
+def seen_errors_mm(world: RopeModel, seed: int, rod: Rod) -> Float64[np.ndarray, " P"]:
+    """As `errors_mm`, of rods that begin where cameras see the rope, either end first."""
+    of, x = pushes(world, seed), clouds(world, seed)
+    start = RodState.at_rest(jnp.asarray(x), SCENE.nodes, SCENE.rest_m, SCENE.radius_m)
+    end = np.asarray(SIMULATE(physics(rod.values, len(x)), start, jnp.asarray(of.tool, jnp.float32)).nodes[:, :2])
+    return 1e3 * np.min([np.linalg.norm(line - of.after, axis=1).mean(1) for line in (end, end[..., ::-1])], axis=0)
+
+
+def accuracy(world: RopeModel, cameras: bool) -> Iterator[tuple[str, ...]]:
     """Rows of errors on each set of a world's pushes: of no motion, of rods by what they are fitted to, of itself."""
     for other, seed in (SEEDS, SEEDS[::-1]):
         test = pushes(world, seed)
+        own = contact_of(world, other)
         still = 1e3 * np.linalg.norm(test.before - test.after, axis=1).mean(1)
         yield world, str(seed), "no motion", *_spread(still)
         for name, rod in _rods(world, other):
             yield world, str(seed), f"{name}: {rod}", *_spread(errors_mm(test, rod))
+        if cameras:
+            yield world, str(seed), "contact fitted, seen by cameras", *_spread(seen_errors_mm(world, seed, own))
         yield world, str(seed), f"itself from starts {1e3 * BESIDE_M:.0f} mm beside", *_spread(itself_mm(world, seed))
 
 
@@ -245,12 +265,14 @@ def main(options: Sequence[str] = ()) -> None:
     """Print the tables."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--world", choices=(*get_args(RopeModel), "both"), default="both")
-    world = parser.parse_args(list(options)).world
+    parser.add_argument("--cameras", action="store_true", help="also from where cameras see the rope")
+    asked = parser.parse_args(list(options))
+    world = asked.world
     worlds: Sequence[RopeModel] = get_args(RopeModel) if world == "both" else (world,)
     console = Console(width=160)
     table = Table("world", "set", "rod, but for others", "pushes", "median, mm", "mean", "nine of ten below")
     for world in worlds:
-        for row in accuracy(world):
+        for row in accuracy(world, asked.cameras):
             table.add_row(*row)
     console.print(table)
     table = Table("candidates", "push, ms of a core", "with gradient")

@@ -44,8 +44,8 @@ def calibrate(
     if not recordings:
         raise UsageError("Name at least one recording: dipac calibrate recordings/FILE.mcap -o model.toml")
     check_writable(output, "-o")
-    paths = _counted(recordings)
     task = load(full_name(_task_of(recordings), dynamics=dynamics, model=start))
+    paths = _counted(recordings)
     transitions = _transitions_of(paths)
     preset = _preset_for(task, transitions)
     fitting = f"{', '.join(task.calibrated)} to {len(transitions)} transitions of {len(paths)} recordings"

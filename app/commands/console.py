@@ -7,7 +7,8 @@ import anyio
 import tyro
 from rich.text import Text
 
-from app.commands._episode import Options, Order, episode
+from app.commands._episode import Order, episode
+from app.commands._options import Options
 from app.ui.terminal import Output
 
 

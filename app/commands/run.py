@@ -7,7 +7,8 @@ import anyio
 import tyro
 from rich.text import Text
 
-from app.commands._episode import Options, Order, Report, episode
+from app.commands._episode import Order, Report, episode
+from app.commands._options import Options
 from app.commands._preflight import check_writable, unwritable
 from app.ui.terminal import Output
 from app.ui.words import millimetres

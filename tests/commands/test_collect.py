@@ -62,9 +62,9 @@ def test_recordings_are_never_written_over_and_calibrate_a_model_with_a_plot(
     assert main(["calibrate", *map(str, paths), "-o", str(model)]) == 0
     assert f"how it went to {tmp_path / 'model.svg'}" in capsys.readouterr().out.replace("\n", "")
     drawn = (tmp_path / "model.svg").read_text()
-    for name in load("rope_push").calibrated:
+    for name in load("rope_push@rods").calibrated:
         assert name in drawn
-    found = load_model(model, task="rope_push", time_s=0.0)
+    found = load_model(model, task="rope_push@rods", time_s=0.0)
     assert found.transition_count == 4
     assert found.version == 1
 

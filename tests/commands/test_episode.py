@@ -3,7 +3,8 @@
 import pytest
 
 from app.__main__ import main
-from app.commands._episode import Options, Order
+from app.commands._episode import Order
+from app.commands._options import Options
 from app.core.errors import MotionRefused, UsageError
 from app.tasks import load
 
@@ -25,7 +26,7 @@ def test_a_world_of_ropes_is_refused_for_a_task_without_one_before_anything_star
 
 @pytest.mark.parametrize("rig", ["gen3", "replayed"])
 def test_a_cell_whose_rope_is_not_simulated_is_in_no_world_of_ropes(rig):
-    order = Order(task="rope_push", options=Options(rig=rig, world="cable"), automatic=False)
+    order = Order(asked="rope_push", options=Options(rig=rig, world="cable"), automatic=False)
     with pytest.raises(UsageError, match=f"{rig} has none"):
         order.stage(load("rope_push"))
 

@@ -68,9 +68,9 @@ def test_an_evaluation_that_was_killed_goes_on_and_plays_nothing_twice(
         assert row["failure"] == ""
         assert row["chamfers_m2"][-1] == row["chamfer_m2"] != row["chamfers_m2"][0]
     assert "| dipac, no planning | 3 | 0 |" in (folder / "table.md").read_text()
-    assert (folder / "rope_push-chamfer.svg").exists()
+    assert (folder / "rope_push@rods-chamfer.svg").exists()
     said = capsys.readouterr().out
-    assert "rope_push dipac no_planning" in said
+    assert "rope_push@rods dipac no_planning" in said
     # Once more, there is nothing to play, and what stands there is told with the same numbers.
     table = (folder / "table.md").read_text()
     assert main(["evaluate", *SHORT, "-o", str(folder)]) == 0

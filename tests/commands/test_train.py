@@ -148,7 +148,7 @@ def test_a_learned_policy_plays_alone_and_guides_the_tree(
     assert row["policies"] == str(tmp_path / "policies")
     assert row["policy_digest"] == alone.policy.digest
     where = ["--policies", str(tmp_path / "policies"), "-o", str(tmp_path / "results")]
-    short = ["--preset", "cpu", "--eyes", "truth", "--actions", "1", "--seeds", "1"]
+    short = ["--dynamics", "mpm", "--preset", "cpu", "--eyes", "truth", "--actions", "1", "--seeds", "1"]
     again = ["evaluate", "--task", "rope_push", "--planner", "bc", *short, *where]
     for digest, code in ((row["policy_digest"], 0), ("of another training", 2)):
         ledger.append(

@@ -15,6 +15,8 @@ import pytest
 from app.core.errors import UsageError
 from app.evaluation.workers import finished
 
+pytestmark = pytest.mark.serial
+
 PATIENCE_S = 60.0
 
 

@@ -13,6 +13,8 @@ from app.core.messages import Episode, Frame, Notice
 from app.recording.reader import read_messages
 from app.recording.recover import recover
 
+pytestmark = pytest.mark.serial
+
 _EPISODE = """
 import sys, time
 from pathlib import Path

@@ -7,6 +7,8 @@ import pytest
 
 from app.ui.backstage import Backstage
 
+pytestmark = pytest.mark.serial
+
 
 @pytest.fixture(scope="module")
 def backstage() -> Iterator[Backstage]:

@@ -9,7 +9,7 @@ import aiohttp
 import pytest
 from yarl import URL
 
-from app.commands._episode import Options
+from app.commands._options import Options
 from app.core.errors import PreflightError, UsageError
 from app.ui import open_console
 from app.ui.tls import Tls

@@ -90,7 +90,7 @@ class Lessons:
     def framed(self, goal: Float[Array, "B M 3"], now: Now, act: Callable[[Sight], Acted]) -> Acted:
         """What is done now by what acts on what is seen in the frame of the task's symmetry."""
         frame = self.symmetry.frame(goal, now.x)
-        here = Now(now.state._replace(x=frame.places(now.x)), frame.poses(now.tool))
+        here = Now.at_rest(frame.places(now.x))._replace(tool=frame.poses(now.tool))  # Motion is not seen.
         acted = act(self.seen(frame.places(goal), here))
         return _moved(self.space, acted, frame.inverse) if self.symmetry.turns else acted
 
