@@ -286,7 +286,7 @@ def rod_kernels(*, on_gpu: bool, laws: str = "") -> RodKernels:
     module.options["extra_build_options"] = _options(laws)
     module.options["fast_math"] = on_gpu  # A block waits for its divisions and roots; on a CPU they come in sixteens.
 
-    @wp.kernel(module=module, enable_backward=False)
+    @wp.kernel(module=module, enable_backward=False, launch_bounds=THREADS)
     def forward(
         first_group: int,
         first_slot: int,
@@ -311,7 +311,7 @@ def rod_kernels(*, on_gpu: bool, laws: str = "") -> RodKernels:
             step(group, slot, s, numbers, smoother, start, traits, tool, scratch)
         store_end(group, slot, numbers, start, scratch, end)
 
-    @wp.kernel(module=module, enable_backward=False)
+    @wp.kernel(module=module, enable_backward=False, launch_bounds=THREADS)
     def adjoint(
         first_group: int,
         first_slot: int,
