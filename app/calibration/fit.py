@@ -39,6 +39,8 @@ _ASIDE = 1.6
 """How many such steps away the outermost probes are."""
 _FLAT_M2 = 1e-9
 """Less curvature than this is none: half of it is the loss [m^2] that a factor e would cost."""
+_STEEPEST = 30.0
+"""Slopes of residuals that are so many medians long count as that."""
 _SMALLEST_M = 1e-5
 """Residuals [m] below a hundredth of a millimetre count as that, where the root has no slope."""
 
@@ -229,8 +231,18 @@ def _evaluated(slopes: Slopes, u: Vector, specs: Sequence[ParameterSpec]) -> _Po
     per_coordinate = np.array(
         [v if spec.scale == "log" else spec.high - spec.low for v, spec in zip(values, specs, strict=True)]
     )
-    J = np.asarray(gradients, np.float64)[finite] * per_coordinate / (2 * r[:, None])
+    J = _credible(np.asarray(gradients, np.float64)[finite] * per_coordinate / (2 * r[:, None]))
     return _Point(u=u, lost=tuple(np.flatnonzero(~finite).tolist()), r=r, J=J)
+
+
+def _credible(J: Float64[np.ndarray, "K Q"]) -> Float64[np.ndarray, "K Q"]:
+    """Slopes, of which those far steeper than the others' are shortened.
+
+    Some contacts have a million times the usual slope, and would stop every step.
+    """
+    steep = np.linalg.norm(J, axis=1)
+    most = _STEEPEST * np.median(steep)
+    return J * np.minimum(1, most / np.maximum(steep, np.finfo(float).tiny))[:, None] if most > 0 else J
 
 
 def _newton_step(here: _Point, objective: _Objective, damping: float, specs: Sequence[ParameterSpec]) -> Vector:

@@ -12,6 +12,8 @@ from jaxtyping import Float64
 
 _FLAT_M2 = 1e-9
 """Less curvature than this is none: half of it is the loss [m^2] that a step of one unit would cost on the average."""
+_STEEPEST = 5.0
+"""Gradients so many medians long are taken at their word."""
 _WEAKEST, _REACH = 0.02, 0.5
 """Share of the largest curvature that the smallest is taken to have at least, as less cannot be told from none; and
 standard deviation of points spread to both sides of the estimate by a unit. Both of `bench.calibration_coverage`."""
@@ -48,7 +50,11 @@ class Quadratics:
 def fit_quadratics(
     z: Float64[np.ndarray, "M Q"], losses: Float64[np.ndarray, "M K"], gradients: Float64[np.ndarray, "M K Q"]
 ) -> Quadratics:
-    """Least squares through losses and their gradients at M points; what these leave open is 0."""
+    """Least squares through losses and their gradients at M points; what these leave open is 0.
+
+    At a few points the slope of a contact is a million times the usual one, and says nothing of the loss about it: such
+    gradients count for as little as they are too steep.
+    """
     points, free = z.shape
     rows, columns = np.triu_indices(free)
     twice = np.where(rows == columns, 0.5, 1.0)
@@ -63,7 +69,13 @@ def fit_quadratics(
                 of_slopes[axis, :, number] = z[:, row]
     design = np.concatenate([of_values, of_slopes.reshape(-1, of_values.shape[1])])
     seen = np.concatenate([losses, gradients.transpose(2, 0, 1).reshape(-1, losses.shape[1])])
-    found = np.linalg.lstsq(design, seen, rcond=None)[0]
+    steep = np.linalg.norm(gradients, axis=2)
+    share = np.minimum(1, _STEEPEST * np.median(steep, axis=0) / np.maximum(steep, np.finfo(float).tiny)) ** 2
+    weights = np.concatenate([np.ones_like(losses), np.tile(share, (free, 1))])
+    found = np.stack(
+        [np.linalg.lstsq(w[:, None] * design, w * y, rcond=None)[0] for w, y in zip(weights.T, seen.T, strict=True)],
+        axis=1,
+    )
     H = np.zeros((losses.shape[1], free, free))
     H[:, rows, columns] = H[:, columns, rows] = found[1 + free :].T
     return Quadratics(g=found[1 : 1 + free].T, H=H)

@@ -54,3 +54,13 @@ def test_of_two_coordinates_of_which_only_the_sum_matters_each_is_unknown_and_th
     slopes = 1e-2 * np.random.default_rng(3).standard_normal((20, 1))
     of = Quadratics(g=np.tile(slopes, (1, 2)), H=np.ones((20, 2, 2)))
     assert of.deviation(np.ones(20)).min() > 0.3
+
+
+def test_a_few_slopes_that_are_a_million_times_too_steep_do_not_decide() -> None:
+    truth, z, losses, slopes = sampled()
+    slopes = slopes.copy()
+    slopes[3] *= 1e6
+    slopes[17, ::2] *= -1e5
+    found = fit_quadratics(z, losses, slopes)
+    np.testing.assert_allclose(found.g, truth.g, atol=0.01)
+    np.testing.assert_allclose(found.H, truth.H, atol=0.03)
