@@ -14,22 +14,22 @@ Dynamics: TypeAlias = Literal["rods", "mpm"]
 
 
 def full_name(task: str, *, dynamics: Dynamics | None, sizes: Path | None = None, model: Path | None = None) -> str:
-    """Of `task` with the sizes in a file, and with these dynamics: None takes those of `model`, or the task's own.
+    """Of `task` with the sizes in a file, and with these dynamics.
 
-    A model of the same task says its sizes, too, where no file does. Raises UsageError for a task, size or dynamics
-    that do not exist.
+    What neither the name nor the caller says is that of `model`, where it is of the same task, or the task's own.
+    Raises UsageError for a task, size or dynamics that do not exist, and where name and `dynamics` contradict.
     """
     load(task)
     name = TaskName.parse(task)
-    if sizes is not None:
-        task = str(TaskName.of(name.problem, dict(name.sizes) | read_sizes(sizes)))
-    if model is not None and dynamics is None and "@" not in task:
-        known = task_of(model)
-        its = TaskName.parse(known)
-        if its.problem == name.problem and not TaskName.parse(task).sizes:
-            return known
-        dynamics = "rods" if its.dynamics == "rods" else "mpm"
-    return named(task, dynamics)
+    engine: str | None = name.dynamics if "@" in task else None
+    if None not in (engine, dynamics) and engine != dynamics:
+        raise UsageError(f"{task} contradicts --dynamics {dynamics}; leave one of them out.")
+    engine, own = engine or dynamics, dict(name.sizes) | (read_sizes(sizes) if sizes else {})
+    if model is not None:
+        its = TaskName.parse(task_of(model))
+        if its.problem == name.problem:
+            engine, own = engine or its.dynamics, own or dict(its.sizes)
+    return named(str(TaskName.of(name.problem, own)), engine)
 
 
 def read_sizes(path: Path) -> dict[str, float]:

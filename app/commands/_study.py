@@ -10,6 +10,7 @@ import numpy as np
 from app.commands._sightings import look_beside
 from app.core.errors import RecordingError, UsageError
 from app.core.messages import Episode, Executed, Message, MessageId, Particles, Sighting, Transition
+from app.core.task_name import recorded
 from app.core.track import Track
 from app.core.types import Cloud, Points
 from app.discovery.study import Push, Study, View
@@ -120,8 +121,8 @@ def _look(path: Path, episodes: Sequence[_Recorded], task: Task, low_m: float) -
 
 
 def _task_of(episodes: Sequence[_Recorded], wanted: str | None) -> str:
-    tasks = {recorded.path: recorded.episode.task for recorded in episodes}
-    names = {recorded.episode.task for recorded in episodes}
+    tasks = {each.path: recorded(each.episode.task) for each in episodes}
+    names = {recorded(each.episode.task) for each in episodes}
     listed = ", ".join(f"{path}: {task}" for path, task in tasks.items())
     if len(names) > 1:
         raise UsageError(f"The recordings are of different tasks ({listed}); give those of one task at a time.")

@@ -17,6 +17,7 @@ from app.commands._named import Dynamics, full_name
 from app.commands._preflight import check_writable
 from app.core.errors import RecordingError, UsageError
 from app.core.messages import Model, Transition
+from app.core.task_name import recorded
 from app.evaluation.progress import draw_trials
 from app.evaluation.scores import MM2
 from app.recording.digests import check_distinct, digest
@@ -44,7 +45,10 @@ def calibrate(
     if not recordings:
         raise UsageError("Name at least one recording: dipac calibrate recordings/FILE.mcap -o model.toml")
     check_writable(output, "-o")
-    task = load(full_name(_task_of(recordings), dynamics=dynamics, model=start))
+    named = _task_of(recordings)
+    task = load(full_name(named, dynamics=dynamics, model=start))
+    if task.recorded != named:
+        raise UsageError(f"{start} is a model of {task.recorded}, not of the recordings' {named}; start from another.")
     paths = _counted(recordings)
     transitions = _transitions_of(paths)
     preset = _preset_for(task, transitions)
@@ -80,7 +84,7 @@ def _checked(path: Path, task: Task) -> Model:
 
 
 def _task_of(recordings: tuple[Path, ...]) -> str:
-    tasks = {path: read_episode(path).task for path in recordings}
+    tasks = {path: recorded(read_episode(path).task) for path in recordings}
     if len(set(tasks.values())) > 1:
         listed = ", ".join(f"{path}: {task}" for path, task in tasks.items())
         raise UsageError(f"The recordings are of different tasks ({listed}); calibrate one task at a time.")

@@ -1,5 +1,6 @@
 """Record demonstrations: an expert of a task plays episodes in a simulated cell."""
 
+import shlex
 from pathlib import Path
 from typing import Annotated, Literal
 
@@ -81,10 +82,9 @@ def collect(
             f"Of {len(seeds)} episodes {kept} reached the goal, and are in {folder}; go on with --seed {seeds.stop}, "
             "or try another --expert."
         )
-    terminal.print(f"Calibrate with `dipac calibrate {folder}/*.mcap -o {task}.toml`,", markup=False)
-    terminal.print(
-        f"learn a policy with `dipac train {task} --demos {folder}/*.mcap -o policies/{task}/bc`.", markup=False
-    )
+    shown, name, where = f"{shlex.quote(str(folder))}/*.mcap", shlex.quote(task), shlex.quote(f"policies/{task}/bc")
+    terminal.print(f"Calibrate with `dipac calibrate {shown} -o {shlex.quote(f'{task}.toml')}`,", markup=False)
+    terminal.print(f"learn a policy with `dipac train {name} --demos {shown} -o {where}`.", markup=False)
 
 
 def _told(shown: Demonstration) -> str:

@@ -18,6 +18,7 @@ from app.recording.file import EpisodeFile
 from app.recording.plain import Plain, read_plain
 from app.tasks import load
 from app.tasks.base import Task
+from app.tasks.sizes import SIZES
 
 
 def import_(
@@ -36,23 +37,34 @@ def import_(
         raise UsageError(f"{output} exists; choose another place with -o, so that no recording is lost.")
     check_writable(output, "-o")
     plain = read_plain(file)
-    known = _sized(load(_task_name(plain, task, file)), plain)
+    known, notes = _sized(load(_task_name(plain, task, file)), plain)
     count = known.preset("cpu").particle_count
-    _write(output, imported_messages(plain, known.name, count))
+    _write(output, imported_messages(plain, known.recorded, count))
     pushes = sum(len(episode.pushes) for episode in plain.episodes)
-    terminal.print(f"{output}: {pushes} pushes in {len(plain.episodes)} episodes of {known.name}.")
+    terminal.print(f"{output}: {pushes} pushes in {len(plain.episodes)} episodes of {known.recorded}.")
+    for note in notes:
+        terminal.print(note)
 
 
-def _sized(task: Task, plain: Plain) -> Task:
-    """The task about an object and a tool of the sizes that the file says, where these can be others."""
+def _sized(task: Task, plain: Plain) -> tuple[Task, list[str]]:
+    """The task about an object and a tool of the sizes that the file says, and which of these it cannot have."""
     said = {
         "length_m": (plain.about.get("object", {}).get("length_m"), task.rope.length_m),
         "radius_m": (plain.about.get("object", {}).get("radius_m"), task.rope.radius_m),
         "mass_kg": (plain.about.get("object", {}).get("mass_kg"), task.rope.mass_kg),
         "finger_radius_m": (plain.about.get("tool", {}).get("radius_m"), task.finger.radius_m),
     }
-    other = {name: float(value) for name, (value, own) in said.items() if value is not None and value != own}
-    return load(str(TaskName.of(task.problem, other)))
+    sizes, notes = dict(TaskName.parse(task.name).sizes), list[str]()
+    for name, (value, own) in said.items():
+        if value is None or value == own:
+            continue
+        low, high = SIZES[name]
+        if task.sized is not None and low <= value <= high:
+            sizes[name] = float(value)
+        else:
+            can = f"from {low:g} to {high:g}" if task.sized is not None else "only that"
+            notes.append(f"about says {name} = {value:g}; the task {task.problem} has {own:g}, and can have {can}.")
+    return load(str(TaskName.of(task.problem, sizes))), notes
 
 
 def _task_name(plain: Plain, given: str | None, file: Path) -> str:

@@ -16,6 +16,7 @@ from app.commands._preflight import make_folder
 from app.commands._progress import counting
 from app.commands._version import code_version
 from app.core.errors import SimulationError, UsageError
+from app.core.task_name import recorded
 from app.evaluation.learning import draw_learning
 from app.policy.learned import kinds
 from app.policy.learned.base import Lessons
@@ -58,7 +59,10 @@ def train(
         output: the folder to write: the policy, curves, and what is needed to go on.
     """
     terminal = Console(highlight=False, soft_wrap=True)
-    known, learner = load(full_name(task, dynamics=None if model else "mpm", model=model)), kinds.load(policy)
+    known, learner = (
+        load(full_name(task, dynamics=None if model or "@" in task else "mpm", model=model)),
+        kinds.load(policy),
+    )
     if steps < 1 or batch < 1 or seed < 0:
         raise UsageError(f"--steps {steps} and --batch {batch} must be at least 1, and --seed {seed} at least 0.")
     make_folder(output, "-o")
@@ -89,14 +93,14 @@ def train(
         raise SimulationError(
             f"In {training.step} steps no loss was a number; train on other demonstrations, or by another --policy."
         )
-    save_policy(output / FILE, found, _origin(task, policy, settings, training, hashes, model))
+    save_policy(output / FILE, found, _origin(known.problem, task, policy, settings, training, hashes, model))
     if training.left_out:
         terminal.print(f"{training.left_out} of {training.step} steps changed nothing: their slopes were no numbers.")
     if training.curve:
         draw_learning(training.curve, f"{task}: {policy}", output / "learning.svg")
     terminal.print(
         f"Held out loss {training.best_loss:.4g} after {training.step} steps; written to {output / FILE}. "
-        f"Use it with `dipac run {task} --policy {output}`.",
+        f"Use it with `{shlex.join(['dipac', 'run', task, '--policy', str(output)])}`.",
         markup=False,
     )
 
@@ -110,7 +114,7 @@ def _shown(demos: tuple[Path, ...], task: str) -> dict[Path, Taught]:
     if twice := sorted({name for name in names if names.count(name) > 1}):
         raise UsageError(f"Recordings of the same name ({', '.join(twice)}) count once; leave out the others.")
     check_distinct({path: each.digest for path, each in shown.items()})
-    others = {path.name: each.task for path, each in shown.items() if each.task != task}
+    others = {path.name: each.task for path, each in shown.items() if recorded(each.task) != task}
     if others:
         listed = ", ".join(f"{name}: {other}" for name, other in others.items())
         raise UsageError(f"These recordings are of other tasks than {task} ({listed}); leave them out.")
@@ -133,14 +137,20 @@ def _tell(progress: Bar, bar: TaskID, step: Progress) -> None:
 
 
 def _origin(
-    task: str, kind: str, settings: Settings, training: Training, hashes: dict[str, str], model: Path | None
+    problem: str,
+    task: str,
+    kind: str,
+    settings: Settings,
+    training: Training,
+    hashes: dict[str, str],
+    model: Path | None,
 ) -> Origin:
     """With a command that names files and no folders of this machine."""
     numbers = (("--steps", settings.steps), ("--batch", settings.batch), ("--seed", settings.seed))
     options = [text for name, number in numbers for text in (name, str(number))]
     started = ["--model", model.name] if model else []
     return Origin(
-        task=task,
+        task=problem,
         kind=kind,
         seed=settings.seed,
         steps=training.step,

@@ -36,6 +36,8 @@ class TaskName:
             if found is None:
                 raise ValueError("it is not of that form")
             pairs = [pair.split("=") for pair in (found["sizes"] or "").split(",") if pair]
+            if len({name for name, *_ in pairs}) < len(pairs):
+                raise ValueError("a size stands there twice")
             return cls.of(found["problem"], {name: float(value) for name, value in pairs}, found["dynamics"] or "mpm")
         except ValueError as error:
             form = "rope_push, or rope_push(length_m=0.3,radius_m=0.006)@rods"

@@ -12,6 +12,7 @@ from app.core.types import Poses
 _FEWEST_POINTS: Final = 30
 """Of an object: fewer do not say where each part of it is."""
 _FARTHEST_M: Final = 5.0
+_HEAVIEST_KG: Final = 100.0
 """No arm on a table reaches as far, and no object on it is as long."""
 _FASTEST_M_S: Final = 10.0
 _LONGEST_PUSH_S: Final = 600.0
@@ -132,6 +133,9 @@ def plausible_poses(
 
 def plausible_about(about: Mapping[str, Any]) -> None:
     """Raises RecordingError where a size in it is none of a thing on a table."""
+    mass = _number(about, "object", "mass_kg")
+    if mass is not None and not 0 < mass <= _HEAVIEST_KG:
+        raise RecordingError(f"about says that object.mass_kg is {mass:g}; give kilograms, or leave it out.")
     for thing, name in (("object", "length_m"), ("object", "radius_m"), ("tool", "radius_m")):
         size = _number(about, thing, name)
         if size is not None and not 0 < size <= _FARTHEST_M:

@@ -46,17 +46,12 @@ def load(name: str) -> Task:
 
 
 def named(task: str, dynamics: str | None = None) -> str:
-    """The full name of `task` with these dynamics: its own where None are given and its name says none.
+    """The full name of `task` with these dynamics instead of any that it says, and with its own where None are given.
 
-    Raises UsageError where two are given, or a task has no such dynamics.
+    Raises UsageError where it has no such dynamics.
     """
-    said = TaskName.parse(task)
-    if "@" in task:
-        if dynamics not in (None, said.dynamics):
-            raise UsageError(f"{task} contradicts --dynamics {dynamics}; leave one of them out.")
-        return load(task).name
     known = load(task)
-    return load(str(replace(said, dynamics=dynamics or known.own_dynamics))).name
+    return load(str(replace(TaskName.parse(task), dynamics=dynamics or known.own_dynamics))).name
 
 
 def _of_file(name: str) -> Task:

@@ -79,7 +79,7 @@ def calibrate(
     """The next version of the model, fitted by gradient to all the transitions, from `model` until it settles.
 
     Where transitions cannot be predicted, the log names a dump of one. Raises SimulationError where none can be,
-    UsageError where there are no transitions.
+    UsageError where there are no transitions, and of rods RecordingError where they cannot tell anything.
     """
     return calibration(task, preset, transitions, model, site).model
 

@@ -59,3 +59,20 @@ def test_impossible_sizes_and_contradictions_are_refused(tmp_path: Path):
         full_name("rope_push@rods", dynamics="mpm")
     with pytest.raises(UsageError, match="Unknown dynamics"):
         full_name("bean_sweep", dynamics="rods")
+
+
+def test_a_file_of_sizes_leaves_the_dynamics_and_other_sizes_as_they_are_named(tmp_path: Path):
+    sizes = file(tmp_path, "length_m = 0.3")
+    assert full_name("rope_push@mpm", dynamics=None, sizes=sizes) == "rope_push(length_m=0.3)"
+    assert full_name("rope_push(radius_m=0.006)", dynamics=None, sizes=sizes) == (
+        "rope_push(length_m=0.3,radius_m=0.006)@rods"
+    )
+    with pytest.raises(UsageError, match="contradicts"):
+        full_name("rope_push@rods", dynamics="mpm", sizes=sizes)
+
+
+def test_a_model_of_another_task_says_nothing_and_one_of_the_same_task_its_sizes(tmp_path: Path):
+    save_model(tmp_path / "model.toml", nominal_model("rope_push(length_m=0.3)@rods"))
+    assert full_name("bean_sweep", dynamics=None, model=tmp_path / "model.toml") == "bean_sweep"
+    named = full_name("rope_push", dynamics="rods", model=tmp_path / "model.toml")
+    assert named == "rope_push(length_m=0.3)@rods"

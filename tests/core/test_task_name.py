@@ -26,7 +26,9 @@ def test_sizes_in_any_order_are_the_same_name():
     assert str(TaskName.parse("a(y=2,x=1)")) == "a(x=1,y=2)"
 
 
-@pytest.mark.parametrize("text", ["", "rope_push(", "rope_push(radius_m)", "rope_push(radius_m=thin)", "a@b@c", "a()b"])
+@pytest.mark.parametrize(
+    "text", ["", "rope_push(", "rope_push(radius_m)", "rope_push(radius_m=thin)", "a@b@c", "a()b", "a(x=1,x=2)"]
+)
 def test_what_is_no_name_is_refused(text: str):
     with pytest.raises(UsageError, match="no name of a task"):
         TaskName.parse(text)
