@@ -59,9 +59,9 @@ def load_model(path: Path, *, task: str, time_s: float, whole: bool = True) -> M
     Whether its parameters are known and within their ranges is the task's to say (`app.tasks.jobs.check_model`).
     """
     model = _read(path, time_s)
-    if model.task != task and (whole or recorded(model.task) != recorded(task)):
-        other = recorded(model.task) == recorded(task)
-        step = f"give --dynamics {TaskName.parse(model.task).dynamics}" if other else "calibrate one for it"
+    same = recorded(model.task) == recorded(task)
+    if model.task != task and (whole or not same):
+        step = f"give --dynamics {TaskName.parse(model.task).dynamics}" if same else "calibrate one for it"
         raise UsageError(f"{path} is a model of task {model.task!r}, not of {task!r}; {step}.")
     return model
 

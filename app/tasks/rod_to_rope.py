@@ -14,13 +14,14 @@ from app.planner.passage import Passage
 from app.policy.scripted_gap import ScriptedGap
 from app.policy.symmetry import Symmetry
 from app.sim.materials.rope import Rope as RopeMaterial
-from app.sim.rods.scene import RodScene, Wall
+from app.sim.rods.scene import Wall
 from app.sim.scene import Body, Scene
 from app.sim.tools import finger as sim_finger
 from app.sim.tools.box import WallsWithGap
 from app.tasks.aim import Beyond
-from app.tasks.base import Lesson, Preset, RodDynamics, Task
+from app.tasks.base import Lesson, Preset, Task
 from app.tasks.passing import GappedWall, Passing
+from app.tasks.rods import rods_of
 
 ROPE = Rope(length_m=0.24, radius_m=0.008, mass_kg=0.0384, colour=(0.80, 0.24, 0.10))
 FINGER = Finger(radius_m=0.009, push_height_m=0.006)
@@ -34,8 +35,6 @@ KEEP_OUT_M = FINGER.radius_m + 0.006
 START_M = (0.43, 0.0)
 
 ROD = replace(ROPE, rigid=True)
-ROD_DT_S = 1.5e-3
-"""Of ropes as rods; a push takes 1.2 s, 18 cm at 0.15 m/s, and what comes to rest after it 0.15 s."""
 
 TASK = Task(
     name="rod_to_rope",
@@ -110,26 +109,15 @@ TASK = Task(
     horizon=10,
     haste=5.0,
     own_dynamics="rods",
-    rods=RodDynamics(
-        scene=RodScene(
-            length_m=ROPE.length_m,
-            radius_m=ROPE.radius_m,
-            mass_kg=ROPE.mass_kg,
-            finger_radius_m=FINGER.radius_m,
-            dt_s=ROD_DT_S,
-            walls=Wall.with_gap(WALL.x_m, WALL.gap_m, WALL.reach_m, WALL.thickness_m),
-            stiffest_n_m2=4e-4,
-        ),
-        physics=MappingProxyType({"climb": 0.36, "press": 0.4, "margin": 4.5e-4}),
-        nominal=MappingProxyType({"stiffness": 1.865e4, "table_friction": 0.50, "finger_friction": 0.25}),
-        presets=MappingProxyType(
-            {
-                "cpu": Preset(branches=32, depth=1, particle_count=180, gradient_steps=6),
-                "gpu": Preset(branches=64, depth=3, particle_count=1200, gradient_steps=10),
-            }
-        ),
-        push_substeps=round(1.2 / ROD_DT_S),
-        rest_substeps=round(0.15 / ROD_DT_S),
+    rods=rods_of(
+        ROPE,
+        FINGER,
+        {
+            "cpu": Preset(branches=32, depth=1, particle_count=180, gradient_steps=6),
+            "gpu": Preset(branches=64, depth=3, particle_count=1200, gradient_steps=10),
+        },
+        walls=Wall.with_gap(WALL.x_m, WALL.gap_m, WALL.reach_m, WALL.thickness_m),
+        stiffest_n_m2=4e-4,
     ),
     presets=MappingProxyType(
         {

@@ -13,23 +13,18 @@ from app.planner.optimise import Descent
 from app.policy.scripted import ScriptedPush
 from app.policy.symmetry import Symmetry
 from app.sim.materials.rope import Rope as RopeMaterial
-from app.sim.rods.scene import RodScene
 from app.sim.scene import Body, Scene
 from app.sim.tools import finger as sim_finger
 from app.tasks.aim import Near
-from app.tasks.base import Preset, RodDynamics, Task
+from app.tasks.base import Preset, Task
 from app.tasks.curves import RopeProblems
+from app.tasks.rods import rods_of
 
 ROPE = Rope(length_m=0.40, radius_m=0.008, mass_kg=0.064, colour=(0.80, 0.24, 0.10))
 FINGER = Finger(radius_m=0.009, push_height_m=0.006)
 
 LOWEST_M = 0.0055
 """Of the tip of a finger: the workspace ends half a millimetre below."""
-
-PUSH_S, REST_S = 1.2, 0.15
-"""Of a push as rods simulate it: 18 cm at 0.15 m/s, and what comes to rest after it."""
-THIN_M = 0.006
-"""Thinner ropes bend so little that longer time steps would let them stretch by more than a hundredth."""
 
 DT_S, PUSH_SUBSTEPS, DENSITY_KG_M3 = 7.0e-4, 240, 795.0
 """Time steps of material points in a push, for this rope or a denser one."""
@@ -44,7 +39,6 @@ def _task(rope: Rope, finger: Finger) -> Task:
     touch_m = rope.radius_m + finger.radius_m
     volume_m3 = pi * rope.radius_m**2 * rope.length_m
     # Waves are faster in what is lighter, and time steps as much shorter.
-    rod_dt_s = 1.5e-3 if rope.radius_m > THIN_M else 1e-3
     substeps = ceil(PUSH_SUBSTEPS * max(1.0, sqrt(DENSITY_KG_M3 * volume_m3 / rope.mass_kg)))
     clearance_m = touch_m + BESIDE_M
     return Task(
@@ -104,25 +98,13 @@ def _task(rope: Rope, finger: Finger) -> Task:
         haste=5.0,
         own_dynamics="rods",
         sized=_task,
-        rods=RodDynamics(
-            scene=RodScene(
-                length_m=rope.length_m,
-                radius_m=rope.radius_m,
-                mass_kg=rope.mass_kg,
-                finger_radius_m=finger.radius_m,
-                dt_s=rod_dt_s,
-            ),
-            # Of the simulated cell, whose rope hops a little as it slides (`bench.rods`).
-            physics=MappingProxyType({"climb": 0.36, "press": 0.4, "margin": 4.5e-4}),
-            nominal=MappingProxyType({"stiffness": 1.865e4, "table_friction": 0.50, "finger_friction": 0.25}),
-            presets=MappingProxyType(
-                {
-                    "cpu": Preset(branches=32, depth=2, particle_count=300, gradient_steps=8),
-                    "gpu": Preset(branches=64, depth=3, particle_count=2000, gradient_steps=10),
-                }
-            ),
-            push_substeps=round(PUSH_S / rod_dt_s),
-            rest_substeps=round(REST_S / rod_dt_s),
+        rods=rods_of(
+            rope,
+            finger,
+            {
+                "cpu": Preset(branches=32, depth=2, particle_count=300, gradient_steps=8),
+                "gpu": Preset(branches=64, depth=3, particle_count=2000, gradient_steps=10),
+            },
         ),
         presets=MappingProxyType(
             {

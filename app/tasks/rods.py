@@ -1,0 +1,44 @@
+"""Rods of the simulated cell's tasks: numbers of their contact, and times of their pushes, which all ropes share."""
+
+from collections.abc import Mapping
+from types import MappingProxyType
+
+from app.core.stage import Finger, Rope
+from app.sim.rods.scene import RodScene, Wall
+from app.tasks.base import Preset, RodDynamics
+
+PUSH_S, REST_S = 1.2, 0.15
+"""Of a push: 18 cm at 0.15 m/s, and what comes to rest after it."""
+DT_S, THIN_DT_S, THIN_M = 1.5e-3, 1e-3, 0.006
+"""Time steps; thinner ropes bend so little that longer ones would let them stretch by more than a hundredth."""
+CONTACT = MappingProxyType({"climb": 0.36, "press": 0.4, "margin": 4.5e-4})
+"""Of the simulated cell, whose rope hops a little as it slides (`bench.rods`)."""
+NOMINAL = MappingProxyType({"stiffness": 1.865e4, "table_friction": 0.50, "finger_friction": 0.25})
+
+
+def rods_of(
+    rope: Rope,
+    finger: Finger,
+    presets: Mapping[str, Preset],
+    *,
+    walls: tuple[Wall, ...] = (),
+    stiffest_n_m2: float | None = None,
+) -> RodDynamics:
+    """This rope as a rod, pushed by this finger, among these walls; the rest as in `RodScene`."""
+    dt_s = DT_S if rope.radius_m > THIN_M else THIN_DT_S
+    return RodDynamics(
+        scene=RodScene(
+            length_m=rope.length_m,
+            radius_m=rope.radius_m,
+            mass_kg=rope.mass_kg,
+            finger_radius_m=finger.radius_m,
+            dt_s=dt_s,
+            walls=walls,
+            stiffest_n_m2=stiffest_n_m2,
+        ),
+        physics=CONTACT,
+        nominal=NOMINAL,
+        presets=MappingProxyType(dict(presets)),
+        push_substeps=round(PUSH_S / dt_s),
+        rest_substeps=round(REST_S / dt_s),
+    )
