@@ -264,7 +264,7 @@ class Pushes:
     def motion(self, action: Float32[np.ndarray, " A"], tool: ToolPose, site: Site) -> Motion:
         """From above the start down to the push height, along the push, and up; no faster than the site allows."""
         del tool
-        flat = np.asarray(self._waypoints(jnp.asarray(action)[None])[0], np.float64)
+        flat = np.cumsum(np.asarray(action, np.float64).reshape(-1, 2), axis=0)
         push = np.concatenate([flat, np.full((len(flat), 1), self.height_m)], axis=1)
         above = np.array([0.0, 0.0, site.travel_height_m - self.height_m])
         speeds = np.full(len(push) + 2, self.speed_m_s)
@@ -301,8 +301,7 @@ class Pushes:
         return jnp.concatenate([start, steps.reshape(start.shape[0], -1)], axis=-1)
 
     def _waypoints(self, actions: Float[Array, "B A"]) -> Float[Array, "B W 2"]:
-        start, steps = self._split(actions)
-        return jnp.cumsum(jnp.concatenate([start[:, None], steps], axis=1), axis=1)
+        return jnp.cumsum(actions.reshape(len(actions), -1, 2), axis=1)
 
     def _interpolation(self) -> Float32[np.ndarray, "T W"]:
         """Maps waypoints to tool positions: row s holds the two weights of substep s.
