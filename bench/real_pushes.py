@@ -51,8 +51,8 @@ class Axis(NamedTuple):
     """A number that is free: its range as a prior, even in the logarithm where `ratio`, and its value where it is not.
 
     `bend` is the length (E I / (mu w))^(1/3) of which a rope bends under friction mu on a table, w its weight a metre;
-    `reach` from the finger's core to the centreline at contact, `half_width` of that core along x, `offset_x`,
-    `offset_y` of the finger from the point that was recorded.
+    `reach` from the finger's core to the centreline at contact, `half_width` of that core, `yaw` of it from the x axis,
+    `offset_x`, `offset_y` of the finger from the point that was recorded.
     """
 
     low: float
@@ -77,6 +77,7 @@ AXES: Final = {
     "yield_curvature": Axis(3.0, 100.0, True, 300.0, "1/m"),
     "climb": Axis(0.0, 1.5, False, 0.0, "1"),
     "half_width": Axis(0.0, 0.020, False, 0.0, "m"),
+    "yaw": Axis(-1.571, 1.571, False, 0.0, "rad"),
 }
 FREE: Final = ("bend", "finger_friction", "reach", "offset_x")
 FLAT: Final = (*FREE, "half_width")
@@ -210,6 +211,7 @@ class Rope:
             climb=each["climb"],
             press=jnp.zeros(models * count),
             finger_half_width=each["half_width"],
+            finger_yaw=each["yaw"],
         )
         state = jax.tree.map(partial(_repeated, count=models), self.start)
         shift = jnp.stack([each["offset_x"], each["offset_y"], jnp.zeros(models * count)], axis=-1)
@@ -336,9 +338,9 @@ def main(folder: Path = FOLDER, models: int = MODELS, variants: bool = False) ->
     rows += [left_out(ropes, "rod, round finger", FREE, models), left_out(ropes, "rod, flat finger", FLAT, models)]
     if variants:
         rows.append(left_out(ropes, "round, without the finger's offset", FREE[:-1], models))
-        rows += [left_out(ropes, f"and {name}", (*FREE, name), models) for name in AXES if name not in FLAT]
+        rows += [left_out(ropes, f"flat, and {name}", (*FLAT, name), models) for name in AXES if name not in FLAT]
         ranked = [Rope(pushes, tassels, by_rank=True) for tassels in TASSELS]
-        rows.append(left_out(ranked, "places by rank, as RodState.at_rest", FREE, models))
+        rows.append(left_out(ranked, "flat, places by rank, as RodState.at_rest", FLAT, models))
     _print(rows)
 
 

@@ -89,7 +89,7 @@ def _task(rope: Rope, finger: Finger) -> Task:
             clearance_m=clearance_m,
             core_m=finger.half_m,
         ),
-        symmetry=Symmetry(about_m=(0.55, 0.0), turns=True, mirrored=True, shift_m=(0.08, 0.08)),
+        symmetry=_symmetry(finger),
         weights=Weights(progress=1.0, contact=0.002, discount=0.7),
         descent=Descent(learning_rate=1.0, clip=1.0, shrink=0.5),
         problems=RopeProblems(rope=rope),
@@ -116,6 +116,14 @@ def _task(rope: Rope, finger: Finger) -> Task:
             }
         ),
     )
+
+
+def _symmetry(finger: Finger) -> Symmetry:
+    """A flat finger does not turn with the table, but is the same after half a turn."""
+    about_m, shift_m = (0.55, 0.0), (0.08, 0.08)
+    if finger.half_width_m == 0:
+        return Symmetry(about_m=about_m, turns=True, mirrored=True, shift_m=shift_m)
+    return Symmetry(about_m=about_m, angles_rad=(0.0, pi), shift_m=shift_m)
 
 
 def _particle_tool(finger: Finger) -> sim_finger.Finger | FlatFinger:
