@@ -48,7 +48,8 @@ class Options:
     dynamics: Dynamics | None = None
     """how plans simulate the object: rods, for ropes, or mpm, material points; the task's own where none is named"""
     object: Path | None = None
-    """a TOML file with sizes of another rope or finger: length_m, radius_m, mass_kg, finger_radius_m"""
+    """a TOML file with sizes of another rope or finger: length_m, radius_m, mass_kg, finger_radius_m, and of a flat one
+    finger_half_width_m and finger_yaw_rad, from the x axis"""
     segmenter: Path | None = None
     """an ONNX file that finds the object, instead of its colour (docs/perception.md says what it has to be)"""
     rig: str = "simulated"

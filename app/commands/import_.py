@@ -53,6 +53,8 @@ def _sized(task: Task, plain: Plain) -> tuple[Task, list[str]]:
         "radius_m": (plain.about.get("object", {}).get("radius_m"), task.rope.radius_m),
         "mass_kg": (plain.about.get("object", {}).get("mass_kg"), task.rope.mass_kg),
         "finger_radius_m": (plain.about.get("tool", {}).get("radius_m"), task.finger.radius_m),
+        "finger_half_width_m": (plain.about.get("tool", {}).get("half_width_m"), task.finger.half_width_m),
+        "finger_yaw_rad": (plain.about.get("tool", {}).get("yaw_rad"), task.finger.yaw_rad),
     }
     sizes, notes = dict(TaskName.parse(task.name).sizes), list[str]()
     for name, (value, own) in said.items():

@@ -227,7 +227,7 @@ def calibrated_from_recordings(
     if fitter.offset is None:
         return calibrated(task, preset, transitions, model, settings)
     evidence = gather(transitions, data.actions.measured_path)
-    check_contact(evidence, data.finger.radius_m + data.rope.radius_m)
+    check_contact(evidence, data.finger.radius_m + data.finger.half_width_m + data.rope.radius_m)
     found, offset = fitter.fit_with_offset(evidence, phi), fitter.offset.specs
     first = len(fitter.names)
     if not ((found.low > 0) | (found.high < 0))[first:].any():

@@ -81,6 +81,13 @@ def test_a_task_that_the_file_does_not_name_is_given(tmp_path: Path) -> None:
     assert read_study([output]).task == "rope_push"
 
 
+def test_a_flat_finger_of_the_file_is_that_of_the_recordings_task(tmp_path: Path) -> None:
+    tool = {"radius_m": 0.006, "half_width_m": 0.0125, "yaw_rad": -0.5}
+    arrays = plain_arrays() | {"about": np.array(json.dumps({"task": "rope_push", "tool": tool}))}
+    finger = load(read_study([imported(tmp_path, arrays)]).task).finger
+    assert (finger.radius_m, finger.half_width_m, finger.yaw_rad) == (0.006, 0.0125, -0.5)
+
+
 def test_a_recording_that_is_there_is_never_overwritten(tmp_path: Path) -> None:
     path = imported(tmp_path, plain_arrays())
     before = path.read_bytes()
@@ -169,6 +176,8 @@ BAD: dict[str, tuple[Callable[[Arrays], None], str]] = {
     "milliseconds": (in_milliseconds, "cloud_time.*seconds"),
     "a rope 400 m long": (about(object={"length_m": 400}), "object.length_m is 400"),
     "a rope shorter than its cloud": (about(object={"length_m": 0.1}), "cloud 0, are .* across"),
+    "a finger as wide as a table": (about(tool={"half_width_m": 400}), "tool.half_width_m is 400"),
+    "a yaw in degrees": (about(tool={"half_width_m": 0.01, "yaw_rad": 45}), "tool.yaw_rad is 45; give radians"),
     "a size in words": (about(object={"length_m": "long"}), "object.length_m is 'long'"),
     "an object in words": (about(object="rope"), "about.object must be a JSON object"),
     "an unknown task": (about(task="rope_pusch"), "Unknown task 'rope_pusch'. Did you mean 'rope_push'"),

@@ -45,6 +45,10 @@ class RodPhysics(NamedTuple):
     """Of what friction holds: the speed [m/s] at which it would bear half of what it does when sliding."""
     mass: Float[jax.Array, " B"]
     """Of the rope [kg]."""
+    finger_half_width: Float[jax.Array, " B"]
+    """Of a flat finger's core [m]; of no account where the scene's finger is round."""
+    finger_yaw: Float[jax.Array, " B"]
+    """From the x axis to that core [rad]."""
 
     @classmethod
     def nominal(cls, scene: RodScene, candidates: int) -> "RodPhysics":
@@ -82,7 +86,8 @@ def make_rod_rollout(scene: RodScene, effects: tuple[Effect, ...] = ()) -> Simul
     bounds = scene.nominal_physics()
     stiffest = scene.stiffest_n_m2 or _STIFFEST * bounds["rigidity"]
     joint = stiffest / scene.rest_m, 1.3 * bounds["viscosity"] / scene.rest_m
-    operations = make_rod_operations(scene, *joint, law_source(effects, len(scene.walls)))
+    laws = law_source(effects, len(scene.walls), flat=scene.finger_half_width_m > 0)
+    operations = make_rod_operations(scene, *joint, laws)
     null = np.array([spec.nominal for effect in effects for spec in effect.parameters], np.float32)
 
     @jax.custom_vjp
@@ -147,8 +152,9 @@ def _fields(scene: RodScene, properties: RodProperties) -> Float[jax.Array, "B 3
     return jnp.stack(rows, axis=1)
 
 
-def _traits(scene: RodScene, physics: RodPhysics, properties: RodProperties) -> Float[jax.Array, "B 6"]:
-    """In the order of `OwnTraits` in rod.h."""
+def _traits(scene: RodScene, physics: RodPhysics, properties: RodProperties) -> Float[jax.Array, "B _"]:
+    """In the order of `OwnTraits` and `CoreTraits` in rod.h."""
+    half = physics.finger_half_width * jnp.stack([jnp.cos(physics.finger_yaw), jnp.sin(physics.finger_yaw)])
     return jnp.stack(
         [
             properties.table_friction,
@@ -157,6 +163,7 @@ def _traits(scene: RodScene, physics: RodPhysics, properties: RodProperties) -> 
             properties.yield_curvature * scene.rest_m,
             physics.climb,
             physics.creep,
+            *(half if scene.finger_half_width_m > 0 else ()),
         ],
         axis=1,
     )
