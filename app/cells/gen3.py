@@ -18,6 +18,7 @@ from app.core.hand_eye import HandEye
 from app.core.limbs import ArmShape
 from app.core.messages import ArmState
 from app.core.stage import Tool
+from app.core.table_place import TablePlace
 from app.recording.calibration_file import CalibrationFile, known_cameras
 from app.rig.kinova.arm import kinova_arm
 from app.rig.kinova.configured import Holds
@@ -49,8 +50,8 @@ async def _opened(wanted: Wanted) -> AsyncGenerator[OpenedRig]:
         kinova_arm(address(cell), wanted.site, cell.arm.client, holds(cell.arm.tool)) as arm,
         realsense_cameras(mounted, wanted.site.timing) as cameras,
     ):
-        drawn = known_gen3(wanted.stage.tool, cell.arm.tool.tip_m)
-        shape = replace(drawn, T_world_base=wanted.site.table.table_from_base)
+        gen3 = known_gen3(wanted.stage.tool, cell.arm.tool.tip_m)
+        shape = replace(gen3, T_world_base=wanted.site.table.table_from_base)
         yield OpenedRig(name=cell.name, simulated=False, shape=shape, seen_arm=arm, cameras=cameras, arm=arm)
 
 
@@ -103,8 +104,9 @@ def _mounted(camera: CameraEntry, places: dict[str, HandEye], file: Path) -> Mou
     return Mounted.calibrated(places[camera.serial], name=camera.name, settings=Settings())
 
 
-def _pictured(tool: Tool, state: ArmState) -> ArmShape:
-    return known_gen3(tool, tip_m(state.joints, state.pose[:3]))
+def _pictured(tool: Tool, state: ArmState, table: TablePlace) -> ArmShape:
+    tip = table.base_from_table[:3, :3] @ state.pose[:3] + table.place_m
+    return replace(known_gen3(tool, tip_m(state.joints, tip)), T_world_base=table.table_from_base)
 
 
 CELL: Final = Cell(name="gen3", simulated=False, open=_opened, narrowed=_narrowed, shelf=_shelf, pictured=_pictured)

@@ -11,8 +11,8 @@ before it slides, and a finger's speed from its path to 1 mm/s."""
 
 
 STRAIN = 0.5
-"""Share by which a segment may be longer or shorter than at rest: pushed at 0.15 m/s it is so by 0.01, at 2 m/s by 0.05,
-and by more than 0.1 where a rope is thrown at a wall."""
+"""Share by which a segment may be longer or shorter than at rest: pushed at 0.15 m/s it is so by 0.01, at 2 m/s by
+0.05, and by more than 0.1 where a rope is thrown at a wall."""
 
 
 def is_in_domain(
