@@ -223,7 +223,7 @@ def test_a_rope_that_is_too_stiff_for_its_steps_is_dissected_to_the_step_and_its
 
 def test_a_rope_that_overflows_is_dissected_to_the_step_and_its_node():
     given = problem()
-    given[2].nodes[0, 3, 20] = 3e19
+    given[2].nodes[0, 3, 20] = 3e38
     found = dissect_rod(case_of(given))
     assert is_first_bad_step(case_of(given), 1)
     assert found.failed == found.until + 1 == 1
@@ -259,7 +259,22 @@ def test_a_finger_that_begins_inside_is_a_failure_from_the_start():
     given[3][0] = path((0.033, 0.002))
     found = dissect_rod(case_of(given))
     assert found.failed == 0
-    assert (found.faults[0].kind, found.faults[0].step, found.faults[0].index) == ("finger inside", 0, 23)
+    first, second = found.faults[:2]
+    assert (first.kind, first.step, first.index) == ("starts pressed", 0, 23)
+    assert (second.kind, second.step, second.index) == ("finger inside", 0, 23)
+
+
+def test_a_finger_that_begins_pressed_into_the_rope_is_told_by_how_much_and_the_rope_springs_aside():
+    """Contact begins 15.5 mm from the centreline; less than that by 2.5 mm is accepted, and moves the rope by 13."""
+    given = problem(path((0.02, -0.013), 0.0, 1000))
+    require_rod_inputs(SETUP, *given)
+    found = dissect_rod(case_of(given))
+    assert found.failed is None
+    (fault,) = found.faults
+    assert (fault.kind, fault.step, fault.index) == ("starts pressed", 0, 21)
+    assert "(0.02, -0.013, 0.006) m is 2.49 mm in what it should touch" in fault.words
+    moved = np.linalg.norm(found.last.nodes[-1, :2] - given[2].nodes[0, :2], axis=0).max()
+    assert moved > 0.005
 
 
 def test_a_rope_that_crosses_itself_is_told_with_the_segments():
@@ -304,7 +319,7 @@ def test_a_checked_simulator_names_the_node_and_leaves_a_dump(tmp_path: Path):
     physics, phi, state, tool, setting = problem()
     end = simulate(*jax.tree.map(jnp.asarray, (physics, state, tool, phi, setting)))
     assert np.array_equal(end.nodes, simulated((physics, phi, state, tool, setting)).nodes)
-    state.nodes[1, 3, 20] = 3e19
+    state.nodes[1, 3, 20] = 3e38
     with pytest.raises(SimulationError, match=r"^Candidate 1 of 2: Not finite from step 1 on") as error:
         simulate(*jax.tree.map(jnp.asarray, (physics, state, tool)))
     (file,) = tmp_path.iterdir()

@@ -25,11 +25,20 @@ from app.sim.rods.state import RodState
 from app.sim.rods.verdict import crossings
 
 Kind: TypeAlias = Literal[
-    "finger inside", "passed through", "too fast", "stretched", "crossing", "energy", "outside", "not finite"
+    "starts pressed",
+    "finger inside",
+    "passed through",
+    "too fast",
+    "stretched",
+    "crossing",
+    "energy",
+    "outside",
+    "not finite",
 ]
 
 ADVICE: Mapping[str, str] = MappingProxyType(
     {
+        "starts pressed": "begin beside the rope, or check where cameras and tool see the table",
         "finger inside": "push more slowly or with less of a bend, or shorten dt_s, so that contact can follow",
         "passed through": "make the finger's path of smaller steps",
         "too fast": "slow the finger or the start down, or shorten dt_s",
@@ -40,6 +49,8 @@ ADVICE: Mapping[str, str] = MappingProxyType(
         "not finite": "shorten dt_s, and look at the start for what is far from rest",
     }
 )
+PRESSED_M = 0.001
+"""By which a finger that begins in the rope is told: the rope springs aside by three times as much and more."""
 STRETCH = 0.05
 """Share of a segment's length by which it is longer or shorter where that is worth telling; see `domain.STRAIN`."""
 
@@ -160,13 +171,17 @@ def _objection(case: RodCase) -> str | None:
 @final
 @dataclass(frozen=True, kw_only=True, eq=False)
 class _View:
-    """A case's K states before the first that is not finite, and where the finger was then; `broken`: that state."""
+    """A case's K states before the first that is not finite, and where the finger was then; `broken`: that state.
+
+    `pressed_m`: how much nearer to the rope than contact lets it the finger begins.
+    """
 
     case: RodCase
     nodes: Float32[np.ndarray, "K 8 n"]
     tips: Float32[np.ndarray, "K 3"]
     energy_j: Float64[np.ndarray, " K"]
     gains: Bool[np.ndarray, " K"]
+    pressed_m: float
     broken: Float32[np.ndarray, "8 n"] | None
 
     @property
@@ -181,7 +196,9 @@ def _view(case: RodCase) -> _View:
     if not all(np.isfinite(leaf).all() for leaf in given):
         none = np.zeros(0)
         start = np.zeros((0, *case.state.nodes.shape[1:]), np.float32)
-        return _View(case=case, nodes=start, tips=case.tool[0, :0], energy_j=none, gains=none > 0, broken=None)
+        return _View(
+            case=case, nodes=start, tips=case.tool[0, :0], energy_j=none, gains=none > 0, pressed_m=0.0, broken=None
+        )
     history = make_rod_trace(case.setup.scene, case.setup.effects)(
         *jax.tree.map(jnp.asarray, (case.physics, case.state, case.tool, case.phi, case.setting))
     )
@@ -191,7 +208,11 @@ def _view(case: RodCase) -> _View:
     nodes, broken = nodes[:count], None if wrong is None else nodes[count]
     energy_j = energies(case.setup.scene, fields, nodes)
     gains = gained(case.setup.scene, case.setup.effects, nodes, finger[:count], energy_j)
-    return _View(case=case, nodes=nodes, tips=case.tool[0, :count], energy_j=energy_j, gains=gains, broken=broken)
+    tips, pressed_m = case.tool[0, :count], 0.0
+    if count:
+        gap = distances_m(jnp.asarray(nodes[:1, :2]), jnp.asarray(tips[:1, :2])).min()
+        pressed_m = float(finger[0, 2]) - float(gap)
+    return _View(case=case, nodes=nodes, tips=tips, energy_j=energy_j, gains=gains, pressed_m=pressed_m, broken=broken)
 
 
 def _failures(view: _View) -> Iterator[int]:
@@ -253,6 +274,10 @@ def _faults_of_rope(view: _View) -> Iterator[Fault]:
 
 def _faults_of_finger(view: _View) -> Iterator[Fault]:
     gap = _gaps(view)
+    if view.pressed_m > PRESSED_M:
+        j, pressed_mm = int(np.argmin(_distances(view)[0])), 1e3 * view.pressed_m
+        text = f"the finger at {words(view.tips[0])} m is {pressed_mm:.3g} mm in what it should touch, segment {j}"
+        yield _fault("starts pressed", 0, j, text)
     if found := first(gap < np.float32(view.radius_m)):
         (k,) = found
         j = int(np.argmin(_distances(view)[k]))
