@@ -58,7 +58,8 @@ class Options:
     world: RopeModel = "chain"
     """a simulated rope's: a chain of bodies joined by hinges, or an elastic cable of mass points"""
     cell: Path | None = None
-    """the TOML file of a real cell (docs/real-cell.md), or the .mcap file that --rig replayed shows"""
+    """the TOML file of a real cell (docs/real-cell.md), whose table and limits --rig rehearsal rehearses, or the .mcap
+    file that --rig replayed shows"""
     checklist: bool = False
     """ask for the checklist before the first motion in a simulated cell, too; on a real arm it is always asked for"""
     depth: bool = True

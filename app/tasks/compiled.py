@@ -33,7 +33,7 @@ from app.sim.rods.state import RodState
 from app.sim.rollout import make_rollout
 from app.sim.state import Setting, State
 from app.tasks import load
-from app.tasks.base import Task
+from app.tasks.base import RodDynamics, Task
 
 __all__ = ["advance", "calibrated", "nominal_model", "now", "phi_of", "planner", "search", "stages"]
 
@@ -105,24 +105,37 @@ def _moving_rod(task: Task, effects: tuple[Effect, ...]) -> Part:
     Raises ParameterError, which names the parameters, for a model that needs effects that do not act on rods.
     """
     assert task.rods is not None
-    scene, given = task.rods.scene, task.rods.physics
+    rods, scene = task.rods, task.rods.scene
     simulate = make_rod_rollout(scene, effects)
-    stiffness, table = index("stiffness"), index("table_friction")
-    own = np.array([index(spec.name) for effect in effects for spec in effect.parameters], int)
+    own = np.array(rod_columns(effects), int)
 
     def move(
         phi: Float[Array, "B P"], state: ObjectState, tool: Float[Array, "B T C"], began: Float[Array, "B N 3"]
     ) -> ObjectState:
         del began
         assert isinstance(state, RodState)
-        known = {name: jnp.full(len(phi), value, jnp.float32) for name, value in given.items()}
-        physics = RodPhysics.nominal(scene, len(phi))._replace(
-            rigidity=phi[:, stiffness] * scene.second_moment_m4, table_friction=phi[:, table], **known
-        )
-        setting = RodSetting.unknown(len(phi), scene.nodes)._replace(session_time=jnp.full(len(phi), _NOW))
-        return simulate(physics, state, tool, phi[:, own], setting)
+        return simulate(rod_physics(rods, phi), state, tool, phi[:, own], rod_now(rods, len(phi)))
 
     return move
+
+
+def rod_physics(rods: RodDynamics, phi: Float[Array, "B P"]) -> RodPhysics:
+    """What the parameters make of a task's rod."""
+    given = {name: jnp.full(len(phi), value, jnp.float32) for name, value in rods.physics.items()}
+    rigidity = phi[:, index("stiffness")] * rods.scene.second_moment_m4
+    nominal = RodPhysics.nominal(rods.scene, len(phi))
+    return nominal._replace(rigidity=rigidity, table_friction=phi[:, index("table_friction")], **given)
+
+
+def rod_columns(effects: Sequence[Effect]) -> list[int]:
+    """Where the parameters of a rod's simulator with these effects stand in phi."""
+    return [index(spec.name) for effect in effects for spec in effect.parameters]
+
+
+def rod_now(rods: RodDynamics, candidates: int) -> RodSetting:
+    """As `now`, of rods."""
+    unknown = RodSetting.unknown(candidates, rods.scene.nodes)
+    return unknown._replace(session_time=jnp.full(candidates, _NOW))
 
 
 def now(candidates: int, particle_count: int) -> Setting:

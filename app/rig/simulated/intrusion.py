@@ -33,8 +33,8 @@ class Intrusion:
 
     @property
     def hides(self) -> bool:
-        """Whether there is any effect."""
-        return bool(self._hidden)
+        """Whether there is any effect in the world itself, not in arm and cameras alone."""
+        return any(each.effect.in_world for each in self._hidden)
 
     def physics(self, physics: WorldPhysics, rope: Rope) -> WorldPhysics:
         """The world's physics with what these effects change of it."""

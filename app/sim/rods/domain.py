@@ -1,0 +1,62 @@
+"""Domain of rods: where rope and finger may be, and how the finger may move, for the model to say anything."""
+
+import jax.numpy as jnp
+from jaxtyping import Array, Bool, Float
+
+from app.sim.rods.scene import RodScene
+
+ROOM_M = 10.0
+"""Farthest place along each axis [m]: there single precision resolves 1e-6 m, a hundredth of how far a rope gives way
+before it slides, and a finger's speed from its path to 1 mm/s."""
+
+
+STRAIN = 0.5
+"""Share by which a segment may be longer or shorter than at rest: pushed at 0.15 m/s it is so by 0.01, at 2 m/s by
+0.05, and by more than 0.1 where a rope is thrown at a wall."""
+
+
+def is_in_domain(
+    scene: RodScene,
+    start: Float[Array, "B 8 n"],
+    end: Float[Array, "B 8 n"],
+    tool: Float[Array, "B T 3"],
+) -> Bool[Array, " B"]:
+    """Candidates whose rope begins and ends unbroken within the room, and whose finger stays there and meets the rope.
+
+    The finger begins beside the rope, and in a step among it goes no farther than the rope's radius: it would be on the
+    other side before contact acts.
+    """
+    radius_m = scene.radius_m
+    whole = [jnp.abs(strains(scene.rest_m, each)).max(1) <= STRAIN for each in (start, end)]
+    far = [jnp.abs(each).max((1, 2)) <= ROOM_M for each in (start[:, :2], end[:, :2], tool)]
+    beside = gap_m(radius_m, start, tool[:, 0]) >= radius_m
+    meets = strides_m(radius_m, tool).max(1, initial=0.0) <= radius_m
+    return jnp.stack([*whole, *far, beside, meets]).all(0)
+
+
+def strains(rest_m: float, nodes: Float[Array, "B 8 n"]) -> Float[Array, "B n-1"]:
+    """How much longer each segment is than at rest, as a share."""
+    return jnp.linalg.norm(jnp.diff(nodes[:, :2], axis=2), axis=1) / rest_m - 1
+
+
+def strides_m(radius_m: float, tool: Float[Array, "B T 3"]) -> Float[Array, "B T-1"]:
+    """Lengths of a finger's horizontal steps [m] that end in the height of a rope; 0 for the others."""
+    return jnp.where(_is_down(radius_m, tool[:, 1:]), jnp.linalg.norm(jnp.diff(tool[..., :2], axis=1), axis=-1), 0.0)
+
+
+def gap_m(radius_m: float, nodes: Float[Array, "B 8 n"], tip: Float[Array, "B 3"]) -> Float[Array, " B"]:
+    """Distance [m] from the finger's axis to the centreline; infinite where the tip is above the rope."""
+    gap = distances_m(nodes[:, :2], tip[:, :2]).min(1)
+    return jnp.where(_is_down(radius_m, tip), gap, jnp.inf)
+
+
+def distances_m(line: Float[Array, "B 2 n"], point: Float[Array, "B 2"]) -> Float[Array, "B n-1"]:
+    """Distances [m] from a point to the segments of a polygon."""
+    edge, to = jnp.diff(line, axis=2), point[:, :, None] - line[..., :-1]
+    share = jnp.clip((to * edge).sum(1) / (edge**2).sum(1), 0.0, 1.0)
+    return jnp.linalg.norm(to - share[:, None] * edge, axis=1)
+
+
+def _is_down(radius_m: float, tip: Float[Array, "*b 3"]) -> Bool[Array, "*b"]:
+    """Fingers whose tip is below the top of a lying rope."""
+    return tip[..., 2] < 2 * radius_m
