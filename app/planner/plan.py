@@ -134,7 +134,7 @@ def choose(
     Raises PlanningError where there is none.
     """
     pose = AWAY if tool is None else tool
-    ways = _ways(search, found.best.actions[:, 0], pose)
+    ways = _ways(search, jnp.asarray(found.best.actions[:, 0]), pose)
     branches = tuple(_branch(search, found, ways[index], index, origin, seen) for index, origin in enumerate(origins))
     motions = [search.space.motion(branch.actions[0], pose, site) for branch in branches]
     if command is not None:
@@ -179,10 +179,10 @@ def _is_among(way: Float32[np.ndarray, "W 3"], others: Ways) -> bool:
     return any(bool(np.linalg.norm(ends - other[[0, -1]], axis=1).max() < _AGAIN_M) for other in others)
 
 
-def _ways(search: Search, actions: Float32[np.ndarray, "B A"], tool: ToolPose) -> Float32[np.ndarray, "B T 3"]:
+def _ways(search: Search, actions: Float[Array, "B A"], tool: ToolPose) -> Float32[np.ndarray, "B T 3"]:
     """Tool paths [m] of all first actions at once: one by one, their transfers would take longer than all the rest."""
     there = jnp.tile(jnp.asarray(tool, jnp.float32), (len(actions), 1))
-    return np.asarray(_tool_paths(search, jnp.asarray(actions), there))
+    return np.asarray(_tool_paths(search, actions, there))
 
 
 @partial(jax.jit, static_argnums=0)
