@@ -19,7 +19,7 @@ from app.sim.faults import KEPT
 from app.sim.rods.autopsy import RodCase, dissect_rod
 from app.sim.rods.checks import RodSetup, require_rod_inputs
 from app.sim.rods.domain import ROOM_M
-from app.sim.rods.rollout import make_rod_trace
+from app.sim.rods.rollout import make_rod_rollout, make_rod_trace
 from app.sim.rods.scene import Wall
 from app.sim.rods.verdict import crossings
 from tests.sim.broken_rods import (
@@ -172,9 +172,9 @@ def test_a_state_of_another_number_of_nodes_is_refused_by_checks_and_simulator()
     said = refused(given, RodSetup(scene=scene, effects=()))
     assert f"state.nodes has shape (2, 8, {SCENE.nodes}); this simulator takes (2, 8, {scene.nodes})" in said
     physics, _, state, tool, _ = jax.tree.map(jnp.asarray, given)
-    trace = make_rod_trace(scene)
-    with pytest.raises(ParameterError, match=rf"The rod has {SCENE.nodes} nodes and its scene {scene.nodes}"):
-        trace(physics, state, tool)
+    for make in (make_rod_rollout, make_rod_trace):
+        with pytest.raises(ParameterError, match=rf"The rod has {SCENE.nodes} nodes and its scene {scene.nodes}; make"):
+            make(scene)(physics, state, tool)
 
 
 def test_phi_outside_its_range_is_named():
