@@ -223,8 +223,6 @@ def _failures(view: _View) -> Iterator[int]:
         return
     if view.broken is not None:
         yield len(view.nodes)
-    if _gaps(view)[0] < np.float32(scene.radius_m):
-        yield 0
     if wrong := first(_strides(view) > np.float32(scene.radius_m)):
         yield wrong[0] + 1
     if wrong := first((np.abs(tool[0]) > ROOM_M).any(1)):

@@ -64,8 +64,8 @@ def require_rod_inputs(
 ) -> None:
     """Raises ParameterError for the first number that no simulation can begin with, and says which it is and where.
 
-    What `domain.is_in_domain` makes NaN at the start is refused, and besides what no rope is, or one that is stiffer
-    than the scene's time steps bear.
+    What `domain.is_in_domain` makes NaN at the start is refused, and besides what no rope is, one that is stiffer than
+    the scene's time steps bear, and a finger that begins in it.
     """
     require_rod_shapes(setup, physics, phi, state, tool, setting)
     _require_all_finite(setup, physics, phi, state, tool, setting)
