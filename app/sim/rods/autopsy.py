@@ -203,7 +203,7 @@ def _view(case: RodCase) -> _View:
         *jax.tree.map(jnp.asarray, (case.physics, case.state, case.tool, case.phi, case.setting))
     )
     nodes, finger, fields = (np.asarray(leaf[0]) for leaf in history)
-    wrong = first(~np.isfinite(nodes).all((1, 2)))
+    wrong = first(np.asarray(~np.isfinite(nodes).all((1, 2))))
     count = len(nodes) if wrong is None else wrong[0]
     nodes, broken = nodes[:count], None if wrong is None else nodes[count]
     energy_j = energies(case.setup.scene, fields, nodes)
@@ -225,7 +225,7 @@ def _failures(view: _View) -> Iterator[int]:
         yield len(view.nodes)
     if wrong := first(_strides(view) > np.float32(scene.radius_m)):
         yield wrong[0] + 1
-    if wrong := first((np.abs(tool[0]) > ROOM_M).any(1)):
+    if wrong := first(np.abs(tool[0]).max(1) > ROOM_M):
         yield wrong[0]
     if wrong := first(out_of_domain(view.nodes)):
         yield wrong[0]

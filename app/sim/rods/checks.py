@@ -108,7 +108,7 @@ def _require_physics(scene: RodScene, physics: RodPhysics) -> None:
 
 
 def _require_room(places: Float32[np.ndarray, "B K C"], whose: str) -> None:
-    if wrong := first((np.abs(places) > ROOM_M).any(-1)):
+    if wrong := first(np.abs(places).max(-1) > ROOM_M):
         raise ParameterError(
             f"{whose.format(*wrong)} is at {words(places[wrong])} m, farther than {ROOM_M:g} m from the origin; bring "
             "the table's frame nearer, or mend the place."
@@ -150,4 +150,4 @@ def _require_slow(scene: RodScene, tool: Float32[np.ndarray, "B T 3"]) -> None:
 
 def out_of_domain(nodes: Float32[np.ndarray, "B 8 n"]) -> Bool[np.ndarray, "B n"]:
     """Nodes that are beyond the room."""
-    return (np.abs(nodes[:, :2]) > ROOM_M).any(1)
+    return np.abs(nodes[:, :2]).max(1) > ROOM_M
