@@ -13,6 +13,7 @@ from app.sim.checks import Setup, first, require_inputs
 from app.sim.dump import Dump, leave_dump
 from app.sim.rods.autopsy import RodCase, single_rod
 from app.sim.rods.checks import RodSetup, require_rod_inputs
+from app.sim.rods.domain import are_whole
 from app.sim.rods.effect import RodSetting
 from app.sim.rods.rollout import RodPhysics, SimulateRod, make_rod_rollout
 from app.sim.rods.state import RodState
@@ -47,7 +48,7 @@ def checked(setup: Setup, folder: Path, simulate: Simulate | None = None) -> Sim
 
 
 def checked_rods(setup: RodSetup, folder: Path, simulate: SimulateRod | None = None) -> SimulateRod:
-    """The same for rods."""
+    """The same for rods, of which a candidate also fails that ends strained by half or farther away than the room."""
     run = simulate or make_rod_rollout(setup.scene, setup.effects)
     null = np.array([spec.nominal for spec in setup.specs()], np.float32)
 
@@ -62,7 +63,7 @@ def checked_rods(setup: RodSetup, folder: Path, simulate: SimulateRod | None = N
         known = setting or RodSetting.unknown(len(tool), setup.scene.nodes)
         require_rod_inputs(setup, physics, own, state, tool, known)
         end = run(physics, state, tool, own, known)
-        broken = first(~np.isfinite(np.asarray(end.nodes)))
+        broken = first(~np.asarray(are_whole(setup.scene, end.nodes)))
         if broken is None:
             return end
         case = single_rod(setup, physics, state, tool, own, known, candidate=broken[0])

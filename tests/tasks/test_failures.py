@@ -107,9 +107,7 @@ def test_a_transition_of_a_rope_whose_tool_begins_in_it_is_dumped_as_a_rod(tmp_p
     names = [spec.name for spec in dump.case.setup.specs()]
     assert dump.case.phi[0, names.index("tilt_x")] == 1.0
     np.testing.assert_allclose(dump.case.state.x[0], x, atol=1e-4)
-    found = dissect_rod(dump.case)
-    assert found.failed == 0
-    assert "inside the rope" in found.verdict()
+    assert "inside the rope" in dissect_rod(dump.case).verdict()
 
 
 @pytest.mark.slow

@@ -17,7 +17,7 @@ from app.core.errors import ParameterError
 from app.sim.checks import Arrays, first, words
 from app.sim.faults import KEPT, Autopsy, Fault
 from app.sim.rods.checks import ROWS, RodSetup, out_of_domain, require_rod_inputs, require_rod_shapes
-from app.sim.rods.domain import ROOM_M, STRAIN, distances_m, gap_m, strains, strides_m
+from app.sim.rods.domain import ROOM_M, are_whole, distances_m, gap_m, strains, strides_m
 from app.sim.rods.effect import RodSetting
 from app.sim.rods.energy import energies, gained, near_strands
 from app.sim.rods.rollout import RodPhysics, make_rod_trace
@@ -203,7 +203,7 @@ def _view(case: RodCase) -> _View:
         *jax.tree.map(jnp.asarray, (case.physics, case.state, case.tool, case.phi, case.setting))
     )
     nodes, finger, fields = (np.asarray(leaf[0]) for leaf in history)
-    wrong = first(~np.isfinite(nodes).all((1, 2)))
+    wrong = first(np.asarray(~np.isfinite(nodes).all((1, 2))))
     count = len(nodes) if wrong is None else wrong[0]
     nodes, broken = nodes[:count], None if wrong is None else nodes[count]
     energy_j = energies(case.setup.scene, fields, nodes)
@@ -223,16 +223,12 @@ def _failures(view: _View) -> Iterator[int]:
         return
     if view.broken is not None:
         yield len(view.nodes)
-    if _gaps(view)[0] < np.float32(scene.radius_m):
-        yield 0
     if wrong := first(_strides(view) > np.float32(scene.radius_m)):
         yield wrong[0] + 1
-    if wrong := first((np.abs(tool[0]) > ROOM_M).any(1)):
+    if wrong := first(np.abs(tool[0]).max(1) > ROOM_M):
         yield wrong[0]
-    if wrong := first(out_of_domain(view.nodes)):
-        yield wrong[0]
-    if wrong := first(np.abs(_strains(view)) > np.float32(STRAIN)):
-        yield wrong[0]
+    if not bool(are_whole(scene, jnp.asarray(view.nodes[:1]))[0]):
+        yield 0
 
 
 def _faults(view: _View) -> Iterator[Fault]:

@@ -64,8 +64,8 @@ def require_rod_inputs(
 ) -> None:
     """Raises ParameterError for the first number that no simulation can begin with, and says which it is and where.
 
-    What `domain.is_in_domain` makes NaN at the start is refused, and besides what no rope is, or one that is stiffer
-    than the scene's time steps bear.
+    What `domain.is_in_domain` makes NaN at the start is refused, and besides what no rope is, one that is stiffer than
+    the scene's time steps bear, and a finger that begins in it.
     """
     require_rod_shapes(setup, physics, phi, state, tool, setting)
     _require_all_finite(setup, physics, phi, state, tool, setting)
@@ -108,7 +108,7 @@ def _require_physics(scene: RodScene, physics: RodPhysics) -> None:
 
 
 def _require_room(places: Float32[np.ndarray, "B K C"], whose: str) -> None:
-    if wrong := first((np.abs(places) > ROOM_M).any(-1)):
+    if wrong := first(np.abs(places).max(-1) > ROOM_M):
         raise ParameterError(
             f"{whose.format(*wrong)} is at {words(places[wrong])} m, farther than {ROOM_M:g} m from the origin; bring "
             "the table's frame nearer, or mend the place."
@@ -150,4 +150,4 @@ def _require_slow(scene: RodScene, tool: Float32[np.ndarray, "B T 3"]) -> None:
 
 def out_of_domain(nodes: Float32[np.ndarray, "B 8 n"]) -> Bool[np.ndarray, "B n"]:
     """Nodes that are beyond the room."""
-    return (np.abs(nodes[:, :2]) > ROOM_M).any(1)
+    return np.abs(nodes[:, :2]).max(1) > ROOM_M

@@ -18,20 +18,21 @@ STRAIN = 0.5
 def is_in_domain(
     scene: RodScene,
     start: Float[Array, "B 8 n"],
-    end: Float[Array, "B 8 n"],
     tool: Float[Array, "B T 3"],
 ) -> Bool[Array, " B"]:
-    """Candidates whose rope begins and ends unbroken within the room, and whose finger stays there and meets the rope.
+    """Candidates whose rope begins unbroken within the room, and whose finger stays there and meets the rope.
 
-    The finger begins beside the rope, and in a step among it goes no farther than the rope's radius: it would be on the
-    other side before contact acts.
+    In a step among the rope the finger goes no farther than the rope's radius: it would be on the other side before
+    contact acts. A rope that it begins in springs aside, which is simulated; `checks` and autopsies tell it.
     """
-    radius_m = scene.radius_m
-    whole = [jnp.abs(strains(scene.rest_m, each)).max(1) <= STRAIN for each in (start, end)]
-    far = [jnp.abs(each).max((1, 2)) <= ROOM_M for each in (start[:, :2], end[:, :2], tool)]
-    beside = gap_m(radius_m, start, tool[:, 0]) >= radius_m
-    meets = strides_m(radius_m, tool).max(1, initial=0.0) <= radius_m
-    return jnp.stack([*whole, *far, beside, meets]).all(0)
+    meets = strides_m(scene.radius_m, tool).max(1, initial=0.0) <= scene.radius_m
+    return are_whole(scene, start) & (jnp.abs(tool).max((1, 2)) <= ROOM_M) & meets
+
+
+def are_whole(scene: RodScene, nodes: Float[Array, "B 8 n"]) -> Bool[Array, " B"]:
+    """Ropes that are within the room, and no segment of which is strained by more than half."""
+    near = jnp.abs(nodes[:, :2]).max((1, 2)) <= ROOM_M
+    return near & (jnp.abs(strains(scene.rest_m, nodes)).max(1) <= STRAIN)
 
 
 def strains(rest_m: float, nodes: Float[Array, "B 8 n"]) -> Float[Array, "B n-1"]:

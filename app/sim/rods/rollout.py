@@ -73,8 +73,8 @@ class SimulateRod(Protocol):
 
         `phi`: the parameters of the simulator's effects, one effect after the other; None: all at their null values.
         `setting`: where effects depend on more; None: unknown. Differentiable once, in reverse mode, but by the
-        setting. A candidate with a non-finite input, or whose finger or rope is out of the domain
-        (`domain.is_in_domain`), becomes NaN throughout; the others are not touched.
+        setting. A candidate with a non-finite input, or that begins or has its finger out of the
+        domain (`domain.is_in_domain`), becomes NaN throughout; the others are not touched.
         """
         ...
 
@@ -137,7 +137,7 @@ def make_rod_rollout(scene: RodScene, effects: tuple[Effect, ...] = ()) -> Simul
         inputs = _inputs(scene, effects, physics, state, tool, phi, setting)
         end = rollout(*inputs)
         sound = are_finite(end, physics, state, tool, () if phi is None else phi)
-        sound &= is_in_domain(scene, *jax.lax.stop_gradient((state.nodes, end, tool)))
+        sound &= is_in_domain(scene, *jax.lax.stop_gradient((state.nodes, tool)))
         return jax.tree.map(as_float32, state)._replace(nodes=where_finite(sound, end))
 
     return simulate
