@@ -8,12 +8,13 @@ is no slope to compare with; such pushes are counted as rough.
 """
 
 from collections.abc import Callable, Iterator
+from functools import partial
 from typing import Final, NamedTuple
 
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Float32, Float64
+from jaxtyping import Bool, Float, Float64
 from rich.console import Console
 from rich.table import Table
 
@@ -64,8 +65,8 @@ class Problems(NamedTuple):
 
     physics: RodPhysics
     state: RodState
-    actions: Float32[np.ndarray, "P A"]
-    goal: Float32[np.ndarray, "P M 3"]
+    actions: Float[jax.Array, "P A"]
+    goal: Float[jax.Array, "P M 3"]
 
 
 def costs(physics: RodPhysics, state: RodState, actions: jax.Array, goal: jax.Array) -> jax.Array:
@@ -84,29 +85,38 @@ def problems(seed: int) -> Problems:
     state = RodState.at_rest(jnp.asarray(x), SCENE.nodes, SCENE.rest_m, SCENE.radius_m)
     path = TASK.actions.tool_path(jnp.asarray(actions), jnp.tile(jnp.asarray(AWAY, jnp.float32), (COUNT, 1)))
     moved = np.linalg.norm(np.asarray(SIMULATE(given, state, path).x) - x, axis=2).mean(1) > MOVED_M
-    chosen = jax.tree.map(lambda each: each[moved], (given, state))
-    return Problems(*chosen, actions[moved], goal[moved])
+    return jax.tree.map(partial(_of, moved), Problems(given, state, jnp.asarray(actions), jnp.asarray(goal)))
+
+
+def _of(which: Bool[np.ndarray, " P"], values: jax.Array) -> jax.Array:
+    return values[which]
 
 
 def slopes(seed: int) -> Iterator[tuple[str, Slopes]]:
     """Along a random change of the action, and with each parameter."""
     given, state, actions, goal = problems(seed)
     way = np.random.default_rng(seed).standard_normal(actions.shape).astype(np.float32) * TASK.actions.scale()
-    value = jax.jit(lambda physics, actions: costs(physics, state, actions, goal))
-    by = jax.jit(jax.grad(lambda *changed: value(*changed).sum(), (0, 1)))
-    of_physics, of_actions = by(given, actions)
+
+    @jax.jit
+    def value(physics: RodPhysics, actions: jax.Array) -> jax.Array:
+        return costs(physics, state, actions, goal)
+
+    def total(physics: RodPhysics, actions: jax.Array) -> jax.Array:
+        return value(physics, actions).sum()
+
+    of_physics, of_actions = jax.jit(jax.grad(total, (0, 1)))(given, actions)
 
     def differences(steps: tuple[float, ...], change: Callable[[float], tuple[RodPhysics, jax.Array]]) -> np.ndarray:
         ends = [[np.asarray(value(*change(sign * step)), np.float64) for sign in (1, -1)] for step in steps]
         return np.stack([(ahead - behind) / (2 * step) for (ahead, behind), step in zip(ends, steps, strict=True)])
 
     along = np.asarray((of_actions * way).sum(1), np.float64)
-    yield "action", Slopes(along, differences(PARTS, lambda step: (given, jnp.asarray(actions + step * way))))
+    yield "action", Slopes(along, differences(PARTS, lambda step: (given, actions + step * way)))
     for name in PARAMETERS:
         number = getattr(given, name)
 
         def changed(step: float, name: str = name, number: jax.Array = number) -> tuple[RodPhysics, jax.Array]:
-            return given._replace(**{name: number * (1 + step)}), jnp.asarray(actions)
+            return given._replace(**{name: number * (1 + step)}), actions
 
         adjoint = np.asarray(getattr(of_physics, name) * number, np.float64)
         yield name, Slopes(adjoint, differences(SHARES, changed))

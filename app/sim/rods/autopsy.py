@@ -92,7 +92,7 @@ class RodCase:
 class RodTrace:
     """Of the states after 0, 1, 2, ... steps: the fastest node, the segment that is longest or shortest, the finger.
 
-    `stretch`: by how much that segment is longer than at rest, as a share; `gap_m`: from the finger's axis to the
+    `stretch`: by how much that segment is longer than at rest, as a share; `gap_m`: from the finger's core to the
     centreline, infinite where its tip is above the rope; `energy_j`: of motion, stretch, bending and bristles.
     """
 
@@ -189,6 +189,11 @@ class _View:
         """Of the rope."""
         return self.case.setup.scene.radius_m
 
+    @property
+    def half(self) -> Float32[np.ndarray, "K 2"]:
+        """From the middle of the finger's core to an end of it, at every state [m]."""
+        return np.tile(np.asarray(self.case.physics.finger_half_m, np.float32), (len(self.nodes), 1))
+
 
 def _view(case: RodCase) -> _View:
     """Nothing is simulated where what is not the state is not finite: no step of that begins."""
@@ -206,11 +211,11 @@ def _view(case: RodCase) -> _View:
     wrong = first(np.asarray(~np.isfinite(nodes).all((1, 2))))
     count = len(nodes) if wrong is None else wrong[0]
     nodes, broken = nodes[:count], None if wrong is None else nodes[count]
-    energy_j = energies(case.setup.scene, fields, nodes)
-    gains = gained(case.setup.scene, case.setup.effects, nodes, finger[:count], energy_j)
+    energy_j, half = energies(case.setup.scene, fields, nodes), np.asarray(case.physics.finger_half_m[0], np.float32)
+    gains = gained(case.setup.scene, case.setup.effects, nodes, finger[:count], half, energy_j)
     tips, pressed_m = case.tool[0, :count], 0.0
     if count:
-        gap = distances_m(jnp.asarray(nodes[:1, :2]), jnp.asarray(tips[:1, :2])).min()
+        gap = distances_m(*map(jnp.asarray, (nodes[:1, :2], tips[:1, :2], case.physics.finger_half_m))).min()
         pressed_m = float(finger[0, 2]) - float(gap)
     return _View(case=case, nodes=nodes, tips=tips, energy_j=energy_j, gains=gains, pressed_m=pressed_m, broken=broken)
 
@@ -303,11 +308,11 @@ def _strains(view: _View) -> Float32[np.ndarray, "K m"]:
 
 
 def _gaps(view: _View) -> Float32[np.ndarray, " K"]:
-    return np.asarray(gap_m(view.radius_m, jnp.asarray(view.nodes), jnp.asarray(view.tips)))
+    return np.asarray(gap_m(view.radius_m, *map(jnp.asarray, (view.nodes, view.tips, view.half))))
 
 
 def _distances(view: _View) -> Float32[np.ndarray, "K m"]:
-    return np.asarray(distances_m(jnp.asarray(view.nodes[:, :2]), jnp.asarray(view.tips[:, :2])))
+    return np.asarray(distances_m(*map(jnp.asarray, (view.nodes[:, :2], view.tips[:, :2], view.half))))
 
 
 def _strides(view: _View) -> Float32[np.ndarray, " S"]:

@@ -21,7 +21,7 @@ from app.sim.rods.state import STATE, RodState
 ROWS = ("x", "y", "x velocity", "y velocity", "x bristle", "y bristle", "finger's bristle", "lasting bend")
 """Of `RodState.nodes`."""
 _ABOVE_ZERO = ("rigidity", "mass", "creep")
-_SIGNED = ("rest_curvature", "margin")
+_SIGNED = ("rest_curvature", "margin", "finger_yaw")
 
 
 @final
@@ -75,7 +75,7 @@ def require_rod_inputs(
     _require_room(np.moveaxis(nodes[:, :2], 1, 2), "Node {1} of candidate {0}")
     _require_room(path, "The finger of candidate {0}, at path point {1},")
     _require_rest_lengths(setup.scene, nodes)
-    _require_beside(setup.scene, nodes, path)
+    _require_beside(setup.scene, nodes, path, np.asarray(physics.finger_half_m, np.float32))
     _require_slow(setup.scene, path)
 
 
@@ -125,11 +125,17 @@ def _require_rest_lengths(scene: RodScene, nodes: Float32[np.ndarray, "B 8 n"]) 
         )
 
 
-def _require_beside(scene: RodScene, nodes: Float32[np.ndarray, "B 8 n"], tool: Float32[np.ndarray, "B T 3"]) -> None:
-    gap = np.asarray(gap_m(scene.radius_m, jnp.asarray(nodes), jnp.asarray(tool[:, 0])))
+def _require_beside(
+    scene: RodScene,
+    nodes: Float32[np.ndarray, "B 8 n"],
+    tool: Float32[np.ndarray, "B T 3"],
+    half: Float32[np.ndarray, "B 2"],
+) -> None:
+    gap = np.asarray(gap_m(scene.radius_m, *map(jnp.asarray, (nodes, tool[:, 0], half))))
     if wrong := first(gap < np.float32(scene.radius_m)):
         (b,) = wrong
-        j = int(np.argmin(distances_m(jnp.asarray(nodes[b : b + 1, :2]), jnp.asarray(tool[b : b + 1, 0, :2]))))
+        one = (nodes[b : b + 1, :2], tool[b : b + 1, 0, :2], half[b : b + 1])
+        j = int(np.argmin(distances_m(*map(jnp.asarray, one))))
         raise ParameterError(
             f"The finger of candidate {b} begins at {words(tool[b, 0])} m, inside the rope: {1e3 * gap[b]:.3g} mm from "
             f"the middle of its segment {j}, whose radius is {1e3 * scene.radius_m:.3g} mm; begin beside it, or check "

@@ -10,6 +10,8 @@ ROOM_M = 10.0
 before it slides, and a finger's speed from its path to 1 mm/s."""
 
 
+_PLACES = 17
+
 STRAIN = 0.5
 """Share by which a segment may be longer or shorter than at rest: pushed at 0.15 m/s it is so by 0.01, at 2 m/s by
 0.05, and by more than 0.1 where a rope is thrown at a wall."""
@@ -45,17 +47,27 @@ def strides_m(radius_m: float, tool: Float[Array, "B T 3"]) -> Float[Array, "B T
     return jnp.where(_is_down(radius_m, tool[:, 1:]), jnp.linalg.norm(jnp.diff(tool[..., :2], axis=1), axis=-1), 0.0)
 
 
-def gap_m(radius_m: float, nodes: Float[Array, "B 8 n"], tip: Float[Array, "B 3"]) -> Float[Array, " B"]:
-    """Distance [m] from the finger's axis to the centreline; infinite where the tip is above the rope."""
-    gap = distances_m(nodes[:, :2], tip[:, :2]).min(1)
+def gap_m(
+    radius_m: float, nodes: Float[Array, "B 8 n"], tip: Float[Array, "B 3"], half: Float[Array, "B 2"]
+) -> Float[Array, " B"]:
+    """Distance [m] from the finger's core to the centreline; infinite where the tip is above the rope."""
+    gap = distances_m(nodes[:, :2], tip[:, :2], half).min(1)
     return jnp.where(_is_down(radius_m, tip), gap, jnp.inf)
 
 
-def distances_m(line: Float[Array, "B 2 n"], point: Float[Array, "B 2"]) -> Float[Array, "B n-1"]:
-    """Distances [m] from a point to the segments of a polygon."""
-    edge, to = jnp.diff(line, axis=2), point[:, :, None] - line[..., :-1]
-    share = jnp.clip((to * edge).sum(1) / (edge**2).sum(1), 0.0, 1.0)
-    return jnp.linalg.norm(to - share[:, None] * edge, axis=1)
+def distances_m(
+    line: Float[Array, "B 2 n"], middle: Float[Array, "B 2"], half: Float[Array, "B 2"]
+) -> Float[Array, "B n-1"]:
+    """Distances [m] from a finger's core to the segments of a polygon.
+
+    `half`: from the core's middle to an end, zero of a round finger. Of a flat one places on it are looked at, a
+    sixteenth of its width apart, 3 mm at most.
+    """
+    edge = jnp.diff(line, axis=2)[:, None]
+    places = middle[:, None] + jnp.linspace(-1, 1, _PLACES)[:, None] * half[:, None]
+    to = places[..., None] - line[:, None, :, :-1]
+    share = jnp.clip((to * edge).sum(2) / (edge**2).sum(2), 0.0, 1.0)
+    return jnp.linalg.norm(to - share[:, :, None] * edge, axis=2).min(1)
 
 
 def _is_down(radius_m: float, tip: Float[Array, "*b 3"]) -> Bool[Array, "*b"]:

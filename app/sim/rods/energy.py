@@ -41,18 +41,21 @@ def gained(
     effects: Sequence[Effect],
     nodes: Float32[np.ndarray, "K 8 n"],
     finger: Float32[np.ndarray, "K 4"],
+    half: Float32[np.ndarray, "2"],
     energy_j: Float64[np.ndarray, " K"],
 ) -> Bool[np.ndarray, " K"]:
     """States with more energy than when neither finger nor another strand touched the rope any more.
 
-    None where walls or effects may add some: walls push, and effects pull as they like.
+    `half`: from the middle of the finger's core to an end of it [m]. None where walls or effects may add some: walls
+    push, and effects pull as they like.
     """
     if scene.walls or any(effect.rod is not None and effect.rod.velocity for effect in effects):
         return np.zeros(len(nodes), bool)
     touched = np.zeros(len(nodes), bool)
     if len(nodes) > 1:
         # In a step nodes are where they were, and the finger is where it goes.
-        gap = np.asarray(distances_m(jnp.asarray(nodes[:-1, :2]), jnp.asarray(finger[1:, :2]))).min(1)
+        core = np.tile(half, (len(nodes) - 1, 1))
+        gap = np.asarray(distances_m(*map(jnp.asarray, (nodes[:-1, :2], finger[1:, :2], core)))).min(1)
         touched[1:] = (gap < finger[1:, 2]) | near_strands(scene, nodes[:-1])
     least_j = scene.mass_kg * _LEAST_M_S**2 / 2
     since = np.maximum.accumulate(np.where(touched, np.arange(len(nodes)), 0))

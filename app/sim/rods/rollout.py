@@ -51,6 +51,12 @@ class RodPhysics(NamedTuple):
     finger_yaw: Float[jax.Array, " B"]
     """From the x axis to that core [rad]."""
 
+    @property
+    def finger_half_m(self) -> Float[jax.Array, "B 2"]:
+        """From the middle of the finger's core to an end of it."""
+        along = jnp.stack([jnp.cos(self.finger_yaw), jnp.sin(self.finger_yaw)], axis=-1)
+        return self.finger_half_width[:, None] * along
+
     @classmethod
     def nominal(cls, scene: RodScene, candidates: int) -> "RodPhysics":
         """A limp rope of 16 mm, scaled to the scene's radius."""
@@ -230,7 +236,7 @@ def _fields(scene: RodScene, properties: RodProperties) -> Float[jax.Array, "B 3
 
 def _traits(scene: RodScene, physics: RodPhysics, properties: RodProperties) -> Float[jax.Array, "B _"]:
     """In the order of `OwnTraits` and `CoreTraits` in rod.h."""
-    half = physics.finger_half_width * jnp.stack([jnp.cos(physics.finger_yaw), jnp.sin(physics.finger_yaw)])
+    half = physics.finger_half_m.T
     return jnp.stack(
         [
             properties.table_friction,
