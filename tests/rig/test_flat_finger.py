@@ -70,7 +70,7 @@ def test_a_finger_turned_by_half_a_turn_is_the_same(physics: WorldPhysics) -> No
 
 
 def test_a_rod_moves_as_the_rope_does_that_a_flat_finger_pushes():
-    """Within 5 mm, of pushes that move it by more than 10, with no number fitted to this finger."""
+    """Within 3 mm on average, where pushes move it by more than 10, with no number fitted to this finger."""
     task = load("rope_push(finger_half_width_m=0.015,finger_radius_m=0.006,finger_yaw_rad=0.6)@rods")
     assert task.rods is not None
     scene = task.rods.scene
@@ -87,4 +87,4 @@ def test_a_rod_moves_as_the_rope_does_that_a_flat_finger_pushes():
         errors.append(float(np.linalg.norm(np.asarray(end.nodes[0, :2]).T - after, axis=1).mean()))
         moved.append(float(np.linalg.norm(before - after, axis=1).mean()))
     assert np.mean(moved) > 0.010
-    assert np.mean(errors) < 0.005, (moved, errors)
+    assert np.mean(errors) < 0.003, (moved, errors)
