@@ -25,6 +25,7 @@ from app.planner.tree import Advance, Part, Search
 from app.policy.base import AWAY
 from app.sim.directions import directed
 from app.sim.effects.base import Effect
+from app.sim.hooks import require_known
 from app.sim.object_state import ObjectState
 from app.sim.params import PARAMETERS, acting, columns_of, index
 from app.sim.rods.effect import RodSetting
@@ -79,12 +80,13 @@ def moving(task: str, particle_count: int, effects: tuple[Effect, ...] = ()) -> 
     Which way a slender object runs, and so its rest shape, is seen from the particles as the action began. It takes
     all of phi and heeds the nominal parameters and those of `effects`; see `params.acting`. What changes in the course
     of a session is as at its end. Where along the object a particle is, nobody knows here: effects that depend on that
-    do nothing.
+    do nothing. Raises ParameterError, which names the parameters, for a model that needs effects that its engine lacks.
     """
     known = tuple(effect for effect in effects if not effect.oriented)
     data = load(task)
     if data.dynamics == "rods":
         return _moving_rod(data, known)
+    require_known(known)
     simulate = make_rollout(data.scene, particle_count=data.scene.split(particle_count), effects=known)
     own = np.array(columns_of(known))
 
@@ -100,10 +102,7 @@ def moving(task: str, particle_count: int, effects: tuple[Effect, ...] = ()) -> 
 
 
 def _moving_rod(task: Task, effects: tuple[Effect, ...]) -> Part:
-    """The same for a rope as a rod.
-
-    Raises ParameterError, which names the parameters, for a model that needs effects that do not act on rods.
-    """
+    """The same for a rope as a rod."""
     assert task.rods is not None
     scene, given = task.rods.scene, task.rods.physics
     simulate = make_rod_rollout(scene, effects)
@@ -218,7 +217,7 @@ def calibrated(
 def calibrated_from_recordings(
     task: str, preset: str, transitions: Sequence[Transition], model: Model, settings: Settings
 ) -> Calibrated:
-    """As `calibrated`; of rods also the tool's offset, as far as an interval tells it from none.
+    """As `calibrated`; of rods also the tool's offset, and all that is optional only where an interval tells it.
 
     Raises RecordingError where the transitions of a rod tell nothing (`app.calibration.checks`).
     """
@@ -228,11 +227,9 @@ def calibrated_from_recordings(
         return calibrated(task, preset, transitions, model, settings)
     evidence = gather(transitions, data.actions.measured_path)
     check_contact(evidence, data.finger.radius_m + data.rope.radius_m)
-    found, offset = fitter.fit_with_offset(evidence, phi), fitter.offset.specs
-    first = len(fitter.names)
-    if not ((found.low > 0) | (found.high < 0))[first:].any():
-        found, offset = fitter.fit(evidence, phi), ()
+    found, fitter = fitter.fit_what_is_told(evidence, phi, data.rods.optional if data.rods else ())
     check_better_than_no_motion(found.losses_m2, evidence)
+    offset = fitter.offset.specs if fitter.offset else ()
     new = next_model(model, found, fitter.names, transitions, offset)
     if new.apparatus and not new.extension.camera_m:
         new = replace(new, extension=replace(new.extension, camera_m=NOWHERE_M))

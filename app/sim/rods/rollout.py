@@ -11,10 +11,11 @@ from app.core.errors import ParameterError
 from app.sim.candidates import are_finite, as_float32, where_finite
 from app.sim.effects.base import Effect
 from app.sim.rods.effect import RodContext, RodProperties, RodSetting
+from app.sim.rods.equilibrium import held
 from app.sim.rods.kernels import FIELDS
 from app.sim.rods.laws import changed_properties, law_numbers, law_source, require_known, wall_numbers
 from app.sim.rods.operations import make_rod_operations
-from app.sim.rods.scene import RodScene
+from app.sim.rods.scene import RodScene, numbers_of
 from app.sim.rods.state import RodState
 
 _STIFFEST = 4.0
@@ -33,8 +34,10 @@ class RodPhysics(NamedTuple):
     """Of bending: moment per rate of curvature [N m^2 s]."""
     yield_curvature: Float[jax.Array, " B"]
     """Elastic curvature [1/m] beyond which the rope keeps its bend."""
+    permanent_set: Float[jax.Array, " B"]
+    """Share of its bends that lasts without load: 1 if it is free of stress as it is seen, 0 if it were straight."""
     rest_curvature: Float[jax.Array, " B"]
-    """Of the unloaded rope [1/m]."""
+    """Of the unloaded rope [1/m], besides."""
     climb: Float[jax.Array, " B"]
     """Speed with which the rope slips up and down the finger, as a share of the finger's own: it hops as it slides."""
     press: Float[jax.Array, " B"]
@@ -98,6 +101,7 @@ def make_rod_rollout(scene: RodScene, effects: tuple[Effect, ...] = ()) -> Simul
         return operations.backward(kept, *given, end_bar)
 
     rollout.defvjp(rollout_forward, rollout_backward)
+    bristle_n_m = numbers_of(scene, 0.0).table
 
     def simulate(
         physics: RodPhysics,
@@ -119,7 +123,8 @@ def make_rod_rollout(scene: RodScene, effects: tuple[Effect, ...] = ()) -> Simul
         walls = wall_numbers(scene.walls, properties.finger_friction / physics.finger_friction)
         numbers = [_traits(scene, physics, properties), *law_numbers(effects, own, context), *walls]
         traits = jnp.concatenate(numbers, axis=1)
-        end = rollout(state.nodes, _fields(scene, properties), traits, _fingers(scene, physics, tool))
+        start = held(scene, state.nodes, properties, bristle_n_m)
+        end = rollout(start, _fields(scene, properties), traits, _fingers(scene, physics, tool))
         return state._replace(nodes=where_finite(are_finite(end, physics, state, tool, own), end))
 
     return simulate
@@ -137,6 +142,7 @@ def _properties(scene: RodScene, physics: RodPhysics) -> RodProperties:
         finger_friction=physics.finger_friction,
         viscosity=physics.viscosity,
         yield_curvature=physics.yield_curvature,
+        permanent_set=physics.permanent_set,
     )
 
 
@@ -147,7 +153,7 @@ def _fields(scene: RodScene, properties: RodProperties) -> Float[jax.Array, "B 3
     return jnp.stack(rows, axis=1)
 
 
-def _traits(scene: RodScene, physics: RodPhysics, properties: RodProperties) -> Float[jax.Array, "B 6"]:
+def _traits(scene: RodScene, physics: RodPhysics, properties: RodProperties) -> Float[jax.Array, "B 7"]:
     """In the order of `OwnTraits` in rod.h."""
     return jnp.stack(
         [
@@ -157,6 +163,7 @@ def _traits(scene: RodScene, physics: RodPhysics, properties: RodProperties) -> 
             properties.yield_curvature * scene.rest_m,
             physics.climb,
             physics.creep,
+            1 - properties.permanent_set,
         ],
         axis=1,
     )
