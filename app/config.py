@@ -9,6 +9,8 @@ from typing import Final, final
 
 import numpy as np
 
+from app.core.table_place import AT_BASE, TablePlace
+
 _STILL_M = 1e-12
 """A line that is shorter than this along an axis does not move along that."""
 
@@ -145,6 +147,8 @@ class Site:
     """One installation of the program."""
 
     limits: Limits = field(default_factory=Limits)
+    table: TablePlace = AT_BASE
+    """The table in the frame of a real arm's base; all else here is in the table's."""
     timing: Timing = field(default_factory=Timing)
     travel_height_m: float = 0.12
     recordings: Path = Path("recordings")

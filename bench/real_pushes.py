@@ -2,7 +2,7 @@
 
 What a fold knows of the rod is the mean of all models, each weighed by how well it predicts the seven pushes of that
 fold: with as many unknowns as half the pushes, the best one alone follows their peculiarities. docs/real-data.md says
-what was recorded and what is assumed; the rope's size and weight are of the clouds, and its finger is a round one.
+what was recorded and what is assumed; the rope's size and weight are of the clouds.
 """
 
 from collections.abc import Sequence
@@ -51,8 +51,8 @@ class Axis(NamedTuple):
     """A number that is free: its range as a prior, even in the logarithm where `ratio`, and its value where it is not.
 
     `bend` is the length (E I / (mu w))^(1/3) of which a rope bends under friction mu on a table, w its weight a metre;
-    `reach` from the finger's middle to the centreline at contact, `offset_x`, `offset_y` of the finger from the point
-    that was recorded.
+    `reach` from the finger's core to the centreline at contact, `half_width` of that core, `yaw` of it from the x axis,
+    `offset_x`, `offset_y` of the finger from the point that was recorded.
     """
 
     low: float
@@ -76,8 +76,11 @@ AXES: Final = {
     "table_friction": Axis(0.1, 1.0, True, 0.5, "1"),
     "yield_curvature": Axis(3.0, 100.0, True, 300.0, "1/m"),
     "climb": Axis(0.0, 1.5, False, 0.0, "1"),
+    "half_width": Axis(0.0, 0.020, False, 0.0, "m"),
+    "yaw": Axis(-1.571, 1.571, False, 0.0, "rad"),
 }
 FREE: Final = ("bend", "finger_friction", "reach", "offset_x")
+FLAT: Final = (*FREE, "half_width")
 
 
 @final
@@ -136,6 +139,7 @@ class Rope:
             radius_m=RADIUS_M,
             mass_kg=pushes.mass_kg,
             finger_radius_m=FINGER_M,
+            finger_half_width_m=AXES["half_width"].high,
             spacing_m=length / (NODES - 1),
             mass_shares=tuple(shares.tolist()),
             stiffest_n_m2=_STIFFEST_N_M2,
@@ -206,6 +210,8 @@ class Rope:
             yield_curvature=each["yield_curvature"],
             climb=each["climb"],
             press=jnp.zeros(models * count),
+            finger_half_width=each["half_width"],
+            finger_yaw=each["yaw"],
         )
         state = jax.tree.map(partial(_repeated, count=models), self.start)
         shift = jnp.stack([each["offset_x"], each["offset_y"], jnp.zeros(models * count)], axis=-1)
@@ -328,12 +334,13 @@ def main(folder: Path = FOLDER, models: int = MODELS, variants: bool = False) ->
         compared(*map(list, zip(*pushes.clouds, strict=True))),
     )
     ropes = [Rope(pushes, tassels) for tassels in TASSELS]
-    rows = [still, ropes[0].known_ends(), left_out(ropes, "rod", FREE, models)]
+    rows = [still, ropes[0].known_ends()]
+    rows += [left_out(ropes, "rod, round finger", FREE, models), left_out(ropes, "rod, flat finger", FLAT, models)]
     if variants:
-        rows.append(left_out(ropes, "without the finger's offset", FREE[:-1], models))
-        rows += [left_out(ropes, f"and {name}", (*FREE, name), models) for name in AXES if name not in FREE]
+        rows.append(left_out(ropes, "round, without the finger's offset", FREE[:-1], models))
+        rows += [left_out(ropes, f"flat, and {name}", (*FLAT, name), models) for name in AXES if name not in FLAT]
         ranked = [Rope(pushes, tassels, by_rank=True) for tassels in TASSELS]
-        rows.append(left_out(ranked, "places by rank, as RodState.at_rest", FREE, models))
+        rows.append(left_out(ranked, "flat, places by rank, as RodState.at_rest", FLAT, models))
     _print(rows)
 
 

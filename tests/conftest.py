@@ -67,7 +67,7 @@ def anyio_backend() -> str:
 
 def _alone(item: pytest.Item) -> Generator[None]:
     """A test that is not serial needs a core alone: whatever else it used would fail or slow others now and then."""
-    if item.get_closest_marker("serial") is not None:
+    if any(item.get_closest_marker(mark) is not None for mark in ("serial", "slow")):  # Slow ones run one by one.
         yield
         return
     with undeclared() as used:

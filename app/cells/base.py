@@ -15,6 +15,7 @@ from app.core.limbs import ArmShape
 from app.core.messages import ArmState
 from app.core.ports import Arm, Camera, Posed, Rig
 from app.core.stage import Stage, Tool
+from app.core.table_place import TablePlace
 from app.recording.calibration_file import CalibrationFile
 
 
@@ -63,8 +64,8 @@ class Cell:
 
     `answers`: what the arm does shows in what the cameras see; where it does not, there is nothing to learn from it.
     `shelf`: where its cameras' calibrations are kept, by its file.
-    `pictured`: what the arm looks like in images that were recorded there, with this tool and by any of its recorded
-    states; None where nobody knows.
+    `pictured`: what the arm looks like in images that were recorded there, with this tool, by any of its recorded
+    states and by where the table was; None where nobody knows.
     """
 
     name: str
@@ -73,14 +74,14 @@ class Cell:
     narrowed: Callable[[Site, Path | None], Site]
     answers: bool = True
     shelf: Callable[[Path | None], CalibrationFile] = _beside_the_program
-    pictured: Callable[[Tool, ArmState], ArmShape] | None = None
+    pictured: Callable[[Tool, ArmState, TablePlace], ArmShape] | None = None
 
 
 def as_it_is(site: Site, file: Path | None) -> Site:
     """The site of a cell that needs no file. Raises UsageError where one is given."""
     if file is not None:
         raise UsageError(
-            f"--cell {file} is for a real cell (--rig gen3) or a recorded one (--rig replayed); choose one of them as "
-            "well, or leave it out."
+            f"--cell {file} is for a real cell (--rig gen3, or rehearsal to rehearse it) or a recorded one (--rig "
+            "replayed); choose one of them as well, or leave it out."
         )
     return site

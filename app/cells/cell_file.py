@@ -3,22 +3,24 @@
 import difflib
 import math
 import re
+from dataclasses import replace
 from pathlib import Path
 from typing import Annotated, Final, TypeAlias, final
 
 import msgspec
 import numpy as np
 
-from app.config import KeepOut, Limits, Workspace
+from app.config import KeepOut, Limits, Reach, Site, Workspace
 from app.core.errors import RecordingError, UsageError
 from app.core.motion import pointing_down
+from app.core.table_place import TablePlace
 from app.rig.kinova.clients import CLIENTS
-from app.rig.kinova.gen3 import reach
+from app.rig.kinova.gen3 import reach_over
 
 SCHEMA: Final = 1
 _MOST: Final = Limits()
 Point: TypeAlias = tuple[float, float, float]
-"""x y z [m] in the frame of the arm's base."""
+"""x y z [m] in the frame of the table."""
 
 
 class _Entry(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
@@ -36,6 +38,16 @@ class Volume(Box, frozen=True):
     """A box that the tool's tip may not enter [m]."""
 
     name: str
+
+
+class TableEntry(_Entry, frozen=True):
+    """The table's frame: its origin in that of the arm's base [m], and how it is turned about the upright.
+
+    Its surface is z = 0 of its own frame, in which all other places of the file are.
+    """
+
+    place_m: Point = (0.0, 0.0, 0.0)
+    turn_deg: Annotated[float, msgspec.Meta(ge=-180.0, le=180.0)] = 0.0
 
 
 class Within(_Entry, frozen=True):
@@ -86,6 +98,7 @@ class CellFile(_Entry, frozen=True):
     limits: Within
     cameras: tuple[CameraEntry, ...]
     arm: ArmEntry = ArmEntry()
+    table: TableEntry = TableEntry()
     travel_height_m: float = 0.15
     calibration: str = "calibration.toml"
 
@@ -108,6 +121,18 @@ def load_cell(path: Path) -> CellFile:
     return cell
 
 
+def table(cell: CellFile) -> TablePlace:
+    """Where its table is."""
+    return TablePlace(place_m=cell.table.place_m, turn_deg=cell.table.turn_deg)
+
+
+def narrowed_by(cell: CellFile, site: Site) -> Site:
+    """The site with what the file says; the slower of the two speeds counts."""
+    own = limits(cell)
+    own = replace(own, speed_m_s=min(own.speed_m_s, site.limits.speed_m_s))
+    return replace(site, limits=own, table=table(cell), travel_height_m=cell.travel_height_m)
+
+
 def limits(cell: CellFile) -> Limits:
     """What its arm may do."""
     said = cell.limits
@@ -117,7 +142,7 @@ def limits(cell: CellFile) -> Limits:
         angular_speed_rad_s=said.angular_speed_rad_s,
         force_n=said.force_n,
         gripper_ma=said.gripper_ma,
-        reach=reach(cell.arm.tool.tip_m),
+        reach=_reach(cell),
         workspace=Workspace(low=said.workspace.low, high=said.workspace.high),
         keep_out=tuple(KeepOut(name=each.name, low=each.low, high=each.high) for each in said.keep_out),
     )
@@ -140,7 +165,12 @@ def _beyond_m(cell: CellFile, *, middle: bool) -> float:
     corners = np.stack(np.meshgrid(*np.stack([low, high]).T), axis=-1).reshape(-1, 3)
     over = np.array([[*(low + high)[:2] / 2, cell.travel_height_m]])
     poses = np.array([pointing_down(each) for each in (over if middle else corners)])
-    return float(reach(cell.arm.tool.tip_m).beyond_m(poses).max())
+    return float(_reach(cell).beyond_m(poses).max())
+
+
+def _reach(cell: CellFile) -> Reach:
+    """Of its arm, in the table's frame."""
+    return reach_over(table(cell), cell.arm.tool.tip_m)
 
 
 def _meant(error: str) -> str:
@@ -157,6 +187,8 @@ def _wrong(cell: CellFile) -> str:
         return f"it has schema {cell.schema}, and this version reads {SCHEMA}"
     if cell.arm.client not in CLIENTS:
         return f"the arm's client is {cell.arm.client!r}, and there are {', '.join(sorted(CLIENTS))}"
+    if not all(map(math.isfinite, cell.table.place_m)):
+        return f"the table's place_m {cell.table.place_m} is not finite"
     boxes = [("workspace", cell.limits.workspace), *((each.name, each) for each in cell.limits.keep_out)]
     for name, box in boxes:
         if not all(-math.inf < low < high < math.inf for low, high in zip(box.low, box.high, strict=True)):

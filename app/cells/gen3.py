@@ -11,13 +11,14 @@ from typing import Final
 from anyio import to_thread
 
 from app.cells.base import Cell, OpenedRig, Wanted
-from app.cells.cell_file import CameraEntry, CellFile, ToolEntry, far_corner, limits, load_cell
+from app.cells.cell_file import CameraEntry, CellFile, ToolEntry, far_corner, load_cell, narrowed_by, table
 from app.config import Site
 from app.core.errors import UsageError
 from app.core.hand_eye import HandEye
 from app.core.limbs import ArmShape
 from app.core.messages import ArmState
 from app.core.stage import Tool
+from app.core.table_place import TablePlace
 from app.recording.calibration_file import CalibrationFile, known_cameras
 from app.rig.kinova.arm import kinova_arm
 from app.rig.kinova.configured import Holds
@@ -34,11 +35,9 @@ _NEEDED = "--rig gen3 needs --cell FILE.toml, which says where arm and cameras a
 
 
 def _narrowed(site: Site, file: Path | None) -> Site:
-    """With the limits of the file; the slower of the two speeds counts."""
+    """With the limits and the table of the file."""
     cell, _ = _read(file)
-    own = limits(cell)
-    speed_m_s = min(own.speed_m_s, site.limits.speed_m_s)
-    return replace(site, limits=replace(own, speed_m_s=speed_m_s), travel_height_m=cell.travel_height_m)
+    return narrowed_by(cell, site)
 
 
 @asynccontextmanager
@@ -51,7 +50,8 @@ async def _opened(wanted: Wanted) -> AsyncGenerator[OpenedRig]:
         kinova_arm(address(cell), wanted.site, cell.arm.client, holds(cell.arm.tool)) as arm,
         realsense_cameras(mounted, wanted.site.timing) as cameras,
     ):
-        shape = known_gen3(wanted.stage.tool, cell.arm.tool.tip_m)
+        gen3 = known_gen3(wanted.stage.tool, cell.arm.tool.tip_m)
+        shape = replace(gen3, T_world_base=wanted.site.table.table_from_base)
         yield OpenedRig(name=cell.name, simulated=False, shape=shape, seen_arm=arm, cameras=cameras, arm=arm)
 
 
@@ -59,7 +59,7 @@ def _found(file: Path | None) -> tuple[CellFile, list[Mounted]]:
     """What the file says, and its cameras, where they stand as far as they are calibrated."""
     cell, there = _read(file)
     calibration = calibration_of(cell, there)
-    places = known_cameras(calibration)
+    places = {serial: table(cell).camera_in_table(found) for serial, found in known_cameras(calibration).items()}
     return cell, [_mounted(camera, places, calibration) for camera in cell.cameras]
 
 
@@ -70,7 +70,8 @@ def calibration_of(cell: CellFile, file: Path) -> Path:
 
 def _shelf(file: Path | None) -> CalibrationFile:
     cell, there = _read(file)
-    return CalibrationFile(calibration_of(cell, there), {camera.name: camera.serial for camera in cell.cameras})
+    serials = {camera.name: camera.serial for camera in cell.cameras}
+    return CalibrationFile(calibration_of(cell, there), serials, table(cell))
 
 
 def _read(file: Path | None) -> tuple[CellFile, Path]:
@@ -103,8 +104,9 @@ def _mounted(camera: CameraEntry, places: dict[str, HandEye], file: Path) -> Mou
     return Mounted.calibrated(places[camera.serial], name=camera.name, settings=Settings())
 
 
-def _pictured(tool: Tool, state: ArmState) -> ArmShape:
-    return known_gen3(tool, tip_m(state.joints, state.pose[:3]))
+def _pictured(tool: Tool, state: ArmState, table: TablePlace) -> ArmShape:
+    tip = table.base_from_table[:3, :3] @ state.pose[:3] + table.place_m
+    return replace(known_gen3(tool, tip_m(state.joints, tip)), T_world_base=table.table_from_base)
 
 
 CELL: Final = Cell(name="gen3", simulated=False, open=_opened, narrowed=_narrowed, shelf=_shelf, pictured=_pictured)

@@ -13,14 +13,15 @@ from typing import Final, final
 
 from anyio import to_thread
 
-from app.cells.base import Cell, Wanted, as_it_is
+from app.cells.base import Cell, Wanted
+from app.cells.cell_file import load_cell, narrowed_by
 from app.cells.simulated import drawn
 from app.config import Site
 from app.core.limbs import ArmShape
 from app.core.ports import Arm, Camera
 from app.rig.kinova.control import taken
 from app.rig.kinova.fake.process import FakeProcess
-from app.rig.kinova.gen3 import GRIPPER_M, Joints, reach
+from app.rig.kinova.gen3 import GRIPPER_M, Joints, reach_over
 from app.rig.kinova.link import Address
 from app.rig.kinova.seen import Seen
 from app.rig.realsense.camera import RealSenseCamera
@@ -122,8 +123,9 @@ async def _opened(wanted: Wanted) -> AsyncGenerator[Rehearsal]:
 
 
 def _reached(site: Site, file: Path | None) -> Site:
-    """Within what a Gen3 reaches: the arm that is told is one, whatever is drawn."""
-    return replace(as_it_is(site, file), limits=replace(site.limits, reach=reach(GRIPPER_M)))
+    """Within what a Gen3 reaches: the arm that is told is one, whatever is drawn. A real cell's file is rehearsed."""
+    own = site if file is None else narrowed_by(load_cell(file), site)
+    return replace(own, limits=replace(own.limits, reach=reach_over(own.table, GRIPPER_M)))
 
 
 def _drawn(seen: Seen) -> Joints:

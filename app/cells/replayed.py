@@ -4,6 +4,7 @@ What is seen was recorded and does not answer to what the arm does: to try a goa
 what cameras really saw, where nothing can move.
 """
 
+import json
 from collections.abc import AsyncGenerator, Sequence
 from contextlib import asynccontextmanager
 from pathlib import Path
@@ -16,8 +17,9 @@ from app.cells.base import Cell, OpenedRig, Wanted
 from app.config import Site
 from app.core.errors import RecordingError, UsageError
 from app.core.limbs import ArmShape
-from app.core.messages import ArmState
+from app.core.messages import ArmState, Episode
 from app.core.stage import Tool
+from app.core.table_place import AT_BASE, TablePlace
 from app.recording.film import Film, film_states, read_film
 from app.recording.reader import read_episode
 from app.rig.replayed.cameras import replayed_cameras
@@ -57,9 +59,19 @@ def _pictured(film: Film, tool: Tool, states: Sequence[ArmState]) -> ArmShape | 
 
     A recording of a recording shows an arm that the states in it are not of, and its cell says so by saying nothing.
     """
-    rig = read_episode(film.path).rig
-    looks = cells.load(rig).pictured if rig in cells.names() else None
-    return looks(tool, states[0]) if looks and states else None
+    episode = read_episode(film.path)
+    looks = cells.load(episode.rig).pictured if episode.rig in cells.names() else None
+    return looks(tool, states[0], _table(episode)) if looks and states else None
+
+
+def _table(episode: Episode) -> TablePlace:
+    """Where the table was, as the recording says; where it says nothing, the arm stood on it."""
+    try:
+        said = json.loads(episode.config)["table"]
+        x, y, z = (float(each) for each in said["place_m"])
+        return TablePlace(place_m=(x, y, z), turn_deg=float(said["turn_deg"]))
+    except (ValueError, KeyError, TypeError):
+        return AT_BASE
 
 
 def _film(file: Path | None) -> Film:

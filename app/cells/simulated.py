@@ -8,6 +8,7 @@ from app.core.limbs import ArmShape
 from app.core.messages import ArmState
 from app.core.ports import Rig
 from app.core.stage import Tool
+from app.core.table_place import TablePlace
 from app.rig.simulated.held_board import HeldBoard
 from app.rig.simulated.limbs import known_arm
 from app.rig.simulated.rig import simulated_rig
@@ -18,9 +19,9 @@ def _opened(wanted: Wanted) -> AbstractAsyncContextManager[Rig]:
     return simulated_rig(stage=wanted.stage, start=wanted.start, site=wanted.site, seed=wanted.seed, held=held)
 
 
-def drawn(tool: Tool, state: ArmState) -> ArmShape:
-    """The arm as it is drawn, whatever its state."""
-    del state
+def drawn(tool: Tool, state: ArmState, table: TablePlace) -> ArmShape:
+    """The arm as it is drawn, whatever its state: at the origin, wherever one that is told would stand."""
+    del state, table
     return known_arm(tool)
 
 

@@ -1,4 +1,4 @@
-"""Simulate again what failed: say which substep broke, which particle, and what to change."""
+"""Simulate again what failed, by the engine that failed: say which step broke, what of the object, what to change."""
 
 from pathlib import Path
 
@@ -6,8 +6,8 @@ from rich.console import Console
 from rich.table import Table
 from rich.text import Text
 
-from app.sim.autopsy import Autopsy, dissect
 from app.sim.dump import Dump, load_dump, versions
+from app.sim.faults import KEPT, Trace
 
 _ROWS = 8
 """Of the table before the last states, evenly spread."""
@@ -19,9 +19,9 @@ def autopsy(file: Path) -> None:
     dump = load_dump(file)
     _print(terminal, _heading(dump))
     with terminal.status("simulating, with every state kept"):
-        found = dissect(dump.case)
-    if len(found.trace.speed_m_s):
-        terminal.print(_table(dump, found))
+        found = dump.case.dissect()
+    if len(found.trace):
+        terminal.print(_table(found.trace, f"{found.unit}s done"))
     _print(terminal, found.verdict())
 
 
@@ -30,28 +30,16 @@ def _print(terminal: Console, text: str) -> None:
 
 
 def _heading(dump: Dump) -> str:
-    setup = dump.case.setup
-    materials = ", ".join(type(body.material).__name__.lower() for body in setup.scene.bodies)
-    tools = ", ".join(type(tool).__name__.lower() for tool in setup.scene.tools) or "none"
     wrote = ", ".join(f"{name} {version}" for name, version in dump.versions.items())
     other = "" if dict(dump.versions) == versions() else " These are not the versions here; the outcome may differ."
-    return (
-        f"{dump.about}: {sum(setup.counts)} particles ({materials}), {dump.case.substeps} substeps of "
-        f"{setup.scene.dt_s:g} s, tools: {tools}, {len(setup.effects)} effects. Written by {wrote}.{other}"
-    )
+    return f"{dump.about}: {dump.case.summary}. Written by {wrote}.{other}"
 
 
-def _table(dump: Dump, autopsy: Autopsy) -> Table:
-    """Evenly spread states, and the last ones each: a simulation breaks within a few substeps."""
-    table = Table("substeps done", "max speed [m/s]", "cells a substep", "det F", "particles outside")
-    trace, scene, end = autopsy.trace, dump.case.setup.scene, autopsy.until
-    rows = {*range(0, end + 1, max(1, end // _ROWS)), *range(max(0, end + 1 - len(autopsy.last.x)), end + 1)}
+def _table(trace: Trace, done: str) -> Table:
+    """Evenly spread states, and the last ones each: a simulation breaks within a few steps."""
+    columns, count = trace.columns(), len(trace)
+    table = Table(done, *columns)
+    rows = {*range(0, count, max(1, (count - 1) // _ROWS)), *range(max(0, count - KEPT), count)}
     for row in sorted(rows):
-        table.add_row(
-            str(row),
-            f"{trace.speed_m_s[row]:.4g}",
-            f"{trace.speed_m_s[row] * scene.dt_s / scene.cell_m:.3g}",
-            f"{trace.least_volume[row]:.3g} to {trace.greatest_volume[row]:.3g}",
-            str(trace.outside[row]),
-        )
+        table.add_row(str(row), *(column[row] for column in columns.values()))
     return table

@@ -298,7 +298,8 @@ def _take_bytes(site: Site) -> int:
 
 
 def _start(order: Order, preset: str) -> Episode:
-    config = asdict(order) | {"task": order.task, "preset": preset}
+    table = order.options.site().table
+    config = asdict(order) | {"task": order.task, "preset": preset, "table": asdict(table)}
     return Episode(
         id=fresh_id("episode"),
         time_s=time.monotonic(),

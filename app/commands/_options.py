@@ -48,7 +48,8 @@ class Options:
     dynamics: Dynamics | None = None
     """how plans simulate the object: rods, for ropes, or mpm, material points; the task's own where none is named"""
     object: Path | None = None
-    """a TOML file with sizes of another rope or finger: length_m, radius_m, mass_kg, finger_radius_m"""
+    """a TOML file with sizes of another rope or finger: length_m, radius_m, mass_kg, finger_radius_m, and of a flat one
+    finger_half_width_m and finger_yaw_rad, from the x axis"""
     segmenter: Path | None = None
     """an ONNX file that finds the object, instead of its colour (docs/perception.md says what it has to be)"""
     rig: str = "simulated"
@@ -57,7 +58,8 @@ class Options:
     world: RopeModel = "chain"
     """a simulated rope's: a chain of bodies joined by hinges, or an elastic cable of mass points"""
     cell: Path | None = None
-    """the TOML file of a real cell (docs/real-cell.md), or the .mcap file that --rig replayed shows"""
+    """the TOML file of a real cell (docs/real-cell.md), whose table and limits --rig rehearsal rehearses, or the .mcap
+    file that --rig replayed shows"""
     checklist: bool = False
     """ask for the checklist before the first motion in a simulated cell, too; on a real arm it is always asked for"""
     depth: bool = True

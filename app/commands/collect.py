@@ -12,6 +12,7 @@ from app.commands._named import Dynamics, full_name
 from app.commands._preflight import make_folder
 from app.commands._progress import counting
 from app.core.errors import PlanningError, UsageError
+from app.core.stage import RopeModel
 from app.evaluation.demonstrate import FIRST_SEED, Demonstration, Expert, demonstrations, record
 from app.evaluation.play import Eyes
 from app.recording.writer import unused
@@ -33,6 +34,7 @@ def collect(
     expert: Expert = "scripted",
     reached: bool = False,
     dynamics: Dynamics | None = None,
+    world: RopeModel = "chain",
     output: Annotated[Path | None, tyro.conf.arg(aliases=["-o"])] = None,
 ) -> None:
     """One recording an episode, for `dipac calibrate` and for learning a policy. What is there already is kept.
@@ -49,6 +51,7 @@ def collect(
         expert: the task's scripted policy, the same with its actions improved by descent, or the planner that it
             guides; each takes longer and errs less. What the planner does is partly chance, and harder to learn.
         dynamics: rods or mpm, what an expert simulates who does; the task's own where none is named.
+        world: a simulated rope's: a chain of bodies joined by hinges, or an elastic cable of mass points.
         reached: record none that misses its goal, and play the next problem instead.
         output: the folder of the recordings; recordings/TASK where none is named.
     """
@@ -59,13 +62,14 @@ def collect(
     full = full_name(task, dynamics=dynamics)
     task = load(full).recorded
     load(full).preset(size)
+    load(full).demonstrated.stage.in_world(world)
     folder = output or Path("recordings") / task
     make_folder(folder, "-o")
     kept = met = actions = 0
     seeds = range(seed, seed + (_TRIES if reached else 1) * episodes)
     with counting(terminal, TimeRemainingColumn()) as progress:
         bar = progress.add_task("episodes", total=episodes)
-        for shown in demonstrations(full, size, seeds, eyes, expert):
+        for shown in demonstrations(full, size, seeds, eyes, expert, world):
             if reached and not (shown.played.success and shown.steps):
                 progress.console.print(f"{task} {shown.wish.seed}: {_told(shown)}; not kept", markup=False)
                 continue

@@ -16,10 +16,12 @@ from app.commands._preflight import unwritable
 from app.commands._progress import counting
 from app.config import Site
 from app.core.errors import UsageError
+from app.core.stage import RopeModel
 from app.policy.strokes import Plan
 from app.recording.preflight import Room, check_folder
 from app.rig.simulated.hidden.base import Injected
-from app.rig.simulated.hiding import Wish, draw, mistuned
+from app.rig.simulated.hiding import Wish, check_world, draw, mistuned
+from app.rig.simulated.physics import WorldPhysics
 from app.rig.simulated.rehearsal import first_end
 from app.tasks import load
 
@@ -36,6 +38,7 @@ def hide(
     output: Annotated[Path, tyro.conf.arg(aliases=["-o"], help="the folder of the recordings, new or empty")],
     episodes: int = 8,
     pushes: int = 8,
+    world: Annotated[RopeModel, tyro.conf.arg(help="the rope: a chain of bodies, or an elastic cable")] = "chain",
     truth: Annotated[Path | None, tyro.conf.arg(help="the sealed file; by default OUTPUT.truth.json")] = None,
 ) -> None:
     """Each effect is EFFECT or EFFECT=SIZE, in SI units; no effect at all makes a control. See docs/hidden-effects.md.
@@ -46,11 +49,12 @@ def hide(
     sealed = truth or output.with_name(f"{output.name}.truth.json")
     _check(seed, episodes, pushes)
     hidden = draw([_wish(text) for text in effects], seed)
+    check_world(hidden, world)
     _check_places(output, sealed)
     session = Session(
         task=load(_TASK),
         plan=Plan(episodes=episodes, pushes=pushes),
-        physics=mistuned(seed),
+        physics=mistuned(seed, world),
         hidden=hidden,
         seed=seed,
         folder=output,
@@ -116,11 +120,18 @@ def _truth(session: Session) -> dict[str, Any]:
         "world": {
             "table_friction": physics.table_friction,
             "finger_friction": physics.finger_friction,
-            "bend_stiffness_n_m_rad": physics.rope.bend_stiffness_n_m_rad,
+            **_bending(physics),
             "first_end_m": [x, y],
         },
         "recordings": {path.name: hashlib.sha256(path.read_bytes()).hexdigest() for path in paths},
     }
+
+
+def _bending(physics: WorldPhysics) -> dict[str, float]:
+    """How stiff the rope is, by what it is made of."""
+    if physics.cable is None:
+        return {"bend_stiffness_n_m_rad": physics.rope.bend_stiffness_n_m_rad}
+    return {"rigidity_n_m2": physics.cable.rigidity_n_m2}
 
 
 def _effects(hidden: Sequence[Injected]) -> list[dict[str, Any]]:

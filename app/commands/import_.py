@@ -8,6 +8,7 @@ from typing import Annotated
 import tyro
 from rich.console import Console
 
+from app.cells.cell_file import load_cell, table
 from app.commands._imported import imported_messages
 from app.commands._preflight import check_writable, unwritable
 from app.core.errors import RecordingError, UsageError
@@ -27,16 +28,20 @@ def import_(
     *,
     output: Annotated[Path, tyro.conf.arg(aliases=["-o"], help="the recording to write, a new .mcap file")],
     task: Annotated[str | None, tyro.conf.arg(help="the task, where the file does not name it")] = None,
+    cell: Annotated[Path | None, tyro.conf.arg(help="a real cell's TOML file that says where its table is")] = None,
 ) -> None:
     """Check everything, then write; where something is wrong, nothing is written.
 
-    docs/recording-format.md says what the file holds, with a script that makes one.
+    docs/recording-format.md says what the file holds, with a script that makes one. Its places are in the frame of the
+    arm's base; recordings are in that of the table, which is the same where --cell does not say otherwise.
     """
     terminal = Console(highlight=False, soft_wrap=True, markup=False, emoji=False)
     if output.exists():
         raise UsageError(f"{output} exists; choose another place with -o, so that no recording is lost.")
     check_writable(output, "-o")
     plain = read_plain(file)
+    if cell is not None:
+        plain = plain.in_table(table(load_cell(cell)))
     known, notes = _sized(load(_task_name(plain, task, file)), plain)
     count = known.preset("cpu").particle_count
     _write(output, imported_messages(plain, known.recorded, count))
@@ -53,6 +58,8 @@ def _sized(task: Task, plain: Plain) -> tuple[Task, list[str]]:
         "radius_m": (plain.about.get("object", {}).get("radius_m"), task.rope.radius_m),
         "mass_kg": (plain.about.get("object", {}).get("mass_kg"), task.rope.mass_kg),
         "finger_radius_m": (plain.about.get("tool", {}).get("radius_m"), task.finger.radius_m),
+        "finger_half_width_m": (plain.about.get("tool", {}).get("half_width_m"), task.finger.half_width_m),
+        "finger_yaw_rad": (plain.about.get("tool", {}).get("yaw_rad"), task.finger.yaw_rad),
     }
     sizes, notes = dict(TaskName.parse(task.name).sizes), list[str]()
     for name, (value, own) in said.items():

@@ -3,7 +3,7 @@
 Perception leaves out the pixels that it covers; whoever builds a rig knows its arm's sizes and says them here.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import TypeAlias, final
 
 import numpy as np
@@ -40,15 +40,16 @@ class Limb:
 @final
 @dataclass(frozen=True, kw_only=True, eq=False)
 class ArmShape:
-    """The joints in order, the limbs, and what the hand holds or is."""
+    """The joints in order, the limbs, what the hand holds or is, and where the arm's base stands."""
 
     joints: tuple[Joint, ...]
     limbs: tuple[Limb, ...]
     tool: Tool
+    T_world_base: Transform = field(default_factory=lambda: np.eye(4))
 
     def links(self, angles: JointAngles) -> Float64[np.ndarray, "L 4 4"]:
         """`T_world_link` of each link, the one that stands still first."""
-        frames = [np.eye(4)]
+        frames = [self.T_world_base]
         for joint, angle in zip(self.joints, angles, strict=True):
             turn = np.eye(4)
             turn[:3, :3] = Rotation.from_rotvec(angle * np.asarray(joint.axis)).as_matrix()

@@ -5,6 +5,7 @@ here and a file in `app/rig/simulated/kinds`, which says what it does in a simul
 """
 
 from dataclasses import dataclass, replace
+from math import cos, sin
 from typing import Literal, TypeAlias, final
 
 from app.core.errors import UsageError
@@ -108,10 +109,28 @@ class Soup:
 @final
 @dataclass(frozen=True, kw_only=True)
 class Finger:
-    """The closed two-finger gripper as a vertical capsule; `push_height_m` is its tip's height above the table."""
+    """The closed two-finger gripper, which points down: all that is within `radius_m` of its core.
+
+    The core stands upright on a level line through the tool, `half_width_m` to either side of it, at `yaw_rad` from the
+    world's x axis. Without width the finger is a capsule. `push_height_m`: its tip's height above the table.
+    """
 
     radius_m: float
     push_height_m: float
+    half_width_m: float = 0.0
+    yaw_rad: float = 0.0
+
+    @property
+    def half_m(self) -> tuple[float, float]:
+        """From the tool to an end of that line, seen from above."""
+        if self.half_width_m == 0:
+            return 0.0, 0.0
+        return self.half_width_m * cos(self.yaw_rad), self.half_width_m * sin(self.yaw_rad)
+
+    def ends_m(self) -> list[Vector]:
+        """The ends of that line from the tool, in the world; the tool itself where it has no width."""
+        x, y = self.half_m
+        return [(-x, -y, 0.0), (x, y, 0.0)] if self.half_width_m > 0 else [(0.0, 0.0, 0.0)]
 
 
 @final

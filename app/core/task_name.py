@@ -16,7 +16,7 @@ class TaskName:
     """PROBLEM(size=value,...)@DYNAMICS, where sizes and dynamics may be left out.
 
     A recording is of a problem and its sizes, whatever its pushes were planned with; a model is of dynamics besides.
-    `sizes`: [m] or [kg], by name; `dynamics`: "mpm", material points, or "rods".
+    `sizes`: [m], [kg] or [rad], by name; `dynamics`: "mpm", material points, or "rods".
     """
 
     problem: str

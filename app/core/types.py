@@ -6,7 +6,7 @@ import numpy as np
 from jaxtyping import Float, Float32, Float64, UInt8, UInt16
 
 Cloud: TypeAlias = Float32[np.ndarray, "M 3"]
-"""Surface points [m] in the world frame (the robot's base frame, z up)."""
+"""Surface points [m] in the world frame (that of the table, z up)."""
 Points: TypeAlias = Float32[np.ndarray, "N 3"]
 """Particle positions [m] in the world frame."""
 ColourImage: TypeAlias = UInt8[np.ndarray, "height width 3"]

@@ -12,7 +12,7 @@ from typing import Literal, NamedTuple, TypeAlias
 from app import __version__
 from app.core.errors import RecordingError
 from app.core.messages import Episode, Goal, Message, Transition, fresh_id
-from app.core.stage import RopeModel
+from app.core.stage import Rope, RopeModel
 from app.core.summary import Summary
 from app.evaluation.play import Eyes, Order, Played, Step, play
 from app.planner.method import Method
@@ -89,7 +89,7 @@ def record(shown: Demonstration, path: Path) -> int:
         seed=wish.seed,
         simulated=True,
         code_version=__version__,
-        config=json.dumps({"preset": wish.preset, "actions": wish.pushes, "expert": True}),
+        config=json.dumps({"preset": wish.preset, "actions": wish.pushes, "expert": True, **_world(wish)}),
     )
     said = [episode, *_said(shown)]
     try:
@@ -103,6 +103,12 @@ def record(shown: Demonstration, path: Path) -> int:
     except (OSError, RuntimeError) as error:
         raise RecordingError(f"Cannot write to {path}: {error}; choose another place with -o.") from error
     return len(said)
+
+
+def _world(wish: Wish) -> dict[str, str]:
+    """What a simulated rope is made of, as an episode's recording says it."""
+    body = wish.task.stage.body
+    return {"world": body.model} if isinstance(body, Rope) else {}
 
 
 def _said(shown: Demonstration) -> Iterator[Message]:

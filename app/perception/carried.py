@@ -63,9 +63,7 @@ def _exit(tool: Tool, at: ToolPose, away: Plan, ahead: np.ndarray) -> Float64[np
     """How far places, relative to the tool, are from where they leave its outline the way `ahead`; 0 outside."""
     match tool:
         case Finger():
-            along, across = away @ ahead, away @ np.array([-ahead[1], ahead[0]])
-            half = np.sqrt(np.maximum(tool.radius_m**2 - across**2, 0.0))
-            return np.where(np.abs(along) < half, half - along, 0.0)
+            return _exit_stadium(away, ahead, np.asarray(tool.half_m), tool.radius_m)
         case Paddle():
             axes, half_m = _axes(at), np.asarray(tool.half_m[:2])
             place, way = away @ axes.T, axes @ ahead
@@ -74,6 +72,28 @@ def _exit(tool: Tool, at: ToolPose, away: Plan, ahead: np.ndarray) -> Float64[np
             return np.where(inside, ((half_m - np.sign(way) * place) / speed).min(axis=1), 0.0)
         case _:
             return np.zeros(len(away))
+
+
+def _exit_stadium(away: Plan, ahead: np.ndarray, half_m: np.ndarray, radius_m: float) -> Float64[np.ndarray, " P"]:
+    """The same for all that is within a radius of the line from `-half_m` to `half_m`: two discs and a rectangle."""
+    aside, width_m = np.array([-ahead[1], ahead[0]]), np.linalg.norm(half_m)
+    along, across = away @ ahead, away @ aside
+    chords = [radius_m**2 - (across - end @ aside) ** 2 for end in (-half_m, half_m)]
+    leaves = [
+        np.where(chord > 0, end @ ahead + np.sqrt(np.maximum(chord, 0.0)), -np.inf)
+        for chord, end in zip(chords, (-half_m, half_m), strict=True)
+    ]
+    place = np.zeros(len(away))
+    if width_m > _STILL_M:
+        place = np.clip(away @ half_m / width_m**2, -1.0, 1.0)
+        axes = np.array([half_m, [-half_m[1], half_m[0]]]) / width_m
+        sides, way = np.array([width_m, radius_m]), axes @ ahead
+        sign, speed = np.where(way < 0, -1.0, 1.0), np.maximum(np.abs(way), np.finfo(float).eps)
+        ahead_m = ((sides - sign * (away @ axes.T)) / speed).min(axis=1)
+        behind_m = ((-sides - sign * (away @ axes.T)) / speed).max(axis=1)
+        leaves.append(np.where(ahead_m > behind_m, along + ahead_m, -np.inf))
+    inside = np.linalg.norm(away - place[:, None] * half_m, axis=1) < radius_m
+    return np.where(inside, np.max(leaves, axis=0) - along, 0.0)
 
 
 def _axes(at: ToolPose) -> Float64[np.ndarray, "2 2"]:
@@ -85,7 +105,7 @@ def _extent(tool: Tool) -> float:
     """From the tool's middle to its farthest corner, seen from above [m]."""
     match tool:
         case Finger():
-            return tool.radius_m
+            return tool.radius_m + tool.half_width_m
         case Paddle():
             return float(np.hypot(*tool.half_m[:2]))
         case _:
@@ -94,6 +114,8 @@ def _extent(tool: Tool) -> float:
 
 def _thickness(tool: Tool, at: ToolPose, ahead: np.ndarray) -> float:
     """From the tool's middle to its back, as it goes `ahead` [m]."""
+    if isinstance(tool, Finger):
+        return tool.radius_m + float(abs(np.asarray(tool.half_m) @ ahead))
     return float(np.abs(_axes(at) @ ahead) @ tool.half_m[:2]) if isinstance(tool, Paddle) else _extent(tool)
 
 

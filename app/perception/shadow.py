@@ -84,8 +84,9 @@ def _tool(tool: Tool, at: ToolPose, margin_m: float) -> Iterator[Corners]:
     up = -turn[:, 2]
     match tool:
         case Finger():
-            end = tip + tool.radius_m * up
-            yield from _capsule(end, tip + _FINGER_M * up, tool.radius_m + margin_m)
+            sides = [tip + np.asarray(side) for side in tool.ends_m()]
+            begin, end = ([side + height * up for side in sides] for height in (tool.radius_m, _FINGER_M))
+            yield from _plate(begin, end, tool.radius_m + margin_m)
         case Paddle():
             yield _box(tool.half_m, turn, tip, margin_m)
             yield from _capsule(tip + tool.half_m[2] * up, tip + _FINGER_M * up, _HANDLE_M + margin_m)
@@ -103,11 +104,16 @@ def _box(half_m: Sequence[float], turn: Float64[np.ndarray, "3 3"], middle: np.n
 
 
 def _capsule(begin: np.ndarray, end: np.ndarray, radius_m: float) -> list[Corners]:
-    """In pieces no longer than wide, so that each says well where it begins."""
-    count = max(1, int(np.ceil(np.linalg.norm(end - begin) / (2 * radius_m))))
-    places = begin + np.linspace(0.0, 1.0, count + 1)[:, None] * (end - begin)
-    ball = _OUTSIDE * radius_m * _BALL
-    return [np.concatenate([a + ball, b + ball]) for a, b in itertools.pairwise(places)]
+    return _plate([begin], [end], radius_m)
+
+
+def _plate(begin: Sequence[np.ndarray], end: Sequence[np.ndarray], radius_m: float) -> list[Corners]:
+    """All within a radius of what these points sweep, in pieces no longer than thick: each says where it begins."""
+    first, last = np.stack(begin), np.stack(end)
+    count = max(1, int(np.ceil(np.linalg.norm(last[0] - first[0]) / (2 * radius_m))))
+    places = first + np.linspace(0.0, 1.0, count + 1)[:, None, None] * (last - first)
+    balls = places[:, :, None] + _OUTSIDE * radius_m * _BALL
+    return [np.concatenate([*a, *b]) for a, b in itertools.pairwise(balls)]
 
 
 def _beside(corners: Corners, camera: CameraModel) -> bool:

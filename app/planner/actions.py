@@ -10,6 +10,7 @@ from jax.lax import Precision
 from jaxtyping import Array, Bool, Float, Float32, Float64, Int
 
 from app.config import Site
+from app.core.finger_distance import extent_m, from_core
 from app.core.motion import Motion
 from app.core.types import Points, ToolPose
 from app.policy.base import Now
@@ -135,6 +136,8 @@ class Pushes:
     displacement_scale_m: float = 0.001
     displacements: int = 20
     keep_out: tuple[tuple[float, float, float, float], ...] = ()
+    core_m: tuple[float, float] = (0.0, 0.0)
+    """From a flat finger's middle to an end of its core (`Finger.half_m`), beside which the object is."""
 
     @property
     def anywhere(self) -> bool:
@@ -173,11 +176,11 @@ class Pushes:
         through = x[rng.integers(len(x), size=tries), :2].astype(np.float64)
         angle = rng.uniform(0, 2 * np.pi, tries)
         direction = np.stack([np.cos(angle), np.sin(angle)], axis=1)
-        start = through - 1.3 * self.clearance_m * direction
+        start = through - (1.3 * self.clearance_m + extent_m(direction, self.core_m))[:, None] * direction
         length = rng.uniform(*self.random_length_m, size=(tries, 1))
         low, high = self._bounds()
         outside = np.maximum(low - start, start - high).max(1).clip(min=0)
-        near = np.linalg.norm(start[:, None] - x[None, :, :2], axis=-1).min(1)
+        near = np.linalg.norm(from_core(start[:, None] - x[None, :, :2], self.core_m), axis=-1).min(1)
         hindered = np.linalg.norm(self._outside(jnp.asarray(start)) - start, axis=1)
         badness = outside + hindered + (self.clearance_m - near).clip(min=0)
         chosen = np.argsort(badness, kind="stable")[:count]
@@ -210,7 +213,7 @@ class Pushes:
         start, _ = self._split(actions)
         low, high = self._bounds()
         inside = jnp.all((start >= low - 1e-6) & (start <= high + 1e-6), axis=-1)
-        beside = _length(start[:, None] - now.x[..., :2]).min(-1) >= self.clearance_m - _CLOSE_M
+        beside = _length(from_core(start[:, None] - now.x[..., :2], self.core_m)).min(-1) >= self.clearance_m - _CLOSE_M
         if not self.keep_out:
             return inside & beside
         way = self._waypoints(actions)
@@ -264,7 +267,7 @@ class Pushes:
     def motion(self, action: Float32[np.ndarray, " A"], tool: ToolPose, site: Site) -> Motion:
         """From above the start down to the push height, along the push, and up; no faster than the site allows."""
         del tool
-        flat = np.asarray(self._waypoints(jnp.asarray(action)[None])[0], np.float64)
+        flat = np.cumsum(np.asarray(action, np.float64).reshape(-1, 2), axis=0)
         push = np.concatenate([flat, np.full((len(flat), 1), self.height_m)], axis=1)
         above = np.array([0.0, 0.0, site.travel_height_m - self.height_m])
         speeds = np.full(len(push) + 2, self.speed_m_s)
@@ -301,8 +304,7 @@ class Pushes:
         return jnp.concatenate([start, steps.reshape(start.shape[0], -1)], axis=-1)
 
     def _waypoints(self, actions: Float[Array, "B A"]) -> Float[Array, "B W 2"]:
-        start, steps = self._split(actions)
-        return jnp.cumsum(jnp.concatenate([start[:, None], steps], axis=1), axis=1)
+        return jnp.cumsum(actions.reshape(len(actions), -1, 2), axis=1)
 
     def _interpolation(self) -> Float32[np.ndarray, "T W"]:
         """Maps waypoints to tool positions: row s holds the two weights of substep s.
@@ -317,12 +319,15 @@ class Pushes:
         low, high = self._bounds()
 
         def step(_: Int[Array, ""], start: Float[Array, "B 2"]) -> Float[Array, "B 2"]:
-            away = start[:, None] - x
-            nearest = jnp.argmin(_length(away), axis=-1)
-            away = jnp.take_along_axis(away, nearest[:, None, None], axis=1)[:, 0]
-            distance = _length(away)
-            missing = jnp.maximum(0.0, self.clearance_m - distance)
-            return self._outside(jnp.clip(start + (missing / distance)[:, None] * away, low, high))
+            to_middle = start[:, None] - x
+            away = from_core(to_middle, self.core_m)
+            nearest = jnp.argmin(_length(away), axis=-1)[:, None, None]
+            to_middle, away = (jnp.take_along_axis(each, nearest, axis=1)[:, 0] for each in (to_middle, away))
+            missing = jnp.maximum(0.0, self.clearance_m - _length(away))
+            if self.core_m != (0.0, 0.0):
+                # A core that lies across a rope comes free endways, not sideways.
+                away = away + (missing / self.clearance_m)[:, None] * to_middle
+            return self._outside(jnp.clip(start + (missing / _length(away))[:, None] * away, low, high))
 
         return jax.lax.fori_loop(0, _CLEARING_STEPS, step, start)
 

@@ -134,7 +134,8 @@ def choose(
     Raises PlanningError where there is none.
     """
     pose = AWAY if tool is None else tool
-    branches = tuple(_branch(search, found, pose, index, origin, seen) for index, origin in enumerate(origins))
+    ways = _ways(search, jnp.asarray(found.best.actions[:, 0]), pose)
+    branches = tuple(_branch(search, found, ways[index], index, origin, seen) for index, origin in enumerate(origins))
     motions = [search.space.motion(branch.actions[0], pose, site) for branch in branches]
     if command is not None:
         pairs = zip(motions, branches, strict=True)
@@ -178,15 +179,31 @@ def _is_among(way: Float32[np.ndarray, "W 3"], others: Ways) -> bool:
     return any(bool(np.linalg.norm(ends - other[[0, -1]], axis=1).max() < _AGAIN_M) for other in others)
 
 
-def _branch(search: Search, found: Descended, tool: ToolPose, index: int, origin: Origin, seen: Film | None) -> Branch:
-    best = found.best
-    first, there = jnp.asarray(best.actions[index, :1]), jnp.asarray(tool, jnp.float32)[None]
-    weights = search.weights
+def _ways(search: Search, actions: Float[Array, "B A"], tool: ToolPose) -> Float32[np.ndarray, "B T 3"]:
+    """Tool paths [m] of all first actions at once: one by one, their transfers would take longer than all the rest."""
+    there = jnp.tile(jnp.asarray(tool, jnp.float32), (len(actions), 1))
+    return np.asarray(_tool_paths(search, actions, there))
+
+
+@partial(jax.jit, static_argnums=0)
+def _tool_paths(search: Search, actions: Float[Array, "B A"], tool: Float[Array, "B 8"]) -> Float[Array, "B T 3"]:
+    return search.space.tool_path(actions, tool)[..., :3]
+
+
+def _branch(
+    search: Search,
+    found: Descended,
+    way: Float32[np.ndarray, "T 3"],
+    index: int,
+    origin: Origin,
+    seen: Film | None,
+) -> Branch:
+    best, weights = found.best, search.weights
     moments = {"frames": seen.frames[index], "tools": seen.tools[index]} if seen else {}
     return Branch(
         origin=origin,
         actions=np.asarray(best.actions[index]),
-        tool_path=np.asarray(search.space.tool_path(first, there)[0, :, :3]),
+        tool_path=way,
         predicted=np.asarray(best.first[index]),
         final=np.asarray(best.final[index]),
         cost_before=float(found.cost_before[index]),

@@ -8,6 +8,7 @@ import numpy as np
 from jax.lax import Precision
 from jaxtyping import Array, Float, Float32
 
+from app.core.finger_distance import extent_m, from_core
 from app.core.types import Points
 from app.policy.base import Acted, Now
 from app.sim.arc_length import arclength_labels, centreline_weights
@@ -41,6 +42,8 @@ class ScriptedPush:
     contact_gap_m: float
     max_length_m: float
     clearance_m: float
+    core_m: tuple[float, float] = (0.0, 0.0)
+    """Of a flat finger (`Finger.half_m`), which starts and ends farther behind as far as it reaches ahead."""
     reach: float = 0.15
     max_tilt_rad: float = 0.9
     nodes: int = 24
@@ -60,8 +63,8 @@ class ScriptedPush:
         direction = self._directions(nodes, error)
         share = self._shares()
         advance = jnp.einsum("mj,bjk,bmk->bm", share, error, direction, precision=Precision.HIGHEST)
-        start = nodes - self.start_gap_m * direction
-        near = jnp.sqrt(((start[:, :, None] - x[:, None, :, :2]) ** 2).sum(-1)).min(-1)
+        start = nodes - (self.start_gap_m + extent_m(direction, self.core_m))[..., None] * direction
+        near = jnp.sqrt((from_core(start[:, :, None] - x[:, None, :, :2], self.core_m) ** 2).sum(-1)).min(-1)
         gain = advance * share.sum(1) - jnp.where(near < self.clearance_m, _BLOCKED_M, 0.0)
         best = jnp.argmax(gain, axis=1)[:, None]
         advance = jnp.take_along_axis(advance / share.sum(1), best, axis=1)

@@ -6,6 +6,7 @@ from typing import final
 import numpy as np
 from jaxtyping import Float64
 
+from app.core.finger_distance import extent_m, from_core
 from app.core.track import Track
 from app.core.types import Points
 
@@ -36,9 +37,20 @@ class Plan:
     during: bool = True
 
 
-def random_track(rng: np.random.Generator, x: Points, plan: Plan, *, start_s: float, height_m: float) -> Track:
-    """Down beside the object, through it at a speed of its own in a slight bow, a stop, and up; the tool turned."""
-    start, ahead, length = _stroke(rng, x, plan)
+def random_track(
+    rng: np.random.Generator,
+    x: Points,
+    plan: Plan,
+    *,
+    start_s: float,
+    height_m: float,
+    core_m: tuple[float, float] = (0.0, 0.0),
+) -> Track:
+    """Down beside the object, through it at a speed of its own in a slight bow, a stop, and up.
+
+    The tool is turned, but for a flat finger: `core_m` is from its middle to an end of its core (`Finger.half_m`).
+    """
+    start, ahead, length = _stroke(rng, x, plan, core_m)
     speed = float(np.exp(rng.uniform(*np.log(plan.speeds_m_s))))
     side, bow = np.array([-ahead[1], ahead[0]]), rng.uniform(-0.25, 0.25) * length
     share = _progress(length, speed)
@@ -46,7 +58,7 @@ def random_track(rng: np.random.Generator, x: Points, plan: Plan, *, start_s: fl
     down = np.linspace(TRAVEL_M, height_m, _DESCENT)
     xy = np.concatenate([np.repeat(level[:1], _DESCENT + _WAIT, 0), level, np.repeat(level[-1:], _DWELL + _DESCENT, 0)])
     z = np.concatenate([down, np.full(_WAIT + len(level) + _DWELL, height_m), down[::-1]])
-    yaw = rng.uniform(-np.pi, np.pi)
+    yaw = rng.uniform(-np.pi, np.pi) if core_m == (0.0, 0.0) else 0.0
     # The tool's z axis points down, as the arm's does: a turn about the vertical after half a turn about x.
     turned = np.tile([0.0, np.cos(yaw / 2), np.sin(yaw / 2), 0.0], (len(xy), 1))
     poses = np.concatenate([xy, z[:, None], turned], axis=1)
@@ -60,21 +72,21 @@ def midway_s(times_s: Float64[np.ndarray, " T"]) -> float:
 
 
 def _stroke(
-    rng: np.random.Generator, x: Points, plan: Plan
+    rng: np.random.Generator, x: Points, plan: Plan, core_m: tuple[float, float]
 ) -> tuple[Float64[np.ndarray, "2"], Float64[np.ndarray, "2"], float]:
     """Start, direction and length of a push within the region that begins beside the object; the last one tried."""
     low, high = np.array(REGION[:2]), np.array(REGION[2:])
-    drawn = [_drawn(rng, x, plan, (low + high) / 2) for _ in range(_TRIES)]
+    drawn = [_drawn(rng, x, plan, (low + high) / 2, core_m) for _ in range(_TRIES)]
     for start, ahead, length in drawn:
         end = start + length * ahead
         inside = np.all((start > low) & (start < high) & (end > low) & (end < high))
-        if inside and np.linalg.norm(x[:, :2] - start, axis=1).min() > _CLEAR_M:
+        if inside and np.linalg.norm(from_core(start - x[:, :2], core_m), axis=1).min() > _CLEAR_M:
             return start, ahead, length
     return drawn[-1]
 
 
 def _drawn(
-    rng: np.random.Generator, x: Points, plan: Plan, home: Float64[np.ndarray, "2"]
+    rng: np.random.Generator, x: Points, plan: Plan, home: Float64[np.ndarray, "2"], core_m: tuple[float, float]
 ) -> tuple[Float64[np.ndarray, "2"], Float64[np.ndarray, "2"], float]:
     through = x[rng.integers(len(x)), :2].astype(np.float64)
     angle = rng.uniform(0, 2 * np.pi)
@@ -82,7 +94,8 @@ def _drawn(
         to_home = home - through
         angle = np.arctan2(to_home[1], to_home[0]) + rng.uniform(-0.9, 0.9)
     ahead = np.array([np.cos(angle), np.sin(angle)])
-    return through - 1.3 * _CLEAR_M * ahead, ahead, float(rng.uniform(*plan.lengths_m))
+    behind = 1.3 * _CLEAR_M + extent_m(ahead, core_m)
+    return through - behind * ahead, ahead, float(rng.uniform(*plan.lengths_m))
 
 
 def _progress(length_m: float, speed_m_s: float) -> Float64[np.ndarray, " T"]:

@@ -18,6 +18,7 @@ from app.core.charuco import Charuco
 from app.core.errors import DipacError, RecordingError, UsageError
 from app.core.hand_eye import HandEye, LastCheck, Setup, Spread, Three, Verdict
 from app.core.lens import Lens
+from app.core.table_place import AT_BASE, TablePlace
 from app.core.types import Transform
 
 SCHEMA = 1
@@ -34,21 +35,26 @@ _LARGEST_PX = 20_000
 class CalibrationFile:
     """The file as a shelf of calibrations; reading and writing keep out of the event loop's way.
 
-    `serials`: those of cameras that a cell calls by names of its own.
+    `serials`: those of cameras that a cell calls by names of its own. `table`: where the cell's table is: the file has
+    cameras in the frame of the arm's base, and the program in the table's.
     """
 
-    def __init__(self, path: Path = FILE, serials: Mapping[str, str] = MappingProxyType({})) -> None:
-        self._path, self._serials = path, serials
+    def __init__(
+        self, path: Path = FILE, serials: Mapping[str, str] = MappingProxyType({}), table: TablePlace = AT_BASE
+    ) -> None:
+        self._path, self._serials, self._table = path, serials, table
 
     async def kept(self, serial: str) -> HandEye | None:
         """What the file has of the camera, if it is there. Raises RecordingError where it is no such file."""
         own = self._serials.get(serial, serial)
-        return (await to_thread.run_sync(known_cameras, self._path)).get(own)
+        found = (await to_thread.run_sync(known_cameras, self._path)).get(own)
+        return None if found is None else self._table.camera_in_table(found)
 
     async def keep(self, found: HandEye) -> Path:
         """Write it into the file, as `save_camera`."""
         serial = self._serials.get(found.serial, found.serial)
-        await to_thread.run_sync(save_camera, self._path, replace(found, serial=serial))
+        there = self._table.camera_in_base(replace(found, serial=serial))
+        await to_thread.run_sync(save_camera, self._path, there)
         return self._path
 
 

@@ -8,7 +8,7 @@ import itertools
 import json
 import zipfile
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from types import MappingProxyType
 from typing import Any, Final, Literal, TypeAlias, cast, final
@@ -17,6 +17,7 @@ import numpy as np
 from jaxtyping import Float32, Float64, Int64
 
 from app.core.errors import RecordingError, UsageError
+from app.core.table_place import TablePlace
 from app.core.types import Cloud, Poses
 from app.recording.plain_checks import (
     finite,
@@ -88,6 +89,29 @@ class Plain:
 
     about: Mapping[str, Any]
     episodes: tuple[PlainEpisode, ...]
+
+    def in_table(self, place: TablePlace) -> "Plain":
+        """The same in the frame of a table that is there, of what is in the frame of the arm's base."""
+
+        def cloud(points: Cloud) -> Cloud:
+            return place.points_in_table(points.astype(np.float64)).astype(np.float32)
+
+        def line(given: Poseline) -> Poseline:
+            return Poseline(times_s=given.times_s, poses=place.poses_in_table(given.poses))
+
+        def sight(given: Sight) -> Sight:
+            return replace(given, cloud=cloud(given.cloud), tool=cloud(given.tool))
+
+        def episode(given: PlainEpisode) -> PlainEpisode:
+            return replace(
+                given,
+                pushes=tuple(tuple(map(sight, push)) for push in given.pushes),
+                command=line(given.command),
+                state=None if given.state is None else line(given.state),
+                table=cloud(given.table),
+            )
+
+        return replace(self, episodes=tuple(map(episode, self.episodes)))
 
 
 def read_plain(path: Path) -> Plain:

@@ -13,6 +13,8 @@ _FEWEST_POINTS: Final = 30
 """Of an object: fewer do not say where each part of it is."""
 _FARTHEST_M: Final = 5.0
 _HEAVIEST_KG: Final = 100.0
+_MOST_YAW_RAD: Final = 3.142
+_SIZES: Final = (("object", "length_m"), ("object", "radius_m"), ("tool", "radius_m"), ("tool", "half_width_m"))
 """No arm on a table reaches as far, and no object on it is as long."""
 _FASTEST_M_S: Final = 10.0
 _LONGEST_PUSH_S: Final = 600.0
@@ -136,9 +138,13 @@ def plausible_about(about: Mapping[str, Any]) -> None:
     mass = _number(about, "object", "mass_kg")
     if mass is not None and not 0 < mass <= _HEAVIEST_KG:
         raise RecordingError(f"about says that object.mass_kg is {mass:g}; give kilograms, or leave it out.")
-    for thing, name in (("object", "length_m"), ("object", "radius_m"), ("tool", "radius_m")):
+    yaw = _number(about, "tool", "yaw_rad")
+    if yaw is not None and not abs(yaw) <= _MOST_YAW_RAD:
+        raise RecordingError(f"about says that tool.yaw_rad is {yaw:g}; give radians from -pi to pi, or leave it out.")
+    for thing, name in _SIZES:
         size = _number(about, thing, name)
-        if size is not None and not 0 < size <= _FARTHEST_M:
+        round_ = name == "half_width_m" and size == 0
+        if size is not None and not round_ and not 0 < size <= _FARTHEST_M:
             raise RecordingError(f"about says that {thing}.{name} is {size:g}; give metres, or leave it out.")
 
 

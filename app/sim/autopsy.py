@@ -4,8 +4,9 @@ Kernels do not stop at what goes wrong: they turn the candidate into NaN and go 
 is simulated once more, alone, with every state kept.
 """
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
+from types import MappingProxyType
 from typing import Literal, TypeAlias, final
 
 import jax
@@ -15,6 +16,7 @@ from jaxtyping import Bool, Float32, Float64, Int64
 
 from app.core.errors import ParameterError
 from app.sim.checks import Arrays, Setup, first, inside, require_inputs, require_shapes, room, words
+from app.sim.faults import KEPT, Autopsy, Fault
 from app.sim.launch import make_operations
 from app.sim.packed import unpack
 from app.sim.schedule import schedule_for
@@ -23,17 +25,16 @@ from app.sim.state import Setting, State
 PIECE = 256
 """Substeps at a time: of 10 000 particles, 290 MB."""
 
-KEPT = 8
-"""States before the end that are kept."""
-
 Kind: TypeAlias = Literal["too fast", "turned inside out", "outside", "not finite"]
 
-ADVICE: dict[Kind, str] = {
-    "too fast": "slow the tool or the start down, or shorten dt_s, until nothing crosses a cell in a substep",
-    "turned inside out": "shorten dt_s, or move the tool in smaller steps, so that less is squeezed in a substep",
-    "outside": "keep the tool from pushing there, or widen the scene's low and high",
-    "not finite": "shorten dt_s, and look at the start for what is far from rest",
-}
+ADVICE: Mapping[str, str] = MappingProxyType(
+    {
+        "too fast": "slow the tool or the start down, or shorten dt_s, until nothing crosses a cell in a substep",
+        "turned inside out": "shorten dt_s, or move the tool in smaller steps, so that less is squeezed in a substep",
+        "outside": "keep the tool from pushing there, or widen the scene's low and high",
+        "not finite": "shorten dt_s, and look at the start for what is far from rest",
+    }
+)
 
 
 @final
@@ -52,60 +53,48 @@ class Case:
         """How many are asked for."""
         return self.tool.shape[1] - 1
 
+    @property
+    def summary(self) -> str:
+        """What is simulated, in words."""
+        scene = self.setup.scene
+        materials = ", ".join(type(body.material).__name__.lower() for body in scene.bodies)
+        tools = ", ".join(type(tool).__name__.lower() for tool in scene.tools) or "none"
+        return (
+            f"{sum(self.setup.counts)} particles ({materials}), {self.substeps} substeps of {scene.dt_s:g} s, "
+            f"tools: {tools}, {len(self.setup.effects)} effects"
+        )
 
-@final
-@dataclass(frozen=True, kw_only=True)
-class Fault:
-    """The first of its kind: `particle` after `substep` substeps, in words."""
-
-    kind: Kind
-    substep: int
-    particle: int
-    words: str
+    def dissect(self) -> "Autopsy[Trace, State]":
+        """See `dissect`."""
+        return dissect(self)
 
 
 @final
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Trace:
-    """Of the states after 0, 1, 2, ... substeps: greatest speed, range of det F, particles that are not on the grid."""
+    """Of the states after 0, 1, 2, ... substeps: greatest speed, range of det F, particles that are not on the grid.
+
+    `cells`: how many cells the fastest particle crosses in a substep.
+    """
 
     speed_m_s: Float64[np.ndarray, " K"]
+    cells: Float64[np.ndarray, " K"]
     least_volume: Float64[np.ndarray, " K"]
     greatest_volume: Float64[np.ndarray, " K"]
     outside: Int64[np.ndarray, " K"]
 
+    def __len__(self) -> int:
+        return len(self.speed_m_s)
 
-@final
-@dataclass(frozen=True, kw_only=True, eq=False)
-class Autopsy:
-    """What was found.
-
-    `failed`: a rollout of so many substeps is the first that is not finite; None where all are. `objection`: what is
-    wrong with the input, if anything. `last`: up to `KEPT` states before the failure or the end, shape (K, N, ...),
-    of which the last is that after `until` substeps; `trace` ends there.
-    """
-
-    substeps: int
-    failed: int | None
-    objection: str | None
-    faults: tuple[Fault, ...]
-    trace: Trace
-    last: State
-
-    @property
-    def until(self) -> int:
-        """Substeps after which the last finite state is."""
-        return len(self.trace.speed_m_s) - 1
-
-    def verdict(self) -> str:
-        """In a few sentences: what happened, in order, and what to change."""
-        outcome = "Finite throughout" if self.failed is None else f"Not finite from substep {self.failed} on"
-        story = [f"{outcome} ({self.substeps} substeps).", *(fault.words for fault in self.faults)]
-        if self.objection:
-            story.insert(1, f"The input is wrong: {self.objection}")
-        elif self.faults:
-            story.append(f"What to change: {ADVICE[self.faults[0].kind]}.")
-        return " ".join(story)
+    def columns(self) -> dict[str, list[str]]:
+        """The numbers for people, by what they are."""
+        volumes = zip(self.least_volume, self.greatest_volume, strict=True)
+        return {
+            "max speed [m/s]": [f"{speed:.4g}" for speed in self.speed_m_s],
+            "cells a substep": [f"{cells:.3g}" for cells in self.cells],
+            "det F": [f"{least:.3g} to {greatest:.3g}" for least, greatest in volumes],
+            "particles outside": [str(count) for count in self.outside],
+        }
 
 
 def single(
@@ -126,11 +115,11 @@ def single(
     )
 
 
-def dissect(case: Case) -> Autopsy:
+def dissect(case: Case) -> Autopsy[Trace, State]:
     """Simulate the case, and find where it broke. Raises ParameterError where its arrays do not fit its setup."""
     require_shapes(case.phi, case.state, case.tool, case.setting, case.setup.sizes())
     objection = _objection(case)
-    faults: dict[Kind, Fault] = {}
+    faults: dict[str, Fault] = {}
     rows: list[Trace] = []
     last = _rows(case.state, slice(0))
     failed = None if _usable(case) else 0
@@ -148,10 +137,12 @@ def dissect(case: Case) -> Autopsy:
             failed = at
             break
     return Autopsy(
-        substeps=case.substeps,
+        steps=case.substeps,
+        unit="substep",
         failed=failed,
         objection=objection,
-        faults=tuple(sorted(faults.values(), key=lambda fault: fault.substep)),
+        faults=tuple(sorted(faults.values(), key=lambda fault: fault.step)),
+        advice=ADVICE,
         trace=_joined(rows),
         last=last,
     )
@@ -217,10 +208,7 @@ def _faults(case: Case, states: State, at: int, count: int) -> Iterator[Fault]:
 
 def _fault(kind: Kind, at: int, found: tuple[int, ...], text: str) -> Fault:
     substep, particle = at + found[0], found[1]
-    plural = "substep" if substep == 1 else "substeps"
-    return Fault(
-        kind=kind, substep=substep, particle=particle, words=f"After {substep} {plural} particle {particle} {text}."
-    )
+    return Fault.after(kind, substep, particle, f"particle {particle} {text}")
 
 
 def _measured(states: State) -> tuple[Float64[np.ndarray, "K N"], Float64[np.ndarray, "K N"]]:
@@ -231,11 +219,13 @@ def _measured(states: State) -> tuple[Float64[np.ndarray, "K N"], Float64[np.nda
 
 def _trace(case: Case, states: State) -> Trace:
     speed, volume = _measured(states)
+    scene, fastest = case.setup.scene, speed.max(axis=1, initial=0)
     return Trace(
-        speed_m_s=speed.max(axis=1, initial=0),
+        speed_m_s=fastest,
+        cells=fastest * scene.dt_s / scene.cell_m,
         least_volume=volume.min(axis=1, initial=np.inf),
         greatest_volume=volume.max(axis=1, initial=-np.inf),
-        outside=(~inside(case.setup.scene, np.asarray(states.x))).sum(axis=1),
+        outside=(~inside(scene, np.asarray(states.x))).sum(axis=1),
     )
 
 
@@ -245,6 +235,7 @@ def _joined(rows: list[Trace]) -> Trace:
 
     return Trace(
         speed_m_s=column("speed_m_s", np.float64),
+        cells=column("cells", np.float64),
         least_volume=column("least_volume", np.float64),
         greatest_volume=column("greatest_volume", np.float64),
         outside=column("outside", np.int64),

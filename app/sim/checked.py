@@ -1,15 +1,22 @@
-"""A simulator that says what is wrong: before it runs, and where it broke if it did."""
+"""Simulators that say what is wrong: before they run, and where they broke if they did."""
 
 from pathlib import Path
 
 import jax
+import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Float
 
 from app.core.errors import SimulationError
-from app.sim.autopsy import dissect, single
+from app.sim.autopsy import Case, single
 from app.sim.checks import Setup, first, require_inputs
 from app.sim.dump import Dump, leave_dump
+from app.sim.rods.autopsy import RodCase, single_rod
+from app.sim.rods.checks import RodSetup, require_rod_inputs
+from app.sim.rods.domain import are_whole
+from app.sim.rods.effect import RodSetting
+from app.sim.rods.rollout import RodPhysics, SimulateRod, make_rod_rollout
+from app.sim.rods.state import RodState
 from app.sim.rollout import Simulate, make_rollout
 from app.sim.state import Setting, State
 
@@ -34,11 +41,40 @@ def checked(setup: Setup, folder: Path, simulate: Simulate | None = None) -> Sim
         broken = first(~np.isfinite(np.asarray(end.x)))
         if broken is None:
             return end
-        candidate, count = broken[0], phi.shape[0]
-        case = single(setup, phi, state, tool, known, candidate=candidate)
-        path = leave_dump(folder, Dump(case=case, about=f"candidate {candidate} of {count}"))
-        raise SimulationError(
-            f"Candidate {candidate} of {count}: {dissect(case).verdict()} `dipac replay {path}` shows it."
-        )
+        case = single(setup, phi, state, tool, known, candidate=broken[0])
+        raise _failed(case, folder, broken[0], phi.shape[0])
 
     return simulate_checked
+
+
+def checked_rods(setup: RodSetup, folder: Path, simulate: SimulateRod | None = None) -> SimulateRod:
+    """The same for rods, of which a candidate also fails that ends strained by half or farther away than the room."""
+    run = simulate or make_rod_rollout(setup.scene, setup.effects)
+    null = np.array([spec.nominal for spec in setup.specs()], np.float32)
+
+    def simulate_checked(
+        physics: RodPhysics,
+        state: RodState,
+        tool: Float[jax.Array, "B T 3"],
+        phi: Float[jax.Array, "B P"] | None = None,
+        setting: RodSetting | None = None,
+    ) -> RodState:
+        own = jnp.tile(null, (len(tool), 1)) if phi is None else phi
+        known = setting or RodSetting.unknown(len(tool), setup.scene.nodes)
+        require_rod_inputs(setup, physics, own, state, tool, known)
+        end = run(physics, state, tool, own, known)
+        broken = first(~np.asarray(are_whole(setup.scene, end.nodes)))
+        if broken is None:
+            return end
+        case = single_rod(setup, physics, state, tool, own, known, candidate=broken[0])
+        raise _failed(case, folder, broken[0], len(tool))
+
+    return simulate_checked
+
+
+def _failed(case: Case | RodCase, folder: Path, candidate: int, count: int) -> SimulationError:
+    """The error of a candidate that did not stay finite, whose dump is left in `folder`."""
+    path = leave_dump(folder, Dump(case=case, about=f"candidate {candidate} of {count}"))
+    return SimulationError(
+        f"Candidate {candidate} of {count}: {case.dissect().verdict()} `dipac replay {path}` shows it."
+    )

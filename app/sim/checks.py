@@ -96,6 +96,23 @@ def require_inputs(setup: Setup, phi: Arrays, state: State, tool: Arrays, settin
     _require_path(setup.scene, path)
 
 
+def require_finite(name: str, values: Arrays, axis: str, columns: Sequence[str]) -> None:
+    """Raises ParameterError for the first number of B candidates' `values` that is not finite, and says which it is.
+
+    Values have the shape (B, rows..., columns...): `axis` is what a row is, "" where there is one; `columns` name the
+    numbers of a row.
+    """
+    array = np.asarray(values)
+    flat = array.reshape(array.shape[0], -1, len(columns)) if columns else array
+    if wrong := first(~np.isfinite(flat)):
+        b, row, column = wrong
+        where = f", {axis} {row}" if axis else ""
+        raise ParameterError(
+            f"{name} is {flat[wrong]} for candidate {b}{where}, component {columns[column]}; every number must be "
+            "finite: look where this one is computed."
+        )
+
+
 def inside(scene: Scene, x: Float32[np.ndarray, "*batch 3"]) -> Bool[np.ndarray, "*batch"]:
     """Whether all 27 nodes around a particle exist, as the kernels decide it; False for NaN."""
     q = (x - np.asarray(scene.low, np.float32)) * np.float32(1 / scene.cell_m)
@@ -111,7 +128,7 @@ def room(scene: Scene) -> str:
 
 def words(point: np.ndarray) -> str:
     """A point or vector for people."""
-    return f"({', '.join(f'{number:.4g}' for number in point)})"
+    return f"({', '.join(f'{number + 0.0:.4g}' for number in point)})"
 
 
 def _require_finite(
@@ -127,15 +144,7 @@ def _require_finite(
         ("setting.time", np.asarray(setting.time)[:, None], "", ["time"]),
     ]
     for name, values, axis, columns in named:
-        array = np.asarray(values)
-        flat = array.reshape(array.shape[0], -1, len(columns)) if columns else array
-        if wrong := first(~np.isfinite(flat)):
-            b, row, column = wrong
-            where = f", {axis} {row}" if axis else ""
-            raise ParameterError(
-                f"{name} is {flat[wrong]} for candidate {b}{where}, component {columns[column]}; every number must be "
-                "finite: look where this one is computed."
-            )
+        require_finite(name, values, axis, columns)
 
 
 def _require_volume(F: Float64[np.ndarray, "B N 3 3"]) -> None:

@@ -1,6 +1,7 @@
 """One failed simulation as one file: an .npz of arrays with a header in JSON, and nothing in it that is executed.
 
-A scene is rebuilt from the materials, tools and effects of this version alone, by their names; any other is refused.
+It says which engine simulated: material points or rods. A scene is rebuilt from the materials, tools and effects of
+this version alone, by their names; any other is refused.
 """
 
 import hashlib
@@ -10,7 +11,7 @@ import os
 import zipfile
 import zlib
 from collections.abc import Mapping
-from dataclasses import dataclass, field, fields
+from dataclasses import dataclass, field
 from importlib import metadata
 from pathlib import Path
 from typing import Any, final
@@ -21,14 +22,18 @@ import numpy as np
 from app import __version__
 from app.core.errors import DipacError, RecordingError, UsageError
 from app.sim.autopsy import Case
-from app.sim.catalogue import discover
 from app.sim.checks import Setup, require_shapes
+from app.sim.entries import check_parameters, effect_names, fields_entry, from_entry, named_effects
 from app.sim.known import known_materials, known_tools
+from app.sim.rods.autopsy import RodCase
+from app.sim.rods.dump import rod_arrays, rod_case_of, rod_header
 from app.sim.scene import Body, Scene
 from app.sim.state import Setting, State
 
 FORMAT = "dipac simulation dump"
 SCHEMA = 1
+_POINTS, _RODS = "mpm", "rods"
+"""Engines; a dump that names none is of the first."""
 
 
 def versions() -> dict[str, str]:
@@ -41,7 +46,7 @@ def versions() -> dict[str, str]:
 class Dump:
     """A case, what it was about in words, and the versions that computed it."""
 
-    case: Case
+    case: Case | RodCase
     about: str
     versions: Mapping[str, str] = field(default_factory=versions)
 
@@ -98,17 +103,16 @@ def load_dump(path: Path) -> Dump:
 
 def _bytes_of(dump: Dump) -> bytes:
     case = dump.case
+    rods = isinstance(case, RodCase)
     header = {
         "format": FORMAT,
         "schema": SCHEMA,
+        "engine": _RODS if rods else _POINTS,
         "versions": dict(dump.versions),
         "about": dump.about,
-        "scene": _scene_entry(case.setup.scene),
-        "counts": list(case.setup.counts),
-        "effects": _effect_names(case.setup),
-        "parameters": [spec.name for spec in case.setup.specs()],
+        **(rod_header(case) if rods else _header(case)),
     }
-    arrays = {"phi": case.phi, "tool": case.tool, **case.state._asdict(), **case.setting._asdict()}
+    arrays = rod_arrays(case) if rods else _arrays(case)
     stream = io.BytesIO()
     entries = {name: np.asarray(value, np.float32) for name, value in arrays.items()}
     text = {"header": np.array(json.dumps(header, allow_nan=False))}
@@ -133,19 +137,34 @@ def _write(path: Path, content: bytes) -> None:
 
 
 def _dump_of(header: dict[str, Any], entries: Mapping[str, np.ndarray]) -> Dump:
-    known = discover()
-    for name in header["effects"]:
-        if name not in known:
-            raise UsageError.unknown("effect", name, known)
+    arrays = {name: np.asarray(value, np.float32) for name, value in entries.items() if name != "header"}
+    engines = {_POINTS: _case_of, _RODS: rod_case_of}
+    engine = header.get("engine", _POINTS)
+    if engine not in engines:
+        raise UsageError.unknown("engine", engine, engines)
+    return Dump(case=engines[engine](header, arrays), about=str(header["about"]), versions=header["versions"])
+
+
+def _header(case: Case) -> dict[str, Any]:
+    return {
+        "scene": _scene_entry(case.setup.scene),
+        "counts": list(case.setup.counts),
+        "effects": effect_names(case.setup.effects),
+        "parameters": [spec.name for spec in case.setup.specs()],
+    }
+
+
+def _arrays(case: Case) -> dict[str, Any]:
+    return {"phi": case.phi, "tool": case.tool, **case.state._asdict(), **case.setting._asdict()}
+
+
+def _case_of(header: Mapping[str, Any], values: Mapping[str, np.ndarray]) -> Case:
     setup = Setup(
         scene=_scene_of(header["scene"]),
         counts=tuple(int(count) for count in header["counts"]),
-        effects=tuple(known[name] for name in header["effects"]),
+        effects=named_effects(header["effects"]),
     )
-    names = [spec.name for spec in setup.specs()]
-    if names != header["parameters"]:
-        raise RecordingError(f"its parameters are {header['parameters']}, and here they are {names}")
-    values = {name: np.asarray(value, np.float32) for name, value in entries.items() if name != "header"}
+    check_parameters(setup.specs(), header["parameters"])
     case = Case(
         setup=setup,
         phi=values["phi"],
@@ -154,32 +173,23 @@ def _dump_of(header: dict[str, Any], entries: Mapping[str, np.ndarray]) -> Dump:
         setting=Setting(**{name: jnp.asarray(values[name]) for name in Setting._fields}),
     )
     require_shapes(case.phi, case.state, case.tool, case.setting, setup.sizes())
-    return Dump(case=case, about=str(header["about"]), versions=header["versions"])
-
-
-def _effect_names(setup: Setup) -> list[str]:
-    names = {id(effect): name for name, effect in discover().items()}
-    unknown = [effect for effect in setup.effects if id(effect) not in names]
-    if unknown:
-        parameters = ", ".join(spec.name for effect in unknown for spec in effect.parameters)
-        raise UsageError(f"The effect of {parameters} is not a file of app/sim/effects; only those can be dumped.")
-    return [names[id(effect)] for effect in setup.effects]
+    return case
 
 
 def _scene_entry(scene: Scene) -> dict[str, Any]:
     bodies = [
-        _numbers(body, without=("material",)) | {"material": _entry("material", body.material, known_materials())}
+        fields_entry(body, without=("material",)) | {"material": _entry("material", body.material, known_materials())}
         for body in scene.bodies
     ]
     tools = [_entry("tool", tool, known_tools()) for tool in scene.tools]
-    return _numbers(scene, without=("bodies", "tools")) | {"bodies": bodies, "tools": tools}
+    return fields_entry(scene, without=("bodies", "tools")) | {"bodies": bodies, "tools": tools}
 
 
 def _scene_of(entry: Mapping[str, Any]) -> Scene:
-    numbers = {name: _value(value) for name, value in entry.items() if name not in ("bodies", "tools")}
+    numbers = {name: from_entry(value) for name, value in entry.items() if name not in ("bodies", "tools")}
     bodies = tuple(
         Body(
-            **{name: _value(value) for name, value in body.items() if name != "material"},
+            **{name: from_entry(value) for name, value in body.items() if name != "material"},
             material=_object("material", body["material"], known_materials()),
         )
         for body in entry["bodies"]
@@ -195,21 +205,11 @@ def _entry(kind: str, given: Any, known: Mapping[str, type]) -> dict[str, Any]:
         raise UsageError.unknown(kind, type(given).__name__, known)
     if getattr(given, "law", None) is not getattr(type(given), "law", None):
         raise UsageError(f"The {kind} {type(given).__name__} has a law of its own; only the package's can be dumped.")
-    return {"class": names[type(given)], "fields": _numbers(given, without=("law",))}
+    return {"class": names[type(given)], "fields": fields_entry(given, without=("law",))}
 
 
 def _object(kind: str, entry: Mapping[str, Any], known: Mapping[str, type]) -> Any:
     if entry["class"] not in known:
         raise UsageError.unknown(kind, entry["class"], known)
-    return known[entry["class"]](**{name: _value(value) for name, value in entry["fields"].items() if name != "law"})
-
-
-def _numbers(given: Any, without: tuple[str, ...]) -> dict[str, Any]:
-    """Its fields as JSON has them: a Python float comes back bit by bit."""
-    pairs = {each.name: getattr(given, each.name) for each in fields(given) if each.name not in without}
-    return {name: np.asarray(value).tolist() for name, value in pairs.items()}
-
-
-def _value(value: Any) -> Any:
-    """Lists were tuples."""
-    return tuple(_value(each) for each in value) if isinstance(value, list) else value
+    fields = {name: from_entry(each) for name, each in entry["fields"].items() if name != "law"}
+    return known[entry["class"]](**fields)

@@ -34,7 +34,7 @@ from app.sim.rods.state import RodState
 from app.sim.rollout import make_rollout
 from app.sim.state import Setting, State
 from app.tasks import load
-from app.tasks.base import Task
+from app.tasks.base import RodDynamics, Task
 
 __all__ = ["advance", "calibrated", "nominal_model", "now", "phi_of", "planner", "search", "stages"]
 
@@ -104,24 +104,37 @@ def moving(task: str, particle_count: int, effects: tuple[Effect, ...] = ()) -> 
 def _moving_rod(task: Task, effects: tuple[Effect, ...]) -> Part:
     """The same for a rope as a rod."""
     assert task.rods is not None
-    scene, given = task.rods.scene, task.rods.physics
+    rods, scene = task.rods, task.rods.scene
     simulate = make_rod_rollout(scene, effects)
-    stiffness, table = index("stiffness"), index("table_friction")
-    own = np.array([index(spec.name) for effect in effects for spec in effect.parameters], int)
+    own = np.array(rod_columns(effects), int)
 
     def move(
         phi: Float[Array, "B P"], state: ObjectState, tool: Float[Array, "B T C"], began: Float[Array, "B N 3"]
     ) -> ObjectState:
         del began
         assert isinstance(state, RodState)
-        known = {name: jnp.full(len(phi), value, jnp.float32) for name, value in given.items()}
-        physics = RodPhysics.nominal(scene, len(phi))._replace(
-            rigidity=phi[:, stiffness] * scene.second_moment_m4, table_friction=phi[:, table], **known
-        )
-        setting = RodSetting.unknown(len(phi), scene.nodes)._replace(session_time=jnp.full(len(phi), _NOW))
-        return simulate(physics, state, tool, phi[:, own], setting)
+        return simulate(rod_physics(rods, phi), state, tool, phi[:, own], rod_now(rods, len(phi)))
 
     return move
+
+
+def rod_physics(rods: RodDynamics, phi: Float[Array, "B P"]) -> RodPhysics:
+    """What the parameters make of a task's rod."""
+    given = {name: jnp.full(len(phi), value, jnp.float32) for name, value in rods.physics.items()}
+    rigidity = phi[:, index("stiffness")] * rods.scene.second_moment_m4
+    nominal = RodPhysics.nominal(rods.scene, len(phi))
+    return nominal._replace(rigidity=rigidity, table_friction=phi[:, index("table_friction")], **given)
+
+
+def rod_columns(effects: Sequence[Effect]) -> list[int]:
+    """Where the parameters of a rod's simulator with these effects stand in phi."""
+    return [index(spec.name) for effect in effects for spec in effect.parameters]
+
+
+def rod_now(rods: RodDynamics, candidates: int) -> RodSetting:
+    """As `now`, of rods."""
+    unknown = RodSetting.unknown(candidates, rods.scene.nodes)
+    return unknown._replace(session_time=jnp.full(candidates, _NOW))
 
 
 def now(candidates: int, particle_count: int) -> Setting:
@@ -206,10 +219,12 @@ class Calibrated(NamedTuple):
 def calibrated(
     task: str, preset: str, transitions: Sequence[Transition], model: Model, settings: Settings
 ) -> Calibrated:
-    """The next version of `model`, fitted to all the transitions."""
-    phi = phi_of(model)
+    """The next version of `model`, fitted to all the transitions; of rods, what is optional keeps its value."""
+    data, phi = load(task), phi_of(model)
     fitter = calibrator(task, preset, settings, phi)
-    found = fitter.fit(gather(transitions, load(task).actions.measured_path), phi)
+    optional = data.rods.optional if data.rods else ()
+    fitter = replace(fitter, names=tuple(name for name in fitter.names if name not in optional))
+    found = fitter.fit(gather(transitions, data.actions.measured_path), phi)
     new = next_model(model, found, fitter.names, transitions)
     return Calibrated(new, found.lost, fitter.names, found.trials)
 
@@ -226,7 +241,7 @@ def calibrated_from_recordings(
     if fitter.offset is None:
         return calibrated(task, preset, transitions, model, settings)
     evidence = gather(transitions, data.actions.measured_path)
-    check_contact(evidence, data.finger.radius_m + data.rope.radius_m)
+    check_contact(evidence, data.finger.radius_m + data.finger.half_width_m + data.rope.radius_m)
     found, fitter = fitter.fit_what_is_told(evidence, phi, data.rods.optional if data.rods else ())
     check_better_than_no_motion(found.losses_m2, evidence)
     offset = fitter.offset.specs if fitter.offset else ()

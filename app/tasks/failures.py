@@ -14,14 +14,18 @@ from app.core.messages import Transition
 from app.core.types import Points, ToolPose
 from app.planner.failure import failed_action
 from app.planner.tree import Search
-from app.sim.autopsy import single
+from app.sim.autopsy import Case, single
 from app.sim.catalogue import EFFECTS
 from app.sim.checks import Arrays, Setup
 from app.sim.dump import Dump, leave_dump
 from app.sim.object_state import ObjectState
-from app.sim.state import State
+from app.sim.params import acting
+from app.sim.rods.autopsy import RodCase, single_rod
+from app.sim.rods.checks import RodSetup
+from app.sim.rods.state import RodState
 from app.tasks import load
-from app.tasks.compiled import now
+from app.tasks.base import Task
+from app.tasks.compiled import now, rod_columns, rod_now, rod_physics
 
 DUMPS = 3
 """That one process leaves at most, about 50 kB each: what fails after them fails alike."""
@@ -53,16 +57,14 @@ def of_transitions(task: str, lost: Sequence[Transition], phi: Float32[np.ndarra
     if not lost:
         return ""
     first = gather(lost[:1], load(task).actions.measured_path)
-    about = f"{task}, transition {lost[0].id}, one of {len(lost)} that left their grid"
-    return _left(task, about, phi, load(task).begin(jnp.asarray(first.before)), first.tool, site)
+    data = load(task)
+    why = "are not predicted" if data.dynamics == "rods" else "left their grid"
+    about = f"{task}, transition {lost[0].id}, one of {len(lost)} that {why}"
+    return _left(task, about, phi, data.begin(jnp.asarray(first.before)), first.tool, site)
 
 
 def _left(task: str, about: str, phi: Float32[np.ndarray, " P"], state: ObjectState, tool: Arrays, site: Site) -> str:
-    if not isinstance(state, State):
-        return ""  # Rods have no dumps.
-    scene = load(task).scene
-    setup = Setup(scene=scene, counts=scene.split(state.x.shape[1]), effects=EFFECTS)
-    case = single(setup, phi[None], state, tool, now(1, state.x.shape[1]))
+    case = _case(load(task), phi, state, tool)
     if next(_room(), None) is None:
         return f" This process has left {DUMPS} dumps already, and leaves no more."
     try:
@@ -70,6 +72,19 @@ def _left(task: str, about: str, phi: Float32[np.ndarray, " P"], state: ObjectSt
     except UsageError as error:
         return f" {error}"
     return f" `dipac replay {path}` shows what broke."
+
+
+def _case(task: Task, phi: Float32[np.ndarray, " P"], state: ObjectState, tool: Arrays) -> Case | RodCase:
+    """One candidate's simulation by whichever engine simulates the task."""
+    if not isinstance(state, RodState):
+        setup = Setup(scene=task.scene, counts=task.scene.split(state.x.shape[1]), effects=EFFECTS)
+        return single(setup, phi[None], state, tool, now(1, state.x.shape[1]))
+    assert task.rods is not None
+    effects = tuple(effect for effect in acting(phi) if not effect.oriented)
+    own, physics = phi[rod_columns(effects)][None], rod_physics(task.rods, jnp.asarray(phi)[None])
+    return single_rod(
+        RodSetup(scene=task.rods.scene, effects=effects), physics, state, tool, own, rod_now(task.rods, 1)
+    )
 
 
 @lru_cache

@@ -32,6 +32,8 @@ def rods_of(
             radius_m=rope.radius_m,
             mass_kg=rope.mass_kg,
             finger_radius_m=finger.radius_m,
+            finger_half_width_m=finger.half_width_m,
+            finger_yaw_rad=finger.yaw_rad,
             dt_s=dt_s,
             walls=walls,
             stiffest_n_m2=stiffest_n_m2,

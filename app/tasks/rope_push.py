@@ -15,6 +15,7 @@ from app.policy.symmetry import Symmetry
 from app.sim.materials.rope import Rope as RopeMaterial
 from app.sim.scene import Body, Scene
 from app.sim.tools import finger as sim_finger
+from app.sim.tools.flat_finger import FlatFinger
 from app.tasks.aim import Near
 from app.tasks.base import Preset, Task
 from app.tasks.curves import RopeProblems
@@ -62,7 +63,7 @@ def _task(rope: Rope, finger: Finger) -> Task:
                     material=RopeMaterial(fibre_pa=2.5e5, core_m=rope.radius_m / 2, yield_strain=0.1),
                 ),
             ),
-            tools=(sim_finger.Finger(radius_m=finger.radius_m, below_m=0.0035, fade_m=0.001),),
+            tools=(_particle_tool(finger),),
             contact_margin_m=0.0035,
             contact_width_m=0.001,
             contact_substeps=3.0,
@@ -72,6 +73,7 @@ def _task(rope: Rope, finger: Finger) -> Task:
             region=(0.27, -0.33, 0.83, 0.33),
             height_m=finger.push_height_m,
             clearance_m=clearance_m,
+            core_m=finger.half_m,
             max_displacement_m=0.010,
             max_length_m=0.18,
             random_length_m=(0.06, 0.16),
@@ -85,8 +87,9 @@ def _task(rope: Rope, finger: Finger) -> Task:
             contact_gap_m=touch_m,
             max_length_m=0.18,
             clearance_m=clearance_m,
+            core_m=finger.half_m,
         ),
-        symmetry=Symmetry(about_m=(0.55, 0.0), turns=True, mirrored=True, shift_m=(0.08, 0.08)),
+        symmetry=_symmetry(finger),
         weights=Weights(progress=1.0, contact=0.002, discount=0.7),
         descent=Descent(learning_rate=1.0, clip=1.0, shrink=0.5),
         problems=RopeProblems(rope=rope),
@@ -112,6 +115,27 @@ def _task(rope: Rope, finger: Finger) -> Task:
                 "gpu": Preset(branches=16, depth=3, particle_count=2000, gradient_steps=10),
             }
         ),
+    )
+
+
+def _symmetry(finger: Finger) -> Symmetry:
+    """A flat finger does not turn with the table, but is the same after half a turn."""
+    about_m, shift_m = (0.55, 0.0), (0.08, 0.08)
+    if finger.half_width_m == 0:
+        return Symmetry(about_m=about_m, turns=True, mirrored=True, shift_m=shift_m)
+    return Symmetry(about_m=about_m, angles_rad=(0.0, pi), shift_m=shift_m)
+
+
+def _particle_tool(finger: Finger) -> sim_finger.Finger | FlatFinger:
+    """The finger among material points."""
+    if finger.half_width_m == 0:
+        return sim_finger.Finger(radius_m=finger.radius_m, below_m=0.0035, fade_m=0.001)
+    return FlatFinger(
+        radius_m=finger.radius_m,
+        half_width_m=finger.half_width_m,
+        yaw_rad=finger.yaw_rad,
+        below_m=0.0035,
+        fade_m=0.001,
     )
 
 

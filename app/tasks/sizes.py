@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import replace
+from math import pi
 from typing import TYPE_CHECKING, TypeAlias
 
 from app.core.bounds import checked
@@ -22,8 +23,11 @@ SIZES = {
     "radius_m": (0.003, 0.012),
     "mass_kg": (0.005, 0.3),
     "finger_radius_m": (0.004, 0.015),
+    "finger_half_width_m": (0.0, 0.025),
+    "finger_yaw_rad": (-pi, pi),
 }
 """What may be another one, and from where to where."""
+_OF_FINGER = "finger_"
 
 
 def resized(task: Task, sizes: Mapping[str, float]) -> Task:
@@ -38,7 +42,8 @@ def resized(task: Task, sizes: Mapping[str, float]) -> Task:
         if name not in SIZES:
             raise UsageError.unknown("size", name, SIZES)
         checked(name, value, *SIZES[name])
-    own = {name: value for name, value in sizes.items() if name != "finger_radius_m"}
-    finger = replace(task.finger, radius_m=sizes.get("finger_radius_m", task.finger.radius_m))
-    made = task.sized(replace(task.rope, **own), finger)
+    finger = {name: value for name, value in sizes.items() if name.startswith(_OF_FINGER)}
+    rope = {name: value for name, value in sizes.items() if name not in finger}
+    of_finger = {name.removeprefix(_OF_FINGER): value for name, value in finger.items()}
+    made = task.sized(replace(task.rope, **rope), replace(task.finger, **of_finger))
     return replace(made, name=str(TaskName.of(task.name, sizes)))

@@ -14,7 +14,7 @@ from app.ui import palette
 from app.ui.beads import Beads
 from app.ui.board import Board
 from app.ui.paths import Paths, along
-from app.ui.tool import Tool
+from app.ui.tool import Flat, Tool
 
 _FRUSTUM_M = 0.035
 
@@ -56,6 +56,10 @@ class Scene:
             _follow(self.predicted, board.ahead)
         if board.expected is not last.expected:
             _follow(self.expected, board.expected)
+        if board.episode is not last.episode:
+            flat = Flat.of(board.episode.task) if board.episode else None
+            for tool in (self.tool, self.ghost):
+                tool.become(flat)
         if board.arm is None:
             self.tool.hide()
         elif board.arm is not last.arm:

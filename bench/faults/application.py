@@ -11,6 +11,7 @@ import threading
 import time
 from functools import partial
 from multiprocessing.connection import Connection
+from multiprocessing.sharedctypes import Synchronized
 from pathlib import Path
 from typing import Literal, TypeAlias, final
 
@@ -41,8 +42,8 @@ _BLOCKED_S = 1.0
 class Application:
     """Moves the tool to and fro for ever. Each of its public methods after `serve` is a fault, by its name."""
 
-    def __init__(self, arm: ProcessArm, site: Site, doing: Doing) -> None:
-        self._arm, self._site, self._doing = arm, site, doing
+    def __init__(self, arm: ProcessArm, site: Site, doing: Doing, done_s: "Synchronized[float]") -> None:
+        self._arm, self._site, self._doing, self._done_s = arm, site, doing, done_s
         self._moving: anyio.CancelScope | None = None
         self._hand = self._steady
 
@@ -52,6 +53,7 @@ class Application:
             tasks.start_soon(self._moves)
             while True:
                 name: str = await to_thread.run_sync(inbox.recv, abandon_on_cancel=True)
+                self._done_s.value = time.monotonic()
                 getattr(self, name)()
 
     def again(self) -> None:
@@ -142,8 +144,18 @@ FAULTS: dict[Doing, tuple[str, ...]] = {
 """By what the arm is in the middle of; `bench.faults.inject` adds what is done to a process from outside."""
 
 
-def application(memory: ArmMemory, site: Site, take: Controlled, inbox: Connection, doing: Doing) -> None:
-    """The body of the process. It writes nothing of what goes wrong in it: that is on purpose."""
+def application(
+    memory: ArmMemory,
+    site: Site,
+    take: Controlled,
+    inbox: Connection,
+    done_s: "Synchronized[float]",
+    doing: Doing,
+) -> None:
+    """The body of the process; `done_s`: when it last did what it was told.
+
+    It writes nothing of what goes wrong in it: that is on purpose.
+    """
     sys.stderr = Path(os.devnull).open("w", encoding="utf-8")  # noqa: SIM115 - for as long as the process lives
     arm = process("arm", run_arm, memory, site, take, os.getpid())
     arm.daemon = False
@@ -151,7 +163,7 @@ def application(memory: ArmMemory, site: Site, take: Controlled, inbox: Connecti
     try:
         while not memory.states.count:
             time.sleep(site.timing.arm_period_s)
-        anyio.run(Application(ProcessArm(memory, arm, site), site, doing).serve, inbox)
+        anyio.run(Application(ProcessArm(memory, arm, site), site, doing, done_s).serve, inbox)
     finally:
         memory.closing.value = 1
         end([arm])

@@ -3,12 +3,15 @@
 import re
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from app import cells
 from app.cells.cell_file import far_corner, limits, load_cell
 from app.config import KeepOut, Limits, Site, Workspace
 from app.core.errors import RecordingError, UsageError
+from app.core.motion import pointing_down
+from app.core.table_place import TablePlace
 from app.rig.kinova.gen3 import GRIPPER_M, reach
 from tests.conftest import ROOT
 
@@ -94,9 +97,29 @@ def test_a_real_cell_needs_a_file_and_a_simulated_one_none(tmp_path: Path) -> No
         cells.load("gen3").narrowed(Site(), None)
     assert cells.load("simulated").narrowed(Site(), None) == Site()
     assert cells.load("rehearsal").narrowed(Site(), None) == Site(limits=Limits(reach=reach(GRIPPER_M)))
-    for name in ("simulated", "rehearsal"):
-        with pytest.raises(UsageError, match="real cell"):
-            cells.load(name).narrowed(Site(), tmp_path / "cell.toml")
+    with pytest.raises(UsageError, match="real cell"):
+        cells.load("simulated").narrowed(Site(), tmp_path / "cell.toml")
+
+
+def test_a_table_somewhere_else_is_where_the_file_says_and_the_arm_reaches_as_far(tmp_path: Path) -> None:
+    moved = GOOD.replace("place_m = [0.0, 0.0, 0.0]\nturn_deg = 0.0", "place_m = [0.1, -0.2, -0.15]\nturn_deg = 30.0")
+    file = written(tmp_path, moved)
+    for name, tip_m in (("gen3", 0.163), ("rehearsal", GRIPPER_M)):
+        site = cells.load(name).narrowed(Site(), file)
+        assert site.table == TablePlace(place_m=(0.1, -0.2, -0.15), turn_deg=30.0)
+        assert site.limits.workspace == limits(load_cell(file)).workspace
+        assert site.limits.reach is not None
+        own = reach(tip_m)
+        # A tool that points down is as far out of reach, whichever of the frames says where it is.
+        place = np.array([0.5, 0.1, 0.05])
+        there = site.table.base_from_table[:3, :3] @ place + site.table.place_m
+        here_m, there_m = site.limits.reach.beyond_m(pointing_down(place)), own.beyond_m(pointing_down(there))
+        assert here_m == pytest.approx(there_m)
+    far = moved.replace("place_m = [0.1, -0.2, -0.15]", "place_m = [0.6, -0.2, -0.15]")
+    with pytest.raises(RecordingError, match="further away than the arm reaches"):
+        load_cell(written(tmp_path, far))
+    with pytest.raises(RecordingError, match="place_m"):
+        load_cell(written(tmp_path, moved.replace("-0.15]", "inf]")))
 
 
 def test_an_unknown_rig_is_answered_with_those_there_are() -> None:

@@ -1,5 +1,6 @@
 """A real cell before its cameras are calibrated, and where their calibration is kept."""
 
+from dataclasses import replace
 from pathlib import Path
 
 import anyio
@@ -7,6 +8,7 @@ import numpy as np
 import pytest
 
 from app.cells import gen3
+from app.core.table_place import TablePlace
 from app.recording.calibration_file import load_cameras, save_camera
 from tests.cells.test_cell_file import GOOD, written
 from tests.recording.test_calibration_file import camera
@@ -39,3 +41,21 @@ def test_a_calibration_made_in_the_console_lies_beside_the_cells_file_by_the_cam
     assert set(load_cameras(tmp_path / "calibration.toml")) == {"012345678902"}
     _, (_, right) = gen3._found(file)
     assert right.calibrated_at == "2026-11-23"
+
+
+def test_a_calibration_is_kept_in_the_frame_of_the_base_and_used_in_that_of_a_table_somewhere_else(
+    tmp_path: Path,
+) -> None:
+    own, table = camera("012345678901"), TablePlace(place_m=(0.1, -0.2, -0.15), turn_deg=30.0)
+    moved = GOOD.replace("place_m = [0.0, 0.0, 0.0]\nturn_deg = 0.0", "place_m = [0.1, -0.2, -0.15]\nturn_deg = 30.0")
+    file = written(tmp_path, moved)
+    save_camera(tmp_path / "calibration.toml", own)
+    _, (left, _) = gen3._found(file)
+    np.testing.assert_allclose(table.base_from_table @ left.T_world_camera, own.pose, atol=1e-9)
+    shelf = gen3.CELL.shelf(file)
+    kept = anyio.run(shelf.kept, "left")
+    assert kept is not None
+    np.testing.assert_allclose(kept.pose, left.T_world_camera, atol=1e-9)
+    anyio.run(shelf.keep, replace(kept, serial="left"))
+    again = load_cameras(tmp_path / "calibration.toml")["012345678901"]
+    np.testing.assert_allclose(again.pose, own.pose, atol=1e-6)

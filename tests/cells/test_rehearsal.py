@@ -1,14 +1,17 @@
 """The rehearsal: images pass the cameras' SDK, and what is approved moves the rope over the arm's protocol."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from anyio import to_thread
 
 from app import cells
 from app.cells.base import Wanted
-from app.config import Site
+from app.config import Limits, Site, Workspace
 from app.core.colours import ColourRange
 from app.core.stage import Stage
+from app.core.table_place import TablePlace
 from app.perception.reconstruct import Reconstruction, reconstruct
 from app.rig.simulated.arm_model import solve_joints
 from bench.tube import Tube
@@ -17,6 +20,32 @@ from tests.rig.scene import FINGER, ROPE, approved, push, straight_rope
 
 REHEARSAL = cells.load("rehearsal")
 WANTED = Wanted(stage=Stage(body=ROPE, tool=FINGER), start=straight_rope(), site=Site(), seed=0)
+
+
+@pytest.mark.anyio
+@pytest.mark.parametrize(
+    "table",
+    [
+        TablePlace(place_m=(0.05, -0.2, -0.15), turn_deg=30.0),
+        pytest.param(TablePlace(place_m=(0.05, 0.2, 0.15), turn_deg=-30.0), marks=pytest.mark.slow),
+    ],
+)
+async def test_a_push_on_a_table_somewhere_else_is_told_where_that_is(table: TablePlace) -> None:
+    limits = replace(Limits(), workspace=Workspace(low=(0.25, -0.35, 0.005), high=(0.85, 0.35, 0.65)))
+    async with REHEARSAL.open(replace(WANTED, site=Site(limits=limits, table=table))) as rig:
+        laid = rig.truth().nodes
+        done = await rig.arm.execute(approved(push((0.44, 0.0), (0.52, 0.0))))
+        await to_thread.run_sync(until, lambda: np.linalg.norm(rig.truth().tool[:3] - done.measured[-1][:3]) < 5e-3)
+        pushed = rig.truth().nodes
+        told = await to_thread.run_sync(rig.fake.commands)
+    assert done.outcome == "completed", done.reason
+    middle = len(laid) // 2
+    assert 0.015 < pushed[middle, 0] - laid[middle, 0] < 0.05
+    there = np.concatenate([np.reshape(each["positions"], (-1, 3)) for each in told])
+    lowest = there[there[:, 2] < there[:, 2].min() + 1e-3]
+    for here in ((0.44, 0.0, 0.006), (0.52, 0.0, 0.006)):
+        base = table.base_from_table[:3, :3] @ here + table.place_m
+        assert np.linalg.norm(lowest - base, axis=1).min() < 1e-4
 
 
 @pytest.mark.anyio

@@ -1,18 +1,24 @@
 """A recording as a cell: what is wrong with one is said, the arm obeys, and what is seen does not answer to it."""
 
-from dataclasses import replace
+import json
+from dataclasses import asdict, replace
 from functools import partial
 from pathlib import Path
 
 import anyio
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 
 from app import cells
+from app.cells import replayed
 from app.cells.base import Wanted
 from app.config import Site
 from app.core.errors import UsageError
+from app.core.messages import ArmState, Episode
 from app.core.stage import Stage
+from app.core.table_place import AT_BASE, TablePlace
+from app.rig.kinova import gen3
 from tests.recording.films import filmed, frames, states
 from tests.recording.samples import Maker
 from tests.rig.scene import FINGER, ROPE, approved, push, straight_rope
@@ -86,6 +92,24 @@ async def test_what_hides_the_object_is_the_arm_in_the_images_and_not_the_one_th
         assert cell.seen_arm.tool()[:3] == pytest.approx([0.6, 0.2, 0.1])
         assert cell.seen_arm.joints() == pytest.approx(np.full(7, 0.1))
         assert np.linalg.norm(cell.arm.tool()[:3] - [0.6, 0.2, 0.1]) > 0.1
+
+
+def test_an_arm_is_in_the_images_where_it_stood_beside_the_table_that_the_recording_names() -> None:
+    """A tool's tip that is recorded in the table's frame is where the drawn arm has it."""
+    make = Maker(seed=6)
+    table = TablePlace(place_m=(0.05, -0.2, -0.15), turn_deg=30.0)
+    said = replayed._table(make(Episode, config=json.dumps({"table": asdict(table)})))
+    assert said == table
+    assert replayed._table(make(Episode, config="{}")) == replayed._table(make(Episode, config="?")) == AT_BASE
+    tip = gen3.tool(gen3.HOME)
+    pose = np.array([*tip[:3, 3], *Rotation.from_matrix(tip[:3, :3]).as_quat(scalar_first=True)])
+    state = replace(make(ArmState), joints=gen3.HOME, pose=table.poses_in_table(pose))
+    looks = cells.load("gen3").pictured
+    assert looks is not None
+    here, there = (looks(FINGER, each, place) for each, place in ((replace(state, pose=pose), AT_BASE), (state, table)))
+    base_from_table = table.base_from_table
+    assert base_from_table @ there.links(gen3.HOME) == pytest.approx(here.links(gen3.HOME), abs=1e-9)
+    assert there.limbs == here.limbs
 
 
 @pytest.mark.anyio

@@ -1,7 +1,9 @@
 """`dipac collect` records its expert's episodes, and `dipac calibrate` learns from them and draws how it went."""
 
+import json
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from app.__main__ import main
@@ -67,6 +69,23 @@ def test_recordings_are_never_written_over_and_calibrate_a_model_with_a_plot(
     found = load_model(model, task="rope_push@rods", time_s=0.0)
     assert found.transition_count == 4
     assert found.version == 1
+
+
+@pytest.mark.usefixtures("short")
+def test_a_demonstration_with_a_cable_is_another_one_and_says_so(tmp_path: Path) -> None:
+    order = ["collect", "rope_push", "--episodes", "1", "--preset", "cpu", "--eyes", "truth"]
+    for world in ("chain", "cable"):
+        assert main([*order, "--world", world, "-o", str(tmp_path / world)]) == 0
+    chain, cable = (next((tmp_path / world).glob("*.mcap")) for world in ("chain", "cable"))
+    assert [json.loads(read_episode(path).config)["world"] for path in (chain, cable)] == ["chain", "cable"]
+    assert not np.array_equal(read_transitions(chain)[0].after, read_transitions(cable)[0].after)
+
+
+def test_a_world_of_ropes_is_refused_for_a_task_without_one(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    order = ["collect", "bean_sweep", "--preset", "cpu", "--world", "cable", "-o", str(tmp_path / "new")]
+    assert main(order) == UsageError.exit_code
+    assert "--world cable is of tasks with a rope, not with Beans" in capsys.readouterr().err
+    assert not (tmp_path / "new").exists()
 
 
 def test_a_demonstration_of_another_task_is_refused_by_name(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

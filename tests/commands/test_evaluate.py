@@ -25,7 +25,7 @@ PATIENCE_S = 300
 def folder(tmp_path: Path) -> Path:
     """A folder of results with its model: what demonstrations calibrate is tested where they are."""
     (tmp_path / "models").mkdir()
-    save_model(tmp_path / "models" / "rope_push.toml", nominal_model("rope_push"))
+    save_model(tmp_path / "models" / "rope_push@rods.toml", nominal_model("rope_push@rods"))
     return tmp_path
 
 

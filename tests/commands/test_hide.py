@@ -120,12 +120,25 @@ def test_another_process_makes_the_same_bytes_of_the_same_seed_and_other_pushes_
     assert truth(other)["effects"] == []
 
 
+def test_a_cable_moves_otherwise_and_hides_what_is_in_arm_and_cameras(tmp_path: Path) -> None:
+    order = ["hide", "depth_bias=0.01", "--seed", str(SEED), "--episodes", "1", "--pushes", "1"]
+    for world in ("chain", "cable"):
+        assert main([*order, "--world", world, "-o", str(tmp_path / world)]) == 0
+    chain, cable = (truth(tmp_path / world) for world in ("chain", "cable"))
+    assert chain["effects"] == cable["effects"]
+    assert chain["world"].keys() - cable["world"].keys() == {"bend_stiffness_n_m_rad"}
+    assert cable["world"]["rigidity_n_m2"] == pytest.approx(1.5e-5, rel=0.3)
+    one, other = (read_transitions(recordings(tmp_path / world)[0])[0] for world in ("chain", "cable"))
+    assert not np.array_equal(one.after, other.after)
+
+
 @pytest.mark.parametrize(
     ("arguments", "said", "error"),
     [
         (["cohesion", "--seed", "1"], "no grains in this world", UsageError),
         (["table_tilt=much", "--seed", "1"], "no number after its =", UsageError),
         (["table_tilt=50", "--seed", "1"], "outside 0 to 5 deg", ParameterError),
+        (["table_tilt", "backlash", "--seed", "1", "--world", "cable"], "leave out table_tilt, or --world", UsageError),
         (["--seed", "-1"], "--seed -1 is negative", UsageError),
         (["--seed", "1", "--pushes", "0"], "--pushes 0 is outside 1 to 99", UsageError),
     ],

@@ -9,14 +9,17 @@ from typing import Any
 
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 
 from app.commands._study import read_study
 from app.commands.import_ import import_
 from app.core.errors import DipacError, RecordingError, UsageError
+from app.core.table_place import TablePlace
 from app.discovery.limits import limits_of
 from app.recording.reader import read_transitions
 from app.tasks import load
 from app.tasks.doubted import subject_of
+from tests.cells.test_cell_file import GOOD, written
 from tests.plain_data import EPISODES, OPTIONAL, POINTS, PUSHES, plain_arrays, saved
 
 Arrays = dict[str, Any]
@@ -65,6 +68,27 @@ def test_clouds_of_any_size_become_as_many_particles_as_the_task_has(points: int
         assert push.before.points.shape == push.after.points.shape == (POINTS, 3)
 
 
+def test_what_was_measured_in_the_frame_of_the_base_is_recorded_in_that_of_the_table(tmp_path: Path) -> None:
+    table = TablePlace(place_m=(0.1, -0.2, -0.15), turn_deg=30.0)
+    place = "place_m = [0.1, -0.2, -0.15]\nturn_deg = 30.0"
+    cell = written(tmp_path, GOOD.replace("place_m = [0.0, 0.0, 0.0]\nturn_deg = 0.0", place))
+    here = plain_arrays()
+    turn = Rotation.from_euler("z", 30.0, degrees=True)
+    there = dict(here)
+    for name in ("cloud_points", "tool_points", "table_points"):
+        there[name] = (turn.apply(here[name]) + table.place_m).astype(np.float32)
+    for name in ("command_pose", "state_pose"):
+        quaternions = (turn * Rotation.from_quat(here[name][:, 3:], scalar_first=True)).as_quat(scalar_first=True)
+        there[name] = np.concatenate([turn.apply(here[name][:, :3]) + table.place_m, quaternions], axis=1)
+    own, moved = tmp_path / "own.mcap", tmp_path / "moved.mcap"
+    import_(saved(tmp_path, here), output=own)
+    import_(saved(tmp_path, there), output=moved, cell=cell)
+    for one, other in zip(read_transitions(own), read_transitions(moved), strict=True):
+        np.testing.assert_allclose(other.before, one.before, atol=1e-6)
+        np.testing.assert_allclose(other.after, one.after, atol=1e-6)
+        np.testing.assert_allclose(other.executed.made[:, :3], one.executed.made[:, :3], atol=1e-9)
+
+
 def test_a_motion_that_nobody_measured_counts_as_it_was_commanded(tmp_path: Path) -> None:
     path = imported(tmp_path, plain_arrays(without=("state",)))
     for transition in read_transitions(path):
@@ -79,6 +103,13 @@ def test_a_task_that_the_file_does_not_name_is_given(tmp_path: Path) -> None:
     output = tmp_path / "named.mcap"
     import_(saved(tmp_path, arrays), output=output, task="rope_push")
     assert read_study([output]).task == "rope_push"
+
+
+def test_a_flat_finger_of_the_file_is_that_of_the_recordings_task(tmp_path: Path) -> None:
+    tool = {"radius_m": 0.006, "half_width_m": 0.0125, "yaw_rad": -0.5}
+    arrays = plain_arrays() | {"about": np.array(json.dumps({"task": "rope_push", "tool": tool}))}
+    finger = load(read_study([imported(tmp_path, arrays)]).task).finger
+    assert (finger.radius_m, finger.half_width_m, finger.yaw_rad) == (0.006, 0.0125, -0.5)
 
 
 def test_a_recording_that_is_there_is_never_overwritten(tmp_path: Path) -> None:
@@ -169,6 +200,8 @@ BAD: dict[str, tuple[Callable[[Arrays], None], str]] = {
     "milliseconds": (in_milliseconds, "cloud_time.*seconds"),
     "a rope 400 m long": (about(object={"length_m": 400}), "object.length_m is 400"),
     "a rope shorter than its cloud": (about(object={"length_m": 0.1}), "cloud 0, are .* across"),
+    "a finger as wide as a table": (about(tool={"half_width_m": 400}), "tool.half_width_m is 400"),
+    "a yaw in degrees": (about(tool={"half_width_m": 0.01, "yaw_rad": 45}), "tool.yaw_rad is 45; give radians"),
     "a size in words": (about(object={"length_m": "long"}), "object.length_m is 'long'"),
     "an object in words": (about(object="rope"), "about.object must be a JSON object"),
     "an unknown task": (about(task="rope_pusch"), "Unknown task 'rope_pusch'. Did you mean 'rope_push'"),

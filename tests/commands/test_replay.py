@@ -10,8 +10,10 @@ from app.core.errors import ParameterError, RecordingError, UsageError
 from app.recording.model_file import save_model
 from app.sim.autopsy import dissect, single
 from app.sim.dump import Dump, save_dump
+from app.sim.rods.autopsy import dissect_rod
 from app.tasks import nominal_model
 from tests.sim.broken import SETUP, flung, problem
+from tests.sim.broken_rods import too_stiff
 from tests.ui.film import film
 
 
@@ -33,6 +35,20 @@ def test_a_dump_is_replayed_to_the_verdict_of_its_autopsy(tmp_path: Path, capsys
     assert [int(row[0]) for row in rows][-8:] == list(range(found.until - 7, found.until + 1))
     assert float(rows[-1][1]) == pytest.approx(found.trace.speed_m_s[-1], rel=1e-3)
     assert int(rows[-1][4]) == found.trace.outside[-1]
+
+
+def test_a_dump_of_a_rod_is_replayed_by_the_same_command(tmp_path: Path, capsys: pytest.CaptureFixture[str]):
+    path, case = tmp_path / "case.npz", too_stiff()
+    save_dump(path, Dump(case=case, about="a rope, candidate 1 of 2"))
+    code, said, _ = replayed(path, capsys)
+    found = dissect_rod(case)
+    assert code == 0
+    assert said.startswith("a rope, candidate 1 of 2: a rod of 41 nodes (0.4 m, radius 0.008 m), 200 steps of 0.001 s")
+    assert found.verdict() in said
+    rows = [line.split("│")[1:-1] for line in said.splitlines() if line.startswith("│")]
+    assert [int(row[0]) for row in rows][-8:] == list(range(max(0, found.until - 7), found.until + 1))
+    assert float(rows[-1][1]) == pytest.approx(found.trace.speed_m_s[-1], rel=1e-3)
+    assert float(rows[-1][2]) == pytest.approx(100 * found.trace.stretch[-1], rel=1e-2)
 
 
 def test_what_was_wrong_with_the_input_is_said_without_a_table(tmp_path: Path, capsys: pytest.CaptureFixture[str]):

@@ -1,9 +1,12 @@
 """What a tool pushes while nobody looks goes ahead of it, and nothing else moves."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
+from app.core.finger_distance import from_core
 from app.core.motion import TOOL_DOWN
 from app.core.stage import Gripper, Tool
 from app.perception.carried import carried
@@ -25,6 +28,21 @@ def grid(z: float = 0.01) -> np.ndarray:
     """Points a centimetre apart about (0.5, 0)."""
     x, y = np.meshgrid(np.arange(0.42, 0.58, 0.01), np.arange(-0.08, 0.08, 0.01))
     return np.stack([x.ravel(), y.ravel(), np.full(x.size, z)], axis=1).astype(np.float32)
+
+
+@pytest.mark.parametrize("yaw", [0.0, 0.6, 1.57, 2.5])
+def test_a_flat_finger_leaves_nothing_where_it_is_and_a_finger_a_radius_beside_it_does_no_more(yaw: float):
+    """What is left aside of it stays."""
+    tool = replace(FINGER, radius_m=0.006, half_width_m=0.02, yaw_rad=yaw)
+    points = grid()
+    moved = carried(points, tool, way((0.5, -0.10), (0.5, 0.02), 0.006), WIDTH_M)
+    outside = np.linalg.norm(from_core(np.array([0.5, 0.02]) - moved[:, :2].astype(float), tool.half_m), axis=1)
+    assert outside.min() > tool.radius_m - 0.001
+    by = moved - points
+    assert (by[:, 1] > -1e-7).all()
+    assert by[:, 1].max() > 0.03
+    aside = np.abs(points[:, 0] - 0.5) > tool.radius_m + abs(tool.half_m[0]) + WIDTH_M
+    np.testing.assert_array_equal(moved[aside], points[aside])
 
 
 @pytest.mark.parametrize("tool", [FINGER, PADDLE], ids=["finger", "paddle"])

@@ -23,6 +23,9 @@ PERFECT = CameraNoise(depth_per_m=0.0, edge_dropout=0.0, grazing_dropout=0.0, co
 OUT_OF_SIGHT = np.column_stack([np.full(11, 0.5), np.linspace(-0.2, 0.2, 11), np.full(11, -0.5)])
 
 
+FLAT = replace(FINGER, half_width_m=0.02, yaw_rad=0.9)
+
+
 def posture(x: float, y: float, z: float) -> Posture:
     tool = np.array([x, y, z, *TOOL_DOWN, 0.0])
     return Posture(joints=solve_joints(tool), tool=tool)
@@ -45,7 +48,7 @@ def shown(at: Posture, tool: Finger | Paddle) -> np.ndarray:
     return depth_of(at, tool) != np.maximum(depth_of(away, tool), depth_of(at, tool))
 
 
-@pytest.mark.parametrize("tool", [FINGER, PADDLE], ids=["finger", "paddle"])
+@pytest.mark.parametrize("tool", [FINGER, FLAT, PADDLE], ids=["finger", "flat finger", "paddle"])
 @pytest.mark.parametrize("at", [HIGH, LOW], ids=["high", "low"])
 def test_every_pixel_that_shows_the_arm_is_in_its_shadow(at: Posture, tool: Finger | Paddle):
     dark = np.isfinite(shadow(CAMERA, depth_of(at, tool), pieces(known_arm(tool), at)))

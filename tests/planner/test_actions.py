@@ -1,5 +1,7 @@
 """Pushes: what they mean as tool paths and motions, and that only allowed ones leave projection."""
 
+from dataclasses import replace
+
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -54,6 +56,31 @@ def test_projection_leaves_allowed_pushes_alone(seed: int) -> None:
     x = now(ROPE, 16)
     once = project(wild(seed), x)
     np.testing.assert_allclose(project(once, x), once, atol=2e-6)
+
+
+@settings(max_examples=20)
+@given(SEEDS, st.floats(-np.pi, np.pi))
+def test_a_flat_finger_comes_down_beside_the_rope_with_all_of_its_width(seed: int, yaw: float) -> None:
+    half_m = (0.015 * np.cos(yaw), 0.015 * np.sin(yaw))
+    space = replace(SPACE, core_m=half_m)
+    drawn = space.sample(np.random.default_rng(seed), ROPE, AWAY, 8)
+    for starts in (drawn[:, :2], np.asarray(space.project(wild(seed), now(ROPE, 16)))[:, :2]):
+        core = starts[:, None] + np.linspace(-1, 1, 31)[:, None] * np.array(half_m)
+        near = np.linalg.norm(core[:, :, None] - ROPE[None, None, :, :2], axis=-1).min((1, 2))
+        assert near.min() >= SPACE.clearance_m - 4e-4
+    assert np.all(space.allowed(jnp.asarray(drawn), now(ROPE, 8)))
+
+
+def test_a_start_from_which_a_flat_finger_reaches_onto_the_rope_is_not_allowed() -> None:
+    angles = np.linspace(0, 2 * np.pi, 60, endpoint=False)
+    ahead = np.stack([np.cos(angles), np.sin(angles)], axis=1)
+    starts = ROPE[40, :2] - (SPACE.clearance_m + 0.002) * ahead
+    actions = jnp.asarray(np.concatenate([starts, np.zeros((60, 40))], axis=1), jnp.float32)
+    clear = np.flatnonzero(allowed(actions, now(ROPE, 60)))
+    assert len(clear) > 0
+    for one in clear:
+        flat = replace(SPACE, core_m=(0.01 * ahead[one, 0], 0.01 * ahead[one, 1]))
+        assert not flat.allowed(actions[one][None], now(ROPE, 1))[0]
 
 
 def test_a_start_on_top_of_the_rope_is_not_allowed() -> None:

@@ -5,7 +5,7 @@ import pytest
 
 from app.core.errors import ParameterError, UsageError
 from app.rig.simulated.hiding import IMPOSSIBLE, MISTUNED, Wish, draw, known, mistuned
-from app.rig.simulated.physics import WorldPhysics
+from app.rig.simulated.physics import ROPE_WORLDS, WorldPhysics
 
 
 @pytest.mark.parametrize("name", IMPOSSIBLE)
@@ -54,3 +54,13 @@ def test_every_world_is_tuned_otherwise_by_up_to_thirty_per_cent() -> None:
         assert np.abs(off - 1).max() <= MISTUNED
         assert np.ptp(off) > MISTUNED
     assert mistuned(5) == mistuned(5)
+
+
+def test_a_cable_is_as_much_off_as_a_chain_of_the_same_seed() -> None:
+    chain, cable = mistuned(5), mistuned(5, "cable")
+    assert cable.cable is not None
+    nominal = ROPE_WORLDS["cable"].cable
+    assert nominal is not None
+    stiffer = chain.rope.bend_stiffness_n_m_rad / WorldPhysics().rope.bend_stiffness_n_m_rad
+    assert cable.cable.rigidity_n_m2 / nominal.rigidity_n_m2 == pytest.approx(stiffer)
+    assert (cable.table_friction, cable.finger_friction) == (chain.table_friction, chain.finger_friction)

@@ -11,11 +11,12 @@ import numpy as np
 import pytest
 
 from app.core.errors import ParameterError, RecordingError, SimulationError, UsageError
-from app.sim.autopsy import KEPT, Case, dissect, single
+from app.sim.autopsy import Case, dissect, single
 from app.sim.checked import checked
 from app.sim.checks import Setup, require_inputs
 from app.sim.dump import Dump, leave_dump, load_dump, save_dump
 from app.sim.effects.base import Effect
+from app.sim.faults import KEPT
 from app.sim.known import known_materials, known_tools
 from app.sim.materials.base import Law, Material
 from app.sim.materials.cloth import Cloth
@@ -189,8 +190,8 @@ def test_a_rope_that_flies_off_the_grid_is_dissected_to_the_substep_and_its_part
     assert found.failed == first_bad_substep(case)
     assert found.objection is None
     kinds = {fault.kind: fault for fault in found.faults}
-    assert kinds["outside"].substep + 1 == kinds["not finite"].substep == found.failed
-    assert kinds["outside"].particle == kinds["not finite"].particle
+    assert kinds["outside"].step + 1 == kinds["not finite"].step == found.failed
+    assert kinds["outside"].index == kinds["not finite"].index
     assert found.trace.outside[-1] > 0
     assert not found.trace.outside[:-1].any()
     assert "widen the scene" in found.verdict()
@@ -211,14 +212,14 @@ def test_what_is_turned_inside_out_or_too_fast_is_named_before_it_is_not_finite(
     case = single(SETUP, phi, state, tool, setting)
     found = dissect(case)
     assert found.failed == first_bad_substep(case) == 1
-    assert [(fault.kind, fault.substep, fault.particle) for fault in found.faults] == [
+    assert [(fault.kind, fault.step, fault.index) for fault in found.faults] == [
         ("too fast", 0, 11),
         ("not finite", 1, 11),
     ]
     state.v[0, 11] = 0.0
     squeezed = {fault.kind: fault for fault in dissect(single(SETUP, phi, state, tool, setting)).faults}
-    assert squeezed["turned inside out"].substep == 1
-    assert squeezed["turned inside out"].particle == 7
+    assert squeezed["turned inside out"].step == 1
+    assert squeezed["turned inside out"].index == 7
     assert "det F = -0.1" in squeezed["turned inside out"].words
 
 
@@ -294,6 +295,19 @@ def test_a_dump_comes_back_bit_by_bit(tmp_path: Path) -> None:
     for name in ("phi", "state", "tool", "setting"):
         jax.tree.map(np.testing.assert_array_equal, getattr(loaded.case, name), getattr(case, name))
     assert [path.name for path in tmp_path.iterdir()] == ["case.npz"]
+
+
+def test_a_dump_that_names_no_engine_is_of_material_points(tmp_path: Path) -> None:
+    case, path = flung(), tmp_path / "case.npz"
+    save_dump(path, Dump(case=case, about="a test"))
+    with np.load(path) as arrays:
+        entries = dict(arrays)
+    header = json.loads(str(entries["header"]))
+    assert header.pop("engine") == "mpm"
+    np.savez(path, **(entries | {"header": np.array(json.dumps(header))}))
+    loaded = load_dump(path).case
+    assert isinstance(loaded, Case)
+    assert loaded.setup == case.setup
 
 
 def test_scenes_of_every_tool_and_material_come_back(tmp_path: Path) -> None:

@@ -22,6 +22,7 @@ from app.sim.tools.base import Primitive, Tool
 from app.sim.tools.bowl import Bowl
 from app.sim.tools.box import Box, Gripper, Tray, WallsWithGap
 from app.sim.tools.finger import Finger
+from app.sim.tools.flat_finger import FlatFinger
 from app.sim.tools.rod import Rack, Rod
 from tests.sim.test_materials import at_rest, lattice, positions, run
 
@@ -34,6 +35,7 @@ SHAPES = {
     "deep bowl": Bowl(radius_m=0.05, thickness_m=0.004, rim_m=0.02).primitives()[0],
     "shallow bowl": Bowl(radius_m=0.05, thickness_m=0.004, rim_m=-0.02).primitives()[0],
     "finger": Finger(radius_m=0.01).primitives()[0],
+    "flat finger": FlatFinger(radius_m=0.006, half_width_m=0.02).primitives()[0],
 }
 
 

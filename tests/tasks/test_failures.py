@@ -15,8 +15,10 @@ from app.core.messages import Executed, Transition, fresh_id
 from app.planner.tree import Search
 from app.sim.autopsy import dissect
 from app.sim.dump import load_dump
+from app.sim.params import index
+from app.sim.rods.autopsy import RodCase, dissect_rod
 from app.sim.state import State
-from app.tasks import calibrate, failures, load, nominal_model, plan
+from app.tasks import calibrate, compiled, failures, load, nominal_model, plan
 from tests.planner.table import PHI, SPACE, rope, search
 
 BAD = 2
@@ -41,6 +43,21 @@ def breaking(phi: jax.Array, state: State, tool: jax.Array) -> State:
 
 def of_plan(tree: Search, folder: Path, seed: int = 0) -> str:
     return failures.of_plan("rope_push", tree, rope(), rope(0.05), PHI, seed, Site(recordings=folder))
+
+
+def seen_after(before: np.ndarray, poses: np.ndarray, after: np.ndarray) -> Transition:
+    """What was seen before and after a motion along poses (M, 7)."""
+    executed = Executed(
+        id=fresh_id("executed"),
+        time_s=0.0,
+        approved_id=fresh_id("approved"),
+        outcome="completed",
+        reason="",
+        times_s=np.arange(float(len(poses))),
+        commanded=poses,
+        measured=poses,
+    )
+    return Transition(id=fresh_id("transition"), time_s=0.0, before=before, executed=executed, after=after)
 
 
 def test_the_first_branch_that_broke_is_dumped_with_the_action_it_broke_in(tmp_path: Path) -> None:
@@ -72,22 +89,32 @@ def test_a_folder_that_cannot_be_written_is_said_beside_the_failure(tmp_path: Pa
     assert "Cannot write the dump" in of_plan(replace(search(), advance=breaking), tmp_path / "taken")
 
 
+def test_a_transition_of_a_rope_whose_tool_begins_in_it_is_dumped_as_a_rod(tmp_path: Path) -> None:
+    """The recording says that the finger came down where the rope is: table and cameras do not agree."""
+    name = "rope_push@rods"
+    x = load(name).goal(0, 300)
+    through = x[len(x) // 2, :2] + 0.02 * np.linspace(0, 1, 30)[:, None]
+    poses = np.concatenate([through, np.tile([0.006, 1.0, 0.0, 0.0, 0.0], (30, 1))], axis=1)
+    phi = compiled.phi_of(nominal_model(name))
+    phi[index("tilt_x")] = 1.0
+    said = failures.of_transitions(name, [seen_after(x, poses, x)], phi, Site(recordings=tmp_path))
+    (path,) = (tmp_path / failures.FOLDER).iterdir()
+    assert said == f" `dipac replay {path}` shows what broke."
+    dump = load_dump(path)
+    assert isinstance(dump.case, RodCase)
+    assert "one of 1 that are not predicted" in dump.about
+    assert dump.case.setup.scene == load(name).rods.scene
+    names = [spec.name for spec in dump.case.setup.specs()]
+    assert dump.case.phi[0, names.index("tilt_x")] == 1.0
+    np.testing.assert_allclose(dump.case.state.x[0], x, atol=1e-4)
+    assert "inside the rope" in dissect_rod(dump.case).verdict()
+
+
 @pytest.mark.slow
 def test_a_transition_that_begins_off_the_grid_is_dumped(tmp_path: Path) -> None:
     x = load("rope_push").goal(0, 300)
     poses = np.tile(np.array([0.4, 0.0, 0.006, 1.0, 0.0, 0.0, 0.0]), (3, 1))
-    executed = Executed(
-        id=fresh_id("executed"),
-        time_s=0.0,
-        approved_id=fresh_id("approved"),
-        outcome="completed",
-        reason="",
-        times_s=np.arange(3.0),
-        commanded=poses,
-        measured=poses,
-    )
-    before = x + np.float32([2.0, 0.0, 0.0])
-    seen = Transition(id=fresh_id("transition"), time_s=0.0, before=before, executed=executed, after=x)
+    seen = seen_after(x + np.float32([2.0, 0.0, 0.0]), poses, x)
     with pytest.raises(SimulationError, match=r"predicts none of the transitions; .* `dipac replay .*\.npz` shows"):
         calibrate("rope_push", "cpu", [seen], nominal_model("rope_push"), Site(recordings=tmp_path))
     (path,) = (tmp_path / failures.FOLDER).iterdir()

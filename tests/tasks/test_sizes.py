@@ -6,9 +6,12 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
+from app.core.finger_distance import from_core
+from app.core.stage import Finger
 from app.core.task_name import TaskName
 from app.sim.rods.state import RodState
 from app.tasks import compiled, load
+from app.tasks.curves import fill_tube
 from app.tasks.jobs import nominal_model
 
 COUNT = 300
@@ -62,3 +65,23 @@ def test_sizes_change_what_is_simulated_seen_and_shown():
     length = np.linalg.norm(np.diff(task.start(3), axis=0), axis=1).sum()
     assert length == pytest.approx(0.25)
     assert task is load(str(TaskName.parse(task.name)))
+
+
+@pytest.mark.parametrize("yaw", [0.0, 0.8, np.pi / 2])
+@pytest.mark.parametrize("dynamics", ["rods", "mpm"])
+def test_a_flat_finger_stands_in_the_name_and_pushes_the_rope_before_all_of_its_width(dynamics: str, yaw: float):
+    """By rods and by material points alike."""
+    named_ = named({"finger_radius_m": 0.006, "finger_half_width_m": 0.015, "finger_yaw_rad": yaw}, dynamics)
+    task = load(named_)
+    assert task.finger == Finger(radius_m=0.006, push_height_m=0.006, half_width_m=0.015, yaw_rad=float(f"{yaw:.6g}"))
+    line = np.stack([np.linspace(0.35, 0.75, 41), np.zeros(41), np.full(41, task.rope.radius_m)], axis=1)
+    x = fill_tube(line, task.rope.radius_m, COUNT)
+    begin = -task.finger.radius_m - task.rope.radius_m - abs(task.finger.half_m[1]) - 0.02
+    way = np.linspace(begin, 0.03, task.actions.substeps + 1)
+    tool = np.stack([np.full(len(way), 0.55), way, np.full(len(way), task.finger.push_height_m)], axis=1)
+    phi = jnp.asarray(compiled.phi_of(nominal_model(named_)))[None]
+    end = compiled.carried(named_, COUNT)(phi, task.begin(jnp.asarray(x)[None]), jnp.asarray(tool, jnp.float32)[None])
+    away = np.asarray(end.x[0, :, :2]) - tool[-1, :2]
+    gap = np.linalg.norm(from_core(-away, task.finger.half_m), axis=1).min()
+    assert gap == pytest.approx(task.finger.radius_m, abs=0.004)
+    assert away[np.abs(away[:, 0]) < 0.02, 1].max() > abs(task.finger.half_m[1]) + task.finger.radius_m

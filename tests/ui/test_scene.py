@@ -1,11 +1,14 @@
 """What is drawn of the site, as its scene goes to a browser."""
 
+import numpy as np
 import pytest
 import viser
 import zstandard
 
 from app.config import KeepOut, Limits
+from app.ui import palette
 from app.ui.scene import Scene
+from app.ui.tool import Flat, Tool
 
 _HEADER_BYTES = 8
 """Before the packed scene stands its size, unpacked."""
@@ -19,6 +22,27 @@ def drawn(limits: Limits) -> bytes:
     finally:
         server.stop()
     return zstandard.ZstdDecompressor().decompressobj().decompress(packed[_HEADER_BYTES:])
+
+
+def drawn_tool(task: str) -> bytes:
+    """A tool that was two fingers, and is the one of that task."""
+    server = viser.ViserServer(host="127.0.0.1", port=0, verbose=False)
+    try:
+        tool = Tool(server, "/tool", palette.STEEL, opacity=None)
+        tool.put(np.zeros(3), 1.0)
+        tool.become(Flat.of(task))
+        tool.put(np.zeros(3), 1.0)
+        packed = server.get_scene_serializer().serialize()
+    finally:
+        server.stop()
+    return zstandard.ZstdDecompressor().decompressobj().decompress(packed[_HEADER_BYTES:])
+
+
+@pytest.mark.serial
+def test_a_flat_finger_is_drawn_as_one_plate_and_a_round_one_as_two_fingers() -> None:
+    flat = drawn_tool("rope_push(finger_half_width_m=0.02,finger_yaw_rad=0.5)")
+    assert b"/tool/finger_flat" in flat
+    assert b"/tool/finger_left" in drawn_tool("rope_push(finger_radius_m=0.006)")
 
 
 @pytest.mark.serial

@@ -21,7 +21,7 @@ from app.rig.kinova.errand import Errand, Superseded, made
 from app.rig.kinova.errors import LinkLost, NoAnswer, Refused
 from app.rig.kinova.grip import Grip
 from app.rig.kinova.kortex import Kortex
-from app.rig.kinova.legs import Stretch
+from app.rig.kinova.legs import Stretch, in_base
 from app.rig.kinova.seen import Seen, seen
 
 FEEDBACK_S, ALIVE_S, COMMAND_S = 0.010, 0.025, 0.025
@@ -109,10 +109,11 @@ class Driver:
         self._pulses += 1
 
     def go(self, stretches: tuple[Stretch, ...]) -> Errand:
-        """Have the arm check all of it, then go stretch by stretch."""
+        """Have the arm check all of it, then go stretch by stretch; they are in the table's frame."""
+        told = tuple(in_base(stretch, self._site.table) for stretch in stretches)
 
         def body(number: int, errand: Errand) -> None:
-            made(errand, self._kortex, self._grip.close, stretches, self._current(number), lambda: self.seen)
+            made(errand, self._kortex, self._grip.close, told, self._current(number), lambda: self.seen)
 
         return self._send(body)
 
@@ -125,9 +126,13 @@ class Driver:
         return self._send(lambda _number, _errand: self._grip.close(closed), ends_twist=False)
 
     def twist(self, linear: Float64[np.ndarray, "3"], angular: Float64[np.ndarray, "3"]) -> None:
-        """Move like that from now on [m/s, rad/s], until another or `stop`; ended where nobody says so again soon."""
+        """Move like that from now on [m/s, rad/s], until another or `stop`; ended where nobody says so again soon.
+
+        Along and about the table's axes.
+        """
+        told = self._site.table.vector_in_base(linear), self._site.table.vector_in_base(angular)
         with self._work:
-            self._twist, self._twist_s = (linear, angular), time.monotonic()
+            self._twist, self._twist_s = told, time.monotonic()
             self._work.notify_all()
 
     def stop(self) -> None:
@@ -159,7 +164,7 @@ class Driver:
 
     def _set_up(self) -> None:
         """Have the arm be as this site wants it. Raises DeviceError."""
-        limits = self._site.limits
+        limits, table = self._site.limits, self._site.table
         if (joints := self._kortex.joint_count()) != 7:
             raise DeviceError(f"The arm has {joints} joints; only a Gen3 of seven is known here.")
         # An arm in fault may refuse; what clears the fault asks for it again.
@@ -173,7 +178,9 @@ class Driver:
                 self._kortex.allow(number)
         for volume in limits.keep_out:
             low, high = np.asarray(volume.low), np.asarray(volume.high)
-            self._kortex.forbid(f"{_OURS}{volume.name}", [*(low + high) / 2], [*(high - low)])
+            T = table.base_from_table
+            middle = T[:3, :3] @ ((low + high) / 2) + T[:3, 3]
+            self._kortex.forbid(f"{_OURS}{volume.name}", [*middle], [*(high - low)], T[:3, :3])
 
     def _let_go(self) -> None:
         """Leave the arm with the limits that it had, and end the connection."""
@@ -192,7 +199,7 @@ class Driver:
                 said = self._kortex.feedback()
             except (LinkLost, Refused):
                 continue  # One datagram may be lost; of many the connection says so itself, see `_live`.
-            found = seen(said, time.monotonic(), self._site.limits.opening_m)
+            found = seen(said, time.monotonic(), self._site.limits.opening_m, self._site.table)
             with self._asking:
                 if found is not None and number > self._answered:
                     self._seen, self._answered = found, number

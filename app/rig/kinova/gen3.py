@@ -4,6 +4,7 @@ Source of the numbers: Kinovarobotics/ros_kortex, kortex_description/arms/gen3/7
 speed) and grippers/robotiq_2f_85/urdf (where the arm's tool frame is with that gripper). The world is the arm's base.
 """
 
+from dataclasses import replace
 from typing import TypeAlias
 
 import numpy as np
@@ -11,6 +12,7 @@ from jaxtyping import Float64
 from scipy.spatial.transform import Rotation
 
 from app.config import Reach
+from app.core.table_place import TablePlace
 from app.core.types import Transform
 from app.rig.kinova.messages import Pose
 
@@ -66,6 +68,13 @@ def reach(tip_m: float) -> Reach:
     )
     stretched = float(np.hypot(upper_m + fore_m, aside_m))
     return Reach(middle=(0.0, 0.0, float(shoulder)), radius_m=stretched - _SHORT_OF_M, hand_m=float(hand_m))
+
+
+def reach_over(table: TablePlace, tip_m: float) -> Reach:
+    """The same in the frame of a table that is there."""
+    own = reach(tip_m)
+    x, y, z = table.points_in_table(np.array(own.middle)).tolist()
+    return replace(own, middle=(x, y, z))
 
 
 def _origin(offset_m: tuple[float, float, float], roll: float) -> Transform:

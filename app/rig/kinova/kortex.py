@@ -34,6 +34,8 @@ from app.rig.kinova.setup import (
     PayloadInformation,
     Point,
     ProtectionZone,
+    RotationMatrix,
+    Row,
     ToolConfiguration,
     TwistAngularSoftLimit,
     TwistLinearSoftLimit,
@@ -207,11 +209,21 @@ class Kortex:
             self._link.call(calls.GET_GRAVITY_VECTOR, _NOTHING),
         )
 
-    def forbid(self, name: str, middle: Sequence[float], sizes: Sequence[float]) -> int:
-        """Make a box that Cartesian motions may not enter; joint motions may (ros_kortex #120). Its number."""
+    def forbid(
+        self, name: str, middle: Sequence[float], sizes: Sequence[float], turn: Float64[np.ndarray, "3 3"] | None = None
+    ) -> int:
+        """Make a box that Cartesian motions may not enter; joint motions may (ros_kortex #120). Its number.
+
+        `turn`: from the box's axes to those of the base, which they are where it is None or turns nothing.
+        """
         x, y, z = (float(each) for each in middle)
         dimensions = tuple(float(each) for each in sizes)
-        shape = ZoneShape(shape_type=Shape.RECTANGULAR_PRISM, origin=Point(x=x, y=y, z=z), dimensions=dimensions)
+        shape = ZoneShape(
+            shape_type=Shape.RECTANGULAR_PRISM,
+            origin=Point(x=x, y=y, z=z),
+            orientation=None if turn is None or np.array_equal(turn, np.eye(3)) else _matrix(turn),
+            dimensions=dimensions,
+        )
         zone = ProtectionZone(name=name, is_enabled=True, shape=shape)
         return self._link.call(calls.CREATE_PROTECTION_ZONE, zone).identifier
 
@@ -236,6 +248,11 @@ class Kortex:
     def _grip(self, mode: GripperMode, value: float) -> None:
         gripper = Gripper(finger=(Finger(finger_identifier=1, value=value),))
         self._link.call(calls.SEND_GRIPPER_COMMAND, GripperCommand(mode=mode, gripper=gripper))
+
+
+def _matrix(turn: Float64[np.ndarray, "3 3"]) -> RotationMatrix:
+    first, second, third = (Row(column1=a, column2=b, column3=c) for a, b, c in turn.tolist())
+    return RotationMatrix(row1=first, row2=second, row3=third)
 
 
 def _list(ways: Sequence[CartesianWaypoint]) -> WaypointList:

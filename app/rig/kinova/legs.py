@@ -1,12 +1,13 @@
 """A path as this arm goes it: waypoints with speeds, rounded where the way hardly turns, and fingers in between."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import final
 
 import numpy as np
 from jaxtyping import Float64
 from scipy.spatial.transform import Rotation
 
+from app.core.table_place import AT_BASE, TablePlace
 from app.core.types import ToolPath, ToolPose
 from app.rig.kinova import gen3
 from app.rig.kinova.codes import ReferenceFrame
@@ -53,6 +54,17 @@ def stretches(
     if len(points) - 1 > begin:
         found.append(_stretch(closed, points[begin:], speeds[begin:], angular_rad_s))
     return tuple(found)
+
+
+def in_base(stretch: Stretch, table: TablePlace) -> Stretch:
+    """The same with the ways in the frame of the arm's base; `end` stays in the table's, as what is measured is."""
+    if table == AT_BASE:
+        return stretch
+    return replace(stretch, ways=tuple(_way_in_base(way, table) for way in stretch.ways))
+
+
+def _way_in_base(way: CartesianWaypoint, table: TablePlace) -> CartesianWaypoint:
+    return replace(way, pose=gen3.pose(table.base_from_table @ gen3.transform(way.pose or Pose())))
 
 
 def _stretch(

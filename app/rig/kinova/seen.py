@@ -1,4 +1,4 @@
-"""What the arm measures in this program's words: SI, quaternions, the world's frame, which is the base's."""
+"""What the arm measures in this program's words: SI, quaternions, and the world's frame, which is the table's."""
 
 from dataclasses import dataclass
 from typing import final
@@ -7,6 +7,7 @@ import numpy as np
 from jaxtyping import Float64
 from scipy.spatial.transform import Rotation
 
+from app.core.table_place import AT_BASE, TablePlace
 from app.core.types import ToolPose
 from app.rig.kinova.codes import ArmStateCode
 from app.rig.kinova.feedback import BaseFeedback, Feedback, GripperFeedback, InterconnectFeedback, MotorFeedback
@@ -44,8 +45,11 @@ class Seen:
     faults: tuple[str, ...]
 
 
-def seen(said: Feedback, time_s: float, opening_m: float) -> Seen | None:
-    """What `said` means, for a gripper whose fingers open by `opening_m`; None where a number in it is none."""
+def seen(said: Feedback, time_s: float, opening_m: float, table: TablePlace = AT_BASE) -> Seen | None:
+    """What `said` means, for a gripper whose fingers open by `opening_m`; None where a number in it is none.
+
+    In the frame of a table that is there.
+    """
     base, actuators = said.base or BaseFeedback(), said.actuators
     gripper = (said.interconnect or InterconnectFeedback()).gripper_feedback or GripperFeedback()
     motor = gripper.motor[0] if gripper.motor else MotorFeedback(position=100.0)
@@ -57,10 +61,10 @@ def seen(said: Feedback, time_s: float, opening_m: float) -> Seen | None:
     fastest = max(abs(each.velocity) for each in actuators)
     return Seen(
         time_s=time_s,
-        tool=tool,
-        velocity=velocity,
+        tool=table.poses_in_table(tool),
+        velocity=table.vector_in_table(velocity),
         joints=joints,
-        force=force,
+        force=table.vector_in_table(force),
         closed=closed,
         gripper_ma=motor.current_motor,
         still=float(np.linalg.norm(velocity)) < _STILL_M_S and fastest < _STILL_DEG_S,

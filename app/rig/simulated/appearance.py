@@ -25,7 +25,7 @@ from app.core.stage import (
 from app.core.types import ToolPose
 from app.rig.simulated.arm_model import FOREARM_M, HAND_M, SHOULDER_M, UPPER_ARM_M, link_frames
 from app.rig.simulated.kinds import kind_of
-from app.rig.simulated.shapes import Surface, bowl, box, turned
+from app.rig.simulated.shapes import Surface, bowl, box, hull, turned
 from app.rig.simulated.world import Snapshot
 
 Frame: TypeAlias = Float64[np.ndarray, "4 4"]
@@ -83,7 +83,7 @@ def _tool(tool: Tool, pose: ToolPose, tip: Frame) -> list[Surface]:
     """The tool at its pose; `tip` is the frame of the arm's last link there."""
     match tool:
         case Finger():
-            return [_finger(tool, tip)]
+            return [_finger(tool, tip) if tool.half_width_m == 0 else _flat_finger(tool, tip)]
         case Paddle():
             return _paddle(tool, pose, tip)
         case HeldBowl():
@@ -130,6 +130,13 @@ def _finger(finger: Finger, tip: Frame) -> Surface:
     heights = finger.radius_m * (np.sin(angle) - 1.0)
     heights, radii = np.concatenate([[-_FINGER_LENGTH_M], heights]), finger.radius_m * np.cos(angle)
     return turned(heights, np.concatenate([[finger.radius_m], radii]), tip, _DARK)
+
+
+def _flat_finger(finger: Finger, tip: Frame) -> Surface:
+    """The plate with round edges that the world has: the hull of a ball at both ends of its core, below and above."""
+    middles = tip[:3, 3] - finger.radius_m * tip[:3, 2] + np.asarray(finger.ends_m())
+    top = middles - (_FINGER_LENGTH_M - finger.radius_m) * tip[:3, 2]
+    return hull(np.concatenate([middles, top]), finger.radius_m, _DARK)
 
 
 def _jaw(gripper: Gripper, pose: ToolPose, side: int) -> Surface:

@@ -7,9 +7,10 @@ from typing import NamedTuple
 import numpy as np
 
 from app.core.errors import ParameterError, UsageError
+from app.core.stage import RopeModel
 from app.rig.simulated import hidden as hidden_files
 from app.rig.simulated.hidden.base import Hidden, Injected
-from app.rig.simulated.physics import WorldPhysics
+from app.rig.simulated.physics import ROPE_WORLDS, WorldPhysics
 from app.sim.files import files_of
 
 IMPOSSIBLE = {
@@ -51,15 +52,26 @@ def draw(wishes: Sequence[Wish], seed: int) -> tuple[Injected, ...]:
     )
 
 
-def mistuned(seed: int) -> WorldPhysics:
+def check_world(hidden: Sequence[Injected], world: RopeModel) -> None:
+    """Raises UsageError where the world of the rope has no room for an effect: a cable for none of its own."""
+    names = [each.name for each in hidden if each.effect.in_world]
+    if world != "chain" and names:
+        raise UsageError(
+            f"--world {world} hides nothing in rope, table and finger so far: leave out {', '.join(names)}, or --world."
+        )
+
+
+def mistuned(seed: int, world: RopeModel = "chain") -> WorldPhysics:
     """The world's physics with friction and stiffness of its own, as no two tables and ropes are the same."""
     table, finger, stiffness = np.random.default_rng([seed, _TUNING]).uniform(1 - MISTUNED, 1 + MISTUNED, 3).tolist()
-    nominal = WorldPhysics()
+    nominal = ROPE_WORLDS[world]
+    rope, cable = nominal.rope, nominal.cable
     return replace(
         nominal,
         table_friction=nominal.table_friction * table,
         finger_friction=nominal.finger_friction * finger,
-        rope=replace(nominal.rope, bend_stiffness_n_m_rad=nominal.rope.bend_stiffness_n_m_rad * stiffness),
+        rope=replace(rope, bend_stiffness_n_m_rad=rope.bend_stiffness_n_m_rad * stiffness),
+        cable=None if cable is None else replace(cable, rigidity_n_m2=cable.rigidity_n_m2 * stiffness),
     )
 
 

@@ -6,6 +6,7 @@ from typing import Any, final
 import numpy as np
 from jaxtyping import Float64, Int
 
+from app.core.finger_distance import from_core
 from app.core.stage import Finger, Rope
 from app.rig.simulated.hidden.base import Injected, Moment, Vectors
 from app.rig.simulated.physics import Position, WorldPhysics
@@ -32,8 +33,8 @@ class Intrusion:
 
     @property
     def hides(self) -> bool:
-        """Whether there is any effect."""
-        return bool(self._hidden)
+        """Whether there is any effect in the world itself, not in arm and cameras alone."""
+        return any(each.effect.in_world for each in self._hidden)
 
     def physics(self, physics: WorldPhysics, rope: Rope) -> WorldPhysics:
         """The world's physics with what these effects change of it."""
@@ -91,6 +92,7 @@ class _Chain:
         self._model, self._data, self._links = model, data, links
         self._radius_m, self._segment_m = rope.radius_m, rope.length_m / len(links)
         self._finger_radius_m, self._finger = finger.radius_m, model.body("finger").id
+        self._finger_half_m = finger.half_m
         # Of a segment's two geoms the second meets the table; of its two hinges the first turns about the vertical.
         self._soles = model.body_geomadr[links] + 1
         joined = [hinge_owner(index, len(links)) for index in range(1, len(links))]
@@ -158,8 +160,9 @@ class _Chain:
         self._data.plastic[self._lasting] = lasting + share * elastic
 
     def _axis_points(self, x: Vectors, tip: Position) -> Vectors:
-        """The nearest point to each segment on the finger's axis, which ends a radius above its tip."""
+        """The nearest point to each segment on the finger's core, which ends a radius above its tip."""
         points = np.repeat(tip[None], len(x), axis=0)
+        points[:, :2] = x[:, :2] + from_core(points[:, :2] - x[:, :2], self._finger_half_m)
         points[:, 2] = np.maximum(x[:, 2], tip[2] + self._finger_radius_m)
         return points
 

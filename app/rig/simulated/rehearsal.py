@@ -121,6 +121,7 @@ def _pushed(world: RopeWorld, task: Task, plan: Plan, arm: _Arm, seed: int, epis
         plan,
         start_s=world.time_s + _PAUSE_S,
         height_m=task.finger.push_height_m,
+        core_m=task.finger.half_m,
     )
     made = arm.goes(command, told_only=False)
     stamp_s = midway_s(command.times_s)

@@ -91,7 +91,7 @@ def add_rope(spec: Any, rope: Rope, physics: WorldPhysics, nodes: Centreline) ->
     root, mass_kg = root_of(len(lengths)), rope.mass_kg / len(lengths)
 
     def segment(parent: Any, index: int, place: Any, turn: float) -> Any:
-        body = parent.add_body(name=f"rope{index}", pos=place, quat=_about_z(turn))
+        body = parent.add_body(name=f"rope{index}", pos=place, quat=about_z(turn))
         if index == root:
             _add_freedom(body)
         elif not rope.rigid:
@@ -123,7 +123,7 @@ def hinge_owner(index: int, segments: int) -> int:
     return index if index > root_of(segments) else index - 1
 
 
-def _about_z(angle: float) -> Float64[np.ndarray, "4"]:
+def about_z(angle: float) -> Float64[np.ndarray, "4"]:
     """The quaternion w x y z of a turn by `angle` [rad] about the vertical."""
     return np.array([np.cos(angle / 2), 0.0, 0.0, np.sin(angle / 2)])
 

@@ -14,7 +14,7 @@ from app.rig.simulated.cable import Cable
 from app.rig.simulated.engine import mujoco, new_spec
 from app.rig.simulated.intrusion import Intrusion
 from app.rig.simulated.physics import HOME_TOOL_M, Centreline, Position, WorldPhysics
-from app.rig.simulated.rope import FINGER_BIT, TABLE_BIT, Chain, RopeBody, resample
+from app.rig.simulated.rope import FINGER_BIT, TABLE_BIT, Chain, RopeBody, about_z, resample
 from app.rig.simulated.world import Snapshot
 
 _PRESCRIBED_KG = 1000.0
@@ -149,19 +149,44 @@ def _add_table(spec: Any, physics: WorldPhysics) -> None:
 
 
 def _add_finger(spec: Any, finger: Finger, physics: WorldPhysics) -> None:
-    """A capsule on three heavy slides, so that contacts see its true velocity (a mocap body's is zero)."""
+    """Its shape on three heavy slides, so that contacts see its true velocity (a mocap body's is zero)."""
     body = spec.worldbody.add_body(name="finger", gravcomp=1.0)
     for axis in np.eye(3):
         body.add_joint(type=mujoco.mjtJoint.mjJNT_SLIDE, axis=axis, armature=_PRESCRIBED_KG)
-    body.add_geom(
-        type=mujoco.mjtGeom.mjGEOM_CAPSULE,
-        size=[finger.radius_m, 0, 0],
-        fromto=[0, 0, finger.radius_m, 0, 0, physics.finger_length_m],
-        contype=FINGER_BIT,
-        conaffinity=FINGER_BIT,
-        mass=1.0,
-        friction=[physics.finger_friction, 0.0, 0.0],
-        solref=[physics.contact_time_s, 1.0],
-        # MuJoCo takes the larger friction of two geoms unless one of them has priority.
-        priority=1,
-    )
+    for shape in (_round if finger.half_width_m == 0 else _plate)(finger, physics.finger_length_m):
+        body.add_geom(
+            **shape,
+            contype=FINGER_BIT,
+            conaffinity=FINGER_BIT,
+            mass=1.0,
+            friction=[physics.finger_friction, 0.0, 0.0],
+            solref=[physics.contact_time_s, 1.0],
+            # MuJoCo takes the larger friction of two geoms unless one of them has priority.
+            priority=1,
+        )
+
+
+def _round(finger: Finger, length_m: float) -> list[dict[str, Any]]:
+    """A capsule."""
+    ends = [0, 0, finger.radius_m, 0, 0, length_m]
+    return [{"type": mujoco.mjtGeom.mjGEOM_CAPSULE, "size": [finger.radius_m, 0, 0], "fromto": ends}]
+
+
+def _plate(finger: Finger, length_m: float) -> list[dict[str, Any]]:
+    """A box with its round edges: a capsule along its lower one, and one up from each end of that."""
+    (x0, y0, _), (x1, y1, _) = finger.ends_m()
+    low_m, radius_m = finger.radius_m, finger.radius_m
+    lines = [
+        [x0, y0, low_m, x1, y1, low_m],
+        [x0, y0, low_m, x0, y0, length_m],
+        [x1, y1, low_m, x1, y1, length_m],
+    ]
+    return [
+        *({"type": mujoco.mjtGeom.mjGEOM_CAPSULE, "size": [radius_m, 0, 0], "fromto": line} for line in lines),
+        {
+            "type": mujoco.mjtGeom.mjGEOM_BOX,
+            "size": [finger.half_width_m, radius_m, (length_m - low_m) / 2],
+            "pos": [0.0, 0.0, (length_m + low_m) / 2],
+            "quat": about_z(finger.yaw_rad),
+        },
+    ]

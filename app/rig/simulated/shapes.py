@@ -17,6 +17,12 @@ Pieces: TypeAlias = Int[np.ndarray, "pieces corners"]
 SIDES = 16
 _RINGS_A_NODE = 3
 _BOWL_RINGS = 10
+_BALL_POINTS = 200
+_SPIRAL = np.pi * (1 + 5**0.5) * np.arange(_BALL_POINTS)
+_LEVELS = 1 - (2 * np.arange(_BALL_POINTS) + 1) / _BALL_POINTS
+_BALL = np.stack([np.cos(_SPIRAL), np.sin(_SPIRAL), _LEVELS], axis=1)
+_BALL[:, :2] *= np.sqrt(1 - _LEVELS[:, None] ** 2)
+"""Evenly on the unit ball, by a golden spiral."""
 
 
 @final
@@ -155,6 +161,20 @@ def lump(points: Float64[np.ndarray, "K 3"], skin_m: float, colour: Colour) -> S
         vertices=(points.mean(axis=0) + away).astype(np.float32),
         triangles=number[hull.simplices],
         pieces=np.arange(len(away))[None],
+        colour=colour,
+    )
+
+
+def hull(middles: Float64[np.ndarray, "K 3"], radius_m: float, colour: Colour) -> Surface:
+    """What balls about `middles` and all between them fill."""
+    points = (middles[:, None] + radius_m * _BALL).reshape(-1, 3)
+    found = ConvexHull(points)
+    number = np.zeros(len(points), np.uint32)
+    number[found.vertices] = np.arange(len(found.vertices))
+    return Surface(
+        vertices=points[found.vertices].astype(np.float32),
+        triangles=number[found.simplices],
+        pieces=np.arange(len(found.vertices))[None],
         colour=colour,
     )
 

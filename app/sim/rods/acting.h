@@ -10,8 +10,11 @@ namespace rods {
 #if !defined(ROD_UNEVEN)
 #define ROD_UNEVEN false
 #endif
-// Whether nodes may be lighter than the scene's.
-constexpr bool UNEVEN = ROD_UNEVEN;
+#if !defined(ROD_FLAT)
+#define ROD_FLAT false
+#endif
+// Whether nodes may be lighter than the scene's, and whether the finger is wider than thick.
+constexpr bool UNEVEN = ROD_UNEVEN, FLAT = ROD_FLAT;
 typedef Laws<ROD_LAWS> Acting;
 
 }  // namespace rods

@@ -92,6 +92,38 @@ ROD_CALL void nodes_adjoint(const Rod& r, const Bars& o, const Numbers& k, const
     TOGETHER();
 }
 
+// From what of a flat finger's core segment j meets to the segment's nodes, the finger's middle and its half vector; of
+// a round finger it is the middle, whose bar has it already.
+template <bool IS_FLAT>
+ROD_CALL void met_adjoint(
+    const Rod& r, int j, const Bars& o, const Numbers& k, const CoreTraits<IS_FLAT>& c, const Finger& u, Met bar,
+    CoreTraits<IS_FLAT>& sum
+) {
+    if constexpr (IS_FLAT) {
+        const CorePlace m = core_place(r, j, k, u, c.half_x, c.half_y);
+        const Lanes zero = {}, length = r.length()[j], end = 0.5f * length, tx = r.t(0)[j], ty = r.t(1)[j];
+        const Mask inside = (m.free_place > -1.0f) & (m.free_place < 1.0f);
+        const Mask between = (m.free_along > -end) & (m.free_along < end);
+        const Lanes place = either(inside, (bar.x * c.half_x + bar.y * c.half_y) / m.square, zero), along = place * m.te;
+        const Lanes quotient = either(between, along / m.denominator, zero), denominator = -quotient * m.free_along;
+        const Lanes share = m.te / m.square;
+        const Lanes re = place + quotient * share;
+        const Lanes te = place * m.along + quotient * m.re / m.square - 2.0f * denominator * share;
+        const Lanes square = -place * m.free_place - quotient * share * m.re / m.square + denominator * share * share;
+        sum.half_x += m.place * bar.x + te * tx + re * m.rx + 2.0f * square * c.half_x;
+        sum.half_y += m.place * bar.y + te * ty + re * m.ry + 2.0f * square * c.half_y;
+        const Lanes rx = re * c.half_x - quotient * tx, ry = re * c.half_y - quotient * ty;
+        // Of the tangent and, where the place along it is at an end, of the length.
+        const Lanes of_tx = te * c.half_x - quotient * m.rx, of_ty = te * c.half_y - quotient * m.ry;
+        const Lanes of_end = either(between, zero, 0.5f * either(m.free_along > 0.0f, along, -along));
+        const Lanes of_length = of_end - (of_tx * tx + of_ty * ty) / length;
+        const Lanes ex = of_tx / length + of_length * tx, ey = of_ty / length + of_length * ty;
+        add_to(o.x(0)[j], 0.5f * rx - ex); add_to(o.x(1)[j], 0.5f * ry - ey);
+        add_to(o.x(0)[j + 1], 0.5f * rx + ex); add_to(o.x(1)[j + 1], 0.5f * ry + ey);
+        add_to(o.finger()[0], -rx); add_to(o.finger()[1], -ry);
+    }
+}
+
 // The contact of segment j with the finger; adds to the bars of its nodes and of the finger.
 ROD_CALL void meeting_adjoint(
     const Rod& r, int j, const Bars& o, const Numbers& k, const Traits& c, const Finger& u, Lanes hop, Traits& sum
@@ -141,7 +173,8 @@ ROD_CALL void meeting_adjoint(
     share -= gx * ex + gy * ey;
     const Mask within = (m.along > 0.0f) & (m.along < 1.0f);
     const Lanes w = either(within, share / (length * length), zero);
-    const Lanes awx = u.x - r.x(0)[j], awy = u.y - r.x(1)[j];
+    const Met q = met_by(r, j, k, c, u);
+    const Lanes awx = q.x - r.x(0)[j], awy = q.y - r.x(1)[j];
     Lanes ax = gx + w * ex, ay = gy + w * ey;
     // along = aw . e / |e|^2, and |e| is a function of e: the two together.
     Lanes bx = w * awx - m.share * gx - 2.0f * w * m.along * ex, by = w * awy - m.share * gy - 2.0f * w * m.along * ey;
@@ -157,6 +190,7 @@ ROD_CALL void meeting_adjoint(
     const Lanes quick = kept(hopped) * c.climb * c.climb / larger(hop, all_of(1e-12f));
     const Lanes of_finger[] = {ax, ay, quick * u.vx - mx, quick * u.vy - my, kept(depth), kept(sine)};
     for (int a = 0; a < FINGER; a++) add_to(o.finger()[a], of_finger[a]);
+    met_adjoint(r, j, o, k, c, u, {ax, ay}, sum);
 }
 
 ROD_CALL void finger_adjoint(const Rod& r, const Bars& o, const Numbers& k, const Traits& c, const Finger& u, Traits& sum) {

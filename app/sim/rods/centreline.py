@@ -14,6 +14,7 @@ from typing import final
 
 import numpy as np
 from jaxtyping import Float32, Float64, Int64
+from threadpoolctl import ThreadpoolController
 
 from app.core.types import Points
 from app.sim.rods.orders import core_density, reconnected, shortest_orders
@@ -39,6 +40,8 @@ _OVERLAP = 1.85
 """Distance of strands in radii that is too little: fitted lines are shrunk a little where they bend."""
 _FAR_OFF = 9.0
 """A squared deviation, in variances, beyond which a point is not explained; larger ones count as this."""
+_BLAS = ThreadpoolController()
+"""Of NumPy: its matrices here are so small that threads take ten times as long."""
 _PRIOR = 1.0, 4.0
 """Standard deviation of the prior centreline, in radii, and the most that it counts."""
 
@@ -125,6 +128,7 @@ def traced(x: Points, rope: RopeShape, near: Float64[np.ndarray, "n 2"] | None =
 
 
 @lru_cache(maxsize=4)
+@_BLAS.wrap(limits=1, user_api="blas")
 def _traced(points: bytes, rope: RopeShape, prior: bytes | None) -> Trace:
     x = np.frombuffer(points, np.float32).reshape(-1, 3)
     near = None if prior is None else np.frombuffer(prior, np.float64).reshape(-1, 2)

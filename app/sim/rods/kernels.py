@@ -299,6 +299,7 @@ def rod_kernels(*, on_gpu: bool, laws: str = "") -> RodKernels:
         scratch: wp.array[float],
         kept: wp.array[float],
         rows: int,
+        apart: int,
         end: wp.array3d[float],
     ):
         at = wp.tid() // wp.static(THREADS)
@@ -306,8 +307,8 @@ def rod_kernels(*, on_gpu: bool, laws: str = "") -> RodKernels:
         slot = first_slot + at
         load_start(group, slot, numbers, start, fields, scratch)
         for s in range(tool.shape[1] - 1):
-            if rows > 0 and s % wp.static(every) == 0:
-                keep(group, slot, group, rows, s // wp.static(every), numbers, start, scratch, kept)
+            if rows > 0 and s % apart == 0:
+                keep(group, slot, group, rows, s // apart, numbers, start, scratch, kept)
             step(group, slot, s, numbers, smoother, start, traits, tool, scratch)
         store_end(group, slot, numbers, start, scratch, end)
 

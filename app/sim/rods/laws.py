@@ -39,14 +39,18 @@ def require_known(effects: Sequence[Effect]) -> None:
         raise ParameterError(f"Rods do not know {names}; simulate material points: a task without @rods.")
 
 
-def law_source(effects: Sequence[Effect], walls: int = 0) -> str:
-    """C++ structs of these effects' laws, and the list of all laws, so many walls last; "" where there is none."""
+def law_source(effects: Sequence[Effect], walls: int = 0, *, flat: bool = False) -> str:
+    """C++ structs of these effects' laws, and the list of all laws, so many walls last; "" where there is none.
+
+    `flat`: the finger is one.
+    """
     laws = [_law(f"Law{number}", effect, rod) for number, (effect, rod) in enumerate(_lawful(effects))]
     names = [f"Law{number}" for number in range(len(laws))] + ["BoxWall"] * walls
     uneven = any(rod.lightens for _, rod in _known(effects))
-    if not names and not uneven:
+    if not (names or uneven or flat):
         return ""
-    defined = f"#define ROD_LAWS {', '.join(names)}\n#define ROD_UNEVEN {_flag(uneven)}\n"
+    flags = f"#define ROD_UNEVEN {_flag(uneven)}\n#define ROD_FLAT {_flag(flat)}\n"
+    defined = f"#define ROD_LAWS {', '.join(names)}\n{flags}"
     return f'#include "walls.h"\nnamespace rods {{\n{"".join(laws)}}}  // namespace rods\n{defined}'
 
 

@@ -13,6 +13,7 @@ struct Numbers {
     float gravity;                             // [m/s^2]
     float stop, tightest;                      // stiffness [N m/rad] beyond the tightest bend [rad]
     float node_mass;                           // of an inner node of the scene's rope [kg]
+    float centring;                            // pull on where a segment meets a flat finger to the segment's middle
 };
 
 }  // namespace rods

@@ -22,13 +22,15 @@ from app.sim.threads import core_count, run_jobs
 @final
 @dataclass(frozen=True, kw_only=True)
 class RodOperations:
-    """The two calls of a rollout of rods.
+    """The calls of a rollout of rods.
 
     `forward(start, fields, traits, tool, keeps)` returns the end and what the adjoint needs if `keeps`;
-    `backward(kept, start, fields, traits, tool, end_bar)` the cotangents of start, fields, traits and tool.
+    `backward(kept, start, fields, traits, tool, end_bar)` the cotangents of start, fields, traits and tool;
+    `states(start, fields, traits, tool)` every state from the start to the end, shape (B, T, 8, n).
     """
 
     forward: Callable[..., tuple[jax.Array, jax.Array]]
+    states: Callable[..., jax.Array]
     backward: Callable[..., tuple[jax.Array, jax.Array, jax.Array, jax.Array]]
 
 
@@ -66,12 +68,13 @@ def make_rod_operations(scene: RodScene, bending_n_m: float, damping_n_m_s: floa
         traits: wp.array(dtype=float),
         tool: wp.array3d(dtype=float),
         rows: int,
+        apart: int,
         end: wp.array3d(dtype=float),
         kept: wp.array(dtype=float),
         scratch: wp.array(dtype=float),
     ):
         groups = groups_of(start.shape[0])
-        arguments = [constants, smoothing, start, fields, traits, tool, scratch, kept, rows, end]
+        arguments = [constants, smoothing, start, fields, traits, tool, scratch, kept, rows, apart, end]
         launch(kernels.forward, groups, arguments, start.device)
 
     def backward(
@@ -107,21 +110,33 @@ def make_rod_operations(scene: RodScene, bending_n_m: float, damping_n_m_s: floa
         for device in jax.local_devices():
             wp.load_module(kernels.module, wp.device_from_jax(device))
 
-    def run_forward(
-        start: jax.Array, fields: jax.Array, traits: jax.Array, tool: jax.Array, keeps: bool
+    def run_kept(
+        start: jax.Array, fields: jax.Array, traits: jax.Array, tool: jax.Array, rows: int, apart: int
     ) -> tuple[jax.Array, jax.Array]:
         compiled()
-        candidates, steps = start.shape[0], tool.shape[1] - 1
-        rows = -(-steps // every) if keeps else 0
+        candidates = start.shape[0]
         dims = {
             "end": start.shape,
             "kept": (max(1, groups_of(candidates) * rows * STATE * n * width),),
             "scratch": (slots(candidates) * ((ROWS + BAR_ROWS) * n + traits.shape[1] + FINGER) * width,),
         }
-        end, kept, _ = forward_call(
-            jnp.asarray(numbers), jnp.asarray(smoother), start, fields, traits.ravel(), tool, rows, output_dims=dims
-        )
+        constants = jnp.asarray(numbers), jnp.asarray(smoother)
+        given = (start, fields, traits.ravel(), tool, rows, apart)
+        end, kept, _ = forward_call(*constants, *given, output_dims=dims)
         return end, kept
+
+    def run_forward(
+        start: jax.Array, fields: jax.Array, traits: jax.Array, tool: jax.Array, keeps: bool
+    ) -> tuple[jax.Array, jax.Array]:
+        rows = -(-(tool.shape[1] - 1) // every) if keeps else 0
+        return run_kept(start, fields, traits, tool, rows, every)
+
+    def run_states(start: jax.Array, fields: jax.Array, traits: jax.Array, tool: jax.Array) -> jax.Array:
+        rows = tool.shape[1] - 1
+        end, kept = run_kept(start, fields, traits, tool, rows, 1)
+        lanes = kept.reshape(groups_of(len(start)), rows, STATE, n, width)
+        states = jnp.moveaxis(lanes, -1, 1).reshape(-1, rows, STATE, n)
+        return jnp.concatenate([states[: len(start)], end[:, None]], axis=1)
 
     def run_backward(
         kept: jax.Array, start: jax.Array, fields: jax.Array, traits: jax.Array, tool: jax.Array, end_bar: jax.Array
@@ -151,4 +166,4 @@ def make_rod_operations(scene: RodScene, bending_n_m: float, damping_n_m_s: floa
         )
         return start_bar, fields_bar, traits_bar.reshape(traits.shape), tool_bar
 
-    return RodOperations(forward=run_forward, backward=run_backward)
+    return RodOperations(forward=run_forward, states=run_states, backward=run_backward)

@@ -11,8 +11,13 @@ struct OwnTraits {
     Lanes table_friction, finger_friction, bending_damping, yield_angle, climb, creep, springback;
 };
 
+// Seen from above, a flat finger is all within its radius of a core: a line through its middle, half as long as this
+// vector [m]. A round one's is a point.
+template <bool IS_FLAT> struct CoreTraits { Lanes half_x, half_y; };
+template <> struct CoreTraits<false> {};
+
 // And numbers of the laws of effects.
-struct Traits : OwnTraits, LawNumbers<Acting::NUMBERS> {};
+struct Traits : OwnTraits, CoreTraits<FLAT>, LawNumbers<Acting::NUMBERS> {};
 
 // The finger during a step: its place at the end [m], velocity [m/s], the distance at which it meets the centreline [m]
 // (0: it is above the rope), and sine of the angle from above at which it does.
@@ -20,7 +25,7 @@ struct Finger {
     Lanes x, y, vx, vy, reach, sine;
 };
 
-constexpr int STATE = 8, TRAITS = 7 + Acting::NUMBERS, FINGER = 6;
+constexpr int STATE = 8, TRAITS = 7 + 2 * FLAT + Acting::NUMBERS, FINGER = 6;
 constexpr int ROWS = 33;
 
 // Rows of n lanes each; the first STATE of them are the state.
@@ -120,6 +125,44 @@ ROD_CALL void find_elastic_forces(const Rod& r, const Numbers& k, const Traits& 
     }
 }
 
+// Where a segment meets a flat finger's core: its nearest place there, smooth in how they lie to one another but where
+// either ends. Of a segment parallel to the core all is as near, and of one that is nearly parallel an end is nearest; so
+// that the place does not jump with it, it is pulled to the segment's middle. `place` is in half vectors from the core's
+// middle, `along` in metres from the segment's; `free` ones may be beyond an end.
+struct CorePlace {
+    Lanes rx, ry, square, te, re, denominator, free_along, along, free_place, place;
+};
+
+ROD_CALL CorePlace core_place(const Rod& r, int j, const Numbers& k, const Finger& u, Lanes half_x, Lanes half_y) {
+    CorePlace o;
+    const Lanes tx = r.t(0)[j], ty = r.t(1)[j], end = 0.5f * r.length()[j];
+    o.rx = 0.5f * (r.x(0)[j] + r.x(0)[j + 1]) - u.x;
+    o.ry = 0.5f * (r.x(1)[j] + r.x(1)[j + 1]) - u.y;
+    o.square = half_x * half_x + half_y * half_y + 1e-12f;
+    o.te = tx * half_x + ty * half_y;
+    o.re = o.rx * half_x + o.ry * half_y;
+    // The least |r + along t - place half|^2 + centring along^2 (Ericson 2005, "Real-Time Collision Detection", 5.1.9).
+    o.denominator = 1.0f + k.centring - o.te * o.te / o.square;
+    o.free_along = (o.te * o.re / o.square - (tx * o.rx + ty * o.ry)) / o.denominator;
+    o.along = clipped(o.free_along, -end, end);
+    o.free_place = (o.re + o.along * o.te) / o.square;
+    o.place = clipped(o.free_place, all_of(-1.0f), all_of(1.0f));
+    return o;
+}
+
+// What of the finger's core segment j meets.
+struct Met { Lanes x, y; };
+
+template <bool IS_FLAT>
+ROD_CALL Met met_by(const Rod& r, int j, const Numbers& k, const CoreTraits<IS_FLAT>& c, const Finger& u) {
+    if constexpr (IS_FLAT) {
+        const Lanes place = core_place(r, j, k, u, c.half_x, c.half_y).place;
+        return {u.x + place * c.half_x, u.y + place * c.half_y};
+    } else {
+        return {u.x, u.y};
+    }
+}
+
 // How one segment and the finger meet.
 struct Meeting {
     Lanes along, share, gx, gy, distance, ox, oy, depth, mx, my, approach, ramp, normal, slip, any_slip, up, cosine, total, drag;
@@ -128,7 +171,8 @@ struct Meeting {
 
 ROD_CALL Meeting meet(const Rod& r, int j, const Numbers& k, const Traits& c, const Finger& u, Lanes hop) {
     Meeting m;
-    const Lanes ax = u.x - r.x(0)[j], ay = u.y - r.x(1)[j];
+    const Met q = met_by(r, j, k, c, u);
+    const Lanes ax = q.x - r.x(0)[j], ay = q.y - r.x(1)[j];
     m.along = (ax * r.t(0)[j] + ay * r.t(1)[j]) / r.length()[j];
     m.share = clipped(m.along, Lanes{}, all_of(1.0f));
     m.gx = ax - r.t(0)[j] * (m.share * r.length()[j]);

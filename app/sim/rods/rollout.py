@@ -10,14 +10,17 @@ from jaxtyping import Float
 from app.core.errors import ParameterError
 from app.sim.candidates import are_finite, as_float32, where_finite
 from app.sim.effects.base import Effect
+from app.sim.rods.domain import is_in_domain
 from app.sim.rods.effect import RodContext, RodProperties, RodSetting
 from app.sim.rods.equilibrium import held
 from app.sim.rods.kernels import FIELDS
 from app.sim.rods.laws import changed_properties, law_numbers, law_source, require_known, wall_numbers
-from app.sim.rods.operations import make_rod_operations
-from app.sim.rods.scene import RodScene, numbers_of
+from app.sim.rods.operations import RodOperations, make_rod_operations
+from app.sim.rods.scene import Numbers, RodScene, numbers_of, smoothing_of
 from app.sim.rods.state import RodState
 
+_SPRINGBACK = 6
+"""Of `OwnTraits` in rod.h."""
 _STIFFEST = 4.0
 """The largest bending rigidity that is simulated where the scene does not say, as a multiple of the nominal one."""
 
@@ -48,6 +51,16 @@ class RodPhysics(NamedTuple):
     """Of what friction holds: the speed [m/s] at which it would bear half of what it does when sliding."""
     mass: Float[jax.Array, " B"]
     """Of the rope [kg]."""
+    finger_half_width: Float[jax.Array, " B"]
+    """Of a flat finger's core [m]; of no account where the scene's finger is round."""
+    finger_yaw: Float[jax.Array, " B"]
+    """From the x axis to that core [rad]."""
+
+    @property
+    def finger_half_m(self) -> Float[jax.Array, "B 2"]:
+        """From the middle of the finger's core to an end of it."""
+        along = jnp.stack([jnp.cos(self.finger_yaw), jnp.sin(self.finger_yaw)], axis=-1)
+        return self.finger_half_width[:, None] * along
 
     @classmethod
     def nominal(cls, scene: RodScene, candidates: int) -> "RodPhysics":
@@ -71,8 +84,38 @@ class SimulateRod(Protocol):
 
         `phi`: the parameters of the simulator's effects, one effect after the other; None: all at their null values.
         `setting`: where effects depend on more; None: unknown. Differentiable once, in reverse mode, but by the
-        setting. A candidate with a non-finite input becomes NaN throughout; the others are not touched.
+        setting. A candidate with a non-finite input, or that begins or has its finger out of the
+        domain (`domain.is_in_domain`), becomes NaN throughout; the others are not touched.
         """
+        ...
+
+
+@final
+class RodHistory(NamedTuple):
+    """B ropes through an action of T - 1 time steps; a JAX pytree. Nothing in it is masked."""
+
+    nodes: Float[jax.Array, "B T 8 n"]
+    """The rows of `RodState.nodes` at the boundaries of all time steps."""
+    finger: Float[jax.Array, "B T 4"]
+    """For the kernels: x, y, distance from the centreline at contact [m] (0: above the rope), sine from above."""
+    fields: Float[jax.Array, "B 3 n"]
+    """Mass [kg], bending stiffness [N m] and rest angle [rad] of each node, with what effects make of them."""
+    springback: Float[jax.Array, " B"]
+    """Share of bends that does not last."""
+
+
+class TraceRod(Protocol):
+    """The arguments of `SimulateRod`, and every state on the way instead of the last one."""
+
+    def __call__(
+        self,
+        physics: RodPhysics,
+        state: RodState,
+        tool: Float[jax.Array, "B T 3"],
+        phi: Float[jax.Array, "B P"] | None = None,
+        setting: RodSetting | None = None,
+    ) -> RodHistory:
+        """Not differentiable; 8 n T numbers for each candidate, for sixteen at least on a CPU."""
         ...
 
 
@@ -81,12 +124,7 @@ def make_rod_rollout(scene: RodScene, effects: tuple[Effect, ...] = ()) -> Simul
 
     Raises ParameterError for an effect that does not act on rods.
     """
-    require_known(effects)
-    bounds = scene.nominal_physics()
-    stiffest = scene.stiffest_n_m2 or _STIFFEST * bounds["rigidity"]
-    joint = stiffest / scene.rest_m, 1.3 * bounds["viscosity"] / scene.rest_m
-    operations = make_rod_operations(scene, *joint, law_source(effects, len(scene.walls)))
-    null = np.array([spec.nominal for effect in effects for spec in effect.parameters], np.float32)
+    operations = _operations(scene, effects)
 
     @jax.custom_vjp
     def rollout(start: jax.Array, fields: jax.Array, traits: jax.Array, tool: jax.Array) -> jax.Array:
@@ -101,7 +139,6 @@ def make_rod_rollout(scene: RodScene, effects: tuple[Effect, ...] = ()) -> Simul
         return operations.backward(kept, *given, end_bar)
 
     rollout.defvjp(rollout_forward, rollout_backward)
-    bristle_n_m = numbers_of(scene, 0.0).table
 
     def simulate(
         physics: RodPhysics,
@@ -110,24 +147,78 @@ def make_rod_rollout(scene: RodScene, effects: tuple[Effect, ...] = ()) -> Simul
         phi: Float[jax.Array, "B P"] | None = None,
         setting: RodSetting | None = None,
     ) -> RodState:
-        if state.nodes.shape[2] != scene.nodes:  # The kernels take their number from the state, and the matrix has it.
-            given = state.nodes.shape[2]
-            raise ParameterError(
-                f"The rod has {given} nodes and its scene {scene.nodes}; make both with one spacing_m."
-            )
-        own = jnp.tile(null, (len(tool), 1)) if phi is None else phi
-        known = RodSetting.unknown(len(tool), scene.nodes) if setting is None else setting
-        physics, state, tool, own, known = jax.tree.map(as_float32, (physics, state, tool, own, known))
-        context = RodContext(scene=scene, setting=jax.tree.map(jax.lax.stop_gradient, known))
-        properties = changed_properties(effects, _properties(scene, physics), own, context)
-        walls = wall_numbers(scene.walls, properties.finger_friction / physics.finger_friction)
-        numbers = [_traits(scene, physics, properties), *law_numbers(effects, own, context), *walls]
-        traits = jnp.concatenate(numbers, axis=1)
-        start = held(scene, state.nodes, properties, bristle_n_m)
-        end = rollout(start, _fields(scene, properties), traits, _fingers(scene, physics, tool))
-        return state._replace(nodes=where_finite(are_finite(end, physics, state, tool, own), end))
+        inputs = _inputs(scene, effects, physics, state, tool, phi, setting)
+        end = rollout(*inputs)
+        sound = are_finite(end, physics, state, tool, () if phi is None else phi)
+        sound &= is_in_domain(scene, *jax.lax.stop_gradient((state.nodes, tool)))
+        return jax.tree.map(as_float32, state)._replace(nodes=where_finite(sound, end))
 
     return simulate
+
+
+def make_rod_trace(scene: RodScene, effects: tuple[Effect, ...] = ()) -> TraceRod:
+    """The simulator that shows every state of an action, by the kernels of `make_rod_rollout`; raises as that."""
+    operations = _operations(scene, effects)
+
+    def trace(
+        physics: RodPhysics,
+        state: RodState,
+        tool: Float[jax.Array, "B T 3"],
+        phi: Float[jax.Array, "B P"] | None = None,
+        setting: RodSetting | None = None,
+    ) -> RodHistory:
+        inputs = _inputs(scene, effects, physics, state, tool, phi, setting)
+        springback = inputs[2][:, _SPRINGBACK]
+        return RodHistory(operations.states(*inputs), finger=inputs[3], fields=inputs[1], springback=springback)
+
+    return trace
+
+
+def rod_numbers(scene: RodScene) -> Numbers:
+    """The constants of the time steps of a scene's simulator."""
+    return numbers_of(scene, smoothing_of(scene, *_stiffest_joint(scene)))
+
+
+def stiffest_n_m2(scene: RodScene) -> float:
+    """The largest bending rigidity that a scene's simulator bears [N m^2]."""
+    return scene.stiffest_n_m2 or _STIFFEST * scene.nominal_physics()["rigidity"]
+
+
+def _stiffest_joint(scene: RodScene) -> tuple[float, float]:
+    """Stiffness [N m] and damping [N m s] of a node's bending, at most."""
+    return stiffest_n_m2(scene) / scene.rest_m, 1.3 * scene.nominal_physics()["viscosity"] / scene.rest_m
+
+
+def _operations(scene: RodScene, effects: tuple[Effect, ...]) -> RodOperations:
+    require_known(effects)
+    laws = law_source(effects, len(scene.walls), flat=scene.finger_half_width_m > 0)
+    return make_rod_operations(scene, *_stiffest_joint(scene), laws)
+
+
+def _inputs(
+    scene: RodScene,
+    effects: tuple[Effect, ...],
+    physics: RodPhysics,
+    state: RodState,
+    tool: Float[jax.Array, "B T 3"],
+    phi: Float[jax.Array, "B P"] | None,
+    setting: RodSetting | None,
+) -> tuple[jax.Array, jax.Array, jax.Array, jax.Array]:
+    """What the kernels take: start, fields, traits, tool."""
+    if state.nodes.shape[2] != scene.nodes:  # The kernels take their number from the state, and the matrix has it.
+        given = state.nodes.shape[2]
+        raise ParameterError(f"The rod has {given} nodes and its scene {scene.nodes}; make both with one spacing_m.")
+    null = np.array([spec.nominal for effect in effects for spec in effect.parameters], np.float32)
+    own = jnp.tile(null, (len(tool), 1)) if phi is None else phi
+    known = RodSetting.unknown(len(tool), scene.nodes) if setting is None else setting
+    physics, state, tool, own, known = jax.tree.map(as_float32, (physics, state, tool, own, known))
+    context = RodContext(scene=scene, setting=jax.tree.map(jax.lax.stop_gradient, known))
+    properties = changed_properties(effects, _properties(scene, physics), own, context)
+    walls = wall_numbers(scene.walls, properties.finger_friction / physics.finger_friction)
+    numbers = [_traits(scene, physics, properties), *law_numbers(effects, own, context), *walls]
+    traits = jnp.concatenate(numbers, axis=1)
+    start = held(scene, state.nodes, properties, numbers_of(scene, 0.0).table)
+    return start, _fields(scene, properties), traits, _fingers(scene, physics, tool)
 
 
 def _properties(scene: RodScene, physics: RodPhysics) -> RodProperties:
@@ -153,8 +244,9 @@ def _fields(scene: RodScene, properties: RodProperties) -> Float[jax.Array, "B 3
     return jnp.stack(rows, axis=1)
 
 
-def _traits(scene: RodScene, physics: RodPhysics, properties: RodProperties) -> Float[jax.Array, "B 7"]:
-    """In the order of `OwnTraits` in rod.h."""
+def _traits(scene: RodScene, physics: RodPhysics, properties: RodProperties) -> Float[jax.Array, "B _"]:
+    """In the order of `OwnTraits` and `CoreTraits` in rod.h."""
+    half = physics.finger_half_m.T
     return jnp.stack(
         [
             properties.table_friction,
@@ -164,6 +256,7 @@ def _traits(scene: RodScene, physics: RodPhysics, properties: RodProperties) -> 
             physics.climb,
             physics.creep,
             1 - properties.permanent_set,
+            *(half if scene.finger_half_width_m > 0 else ()),
         ],
         axis=1,
     )

@@ -50,13 +50,18 @@ class Wall:
 class RodScene:
     """A rope on the table z = 0 and a finger with a round tip, in SI units without any scaling.
 
-    `spacing_m`: the distance of neighbouring nodes, about. Raises ParameterError for a number that cannot be.
+    Seen from above, the finger is all that is within its radius of a core, a line of twice `finger_half_width_m` about
+    its middle, at `finger_yaw_rad` from the x axis. `spacing_m`: the distance of neighbouring nodes, about. Raises
+    ParameterError for a number that cannot be.
     """
 
     length_m: float
     radius_m: float
     mass_kg: float
     finger_radius_m: float
+    finger_half_width_m: float = 0.0
+    """0 is round."""
+    finger_yaw_rad: float = 0.0
     gravity_m_s2: float = 9.81
     spacing_m: float = _SPACING_M
     dt_s: float = 1e-3
@@ -75,6 +80,8 @@ class RodScene:
         checked("radius_m", self.radius_m, 5e-4, 0.05)
         checked("mass_kg", self.mass_kg, 1e-4, 10.0)
         checked("finger_radius_m", self.finger_radius_m, 1e-3, 0.05)
+        checked("finger_half_width_m", self.finger_half_width_m, 0.0, 0.05)
+        checked("finger_yaw_rad", self.finger_yaw_rad, -2 * pi, 2 * pi)
         checked("gravity_m_s2", self.gravity_m_s2, 0.0, 100.0)
         checked("spacing_m", self.spacing_m, 1e-3, 0.1)
         checked("dt_s", self.dt_s, 1e-6, 2e-3)
@@ -132,6 +139,8 @@ class RodScene:
             "margin": 0.0,
             "creep": 1e-4,
             "mass": self.mass_kg,
+            "finger_half_width": self.finger_half_width_m,
+            "finger_yaw": self.finger_yaw_rad,
         }
 
 
@@ -159,7 +168,12 @@ class Numbers(NamedTuple):
     stop: float
     tightest: float
     node_mass: float
+    centring: float
 
+
+_PARALLEL = 0.1
+"""A segment so near to a flat finger's direction [rad] meets it between its ends, as one of 10 mm does whose middle is
+pressed half a millimetre into the penalty of contact."""
 
 _STRETCH, _STRETCH_MARGIN = 2.5, 0.32
 """Stiffness of stretch, as a share of m / dt^2, at most: and as a share of the limit of stability."""
@@ -194,6 +208,7 @@ def numbers_of(scene: RodScene, smoothing: float) -> Numbers:
         stop=0.2 * spring * rest**2,
         tightest=rest / (scene.tightest_m or _TIGHTEST * scene.radius_m),
         node_mass=m,
+        centring=2 * _PARALLEL * (scene.finger_radius_m + scene.radius_m) / rest,
     )
 
 

@@ -5,7 +5,7 @@ from dataclasses import dataclass, replace
 from typing import final
 
 import numpy as np
-from jaxtyping import Float64
+from jaxtyping import Float64, Int64
 from scipy.sparse.csgraph import connected_components
 from scipy.spatial import KDTree
 
@@ -183,6 +183,11 @@ def _free_length(found: Trace) -> float:
 
 def crossing(line: Float64[np.ndarray, "n 2"]) -> bool:
     """Whether any two segments of a line cross."""
+    return len(crossings(line)) > 0
+
+
+def crossings(line: Float64[np.ndarray, "n 2"]) -> Int64[np.ndarray, "K 2"]:
+    """The pairs of segments of a line that cross, the first before the second along it."""
     start, edge = line[:-1], np.diff(line, axis=0)
     between = start[None] - start[:, None]
 
@@ -194,4 +199,4 @@ def crossing(line: Float64[np.ndarray, "n 2"]) -> bool:
     here, there = cross(between, edge[None]) / safe, cross(between, edge[:, None]) / safe
     inside = (here > 0) & (here < 1) & (there > 0) & (there < 1)
     first, second = np.indices(slant.shape)
-    return bool((inside & (second - first > 1)).any())
+    return np.argwhere(inside & (second - first > 1))

@@ -10,7 +10,7 @@ from app.ui import palette
 from app.ui.beads import Beads
 from app.ui.paths import segments
 from app.ui.plans.look import Look
-from app.ui.tool import Tool
+from app.ui.tool import Flat, Tool
 
 _THICK_PX = 5.0
 
@@ -22,6 +22,11 @@ class Ghosts:
     def __init__(self, server: viser.ViserServer) -> None:
         self._looked = Ghost(server, "/look/at", palette.LOOKED)
         self._compared = Ghost(server, "/look/beside", palette.COMPARED)
+
+    def become(self, flat: Flat | None) -> None:
+        """Draw grippers as this flat finger, or as two fingers."""
+        for ghost in (self._looked, self._compared):
+            ghost.tool.become(flat)
 
     def paint(self, look: Look | None) -> None:
         """What is looked at. The proposed branch's way is drawn anyway; now, the object is where it is seen."""
@@ -38,7 +43,7 @@ class Ghost:
     def __init__(self, server: viser.ViserServer, name: str, colour: palette.Colour) -> None:
         self._way = Way(server, f"{name}/way", colour)
         self._beads = Beads(server, f"{name}/object", colour, opacity=0.5)
-        self._tool = Tool(server, f"{name}/tool", colour, opacity=0.5)
+        self.tool = Tool(server, f"{name}/tool", colour, opacity=0.5)
 
     def paint(self, look: Look | None, branch: Branch | None, *, way: bool) -> None:
         """Draw `branch` at the moment of `look`, and its way where it shall be."""
@@ -46,13 +51,13 @@ class Ghost:
         ghost = look.ghost(branch) if look and branch and look.share else None
         if ghost is None or not np.isfinite(ghost.particles).all():
             self._beads.clear()
-            self._tool.hide()
+            self.tool.hide()
             return
         self._beads.put(np.ascontiguousarray(ghost.particles))
         if np.isfinite(ghost.tool).all():
-            self._tool.put(ghost.tool, 1.0)
+            self.tool.put(ghost.tool, 1.0)
         else:
-            self._tool.hide()
+            self.tool.hide()
 
 
 @final

@@ -13,6 +13,7 @@ from app.ui.plans.edit import EditForm
 from app.ui.plans.ghosts import Ghosts
 from app.ui.plans.look import BEST, NONE, Look, last_moment, looked, names
 from app.ui.scene import Scene
+from app.ui.tool import Flat
 
 
 @final
@@ -40,6 +41,7 @@ class Plans:
         if board.shown is not self._shown:
             self._shown = board.shown
             self._offer(board.shown)
+            self._ghosts.become(Flat.of(board.episode.task) if board.episode else None)
         proposal = board.shown
         look = looked(proposal, self._at.value, self._beside.value, self._moment.value) if proposal else None
         state = (proposal, board.goal, look and (look.at, look.beside, look.share))

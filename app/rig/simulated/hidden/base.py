@@ -111,6 +111,12 @@ class Hidden:
         """The quantity that a size is of."""
         return self.quantities[0]
 
+    @property
+    def in_world(self) -> bool:
+        """Whether it changes rope, table or finger, and not arm and cameras alone."""
+        hooks = (self.physics, self.build, self.friction, self.force, self.stiffness, self.relaxed)
+        return any(hook is not None for hook in hooks)
+
 
 @final
 @dataclass(frozen=True, kw_only=True, eq=False)

@@ -1,0 +1,28 @@
+"""Distances from a flat finger, seen from above: from its core (`stage.Finger`). For NumPy and JAX arrays alike."""
+
+from typing import Any, TypeVar, cast
+
+import numpy as np
+
+ArrayT = TypeVar("ArrayT")
+
+
+def from_core(offsets: ArrayT, half_m: tuple[float, float]) -> ArrayT:
+    """Vectors to a finger's core, at its nearest place, where `offsets` (..., 2) [m] are those to its middle.
+
+    `half_m`: from the middle to an end of the core; of a round finger zero, which leaves them as they are.
+    """
+    square = half_m[0] ** 2 + half_m[1] ** 2
+    if square == 0.0:
+        return offsets
+    # NumPy and JAX share the operators used here, and no common static type expresses that.
+    to_middle = cast(Any, offsets)
+    half = np.asarray(half_m, to_middle.dtype)
+    place = (-(to_middle * half).sum(-1) / square).clip(-1.0, 1.0)
+    return to_middle + place[..., None] * half
+
+
+def extent_m(directions: ArrayT, half_m: tuple[float, float]) -> ArrayT:
+    """From a finger's middle to the farther end of its core along unit vectors (..., 2), shape (...)."""
+    given = cast(Any, directions)
+    return abs((given * np.asarray(half_m, given.dtype)).sum(-1))
