@@ -56,10 +56,9 @@ class DataSet(NamedTuple):
 def data_set(seed: int, *, pushes: int = PUSHES, particles: int = 300, noise: float = 1.0) -> DataSet:
     """Pushes of a rope that is drawn at random; `noise` scales that of the cameras."""
     rng = np.random.default_rng(seed)
-    logs = [np.exp(rng.uniform(*np.log(each))) for each in (STIFFNESS_PA, TABLE, FINGER)]
-    offset_m = rng.uniform(-OFFSET_M, OFFSET_M, 2)
-    share = np.random.default_rng([seed, 1]).uniform(*SET)
-    truth = Truth(*map(float, logs), float(share), *offset_m.tolist())
+    stiffness, table, finger = (float(np.exp(rng.uniform(*np.log(each)))) for each in (STIFFNESS_PA, TABLE, FINGER))
+    x_m, y_m = rng.uniform(-OFFSET_M, OFFSET_M, 2).tolist()
+    truth = Truth(stiffness, table, finger, np.random.default_rng([seed, 1]).uniform(*SET), x_m, y_m)
     nodes = np.stack([TASK.start(1000 * seed + k) for k in range(pushes)])
     before = np.stack([TASK.particles(each, particles) for each in nodes])
     actions = jnp.concatenate([jnp.asarray(TASK.actions.sample(rng, x, AWAY, 1)) for x in before])
