@@ -1,8 +1,7 @@
 """Intervals of calibration on rods, against rods of known numbers: `python -m bench.calibration_coverage`.
 
-Each data set is ten random pushes of one rope with its own stiffness, frictions, lasting share of bends and offset of
-the tool, each seen as particles with the cameras' noise. The table says how often a 90 % interval holds the truth, and
-how wide it is.
+Each data set is ten random pushes of one rope with its own stiffness, frictions and offset of the tool, each seen as
+particles with the cameras' noise. The table says how often a 90 % interval holds the truth, and how wide it is.
 """
 
 from typing import Final, NamedTuple
@@ -30,9 +29,8 @@ PUSHES: Final = 10
 POINT_NOISE_M, CLOUD_NOISE_M = 1.0e-3, 0.3e-3
 """Of each particle, and of a whole cloud: standard deviations along each of x, y and z, and along x and y."""
 STIFFNESS_PA, TABLE, FINGER = (1e4, 4e4), (0.3, 0.7), (0.15, 0.5)
-SET: Final = (0.0, 1.0)
 OFFSET_M: Final = 0.004
-"""Ranges of the truth, even in the logarithm but for the share of bends that lasts, and of the tool's offset."""
+"""Ranges of the truth, even in the logarithm, and of the tool's offset along x and y."""
 
 
 class Truth(NamedTuple):
@@ -41,7 +39,6 @@ class Truth(NamedTuple):
     stiffness: float
     table_friction: float
     finger_friction: float
-    permanent_set: float
     tcp_x: float
     tcp_y: float
 
@@ -56,9 +53,8 @@ class DataSet(NamedTuple):
 def data_set(seed: int, *, pushes: int = PUSHES, particles: int = 300, noise: float = 1.0) -> DataSet:
     """Pushes of a rope that is drawn at random; `noise` scales that of the cameras."""
     rng = np.random.default_rng(seed)
-    stiffness, table, finger = (float(np.exp(rng.uniform(*np.log(each)))) for each in (STIFFNESS_PA, TABLE, FINGER))
-    x_m, y_m = rng.uniform(-OFFSET_M, OFFSET_M, 2).tolist()
-    truth = Truth(stiffness, table, finger, np.random.default_rng([seed, 1]).uniform(*SET), x_m, y_m)
+    logs = [np.exp(rng.uniform(*np.log(each))) for each in (STIFFNESS_PA, TABLE, FINGER)]
+    truth = Truth(*map(float, logs), *rng.uniform(-OFFSET_M, OFFSET_M, 2).tolist())
     nodes = np.stack([TASK.start(1000 * seed + k) for k in range(pushes)])
     before = np.stack([TASK.particles(each, particles) for each in nodes])
     actions = jnp.concatenate([jnp.asarray(TASK.actions.sample(rng, x, AWAY, 1)) for x in before])
@@ -73,7 +69,7 @@ def data_set(seed: int, *, pushes: int = PUSHES, particles: int = 300, noise: fl
 
 def fitted(evidence: Evidence, settings: Settings | None = None) -> Fit:
     """By the calibrator of the task, from the nominal model, with the tool's offset."""
-    return _calibrator(evidence.before.shape[1], settings or Settings(probes=112)).fit_with_offset(
+    return _calibrator(evidence.before.shape[1], settings or Settings(probes=96)).fit_with_offset(
         evidence, phi_of(nominal_model(TASK.name))
     )
 
@@ -99,7 +95,6 @@ def _simulated(task: Task, truth: Truth, nodes: np.ndarray, tool: np.ndarray) ->
         rigidity=jnp.full(count, truth.stiffness * scene.second_moment_m4, jnp.float32),
         table_friction=jnp.full(count, truth.table_friction, jnp.float32),
         finger_friction=jnp.full(count, truth.finger_friction, jnp.float32),
-        permanent_set=jnp.full(count, truth.permanent_set, jnp.float32),
         **given,
     )
     places = np.linspace(0, nodes.shape[1] - 1, scene.nodes).round().astype(int)
@@ -136,8 +131,6 @@ def main(sets: int = 20, first: int = 0) -> None:
 
 def _row(name: str, column: int, truths: list[Truth], found: list[Fit]) -> tuple[str, str, str]:
     def scale(values: list[float]) -> Float64[np.ndarray, " S"]:
-        if name == "permanent_set":
-            return np.array(values)
         return np.array(values) * 1e3 if name.startswith("tcp") else np.log(np.array(values))
 
     true = scale([truth[column] for truth in truths])
@@ -145,10 +138,7 @@ def _row(name: str, column: int, truths: list[Truth], found: list[Fit]) -> tuple
     held = int(((low <= true) & (true <= high)).sum())
     share = binomtest(held, len(found)).proportion_ci(0.9, method="wilson")
     half = (high - low) / 2
-    if name == "permanent_set":
-        width = f"{np.median(half):.2g}"
-    else:
-        width = f"{np.median(half):.2g} mm" if name.startswith("tcp") else f"a factor of {np.exp(np.median(half)):.2f}"
+    width = f"{np.median(half):.2g} mm" if name.startswith("tcp") else f"a factor of {np.exp(np.median(half)):.2f}"
     off = float(np.sqrt(np.mean(((here - true) / half) ** 2)))
     return f"{held} of {len(found)} ({share.low:.0%} to {share.high:.0%})", f"{off:.2f}", width
 

@@ -1,8 +1,8 @@
 """The next version of a model from transitions."""
 
-from collections.abc import Collection, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import Self, final
+from typing import final
 
 import numpy as np
 from jaxtyping import Float32, Float64
@@ -44,30 +44,6 @@ class Calibrator:
     settings: Settings
     offset: ToolOffset | None = None
 
-    def fit_what_is_told(
-        self, evidence: Evidence, phi: Float32[np.ndarray, " P"], optional: Collection[str] = ()
-    ) -> tuple[Fit, Self]:
-        """The fit of what the evidence tells, and who made it: its `names` and its `offset` are those that are left.
-
-        The tool's offset is left out where no interval tells it from none, and each of the names `optional` where its
-        own does not tell it from the value in `phi`.
-        """
-        fitter = self
-        while True:
-            found = fitter.fit(evidence, phi) if fitter.offset is None else fitter.fit_with_offset(evidence, phi)
-            told = found.differs_from(fitter.start(phi))
-            pairs = zip(fitter.names, told, strict=False)
-            names = tuple(name for name, is_told in pairs if is_told or name not in optional)
-            offset = fitter.offset if told[len(fitter.names) :].any() else None
-            if names == fitter.names and offset is fitter.offset:
-                return found, fitter
-            fitter = replace(fitter, names=names, offset=offset)
-
-    def start(self, phi: Float32[np.ndarray, " P"]) -> Float64[np.ndarray, " Q"]:
-        """Values of `names` in `phi`, and no offset of the tool."""
-        columns = [index(name) for name in self.names]
-        return np.concatenate([phi[columns].astype(np.float64), np.zeros(len(self.offset.specs) if self.offset else 0)])
-
     def fit_with_offset(self, evidence: Evidence, phi: Float32[np.ndarray, " P"]) -> Fit:
         """As `fit`, and after `names` the coordinates of the tool's offset, from none."""
         assert self.offset is not None
@@ -80,8 +56,9 @@ class Calibrator:
             losses, by_phi, by_shift = self.predictor.shifted_slopes(trial, shift_m, evidence)
             return losses.astype(np.float64), np.concatenate([by_phi[:, columns], by_shift @ matrix], axis=1)
 
+        start = np.concatenate([phi[columns].astype(np.float64), np.zeros(len(self.offset.specs))])
         specs = [*(PARAMETERS[column] for column in columns), *self.offset.specs]
-        return fit(slopes, self.start(phi), specs, self.settings)
+        return fit(slopes, start, specs, self.settings)
 
     def fit(self, evidence: Evidence, phi: Float32[np.ndarray, " P"]) -> Fit:
         """The parameters `names` that predict the evidence best, starting from `phi`."""

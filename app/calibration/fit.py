@@ -15,7 +15,7 @@ from dataclasses import dataclass
 from typing import NamedTuple, final
 
 import numpy as np
-from jaxtyping import Bool, Float64
+from jaxtyping import Float64
 from scipy.stats import qmc, t
 
 from app.calibration.quadratics import fit_quadratics
@@ -34,7 +34,7 @@ _FLOOR_STRETCH = 2.0
 """How much larger than the loss says a residual's slope may be taken to be, once the noise's share is taken away."""
 _PROBE = 0.25
 """Step of the coordinates for curvature: a quarter in a logarithm. Shorter ones measure the noise of contact. On other
-scales it is how far a typical value is from none, where there is one."""
+scales it is a typical value, where there is one."""
 _ASIDE = 1.6
 """How many such steps away the outermost probes are."""
 _FLAT_M2 = 1e-9
@@ -85,10 +85,6 @@ class Fit:
     """Which transitions these values do not predict: they count for nothing."""
     losses_m2: Float64[np.ndarray, " K"]
     """Of each transition [m^2]; NaN for those that are lost."""
-
-    def differs_from(self, values: Vector) -> Bool[np.ndarray, " Q"]:
-        """Which of these `values` the intervals exclude."""
-        return (self.low > values) | (self.high < values)
 
 
 @final
@@ -214,9 +210,7 @@ def _reach(specs: Sequence[ParameterSpec]) -> Vector:
 
 def _probe(spec: ParameterSpec) -> float:
     """Of a coordinate: see `_PROBE`."""
-    if spec.scale == "log" or spec.typical is None:
-        return _PROBE
-    return abs(spec.typical - spec.nominal) / (spec.high - spec.low)
+    return _PROBE if spec.scale == "log" or spec.typical is None else spec.typical / (spec.high - spec.low)
 
 
 def _spread(losses: Float64[np.ndarray, " K"], lost: Sequence[int]) -> Float64[np.ndarray, " L"]:

@@ -76,10 +76,8 @@ class RodDynamics:
     presets: Mapping[str, Preset]
     push_substeps: int
     rest_substeps: int
-    calibrated: tuple[str, ...] = ("stiffness", "table_friction", "finger_friction", "permanent_set")
+    calibrated: tuple[str, ...] = ("stiffness", "table_friction", "finger_friction")
     """What calibration estimates."""
-    optional: tuple[str, ...] = ("permanent_set",)
-    """What of it keeps the value that it has where recordings do not tell it from that."""
     tool_offset: tuple[str, ...] = ("tcp_x", "tcp_y")
     """What of the tool's place in its own frame calibration estimates besides, where recordings tell it."""
 

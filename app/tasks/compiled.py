@@ -219,12 +219,10 @@ class Calibrated(NamedTuple):
 def calibrated(
     task: str, preset: str, transitions: Sequence[Transition], model: Model, settings: Settings
 ) -> Calibrated:
-    """The next version of `model`, fitted to all the transitions; of rods, what is optional keeps its value."""
-    data, phi = load(task), phi_of(model)
+    """The next version of `model`, fitted to all the transitions."""
+    phi = phi_of(model)
     fitter = calibrator(task, preset, settings, phi)
-    optional = data.rods.optional if data.rods else ()
-    fitter = replace(fitter, names=tuple(name for name in fitter.names if name not in optional))
-    found = fitter.fit(gather(transitions, data.actions.measured_path), phi)
+    found = fitter.fit(gather(transitions, load(task).actions.measured_path), phi)
     new = next_model(model, found, fitter.names, transitions)
     return Calibrated(new, found.lost, fitter.names, found.trials)
 
@@ -232,7 +230,7 @@ def calibrated(
 def calibrated_from_recordings(
     task: str, preset: str, transitions: Sequence[Transition], model: Model, settings: Settings
 ) -> Calibrated:
-    """As `calibrated`; of rods also the tool's offset, and all that is optional only where an interval tells it.
+    """As `calibrated`; of rods also the tool's offset, as far as an interval tells it from none.
 
     Raises RecordingError where the transitions of a rod tell nothing (`app.calibration.checks`).
     """
@@ -242,9 +240,11 @@ def calibrated_from_recordings(
         return calibrated(task, preset, transitions, model, settings)
     evidence = gather(transitions, data.actions.measured_path)
     check_contact(evidence, data.finger.radius_m + data.finger.half_width_m + data.rope.radius_m)
-    found, fitter = fitter.fit_what_is_told(evidence, phi, data.rods.optional if data.rods else ())
+    found, offset = fitter.fit_with_offset(evidence, phi), fitter.offset.specs
+    first = len(fitter.names)
+    if not ((found.low > 0) | (found.high < 0))[first:].any():
+        found, offset = fitter.fit(evidence, phi), ()
     check_better_than_no_motion(found.losses_m2, evidence)
-    offset = fitter.offset.specs if fitter.offset else ()
     new = next_model(model, found, fitter.names, transitions, offset)
     if new.apparatus and not new.extension.camera_m:
         new = replace(new, extension=replace(new.extension, camera_m=NOWHERE_M))

@@ -16,8 +16,8 @@ from app.planner.method import DIPAC, Method
 
 _log = logging.getLogger(__name__)
 
-_PROBES = 112
-"""Of a calibration on rods: four for each number of a quadratic of six coordinates."""
+_PROBES = 96
+"""Of a calibration on rods: four for each number of a quadratic of five coordinates."""
 RECENT = 16
 """Transitions of one update: about those of the last episode, in about the time of one decision."""
 _TRUSTED, _TRUSTED_OF_ANOTHER = 1.5, 4.0
