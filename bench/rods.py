@@ -2,7 +2,7 @@
 
 Random pushes of the rope in both simulated worlds, seen exactly, in two sets each. The rod's frictions and contact are
 fitted to one set and tried on another, of the same world or of the other one; likewise how it bends: its rigidity, and
-whether it keeps its bends or is elastic about a straight line. Errors are mean distances of nodes. Each world is also
+the share of its bends that lasts. Errors are mean distances of nodes. Each world is also
 run against itself, from starts a millimetre an axis beside: the least that anybody who sees so well can err. Then the
 time of a push on one core.
 """
@@ -43,15 +43,15 @@ FITTED: Final = {"table_friction": 0.05, "finger_friction": 0.05, "climb": 0.2, 
 """And how much of each is little."""
 RIGIDITY: Final = {"rigidity": 0.2}
 """And its step, as a share of it."""
-ELASTIC: Final = {"yield_curvature": 500.0}
-"""Of a rope that keeps no bend: no rope is bent so much [1/m]."""
+SET: Final = {"permanent_set": 0.2}
+"""And its step; it is between 0 and 1."""
+_SET_STARTS: Final = (0.1, 0.9)
+"""Whence it is fitted: a rope is mostly one or the other."""
 BESIDE_M: Final = 1e-3
 """Standard deviation an axis of starts beside the true one."""
 _WAVES: Final = 7
 """Of which these are made: a shift, and cosines of up to six half waves along the rope."""
 _TIMED_S, _SOFT_M, _LIFTED_M, _REST_S, _ASIDE = 1.4, 0.003, 0.05, 0.3, 0.2
-_LASTING: Final = 7
-"""Row of lasting bends in `RodState.nodes`."""
 
 
 @final
@@ -110,26 +110,23 @@ def physics(values: Mapping[str, float], count: int) -> RodPhysics:
 @final
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Rod:
-    """Values that are not nominal; `straight`: unloaded it is, and not as it was laid."""
+    """Values that are not nominal."""
 
     values: Mapping[str, float]
-    straight: bool = False
 
-    def start(self, before: Float64[np.ndarray, "P 2 n"]) -> RodState:
-        """Unmoving along these nodes."""
-        state = RodState.along(jnp.asarray(before))
-        return state._replace(nodes=state.nodes.at[:, _LASTING].set(0.0)) if self.straight else state
+    def but(self, **values: float) -> "Rod":
+        """The same with other values of these."""
+        return Rod(values={**self.values, **values})
 
     def __str__(self) -> str:
         """Its values."""
-        told = (f"{name} {value:.3g}" for name, value in self.values.items() if name not in ELASTIC)
-        return ", ".join([*told, "straight at rest"] if self.straight else told)
+        return ", ".join(f"{name} {value:.3g}" for name, value in self.values.items())
 
 
 def errors_mm(of: Pushes, rod: Rod) -> Float64[np.ndarray, " P"]:
     """Mean distance of nodes of each push."""
     given = physics(rod.values, len(of.before))
-    end = SIMULATE(given, rod.start(of.before), jnp.asarray(of.tool, jnp.float32))
+    end = SIMULATE(given, RodState.along(jnp.asarray(of.before)), jnp.asarray(of.tool, jnp.float32))
     return 1e3 * np.linalg.norm(np.asarray(end.nodes[:, :2]) - of.after, axis=1).mean(1)
 
 
@@ -140,11 +137,21 @@ def contact_of(world: RopeModel, seed: int) -> Rod:
 
 
 @cache
-def bending_of(world: RopeModel, seed: int, contact: Rod, *, again: bool) -> Rod:
-    """Bending that fits these pushes, with frictions and contact as they are or fitted `again` with it."""
-    chosen = RIGIDITY | (FITTED if again else {})
-    kinds = contact, Rod(values={**contact.values, **ELASTIC}, straight=True)
-    return min((_fitted(pushes(world, seed), kind, chosen) for kind in kinds), key=lambda fit: fit[1])[0]
+def bending_of(world: RopeModel, seed: int, rod: Rod, *, again: bool) -> Rod:
+    """Rigidity and lasting share that fit these pushes, with frictions and contact as they are or fitted `again`."""
+    return _fitted_with_set(pushes(world, seed), rod, RIGIDITY | (FITTED if again else {}))
+
+
+@cache
+def set_of(world: RopeModel, seed: int, rod: Rod) -> Rod:
+    """The lasting share that fits these pushes, with all else as it is."""
+    return _fitted_with_set(pushes(world, seed), rod, {})
+
+
+def _fitted_with_set(to: Pushes, rod: Rod, steps: Mapping[str, float]) -> Rod:
+    """As `_fitted`, with the lasting share."""
+    fits = [_fitted(to, rod.but(permanent_set=start), {**steps, **SET}) for start in _SET_STARTS]
+    return min(fits, key=lambda fit: fit[1])[0]
 
 
 def _fitted(to: Pushes, rod: Rod, steps: Mapping[str, float]) -> tuple[Rod, float]:
@@ -156,19 +163,26 @@ def _fitted(to: Pushes, rod: Rod, steps: Mapping[str, float]) -> tuple[Rod, floa
             name: nominal[name] * np.exp(by * step) if name in RIGIDITY else nominal[name] + by * step
             for by, (name, step) in zip(x.tolist(), steps.items(), strict=True)
         }
-        return Rod(values={**rod.values, **chosen}, straight=rod.straight)
+        return rod.but(**chosen)
 
     def residuals(x: np.ndarray) -> np.ndarray:
         return errors_mm(to, made(x)) / (1e3 * _SOFT_M)
 
     def slopes(x: np.ndarray) -> np.ndarray:
-        aside = [residuals(x + _ASIDE * unit) for unit in np.eye(len(x))]
-        return (np.array(aside) - residuals(x)).T / _ASIDE
+        sides = np.where(x + _ASIDE > high, -_ASIDE, _ASIDE)
+        aside = [residuals(x + each) for each in np.diag(sides)]
+        return (np.array(aside) - residuals(x)).T / sides
 
+    ends = [
+        ((0.0 - nominal[name]) / step, (1.0 - nominal[name]) / step) if name in SET else (-np.inf, np.inf)
+        for name, step in steps.items()
+    ]
+    low, high = np.array(ends).T
     found = least_squares(
         residuals,
         np.zeros(len(steps)),
         slopes,  # pyright: ignore[reportArgumentType] - SciPy's types know its default alone
+        bounds=(low, high),
         loss="cauchy",
         max_nfev=25,
     )
@@ -227,8 +241,10 @@ def _rods(world: RopeModel, seed: int) -> Iterator[tuple[str, Rod]]:
     """Rods by what was fitted to these pushes of this world, and what to those of the chain."""
     own = contact_of(world, seed)
     if world != "chain":
-        chain = contact_of("chain", seed)
+        chain = bending_of("chain", seed, contact_of("chain", seed), again=True)
         yield f"all fitted to chain {seed}", chain
+        yield "the same, but no bend lasts", chain.but(permanent_set=0.0)
+        yield f"the same, but for the share that lasts, fitted to {world}", set_of(world, seed, chain)
         yield f"contact fitted to chain {seed}, bending to {world}", bending_of(world, seed, chain, again=False)
     yield f"contact fitted to {world} {seed}", own
     yield f"contact and bending fitted to {world} {seed}", bending_of(world, seed, own, again=True)

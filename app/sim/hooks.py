@@ -13,11 +13,21 @@ from typing import Any, final
 
 import warp as wp
 
+from app.core.errors import ParameterError
 from app.sim.effects.base import Effect, WarpFunction
 from app.sim.parameter import ParameterSpec
 
 NODE_HOOKS = ("node_velocity", "table_friction", "adhesion")
 GRAIN_HOOKS = ("stiffness", "mass", "rest", "viscosity", "kept", "cohesion", "tool_friction")
+
+
+def require_known(effects: Sequence[Effect]) -> None:
+    """Raises ParameterError, which names the parameters, for effects that do not act on material points."""
+    if unknown := [
+        spec.name for each in effects if not _has(each, NODE_HOOKS + GRAIN_HOOKS) for spec in each.parameters
+    ]:
+        names = ", ".join(unknown)
+        raise ParameterError(f"Material points do not know {names}; simulate rods: a task with @rods.")
 
 
 @final

@@ -25,6 +25,7 @@ from app.planner.tree import Advance, Part, Search
 from app.policy.base import AWAY
 from app.sim.directions import directed
 from app.sim.effects.base import Effect
+from app.sim.hooks import require_known
 from app.sim.object_state import ObjectState
 from app.sim.params import PARAMETERS, acting, columns_of, index
 from app.sim.rods.effect import RodSetting
@@ -79,12 +80,13 @@ def moving(task: str, particle_count: int, effects: tuple[Effect, ...] = ()) -> 
     Which way a slender object runs, and so its rest shape, is seen from the particles as the action began. It takes
     all of phi and heeds the nominal parameters and those of `effects`; see `params.acting`. What changes in the course
     of a session is as at its end. Where along the object a particle is, nobody knows here: effects that depend on that
-    do nothing.
+    do nothing. Raises ParameterError, which names the parameters, for a model that needs effects that its engine lacks.
     """
     known = tuple(effect for effect in effects if not effect.oriented)
     data = load(task)
     if data.dynamics == "rods":
         return _moving_rod(data, known)
+    require_known(known)
     simulate = make_rollout(data.scene, particle_count=data.scene.split(particle_count), effects=known)
     own = np.array(columns_of(known))
 
@@ -100,10 +102,7 @@ def moving(task: str, particle_count: int, effects: tuple[Effect, ...] = ()) -> 
 
 
 def _moving_rod(task: Task, effects: tuple[Effect, ...]) -> Part:
-    """The same for a rope as a rod.
-
-    Raises ParameterError, which names the parameters, for a model that needs effects that do not act on rods.
-    """
+    """The same for a rope as a rod."""
     assert task.rods is not None
     rods, scene = task.rods, task.rods.scene
     simulate = make_rod_rollout(scene, effects)

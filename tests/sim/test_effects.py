@@ -17,6 +17,7 @@ import pytest
 from app.sim import catalogue, effects
 from app.sim.catalogue import discover
 from app.sim.effects.base import Effect
+from app.sim.hooks import GRAIN_HOOKS, NODE_HOOKS
 from app.sim.materials.granular import Granular
 from app.sim.materials.liquid import Liquid
 from app.sim.params import NOMINAL_PHYSICS, PARAMETERS, nominal_phi, parameters_with
@@ -32,6 +33,10 @@ NOMINAL = len(NOMINAL_PHYSICS)
 LOW, HIGH = (np.array([getattr(spec, end) for spec in PARAMETERS]) for end in ("low", "high"))
 SPAN = HIGH - LOW
 every_effect = pytest.mark.parametrize("name", CATALOGUE)
+OF_POINTS = [
+    name for name, effect in CATALOGUE.items() if any(getattr(effect, hook) for hook in NODE_HOOKS + GRAIN_HOOKS)
+]
+of_material_points = pytest.mark.parametrize("name", OF_POINTS)
 
 EXACT = 1e-6 if jax.default_backend() == "cpu" else 1e-4
 """On a GPU two runs of the same model differ by this much, as its threads add up in any order."""
@@ -223,12 +228,17 @@ def test_its_gradient_is_finite_and_equals_differences(name: str, point: str):
         assert any(agree), f"{PARAMETERS[column].name}: {found}"
 
 
-@every_effect
+@of_material_points
 def test_one_of_its_switches_has_a_response(name: str):
     """At the null, or where its physics is one-sided there (a yield stress), at a typical size."""
     columns = switches(CATALOGUE[name])
     assert columns
     assert max(np.abs(differences(case, point)[-1] * SPAN)[columns].max() for case in CASES for point in POINTS) > 0.02
+
+
+def test_an_effect_acts_on_material_points_or_on_rods_and_else_is_none():
+    assert {name for name, effect in CATALOGUE.items() if effect.rod is None} <= set(OF_POINTS)
+    assert {name for name in CATALOGUE if name not in OF_POINTS} == {"permanent_set"}
 
 
 @every_effect

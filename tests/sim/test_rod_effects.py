@@ -363,7 +363,7 @@ OF_HOOK = {"mass": "mass", "stiffness": "rigidity", "tool_friction": "finger_fri
 def properties() -> RodProperties:
     """Of rods of which everything is 1."""
     per_node, one = jnp.ones((PUSHES, SCENE.nodes)), jnp.ones(PUSHES)
-    return RodProperties(per_node, per_node, per_node, one, one, one, one)
+    return RodProperties(per_node, per_node, per_node, one, one, one, one, one)
 
 
 def changed(name: str, phi: np.ndarray, setting: RodSetting) -> RodProperties:

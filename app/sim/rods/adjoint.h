@@ -220,7 +220,7 @@ ROD_CALL void elastic_adjoint(const Rod& r, const Bars& o, const Numbers& k, con
     TOGETHER();
     EACH(i, 1, n - 1) o.moment()[i] = o.spin()[i - 1] - o.spin()[i];
     TOGETHER();
-    // moment = bending kept + damping (spin - spin before)
+    // moment = bending (kept + springback next p) + damping (spin - spin before)
     EACH(j, 0, n - 1) {
         const Lanes turning = (o.moment()[j] - o.moment()[j + 1]) * c.bending_damping;
         const Lanes dx = r.v(0)[j + 1] - r.v(0)[j], dy = r.v(1)[j + 1] - r.v(1)[j], length = r.length()[j];
@@ -239,9 +239,10 @@ ROD_CALL void elastic_adjoint(const Rod& r, const Bars& o, const Numbers& k, con
         const Lanes turned = angle * (1.0f - a2 * (1.0f / 12 - a2 / 80.0f)), e = turned - r.curved()[i] - r.p()[i];
         const Mask elastic = (e < c.yield_angle) & (e > -c.yield_angle);
         const Lanes borne = clipped(e, -c.yield_angle, c.yield_angle), kept = kept_bend(borne, k, c);
-        const Lanes next_p = o.p()[i];
-        Lanes of_kept = o.moment()[i] * r.bending()[i] - next_p;
-        o.bending()[i] += o.moment()[i] * kept;
+        const Lanes bent = o.moment()[i] * r.bending()[i], next_p = o.p()[i] + bent * c.springback;
+        Lanes of_kept = bent - next_p;
+        o.bending()[i] += o.moment()[i] * (kept + c.springback * r.pn()[i]);
+        sum.springback += bent * r.pn()[i];
         if constexpr (Acting::has<OfBend>())
             Acting::apply_adjoint<OfBend>(k, c.law(), nullptr, &borne, &of_kept, nullptr, sum.law());
         sum.bending_damping += o.moment()[i] * (r.spin()[i] - r.spin()[i - 1]);

@@ -207,11 +207,12 @@ def _view(case: RodCase) -> _View:
     history = make_rod_trace(case.setup.scene, case.setup.effects)(
         *jax.tree.map(jnp.asarray, (case.physics, case.state, case.tool, case.phi, case.setting))
     )
-    nodes, finger, fields = (np.asarray(leaf[0]) for leaf in history)
+    nodes, finger, fields, springback = (np.asarray(leaf[0]) for leaf in history)
     wrong = first(np.asarray(~np.isfinite(nodes).all((1, 2))))
     count = len(nodes) if wrong is None else wrong[0]
     nodes, broken = nodes[:count], None if wrong is None else nodes[count]
-    energy_j, half = energies(case.setup.scene, fields, nodes), np.asarray(case.physics.finger_half_m[0], np.float32)
+    energy_j = energies(case.setup.scene, fields, float(springback), nodes)
+    half = np.asarray(case.physics.finger_half_m[0], np.float32)
     gains = gained(case.setup.scene, case.setup.effects, nodes, finger[:count], half, energy_j)
     tips, pressed_m = case.tool[0, :count], 0.0
     if count:

@@ -27,6 +27,8 @@ class RodProperties(NamedTuple):
     """Of bending [N m^2 s]."""
     yield_curvature: Float[jax.Array, " B"]
     """[1/m]."""
+    permanent_set: Float[jax.Array, " B"]
+    """Share of bends that lasts."""
 
 
 @final

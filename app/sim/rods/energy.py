@@ -20,9 +20,12 @@ energy does not count: a step of explicit Euler conserves a neighbouring energy,
 
 
 def energies(
-    scene: RodScene, fields: Float32[np.ndarray, "3 n"], nodes: Float32[np.ndarray, "K 8 n"]
+    scene: RodScene, fields: Float32[np.ndarray, "3 n"], springback: float, nodes: Float32[np.ndarray, "K 8 n"]
 ) -> Float64[np.ndarray, " K"]:
-    """Of motion, stretch, bending and the table's bristles [J], by the laws of rod.h; `fields` as in `RodHistory`."""
+    """Of motion, stretch, bending and the table's bristles [J], by the laws of rod.h.
+
+    `fields` and `springback` as in `RodHistory`.
+    """
     k, (mass, bending, curved) = rod_numbers(scene), fields.astype(np.float64)
     state = nodes.astype(np.float64)
     moving = (mass * (state[:, 2:4] ** 2).sum(1)).sum(1) / 2
@@ -31,7 +34,8 @@ def energies(
     angle = np.asarray(bends(jnp.asarray(nodes[:, :2])), np.float64)
     beyond = angle - np.clip(angle, -k.tightest, k.tightest)
     elastic = angle - curved[1:-1] - state[:, 7, 1:-1]
-    bent = (bending[1:-1] * elastic**2 + k.stop * beyond**2).sum(1) / 2
+    sprung = springback * state[:, 7, 1:-1] ** 2
+    bent = (bending[1:-1] * (elastic**2 + sprung) + k.stop * beyond**2).sum(1) / 2
     held = k.table * (state[:, 4:6] ** 2).sum((1, 2)) / 2
     return moving + stretched + bent + held
 

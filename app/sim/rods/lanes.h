@@ -57,7 +57,7 @@ ROD_CALL Lanes exponential(Lanes a) {
 #endif
 
 // Where a group works: on a GPU in memory that its block has for itself.
-constexpr int MOST_NODES = 129, MOST_ROWS = 62, MOST_SUMS = 56 * 65;
+constexpr int MOST_NODES = 129, MOST_ROWS = 62, MOST_SUMS = 58 * 65;
 #if defined(__CUDA_ARCH__)
 ROD_CALL Lanes* memory_of(float*, int, int) {
     __shared__ float rows[MOST_ROWS * MOST_NODES + MOST_SUMS];

@@ -8,7 +8,7 @@ namespace rods {
 
 // Of each candidate, the same for all steps.
 struct OwnTraits {
-    Lanes table_friction, finger_friction, bending_damping, yield_angle, climb, creep;
+    Lanes table_friction, finger_friction, bending_damping, yield_angle, climb, creep, springback;
 };
 
 // Seen from above, a flat finger is all within its radius of a core: a line through its middle, half as long as this
@@ -25,7 +25,7 @@ struct Finger {
     Lanes x, y, vx, vy, reach, sine;
 };
 
-constexpr int STATE = 8, TRAITS = 6 + 2 * FLAT + Acting::NUMBERS, FINGER = 6;
+constexpr int STATE = 8, TRAITS = 7 + 2 * FLAT + Acting::NUMBERS, FINGER = 6;
 constexpr int ROWS = 33;
 
 // Rows of n lanes each; the first STATE of them are the state.
@@ -38,7 +38,7 @@ struct Rod {
     ROD_HERE Lanes* v(int c) const { return row(2 + c); }       // velocities
     ROD_HERE Lanes* z(int c) const { return row(4 + c); }       // bristles of the table
     ROD_HERE Lanes* s() const { return row(6); }                // bristle of the finger
-    ROD_HERE Lanes* p() const { return row(7); }                // lasting bends
+    ROD_HERE Lanes* p() const { return row(7); }                // bends about which yield is centred
     ROD_HERE Lanes* mass() const { return row(8); }             // of each node [kg]
     ROD_HERE Lanes* bending() const { return row(9); }          // [N m/rad]
     ROD_HERE Lanes* curved() const { return row(10); }          // rest angle [rad]
@@ -100,7 +100,7 @@ ROD_CALL Lanes stretch_by_mass(const Rod& r, int i, int other, const Numbers& k)
     return either(counts, 2.0f * k.stretch * own * own / (k.node_mass * k.node_mass * r.mass()[i]), Lanes{});
 }
 
-// Stretch, and bending with yield (return mapping).
+// Stretch, and bending with yield (return mapping), whose bend springs back by a share: kinematic hardening.
 ROD_CALL void find_elastic_forces(const Rod& r, const Numbers& k, const Traits& c) {
     const int n = r.n;
     EACH(j, 0, n - 1) {
@@ -115,7 +115,7 @@ ROD_CALL void find_elastic_forces(const Rod& r, const Numbers& k, const Traits& 
         const Lanes e = angle - r.curved()[i] - r.p()[i], kept = kept_bend(clipped(e, -c.yield_angle, c.yield_angle), k, c);
         r.pn()[i] = r.p()[i] + e - kept;
         const Lanes beyond = angle - clipped(angle, all_of(-k.tightest), all_of(k.tightest));
-        r.moment()[i] = r.bending()[i] * kept + c.bending_damping * (r.spin()[i] - r.spin()[i - 1]) + k.stop * beyond;
+        r.moment()[i] = r.bending()[i] * (kept + c.springback * r.pn()[i]) + c.bending_damping * (r.spin()[i] - r.spin()[i - 1]) + k.stop * beyond;
     }
     TOGETHER();
     EACH(j, 0, n - 1) {

@@ -12,12 +12,15 @@ from app.sim.candidates import are_finite, as_float32, where_finite
 from app.sim.effects.base import Effect
 from app.sim.rods.domain import is_in_domain
 from app.sim.rods.effect import RodContext, RodProperties, RodSetting
+from app.sim.rods.equilibrium import held
 from app.sim.rods.kernels import FIELDS
 from app.sim.rods.laws import changed_properties, law_numbers, law_source, require_known, wall_numbers
 from app.sim.rods.operations import RodOperations, make_rod_operations
 from app.sim.rods.scene import Numbers, RodScene, numbers_of, smoothing_of
 from app.sim.rods.state import RodState
 
+_SPRINGBACK = 6
+"""Of `OwnTraits` in rod.h."""
 _STIFFEST = 4.0
 """The largest bending rigidity that is simulated where the scene does not say, as a multiple of the nominal one."""
 
@@ -34,8 +37,10 @@ class RodPhysics(NamedTuple):
     """Of bending: moment per rate of curvature [N m^2 s]."""
     yield_curvature: Float[jax.Array, " B"]
     """Elastic curvature [1/m] beyond which the rope keeps its bend."""
+    permanent_set: Float[jax.Array, " B"]
+    """Share of its bends that lasts without load: 1 if it is free of stress as it is seen, 0 if it were straight."""
     rest_curvature: Float[jax.Array, " B"]
-    """Of the unloaded rope [1/m]."""
+    """Of the unloaded rope [1/m], besides."""
     climb: Float[jax.Array, " B"]
     """Speed with which the rope slips up and down the finger, as a share of the finger's own: it hops as it slides."""
     press: Float[jax.Array, " B"]
@@ -95,6 +100,8 @@ class RodHistory(NamedTuple):
     """For the kernels: x, y, distance from the centreline at contact [m] (0: above the rope), sine from above."""
     fields: Float[jax.Array, "B 3 n"]
     """Mass [kg], bending stiffness [N m] and rest angle [rad] of each node, with what effects make of them."""
+    springback: Float[jax.Array, " B"]
+    """Share of bends that does not last."""
 
 
 class TraceRod(Protocol):
@@ -161,7 +168,8 @@ def make_rod_trace(scene: RodScene, effects: tuple[Effect, ...] = ()) -> TraceRo
         setting: RodSetting | None = None,
     ) -> RodHistory:
         inputs = _inputs(scene, effects, physics, state, tool, phi, setting)
-        return RodHistory(nodes=operations.states(*inputs), finger=inputs[3], fields=inputs[1])
+        springback = inputs[2][:, _SPRINGBACK]
+        return RodHistory(operations.states(*inputs), finger=inputs[3], fields=inputs[1], springback=springback)
 
     return trace
 
@@ -209,7 +217,8 @@ def _inputs(
     walls = wall_numbers(scene.walls, properties.finger_friction / physics.finger_friction)
     numbers = [_traits(scene, physics, properties), *law_numbers(effects, own, context), *walls]
     traits = jnp.concatenate(numbers, axis=1)
-    return state.nodes, _fields(scene, properties), traits, _fingers(scene, physics, tool)
+    start = held(scene, state.nodes, properties, numbers_of(scene, 0.0).table)
+    return start, _fields(scene, properties), traits, _fingers(scene, physics, tool)
 
 
 def _properties(scene: RodScene, physics: RodPhysics) -> RodProperties:
@@ -224,6 +233,7 @@ def _properties(scene: RodScene, physics: RodPhysics) -> RodProperties:
         finger_friction=physics.finger_friction,
         viscosity=physics.viscosity,
         yield_curvature=physics.yield_curvature,
+        permanent_set=physics.permanent_set,
     )
 
 
@@ -245,6 +255,7 @@ def _traits(scene: RodScene, physics: RodPhysics, properties: RodProperties) -> 
             properties.yield_curvature * scene.rest_m,
             physics.climb,
             physics.creep,
+            1 - properties.permanent_set,
             *(half if scene.finger_half_width_m > 0 else ()),
         ],
         axis=1,

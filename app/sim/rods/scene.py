@@ -132,6 +132,7 @@ class RodScene:
             "finger_friction": 0.3,
             "viscosity": _VISCOSITY_PA_S * self.second_moment_m4,
             "yield_curvature": 5.0,
+            "permanent_set": 1.0,
             "rest_curvature": 0.0,
             "climb": 0.0,
             "press": 1.0,

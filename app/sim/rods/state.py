@@ -26,7 +26,8 @@ class RodState(NamedTuple):
     """Ropes of B candidates as n nodes each, and N particles; a JAX pytree."""
 
     nodes: Float[jax.Array, "B 8 n"]
-    """Rows: x, y [m], velocities [m/s], bristles of the table [m], that of the finger [m], lasting bends [rad]."""
+    """Rows: x, y [m], velocities [m/s], bristles of the table [m], that of the finger [m], bends about which
+    yield is centred [rad]: of them a share lasts (`RodPhysics.permanent_set`)."""
     place: Float[jax.Array, "B N"]
     """Where along the rope a particle is, in segments from the first node."""
     offset: Float[jax.Array, "B N 3"]
@@ -50,7 +51,7 @@ class RodState(NamedTuple):
         radius_m: float | None = None,
         near: Float[jax.Array, "2 n"] | None = None,
     ) -> Self:
-        """Unmoving and free of stress: `count` nodes, `rest_m` apart, through particles `x` of a rope.
+        """Unmoving, its bends at the centre of yield: `count` nodes, `rest_m` apart, through particles `x` of a rope.
 
         The order along the rope is found on the host (`centreline.traced`), from the prediction `near` [m] too where
         there is one. Nodes minimise squared distances of particles to their places on the polygon, weighted by how near
@@ -62,10 +63,10 @@ class RodState(NamedTuple):
 
     @classmethod
     def along(cls, line: Float[jax.Array, "B 2 n"]) -> Self:
-        """Unmoving and free of stress through known nodes, which are also its particles, at the height of the table."""
+        """Unmoving, its bends at the centre of yield, through known nodes on the table, which are its particles."""
         line = jnp.asarray(line, jnp.float32)
         place = jnp.tile(jnp.arange(line.shape[2], dtype=jnp.float32), (len(line), 1))
-        return cls(nodes=_free_of_stress(line), place=place, offset=jnp.zeros((*place.shape, 3)))
+        return cls(nodes=_unmoving(line), place=place, offset=jnp.zeros((*place.shape, 3)))
 
     def resting(self) -> Self:
         """The same without motion; what friction and yield have stored stays."""
@@ -82,11 +83,11 @@ def _at_rest(
     known = jax.pure_callback(labels, shape, *jax.lax.stop_gradient((x, near)))
     place, weight = jax.lax.stop_gradient(known)
     line = inextensible(jax.vmap(_centreline, (0, 0, 0, None))(x[..., :2], place, weight, count), rest_m)
-    return _free_of_stress(line), place, _offsets(x, line, place)
+    return _unmoving(line), place, _offsets(x, line, place)
 
 
-def _free_of_stress(line: Float[jax.Array, "B 2 n"]) -> Float[jax.Array, "B 8 n"]:
-    """The rows `nodes` of unmoving ropes whose bends all last."""
+def _unmoving(line: Float[jax.Array, "B 2 n"]) -> Float[jax.Array, "B 8 n"]:
+    """The rows `nodes` of unmoving ropes at the centre of yield."""
     candidates, _, count = line.shape
     return jnp.zeros((candidates, STATE, count)).at[:, :2].set(line).at[:, 7, 1:-1].set(bends(line))
 
@@ -101,7 +102,7 @@ class RodStart:
     radius_m: float | None = None
 
     def __call__(self, x: Float[jax.Array, "B N 3"]) -> RodState:
-        """Unmoving and free of stress."""
+        """Unmoving, its bends at the centre of yield."""
         return RodState.at_rest(x, self.count, self.rest_m, self.radius_m)
 
 
