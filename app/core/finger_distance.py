@@ -3,6 +3,8 @@
 from typing import Any, TypeVar, cast
 
 import numpy as np
+from jaxtyping import Float, Float64
+from scipy.spatial import KDTree
 
 ArrayT = TypeVar("ArrayT")
 
@@ -26,3 +28,12 @@ def extent_m(directions: ArrayT, half_m: tuple[float, float]) -> ArrayT:
     """From a finger's middle to the farther end of its core along unit vectors (..., 2), shape (...)."""
     given = cast(Any, directions)
     return abs((given * np.asarray(half_m, given.dtype)).sum(-1))
+
+
+def nearest_m(
+    middles: Float64[np.ndarray, "S 2"], points: Float[np.ndarray, "N 2"], half_m: tuple[float, float]
+) -> Float64[np.ndarray, " S"]:
+    """From each core, of a finger at `middles`, to the nearest of the points [m]."""
+    if half_m == (0.0, 0.0):  # By a tree, a tenth of the time at 2000 points.
+        return KDTree(points).query(middles)[0]
+    return np.linalg.norm(from_core(middles[:, None] - points[None], half_m), axis=-1).min(1)

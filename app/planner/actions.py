@@ -10,7 +10,7 @@ from jax.lax import Precision
 from jaxtyping import Array, Bool, Float, Float32, Float64, Int
 
 from app.config import Site
-from app.core.finger_distance import extent_m, from_core
+from app.core.finger_distance import extent_m, from_core, nearest_m
 from app.core.motion import Motion
 from app.core.types import Points, ToolPose
 from app.policy.base import Now
@@ -180,7 +180,7 @@ class Pushes:
         length = rng.uniform(*self.random_length_m, size=(tries, 1))
         low, high = self._bounds()
         outside = np.maximum(low - start, start - high).max(1).clip(min=0)
-        near = np.linalg.norm(from_core(start[:, None] - x[None, :, :2], self.core_m), axis=-1).min(1)
+        near = nearest_m(start, x[:, :2], self.core_m)
         hindered = np.linalg.norm(self._outside(jnp.asarray(start)) - start, axis=1)
         badness = outside + hindered + (self.clearance_m - near).clip(min=0)
         chosen = np.argsort(badness, kind="stable")[:count]
