@@ -84,14 +84,15 @@ def test_it_does_not_spring_as_it_would_if_friction_had_to_begin():
 
 
 def test_one_whose_stress_is_beyond_friction_comes_to_rest_with_less_bend():
-    """On a table a fiftieth as rough, part of it is within the bound again, and nothing moves any more."""
-    start = lying(*[wave(20.0)] * 3)
-    end = simulator()(physics(SHARES, table_friction=0.01), start, still(3, 2.0))
-    bent = np.abs(np.asarray(bends(end.nodes[:, :2]))).max(1) / np.abs(np.asarray(bends(start.nodes[:, :2]))).max(1)
-    assert bent[0] < bent[1] < 0.95
-    assert bent[0] > 0.05
-    assert bent[2] == pytest.approx(1.0, abs=1e-3)
-    assert np.abs(end.nodes[:, 2:4]).max() < 2e-3
+    """On a table a tenth as rough the elastic one gives way, until what is left is within the bound; others hold."""
+    start = lying(*[wave(20.0)] * len(SHARES))
+    end = simulator()(physics(SHARES, table_friction=0.05), start, still(len(SHARES), 2.0))
+    bent = np.asarray(bends(end.nodes[:, :2])).max(1) / np.asarray(bends(start.nodes[:, :2])).max(1)
+    moved = np.abs(np.asarray(end.nodes[:, :2] - start.nodes[:, :2])).max((1, 2))
+    assert 0.3 < bent[0] < 0.9
+    assert moved[0] > 0.02
+    assert np.abs(end.nodes[0, 2:4]).max() < 1e-3
+    assert moved[1:].max() < 1e-3
 
 
 @pytest.mark.parametrize("share", [0.0, 0.25, 0.5, 1.0])
@@ -102,9 +103,9 @@ def test_without_load_a_rope_keeps_its_share_of_the_bend_that_it_was_seen_with(s
     assert kept == pytest.approx(share * 2.5, abs=0.2 * 2.5)
 
 
-@pytest.mark.parametrize("share", [0.5, 1.0])
+@pytest.mark.parametrize("share", [0.75, 1.0])
 def test_of_what_it_is_bent_beyond_its_yield_curvature_a_rope_keeps_its_share(share: float):
-    """Of 2.5 / m, 1 / m are elastic in any case."""
+    """Of 2.5 / m, 1 / m are elastic in any case. With smaller shares it swings back so far that it yields once more."""
     bent = lying(arc(2.5))
     bent = bent._replace(nodes=bent.nodes.at[:, 7].set(0.0))
     slippery = physics((share,), table_friction=1e-3, viscosity=3e-6, yield_curvature=1.0)
@@ -184,15 +185,22 @@ def test_an_action_in_two_pieces_is_the_whole_action():
 
 
 def test_a_second_action_goes_on_from_the_friction_and_the_bends_of_the_first():
+    """What came to rest without the finger stays there, though friction holds what would spring back."""
     given, state, tool = pushes()
-    first = simulator()(given, state, tool).resting()
-    second = simulator()(given, first, still(PUSHES, 0.5))
-    moved = np.abs(np.asarray(second.nodes[:, :2] - first.nodes[:, :2])).max((1, 2))
-    assert np.median(moved) < 3e-4
+    given = given._replace(creep=jnp.full(PUSHES, 1e-4))
+    first = simulator()(given, simulator()(given, state, tool), still(PUSHES, 0.9)).resting()
+    second = simulator()(given, first, still(PUSHES, 0.9))
+    pushed, moved = (
+        np.abs(np.asarray(after.nodes[:, :2] - before.nodes[:, :2])).max((1, 2))
+        for after, before in ((first, state), (second, first))
+    )
+    assert np.median(pushed) > 0.02
+    assert np.median(moved) < 2e-4
 
 
 def test_a_mirror_image_moves_like_a_mirror_image_and_either_end_may_be_the_first():
-    given, (start, path) = physics((0.4,)), (wave(6.0), straight(np.array([0.06, -0.09]), np.array([0.02, 0.12]), 0.9))
+    given, start, way = physics((0.4,)), wave(6.0), np.array([0.02, 0.12])
+    path = straight(start[26] - 0.3 * way, way, 0.9)
     mirror = jnp.array([-1.0, 1.0, 1.0])
     ends = [
         np.asarray(simulator()(given, lying(line), each[None]).nodes[0, :2]).T
