@@ -170,25 +170,6 @@ def test_beyond_its_yield_curvature_a_rope_keeps_its_bend_and_below_it_straighte
     assert np.asarray(bends(kept.nodes[:, :2])).mean() == pytest.approx(1.5 * SCENE.rest_m, rel=0.15)
 
 
-def test_a_rope_that_springs_back_stays_where_friction_holds_it_and_straightens_where_that_cannot():
-    """An arc with a bend of 2.5 / m pulls at its ends by 2.5 mN or 50, of which friction holds 4 or 0.8."""
-    bent = lying(curve(1.0))
-    limp = physics(rigidity=1e-5, permanent_set=0.0)
-    stiff = physics(rigidity=2e-4, permanent_set=0.0, table_friction=0.1)
-    at_rest = simulator()(limp, bent, still(1.0))
-    assert np.abs(line_of(at_rest) - line_of(bent)).max() < 1e-4
-    turned = [np.asarray(bends(each.nodes[:, :2])).sum() for each in (bent, simulator()(stiff, bent, still(2.0)))]
-    assert turned[1] < 0.8 * turned[0]
-
-
-def test_the_share_that_lasts_is_where_a_rope_comes_to_rest_without_friction():
-    bent = lying(curve(1.0))
-    free = physics(table_friction=1e-3, viscosity=3e-6, permanent_set=0.6, yield_curvature=100.0)
-    end = simulator()(free, bent, still(3.0))
-    middle = np.asarray(bends(end.nodes[:, :2]))[0, 8:-8].mean() / np.asarray(bends(bent.nodes[:, :2]))[0, 8:-8].mean()
-    assert middle == pytest.approx(0.6, abs=0.06)
-
-
 # Gradients.
 
 PUSHES = 24
@@ -240,21 +221,6 @@ def test_gradients_of_parameters_equal_central_differences(name: str):
         return given._replace(**{name: value * (1 + amount)}), state, tool
 
     assert_agree(slope, [central(step, change) for step in (1e-3, 4e-3)])
-
-
-def test_the_gradient_of_the_share_that_lasts_equals_central_differences():
-    given, state, tool = pushes()
-    half = given._replace(permanent_set=jnp.full(PUSHES, 0.5))
-
-    def total(values: RodPhysics) -> jax.Array:
-        return cost(values, state, tool).sum()
-
-    slope = np.asarray(jax.grad(total)(half).permanent_set, np.float64)
-
-    def change(amount: float):
-        return half._replace(permanent_set=half.permanent_set + amount), state, tool
-
-    assert_agree(slope, [central(step, change) for step in (3e-3, 1e-2)])
 
 
 @pytest.mark.parametrize("axis", [0, 1])
