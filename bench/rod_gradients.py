@@ -38,7 +38,7 @@ _MM2: Final = 1e6
 
 
 class Slopes(NamedTuple):
-    """By the adjoint (P,), and by differences (S, P) with steps of several sizes [mm^2]."""
+    """Slopes by the adjoint (P,), and by differences (S, P) with steps of several sizes [mm^2]."""
 
     adjoint: Float64[np.ndarray, " P"]
     differences: Float64[np.ndarray, "S P"]
@@ -60,7 +60,7 @@ class Slopes(NamedTuple):
         )
 
 
-class Problems(NamedTuple):
+class PushCases(NamedTuple):
     """Ropes at rest, actions that move them, and goals."""
 
     physics: RodPhysics
@@ -69,23 +69,28 @@ class Problems(NamedTuple):
     goal: Float[jax.Array, "P M 3"]
 
 
+def paths(actions: jax.Array) -> jax.Array:
+    """Tool paths of the finger [m]."""
+    return TASK.actions.tool_path(actions, jnp.tile(jnp.asarray(AWAY, jnp.float32), (len(actions), 1)))
+
+
 def costs(physics: RodPhysics, state: RodState, actions: jax.Array, goal: jax.Array) -> jax.Array:
     """Chamfer distance to the goal after each push [mm^2]."""
-    path = TASK.actions.tool_path(actions, jnp.tile(jnp.asarray(AWAY, jnp.float32), (len(actions), 1)))
+    path = paths(actions)
     return _MM2 * jax.vmap(chamfer_m2)(SIMULATE(physics, state, path).x, goal)
 
 
-def problems(seed: int) -> Problems:
-    """Those of `COUNT` random actions that move the rope by a millimetre in the mean."""
+def push_cases(seed: int) -> PushCases:
+    """Random actions, `COUNT` less those that move the rope by less than a millimetre in the mean."""
     rng = np.random.default_rng(seed)
     x = np.stack([TASK.particles(TASK.start(number), PARTICLES) for number in range(COUNT)])
     goal = np.stack([TASK.goal(number, PARTICLES) for number in range(COUNT)])
     actions = np.concatenate([TASK.actions.sample(rng, each, AWAY, 1) for each in x])
     given = physics(CONTACT | {name: NOMINAL[name] for name in ("table_friction", "finger_friction")}, COUNT)
     state = RodState.at_rest(jnp.asarray(x), SCENE.nodes, SCENE.rest_m, SCENE.radius_m)
-    path = TASK.actions.tool_path(jnp.asarray(actions), jnp.tile(jnp.asarray(AWAY, jnp.float32), (COUNT, 1)))
-    moved = np.linalg.norm(np.asarray(SIMULATE(given, state, path).x) - x, axis=2).mean(1) > MOVED_M
-    return jax.tree.map(partial(_of, moved), Problems(given, state, jnp.asarray(actions), jnp.asarray(goal)))
+    end = np.asarray(SIMULATE(given, state, paths(jnp.asarray(actions))).x)
+    moved = np.linalg.norm(end - x, axis=2).mean(1) > MOVED_M
+    return jax.tree.map(partial(_of, moved), PushCases(given, state, jnp.asarray(actions), jnp.asarray(goal)))
 
 
 def _of(which: Bool[np.ndarray, " P"], values: jax.Array) -> jax.Array:
@@ -94,7 +99,7 @@ def _of(which: Bool[np.ndarray, " P"], values: jax.Array) -> jax.Array:
 
 def slopes(seed: int) -> Iterator[tuple[str, Slopes]]:
     """Along a random change of the action, and with each parameter."""
-    given, state, actions, goal = problems(seed)
+    given, state, actions, goal = push_cases(seed)
     way = np.random.default_rng(seed).standard_normal(actions.shape).astype(np.float32) * TASK.actions.scale()
 
     @jax.jit

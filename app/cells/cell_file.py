@@ -122,7 +122,7 @@ def load_cell(path: Path) -> CellFile:
 
 
 def table(cell: CellFile) -> TablePlace:
-    """Where its table is."""
+    """Place of its table."""
     return TablePlace(place_m=cell.table.place_m, turn_deg=cell.table.turn_deg)
 
 
@@ -169,7 +169,7 @@ def _beyond_m(cell: CellFile, *, middle: bool) -> float:
 
 
 def _reach(cell: CellFile) -> Reach:
-    """Of its arm, in the table's frame."""
+    """Reach of its arm, in the table's frame."""
     return reach_over(table(cell), cell.arm.tool.tip_m)
 
 

@@ -65,7 +65,7 @@ def _pictured(film: Film, tool: Tool, states: Sequence[ArmState]) -> ArmShape | 
 
 
 def _table(episode: Episode) -> TablePlace:
-    """Where the table was, as the recording says; where it says nothing, the arm stood on it."""
+    """Place of the table, as the recording says; where it says nothing, the arm stood on it."""
     try:
         said = json.loads(episode.config)["table"]
         x, y, z = (float(each) for each in said["place_m"])

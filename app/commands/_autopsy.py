@@ -7,7 +7,7 @@ from rich.table import Table
 from rich.text import Text
 
 from app.sim.dump import Dump, load_dump, versions
-from app.sim.faults import KEPT, Trace
+from app.sim.faults import KEPT, StepTable
 
 _ROWS = 8
 """Of the table before the last states, evenly spread."""
@@ -35,7 +35,7 @@ def _heading(dump: Dump) -> str:
     return f"{dump.about}: {dump.case.summary}. Written by {wrote}.{other}"
 
 
-def _table(trace: Trace, done: str) -> Table:
+def _table(trace: StepTable, done: str) -> Table:
     """Evenly spread states, and the last ones each: a simulation breaks within a few steps."""
     columns, count = trace.columns(), len(trace)
     table = Table(done, *columns)

@@ -128,7 +128,7 @@ def _truth(session: Session) -> dict[str, Any]:
 
 
 def _bending(physics: WorldPhysics) -> dict[str, float]:
-    """How stiff the rope is, by what it is made of."""
+    """Stiffness of the rope, by its model."""
     if physics.cable is None:
         return {"bend_stiffness_n_m_rad": physics.rope.bend_stiffness_n_m_rad}
     return {"rigidity_n_m2": physics.cable.rigidity_n_m2}

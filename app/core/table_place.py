@@ -1,4 +1,4 @@
-"""Where the table is in the frame of an arm's base, and what changes from the one frame to the other.
+"""Place of the table in the frame of an arm's base, and what changes from the one frame to the other.
 
 The program's world is the table's: z up from its surface. What knows the base alone, an arm's driver and calibrations
 of cameras, is told and read through this.

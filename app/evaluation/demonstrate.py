@@ -106,7 +106,7 @@ def record(shown: Demonstration, path: Path) -> int:
 
 
 def _world(wish: Wish) -> dict[str, str]:
-    """What a simulated rope is made of, as an episode's recording says it."""
+    """Configuration of a simulated rope, as an episode's recording says it."""
     body = wish.task.stage.body
     return {"world": body.model} if isinstance(body, Rope) else {}
 

@@ -11,7 +11,7 @@ from jaxtyping import Array, Float, Float32
 
 from app.config import Site
 from app.core.errors import PlanningError
-from app.core.finger_distance import from_core
+from app.core.finger_distance import nearest_m
 from app.core.messages import Origin
 from app.core.types import Path3, Points, ToolPose
 from app.planner.actions import Pushes
@@ -97,7 +97,7 @@ def require(action: Float32[np.ndarray, " A"], x: Points, pushes: Pushes, site: 
         (x0, y0), (x1, y1) = np.maximum(low, limits.low[:2]), np.minimum(high, limits.high[:2])
         within = f"x {x0:.2f} to {x1:.2f} m, y {y0:.2f} to {y1:.2f} m"
         raise PlanningError(f"It leaves the region of pushes ({within}); move its ends inside.")
-    near_m = float(np.linalg.norm(from_core(points[0] - x[:, :2], pushes.core_m), axis=1).min())
+    near_m = float(nearest_m(points[:1], x[:, :2], pushes.core_m)[0])
     if near_m < pushes.clearance_m - _MENDED_M:
         beside = f"the finger comes down {pushes.clearance_m * _MM:.0f} mm beside it or more"
         raise PlanningError(f"It begins {near_m * _MM:.0f} mm from the object, and {beside}; move its start away.")

@@ -92,6 +92,7 @@ class TreePlanner:
         actions = _rolled_out(self.search, tree)
         _descended.lower(self, tree.phi, tree.now, jnp.asarray(example), actions).compile()
         compile_film(self.search, tree.phi, tree.now, actions)
+        _ways(self.search, actions[:, 0], AWAY)
 
 
 _rolled_out = jax.jit(roll_out, static_argnums=0)

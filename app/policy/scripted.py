@@ -43,7 +43,7 @@ class ScriptedPush:
     max_length_m: float
     clearance_m: float
     core_m: tuple[float, float] = (0.0, 0.0)
-    """Of a flat finger (`Finger.half_m`), which starts and ends farther behind as far as it reaches ahead."""
+    """Core of a flat finger (`Finger.half_m`), which starts and ends farther behind as far as it reaches ahead."""
     reach: float = 0.15
     max_tilt_rad: float = 0.9
     nodes: int = 24

@@ -6,7 +6,7 @@ from typing import final
 import numpy as np
 from jaxtyping import Float64
 
-from app.core.finger_distance import extent_m, from_core
+from app.core.finger_distance import extent_m, nearest_m
 from app.core.track import Track
 from app.core.types import Points
 
@@ -80,7 +80,7 @@ def _stroke(
     for start, ahead, length in drawn:
         end = start + length * ahead
         inside = np.all((start > low) & (start < high) & (end > low) & (end < high))
-        if inside and np.linalg.norm(from_core(start - x[:, :2], core_m), axis=1).min() > _CLEAR_M:
+        if inside and nearest_m(start[None], x[:, :2], core_m)[0] > _CLEAR_M:
             return start, ahead, length
     return drawn[-1]
 

@@ -13,9 +13,9 @@ _FEWEST_POINTS: Final = 30
 """Of an object: fewer do not say where each part of it is."""
 _FARTHEST_M: Final = 5.0
 _HEAVIEST_KG: Final = 100.0
+"""No arm on a table reaches as far, and no object on it is as heavy."""
 _MOST_YAW_RAD: Final = 3.142
 _SIZES: Final = (("object", "length_m"), ("object", "radius_m"), ("tool", "radius_m"), ("tool", "half_width_m"))
-"""No arm on a table reaches as far, and no object on it is as long."""
 _FASTEST_M_S: Final = 10.0
 _LONGEST_PUSH_S: Final = 600.0
 _EARLIEST_S, _LATEST_S = -1.0e6, 2.4e9

@@ -55,7 +55,7 @@ class Case:
 
     @property
     def summary(self) -> str:
-        """What is simulated, in words."""
+        """The simulated objects and their numbers, in words."""
         scene = self.setup.scene
         materials = ", ".join(type(body.material).__name__.lower() for body in scene.bodies)
         tools = ", ".join(type(tool).__name__.lower() for tool in scene.tools) or "none"
@@ -72,7 +72,7 @@ class Case:
 @final
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Trace:
-    """Of the states after 0, 1, 2, ... substeps: greatest speed, range of det F, particles that are not on the grid.
+    """Numbers of the states after 0, 1, 2, ... substeps: greatest speed, range of det F, particles off the grid.
 
     `cells`: how many cells the fastest particle crosses in a substep.
     """

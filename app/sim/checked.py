@@ -3,7 +3,6 @@
 from pathlib import Path
 
 import jax
-import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Float
 
@@ -15,7 +14,7 @@ from app.sim.rods.autopsy import RodCase, single_rod
 from app.sim.rods.checks import RodSetup, require_rod_inputs
 from app.sim.rods.domain import are_whole
 from app.sim.rods.effect import RodSetting
-from app.sim.rods.rollout import RodPhysics, SimulateRod, make_rod_rollout
+from app.sim.rods.rollout import RodPhysics, SimulateRod, completed, make_rod_rollout
 from app.sim.rods.state import RodState
 from app.sim.rollout import Simulate, make_rollout
 from app.sim.state import Setting, State
@@ -50,7 +49,6 @@ def checked(setup: Setup, folder: Path, simulate: Simulate | None = None) -> Sim
 def checked_rods(setup: RodSetup, folder: Path, simulate: SimulateRod | None = None) -> SimulateRod:
     """The same for rods, of which a candidate also fails that ends strained by half or farther away than the room."""
     run = simulate or make_rod_rollout(setup.scene, setup.effects)
-    null = np.array([spec.nominal for spec in setup.specs()], np.float32)
 
     def simulate_checked(
         physics: RodPhysics,
@@ -59,8 +57,7 @@ def checked_rods(setup: RodSetup, folder: Path, simulate: SimulateRod | None = N
         phi: Float[jax.Array, "B P"] | None = None,
         setting: RodSetting | None = None,
     ) -> RodState:
-        own = jnp.tile(null, (len(tool), 1)) if phi is None else phi
-        known = setting or RodSetting.unknown(len(tool), setup.scene.nodes)
+        own, known = completed(setup.scene, setup.effects, len(tool), phi, setting)
         require_rod_inputs(setup, physics, own, state, tool, known)
         end = run(physics, state, tool, own, known)
         broken = first(~np.asarray(are_whole(setup.scene, end.nodes)))

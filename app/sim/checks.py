@@ -36,7 +36,7 @@ class Setup:
     effects: tuple[Effect, ...]
 
     def specs(self) -> tuple[ParameterSpec, ...]:
-        """Of the columns of phi."""
+        """Specifications of the columns of phi."""
         return parameters_with(self.effects)
 
     def sizes(self) -> "Sizes":

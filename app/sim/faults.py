@@ -10,7 +10,7 @@ KEPT = 8
 """States before the end that are kept."""
 
 
-class Trace(Protocol):
+class StepTable(Protocol):
     """Numbers of the states after 0, 1, 2, ... steps."""
 
     def __len__(self) -> int:
@@ -22,7 +22,7 @@ class Trace(Protocol):
         ...
 
 
-TraceT = TypeVar("TraceT", bound=Trace)
+TraceT = TypeVar("TraceT", bound=StepTable)
 StateT = TypeVar("StateT", bound=ObjectState)
 
 

@@ -9,7 +9,7 @@ import numpy as np
 from app.config import Site
 from app.core.chamfer import chamfer_m2
 from app.core.errors import PlanningError
-from app.core.finger_distance import from_core
+from app.core.finger_distance import nearest_m
 from app.core.messages import Branch
 from app.core.motion import Motion
 
@@ -135,5 +135,5 @@ def _fits(way: Float64[np.ndarray, "W 2"], object_: Float64[np.ndarray, "N 2"], 
     low, high = np.array(pushes.region[:2]), np.array(pushes.region[2:])
     if ((way < low) | (way > high)).any():
         return False
-    near = np.linalg.norm(from_core(way[:, None] - object_[None], pushes.core_m), axis=2).min(1)
+    near = nearest_m(way, object_, pushes.core_m)
     return bool(near[0] >= pushes.clearance_m and near[: len(way) // 2 + 1].min() < _THROUGH_M)

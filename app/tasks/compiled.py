@@ -119,7 +119,7 @@ def _moving_rod(task: Task, effects: tuple[Effect, ...]) -> Part:
 
 
 def rod_physics(rods: RodDynamics, phi: Float[Array, "B P"]) -> RodPhysics:
-    """What the parameters make of a task's rod."""
+    """Physics of a task's rod with these parameters."""
     given = {name: jnp.full(len(phi), value, jnp.float32) for name, value in rods.physics.items()}
     rigidity = phi[:, index("stiffness")] * rods.scene.second_moment_m4
     nominal = RodPhysics.nominal(rods.scene, len(phi))
@@ -127,7 +127,7 @@ def rod_physics(rods: RodDynamics, phi: Float[Array, "B P"]) -> RodPhysics:
 
 
 def rod_columns(effects: Sequence[Effect]) -> list[int]:
-    """Where the parameters of a rod's simulator with these effects stand in phi."""
+    """Columns of phi that a rod's simulator with these effects takes."""
     return [index(spec.name) for effect in effects for spec in effect.parameters]
 
 

@@ -145,7 +145,7 @@ def test_recordings_of_the_same_name_get_files_of_their_own(tmp_path: Path, caps
 
 
 def middle_of_largest_chunk(path: Path) -> int:
-    """Of messages: between chunks are indexes, which nothing has a checksum of, and which are not needed."""
+    """Offset of a byte of messages: the indexes between chunks have no checksum, and are not needed."""
     with path.open("rb") as file:
         summary = make_reader(file).get_summary()
     assert summary is not None

@@ -1,4 +1,4 @@
-"""What a flat finger does to a rope in the simulated worlds, and that a rod does nearly the same."""
+"""A flat finger pushes a rope in the simulated worlds, and a rod nearly the same way."""
 
 from dataclasses import replace
 from typing import get_args
@@ -26,7 +26,7 @@ ROUND = replace(FLAT, half_width_m=0.0)
 
 @pytest.fixture(params=get_args(RopeModel))
 def physics(request: pytest.FixtureRequest) -> WorldPhysics:
-    """Of each world of ropes."""
+    """One for each world of ropes."""
     return ROPE_WORLDS[request.param]
 
 

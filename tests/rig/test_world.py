@@ -26,7 +26,7 @@ LENGTH_M = {"chain": 1e-9, "cable": 2e-3}
 
 @pytest.fixture(params=get_args(RopeModel))
 def physics(request: pytest.FixtureRequest) -> WorldPhysics:
-    """Of each world of ropes."""
+    """One for each world of ropes."""
     return ROPE_WORLDS[request.param]
 
 

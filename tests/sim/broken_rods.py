@@ -56,7 +56,7 @@ def too_stiff() -> RodCase:
 
 
 def simulated(given: Given) -> RodState:
-    """By the ordinary simulator."""
+    """The end by the ordinary simulator."""
     physics, phi, state, tool, setting = jax.tree.map(jnp.asarray, given)
     return ROLLOUT(physics, state, tool, phi, setting)
 

@@ -1,6 +1,5 @@
 """Laws of a rope that a flat finger pushes: seen from above, a line of some width with round edges."""
 
-from collections.abc import Callable
 from dataclasses import replace
 from functools import cache
 
@@ -13,11 +12,11 @@ from app.core.errors import ParameterError
 from app.sim.rods.rollout import RodPhysics, SimulateRod, make_rod_rollout
 from app.sim.rods.scene import RodScene
 from app.sim.rods.state import RodState, bends
+from tests.sim import pushed_ropes
+from tests.sim.pushed_ropes import REACH_M, Change, assert_agree, central, crossing, curve, line_of, lying, straight
+from tests.sim.pushed_ropes import SCENE as ROUND
 
-ROUND = RodScene(length_m=0.40, radius_m=0.008, mass_kg=0.064, finger_radius_m=0.009)
 SCENE = replace(ROUND, finger_half_width_m=0.015)
-REACH_M = np.sqrt(0.017**2 - 0.007**2)
-"""From the centreline to the core of a finger whose tip is 6 mm above the table."""
 PUSHES = 32
 
 
@@ -26,33 +25,9 @@ def simulator(scene: RodScene = SCENE) -> SimulateRod:
     return make_rod_rollout(scene)
 
 
-def curve(turn_rad: float) -> np.ndarray:
-    """Nodes (n, 2) of an arc of constant curvature about the origin."""
-    heading = turn_rad * (np.arange(SCENE.nodes - 1) / (SCENE.nodes - 2) - 0.5)
-    line = np.concatenate([np.zeros((1, 2)), np.cumsum(np.stack([np.cos(heading), np.sin(heading)], 1), 0)])
-    return SCENE.rest_m * (line - line.mean(0))
-
-
-def lying(*lines: np.ndarray) -> RodState:
-    """Ropes (n, 2) each, free of stress and without particles of their own."""
-    return RodState.along(jnp.asarray(np.stack(lines).transpose(0, 2, 1)))
-
-
 def physics(candidates: int = 1, **values: float) -> RodPhysics:
     nominal = RodPhysics.nominal(SCENE, candidates)
     return nominal._replace(**{name: jnp.full(candidates, value) for name, value in values.items()})
-
-
-def straight(start: tuple[float, float], velocity: tuple[float, float], seconds: float) -> jax.Array:
-    """A finger (1, T, 3) at constant velocity, its tip 6 mm above the table."""
-    t = SCENE.dt_s * np.arange(round(seconds / SCENE.dt_s) + 1)
-    path = np.stack([start[0] + velocity[0] * t, start[1] + velocity[1] * t, np.full(len(t), 0.006)], axis=1)
-    return jnp.asarray(path[None], jnp.float32)
-
-
-def line_of(state: RodState, candidate: int = 0) -> np.ndarray:
-    """Nodes (n, 2)."""
-    return np.asarray(state.nodes[candidate, :2], np.float64).T
 
 
 def gap_m(line: np.ndarray, middle: np.ndarray, yaw: float, half_width_m: float) -> float:
@@ -121,11 +96,10 @@ def pushes() -> tuple[RodPhysics, RodState, jax.Array]:
     half_width, yaw = rng.uniform(0.005, 0.02, PUSHES), rng.uniform(-np.pi, np.pi, PUSHES)
     paths = []
     for line, half_m, turned in zip(lines, half_width, yaw, strict=True):
-        where, angle = line[rng.integers(3, SCENE.nodes - 3)], rng.uniform(0, 2 * np.pi)
-        way = np.array([np.cos(angle), np.sin(angle)])
+        where, way = crossing(rng, line)
         starts = (where - behind * way for behind in np.arange(0.03, 0.3, 0.003))
         start = next(place for place in starts if gap_m(line, place, turned, half_m) > REACH_M + 0.002)
-        paths.append(straight((start[0], start[1]), tuple(0.12 * way), 0.9)[0])
+        paths.append(straight(start, 0.12 * way, 0.9)[0])
     given = physics(PUSHES, creep=1e-3, climb=0.2)._replace(
         finger_half_width=jnp.asarray(half_width, jnp.float32), finger_yaw=jnp.asarray(yaw, jnp.float32)
     )
@@ -133,10 +107,8 @@ def pushes() -> tuple[RodPhysics, RodState, jax.Array]:
 
 
 def cost(given: RodPhysics, state: RodState, tool: jax.Array) -> jax.Array:
-    """Squared distances [cm^2] from where the ropes were at first, shifted: one number a candidate."""
-    end = simulator()(given, state, tool)
-    goal = pushes()[1].nodes[:, :2] + jnp.array([0.03, 0.02])[:, None]
-    return 1e4 * ((end.nodes[:, :2] - goal) ** 2).mean((1, 2))
+    """From where the ropes were at first."""
+    return pushed_ropes.cost(simulator(), given, state, tool, pushes()[1])
 
 
 @cache
@@ -158,7 +130,7 @@ def test_gradients_of_parameters_equal_central_differences(name: str):
     def change(amount: float):
         return given._replace(**{name: value + unit * amount}), state, tool
 
-    assert_agree(getattr(slopes()[0], name) * unit, change, 1e-3)
+    assert_differences(getattr(slopes()[0], name) * unit, change, 1e-3)
 
 
 @pytest.mark.parametrize("axis", [0, 1])
@@ -174,23 +146,12 @@ def test_gradients_of_action_and_state_equal_central_differences(part: str, axis
 
     bars = slopes()
     slope = bars[1].nodes[:, axis].sum(1) if part == "start" else (bars[2][:, :, axis] * ramp).sum(1)
-    assert_agree(slope, change, 3e-5)
+    assert_differences(slope, change, 3e-5)
 
 
-def assert_agree(
-    slope: jax.Array, change: Callable[[float], tuple[RodPhysics, RodState, jax.Array]], step: float
-) -> None:
-    """In nearly all pushes: a few end near a kink, where the finger just leaves the rope, or just does not."""
-    differences = list[np.ndarray]()
-    for size in (step, 4 * step):
-        ahead, behind = (np.asarray(cost(*change(sign * size)), np.float64) for sign in (1, -1))
-        differences.append((ahead - behind) / (2 * size))
-    largest = max(np.abs(each).max() for each in differences)
-    found = np.asarray(slope, np.float64)
-    off = np.min([np.abs(found - each) - 0.1 * np.abs(each) for each in differences], axis=0)
-    assert np.isfinite(found).all()
-    assert largest > 0
-    assert (off <= 2e-3 * largest).mean() >= 0.85, (found, differences)
+def assert_differences(slope: jax.Array, change: Change, step: float) -> None:
+    """With two steps."""
+    assert_agree(np.asarray(slope, np.float64), [central(cost, change, size) for size in (step, 4 * step)])
 
 
 @pytest.mark.parametrize(

@@ -10,11 +10,11 @@ import pytest
 
 from app.core.errors import ParameterError
 from app.sim.rods.rollout import RodPhysics, SimulateRod, make_rod_rollout
-from app.sim.rods.scene import RodScene
 from app.sim.rods.state import RodState, bends
 from app.tasks import compiled, nominal_model
+from tests.sim import pushed_ropes
+from tests.sim.pushed_ropes import SCENE, assert_agree, central, crossing, headed, lying, straight
 
-SCENE = RodScene(length_m=0.40, radius_m=0.008, mass_kg=0.064, finger_radius_m=0.009)
 SHARES = (0.0, 0.5, 1.0)
 PUSHES = 24
 
@@ -28,8 +28,7 @@ def curved(curvature: Callable[[np.ndarray], np.ndarray]) -> np.ndarray:
     """Nodes (n, 2) of a line whose curvature [1/m] at s in 0..1 along it is given, about the origin."""
     s = np.arange(1, SCENE.nodes - 1) / (SCENE.nodes - 1)
     heading = np.concatenate([[0.0], np.cumsum(curvature(s) * SCENE.rest_m)])
-    line = np.concatenate([np.zeros((1, 2)), np.cumsum(np.stack([np.cos(heading), np.sin(heading)], 1), 0)])
-    return SCENE.rest_m * (line - line.mean(0))
+    return headed(heading)
 
 
 def arc(curvature: float) -> np.ndarray:
@@ -41,10 +40,6 @@ def wave(curvature: float) -> np.ndarray:
     return curved(lambda s: curvature * np.sin(np.pi * s) ** 2)
 
 
-def lying(*lines: np.ndarray) -> RodState:
-    return RodState.along(jnp.asarray(np.stack(lines).transpose(0, 2, 1)))
-
-
 def physics(shares: tuple[float, ...], **values: float) -> RodPhysics:
     """A candidate a share."""
     given = {name: jnp.full(len(shares), value) for name, value in values.items()}
@@ -54,12 +49,6 @@ def physics(shares: tuple[float, ...], **values: float) -> RodPhysics:
 def still(count: int, seconds: float) -> jax.Array:
     """A finger (B, T, 3) that is up."""
     return jnp.tile(jnp.asarray([0.0, 0.0, 0.3]), (count, round(seconds / SCENE.dt_s) + 1, 1))
-
-
-def straight(start: np.ndarray, velocity: np.ndarray, seconds: float) -> jax.Array:
-    """A finger (T, 3) at constant velocity."""
-    t = SCENE.dt_s * np.arange(round(seconds / SCENE.dt_s) + 1)[:, None]
-    return jnp.asarray(np.concatenate([start + velocity * t, np.full((len(t), 1), 0.006)], axis=1), jnp.float32)
 
 
 # At rest.
@@ -123,19 +112,16 @@ def pushes() -> tuple[RodPhysics, RodState, jax.Array]:
     lines = [wave(rng.uniform(-9, 9)) for _ in range(PUSHES)]
     paths = []
     for line in lines:
-        where, angle = line[rng.integers(3, SCENE.nodes - 3)], rng.uniform(0, 2 * np.pi)
-        way = np.array([np.cos(angle), np.sin(angle)])
-        paths.append(straight(where - 0.03 * way, 0.12 * way, 0.9))
+        where, way = crossing(rng, line)
+        paths.append(straight(where - 0.03 * way, 0.12 * way, 0.9)[0])
     given = RodPhysics.nominal(SCENE, PUSHES)._replace(creep=jnp.full(PUSHES, 1e-3))
     shares = jnp.asarray(rng.uniform(0.1, 0.9, PUSHES), jnp.float32)
     return given._replace(permanent_set=shares), lying(*lines), jnp.stack(paths)
 
 
 def cost(given: RodPhysics, state: RodState, tool: jax.Array) -> jax.Array:
-    """Squared distances [cm^2] from where the ropes were, shifted: one number a candidate."""
-    end = simulator()(given, state, tool)
-    goal = jax.lax.stop_gradient(state.nodes[:, :2]) + jnp.array([0.03, 0.02])[:, None]
-    return 1e4 * ((end.nodes[:, :2] - goal) ** 2).mean((1, 2))
+    """From where each rope begins."""
+    return pushed_ropes.cost(simulator(), given, state, tool, state)
 
 
 @cache
@@ -148,23 +134,15 @@ def slopes() -> RodPhysics:
 
 @pytest.mark.parametrize("name", ["permanent_set", "rigidity", "table_friction", "yield_curvature"])
 def test_gradients_equal_central_differences(name: str):
-    """In nearly all pushes: a few end near a kink, where the finger just leaves the rope, or just does not."""
     given, state, tool = pushes()
     value = getattr(given, name)
 
-    def central(step: float) -> np.ndarray:
-        ahead, behind = (
-            np.asarray(cost(given._replace(**{name: value * (1 + sign * step)}), state, tool), np.float64)
-            for sign in (1, -1)
-        )
-        return (ahead - behind) / (2 * step)
+    def change(amount: float):
+        return given._replace(**{name: value * (1 + amount)}), state, tool
 
-    slope, differences = np.asarray(getattr(slopes(), name) * value, np.float64), [central(1e-3), central(4e-3)]
-    size = max(np.abs(each).max() for each in differences)
-    off = np.min([np.abs(slope - each) - 0.1 * np.abs(each) for each in differences], axis=0)
-    assert np.isfinite(slope).all()
+    slope = np.asarray(getattr(slopes(), name) * value, np.float64)
+    assert_agree(slope, [central(cost, change, step) for step in (1e-3, 4e-3)])
     assert np.abs(slope).max() > 1e-3
-    assert (off <= 2e-3 * size).mean() >= 0.85, (slope, differences)
 
 
 def test_the_gradient_is_there_where_all_bends_last_and_where_none_does():
@@ -200,7 +178,7 @@ def test_a_second_action_goes_on_from_the_friction_and_the_bends_of_the_first():
 
 def test_a_mirror_image_moves_like_a_mirror_image_and_either_end_may_be_the_first():
     given, start, way = physics((0.4,)), wave(6.0), np.array([0.02, 0.12])
-    path = straight(start[26] - 0.3 * way, way, 0.9)
+    path = straight(start[26] - 0.3 * way, way, 0.9)[0]
     mirror = jnp.array([-1.0, 1.0, 1.0])
     ends = [
         np.asarray(simulator()(given, lying(line), each[None]).nodes[0, :2]).T

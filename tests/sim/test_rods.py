@@ -1,6 +1,5 @@
 """Laws of ropes as rods."""
 
-from collections.abc import Callable
 from dataclasses import replace
 from functools import cache
 
@@ -14,29 +13,16 @@ from app.sim.rods.rollout import RodPhysics, SimulateRod, make_rod_rollout
 from app.sim.rods.scene import RodScene
 from app.sim.rods.state import RodState, bends, inextensible
 from app.tasks.curves import fill_tube
+from tests.sim import pushed_ropes
+from tests.sim.pushed_ropes import REACH_M, SCENE, assert_agree, central, crossing, curve, line_of, lying, straight
 
-SCENE = RodScene(length_m=0.40, radius_m=0.008, mass_kg=0.064, finger_radius_m=0.009)
 G = SCENE.gravity_m_s2
-REACH_M = np.sqrt(0.017**2 - 0.007**2)
-"""From the centreline to a finger whose tip is 6 mm above the table."""
 AWAY = (0.0, 0.0, 0.3)
 
 
 @cache
 def simulator(scene: RodScene = SCENE) -> SimulateRod:
     return make_rod_rollout(scene)
-
-
-def curve(turn_rad: float, scene: RodScene = SCENE) -> np.ndarray:
-    """Nodes (n, 2) of an arc of constant curvature about the origin."""
-    heading = turn_rad * (np.arange(scene.nodes - 1) / (scene.nodes - 2) - 0.5)
-    line = np.concatenate([np.zeros((1, 2)), np.cumsum(np.stack([np.cos(heading), np.sin(heading)], 1), 0)])
-    return scene.rest_m * (line - line.mean(0))
-
-
-def lying(*lines: np.ndarray) -> RodState:
-    """Ropes (n, 2) each, free of stress and without particles of their own."""
-    return RodState.along(jnp.asarray(np.stack(lines).transpose(0, 2, 1)))
 
 
 def physics(candidates: int = 1, scene: RodScene = SCENE, **values: float) -> RodPhysics:
@@ -47,20 +33,6 @@ def physics(candidates: int = 1, scene: RodScene = SCENE, **values: float) -> Ro
 def still(seconds: float, place: tuple[float, float, float] = AWAY) -> jax.Array:
     """A finger (1, T, 3) that stands."""
     return jnp.tile(jnp.asarray(place), (1, round(seconds / SCENE.dt_s) + 1, 1))
-
-
-def straight(
-    start: tuple[float, float], velocity: tuple[float, float], seconds: float, height_m: float = 0.006
-) -> jax.Array:
-    """A finger (1, T, 3) at constant velocity."""
-    t = SCENE.dt_s * np.arange(round(seconds / SCENE.dt_s) + 1)
-    path = np.stack([start[0] + velocity[0] * t, start[1] + velocity[1] * t, np.full(len(t), height_m)], axis=1)
-    return jnp.asarray(path[None], jnp.float32)
-
-
-def line_of(state: RodState, candidate: int = 0) -> np.ndarray:
-    """Nodes (n, 2)."""
-    return np.asarray(state.nodes[candidate, :2], np.float64).T
 
 
 @pytest.mark.parametrize("friction", [0.2, 0.5])
@@ -182,17 +154,14 @@ def pushes() -> tuple[RodPhysics, RodState, jax.Array]:
     lines = [curve(rng.uniform(-3, 3)) for _ in range(PUSHES)]
     paths = []
     for line in lines:
-        where, angle = line[rng.integers(3, SCENE.nodes - 3)], rng.uniform(0, 2 * np.pi)
-        way = np.array([np.cos(angle), np.sin(angle)])
-        paths.append(straight(tuple(where - 0.03 * way), tuple(0.12 * way), 0.9)[0])
+        where, way = crossing(rng, line)
+        paths.append(straight(where - 0.03 * way, 0.12 * way, 0.9)[0])
     return physics(PUSHES, creep=1e-3), lying(*lines), jnp.stack(paths)
 
 
 def cost(given: RodPhysics, state: RodState, tool: jax.Array) -> jax.Array:
-    """Squared distances [cm^2] from where the ropes were, shifted: one number a candidate."""
-    end = simulator()(given, state, tool)
-    goal = jax.lax.stop_gradient(state.nodes[:, :2]) + jnp.array([0.03, 0.02])[:, None]
-    return 1e4 * ((end.nodes[:, :2] - goal) ** 2).mean((1, 2))
+    """From where each rope begins."""
+    return pushed_ropes.cost(simulator(), given, state, tool, state)
 
 
 @cache
@@ -201,12 +170,6 @@ def slopes() -> tuple[RodPhysics, RodState, jax.Array]:
         return cost(given, state, tool).sum()
 
     return jax.grad(total, argnums=(0, 1, 2))(*pushes())
-
-
-def central(step: float, change: Callable[[float], tuple[RodPhysics, RodState, jax.Array]]) -> np.ndarray:
-    """Slope of each candidate's cost with the amount of a change."""
-    ahead, behind = (np.asarray(cost(*change(sign * step)), np.float64) for sign in (1, -1))
-    return (ahead - behind) / (2 * step)
 
 
 @pytest.mark.parametrize(
@@ -220,7 +183,7 @@ def test_gradients_of_parameters_equal_central_differences(name: str):
     def change(amount: float):
         return given._replace(**{name: value * (1 + amount)}), state, tool
 
-    assert_agree(slope, [central(step, change) for step in (1e-3, 4e-3)])
+    assert_agree(slope, [central(cost, change, step) for step in (1e-3, 4e-3)])
 
 
 @pytest.mark.parametrize("axis", [0, 1])
@@ -254,15 +217,7 @@ def test_gradients_of_action_and_state_equal_central_differences(part: str, axis
         goal = state.nodes[:, :2] + jnp.array([0.03, 0.02])[:, None]
         goal_moves = np.asarray(-1e4 * (end - goal)[:, axis].sum(1) / SCENE.nodes, np.float64)
     step = {"path": 1e-4, "turn": 1e-4, "start": 1e-4, "velocity": 3e-3}[part]
-    assert_agree(np.asarray(slope, np.float64) + goal_moves, [central(size, change) for size in (step, step / 3)])
-
-
-def assert_agree(slope: np.ndarray, differences: list[np.ndarray]) -> None:
-    """In nearly all pushes: a few end near a kink, where the finger just leaves the rope, or just does not."""
-    size = max(np.abs(each).max() for each in differences)
-    off = np.min([np.abs(slope - each) - 0.1 * np.abs(each) for each in differences], axis=0)
-    assert np.isfinite(slope).all()
-    assert (off <= 2e-3 * size).mean() >= 0.85, (slope, differences)
+    assert_agree(np.asarray(slope, np.float64) + goal_moves, [central(cost, change, size) for size in (step, step / 3)])
 
 
 # Particles.

@@ -46,7 +46,7 @@ def of_plan(tree: Search, folder: Path, seed: int = 0) -> str:
 
 
 def seen_after(before: np.ndarray, poses: np.ndarray, after: np.ndarray) -> Transition:
-    """What was seen before and after a motion along poses (M, 7)."""
+    """A transition as it was seen before and after a motion along poses (M, 7)."""
     executed = Executed(
         id=fresh_id("executed"),
         time_s=0.0,

@@ -1,7 +1,8 @@
 """The kinematics of a Gen3 with seven joints: forward in closed form, inverse by damped least squares.
 
 Source of the numbers: Kinovarobotics/ros_kortex, kortex_description/arms/gen3/7dof/urdf (origins, ranges, limits of
-speed) and grippers/robotiq_2f_85/urdf (where the arm's tool frame is with that gripper). The world is the arm's base.
+speed) and grippers/robotiq_2f_85/urdf (where the arm's tool frame is with that gripper). Places are in the frame of the
+arm's base.
 """
 
 from dataclasses import replace

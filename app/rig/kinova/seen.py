@@ -1,4 +1,4 @@
-"""What the arm measures in this program's words: SI, quaternions, and the world's frame, which is the table's."""
+"""Measurements of the arm in this program's words: SI, quaternions, and the world's frame, the table's."""
 
 from dataclasses import dataclass
 from typing import final

@@ -166,7 +166,7 @@ def lump(points: Float64[np.ndarray, "K 3"], skin_m: float, colour: Colour) -> S
 
 
 def hull(middles: Float64[np.ndarray, "K 3"], radius_m: float, colour: Colour) -> Surface:
-    """What balls about `middles` and all between them fill."""
+    """Convex hull of balls about `middles`."""
     points = (middles[:, None] + radius_m * _BALL).reshape(-1, 3)
     found = ConvexHull(points)
     number = np.zeros(len(points), np.uint32)

@@ -50,7 +50,7 @@ ADVICE: Mapping[str, str] = MappingProxyType(
     }
 )
 PRESSED_M = 0.001
-"""By which a finger that begins in the rope is told: the rope springs aside by three times as much and more."""
+"""A finger that begins so far in the rope is told: the rope springs aside by three times as much and more."""
 STRETCH = 0.05
 """Share of a segment's length by which it is longer or shorter where that is worth telling; see `domain.STRAIN`."""
 
@@ -74,7 +74,7 @@ class RodCase:
 
     @property
     def summary(self) -> str:
-        """What is simulated, in words."""
+        """The simulated objects and their numbers, in words."""
         scene = self.setup.scene
         return (
             f"a rod of {scene.nodes} nodes ({scene.length_m:g} m, radius {scene.radius_m:g} m), {self.substeps} steps "
@@ -90,7 +90,7 @@ class RodCase:
 @final
 @dataclass(frozen=True, kw_only=True, eq=False)
 class RodTrace:
-    """Of the states after 0, 1, 2, ... steps: the fastest node, the segment that is longest or shortest, the finger.
+    """Numbers of the states after 0, 1, 2, ... steps: fastest node, longest or shortest segment, finger.
 
     `stretch`: by how much that segment is longer than at rest, as a share; `gap_m`: from the finger's core to the
     centreline, infinite where its tip is above the rope; `energy_j`: of motion, stretch, bending and bristles.
@@ -119,14 +119,12 @@ def single_rod(
     physics: RodPhysics,
     state: RodState,
     tool: Arrays,
-    phi: Arrays | None = None,
-    setting: RodSetting | None = None,
+    phi: Arrays,
+    setting: RodSetting,
     *,
     candidate: int = 0,
 ) -> RodCase:
     """One of many candidates as a case, on the host."""
-    null = np.tile([spec.nominal for spec in setup.specs()], (len(tool), 1))
-    known = setting or RodSetting.unknown(len(tool), setup.scene.nodes)
 
     def row(leaf: Arrays) -> np.ndarray:
         return np.asarray(leaf, np.float32)[candidate : candidate + 1]
@@ -134,10 +132,10 @@ def single_rod(
     return RodCase(
         setup=setup,
         physics=jax.tree.map(row, physics),
-        phi=row(null if phi is None else phi),
+        phi=row(phi),
         state=jax.tree.map(row, state),
         tool=row(tool),
-        setting=jax.tree.map(row, known),
+        setting=jax.tree.map(row, setting),
     )
 
 
@@ -317,7 +315,7 @@ def _distances(view: _View) -> Float32[np.ndarray, "K m"]:
 
 
 def _strides(view: _View) -> Float32[np.ndarray, " S"]:
-    """Of all of the path, whatever became of the rope."""
+    """Strides of the whole path, whatever became of the rope."""
     return np.asarray(strides_m(view.radius_m, jnp.asarray(view.case.tool)))[0]
 
 

@@ -27,13 +27,13 @@ _SIGNED = ("rest_curvature", "margin", "finger_yaw")
 @final
 @dataclass(frozen=True, kw_only=True)
 class RodSetup:
-    """What a rod's simulator is made for: scene and effects."""
+    """Scene and effects that a rod's simulator is made for."""
 
     scene: RodScene
     effects: tuple[Effect, ...]
 
     def specs(self) -> tuple[ParameterSpec, ...]:
-        """Of the columns of phi."""
+        """Specifications of the columns of phi."""
         return tuple(spec for effect in self.effects for spec in effect.parameters)
 
 
@@ -69,7 +69,8 @@ def require_rod_inputs(
     """
     require_rod_shapes(setup, physics, phi, state, tool, setting)
     _require_all_finite(setup, physics, phi, state, tool, setting)
-    require_ranges(setup.specs(), np.asarray(phi, np.float32)) if setup.effects else None
+    if setup.effects:
+        require_ranges(setup.specs(), np.asarray(phi, np.float32))
     _require_physics(setup.scene, physics)
     nodes, path = np.asarray(state.nodes, np.float32), np.asarray(tool, np.float32)
     _require_room(np.moveaxis(nodes[:, :2], 1, 2), "Node {1} of candidate {0}")

@@ -15,14 +15,14 @@ from app.sim.rods.state import bends
 _APART = 5
 """Segments nearer along the rope do not touch, as in own.h."""
 _GAIN, _LEAST_M_S = 2.0, 0.02
-"""By which factor energy may grow between time steps of a rope that nothing touches, and the speed of all of it whose
-energy does not count: a step of explicit Euler conserves a neighbouring energy, not this one."""
+"""The factor by which energy may grow between time steps of a rope that nothing touches, and the speed of all of it
+whose energy does not count: a step of explicit Euler conserves a neighbouring energy, not this one."""
 
 
 def energies(
     scene: RodScene, fields: Float32[np.ndarray, "3 n"], springback: float, nodes: Float32[np.ndarray, "K 8 n"]
 ) -> Float64[np.ndarray, " K"]:
-    """Of motion, stretch, bending and the table's bristles [J], by the laws of rod.h.
+    """Energies of motion, stretch, bending and the table's bristles together [J], by the laws of rod.h.
 
     `fields` and `springback` as in `RodHistory`.
     """

@@ -1,6 +1,7 @@
 """A whole action on ropes as rods, as one differentiable JAX operation."""
 
-from typing import Any, NamedTuple, Protocol, final
+from collections.abc import Sequence
+from typing import Any, NamedTuple, Protocol, TypeAlias, TypeVar, final
 
 import jax
 import jax.numpy as jnp
@@ -18,6 +19,8 @@ from app.sim.rods.laws import changed_properties, law_numbers, law_source, requi
 from app.sim.rods.operations import RodOperations, make_rod_operations
 from app.sim.rods.scene import Numbers, RodScene, numbers_of, smoothing_of
 from app.sim.rods.state import RodState
+
+ResultT = TypeVar("ResultT", covariant=True)
 
 _SPRINGBACK = 6
 """Of `OwnTraits` in rod.h."""
@@ -40,7 +43,7 @@ class RodPhysics(NamedTuple):
     permanent_set: Float[jax.Array, " B"]
     """Share of its bends that lasts without load: 1 if it is free of stress as it is seen, 0 if it were straight."""
     rest_curvature: Float[jax.Array, " B"]
-    """Of the unloaded rope [1/m], besides."""
+    """Curvature of the unloaded rope [1/m], besides."""
     climb: Float[jax.Array, " B"]
     """Speed with which the rope slips up and down the finger, as a share of the finger's own: it hops as it slides."""
     press: Float[jax.Array, " B"]
@@ -52,7 +55,7 @@ class RodPhysics(NamedTuple):
     mass: Float[jax.Array, " B"]
     """Of the rope [kg]."""
     finger_half_width: Float[jax.Array, " B"]
-    """Of a flat finger's core [m]; of no account where the scene's finger is round."""
+    """Half width of a flat finger's core [m]; of no account where the scene's finger is round."""
     finger_yaw: Float[jax.Array, " B"]
     """From the x axis to that core [rad]."""
 
@@ -69,8 +72,8 @@ class RodPhysics(NamedTuple):
         return cls(**{name: jnp.full(candidates, value, jnp.float32) for name, value in values.items()})
 
 
-class SimulateRod(Protocol):
-    """x' = f(x, u; phi) for B ropes, each with its own physics, state and finger path."""
+class OfRods(Protocol[ResultT]):
+    """A simulation of B ropes, each with its own physics, state and finger path."""
 
     def __call__(
         self,
@@ -79,13 +82,11 @@ class SimulateRod(Protocol):
         tool: Float[jax.Array, "B T 3"],
         phi: Float[jax.Array, "B P"] | None = None,
         setting: RodSetting | None = None,
-    ) -> RodState:
-        """The state after T - 1 time steps with the finger's tip at `tool[:, s]` [m] at their boundaries.
+    ) -> ResultT:
+        """T - 1 time steps with the finger's tip at `tool[:, s]` [m] at their boundaries.
 
         `phi`: the parameters of the simulator's effects, one effect after the other; None: all at their null values.
-        `setting`: where effects depend on more; None: unknown. Differentiable once, in reverse mode, but by the
-        setting. A candidate with a non-finite input, or that begins or has its finger out of the
-        domain (`domain.is_in_domain`), becomes NaN throughout; the others are not touched.
+        `setting`: more that effects depend on; None: unknown.
         """
         ...
 
@@ -104,19 +105,12 @@ class RodHistory(NamedTuple):
     """Share of bends that does not last."""
 
 
-class TraceRod(Protocol):
-    """The arguments of `SimulateRod`, and every state on the way instead of the last one."""
-
-    def __call__(
-        self,
-        physics: RodPhysics,
-        state: RodState,
-        tool: Float[jax.Array, "B T 3"],
-        phi: Float[jax.Array, "B P"] | None = None,
-        setting: RodSetting | None = None,
-    ) -> RodHistory:
-        """Not differentiable; 8 n T numbers for each candidate, for sixteen at least on a CPU."""
-        ...
+SimulateRod: TypeAlias = OfRods[RodState]
+"""x' = f(x, u; phi): the last state. Differentiable once, in reverse mode, but by the setting. A candidate with a
+non-finite input, or that begins or has its finger out of the domain (`domain.is_in_domain`), becomes NaN throughout;
+the others are not touched."""
+TraceRod: TypeAlias = OfRods[RodHistory]
+"""Every state on the way. Not differentiable; 8 n T numbers for each candidate, for sixteen at least on a CPU."""
 
 
 def make_rod_rollout(scene: RodScene, effects: tuple[Effect, ...] = ()) -> SimulateRod:
@@ -195,6 +189,19 @@ def _operations(scene: RodScene, effects: tuple[Effect, ...]) -> RodOperations:
     return make_rod_operations(scene, *_stiffest_joint(scene), laws)
 
 
+def completed(
+    scene: RodScene,
+    effects: Sequence[Effect],
+    candidates: int,
+    phi: Float[jax.Array, "B P"] | None,
+    setting: RodSetting | None,
+) -> tuple[Float[jax.Array, "B P"], RodSetting]:
+    """Parameters of effects at their null values, and a setting that nobody knows, where none are given."""
+    null = np.array([spec.nominal for effect in effects for spec in effect.parameters], np.float32)
+    own = jnp.tile(null, (candidates, 1)) if phi is None else phi
+    return own, RodSetting.unknown(candidates, scene.nodes) if setting is None else setting
+
+
 def _inputs(
     scene: RodScene,
     effects: tuple[Effect, ...],
@@ -204,13 +211,11 @@ def _inputs(
     phi: Float[jax.Array, "B P"] | None,
     setting: RodSetting | None,
 ) -> tuple[jax.Array, jax.Array, jax.Array, jax.Array]:
-    """What the kernels take: start, fields, traits, tool."""
+    """Arguments of the kernels: start, fields, traits, tool."""
     if state.nodes.shape[2] != scene.nodes:  # The kernels take their number from the state, and the matrix has it.
         given = state.nodes.shape[2]
         raise ParameterError(f"The rod has {given} nodes and its scene {scene.nodes}; make both with one spacing_m.")
-    null = np.array([spec.nominal for effect in effects for spec in effect.parameters], np.float32)
-    own = jnp.tile(null, (len(tool), 1)) if phi is None else phi
-    known = RodSetting.unknown(len(tool), scene.nodes) if setting is None else setting
+    own, known = completed(scene, effects, len(tool), phi, setting)
     physics, state, tool, own, known = jax.tree.map(as_float32, (physics, state, tool, own, known))
     context = RodContext(scene=scene, setting=jax.tree.map(jax.lax.stop_gradient, known))
     properties = changed_properties(effects, _properties(scene, physics), own, context)
