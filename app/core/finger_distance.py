@@ -31,9 +31,10 @@ def extent_m(directions: ArrayT, half_m: tuple[float, float]) -> ArrayT:
 
 
 def nearest_m(
-    middles: Float64[np.ndarray, "S 2"], points: Float[np.ndarray, "N 2"], half_m: tuple[float, float]
+    middles: Float[np.ndarray, "S 2"], points: Float[np.ndarray, "N 2"], half_m: tuple[float, float]
 ) -> Float64[np.ndarray, " S"]:
     """From each core, of a finger at `middles`, to the nearest of the points [m]."""
     if half_m == (0.0, 0.0):  # By a tree, a tenth of the time at 2000 points.
         return KDTree(points).query(middles)[0]
-    return np.linalg.norm(from_core(middles[:, None] - points[None], half_m), axis=-1).min(1)
+    offsets = middles[:, None].astype(np.float64) - points[None]
+    return np.linalg.norm(from_core(offsets, half_m), axis=-1).min(1)
