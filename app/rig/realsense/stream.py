@@ -128,14 +128,24 @@ def streaming(sdk: Sdk, source: Source, settings: Settings) -> Generator[Stream]
                 f"Camera {source.serial!r} does not stream {settings.width}x{settings.height} at "
                 f"{settings.rate_hz} Hz: {error}. Ask for a size and rate that it has; a USB 2 port carries fewer."
             ) from error
+        device = profile.get_device()
         try:
+            if device.is_playback():
+                device.as_playback().resume()
             yield Stream(rs, opening.pipeline, profile, settings)
         finally:
-            _stop(opening.pipeline)
+            _stop(opening.pipeline, device)
 
 
-def _stop(pipeline: Any) -> None:
+def _stop(pipeline: Any, device: Any) -> None:
+    """Stop, a recording after a pause.
+
+    One that is not paused goes on being read into what is freed: one stop in 75 to 1000 corrupted the heap
+    (pyrealsense2 2.59), none of 4500 after a pause. Whoever streams from the same device again resumes it.
+    """
     try:
+        if device.is_playback():
+            device.as_playback().pause()
         pipeline.stop()
     except RuntimeError as error:
         raise DeviceError(f"The camera's stream did not stop: {error}.") from error

@@ -1,5 +1,6 @@
 """Images through the SDK's own pipeline, from recordings that its own recorder made of rendered views."""
 
+import multiprocessing
 import time
 from collections.abc import Iterator
 from contextlib import AbstractContextManager, nullcontext
@@ -172,6 +173,23 @@ def test_a_camera_is_found_by_its_serial_number_among_others(recordings: dict[st
     with pytest.raises(CameraAbsent, match=r"'9999': there are 0123, 4567\. Check"):
         Live(serial="9999").attach(Opening.of(sdk))
     assert len(loaded) == 2
+
+
+@pytest.mark.slow
+def test_a_recording_may_be_left_before_its_end_as_often_as_one_likes(recordings: dict[str, Path]) -> None:
+    """In a process of its own, which a corrupted heap would end."""
+    leaving = multiprocessing.get_context("spawn").Process(target=_left, args=(recordings["other"], 300))
+    leaving.start()
+    leaving.join()
+    assert leaving.exitcode == 0
+
+
+def _left(file: Path, times: int) -> None:
+    for _ in range(times):
+        sdk = Sdk.loaded()
+        listed = sdk.context.load_device(str(file))
+        with streaming(sdk, Live(serial="4567"), SETTINGS):
+            assert listed is not None
 
 
 def test_a_camera_that_can_is_told_to_keep_global_time() -> None:
