@@ -12,7 +12,7 @@ from app.config import Site
 from app.core.chamfer import chamfer_m2
 from app.core.errors import DipacError, PlanningError
 from app.core.messages import Executed, Frame, Model, Particles, Transition, fresh_id
-from app.core.types import Points
+from app.core.types import Centreline, Points
 from app.perception.reconstruct import reconstruct
 from app.planner.method import Method
 from app.planner.plan import Plan
@@ -113,6 +113,7 @@ class _Episode:
         self._method = order.method
         self._rng, self._learnt = np.random.default_rng([order.seed, 1]), list[Transition]()
         self._frames: Sequence[Frame] = ()
+        self._near: Centreline | None = None
 
     def run(self, played: Played, listen: Listener | None) -> None:
         """Into `played`, which is told how far it got also where something fails."""
@@ -128,7 +129,7 @@ class _Episode:
             plan = self._plan(before.positions, len(played.decision_s))
             played.decision_s.append(time.perf_counter() - began_s)
             self._remember(before.positions)
-            executed = self._cell.execute(plan.motion)
+            executed, self._near = self._cell.execute(plan.motion), plan.centreline
             self._judge(played)
             after = self._see()
             learnt = self._learn(before, executed, after)
@@ -176,6 +177,7 @@ class _Episode:
                     *(self._task.name, order.preset, x, self._goal, self._model, seed, self._site),
                     tool=self._cell.tool,
                     method=method,
+                    near=self._near,
                 )
             except PlanningError:
                 if attempt + 1 == _ATTEMPTS:

@@ -9,7 +9,7 @@ from app.core.announcer import Announcer
 from app.core.errors import PlanningError, WorkerError
 from app.core.messages import Model, Particles
 from app.core.motion import Motion
-from app.core.types import Points
+from app.core.types import Centreline, Points
 from app.core.worker import Worker
 from app.tasks.asked import asked_plan
 from app.tasks.base import Wish
@@ -33,13 +33,15 @@ class Asking:
         """It has been decided on, and is not offered again."""
         self._motion = None
 
-    async def plan(self, observed: Particles, goal: Points, model: Model) -> "Plan | None":
+    async def plan(
+        self, observed: Particles, goal: Points, model: Model, near: Centreline | None = None
+    ) -> "Plan | None":
         """The push, aimed at where the object is now; None where nothing was asked for, or it does not fit here."""
         motion, x = self._motion, observed.positions
         if motion is None:
             return None
         try:
-            found = await self._planner.run(asked_plan, self._task, x, goal, model, motion, self._site)
+            found = await self._planner.run(asked_plan, self._task, x, goal, model, motion, self._site, near)
         except (PlanningError, WorkerError) as error:
             self._motion = None
             self._announcer.notice("discovery", f"The push that discovery asks for cannot be offered: {error}")

@@ -7,7 +7,7 @@ from app.core.announcer import Announcer
 from app.core.errors import PlanningError, WorkerError
 from app.core.messages import Model, Particles, Proposal
 from app.core.requests import EditRequest
-from app.core.types import Points
+from app.core.types import Centreline, Points
 from app.core.worker import Worker
 from app.tasks.base import Wish
 from app.tasks.edited import edited_plan
@@ -37,7 +37,9 @@ class Editing:
         """The plan has been decided on, or is gone: no change of it is made any more."""
         self._wanted = None
 
-    async def plan(self, observed: Particles, goal: Points, model: Model) -> "Plan | None":
+    async def plan(
+        self, observed: Particles, goal: Points, model: Model, near: Centreline | None = None
+    ) -> "Plan | None":
         """The changed motion for where the object is now; None where none is wanted, or it cannot be made.
 
         It is forgotten then, and in words is said why it cannot be made.
@@ -49,7 +51,7 @@ class Editing:
         try:
             return await self._planner.run(
                 *(edited_plan, self._task, self._preset, observed.positions, goal, model, proposal.branches, index),
-                *(request.start, request.end, self._site),
+                *(request.start, request.end, self._site, near),
             )
         except (PlanningError, WorkerError) as error:
             self._announcer.notice("edit", f"The edited motion cannot be offered. {error}")

@@ -307,6 +307,7 @@ class Flow:
             self._touched()
             if before and executed and executed.outcome == "completed":
                 self._observed = await self._look()
+                self.planning.executed(proposal)
                 await self._learn(proposal, before, executed, self._observed, target)
         if executed and approved.operator == AUTOMATIC:
             self.modes.moved()
@@ -330,7 +331,7 @@ class Flow:
                 await self._learn_by_hand(self.say(executed))
 
     async def _learn_by_hand(self, executed: Executed) -> None:
-        self.planning.forget()
+        self.planning.moved()
         self.holding.heed(executed)
         before = self.sensing.before(executed.times_s[0])
         # Before the checklist is passed nobody knows where cameras stand, and what they show teaches nothing.
@@ -380,8 +381,7 @@ class Flow:
         self, proposal: Proposal, before: Particles, executed: Executed, after: Particles, goal: Points
     ) -> None:
         """Score the push towards the goal that it was planned for; hand on the transition, where there can be one."""
-        now_s = self.clock.now()
-        self.say(self.summary.scored(proposal, before, executed, after, goal, now_s=now_s))
+        self.say(self.summary.scored(proposal, before, executed, after, goal, now_s=self.clock.now()))
         if not self.wish.answering:
             return
         transition = self.say(Transition.between(before, executed, after, time_s=self.clock.now()))

@@ -1,7 +1,7 @@
 """The planner's process: warmed up, asked for plans, and asked again where it fails."""
 
 from collections.abc import Callable
-from typing import final
+from typing import TYPE_CHECKING, final
 
 import numpy as np
 from jaxtyping import Float32
@@ -10,15 +10,18 @@ from app.config import Site
 from app.core.announcer import Announcer
 from app.core.channel import Latest
 from app.core.errors import PlanningError, WorkerError
-from app.core.messages import Model, Particles, Proposal
+from app.core.messages import MessageId, Model, Particles, Proposal
 from app.core.ports import Clock
 from app.core.requests import EditRequest
-from app.core.types import Points, ToolPose
+from app.core.types import Centreline, Points, ToolPose
 from app.core.worker import Worker
 from app.flow.asking import Asking
 from app.flow.editing import Editing
 from app.tasks.base import Wish
 from app.tasks.jobs import doubt, nominal_model, plan, uncalibrated_model, warm_up_stage, warm_up_stages
+
+if TYPE_CHECKING:  # The planner is loaded in its own process alone.
+    from app.planner.plan import Plan
 
 FAILURES_IN_A_ROW = 3
 _NOTHING = ""
@@ -37,6 +40,8 @@ class Planning:
         self._changed: tuple[int, Proposal] | None = None
         self._doubted = ""
         self._rejected: tuple[Float32[np.ndarray, "_ 3"], ...] = ()
+        self._predicted: dict[MessageId, Centreline] = {}
+        self._near: Centreline | None = None
 
     async def begin(self, wish: Wish, do: Callable[[str], None]) -> Model:
         """Start the planner's process, which is told to `do`; the model to begin with, which has been said."""
@@ -64,6 +69,17 @@ class Planning:
         self._asking.answered()
         self._editing.answered()
         self._rejected = () if approved else (*self._rejected, proposal.chosen.tool_path)
+        if approved:
+            self._near = None
+
+    def executed(self, proposal: Proposal) -> None:
+        """Its motion is made, and the object about where it was predicted to be."""
+        self._near = self._predicted.get(proposal.id)
+
+    def moved(self) -> None:
+        """The object lies where no plan predicted it."""
+        self._near = None
+        self.forget()
 
     def forget(self) -> None:
         """The object may lie otherwise now, or shall lie elsewhere: what was rejected or changed was for before."""
@@ -77,9 +93,9 @@ class Planning:
         started_s = self._clock.now()
         if not self._editing.wanted(request, shown):
             return None
-        found = await self._editing.plan(observed, wish.goal.positions, model)
+        found = await self._editing.plan(observed, wish.goal.positions, model, self._near)
         now_s = self._clock.now()
-        return wish.proposal(found, observed, model, began_s=started_s, now_s=now_s) if found else None
+        return self._offered(wish, found, observed, model, (started_s, now_s)) if found else None
 
     def offer_next(self, changed: Proposal, at: int) -> None:
         """Before the planner is asked again, unless plans have become void since `at` (`Modes.interruptions`)."""
@@ -96,13 +112,14 @@ class Planning:
         changed, self._changed = self._changed, None
         if changed is not None and changed[0] == at:
             return self._announcer.say(changed[1])
+        self._predicted.clear()
         started_s, x, goal = self._clock.now(), observed.positions, wish.goal.positions
         for attempt in range(FAILURES_IN_A_ROW):
             seed = hash((*seeds, attempt)) % 2**31
             try:
-                found = await self._asking.plan(observed, goal, model) or await self._planner.run(
+                found = await self._asking.plan(observed, goal, model, self._near) or await self._planner.run(
                     *(plan, wish.task.name, wish.preset, x, goal, model, seed, self._site, tool, wish.method),
-                    self._rejected,
+                    *(self._rejected, self._near),
                 )
             except (PlanningError, WorkerError) as error:
                 self._announcer.fault("planner", error)
@@ -111,12 +128,20 @@ class Planning:
             else:
                 await self._doubt(wish, x)
                 now_s = self._clock.now()
-                return self._announcer.say(wish.proposal(found, observed, model, began_s=started_s, now_s=now_s))
+                return self._announcer.say(self._offered(wish, found, observed, model, (started_s, now_s)))
         raise AssertionError("the last attempt returns or raises")
+
+    def _offered(
+        self, wish: Wish, found: "Plan", observed: Particles, model: Model, lasted_s: tuple[float, float]
+    ) -> Proposal:
+        """A plan made from one time to another, whose prediction helps to find the rope once it is carried out."""
+        proposal = wish.proposal(found, observed, model, began_s=lasted_s[0], now_s=lasted_s[1])
+        self._predicted[proposal.id] = found.centreline
+        return proposal
 
     async def _doubt(self, wish: Wish, x: Points) -> None:
         """Say, once, what makes it doubtful that the simulation begins where the object is."""
-        said = await self._planner.run(doubt, wish.task.name, x)
+        said = await self._planner.run(doubt, wish.task.name, x, self._near)
         if said and said != self._doubted:
             self._announcer.notice("planner", f"{said} Until then what is predicted may be wrong.")
         self._doubted = said

@@ -6,7 +6,7 @@ import numpy as np
 from jaxtyping import Float32
 
 from app.config import Site
-from app.core.types import Points, ToolPose
+from app.core.types import Centreline, Points, ToolPose
 from app.planner.plan import Command, Plan, Ways
 
 
@@ -24,12 +24,14 @@ class Planner(Protocol):
         tool: ToolPose | None = None,
         command: Command | None = None,
         rejected: Ways = (),
+        near: Centreline | None = None,
     ) -> Plan:
         """What to do with the object `observed` (N, 3) [m] so that it gets to `goal` (M, 3) [m], under the model `phi`.
 
         `tool`: where the tool is; None where actions begin anywhere. Without a `command` the arm is told the motion
         that it is to make. `rejected`: first actions, by their tool paths, that are not proposed again while there is
-        another. The same `seed` decides the same on a CPU.
+        another. `near`: where the nodes of a rope were predicted to be [m], as the plan before said. The same `seed`
+        decides the same on a CPU.
 
         Raises PlanningError where nothing that was tried is finite and may be done.
         """

@@ -12,7 +12,7 @@ from jaxtyping import Array, Float, Float32, Int, PRNGKeyArray
 
 from app.config import Site
 from app.core.messages import Origin
-from app.core.types import Points, ToolPose
+from app.core.types import Centreline, Points, ToolPose
 from app.planner.film import compile_film, film
 from app.planner.optimise import Descended, Descent, descend
 from app.planner.plan import Command, Plan, Ways, choose
@@ -65,9 +65,10 @@ class CemPlanner:
         tool: ToolPose | None = None,
         command: Command | None = None,
         rejected: Ways = (),
+        near: Centreline | None = None,
     ) -> Plan:
         """See `app.planner.base.Planner`. Of a branch, the cost before is that of its rank as first sampled."""
-        begun = start(self.search, observed, goal, phi, seed, tool)
+        begun = start(self.search, observed, goal, phi, seed, tool, near)
         found = _evolved(self, begun, jnp.asarray(goal), _key(seed))
         origins: list[Origin] = ["sampled"] * self.refit.kept
         seen = film(self.search, *_first(begun, self.refit.kept), found.best.actions, found.best.final)

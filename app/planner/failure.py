@@ -6,7 +6,7 @@ import jax
 import numpy as np
 from jaxtyping import Array, Float, Float32
 
-from app.core.types import Points, ToolPose
+from app.core.types import Centreline, Points, ToolPose
 from app.planner.tree import Search, moved, roll_out, start
 from app.sim.object_state import ObjectState
 
@@ -28,13 +28,14 @@ def failed_action(
     phi: Float32[np.ndarray, " P"],
     seed: int,
     tool: ToolPose | None = None,
+    near: Centreline | None = None,
 ) -> Failed | None:
     """The first one of the tree that this seed samples, before descent; None where all branches stay finite.
 
     Descent leaves a branch where it began unless it gets cheaper, and nothing is cheaper than NaN: what failed then
     fails here.
     """
-    grown = start(search, observed, goal, phi, seed, tool)
+    grown = start(search, observed, goal, phi, seed, tool, near)
     now, actions = grown.now, roll_out(search, grown)
     for depth in range(search.depth):
         action = search.space.project(actions[:, depth], now)

@@ -13,7 +13,7 @@ from app.config import Site
 from app.core.errors import PlanningError
 from app.core.finger_distance import nearest_m
 from app.core.messages import Origin
-from app.core.types import Path3, Points, ToolPose
+from app.core.types import Centreline, Path3, Points, ToolPose
 from app.planner.actions import Pushes
 from app.planner.film import film
 from app.planner.optimise import Descended
@@ -50,13 +50,15 @@ class GivenPush:
         tool: ToolPose | None = None,
         command: Command | None = None,
         rejected: Ways = (),
+        near: Centreline | None = None,
     ) -> Plan:
         """A plan of one branch. Raises PlanningError with what is wrong with the push, in words."""
         del seed, rejected
         wanted = action_of(self.way, self.pushes)
         require(wanted, observed, self.pushes, site)
-        prepared, _ = start_by_policy(self.search, observed, goal, AWAY if tool is None else tool)
-        now = situation(self.search, observed, AWAY if tool is None else tool, 1)
+        pose = AWAY if tool is None else tool
+        prepared, _ = start_by_policy(self.search, observed, goal, pose, near)
+        now = situation(self.search, observed, pose, 1, near)
         none = jnp.zeros((1, 0, self.search.space.size))
         tree = Start(prepared, jnp.asarray(phi)[None], now, jnp.asarray(wanted)[None], none)
         rollout = _judged(self.search, tree, jnp.asarray(goal))

@@ -17,7 +17,7 @@ from app.core.chamfer import chamfer_m2
 from app.core.errors import MotionRefused, PlanningError
 from app.core.messages import Branch, Origin
 from app.core.motion import Motion
-from app.core.types import Points, ToolPose
+from app.core.types import Centreline, Points, ToolPose
 from app.planner.film import Film, compile_film, film
 from app.planner.optimise import Descended, Descent, descend
 from app.planner.tree import Search, roll_out, simulate, start
@@ -37,14 +37,15 @@ _AGAIN_M = 0.02
 class Plan:
     """A decision: every branch of the tree, the index of the best, and the motion that executes its first action.
 
-    `predicted (N, 3)`: the particles after that motion; `chamfer_m2` of the observation and `predicted_chamfer_m2` of
-    `predicted` to the goal [m^2].
+    `predicted (N, 3)`: the particles after that motion, `centreline`: a rope's nodes then; `chamfer_m2` of
+    the observation and `predicted_chamfer_m2` of `predicted` to the goal [m^2].
     """
 
     branches: tuple[Branch, ...]
     best: int
     motion: Motion
     predicted: Points
+    centreline: Centreline
     chamfer_m2: float
     predicted_chamfer_m2: float
 
@@ -69,15 +70,17 @@ class TreePlanner:
         tool: ToolPose | None = None,
         command: Command | None = None,
         rejected: Ways = (),
+        near: Centreline | None = None,
     ) -> Plan:
         """Sample, roll out, descend, choose: what to do with the object `observed` (N, 3) [m] under the model `phi`.
 
         `tool`: where the tool is; None where actions begin anywhere. Without a `command` the arm is told the motion
-        that it is to make. `rejected`: first actions not to propose again while there is another.
+        that it is to make. `rejected`: first actions not to propose again while there is another. `near`: where the
+        nodes of a rope were predicted to be [m].
 
         Raises PlanningError where no branch stayed finite.
         """
-        tree = start(self.search, observed, goal, phi, seed, tool)
+        tree = start(self.search, observed, goal, phi, seed, tool, near)
         descended = _descended(self, tree.phi, tree.now, jnp.asarray(goal), _rolled_out(self.search, tree))
         origins: list[Origin] = ["random"] * self.search.branches
         if self.search.guided:
@@ -159,6 +162,7 @@ def choose(
         best=best,
         motion=motions[best],
         predicted=predicted,
+        centreline=np.asarray(found.best.centreline[best]),
         chamfer_m2=float(chamfer_m2(observed, goal)),
         predicted_chamfer_m2=float(chamfer_m2(predicted, goal)),
     )

@@ -3,7 +3,7 @@
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import partial
-from typing import NamedTuple, final
+from typing import NamedTuple, Protocol, final
 
 import jax
 import jax.numpy as jnp
@@ -11,7 +11,7 @@ import numpy as np
 from jaxtyping import Array, Bool, Float, Float32
 
 from app.core.messages import Origin
-from app.core.types import Points, ToolPose
+from app.core.types import Centreline, Points, ToolPose
 from app.planner.actions import ActionSpace
 from app.planner.cost import Terms, Weights, step_terms
 from app.policy.base import AWAY, Now, Policy, Prepared, Remembering
@@ -22,8 +22,20 @@ Advance = Callable[[Float[Array, "B P"], ObjectState, Float[Array, "B T C"]], Ob
 """The simulator: parameters, state before, tool path -> state after."""
 Part = Callable[[Float[Array, "B P"], ObjectState, Float[Array, "B T C"], Float[Array, "B N 3"]], ObjectState]
 """The simulator of a piece of an action, as `Advance` but for the particles as the action began."""
-Begin = Callable[[Float[Array, "B N 3"]], ObjectState]
-"""The state of an object of which the cameras see where its particles are."""
+
+
+class Begin(Protocol):
+    """The state of an object of which the cameras see where its particles are."""
+
+    def __call__(self, x: Float[Array, "B N 3"], near: Float[Array, "2 n"] | None = None) -> ObjectState:
+        """Unmoving at `x` [m]. `near`: where the centreline of a rope was predicted to be [m]."""
+        ...
+
+
+def at_rest(x: Float[Array, "B N 3"], near: Float[Array, "2 n"] | None = None) -> State:
+    """Unmoving and undeformed particles, which have no centreline that could be `near`."""
+    del near
+    return State.at_rest(x)
 
 
 @final
@@ -42,7 +54,7 @@ class Search:
     advance: Advance
     branches: int
     depth: int
-    begin: Begin = State.at_rest
+    begin: Begin = at_rest
     guided: bool = True
     part: Part | None = None
     at_rest: bool = True
@@ -50,10 +62,14 @@ class Search:
 
 
 class Rollout(NamedTuple):
-    """B branches as simulated. `actions` are those that were simulated: projected onto what is allowed."""
+    """B branches as simulated. `actions` are those that were simulated: projected onto what is allowed.
+
+    `first`: the particles after the first action, and `centreline` the nodes of a rope then [m]; `final`: at the end.
+    """
 
     actions: Float[Array, "B D A"]
     first: Float[Array, "B N 3"]
+    centreline: Float[Array, "B 2 n"]
     final: Float[Array, "B N 3"]
     terms: Terms
     cost: Float[Array, " B"]
@@ -87,12 +103,16 @@ def start(
     phi: Float32[np.ndarray, " P"],
     seed: int,
     tool: ToolPose | None = None,
+    near: Centreline | None = None,
 ) -> Start:
-    """First actions: the policy's, then k = branches - 1 random ones; unguided all are random, and those after them."""
+    """First actions: the policy's, then k = branches - 1 random ones; unguided all are random, and those after them.
+
+    `near`: where a rope was predicted to run.
+    """
     rng, count, depth = np.random.default_rng(seed), search.branches, search.depth
     pose = AWAY if tool is None else tool
-    now = situation(search, observed, pose, count)
-    kept = start_by_policy(search, observed, goal, pose) if search.guided else (None, [])
+    now = situation(search, observed, pose, count, near)
+    kept = start_by_policy(search, observed, goal, pose, near) if search.guided else (None, [])
     missing = count - len(kept[1])
     random = [search.space.sample(rng, observed, pose, missing)] if missing else []
     later = [search.space.sample(rng, observed, pose, count) for _ in range(0 if search.guided else depth - 1)]
@@ -106,11 +126,11 @@ def start(
 
 
 def start_by_policy(
-    search: Search, observed: Points, goal: Points, tool: ToolPose
+    search: Search, observed: Points, goal: Points, tool: ToolPose, near: Centreline | None = None
 ) -> tuple[Prepared, list[Float[Array, "1 A"]]]:
     """What the policy makes of the observation, and the action that it takes first."""
     prepared = search.policy.prepare(observed, goal)
-    return prepared, [first_action(search.policy, prepared, situation(search, observed, tool, 1))]
+    return prepared, [first_action(search.policy, prepared, situation(search, observed, tool, 1, near))]
 
 
 @partial(jax.jit, static_argnums=0)
@@ -119,10 +139,11 @@ def first_action(policy: Policy, prepared: Prepared, now: Now) -> Float[Array, "
     return (policy.first if isinstance(policy, Remembering) else policy.act)(prepared, now).mean
 
 
-def situation(search: Search, observed: Points, tool: ToolPose, count: int) -> Now:
+def situation(search: Search, observed: Points, tool: ToolPose, count: int, near: Centreline | None = None) -> Now:
     """The same for `count` candidates: the object as it is seen, and the tool."""
     x = jnp.repeat(jnp.asarray(observed)[None], count, axis=0)
-    return Now(search.begin(x), jnp.tile(jnp.asarray(tool, jnp.float32), (count, 1)))
+    known = None if near is None else jnp.asarray(near)
+    return Now(search.begin(x, known), jnp.tile(jnp.asarray(tool, jnp.float32), (count, 1)))
 
 
 def roll_out(search: Search, tree: Start) -> Float[Array, "B D A"]:
@@ -168,4 +189,12 @@ def simulate(
         made = step_terms(seen[-1].x, state.x, goal, path, search.weights)
         terms = terms.plus(made, search.weights.discount**step)
         seen.append(Now(state, search.space.after(taken[-1], seen[-1].tool)))
-    return Rollout(jnp.stack(taken, axis=1), seen[1].x, seen[-1].x, terms, terms.total(search.weights), allowed)
+    return Rollout(
+        actions=jnp.stack(taken, axis=1),
+        first=seen[1].x,
+        centreline=seen[1].state.centreline,
+        final=seen[-1].x,
+        terms=terms,
+        cost=terms.total(search.weights),
+        allowed=allowed,
+    )

@@ -6,4 +6,5 @@ from app.sim.rods.state import RodState
 from app.sim.state import State
 
 ObjectState: TypeAlias = State | RodState
-"""Has the positions of particles `x` (B, N, 3) [m], and `resting`."""
+"""Has the positions of particles `x` (B, N, 3) [m], the nodes of a rope `centreline` (B, 2, n) [m] (of what is none,
+n = 0), and `resting`."""

@@ -27,6 +27,11 @@ class State(NamedTuple):
         identity = jnp.broadcast_to(jnp.eye(3, dtype=x.dtype), (*x.shape, 3))
         return cls(x=x, v=jnp.zeros_like(x), C=jnp.zeros_like(identity), F=identity)
 
+    @property
+    def centreline(self) -> Float[jax.Array, "B 2 0"]:
+        """Particles have none."""
+        return jnp.zeros((len(self.x), 2, 0), jnp.float32)
+
     def resting(self) -> Self:
         """The same particles, unmoving and undeformed."""
         return self.at_rest(self.x)

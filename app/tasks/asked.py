@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 
     from app.core.messages import Model
     from app.core.track import Track
-    from app.core.types import Points
+    from app.core.types import Centreline, Points
     from app.planner.actions import Pushes
     from app.planner.plan import Plan
 
@@ -55,12 +55,18 @@ def motion_of(track: Track, pushes: Pushes, site: Site) -> Motion:
 
 
 def asked_plan(
-    task: str, observed: Points, goal: Points, model: Model, asked: Motion, site: Site | None = None
+    task: str,
+    observed: Points,
+    goal: Points,
+    model: Model,
+    asked: Motion,
+    site: Site | None = None,
+    near: Centreline | None = None,
 ) -> Plan:
     """`asked` as a plan of one branch for the object that the cameras say is at `observed` (N, 3) [m].
 
     The push keeps its direction, length and speed, and is moved to where the object is. What the model says of cameras
-    and arm is allowed for, as in `jobs.plan`. Raises PlanningError where the push fits nowhere.
+    and arm is allowed for, and `near` is used, as in `jobs.plan`. Raises PlanningError where the push fits nowhere.
     """
     import jax
     import jax.numpy as jnp
@@ -77,8 +83,10 @@ def asked_plan(
     x = allowed_for.unseen(observed) if allowed_for else observed
     made = aimed(asked, x, data.actions, where)  # pyright: ignore[reportArgumentType] - checked by `subject_of`
     path = data.actions.measured_path(made.positions)
-    simulate = jax.jit(compiled.advance(task, len(x), acting(phi)))
-    predicted = np.asarray(simulate(jnp.asarray(phi)[None], jnp.asarray(x)[None], jnp.asarray(path)[None])[0])
+    simulate = jax.jit(compiled.carried(task, len(x), acting(phi)))
+    before = data.begin(jnp.asarray(x)[None], None if near is None else jnp.asarray(near))
+    end = simulate(jnp.asarray(phi)[None], before, jnp.asarray(path)[None])
+    predicted = np.asarray(end.x[0])
     if not np.isfinite(predicted).all():
         raise PlanningError("its simulation became non-finite; planning as usual.")
     motion = allowed_for.command(made, x, predicted, where) if allowed_for else made
@@ -101,6 +109,7 @@ def asked_plan(
         best=0,
         motion=motion,
         predicted=shown,
+        centreline=np.asarray(end.centreline[0]),
         chamfer_m2=float(chamfer_m2(x, goal)),
         predicted_chamfer_m2=float(chamfer_m2(predicted, goal)),
     )

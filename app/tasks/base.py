@@ -82,11 +82,11 @@ class RodDynamics:
     """What of the tool's place in its own frame calibration estimates besides, where recordings tell it."""
 
 
-def _at_rest(x: Float[Array, "B N 3"]) -> State:
-    """Unmoving and undeformed."""
-    from app.sim.state import State
+def _at_rest(x: Float[Array, "B N 3"], near: Float[Array, "2 n"] | None = None) -> State:
+    """Unmoving and undeformed particles."""
+    from app.planner.tree import at_rest
 
-    return State.at_rest(x)
+    return at_rest(x, near)
 
 
 class Problems(Protocol):

@@ -15,7 +15,7 @@ from app.config import Site
 from app.core.messages import Branch, Model, Transition
 from app.core.motion import TOOL_DOWN, Motion
 from app.core.track import Track
-from app.core.types import Path3, Points, ToolPose
+from app.core.types import Centreline, Path3, Points, ToolPose
 from app.discovery.apparatus.base import Eye, Load
 from app.discovery.predict import Predictor, dragging, labelled
 from app.discovery.subject import Theta, catalogue
@@ -50,14 +50,22 @@ class Correction:
         site: Site,
         tool: ToolPose | None = None,
         rejected: Ways = (),
+        near: Centreline | None = None,
     ) -> Plan:
         """What to do with the object that the cameras say is at `observed` [m], so that it is truly at `goal` [m].
 
         The motion is what to tell the arm, and predictions are what the cameras will show; distances are the true ones.
+        The centreline after it, and the one it is `near`, are in the true frame.
         """
         command = partial(self.command, site=site)
         found = planner(
-            *(self.unseen(observed), goal, phi), seed=seed, site=site, tool=tool, command=command, rejected=rejected
+            *(self.unseen(observed), goal, phi),
+            seed=seed,
+            site=site,
+            tool=tool,
+            command=command,
+            rejected=rejected,
+            near=near,
         )
         branches = tuple(self._shown(branch) for branch in found.branches)
         return replace(found, branches=branches, predicted=branches[found.best].predicted)

@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from jaxtyping import Float64
 
     from app.core.messages import Branch, Model
-    from app.core.types import Points
+    from app.core.types import Centreline, Points
     from app.planner.plan import Plan
 
     End: TypeAlias = Float64[np.ndarray, "3"]
@@ -33,12 +33,13 @@ def edited_plan(
     start: End,
     end: End,
     site: Site | None = None,
+    near: Centreline | None = None,
 ) -> Plan:
     """The first motion of branch `index`, but from `start` to `end` (3,) [m], for the object as cameras see it (N, 3).
 
     Its branch comes first and is the one proposed, whatever it costs; behind it are `branches`, to compare it with.
-    What the model says of cameras and arm is allowed for, as in `jobs.plan`. Raises PlanningError, with what to change,
-    where the task has no pushes, or this one cannot be made.
+    What the model says of cameras and arm is allowed for, and `near` is used, as in `jobs.plan`. Raises PlanningError,
+    with what to change, where the task has no pushes, or this one cannot be made.
     """
     from dataclasses import replace
 
@@ -56,7 +57,7 @@ def edited_plan(
     search = compiled.search(task, preset, phi, where.limits.confines)
     planner = GivenPush(search=replace(search, branches=1), pushes=pushes, way=way)
     if model.apparatus:
-        found = correction(model).plan(planner, observed, goal, phi, seed=0, site=where)
+        found = correction(model).plan(planner, observed, goal, phi, seed=0, site=where, near=near)
     else:
-        found = planner(observed, goal, phi, seed=0, site=where)
+        found = planner(observed, goal, phi, seed=0, site=where, near=near)
     return replace(found, branches=(*found.branches, *branches), best=0)

@@ -11,7 +11,7 @@ from app.calibration.evidence import gather
 from app.config import Site
 from app.core.errors import UsageError
 from app.core.messages import Transition
-from app.core.types import Points, ToolPose
+from app.core.types import Centreline, Points, ToolPose
 from app.planner.failure import failed_action
 from app.planner.tree import Search
 from app.sim.autopsy import Case, single
@@ -43,9 +43,10 @@ def of_plan(
     seed: int,
     site: Site,
     tool: ToolPose | None = None,
+    near: Centreline | None = None,
 ) -> str:
     """A sentence about the first branch that became non-finite, with the dump it left; empty where none did."""
-    failed = failed_action(search, observed, goal, phi, seed, tool)
+    failed = failed_action(search, observed, goal, phi, seed, tool, near)
     if failed is None:
         return ""
     about = f"{task}, seed {seed}, branch {failed.branch}, action {failed.depth}"

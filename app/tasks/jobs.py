@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import logging
 from collections.abc import Sequence
+from functools import partial
 from typing import TYPE_CHECKING
 
 from app.config import Site
@@ -26,7 +27,7 @@ _TRUSTED, _TRUSTED_OF_ANOTHER = 1.5, 4.0
 if TYPE_CHECKING:
     from app.calibration.fit import Settings
     from app.core.messages import Model, Transition
-    from app.core.types import Points, ToolPose
+    from app.core.types import Centreline, Points, ToolPose
     from app.planner.plan import Plan, Ways
     from app.tasks.compiled import Calibrated
     from app.tasks.correction import Correction
@@ -43,6 +44,7 @@ def plan(
     tool: ToolPose | None = None,
     method: Method = DIPAC,
     rejected: Ways = (),
+    near: Centreline | None = None,
 ) -> Plan:
     """Decide on the next action for the object that the cameras say is at `observed` (N, 3) [m].
 
@@ -50,7 +52,8 @@ def plan(
     the object where it is, its motion is what to tell the arm, and what it predicts is what the cameras will show.
     `goal` (M, 3) [m] is where the object shall truly be; `tool`, where the tool is: None for actions that begin
     anywhere; `method`, how it is decided; `rejected`, tool paths of first actions that somebody does not want: the plan
-    is another one while there is one. Raises PlanningError where no branch stays finite, and leaves
+    is another one while there is one; `near`, where the plan before predicted a rope's nodes, if the object is as its
+    motion left it. Raises PlanningError where no branch stays finite, and leaves
     a dump of one that did not; UsageError for an unknown task or preset.
     """
     from app.tasks import compiled
@@ -59,10 +62,9 @@ def plan(
     where = site or Site()
     planner = compiled.planner(task, preset, phi, method, where.limits.confines)
     allowed_for = _allowed_for(model)
+    decide = partial(allowed_for.plan, planner) if allowed_for else planner
     try:
-        if allowed_for:
-            return allowed_for.plan(planner, observed, goal, phi, seed=seed, site=where, tool=tool, rejected=rejected)
-        return planner(observed, goal, phi, seed=seed, site=where, tool=tool, rejected=rejected)
+        return decide(observed, goal, phi, seed=seed, site=where, tool=tool, rejected=rejected, near=near)
     except PlanningError as error:
         search = getattr(planner, "search", None)
         if search is None:  # A planner without a tree has simulated nothing.
@@ -70,7 +72,7 @@ def plan(
         from app.tasks import failures
 
         x = allowed_for.unseen(observed) if allowed_for else observed
-        raise PlanningError(f"{error}{failures.of_plan(task, search, x, goal, phi, seed, where, tool)}") from None
+        raise PlanningError(f"{error}{failures.of_plan(task, search, x, goal, phi, seed, where, tool, near)}") from None
 
 
 def calibrate(
@@ -143,11 +145,11 @@ def _fitted(
     return found
 
 
-def doubt(task: str, observed: Points) -> str:
+def doubt(task: str, observed: Points, near: Centreline | None = None) -> str:
     """What makes it doubtful that the task's dynamics begin where the object is, in a sentence; empty for nothing.
 
     `observed` (N, 3) [m]. Rods doubt ropes that cross themselves, are lifted or partly hidden, or whose strands touch
-    so that one cloud does not tell their order.
+    so that neither the cloud nor the prediction that it is `near` tells their order.
     """
     from app.sim.rods.centreline import RopeShape
     from app.sim.rods.verdict import doubt
@@ -157,7 +159,7 @@ def doubt(task: str, observed: Points) -> str:
     if known.dynamics != "rods" or known.rods is None:
         return ""
     scene = known.rods.scene
-    return doubt(observed, RopeShape(count=scene.nodes, rest_m=scene.rest_m, radius_m=scene.radius_m))
+    return doubt(observed, RopeShape(count=scene.nodes, rest_m=scene.rest_m, radius_m=scene.radius_m), near)
 
 
 def choose_preset() -> str:

@@ -23,7 +23,7 @@ from app.core.chamfer import chamfer_m2
 from app.core.errors import PlanningError
 from app.core.messages import Branch, Model
 from app.core.motion import Motion
-from app.core.types import Points, ToolPose
+from app.core.types import Centreline, Points, ToolPose
 from app.core.worker import Worker
 from app.planner.method import Method
 from app.tasks.jobs import plan, warm_up_stage
@@ -126,8 +126,12 @@ class Strokes:
         site: Site,
         tool: ToolPose | None = None,
         rejected: Sequence[np.ndarray] = (),
+        near: Centreline | None = None,
     ) -> "_Sent":
-        """Two strokes, drawn from the seed; the second is the motion. What was rejected is counted in its cost."""
+        """Two strokes, drawn from the seed; the second is the motion. What was rejected is counted in its cost.
+
+        It predicts the rope along its motion, and its terms say where the rope was predicted that it was told of.
+        """
         if self._habits.thinking_s:
             time.sleep(self._habits.thinking_s)
         if self._failed < self._habits.failures:
@@ -142,12 +146,19 @@ class Strokes:
         positions = np.stack([above[0], *paths[1], above[1]])
         distance_m2 = float(chamfer_m2(observed, goal))
         cost = self._habits.cost + len(rejected)
-        branches = (_branch("policy", paths[0], observed, cost), _branch("random", paths[1], observed, cost))
+        told = {} if near is None else {"near": float(near[0, 0])}
+        branches = (
+            _branch("policy", paths[0], observed, cost, told),
+            _branch("random", paths[1], observed, cost, told),
+        )
+        centreline = paths[1, :, :2].T.astype(np.float32)
         motion = Motion(positions=positions, speeds=np.full(len(positions), _SPEED_M_S))
-        return _Sent((branches, 1, self._spoil(motion, site), observed, distance_m2, distance_m2))
+        return _Sent((branches, 1, self._spoil(motion, site), observed, centreline, distance_m2, distance_m2))
 
 
-def _branch(origin: Literal["policy", "random"], path: np.ndarray, observed: Points, cost: float) -> Branch:
+def _branch(
+    origin: Literal["policy", "random"], path: np.ndarray, observed: Points, cost: float, terms: dict[str, float]
+) -> Branch:
     return Branch(
         origin=origin,
         actions=path[None, :, :2].reshape(1, -1).astype(np.float32),
@@ -156,7 +167,7 @@ def _branch(origin: Literal["policy", "random"], path: np.ndarray, observed: Poi
         final=observed,
         cost_before=cost,
         cost_after=cost,
-        terms={},
+        terms=terms,
         finite=True,
     )
 
@@ -165,7 +176,7 @@ def _phi_of(model: Model) -> np.ndarray:
     return np.array([parameter.value for parameter in model.parameters], np.float32)
 
 
-_Fields = tuple[tuple[Branch, ...], int, Motion, Points, float, float]
+_Fields = tuple[tuple[Branch, ...], int, Motion, Points, Centreline, float, float]
 
 
 @final
@@ -184,6 +195,7 @@ def _arrived(
     best: int,
     motion: Motion,
     predicted: Points,
+    centreline: Centreline,
     distance_m2: float,
     predicted_m2: float,
 ) -> "Plan":
@@ -194,6 +206,7 @@ def _arrived(
         best=best,
         motion=motion,
         predicted=predicted,
+        centreline=centreline,
         chamfer_m2=distance_m2,
         predicted_chamfer_m2=predicted_m2,
     )

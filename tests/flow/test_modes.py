@@ -8,7 +8,19 @@ import pytest
 
 from app.core.approval import Approved
 from app.core.control import EndRequest, Lease, Mode
-from app.core.messages import Decision, Executed, Fault, Frame, Goal, Health, Notice, Particles, Proposal, fresh_id
+from app.core.messages import (
+    ArmState,
+    Decision,
+    Executed,
+    Fault,
+    Frame,
+    Goal,
+    Health,
+    Notice,
+    Particles,
+    Proposal,
+    fresh_id,
+)
 from app.core.requests import GoalRequest, GoalSource, PictureGoalRequest
 from tests.flow.cell import Run, for_a_while, pushes, running, small_site, small_wish, some, withdrawn
 from tests.flow.planner import Habits
@@ -124,6 +136,24 @@ async def test_what_was_rejected_is_told_to_the_planner_until_something_moves(id
     await pushes(idle, await person.sees(Proposal))
     costs.append((await person.sees(Proposal)).chosen.cost_after)
     assert costs == [-10.0, -9.0, -8.0, -10.0]
+
+
+async def test_where_the_rope_was_predicted_is_told_to_the_planner_until_it_may_lie_elsewhere(idle: Run) -> None:
+    person = idle.person
+    await person.chooses("approve each")
+    first = await person.sees(Proposal)
+    await pushes(idle, first)
+    then = {"near": float(first.chosen.tool_path[0, 0])}
+    rejected = await person.sees(Proposal)
+    await person.decides(rejected, approve=False)
+    stopped = await person.sees(Proposal)
+    await person.decides(stopped)
+    await person.sees(ArmState, "moving")
+    await person.presses_stop()
+    await person.sees(Executed, "stopped")
+    await person.presses_resume()
+    assert (rejected.chosen.terms, stopped.chosen.terms) == (then, then)
+    assert (await person.sees(Proposal)).chosen.terms == {}
 
 
 async def test_what_fails_leads_to_idle_and_the_session_goes_on(idle: Run) -> None:

@@ -90,7 +90,8 @@ def bowl(actions: Float[Array, "B D A"]) -> Rollout:
     cost = jnp.where((actions < -0.5).any((1, 2)), jnp.nan, ((actions - 1.0) ** 2).sum((1, 2)))
     points = jnp.zeros((len(actions), 1, 3))
     terms = Terms(cost, *jnp.zeros((2, len(cost))))
-    return Rollout(actions, points, points, terms, cost, (actions < 2.0).all((1, 2)))
+    none = jnp.zeros((len(actions), 2, 0))
+    return Rollout(actions, points, none, points, terms, cost, (actions < 2.0).all((1, 2)))
 
 
 @pytest.mark.parametrize("steps", [0, 1])

@@ -17,7 +17,8 @@ def rollout(actions: jnp.ndarray, cost: jnp.ndarray, allowed: jnp.ndarray | None
     count = len(actions)
     still = jnp.zeros((count, 1, 3)) + cost[:, None, None]
     always = jnp.ones(count, bool) if allowed is None else allowed
-    return Rollout(actions, still, still, Terms(cost, jnp.zeros(count), jnp.zeros(count)), cost, always)
+    terms = Terms(cost, jnp.zeros(count), jnp.zeros(count))
+    return Rollout(actions, still, jnp.zeros((count, 2, 0)), still, terms, cost, always)
 
 
 def bowl(actions: jnp.ndarray) -> Rollout:

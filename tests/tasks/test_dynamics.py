@@ -6,11 +6,13 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
+from app.config import Site
 from app.core.errors import UsageError
 from app.planner.plan import Plan
 from app.sim.params import acting, index
 from app.tasks import compiled, load
 from app.tasks.jobs import doubt, nominal_model, plan
+from tests.planner.table import PHI, planner, rope
 
 RODS = "rope_push@rods"
 COUNT = 300
@@ -59,6 +61,30 @@ def planned() -> Plan:
 
 def test_a_plan_brings_the_rope_nearer_to_its_goal_by_the_model():
     assert planned().predicted_chamfer_m2 < 0.6 * planned().chamfer_m2
+
+
+def test_a_plan_says_where_the_nodes_will_be_and_the_next_one_begins_there():
+    task, found = load(RODS), planned()
+    scene = task.rods.scene if task.rods else None
+    assert scene is not None
+    assert found.centreline.shape == (2, scene.nodes)
+    lengths = np.linalg.norm(np.diff(found.centreline, axis=1), axis=0)
+    np.testing.assert_allclose(lengths, scene.rest_m, rtol=0.02)
+    beside = np.linalg.norm(found.predicted[:, None, :2] - found.centreline.T, axis=-1).min(1)
+    assert beside.max() < 1.5 * scene.radius_m
+    # Seen there, in whatever order, the rope begins at the node that it began with, which no cloud tells.
+    seen, backwards = found.predicted[np.random.default_rng(0).permutation(COUNT)], found.centreline[:, ::-1]
+    for near in (found.centreline, np.ascontiguousarray(backwards)):
+        again = plan(RODS, "cpu", seen, task.goal(0, COUNT), nominal_model(RODS), 0, near=near)
+        there = task.begin(jnp.asarray(seen)[None], jnp.asarray(near)).centreline[0]
+        assert np.linalg.norm(there - near, axis=0).mean() < scene.radius_m / 4
+        assert again.centreline.shape == near.shape
+        follows = np.linalg.norm(again.centreline - near, axis=0).sum()
+        assert follows < np.linalg.norm(again.centreline[:, ::-1] - near, axis=0).sum()
+
+
+def test_what_is_no_rope_has_no_centreline():
+    assert planner()(rope(), rope(0.05), PHI, seed=0, site=Site()).centreline.shape == (2, 0)
 
 
 def test_what_no_planar_rod_can_be_is_said_and_an_open_rope_is_not_doubted():

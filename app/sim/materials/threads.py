@@ -20,8 +20,12 @@ _STEEP = 0.9
 """Where the normal is nearer to the x axis than this cosine, the threads are laid along y instead."""
 
 
-def unstretched(x: Float[Array, "B N 3"]) -> State:
-    """A cloth at rest whose particles are at `x` [m]: the columns of F are its two threads and its normal."""
+def unstretched(x: Float[Array, "B N 3"], near: Float[Array, "2 n"] | None = None) -> State:
+    """A cloth at rest whose particles are at `x` [m]: the columns of F are its two threads and its normal.
+
+    It has no centreline that could be `near`.
+    """
+    del near
     state = State.at_rest(x)
     return state._replace(F=threads(state.x))
 

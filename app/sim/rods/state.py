@@ -42,6 +42,11 @@ class RodState(NamedTuple):
         y = middle[..., 1] + along * tangent[..., 1] + left * tangent[..., 0]
         return jnp.stack([x, y, height], axis=-1)
 
+    @property
+    def centreline(self) -> Float[jax.Array, "B 2 n"]:
+        """Places [m] of the nodes."""
+        return self.nodes[:, :2]
+
     @classmethod
     def at_rest(
         cls,
@@ -101,9 +106,9 @@ class RodStart:
     rest_m: float
     radius_m: float | None = None
 
-    def __call__(self, x: Float[jax.Array, "B N 3"]) -> RodState:
+    def __call__(self, x: Float[jax.Array, "B N 3"], near: Float[jax.Array, "2 n"] | None = None) -> RodState:
         """Unmoving, its bends at the centre of yield."""
-        return RodState.at_rest(x, self.count, self.rest_m, self.radius_m)
+        return RodState.at_rest(x, self.count, self.rest_m, self.radius_m, near)
 
 
 def frames(

@@ -10,7 +10,7 @@ from scipy.sparse.csgraph import connected_components
 from scipy.spatial import KDTree
 
 from app.core.errors import PerceptionError
-from app.core.types import Points
+from app.core.types import Centreline, Points
 from app.sim.rods.centreline import RopeShape, Trace, balanced, places, strands_touch, through, traced
 
 _FEWEST_A_NODE = 2
@@ -64,10 +64,14 @@ class Verdict:
         return self.line
 
 
-def doubt(x: Points, rope: RopeShape) -> str:
-    """The gravest thing that speaks against a planar rod through `x`, in a sentence; empty where nothing does."""
+def doubt(x: Points, rope: RopeShape, near: Centreline | None = None) -> str:
+    """The gravest thing that speaks against a planar rod through `x`, in a sentence; empty where nothing does.
+
+    `near`: see `traced`.
+    """
+    prior = None if near is None or not near.size else near.T.astype(np.float64)
     try:
-        judged(x, rope).checked()
+        judged(x, rope, prior).checked()
     except PerceptionError as error:
         return str(error)
     return ""
