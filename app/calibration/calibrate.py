@@ -11,7 +11,7 @@ from app.calibration.evidence import Evidence, Predictor
 from app.calibration.fit import Fit, Settings, fit
 from app.core.messages import Model, Parameter, Transition, fresh_id
 from app.sim.parameter import ParameterSpec
-from app.sim.params import PARAMETERS, index
+from app.sim.params import PARAMETERS, completed, index
 
 
 @final
@@ -75,7 +75,7 @@ class Calibrator:
 
 def phi_of(model: Model) -> Float32[np.ndarray, " P"]:
     """The model's parameters in the simulator's order, clipped by a rounding error into their ranges."""
-    values = np.array([model.value(spec.name) for spec in PARAMETERS], np.float32)
+    values = completed({parameter.name: parameter.value for parameter in model.parameters})
     return np.clip(values, [spec.low for spec in PARAMETERS], [spec.high for spec in PARAMETERS]).astype(np.float32)
 
 
@@ -92,28 +92,19 @@ def next_model(
     found, and are added to what `old` says of them. Where an extended model is from stays.
     """
     estimates = {
-        name: (float(value), float(low), float(high))
+        name: Parameter(
+            name=name, unit=PARAMETERS[index(name)].unit, value=float(value), low=float(low), high=float(high)
+        )
         for name, value, low, high in zip(names, found.values, found.low, found.high, strict=False)
     }
-    parameters = tuple(
-        parameter
-        if parameter.name not in estimates
-        else Parameter(
-            name=parameter.name,
-            unit=parameter.unit,
-            value=estimates[parameter.name][0],
-            low=estimates[parameter.name][1],
-            high=estimates[parameter.name][2],
-        )
-        for parameter in old.parameters
-    )
+    known = {parameter.name: parameter for parameter in old.parameters}
     return replace(
         old,
         id=fresh_id("model"),
         cause=(old.id, *(transition.id for transition in transitions)),
         time_s=max(transition.time_s for transition in transitions),
         version=old.version + 1,
-        parameters=parameters,
+        parameters=tuple((known | estimates).values()),
         apparatus=_with_offset(old.apparatus, found, len(names), offset),
         loss_m2=found.loss_m2,
         transition_count=len(transitions),

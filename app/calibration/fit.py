@@ -210,7 +210,11 @@ def _reach(specs: Sequence[ParameterSpec]) -> Vector:
 
 def _probe(spec: ParameterSpec) -> float:
     """Of a coordinate: see `_PROBE`."""
-    return _PROBE if spec.scale == "log" or spec.typical is None else spec.typical / (spec.high - spec.low)
+    return (
+        _PROBE
+        if spec.scale == "log" or spec.typical is None
+        else abs(spec.typical - spec.nominal) / (spec.high - spec.low)
+    )
 
 
 def _spread(losses: Float64[np.ndarray, " K"], lost: Sequence[int]) -> Float64[np.ndarray, " L"]:

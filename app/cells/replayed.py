@@ -8,7 +8,7 @@ import json
 from collections.abc import AsyncGenerator, Sequence
 from contextlib import asynccontextmanager
 from pathlib import Path
-from typing import Final
+from typing import Any, Final
 
 from anyio import to_thread
 
@@ -65,13 +65,25 @@ def _pictured(film: Film, tool: Tool, states: Sequence[ArmState]) -> ArmShape | 
 
 
 def _table(episode: Episode) -> TablePlace:
-    """Place of the table, as the recording says; where it says nothing, the arm stood on it."""
+    """Place of the table, as the recording says; where it says nothing, the arm stood on it.
+
+    Raises UsageError where it says what is no place.
+    """
     try:
-        said = json.loads(episode.config)["table"]
+        config = json.loads(episode.config)
+    except ValueError:
+        return AT_BASE
+    if not isinstance(config, dict) or "table" not in config:
+        return AT_BASE
+    said: Any = config["table"]
+    try:
         x, y, z = (float(each) for each in said["place_m"])
         return TablePlace(place_m=(x, y, z), turn_deg=float(said["turn_deg"]))
     except (ValueError, KeyError, TypeError):
-        return AT_BASE
+        raise UsageError(
+            f"--rig replayed cannot show it: the recording says that its table is at {said!r}, and needs place_m = "
+            "[x, y, z] and turn_deg; choose another recording."
+        ) from None
 
 
 def _film(file: Path | None) -> Film:

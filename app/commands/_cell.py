@@ -33,6 +33,7 @@ async def cell(
                     cell=_behind(chosen, rig),
                     stop=rig.arm.stop,
                     limits=site.limits,
+                    table=site.table,
                     tls=tls,
                     hand=Pilot(jog=rig.arm.jog, tool=rig.arm.tool, limits=site.limits),
                     timing=site.timing,

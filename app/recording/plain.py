@@ -9,6 +9,7 @@ import json
 import zipfile
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
+from math import pi, radians, remainder
 from pathlib import Path
 from types import MappingProxyType
 from typing import Any, Final, Literal, TypeAlias, cast, final
@@ -111,7 +112,16 @@ class Plain:
                 table=cloud(given.table),
             )
 
-        return replace(self, episodes=tuple(map(episode, self.episodes)))
+        return replace(self, about=_turned(self.about, place), episodes=tuple(map(episode, self.episodes)))
+
+
+def _turned(about: Mapping[str, Any], place: TablePlace) -> Mapping[str, Any]:
+    """What is known, with a flat finger's yaw about the table's x axis, of that about the base's."""
+    tool = about.get("tool", {})
+    if "yaw_rad" not in tool:
+        return about
+    yaw = remainder(tool["yaw_rad"] - radians(place.turn_deg), 2 * pi)
+    return {**about, "tool": {**tool, "yaw_rad": yaw}}
 
 
 def read_plain(path: Path) -> Plain:

@@ -3,7 +3,7 @@
 phi has one row a candidate, shape (B, P), float32, in physical units; the columns are those of `PARAMETERS`.
 """
 
-from collections.abc import Collection, Sequence
+from collections.abc import Collection, Mapping, Sequence
 
 import numpy as np
 from jaxtyping import Float, Float32
@@ -42,6 +42,17 @@ def parameters_with(effects: Sequence[Effect]) -> tuple[ParameterSpec, ...]:
 
 
 PARAMETERS = parameters_with(EFFECTS)
+
+
+def completed(values: Mapping[str, float]) -> Float32[np.ndarray, " P"]:
+    """`values` as phi; what effects are not told, as by a model that is older than they, is at its null.
+
+    Raises ParameterError where what every simulation needs is not among them.
+    """
+    missing = [spec.name for spec in NOMINAL_PHYSICS if spec.name not in values]
+    if missing:
+        raise ParameterError(f"The model lacks {', '.join(missing)}; calibrate one with this version.")
+    return np.array([values.get(spec.name, spec.nominal) for spec in PARAMETERS], np.float32)
 
 
 def acting(phi: Float[np.ndarray, " P"], names: Collection[str] = ()) -> tuple[Effect, ...]:

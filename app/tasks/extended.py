@@ -11,7 +11,7 @@ from app.core.messages import Extension, Model, Parameter, fresh_id
 from app.discovery.sensitivity import Step
 from app.discovery.subject import NUMERICS, Catalogue, Theta, catalogue
 from app.sim.parameter import ParameterSpec
-from app.sim.params import PARAMETERS, require_ranges, validated
+from app.sim.params import PARAMETERS, completed, require_ranges, validated
 from app.tasks.compiled import nominal_model
 
 _Z90 = 1.645
@@ -99,13 +99,13 @@ def estimated(
 
 
 def check(model: Model) -> None:
-    """Raises ParameterError where a parameter is missing, unknown, non-finite or outside its range."""
+    """Raises ParameterError where a parameter is missing, unknown, non-finite or outside its range.
+
+    An effect that the model does not name is at its null.
+    """
     values = {parameter.name: parameter.value for parameter in model.parameters}
     _require_known("parameter of the simulator", values, [spec.name for spec in PARAMETERS])
-    missing = [spec.name for spec in PARAMETERS if spec.name not in values]
-    if missing:
-        raise ParameterError(f"The model lacks {', '.join(missing)}; calibrate one with this version.")
-    validated(np.array([values[spec.name] for spec in PARAMETERS]))
+    validated(completed(values))
     specs = _apparatus_specs()
     _require_known("parameter of cameras and arm", [parameter.name for parameter in model.apparatus], specs)
     for parameter in model.apparatus:

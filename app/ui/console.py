@@ -17,6 +17,7 @@ from app.core.channel import Lossless
 from app.core.errors import PreflightError
 from app.core.messages import Message
 from app.core.requests import Request
+from app.core.table_place import AT_BASE, TablePlace
 from app.ui import cards, proxy
 from app.ui.access import LOOPBACK, Access
 from app.ui.aim import Aim
@@ -70,6 +71,7 @@ async def open_console(
     cell: Cell,
     stop: Callable[[], None],
     limits: Limits | None = None,
+    table: TablePlace = AT_BASE,
     tls: Tls | None = None,
     hand: Hand | None = None,
     timing: Timing | None = None,
@@ -77,7 +79,7 @@ async def open_console(
 ) -> AsyncGenerator[Console]:
     """A console that serves until the block is left; `timing` says by what plans are refused, `limits` are drawn.
 
-    `cell`: what is behind it; a replay has a `player`, by whose clock ages are. `stop` tells the arm to stop: it is
+    The arm's base is drawn where the `table` says. `cell`: what is behind it; a replay has a `player`, by whose clock ages are. `stop` tells the arm to stop: it is
     called from other threads than the caller's and must not block. `hand` makes motion of what is held in the browser,
     where that is offered. `port` 0 takes a free one.
 
@@ -106,7 +108,7 @@ async def open_console(
         badges = Badges()
         line = HandLine(hand, badges, hindrance=desk.hindrance, refused=desk.turned_away) if hand else None
         inbox = Inbox(desk, badges, desk.turned_away)
-        where = {"limits": limits or Limits(), "timing": timing or Timing()}
+        where = {"limits": limits or Limits(), "timing": timing or Timing(), "table": table}
         furnish = partial(_set_scene, desk=desk, badges=badges, line=line, hand=hand, player=player, **where)
         ways = {"goal": inbox.receive} | ({"jog": line.serve} if line else {})
         async with _serving(listening, desk, page, furnish, ways, tls) as url:
@@ -171,10 +173,11 @@ def _set_scene(
     player: Player | None,
     limits: Limits,
     timing: Timing,
+    table: TablePlace,
 ) -> Painter:
     """Furnish the server, and say who repaints it."""
     _greet(backstage.server, desk, badges, line)
-    scene = Scene(backstage.server, limits)
+    scene = Scene(backstage.server, limits, table)
     panel = Panel(backstage.server, desk, scene, timing)
     aim = Aim(backstage.server, limits.workspace, desk, hand) if hand else None
     playback = Playback(backstage.server, player) if player else None

@@ -9,6 +9,7 @@ from viser import transforms
 
 from app.config import KeepOut, Limits, Workspace
 from app.core.messages import Frame
+from app.core.table_place import AT_BASE, TablePlace
 from app.core.types import Points
 from app.ui import palette
 from app.ui.beads import Beads
@@ -23,7 +24,7 @@ _FRUSTUM_M = 0.035
 class Scene:
     """Everything drawn on the table of one server. Used by the painter's thread alone."""
 
-    def __init__(self, server: viser.ViserServer, limits: Limits) -> None:
+    def __init__(self, server: viser.ViserServer, limits: Limits, table: TablePlace = AT_BASE) -> None:
         self._scene = server.scene
         self._last = Board()
         self._frustums: dict[str, viser.CameraFrustumHandle] = {}
@@ -38,7 +39,7 @@ class Scene:
         self.ghost = Tool(server, "/ghost", palette.BEST, opacity=0.55)
         self.playing = True
         """Whether the ghost makes the pending motion; not while another ghost shows a moment of it."""
-        _furnish(server, limits.workspace)
+        _furnish(server, limits.workspace, table)
         for number, volume in enumerate(limits.keep_out):
             _forbid(server, f"/kept_free/{number}", volume)
 
@@ -109,7 +110,7 @@ def _follow(beads: Beads, points: Points | None, shaded: Bool[np.ndarray, " P"] 
         beads.put(points, shaded)
 
 
-def _furnish(server: viser.ViserServer, workspace: Workspace) -> None:
+def _furnish(server: viser.ViserServer, workspace: Workspace, table: TablePlace) -> None:
     """Table, workspace outline, the robot's base, light and the first view."""
     low, high = np.array(workspace.low), np.array(workspace.high)
     middle, extent = (low + high) / 2, high - low
@@ -146,7 +147,10 @@ def _furnish(server: viser.ViserServer, workspace: Workspace) -> None:
         thickness=2.0,
         thickness_units="screen",
     )
-    scene.add_cylinder("/base", radius=0.06, height=0.08, color=(70, 76, 86), position=(0.0, 0.0, 0.04))
+    base, half = table.table_from_base, np.radians(table.turn_deg) / 2
+    turn = (float(np.cos(half)), 0.0, 0.0, -float(np.sin(half)))
+    scene.add_frame("/base", show_axes=False, position=base[:3, 3], wxyz=turn)
+    scene.add_cylinder("/base/foot", radius=0.06, height=0.08, color=(70, 76, 86), position=(0.0, 0.0, 0.04))
     scene.add_frame("/base/axes", axes_length=0.1, axes_radius=0.004, position=(0.0, 0.0, 0.05))
     server.initial_camera.position = (middle[0] + 0.75, middle[1] - 0.12, 0.66)
     server.initial_camera.look_at = (middle[0] - 0.02, middle[1], 0.0)

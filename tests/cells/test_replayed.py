@@ -101,6 +101,8 @@ def test_an_arm_is_in_the_images_where_it_stood_beside_the_table_that_the_record
     said = replayed._table(make(Episode, config=json.dumps({"table": asdict(table)})))
     assert said == table
     assert replayed._table(make(Episode, config="{}")) == replayed._table(make(Episode, config="?")) == AT_BASE
+    with pytest.raises(UsageError, match="its table is at 'here', and needs place_m"):
+        replayed._table(make(Episode, config=json.dumps({"table": "here"})))
     tip = gen3.tool(gen3.HOME)
     pose = np.array([*tip[:3, 3], *Rotation.from_matrix(tip[:3, :3]).as_quat(scalar_first=True)])
     state = replace(make(ArmState), joints=gen3.HOME, pose=table.poses_in_table(pose))

@@ -16,6 +16,7 @@ from app.commands.import_ import import_
 from app.core.errors import DipacError, RecordingError, UsageError
 from app.core.table_place import TablePlace
 from app.discovery.limits import limits_of
+from app.recording.plain import read_plain
 from app.recording.reader import read_transitions
 from app.tasks import load
 from app.tasks.doubted import subject_of
@@ -87,6 +88,14 @@ def test_what_was_measured_in_the_frame_of_the_base_is_recorded_in_that_of_the_t
         np.testing.assert_allclose(other.before, one.before, atol=1e-6)
         np.testing.assert_allclose(other.after, one.after, atol=1e-6)
         np.testing.assert_allclose(other.executed.made[:, :3], one.executed.made[:, :3], atol=1e-9)
+
+
+def test_a_flat_finger_that_is_turned_in_the_frame_of_the_base_is_turned_in_that_of_the_table(tmp_path: Path) -> None:
+    arrays = plain_arrays()
+    about(tool={"half_width_m": 0.02, "yaw_rad": -3.0})(arrays)
+    told = read_plain(saved(tmp_path, arrays)).in_table(TablePlace(turn_deg=30.0)).about["tool"]
+    assert told["yaw_rad"] == pytest.approx(2 * np.pi - 3.0 - np.radians(30.0))
+    assert told["half_width_m"] == 0.02
 
 
 def test_a_motion_that_nobody_measured_counts_as_it_was_commanded(tmp_path: Path) -> None:

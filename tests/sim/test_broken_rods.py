@@ -158,6 +158,7 @@ def test_segments_that_are_stretched_at_the_start_are_named():
         ("mass", 0.0, "physics.mass of candidate 1 is 0; it must be above 0."),
         ("table_friction", -0.1, "physics.table_friction of candidate 1 is -0.1; it must be at least 0."),
         ("rigidity", 1.0, "N m^2 at most; raise the scene's stiffest_n_m2."),
+        ("permanent_set", 1.2, "physics.permanent_set of candidate 1 is 1.2, and it is a share of bends, 1 at most."),
     ],
 )
 def test_physics_that_cannot_be_are_named(name: str, value: float, said: str):

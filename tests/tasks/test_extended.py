@@ -14,7 +14,7 @@ from app.discovery.sensitivity import Step
 from app.discovery.subject import catalogue
 from app.recording.model_file import load_model, save_model
 from app.sim.params import PARAMETERS, acting, index
-from app.tasks import load, nominal_model
+from app.tasks import compiled, load, nominal_model
 from app.tasks.correction import correction
 from app.tasks.doubted import subject_of
 from app.tasks.extended import Covariance, Estimated, estimated, extended_model
@@ -112,6 +112,13 @@ def test_an_error_of_cameras_or_arm_outside_of_its_range_is_refused(value: float
 def test_errors_of_cameras_need_the_cameras_place() -> None:
     with pytest.raises(ParameterError, match=r"camera_m = \[x, y, z\]"):
         check_model(replace(made(), extension=Extension()))
+
+
+def test_effects_that_a_model_is_older_than_are_at_their_null() -> None:
+    whole = nominal_model("rope_push@rods")
+    old = replace(whole, parameters=tuple(each for each in whole.parameters if each.name != "permanent_set"))
+    check_model(old)
+    assert np.array_equal(compiled.phi_of(old), compiled.phi_of(whole))
 
 
 def test_a_model_that_lacks_a_parameter_of_the_simulator_is_refused() -> None:

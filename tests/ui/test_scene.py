@@ -6,6 +6,7 @@ import viser
 import zstandard
 
 from app.config import KeepOut, Limits
+from app.core.table_place import AT_BASE, TablePlace
 from app.ui import palette
 from app.ui.scene import Scene
 from app.ui.tool import Flat, Tool
@@ -14,10 +15,10 @@ _HEADER_BYTES = 8
 """Before the packed scene stands its size, unpacked."""
 
 
-def drawn(limits: Limits) -> bytes:
+def drawn(limits: Limits, table: TablePlace = AT_BASE) -> bytes:
     server = viser.ViserServer(host="127.0.0.1", port=0, verbose=False)
     try:
-        Scene(server, limits)
+        Scene(server, limits, table)
         packed = server.get_scene_serializer().serialize()
     finally:
         server.stop()
@@ -43,6 +44,24 @@ def test_a_flat_finger_is_drawn_as_one_plate_and_a_round_one_as_two_fingers() ->
     flat = drawn_tool("rope_push(finger_half_width_m=0.02,finger_yaw_rad=0.5)")
     assert b"/tool/finger_flat" in flat
     assert b"/tool/finger_left" in drawn_tool("rope_push(finger_radius_m=0.006)")
+
+
+@pytest.mark.serial
+def test_the_arm_stands_where_it_does_beside_the_table() -> None:
+    """Half a metre before the table's origin, which is turned by a quarter."""
+    there = TablePlace(place_m=(0.5, 0.0, -0.125), turn_deg=90.0)
+    base = np.float32([0.0, 0.5, 0.125])
+    assert there.table_from_base[:3, 3] == pytest.approx(base)
+    server = viser.ViserServer(host="127.0.0.1", port=0, verbose=False)
+    try:
+        Scene(server, Limits(), there)
+        handle = server.scene.get_handle_by_name("/base")
+        assert isinstance(handle, viser.FrameHandle)
+        assert handle.position == pytest.approx(base)
+        assert np.abs(handle.wxyz) == pytest.approx(np.sqrt([0.5, 0, 0, 0.5]))
+        assert handle.wxyz[0] * handle.wxyz[3] < 0
+    finally:
+        server.stop()
 
 
 @pytest.mark.serial

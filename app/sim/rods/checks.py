@@ -94,18 +94,20 @@ def _require_all_finite(
 
 
 def _require_physics(scene: RodScene, physics: RodPhysics) -> None:
-    most = {"rigidity": stiffest_n_m2(scene)}
+    stiffest = stiffest_n_m2(scene)
+    most = {
+        "rigidity": (stiffest, f"the simulator bears {stiffest:g} N m^2 at most; raise the scene's stiffest_n_m2"),
+        "permanent_set": (1.0, "it is a share of bends, 1 at most"),
+    }
     for name in RodPhysics._fields:
         values = np.asarray(getattr(physics, name), np.float32)
         low = np.float32(np.finfo(np.float32).tiny if name in _ABOVE_ZERO else 0.0)
         if name not in _SIGNED and (wrong := first(values < low)):
             least = "above 0" if name in _ABOVE_ZERO else "at least 0"
             raise ParameterError(f"physics.{name} of candidate {wrong[0]} is {values[wrong]:g}; it must be {least}.")
-        if name in most and (wrong := first(values > np.float32(most[name]))):
-            raise ParameterError(
-                f"physics.{name} of candidate {wrong[0]} is {values[wrong]:g}, and the simulator bears {most[name]:g} "
-                "N m^2 at most; raise the scene's stiffest_n_m2."
-            )
+        high, why = most.get(name, (np.inf, ""))
+        if wrong := first(values > np.float32(high)):
+            raise ParameterError(f"physics.{name} of candidate {wrong[0]} is {values[wrong]:g}, and {why}.")
 
 
 def _require_room(places: Float32[np.ndarray, "B K C"], whose: str) -> None:
