@@ -79,9 +79,9 @@ async def open_console(
 ) -> AsyncGenerator[Console]:
     """A console that serves until the block is left; `timing` says by what plans are refused, `limits` are drawn.
 
-    The arm's base is drawn where the `table` says. `cell`: what is behind it; a replay has a `player`, by whose clock ages are. `stop` tells the arm to stop: it is
-    called from other threads than the caller's and must not block. `hand` makes motion of what is held in the browser,
-    where that is offered. `port` 0 takes a free one.
+    `cell`: what is behind it; a replay has a `player`, by whose clock ages are. The arm's base is drawn where the
+    `table` says. `stop` tells the arm to stop: it is called from other threads than the caller's and must not block.
+    `hand` makes motion of what is held in the browser, where that is offered. `port` 0 takes a free one.
 
     Raises PreflightError where the port is taken, or `host` is no loopback address and there is no `tls`.
     """
