@@ -304,6 +304,11 @@ def test_input_that_is_not_finite_fails_before_the_first_step():
     found = dissect_rod(case_of(given, 1))
     assert (found.failed, len(found.trace)) == (0, 0)
     assert "tool is nan for candidate 0, path point 9" in found.verdict()
+    given = problem()
+    given[2].offset[1, 3, 2] = np.nan
+    found = dissect_rod(case_of(given, 1))
+    assert (found.failed, len(found.trace)) == (0, 0)
+    assert "state.offset is nan for candidate 0, particle 3, component up" in found.verdict()
 
 
 def test_the_last_states_are_those_of_the_simulator():

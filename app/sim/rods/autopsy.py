@@ -194,8 +194,9 @@ class _View:
 
 
 def _view(case: RodCase) -> _View:
-    """Nothing is simulated where what is not the state is not finite: no step of that begins."""
-    given = jax.tree.leaves((case.physics, case.phi, case.tool, case.setting))
+    """Nothing is simulated where what is given besides the nodes is not finite: no step of that begins."""
+    state = case.state
+    given = jax.tree.leaves((case.physics, case.phi, case.tool, case.setting, state.place, state.offset))
     if not all(np.isfinite(leaf).all() for leaf in given):
         none = np.zeros(0)
         start = np.zeros((0, *case.state.nodes.shape[1:]), np.float32)
