@@ -321,8 +321,19 @@ def _strides(view: _View) -> Float32[np.ndarray, " S"]:
 
 
 def _passes(view: _View) -> Bool[np.ndarray, "S m"]:
-    """Segments that are on the other side of the finger after a step, both times beside it, or that it crossed."""
-    line, tip = view.nodes[:, :2].astype(np.float64), view.tips[:, :2].astype(np.float64)
+    """Segments that are on the other side of the finger after a step, both times beside it, or that it crossed.
+
+    Of a flat finger, which is not a point, five of its core: a rope that passes through it passes them.
+    """
+    down = view.tips[:, 2] < 2 * view.radius_m
+    shares = np.linspace(-1, 1, 5) if view.half.any() else np.zeros(1)
+    passed = [_passes_point(view, view.tips[:, :2] + share * view.half) for share in shares]
+    return np.any(passed, axis=0) & (down[:-1] & down[1:])[:, None]
+
+
+def _passes_point(view: _View, point: Float32[np.ndarray, "K 2"]) -> Bool[np.ndarray, "S m"]:
+    """The same of one point of the finger."""
+    line, tip = view.nodes[:, :2].astype(np.float64), point.astype(np.float64)
     edge, to = np.diff(line, axis=2), tip[:, :, None] - line[..., :-1]
     side = edge[:, 0] * to[:, 1] - edge[:, 1] * to[:, 0]
     share = (to * edge).sum(1) / (edge**2).sum(1)
@@ -336,8 +347,7 @@ def _passes(view: _View) -> Bool[np.ndarray, "S m"]:
         side[1:] == was, np.inf, side[1:] - was
     )
     crossed = (was * side[1:] < 0) & (met >= 0) & (met <= 1)
-    down = view.tips[:, 2] < 2 * view.radius_m
-    return ((turned & beside[:-1] & beside[1:]) | crossed) & (down[:-1] & down[1:])[:, None]
+    return (turned & beside[:-1] & beside[1:]) | crossed
 
 
 def _trace(view: _View) -> RodTrace:
