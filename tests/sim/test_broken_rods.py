@@ -260,7 +260,7 @@ def test_a_flat_finger_that_jumps_over_the_rope_with_an_end_alone_is_told():
     """Its middle is beyond the end of the rope."""
     end = SCENE.rest_m * (SCENE.nodes // 2)
     given = problem(path((end + 0.02, -0.03)))
-    given[0].finger_half_m[0] = (0.03, 0.0)
+    given[0].finger_half_width[0] = 0.03
     given[3][0, 101:, 1] += 0.06
     (fault,) = [each for each in dissect_rod(case_of(given)).faults if each.kind == "passed through"]
     assert (fault.step, fault.index) == (101, SCENE.nodes - 2)

@@ -327,13 +327,13 @@ def _passes(view: _View) -> Bool[np.ndarray, "S m"]:
     """
     down = view.tips[:, 2] < 2 * view.radius_m
     shares = np.linspace(-1, 1, 5) if view.half.any() else np.zeros(1)
-    passed = [_passes_point(view, view.tips[:, :2] + share * view.half) for share in shares]
+    passed = [_passes_point(view, view.tips[:, :2].astype(np.float64) + share * view.half) for share in shares]
     return np.any(passed, axis=0) & (down[:-1] & down[1:])[:, None]
 
 
-def _passes_point(view: _View, point: Float32[np.ndarray, "K 2"]) -> Bool[np.ndarray, "S m"]:
+def _passes_point(view: _View, tip: Float64[np.ndarray, "K 2"]) -> Bool[np.ndarray, "S m"]:
     """The same of one point of the finger."""
-    line, tip = view.nodes[:, :2].astype(np.float64), point.astype(np.float64)
+    line = view.nodes[:, :2].astype(np.float64)
     edge, to = np.diff(line, axis=2), tip[:, :, None] - line[..., :-1]
     side = edge[:, 0] * to[:, 1] - edge[:, 1] * to[:, 0]
     share = (to * edge).sum(1) / (edge**2).sum(1)
