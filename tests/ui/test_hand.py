@@ -48,12 +48,16 @@ async def test_what_a_page_holds_moves_the_arm_while_the_program_waits_for_it_an
             await anyio.sleep(0.05)
             assert await held(1, 5, axes={"y": 1}) == {busy}, "a press that began before does not count"
             assert np.array_equal(arm.tool(), home)
-            assert "moving" in await held(2, 15, axes={"y": 1}, speed=0.3)
+            answers = set[str]()
+            with anyio.fail_after(30):  # A process that is late moves it slower.
+                while arm.tool()[1] < home[1] + 0.02:
+                    answers |= await held(2, 1, axes={"y": 1}, speed=0.3)
+            assert "moving" in answers
             await anyio.sleep(0.2)
             (again,) = await held(2, 5, axes={"y": 1})
             assert "press again" in again
         assert stretches[0].outcome == "completed"
-        assert 0.01 < arm.tool()[1] < 0.08
+        assert 0.02 < arm.tool()[1] < 0.08
         assert stretches[0].measured[-1, 1] == pytest.approx(arm.tool()[1], abs=1e-3)
 
         pilot.aim(np.array(AIM))

@@ -18,30 +18,34 @@ _SHORTEST_M, _ABOUT_M, _AHEAD_M = 1e-9, 1e-3, 0.05
 class Along:
     """The point of the path `points (P, 8)` that the tool has come to, `advance` by `advance`; never back again.
 
-    `off_m` is how far beside the path the tool is [m].
+    `off_m` is how far beside the path the tool is [m], also where the point that was said falls behind it, because who
+    looks is late, on a busy machine, and the point goes on by no more than a command's way at a time.
     """
 
     def __init__(self, points: ToolPath) -> None:
         self._points, self._moves = points, points * _MOVES
         lengths = np.linalg.norm(np.diff(self._moves, axis=0), axis=1)
         self._at = np.concatenate([[0.0], np.cumsum(lengths)])
-        self._come = 0.0
+        self._come = self._seen = 0.0
         self.off_m = 0.0
 
-    def advance(self, tool: ToolPose, most_m: float) -> ToolPose:
-        """As far as the measured `tool` is, but no more than `most_m` further than before."""
-        come = self._nearest(tool)
-        self.off_m = float(np.linalg.norm(self._pose(come)[:3] - tool[:3]))
-        self._come = min(come, self._come + most_m)
+    def advance(self, tool: ToolPose, most_m: float, gone_m: float = 0.0) -> ToolPose:
+        """As far as the measured `tool` is, but no more than `most_m` further than before.
+
+        `gone_m`: how far it may have gone since it was looked at last.
+        """
+        self._seen = self._nearest(tool, _AHEAD_M + gone_m)
+        self.off_m = float(np.linalg.norm(self._pose(self._seen)[:3] - tool[:3]))
+        self._come = min(self._seen, self._come + most_m)
         return self._pose(self._come)
 
-    def _nearest(self, tool: ToolPose) -> float:
+    def _nearest(self, tool: ToolPose, ahead_m: float) -> float:
         """How far along the way is nearest to the tool, of what comes next; the first of places that are about as near.
 
         So on a way that turns back, the way there counts until the tool is seen to have turned.
         """
-        last = self._segment(self._come + _AHEAD_M)
-        places = [self._on(index, tool) for index in range(self._segment(self._come), last + 1)]
+        last = self._segment(self._seen + ahead_m)
+        places = [self._on(index, tool) for index in range(self._segment(self._seen), last + 1)]
         near_m = min(away for _, away in places) + _ABOUT_M
         return next(come for come, away in places if away <= near_m)
 
@@ -50,7 +54,7 @@ class Along:
         begin, end = self._moves[index], self._moves[index + 1]
         here, length = _signed(tool, self._points[index]) * _MOVES, float(self._at[index + 1] - self._at[index])
         ahead = (end - begin) / max(length, _SHORTEST_M)
-        first = max(self._come - float(self._at[index]), 0.0)
+        first = max(self._seen - float(self._at[index]), 0.0)
         gone = float(np.clip((here - begin) @ ahead, min(first, length), length))
         return float(self._at[index]) + gone, float(np.linalg.norm(begin + gone * ahead - here))
 

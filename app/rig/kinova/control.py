@@ -28,8 +28,6 @@ from app.rig.kinova.link import Address
 from app.rig.kinova.seen import Seen
 
 _BACK = "The connection to the arm is back; look at the arm, then press Resume."
-_BLIND_S = 0.15
-"""An arm that has said nothing for so long may not move on; of single lost datagrams that is not long enough."""
 _OFF_M, _AWAY_M = 0.015, 0.008
 """A tool so far beside its way is moved by something else; one so far from where it was left has been."""
 _FOLLOW_HZ, _CATCH_UP_M_S, _CATCH_UP_RAD_S = 2.0, 0.02, 0.1
@@ -60,22 +58,32 @@ def taken(
     """
     driver = Driver(Kortex(linked(address, client)), site, holds)
     driver.open()
-    return KinovaControl(driver, site, joints_of)
+    return KinovaControl(driver, site, joints_of, blind_s=address.stops_after_s)
 
 
 @final
 class KinovaControl:
-    """The arm between two ticks of its process."""
+    """The arm between two ticks of its process.
 
-    def __init__(self, driver: Driver, site: Site, joints_of: Callable[[Seen], Joints] = measured_joints) -> None:
-        self._driver, self._limits, self._joints_of = driver, site.limits, joints_of
+    An arm that has said nothing for `blind_s` may not move on; of single lost datagrams that is not long enough.
+    """
+
+    def __init__(
+        self,
+        driver: Driver,
+        site: Site,
+        joints_of: Callable[[Seen], Joints] = measured_joints,
+        *,
+        blind_s: float,
+    ) -> None:
+        self._driver, self._limits, self._joints_of, self._blind_s = driver, site.limits, joints_of, blind_s
         self._errand: Errand | None = None
         self._refusal: MotionRefused | None = None
         self._clearing: Errand | None = None
         self._path: Along | None = None
         self._jogging: Jogging | None = None
         self._by: int | None = None
-        self._heard_s = self._silence_s = 0.0
+        self._heard_s = self._silence_s = self._since_s = 0.0
         self._ticked_s, self._losses = time.monotonic(), driver.losses
         self._gripped_m, self._pushed, self._coasts = float(driver.seen.tool[7]), False, False
         self._end: ToolPose | None = None
@@ -168,7 +176,8 @@ class KinovaControl:
         self._driver.pulse()
         seen, now_s = self._driver.seen, time.monotonic()
         # From tick to tick: what came while this process was late is not taken for silence.
-        self._silence_s = self._silence_s + now_s - self._ticked_s if seen.time_s == self._heard_s else 0.0
+        self._since_s = now_s - self._ticked_s
+        self._silence_s = self._silence_s + self._since_s if seen.time_s == self._heard_s else 0.0
         self._heard_s, self._ticked_s = seen.time_s, now_s
         self.measured = carried(seen, time.monotonic())
         self._look_for_trouble(seen)
@@ -206,8 +215,8 @@ class KinovaControl:
 
     def _unsafe(self, seen: Seen) -> str:
         """Why what moves may not move on; empty where it may."""
-        if self._silence_s > _BLIND_S:
-            return f"The arm has said nothing for {_BLIND_S:.2f} s; look at its cable, then press Resume."
+        if self._silence_s > self._blind_s:
+            return f"The arm has said nothing for {self._blind_s:.2f} s; look at its cable, then press Resume."
         if not seen.ready:
             return "The arm is commanded at low level or serviced; have that end, then press Resume."
         if self._others(seen):
@@ -226,7 +235,8 @@ class KinovaControl:
     def _follow(self, errand: Errand, duration_s: float) -> None:
         """See how far a motion is, and how it ended."""
         if self._path is not None and errand.begun:
-            self.commanded = self._path.advance(self.measured, self._limits.speed_m_s * duration_s)
+            speed_m_s = self._limits.speed_m_s
+            self.commanded = self._path.advance(self.measured, speed_m_s * duration_s, speed_m_s * self._since_s)
         if not errand.over:
             return
         self._errand = self._path = None
@@ -278,7 +288,7 @@ class KinovaControl:
         """Why the arm would not move now; empty where it would."""
         if why := self._driver.trouble or self._in_fault(seen):
             return why
-        if self._silence_s > _BLIND_S:
+        if self._silence_s > self._blind_s:
             return "The arm does not say where it is; look at its cable."
         if np.linalg.norm(seen.tool[:3] - self.commanded[:3]) > _AWAY_M:
             return "The arm was moved by something else just now; wait until it is at rest, then plan again."

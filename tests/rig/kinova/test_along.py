@@ -41,6 +41,18 @@ def test_a_tool_is_found_where_it_is_on_any_way_that_it_goes_along(
         assert along.off_m < NEAR_M
 
 
+@settings(max_examples=25, phases=[Phase.generate])
+@given(path=paths, late=st.integers(2, 40))
+def test_who_looks_late_knows_as_well_how_far_beside_its_way_a_tool_is(
+    path: list[tuple[float, float, float]], late: int
+) -> None:
+    """What is said of where it is falls behind meanwhile: a tick of a late process is no longer than others."""
+    along = Along(poses(*path))
+    for tool in gone(poses(*path), 0.25)[::late]:
+        along.advance(tool, FAST_M / 4, 0.25 * late * TICK_S)
+        assert along.off_m < NEAR_M
+
+
 @pytest.mark.parametrize("turns_at", [0.499, 0.5, 0.501])
 def test_on_a_way_to_and_fro_the_way_back_is_not_taken_for_the_way_there(turns_at: float) -> None:
     along, points = Along(poses((0.4, 0, 0.1), (0.5, 0, 0.1), (0.4, 0, 0.1))), poses((0.48, 0, 0.1), (0.49, 0, 0.1))

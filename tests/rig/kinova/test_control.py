@@ -459,13 +459,18 @@ def test_a_lost_connection_is_a_fault_and_is_made_again(loop: Loop, arm: FakePro
     loop.comes_to("idle")
 
 
-def test_an_arm_that_says_no_more_where_it_is_stops(loop: Loop, arm: FakeProcess) -> None:
-    loop.go((0.45, 0.0, 0.1), speed=0.02)
-    until(lambda: arm.look()["moving"])
-    arm.set(Adversity(lose_feedback=10**9))
-    until(lambda: loop.control.mode != "moving")
-    assert "said nothing" in loop.control.reason
-    until(lambda: not arm.look()["moving"])
+def test_an_arm_that_says_no_more_where_it_is_stops(arm: FakeProcess) -> None:
+    loop = Loop(taken(address(arm), SITE))
+    try:
+        loop.go((0.45, 0.0, 0.1), speed=0.02)
+        until(lambda: arm.look()["moving"])
+        arm.set(Adversity(lose_feedback=10**9))
+        until(lambda: loop.control.mode != "moving")
+        assert "The arm has said nothing for 0.15 s" in loop.control.reason
+        until(lambda: not arm.look()["moving"])
+    finally:
+        arm.set(Adversity())
+        loop.end()
 
 
 def test_a_push_at_the_tool_is_felt(loop: Loop, arm: FakeProcess) -> None:
