@@ -14,7 +14,8 @@ READY := .venv/ready
 DEVELOPED := .venv/developed
 BEGUN := .venv/begun
 PYTEST := $(BIN)/pytest
-NICE := nice -n 19
+# Gives way; with 19, it would wait for others' jobs of ordinary priority for hours.
+NICE := nice -n 5
 BESIDE := .pytest_cache/beside.log
 PIP := $(BIN)/python -m pip
 QUIET := install --disable-pip-version-check --quiet --no-compile --no-deps
