@@ -184,7 +184,7 @@ class _View:
 
     @property
     def radius_m(self) -> float:
-        """Of the rope."""
+        """Radius of the rope."""
         return self.case.setup.scene.radius_m
 
     @property

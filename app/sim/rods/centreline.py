@@ -79,7 +79,7 @@ class Weighted:
 
     @property
     def weight(self) -> Float64[np.ndarray, " N"]:
-        """Of each in a fit, one in the mean."""
+        """Weight of each in a fit, one in the mean."""
         weight = self.share / self.variance
         return weight / weight.mean()
 
@@ -112,7 +112,7 @@ class Trace:
 
     @property
     def margin(self) -> float:
-        """By how much the rival explains the cloud worse; infinite where there is none."""
+        """Cost of the rival beyond the best line's; infinite where there is none."""
         return float("inf") if self.rival is None else float(self.scores[self.rival] - self.scores[0])
 
 
@@ -157,7 +157,7 @@ def weighted(x: Points, rope: RopeShape) -> Weighted:
 def placed(
     x: Points, line: Float64[np.ndarray, "n 2"], rope: RopeShape
 ) -> tuple[Float32[np.ndarray, " N"], Float32[np.ndarray, " N"]]:
-    """Where along a centreline particles are, in segments, and their weights in a fit, one in the mean."""
+    """Places of particles along a centreline, in segments, and their weights in a fit, one in the mean."""
     at, variance = x[:, :2].astype(np.float64), _variance(x, rope.radius_m)
     share = np.full(len(x), 1 / len(x))
     along = balanced(places(line[None], at)[0], share, rope, _BALANCE[1])[0]
@@ -262,14 +262,14 @@ def turns(lines: Float64[np.ndarray, "K n 2"]) -> Float64[np.ndarray, "K n-2"]:
 
 
 def strands_touch(line: Float64[np.ndarray, "n 2"], rope: RopeShape) -> bool:
-    """Whether strands are nearer than three radii."""
+    """True where strands are nearer than three radii."""
     gaps = np.linalg.norm(line[:, None] - line[None], axis=-1)
     apart = np.subtract.outer(np.arange(len(line)), np.arange(len(line))) >= round(5 * rope.radius_m / rope.rest_m)
     return bool((gaps[apart] < 3 * rope.radius_m).any())
 
 
 def _variance(x: Points, radius_m: float) -> Float64[np.ndarray, " N"]:
-    """Of distances from the centreline [m^2]; see `Weighted`."""
+    """Variance of distances from the centreline [m^2]; see `Weighted`."""
     height = x[:, 2].astype(np.float64)
     h2 = np.clip(radius_m**2 - (height - np.median(height)) ** 2, 0.0, None)
     return h2 / 3 + (_NOISE * radius_m) ** 2
@@ -309,7 +309,7 @@ def _fitted(lines: Float64[np.ndarray, "K n 2"], cloud: Weighted, rope: RopeShap
 def _scores(
     lines: Float64[np.ndarray, "K n 2"], cloud: Weighted, rope: RopeShape, near: Float64[np.ndarray, "n 2"] | None
 ) -> Float64[np.ndarray, " K"]:
-    """How badly tubes about the lines explain the cloud, as far as lines differ."""
+    """Costs of the lines: how badly tubes about them explain the cloud, as far as lines differ."""
     r, along_m = rope.radius_m, rope.rest_m / rope.radius_m
     along, squared = places(lines, cloud.at)
     bins = max(8, round(rope.length_m / (2.5 * r)))

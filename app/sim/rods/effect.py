@@ -1,4 +1,4 @@
-"""How an effect acts on rods: on what is constant through an action, and by laws that depend on place and motion."""
+"""Action of an effect on rods: on what is constant through an action, and by laws that depend on place and motion."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -84,7 +84,7 @@ def unscaled(phi: EffectParameters, _context: RodContext) -> EffectParameters:
 @final
 @dataclass(frozen=True, kw_only=True)
 class RodEffect:
-    """How an effect acts on rods, in SI units without any scaling.
+    """Action of an effect on rods, in SI units without any scaling.
 
     `properties(properties, context, phi)` returns what the effect's parameters phi (B, P) make of properties.
 
@@ -108,5 +108,5 @@ class RodEffect:
 
     @property
     def has_law(self) -> bool:
-        """Whether any of it is compiled."""
+        """True where any of it is compiled."""
         return bool(self.velocity or self.friction or self.bend)

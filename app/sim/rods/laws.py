@@ -75,7 +75,7 @@ def wall_numbers(walls: Sequence[Wall], rougher: Float[jax.Array, " B"]) -> list
 def changed_properties(
     effects: Sequence[Effect], properties: RodProperties, phi: Float[jax.Array, "B P"], context: RodContext
 ) -> RodProperties:
-    """What these effects make of properties, one after the other."""
+    """Properties as changed by these effects, one after the other."""
     for (_, rod), own in zip(_known(effects), _parts(effects, phi), strict=True):
         if rod.properties is not None:
             properties = rod.properties(properties, context, own)

@@ -30,7 +30,7 @@ _STIFFEST = 4.0
 
 @final
 class RodPhysics(NamedTuple):
-    """What is unknown about ropes of B candidates, their table and finger; a JAX pytree."""
+    """Unknowns of ropes of B candidates, their table and finger; a JAX pytree."""
 
     rigidity: Float[jax.Array, " B"]
     """Bending rigidity E I [N m^2]."""

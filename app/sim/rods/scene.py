@@ -112,7 +112,7 @@ class RodScene:
         return self.mass_kg / (self.nodes - 1)
 
     def masses(self) -> Float64[np.ndarray, " N"]:
-        """Of the nodes [kg]."""
+        """Masses of the nodes [kg]."""
         if self.mass_shares is not None:
             return self.mass_kg * np.array(self.mass_shares)
         masses = np.full(self.nodes, self.node_mass_kg)
@@ -228,7 +228,7 @@ def smoother_of(scene: RodScene, smoothing: float) -> Float64[np.ndarray, "N N"]
 
 
 def factors_of(matrix: Float64[np.ndarray, "N N"]) -> Float32[np.ndarray, "3 N"]:
-    """Of a symmetric matrix with two bands beside its diagonal: 1 / D, and the bands of L, of L D L^T."""
+    """Factors of a symmetric matrix with two bands beside its diagonal: 1 / D, and the bands of L, of L D L^T."""
     n = len(matrix)
     lower = np.linalg.cholesky(matrix)
     diagonal = np.diag(lower)

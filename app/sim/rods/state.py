@@ -198,7 +198,7 @@ def _labels(
 
 @lru_cache(maxsize=256)
 def _label(cloud: bytes, count: int, rest_m: float, radius_m: float | None, near: bytes) -> Float32[np.ndarray, "2 N"]:
-    """Of one cloud: planners ask for the same one as often as they have candidates."""
+    """Places and weights of one cloud: planners ask for the same one as often as they have candidates."""
     x = np.frombuffer(cloud, np.float32).reshape(-1, 3)
     prior = np.frombuffer(near, np.float32).reshape(2, -1).T.astype(np.float64)
     if not np.isfinite(x).all():

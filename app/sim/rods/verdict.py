@@ -40,7 +40,7 @@ _ENDS_MEET = 2.8
 @final
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Verdict:
-    """How well the best centreline explains a cloud.
+    """Quality of the best centreline through a cloud.
 
     `residual_m`: root of the mean squared distance of points from it, each as far as it is beyond what a tube explains;
     `unexplained`: share of points outside the tube; `bare`: share of the tube's length without a point; `length_m`:
@@ -186,7 +186,7 @@ def _free_length(found: Trace) -> float:
 
 
 def crossing(line: Float64[np.ndarray, "n 2"]) -> bool:
-    """Whether any two segments of a line cross."""
+    """True where any two segments of a line cross."""
     return len(crossings(line)) > 0
 
 
