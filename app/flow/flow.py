@@ -280,7 +280,7 @@ class Flow:
         if self.modes.interruptions != asked:
             self.notice("plan", f"{proposal.id} {self.modes.interrupted}.", proposal.id)
         elif not self.approving.moved_away(proposal):
-            if self.modes.name != "automatic" or self.stopping.admits(proposal):
+            if self.modes.name != "automatic" or self.stopping.admits(proposal, self.wish.target):
                 await self._shown(proposal)
             elif self.stopping.exhausted:
                 self.summary.exhausted = True

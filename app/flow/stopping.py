@@ -3,11 +3,16 @@
 from typing import Final, final
 
 from app.core.announcer import Announcer
+from app.core.chamfer import chamfer_m2
 from app.core.messages import Proposal
+from app.core.types import Points
 from app.tasks.base import Wish
 
 _FUTILE_PLANS: Final = 2
 """So many in a row, each with other random branches, that are no better than no motion are enough."""
+_GAIN: Final = 0.05
+"""Share of the Chamfer distance by which a branch has to bring the object nearer where it costs more than no motion: what
+contact costs is there to find the object, and no reason to leave off."""
 EXHAUSTED: Final = "no motion promises to bring the object nearer to its goal"
 
 
@@ -29,9 +34,9 @@ class StoppingRule:
         """Whether another plan would hardly fare better."""
         return self._futile >= _FUTILE_PLANS
 
-    def admits(self, proposal: Proposal) -> bool:
-        """Whether the motion is worth making; one that is not is said."""
-        if not self._weighs or proposal.is_improvement:
+    def admits(self, proposal: Proposal, goal: Points) -> bool:
+        """True where the motion is worth making on the way to `goal` (M, 3) [m]; of one that is not, that is said."""
+        if not self._weighs or proposal.is_improvement or _brings_nearer(proposal, goal):
             self._futile = 0
             return True
         # What was exhausted begins anew: somebody has chosen to go on.
@@ -39,3 +44,9 @@ class StoppingRule:
         said = "The best motion found is no better than none, by the model; it is not made."
         self._announcer.notice("plan", said, proposal.id)
         return False
+
+
+def _brings_nearer(proposal: Proposal, goal: Points) -> bool:
+    """True where all actions of the branch that is followed bring the object nearer by a share that counts."""
+    before, after = chamfer_m2(proposal.observed, goal), chamfer_m2(proposal.chosen.final, goal)
+    return bool(after < (1 - _GAIN) * before)

@@ -42,7 +42,8 @@ _FREE_LOW_M, _FREE_HIGH_M = (0.32, -0.15), (0.40, 0.15)
 @dataclass(frozen=True, kw_only=True)
 class Habits:
     """How the planner behaves: `compiling_s` before its first plan where that is not 0, `thinking_s` a plan, and its
-    first `failures` plans fail as `trouble` says. A plan costs `cost` and 1 more for each that was rejected.
+    first `failures` plans fail as `trouble` says. A plan costs `cost` and 1 more for each that was rejected, and at its
+    end promises the object nearer to the goal by a `share` of the way.
     """
 
     compiling_s: float = 0.0
@@ -50,6 +51,7 @@ class Habits:
     failures: int = 0
     trouble: Literal["no finite branch", "dies"] = "no finite branch"
     cost: float = -10.0
+    share: float = 0.0
 
 
 def unspoilt(motion: Motion, _: Site) -> Motion:
@@ -147,9 +149,10 @@ class Strokes:
         distance_m2 = float(chamfer_m2(observed, goal))
         cost = self._habits.cost + len(rejected)
         told = {} if near is None else {"near": float(near[0, 0])}
+        final = (observed + self._habits.share * (goal.mean(0) - observed.mean(0))).astype(np.float32)
         branches = (
-            _branch("policy", paths[0], observed, cost, told),
-            _branch("random", paths[1], observed, cost, told),
+            _branch("policy", paths[0], observed, final, cost, told),
+            _branch("random", paths[1], observed, final, cost, told),
         )
         centreline = paths[1, :, :2].T.astype(np.float32)
         motion = Motion(positions=positions, speeds=np.full(len(positions), _SPEED_M_S))
@@ -157,14 +160,19 @@ class Strokes:
 
 
 def _branch(
-    origin: Literal["policy", "random"], path: np.ndarray, observed: Points, cost: float, terms: dict[str, float]
+    origin: Literal["policy", "random"],
+    path: np.ndarray,
+    observed: Points,
+    final: Points,
+    cost: float,
+    terms: dict[str, float],
 ) -> Branch:
     return Branch(
         origin=origin,
         actions=path[None, :, :2].reshape(1, -1).astype(np.float32),
         tool_path=path.astype(np.float32),
         predicted=observed,
-        final=observed,
+        final=final,
         cost_before=cost,
         cost_after=cost,
         terms=terms,

@@ -102,6 +102,16 @@ async def test_an_automatic_run_ends_where_no_motion_is_better_than_none(tmp_pat
         assert run.rig.arm.begun == []
 
 
+@pytest.mark.parametrize(("share", "pushes"), [(0.005, 0), (0.3, 2)])
+async def test_an_automatic_run_makes_motions_that_promise_enough_whatever_contact_costs(
+    tmp_path: Path, share: float, pushes: int
+) -> None:
+    wish = small_wish(pushes=2, automatic=True)
+    async with running(small_site(tmp_path), wish, habits=Habits(cost=0.1, share=share)) as run:
+        assert await run.end() is None
+        assert (run.flow.summary.pushes, run.flow.summary.exhausted) == (pushes, pushes == 0)
+
+
 async def test_a_session_that_goes_on_by_itself_waits_where_no_motion_is_better_than_none(tmp_path: Path) -> None:
     async with running(small_site(tmp_path), small_wish(staying=True), habits=Habits(cost=0.0)) as run:
         await run.person.chooses("automatic", 5)
