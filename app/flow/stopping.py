@@ -11,8 +11,8 @@ from app.tasks.base import Wish
 _FUTILE_PLANS: Final = 2
 """So many in a row, each with other random branches, that are no better than no motion are enough."""
 _GAIN: Final = 0.05
-"""Share of the Chamfer distance by which a branch has to bring the object nearer where it costs more than no motion: what
-contact costs is there to find the object, and no reason to leave off."""
+"""Share of the Chamfer distance by which a branch has to bring the object nearer where it costs more than no motion:
+what contact costs is there to find the object, and no reason to leave off."""
 EXHAUSTED: Final = "no motion promises to bring the object nearer to its goal"
 
 
