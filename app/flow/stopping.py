@@ -47,6 +47,9 @@ class StoppingRule:
 
 
 def _brings_nearer(proposal: Proposal, goal: Points) -> bool:
-    """True where all actions of the branch that is followed bring the object nearer by a share that counts."""
+    """True where all actions of the branch that is followed bring the object nearer by a share that counts.
+
+    By the distance of its task too, where the plan says so: against a wall, the Chamfer distance is no way.
+    """
     before, after = chamfer_m2(proposal.observed, goal), chamfer_m2(proposal.chosen.final, goal)
-    return bool(after < (1 - _GAIN) * before)
+    return bool(after < (1 - _GAIN) * before and proposal.chosen.terms.get("progress", after - before) < 0)

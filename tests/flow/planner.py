@@ -10,7 +10,7 @@ import sys
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from types import ModuleType, SimpleNamespace
 from typing import TYPE_CHECKING, Literal, cast, final
 
@@ -43,7 +43,7 @@ _FREE_LOW_M, _FREE_HIGH_M = (0.32, -0.15), (0.40, 0.15)
 class Habits:
     """How the planner behaves: `compiling_s` before its first plan where that is not 0, `thinking_s` a plan, and its
     first `failures` plans fail as `trouble` says. A plan costs `cost` and 1 more for each that was rejected, and at its
-    end promises the object nearer to the goal by a `share` of the way.
+    end promises the object nearer to the goal by a `share` of the way; its branches have these `terms`.
     """
 
     compiling_s: float = 0.0
@@ -52,6 +52,7 @@ class Habits:
     trouble: Literal["no finite branch", "dies"] = "no finite branch"
     cost: float = -10.0
     share: float = 0.0
+    terms: Mapping[str, float] = field(default_factory=dict[str, float])
 
 
 def unspoilt(motion: Motion, _: Site) -> Motion:
@@ -148,7 +149,7 @@ class Strokes:
         positions = np.stack([above[0], *paths[1], above[1]])
         distance_m2 = float(chamfer_m2(observed, goal))
         cost = self._habits.cost + len(rejected)
-        told = {} if near is None else {"near": float(near[0, 0])}
+        told = dict(self._habits.terms) | ({} if near is None else {"near": float(near[0, 0])})
         final = (observed + self._habits.share * (goal.mean(0) - observed.mean(0))).astype(np.float32)
         branches = (
             _branch("policy", paths[0], observed, final, cost, told),

@@ -102,12 +102,15 @@ async def test_an_automatic_run_ends_where_no_motion_is_better_than_none(tmp_pat
         assert run.rig.arm.begun == []
 
 
-@pytest.mark.parametrize(("share", "pushes"), [(0.005, 0), (0.3, 2)])
+@pytest.mark.parametrize(
+    ("share", "terms", "pushes"),
+    [(0.005, {}, 0), (0.3, {}, 2), (0.3, {"progress": -0.1}, 2), (0.3, {"progress": 0.1}, 0)],
+)
 async def test_an_automatic_run_makes_motions_that_promise_enough_whatever_contact_costs(
-    tmp_path: Path, share: float, pushes: int
+    tmp_path: Path, share: float, terms: dict[str, float], pushes: int
 ) -> None:
     wish = small_wish(pushes=2, automatic=True)
-    async with running(small_site(tmp_path), wish, habits=Habits(cost=0.1, share=share)) as run:
+    async with running(small_site(tmp_path), wish, habits=Habits(cost=0.1, share=share, terms=terms)) as run:
         assert await run.end() is None
         assert (run.flow.summary.pushes, run.flow.summary.exhausted) == (pushes, pushes == 0)
 
