@@ -11,7 +11,7 @@ from app.calibration.evidence import Evidence, Predictor
 from app.calibration.fit import Fit, Settings, fit
 from app.core.messages import Model, Parameter, Transition, fresh_id
 from app.sim.parameter import ParameterSpec
-from app.sim.params import PARAMETERS, completed, index
+from app.sim.params import PARAMETERS, index, phi_with_nulls
 
 
 @final
@@ -75,7 +75,7 @@ class Calibrator:
 
 def phi_of(model: Model) -> Float32[np.ndarray, " P"]:
     """The model's parameters in the simulator's order, clipped by a rounding error into their ranges."""
-    values = completed({parameter.name: parameter.value for parameter in model.parameters})
+    values = phi_with_nulls({parameter.name: parameter.value for parameter in model.parameters})
     return np.clip(values, [spec.low for spec in PARAMETERS], [spec.high for spec in PARAMETERS]).astype(np.float32)
 
 

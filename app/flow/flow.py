@@ -307,7 +307,7 @@ class Flow:
             self._touched()
             if before and executed and executed.outcome == "completed":
                 self._observed = await self._look()
-                self.planning.executed(proposal)
+                self.planning.keep_prediction(proposal)
                 await self._learn(proposal, before, executed, self._observed, target)
         if executed and approved.operator == AUTOMATIC:
             self.modes.moved()
@@ -331,7 +331,7 @@ class Flow:
                 await self._learn_by_hand(self.say(executed))
 
     async def _learn_by_hand(self, executed: Executed) -> None:
-        self.planning.moved()
+        self.planning.discard_prediction()
         self.holding.heed(executed)
         before = self.sensing.before(executed.times_s[0])
         # Before the checklist is passed nobody knows where cameras stand, and what they show teaches nothing.

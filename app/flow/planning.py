@@ -72,12 +72,12 @@ class Planning:
         if approved:
             self._near = None
 
-    def executed(self, proposal: Proposal) -> None:
-        """Its motion is made, and the object about where it was predicted to be."""
+    def keep_prediction(self, proposal: Proposal) -> None:
+        """The motion is made, and the object lies about where it was predicted to: the next plan is told."""
         self._near = self._predicted.get(proposal.id)
 
-    def moved(self) -> None:
-        """The object lies where no plan predicted it."""
+    def discard_prediction(self) -> None:
+        """The object lies where no plan predicted it, and what was rejected or changed was for before."""
         self._near = None
         self.forget()
 
@@ -95,7 +95,7 @@ class Planning:
             return None
         found = await self._editing.plan(observed, wish.goal.positions, model, self._near)
         now_s = self._clock.now()
-        return self._offered(wish, found, observed, model, (started_s, now_s)) if found else None
+        return self._propose(wish, found, observed, model, (started_s, now_s)) if found else None
 
     def offer_next(self, changed: Proposal, at: int) -> None:
         """Before the planner is asked again, unless plans have become void since `at` (`Modes.interruptions`)."""
@@ -128,10 +128,10 @@ class Planning:
             else:
                 await self._doubt(wish, x)
                 now_s = self._clock.now()
-                return self._announcer.say(self._offered(wish, found, observed, model, (started_s, now_s)))
+                return self._announcer.say(self._propose(wish, found, observed, model, (started_s, now_s)))
         raise AssertionError("the last attempt returns or raises")
 
-    def _offered(
+    def _propose(
         self, wish: Wish, found: "Plan", observed: Particles, model: Model, lasted_s: tuple[float, float]
     ) -> Proposal:
         """A plan made from one time to another, whose prediction helps to find the rope once it is carried out."""

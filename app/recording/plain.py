@@ -112,10 +112,10 @@ class Plain:
                 table=cloud(given.table),
             )
 
-        return replace(self, about=_turned(self.about, place), episodes=tuple(map(episode, self.episodes)))
+        return replace(self, about=_about_in_table(self.about, place), episodes=tuple(map(episode, self.episodes)))
 
 
-def _turned(about: Mapping[str, Any], place: TablePlace) -> Mapping[str, Any]:
+def _about_in_table(about: Mapping[str, Any], place: TablePlace) -> Mapping[str, Any]:
     """What is known, with a flat finger's yaw about the table's x axis, of that about the base's."""
     tool = about.get("tool", {})
     if "yaw_rad" not in tool:

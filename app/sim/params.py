@@ -44,7 +44,7 @@ def parameters_with(effects: Sequence[Effect]) -> tuple[ParameterSpec, ...]:
 PARAMETERS = parameters_with(EFFECTS)
 
 
-def completed(values: Mapping[str, float]) -> Float32[np.ndarray, " P"]:
+def phi_with_nulls(values: Mapping[str, float]) -> Float32[np.ndarray, " P"]:
     """`values` as phi; what effects are not told, as by a model that is older than they, is at its null.
 
     Raises ParameterError where what every simulation needs is not among them.

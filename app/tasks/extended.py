@@ -11,7 +11,7 @@ from app.core.messages import Extension, Model, Parameter, fresh_id
 from app.discovery.sensitivity import Step
 from app.discovery.subject import NUMERICS, Catalogue, Theta, catalogue
 from app.sim.parameter import ParameterSpec
-from app.sim.params import PARAMETERS, completed, require_ranges, validated
+from app.sim.params import PARAMETERS, phi_with_nulls, require_ranges, validated
 from app.tasks.compiled import nominal_model
 
 _Z90 = 1.645
@@ -105,7 +105,7 @@ def check(model: Model) -> None:
     """
     values = {parameter.name: parameter.value for parameter in model.parameters}
     _require_known("parameter of the simulator", values, [spec.name for spec in PARAMETERS])
-    validated(completed(values))
+    validated(phi_with_nulls(values))
     specs = _apparatus_specs()
     _require_known("parameter of cameras and arm", [parameter.name for parameter in model.apparatus], specs)
     for parameter in model.apparatus:

@@ -26,17 +26,17 @@ class Along:
         self._points, self._moves = points, points * _MOVES
         lengths = np.linalg.norm(np.diff(self._moves, axis=0), axis=1)
         self._at = np.concatenate([[0.0], np.cumsum(lengths)])
-        self._come = self._seen = 0.0
+        self._come = self._measured = 0.0
         self.off_m = 0.0
 
-    def advance(self, tool: ToolPose, most_m: float, gone_m: float = 0.0) -> ToolPose:
+    def advance(self, tool: ToolPose, most_m: float, travel_m: float = 0.0) -> ToolPose:
         """As far as the measured `tool` is, but no more than `most_m` further than before.
 
-        `gone_m`: how far it may have gone since it was looked at last.
+        `travel_m`: how far it may have gone since it was looked at last.
         """
-        self._seen = self._nearest(tool, _AHEAD_M + gone_m)
-        self.off_m = float(np.linalg.norm(self._pose(self._seen)[:3] - tool[:3]))
-        self._come = min(self._seen, self._come + most_m)
+        self._measured = self._nearest(tool, _AHEAD_M + travel_m)
+        self.off_m = float(np.linalg.norm(self._pose(self._measured)[:3] - tool[:3]))
+        self._come = min(self._measured, self._come + most_m)
         return self._pose(self._come)
 
     def _nearest(self, tool: ToolPose, ahead_m: float) -> float:
@@ -44,8 +44,8 @@ class Along:
 
         So on a way that turns back, the way there counts until the tool is seen to have turned.
         """
-        last = self._segment(self._seen + ahead_m)
-        places = [self._on(index, tool) for index in range(self._segment(self._seen), last + 1)]
+        last = self._segment(self._measured + ahead_m)
+        places = [self._on(index, tool) for index in range(self._segment(self._measured), last + 1)]
         near_m = min(away for _, away in places) + _ABOUT_M
         return next(come for come, away in places if away <= near_m)
 
@@ -54,7 +54,7 @@ class Along:
         begin, end = self._moves[index], self._moves[index + 1]
         here, length = _signed(tool, self._points[index]) * _MOVES, float(self._at[index + 1] - self._at[index])
         ahead = (end - begin) / max(length, _SHORTEST_M)
-        first = max(self._seen - float(self._at[index]), 0.0)
+        first = max(self._measured - float(self._at[index]), 0.0)
         gone = float(np.clip((here - begin) @ ahead, min(first, length), length))
         return float(self._at[index]) + gone, float(np.linalg.norm(begin + gone * ahead - here))
 

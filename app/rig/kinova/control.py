@@ -83,7 +83,7 @@ class KinovaControl:
         self._path: Along | None = None
         self._jogging: Jogging | None = None
         self._by: int | None = None
-        self._heard_s = self._silence_s = self._since_s = 0.0
+        self._heard_s = self._silence_s = self._elapsed_s = 0.0
         self._ticked_s, self._losses = time.monotonic(), driver.losses
         self._gripped_m, self._pushed, self._coasts = float(driver.seen.tool[7]), False, False
         self._end: ToolPose | None = None
@@ -176,8 +176,8 @@ class KinovaControl:
         self._driver.pulse()
         seen, now_s = self._driver.seen, time.monotonic()
         # From tick to tick: what came while this process was late is not taken for silence.
-        self._since_s = now_s - self._ticked_s
-        self._silence_s = self._silence_s + self._since_s if seen.time_s == self._heard_s else 0.0
+        self._elapsed_s = now_s - self._ticked_s
+        self._silence_s = self._silence_s + self._elapsed_s if seen.time_s == self._heard_s else 0.0
         self._heard_s, self._ticked_s = seen.time_s, now_s
         self.measured = carried(seen, time.monotonic())
         self._look_for_trouble(seen)
@@ -236,7 +236,7 @@ class KinovaControl:
         """See how far a motion is, and how it ended."""
         if self._path is not None and errand.begun:
             speed_m_s = self._limits.speed_m_s
-            self.commanded = self._path.advance(self.measured, speed_m_s * duration_s, speed_m_s * self._since_s)
+            self.commanded = self._path.advance(self.measured, speed_m_s * duration_s, speed_m_s * self._elapsed_s)
         if not errand.over:
             return
         self._errand = self._path = None
