@@ -22,7 +22,8 @@ from app.policy.strokes import Plan
 from app.rig.simulated.physics import WorldPhysics
 from app.rig.simulated.rehearsal import rehearse
 from app.sim.arc_length import arclength_labels
-from app.sim.rods.centreline import RopeShape, Weighted, distance, of_equal_steps, through
+from app.sim.rods.centreline import RopeShape, Weighted, through
+from app.sim.rods.polyline import distance, of_equal_steps
 from app.sim.rods.state import RodState
 from app.sim.rods.verdict import judged
 from bench.photographs import rendered

@@ -9,7 +9,8 @@ from hypothesis import strategies as st
 
 from app.config import Workspace
 from app.core.errors import PerceptionError
-from app.sim.rods.centreline import RopeShape, distance, of_equal_steps, traced
+from app.sim.rods.centreline import RopeShape, traced
+from app.sim.rods.polyline import distance, of_equal_steps
 from app.sim.rods.state import RodState
 from app.sim.rods.verdict import crossing, judged
 from app.tasks.curves import fill_tube, random_curve
@@ -111,6 +112,27 @@ def test_a_wrong_order_is_never_silent(seed: int) -> None:
 def test_a_centreline_has_the_length_of_the_rope_in_equal_steps(seed: int) -> None:
     line = traced(seen(bent(seed), seed), ROPE).line
     assert np.linalg.norm(np.diff(line, axis=0), axis=1) == pytest.approx(np.full(40, ROPE.rest_m), rel=1e-2)
+
+
+def round_ended(nodes: np.ndarray, seed: int) -> np.ndarray:
+    """Its particles, and as many a volume in half a ball at either end."""
+    rng, more = np.random.default_rng(seed), list[np.ndarray]()
+    for end, inner in ((nodes[0], nodes[1]), (nodes[-1], nodes[-2])):
+        ball = R * rng.uniform(-1.0, 1.0, (60, 3))
+        more += [end + ball[(np.linalg.norm(ball, axis=1) < R) & (ball @ (end - inner) > 0)]]
+    density = 30 / (2 * R) ** 3
+    length_m = ROPE.length_m
+    tube = fill_tube(nodes, R, round(2 * density * np.pi * R**2 * length_m))
+    x = np.concatenate([tube, *more])
+    return (x + 0.001 * rng.standard_normal(x.shape)).astype(np.float32)
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_round_ends_do_not_draw_the_nodes_outward_or_make_them_cut_bends(seed: int) -> None:
+    nodes = bent(seed)
+    x = round_ended(nodes, seed)
+    start = RodState.at_rest(jnp.asarray(x)[None], ROPE.count, ROPE.rest_m, R).nodes[0, :2].T
+    assert distance(np.asarray(start, np.float64), nodes[:, :2]) < R / 6
 
 
 # Invariance.

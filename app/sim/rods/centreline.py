@@ -13,11 +13,12 @@ from functools import lru_cache
 from typing import final
 
 import numpy as np
-from jaxtyping import Float32, Float64, Int64
+from jaxtyping import Float32, Float64
 from threadpoolctl import ThreadpoolController
 
 from app.core.types import Points
 from app.sim.rods.orders import core_density, reconnected, shortest_orders
+from app.sim.rods.polyline import distance, of_equal_steps, places, resampled, turns
 
 _NOISE = 0.19
 """Standard deviation of a point's place, in radii: 1.5 mm for 8 mm."""
@@ -25,7 +26,9 @@ _MOST_POINTS = 450
 """More are averaged in cells of equal area."""
 _ROUNDS = 8
 _SMOOTHING = (3.0, 1.0)
-"""Weight of squared second differences in the first and in the last round; see `state`."""
+"""Weight of squared second differences in the first and in the last round of a hypothesis."""
+_REFINED, _REFINED_SMOOTHING = 6, 0.2
+"""Rounds that the best hypothesis is refined for, and their smoothing; see `state`."""
 _BALANCE = (1.0, 0.3)
 """Share of the balanced place, beside that of the nearest point, in the first and in the last round."""
 _HOLE = 1.9
@@ -42,6 +45,8 @@ _FAR_OFF = 9.0
 """A squared deviation, in variances, beyond which a point is not explained; larger ones count as this."""
 _BLAS = ThreadpoolController()
 """Of NumPy: its matrices here are so small that threads take ten times as long."""
+_MOST_BEYOND = 0.7
+"""Length of a cloud beyond either end of its centreline, in radii: round ends hold 2/3, and depth is blurred."""
 _PRIOR = 1.0, 4.0
 """Standard deviation of the prior centreline, in radii, and the most that it counts."""
 
@@ -59,6 +64,11 @@ class RopeShape:
     def length_m(self) -> float:
         """Length of the centreline."""
         return self.rest_m * (self.count - 1)
+
+    @property
+    def beyond(self) -> float:
+        """How far its cloud may go beyond either end of the centreline, in segments."""
+        return _MOST_BEYOND * self.radius_m / self.rest_m
 
 
 @final
@@ -134,13 +144,14 @@ def _traced(points: bytes, rope: RopeShape, prior: bytes | None) -> Trace:
     near = None if prior is None else np.frombuffer(prior, np.float64).reshape(-1, 2)
     cloud = weighted(x, rope)
     orders = shortest_orders(cloud.at, cloud.weight, _spots(rope, len(cloud.at)), rope.radius_m, _TRIED)
-    starts = [_resampled(order, rope.count) for order in orders]
+    starts = [resampled(order, rope.count) for order in orders]
     if near is not None:
         starts.append(near - cloud.origin)
     lines = _fitted(np.stack(starts), cloud, rope)
     lines, scores = _sorted(lines, _scores(lines, cloud, rope, near))
     if len(lines) > 1 or strands_touch(lines[0], rope):
         lines, scores = _varied(lines, scores, cloud, rope, near)
+    lines = np.concatenate([_refined(lines[:1], cloud, rope), lines[1:]])
     return Trace(lines=_directed(lines + cloud.origin, near), scores=scores, cloud=cloud, rope=rope)
 
 
@@ -160,37 +171,16 @@ def placed(
     """Places of particles along a centreline, in segments, and their weights in a fit, one in the mean."""
     at, variance = x[:, :2].astype(np.float64), _variance(x, rope.radius_m)
     share = np.full(len(x), 1 / len(x))
-    along = balanced(places(line[None], at)[0], share, rope, _BALANCE[1])[0]
-    return along.astype(np.float32), (1 / variance / np.mean(1 / variance)).astype(np.float32)
+    cloud = Weighted(at=at, share=share, variance=variance, origin=np.zeros(2))
+    along = balanced(places(line[None], at, rope.beyond)[0], share, rope, _BALANCE[1])
+    beyond = _beyond(np.zeros(1), through(along, cloud, rope.count, _REFINED_SMOOTHING), rope)
+    along = _stretched(along, beyond, rope)[0]
+    return along.astype(np.float32), cloud.weight.astype(np.float32)
 
 
 def radius_of(x: Points, rest_m: float) -> float:
     """Radius [m] of an evenly filled cylinder whose heights deviate as those of `x`; near `rest_m` in any case."""
     return float(np.clip(2 * np.std(x[:, 2]), 0.3 * rest_m, 2 * rest_m))
-
-
-def places(
-    lines: Float64[np.ndarray, "K n 2"], at: Float64[np.ndarray, "N 2"]
-) -> tuple[Float64[np.ndarray, "K N"], Float64[np.ndarray, "K N"]]:
-    """Where along each line its point nearest to each of `at` is, in segments, and the squared distance [m^2].
-
-    It is on one of the two segments at the nearest node.
-    """
-    nearest = (np.square(lines).sum(2)[:, None] - 2 * at @ np.swapaxes(lines, 1, 2)).argmin(2)
-    one, other = (_on_segment(lines, at, np.clip(nearest - k, 0, lines.shape[1] - 2)) for k in (1, 0))
-    nearer = one[1] <= other[1]
-    return np.where(nearer, one[0], other[0]), np.where(nearer, one[1], other[1])
-
-
-def _on_segment(
-    lines: Float64[np.ndarray, "K n 2"], at: Float64[np.ndarray, "N 2"], first: Int64[np.ndarray, "K N"]
-) -> tuple[Float64[np.ndarray, "K N"], Float64[np.ndarray, "K N"]]:
-    """The same for the segments that begin at the nodes `first`."""
-    which = np.arange(len(lines))[:, None]
-    start = lines[which, first]
-    (ex, ey), (dx, dy) = np.moveaxis(lines[which, first + 1] - start, 2, 0), np.moveaxis(at - start, 2, 0)
-    share = np.clip((dx * ex + dy * ey) / np.maximum(ex**2 + ey**2, 1e-12), 0.0, 1.0)
-    return first + share, np.square(dx - share * ex) + np.square(dy - share * ey)
 
 
 def balanced(
@@ -230,37 +220,6 @@ def through(
     return np.linalg.solve(turned @ rows + smoothing * weight.sum() / count * second.T @ second, turned @ cloud.at)
 
 
-def of_equal_steps(lines: Float64[np.ndarray, "K n 2"], rest_m: float, rounds: int = 4) -> Float64[np.ndarray, "K n 2"]:
-    """The nearest lines, to first order, whose segments are all `rest_m` long; as `state.inextensible`."""
-    count = lines.shape[1] - 1
-    at = np.arange(count)
-    for _ in range(rounds):
-        edges = np.diff(lines, axis=1)
-        length = np.maximum(np.linalg.norm(edges, axis=2), 1e-9)
-        t = edges / length[..., None]
-        beside = -(t[:, 1:] * t[:, :-1]).sum(2)
-        matrix = np.zeros((len(lines), count, count))
-        matrix[:, at, at] = 2.0
-        matrix[:, at[1:], at[:-1]] = matrix[:, at[:-1], at[1:]] = beside
-        push = np.linalg.solve(matrix, (rest_m - length)[..., None]) * t
-        lines = lines.copy()
-        lines[:, 1:] += push
-        lines[:, :-1] -= push
-    return lines
-
-
-def distance(one: Float64[np.ndarray, "n 2"], other: Float64[np.ndarray, "n 2"]) -> float:
-    """Mean distance of nodes [m], either end first."""
-    return float(min(np.linalg.norm(one - each, axis=1).mean() for each in (other, other[::-1])))
-
-
-def turns(lines: Float64[np.ndarray, "K n 2"]) -> Float64[np.ndarray, "K n-2"]:
-    """Angles between neighbouring segments, without sign [rad]."""
-    edges = np.diff(lines, axis=1)
-    edges = edges / np.maximum(np.linalg.norm(edges, axis=2, keepdims=True), 1e-9)
-    return np.arccos(np.clip((edges[:, 1:] * edges[:, :-1]).sum(2), -1.0, 1.0))
-
-
 def strands_touch(line: Float64[np.ndarray, "n 2"], rope: RopeShape) -> bool:
     """True where strands are nearer than three radii."""
     gaps = np.linalg.norm(line[:, None] - line[None], axis=-1)
@@ -289,7 +248,7 @@ def _varied(
         if not left:
             break
         done.append(left[0])
-        starts = [_resampled(line, rope.count) for line in reconnected(left[0], cloud, rope, _RECONNECTED)]
+        starts = [resampled(line, rope.count) for line in reconnected(left[0], cloud, rope, _RECONNECTED)]
         more = _fitted(np.stack(starts), cloud, rope)
         every = np.concatenate([lines, more])
         lines, scores = _sorted(every, np.concatenate([scores, _scores(more, cloud, rope, near)]))
@@ -304,6 +263,35 @@ def _fitted(lines: Float64[np.ndarray, "K n 2"], cloud: Weighted, rope: RopeShap
         along = balanced(places(lines, cloud.at)[0], cloud.share, rope, balance)
         lines = of_equal_steps(through(along, cloud, rope.count, smoothing), rope.rest_m, 2)
     return of_equal_steps(lines, rope.rest_m)
+
+
+def _refined(lines: Float64[np.ndarray, "K n 2"], cloud: Weighted, rope: RopeShape) -> Float64[np.ndarray, "K n 2"]:
+    """Lines of the right order, without the round ends of the rope, which hypotheses reach into by cutting bends."""
+    beyond = np.zeros(len(lines))
+    for _ in range(_REFINED):
+        along = balanced(places(lines, cloud.at, rope.beyond)[0], cloud.share, rope, _BALANCE[1])
+        free = through(_stretched(along, beyond, rope), cloud, rope.count, _REFINED_SMOOTHING)
+        lines, beyond = of_equal_steps(free, rope.rest_m, 2), _beyond(beyond, free, rope)
+    return of_equal_steps(lines, rope.rest_m)
+
+
+def _beyond(
+    beyond: Float64[np.ndarray, " K"], free: Float64[np.ndarray, "K n 2"], rope: RopeShape
+) -> Float64[np.ndarray, " K"]:
+    """Length of a cloud beyond either end of its centreline, in segments, from lines that are not yet as long as it.
+
+    Where a line that was fitted with so much `beyond` is still too long, more of the cloud is: else the fit would cut
+    bends to let it reach farther.
+    """
+    length_m = np.linalg.norm(np.diff(free, axis=1), axis=2).sum(1)
+    return np.clip(beyond + (length_m - rope.length_m) / (2 * rope.rest_m), 0.0, rope.beyond)
+
+
+def _stretched(
+    along: Float64[np.ndarray, "K N"], beyond: Float64[np.ndarray, " K"], rope: RopeShape
+) -> Float64[np.ndarray, "K N"]:
+    """Places from the first node to the last, spread to so much before the one and after the other."""
+    return along + beyond[:, None] * (2 * along / (rope.count - 1) - 1)
 
 
 def _scores(
@@ -349,13 +337,6 @@ def _averaged(
 
 def _spots(rope: RopeShape, points: int) -> int:
     return int(np.clip(round(1.1 * rope.length_m / (1.25 * rope.radius_m)), 4, max(4, min(64, points // 2))))
-
-
-def _resampled(line: Float64[np.ndarray, "m 2"], count: int) -> Float64[np.ndarray, "n 2"]:
-    """`count` places at equal distances along a line."""
-    arc = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(line, axis=0), axis=1))])
-    at = np.linspace(0.0, arc[-1], count)
-    return np.stack([np.interp(at, arc, line[:, k]) for k in range(2)], axis=1)
 
 
 def _sorted(

@@ -11,7 +11,8 @@ from scipy.spatial import KDTree
 
 from app.core.errors import PerceptionError
 from app.core.types import Centreline, Points
-from app.sim.rods.centreline import RopeShape, Trace, balanced, places, strands_touch, through, traced
+from app.sim.rods.centreline import RopeShape, Trace, balanced, strands_touch, through, traced
+from app.sim.rods.polyline import places
 
 _FEWEST_A_NODE = 2
 _LIFTED = 2.6
