@@ -32,10 +32,9 @@ def mode(name: str, motions: int = 0) -> Mode:
 
 def draw_a_bent_copy(page: Page) -> None:
     choose(page, "Draw", "A moved copy of the object")
-    slider = page.get_by_role("slider").first
-    slider.focus()
-    for _ in range(40):
-        page.keyboard.press("ArrowRight")
+    page.get_by_role("slider").first.focus()
+    page.keyboard.press("End")
+    page.keyboard.press("ArrowLeft")
     expect(page.get_by_text("From what is drawn")).to_be_visible()
     wait_until(lambda: "0.0 mm" not in page.get_by_text("From what is drawn").inner_text())
 
