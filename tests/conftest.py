@@ -1,5 +1,6 @@
 """Rules for all tests: declared shapes and types are checked, and the event loop is never blocked."""
 
+import gc
 import os
 from collections.abc import Generator, Iterator
 from pathlib import Path
@@ -15,12 +16,29 @@ from tests.shapes import check_calls
 
 ROOT = Path(__file__).parent.parent
 
+# Until all tests are collected, and nothing of them is garbage.
+gc.disable()
+
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     for item in items:
         fixtures = getattr(item, "fixturenames", ())
         if VIRTUAL not in fixtures and not FIXTURES.isdisjoint(fixtures):
             item.add_marker("serial")
+
+
+def pytest_collection_finish() -> None:
+    gc.enable()
+
+
+def spare_what_lasts() -> None:
+    """Leave out of collections what was made so far, unless that is so already.
+
+    Going through a million objects of tests and libraries takes 0.4 s, for which every thread stands still: longer than
+    the arm's watchdog waits. What the application spares itself, and no more afterwards, ends this too.
+    """
+    if not gc.get_freeze_count():
+        gc.freeze()
 
 
 def modules_without_kernels() -> list[str]:
@@ -79,6 +97,7 @@ def _alone(item: pytest.Item) -> Generator[None]:
 @pytest.hookimpl(wrapper=True)
 def pytest_runtest_setup(item: pytest.Item) -> Generator[None]:
     """With the fixtures of its module, too."""
+    spare_what_lasts()
     yield from _alone(item)
 
 

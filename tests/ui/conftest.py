@@ -39,7 +39,7 @@ THROTTLED_S = 0.05
 UNHURRIED = """{
   let drawn = 0, draws = true;
   const frame = (now) => {
-    draws = now - drawn >= 1000;
+    draws = now - drawn >= 4000;
     drawn = draws ? now : drawn;
     requestAnimationFrame(frame);
   };

@@ -46,7 +46,8 @@ def fingers(control: KinovaControl, opening_m: float) -> None:
     points = np.array([here, here])
     points[1, 7] = opening_m
     control.begin(points, np.array([0.1]))
-    until(lambda: not control.advance(0.01) and control.mode == "idle")
+    until(lambda: not control.advance(0.01) and control.mode != "moving")
+    assert control.mode == "idle", control.reason
 
 
 def test_fingers_that_close_on_something_press_no_longer_than_it_takes_to_notice(
