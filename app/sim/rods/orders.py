@@ -4,6 +4,7 @@ A path that visits all spots of a rope once and is short keeps to the strands, a
 those from strand to strand. Local search: Lin 1965 ("2-opt"), Or 1976 ("Or-opt").
 """
 
+from functools import lru_cache
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -140,11 +141,17 @@ def _exchanged(cost: Float64[np.ndarray, "m m"], tour: Int64[np.ndarray, " m"]) 
     here = cost[np.ix_(tour, tour)]
     step = np.append(np.diagonal(here, 1), here[-1, 0])
     change = here + np.roll(here, (-1, -1), (0, 1)) - step[:, None] - step
-    change[np.tril_indices(len(tour), 1)] = 0.0
+    change[_lower(len(tour))] = 0.0
     i, j = divmod(int(change.argmin()), len(tour))
     if change[i, j] > -1e-9:
         return None
     return np.concatenate([tour[: i + 1], tour[i + 1 : j + 1][::-1], tour[j + 1 :]])
+
+
+@lru_cache(maxsize=8)
+def _lower(m: int) -> Bool[np.ndarray, "m m"]:
+    """Where j is at most i + 1."""
+    return np.tri(m, m, 1, dtype=bool)
 
 
 def _moved(cost: Float64[np.ndarray, "m m"], tour: Int64[np.ndarray, " m"]) -> Int64[np.ndarray, " m"] | None:
