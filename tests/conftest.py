@@ -11,6 +11,7 @@ import warp
 from blockbuster import blockbuster_ctx
 from hypothesis import settings
 
+from app.core.collector import spared_collection
 from tests.needs import FIXTURES, VIRTUAL, undeclared
 from tests.shapes import check_calls
 
@@ -27,18 +28,12 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
             item.add_marker("serial")
 
 
-def pytest_collection_finish() -> None:
+@pytest.hookimpl(wrapper=True)
+def pytest_runtestloop() -> Generator[None, object, object]:
+    """A million objects of tests and libraries are left out of collections: each stopped every thread for 0.4 s."""
     gc.enable()
-
-
-def spare_what_lasts() -> None:
-    """Leave out of collections what was made so far, unless that is so already.
-
-    Going through a million objects of tests and libraries takes 0.4 s, for which every thread stands still: longer than
-    the arm's watchdog waits. What the application spares itself, and no more afterwards, ends this too.
-    """
-    if not gc.get_freeze_count():
-        gc.freeze()
+    with spared_collection():
+        return (yield)
 
 
 def modules_without_kernels() -> list[str]:
@@ -97,7 +92,6 @@ def _alone(item: pytest.Item) -> Generator[None]:
 @pytest.hookimpl(wrapper=True)
 def pytest_runtest_setup(item: pytest.Item) -> Generator[None]:
     """With the fixtures of its module, too."""
-    spare_what_lasts()
     yield from _alone(item)
 
 

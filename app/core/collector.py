@@ -3,6 +3,10 @@
 import gc
 from collections.abc import Generator
 from contextlib import contextmanager
+from typing import Final
+
+_open: Final = list[None]()
+"""One for each block that spares what was made before."""
 
 
 @contextmanager
@@ -10,14 +14,17 @@ def spared_collection() -> Generator[None]:
     """While open, a full collection passes over all that was made before.
 
     Going through what the libraries leave (2e5 objects and more) holds every thread of the process for 50 to 250 ms,
-    which is longer than the arm's watchdog waits.
+    which is longer than the arm's watchdog waits. Of blocks in one another, the outermost ends it.
     """
     gc.collect()
     gc.freeze()
+    _open.append(None)
     try:
         yield
     finally:
-        gc.unfreeze()
+        _open.pop()
+        if not _open:
+            gc.unfreeze()
 
 
 @contextmanager

@@ -2,7 +2,11 @@
 
 import gc
 import weakref
+from collections.abc import Iterator
 
+import pytest
+
+from app.core import collector
 from app.core.collector import paused_collection, spared_collection
 
 
@@ -18,10 +22,28 @@ def collected(knot: Knot) -> bool:
     return any(each is knot for each in gc.get_objects())
 
 
+@pytest.fixture(autouse=True)
+def alone(monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
+    """As in a process in which nothing is spared yet, which the tests' own is not."""
+    monkeypatch.setattr(collector, "_open", list[None]())
+    gc.unfreeze()
+    yield
+    gc.freeze()
+
+
 def test_what_was_made_before_is_passed_over_for_as_long_as_it_is_open() -> None:
     before = Knot()
     assert collected(before)
     with spared_collection():
+        assert not collected(before)
+    assert collected(before)
+
+
+def test_of_blocks_in_one_another_the_outermost_ends_it() -> None:
+    before = Knot()
+    with spared_collection():
+        with spared_collection():
+            pass
         assert not collected(before)
     assert collected(before)
 
