@@ -28,7 +28,7 @@ _ROUNDS = 8
 _SMOOTHING = (3.0, 1.0)
 """Weight of squared second differences in the first and in the last round of a hypothesis."""
 _REFINED, _REFINED_SMOOTHING = 6, 0.2
-"""Rounds that the best hypothesis is refined for, and their smoothing; see `state`."""
+"""Rounds that hypotheses are refined for once they are scored, and their smoothing; see `state`."""
 _BALANCE = (1.0, 0.3)
 """Share of the balanced place, beside that of the nearest point, in the first and in the last round."""
 _HOLE = 1.9
@@ -151,7 +151,7 @@ def _traced(points: bytes, rope: RopeShape, prior: bytes | None) -> Trace:
     lines, scores = _sorted(lines, _scores(lines, cloud, rope, near))
     if len(lines) > 1 or strands_touch(lines[0], rope):
         lines, scores = _varied(lines, scores, cloud, rope, near)
-    lines = np.concatenate([_refined(lines[:1], cloud, rope), lines[1:]])
+    lines = _refined(lines, cloud, rope)
     return Trace(lines=_directed(lines + cloud.origin, near), scores=scores, cloud=cloud, rope=rope)
 
 
@@ -266,7 +266,7 @@ def _fitted(lines: Float64[np.ndarray, "K n 2"], cloud: Weighted, rope: RopeShap
 
 
 def _refined(lines: Float64[np.ndarray, "K n 2"], cloud: Weighted, rope: RopeShape) -> Float64[np.ndarray, "K n 2"]:
-    """Lines of the right order, without the round ends of the rope, which hypotheses reach into by cutting bends."""
+    """Lines without the round ends of the rope, which hypotheses reach into by cutting bends."""
     beyond = np.zeros(len(lines))
     for _ in range(_REFINED):
         along = balanced(places(lines, cloud.at, rope.beyond)[0], cloud.share, rope, _BALANCE[1])
