@@ -115,14 +115,12 @@ def test_a_centreline_has_the_length_of_the_rope_in_equal_steps(seed: int) -> No
 
 
 def round_ended(nodes: np.ndarray, seed: int) -> np.ndarray:
-    """Its particles, and as many a volume in half a ball at either end."""
+    """Particles of a rope with hemispheres at both ends, everywhere as dense, with noise."""
     rng, more = np.random.default_rng(seed), list[np.ndarray]()
     for end, inner in ((nodes[0], nodes[1]), (nodes[-1], nodes[-2])):
         ball = R * rng.uniform(-1.0, 1.0, (60, 3))
         more += [end + ball[(np.linalg.norm(ball, axis=1) < R) & (ball @ (end - inner) > 0)]]
-    density = 30 / (2 * R) ** 3
-    length_m = ROPE.length_m
-    tube = fill_tube(nodes, R, round(2 * density * np.pi * R**2 * length_m))
+    tube = fill_tube(nodes, R, round(60 / (2 * R) ** 3 * np.pi * R**2 * ROPE.length_m))
     x = np.concatenate([tube, *more])
     return (x + 0.001 * rng.standard_normal(x.shape)).astype(np.float32)
 

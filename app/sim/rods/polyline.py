@@ -53,6 +53,11 @@ def distance(one: Float64[np.ndarray, "n 2"], other: Float64[np.ndarray, "n 2"])
     return float(min(np.linalg.norm(one - each, axis=1).mean() for each in (other, other[::-1])))
 
 
+def lengths(lines: Float64[np.ndarray, "K n 2"]) -> Float64[np.ndarray, " K"]:
+    """Their lengths [m]."""
+    return np.linalg.norm(np.diff(lines, axis=1), axis=2).sum(1)
+
+
 def turns(lines: Float64[np.ndarray, "K n 2"]) -> Float64[np.ndarray, "K n-2"]:
     """Angles between neighbouring segments, without sign [rad]."""
     edges = np.diff(lines, axis=1)

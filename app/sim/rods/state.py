@@ -9,14 +9,11 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Float, Float32
 
-from app.sim.rods.centreline import RopeShape, placed, radius_of, traced
+from app.sim.rods.centreline import SMOOTHING, RopeShape, placed, radius_of, traced
 
 STATE = 8
 """Rows of `RodState.nodes`."""
 
-_SMOOTHING = 0.2
-"""Weight of a squared second difference beside the squared distances of a node's share of particles: waves of 6 nodes
-keep 0.81 of their height, of 8 nodes 0.93, and particles of a thick rope do not bend its middle."""
 _ROUNDS = 6
 """Of Newton's iteration to segments of equal length; starts that are 2 mm off are so to 1e-6 after four."""
 
@@ -173,7 +170,7 @@ def _centreline(
     parts = jnp.zeros((len(x), count)).at[rows, first].set(1 - share).at[rows, first + 1].set(share)
     second = np.diff(np.eye(count, dtype=np.float32), 2, axis=0)
     turned = parts.T * weight
-    squares = turned @ parts + _SMOOTHING * len(x) / count * second.T @ second
+    squares = turned @ parts + SMOOTHING * len(x) / count * second.T @ second
     return jnp.linalg.solve(squares, turned @ x).T
 
 

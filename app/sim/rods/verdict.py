@@ -12,7 +12,7 @@ from scipy.spatial import KDTree
 from app.core.errors import PerceptionError
 from app.core.types import Centreline, Points
 from app.sim.rods.centreline import RopeShape, Trace, balanced, strands_touch, through, traced
-from app.sim.rods.polyline import places
+from app.sim.rods.polyline import lengths, places
 
 _FEWEST_A_NODE = 2
 _LIFTED = 2.6
@@ -183,7 +183,7 @@ def _free_length(found: Trace) -> float:
     """Length [m] of the smooth line through the points in the best order, whatever is known of it."""
     line, rope, cloud = found.line - found.cloud.origin, found.rope, found.cloud
     along = balanced(places(line[None], cloud.at)[0], cloud.share, rope, 1.0)
-    return float(np.linalg.norm(np.diff(through(along, cloud, rope.count, 1.0)[0], axis=0), axis=1).sum())
+    return float(lengths(through(along, cloud, rope.count, 1.0))[0])
 
 
 def crossing(line: Float64[np.ndarray, "n 2"]) -> bool:
