@@ -21,7 +21,7 @@ from app.calibration.fit import Settings
 from app.config import Site
 from app.core.messages import Transition
 from app.policy.base import AWAY, Now
-from app.sim.params import PARAMETERS, index
+from app.sim.params import index
 from app.tasks import Task, load, nominal_model
 from app.tasks.compiled import advance
 from bench.table import Table
@@ -49,7 +49,8 @@ def grid(task: Task, points: int) -> list[dict[str, float]]:
     nominal = nominal_model(task.name)
     factors = np.meshgrid(*[np.geomspace(0.3, 3.3, points)] * len(names), indexing="ij")
     rows = np.stack([factor.ravel() for factor in factors], axis=1)
-    bounds = {name: PARAMETERS[index(name)] for name in names}
+    specs = task.parameters(stiff=False)
+    bounds = {name: specs[index(name)] for name in names}
     return [
         {
             name: float(np.clip(nominal.value(name) * factor, bounds[name].low, bounds[name].high))
@@ -138,11 +139,10 @@ def _fitted(
     factor: float,
 ) -> dict[str, float]:
     """Fit from every calibrated parameter wrong by `factor`."""
-    wrong = {name: float(phi[index(name)]) * factor for name in data.calibrated}
-    wrong = {
-        name: float(np.clip(v, PARAMETERS[index(name)].low, PARAMETERS[index(name)].high)) for name, v in wrong.items()
-    }
-    calibrator = Calibrator(predictor=predictor, names=data.calibrated, settings=Settings())
+    every = data.parameters(stiff=False)
+    specs = tuple(every[index(name)] for name in data.calibrated)
+    wrong = {spec.name: spec.value(spec.coordinate(float(phi[index(spec.name)]) * factor)) for spec in specs}
+    calibrator = Calibrator(predictor=predictor, specs=specs, settings=Settings())
     wall_s, cpu_s = time.perf_counter(), time.process_time()
     found = calibrator.fit(known, with_values(phi, wrong))
     wall_s, cpu_s = time.perf_counter() - wall_s, time.process_time() - cpu_s

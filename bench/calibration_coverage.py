@@ -19,6 +19,7 @@ from app.calibration.calibrate import Calibrator, phi_of
 from app.calibration.evidence import Evidence
 from app.calibration.fit import Fit, Settings
 from app.policy.base import AWAY
+from app.sim.params import index
 from app.sim.rods.rollout import RodPhysics, make_rod_rollout
 from app.sim.rods.state import RodState, inextensible
 from app.tasks import compiled, load, nominal_model
@@ -50,11 +51,14 @@ class DataSet(NamedTuple):
     truth: Truth
 
 
-def data_set(seed: int, *, pushes: int = PUSHES, particles: int = 300, noise: float = 1.0) -> DataSet:
-    """Pushes of a rope that is drawn at random; `noise` scales that of the cameras."""
+def data_set(
+    seed: int, *, pushes: int = PUSHES, particles: int = 300, noise: float = 1.0, truth: Truth | None = None
+) -> DataSet:
+    """Pushes of a rope that is drawn at random, or of `truth`; `noise` scales that of the cameras."""
     rng = np.random.default_rng(seed)
     logs = [np.exp(rng.uniform(*np.log(each))) for each in (STIFFNESS_PA, TABLE, FINGER)]
-    truth = Truth(*map(float, logs), *rng.uniform(-OFFSET_M, OFFSET_M, 2).tolist())
+    drawn = Truth(*map(float, logs), *rng.uniform(-OFFSET_M, OFFSET_M, 2).tolist())
+    truth = truth or drawn
     nodes = np.stack([TASK.start(1000 * seed + k) for k in range(pushes)])
     before = np.stack([TASK.particles(each, particles) for each in nodes])
     actions = jnp.concatenate([jnp.asarray(TASK.actions.sample(rng, x, AWAY, 1)) for x in before])
@@ -89,7 +93,8 @@ def _offset_m(truth: Truth) -> Float32[np.ndarray, "3"]:
 def _simulated(task: Task, truth: Truth, nodes: np.ndarray, tool: np.ndarray) -> Float32[np.ndarray, "K n 2"]:
     """Nodes after pushes of rods that begin on known lines."""
     assert task.rods is not None
-    scene, count = task.rods.scene, len(nodes)
+    stiff = truth.stiffness > task.parameters(stiff=False)[index("stiffness")].high
+    scene, count = task.rods.stiff if stiff else task.rods.scene, len(nodes)
     given = {name: jnp.full(count, value, jnp.float32) for name, value in task.rods.physics.items()}
     physics = RodPhysics.nominal(scene, count)._replace(
         rigidity=jnp.full(count, truth.stiffness * scene.second_moment_m4, jnp.float32),

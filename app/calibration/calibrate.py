@@ -34,15 +34,21 @@ class ToolOffset:
 @final
 @dataclass(frozen=True, kw_only=True)
 class Calibrator:
-    """Estimates the parameters called `names`; the others keep the values of the model that it starts from.
+    """Estimates the parameters of `specs`; the others keep the values of the model that it starts from.
 
-    `offset`: what of the tool's place is estimated besides (`fit_with_offset`).
+    Their ranges are what the predictor's simulator bears. `offset`: what of the tool's place is estimated besides
+    (`fit_with_offset`).
     """
 
     predictor: Predictor
-    names: tuple[str, ...]
+    specs: tuple[ParameterSpec, ...]
     settings: Settings
     offset: ToolOffset | None = None
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Of the parameters that are estimated."""
+        return tuple(spec.name for spec in self.specs)
 
     def fit_with_offset(self, evidence: Evidence, phi: Float32[np.ndarray, " P"]) -> Fit:
         """As `fit`, and after `names` the coordinates of the tool's offset, from none."""
@@ -57,8 +63,7 @@ class Calibrator:
             return losses.astype(np.float64), np.concatenate([by_phi[:, columns], by_shift @ matrix], axis=1)
 
         start = np.concatenate([phi[columns].astype(np.float64), np.zeros(len(self.offset.specs))])
-        specs = [*(PARAMETERS[column] for column in columns), *self.offset.specs]
-        return fit(slopes, start, specs, self.settings)
+        return fit(slopes, start, [*self.specs, *self.offset.specs], self.settings)
 
     def fit(self, evidence: Evidence, phi: Float32[np.ndarray, " P"]) -> Fit:
         """The parameters `names` that predict the evidence best, starting from `phi`."""
@@ -70,7 +75,7 @@ class Calibrator:
             losses, gradients = self.predictor.slopes(trial, evidence)
             return losses.astype(np.float64), gradients[:, columns].astype(np.float64)
 
-        return fit(slopes, phi[columns].astype(np.float64), [PARAMETERS[column] for column in columns], self.settings)
+        return fit(slopes, phi[columns].astype(np.float64), self.specs, self.settings)
 
 
 def phi_of(model: Model) -> Float32[np.ndarray, " P"]:

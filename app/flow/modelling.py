@@ -9,7 +9,7 @@ from app.core.messages import Model, fresh_id
 from app.core.requests import ModelRequest
 from app.core.types import Points
 from app.core.worker import Worker
-from app.tasks.jobs import check_model, effects_of, shown_goal
+from app.tasks.jobs import check_model, compiled_for, shown_goal
 
 
 @final
@@ -53,13 +53,13 @@ class Modelling:
     async def _checked(
         self, model: Model, current: Model, goal: Points
     ) -> tuple[tuple[str, ...], tuple[str, ...], Points | None]:
-        """The effects before and after, and the goal as shown. Raises what is wrong with the model."""
+        """The planner's needs before and after, and the goal as shown. Raises what is wrong with the model."""
         if model.task != self._task:
             raise UsageError(f"It is of task {model.task!r}, not of {self._task!r}; choose one of this task.")
         run = self._planner.run
         await run(check_model, model)
         shown = await run(shown_goal, goal, model) if model.apparatus else None
-        return await run(effects_of, current), await run(effects_of, model), shown
+        return await run(compiled_for, current), await run(compiled_for, model), shown
 
 
 def _said(request: ModelRequest, model: Model) -> str:

@@ -4,6 +4,7 @@ phi has one row a candidate, shape (B, P), float32, in physical units; the colum
 """
 
 from collections.abc import Collection, Mapping, Sequence
+from dataclasses import replace
 
 import numpy as np
 from jaxtyping import Float, Float32
@@ -19,7 +20,7 @@ NOMINAL_PHYSICS = (
         unit="Pa",
         nominal=2.0e4,
         low=1.0e3,
-        high=1.0e5,
+        high=5.0e6,
         scale="log",
         scaling=(0, -1),
         about="Young's modulus of the object; for a rope it stands for its resistance to bending.",
@@ -42,6 +43,13 @@ def parameters_with(effects: Sequence[Effect]) -> tuple[ParameterSpec, ...]:
 
 
 PARAMETERS = parameters_with(EFFECTS)
+
+
+def borne(specs: Sequence[ParameterSpec], stiffest_pa: float) -> tuple[ParameterSpec, ...]:
+    """The same for a simulator whose time steps bear stiffnesses up to `stiffest_pa`: there the range of it ends."""
+    return tuple(
+        replace(spec, high=min(spec.high, stiffest_pa)) if spec.name == "stiffness" else spec for spec in specs
+    )
 
 
 def phi_with_nulls(values: Mapping[str, float]) -> Float32[np.ndarray, " P"]:
@@ -88,12 +96,14 @@ def nominal_phi() -> Float32[np.ndarray, " P"]:
     return np.array([spec.nominal for spec in PARAMETERS], np.float32)
 
 
-def validated(phi: Float[np.ndarray, "*batch P"]) -> Float32[np.ndarray, "*batch P"]:
+def validated(
+    phi: Float[np.ndarray, "*batch P"], specs: Sequence[ParameterSpec] = PARAMETERS
+) -> Float32[np.ndarray, "*batch P"]:
     """`phi` as float32, or a ParameterError that names the first entry that is non-finite or outside its range."""
     values = np.asarray(phi, np.float32)
     if values.shape[-1:] != (len(PARAMETERS),):
         raise ParameterError(f"phi has shape {values.shape}; its last axis must have {len(PARAMETERS)} entries.")
-    require_ranges(PARAMETERS, values.reshape(-1, len(PARAMETERS)))
+    require_ranges(specs, values.reshape(-1, len(PARAMETERS)))
     return values
 
 

@@ -9,7 +9,6 @@ from app.core.errors import ParameterError
 from app.sim.known import known_materials
 from app.sim.materials.base import Law, Material
 from app.sim.materials.elastic import Elastic
-from app.sim.params import PARAMETERS, index
 from app.sim.tools.base import Tool
 from app.sim.tools.finger import Finger
 
@@ -67,6 +66,8 @@ class Scene:
     cell_m: float = 0.0125
     """About twice the spacing of 300 particles in a rope of 0.4 m and 8 mm radius: finer cells tear soft ropes."""
     dt_s: float = 7e-4
+    stiffest_pa: float = 1e5
+    """The largest stiffness of phi that is simulated: `dt_s` has to bear it."""
     gravity_m_s2: float = 9.81
     contact_margin_m: float = 0.003
     """Particles are centres of matter: contact begins at this distance from a tool, half a particle spacing."""
@@ -99,10 +100,9 @@ class Scene:
 
     @property
     def stable_dt_s(self) -> float:
-        """The largest stable time step for the stiffest material that phi allows."""
-        stiffness = PARAMETERS[index("stiffness")].high
+        """The largest stable time step for the stiffest material that is simulated."""
         return min(
-            CFL * self.cell_m / float(np.sqrt(stiffness * body.share * (lam + 2 * mu) / body.density_kg_m3))
+            CFL * self.cell_m / float(np.sqrt(self.stiffest_pa * body.share * (lam + 2 * mu) / body.density_kg_m3))
             for body in self.bodies
             for mu, lam in [body.material.lame()]
         )
@@ -114,7 +114,8 @@ class Scene:
         return tuple(int(count) for count in np.diff(ends, prepend=0))
 
     def _require_positive(self) -> None:
-        for name in ("cell_m", "dt_s", "contact_width_m", "contact_substeps", "escape_speed_m_s", "slip_speed_m_s"):
+        contact = ("contact_width_m", "contact_substeps", "escape_speed_m_s", "slip_speed_m_s")
+        for name in ("cell_m", "dt_s", "stiffest_pa", *contact):
             if getattr(self, name) <= 0:
                 raise ParameterError(f"Scene {name} = {getattr(self, name):g} must be positive.")
         for name in ("contact_margin_m", "damping_1_s"):
@@ -137,5 +138,5 @@ class Scene:
         if self.dt_s > self.stable_dt_s:
             raise ParameterError(
                 f"dt_s = {self.dt_s:g} s is above the stable limit {self.stable_dt_s:.3g} s for a stiffness of "
-                f"{PARAMETERS[index('stiffness')].high:g} Pa on cells of {self.cell_m:g} m; shorten it."
+                f"{self.stiffest_pa:g} Pa on cells of {self.cell_m:g} m; shorten it."
             )

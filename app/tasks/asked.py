@@ -72,7 +72,6 @@ def asked_plan(
     import jax.numpy as jnp
 
     from app.planner.plan import Plan
-    from app.sim.params import acting
     from app.tasks import compiled, load
     from app.tasks.correction import correction
     from app.tasks.doubted import subject_of
@@ -83,7 +82,7 @@ def asked_plan(
     x = allowed_for.unseen(observed) if allowed_for else observed
     made = aimed(asked, x, data.actions, where)  # pyright: ignore[reportArgumentType] - checked by `subject_of`
     path = data.actions.measured_path(made.positions)
-    simulate = jax.jit(compiled.carried(task, len(x), acting(phi)))
+    simulate = jax.jit(compiled.carried(task, len(x), *compiled.needs(task, phi)))
     before = data.begin(jnp.asarray(x)[None], None if near is None else jnp.asarray(near))
     end = simulate(jnp.asarray(phi)[None], before, jnp.asarray(path)[None])
     predicted = np.asarray(end.x[0])

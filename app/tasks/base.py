@@ -33,6 +33,7 @@ if TYPE_CHECKING:  # Whoever needs these names alone shall not load JAX and Warp
     from app.policy.base import Policy
     from app.policy.pictures import View
     from app.policy.symmetry import Symmetry
+    from app.sim.parameter import ParameterSpec
     from app.sim.rods.scene import RodScene
     from app.sim.scene import Scene
     from app.sim.state import State
@@ -43,6 +44,7 @@ if TYPE_CHECKING:  # Whoever needs these names alone shall not load JAX and Warp
 _AROUND_M, _PIXEL_M = 0.04, 0.008
 """What is seen around where actions reach, and a pixel of it: half of a rope's width."""
 _LONGEST, _HASTIEST, _MOST = 1e3, 1e2, 1e6
+_ROUNDED = 1 - 1e-6
 """No episode has more actions, no simulation is faster, no preset larger: such a number is a slip."""
 
 
@@ -80,6 +82,13 @@ class RodDynamics:
     """What calibration estimates."""
     tool_offset: tuple[str, ...] = ("tcp_x", "tcp_y")
     """What of the tool's place in its own frame calibration estimates besides, where recordings tell it."""
+    stiffest_n_m2: float = 5e-3
+    """The largest bending rigidity that is simulated, by `stiff`: three times that of a real rope of 8 mm radius."""
+
+    @property
+    def stiff(self) -> RodScene:
+        """The scene of ropes that are stiffer than `scene` bears: limp ones are simulated less truly in it."""
+        return replace(self.scene, stiffest_n_m2=max(self.stiffest_n_m2, self.scene.borne_n_m2))
 
 
 def _at_rest(x: Float[Array, "B N 3"], near: Float[Array, "2 n"] | None = None) -> State:
@@ -160,6 +169,15 @@ class Task:
     own_dynamics: str = "mpm"
     sized: Sized | None = None
 
+    def parameters(self, *, stiff: bool = True) -> tuple[ParameterSpec, ...]:
+        """The columns of phi as far as its simulator bears them; of rods that are not `stiff`, that of their scene."""
+        from app.sim.params import PARAMETERS, borne
+
+        if self.dynamics != "rods" or self.rods is None:
+            return borne(PARAMETERS, self.scene.stiffest_pa)
+        scene = self.rods.stiff if stiff else self.rods.scene
+        return borne(PARAMETERS, _ROUNDED * scene.borne_n_m2 / scene.second_moment_m4)
+
     @property
     def recorded(self) -> str:
         """As recordings of it name it: without its dynamics."""
@@ -210,10 +228,11 @@ class Task:
 
     def __post_init__(self) -> None:
         """Raises ParameterError, which names the field and the value, where a number or a name cannot be."""
-        from app.sim.params import PARAMETERS, index
+        from app.sim.params import index
 
+        specs = self.parameters()
         for name, value in self.nominal.items():
-            spec = PARAMETERS[index(name)]
+            spec = specs[index(name)]
             checked(f"nominal {name}", value, spec.low, spec.high)
         for name in self.calibrated:
             index(name)

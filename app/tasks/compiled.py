@@ -1,6 +1,6 @@
 """What a task compiles, kept once a process: simulator, planner, calibrator, and the stages of warming them up."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Collection, Sequence
 from dataclasses import dataclass, replace
 from functools import lru_cache
 from typing import NamedTuple, final
@@ -14,7 +14,7 @@ from app.calibration.calibrate import Calibrator, ToolOffset, next_model, phi_of
 from app.calibration.checks import check_better_than_no_motion, check_contact
 from app.calibration.evidence import Advance as FromRest
 from app.calibration.evidence import Evidence, Predictor, gather
-from app.calibration.fit import Settings, Tried
+from app.calibration.fit import Fit, Settings, Tried
 from app.config import ANYWHERE, Confines
 from app.core.messages import MessageId, Model, Parameter, Transition
 from app.core.motion import TOOL_DOWN
@@ -41,14 +41,29 @@ __all__ = ["advance", "calibrated", "nominal_model", "now", "phi_of", "planner",
 _CHUNK = 8
 NOWHERE_M = (0.0, 0.0, 0.0)
 """The cameras' middle in a model that says nothing of the cameras: any."""
+_NEARLY = 1 - 1e-3
 _NOW = 0.5
 """The end of a session."""
 
 
+@final
+class Needs(NamedTuple):
+    """What a simulator has to have for a model: its effects, and whether its rod is stiffer than the task's usual."""
+
+    effects: tuple[Effect, ...] = ()
+    stiff: bool = False
+
+
+def needs(task: str, phi: Float32[np.ndarray, " P"], names: Collection[str] = ()) -> Needs:
+    """Of the simulator of a model `phi`, of which the parameters `names` are estimated (`params.acting`)."""
+    data, column = load(task), index("stiffness")
+    return Needs(acting(phi, names), bool(phi[column] > data.parameters(stiff=False)[column].high))
+
+
 @lru_cache
-def advance(task: str, particle_count: int, effects: tuple[Effect, ...] = ()) -> FromRest:
+def advance(task: str, particle_count: int, effects: tuple[Effect, ...] = (), stiff: bool = False) -> FromRest:
     """The task's simulator of one action on an object that is seen at rest, as `particle_count` particles."""
-    carry, begin = carried(task, particle_count, effects), load(task).begin
+    carry, begin = carried(task, particle_count, effects, stiff), load(task).begin
 
     def from_rest(
         phi: Float[Array, "B P"], x: Float[Array, "B N 3"], tool: Float[Array, "B T C"]
@@ -59,12 +74,12 @@ def advance(task: str, particle_count: int, effects: tuple[Effect, ...] = ()) ->
 
 
 @lru_cache
-def carried(task: str, particle_count: int, effects: tuple[Effect, ...] = ()) -> Advance:
+def carried(task: str, particle_count: int, effects: tuple[Effect, ...] = (), stiff: bool = False) -> Advance:
     """The task's simulator of one action, from state to state: to rest, where the task's actions end at rest.
 
     See `moving`.
     """
-    move, at_rest = moving(task, particle_count, effects), load(task).at_rest
+    move, at_rest = moving(task, particle_count, effects, stiff), load(task).at_rest
 
     def carry(phi: Float[Array, "B P"], state: ObjectState, tool: Float[Array, "B T C"]) -> ObjectState:
         end = move(phi, state, tool, state.x)
@@ -74,18 +89,19 @@ def carried(task: str, particle_count: int, effects: tuple[Effect, ...] = ()) ->
 
 
 @lru_cache
-def moving(task: str, particle_count: int, effects: tuple[Effect, ...] = ()) -> Part:
+def moving(task: str, particle_count: int, effects: tuple[Effect, ...] = (), stiff: bool = False) -> Part:
     """The task's simulator of an action or a piece of one, from state to state as they are.
 
     Which way a slender object runs, and so its rest shape, is seen from the particles as the action began. It takes
     all of phi and heeds the nominal parameters and those of `effects`; see `params.acting`. What changes in the course
     of a session is as at its end. Where along the object a particle is, nobody knows here: effects that depend on that
-    do nothing. Raises ParameterError, which names the parameters, for a model that needs effects that its engine lacks.
+    do nothing. `stiff`: of rods, that of `RodDynamics.stiff`. Raises ParameterError, which names the parameters, for a
+    model that needs effects that its engine lacks.
     """
     known = tuple(effect for effect in effects if not effect.oriented)
     data = load(task)
     if data.dynamics == "rods":
-        return _moving_rod(data, known)
+        return _moving_rod(data, known, stiff=stiff)
     require_known(known)
     simulate = make_rollout(data.scene, particle_count=data.scene.split(particle_count), effects=known)
     own = np.array(columns_of(known))
@@ -101,11 +117,11 @@ def moving(task: str, particle_count: int, effects: tuple[Effect, ...] = ()) -> 
     return move
 
 
-def _moving_rod(task: Task, effects: tuple[Effect, ...]) -> Part:
+def _moving_rod(task: Task, effects: tuple[Effect, ...], *, stiff: bool) -> Part:
     """The same for a rope as a rod."""
     assert task.rods is not None
-    rods, scene = task.rods, task.rods.scene
-    simulate = make_rod_rollout(scene, effects)
+    rods = task.rods
+    simulate = make_rod_rollout(rods.stiff if stiff else rods.scene, effects)
     own = np.array(rod_columns(effects), int)
 
     def move(
@@ -146,12 +162,12 @@ def planner(
     task: str, preset: str, phi: Float32[np.ndarray, " P"], method: Method = DIPAC, confines: Confines = ANYWHERE
 ) -> Planner:
     """The task's planner, sized by the preset, for models that need the effects that `phi` does."""
-    return _planner(task, preset, acting(phi), method, confines)
+    return _planner(task, preset, needs(task, phi), method, confines)
 
 
 @lru_cache
-def _planner(task: str, preset: str, effects: tuple[Effect, ...], method: Method, confines: Confines) -> Planner:
-    data, search = load(task), _search(task, preset, effects, confines)
+def _planner(task: str, preset: str, needed: Needs, method: Method, confines: Confines) -> Planner:
+    data, search = load(task), _search(task, preset, needed, confines)
     if method.policy is not None:
         search = replace(search, policy=method.policy, origin="learned")
     return made(method, search, data.descent, data.preset(preset).gradient_steps)
@@ -159,35 +175,37 @@ def _planner(task: str, preset: str, effects: tuple[Effect, ...], method: Method
 
 def search(task: str, preset: str, phi: Float32[np.ndarray, " P"], confines: Confines = ANYWHERE) -> Search:
     """What the task's decisions are searched with, sized by the preset, for models that need the effects of `phi`."""
-    return _search(task, preset, acting(phi), confines)
+    return _search(task, preset, needs(task, phi), confines)
 
 
 @lru_cache
-def _search(task: str, preset: str, effects: tuple[Effect, ...], confines: Confines) -> Search:
+def _search(task: str, preset: str, needed: Needs, confines: Confines) -> Search:
     data, size = load(task), load(task).preset(preset)
     return Search(
         space=data.actions,
         policy=data.policy,
         weights=replace(data.weights, keep_out=confines.keep_out, reach=confines.reach),
-        advance=carried(task, size.particle_count, effects),
+        advance=carried(task, size.particle_count, *needed),
         begin=data.begin,
         branches=size.branches,
         depth=size.depth,
-        part=moving(task, size.particle_count, effects),
+        part=moving(task, size.particle_count, *needed),
         at_rest=data.at_rest,
     )
 
 
 def calibrator(task: str, preset: str, settings: Settings, phi: Float32[np.ndarray, " P"]) -> Calibrator:
     """The task's calibrator, for models that need the effects that `phi` does; of rods also of the tool's offset."""
-    return _calibrator(task, preset, settings, acting(phi, load(task).calibrated))
+    return _calibrator(task, preset, settings, needs(task, phi, load(task).calibrated))
 
 
 @lru_cache
-def _calibrator(task: str, preset: str, settings: Settings, effects: tuple[Effect, ...]) -> Calibrator:
+def _calibrator(task: str, preset: str, settings: Settings, needed: Needs) -> Calibrator:
     data = load(task)
-    predictor = Predictor(advance=advance(task, data.preset(preset).particle_count, effects), chunk=_CHUNK)
-    return Calibrator(predictor=predictor, names=data.calibrated, settings=settings, offset=_tool_offset(data))
+    predictor = Predictor(advance=advance(task, data.preset(preset).particle_count, *needed), chunk=_CHUNK)
+    known = data.parameters(stiff=needed.stiff)
+    specs = tuple(known[index(name)] for name in data.calibrated)
+    return Calibrator(predictor=predictor, specs=specs, settings=settings, offset=_tool_offset(data))
 
 
 def _tool_offset(task: Task) -> ToolOffset | None:
@@ -220,9 +238,8 @@ def calibrated(
     task: str, preset: str, transitions: Sequence[Transition], model: Model, settings: Settings
 ) -> Calibrated:
     """The next version of `model`, fitted to all the transitions."""
-    phi = phi_of(model)
-    fitter = calibrator(task, preset, settings, phi)
-    found = fitter.fit(gather(transitions, load(task).actions.measured_path), phi)
+    evidence = gather(transitions, load(task).actions.measured_path)
+    fitter, found = _fitted(task, preset, settings, phi_of(model), lambda by, phi: by.fit(evidence, phi))
     new = next_model(model, found, fitter.names, transitions)
     return Calibrated(new, found.lost, fitter.names, found.trials)
 
@@ -235,20 +252,49 @@ def calibrated_from_recordings(
     Raises RecordingError where the transitions of a rod tell nothing (`app.calibration.checks`).
     """
     data, phi = load(task), phi_of(model)
-    fitter = calibrator(task, preset, settings, phi)
-    if fitter.offset is None:
+    if _tool_offset(data) is None:
         return calibrated(task, preset, transitions, model, settings)
     evidence = gather(transitions, data.actions.measured_path)
     check_contact(evidence, data.finger.radius_m + data.finger.half_width_m + data.rope.radius_m)
-    found, offset = fitter.fit_with_offset(evidence, phi), fitter.offset.specs
-    first = len(fitter.names)
+    fitter, found = _fitted(task, preset, settings, phi, lambda by, phi: by.fit_with_offset(evidence, phi))
+    offset, first = fitter.offset.specs if fitter.offset else (), len(fitter.names)
     if not ((found.low > 0) | (found.high < 0))[first:].any():
-        found, offset = fitter.fit(evidence, phi), ()
+        offset = ()
+        fitter, found = _fitted(task, preset, settings, phi, lambda by, phi: by.fit(evidence, phi))
     check_better_than_no_motion(found.losses_m2, evidence)
     new = next_model(model, found, fitter.names, transitions, offset)
     if new.apparatus and not new.extension.camera_m:
         new = replace(new, extension=replace(new.extension, camera_m=NOWHERE_M))
     return Calibrated(new, found.lost, (*fitter.names, *(spec.name for spec in offset)), found.trials)
+
+
+def _fitted(
+    task: str,
+    preset: str,
+    settings: Settings,
+    phi: Float32[np.ndarray, " P"],
+    fit: Callable[[Calibrator, Float32[np.ndarray, " P"]], Fit],
+) -> tuple[Calibrator, Fit]:
+    """By the simulator that the model needs; a rod found as stiff as that bears is fitted anew by one that bears more.
+
+    It begins in the middle of what is beyond: where friction has given way to what a rod was too limp for, descent
+    would stay. An interval that goes so far goes to the end of the whole range: what is beyond was not tried.
+    """
+    fitter = calibrator(task, preset, settings, phi)
+    found = fit(fitter, phi)
+    here, whole = (load(task).parameters(stiff=stiff)[index("stiffness")] for stiff in (False, True))
+    if here == whole or "stiffness" not in fitter.names:
+        return fitter, found
+    number, most = fitter.names.index("stiffness"), _NEARLY * here.high
+    if fitter.specs[number] == here and found.values[number] >= most:
+        start = phi.copy()
+        start[index("stiffness")] = np.sqrt(here.high * whole.high)
+        stiff = calibrator(task, preset, settings, start)
+        further = fit(stiff, start)
+        return (stiff, further) if further.loss_m2 < found.loss_m2 else (fitter, found)
+    high = found.high.copy()
+    high[number] = whole.high if high[number] >= most else high[number]
+    return fitter, replace(found, high=high)
 
 
 def nominal_model(task: str) -> Model:
@@ -300,10 +346,10 @@ def stages(
     x = data.goal(0, size.particle_count)
     away = data.actions.measured_path(np.tile(AWAY, (2, 1)))[None, :2]
     phi = phi_of(model or nominal_model(task))
-    effects = acting(phi, data.calibrated)
+    needed = needs(task, phi, data.calibrated)
 
     def simulator() -> None:
-        predictor = Predictor(advance=advance(task, size.particle_count, effects), chunk=1)
+        predictor = Predictor(advance=advance(task, size.particle_count, *needed), chunk=1)
         predictor.slopes(phi, Evidence(before=x[None], tool=away, after=x[None]))
 
     return [

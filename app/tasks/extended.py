@@ -12,6 +12,7 @@ from app.discovery.sensitivity import Step
 from app.discovery.subject import NUMERICS, Catalogue, Theta, catalogue
 from app.sim.parameter import ParameterSpec
 from app.sim.params import PARAMETERS, phi_with_nulls, require_ranges, validated
+from app.tasks import load
 from app.tasks.compiled import nominal_model
 
 _Z90 = 1.645
@@ -105,7 +106,7 @@ def check(model: Model) -> None:
     """
     values = {parameter.name: parameter.value for parameter in model.parameters}
     _require_known("parameter of the simulator", values, [spec.name for spec in PARAMETERS])
-    validated(phi_with_nulls(values))
+    validated(phi_with_nulls(values), load(model.task).parameters())
     specs = _apparatus_specs()
     _require_known("parameter of cameras and arm", [parameter.name for parameter in model.apparatus], specs)
     for parameter in model.apparatus:
@@ -119,7 +120,7 @@ def check(model: Model) -> None:
 
 def ends_of_ranges(model: Model) -> dict[str, str]:
     """In words, of which estimates (those with an interval) are at an end of their range, by the parameters' names."""
-    specs = {spec.name: spec for spec in PARAMETERS} | _apparatus_specs()
+    specs = {spec.name: spec for spec in load(model.task).parameters()} | _apparatus_specs()
     found = dict[str, str]()
     for parameter in (*model.parameters, *model.apparatus):
         spec = specs[parameter.name]

@@ -19,13 +19,12 @@ from app.sim.catalogue import EFFECTS
 from app.sim.checks import Arrays, Setup
 from app.sim.dump import Dump, leave_dump
 from app.sim.object_state import ObjectState
-from app.sim.params import acting
 from app.sim.rods.autopsy import RodCase, single_rod
 from app.sim.rods.checks import RodSetup
 from app.sim.rods.state import RodState
 from app.tasks import load
 from app.tasks.base import Task
-from app.tasks.compiled import now, rod_columns, rod_now, rod_physics
+from app.tasks.compiled import needs, now, rod_columns, rod_now, rod_physics
 
 DUMPS = 3
 """That one process leaves at most, about 50 kB each: what fails after them fails alike."""
@@ -81,11 +80,11 @@ def _case(task: Task, phi: Float32[np.ndarray, " P"], state: ObjectState, tool: 
         setup = Setup(scene=task.scene, counts=task.scene.split(state.x.shape[1]), effects=EFFECTS)
         return single(setup, phi[None], state, tool, now(1, state.x.shape[1]))
     assert task.rods is not None
-    effects = tuple(effect for effect in acting(phi) if not effect.oriented)
+    acting, stiff = needs(task.name, phi)
+    effects = tuple(effect for effect in acting if not effect.oriented)
     own, physics = phi[rod_columns(effects)][None], rod_physics(task.rods, jnp.asarray(phi)[None])
-    return single_rod(
-        RodSetup(scene=task.rods.scene, effects=effects), physics, state, tool, own, rod_now(task.rods, 1)
-    )
+    scene = task.rods.stiff if stiff else task.rods.scene
+    return single_rod(RodSetup(scene=scene, effects=effects), physics, state, tool, own, rod_now(task.rods, 1))
 
 
 @lru_cache

@@ -197,12 +197,12 @@ def ends_of_ranges(model: Model) -> dict[str, str]:
     return extended.ends_of_ranges(model)
 
 
-def effects_of(model: Model) -> tuple[str, ...]:
-    """The effects that a planner for this model simulates, each by its first parameter: it is compiled for these."""
-    from app.sim.params import acting
+def compiled_for(model: Model) -> tuple[str, ...]:
+    """In words, what a planner for this model is compiled for: effects, each by its first parameter; a stiff rope."""
     from app.tasks import compiled
 
-    return tuple(effect.parameters[0].name for effect in acting(compiled.phi_of(model)))
+    effects, stiff = compiled.needs(model.task, compiled.phi_of(model))
+    return tuple(effect.parameters[0].name for effect in effects) + (("a stiff rope",) if stiff else ())
 
 
 def shown_goal(goal: Points, model: Model) -> Points:

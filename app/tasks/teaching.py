@@ -11,9 +11,8 @@ from app.core.types import Points
 from app.policy.learned.base import LearnedPolicy, Lessons, World
 from app.policy.learned.examples import Examples
 from app.policy.learned.file import load_policy
-from app.sim.params import acting
 from app.tasks.base import Task
-from app.tasks.compiled import carried, phi_of
+from app.tasks.compiled import carried, needs, phi_of
 
 
 def lessons(task: Task, world: World | None = None) -> Lessons:
@@ -46,7 +45,7 @@ def shipped(task: str) -> Path:
 def simulator(task: Task, model: Model, particle_count: int) -> World:
     """The task's simulator of so many particles, for those who learn by trying."""
     phi = phi_of(model)
-    advance = carried(task.name, particle_count, acting(phi))
+    advance = carried(task.name, particle_count, *needs(task.name, phi))
     return World(advance=advance, begin=task.begin, phi=tuple(map(float, phi)))
 
 

@@ -10,11 +10,13 @@ from app.calibration.fit import Fit, Settings
 from app.core.errors import RecordingError
 from app.core.messages import Executed, MessageId, Model, Transition
 from app.core.motion import TOOL_DOWN
+from app.sim.params import index
 from app.tasks import compiled, nominal_model
-from app.tasks.compiled import calibrated_from_recordings, phi_of
+from app.tasks.compiled import calibrated, calibrated_from_recordings, phi_of
 from app.tasks.jobs import check_model, ends_of_ranges
 from bench.calibration_coverage import TASK, DataSet, Truth, data_set, fitted
 
+STIFFEST_PA = next(spec.high for spec in TASK.parameters() if spec.name == "stiffness")
 NAMES = ("stiffness", "table_friction", "finger_friction")
 
 
@@ -83,6 +85,31 @@ def test_recordings_of_a_tool_that_is_where_the_arm_says_leave_it_there() -> Non
     assert all(abs(parameter.value) < 1e-3 for parameter in model.apparatus)
 
 
+def test_a_rope_much_stiffer_than_nominal_ropes_is_found_by_a_simulator_that_bears_it() -> None:
+    truth = Truth(stiffness=4.5e5, table_friction=0.5, finger_friction=0.3, tcp_x=0.0, tcp_y=0.0)
+    assert truth.stiffness > TASK.parameters(stiff=False)[0].high
+    evidence = data_set(0, truth=truth).evidence
+    pushes = [_transition(evidence.before[k], evidence.tool[k], evidence.after[k], k) for k in range(len(evidence))]
+    found = calibrated(TASK.name, "cpu", pushes, nominal_model(TASK.name), Settings())
+    stiffness = found.model.parameters[0]
+    assert stiffness.value == pytest.approx(truth.stiffness, rel=0.4)
+    assert stiffness.low <= truth.stiffness <= stiffness.high
+    assert not ends_of_ranges(found.model)
+    check_model(found.model)
+    right = phi_of(found.model)
+    right[:2] = truth.stiffness, truth.table_friction
+    right[index("finger_friction")] = truth.finger_friction
+    predictor = compiled.calibrator(TASK.name, "cpu", Settings(), right).predictor
+    assert found.model.loss_m2 < 1.1 * predictor.losses(right, evidence).mean()
+
+
+def test_an_interval_as_wide_as_a_simulator_goes_is_not_cut_there() -> None:
+    evidence = hidden().evidence
+    one = [_transition(evidence.before[0], evidence.tool[0], evidence.after[0], 0)]
+    found = calibrated(TASK.name, "cpu", one, nominal_model(TASK.name), Settings(steps=1))
+    assert found.model.parameters[0].high == pytest.approx(STIFFEST_PA)
+
+
 def test_what_tells_nothing_is_refused() -> None:
     aside = np.array([0.0, 0.6, 0.0, 0.0, 0.0, 0.0, 0.0])
     far = [
@@ -98,7 +125,11 @@ def test_what_tells_nothing_is_refused() -> None:
 
 def test_an_estimate_at_the_end_of_its_range_is_said_to_be_one() -> None:
     nominal = nominal_model(TASK.name)
-    ends = {"stiffness": (1e5, 5e4, 1e5), "table_friction": (0.02, 0.02, 0.1), "finger_friction": (0.3, 0.2, 0.4)}
+    ends = {
+        "stiffness": (STIFFEST_PA, 5e4, STIFFEST_PA),
+        "table_friction": (0.02, 0.02, 0.1),
+        "finger_friction": (0.3, 0.2, 0.4),
+    }
     parameters = tuple(
         replace(each, **dict(zip(("value", "low", "high"), ends[each.name], strict=True)))
         if each.name in ends

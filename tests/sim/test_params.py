@@ -1,5 +1,6 @@
 """What makes parameters and scenes valid, and what is said where they are not."""
 
+import re
 from dataclasses import replace
 
 import numpy as np
@@ -7,7 +8,7 @@ import pytest
 
 from app.core.errors import ParameterError
 from app.sim.parameter import ParameterSpec
-from app.sim.params import PARAMETERS, index, nominal_phi, validated
+from app.sim.params import PARAMETERS, borne, index, nominal_phi, validated
 from tests.sim.scenes import SCENE
 
 
@@ -21,12 +22,23 @@ def test_the_nominal_parameters_are_valid_and_in_the_order_of_the_table():
 def test_a_value_outside_its_range_is_named_with_the_range(spec: ParameterSpec, value: float):
     phi = np.tile(nominal_phi(), (3, 1))
     phi[1, index(spec.name)] = value
-    with pytest.raises(ParameterError, match=rf"{spec.name} = \S+ is outside its range {spec.low:g} to {spec.high:g}"):
+    told = rf"{spec.name} = \S+ is outside its range {re.escape(f'{spec.low:g} to {spec.high:g}')}"
+    with pytest.raises(ParameterError, match=told):
         validated(phi)
 
 
 def test_both_ends_of_a_range_belong_to_it():
     validated(np.array([[spec.low for spec in PARAMETERS], [spec.high for spec in PARAMETERS]], np.float32))
+
+
+def test_stiffness_ends_where_a_simulators_time_steps_do():
+    limits = {spec.name: spec.high for spec in borne(PARAMETERS, 7e4)}
+    assert limits == {spec.name: spec.high for spec in PARAMETERS} | {"stiffness": 7e4}
+    phi = nominal_phi()
+    phi[index("stiffness")] = 8e4
+    validated(phi)
+    with pytest.raises(ParameterError, match="1000 to 70000"):
+        validated(phi, borne(PARAMETERS, 7e4))
 
 
 def test_an_unknown_parameter_names_the_likeliest():

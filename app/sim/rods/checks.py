@@ -14,7 +14,7 @@ from app.sim.parameter import ParameterSpec
 from app.sim.params import require_ranges
 from app.sim.rods.domain import ROOM_M, STRAIN, distances_m, gap_m, strains, strides_m
 from app.sim.rods.effect import RodSetting
-from app.sim.rods.rollout import RodPhysics, stiffest_n_m2
+from app.sim.rods.rollout import RodPhysics
 from app.sim.rods.scene import RodScene
 from app.sim.rods.state import STATE, RodState
 
@@ -94,9 +94,11 @@ def _require_all_finite(
 
 
 def _require_physics(scene: RodScene, physics: RodPhysics) -> None:
-    stiffest = stiffest_n_m2(scene)
     most = {
-        "rigidity": (stiffest, f"the simulator bears {stiffest:g} N m^2 at most; raise the scene's stiffest_n_m2"),
+        "rigidity": (
+            scene.borne_n_m2,
+            f"the simulator bears {scene.borne_n_m2:g} N m^2 at most; raise the scene's stiffest_n_m2",
+        ),
         "permanent_set": (1.0, "it is a share of bends, 1 at most"),
     }
     for name in RodPhysics._fields:

@@ -24,8 +24,6 @@ ResultT = TypeVar("ResultT", covariant=True)
 
 _SPRINGBACK = 6
 """Of `OwnTraits` in rod.h."""
-_STIFFEST = 4.0
-"""The largest bending rigidity that is simulated where the scene does not say, as a multiple of the nominal one."""
 
 
 @final
@@ -173,14 +171,9 @@ def rod_numbers(scene: RodScene) -> Numbers:
     return numbers_of(scene, smoothing_of(scene, *_stiffest_joint(scene)))
 
 
-def stiffest_n_m2(scene: RodScene) -> float:
-    """The largest bending rigidity that a scene's simulator bears [N m^2]."""
-    return scene.stiffest_n_m2 or _STIFFEST * scene.nominal_physics()["rigidity"]
-
-
 def _stiffest_joint(scene: RodScene) -> tuple[float, float]:
     """Stiffness [N m] and damping [N m s] of a node's bending, at most."""
-    return stiffest_n_m2(scene) / scene.rest_m, 1.3 * scene.nominal_physics()["viscosity"] / scene.rest_m
+    return scene.borne_n_m2 / scene.rest_m, 1.3 * scene.nominal_physics()["viscosity"] / scene.rest_m
 
 
 def _operations(scene: RodScene, effects: tuple[Effect, ...]) -> RodOperations:

@@ -14,6 +14,8 @@ _FEWEST, _MOST = 11, 129
 """Nodes: a GPU's blocks have room for so many."""
 _TIGHTEST = 1.25
 _STEP_S = 1e-3
+_STIFFEST = 4
+"""As a multiple of the nominal rigidity, where nobody says."""
 _FARTHEST_M = 100.0
 _YOUNG_PA, _VISCOSITY_PA_S = 1.865e4, 311.0
 """Of bending: 6e-5 N m^2 and 1e-6 N m^2 s for a rope of 8 mm radius."""
@@ -118,6 +120,11 @@ class RodScene:
         masses = np.full(self.nodes, self.node_mass_kg)
         masses[[0, -1]] /= 2
         return masses
+
+    @property
+    def borne_n_m2(self) -> float:
+        """The largest bending rigidity that its time steps bear [N m^2]."""
+        return self.stiffest_n_m2 or _STIFFEST * self.nominal_physics()["rigidity"]
 
     @property
     def second_moment_m4(self) -> float:
