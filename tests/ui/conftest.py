@@ -3,7 +3,7 @@
 import subprocess
 import threading
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
 from typing import final
 
@@ -169,27 +169,39 @@ def browser_address(tmp_path_factory: pytest.TempPathFactory) -> Iterator[str]:
 
 
 @pytest.fixture
-def browser_page(request: pytest.FixtureRequest, browser_address: str) -> Iterator[Page]:
-    """A page in a fresh context; of a test that failed, what it showed is in the report.
+def new_page(request: pytest.FixtureRequest, browser_address: str) -> Iterator[Callable[[], Page]]:
+    """Opens pages, each in a fresh context; of a test that failed, what they showed is in the report.
 
-    At the end the test fails where the page reported an error or asked any other machine for anything. Name it after
-    the fixture that serves, so that it is closed before the server is.
+    Contexts have windows of their own: of pages in one window, those behind are drawn once a second, and a click waits
+    for drawing. At the end the test fails where a page reported an error or asked any other machine for anything. Name
+    it after the fixture that serves, so that pages are closed before the server is.
     """
-    complaints: list[str] = []
+    complaints, opened = list[str](), list[Page]()
     with sync_playwright() as playwright:
-        context = playwright.chromium.connect_over_cdp(browser_address).new_context(
-            viewport={"width": 1600, "height": 900}
-        )
-        context.add_init_script(UNHURRIED)
-        page = context.new_page()
-        page.on("pageerror", lambda error: complaints.append(f"error: {error}"))
-        page.on("console", lambda said: complaints.append(said.text) if complains(said) else None)
-        page.on("request", lambda request: None if is_local(request.url) else complaints.append(request.url))
-        yield page
-        if request.node.stash[FAILED]:
-            request.node.add_report_section("teardown", "page", page.locator("body").aria_snapshot())
-        context.close()
+        browser = playwright.chromium.connect_over_cdp(browser_address)
+
+        def new() -> Page:
+            context = browser.new_context(viewport={"width": 1600, "height": 900})
+            context.add_init_script(UNHURRIED)
+            page = context.new_page()
+            page.on("pageerror", lambda error: complaints.append(f"error: {error}"))
+            page.on("console", lambda said: complaints.append(said.text) if complains(said) else None)
+            page.on("request", lambda request: None if is_local(request.url) else complaints.append(request.url))
+            opened.append(page)
+            return page
+
+        yield new
+        for page in opened:
+            if request.node.stash[FAILED] and not page.is_closed():
+                request.node.add_report_section("teardown", "page", page.locator("body").aria_snapshot())
+            page.context.close()
     assert complaints == []
+
+
+@pytest.fixture
+def browser_page(new_page: Callable[[], Page]) -> Page:
+    """One such page."""
+    return new_page()
 
 
 def is_local(url: str) -> bool:

@@ -2,6 +2,7 @@
 
 import re
 import time
+from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 
@@ -120,14 +121,14 @@ def test_on_a_real_arm_motions_without_approval_are_asked_for_twice(served: Serv
     expect(sure).to_be_hidden()
 
 
-def test_nobody_else_confirms_what_somebody_was_asked(served: Served, browser_page: Page) -> None:
-    page = opened(browser_page, served)
+def test_nobody_else_confirms_what_somebody_was_asked(served: Served, new_page: Callable[[], Page]) -> None:
+    page = opened(new_page(), served)
     served.console.show(replace(synthetic.episode(), simulated=False))
     button(page, "Take")
     expect(page.get_by_text("client 0 has control")).to_be_visible()
     button(page, "Make 3 motions automatically")
     sure = re.compile("Yes: 3 motions on the REAL arm")
-    watcher = page.context.new_page()
+    watcher = new_page()
     watcher.goto(served.console.url)
     watcher.get_by_role("button", name=sure).click()
     watcher.wait_for_timeout(500)
@@ -186,9 +187,8 @@ def test_goals_are_the_view_a_bent_copy_a_region_and_a_curve(served: Served, bro
     np.testing.assert_array_equal(request.positions[:, 2], object_[:, 2])
 
 
-def test_a_goal_that_is_refused_for_want_of_control_stays_drawn(served: Served, browser_page: Page) -> None:
-    page, object_ = opened(browser_page, served), synthetic.rope(0.5)
-    other = page.context.new_page()
+def test_a_goal_that_is_refused_for_want_of_control_stays_drawn(served: Served, new_page: Callable[[], Page]) -> None:
+    page, object_, other = opened(new_page(), served), synthetic.rope(0.5), new_page()
     other.goto(served.console.url)
     button(other, "Take")
     expect(page.get_by_text("client 1 has control")).to_be_visible()

@@ -146,9 +146,8 @@ def test_the_verdict_and_what_the_watch_says_are_seen_and_the_asked_push_is_appr
     expect(page.get_by_text(WRONG.advice)).to_be_visible()
 
 
-def test_one_browser_has_control_the_others_watch_and_may_stop(served: Served, browser_page: Page) -> None:
-    first = opened(browser_page, served)
-    second = first.context.new_page()
+def test_one_browser_has_control_the_others_watch_and_may_stop(served: Served, new_page: Callable[[], Page]) -> None:
+    first, second = opened(new_page(), served), new_page()
     second.goto(served.console.url)
     expect(first.get_by_text("You are client 0.")).to_be_visible()
     expect(second.get_by_text("You are client 1.")).to_be_visible()

@@ -142,8 +142,8 @@ def test_keys_move_nothing_while_somebody_types_or_the_mode_is_another(served: S
     assert len(served.held.samples) == count
 
 
-def test_stop_lets_go_and_a_watcher_is_refused_in_words(served: Served, browser_page: Page) -> None:
-    page = opened(browser_page, served)
+def test_stop_lets_go_and_a_watcher_is_refused_in_words(served: Served, new_page: Callable[[], Page]) -> None:
+    page = opened(new_page(), served)
     connected(page, served)
     held_by(served, lambda: page.keyboard.down("w"))
     page.keyboard.press("Escape")
@@ -155,7 +155,7 @@ def test_stop_lets_go_and_a_watcher_is_refused_in_words(served: Served, browser_
     expect(page.locator("#dp-jog-at")).to_have_text("x 420  y -120  z 120 mm")
     page.keyboard.up("w")
 
-    watcher = page.context.new_page()
+    watcher = new_page()
     watcher.goto(served.console.url)
     expect(watcher.get_by_text("You are client 1.")).to_be_visible()
     page.get_by_role("button", name="Resume").click()
