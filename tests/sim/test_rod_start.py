@@ -1,5 +1,7 @@
 """Where a rope is seen: its centreline from unordered points, and what is said where it cannot be told."""
 
+from types import SimpleNamespace
+
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -9,6 +11,7 @@ from hypothesis import strategies as st
 
 from app.config import Workspace
 from app.core.errors import PerceptionError
+from app.sim.rods import state
 from app.sim.rods.centreline import RopeShape, traced
 from app.sim.rods.polyline import distance, of_equal_steps
 from app.sim.rods.state import RodState
@@ -286,3 +289,18 @@ def test_a_straight_rope_of_few_particles_has_its_nodes(count: int) -> None:
     x = np.concatenate([np.linspace([0.3, 0.0], [0.7, 0.0], count), np.full((count, 1), R)], axis=1)
     nodes = np.asarray(RodState.at_rest(jnp.asarray(x, jnp.float32)[None], ROPE.count, ROPE.rest_m).nodes[0, :2])
     assert nodes == pytest.approx(np.stack([np.linspace(0.3, 0.7, ROPE.count), np.zeros(ROPE.count)]), abs=1e-3)
+
+
+def test_clouds_of_a_whole_calibration_are_traced_once(monkeypatch: pytest.MonkeyPatch):
+    asked, line = list[bytes](), np.column_stack([np.linspace(0, 0.4, ROPE.count), np.zeros(ROPE.count)])
+
+    def noted(x: np.ndarray, *_: object) -> SimpleNamespace:
+        asked.append(x.tobytes())
+        return SimpleNamespace(line=line)
+
+    monkeypatch.setattr(state, "traced", noted)
+    monkeypatch.setattr(state, "placed", lambda x, *_: np.ones((2, len(x)), np.float32))
+    clouds = np.random.default_rng(0).random((400, 12, 3)).astype(np.float32)
+    for _ in range(2):
+        RodState.at_rest(jnp.asarray(clouds), ROPE.count, ROPE.rest_m, R)
+    assert len(asked) == len(set(asked)) == len(clouds)
