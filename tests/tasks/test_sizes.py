@@ -9,6 +9,7 @@ import pytest
 from app.core.finger_distance import from_core
 from app.core.stage import Finger
 from app.core.task_name import TaskName
+from app.sim.params import index
 from app.sim.rods.state import RodState
 from app.tasks import compiled, load
 from app.tasks.curves import fill_tube
@@ -28,8 +29,8 @@ def named(sizes: dict[str, float], dynamics: str) -> str:
     return str(TaskName.of("rope_push", sizes, dynamics))
 
 
-def pushed(task: str) -> tuple[RodState, RodState]:
-    """The rope before and after a push through its middle, across it."""
+def pushed(task: str, stiffness_pa: float | None = None) -> tuple[RodState, RodState]:
+    """The rope, of nominal stiffness or another, before and after a push through its middle, across it."""
     data = load(task)
     x = data.particles(data.start(0), COUNT)
     middle = x.mean(0)
@@ -38,9 +39,11 @@ def pushed(task: str) -> tuple[RodState, RodState]:
     across = np.array([-along[1], along[0]])
     way = np.linspace(-0.05, 0.05, data.actions.substeps + 1)[:, None]
     tool = np.concatenate([nearest + way * across, np.full((len(way), 1), data.finger.push_height_m)], axis=1)
-    phi = jnp.asarray(compiled.phi_of(nominal_model(task)))[None]
+    phi = compiled.phi_of(nominal_model(task))
+    phi[index("stiffness")] = stiffness_pa or phi[index("stiffness")]
     begin = data.begin(jnp.asarray(x)[None])
-    end = compiled.carried(task, COUNT)(phi, begin, jnp.asarray(tool, jnp.float32)[None])
+    carry = compiled.carried(task, COUNT, *compiled.needs(task, phi))
+    end = carry(jnp.asarray(phi)[None], begin, jnp.asarray(tool, jnp.float32)[None])
     assert isinstance(begin, RodState)
     assert isinstance(end, RodState)
     return begin, end
@@ -50,6 +53,17 @@ def pushed(task: str) -> tuple[RodState, RodState]:
 def test_ropes_and_fingers_of_all_sizes_are_pushed_and_keep_their_length(sizes: dict[str, float]):
     before, after = pushed(named(sizes, "rods"))
     assert 0.02 < np.linalg.norm(after.x - before.x, axis=-1).max() < 0.12
+    lengths = np.linalg.norm(np.diff(after.nodes[0, :2], axis=-1), axis=0)
+    assert lengths.sum() == pytest.approx(sizes["length_m"], rel=0.01)
+
+
+@pytest.mark.parametrize("end", ["low", "high"])
+@pytest.mark.parametrize("sizes", [EXTREMES[0], EXTREMES[6], EXTREMES[9], EXTREMES[15]])
+def test_ropes_as_limp_and_as_stiff_as_their_range_allows_keep_their_length(sizes: dict[str, float], end: str):
+    task = named(sizes, "rods")
+    stiffness = getattr(load(task).parameters()[index("stiffness")], end)
+    before, after = pushed(task, stiffness)
+    assert 0.02 < np.linalg.norm(after.x - before.x, axis=-1).max() < 0.2
     lengths = np.linalg.norm(np.diff(after.nodes[0, :2], axis=-1), axis=0)
     assert lengths.sum() == pytest.approx(sizes["length_m"], rel=0.01)
 
