@@ -57,8 +57,8 @@ class GivenPush:
         wanted = action_of(self.way, self.pushes)
         require(wanted, observed, self.pushes, site)
         pose = AWAY if tool is None else tool
-        prepared, _ = start_by_policy(self.search, observed, goal, pose, near)
-        now = situation(self.search, observed, pose, 1, near)
+        now = situation(self.search, observed, pose, near)
+        prepared, _ = start_by_policy(self.search, observed, goal, now)
         none = jnp.zeros((1, 0, self.search.space.size))
         tree = Start(prepared, jnp.asarray(phi)[None], now, jnp.asarray(wanted)[None], none)
         rollout = _judged(self.search, tree, jnp.asarray(goal))

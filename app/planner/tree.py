@@ -111,26 +111,26 @@ def start(
     """
     rng, count, depth = np.random.default_rng(seed), search.branches, search.depth
     pose = AWAY if tool is None else tool
-    now = situation(search, observed, pose, count, near)
-    kept = start_by_policy(search, observed, goal, pose, near) if search.guided else (None, [])
+    here = situation(search, observed, pose, near)
+    kept = start_by_policy(search, observed, goal, here) if search.guided else (None, [])
     missing = count - len(kept[1])
     random = [search.space.sample(rng, observed, pose, missing)] if missing else []
     later = [search.space.sample(rng, observed, pose, count) for _ in range(0 if search.guided else depth - 1)]
     return Start(
         prepared=kept[0],
         phi=jnp.repeat(jnp.asarray(phi)[None], count, axis=0),
-        now=now,
+        now=_repeated(here, count),
         first=jnp.concatenate([*kept[1], *random]),
         later=jnp.stack(later, axis=1) if later else jnp.zeros((count, 0, search.space.size)),
     )
 
 
 def start_by_policy(
-    search: Search, observed: Points, goal: Points, tool: ToolPose, near: Centreline | None = None
+    search: Search, observed: Points, goal: Points, here: Now
 ) -> tuple[Prepared, list[Float[Array, "1 A"]]]:
-    """What the policy makes of the observation, and the action that it takes first."""
+    """The observation as the policy has prepared it, and the action that it takes first in the situation `here`."""
     prepared = search.policy.prepare(observed, goal)
-    return prepared, [first_action(search.policy, prepared, situation(search, observed, tool, 1, near))]
+    return prepared, [first_action(search.policy, prepared, here)]
 
 
 @partial(jax.jit, static_argnums=0)
@@ -139,11 +139,16 @@ def first_action(policy: Policy, prepared: Prepared, now: Now) -> Float[Array, "
     return (policy.first if isinstance(policy, Remembering) else policy.act)(prepared, now).mean
 
 
-def situation(search: Search, observed: Points, tool: ToolPose, count: int, near: Centreline | None = None) -> Now:
-    """The same for `count` candidates: the object as it is seen, and the tool."""
-    x = jnp.repeat(jnp.asarray(observed)[None], count, axis=0)
+def situation(search: Search, observed: Points, tool: ToolPose, near: Centreline | None = None) -> Now:
+    """The object as it is seen and the tool, of one candidate."""
     known = None if near is None else jnp.asarray(near)
-    return Now(search.begin(x, known), jnp.tile(jnp.asarray(tool, jnp.float32), (count, 1)))
+    return Now(search.begin(jnp.asarray(observed)[None], known), jnp.asarray(tool, jnp.float32)[None])
+
+
+@partial(jax.jit, static_argnums=1)
+def _repeated(here: Now, count: int) -> Now:
+    """The same for `count` candidates."""
+    return jax.tree.map(partial(jnp.repeat, repeats=count, axis=0), here)
 
 
 def roll_out(search: Search, tree: Start) -> Float[Array, "B D A"]:

@@ -1,6 +1,7 @@
 """The scripted initial policy: push the rope from behind, where most of it has furthest to go the same way."""
 
 from dataclasses import dataclass
+from functools import lru_cache
 from typing import NamedTuple, final
 
 import jax.numpy as jnp
@@ -18,6 +19,13 @@ _BLOCKED_M = 10.0
 
 _UNDIRECTED_M = 1e-3
 """An error below this is noise, and its direction tells nothing: the push is then straight across the rope."""
+
+
+@lru_cache(maxsize=4)
+def _line(cloud: bytes, nodes: int) -> Float32[np.ndarray, "M 2"]:
+    """Nodes of a goal's centreline [m], for which every decision on the way to it asks."""
+    x = np.frombuffer(cloud, np.float32).reshape(-1, 3)
+    return (centreline_weights(arclength_labels(x), nodes) @ x)[:, :2]
 
 
 class Matched(NamedTuple):
@@ -52,7 +60,7 @@ class ScriptedPush:
     def prepare(self, observed: Points, goal: Points) -> Matched:
         """Order both clouds along the rope; the goal is kept in both directions, for the cheaper one to be chosen."""
         weights = centreline_weights(arclength_labels(observed), self.nodes)
-        line = (centreline_weights(arclength_labels(goal), self.nodes) @ goal)[:, :2]
+        line = _line(np.asarray(goal, np.float32).tobytes(), self.nodes)
         return Matched(weights, np.stack([line, line[::-1]]))
 
     def act(self, prepared: Matched, now: Now) -> Acted:
