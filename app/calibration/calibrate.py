@@ -47,7 +47,7 @@ class Calibrator:
 
     @property
     def names(self) -> tuple[str, ...]:
-        """Of the parameters that are estimated."""
+        """Names of the estimated parameters, in the order of `specs`."""
         return tuple(spec.name for spec in self.specs)
 
     def fit_with_offset(self, evidence: Evidence, phi: Float32[np.ndarray, " P"]) -> Fit:
@@ -79,7 +79,7 @@ class Calibrator:
 
 
 def phi_of(model: Model) -> Float32[np.ndarray, " P"]:
-    """The model's parameters in the simulator's order, clipped by a rounding error into their ranges."""
+    """The model's parameters in the simulator's order, clipped by a rounding error into ranges that any engine has."""
     values = phi_with_nulls({parameter.name: parameter.value for parameter in model.parameters})
     return np.clip(values, [spec.low for spec in PARAMETERS], [spec.high for spec in PARAMETERS]).astype(np.float32)
 

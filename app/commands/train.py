@@ -27,7 +27,7 @@ from app.recording.model_file import load_model
 from app.recording.shelf import counted_once
 from app.recording.taught import Taught, read_taught
 from app.tasks import load
-from app.tasks.jobs import nominal_model
+from app.tasks.jobs import check_model, nominal_model
 from app.tasks.teaching import examples, lessons, simulator
 
 _SAVE_EVERY = 500
@@ -69,6 +69,7 @@ def train(
     shown = _shown(demos, known.recorded)
     taught = examples(known, [(each.transitions, each.goals) for each in shown.values()])
     start = load_model(model, task=known.name, time_s=0.0) if model else nominal_model(known.name)
+    check_model(start)
     how = lessons(known, simulator(known, start, taught.x.shape[1]))
     settings = Settings(steps=steps, batch=batch, seed=seed)
     hashes = {path.name: each.digest for path, each in shown.items()}

@@ -13,7 +13,7 @@ from app.sim import effects
 from app.sim.effects.base import Effect
 from app.sim.files import files_of
 from app.sim.parameter import ParameterSpec
-from app.sim.params import PARAMETERS, borne, index
+from app.sim.params import PARAMETERS, index, with_stiffness_up_to
 from app.sim.scene import Scene
 
 Theta: TypeAlias = Float64[np.ndarray, " P"]
@@ -121,7 +121,7 @@ class Catalogue:
 
 def catalogue() -> Catalogue:
     """Every effect file of the simulator and of the apparatus, and numerics; all parameters, libraries' too."""
-    specs, causes = list(borne(PARAMETERS, Scene.stiffest_pa)), list[Cause]()
+    specs, causes = list(with_stiffness_up_to(PARAMETERS, Scene.stiffest_pa)), list[Cause]()
     for name, module in files_of(effects):
         effect = module.EFFECT
         if not effect.catalogued:

@@ -143,7 +143,9 @@ def _model(trial: Trial, method: Method) -> Model:
         return jobs.uncalibrated_model(trial.task)
     if trial.model is None:
         return jobs.nominal_model(trial.task)
-    return load_model(trial.model, task=trial.task, time_s=0.0)
+    model = load_model(trial.model, task=trial.task, time_s=0.0)
+    jobs.check_model(model)
+    return model
 
 
 def _calibrated(task: str, model: Model) -> dict[str, float]:

@@ -9,7 +9,7 @@ from app.core.messages import Model, fresh_id
 from app.core.requests import ModelRequest
 from app.core.types import Points
 from app.core.worker import Worker
-from app.tasks.jobs import check_model, compiled_for, shown_goal
+from app.tasks.jobs import check_model, planner_needs, shown_goal
 
 
 @final
@@ -59,7 +59,7 @@ class Modelling:
         run = self._planner.run
         await run(check_model, model)
         shown = await run(shown_goal, goal, model) if model.apparatus else None
-        return await run(compiled_for, current), await run(compiled_for, model), shown
+        return await run(planner_needs, current), await run(planner_needs, model), shown
 
 
 def _said(request: ModelRequest, model: Model) -> str:
@@ -70,4 +70,5 @@ def _compiling(before: tuple[str, ...], after: tuple[str, ...]) -> str:
     """What is to be expected of the next plan, if that is worth a word."""
     if before == after:
         return ""
-    return f" It simulates {', '.join(after) or 'no further effects'}: the planner compiles anew, which takes minutes."
+    simulated = ", ".join(after) or "nothing but the nominal physics"
+    return f" It simulates {simulated}: the planner compiles anew, which takes minutes."

@@ -11,7 +11,7 @@ from jaxtyping import Bool, Float32, Float64
 from app.core.errors import ParameterError
 from app.sim.effects.base import Effect
 from app.sim.parameter import ParameterSpec
-from app.sim.params import borne, parameters_with, require_ranges
+from app.sim.params import parameters_with, require_ranges, with_stiffness_up_to
 from app.sim.scene import Scene
 from app.sim.state import Setting, State
 from app.sim.tools.base import COORDINATES, Tool
@@ -37,7 +37,7 @@ class Setup:
 
     def specs(self) -> tuple[ParameterSpec, ...]:
         """Specifications of the columns of phi."""
-        return borne(parameters_with(self.effects), self.scene.stiffest_pa)
+        return with_stiffness_up_to(parameters_with(self.effects), self.scene.stiffest_pa)
 
     def sizes(self) -> "Sizes":
         """Of the arrays that its simulator takes."""

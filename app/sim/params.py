@@ -45,11 +45,19 @@ def parameters_with(effects: Sequence[Effect]) -> tuple[ParameterSpec, ...]:
 PARAMETERS = parameters_with(EFFECTS)
 
 
-def borne(specs: Sequence[ParameterSpec], stiffest_pa: float) -> tuple[ParameterSpec, ...]:
-    """The same for a simulator whose time steps bear stiffnesses up to `stiffest_pa`: there the range of it ends."""
-    return tuple(
-        replace(spec, high=min(spec.high, stiffest_pa)) if spec.name == "stiffness" else spec for spec in specs
-    )
+def with_stiffness_up_to(specs: Sequence[ParameterSpec], stiffest_pa: float) -> tuple[ParameterSpec, ...]:
+    """`specs`, with the range of stiffness ending at `stiffest_pa`, the most that a simulator's time steps bear."""
+    return with_stiffness_between(specs, 0.0, stiffest_pa)
+
+
+def with_stiffness_between(specs: Sequence[ParameterSpec], low_pa: float, high_pa: float) -> tuple[ParameterSpec, ...]:
+    """`specs`, with the range of stiffness cut down to `low_pa` to `high_pa`, and its nominal value moved into that."""
+
+    def cut(spec: ParameterSpec) -> ParameterSpec:
+        low, high = max(spec.low, low_pa), min(spec.high, high_pa)
+        return replace(spec, low=low, high=high, nominal=min(max(spec.nominal, low), high))
+
+    return tuple(cut(spec) if spec.name == "stiffness" else spec for spec in specs)
 
 
 def phi_with_nulls(values: Mapping[str, float]) -> Float32[np.ndarray, " P"]:

@@ -43,8 +43,9 @@ if TYPE_CHECKING:  # Whoever needs these names alone shall not load JAX and Warp
 
 _AROUND_M, _PIXEL_M = 0.04, 0.008
 """What is seen around where actions reach, and a pixel of it: half of a rope's width."""
+_ROUNDED = 1e-6
+"""By which a number in single precision may be larger than it was."""
 _LONGEST, _HASTIEST, _MOST = 1e3, 1e2, 1e6
-_ROUNDED = 1 - 1e-6
 """No episode has more actions, no simulation is faster, no preset larger: such a number is a slip."""
 
 
@@ -78,17 +79,20 @@ class RodDynamics:
     presets: Mapping[str, Preset]
     push_substeps: int
     rest_substeps: int
+    max_rigidity_n_m2: float
+    """The largest bending rigidity that is simulated, by `stiff_scene`."""
     calibrated: tuple[str, ...] = ("stiffness", "table_friction", "finger_friction")
     """What calibration estimates."""
     tool_offset: tuple[str, ...] = ("tcp_x", "tcp_y")
     """What of the tool's place in its own frame calibration estimates besides, where recordings tell it."""
-    stiffest_n_m2: float = 5e-3
-    """The largest bending rigidity that is simulated, by `stiff`: three times that of a real rope of 8 mm radius."""
 
     @property
-    def stiff(self) -> RodScene:
+    def stiff_scene(self) -> RodScene:
         """The scene of ropes that are stiffer than `scene` bears: limp ones are simulated less truly in it."""
-        return replace(self.scene, stiffest_n_m2=max(self.stiffest_n_m2, self.scene.borne_n_m2))
+        from app.sim.params import PARAMETERS, index
+
+        most = PARAMETERS[index("stiffness")].high * self.scene.second_moment_m4
+        return replace(self.scene, stiffest_n_m2=max(self.scene.max_rigidity_n_m2, min(self.max_rigidity_n_m2, most)))
 
 
 def _at_rest(x: Float[Array, "B N 3"], near: Float[Array, "2 n"] | None = None) -> State:
@@ -169,14 +173,23 @@ class Task:
     own_dynamics: str = "mpm"
     sized: Sized | None = None
 
-    def parameters(self, *, stiff: bool = True) -> tuple[ParameterSpec, ...]:
-        """The columns of phi as far as its simulator bears them; of rods that are not `stiff`, that of their scene."""
-        from app.sim.params import PARAMETERS, borne
+    def parameters(self, *, stiff: bool | None = None) -> tuple[ParameterSpec, ...]:
+        """The columns of phi, as far as its simulators bear them.
+
+        `stiff`: of rods, those that the simulator of `rods.scene` bears (False), or that of `rods.stiff_scene` is for
+        (True): the ranges of stiffness of the two adjoin.
+        """
+        from app.sim.params import PARAMETERS, with_stiffness_between, with_stiffness_up_to
 
         if self.dynamics != "rods" or self.rods is None:
-            return borne(PARAMETERS, self.scene.stiffest_pa)
-        scene = self.rods.stiff if stiff else self.rods.scene
-        return borne(PARAMETERS, _ROUNDED * scene.borne_n_m2 / scene.second_moment_m4)
+            return with_stiffness_up_to(PARAMETERS, self.scene.stiffest_pa)
+        usual, most = (
+            (1 - _ROUNDED) * scene.max_rigidity_n_m2 / scene.second_moment_m4
+            for scene in (self.rods.scene, self.rods.stiff_scene)
+        )
+        if stiff:
+            return with_stiffness_between(PARAMETERS, usual * (1 + 2 * _ROUNDED), most)
+        return with_stiffness_up_to(PARAMETERS, most if stiff is None else usual)
 
     @property
     def recorded(self) -> str:

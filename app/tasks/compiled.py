@@ -1,6 +1,7 @@
 """What a task compiles, kept once a process: simulator, planner, calibrator, and the stages of warming them up."""
 
 from collections.abc import Callable, Collection, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from functools import lru_cache
 from typing import NamedTuple, final
@@ -16,6 +17,7 @@ from app.calibration.evidence import Advance as FromRest
 from app.calibration.evidence import Evidence, Predictor, gather
 from app.calibration.fit import Fit, Settings, Tried
 from app.config import ANYWHERE, Confines
+from app.core.errors import SimulationError
 from app.core.messages import MessageId, Model, Parameter, Transition
 from app.core.motion import TOOL_DOWN
 from app.planner.base import Planner
@@ -27,6 +29,7 @@ from app.sim.directions import directed
 from app.sim.effects.base import Effect
 from app.sim.hooks import require_known
 from app.sim.object_state import ObjectState
+from app.sim.parameter import ParameterSpec
 from app.sim.params import PARAMETERS, acting, columns_of, index
 from app.sim.rods.effect import RodSetting
 from app.sim.rods.rollout import RodPhysics, make_rod_rollout
@@ -41,23 +44,27 @@ __all__ = ["advance", "calibrated", "nominal_model", "now", "phi_of", "planner",
 _CHUNK = 8
 NOWHERE_M = (0.0, 0.0, 0.0)
 """The cameras' middle in a model that says nothing of the cameras: any."""
-_NEARLY = 1 - 1e-3
+_AT_END = 1e-3
+"""In the logarithm."""
+_STARTS = (0.25, 0.5, 0.75)
+"""Of fits in the other range of stiffness, as shares of it in the logarithm."""
 _NOW = 0.5
 """The end of a session."""
 
 
 @final
 class Needs(NamedTuple):
-    """What a simulator has to have for a model: its effects, and whether its rod is stiffer than the task's usual."""
+    """Key of a simulator that is compiled for a model: effects that act, and whether its rod is of the stiff scene."""
 
     effects: tuple[Effect, ...] = ()
     stiff: bool = False
 
 
 def needs(task: str, phi: Float32[np.ndarray, " P"], names: Collection[str] = ()) -> Needs:
-    """Of the simulator of a model `phi`, of which the parameters `names` are estimated (`params.acting`)."""
+    """The key for a model `phi`, of which the parameters `names` are estimated (`params.acting`)."""
     data, column = load(task), index("stiffness")
-    return Needs(acting(phi, names), bool(phi[column] > data.parameters(stiff=False)[column].high))
+    usual, most = (data.parameters(stiff=stiff)[column].high for stiff in (False, None))
+    return Needs(acting(phi, names), bool(most > usual and phi[column] > usual))
 
 
 @lru_cache
@@ -95,8 +102,8 @@ def moving(task: str, particle_count: int, effects: tuple[Effect, ...] = (), sti
     Which way a slender object runs, and so its rest shape, is seen from the particles as the action began. It takes
     all of phi and heeds the nominal parameters and those of `effects`; see `params.acting`. What changes in the course
     of a session is as at its end. Where along the object a particle is, nobody knows here: effects that depend on that
-    do nothing. `stiff`: of rods, that of `RodDynamics.stiff`. Raises ParameterError, which names the parameters, for a
-    model that needs effects that its engine lacks.
+    do nothing. `stiff`: of rods, that of `RodDynamics.stiff_scene`. Raises ParameterError, which names the parameters,
+    for a model that needs effects that its engine lacks.
     """
     known = tuple(effect for effect in effects if not effect.oriented)
     data = load(task)
@@ -121,7 +128,7 @@ def _moving_rod(task: Task, effects: tuple[Effect, ...], *, stiff: bool) -> Part
     """The same for a rope as a rod."""
     assert task.rods is not None
     rods = task.rods
-    simulate = make_rod_rollout(rods.stiff if stiff else rods.scene, effects)
+    simulate = make_rod_rollout(rods.stiff_scene if stiff else rods.scene, effects)
     own = np.array(rod_columns(effects), int)
 
     def move(
@@ -225,7 +232,7 @@ def _tool_offset(task: Task) -> ToolOffset | None:
 class Calibrated(NamedTuple):
     """The next version of a model, the indices of the transitions that it does not predict, and how it was found.
 
-    `trials`: values of `names` and their loss, from the start.
+    `trials`: values of `names` and their loss, from the start; of a rod that another simulator was tried for, of both.
     """
 
     model: Model
@@ -275,26 +282,42 @@ def _fitted(
     phi: Float32[np.ndarray, " P"],
     fit: Callable[[Calibrator, Float32[np.ndarray, " P"]], Fit],
 ) -> tuple[Calibrator, Fit]:
-    """By the simulator that the model needs; a rod found as stiff as that bears is fitted anew by one that bears more.
+    """The fit from a model `phi`, and the calibrator that made it.
 
-    It begins in the middle of what is beyond: where friction has given way to what a rod was too limp for, descent
-    would stay. An interval that goes so far goes to the end of the whole range: what is beyond was not tried.
+    A rod's stiffness ends where one simulator's range adjoins the other's (`Task.parameters`). Where nobody vouches for
+    the start, a fit that ends there is made anew in the other range, from several places: friction has made up for what
+    the rod was too limp or too stiff for, and descent would stay. The best one counts. A model that is trusted keeps
+    its simulator. An interval that goes so far goes to the end of the whole range: what is beyond was not tried.
     """
-    fitter = calibrator(task, preset, settings, phi)
-    found = fit(fitter, phi)
-    here, whole = (load(task).parameters(stiff=stiff)[index("stiffness")] for stiff in (False, True))
-    if here == whole or "stiffness" not in fitter.names:
+    fitter, column = calibrator(task, preset, settings, phi), index("stiffness")
+    found, needed = fit(fitter, phi), needs(task, phi)
+    here, there, whole = (
+        load(task).parameters(stiff=stiff)[column] for stiff in (needed.stiff, not needed.stiff, None)
+    )
+    if here == whole or here not in fitter.specs:
         return fitter, found
-    number, most = fitter.names.index("stiffness"), _NEARLY * here.high
-    if fitter.specs[number] == here and found.values[number] >= most:
-        start = phi.copy()
-        start[index("stiffness")] = np.sqrt(here.high * whole.high)
-        stiff = calibrator(task, preset, settings, start)
-        further = fit(stiff, start)
-        return (stiff, further) if further.loss_m2 < found.loss_m2 else (fitter, found)
-    high = found.high.copy()
-    high[number] = whole.high if high[number] >= most else high[number]
-    return fitter, replace(found, high=high)
+    number = fitter.specs.index(here)
+    if _borders(here, there, found.values[number]) and np.isinf(settings.trust_factor):
+        start, quick = phi.copy(), list[Fit]()
+        for share in _STARTS:
+            start[column] = there.low ** (1 - share) * there.high**share
+            with suppress(SimulationError):
+                quick.append(fit(calibrator(task, preset, replace(settings, probes=0), start), start))
+        best = min(quick, key=lambda each: (len(each.lost), each.loss_m2), default=found)
+        if len(best.lost) <= len(found.lost) and best.loss_m2 < found.loss_m2:
+            start[[index(name) for name in fitter.names]] = best.values[: len(fitter.names)]
+            fitter, here, there = calibrator(task, preset, settings, start), there, here
+            found = replace(fit(fitter, start), trials=(*found.trials, *best.trials))
+    low, high = found.low.copy(), found.high.copy()
+    low[number] = whole.low if _borders(here, there, low[number]) else low[number]
+    high[number] = whole.high if _borders(here, there, high[number]) else high[number]
+    return fitter, replace(found, low=low, high=high)
+
+
+def _borders(here: ParameterSpec, there: ParameterSpec, value: float) -> bool:
+    """Whether a value in the range `here` is at the end that adjoins the range `there`."""
+    end = here.high if there.low >= here.high else here.low
+    return bool(abs(here.coordinate(value) - here.coordinate(end)) < _AT_END)
 
 
 def nominal_model(task: str) -> Model:

@@ -197,7 +197,7 @@ def ends_of_ranges(model: Model) -> dict[str, str]:
     return extended.ends_of_ranges(model)
 
 
-def compiled_for(model: Model) -> tuple[str, ...]:
+def planner_needs(model: Model) -> tuple[str, ...]:
     """In words, what a planner for this model is compiled for: effects, each by its first parameter; a stiff rope."""
     from app.tasks import compiled
 

@@ -14,6 +14,8 @@ DT_S, THIN_DT_S, THIN_M = 2e-3, 1e-3, 0.006
 that longer ones would let them stretch by more than a hundredth."""
 CONTACT = MappingProxyType({"climb": 0.32, "press": 0.36, "margin": 8e-4})
 """Of the simulated cell, whose rope hops a little as it slides (`bench.rods`)."""
+MAX_RIGIDITY_N_M2 = 5e-3
+"""Eight times that of the real rope measured (docs/real-data.md)."""
 NOMINAL = MappingProxyType({"stiffness": 1.865e4, "table_friction": 0.50, "finger_friction": 0.24})
 
 
@@ -25,7 +27,11 @@ def rods_of(
     walls: tuple[Wall, ...] = (),
     stiffest_n_m2: float | None = None,
 ) -> RodDynamics:
-    """This rope as a rod, pushed by this finger, among these walls; the rest as in `RodScene`."""
+    """This rope as a rod, pushed by this finger, among these walls; the rest as in `RodScene`.
+
+    With `stiffest_n_m2` all ropes up to that are simulated by one scene, so that a model may become a limp rope's in
+    the middle of an episode and the planner is not compiled anew.
+    """
     dt_s = DT_S if rope.radius_m > THIN_M else THIN_DT_S
     return RodDynamics(
         scene=RodScene(
@@ -40,6 +46,7 @@ def rods_of(
             stiffest_n_m2=stiffest_n_m2,
         ),
         physics=CONTACT,
+        max_rigidity_n_m2=stiffest_n_m2 or MAX_RIGIDITY_N_M2,
         nominal=NOMINAL,
         presets=MappingProxyType(dict(presets)),
         push_substeps=round(PUSH_S / dt_s),

@@ -6,14 +6,15 @@ from functools import cache
 import numpy as np
 import pytest
 
+from app.calibration.evidence import gather
 from app.calibration.fit import Fit, Settings
 from app.core.errors import RecordingError
 from app.core.messages import Executed, MessageId, Model, Transition
 from app.core.motion import TOOL_DOWN
 from app.sim.params import index
 from app.tasks import compiled, nominal_model
-from app.tasks.compiled import calibrated, calibrated_from_recordings, phi_of
-from app.tasks.jobs import check_model, ends_of_ranges
+from app.tasks.compiled import Calibrated, calibrated, calibrated_from_recordings, phi_of
+from app.tasks.jobs import check_model, ends_of_ranges, planner_needs, update
 from bench.calibration_coverage import TASK, DataSet, Truth, data_set, fitted
 
 STIFFEST_PA = next(spec.high for spec in TASK.parameters() if spec.name == "stiffness")
@@ -85,29 +86,68 @@ def test_recordings_of_a_tool_that_is_where_the_arm_says_leave_it_there() -> Non
     assert all(abs(parameter.value) < 1e-3 for parameter in model.apparatus)
 
 
+STIFF = Truth(stiffness=4.5e5, table_friction=0.5, finger_friction=0.3, tcp_x=0.0, tcp_y=0.0)
+
+
+@cache
+def stiff_transitions() -> tuple[Transition, ...]:
+    """Pushes of a rope that the usual simulator does not bear."""
+    evidence = data_set(0, truth=STIFF).evidence
+    return tuple(_transition(evidence.before[k], evidence.tool[k], evidence.after[k], k) for k in range(len(evidence)))
+
+
+@cache
+def stiff() -> Calibrated:
+    return calibrated_from_recordings(
+        TASK.name, "cpu", stiff_transitions(), nominal_model(TASK.name), Settings(probes=24)
+    )
+
+
 def test_a_rope_much_stiffer_than_nominal_ropes_is_found_by_a_simulator_that_bears_it() -> None:
-    truth = Truth(stiffness=4.5e5, table_friction=0.5, finger_friction=0.3, tcp_x=0.0, tcp_y=0.0)
-    assert truth.stiffness > TASK.parameters(stiff=False)[0].high
-    evidence = data_set(0, truth=truth).evidence
-    pushes = [_transition(evidence.before[k], evidence.tool[k], evidence.after[k], k) for k in range(len(evidence))]
-    found = calibrated(TASK.name, "cpu", pushes, nominal_model(TASK.name), Settings())
-    stiffness = found.model.parameters[0]
-    assert stiffness.value == pytest.approx(truth.stiffness, rel=0.4)
-    assert stiffness.low <= truth.stiffness <= stiffness.high
-    assert not ends_of_ranges(found.model)
-    check_model(found.model)
-    right = phi_of(found.model)
-    right[:2] = truth.stiffness, truth.table_friction
-    right[index("finger_friction")] = truth.finger_friction
+    found, stiffness = stiff().model, stiff().model.parameters[0]
+    assert STIFF.stiffness > TASK.parameters(stiff=False)[0].high
+    assert stiffness.value == pytest.approx(STIFF.stiffness, rel=0.4)
+    assert stiffness.low <= STIFF.stiffness <= stiffness.high < STIFFEST_PA
+    assert not ends_of_ranges(found)
+    assert "a stiff rope" in planner_needs(found)
+    check_model(found)
+    right = phi_of(found)
+    right[:2] = STIFF.stiffness, STIFF.table_friction
+    right[index("finger_friction")] = STIFF.finger_friction
     predictor = compiled.calibrator(TASK.name, "cpu", Settings(), right).predictor
-    assert found.model.loss_m2 < 1.1 * predictor.losses(right, evidence).mean()
+    losses = predictor.losses(right, gather(stiff_transitions(), TASK.actions.measured_path))
+    assert found.loss_m2 < 1.1 * losses.mean()
+
+
+def test_its_fit_begins_where_the_model_did() -> None:
+    nominal = phi_of(nominal_model(TASK.name))
+    assert stiff().trials[0].values[0] == pytest.approx(nominal[0])
+    assert stiff().trials[0].loss_m2 > 10 * stiff().model.loss_m2
+
+
+def test_a_stiff_model_that_is_fitted_again_keeps_its_interval() -> None:
+    again = calibrated(TASK.name, "cpu", stiff_transitions(), stiff().model, Settings(probes=24)).model.parameters[0]
+    assert again.value == pytest.approx(STIFF.stiffness, rel=0.4)
+    assert again.low <= STIFF.stiffness <= again.high < STIFFEST_PA
+
+
+def test_a_limp_rope_is_found_from_a_stiff_model() -> None:
+    found = calibrated(TASK.name, "cpu", transitions(), stiff().model, Settings()).model.parameters[0]
+    assert found.value < TASK.parameters(stiff=False)[0].high
+    assert found.value == pytest.approx(hidden().truth.stiffness, rel=0.4)
+
+
+def test_a_model_in_use_keeps_its_simulator() -> None:
+    usual = TASK.parameters(stiff=False)[0].high
+    near = replace(nominal_model(TASK.name).parameters[0], value=0.98 * usual, low=0.98 * usual, high=0.98 * usual)
+    model = replace(nominal_model(TASK.name), parameters=(near, *nominal_model(TASK.name).parameters[1:]))
+    assert update(TASK.name, "cpu", stiff_transitions(), model).parameters[0].value <= usual
 
 
 def test_an_interval_as_wide_as_a_simulator_goes_is_not_cut_there() -> None:
-    evidence = hidden().evidence
-    one = [_transition(evidence.before[0], evidence.tool[0], evidence.after[0], 0)]
-    found = calibrated(TASK.name, "cpu", one, nominal_model(TASK.name), Settings(steps=1))
-    assert found.model.parameters[0].high == pytest.approx(STIFFEST_PA)
+    one = calibrated(TASK.name, "cpu", transitions()[:1], nominal_model(TASK.name), Settings(steps=1)).model
+    assert one.parameters[0].high == pytest.approx(STIFFEST_PA)
+    assert learnt().parameters[0].high < TASK.parameters(stiff=False)[0].high
 
 
 def test_what_tells_nothing_is_refused() -> None:

@@ -8,7 +8,7 @@ import pytest
 
 from app.core.errors import ParameterError
 from app.sim.parameter import ParameterSpec
-from app.sim.params import PARAMETERS, borne, index, nominal_phi, validated
+from app.sim.params import PARAMETERS, index, nominal_phi, validated, with_stiffness_up_to
 from tests.sim.scenes import SCENE
 
 
@@ -32,13 +32,13 @@ def test_both_ends_of_a_range_belong_to_it():
 
 
 def test_stiffness_ends_where_a_simulators_time_steps_do():
-    limits = {spec.name: spec.high for spec in borne(PARAMETERS, 7e4)}
+    limits = {spec.name: spec.high for spec in with_stiffness_up_to(PARAMETERS, 7e4)}
     assert limits == {spec.name: spec.high for spec in PARAMETERS} | {"stiffness": 7e4}
     phi = nominal_phi()
     phi[index("stiffness")] = 8e4
     validated(phi)
     with pytest.raises(ParameterError, match="1000 to 70000"):
-        validated(phi, borne(PARAMETERS, 7e4))
+        validated(phi, with_stiffness_up_to(PARAMETERS, 7e4))
 
 
 def test_an_unknown_parameter_names_the_likeliest():

@@ -12,7 +12,7 @@ from app.sim.directions import directed
 from app.sim.materials.base import Material
 from app.sim.materials.elastic import Elastic
 from app.sim.materials.rope import Rope
-from app.sim.params import PARAMETERS, borne, index
+from app.sim.params import PARAMETERS, index, with_stiffness_up_to
 from app.sim.rollout import make_rollout
 from app.sim.scene import Body, Scene
 from app.sim.state import Setting, State
@@ -74,7 +74,7 @@ def test_without_fibres_and_below_yield_it_is_elastic():
 
 def test_it_stays_whole_at_the_ends_of_the_range_of_stiffness():
     scene = made_of(ROPE)
-    spec = borne(PARAMETERS, scene.stiffest_pa)[index("stiffness")]
+    spec = with_stiffness_up_to(PARAMETERS, scene.stiffest_pa)[index("stiffness")]
     simulate = make_rollout(scene, particle_count=300, effects=())
     steps = round(0.15 / SPEED / scene.dt_s)
     way = TIP + scene.dt_s * np.arange(steps + 1)[:, None] * np.array([0, SPEED, 0])

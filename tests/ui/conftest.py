@@ -151,7 +151,7 @@ def pytest_runtest_makereport(item: pytest.Item, call: pytest.CallInfo[None]):
 
 @pytest.fixture(scope="session")
 def browser_address(tmp_path_factory: pytest.TempPathFactory) -> Iterator[str]:
-    """Address of the one headless Chromium of all tests (Chrome DevTools Protocol); each test has its own context."""
+    """Address of the one headless Chromium of all tests (Chrome DevTools Protocol); each page has its own context."""
     executable = chromium()
     if executable is None:
         pytest.skip(MISSING)
@@ -200,7 +200,7 @@ def new_page(request: pytest.FixtureRequest, browser_address: str) -> Iterator[C
 
 @pytest.fixture
 def browser_page(new_page: Callable[[], Page]) -> Page:
-    """One such page."""
+    """A page as `new_page` opens it."""
     return new_page()
 
 

@@ -96,8 +96,8 @@ def _require_all_finite(
 def _require_physics(scene: RodScene, physics: RodPhysics) -> None:
     most = {
         "rigidity": (
-            scene.borne_n_m2,
-            f"the simulator bears {scene.borne_n_m2:g} N m^2 at most; raise the scene's stiffest_n_m2",
+            scene.max_rigidity_n_m2,
+            f"the simulator bears {scene.max_rigidity_n_m2:g} N m^2 at most; raise the scene's stiffest_n_m2",
         ),
         "permanent_set": (1.0, "it is a share of bends, 1 at most"),
     }

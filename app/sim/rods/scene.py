@@ -122,7 +122,7 @@ class RodScene:
         return masses
 
     @property
-    def borne_n_m2(self) -> float:
+    def max_rigidity_n_m2(self) -> float:
         """The largest bending rigidity that its time steps bear [N m^2]."""
         return self.stiffest_n_m2 or _STIFFEST * self.nominal_physics()["rigidity"]
 
