@@ -177,7 +177,7 @@ class Task:
         """The columns of phi, as far as its simulators bear them.
 
         `stiff`: of rods, those that the simulator of `rods.scene` bears (False), or that of `rods.stiff_scene` is for
-        (True): the ranges of stiffness of the two adjoin.
+        (True): the ranges of stiffness of the two adjoin. Where one simulates all, so does its range.
         """
         from app.sim.params import PARAMETERS, with_stiffness_between, with_stiffness_up_to
 
@@ -187,8 +187,9 @@ class Task:
             (1 - _ROUNDED) * scene.max_rigidity_n_m2 / scene.second_moment_m4
             for scene in (self.rods.scene, self.rods.stiff_scene)
         )
-        if stiff:
-            return with_stiffness_between(PARAMETERS, usual * (1 + 2 * _ROUNDED), most)
+        above = usual * (1 + 2 * _ROUNDED)
+        if stiff and above < most:
+            return with_stiffness_between(PARAMETERS, above, most)
         return with_stiffness_up_to(PARAMETERS, most if stiff is None else usual)
 
     @property

@@ -68,6 +68,22 @@ def test_ropes_as_limp_and_as_stiff_as_their_range_allows_keep_their_length(size
     assert lengths.sum() == pytest.approx(sizes["length_m"], rel=0.01)
 
 
+@pytest.mark.parametrize("task", ["rope_push@rods", "rod_to_rope@rods", "rope_push", "rope_push(radius_m=0.012)@rods"])
+def test_ranges_of_stiffness_of_two_simulators_adjoin_and_one_has_all(task: str):
+    column = index("stiffness")
+    usual, stiff, whole = (load(task).parameters(stiff=stiff)[column] for stiff in (False, True, None))
+    assert usual.low == whole.low
+    assert stiff.high == whole.high
+    if usual == whole:
+        assert stiff == whole
+    else:
+        assert usual.high < stiff.low < 1.00001 * usual.high
+    for spec in (usual, stiff):
+        phi = compiled.phi_of(nominal_model(task))
+        phi[column] = spec.high
+        assert compiled.needs(task, phi).stiff == (spec.high > usual.high)
+
+
 def test_sizes_change_what_is_simulated_seen_and_shown():
     sizes = EXTREMES[0]
     task = load(named(sizes, "rods"))
