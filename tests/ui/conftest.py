@@ -37,10 +37,12 @@ THROTTLED_S = 0.05
 """viser's page sends one message in this time [s]; of those that wait for the next one, all but the last are lost."""
 
 UNHURRIED = """{
-  let drawn = 0, draws = true;
+  let drawn = 0, last = 0, took = 0, frames = 0, draws = true;
   const frame = (now) => {
-    draws = now - drawn >= 4000;
-    drawn = draws ? now : drawn;
+    if (frames++ < 3) took = Math.max(took, now - last);
+    last = now;
+    draws = now - drawn >= Math.max(4000, 4 * took);
+    if (draws) [drawn, took, frames] = [now, 0, 0];
     requestAnimationFrame(frame);
   };
   requestAnimationFrame(frame);
@@ -50,7 +52,10 @@ UNHURRIED = """{
     gl[name] = function (...given) { if (draws) call.apply(this, given); };
   }
 }"""
-"""Leaves out most frames of the scene: in software each takes two processors 0.2 s, which page, server and arm need."""
+"""Leaves out most frames of the scene, and more where one takes long.
+
+In software each takes two processors 0.2 s, beside other work 4 s, which page, server and arm need; and a click waits
+for two frames of its page."""
 
 
 @final
