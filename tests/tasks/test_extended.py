@@ -124,3 +124,13 @@ def test_effects_that_a_model_is_older_than_are_at_their_null() -> None:
 def test_a_model_that_lacks_a_parameter_of_the_simulator_is_refused() -> None:
     with pytest.raises(ParameterError, match="lacks stiffness; calibrate"):
         check_model(replace(made(), parameters=made().parameters[1:]))
+
+
+def test_a_stiffness_that_rods_bear_is_refused_for_material_points() -> None:
+    def stiff(task: str) -> Model:
+        known = nominal_model(task)
+        return replace(known, parameters=(replace(known.parameters[0], value=2e5), *known.parameters[1:]))
+
+    check_model(stiff("rope_push@rods"))
+    with pytest.raises(ParameterError, match="stiffness = 200000 is outside its range 1000 to 100000"):
+        check_model(stiff("rope_push"))
