@@ -94,7 +94,7 @@ def _simulated(task: Task, truth: Truth, nodes: np.ndarray, tool: np.ndarray) ->
     """Nodes after pushes of rods that begin on known lines."""
     assert task.rods is not None
     stiff = truth.stiffness > task.parameters(stiff=False)[index("stiffness")].high
-    scene, count = task.rods.stiff_scene if stiff else task.rods.scene, len(nodes)
+    scene, count = task.rods.scene_for(stiff=stiff), len(nodes)
     given = {name: jnp.full(count, value, jnp.float32) for name, value in task.rods.physics.items()}
     physics = RodPhysics.nominal(scene, count)._replace(
         rigidity=jnp.full(count, truth.stiffness * scene.second_moment_m4, jnp.float32),

@@ -79,7 +79,7 @@ class Calibrator:
 
 
 def phi_of(model: Model) -> Float32[np.ndarray, " P"]:
-    """The model's parameters in the simulator's order, clipped by a rounding error into ranges that any engine has."""
+    """The model's parameters in the simulator's order, clipped by a rounding error into their widest ranges."""
     values = phi_with_nulls({parameter.name: parameter.value for parameter in model.parameters})
     return np.clip(values, [spec.low for spec in PARAMETERS], [spec.high for spec in PARAMETERS]).astype(np.float32)
 

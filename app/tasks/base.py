@@ -94,6 +94,10 @@ class RodDynamics:
         most = PARAMETERS[index("stiffness")].high * self.scene.second_moment_m4
         return replace(self.scene, stiffest_n_m2=max(self.scene.max_rigidity_n_m2, min(self.max_rigidity_n_m2, most)))
 
+    def scene_for(self, *, stiff: bool) -> RodScene:
+        """`stiff_scene` or `scene`."""
+        return self.stiff_scene if stiff else self.scene
+
 
 def _at_rest(x: Float[Array, "B N 3"], near: Float[Array, "2 n"] | None = None) -> State:
     """Unmoving and undeformed particles."""

@@ -128,7 +128,7 @@ def _moving_rod(task: Task, effects: tuple[Effect, ...], *, stiff: bool) -> Part
     """The same for a rope as a rod."""
     assert task.rods is not None
     rods = task.rods
-    simulate = make_rod_rollout(rods.stiff_scene if stiff else rods.scene, effects)
+    simulate = make_rod_rollout(rods.scene_for(stiff=stiff), effects)
     own = np.array(rod_columns(effects), int)
 
     def move(
@@ -275,36 +275,29 @@ def calibrated_from_recordings(
     return Calibrated(new, found.lost, (*fitter.names, *(spec.name for spec in offset)), found.trials)
 
 
+_FitFrom = Callable[[Calibrator, Float32[np.ndarray, " P"]], Fit]
+"""A fit by a calibrator from a model phi."""
+
+
 def _fitted(
-    task: str,
-    preset: str,
-    settings: Settings,
-    phi: Float32[np.ndarray, " P"],
-    fit: Callable[[Calibrator, Float32[np.ndarray, " P"]], Fit],
+    task: str, preset: str, settings: Settings, phi: Float32[np.ndarray, " P"], fit: _FitFrom
 ) -> tuple[Calibrator, Fit]:
     """The fit from a model `phi`, and the calibrator that made it.
 
     A rod's stiffness ends where one simulator's range adjoins the other's (`Task.parameters`). Where nobody vouches for
-    the start, a fit that ends there is made anew in the other range, from several places: friction has made up for what
-    the rod was too limp or too stiff for, and descent would stay. The best one counts. A model that is trusted keeps
-    its simulator. An interval that goes so far goes to the end of the whole range: what is beyond was not tried.
+    the start, a fit that ends there is made anew in the other range, and the better one counts. A model that is trusted
+    keeps its simulator. An interval that goes so far goes to the end of the whole range: what is beyond was not tried.
     """
-    fitter, column = calibrator(task, preset, settings, phi), index("stiffness")
-    found, needed = fit(fitter, phi), needs(task, phi)
-    here, there, whole = (
-        load(task).parameters(stiff=stiff)[column] for stiff in (needed.stiff, not needed.stiff, None)
-    )
+    fitter, column, stiff = calibrator(task, preset, settings, phi), index("stiffness"), needs(task, phi).stiff
+    found = fit(fitter, phi)
+    here, there, whole = (load(task).parameters(stiff=kind)[column] for kind in (stiff, not stiff, None))
     if here == whole or here not in fitter.specs:
         return fitter, found
     number = fitter.specs.index(here)
     if _borders(here, there, found.values[number]) and np.isinf(settings.trust_factor):
-        start, quick = phi.copy(), list[Fit]()
-        for share in _STARTS:
-            start[column] = there.low ** (1 - share) * there.high**share
-            with suppress(SimulationError):
-                quick.append(fit(calibrator(task, preset, replace(settings, probes=0), start), start))
-        best = min(quick, key=lambda each: (len(each.lost), each.loss_m2), default=found)
-        if len(best.lost) <= len(found.lost) and best.loss_m2 < found.loss_m2:
+        best = _best_within(there, task, preset, settings, phi, fit)
+        if best and len(best.lost) <= len(found.lost) and best.loss_m2 < found.loss_m2:
+            start = phi.copy()
             start[[index(name) for name in fitter.names]] = best.values[: len(fitter.names)]
             fitter, here, there = calibrator(task, preset, settings, start), there, here
             found = replace(fit(fitter, start), trials=(*found.trials, *best.trials))
@@ -312,6 +305,26 @@ def _fitted(
     low[number] = whole.low if _borders(here, there, low[number]) else low[number]
     high[number] = whole.high if _borders(here, there, high[number]) else high[number]
     return fitter, replace(found, low=low, high=high)
+
+
+def _best_within(
+    stiffness: ParameterSpec,
+    task: str,
+    preset: str,
+    settings: Settings,
+    phi: Float32[np.ndarray, " P"],
+    fit: _FitFrom,
+) -> Fit | None:
+    """The best fit of several that begin within a range of stiffness, without probes; None where none predicts a thing.
+
+    Friction has made up for what the rod of the other range was too limp or too stiff for: descent from there stays.
+    """
+    found, start = list[Fit](), phi.copy()
+    for share in _STARTS:
+        start[index("stiffness")] = stiffness.low ** (1 - share) * stiffness.high**share
+        with suppress(SimulationError):
+            found.append(fit(calibrator(task, preset, replace(settings, probes=0), start), start))
+    return min(found, key=lambda each: (len(each.lost), each.loss_m2), default=None)
 
 
 def _borders(here: ParameterSpec, there: ParameterSpec, value: float) -> bool:

@@ -83,7 +83,7 @@ def _case(task: Task, phi: Float32[np.ndarray, " P"], state: ObjectState, tool: 
     acting, stiff = needs(task.name, phi)
     effects = tuple(effect for effect in acting if not effect.oriented)
     own, physics = phi[rod_columns(effects)][None], rod_physics(task.rods, jnp.asarray(phi)[None])
-    scene = task.rods.stiff_scene if stiff else task.rods.scene
+    scene = task.rods.scene_for(stiff=stiff)
     return single_rod(RodSetup(scene=scene, effects=effects), physics, state, tool, own, rod_now(task.rods, 1))
 
 
