@@ -51,13 +51,13 @@ def _came(report: Report) -> str:
 
 
 def _summarise(report: Report, output: Output) -> None:
-    chamfer_m2 = report.summary.chamfer_m2
-    if chamfer_m2:
+    chamfer_m2, last_m2 = report.summary.chamfer_m2, report.summary.last_chamfer_m2
+    if last_m2 is not None:
         pushes = "1 push" if report.summary.pushes == 1 else f"{report.summary.pushes} pushes"
         output.print(
             f"\n[bold]{pushes}[/]: {millimetres(chamfer_m2[0]):.1f} mm -> "
-            f"{millimetres(chamfer_m2[-1]):.1f} mm from the goal; the Chamfer distance, their square, fell to "
-            f"{chamfer_m2[-1] / chamfer_m2[0]:.0%} of its start. {_came(report)} Faults: {len(report.faults)}.",
+            f"{millimetres(last_m2):.1f} mm from the goal; the Chamfer distance, their square, fell to "
+            f"{last_m2 / chamfer_m2[0]:.0%} of its start. {_came(report)} Faults: {len(report.faults)}.",
             highlight=False,
             soft_wrap=True,
         )

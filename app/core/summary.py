@@ -13,6 +13,7 @@ from app.core.types import Points
 class Summary:
     """Grows while the episode runs. `chamfer_m2` holds the start and then one value after each push.
 
+    `last_chamfer_m2` is of what was seen last: it differs where a push was stopped, which is not scored.
     `reached`: whether the goal was, by what was seen last; `exhausted`: whether it ended before, as no motion was
     better than none, by the model. `said`: how many messages were to be recorded; `reconstruction_latency_s` is from
     exposure to particles.
@@ -25,6 +26,7 @@ class Summary:
     cost_after: list[float] = field(default_factory=list[float])
     reconstruction_latency_s: list[float] = field(default_factory=list[float])
     faults: list[str] = field(default_factory=list[str])
+    last_chamfer_m2: float | None = None
     first_push_s: float | None = None
     reached: bool = False
     exhausted: bool = False
@@ -39,6 +41,12 @@ class Summary:
         """Note when the first push began."""
         if self.first_push_s is None:
             self.first_push_s = since_start_s
+
+    def saw(self, observed: Particles, goal: Points) -> None:
+        """Note how far the object is from the goal."""
+        self.last_chamfer_m2 = float(chamfer_m2(observed.positions, goal))
+        if not self.chamfer_m2:
+            self.chamfer_m2.append(self.last_chamfer_m2)
 
     def scored(
         self, proposal: Proposal, before: Particles, executed: Executed, after: Particles, goal: Points, *, now_s: float

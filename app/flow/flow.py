@@ -16,7 +16,6 @@ from anyio.abc import TaskGroup
 from app.config import Site
 from app.core.announcer import Announcer
 from app.core.approval import AUTOMATIC
-from app.core.chamfer import chamfer_m2
 from app.core.channel import ChannelFull, Lossless
 from app.core.checklist import ChecklistRequest
 from app.core.control import EndRequest, Lease, ModeRequest
@@ -357,8 +356,7 @@ class Flow:
         self.reporting.do("looking at the object")
         due_s = max(self._touched_s, self.holding.resumed_s) + self.site.timing.settle_s
         observed = await self.sensing.settled(due_s=due_s)
-        if not self.summary.chamfer_m2:
-            self.summary.chamfer_m2.append(float(chamfer_m2(observed.positions, self.wish.target)))
+        self.summary.saw(observed, self.wish.target)
         return observed
 
     def _is_enough(self, observed: Particles) -> bool:
