@@ -114,7 +114,8 @@ class Rope:
             (finger,) = self.subject.scene.tools
             assert isinstance(finger, Finger)
             scene = replace(self.subject.scene, tools=(replace(finger, radius_m=radius),))
-            found = self._predictor(self.trials, [self.theta(place) for place in group], scene=scene).after
+            subject = replace(self.subject, scene=scene)
+            found = self._predictor(self.trials, [self.theta(place) for place in group], subject=subject).after
             self._known |= {place: _compared(self.trials, after) for place, after in zip(group, found, strict=True)}
 
 

@@ -19,6 +19,7 @@ import psutil
 
 from app import __version__
 from app.config import Site
+from app.core.processes import may_run_in_real_time
 from app.rig.kinova.clients import CLIENTS, DEFAULT
 from app.rig.kinova.official import INSTALL
 
@@ -64,6 +65,7 @@ def checks(site: Site) -> tuple[Check, ...]:
     """Every check of this installation, in the order of the table."""
     return (
         _machine,
+        _priority,
         _libraries,
         _open3d,
         _realsense,
@@ -101,6 +103,14 @@ def _machine() -> list[Finding]:
         Finding(what="cores", state="ok", found=f"{len(os.sched_getaffinity(0))} of {os.cpu_count()}"),
         Finding(what="memory", state="ok", found=f"{_size(memory.available)} available of {_size(memory.total)}"),
     ]
+
+
+def _priority() -> list[Finding]:
+    """Whether arm and application go before other programs."""
+    if may_run_in_real_time():
+        return [Finding(what="real-time priority", state="ok", found="allowed")]
+    mend = "arms stop beside busy programs: `USER - rtprio 2` in /etc/security/limits.conf, for whoever starts dipac"
+    return [Finding(what="real-time priority", state="optional", found="not allowed", mend=mend)]
 
 
 def _libraries() -> list[Finding]:

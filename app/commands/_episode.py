@@ -31,6 +31,7 @@ from app.core.collector import spared_collection
 from app.core.errors import DipacError, MotionRefused, ParameterError, UsageError
 from app.core.messages import Episode, Goal, fresh_id
 from app.core.ports import CameraShelf, Rig
+from app.core.processes import in_real_time
 from app.core.refusal import Refusal
 from app.core.stage import Stage
 from app.core.summary import Summary
@@ -247,7 +248,7 @@ async def _run(
         shelf=shelf if wish.answering else None,
     )
     try:
-        with spared_collection():
+        with spared_collection(), in_real_time():
             return await flow.run(), None
     except DipacError as error:
         return flow.summary, error

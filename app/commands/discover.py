@@ -10,6 +10,7 @@ import tyro
 from rich.console import Console
 
 from app.commands._case import MODEL, VERDICT
+from app.commands._named import Dynamics, full_name
 from app.commands._preflight import make_folder
 from app.commands._study import read_study
 from app.core.errors import UsageError
@@ -32,6 +33,9 @@ def discover(
     *,
     task: Annotated[str | None, tyro.conf.arg(help="the task, where the recordings do not say it")] = None,
     output: Annotated[Path, tyro.conf.arg(aliases=["-o"], help="the folder of the report")] = Path("discovery"),
+    dynamics: Annotated[
+        Dynamics | None, tyro.conf.arg(help="how a rope is simulated; as the task does where it is left out")
+    ] = None,
 ) -> None:
     """Recordings of one task, each with its pushes. Writes report.html, verdict.json and model.toml to OUTPUT."""
     terminal = Console(highlight=False)
@@ -40,27 +44,29 @@ def discover(
     make_folder(output, "-o")
     with terminal.status("reading the recordings") as status:
         study = read_study(recordings, task=task)
+        doubted = full_name(study.task, dynamics=dynamics)
         began = time.monotonic()
 
         def said(stage: str) -> None:
             terminal.print(f"[dim]{time.monotonic() - began:6.0f} s[/]  {stage}")
             status.update(stage)
 
-        case = investigate(study, subject_of(load(study.task)), said)
+        case = investigate(study, subject_of(load(doubted)), said)
     report = output / "report.html"
     write_report(report, case)
-    save_model(output / MODEL, _model(case, study, recordings))
+    save_model(output / MODEL, _model(case, study, doubted, recordings))
     (output / VERDICT).write_text(verdict_json(case), encoding="utf-8")
     terminal.print(show_case(case, report))
 
 
-def _model(case: Case, study: Study, recordings: Sequence[Path]) -> Model:
-    """The extended model for `--model`; where nothing is missing, the refitted nominal one."""
-    known = catalogue()
-    nominal = known.nominal(subject_of(load(study.task)))
+def _model(case: Case, study: Study, task: str, recordings: Sequence[Path]) -> Model:
+    """The extended model of `task` for `--model`; where nothing is missing, the refitted nominal one."""
+    subject = subject_of(load(task))
+    known = catalogue(subject.rods)
+    nominal = known.nominal(subject)
     values, covariance = estimated(known, nominal, case.extended, case.estimated, case.covariance)
     return extended_model(
-        study.task,
+        task,
         values,
         effects=_effects(known, case),
         covariance=covariance,

@@ -4,9 +4,10 @@ import contextlib
 import os
 import sys
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Generator, Sequence
 from multiprocessing import current_process
 from multiprocessing.process import BaseProcess
+from pathlib import Path
 from typing import Final
 
 import anyio
@@ -17,6 +18,8 @@ from app.core.ring import SPAWN, Ring
 _START_S: Final = 60.0
 _POLL_S: Final = 0.02
 _CLOSE_S: Final = 3.0
+_ARM_PRIORITY, _APPLICATION_PRIORITY = 2, 1
+"""Of real-time processes, the greater first."""
 
 
 def process(name: str, body: Callable[..., None], *arguments: object) -> BaseProcess:
@@ -40,7 +43,54 @@ def ask_for_real_time() -> None:
     because it uses so little.
     """
     with contextlib.suppress(PermissionError):
-        os.sched_setscheduler(0, os.SCHED_RR, os.sched_param(1))
+        os.sched_setscheduler(0, os.SCHED_RR, os.sched_param(_ARM_PRIORITY))
+
+
+@contextlib.contextmanager
+def in_real_time() -> Generator[None]:
+    """Run this process before all ordinary ones meanwhile, and after an arm's, where the system allows it.
+
+    All of its threads, those to come too: one that waits for a core may hold the interpreter's lock, and the event loop
+    would wait with it. Beside a browser that draws in software and a busy program, an event loop of ordinary priority
+    waited for a core for 100 to 450 ms at a time, while it needed one for less than a millisecond; an arm's watchdog
+    waits 160. Processes are ordinary ones, by `start`.
+    """
+    _schedule_threads(os.SCHED_RR, _APPLICATION_PRIORITY)
+    try:
+        yield
+    finally:
+        _schedule_threads(os.SCHED_OTHER, 0)
+
+
+def may_run_in_real_time() -> bool:
+    """Whether the system allows it to this process; the calling thread is an ordinary one before and after."""
+    try:
+        os.sched_setscheduler(0, os.SCHED_RR, os.sched_param(_APPLICATION_PRIORITY))
+    except PermissionError:
+        return False
+    os.sched_setscheduler(0, os.SCHED_OTHER, os.sched_param(0))
+    return True
+
+
+def start(process: BaseProcess) -> None:
+    """Start an ordinary process, also from a thread that runs before those."""
+    policy, parameters = os.sched_getscheduler(0), os.sched_getparam(0)
+    if policy != os.SCHED_RR:
+        process.start()
+        return
+    os.sched_setscheduler(0, policy | os.SCHED_RESET_ON_FORK, parameters)
+    try:
+        process.start()
+    finally:
+        with contextlib.suppress(PermissionError):  # Who may set the flag may not always take it back.
+            os.sched_setscheduler(0, policy, parameters)
+
+
+def _schedule_threads(policy: int, priority: int) -> None:
+    """All threads of this process that there are."""
+    for thread in Path("/proc/self/task").iterdir():
+        with contextlib.suppress(PermissionError, ProcessLookupError):
+            os.sched_setscheduler(int(thread.name), policy, os.sched_param(priority))
 
 
 async def ready(processes: Sequence[BaseProcess], rings: Sequence[Ring], *, within_s: float = _START_S) -> None:

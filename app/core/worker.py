@@ -15,6 +15,7 @@ import anyio
 from anyio import to_thread
 
 from app.core.errors import DipacError, WorkerError
+from app.core.processes import start
 
 ResultT = TypeVar("ResultT")
 
@@ -102,7 +103,7 @@ class Worker(AbstractAsyncContextManager["Worker"]):
                     name=f"dipac {self.name}",
                     daemon=True,
                 )
-                self._process.start()
+                start(self._process)
                 theirs.close()
             return self._process, self._connection
 

@@ -47,7 +47,7 @@ def discover(study: Study, subject: Subject, said: Progress) -> Case:
     Registrations and fits are linear algebra so small that threads make it ten times slower.
     """
     watch, limits = _Watch(said), limits_of(study, subject)
-    predictor = Predictor(subject, catalogue())
+    predictor = Predictor(subject, catalogue(subject.rods))
     trials = prepare(study, subject)
     with watch.stage("direct checks"):
         checks = direct_checks(predictor, trials, predictor.catalogue.nominal(subject))

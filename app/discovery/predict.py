@@ -7,11 +7,9 @@ that was taken during the push, where there is one.
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from functools import lru_cache
 from typing import NamedTuple, final
 
 import jax
-import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Bool, Float32, Float64
 from scipy.spatial import KDTree
@@ -19,13 +17,11 @@ from scipy.spatial import KDTree
 from app.core.track import Track
 from app.core.types import Points
 from app.discovery.apparatus.base import Apparatus, Eye, Load, Places
+from app.discovery.steppers import BLOCK, chunks, length_ratio, stepper
 from app.discovery.study import Push, Study, View
 from app.discovery.subject import Catalogue, Subject, Theta
 from app.sim.arc_length import arclength_labels, centreline_weights
 from app.sim.params import PARAMETERS, index
-from app.sim.rollout import Simulate, make_rollout
-from app.sim.scene import Scene
-from app.sim.state import Setting, State
 
 _NODES = 24
 _LEAD_S, _TAIL_S = 0.05, 0.35
@@ -35,13 +31,9 @@ _TOUCH_M = 0.018
 """From the tip to the nearest particle when it touches."""
 _SLOW_M_S = 0.01
 _STILL_M = 2e-3
+_WAVES = 7
+"""Half waves along the object, a shift included, in which cameras err."""
 _LEAST_SHARE = 0.1
-_CHUNKS = {"cpu": (8, 32), "gpu": (256, 512, 1024, 2048)}
-"""Simulations at once."""
-_BLOCK = 32
-"""Substeps that are compiled as one, of which every path is a whole number: few shapes are compiled."""
-_LENGTHS = {"cpu": 1.0, "gpu": 2.0}
-"""Ratio of one length of paths to the next: a GPU rather simulates more pushes at once, some of them for longer."""
 
 
 class Seen(NamedTuple):
@@ -71,18 +63,32 @@ class Trials:
     has_during: Bool[np.ndarray, " K"]
     observed: Seen
     noise_m: float = 1e-3
+    smooth: bool = False
+    """Whether cameras err alike for neighbouring points: of a rod, whose centreline is fitted to all of them."""
 
     def __len__(self) -> int:
         return len(self.study.pushes)
 
     def disturbed(self, seed: int) -> "Trials":
-        """The same pushes of objects that lie a little elsewhere than they were seen, by `noise_m` a point."""
+        """The same pushes of objects that lie a little elsewhere than they were seen, by `noise_m`."""
         rng = np.random.default_rng(seed)
         pushes = tuple(
-            replace(push, before=replace(push.before, points=_jittered(push.before.points, self.noise_m, rng)))
-            for push in self.study.pushes
+            replace(push, before=replace(push.before, points=self._jittered(push.before.points, along, rng)))
+            for push, along in zip(self.study.pushes, self.labels[:, :, 0], strict=True)
         )
         return replace(self, study=replace(self.study, pushes=pushes))
+
+    def _jittered(self, points: Points, along: Float32[np.ndarray, " N"], rng: np.random.Generator) -> Points:
+        """Elsewhere by `noise_m` an axis: each point by itself, or as far as is `smooth` along the object."""
+        moved = points.copy()
+        if not self.smooth:
+            moved[:, :2] += rng.normal(0, self.noise_m, (len(points), 2))
+            return moved
+        waves = np.cos(np.pi / 2 * np.arange(_WAVES) * (along[:, None] + 1)) * np.where(
+            np.arange(_WAVES) > 0, 2**0.5, 1
+        )
+        moved[:, :2] += self.noise_m / np.sqrt(_WAVES) * waves @ rng.standard_normal((_WAVES, 2))
+        return moved
 
 
 def prepare(study: Study, subject: Subject) -> Trials:
@@ -110,6 +116,7 @@ def prepare(study: Study, subject: Subject) -> Trials:
             during=np.stack([(view or push.before).points for view, push in zip(during, pushes, strict=True)]),
             after=np.stack([push.after.points for push in pushes]),
         ),
+        smooth=subject.rods is not None,
     )
 
 
@@ -126,21 +133,21 @@ class Predictor:
         trials: Trials,
         thetas: Sequence[Theta],
         *,
-        scene: Scene | None = None,
+        subject: Subject | None = None,
         where: Bool[np.ndarray, "Q K"] | None = None,
     ) -> Seen:
-        """What each of the models predicts for every push, or for those of `where`.
+        """What each of the models predicts for every push, or for those of `where`, by this `subject` or another.
 
         NaN where nothing was simulated, or the simulation left its grid.
         """
         count = len(trials)
         during = np.full((len(thetas), count, *trials.observed.after.shape[1:]), np.nan, np.float32)
         after = np.full_like(during, np.nan)
-        own = scene or self.subject.scene
-        simulate, step_s = _stepper(own, self.subject.particle_count), own.dt_s * self.subject.haste
-        for group in self._groups(trials, step_s):
+        own = subject or self.subject
+        simulate = stepper(own)
+        for group in self._groups(trials, own):
             jobs = [(q, k) for q in range(len(thetas)) for k in group.pushes if where is None or where[q, k]]
-            for chunk in _chunks(jobs, _CHUNKS[self._platform]):
+            for chunk in _chunks(jobs, chunks(own, self._platform)):
                 inputs = self._inputs(trials, thetas, chunk, group)
                 found = simulate(*inputs)
                 for (q, k), mid, end in zip(chunk, *map(np.asarray, found), strict=False):
@@ -188,12 +195,13 @@ class Predictor:
         late = (effect.late_s(values) for effect, values in self.catalogue.wrong(theta) if effect.late_s is not None)
         return sum(late, 0.0)
 
-    def _groups(self, trials: Trials, step_s: float) -> list["_Group"]:
-        """Pushes whose paths have as many blocks of substeps of `step_s` [s, real] together."""
+    def _groups(self, trials: Trials, subject: Subject) -> list["_Group"]:
+        """Pushes whose paths have as many blocks of time steps together."""
+        step_s, ratio = subject.step_s, length_ratio(subject, self._platform)
         found = dict[tuple[int, int], list[int]]()
         for k, (start, stop, end) in enumerate(zip(trials.starts_s, trials.stops_s, trials.ends_s, strict=True)):
             steps = [math.ceil((stop - start) / step_s), math.ceil((end - stop) / step_s)]
-            first, second = (_blocks(count, _LENGTHS[self._platform]) for count in steps)
+            first, second = (_blocks(count, ratio) for count in steps)
             found.setdefault((first, second), []).append(k)
         return [_Group(tuple(pushes), *lengths, step_s) for lengths, pushes in found.items()]
 
@@ -229,8 +237,8 @@ class Predictor:
         eye = Eye(np.asarray(trials.study.camera), trials.middles[k].astype(np.float64))
         track = self.driven(push, trials.loads[k], theta)
         stop = trials.stops_s[k] + self.late_s(theta)
-        to_stop = track.at(stop - step * np.arange(_BLOCK * group.to_stop, -1, -1))
-        to_end = track.at(stop + step * np.arange(_BLOCK * group.to_end + 1))
+        to_stop = track.at(stop - step * np.arange(BLOCK * group.to_stop, -1, -1))
+        to_end = track.at(stop + step * np.arange(BLOCK * group.to_end + 1))
         x = self.unseen(push.before.points, eye, theta)
         return x.astype(np.float32), to_stop.astype(np.float32), to_end.astype(np.float32)
 
@@ -244,39 +252,10 @@ class _Group(NamedTuple):
     step_s: float
 
 
-@lru_cache(maxsize=16)
-def _stepper(scene: Scene, particles: int) -> Callable[..., tuple[jax.Array, jax.Array]]:
-    """With all effects, whichever are asked for: to compile a few takes longer than all take in a whole study."""
-    simulate: Simulate = make_rollout(scene, particle_count=particles)
-
-    @jax.jit
-    def block(phi: jax.Array, state: State, tool: jax.Array, label: jax.Array, time: jax.Array) -> State:
-        return simulate(phi, state, tool, Setting(label=label, time=time))
-
-    def moved(phi: np.ndarray, state: State, tool: np.ndarray, label: np.ndarray, time: np.ndarray) -> State:
-        for first in range(0, tool.shape[1] - 1, _BLOCK):
-            state = block(phi, state, tool[:, first : first + _BLOCK + 1], label, time)
-        return state
-
-    def stepped(
-        phi: np.ndarray, x: np.ndarray, label: np.ndarray, time: np.ndarray, first: np.ndarray, second: np.ndarray
-    ) -> tuple[jax.Array, jax.Array]:
-        stopped = moved(phi, State.at_rest(jnp.asarray(x)), first, label, time)
-        return stopped.x, moved(phi, stopped, second, label, time).x
-
-    return stepped
-
-
 def _blocks(steps: int, ratio: float) -> int:
     """How many blocks these substeps take, in powers of `ratio` where that is above 1."""
-    needed = max(1, math.ceil(steps / _BLOCK))
+    needed = max(1, math.ceil(steps / BLOCK))
     return needed if ratio == 1 else math.ceil(ratio ** math.ceil(math.log(needed, ratio)))
-
-
-def _jittered(points: Points, noise_m: float, rng: np.random.Generator) -> Points:
-    moved = points.copy()
-    moved[:, :2] += rng.normal(0, noise_m, (len(points), 2))
-    return moved
 
 
 def _chunks(jobs: list[tuple[int, int]], sizes: Sequence[int]) -> list[list[tuple[int, int]]]:

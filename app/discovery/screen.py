@@ -12,7 +12,7 @@ from app.discovery.field import MODES, Basis
 from app.discovery.inference import CALIBRATED, Finding, Prior, Weighing, habit, weigh
 from app.discovery.predict import Predictor, Trials
 from app.discovery.sensitivity import Step, apart, moved, residuals, steps_of, ways_of
-from app.discovery.subject import NUMERICS, Catalogue, Theta
+from app.discovery.subject import ANY_NUMERICS, Catalogue, Theta
 
 _REFITS = 5
 _SETTLED = 0.2
@@ -69,7 +69,7 @@ def refit(predictor: Predictor, trials: Trials) -> Theta:
 def screen(predictor: Predictor, trials: Trials, about: Theta, *, only: Sequence[str] | None = None) -> Screening:
     """Weigh every cause, or those of `only`, against the refitted nominal model."""
     catalogue, calibrated = predictor.catalogue, predictor.subject.calibrated
-    wanted = None if only is None else {*only, *calibrated, *NUMERICS}
+    wanted = None if only is None else {*only, *calibrated, *ANY_NUMERICS}
     steps = [
         step
         for step in steps_of(catalogue, calibrated, places_of(predictor, trials, about))
@@ -120,7 +120,7 @@ def prior_of(catalogue: Catalogue, calibrated: Sequence[str], steps: Sequence[St
     return Prior(
         mean=usual[:, 0],
         variance=usual[:, 1] ** 2,
-        nuisance=tuple(n for n, step in enumerate(steps) if step.cause in calibrated or step.cause in NUMERICS),
+        nuisance=tuple(n for n, step in enumerate(steps) if step.cause in calibrated or step.cause in ANY_NUMERICS),
     )
 
 

@@ -17,7 +17,7 @@ from app.discovery.direct import Change, direct_blocks, direct_rows
 from app.discovery.evidence import Block, Residuals
 from app.discovery.field import MODES, Basis, registered
 from app.discovery.predict import Predictor, Seen, Trials
-from app.discovery.subject import NUMERICS, Catalogue, Cause, Theta
+from app.discovery.subject import ANY_NUMERICS, Catalogue, Cause, Theta
 
 Way: TypeAlias = tuple[str, tuple[tuple[int, float], ...]]
 """A cause, with the place, or the other values, that it is asked about with."""
@@ -157,7 +157,7 @@ def _simulated(
     thetas, where = [about], [np.ones(len(trials), bool)]
     at, felt = dict[tuple[int, int], int](), _felt(predictor.catalogue, trials)
     for number, (step, change) in enumerate(zip(steps, changes, strict=True)):
-        if step.cause in NUMERICS:
+        if step.cause in ANY_NUMERICS:
             continue
         near = _within(predictor.catalogue, trials, step)
         for side, end in enumerate((change.up, change.down)):
@@ -169,9 +169,8 @@ def _simulated(
     base = Seen(found.during[0], found.after[0])
 
     def end_of(number: int, step: Step, side: int) -> Seen:
-        if step.cause in NUMERICS and side == 0:
-            scene = predictor.subject.numeric(step.cause)
-            return _single(predictor(trials, [about], scene=scene))
+        if step.cause in ANY_NUMERICS and side == 0:
+            return _single(predictor(trials, [about], subject=predictor.subject.numeric(step.cause)))
         index = at.get((number, side), 0)
         return Seen(found.during[index], found.after[index])
 

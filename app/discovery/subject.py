@@ -14,6 +14,7 @@ from app.sim.effects.base import Effect
 from app.sim.files import files_of
 from app.sim.parameter import ParameterSpec
 from app.sim.params import PARAMETERS, index, with_stiffness_up_to
+from app.sim.rods.scene import RodScene
 from app.sim.scene import Scene
 
 Theta: TypeAlias = Float64[np.ndarray, " P"]
@@ -26,7 +27,35 @@ NUMERICS = {
     "contact_distance": "Share of the way to contacts that begin 1.5 mm earlier.",
 }
 """Our own discretisation as pseudo-effects: what it explains is not taken for physics."""
+ROD_NUMERICS = {
+    "resolution": "Share of the way to nodes nearer by a fifth and time steps of half the length.",
+    "contact_distance": "Share of the way to a finger and a rope that meet 0.7 mm earlier.",
+    "finger_climb": "Share of the way to a rope that slips up and down the finger by a quarter of its way more.",
+    "finger_press": "Share of the way to a finger's tip of whose push the table bears a quarter more.",
+}
+"""The same of rods: their contact with the finger is a law with few numbers, which differ from rope to rope."""
+ANY_NUMERICS = frozenset(NUMERICS) | frozenset(ROD_NUMERICS)
 _EARLIER_M = 1.5e-3
+_ROD_CONTACT = {"contact_distance": ("margin", 7e-4), "finger_climb": ("climb", 0.25), "finger_press": ("press", 0.25)}
+"""By numeric cause: the field of `RodPhysics` that it is about, and by how much it is greater."""
+
+
+@final
+@dataclass(frozen=True, kw_only=True)
+class RodModel:
+    """The object as a rod; `contact`: further fields of `RodPhysics`, by name."""
+
+    scene: RodScene
+    contact: tuple[tuple[str, float], ...] = ()
+
+    def numeric(self, name: str) -> "RodModel":
+        """The rod with one of `ROD_NUMERICS` at 1."""
+        scene = self.scene
+        if name == "resolution":
+            return replace(self, scene=replace(scene, spacing_m=0.8 * scene.spacing_m, dt_s=0.5 * scene.dt_s))
+        field, more = _ROD_CONTACT[name]
+        known = {**scene.nominal_physics(), **dict(self.contact)}
+        return replace(self, contact=tuple(({**dict(self.contact), field: known[field] + more}).items()))
 
 
 @final
@@ -36,7 +65,7 @@ class Subject:
 
     `haste`: real seconds in one simulated second; `mass_kg`, `length_m`, `radius_m`: the object's; `low_m`: below this
     height the tool can touch it; `nominal`: values of `PARAMETERS`, of which `calibrated` are fitted whatever the
-    cause.
+    cause. `rods`: the object as a rod, which is simulated instead of the scene's material points where it is given.
     """
 
     scene: Scene
@@ -48,14 +77,26 @@ class Subject:
     particle_count: int
     nominal: Float32[np.ndarray, " P"]
     calibrated: tuple[str, ...]
+    rods: RodModel | None = None
 
     @property
     def heft(self) -> float:
         """The simulation's weight over the real one."""
-        return self.scene.gravity_m_s2 / 9.81
+        gravity = self.scene.gravity_m_s2 if self.rods is None else self.rods.scene.gravity_m_s2
+        return gravity / 9.81
 
-    def numeric(self, name: str) -> Scene:
-        """The scene with one of `NUMERICS` at 1."""
+    @property
+    def step_s(self) -> float:
+        """Of a time step, in real time."""
+        return (self.scene.dt_s if self.rods is None else self.rods.scene.dt_s) * self.haste
+
+    def numeric(self, name: str) -> "Subject":
+        """The subject with one of its numeric causes at 1."""
+        if self.rods is not None:
+            return replace(self, rods=self.rods.numeric(name))
+        return replace(self, scene=self._scene_with(name))
+
+    def _scene_with(self, name: str) -> Scene:
         scene = self.scene
         if name == "resolution":
             x, y, z = scene.low
@@ -119,12 +160,16 @@ class Catalogue:
         return theta
 
 
-def catalogue() -> Catalogue:
-    """Every effect file of the simulator and of the apparatus, and numerics; all parameters, libraries' too."""
-    specs, causes = list(with_stiffness_up_to(PARAMETERS, Scene.stiffest_pa)), list[Cause]()
+def catalogue(rods: RodModel | None = None) -> Catalogue:
+    """Every effect file of the simulator and of the apparatus, and numerics; all parameters, libraries' too.
+
+    `rods`: of an object as a rod, on which not every effect acts. Parameters stand in the same columns, but numerics.
+    """
+    stiffest = Scene.stiffest_pa if rods is None else rods.scene.max_rigidity_n_m2 / rods.scene.second_moment_m4
+    specs, causes = list(with_stiffness_up_to(PARAMETERS, stiffest)), list[Cause]()
     for name, module in files_of(effects):
         effect = module.EFFECT
-        if not effect.catalogued:
+        if not effect.catalogued or (rods is not None and effect.rod is None):
             continue
         columns = tuple(index(spec.name) for spec in effect.parameters)
         causes.append(_cause(name, "physics", _about(module.__doc__ or ""), columns, effect))
@@ -136,7 +181,7 @@ def catalogue() -> Catalogue:
         held.append((effect, first))
         columns = tuple(range(first, len(specs)))
         causes.append(_cause(name, effect.family, _about(module.__doc__ or ""), columns, None))
-    for name, about in NUMERICS.items():
+    for name, about in (NUMERICS if rods is None else ROD_NUMERICS).items():
         specs.append(_numeric(name, about))
         causes.append(_cause(name, "numerics", about, (len(specs) - 1,), None))
     return Catalogue(specs=tuple(specs), causes=tuple(causes), apparatus=tuple(held))

@@ -32,7 +32,8 @@ from app.sim.object_state import ObjectState
 from app.sim.parameter import ParameterSpec
 from app.sim.params import PARAMETERS, acting, columns_of, index
 from app.sim.rods.effect import RodSetting
-from app.sim.rods.rollout import RodPhysics, make_rod_rollout
+from app.sim.rods.from_parameters import rod_columns, rod_physics
+from app.sim.rods.rollout import make_rod_rollout
 from app.sim.rods.state import RodState
 from app.sim.rollout import make_rollout
 from app.sim.state import Setting, State
@@ -136,22 +137,9 @@ def _moving_rod(task: Task, effects: tuple[Effect, ...], *, stiff: bool) -> Part
     ) -> ObjectState:
         del began
         assert isinstance(state, RodState)
-        return simulate(rod_physics(rods, phi), state, tool, phi[:, own], rod_now(rods, len(phi)))
+        return simulate(rod_physics(rods.scene, rods.physics, phi), state, tool, phi[:, own], rod_now(rods, len(phi)))
 
     return move
-
-
-def rod_physics(rods: RodDynamics, phi: Float[Array, "B P"]) -> RodPhysics:
-    """Physics of a task's rod with these parameters."""
-    given = {name: jnp.full(len(phi), value, jnp.float32) for name, value in rods.physics.items()}
-    rigidity = phi[:, index("stiffness")] * rods.scene.second_moment_m4
-    nominal = RodPhysics.nominal(rods.scene, len(phi))
-    return nominal._replace(rigidity=rigidity, table_friction=phi[:, index("table_friction")], **given)
-
-
-def rod_columns(effects: Sequence[Effect]) -> list[int]:
-    """Columns of phi that a rod's simulator with these effects takes."""
-    return [index(spec.name) for effect in effects for spec in effect.parameters]
 
 
 def rod_now(rods: RodDynamics, candidates: int) -> RodSetting:

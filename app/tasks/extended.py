@@ -9,7 +9,7 @@ from jaxtyping import Float64
 from app.core.errors import ParameterError
 from app.core.messages import Extension, Model, Parameter, fresh_id
 from app.discovery.sensitivity import Step
-from app.discovery.subject import NUMERICS, Catalogue, Theta, catalogue
+from app.discovery.subject import ANY_NUMERICS, Catalogue, Theta, catalogue
 from app.sim.parameter import ParameterSpec
 from app.sim.params import PARAMETERS, phi_with_nulls, require_ranges, validated
 from app.tasks import load
@@ -54,7 +54,7 @@ def extended_model(
     Raises ParameterError for a parameter that nobody knows, or a value outside its range.
     """
     nominal, apparatus = nominal_model(task), _apparatus_specs()
-    _require_known("parameter", values, [*(spec.name for spec in PARAMETERS), *apparatus, *NUMERICS])
+    _require_known("parameter", values, [*(spec.name for spec in PARAMETERS), *apparatus, *ANY_NUMERICS])
     model = Model(
         id=fresh_id("model"),
         cause=(nominal.id,),

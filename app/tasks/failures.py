@@ -21,10 +21,11 @@ from app.sim.dump import Dump, leave_dump
 from app.sim.object_state import ObjectState
 from app.sim.rods.autopsy import RodCase, single_rod
 from app.sim.rods.checks import RodSetup
+from app.sim.rods.from_parameters import rod_columns, rod_physics
 from app.sim.rods.state import RodState
 from app.tasks import load
 from app.tasks.base import Task
-from app.tasks.compiled import needs, now, rod_columns, rod_now, rod_physics
+from app.tasks.compiled import needs, now, rod_now
 
 DUMPS = 3
 """That one process leaves at most, about 50 kB each: what fails after them fails alike."""
@@ -82,7 +83,10 @@ def _case(task: Task, phi: Float32[np.ndarray, " P"], state: ObjectState, tool: 
     assert task.rods is not None
     acting, stiff = needs(task.name, phi)
     effects = tuple(effect for effect in acting if not effect.oriented)
-    own, physics = phi[rod_columns(effects)][None], rod_physics(task.rods, jnp.asarray(phi)[None])
+    own, physics = (
+        phi[rod_columns(effects)][None],
+        rod_physics(task.rods.scene, task.rods.physics, jnp.asarray(phi)[None]),
+    )
     scene = task.rods.scene_for(stiff=stiff)
     return single_rod(RodSetup(scene=scene, effects=effects), physics, state, tool, own, rod_now(task.rods, 1))
 

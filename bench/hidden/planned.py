@@ -9,7 +9,7 @@ the truth takes off. What grows with a session stands still here.
 import argparse
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
 from typing import final
@@ -83,8 +83,8 @@ class Bench:
             )
             study = Study(task=_TASK, pushes=(push,), tables={}, camera=CAMERA_M)
             trials = prepare(study, self.predictor.subject)
-            scene = finer(self.predictor.subject.scene)
-            end = self.predictor(trials, [theta], scene=scene).after[0, 0]
+            world = replace(self.predictor.subject, scene=finer(self.predictor.subject.scene))
+            end = self.predictor(trials, [theta], subject=world).after[0, 0]
         return end if obeyed else self.predictor.unseen(end, _eye(x), self.truth).astype(np.float32)
 
 

@@ -1,0 +1,105 @@
+"""Compiled simulators of a subject: batches of pushes from a cloud to the view on the way, and on to the end.
+
+They take parameters phi (B, P), clouds (B, N, 3) [m], labels (B, N, 4) and session times (B) as `sim.state.Setting` has
+them, and paths of the tool (B, T, 3) [m] to the view and from there; they return the clouds then.
+"""
+
+from collections.abc import Callable
+from functools import lru_cache
+from typing import TypeAlias
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Float
+
+from app.discovery.subject import RodModel, Subject
+from app.sim.catalogue import EFFECTS
+from app.sim.rods.effect import RodSetting
+from app.sim.rods.from_parameters import rod_columns, rod_physics
+from app.sim.rods.rollout import make_rod_rollout
+from app.sim.rods.state import RodStart
+from app.sim.rollout import Simulate, make_rollout
+from app.sim.scene import Scene
+from app.sim.state import Setting, State
+
+BLOCK = 32
+"""Time steps that are compiled as one, of which every path is a whole number: few shapes are compiled."""
+_CHUNKS = {"cpu": (8, 32), "gpu": (256, 512, 1024, 2048)}
+_ROD_CHUNKS = {"cpu": (16, 128), "gpu": (256, 2048)}
+_LENGTHS = {"cpu": 1.0, "gpu": 2.0}
+"""Ratio of one length of paths to the next: a GPU rather simulates more pushes at once, some of them for longer."""
+_ROD_LENGTHS = 1.5
+"""The same of rods, whose path is simulated as one."""
+
+Stepper: TypeAlias = Callable[..., tuple[jax.Array, jax.Array]]
+
+
+def stepper(subject: Subject) -> Stepper:
+    """The simulator of a subject, with all effects: to compile a few takes longer than all take in a whole study."""
+    if subject.rods is not None:
+        return _rod_stepper(subject.rods)
+    return _particle_stepper(subject.scene, subject.particle_count)
+
+
+def chunks(subject: Subject, platform: str) -> tuple[int, ...]:
+    """Simulations at once."""
+    return (_CHUNKS if subject.rods is None else _ROD_CHUNKS)[platform]
+
+
+def length_ratio(subject: Subject, platform: str) -> float:
+    """Ratio of one length of paths to the next longer one; 1: every number of blocks is a length."""
+    return _LENGTHS[platform] if subject.rods is None else _ROD_LENGTHS
+
+
+@lru_cache(maxsize=16)
+def _particle_stepper(scene: Scene, particles: int) -> Stepper:
+    simulate: Simulate = make_rollout(scene, particle_count=particles)
+
+    @jax.jit
+    def block(phi: jax.Array, state: State, tool: jax.Array, label: jax.Array, time: jax.Array) -> State:
+        return simulate(phi, state, tool, Setting(label=label, time=time))
+
+    def moved(phi: np.ndarray, state: State, tool: np.ndarray, label: np.ndarray, time: np.ndarray) -> State:
+        for first in range(0, tool.shape[1] - 1, BLOCK):
+            state = block(phi, state, tool[:, first : first + BLOCK + 1], label, time)
+        return state
+
+    def stepped(
+        phi: np.ndarray, x: np.ndarray, label: np.ndarray, time: np.ndarray, first: np.ndarray, second: np.ndarray
+    ) -> tuple[jax.Array, jax.Array]:
+        stopped = moved(phi, State.at_rest(jnp.asarray(x)), first, label, time)
+        return stopped.x, moved(phi, stopped, second, label, time).x
+
+    return stepped
+
+
+@lru_cache(maxsize=16)
+def _rod_stepper(rods: RodModel) -> Stepper:
+    scene, effects = rods.scene, tuple(effect for effect in EFFECTS if effect.rod is not None)
+    simulate, own = make_rod_rollout(scene, effects), np.array(rod_columns(effects), int)
+    begin, contact = RodStart(scene.nodes, scene.rest_m, scene.radius_m), dict(rods.contact)
+
+    @jax.jit
+    def stepped(
+        phi: jax.Array, x: jax.Array, label: jax.Array, time: jax.Array, first: jax.Array, second: jax.Array
+    ) -> tuple[jax.Array, jax.Array]:
+        state, physics = begin(x), rod_physics(scene, contact, phi)
+        along = material_coordinates(state.place, label[..., 0], scene.nodes)
+        setting = RodSetting(material_coordinates=along, session_time=time)
+        stopped = simulate(physics, state, first, phi[:, own], setting)
+        return stopped.x, simulate(physics, stopped, second, phi[:, own], setting).x
+
+    return stepped
+
+
+def material_coordinates(
+    place: Float[jax.Array, "B N"], label: Float[jax.Array, "B N"], nodes: int
+) -> Float[jax.Array, "B n"]:
+    """Of a rod's nodes, from -1 at the object's first end to 1.
+
+    `place`: of particles, in segments from the first node; `label`: where along the object they are, from -1 to 1.
+    """
+    centred = place - place.mean(1, keepdims=True)
+    direction = jnp.sign((centred * (label - label.mean(1, keepdims=True))).sum(1))
+    return direction[:, None] * jnp.linspace(-1.0, 1.0, nodes)
