@@ -1,0 +1,89 @@
+"""Discovery on rods: pushes of a rope of any size, simulated as what the recording says it is."""
+
+from dataclasses import replace
+from functools import cache
+
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+from app.discovery.predict import Predictor, Trials, prepare
+from app.discovery.steppers import material_coordinates
+from app.discovery.subject import ANY_NUMERICS, NUMERICS, ROD_NUMERICS, catalogue
+from app.policy.strokes import Plan
+from app.tasks import load
+from app.tasks.doubted import subject_of
+from bench.hidden.ropes import RopeCase
+
+CASE = RopeCase(seed=3, plan=Plan(episodes=2, pushes=1))
+SUBJECT = subject_of(CASE.task)
+KNOWN = catalogue(SUBJECT.rods)
+
+
+@cache
+def predictor() -> Predictor:
+    return Predictor(SUBJECT, KNOWN)
+
+
+@cache
+def trials() -> Trials:
+    return prepare(CASE.record(), SUBJECT)
+
+
+def test_a_rope_of_drawn_size_in_another_engine_is_predicted_far_better_than_by_no_motion() -> None:
+    seen = predictor()(trials(), [KNOWN.nominal(SUBJECT)])
+    for found, observed in ((seen.during[0], trials().observed.during), (seen.after[0], trials().observed.after)):
+        for k, push in enumerate(trials().study.pushes):
+            moved = np.linalg.norm(_middle(observed[k]) - _middle(push.before.points))
+            assert np.linalg.norm(_middle(observed[k]) - _middle(found[k])) < 0.5 * moved
+
+
+def _middle(points: np.ndarray) -> np.ndarray:
+    return points[:, :2].mean(0)
+
+
+def test_parameters_that_are_equal_predict_the_same_and_each_numeric_cause_something_else() -> None:
+    nominal = KNOWN.nominal(SUBJECT)
+    twice = predictor()(trials(), [nominal, nominal]).after
+    np.testing.assert_array_equal(twice[0], twice[1])
+    for name in ROD_NUMERICS:
+        other = predictor()(trials(), [nominal], subject=SUBJECT.numeric(name)).after[0]
+        assert 1e-6 < np.abs(other - twice[0]).max() < 0.05, name
+
+
+@pytest.mark.parametrize("name", ["mass_slope", "rest_curvature"])
+def test_what_acts_along_a_rope_follows_its_material_whichever_end_is_called_the_first(name: str) -> None:
+    """With labels from the other end, an odd effect of the opposite sign is the same effect."""
+    column, turned = KNOWN.column(name), trials().labels * np.array([-1, -1, -1, -1], np.float32)
+    forth, back = KNOWN.nominal(SUBJECT), KNOWN.nominal(SUBJECT)
+    typical = KNOWN.specs[column].typical
+    assert typical is not None
+    forth[column], back[column] = typical, -typical
+    one = predictor()(trials(), [forth]).after[0]
+    other = predictor()(replace(trials(), labels=turned), [back]).after[0]
+    np.testing.assert_allclose(one, other, atol=1e-4)
+    assert np.abs(one - predictor()(trials(), [back]).after[0]).max() > 1e-3
+
+
+@pytest.mark.parametrize("turned", [False, True])
+def test_nodes_have_the_material_coordinates_of_the_particles_around_them(turned: bool) -> None:
+    label = np.linspace(-1, 1, 40)[None]
+    place = np.linspace(0, 10, 40)[None][:, :: -1 if turned else 1]
+    along = np.asarray(material_coordinates(jnp.asarray(place), jnp.asarray(label), 11))[0]
+    np.testing.assert_allclose(along, np.linspace(-1, 1, 11)[:: -1 if turned else 1], atol=1e-6)
+
+
+def test_the_catalogue_of_rods_has_what_acts_on_them_with_every_parameter_in_its_column() -> None:
+    of_particles = catalogue()
+    names = {cause.name for cause in KNOWN.causes}
+    missing = {cause.name for cause in of_particles.causes} - names
+    assert missing == {"adhesion", "cohesion", "rolling_resistance", "shear_thinning", "contact_softness"}
+    assert names - {cause.name for cause in of_particles.causes} == set(ROD_NUMERICS) - set(NUMERICS)
+    for cause in KNOWN.causes:
+        if cause.name not in ANY_NUMERICS:
+            assert cause.columns == of_particles.cause(cause.name).columns
+
+
+def test_what_is_a_cause_is_not_fitted_whatever_the_cause() -> None:
+    assert SUBJECT.calibrated == ("stiffness", "table_friction")
+    assert load("rope_push@rods").calibrated == ("stiffness", "table_friction", "finger_friction")
