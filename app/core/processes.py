@@ -42,7 +42,7 @@ def ask_for_real_time() -> None:
     So do the threads that it starts. Without the right to it (CAP_SYS_NICE) a loop still wakes in time as a rule,
     because it uses so little.
     """
-    with contextlib.suppress(PermissionError):
+    with contextlib.suppress(OSError):
         os.sched_setscheduler(0, os.SCHED_RR, os.sched_param(_ARM_PRIORITY))
 
 
@@ -66,7 +66,7 @@ def may_run_in_real_time() -> bool:
     """Whether the system allows it to this process; the calling thread is an ordinary one before and after."""
     try:
         os.sched_setscheduler(0, os.SCHED_RR, os.sched_param(_APPLICATION_PRIORITY))
-    except PermissionError:
+    except OSError:  # A sandbox may not know the call at all.
         return False
     os.sched_setscheduler(0, os.SCHED_OTHER, os.sched_param(0))
     return True
@@ -82,14 +82,14 @@ def start(process: BaseProcess) -> None:
     try:
         process.start()
     finally:
-        with contextlib.suppress(PermissionError):  # Who may set the flag may not always take it back.
+        with contextlib.suppress(OSError):  # Who may set the flag may not always take it back.
             os.sched_setscheduler(0, policy, parameters)
 
 
 def _schedule_threads(policy: int, priority: int) -> None:
     """All threads of this process that there are."""
     for thread in Path("/proc/self/task").iterdir():
-        with contextlib.suppress(PermissionError, ProcessLookupError):
+        with contextlib.suppress(OSError):
             os.sched_setscheduler(int(thread.name), policy, os.sched_param(priority))
 
 

@@ -17,7 +17,7 @@ IMPOSSIBLE = {
     "cohesion": "there are no grains in this world",
     "shear_thinning": "there is no liquid in this world",
     **dict.fromkeys(
-        ("resolution", "contact_softness", "contact_distance"),
+        ("resolution", "contact_softness", "contact_distance", "finger_climb", "finger_press"),
         "it is an error of our own numerics, which another engine does not have",
     ),
 }
