@@ -12,6 +12,7 @@ from typing import Final, final
 import numpy as np
 from jaxtyping import Float64
 
+from app.core.task_name import recorded
 from app.core.types import Cloud
 from app.discovery.study import Push, Study, View
 from app.perception.resample import resample
@@ -94,7 +95,7 @@ class RopeCase:
         task, rng = self.task, np.random.default_rng([self.seed, _SEEN])
         takes = rehearse(task, self.plan, self.physics, self.injected, self.seed)
         pushes = tuple(_pushes(task, takes, rng))
-        return Study(task=task.name, pushes=pushes, tables={each.episode: _table(rng) for each in pushes})
+        return Study(task=recorded(task.name), pushes=pushes, tables={each.episode: _table(rng) for each in pushes})
 
 
 def _pushes(task: Task, takes: Iterable[Take], rng: np.random.Generator) -> Iterator[Push]:
