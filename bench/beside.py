@@ -9,7 +9,7 @@ import os
 import subprocess
 import sys
 import tempfile
-from collections.abc import Generator, Iterator
+from collections.abc import Generator
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from pathlib import Path
@@ -17,16 +17,15 @@ from typing import Annotated, final
 
 import psutil
 import tyro
-from playwright.sync_api import Browser, Error, sync_playwright
+from playwright.sync_api import Browser, Error
 from rich.console import Console
 from rich.table import Table
 
 from app.core.messages import Executed
 from app.recording.reader import read_messages
 from app.ui.words import millimetres
-from bench.browser import FLAGS, MISSING, chromium
+from bench.browser import console_url, open_browser
 
-_HEAD = "Operator console: "
 _PATIENCE_S, _PATIENCE_MS = 1200, 60_000
 
 
@@ -50,7 +49,7 @@ def main(
 ) -> None:
     """Run the episodes one after another, and print the table."""
     table = Table("seed", "motions", "stopped", "from the goal", "why", title=f"{pages} pages, {loops} busy loops")
-    with tempfile.TemporaryDirectory() as folder, _browser() as browser, _busy(loops):
+    with tempfile.TemporaryDirectory() as folder, open_browser() as browser, _busy(loops):
         for seed in range(seeds):
             episode = _episode(seed, pushes, pages, browser, Path(folder))
             why = "; ".join(episode.reasons) or ("" if episode.rc == 0 else f"ended with {episode.rc}")
@@ -94,29 +93,9 @@ def _program(seed: int, pushes: int, folder: Path, outcome: Path) -> Generator[t
         env=os.environ | {"PYTHONUNBUFFERED": "1"},
     ) as process:
         try:
-            yield process, _url(iter(process.stdout or ()))
+            yield process, console_url(process.stdout or ())
         finally:
             process.terminate()
-
-
-def _url(lines: Iterator[str]) -> str:
-    said = list[str]()
-    for line in lines:
-        if line.startswith(_HEAD):
-            return line.removeprefix(_HEAD).strip()
-        said.append(line)
-    raise SystemExit("The program ended before its console was there:\n" + "".join(said))
-
-
-@contextmanager
-def _browser() -> Generator[Browser]:
-    executable = chromium()
-    if executable is None:
-        raise SystemExit(MISSING)
-    with sync_playwright() as playwright:
-        browser = playwright.chromium.launch(executable_path=executable, args=FLAGS)
-        yield browser
-        browser.close()
 
 
 @contextmanager

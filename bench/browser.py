@@ -2,6 +2,10 @@
 
 import os
 import shutil
+from collections.abc import Generator, Iterable
+from contextlib import contextmanager
+
+from playwright.sync_api import Browser, sync_playwright
 
 _BROWSERS = ("chromium", "chromium-browser", "google-chrome")
 FLAGS = [
@@ -21,3 +25,25 @@ MISSING = "Chromium is missing; install it (`apt-get install chromium`) or set D
 def chromium() -> str | None:
     """Where Chromium is: in $DIPAC_CHROMIUM or on the path."""
     return os.environ.get("DIPAC_CHROMIUM") or next(filter(None, map(shutil.which, _BROWSERS)), None)
+
+
+@contextmanager
+def open_browser() -> Generator[Browser]:
+    """A Chromium without a window, which draws in software. Raises SystemExit where there is none."""
+    executable = chromium()
+    if executable is None:
+        raise SystemExit(MISSING)
+    with sync_playwright() as playwright:
+        browser = playwright.chromium.launch(executable_path=executable, args=FLAGS)
+        yield browser
+        browser.close()
+
+
+def console_url(lines: Iterable[str]) -> str:
+    """URL of the console, from what the program prints as it starts. Raises SystemExit where it ends before."""
+    head, printed = "Operator console: ", list[str]()
+    for line in lines:
+        if line.startswith(head):
+            return line.removeprefix(head).strip()
+        printed.append(line)
+    raise SystemExit("The program ended before its console was there:\n" + "".join(printed))

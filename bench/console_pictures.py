@@ -14,9 +14,9 @@ from contextlib import contextmanager, suppress
 from pathlib import Path
 
 import tyro
-from playwright.sync_api import Error, Page, sync_playwright
+from playwright.sync_api import Error, Page
 
-from bench.browser import FLAGS, MISSING, chromium
+from bench.browser import console_url, open_browser
 
 IMAGES = Path(__file__).parents[1] / "docs" / "images"
 _PATIENCE_MS = 300_000
@@ -86,8 +86,7 @@ def _program(task: str, seed: int, recordings: Path) -> Generator[str]:
     ) as process:
         assert process.stdout is not None
         try:
-            head = "Operator console: "
-            yield next(line.removeprefix(head).strip() for line in process.stdout if line.startswith(head))
+            yield console_url(process.stdout)
         finally:
             process.send_signal(signal.SIGINT)
             process.wait(timeout=60)
@@ -95,15 +94,10 @@ def _program(task: str, seed: int, recordings: Path) -> Generator[str]:
 
 @contextmanager
 def _page() -> Generator[Page]:
-    executable = chromium()
-    if executable is None:
-        raise SystemExit(MISSING)
-    with sync_playwright() as playwright:
-        browser = playwright.chromium.launch(executable_path=executable, args=FLAGS)
+    with open_browser() as browser:
         page = browser.new_page(viewport=_SIZE)  # pyright: ignore[reportArgumentType]
         page.set_default_timeout(_PATIENCE_MS)
         yield page
-        browser.close()
 
 
 if __name__ == "__main__":

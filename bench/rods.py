@@ -24,6 +24,7 @@ from rich.table import Table
 from scipy.optimize import least_squares
 
 from app.core.stage import RopeModel
+from app.discovery.centreline_noise import smooth_noise
 from app.policy.strokes import Plan
 from app.rig.simulated.physics import ROPE_WORLDS
 from app.rig.simulated.rehearsal import Take, push_again, rehearse
@@ -49,8 +50,6 @@ _SET_STARTS: Final = (0.1, 0.9)
 """Whence it is fitted: a rope is mostly one or the other."""
 BESIDE_M: Final = 1e-3
 """Standard deviation an axis of starts beside the true one."""
-_WAVES: Final = 7
-"""Of which these are made: a shift, and cosines of up to six half waves along the rope."""
 _TIMED_S, _SOFT_M, _LIFTED_M, _REST_S, _ASIDE = 1.4, 0.003, 0.05, 0.3, 0.2
 
 
@@ -194,17 +193,10 @@ def itself_mm(world: RopeModel, seed: int) -> Float64[np.ndarray, " P"]:
     rng, found = np.random.default_rng([seed, 1]), list[float]()
     for take in takes(world, seed):
         start = take.before.snapshot.nodes.copy()
-        start[:, :2] += _smooth_noise(rng, len(start))
+        start[:, :2] += smooth_noise(rng, np.linspace(-1, 1, len(start)), BESIDE_M)
         end = push_again(TASK, ROPE_WORLDS[world], start, take.command)
         found.append(1e3 * float(np.linalg.norm((end - take.after.snapshot.nodes)[:, :2], axis=1).mean()))
     return np.array(found)
-
-
-def _smooth_noise(rng: np.random.Generator, count: int) -> Float64[np.ndarray, "K 2"]:
-    """As a camera's centreline errs: smooth along the rope, with a shift."""
-    waves = np.cos(np.pi * np.arange(_WAVES)[:, None] * np.linspace(0, 1, count))
-    waves[1:] *= np.sqrt(2)
-    return BESIDE_M * np.einsum("wa,wk->ka", rng.standard_normal((_WAVES, 2)), waves / np.sqrt(_WAVES))
 
 
 @cache

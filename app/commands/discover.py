@@ -18,7 +18,7 @@ from app.core.messages import Model
 from app.discovery.case import Case
 from app.discovery.chain import discover as investigate
 from app.discovery.study import Study
-from app.discovery.subject import Catalogue, catalogue
+from app.discovery.subject import Catalogue, Subject, catalogue
 from app.recording.model_file import save_model
 from app.sim.catalogue import discover as effects_of_the_simulator
 from app.tasks import load
@@ -45,23 +45,23 @@ def discover(
     with terminal.status("reading the recordings") as status:
         study = read_study(recordings, task=task)
         doubted = full_name(study.task, dynamics=dynamics)
+        subject = subject_of(load(doubted))
         began = time.monotonic()
 
         def said(stage: str) -> None:
             terminal.print(f"[dim]{time.monotonic() - began:6.0f} s[/]  {stage}")
             status.update(stage)
 
-        case = investigate(study, subject_of(load(doubted)), said)
+        case = investigate(study, subject, said)
     report = output / "report.html"
     write_report(report, case)
-    save_model(output / MODEL, _model(case, study, doubted, recordings))
+    save_model(output / MODEL, _model(case, study, doubted, subject, recordings))
     (output / VERDICT).write_text(verdict_json(case), encoding="utf-8")
     terminal.print(show_case(case, report))
 
 
-def _model(case: Case, study: Study, task: str, recordings: Sequence[Path]) -> Model:
+def _model(case: Case, study: Study, task: str, subject: Subject, recordings: Sequence[Path]) -> Model:
     """The extended model of `task` for `--model`; where nothing is missing, the refitted nominal one."""
-    subject = subject_of(load(task))
     known = catalogue(subject.rods)
     nominal = known.nominal(subject)
     values, covariance = estimated(known, nominal, case.extended, case.estimated, case.covariance)

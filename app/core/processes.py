@@ -53,7 +53,7 @@ def in_real_time() -> Generator[None]:
     All of its threads, those to come too: one that waits for a core may hold the interpreter's lock, and the event loop
     would wait with it. Beside a browser that draws in software and a busy program, an event loop of ordinary priority
     waited for a core for 100 to 450 ms at a time, while it needed one for less than a millisecond; an arm's watchdog
-    waits 160. Processes are ordinary ones, by `start`.
+    waits 160. Processes are ordinary ones, by `start_ordinary`.
     """
     _schedule_threads(os.SCHED_RR, _APPLICATION_PRIORITY)
     try:
@@ -72,7 +72,7 @@ def may_run_in_real_time() -> bool:
     return True
 
 
-def start(process: BaseProcess) -> None:
+def start_ordinary(process: BaseProcess) -> None:
     """Start an ordinary process, also from a thread that runs before those."""
     policy, parameters = os.sched_getscheduler(0), os.sched_getparam(0)
     if policy != os.SCHED_RR:

@@ -15,7 +15,7 @@ import anyio
 from anyio import to_thread
 
 from app.core.errors import DipacError, WorkerError
-from app.core.processes import start
+from app.core.processes import start_ordinary
 
 ResultT = TypeVar("ResultT")
 
@@ -103,7 +103,7 @@ class Worker(AbstractAsyncContextManager["Worker"]):
                     name=f"dipac {self.name}",
                     daemon=True,
                 )
-                start(self._process)
+                start_ordinary(self._process)
                 theirs.close()
             return self._process, self._connection
 

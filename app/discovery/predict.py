@@ -17,6 +17,7 @@ from scipy.spatial import KDTree
 from app.core.track import Track
 from app.core.types import Points
 from app.discovery.apparatus.base import Apparatus, Eye, Load, Places
+from app.discovery.centreline_noise import smooth_noise
 from app.discovery.steppers import BLOCK, chunks, length_ratio, stepper
 from app.discovery.study import Push, Study, View
 from app.discovery.subject import Catalogue, Subject, Theta
@@ -31,8 +32,6 @@ _TOUCH_M = 0.018
 """From the tip to the nearest particle when it touches."""
 _SLOW_M_S = 0.01
 _STILL_M = 2e-3
-_WAVES = 7
-"""Half waves along the object, a shift included, in which cameras err."""
 _LEAST_SHARE = 0.1
 
 
@@ -84,10 +83,7 @@ class Trials:
         if not self.smooth:
             moved[:, :2] += rng.normal(0, self.noise_m, (len(points), 2))
             return moved
-        waves = np.cos(np.pi / 2 * np.arange(_WAVES) * (along[:, None] + 1)) * np.where(
-            np.arange(_WAVES) > 0, 2**0.5, 1
-        )
-        moved[:, :2] += self.noise_m / np.sqrt(_WAVES) * waves @ rng.standard_normal((_WAVES, 2))
+        moved[:, :2] += smooth_noise(rng, along, self.noise_m)
         return moved
 
 

@@ -10,10 +10,10 @@ from dataclasses import dataclass, field, replace
 from typing import Final, final
 
 import numpy as np
-from jaxtyping import Float64
 
 from app.core.task_name import recorded
 from app.core.types import Cloud
+from app.discovery.centreline_noise import smooth_noise
 from app.discovery.study import Push, Study, View
 from app.perception.resample import resample
 from app.policy.strokes import REGION, Plan
@@ -37,7 +37,6 @@ _LIMP_N_M2: Final = 6e-5
 _YIELD_1_M: Final = 5.0
 """Curvature beyond which a rope keeps its bend: the chain's."""
 _LINE_M, _POINT_M = 0.8e-3, 0.4e-3
-_WAVES: Final = 7
 _DENSE: Final = 2
 _TIP_M, _TIP_POINTS = 1e-3, 60
 _TABLE_POINTS: Final = 400
@@ -114,7 +113,7 @@ def _pushes(task: Task, takes: Iterable[Take], rng: np.random.Generator) -> Iter
 def _view(task: Task, look: Look, rng: np.random.Generator) -> View:
     """The rope as cameras and their reconstruction show it."""
     nodes, count = look.snapshot.nodes.copy(), task.preset("cpu").particle_count
-    nodes[:, :2] += _smooth_noise(rng, len(nodes))
+    nodes[:, :2] += smooth_noise(rng, np.linspace(-1, 1, len(nodes)), _LINE_M)
     nodes[:, 2] = task.rope.radius_m
     body = fill_tube(nodes, task.rope.radius_m, _DENSE * count)
     seen = (body + rng.normal(0, _POINT_M, body.shape)).astype(np.float32)
@@ -126,10 +125,3 @@ def _table(rng: np.random.Generator) -> Cloud:
     level = np.zeros((_TABLE_POINTS, 3))
     level[:, :2] = rng.uniform(REGION[:2], REGION[2:], (_TABLE_POINTS, 2))
     return (level + rng.normal(0, _TIP_M, level.shape)).astype(np.float32)
-
-
-def _smooth_noise(rng: np.random.Generator, count: int) -> Float64[np.ndarray, "K 2"]:
-    """A shift, and cosines of up to six half waves along the rope."""
-    waves = np.cos(np.pi * np.arange(_WAVES)[:, None] * np.linspace(0, 1, count))
-    waves[1:] *= np.sqrt(2)
-    return _LINE_M / np.sqrt(_WAVES) * np.einsum("wa,wk->ka", rng.standard_normal((_WAVES, 2)), waves)

@@ -129,10 +129,18 @@ def handed_over(made: Path, folder: Path) -> list[Path]:
 
 
 def solved(recordings: Sequence[Path], folder: Path, deadline_s: float) -> dict[str, Any]:
-    """What `dipac discover` concludes, in a process that is given the recordings and nothing else."""
+    """What `dipac discover` concludes, in a process that is given the recordings and nothing else.
+
+    It doubts material points: so does the oracle, and so do the recordings of our own engine in other numerics.
+    """
     names = [path.name for path in recordings]
     environment = {name: os.environ[name] for name in _CURRENT if name in os.environ}
-    _run(["app", "discover", *names, "-o", "discovery"], deadline_s, folder=folder, environment=environment)
+    _run(
+        ["app", "discover", *names, "-o", "discovery", "--dynamics", "mpm"],
+        deadline_s,
+        folder=folder,
+        environment=environment,
+    )
     verdict = json.loads((folder / "discovery" / "verdict.json").read_text(encoding="utf-8"))
     return {name: verdict[name] for name in _KEPT}
 

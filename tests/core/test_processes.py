@@ -6,7 +6,7 @@ from multiprocessing.queues import SimpleQueue
 
 import pytest
 
-from app.core.processes import in_real_time, may_run_in_real_time, start
+from app.core.processes import in_real_time, may_run_in_real_time, start_ordinary
 from app.core.ring import SPAWN
 
 
@@ -47,7 +47,7 @@ def test_a_process_that_it_starts_is_an_ordinary_one() -> None:
     child = SPAWN.Process(target=_say_policy, args=(answers,))
     with in_real_time():
         before = os.sched_getscheduler(0)
-        start(child)
+        start_ordinary(child)
         child.join()
         assert os.sched_getscheduler(0) == before
     assert child.exitcode == 0

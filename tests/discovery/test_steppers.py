@@ -54,7 +54,7 @@ def test_parameters_that_are_equal_predict_the_same_and_each_numeric_cause_somet
 @pytest.mark.parametrize("name", ["mass_slope", "rest_curvature"])
 def test_what_acts_along_a_rope_follows_its_material_whichever_end_is_called_the_first(name: str) -> None:
     """With labels from the other end, an odd effect of the opposite sign is the same effect."""
-    column, turned = KNOWN.column(name), trials().labels * np.array([-1, -1, -1, -1], np.float32)
+    column, turned = KNOWN.column(name), -trials().labels
     forth, back = KNOWN.nominal(SUBJECT), KNOWN.nominal(SUBJECT)
     typical = KNOWN.specs[column].typical
     assert typical is not None

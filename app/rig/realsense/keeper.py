@@ -8,7 +8,7 @@ from typing import final
 import anyio
 from anyio import to_thread
 
-from app.core.processes import end, process, start
+from app.core.processes import end, process, start_ordinary
 from app.rig.realsense.capture import run_capture
 from app.rig.realsense.ladder import Action, Ladder, Patience, Sight, climbed
 from app.rig.realsense.memory import CaptureMemory, Report
@@ -106,7 +106,7 @@ class Keeper:
         self.memory.report(Report(command=number, step="opening", absent=False, text=""))
         arguments = (self.memory, self._source, self._settings, os.getpid())
         self._process = process(f"camera {self._name}", run_capture, *arguments)
-        start(self._process)
+        start_ordinary(self._process)
 
     def _end(self) -> None:
         """Let the process stop its stream; one that does not is killed. Blocks."""
