@@ -18,9 +18,9 @@ from app.core.track import Track
 from app.core.types import Points
 from app.discovery.apparatus.base import Apparatus, Eye, Load, Places
 from app.discovery.centreline_noise import smooth_noise
-from app.discovery.steppers import BLOCK, chunks, length_ratio, stepper
+from app.discovery.steppers import BLOCK, Start, Stepper, chunks, length_ratio, of_one_length, stepper
 from app.discovery.study import Push, Study, View
-from app.discovery.subject import Catalogue, Subject, Theta
+from app.discovery.subject import ROD_NUMERICS, Catalogue, Subject, Theta
 from app.sim.arc_length import arclength_labels, centreline_weights
 from app.sim.params import PARAMETERS, index
 
@@ -51,6 +51,8 @@ class Trials:
     """The pushes of a study made ready for simulation; K of them."""
 
     study: Study
+    clouds: Float32[np.ndarray, "K N 3"]
+    """Before each push, as they were seen, whatever is then taken to be wrong with that."""
     labels: Float32[np.ndarray, "K N 4"]
     middles: Float32[np.ndarray, "K N 3"]
     times: Float64[np.ndarray, " K"]
@@ -100,6 +102,7 @@ def prepare(study: Study, subject: Subject) -> Trials:
     )
     return Trials(
         study=study,
+        clouds=np.stack([push.before.points for push in pushes]),
         labels=labels,
         middles=middles,
         times=study.session_times(),
@@ -122,6 +125,10 @@ class Predictor:
 
     def __init__(self, subject: Subject, catalogue: Catalogue) -> None:
         self.subject, self.catalogue = subject, catalogue
+        specs = [spec.name for spec in catalogue.specs]
+        self._unknowns = [specs.index(name) for name in ROD_NUMERICS] if subject.rods is not None else []
+        own = [range(first, first + len(effect.parameters)) for effect, first in catalogue.apparatus]
+        self._apparatus = [column for columns in own for column in columns]
         self._platform = "cpu" if jax.default_backend() == "cpu" else "gpu"
 
     def __call__(
@@ -143,9 +150,9 @@ class Predictor:
         simulate = stepper(own)
         for group in self._groups(trials, own):
             jobs = [(q, k) for q in range(len(thetas)) for k in group.pushes if where is None or where[q, k]]
+            ways = self._ways(trials, thetas, jobs, group, simulate)
             for chunk in _chunks(jobs, chunks(own, self._platform)):
-                inputs = self._inputs(trials, thetas, chunk, group)
-                found = simulate(*inputs)
+                found = simulate.move(*self._inputs(trials, thetas, chunk, ways))
                 for (q, k), mid, end in zip(chunk, *map(np.asarray, found), strict=False):
                     eye = Eye(np.asarray(trials.study.camera), trials.middles[k].astype(np.float64))
                     during[q, k] = self.seen(mid, eye, thetas[q])
@@ -199,6 +206,9 @@ class Predictor:
             steps = [math.ceil((stop - start) / step_s), math.ceil((end - stop) / step_s)]
             first, second = (_blocks(count, ratio) for count in steps)
             found.setdefault((first, second), []).append(k)
+        if of_one_length(subject) and found:
+            longest = max(first for first, _ in found), max(second for _, second in found)
+            found = {longest: list(range(len(trials)))}
         return [_Group(tuple(pushes), *lengths, step_s) for lengths, pushes in found.items()]
 
     def _inputs(
@@ -206,24 +216,42 @@ class Predictor:
         trials: Trials,
         thetas: Sequence[Theta],
         jobs: Sequence[tuple[int, int]],
-        group: "_Group",
-    ) -> tuple[np.ndarray, ...]:
-        phi = np.stack([thetas[q][: len(PARAMETERS)] for q, _ in jobs]).astype(np.float32)
-        made = dict[tuple[int, bytes], tuple[np.ndarray, np.ndarray, np.ndarray]]()
-        for q, k in jobs:
-            key = (k, thetas[q][len(PARAMETERS) :].tobytes())
-            if key not in made:
-                made[key] = self._seen_from(trials, k, thetas[q], group)
-        rows = [made[k, thetas[q][len(PARAMETERS) :].tobytes()] for q, k in jobs]
+        ways: "_Ways",
+    ) -> tuple[np.ndarray | Start, ...]:
+        theta = np.stack([thetas[q] for q, _ in jobs]).astype(np.float32)
+        rows = [ways.row[self._way(k, thetas[q])] for q, k in jobs]
         pushes = [k for _, k in jobs]
         return (
-            phi,
-            np.stack([row[0] for row in rows]),
+            theta[:, : len(PARAMETERS)],
+            theta[:, self._unknowns],
+            tuple(part[rows] for part in ways.start),
             trials.labels[pushes],
             trials.times[pushes].astype(np.float32),
-            np.stack([row[1] for row in rows]),
-            np.stack([row[2] for row in rows]),
+            ways.to_stop[rows],
+            ways.to_end[rows],
         )
+
+    def _ways(
+        self,
+        trials: Trials,
+        thetas: Sequence[Theta],
+        jobs: Sequence[tuple[int, int]],
+        group: "_Group",
+        simulate: Stepper,
+    ) -> "_Ways":
+        """What a push begins from and how the tool moves in it, once for all models that agree about the apparatus."""
+        first = dict[tuple[int, bytes], tuple[int, int]]()
+        for q, k in jobs:
+            first.setdefault(self._way(k, thetas[q]), (q, k))
+        made = [self._seen_from(trials, k, thetas[q], group) for q, k in first.values()]
+        x, to_stop, to_end = (np.stack(parts) for parts in zip(*made, strict=True)) if made else (np.zeros(0),) * 3
+        row = {key: number for number, key in enumerate(first)}
+        seen = trials.clouds[[k for _, k in first.values()]]
+        return _Ways(row, simulate.begin(x, seen) if made else (), to_stop, to_end)
+
+    def _way(self, k: int, theta: Theta) -> tuple[int, bytes]:
+        """All that a push's beginning and its tool's way depend on."""
+        return k, theta[self._apparatus].tobytes()
 
     def _seen_from(
         self, trials: Trials, k: int, theta: Theta, group: "_Group"
@@ -246,6 +274,15 @@ class _Group(NamedTuple):
     to_stop: int
     to_end: int
     step_s: float
+
+
+class _Ways(NamedTuple):
+    """Beginnings and paths of the tool; `row` says which is whose."""
+
+    row: dict[tuple[int, bytes], int]
+    start: Start
+    to_stop: Float32[np.ndarray, "W T 3"]
+    to_end: Float32[np.ndarray, "W T 3"]
 
 
 def _blocks(steps: int, ratio: float) -> int:

@@ -12,7 +12,7 @@ from app.discovery.field import MODES, Basis
 from app.discovery.inference import CALIBRATED, Finding, Prior, Weighing, habit, weigh
 from app.discovery.predict import Predictor, Trials
 from app.discovery.sensitivity import Step, apart, moved, residuals, steps_of, ways_of
-from app.discovery.subject import ANY_NUMERICS, Catalogue, Theta
+from app.discovery.subject import ANY_NUMERICS, ROD_NUMERICS, Catalogue, Theta
 
 _REFITS = 5
 _SETTLED = 0.2
@@ -52,12 +52,16 @@ class Screening:
 
 
 def refit(predictor: Predictor, trials: Trials) -> Theta:
-    """The nominal model with the calibrated parameters that fit these pushes."""
+    """The nominal model with the calibrated parameters that fit these pushes, and of rods the unknown ones, too."""
     catalogue, calibrated = predictor.catalogue, predictor.subject.calibrated
-    own = [step for step in steps_of(catalogue, calibrated, np.zeros((0, 2))) if step.cause in calibrated]
+    fitted_too = () if predictor.subject.rods is None else tuple(ROD_NUMERICS)
+    own = [
+        step for step in steps_of(catalogue, calibrated, np.zeros((0, 2))) if step.cause in (*calibrated, *fitted_too)
+    ]
     about = catalogue.nominal(predictor.subject)
     for _ in range(_REFITS):
-        found = fitted(residuals(predictor, trials, about, own, replicas=2), np.full(len(own), CALIBRATED**2))
+        prior = prior_of(catalogue, calibrated, about, own)
+        found = fitted(residuals(predictor, trials, about, own, replicas=2), prior.variance, prior.mean)
         before = about
         for step, share in zip(own, np.clip(found.theta, -_FAR, _FAR), strict=True):
             about = moved(catalogue, about, step, float(share))
@@ -83,7 +87,7 @@ def screened(
     catalogue: Catalogue, calibrated: Sequence[str], about: Theta, steps: Sequence[Step], data: Residuals
 ) -> Screening:
     """What the residuals and slopes about a model say of every cause."""
-    prior = prior_of(catalogue, calibrated, steps)
+    prior = prior_of(catalogue, calibrated, about, steps)
     groups = ways_of(steps, (column for column in range(len(steps)) if column not in prior.nuisance))
     weighing = weigh(data, list(groups.values()), prior)
     ways = dict[str, list[Suspect]]()
@@ -113,12 +117,13 @@ def _possible(finding: Finding, steps: Sequence[Step]) -> Finding:
     return finding._replace(log_bayes=min(finding.log_bayes, 0.0)) if beyond else finding
 
 
-def prior_of(catalogue: Catalogue, calibrated: Sequence[str], steps: Sequence[Step]) -> Prior:
-    """Where nothing is missing."""
+def prior_of(catalogue: Catalogue, calibrated: Sequence[str], about: Theta, steps: Sequence[Step]) -> Prior:
+    """Where nothing is missing, in steps from `about`."""
     habits = {cause.name: habit(cause) for cause in catalogue.causes}
     usual = np.array([(0.0, CALIBRATED) if step.cause in calibrated else habits[step.cause] for step in steps])
+    here = [float(about[step.column]) / step.size if step.cause in ANY_NUMERICS else 0.0 for step in steps]
     return Prior(
-        mean=usual[:, 0],
+        mean=usual[:, 0] - here,
         variance=usual[:, 1] ** 2,
         nuisance=tuple(n for n, step in enumerate(steps) if step.cause in calibrated or step.cause in ANY_NUMERICS),
     )

@@ -1,24 +1,22 @@
-"""Compiled simulators of a subject: batches of pushes from a cloud to the view on the way, and on to the end.
+"""Compiled simulators of a subject: batches of pushes from a cloud to the view on the way, and on to the end."""
 
-They take parameters phi (B, P), clouds (B, N, 3) [m], labels (B, N, 4) and session times (B) as `sim.state.Setting` has
-them, and paths of the tool (B, T, 3) [m] to the view and from there; they return the clouds then.
-"""
-
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
 from functools import lru_cache
-from typing import TypeAlias
+from typing import TypeAlias, final
 
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Float, Float32
 
-from app.discovery.subject import RodModel, Subject
+from app.discovery.subject import ROD_NUMERICS, RodModel, Subject
 from app.sim.catalogue import EFFECTS
 from app.sim.rods.effect import RodSetting
 from app.sim.rods.from_parameters import rod_columns, rod_physics
 from app.sim.rods.rollout import make_rod_rollout
-from app.sim.rods.state import RodStart
+from app.sim.rods.scene import RodScene
+from app.sim.rods.state import RodStart, RodState
 from app.sim.rollout import Simulate, make_rollout
 from app.sim.scene import Scene
 from app.sim.state import Setting, State
@@ -26,13 +24,34 @@ from app.sim.state import Setting, State
 BLOCK = 32
 """Time steps that are compiled as one, of which every path is a whole number: few shapes are compiled."""
 _CHUNKS = {"cpu": (8, 32), "gpu": (256, 512, 1024, 2048)}
-_ROD_CHUNKS = {"cpu": (16, 128), "gpu": (256, 2048)}
+_ROD_CHUNKS = {"cpu": (128,), "gpu": (256, 2048)}
+_TRACED = 32
+"""Clouds whose centrelines are found at once."""
+_SHARES = "climb", "press", "permanent_set"
+"""Fields of `RodPhysics` that are from 0 to 1."""
 _LENGTHS = {"cpu": 1.0, "gpu": 2.0}
 """Ratio of one length of paths to the next: a GPU rather simulates more pushes at once, some of them for longer."""
 _ROD_LENGTHS = 1.5
 """The same of rods, whose path is simulated as one."""
 
-Stepper: TypeAlias = Callable[..., tuple[jax.Array, jax.Array]]
+Clouds: TypeAlias = Float32[np.ndarray, "B N 3"]
+Start: TypeAlias = tuple[np.ndarray, ...]
+"""A simulator's own state at the beginning, by pushes."""
+
+
+@final
+@dataclass(frozen=True)
+class Stepper:
+    """The simulator of a subject in two parts, as many pushes begin alike.
+
+    `begin` takes clouds (B, N, 3) [m] and those that were seen, if cameras are taken to err. `move` takes parameters
+    phi (B, P), values of `ROD_NUMERICS` (B, U) or none, a start, labels (B, N, 4) and session times (B) as
+    `sim.state.Setting` has them, and paths of the tool (B, T, 3) [m] to the view on the way and from there; it returns
+    the clouds then.
+    """
+
+    begin: Callable[[Clouds, Clouds], Start]
+    move: Callable[..., tuple[jax.Array, jax.Array]]
 
 
 def stepper(subject: Subject) -> Stepper:
@@ -52,6 +71,11 @@ def length_ratio(subject: Subject, platform: str) -> float:
     return _LENGTHS[platform] if subject.rods is None else _ROD_LENGTHS
 
 
+def of_one_length(subject: Subject) -> bool:
+    """Whether all pushes of a study are simulated for as long as the longest: to compile another length costs more."""
+    return subject.rods is not None
+
+
 @lru_cache(maxsize=16)
 def _particle_stepper(scene: Scene, particles: int) -> Stepper:
     simulate: Simulate = make_rollout(scene, particle_count=particles)
@@ -66,31 +90,63 @@ def _particle_stepper(scene: Scene, particles: int) -> Stepper:
         return state
 
     def stepped(
-        phi: np.ndarray, x: np.ndarray, label: np.ndarray, time: np.ndarray, first: np.ndarray, second: np.ndarray
+        phi: np.ndarray,
+        _: np.ndarray,
+        start: Start,
+        label: np.ndarray,
+        time: np.ndarray,
+        first: np.ndarray,
+        second: np.ndarray,
     ) -> tuple[jax.Array, jax.Array]:
-        stopped = moved(phi, State.at_rest(jnp.asarray(x)), first, label, time)
+        stopped = moved(phi, State.at_rest(jnp.asarray(start[0])), first, label, time)
         return stopped.x, moved(phi, stopped, second, label, time).x
 
-    return stepped
+    return Stepper(begin=lambda x, _: (x,), move=stepped)
 
 
 @lru_cache(maxsize=16)
 def _rod_stepper(rods: RodModel) -> Stepper:
     scene, effects = rods.scene, tuple(effect for effect in EFFECTS if effect.rod is not None)
     simulate, own = make_rod_rollout(scene, effects), np.array(rod_columns(effects), int)
-    begin, contact = RodStart(scene.nodes, scene.rest_m, scene.radius_m), dict(rods.contact)
+    at_rest, contact = RodStart(scene.nodes, scene.rest_m, scene.radius_m), dict(rods.contact)
+
+    def begin(x: Clouds, seen: Clouds) -> Start:
+        full = np.concatenate([np.arange(len(x)), np.full(-len(x) % _TRACED, len(x) - 1)])
+        chunks = full.reshape(-1, _TRACED)
+        parts = [at_rest.moved(x[chunk], at_rest.places(seen[chunk])) for chunk in chunks]
+        return tuple(
+            np.concatenate([np.asarray(part[row]) for part in parts])[: len(x)] for row in range(len(parts[0]))
+        )
 
     @jax.jit
     def stepped(
-        phi: jax.Array, x: jax.Array, label: jax.Array, time: jax.Array, first: jax.Array, second: jax.Array
+        phi: jax.Array,
+        unknowns: jax.Array,
+        start: tuple[jax.Array, ...],
+        label: jax.Array,
+        time: jax.Array,
+        first: jax.Array,
+        second: jax.Array,
     ) -> tuple[jax.Array, jax.Array]:
-        state, physics = begin(x), rod_physics(scene, contact, phi)
+        state, physics = RodState(*start), rod_physics(scene, _known(scene, contact, unknowns), phi)
         along = material_coordinates(state.place, label[..., 0], scene.nodes)
         setting = RodSetting(material_coordinates=along, session_time=time)
         stopped = simulate(physics, state, first, phi[:, own], setting)
         return stopped.x, simulate(physics, stopped, second, phi[:, own], setting).x
 
-    return stepped
+    return Stepper(begin=begin, move=stepped)
+
+
+def _known(
+    scene: RodScene, contact: Mapping[str, float], unknowns: Float[jax.Array, "B U"]
+) -> dict[str, float | jax.Array]:
+    """Fields of `RodPhysics`, those that are unknown by so many steps from where they are nominally."""
+    nominal = {**scene.nominal_physics(), **contact}
+    known: dict[str, float | jax.Array] = {**contact}
+    for unknown, steps in zip(ROD_NUMERICS.values(), unknowns.T, strict=True):
+        here, apart = nominal[unknown.field], unknown.step * steps
+        known[unknown.field] = here * jnp.exp(apart) if unknown.relative else here + apart
+    return known | {name: jnp.clip(known[name], 0.0, 1.0) for name in _SHARES}
 
 
 def material_coordinates(

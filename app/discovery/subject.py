@@ -27,17 +27,55 @@ NUMERICS = {
     "contact_distance": "Share of the way to contacts that begin 1.5 mm earlier.",
 }
 """Our own discretisation as pseudo-effects: what it explains is not taken for physics."""
-ROD_NUMERICS = {
-    "resolution": "Share of the way to nodes nearer by a fifth and time steps of half the length.",
-    "contact_distance": "Share of the way to a finger and a rope that meet 0.7 mm earlier.",
-    "finger_climb": "Share of the way to a rope that slips up and down the finger by a quarter of its way more.",
-    "finger_press": "Share of the way to a finger's tip of whose push the table bears a quarter more.",
-}
-"""The same of rods: their contact with the finger is a law with few numbers, which differ from rope to rope."""
-ANY_NUMERICS = frozenset(NUMERICS) | frozenset(ROD_NUMERICS)
 _EARLIER_M = 1.5e-3
-_ROD_CONTACT = {"contact_distance": ("margin", 7e-4), "finger_climb": ("climb", 0.25), "finger_press": ("press", 0.25)}
-"""By numeric cause: the field of `RodPhysics` that it is about, and by how much it is greater."""
+
+
+@final
+@dataclass(frozen=True, kw_only=True)
+class RodUnknown:
+    """A field of `RodPhysics` that differs from rope to rope and that nobody measures: a usual deviation is a `step`.
+
+    `relative`: the step is of its logarithm. `about` says what a step more is.
+    """
+
+    field: str
+    step: float
+    about: str
+    relative: bool = False
+    low: float = -2.0
+    """The least number of steps that means anything."""
+
+
+ROD_NUMERICS = {
+    "contact_distance": RodUnknown(
+        field="margin", step=7e-4, about="Share of the way to a finger and a rope that meet 0.7 mm earlier."
+    ),
+    "finger_climb": RodUnknown(
+        field="climb",
+        step=0.25,
+        about="Share of the way to a rope that slips up and down the finger by a quarter of its way more.",
+    ),
+    "finger_press": RodUnknown(
+        field="press",
+        step=0.25,
+        about="Share of the way to a finger's tip of whose push the table bears a quarter more.",
+    ),
+    "bending_viscosity": RodUnknown(
+        field="viscosity", step=0.7, relative=True, about="Logarithm of the rope's viscosity in bending, in 0.7."
+    ),
+    "lasting_bends": RodUnknown(
+        field="permanent_set", step=-0.3, low=0.0, about="Share of the way to bends of which 30 % less lasts."
+    ),
+    "bend_yield": RodUnknown(
+        field="yield_curvature", step=0.4, relative=True, about="Logarithm of the curvature that lasts, in 0.4."
+    ),
+    "rope_mass": RodUnknown(field="mass", step=0.2, relative=True, about="Logarithm of the rope's mass, in 0.2."),
+}
+"""Numbers of the rod and its contact that are fitted with every cause, so that what they explain is not taken for one.
+
+Steps are what ropes of MuJoCo's chain, of drawn sizes, differ by in fits of the rod to them (docs/discovery-model.md).
+"""
+ANY_NUMERICS = frozenset(NUMERICS) | frozenset(ROD_NUMERICS)
 
 
 @final
@@ -47,15 +85,6 @@ class RodModel:
 
     scene: RodScene
     contact: tuple[tuple[str, float], ...] = ()
-
-    def numeric(self, name: str) -> "RodModel":
-        """The rod with one of `ROD_NUMERICS` at 1."""
-        scene = self.scene
-        if name == "resolution":
-            return replace(self, scene=replace(scene, spacing_m=0.8 * scene.spacing_m, dt_s=0.5 * scene.dt_s))
-        field, more = _ROD_CONTACT[name]
-        known = {**scene.nominal_physics(), **dict(self.contact)}
-        return replace(self, contact=tuple(({**dict(self.contact), field: known[field] + more}).items()))
 
 
 @final
@@ -91,9 +120,7 @@ class Subject:
         return (self.scene.dt_s if self.rods is None else self.rods.scene.dt_s) * self.haste
 
     def numeric(self, name: str) -> "Subject":
-        """The subject with one of its numeric causes at 1."""
-        if self.rods is not None:
-            return replace(self, rods=self.rods.numeric(name))
+        """The subject with one of `NUMERICS` at 1, which change what is compiled."""
         return replace(self, scene=self._scene_with(name))
 
     def _scene_with(self, name: str) -> Scene:
@@ -181,8 +208,12 @@ def catalogue(rods: RodModel | None = None) -> Catalogue:
         held.append((effect, first))
         columns = tuple(range(first, len(specs)))
         causes.append(_cause(name, effect.family, _about(module.__doc__ or ""), columns, None))
-    for name, about in (NUMERICS if rods is None else ROD_NUMERICS).items():
-        specs.append(_numeric(name, about))
+    # What is compiled can only be finer, wider or earlier.
+    numerics = {name: (about, 0.0) for name, about in NUMERICS.items()}
+    if rods is not None:
+        numerics = {name: (unknown.about, unknown.low) for name, unknown in ROD_NUMERICS.items()}
+    for name, (about, low) in numerics.items():
+        specs.append(_numeric(name, about, low))
         causes.append(_cause(name, "numerics", about, (len(specs) - 1,), None))
     return Catalogue(specs=tuple(specs), causes=tuple(causes), apparatus=tuple(held))
 
@@ -198,5 +229,5 @@ def _about(doc: str) -> str:
     return " ".join(doc.split("\n\n")[0].split()).split(". ")[0].rstrip(".") + "."
 
 
-def _numeric(name: str, about: str) -> ParameterSpec:
-    return ParameterSpec(name=name, unit="1", nominal=0.0, low=-2.0, high=2.0, typical=1.0, scale="linear", about=about)
+def _numeric(name: str, about: str, low: float) -> ParameterSpec:
+    return ParameterSpec(name=name, unit="1", nominal=0.0, low=low, high=2.0, typical=1.0, scale="linear", about=about)

@@ -98,7 +98,7 @@ def ranked(truth: Theta) -> list[tuple[float, str, dict[str, float]]]:
     for column, step in enumerate(STEPS):
         groups.setdefault(step.cause, []).append(column)
     results = list[tuple[float, str, dict[str, float]]]()
-    weighing = weigh(found, list(groups.values()), prior_of(CATALOGUE, (), STEPS))
+    weighing = weigh(found, list(groups.values()), prior_of(CATALOGUE, (), NOMINAL, STEPS))
     for (cause, columns), what in zip(groups.items(), weighing.findings, strict=True):
         sizes = {
             CATALOGUE.specs[STEPS[column].column].name: float(value) * STEPS[column].size

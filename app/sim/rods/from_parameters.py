@@ -11,9 +11,11 @@ from app.sim.rods.rollout import RodPhysics
 from app.sim.rods.scene import RodScene
 
 
-def rod_physics(scene: RodScene, contact: Mapping[str, float], phi: Float[Array, "B P"]) -> RodPhysics:
+def rod_physics(
+    scene: RodScene, contact: Mapping[str, float | Float[Array, " B"]], phi: Float[Array, "B P"]
+) -> RodPhysics:
     """Physics of a rod with phi's stiffness [Pa] and friction; `contact`: values of further fields of `RodPhysics`."""
-    given = {name: jnp.full(len(phi), value, jnp.float32) for name, value in contact.items()}
+    given = {name: jnp.broadcast_to(jnp.asarray(value, jnp.float32), len(phi)) for name, value in contact.items()}
     rigidity = phi[:, index("stiffness")] * scene.second_moment_m4
     nominal = RodPhysics.nominal(scene, len(phi))
     return nominal._replace(rigidity=rigidity, table_friction=phi[:, index("table_friction")], **given)

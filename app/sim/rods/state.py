@@ -83,7 +83,15 @@ def _at_rest(
     shape = jax.ShapeDtypeStruct((2, *x.shape[:2]), jnp.float32)
     labels = partial(_labels, count, rest_m, radius_m)
     known = jax.pure_callback(labels, shape, *jax.lax.stop_gradient((x, near)))
-    place, weight = jax.lax.stop_gradient(known)
+    return _through(x, jax.lax.stop_gradient(known), count, rest_m)
+
+
+@partial(jax.jit, static_argnums=(2, 3))
+def _through(
+    x: Float[jax.Array, "B N 3"], labels: Float[jax.Array, "2 B N"], count: int, rest_m: float
+) -> tuple[jax.Array, jax.Array, jax.Array]:
+    """The same of particles whose places along the rope, and weights, are known."""
+    place, weight = labels
     line = inextensible(jax.vmap(_centreline, (0, 0, 0, None))(x[..., :2], place, weight, count), rest_m)
     return _unmoving(line), place, _offsets(x, line, place)
 
@@ -106,6 +114,14 @@ class RodStart:
     def __call__(self, x: Float[jax.Array, "B N 3"], near: Float[jax.Array, "2 n"] | None = None) -> RodState:
         """Unmoving, its bends at the centre of yield."""
         return RodState.at_rest(x, self.count, self.rest_m, self.radius_m, near)
+
+    def places(self, x: Float32[np.ndarray, "B N 3"]) -> Float32[np.ndarray, "2 B N"]:
+        """Where along their ropes particles are, in segments, and how much each counts: 1 in the mean."""
+        return _labels(self.count, self.rest_m, self.radius_m, x, np.zeros((2, 0), np.float32))
+
+    def moved(self, x: Float32[np.ndarray, "B N 3"], places: Float32[np.ndarray, "2 B N"]) -> RodState:
+        """Through particles that were moved a little since their `places` were found."""
+        return RodState(*_through(jnp.asarray(x), jnp.asarray(places), self.count, self.rest_m))
 
 
 def frames(
@@ -185,11 +201,12 @@ def _offsets(
 
 
 def _labels(
-    count: int, rest_m: float, radius_m: float | None, x: jax.Array, near: jax.Array
+    count: int, rest_m: float, radius_m: float | None, x: jax.Array | np.ndarray, near: jax.Array | np.ndarray
 ) -> Float32[np.ndarray, "2 B N"]:
     """Places along the rope, and weights, one in the mean."""
     prior = np.asarray(near, np.float32).tobytes()
-    clouds = [np.asarray(cloud, np.float32).tobytes() for cloud in x]
+    # A JAX array that is walked through here waits for a thread that waits for this function.
+    clouds = [cloud.tobytes() for cloud in np.asarray(x, np.float32)]
     return np.stack([_label(cloud, count, rest_m, radius_m, prior) for cloud in clouds], axis=1)
 
 
