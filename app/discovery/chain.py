@@ -24,6 +24,7 @@ from app.discovery.next_push import next_push
 from app.discovery.predict import Predictor, Trials, prepare
 from app.discovery.refine import Model
 from app.discovery.screen import Screening, arrows_of, refit, screen
+from app.discovery.soundness import model_limits
 from app.discovery.study import Study
 from app.discovery.subject import Subject, Theta, catalogue
 from app.discovery.wording import formula_of
@@ -55,6 +56,8 @@ def discover(study: Study, subject: Subject, said: Progress) -> Case:
         about = refit(predictor, trials)
     with watch.stage("screening of every cause"):
         screening = screen(predictor, trials, about)
+        trials = trials.turned(screening.ends)
+        limits = (*limits, *model_limits(trials, screening.data))
         places, arrows = arrows_of(trials, screening.data, predictor, about)
         frames = frame_tests(trials, places, arrows)
     with watch.stage("decision"):

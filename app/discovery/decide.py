@@ -14,6 +14,7 @@ from typing import NamedTuple, TypeAlias, final
 import numpy as np
 from jaxtyping import Float64
 
+from app.discovery.calibration import calibration
 from app.discovery.evidence import Covariances, Residuals, fitted, log_likelihood
 from app.discovery.inference import Prior, weigh
 from app.discovery.predict import Predictor, Trials
@@ -38,6 +39,14 @@ _DOUBT = 0.1
 _SHARES = 1.0, 0.4
 """Of what the screening found, from which a refit begins: what is strong is often overdone there."""
 _SHORTLIST = 5
+_WORTH = 0.05
+"""Probability above which a cause is refitted."""
+_AT_END = 0.05
+"""Of a step: nearer to the end of its range a parameter stands there."""
+_ERRORS = 2
+"""Standard errors by which episodes that a cause was not fitted to have to be more likely with it."""
+_Z = 1.645
+"""Of a 90 % interval."""
 _CLOSE = 3.0
 """Suspects whose evidence is so near the last of the shortlist's are on it, too."""
 _MOST = 3
@@ -73,19 +82,50 @@ class Decision:
 
 
 def decide(predictor: Predictor, trials: Trials, screening: Screening, said: Progress) -> Decision:
-    """Refit the shortlist, weigh it, and add causes while they are needed."""
-    singles = list[Model]()
-    for suspect in shortlist(screening):
+    """Refit the shortlist, weigh it, and add causes while they are needed.
+
+    Of rods how probable a cause is was measured (`calibration`), and a refit only says how large it is.
+    """
+    singles, catalogue = list[Model](), predictor.catalogue
+    measured = calibration().probabilities(screening) if catalogue.rods else None
+    for suspect in shortlist(screening) if measured is None else _probable(screening, measured[0]):
         said(f"refitting {suspect.cause}")
         singles.append(_refitted(predictor, trials, screening, suspect))
-    probabilities, nothing = probabilities_of(screening, singles)
+    probabilities, nothing = measured or probabilities_of(screening, singles)
     singles.sort(key=lambda model: -probabilities[model.causes[0]])
     best = singles[0]
     if nothing < _DOUBT:
         best = _extended(predictor, trials, screening, best, singles, said)
     held = held_out((screening.data, screening.prior), best)
-    accepted = best if nothing < _DOUBT and held.gain > held.error else None
+    earned = held.gain > (_ERRORS if catalogue.rods else 1) * held.error
+    earned &= not catalogue.rods or is_sized(catalogue, best)
+    accepted = best if nothing < _DOUBT and earned else None
     return Decision(singles=tuple(singles), probabilities=probabilities, nothing=nothing, accepted=accepted, held=held)
+
+
+def _probable(screening: Screening, probabilities: Mapping[str, float]) -> list[Suspect]:
+    """The suspects that are worth a refit by what is known of their probability; one at least."""
+    suspects = sorted(screening.suspects, key=lambda suspect: -probabilities[suspect.cause])
+    return [suspect for suspect in suspects[:_SHORTLIST] if probabilities[suspect.cause] > _WORTH] or suspects[:1]
+
+
+def is_sized(catalogue: Catalogue, model: Model) -> bool:
+    """Whether every cause of a model is there by its interval, and none is as large as it could be at all."""
+    deviations = np.sqrt(np.diag(model.covariance))
+    for name in model.causes:
+        switches, present = catalogue.cause(name).columns[: catalogue.cause(name).switches], False
+        for step, deviation in zip(model.steps[: model.own], deviations, strict=True):
+            if step.column not in switches:
+                continue
+            spec = catalogue.specs[step.column]
+            here, null = (spec.coordinate(value) for value in (float(model.estimate[step.column]), spec.nominal))
+            ends = [spec.coordinate(end) for end in (spec.low, spec.high) if end != spec.nominal]
+            if min(abs(here - end) for end in ends) < _AT_END * abs(step.size):
+                return False
+            present |= abs(here - null) > _Z * deviation * abs(step.size)
+        if not present:
+            return False
+    return True
 
 
 def _refitted(predictor: Predictor, trials: Trials, screening: Screening, suspect: Suspect) -> Model:

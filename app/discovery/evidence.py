@@ -127,6 +127,16 @@ def log_likelihood(data: Residuals, theta: Float64[np.ndarray, " P"], covariance
     return float(sum(_log_likelihood(block, _roots(block, covariance), theta) for block, covariance in rows))
 
 
+def scores(data: Residuals, fit: Fit) -> Float64[np.ndarray, "K P"]:
+    """Each push's slope of the log likelihood at the fit, for every column."""
+    found = np.zeros((len(data), len(fit.theta)))
+    for (rows, _), block, covariance in zip(data.blocks, _blocks(data), fit.covariances, strict=True):
+        root = _roots(block, covariance)
+        WJ, Wr = _whitened(block, root, _size(block, root, fit.theta))
+        found[data.known[:, rows].any(1)] += np.einsum("ksp,ks->kp", WJ, Wr - WJ @ fit.theta)
+    return found
+
+
 def _blocks(data: Residuals) -> list[_Rows]:
     found = list[_Rows]()
     for rows, least in data.blocks:

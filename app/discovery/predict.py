@@ -5,7 +5,7 @@ that was taken during the push, where there is one.
 """
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import NamedTuple, final
 
@@ -69,6 +69,11 @@ class Trials:
 
     def __len__(self) -> int:
         return len(self.study.pushes)
+
+    def turned(self, ends: Mapping[int, float]) -> "Trials":
+        """The same with the object's other end called the first in the episodes in which `ends` is -1."""
+        signs = np.array([ends[push.episode] for push in self.study.pushes], np.float32)
+        return replace(self, labels=self.labels * signs[:, None, None])
 
     def disturbed(self, seed: int) -> "Trials":
         """The same pushes of objects that lie a little elsewhere than they were seen, by `noise_m`."""

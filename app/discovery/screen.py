@@ -7,6 +7,7 @@ from typing import final
 import numpy as np
 from jaxtyping import Float64
 
+from app.discovery.ends import Ends, found_ends, turned
 from app.discovery.evidence import Residuals, fitted
 from app.discovery.field import MODES, Basis
 from app.discovery.inference import CALIBRATED, Finding, Prior, Weighing, habit, weigh
@@ -41,7 +42,10 @@ class Suspect:
 @final
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Screening:
-    """All causes, the most probable first, about the refitted nominal model; a placed cause where it fits best."""
+    """All causes, the most probable first, about the refitted nominal model; a placed cause where it fits best.
+
+    `ends`: which end of the object is the first in each episode; in `data` slopes are as with these.
+    """
 
     about: Theta
     steps: tuple[Step, ...]
@@ -49,6 +53,7 @@ class Screening:
     prior: Prior
     weighing: Weighing
     suspects: tuple[Suspect, ...]
+    ends: Ends
 
 
 def refit(predictor: Predictor, trials: Trials) -> Theta:
@@ -88,16 +93,31 @@ def screened(
 ) -> Screening:
     """What the residuals and slopes about a model say of every cause."""
     prior = prior_of(catalogue, calibrated, about, steps)
-    groups = ways_of(steps, (column for column in range(len(steps)) if column not in prior.nuisance))
-    weighing = weigh(data, list(groups.values()), prior)
+    odd_columns = {column for cause in catalogue.causes for column in cause.odd}
+    odd = [n for n, step in enumerate(steps) if step.column in odd_columns]
+    ends = found_ends(data, prior, odd)
+    data, chosen = turned(data, ends, odd), (len(ends) - 1) * np.log(2)
+    asked = list[tuple[str, list[int], float]]()
+    for (cause, _), columns in ways_of(steps, (n for n in range(len(steps)) if n not in prior.nuisance)).items():
+        even = [column for column in columns if column not in odd]
+        asked.append((cause, columns, chosen if len(even) < len(columns) else 0.0))
+        if 0 < len(even) < len(columns):
+            asked.append((cause, even, 0.0))
+    weighing = weigh(data, [columns for _, columns, _ in asked], prior)
     ways = dict[str, list[Suspect]]()
-    for (cause, _), columns, weighed in zip(groups, groups.values(), weighing.findings, strict=True):
+    for (cause, columns, cost), weighed in zip(asked, weighing.findings, strict=True):
         own = tuple(steps[column] for column in columns)
-        finding = _possible(weighed, own)
+        finding = _possible(weighed._replace(log_bayes=weighed.log_bayes - cost), own)
         ways.setdefault(cause, []).append(Suspect(cause=cause, columns=tuple(columns), steps=own, finding=finding))
     suspects = sorted(map(_likeliest, ways.values()), key=lambda suspect: -suspect.finding.log_bayes)
     return Screening(
-        about=about, steps=tuple(steps), data=data, prior=prior, weighing=weighing, suspects=tuple(suspects)
+        about=about,
+        steps=tuple(steps),
+        data=data,
+        prior=prior,
+        weighing=weighing,
+        suspects=tuple(suspects),
+        ends=ends,
     )
 
 
@@ -119,8 +139,15 @@ def _possible(finding: Finding, steps: Sequence[Step]) -> Finding:
 
 def prior_of(catalogue: Catalogue, calibrated: Sequence[str], about: Theta, steps: Sequence[Step]) -> Prior:
     """Where nothing is missing, in steps from `about`."""
-    habits = {cause.name: habit(cause) for cause in catalogue.causes}
-    usual = np.array([(0.0, CALIBRATED) if step.cause in calibrated else habits[step.cause] for step in steps])
+    causes = {cause.name: cause for cause in catalogue.causes}
+    usual = np.array(
+        [
+            (0.0, CALIBRATED)
+            if step.cause in calibrated
+            else habit(causes[step.cause], catalogue.specs[step.column].name, rods=catalogue.rods)
+            for step in steps
+        ]
+    )
     here = [float(about[step.column]) / step.size if step.cause in ANY_NUMERICS else 0.0 for step in steps]
     return Prior(
         mean=usual[:, 0] - here,

@@ -148,6 +148,8 @@ class Cause:
     columns: tuple[int, ...]
     switches: int
     reach_m: float | None = None
+    odd: tuple[int, ...] = ()
+    """Columns of parameters that change their sign where the object's other end is called the first."""
 
     @property
     def placed(self) -> bool:
@@ -164,6 +166,8 @@ class Catalogue:
     causes: tuple[Cause, ...]
     apparatus: tuple[tuple[Apparatus, int], ...]
     """Each with the column of its first parameter."""
+    rods: bool = False
+    """Whether it is of objects as rods."""
 
     def column(self, name: str) -> int:
         """Where a parameter stands. KeyError where there is none of that name."""
@@ -215,13 +219,14 @@ def catalogue(rods: RodModel | None = None) -> Catalogue:
     for name, (about, low) in numerics.items():
         specs.append(_numeric(name, about, low))
         causes.append(_cause(name, "numerics", about, (len(specs) - 1,), None))
-    return Catalogue(specs=tuple(specs), causes=tuple(causes), apparatus=tuple(held))
+    return Catalogue(specs=tuple(specs), causes=tuple(causes), apparatus=tuple(held), rods=rods is not None)
 
 
 def _cause(name: str, family: Family, about: str, columns: tuple[int, ...], effect: Effect | None) -> Cause:
     switches = effect.switches if effect is not None and effect.switches is not None else len(columns)
     reach_m = effect.reach_m if effect is not None else None
-    return Cause(name=name, family=family, about=about, columns=columns, switches=switches, reach_m=reach_m)
+    odd = () if effect is None else tuple(index(parameter) for parameter in effect.odd)
+    return Cause(name=name, family=family, about=about, columns=columns, switches=switches, reach_m=reach_m, odd=odd)
 
 
 def _about(doc: str) -> str:

@@ -102,6 +102,8 @@ class Effect:
     """Farther than this from its place it does nothing; None: it acts everywhere."""
     oriented: bool = False
     """Whether it depends on which end of its object is the first; plans, where nobody knows that, go without it."""
+    odd: tuple[str, ...] = ()
+    """Parameters that change their sign where the object's other end is called the first."""
     catalogued: bool = True
     """Whether discovery may name it as a cause; else it is a library of terms for what no cause explains."""
 

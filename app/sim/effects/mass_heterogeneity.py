@@ -50,6 +50,7 @@ EFFECT = Effect(
             about="Two thirds of the logarithm of the mass per length at both ends over that in the middle.",
         ),
     ),
+    odd=("mass_slope",),
     mass=varied_mass,
     rod=RodEffect(properties=varied_rods, lightens=True),
 )

@@ -44,5 +44,6 @@ EFFECT = Effect(
     ),
     rest=curved_rest,
     oriented=True,
+    odd=("rest_curvature",),
     rod=RodEffect(properties=curved_rods),
 )

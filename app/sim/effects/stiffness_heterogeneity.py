@@ -50,6 +50,7 @@ EFFECT = Effect(
             about="Two thirds of the logarithm of the stiffness at both ends over that in the middle.",
         ),
     ),
+    odd=("stiffness_slope",),
     stiffness=varied_stiffness,
     rod=RodEffect(properties=varied_rods),
 )

@@ -14,6 +14,10 @@ _KINDS = {
 }
 
 
+_LIKELIER = 0.5
+"""Probability above which something is rather missing than not."""
+
+
 def kind(case: Case) -> str:
     """What kind of verdict it is, in plain words."""
     return "Causes that act together" if case.verdict == "named" and len(case.causes) > 1 else _KINDS[case.verdict]
@@ -29,6 +33,8 @@ def headline(case: Case) -> str:
     if case.verdict == "set":
         return sentence(names(effects, "or"))
     if case.verdict == "none":
+        if _missing(case) > _LIKELIER:
+            return "Something may be missing, and these data cannot tell what"
         return "The model lacks nothing that these data would show"
     return "Something acts that no known cause explains"
 
@@ -42,9 +48,16 @@ def chance(case: Case) -> tuple[str, str] | None:
         return percent(min(sum(chances), 1.0)), "that it is one of these"
     if not math.isfinite(case.leftover):
         return None
+    if case.verdict == "none" and _missing(case) > _LIKELIER:
+        return percent(_missing(case)), "that something is missing"
     if case.verdict == "none":
         return percent(1 - case.leftover), "that nothing else is there"
     return percent(case.leftover), "that something else acts"
+
+
+def _missing(case: Case) -> float:
+    """The probability of any cause at all."""
+    return min(sum(blame.probability for blame in case.ranking), 1.0)
 
 
 def gain_sentence(gain: Gain) -> str:

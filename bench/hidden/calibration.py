@@ -1,0 +1,224 @@
+"""What confidence is learnt from: `python -m bench.hidden.calibration lines.jsonl --studies 400`, then `--table FILE`.
+
+Each study is a recording of MuJoCo's chain, with rope, finger and frictions drawn anew and none, one, two or unknown
+effects hidden in it, and goes through discovery's refit and screening. Its features are a line of the file; what is
+done is not done again, so files of several machines can be joined, and an interrupted run goes on. The softmax is
+fitted to all lines, and tried on each tenth of them that it was not fitted to.
+"""
+
+import json
+import os
+from collections.abc import Mapping, Sequence
+from concurrent.futures import ProcessPoolExecutor
+from dataclasses import dataclass
+from itertools import pairwise
+from multiprocessing import get_context
+from pathlib import Path
+from typing import Annotated, Any, Final, final
+
+import numpy as np
+import tyro
+from jaxtyping import Float64
+from rich.console import Console
+from rich.progress import track
+from rich.table import Table
+from scipy.optimize import minimize
+from scipy.special import log_softmax, softmax
+
+from app.discovery.calibration import Calibration, features
+from app.discovery.predict import Predictor, prepare
+from app.discovery.screen import refit, screen
+from app.discovery.subject import catalogue
+from app.evaluation.intervals import share
+from app.evaluation.ledger import lines
+from app.policy.strokes import Plan
+from app.rig.simulated.hiding import known
+from app.tasks.doubted import subject_of
+from bench.hidden.draws import Chosen
+from bench.hidden.ropes import RopeCase
+
+NONE, TWO, UNKNOWN = 0.22, 0.08, 0.08
+"""Shares of studies with nothing hidden, with two effects, and with one that no catalogue has."""
+SIZES: Final = 0.7, 2.0
+"""In typical sizes, log-uniform."""
+EPISODES: Final = (5, 6, 8, 10, 12)
+PUSHES: Final = (4, 6, 8)
+FOLDS: Final = 10
+_WEIGHT_PENALTY, _BIAS_PENALTY = 0.3, 1.0
+"""Of squares, in the loss of all studies."""
+_EDGES: Final = (0.0, 0.3, 0.5, 0.7, 0.8, 0.9, 1.0)
+_NAMED: Final = 0.8
+
+
+def drawn(seed: int, number: int) -> RopeCase:
+    """The study of that number; the same whatever others are drawn."""
+    rng = np.random.default_rng([seed, number])
+    hideable = {name: effect for name, effect in known().items() if effect.in_world or effect.drive is not None}
+    inside = sorted(name for name, effect in hideable.items() if effect.catalogued)
+    outside = sorted(hideable.keys() - set(inside))
+    kind = rng.uniform()
+    count = 0 if kind < NONE else 2 if kind < NONE + TWO else 1
+    unknown = NONE + TWO < kind < NONE + TWO + UNKNOWN
+    names = rng.choice(outside if unknown else inside, count, replace=False).tolist()
+    hidden = tuple(Chosen(effect=name, size=float(np.exp(rng.uniform(*np.log(SIZES))))) for name in sorted(names))
+    plan = Plan(episodes=int(rng.choice(EPISODES)), pushes=int(rng.choice(PUSHES)))
+    return RopeCase(seed=int(rng.integers(2**31)), hidden=hidden, plan=plan)
+
+
+def studied(case: RopeCase) -> dict[str, Any]:
+    """What the screening sees in a case, with what was hidden."""
+    study, subject = case.record(), subject_of(case.task)
+    predictor = Predictor(subject, catalogue(subject.rods))
+    trials = prepare(study, subject)
+    causes, table = features(screen(predictor, trials, refit(predictor, trials)))
+    return {
+        "hidden": [[each.effect, each.size] for each in case.hidden],
+        "task": case.task.name,
+        "pushes": len(study.pushes),
+        "causes": causes,
+        "features": np.round(table, 5).tolist(),
+    }
+
+
+@final
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Lines:
+    """Studies as arrays: features (S, C, F), and what is true (S, C + 1), the last column that nothing is."""
+
+    causes: tuple[str, ...]
+    features: Float64[np.ndarray, "S C F"]
+    true: Float64[np.ndarray, "S D"]
+
+    @classmethod
+    def of(cls, read: Sequence[Mapping[str, Any]]) -> "Lines":
+        """Those that have all causes; what the catalogue lacks counts as nothing, as no cause of it is right."""
+        causes = max((tuple(line["causes"]) for line in read), key=len)
+        whole = [line for line in read if tuple(line["causes"]) == causes]
+        true = np.zeros((len(whole), len(causes) + 1))
+        for row, line in zip(true, whole, strict=True):
+            at = [causes.index(name) for name, _ in line["hidden"] if name in causes]
+            row[at or [-1]] = 1.0
+        return cls(causes=causes, features=np.array([line["features"] for line in whole]), true=true)
+
+    def __len__(self) -> int:
+        return len(self.features)
+
+
+def learnt(known_lines: Lines, chosen: Sequence[int] | None = None) -> Calibration:
+    """The softmax that makes what was hidden in the chosen studies most likely, with small weights."""
+    chosen = range(len(known_lines)) if chosen is None else chosen
+    x, true = known_lines.features[list(chosen)], known_lines.true[list(chosen)]
+    usual = np.sqrt((x**2).mean((0, 1))) + 1e-9
+    z, width, count = x / usual, x.shape[2], x.shape[1]
+    penalty = np.concatenate([np.full(width, _WEIGHT_PENALTY), np.full(count, _BIAS_PENALTY), [1e-3]])
+
+    def loss(values: Float64[np.ndarray, " V"]) -> tuple[float, Float64[np.ndarray, " V"]]:
+        logs = log_softmax(_logits(z, values), axis=1)
+        # Of two that are hidden either is right.
+        right = np.where(true > 0, logs, -np.inf)
+        total = np.logaddexp.reduce(right, axis=1)
+        slope = np.exp(logs) - np.exp(right - total[:, None])
+        weights = np.einsum("sc,scf->f", slope[:, :-1], z)
+        gradient = np.concatenate([weights, slope.sum(0)])
+        return float(-total.sum() + 0.5 * (penalty * values**2).sum()), gradient + penalty * values
+
+    found = minimize(loss, np.zeros(width + count + 1), jac=True, method="L-BFGS-B", options={"maxiter": 1000}).x
+    return Calibration(
+        usual=usual,
+        weights=found[:width],
+        biases=dict(zip(known_lines.causes, found[width:-1].tolist(), strict=True)),
+        nothing=float(found[-1]),
+        studies=len(x),
+    )
+
+
+def _logits(z: Float64[np.ndarray, "S C F"], values: Float64[np.ndarray, " V"]) -> Float64[np.ndarray, "S D"]:
+    width = z.shape[2]
+    causes = z @ values[:width] + values[width:-1]
+    return np.concatenate([causes, np.full((len(z), 1), values[-1])], axis=1)
+
+
+def said(table: Calibration, known_lines: Lines) -> Float64[np.ndarray, "S D"]:
+    """The probabilities of each study's causes, and of nothing."""
+    biases = [table.biases[cause] for cause in known_lines.causes]
+    values = np.concatenate([table.weights, biases, [table.nothing]])
+    return softmax(_logits(known_lines.features / table.usual, values), axis=1)
+
+
+def left_out(known_lines: Lines) -> Float64[np.ndarray, "S D"]:
+    """The same, of each study by what was learnt from the tenths that it is not in."""
+    fold = np.random.default_rng(0).integers(0, FOLDS, len(known_lines))
+    found = np.zeros_like(known_lines.true)
+    for number in range(FOLDS):
+        own = fold == number
+        found[own] = said(learnt(known_lines, np.flatnonzero(~own).tolist()), known_lines)[own]
+    return found
+
+
+def main(
+    path: tyro.conf.Positional[Path],
+    /,
+    *,
+    studies: Annotated[int, tyro.conf.arg(help="to have at the end")] = 0,
+    seed: Annotated[int, tyro.conf.arg(help="of what is drawn")] = 0,
+    workers: Annotated[int, tyro.conf.arg(help="processes")] = os.cpu_count() or 1,
+    table: Annotated[Path | None, tyro.conf.arg(help="where to write what is learnt, as JSON")] = None,
+) -> None:
+    """Make what is missing of the studies, learn from all of them, and say how often it is right."""
+    terminal = Console()
+    done = {(line["seed"], line["number"]) for line in lines(path)} if path.exists() else set[tuple[int, int]]()
+    missing = [number for number in range(studies) if (seed, number) not in done]
+    with (
+        ProcessPoolExecutor(workers, mp_context=get_context("spawn")) as pool,
+        path.open("a", encoding="utf-8") as file,
+    ):
+        made = pool.map(_line, [(seed, number) for number in missing])
+        for line in track(made, "studies", total=len(missing), console=terminal, disable=not missing):
+            file.write(json.dumps(line) + "\n")
+            file.flush()
+    known_lines = Lines.of([line for line in lines(path) if "features" in line])
+    terminal.print(_shown(left_out(known_lines), known_lines))
+    if table is not None:
+        made_of = learnt(known_lines)
+        table.write_text(json.dumps(_told(made_of), indent=1) + "\n", encoding="utf-8")
+
+
+def _line(order: tuple[int, int]) -> dict[str, Any]:
+    seed, number = order
+    return {"seed": seed, "number": number, **studied(drawn(seed, number))}
+
+
+def _told(table: Calibration) -> dict[str, Any]:
+    return {
+        "studies": table.studies,
+        "usual": np.round(table.usual, 5).tolist(),
+        "weights": np.round(table.weights, 5).tolist(),
+        "biases": {cause: round(bias, 4) for cause, bias in table.biases.items()},
+        "nothing": round(table.nothing, 4),
+    }
+
+
+def _shown(found: Float64[np.ndarray, "S D"], known_lines: Lines) -> Table:
+    """How often what is said with a probability is right, and how often it names."""
+    shown = Table(title=f"{len(known_lines)} drawn studies, each left out of what was learnt")
+    for heading in ("said", "studies", "mean", "right, with Wilson's 95 % interval"):
+        shown.add_column(heading)
+    likeliest = found.argmax(1)
+    right = known_lines.true[np.arange(len(found)), likeliest] > 0
+    for low, high in pairwise(_EDGES):
+        own = (found.max(1) > low) & (found.max(1) <= high)
+        if own.any():
+            rate, mean = share(right[own].tolist()), f"{found.max(1)[own].mean():.2f}"
+            interval = f"{rate.value:.2f} ({rate.low:.2f} to {rate.high:.2f})"
+            shown.add_row(f"{low:.1f} to {high:.1f}", str(own.sum()), mean, interval)
+    names = likeliest < len(known_lines.causes)
+    sure = names & (found.max(1) > _NAMED)
+    nothing = known_lines.true[:, -1] > 0
+    for text, own in (("a cause was hidden", ~nothing), ("none of the catalogue was", nothing)):
+        wrong, named = int((sure & ~right)[own].sum()), int((sure & right)[own].sum())
+        shown.add_row(text, str(own.sum()), "", f"named above {_NAMED}: {named} right, {wrong} wrong")
+    return shown
+
+
+if __name__ == "__main__":
+    tyro.cli(main)
