@@ -37,14 +37,14 @@ maximisation, from 62 recordings of 32 pushes: 39 of our own engine in other num
 count as much; what was hidden in some of them was left out."""
 ROD_HABITS: Mapping[str, tuple[float, float]] = {
     "anisotropy_axes": (0.02, 0.239),
-    "anisotropy_diagonals": (-0, 0.153),
+    "anisotropy_diagonals": (-0.0, 0.153),
     "attraction": (0.01, 0.128),
     "bend_yield": (0.31, 0.621),
     "bending_viscosity": (-0.44, 0.784),
     "constraint_rate": (0.01, 0.212),
     "contact_distance": (-0.54, 0.551),
     "draught_x": (0.03, 0.202),
-    "draught_y": (-0, 0.124),
+    "draught_y": (-0.0, 0.124),
     "film_drag": (-0.14, 0.484),
     "finger_climb": (-0.11, 0.777),
     "finger_friction": (0.26, 0.321),

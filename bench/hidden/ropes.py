@@ -11,6 +11,7 @@ from typing import Final, final
 
 import numpy as np
 
+from app.core.stage import RopeModel
 from app.core.task_name import recorded
 from app.core.types import Cloud
 from app.discovery.centreline_noise import smooth_noise
@@ -47,9 +48,13 @@ _SIZES, _SEEN = 11, 12
 @final
 @dataclass(frozen=True, kw_only=True)
 class RopeCase:
-    """A recording to be made: a seed, from which all else is drawn, and what is hidden."""
+    """A recording to be made: a seed, from which all else is drawn, and what is hidden.
+
+    In a `world` of cables only errors of the arm can be hidden.
+    """
 
     seed: int
+    world: RopeModel = "chain"
     hidden: tuple[Chosen, ...] = ()
     plan: Plan = field(default_factory=Plan)
 
@@ -69,11 +74,14 @@ class RopeCase:
     @property
     def physics(self) -> WorldPhysics:
         """The world's: frictions off by up to 30 %, a rigidity in proportion to the fourth power of the radius."""
-        task, made = self.task, mistuned(self.seed)
+        task, made = self.task, mistuned(self.seed, self.world)
         rng = np.random.default_rng([self.seed, _SIZES, 1])
         segment_m = task.rope.length_m / made.rope.segments
         assert task.rods is not None
         limp = task.rods.scene.nominal_physics()["rigidity"]
+        if made.cable is not None:
+            rigidity = made.cable.rigidity_n_m2 * limp / _LIMP_N_M2 * np.exp(rng.uniform(*np.log(SOFTER)))
+            return replace(made, cable=replace(made.cable, rigidity_n_m2=float(rigidity)))
         rope = replace(
             made.rope,
             bend_stiffness_n_m_rad=limp * np.exp(rng.uniform(*np.log(SOFTER))) / segment_m,

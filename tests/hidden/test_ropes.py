@@ -8,11 +8,12 @@ import hashlib
 import json
 import os
 import shutil
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from concurrent.futures import Future, ProcessPoolExecutor
 from dataclasses import asdict
 from multiprocessing import get_context
 from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -52,6 +53,8 @@ CASES = {
     )
     for number, names in enumerate(HIDDEN)
 }
+OFTEN = [name for name in CASES if name.split("-")[0] in ("11", "12", "18", "19")]
+"""Of these every `make test` asks; of all `make test-slow`: a case takes three quarters of a minute of a core."""
 LIKE = {"draught": "table_tilt"}
 """Of a level table in no wind, a draught is a tilt: without a look at the table nothing tells them apart."""
 SURE = 0.8
@@ -81,11 +84,19 @@ def sources() -> str:
 
 
 @pytest.fixture(scope="module")
-def verdicts() -> Iterator[dict[str, Future[Verdict]]]:
+def verdicts(request: pytest.FixtureRequest) -> Iterator[dict[str, Future[Verdict]]]:
+    """Of all cases if any of the slow tests runs, else of a few."""
     KEPT.mkdir(parents=True, exist_ok=True)
+    own = [item for item in request.session.items if item.path == request.path]
+    wanted = CASES if any(item.get_closest_marker("slow") for item in own) else OFTEN
     with ProcessPoolExecutor(os.cpu_count(), mp_context=get_context("spawn")) as pool:
-        yield {name: pool.submit(concluded, case) for name, case in CASES.items()}
+        yield {name: pool.submit(concluded, CASES[name]) for name in wanted}
         pool.shutdown(cancel_futures=True)
+
+
+def cases(names: Sequence[str]) -> list[Any]:
+    """Parameters of a test; those that are not looked at in every run are slow."""
+    return [pytest.param(name, marks=() if name in OFTEN else pytest.mark.slow) for name in names]
 
 
 def right(case: RopeCase, said: Verdict) -> bool:
@@ -97,24 +108,26 @@ def named(said: Verdict) -> bool:
     return said.kind == "named" and all(said.probabilities[name] > SURE for name in said.causes[:1])
 
 
-@pytest.mark.parametrize("name", [name for name, case in CASES.items() if not case.hidden])
+@pytest.mark.parametrize("name", cases([name for name, case in CASES.items() if not case.hidden]))
 def test_where_nothing_is_hidden_nothing_is_named(verdicts: dict[str, Future[Verdict]], name: str) -> None:
     assert verdicts[name].result().kind in ("none", "set")
 
 
-@pytest.mark.parametrize("name", [name for name, case in CASES.items() if case.hidden and name.split("-")[1] in ARM])
+@pytest.mark.parametrize("name", cases([name for name in CASES if name.split("-")[1] in ARM]))
 def test_what_the_arm_gets_wrong_is_named(verdicts: dict[str, Future[Verdict]], name: str) -> None:
     said = verdicts[name].result()
     assert said.kind == "named"
     assert right(CASES[name], said)
 
 
+@pytest.mark.slow
 def test_of_all_at_most_one_is_named_wrongly(verdicts: dict[str, Future[Verdict]]) -> None:
     said = {name: verdicts[name].result() for name in CASES}
     wrong = [name for name, each in said.items() if named(each) and not right(CASES[name], each)]
     assert len(wrong) <= 1, wrong
 
 
+@pytest.mark.slow
 @pytest.mark.xfail(reason="Physics of ropes is rarely named in twenty pushes: docs/discovery.md")
 def test_three_of_four_effects_of_physics_are_named(verdicts: dict[str, Future[Verdict]]) -> None:
     own = [name for name, case in CASES.items() if case.hidden and name.split("-")[1] in PHYSICS]

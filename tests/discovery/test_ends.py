@@ -1,0 +1,54 @@
+"""Ropes that were laid the other way round in some episodes: what acts along them is found all the same."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from app.discovery.ends import found_ends, turned
+from app.discovery.evidence import Residuals
+from tests.discovery.test_inference import PRIOR, K, P, made, weighed
+
+ODD = 5
+"""The column of the parameter that changes its sign with the direction."""
+
+
+def laid(seed: int, size: float) -> tuple[Residuals, np.ndarray]:
+    """A world in which it has this size, and the way round of each episode, which the slopes do not know."""
+    theta = np.zeros(P)
+    theta[0], theta[ODD] = 0.8, size
+    straight = made(seed, theta)
+    signs = np.random.default_rng(seed + 100).choice([-1.0, 1.0], K // 6)
+    J = straight.J.copy()
+    J[:, :, ODD] *= signs[straight.episode][:, None]
+    return replace(straight, J=J), signs
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_the_way_round_of_every_episode_is_found_but_for_which_of_both_is_which(seed: int) -> None:
+    data, signs = laid(seed, 0.9)
+    found = np.array(list(found_ends(data, PRIOR, [ODD]).values()))
+    assert abs(found @ signs) == len(signs)
+
+
+def test_what_cancels_over_episodes_is_evident_once_they_are_turned() -> None:
+    data, _ = laid(0, 0.9)
+    straight = turned(data, found_ends(data, PRIOR, [ODD]), [ODD])
+    before, after = (weighed(each).findings[ODD - 2] for each in (data, straight))
+    assert after.log_bayes > before.log_bayes + 10
+    assert abs(after.mean[0]) == pytest.approx(0.9, abs=0.2)
+
+
+def test_where_nothing_acts_along_ropes_the_choice_gains_no_more_than_it_costs() -> None:
+    gains = list[float]()
+    for seed in range(10):
+        data, signs = laid(seed, 0.0)
+        straight = turned(data, found_ends(data, PRIOR, [ODD]), [ODD])
+        cost = (len(signs) - 1) * np.log(2)
+        gains.append(weighed(straight).findings[ODD - 2].log_bayes - cost)
+    assert max(gains) < 0
+
+
+def test_without_such_parameters_nothing_is_turned() -> None:
+    data, _ = laid(0, 0.9)
+    assert set(found_ends(data, PRIOR, []).values()) == {1.0}

@@ -1,0 +1,56 @@
+"""What confidence is learnt from: on made-up studies it is as right as it says, and from shuffled ones nothing is."""
+
+import numpy as np
+import pytest
+
+from bench.hidden.calibration import Lines, drawn, learnt, left_out, said
+
+CAUSES = ("draught", "friction_map", "stribeck", "table_tilt")
+COUNT = 1500
+
+
+def studies(seed: int = 0, *, strength: float = 3.0, shuffled: bool = False) -> Lines:
+    """Studies whose evidence for what was hidden is that much more than chance; nothing is hidden in every fourth."""
+    rng = np.random.default_rng(seed)
+    true = np.zeros((COUNT, len(CAUSES) + 1))
+    true[np.arange(COUNT), rng.integers(0, len(CAUSES) + 1, COUNT)] = 1.0
+    evidence = rng.normal(size=(COUNT, len(CAUSES), 1)) + strength * true[:, :-1, None]
+    features = np.concatenate([evidence, rng.normal(size=evidence.shape)], axis=2)
+    if shuffled:
+        true = true[rng.permutation(COUNT)]
+    return Lines(causes=CAUSES, features=features, true=true)
+
+
+def test_what_it_says_is_right_as_often_as_it_says_in_studies_that_it_was_not_learnt_from() -> None:
+    known = studies()
+    found = left_out(known)
+    likeliest, right = found.max(1), known.true[np.arange(COUNT), found.argmax(1)] > 0
+    for low, high in ((0.4, 0.7), (0.7, 0.9), (0.9, 1.0)):
+        own = (likeliest > low) & (likeliest <= high)
+        assert right[own].mean() == pytest.approx(likeliest[own].mean(), abs=4 / np.sqrt(own.sum()) / 2)
+    assert right.mean() > 0.8
+
+
+def test_from_shuffled_truths_nothing_is_learnt() -> None:
+    known = studies(shuffled=True)
+    found = left_out(known)
+    assert found.max() < 0.5
+    assert (known.true[np.arange(COUNT), found.argmax(1)] > 0).mean() < 0.3
+
+
+def test_of_two_that_are_hidden_either_is_right() -> None:
+    known = studies()
+    both = known.true.copy()
+    both[:, :2] = both[:, :2].max(1, keepdims=True)
+    table = learnt(Lines(causes=CAUSES, features=known.features, true=both))
+    found = said(table, known)[both[:, 0] > 0]
+    assert (found[:, :2].sum(1) > 0.5).mean() > 0.7
+
+
+def test_studies_are_the_same_whatever_others_are_drawn_and_hide_what_can_be_hidden() -> None:
+    assert drawn(0, 7) == drawn(0, 7)
+    hidden = [drawn(0, number).hidden for number in range(300)]
+    counts = np.array([len(each) for each in hidden])
+    assert 0.1 < (counts == 0).mean() < 0.35
+    assert 0.02 < (counts == 2).mean() < 0.15
+    assert len({each.effect for case in hidden for each in case}) > 20
