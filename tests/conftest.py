@@ -10,6 +10,7 @@ import pytest
 import warp
 from blockbuster import blockbuster_ctx
 from hypothesis import settings
+from threadpoolctl import threadpool_limits
 
 from app.core.collector import spared_collection
 from tests.needs import FIXTURES, VIRTUAL, undeclared
@@ -58,6 +59,10 @@ os.environ["JAX_COMPILATION_CACHE_DIR"] = str(ROOT / ".pytest_cache" / "compiled
 os.environ["JAX_PERSISTENT_CACHE_MIN_COMPILE_TIME_SECS"] = "0.2"
 jax.config.update("jax_compilation_cache_dir", os.environ["JAX_COMPILATION_CACHE_DIR"])
 jax.config.update("jax_persistent_cache_min_compile_time_secs", 0.2)
+
+# Algebra of tests is so small that threads of BLAS make it up to forty times slower where both cores are busy.
+os.environ["OPENBLAS_NUM_THREADS"] = "1"
+_BLAS = threadpool_limits(limits=1, user_api="blas")
 
 # A program that a test compiles runs a few times: XLA spends less on making it fast. In the application's own processes
 # it spends what it does.

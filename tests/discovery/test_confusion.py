@@ -32,7 +32,9 @@ def screening(slopes: Callable[[np.random.Generator], np.ndarray]) -> Screening:
     prior = Prior(mean=np.zeros(5), variance=np.array([100.0, *[0.05**2] * 4]), nuisance=(0,))
     steps = [Step(cause=name, column=n, size=1.0, sides=2) for n, name in enumerate(("friction", *CAUSES))]
     weighing: Weighing = weigh(data, ALL, prior)
-    return Screening(about=np.zeros(5), steps=tuple(steps), data=data, prior=prior, weighing=weighing, suspects=())
+    return Screening(
+        about=np.zeros(5), steps=tuple(steps), data=data, prior=prior, weighing=weighing, suspects=(), ends={}
+    )
 
 
 def test_what_has_slopes_of_its_own_is_told_apart() -> None:

@@ -1,0 +1,57 @@
+"""No cause is named by a model that does not work: what forbids it, on pushes that were made up."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from app.discovery.decide import is_sized
+from app.discovery.evidence import Residuals
+from app.discovery.field import MODES
+from app.discovery.soundness import model_limits
+from app.discovery.subject import catalogue
+from app.tasks import load
+from app.tasks.doubted import subject_of
+from tests.discovery.exact import exact_model
+from tests.discovery.test_steppers import trials
+
+SUBJECT, CATALOGUE = subject_of(load("rope_push")), catalogue()
+
+
+def residuals(error_m: float, simulated: float = 1.0) -> Residuals:
+    """Of the pushes of `trials`, each elsewhere by so much, and so many of them simulated."""
+    count, rows = len(trials()), 4 * MODES
+    r, known = np.zeros((count, rows)), np.ones((count, rows), bool)
+    r[:, 2 * MODES] = error_m
+    known[round(simulated * count) :] = False
+    empty = np.zeros((count, rows, 0))
+    return Residuals(r=r, J=empty, spread=empty, known=known, episode=np.arange(count), blocks=())
+
+
+def test_a_model_that_predicts_pushes_carries_a_name() -> None:
+    assert not list(model_limits(trials(), residuals(1e-3)))
+
+
+def test_one_that_is_no_better_than_no_motion_does_not() -> None:
+    (limit,) = model_limits(trials(), residuals(1.0))
+    assert limit.fatal
+    assert "one in which nothing moves errs by" in limit.text
+
+
+def test_nor_do_pushes_of_which_only_some_could_be_simulated() -> None:
+    found = list(model_limits(trials(), residuals(1e-3, simulated=0.5)))
+    assert found[0].fatal
+    assert found[0].text == "Only 1 of 2 pushes could be simulated."
+
+
+@pytest.mark.parametrize(
+    ("value", "there"), [(2.0, True), (0.0, False), (None, False)], ids=["there", "not there", "at its end"]
+)
+def test_a_cause_is_there_if_its_interval_says_so_and_its_range_does_not_end_there(
+    value: float | None, there: bool
+) -> None:
+    spec = CATALOGUE.specs[CATALOGUE.column("tilt_x")]
+    assert spec.typical is not None
+    tilt = spec.high if value is None else value * spec.typical
+    model = exact_model(SUBJECT, CATALOGUE, ("table_tilt",), {"tilt_x": tilt})
+    assert is_sized(CATALOGUE, replace(model, estimate=model.theta)) is there
