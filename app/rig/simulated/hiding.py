@@ -20,6 +20,10 @@ IMPOSSIBLE = {
         ("resolution", "contact_softness", "contact_distance", "finger_climb", "finger_press"),
         "it is an error of our own numerics, which another engine does not have",
     ),
+    **dict.fromkeys(
+        ("bending_viscosity", "lasting_bends", "bend_yield", "rope_mass"),
+        "it differs from rope to rope, and is fitted whatever the cause",
+    ),
 }
 """Causes of discovery's catalogue that cannot be hidden here, and why."""
 
