@@ -51,7 +51,7 @@ def chance(case: Case) -> tuple[str, str] | None:
     if case.verdict == "none" and _missing(case) > _LIKELIER:
         return percent(_missing(case)), "that something is missing"
     if case.verdict == "none":
-        return percent(1 - case.leftover), "that nothing else is there"
+        return percent(min(1 - case.leftover, 1 - _missing(case))), "that nothing is missing"
     return percent(case.leftover), "that something else acts"
 
 
