@@ -76,9 +76,6 @@ run: setup ## push a rope to its goal in the simulated cell
 console: setup ## a session in the browser, each push approved by hand
 	$(BIN)/dipac console
 
-# Small linear algebra is slower with threads.
-test test-slow: export OPENBLAS_NUM_THREADS := 1
-
 # Imports are linted by tests/test_structure.py.
 define static_checks
 $(NICE) $(BIN)/ruff check . && $(NICE) $(BIN)/ruff format --check . && $(NICE) $(BIN)/basedpyright && \
