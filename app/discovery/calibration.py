@@ -19,6 +19,7 @@ from jaxtyping import Float64
 
 from app.discovery import apparatus
 from app.discovery.evidence import scores
+from app.discovery.inference import projected
 from app.discovery.screen import Screening, Suspect
 from app.sim.files import files_of
 
@@ -95,10 +96,8 @@ def _row(
     by_episode: Float64[np.ndarray, "E P"],
 ) -> list[float]:
     """Evidence and robust scores of one cause, how many pushes carry it and agree, information, and size."""
-    A, prior, own = screening.weighing.nothing.forms.A.sum(0), screening.prior, list(suspect.columns)
-    rest = [n for n in range(len(A)) if n not in own]
-    projection = np.linalg.solve(A[np.ix_(rest, rest)] + np.diag(1 / prior.variance[rest]), A[np.ix_(rest, own)])
-    information = A[np.ix_(own, own)] - A[np.ix_(own, rest)] @ projection
+    own = list(suspect.columns)
+    rest, projection, information = projected(screening.weighing.nothing.forms.A.sum(0), screening.prior, own)
     pushes, episodes = (each[:, own] - each[:, rest] @ projection for each in (by_push, by_episode))
     precision = information + _TYPICAL_PRECISION * np.eye(len(own))
     estimate = np.linalg.solve(precision, pushes.sum(0))

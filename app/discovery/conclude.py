@@ -7,7 +7,7 @@ import numpy as np
 from app.discovery.case import Blame, Estimate, Formula, Limit, Name, Power
 from app.discovery.decide import TEMPERATURE, Decision
 from app.discovery.formula import Opened
-from app.discovery.inference import Prior
+from app.discovery.inference import Z90, projected
 from app.discovery.leftover import LEFT
 from app.discovery.refine import Model
 from app.discovery.screen import Screening
@@ -22,8 +22,6 @@ _LISTED = 4
 """Causes of a set that a sentence lists."""
 _NAMEABLE = 4.0 * TEMPERATURE
 """Evidence of the screening from which a cause is named alone, in a catalogue of this size."""
-_Z = 1.645
-"""Of a 90 % interval."""
 
 
 def verdict_of(decision: Decision, limits: Sequence[Limit], opened: Opened) -> tuple[Name, tuple[str, ...]]:
@@ -104,8 +102,8 @@ def _estimate(
         about=spec.about,
         value=real(here),
         unit=spec.unit,
-        low=real(here - _Z * deviation),
-        high=real(here + _Z * deviation),
+        low=real(here - Z90 * deviation),
+        high=real(here + Z90 * deviation),
         null=spec.real(spec.nominal, subject.haste, subject.heft),
     )
 
@@ -117,7 +115,7 @@ def powers_of(catalogue: Catalogue, subject: Subject, screening: Screening) -> t
     for suspect in screening.suspects:
         for column, step in zip(suspect.columns, suspect.steps, strict=True):
             spec = catalogue.specs[step.column]
-            information = _information(A, screening.prior, column)
+            information = float(projected(A, screening.prior, [column])[2][0, 0])
             needed = np.sqrt(2 * _NAMEABLE / information) if information > 0 else np.inf
             null, typical = spec.nominal, spec.typical
             assert typical is not None
@@ -139,13 +137,6 @@ def powers_of(catalogue: Catalogue, subject: Subject, screening: Screening) -> t
 def _size(catalogue: Catalogue, subject: Subject, column: int, value: float) -> float:
     spec = catalogue.specs[column]
     return abs(spec.real(value, subject.haste, subject.heft) - spec.real(spec.nominal, subject.haste, subject.heft))
-
-
-def _information(A: np.ndarray, prior: Prior, column: int) -> float:
-    """About one column, with all others free within their priors."""
-    others = [n for n in range(len(A)) if n != column]
-    rest = A[np.ix_(others, others)] + np.diag(1 / prior.variance[others])
-    return float(A[column, column] - A[column, others] @ np.linalg.solve(rest, A[others, column]))
 
 
 def sentences_of(

@@ -16,7 +16,7 @@ from jaxtyping import Float64
 
 from app.discovery.calibration import calibration
 from app.discovery.evidence import Covariances, Residuals, fitted, log_likelihood
-from app.discovery.inference import Prior, weigh
+from app.discovery.inference import Z90, Prior, weigh
 from app.discovery.predict import Predictor, Trials
 from app.discovery.refine import Model, refine, started
 from app.discovery.screen import Screening, Suspect
@@ -45,8 +45,6 @@ _AT_END = 0.05
 """Of a step: nearer to the end of its range a parameter stands there."""
 _ERRORS = 2
 """Standard errors by which episodes that a cause was not fitted to have to be more likely with it."""
-_Z = 1.645
-"""Of a 90 % interval."""
 _CLOSE = 3.0
 """Suspects whose evidence is so near the last of the shortlist's are on it, too."""
 _MOST = 3
@@ -122,7 +120,7 @@ def is_sized(catalogue: Catalogue, model: Model) -> bool:
             ends = [spec.coordinate(end) for end in (spec.low, spec.high) if end != spec.nominal]
             if min(abs(here - end) for end in ends) < _AT_END * abs(step.size):
                 return False
-            present |= abs(here - null) > _Z * deviation * abs(step.size)
+            present |= abs(here - null) > Z90 * deviation * abs(step.size)
         if not present:
             return False
     return True

@@ -12,7 +12,7 @@ import numpy as np
 from jaxtyping import Float64
 
 from app.discovery.evidence import Forms, Residuals, fitted
-from app.discovery.inference import Prior
+from app.discovery.inference import Prior, projected
 
 Ends = Mapping[int, float]
 """By episode: 1 as the labels are, -1 the other way round."""
@@ -20,9 +20,9 @@ Ends = Mapping[int, float]
 
 def found_ends(data: Residuals, prior: Prior, odd: Sequence[int]) -> Ends:
     """The way round of each episode. `odd`: columns of parameters that change their sign with the direction."""
-    fit = fitted(data, prior.variance, prior.mean)
     if not odd:
-        return dict.fromkeys(fit.forms.episode.tolist(), 1.0)
+        return dict.fromkeys(np.unique(data.episode).tolist(), 1.0)
+    fit = fitted(data, prior.variance, prior.mean)
     scores = [_scores(fit.forms, fit.theta, prior, column) for column in odd]
     best = max(scores, key=lambda each: float(np.abs(each).sum()))
     signs = np.where(best * best[np.abs(best).argmax()] < 0, -1.0, 1.0)
@@ -31,13 +31,11 @@ def found_ends(data: Residuals, prior: Prior, odd: Sequence[int]) -> Ends:
 
 def _scores(forms: Forms, theta: Float64[np.ndarray, " P"], prior: Prior, column: int) -> Float64[np.ndarray, " E"]:
     """Of each episode for one column, everything else projected out, in standard deviations of their sum."""
-    rest = [n for n in range(len(theta)) if n != column]
-    A, left = forms.A.sum(0), forms.b - forms.A @ theta
-    projection = np.linalg.solve(A[np.ix_(rest, rest)] + np.diag(1 / prior.variance[rest]), A[rest, column])
-    information = A[column, column] - A[column, rest] @ projection
+    left = forms.b - forms.A @ theta
+    rest, projection, information = projected(forms.A.sum(0), prior, [column])
     # Its own usual value was fitted with the rest; what an episode says includes it.
     whole = left[:, column] + forms.A[:, column, column] * theta[column]
-    return (whole - left[:, rest] @ projection) / np.sqrt(max(information, 1e-12))
+    return (whole - left[:, rest] @ projection[:, 0]) / np.sqrt(max(float(information[0, 0]), 1e-12))
 
 
 def turned(data: Residuals, ends: Ends, odd: Sequence[int]) -> Residuals:

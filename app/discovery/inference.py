@@ -72,6 +72,8 @@ ROD_HABITS: Mapping[str, tuple[float, float]] = {
 """The same of rods, mean and deviation of each parameter, their own unknowns among them: learnt by expectation and
 maximisation from 99 recordings of MuJoCo's chain in which nothing was hidden, ropes, fingers and frictions drawn for
 each (docs/discovery-model.md)."""
+Z90 = 1.645
+"""Of a 90 % interval, in standard deviations."""
 CALIBRATED = 10.0
 """That of the calibrated parameters, whose step is 30 %: anything."""
 NUMERIC = 1.0
@@ -210,6 +212,19 @@ def dispersion(fit: Fit, nuisance: Sequence[int]) -> float:
     if not sound.any():
         return 1.0
     return max(1.0, float(np.median((efficient**2).sum(0)[sound] / model[sound])))
+
+
+def projected(
+    A: Float64[np.ndarray, "P P"], prior: Prior, own: Sequence[int]
+) -> tuple[list[int], Float64[np.ndarray, "R Q"], Float64[np.ndarray, "Q Q"]]:
+    """All else projected out of some columns: the other columns, the projection, and the information that is left.
+
+    `A`: information of all columns, to which priors are added. Scores u become u[own] - u[rest] @ projection.
+    """
+    columns = list(own)
+    rest = [n for n in range(len(A)) if n not in columns]
+    projection = np.linalg.solve(A[np.ix_(rest, rest)] + np.diag(1 / prior.variance[rest]), A[np.ix_(rest, columns)])
+    return rest, projection, A[np.ix_(columns, columns)] - A[np.ix_(columns, rest)] @ projection
 
 
 def _strength(finding: Finding) -> float:

@@ -24,6 +24,7 @@ from rich.progress import track
 from rich.table import Table
 from scipy.optimize import minimize
 from scipy.special import log_softmax, softmax
+from threadpoolctl import threadpool_limits
 
 from app.discovery.calibration import Calibration, features
 from app.discovery.predict import Predictor, prepare
@@ -65,6 +66,7 @@ def drawn(seed: int, number: int) -> RopeCase:
     return RopeCase(seed=int(rng.integers(2**31)), hidden=hidden, plan=plan)
 
 
+@threadpool_limits.wrap(limits=1, user_api="blas")
 def studied(case: RopeCase) -> dict[str, Any]:
     """What the screening sees in a case, with what was hidden."""
     study, subject = case.record(), subject_of(case.task)
