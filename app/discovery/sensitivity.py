@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from typing import TypeAlias, final
 
 import numpy as np
-from jaxtyping import Bool, Float64
+from jaxtyping import Bool, Float32, Float64
 
 from app.core.types import Points
 from app.discovery.direct import Change, direct_blocks, direct_rows
@@ -110,12 +110,12 @@ def residuals(
     if predictor.subject.rods is not None:
         starts += [trials.disturbed(seed) for seed in range(STARTS - 1)]
     runs = [_simulated(predictor, start, about, steps, changes) for start in starts]
-    base, ends = _mean_of(runs)
+    base, displaced = _mean_of(runs)
     if not replicas or len(starts) > 1:
         disturbed = [one for one, _ in runs][: replicas and STARTS]
     else:
         disturbed = [_single(predictor(trials.disturbed(seed), [about])) for seed in range(replicas)]
-    clouds = _assembled(trials, base, ends, [change.apart for change in changes], disturbed)
+    clouds = _assembled(trials, base, displaced, [change.apart for change in changes], disturbed)
     direct = direct_rows(predictor, trials, about, changes)
     spread = np.concatenate([clouds.spread, clouds.J * _erring(catalogue, steps)], axis=2)
     still = np.zeros((*direct.r.shape, spread.shape[2]))
@@ -192,19 +192,28 @@ def _is_compiled(predictor: Predictor, step: Step) -> bool:
     return predictor.subject.rods is None and step.cause in NUMERICS
 
 
-def _mean_of(runs: Sequence[tuple[Seen, list[tuple[Seen, Seen]]]]) -> tuple[Seen, list[tuple[Seen, Seen]]]:
-    """The model's predictions and those of the ends of its changes, each the mean over beginnings."""
-    if len(runs) == 1:
-        return runs[0]
-    ends = [
-        (_mean([run[1][n][0] for run in runs]), _mean([run[1][n][1] for run in runs])) for n in range(len(runs[0][1]))
-    ]
-    return _mean([run[0] for run in runs]), ends
+def _mean_of(runs: Sequence[tuple[Seen, list[tuple[Seen, Seen]]]]) -> tuple[Seen, list[Seen]]:
+    """The model's predictions, and by how much each change displaces them [m], each the mean over beginnings."""
+    changes = [[_apart(*ends) for ends in run[1]] for run in runs]
+    return _mean([run[0] for run in runs]), [_mean(change) for change in zip(*changes, strict=True)]
+
+
+def _apart(up: Seen, down: Seen) -> Seen:
+    return Seen(up.during - down.during, up.after - down.after)
 
 
 def _mean(seen: Sequence[Seen]) -> Seen:
-    during, after = (np.stack(views).mean(0) for views in zip(*seen, strict=True))
+    """Over those that were simulated to their end; NaN where none was."""
+    if len(seen) == 1:
+        return seen[0]
+    during, after = (_mean_of_known(np.stack(views)) for views in zip(*seen, strict=True))
     return Seen(during, after)
+
+
+def _mean_of_known(views: Float32[np.ndarray, "D K N 3"]) -> Float32[np.ndarray, "K N 3"]:
+    known = np.isfinite(views).all((2, 3), keepdims=True)
+    total, count = np.where(known, views, 0.0).sum(0), known.sum(0)
+    return np.where(count > 0, total / np.maximum(count, 1), np.nan).astype(np.float32)
 
 
 def _felt(catalogue: Catalogue, trials: Trials) -> Bool[np.ndarray, " P"]:
@@ -237,14 +246,14 @@ def _single(found: Seen) -> Seen:
 def _assembled(
     trials: Trials,
     base: Seen,
-    ends: Sequence[tuple[Seen, Seen]],
+    changes: Sequence[Seen],
     apart: Sequence[float],
     replicas: Sequence[Seen],
 ) -> Residuals:
     """Amplitudes of the view during and after each push, in that order; 0 with no certainty for one nobody took."""
     count, width = len(trials), 2 * MODES
     r, known = np.zeros((count, 2 * width)), np.zeros((count, 2 * width), bool)
-    J, spread = np.zeros((count, 2 * width, len(ends))), np.zeros((count, 2 * width, len(replicas)))
+    J, spread = np.zeros((count, 2 * width, len(changes))), np.zeros((count, 2 * width, len(replicas)))
     scale = np.array([1 / steps if steps > 0 else 0.0 for steps in apart])
     for view, name in enumerate(("during", "after")):
         rows = slice(view * width, (view + 1) * width)
@@ -254,9 +263,9 @@ def _assembled(
                 continue
             basis = Basis.along(predicted, trials.labels[k, :, 0])
             r[k, rows] = registered(predicted, observed, basis)
-            if ends:
-                changes = np.stack([(getattr(up, name)[k] - getattr(down, name)[k])[:, :2] for up, down in ends])
-                J[k, rows] = basis.projected(np.nan_to_num(changes.astype(np.float64))).T * scale
+            if changes:
+                displaced = np.stack([getattr(each, name)[k][:, :2] for each in changes])
+                J[k, rows] = basis.projected(np.nan_to_num(displaced.astype(np.float64))).T * scale
             if replicas:
                 moved_on = np.stack([(getattr(seen, name)[k] - predicted)[:, :2] for seen in replicas])
                 ends_at = basis.projected(np.nan_to_num(moved_on.astype(np.float64)))

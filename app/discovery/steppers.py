@@ -29,6 +29,8 @@ _TRACED = 32
 """Clouds whose centrelines are found at once."""
 _SHARES = "climb", "press", "permanent_set"
 """Fields of `RodPhysics` that are from 0 to 1."""
+_LEVER, _SLID_M = 2.0, 0.1
+"""No point of an object goes farther than so many ways of the tool that pushes it, and what it slides by itself."""
 _LENGTHS = {"cpu": 1.0, "gpu": 2.0}
 """Ratio of one length of paths to the next: a GPU rather simulates more pushes at once, some of them for longer."""
 _ROD_LENGTHS = 1.5
@@ -132,9 +134,20 @@ def _rod_stepper(rods: RodModel) -> Stepper:
         along = material_coordinates(state.place, label[..., 0], scene.nodes)
         setting = RodSetting(material_coordinates=along, session_time=time)
         stopped = simulate(physics, state, first, phi[:, own], setting)
-        return stopped.x, simulate(physics, stopped, second, phi[:, own], setting).x
+        end = simulate(physics, stopped, second, phi[:, own], setting)
+        flung = _is_flung(state.x, end.x, jnp.concatenate([first, second], axis=1))[:, None, None]
+        return jnp.where(flung, jnp.nan, stopped.x), jnp.where(flung, jnp.nan, end.x)
 
     return Stepper(begin=begin, move=stepped)
+
+
+def _is_flung(
+    start: Float[jax.Array, "B N 3"], end: Float[jax.Array, "B N 3"], tool: Float[jax.Array, "B T 3"]
+) -> jax.Array:
+    """Whether a point of each object (B) went farther than a tool that pushes it can take it: its time steps failed."""
+    way = jnp.linalg.norm(jnp.diff(tool[..., :2], axis=1), axis=2).sum(1)
+    farthest = jnp.linalg.norm((end - start)[..., :2], axis=2).max(1)
+    return ~(farthest < _LEVER * way + _SLID_M)
 
 
 def _known(
@@ -146,6 +159,7 @@ def _known(
     for unknown, steps in zip(ROD_NUMERICS.values(), unknowns.T, strict=True):
         here, apart = nominal[unknown.field], unknown.step * steps
         known[unknown.field] = here * jnp.exp(apart) if unknown.relative else here + apart
+    known["viscosity"] = jnp.minimum(known["viscosity"], scene.max_viscosity_n_m2_s)
     return known | {name: jnp.clip(known[name], 0.0, 1.0) for name in _SHARES}
 
 

@@ -173,7 +173,7 @@ def rod_numbers(scene: RodScene) -> Numbers:
 
 def _stiffest_joint(scene: RodScene) -> tuple[float, float]:
     """Stiffness [N m] and damping [N m s] of a node's bending, at most."""
-    return scene.max_rigidity_n_m2 / scene.rest_m, 1.3 * scene.nominal_physics()["viscosity"] / scene.rest_m
+    return scene.max_rigidity_n_m2 / scene.rest_m, scene.max_viscosity_n_m2_s / scene.rest_m
 
 
 def _operations(scene: RodScene, effects: tuple[Effect, ...]) -> RodOperations:

@@ -16,6 +16,8 @@ _TIGHTEST = 1.25
 _STEP_S = 1e-3
 _STIFFEST = 4
 """As a multiple of the nominal rigidity, where nobody says."""
+_MOST_VISCOUS = 1.3
+"""As a multiple of the nominal viscosity."""
 _FARTHEST_M = 100.0
 _YOUNG_PA, _VISCOSITY_PA_S = 1.865e4, 311.0
 """Of bending: 6e-5 N m^2 and 1e-6 N m^2 s for a rope of 8 mm radius."""
@@ -125,6 +127,11 @@ class RodScene:
     def max_rigidity_n_m2(self) -> float:
         """The largest bending rigidity that its time steps bear [N m^2]."""
         return self.stiffest_n_m2 or _STIFFEST * self.nominal_physics()["rigidity"]
+
+    @property
+    def max_viscosity_n_m2_s(self) -> float:
+        """The largest viscosity in bending that its time steps bear [N m^2 s]."""
+        return _MOST_VISCOUS * self.nominal_physics()["viscosity"]
 
     @property
     def second_moment_m4(self) -> float:
