@@ -1,4 +1,4 @@
-"""Where the data are: a study is simulated about the middle of where object and tool were, and told where they are.
+"""Where the data are: a study is simulated about the mean of where the object was, and told where they are.
 
 Effects that have a place, and fields that are linear in it, are about the middle of the tasks' table. A table may lie
 anywhere in the frame of its data: those are then moved so that their middle is there, and never turned, so that
@@ -30,7 +30,8 @@ def centred(study: Study, subject: Subject) -> Study:
     low, high = _extent(study, subject)
     if np.all(np.abs(np.stack([low, high]) - MIDDLE_M) <= REACH_M):
         return study
-    x, y = ((low + high) / 2 - MIDDLE_M).round(_DIGITS).tolist()
+    middle = np.concatenate([push.before.points[:, :2] for push in study.pushes]).mean(0, dtype=np.float64)
+    x, y = (middle - MIDDLE_M).round(_DIGITS).tolist()
     return replace(_moved(study, np.array([-x, -y, 0.0])), origin_m=(x, y))
 
 

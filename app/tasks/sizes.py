@@ -19,7 +19,7 @@ Sized: TypeAlias = "Callable[[Rope, Finger], Task]"
 """A task about this rope and this finger."""
 
 SIZES = {
-    "length_m": (0.12, 0.80),
+    "length_m": (0.18, 0.80),
     "radius_m": (0.003, 0.016),
     "mass_kg": (0.003, 0.6),
     "finger_radius_m": (0.002, 0.030),

@@ -79,7 +79,7 @@ def rope_size(clouds: Sequence[Cloud], radius_m: float | None = None) -> RopeSiz
 
 def length_of_cloud(cloud: Cloud, radius_m: float) -> float:
     """Length [m] of the centreline of a rope of this radius, without its round ends."""
-    return _traced(cloud, radius_m).length_m - 2 * _ROUND_END * radius_m
+    return max(_traced(cloud, radius_m).length_m - 2 * _ROUND_END * radius_m, 0.0)
 
 
 def radius_of_cloud(cloud: Cloud) -> float:
