@@ -73,5 +73,5 @@ def saved(folder: Path, arrays: dict[str, Any]) -> Path:
 
 
 def offsets_of(clouds: list[np.ndarray]) -> np.ndarray:
-    """Where each of them begins, and where the last ends."""
+    """Offsets of their beginnings, and of the end of the last."""
     return np.cumsum([0, *map(len, clouds)]).astype(np.int64)

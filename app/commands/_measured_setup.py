@@ -1,4 +1,4 @@
-"""What imported data say of the object, the tool and the table, so that these are simulated and not the task's."""
+"""Object, tool and table as imported data have them, so that these are simulated and not the task's."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -30,14 +30,14 @@ _STEEP_DEG: Final = 20.0
 _UNDER_M: Final = 0.02
 """An object or a tool that is so far below the table is in another frame."""
 _HIGH_M, _TILTED_DEG = 0.010, 0.7
-"""What cameras err by: three times a usual offset, and a little more than a usual turn. A table that is farther from
+"""Usual errors of cameras: three usual offsets, and a little more than a usual turn. A table that is farther from
 height 0 is elsewhere."""
 _CLOUDS_HIGH_M, _CLOUDS_TILTED_DEG = 0.020, 3.0
 """The same where only the object's lowest points are known, as cameras may not see its underside."""
 _TURNS_RAD: Final = 0.09
 """A flat tool whose yaw differs by more than 5 degrees from push to push turns."""
 _OTHER: Final = 0.15
-"""By which share of it, and three standard deviations, what is seen differs from what is said."""
+"""Share of a size, beside three standard deviations, from which what is seen differs from what is said."""
 _FAR_OTHER: Final = 0.25
 _NEAR_M: Final = 0.025
 _MM: Final = 1e3
@@ -212,7 +212,7 @@ class _Found:
         return radius, half, self._yaw(yaw, surface.yaw_rad if surface is not None and surface.flat else None)
 
     def _yaw(self, said: SourcedSize | None, seen: float | None) -> SourcedSize:
-        """Of a flat tool: as said, as seen, or as the poses have it, about which it is said to be."""
+        """Yaw of a flat tool: as said, as seen, or as the poses have it, about which it is said to be."""
         turns = np.concatenate([_yaws(_low_poses(episode, sights)) for episode, sights in _pushes(self.plain)])
         usual = 0.5 * float(np.angle(np.mean(np.exp(2j * turns))))
         spread = float(np.quantile(np.abs(_half_turn(turns - usual)), 0.9))
@@ -240,7 +240,7 @@ class _Found:
         return radius, half, self._said("tool", "yaw_rad", "finger_yaw_rad")
 
     def _said(self, thing: str, key: str, name: str) -> SourcedSize | None:
-        """What `about` says, or the task's name."""
+        """Size that `about` says, or the task's name."""
         of = self.plain.about.get(thing, {})
         value: Any = of.get(key) if isinstance(of, Mapping) else None
         value = self._given.get(name) if value is None else value
@@ -297,7 +297,7 @@ def _pushes(plain: Plain) -> list[tuple[PlainEpisode, tuple[Sight, ...]]]:
 
 
 def _poses(episode: PlainEpisode, sights: Sequence[Sight]) -> Poses:
-    """Of a push, as measured where anybody did."""
+    """Poses of a push, as measured where anybody did."""
     first, last = sights[0].time_s, sights[-1].time_s
     measured = episode.state.between(first, last) if episode.state is not None else None
     return (measured if measured is not None and len(measured.times_s) else episode.command.between(first, last)).poses
@@ -313,7 +313,7 @@ def _low_poses(episode: PlainEpisode, sights: Sequence[Sight]) -> Poses:
 
 
 def _yaws(poses: Poses) -> Float64[np.ndarray, " T"]:
-    """How far the tool's x axis is turned about the vertical [rad]."""
+    """Angles of the tool's x axis about the vertical [rad]."""
     ahead = Rotation.from_quat(poses[:, 3:], scalar_first=True).apply(np.array([1.0, 0.0, 0.0]))
     return np.arctan2(ahead[:, 1], ahead[:, 0])
 
@@ -352,7 +352,7 @@ def _near(plain: Plain, task: Task) -> int:
 
 
 def _camera_m(about: Mapping[str, Any]) -> tuple[float, float, float] | None:
-    """Where the cameras are, in the middle [m]."""
+    """Middle of the cameras [m], where `about` says it."""
     value: Any = about.get("camera_m")
     if value is None:
         return None
@@ -363,5 +363,5 @@ def _camera_m(about: Mapping[str, Any]) -> tuple[float, float, float] | None:
 
 
 def is_of_rope(task: Task) -> bool:
-    """Whether the object is a rope that is simulated at any size."""
+    """True where the object is a rope that is simulated at any size."""
     return isinstance(task.stage.body, Rope) and task.sized is not None and task.rods is not None

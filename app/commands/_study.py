@@ -73,7 +73,7 @@ def read_study(paths: Sequence[Path], *, task: str | None = None) -> Study:
 
 
 def _setup_of(episodes: Sequence["_Recorded"]) -> MeasuredSetup | None:
-    """What imported recordings say of object, tool and table: the first's, and what is wrong in any."""
+    """Setup of imported recordings: the first's, with the flaws of all."""
     setups = list[MeasuredSetup]()
     for episode in episodes:
         config: Any = json.loads(episode.episode.config or "{}")

@@ -1,4 +1,4 @@
-"""What of imported data is simulated, object, tool and table, and who says so. Plain data, kept in a recording."""
+"""Object, tool and table of imported data as they are simulated, and who says so. Plain data, kept in a recording."""
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
@@ -6,9 +6,9 @@ from math import degrees
 from typing import Final, Literal, TypeAlias, final
 
 Source: TypeAlias = Literal["data", "about", "task"]
-"""What was measured in the clouds; what whoever recorded them says; the task's own, as nobody says another."""
+"""Measured in the clouds; said by whoever recorded them; the task's own, as nobody says another."""
 ToolPoints: TypeAlias = Literal["none", "tip", "surface"]
-"""Of what points of the tool are: nothing, its tip, which is their mean, or its surface."""
+"""Meaning of the tool's points: there are none; their mean is its tip; they are of its surface."""
 
 _MM, _GRAM = 1e3, 1e3
 
@@ -45,7 +45,7 @@ class FoundTable:
 
     @property
     def words(self) -> str:
-        """Where it was, in a sentence."""
+        """Sentence that says where it was."""
         by = {"points": "its points", "clouds": "the lowest points of the clouds", "none": ""}[self.seen]
         where = f"{self.height_m:.3f} m high and tilted by {self.tilt_deg:.1f} degrees"
         if self.taken_out:
@@ -67,7 +67,7 @@ class MeasuredSetup:
     table: FoundTable
     tool_points: ToolPoints = "none"
     push_height_m: float = 0.0
-    """Of the tool's tip above the table in a usual push."""
+    """Height of the tool's tip above the table in a usual push."""
     camera_m: tuple[float, float, float] | None = None
     flaws: tuple[str, ...] = ()
     """Sentences of what cannot be simulated: no cause is named."""
@@ -75,7 +75,7 @@ class MeasuredSetup:
     """Sentences of what else is worth knowing."""
 
     def source(self, name: str) -> Source:
-        """Who says this size: the task where nobody else does."""
+        """Source of a size: the task where nobody else says it."""
         for size in self.sizes:
             if size.name == name:
                 return size.source
@@ -105,7 +105,7 @@ class MeasuredSetup:
 
 
 def _known(size: SourcedSize) -> str:
-    """Who says a size, in words."""
+    """Source of a size, in words."""
     if size.source == "data":
         return "from the data" + (f", known to {_GIVEN[size.name](size.sd)}" if size.sd > 0 else "")
     task = "as dense as the task's, and fitted" if size.name == "mass_kg" else "the task's"

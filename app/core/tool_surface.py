@@ -95,7 +95,7 @@ def fitted_tool(views: Sequence[ToolView], *, flat: bool | None = None) -> ToolS
 def middle_of(
     view: ToolView, radius_m: float, half_m: tuple[float, float] = (0.0, 0.0)
 ) -> Float64[np.ndarray, "2"] | None:
-    """Where the middle of a tool of known size is [m], seen from above; None where the points do not say it.
+    """Middle of a tool of known size [m], seen from above; None where the points do not say it.
 
     `half_m`: from its middle to an end of its core (`Finger.half_m`).
     """
@@ -127,7 +127,7 @@ class _Fit:
     yaw_rad: float
     error_m: float
     deviation: Float64[np.ndarray, "3"]
-    """Of radius, half width and yaw."""
+    """Standard deviations of radius, half width and yaw."""
     middles: Float64[np.ndarray, "V 2"]
 
     @classmethod
@@ -190,7 +190,7 @@ class _Fit:
         )
 
     def shape(self) -> ToolShape | None:
-        """What of it the points say; None where they are too far from any such shape."""
+        """Shape as far as the points say it; None where they are too far from any such shape."""
         if self.error_m > max(3 * _NOISE_M, _BLURRED * self.radius_m):
             return None
         inside = _RADII_M[0] * 1.01 < self.radius_m < _RADII_M[1] * 0.99
@@ -213,7 +213,7 @@ def _level(view: ToolView) -> _Plane:
 
 
 def _is_blob(views: Sequence[_Plane]) -> bool:
-    """Whether points scatter about their mean evenly in all directions, and thickly in the middle of it."""
+    """True where points scatter about their mean evenly in all directions, and thickly in the middle of it."""
     out = np.concatenate([points - points.mean(0) for points in views])
     distance = np.linalg.norm(out, axis=1)
     return bool(np.mean(distance < 0.5 * np.sqrt(np.mean(distance**2))) > _INSIDE)

@@ -231,6 +231,6 @@ class Case:
     covariance: Float64[np.ndarray, "Q Q"]
     spent_s: tuple[tuple[str, float], ...]
     setup: MeasuredSetup | None = None
-    """What was simulated, and who says so."""
+    """Object, tool and table as they were simulated, and who says so."""
     origin_m: tuple[float, float] = (0.0, 0.0)
-    """Where the origin of `about` and `extended` is in the frame of the data, in which all else is told."""
+    """Origin of `about` and `extended` in the frame of the data, in which all else is told."""

@@ -23,9 +23,9 @@ _MOST, _SOME = 0.5, 0.1
 _NODES = 24
 _CLEAR_M = 0.005
 _CLOUDS, _FEWEST_CLOUDS = 6, 4
-"""Of an episode, that say how long its object is."""
+"""Numbers of an episode's clouds that say how long its object is: at most, and at least."""
 _OTHER, _DEVIATIONS = 0.08, 4.0
-"""By which share, and by how many standard errors, an object is another one from episode to episode."""
+"""Share, and standard errors, by which an object is another one from episode to episode."""
 _MEDIAN_TO_SD = 1.4826
 _SAME_M = 1e-5
 _LONGER, _SHORTER = 1.5, 0.5

@@ -102,7 +102,7 @@ def _first_of_episodes(trials: Trials) -> frozenset[int]:
 
 
 def _seen_tip(predictor: Predictor, trials: Trials, k: int) -> Float64[np.ndarray, "3"] | None:
-    """Where the cameras see the tool's tip in the view on the way; NaN along an axis of which its points say nothing.
+    """Tip of the tool as the cameras see it in the view on the way; NaN along an axis of which its points say nothing.
 
     Points whose mean is the tip say all of it. Points of the tool's surface say where its middle is, seen from above,
     where the tool's size is known; how low its tip is faces away from cameras above it.
@@ -164,7 +164,7 @@ def _log(predictor: Predictor, trials: Trials, k: int, theta: Theta) -> Float64[
 
 
 def _girth(predictor: Predictor, trials: Trials, k: int, theta: Theta) -> Float64[np.ndarray, "1"] | None:
-    """How far half of the object's points are at most from its middle line, less that of an object of known radius.
+    """Distance within which half of the object's points are from its middle line, less that of an object of its radius.
 
     Nothing where nobody said the radius.
     """

@@ -36,7 +36,7 @@ def limits_of(study: Study, subject: Subject) -> tuple[Limit, ...]:
 
 
 def _simulated(study: Study) -> Iterator[Limit]:
-    """What imported data say of object, tool and table that cannot be simulated, or that says nothing of cameras."""
+    """Flaws of what imported data say of object, tool and table, and what of it says nothing of cameras."""
     setup = study.setup
     if setup is None:
         return

@@ -1,4 +1,4 @@
-"""Where the data are: a study is simulated about the mean of where the object was, and told where they are.
+"""Placement of data: a study is simulated about the mean of where the object was, and told where they are.
 
 Effects that have a place, and fields that are linear in it, are about the middle of the tasks' table. A table may lie
 anywhere in the frame of its data: those are then moved so that their middle is there, and never turned, so that

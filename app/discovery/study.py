@@ -56,9 +56,9 @@ class Study:
     tables: Mapping[int, Cloud] = field(default_factory=dict[int, Cloud])
     camera: tuple[float, float, float] = (0.55, 0.0, 0.9)
     setup: MeasuredSetup | None = None
-    """What imported data say of object, tool and table; None of recordings of this program, which are the task's."""
+    """Object, tool and table of imported data; None of recordings of this program, which are the task's."""
     origin_m: tuple[float, float] = (0.0, 0.0)
-    """Where the origin of its frame is in that of the data: see `discovery.placement`."""
+    """Origin of its frame in that of the data: see `discovery.placement`."""
 
     def session_times(self) -> Float64[np.ndarray, " K"]:
         """When each push was made, as a share of the session: -0.5 the first, 0.5 the last."""

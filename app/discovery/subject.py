@@ -185,9 +185,9 @@ class Catalogue:
     rods: bool = False
     """Whether it is of objects as rods."""
     origin_m: tuple[float, float] = (0.0, 0.0)
-    """Where the origin of its places is in the frame in which they are told."""
+    """Origin of its places in the frame in which they are told."""
     reach_m: tuple[float, float] = REACH_M
-    """How far from the middle of the table along x and y something may have its place."""
+    """Farthest that something may have its place from the middle of the table, along x and y."""
 
     def column(self, name: str) -> int:
         """Where a parameter stands. KeyError where there is none of that name."""
@@ -198,7 +198,7 @@ class Catalogue:
         return next(cause for cause in self.causes if cause.name == name)
 
     def told_m(self, column: int) -> float:
-        """What is added to a place [m] where it is told; 0 for what is no place."""
+        """Offset of a place [m] where it is told; 0 for what is no place."""
         return next((self.origin_m[axis] for cause in self.causes for axis in cause.axis_of(column)), 0.0)
 
     def wrong(self, theta: Theta) -> Iterator[tuple[Apparatus, Values]]:
@@ -216,7 +216,7 @@ class Catalogue:
 
 
 def setup_of(subject: Subject) -> MeasuredSetup | None:
-    """What is simulated of recordings that say no sizes: all of it is the task's; None where the tool is unknown."""
+    """Setup of recordings that say no sizes: all of it is the task's; None where the tool is unknown."""
     finger = subject.finger
     if finger is None or subject.rods is None:
         return None

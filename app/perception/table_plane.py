@@ -49,7 +49,7 @@ class TablePlane:
 
     @property
     def height_m(self) -> float:
-        """Of its middle."""
+        """Height of its middle."""
         return float(self.middle[2])
 
     @property

@@ -26,7 +26,7 @@ SIZES = {
     "finger_half_width_m": (0.0, 0.045),
     "finger_yaw_rad": (-pi, pi),
 }
-"""What may be another one, and from where to where: there a rod's time steps are as good as the nominal rope's, within
+"""Numbers that may be other ones, and their ranges: there a rod's time steps are as good as the nominal rope's, within
 a factor of two (`tests/tasks/test_size_limits.py`)."""
 _OF_FINGER = "finger_"
 

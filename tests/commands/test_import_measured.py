@@ -1,4 +1,4 @@
-"""What is simulated of imported ropes is what the data say: object, tool, table and place."""
+"""Imported ropes are simulated as the data say: object, tool, table and place."""
 
 from collections.abc import Mapping
 from dataclasses import replace
@@ -52,7 +52,7 @@ def ready(study: Study) -> tuple[Predictor, Trials, Subject]:
 
 
 def errors_mm(study: Study) -> np.ndarray:
-    """Of the nominal model, by pushes: residuals of the cloud after each."""
+    """Errors of the nominal model by pushes: residuals of the cloud after each."""
     predictor, trials, subject = ready(study)
     after = predictor(trials, [predictor.catalogue.nominal(subject)]).after[0]
     fields = [
@@ -63,7 +63,7 @@ def errors_mm(study: Study) -> np.ndarray:
 
 
 def changes_m(study: Study, values: Mapping[str, float]) -> np.ndarray:
-    """Where a model with these values puts the object's middle after each push, less where the nominal one does."""
+    """Shift of the object's middle after each push by a model with these values against the nominal one."""
     predictor, trials, subject = ready(study)
     nominal = predictor.catalogue.nominal(subject)
     theta = nominal.copy()

@@ -41,7 +41,7 @@ def pushes_across(task: Task) -> Study:
 
 @cache
 def error_m(sizes: str) -> float:
-    """By how much a quarter of its time steps changes where a rope of these sizes ends, in the mean."""
+    """Mean change of where a rope of these sizes ends by time steps that are a quarter as long."""
     task = load(f"rope_push({sizes})@rods" if sizes else "rope_push@rods")
     subject, study = subject_of(task), pushes_across(task)
     assert subject.rods is not None

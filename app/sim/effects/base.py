@@ -56,7 +56,7 @@ MIDDLE_M = (0.55, 0.0)
 MIDDLE = f"({MIDDLE_M[0]:g}, {MIDDLE_M[1]:g}) m"
 """The same in words, as `about` of a parameter has it."""
 REACH_M = (0.40, 0.45)
-"""How far from there along x and y something may have its place, unless a study reaches farther."""
+"""Farthest from there along x and y that something may have its place, unless a study reaches farther."""
 
 
 def place(name: str, what: str) -> tuple[ParameterSpec, ...]:

@@ -26,16 +26,16 @@ _MOST_POINTS: Final = 450
 _ORDER_NODES: Final = 24
 _SPACING_RADII, _SPOT_RADII = 1.25, 1.6
 _SPACING_M, _SPOT_M = 0.008, 0.010
-"""Of the nodes and spots of thin ropes at least: lines through finer ones go zigzag from point to point."""
+"""Least distances of nodes and spots, of thin ropes: lines through finer ones go zigzag from point to point."""
 _NODES: Final = 11, 129
-"""Of a centreline: so many as a rod may have."""
+"""Least and most nodes of a centreline, as of a rod."""
 _ROUNDS: Final = 6
 _ROUND_END: Final = 1 / 3
 """Length of a cloud beyond either end of its centreline, in radii: 0 of a rope that is cut off, 2/3 of a round end, 1
 of a surface. It is known no better than `_ROUND_END_SD`."""
 _ROUND_END_SD: Final = 0.5
 _MEDIAN_TO_SD: Final = 1.4826
-"""Of normal numbers, the standard deviation over the median of their sizes."""
+"""Normal numbers' standard deviation over the median of their sizes."""
 _TOP: Final = 0.98
 """Share of a rope's points that are lower than about its top."""
 _FULL: Final = 0.65
@@ -142,7 +142,7 @@ def _traced(cloud: Cloud, radius_m: float) -> _Trace:
 
 
 def _beyond(line: Float64[np.ndarray, "n 2"], radius_m: float) -> float:
-    """How far points may lie beyond either end of a line, in its segments: two radii."""
+    """Length in which points may lie beyond either end of a line, in its segments: two radii."""
     return 2 * radius_m / max(float(lengths(line[None])[0]), radius_m) * (len(line) - 1)
 
 

@@ -26,7 +26,7 @@ def masthead(case: Case) -> Markup:
 
 
 def _simulated(case: Case) -> list[Markup]:
-    """What was simulated, and who says so."""
+    """Object, tool and table as they were simulated, and who says so."""
     if case.setup is None:
         return []
     return [tag("ul", *(tag("li", text) for text in case.setup.words), class_="simulated")]
