@@ -39,6 +39,8 @@ _TURNS_RAD: Final = 0.09
 _OTHER: Final = 0.15
 """Share of a size, beside three standard deviations, from which what is seen differs from what is said."""
 _FAR_OTHER: Final = 0.25
+_BESIDE_M: Final = 2e-3
+"""Twice what a tool's middle, as cameras see it, is known to."""
 _NEAR_M: Final = 0.025
 _MM: Final = 1e3
 
@@ -186,6 +188,10 @@ class _Found:
         if any(len(view.points) for view in views):
             self.tool_points = "surface" if surface is not None else "tip"
         own = self.task.finger
+        if surface is not None and surface.radius_m is not None:
+            beside_m = float(np.hypot(*surface.beside_m))
+            if beside_m > _BESIDE_M:
+                self.notes.append(f"The tool's middle is seen {_MM * beside_m:.1f} mm beside the tip of the poses.")
         if surface is not None:
             if radius is None and surface.radius_m is not None:
                 radius = _size("finger_radius_m", surface.radius_m, "data", surface.radius_sd_m)

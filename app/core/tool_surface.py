@@ -30,6 +30,8 @@ _BLURRED: Final = 0.3
 """Deviations from a circle, as a share of its radius, beyond which the points are about the tip, and no surface."""
 _INSIDE: Final = 0.1
 """Share of a normal cloud within half of its root mean square: 0.22; of an arc or a line seen in one view, less."""
+_EVEN: Final = 0.6
+"""Ratio of the smaller to the larger width above which a cloud is as wide in all directions."""
 _LONG: Final = 1.4
 """A tool is flat where it is wider than it is thick by so much, and where its points fit a round one so much worse."""
 _AS_GOOD: Final = 1.3
@@ -81,10 +83,10 @@ def fitted_tool(views: Sequence[ToolView], *, flat: bool | None = None) -> ToolS
         return None
     chosen = [chosen[k] for k in np.unique(np.linspace(0, len(chosen) - 1, _MOST_VIEWS).round().astype(int))]
     round_ = _Fit.of(chosen, flat=False)
+    if round_.error_m > _BLURRED * round_.radius_m and _is_blob(chosen):
+        return None
     if flat is False:
         return round_.shape()
-    if round_.error_m > _BLURRED * round_.radius_m and flat is None and _is_blob(chosen):
-        return None
     wide = _Fit.of(chosen, flat=True)
     is_flat = wide.half_width_m > (_LONG - 1) * wide.radius_m and (
         round_.error_m > _LONG * wide.error_m or round_.radius_m > _RADII_M[1] / 2
@@ -216,7 +218,8 @@ def _is_blob(views: Sequence[_Plane]) -> bool:
     """True where points scatter about their mean evenly in all directions, and thickly in the middle of it."""
     out = np.concatenate([points - points.mean(0) for points in views])
     distance = np.linalg.norm(out, axis=1)
-    return bool(np.mean(distance < 0.5 * np.sqrt(np.mean(distance**2))) > _INSIDE)
+    widths = np.linalg.svd(out, compute_uv=False)
+    return bool(np.mean(distance < 0.5 * np.sqrt(np.mean(distance**2))) > _INSIDE and widths[1] > _EVEN * widths[0])
 
 
 def _starts(views: Sequence[_Plane], *, flat: bool) -> list[Float64[np.ndarray, " P"]]:

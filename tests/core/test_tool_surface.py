@@ -40,10 +40,11 @@ def test_the_middle_is_found_and_not_the_mean_of_what_is_seen(seen_rad: float) -
     assert fit.beside_m == pytest.approx(beside, abs=7e-4)
 
 
-def test_points_about_the_tip_are_no_surface() -> None:
+@pytest.mark.parametrize("flat", [None, False, True])
+def test_points_about_the_tip_are_no_surface(flat: bool | None) -> None:
     rng = np.random.default_rng(0)
     points = rng.normal(0, NOISE_M, (60, 3)).astype(np.float32)
-    assert fitted_tool([ToolView(points=points, tip=np.zeros(3))] * 6) is None
+    assert fitted_tool([ToolView(points=points, tip=np.zeros(3))] * 6, flat=flat) is None
 
 
 def test_one_face_alone_does_not_say_how_thick_a_tool_is() -> None:
