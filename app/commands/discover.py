@@ -13,7 +13,7 @@ from app.commands._case import MODEL, VERDICT
 from app.commands._named import Dynamics, full_name
 from app.commands._preflight import make_folder
 from app.commands._study import read_study
-from app.core.errors import UsageError
+from app.core.errors import ParameterError, UsageError
 from app.core.messages import Model
 from app.discovery.case import Case
 from app.discovery.chain import discover as investigate
@@ -57,8 +57,12 @@ def discover(
         case = investigate(study, subject, said)
     report = output / "report.html"
     write_report(report, case)
-    save_model(output / MODEL, _model(case, study, doubted, subject, recordings))
     (output / VERDICT).write_text(verdict_json(case), encoding="utf-8")
+    try:
+        save_model(output / MODEL, _model(case, study, doubted, subject, recordings))
+    except ParameterError as error:  # Of a place that is farther from the middle than any planner's table is wide.
+        (output / MODEL).unlink(missing_ok=True)
+        terminal.print(f"No {MODEL} is written, as no planner could use it: {error}")
     terminal.print(show_case(case, report))
     if case.origin_m != (0.0, 0.0):
         x, y = (middle + origin for middle, origin in zip(MIDDLE_M, case.origin_m, strict=True))
