@@ -10,6 +10,8 @@ from app.core.measured_setup import FoundTable
 from app.discovery.placement import centred, moved_back, reach_m
 from app.discovery.study import Push, Study, View
 from app.discovery.subject import REACH_M, setup_of
+from app.tasks import load
+from app.tasks.doubted import subject_of
 from app.ui.report import show_case, write_report
 from tests.discovery.test_limits import GOOD, SUBJECT, each
 from tests.ui.report.cases import a_set
@@ -50,7 +52,7 @@ def test_one_elsewhere_is_moved_to_the_middle_and_not_turned() -> None:
 
 def test_what_is_drawn_is_moved_back(tmp_path: Path) -> None:
     case, shift = a_set(), np.array([*ORIGIN_M, 0.0])
-    told = moved_back(replace(case, setup=setup_of(SUBJECT), origin_m=ORIGIN_M), ORIGIN_M)
+    told = moved_back(replace(case, setup=setup_of(subject_of(load("rope_push@rods"))), origin_m=ORIGIN_M), ORIGIN_M)
     np.testing.assert_allclose(told.arrows.places, case.arrows.places + shift[:2], atol=1e-6)
     for one, other in zip(case.examples, told.examples, strict=True):
         np.testing.assert_allclose(other.before, one.before + shift, atol=1e-6)
