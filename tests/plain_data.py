@@ -43,7 +43,7 @@ def plain_arrays(*, without: tuple[str, ...] = (), points: int = POINTS, seed: i
     column = [np.array(values) for values in zip(*rows, strict=True)]
     arrays = {
         "cloud_points": np.concatenate(clouds),
-        "cloud_offsets": _offsets(clouds),
+        "cloud_offsets": offsets_of(clouds),
         "cloud_time": column[0],
         "cloud_episode": column[1].astype(np.int32),
         "cloud_push": column[2].astype(np.int32),
@@ -56,9 +56,9 @@ def plain_arrays(*, without: tuple[str, ...] = (), points: int = POINTS, seed: i
         "state_pose": poses[::3],
         "state_episode": np.array(episodes, np.int32)[::3],
         "tool_points": np.concatenate(tools),
-        "tool_offsets": _offsets(tools),
+        "tool_offsets": offsets_of(tools),
         "table_points": np.concatenate(tables),
-        "table_offsets": _offsets(tables),
+        "table_offsets": offsets_of(tables),
         "table_episode": np.arange(EPISODES, dtype=np.int32),
         "about": np.array(json.dumps({"task": "rope_push", "object": {"kind": "rope", "length_m": 0.4}})),
     }
@@ -72,5 +72,6 @@ def saved(folder: Path, arrays: dict[str, Any]) -> Path:
     return path
 
 
-def _offsets(clouds: list[np.ndarray]) -> np.ndarray:
+def offsets_of(clouds: list[np.ndarray]) -> np.ndarray:
+    """Offsets of their beginnings, and of the end of the last."""
     return np.cumsum([0, *map(len, clouds)]).astype(np.int64)

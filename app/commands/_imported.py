@@ -4,9 +4,11 @@ import json
 from collections.abc import Iterator, Sequence
 from typing import Final
 
+import msgspec
 import numpy as np
 
 from app import __version__
+from app.core.measured_setup import KEY, MeasuredSetup
 from app.core.messages import Episode, Executed, Message, MessageId, Particles, Sighting, Transition, fresh_id
 from app.core.track import poses_at
 from app.perception.recount import recounted
@@ -16,11 +18,14 @@ NOBODY: Final = MessageId("imported")
 """Stands for the approval that imported motions did not have."""
 
 
-def imported_messages(plain: Plain, task: str, particle_count: int) -> Iterator[Message]:
+def imported_messages(
+    plain: Plain, task: str, particle_count: int, setup: MeasuredSetup | None = None
+) -> Iterator[Message]:
     """All of it, in the order in which it happened, each object as so many particles.
 
-    A cloud stands in its `Particles` as the surface, as it was given.
+    A cloud stands in its `Particles` as the surface, as it was given. `setup`: what is simulated, and who says so.
     """
+    config = dict(plain.about) if setup is None else {**plain.about, KEY: msgspec.to_builtins(setup)}
     for episode in plain.episodes:
         first = episode.pushes[0][0]
         yield Episode(
@@ -31,7 +36,7 @@ def imported_messages(plain: Plain, task: str, particle_count: int) -> Iterator[
             seed=0,
             simulated=False,
             code_version=__version__,
-            config=json.dumps(dict(plain.about)),
+            config=json.dumps(config),
         )
         for number, sights in enumerate(episode.pushes):
             seen = [_particles(sight, particle_count) for sight in sights]

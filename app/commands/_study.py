@@ -1,14 +1,17 @@
 """Recordings as discovery reads them: every transition a push, with what was seen before, during and after it."""
 
+import json
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import final
+from typing import Any, final
 
+import msgspec
 import numpy as np
 
 from app.commands._sightings import look_beside
 from app.core.errors import RecordingError, UsageError
+from app.core.measured_setup import KEY, MeasuredSetup
 from app.core.messages import Episode, Executed, Message, MessageId, Particles, Sighting, Transition
 from app.core.task_name import recorded
 from app.core.track import Track
@@ -45,7 +48,8 @@ def read_study(paths: Sequence[Path], *, task: str | None = None) -> Study:
     episodes = [episode for path in paths for episode in _episodes(path)]
     name = _task_of(episodes, task)
     known = load(name)
-    subject, pushes, tables = subject_of(known), list[Push](), dict[int, Cloud]()
+    setup = _setup_of(episodes)
+    subject, pushes, tables = subject_of(known, setup), list[Push](), dict[int, Cloud]()
     for path in dict.fromkeys(paths):
         _look(path, [episode for episode in episodes if episode.path == path], known, subject.low_m)
     now_s = -np.inf
@@ -61,9 +65,25 @@ def read_study(paths: Sequence[Path], *, task: str | None = None) -> Study:
             tables[number] = bare
     if not pushes:
         raise RecordingError(f"{_listed(paths)}: no finished push to learn from; record some with `dipac run {name}`.")
-    study = Study(task=name, pushes=tuple(pushes), tables=tables)
+    study = Study(task=name, pushes=tuple(pushes), tables=tables, setup=setup)
+    if setup is not None and setup.camera_m is not None:
+        return replace(study, camera=setup.camera_m)
     camera = _camera(paths)
     return study if camera is None else replace(study, camera=camera)
+
+
+def _setup_of(episodes: Sequence["_Recorded"]) -> MeasuredSetup | None:
+    """Setup of imported recordings: the first's, with the flaws of all."""
+    setups = list[MeasuredSetup]()
+    for episode in episodes:
+        config: Any = json.loads(episode.episode.config or "{}")
+        if isinstance(config, dict) and KEY in config:
+            setups.append(msgspec.convert(config[KEY], MeasuredSetup))
+    if not setups:
+        return None
+    every = tuple(dict.fromkeys(flaw for setup in setups for flaw in setup.flaws))
+    table = next((setup.table for setup in setups if setup.table.taken_out), setups[0].table)
+    return replace(setups[0], flaws=every, table=table)
 
 
 @final
@@ -125,7 +145,10 @@ def _task_of(episodes: Sequence[_Recorded], wanted: str | None) -> str:
     names = {recorded(each.episode.task) for each in episodes}
     listed = ", ".join(f"{path}: {task}" for path, task in tasks.items())
     if len(names) > 1:
-        raise UsageError(f"The recordings are of different tasks ({listed}); give those of one task at a time.")
+        raise UsageError(
+            f"The recordings are of different tasks ({listed}); give those of one task at a time. Imported ones of "
+            "one object have the same sizes where about, or --task of `dipac import`, says them."
+        )
     if wanted is not None and names - {wanted}:
         raise UsageError(f"--task {wanted} contradicts the recordings ({listed}); leave --task out, or give others.")
     if not names:

@@ -13,14 +13,16 @@ from app.commands._case import MODEL, VERDICT
 from app.commands._named import Dynamics, full_name
 from app.commands._preflight import make_folder
 from app.commands._study import read_study
-from app.core.errors import UsageError
+from app.core.errors import ParameterError, UsageError
 from app.core.messages import Model
 from app.discovery.case import Case
 from app.discovery.chain import discover as investigate
+from app.discovery.placement import centred
 from app.discovery.study import Study
 from app.discovery.subject import Catalogue, Subject, catalogue
 from app.recording.model_file import save_model
 from app.sim.catalogue import discover as effects_of_the_simulator
+from app.sim.effects.base import MIDDLE, MIDDLE_M
 from app.tasks import load
 from app.tasks.doubted import subject_of
 from app.tasks.extended import estimated, extended_model
@@ -45,7 +47,7 @@ def discover(
     with terminal.status("reading the recordings") as status:
         study = read_study(recordings, task=task)
         doubted = full_name(study.task, dynamics=dynamics)
-        subject = subject_of(load(doubted))
+        subject = subject_of(load(doubted), study.setup)
         began = time.monotonic()
 
         def said(stage: str) -> None:
@@ -55,9 +57,18 @@ def discover(
         case = investigate(study, subject, said)
     report = output / "report.html"
     write_report(report, case)
-    save_model(output / MODEL, _model(case, study, doubted, subject, recordings))
     (output / VERDICT).write_text(verdict_json(case), encoding="utf-8")
+    try:
+        save_model(output / MODEL, _model(case, study, doubted, subject, recordings))
+    except ParameterError as error:  # Of a place that is farther from the middle than any planner's table is wide.
+        (output / MODEL).unlink(missing_ok=True)
+        terminal.print(f"No {MODEL} is written, as no planner could use it: {error}")
     terminal.print(show_case(case, report))
+    if case.origin_m != (0.0, 0.0):
+        x, y = (middle + origin for middle, origin in zip(MIDDLE_M, case.origin_m, strict=True))
+        terminal.print(
+            f"The data lie about ({x:.2f}, {y:.2f}) m; in {MODEL} that is {MIDDLE}, the middle of the task's table."
+        )
 
 
 def _model(case: Case, study: Study, task: str, subject: Subject, recordings: Sequence[Path]) -> Model:
@@ -71,7 +82,7 @@ def _model(case: Case, study: Study, task: str, subject: Subject, recordings: Se
         effects=_effects(known, case),
         covariance=covariance,
         recordings={path.name: hashlib.sha256(path.read_bytes()).hexdigest() for path in recordings},
-        camera_m=study.camera,
+        camera_m=centred(study, subject).camera,
         pushes=len(study.pushes),
         time_s=time.monotonic(),
     )

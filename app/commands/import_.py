@@ -10,6 +10,7 @@ from rich.console import Console
 
 from app.cells.cell_file import load_cell, table
 from app.commands._imported import imported_messages
+from app.commands._measured_setup import is_of_rope, measured_setup
 from app.commands._preflight import check_writable, unwritable
 from app.core.errors import RecordingError, UsageError
 from app.core.messages import Episode, Message
@@ -42,9 +43,14 @@ def import_(
     plain = read_plain(file)
     if cell is not None:
         plain = plain.in_table(table(load_cell(cell)))
-    known, notes = _sized(load(_task_name(plain, task, file)), plain)
+    known, setup, notes = load(_task_name(plain, task, file)), None, list[str]()
+    if is_of_rope(known):
+        plain, known, setup = measured_setup(plain, known)
+        notes = [*setup.words, *setup.notes, *(f"{flaw} No cause will be named." for flaw in setup.flaws)]
+    else:
+        known, notes = _sized(known, plain)
     count = known.preset("cpu").particle_count
-    _write(output, imported_messages(plain, known.recorded, count))
+    _write(output, imported_messages(plain, known.recorded, count, setup))
     pushes = sum(len(episode.pushes) for episode in plain.episodes)
     terminal.print(f"{output}: {pushes} pushes in {len(plain.episodes)} episodes of {known.recorded}.")
     for note in notes:

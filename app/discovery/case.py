@@ -9,6 +9,7 @@ from typing import Literal, TypeAlias, final
 import numpy as np
 from jaxtyping import Float32, Float64
 
+from app.core.measured_setup import MeasuredSetup
 from app.core.track import Track
 from app.core.types import Points
 from app.discovery.sensitivity import Step
@@ -229,3 +230,7 @@ class Case:
     estimated: tuple[Step, ...]
     covariance: Float64[np.ndarray, "Q Q"]
     spent_s: tuple[tuple[str, float], ...]
+    setup: MeasuredSetup | None = None
+    """Object, tool and table as they were simulated, and who says so."""
+    origin_m: tuple[float, float] = (0.0, 0.0)
+    """Origin of `about` and `extended` in the frame of the data, in which all else is told."""

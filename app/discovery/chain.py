@@ -21,12 +21,13 @@ from app.discovery.gain import gained
 from app.discovery.library import FORMULA
 from app.discovery.limits import limits_of
 from app.discovery.next_push import next_push
+from app.discovery.placement import centred, moved_back, reach_m
 from app.discovery.predict import Predictor, Trials, prepare
 from app.discovery.refine import Model
 from app.discovery.screen import Screening, arrows_of, refit, screen
 from app.discovery.soundness import model_limits
 from app.discovery.study import Study
-from app.discovery.subject import Subject, Theta, catalogue
+from app.discovery.subject import Subject, Theta, catalogue, setup_of
 from app.discovery.wording import formula_of
 
 _ARROWS = 40
@@ -48,7 +49,9 @@ def discover(study: Study, subject: Subject, said: Progress) -> Case:
     Registrations and fits are linear algebra so small that threads make it ten times slower.
     """
     watch, limits = _Watch(said), limits_of(study, subject)
-    predictor = Predictor(subject, catalogue(subject.rods))
+    study = centred(study, subject)
+    known = catalogue(subject.rods, origin_m=study.origin_m, reach_m=reach_m(study, subject))
+    predictor = Predictor(subject, known)
     trials = prepare(study, subject)
     with watch.stage("direct checks"):
         checks = direct_checks(predictor, trials, predictor.catalogue.nominal(subject))
@@ -77,7 +80,7 @@ def discover(study: Study, subject: Subject, said: Progress) -> Case:
         ahead = next_push(predictor, trials, rivals, platform=platform, height_m=subject.low_m - _BELOW_M)
     causes = _causes(predictor, ranking, names, model)
     confused = tuple(blame.effect for blame in ranking[:_CONFUSED])
-    return Case(
+    case = Case(
         amount=_amount(study, subject),
         limits=limits,
         checks=checks,
@@ -103,7 +106,10 @@ def discover(study: Study, subject: Subject, said: Progress) -> Case:
         estimated=model.steps[: model.own] if model is not None else (),
         covariance=model.covariance if model is not None else np.zeros((0, 0)),
         spent_s=tuple(watch.spent_s),
+        setup=study.setup or setup_of(subject),
+        origin_m=study.origin_m,
     )
+    return moved_back(case, study.origin_m)
 
 
 def _model(verdict: Name, decision: Decision, open_ended: Opened) -> Model | None:

@@ -95,7 +95,7 @@ def _estimate(
     here = spec.coordinate(float(about[column])) + shift
 
     def real(coordinate: float) -> float:
-        return spec.real(spec.value(coordinate), subject.haste, subject.heft)
+        return spec.real(spec.value(coordinate), subject.haste, subject.heft) + catalogue.told_m(column)
 
     return Estimate(
         name=spec.name,
@@ -104,7 +104,7 @@ def _estimate(
         unit=spec.unit,
         low=real(here - Z90 * deviation),
         high=real(here + Z90 * deviation),
-        null=spec.real(spec.nominal, subject.haste, subject.heft),
+        null=spec.real(spec.nominal, subject.haste, subject.heft) + catalogue.told_m(column),
     )
 
 

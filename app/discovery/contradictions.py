@@ -10,6 +10,7 @@ from app.discovery.case import Limit
 from app.discovery.study import Push, Study
 from app.discovery.subject import Subject
 from app.sim.arc_length import arclength_labels, centreline_weights
+from app.sim.rods.rope_size import length_of_cloud
 
 _NEAR_M = 0.025
 """From the tip to the nearest particle, seen from above: farther away it touched nothing, even if cameras err."""
@@ -20,6 +21,13 @@ _SLACK_S = 0.2
 """More than cameras and arms of one clock err; delays of this size are causes that can be named."""
 _MOST, _SOME = 0.5, 0.1
 _NODES = 24
+_CLEAR_M = 0.005
+_CLOUDS, _FEWEST_CLOUDS = 6, 4
+"""Numbers of an episode's clouds that say how long its object is: at most, and at least."""
+_OTHER, _DEVIATIONS = 0.08, 4.0
+"""Share, and standard errors, by which an object is another one from episode to episode."""
+_MEDIAN_TO_SD = 1.4826
+_SAME_M = 1e-5
 _LONGER, _SHORTER = 1.5, 0.5
 _MILLI = 1e3
 
@@ -27,6 +35,9 @@ _MILLI = 1e3
 def contradictions(study: Study, subject: Subject) -> Iterator[Limit]:
     """Of each kind, what there is."""
     yield from _size(study, subject)
+    yield from same_episodes(study)
+    if subject.rods is not None:
+        yield from _lengths(study, subject)
     yield from _clocks(study, subject)
     yield from _contact(study, subject)
 
@@ -53,6 +64,59 @@ def _size(study: Study, subject: Subject) -> Iterator[Limit]:
         ),
         fatal=True,
     )
+
+
+def same_episodes(study: Study) -> Iterator[Limit]:
+    """Pushes that are in two episodes: a recording and its copy, or what was recovered of it."""
+    first = dict[bytes, int]()
+    for push in study.pushes:
+        begin_s = push.command.times_s[0]
+        told = [push.before.points / _SAME_M, push.after.points / _SAME_M, push.command.poses / _SAME_M]
+        times = np.round((push.command.times_s - begin_s) / _SAME_M)
+        key = b"".join(np.round(part).astype(np.int64).tobytes() for part in (*told, times))
+        other = first.setdefault(key, push.episode)
+        if other != push.episode:
+            yield Limit(
+                text=f"Episodes {other + 1} and {push.episode + 1} hold the same push.",
+                consequence=(
+                    "An episode that counts twice makes everything look surer than it is, so no cause is named: leave "
+                    "out copies of recordings, and what was recovered of one that is whole."
+                ),
+                fatal=True,
+            )
+            return
+
+
+def _lengths(study: Study, subject: Subject) -> Iterator[Limit]:
+    """An object that is longer in one episode than in the others."""
+    found = dict[int, list[Points]]()
+    for push in study.pushes:
+        found.setdefault(push.episode, []).extend((push.before.points, push.after.points))
+    lengths, errors = list[tuple[int, float]](), list[float]()
+    for number, clouds in found.items():
+        if len(clouds) < _FEWEST_CLOUDS:
+            continue
+        chosen = np.unique(np.linspace(0, len(clouds) - 1, _CLOUDS).round().astype(int))
+        own = np.array([length_of_cloud(clouds[k], subject.radius_m) for k in chosen])
+        lengths.append((number, float(np.median(own))))
+        errors += (np.abs(own - np.median(own)) / np.sqrt(len(own))).tolist()
+    if len(lengths) < 2:
+        return
+    usual = float(np.median([length for _, length in lengths]))
+    least = max(_OTHER * usual, _DEVIATIONS * _MEDIAN_TO_SD * float(np.median(errors)))
+    number, length = max(lengths, key=lambda pair: abs(pair[1] - usual))
+    if abs(length - usual) > least:
+        yield Limit(
+            text=(
+                f"The object is {_MILLI * length:.0f} mm long in episode {number + 1}, and {_MILLI * usual:.0f} mm "
+                "in a usual one."
+            ),
+            consequence=(
+                "It is another object there, or only a part of it is seen, so no cause is named: give recordings of "
+                "one object at a time."
+            ),
+            fatal=True,
+        )
 
 
 def _length_m(x: Points) -> float:
@@ -132,13 +196,14 @@ def _contact(study: Study, subject: Subject) -> Iterator[Limit]:
     touched = np.array([_came_near(push, subject) for push in pushes])
     moved = np.array([_moved_m(push.before.points, push.after.points) > _MOVED_M for push in pushes])
     if touched.any():
-        if touched.mean() < _MOST:
+        if not touched.all():
+            only = "only " if touched.mean() < _MOST else ""
             yield Limit(
-                text=f"The tool came near the object in only {touched.sum()} of {len(pushes)} pushes.",
+                text=f"The tool came near the object in {only}{touched.sum()} of {len(pushes)} pushes.",
                 consequence="The others teach nothing about the object: plan pushes through it.",
             )
         return
-    near = f"{_MILLI * _NEAR_M:.0f} mm"
+    near = f"{_MILLI * _reach_m(subject):.0f} mm"
     yield Limit(
         text=(
             f"The object moved, but the tool never came within {near} of it."
@@ -158,7 +223,14 @@ def _contact(study: Study, subject: Subject) -> Iterator[Limit]:
 
 def _came_near(push: Push, subject: Subject) -> bool:
     low = push.track.poses[:, 2] < subject.low_m
-    return bool(low.any()) and _gap_m(push.before.points, push.track.positions[low]) < _NEAR_M
+    return bool(low.any()) and _gap_m(push.before.points, push.track.positions[low]) < _reach_m(subject)
+
+
+def _reach_m(subject: Subject) -> float:
+    """As `_NEAR_M`, or farther where the tool or the object is larger."""
+    finger = subject.finger
+    own = 0.0 if finger is None else finger.radius_m + finger.half_width_m + subject.radius_m + _CLEAR_M
+    return max(_NEAR_M, own)
 
 
 def _gap_m(x: Points, tips: np.ndarray) -> float:

@@ -10,6 +10,7 @@ from typing import NamedTuple
 import numpy as np
 from jaxtyping import Bool, Float64
 
+from app.core.tool_surface import ToolView, middle_of
 from app.core.types import Cloud
 from app.discovery.apparatus.base import Eye
 from app.discovery.evidence import Block
@@ -63,13 +64,14 @@ def direct_blocks(first: int) -> tuple[Block, ...]:
 def direct_rows(predictor: Predictor, trials: Trials, about: Theta, changes: Sequence[Change]) -> DirectRows:
     """Of all pushes about a model, and what changes of it do."""
     first, physics = _first_of_episodes(trials), len(PARAMETERS)
+    seen_at = [_seen_tip(predictor, trials, k) for k in range(len(trials))]
     seen = [
         (column, change)
         for column, change in enumerate(changes)
         if change.apart > 0 and (change.up != change.down)[physics:].any()
     ]
     sources: dict[str, Callable[[int, Theta], Float64[np.ndarray, " S"] | None]] = {
-        "finger": lambda k, theta: _finger(predictor, trials, k, theta),
+        "finger": lambda k, theta: _finger(predictor, trials, seen_at[k], k, theta),
         "table": lambda k, theta: _table(predictor, trials, k, theta) if k in first else None,
         "log": lambda k, theta: _log(predictor, trials, k, theta),
         "girth": lambda k, theta: _girth(predictor, trials, k, theta),
@@ -83,11 +85,13 @@ def direct_rows(predictor: Predictor, trials: Trials, about: Theta, changes: Seq
             here = residual(k, about)
             if here is None:
                 continue
-            r[k, own], known[k, own] = here, True
+            r[k, own], known[k, own] = np.nan_to_num(here), np.isfinite(here)
             for column, change in seen:
                 above, below = residual(k, change.up), residual(k, change.down)
                 if above is not None and below is not None:
-                    J[k, own, column] = (below - above) / change.apart  # A residual falls as its prediction rises.
+                    J[k, own, column] = (
+                        np.nan_to_num(below - above) / change.apart
+                    )  # A residual falls as its prediction rises.
     return DirectRows(r, J, known)
 
 
@@ -97,21 +101,45 @@ def _first_of_episodes(trials: Trials) -> frozenset[int]:
     return frozenset(episodes.index(episode) for episode in set(episodes))
 
 
-def _finger(predictor: Predictor, trials: Trials, k: int, theta: Theta) -> Float64[np.ndarray, "3"] | None:
-    """The middle of the finger's points in the view on the way, less where the kinematics and the model put it."""
-    push = trials.study.pushes[k]
+def _seen_tip(predictor: Predictor, trials: Trials, k: int) -> Float64[np.ndarray, "3"] | None:
+    """Tip of the tool as the cameras see it in the view on the way; NaN along an axis of which its points say nothing.
+
+    Points whose mean is the tip say all of it. Points of the tool's surface say where its middle is, seen from above,
+    where the tool's size is known; how low its tip is faces away from cameras above it.
+    """
+    push, setup = trials.study.pushes[k], trials.study.setup
     view = next((view for view in push.during if view.time_s == trials.stops_s[k]), None)
     if view is None or view.finger is None or len(view.finger) < _LEAST_POINTS:
         return None
+    if setup is None or setup.tool_points != "surface":
+        return view.finger.mean(0).astype(np.float64)
+    finger = predictor.subject.finger
+    if finger is None or "task" in (setup.source("finger_radius_m"), setup.source("finger_half_width_m")):
+        return None
+    tip = push.track.at(np.array([view.time_s]))[0]
+    middle = middle_of(ToolView(points=view.finger, tip=tip), finger.radius_m, finger.half_m)
+    return None if middle is None else np.array([*middle, np.nan])
+
+
+def _finger(
+    predictor: Predictor, trials: Trials, seen: Float64[np.ndarray, "3"] | None, k: int, theta: Theta
+) -> Float64[np.ndarray, "3"] | None:
+    """The finger as seen, less where the kinematics and the model put it."""
+    if seen is None:
+        return None
+    push = trials.study.pushes[k]
     track = predictor.driven(push, trials.loads[k], theta)
-    tip = track.at(np.array([view.time_s + predictor.late_s(theta)]))
-    return view.finger.mean(0) - predictor.placed(tip, _eye(trials), theta)[0]
+    tip = track.at(np.array([trials.stops_s[k] + predictor.late_s(theta)]))
+    return seen - predictor.placed(tip, _eye(trials), theta)[0]
 
 
 def _table(predictor: Predictor, trials: Trials, k: int, theta: Theta) -> Float64[np.ndarray, "3"] | None:
-    """Height and slopes of the table as seen, less those of the plane z = 0 as the model would show it."""
-    points = trials.study.tables.get(trials.study.pushes[k].episode)
-    if points is None or len(points) < _LEAST_POINTS:
+    """Height and slopes of the table as seen, less those of the plane z = 0 as the model would show it.
+
+    Nothing where the table was taken for that plane, because nobody had said where it is.
+    """
+    points, setup = trials.study.tables.get(trials.study.pushes[k].episode), trials.study.setup
+    if points is None or len(points) < _LEAST_POINTS or (setup is not None and setup.table.taken_out):
         return None
     level = np.concatenate([points[:, :2], np.zeros((len(points), 1))], axis=1).astype(np.float64)
     return _plane(points) - _plane(predictor.placed(level, _eye(trials), theta))
@@ -135,8 +163,13 @@ def _log(predictor: Predictor, trials: Trials, k: int, theta: Theta) -> Float64[
     return np.concatenate([apart[:, :2] @ ahead, apart[:, :2] @ across])
 
 
-def _girth(predictor: Predictor, trials: Trials, k: int, theta: Theta) -> Float64[np.ndarray, "1"]:
-    """How far half of the object's points are at most from its middle line, less that of an object of known radius."""
+def _girth(predictor: Predictor, trials: Trials, k: int, theta: Theta) -> Float64[np.ndarray, "1"] | None:
+    """Distance within which half of the object's points are from its middle line, less that of an object of its radius.
+
+    Nothing where nobody said the radius.
+    """
+    if "radius_m" in predictor.subject.unsaid:
+        return None
     eye = Eye(np.asarray(trials.study.camera), trials.middles[k].astype(np.float64))
     points = predictor.unseen(trials.study.pushes[k].before.points, eye, theta)
     tangent = trials.labels[k, :, 2:4]

@@ -20,12 +20,51 @@ _PUSHES, _FEWEST_PUSHES = 12, 6
 _SPEED_RATIO = 1.3
 _MOVING_M_S = 0.01
 _DIRECTIONS, _APART_RAD = 4, np.radians(30.0)
+_FEWEST_DIRECTIONS = 2
 _MOST = 0.5
 
 
 def limits_of(study: Study, subject: Subject) -> tuple[Limit, ...]:
     """Everything that narrows or forbids a conclusion; nothing where the study is good."""
-    return (*_amount(study), *contradictions(study, subject), *_variety(study, subject), *_instruments(study))
+    return (
+        *_amount(study),
+        *_simulated(study),
+        *contradictions(study, subject),
+        *_variety(study, subject),
+        *_instruments(study),
+    )
+
+
+def _simulated(study: Study) -> Iterator[Limit]:
+    """Flaws of what imported data say of object, tool and table, and what of it says nothing of cameras."""
+    setup = study.setup
+    if setup is None:
+        return
+    for flaw in setup.flaws:
+        yield Limit(
+            text=flaw,
+            consequence="What is simulated is not what was there, so no cause is named: mend it, or give other data.",
+            fatal=True,
+        )
+    if setup.table.taken_out:
+        yield Limit(
+            text=(
+                f"The table was {setup.table.height_m:.3f} m high in the data and tilted by "
+                f"{setup.table.tilt_deg:.1f} degrees."
+            ),
+            consequence=(
+                "That is taken for where it is, so it says nothing of a depth camera's bias or of cameras that are "
+                "turned: give data in which the table is at height 0 to have them checked with it."
+            ),
+        )
+    if setup.tool_points == "surface" and "task" in (
+        setup.source("finger_radius_m"),
+        setup.source("finger_half_width_m"),
+    ):
+        yield Limit(
+            text="Points of the tool were seen, but neither they nor about say how large it is.",
+            consequence="So they do not say where it is, and cameras are not checked with it: give tool.radius_m.",
+        )
 
 
 def _amount(study: Study) -> Iterator[Limit]:
@@ -74,7 +113,9 @@ def _variety(study: Study, subject: Subject) -> Iterator[Limit]:
             consequence=(
                 "table_tilt, hand_eye_translation, tcp_offset, friction_anisotropy and draught look alike along one "
                 "line, and what they do across it does not show. Push from all sides next time."
+                + (" No cause is named." if directions < _FEWEST_DIRECTIONS else "")
             ),
+            fatal=directions < _FEWEST_DIRECTIONS,
         )
 
 

@@ -17,9 +17,12 @@ from app.discovery.predict import Predictor, Trials, prepare
 from app.discovery.study import Push, Study, View
 from app.discovery.subject import Theta
 from app.policy.strokes import Plan, random_track
+from app.sim.effects.base import MIDDLE_M
 
 _CANDIDATES = {"cpu": 24, "gpu": 200}
 _PAUSE_S = 1.0
+_EDGE_M = 0.13
+"""Nearer to the edge of the table than this the tool does not go, as in `strokes.REGION`."""
 _MM, _CM = 1e3, 1e2
 
 
@@ -40,7 +43,7 @@ def next_push(
     if len(models) < 2:  # A single model has no rival.
         return None
     last = trials.study.pushes[-1].after
-    asked = _asked(trials.study, last, _CANDIDATES[platform], height_m, seed)
+    asked = _asked(predictor, trials.study, last, _CANDIDATES[platform], height_m, seed)
     ends = predictor(prepare(asked, predictor.subject), [theta for _, theta in models.values()]).after
     apart = _apart(ends, [probability for probability, _ in models.values()])
     if not np.isfinite(apart).any():  # No push that every model survives.
@@ -50,24 +53,28 @@ def next_push(
     distance = _distance_m(ends[first, best], ends[second, best])
     track = asked.pushes[best].command
     names = list(models)
+    way = track.positions + np.array([*predictor.catalogue.origin_m, 0.0])
     return NextPush(
         track=track,
         between=tuple(names),
         apart_mm=_MM * distance,
         before=last.points,
         ends=tuple(end for end in ends[:, best]),
-        text=f"{_told(track.positions, track.times_s, height_m)}: {_said(names[first])} and {_said(names[second])} "
+        text=f"{_told(way, track.times_s, height_m)}: {_said(names[first])} and {_said(names[second])} "
         f"leave the object {_MM * distance:.1f} mm apart.",
     )
 
 
-def _asked(study: Study, last: View, count: int, height_m: float, seed: int) -> Study:
+def _asked(predictor: Predictor, study: Study, last: View, count: int, height_m: float, seed: int) -> Study:
     """Pushes that might be made from where the object is now."""
     rng, start_s = np.random.default_rng(seed), last.time_s + _PAUSE_S
     before, plan = replace(last, time_s=start_s), Plan()
-    pushes = list[Push]()
+    pushes, finger = list[Push](), predictor.subject.finger
+    core_m = (0.0, 0.0) if finger is None else finger.half_m
+    x, y = (reach - _EDGE_M for reach in predictor.catalogue.reach_m)
+    region = (MIDDLE_M[0] - x, MIDDLE_M[1] - y, MIDDLE_M[0] + x, MIDDLE_M[1] + y)
     for _ in range(count):
-        track = random_track(rng, last.points, plan, start_s=start_s, height_m=height_m)
+        track = random_track(rng, last.points, plan, start_s=start_s, height_m=height_m, core_m=core_m, region=region)
         after = replace(last, time_s=track.end_s)
         pushes.append(Push(episode=0, before=before, during=(), after=after, command=track, measured=None))
     return replace(study, pushes=tuple(pushes), tables={})

@@ -1,6 +1,6 @@
 """Compiled simulators of a subject: batches of pushes from a cloud to the view on the way, and on to the end."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import lru_cache
 from typing import TypeAlias, final
@@ -10,12 +10,11 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Float, Float32
 
-from app.discovery.subject import ROD_NUMERICS, RodModel, Subject
+from app.discovery.subject import RodModel, Subject
 from app.sim.catalogue import EFFECTS
 from app.sim.rods.effect import RodSetting
 from app.sim.rods.from_parameters import rod_columns, rod_physics
 from app.sim.rods.rollout import make_rod_rollout
-from app.sim.rods.scene import RodScene
 from app.sim.rods.state import RodStart, RodState
 from app.sim.rollout import Simulate, make_rollout
 from app.sim.scene import Scene
@@ -110,7 +109,7 @@ def _particle_stepper(scene: Scene, particles: int) -> Stepper:
 def _rod_stepper(rods: RodModel) -> Stepper:
     scene, effects = rods.scene, tuple(effect for effect in EFFECTS if effect.rod is not None)
     simulate, own = make_rod_rollout(scene, effects), np.array(rod_columns(effects), int)
-    at_rest, contact = RodStart(scene.nodes, scene.rest_m, scene.radius_m), dict(rods.contact)
+    at_rest = RodStart(scene.nodes, scene.rest_m, scene.radius_m)
 
     def begin(x: Clouds, seen: Clouds) -> Start:
         full = np.concatenate([np.arange(len(x)), np.full(-len(x) % _TRACED, len(x) - 1)])
@@ -130,7 +129,7 @@ def _rod_stepper(rods: RodModel) -> Stepper:
         first: jax.Array,
         second: jax.Array,
     ) -> tuple[jax.Array, jax.Array]:
-        state, physics = RodState(*start), rod_physics(scene, _known(scene, contact, unknowns), phi)
+        state, physics = RodState(*start), rod_physics(scene, _known(rods, unknowns), phi)
         along = material_coordinates(state.place, label[..., 0], scene.nodes)
         setting = RodSetting(material_coordinates=along, session_time=time)
         stopped = simulate(physics, state, first, phi[:, own], setting)
@@ -150,16 +149,15 @@ def _is_flung(
     return ~(farthest < _LEVER * way + _SLID_M)
 
 
-def _known(
-    scene: RodScene, contact: Mapping[str, float], unknowns: Float[jax.Array, "B U"]
-) -> dict[str, float | jax.Array]:
+def _known(rods: RodModel, unknowns: Float[jax.Array, "B U"]) -> dict[str, float | jax.Array]:
     """Fields of `RodPhysics`, those that are unknown by so many steps from where they are nominally."""
-    nominal = {**scene.nominal_physics(), **contact}
+    contact = dict(rods.contact)
+    nominal = {**rods.scene.nominal_physics(), **contact}
     known: dict[str, float | jax.Array] = {**contact}
-    for unknown, steps in zip(ROD_NUMERICS.values(), unknowns.T, strict=True):
+    for (_, unknown), steps in zip(rods.unknowns, unknowns.T, strict=True):
         here, apart = nominal[unknown.field], unknown.step * steps
         known[unknown.field] = here * jnp.exp(apart) if unknown.relative else here + apart
-    known["viscosity"] = jnp.minimum(known["viscosity"], scene.max_viscosity_n_m2_s)
+    known["viscosity"] = jnp.minimum(known["viscosity"], rods.scene.max_viscosity_n_m2_s)
     return known | {name: jnp.clip(known[name], 0.0, 1.0) for name in _SHARES}
 
 

@@ -10,6 +10,7 @@ from typing import final
 import numpy as np
 from jaxtyping import Float64
 
+from app.core.measured_setup import MeasuredSetup
 from app.core.track import Track
 from app.core.types import Cloud, Points
 
@@ -54,6 +55,10 @@ class Study:
     pushes: tuple[Push, ...]
     tables: Mapping[int, Cloud] = field(default_factory=dict[int, Cloud])
     camera: tuple[float, float, float] = (0.55, 0.0, 0.9)
+    setup: MeasuredSetup | None = None
+    """Object, tool and table of imported data; None of recordings of this program, which are the task's."""
+    origin_m: tuple[float, float] = (0.0, 0.0)
+    """Origin of its frame in that of the data: see `discovery.placement`."""
 
     def session_times(self) -> Float64[np.ndarray, " K"]:
         """When each push was made, as a share of the session: -0.5 the first, 0.5 the last."""

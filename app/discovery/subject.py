@@ -1,16 +1,18 @@
 """What is doubted: the simulator of a task with its nominal model, and every cause that may be missing in it."""
 
-from collections.abc import Iterator
+from collections.abc import Collection, Iterator
 from dataclasses import dataclass, replace
 from typing import Literal, TypeAlias, final
 
 import numpy as np
 from jaxtyping import Float32, Float64
 
+from app.core.measured_setup import FoundTable, MeasuredSetup, SourcedSize
+from app.core.stage import Finger
 from app.discovery import apparatus as apparatus_files
 from app.discovery.apparatus.base import Apparatus, Values
 from app.sim import effects
-from app.sim.effects.base import Effect
+from app.sim.effects.base import MIDDLE, MIDDLE_M, REACH_M, Effect
 from app.sim.files import files_of
 from app.sim.parameter import ParameterSpec
 from app.sim.params import PARAMETERS, index, with_stiffness_up_to
@@ -75,6 +77,10 @@ ROD_NUMERICS = {
 
 Steps are what ropes of MuJoCo's chain, of drawn sizes, differ by in fits of the rod to them (docs/discovery-model.md).
 """
+_UNSAID = 3.0
+"""Steps of a size that nobody said are so many times as long, and its prior with them: people who measure a rope's mass
+err by less than a fifth, and ropes of one size and other making differ by a factor of two."""
+_BY_SIZE = {"mass_kg": "rope_mass"}
 ANY_NUMERICS = frozenset(NUMERICS) | frozenset(ROD_NUMERICS)
 
 
@@ -85,6 +91,8 @@ class RodModel:
 
     scene: RodScene
     contact: tuple[tuple[str, float], ...] = ()
+    unknowns: tuple[tuple[str, RodUnknown], ...] = tuple(ROD_NUMERICS.items())
+    """`ROD_NUMERICS`, with longer steps of what nobody measured."""
 
 
 @final
@@ -107,6 +115,10 @@ class Subject:
     nominal: Float32[np.ndarray, " P"]
     calibrated: tuple[str, ...]
     rods: RodModel | None = None
+    unsaid: frozenset[str] = frozenset()
+    """Sizes that whoever recorded the data did not say, by their names in `tasks.sizes.SIZES`."""
+    finger: Finger | None = None
+    """The tool, where it is known which it is."""
 
     @property
     def heft(self) -> float:
@@ -156,6 +168,10 @@ class Cause:
         """Whether the other parameters are a place on the table."""
         return len(self.columns) - self.switches == 2
 
+    def axis_of(self, column: int) -> tuple[int, ...]:
+        """The axis along which a column is this cause's place; nothing where it is none."""
+        return tuple(axis for axis in range(2) if self.placed and column == self.columns[self.switches + axis])
+
 
 @final
 @dataclass(frozen=True, kw_only=True)
@@ -168,6 +184,10 @@ class Catalogue:
     """Each with the column of its first parameter."""
     rods: bool = False
     """Whether it is of objects as rods."""
+    origin_m: tuple[float, float] = (0.0, 0.0)
+    """Origin of its places in the frame in which they are told."""
+    reach_m: tuple[float, float] = REACH_M
+    """Farthest that something may have its place from the middle of the table, along x and y."""
 
     def column(self, name: str) -> int:
         """Where a parameter stands. KeyError where there is none of that name."""
@@ -176,6 +196,10 @@ class Catalogue:
     def cause(self, name: str) -> Cause:
         """The cause called `name`."""
         return next(cause for cause in self.causes if cause.name == name)
+
+    def told_m(self, column: int) -> float:
+        """Offset of a place [m] where it is told; 0 for what is no place."""
+        return next((self.origin_m[axis] for cause in self.causes for axis in cause.axis_of(column)), 0.0)
 
     def wrong(self, theta: Theta) -> Iterator[tuple[Apparatus, Values]]:
         """The apparatus's effects that are not at their null, with their values."""
@@ -191,10 +215,46 @@ class Catalogue:
         return theta
 
 
-def catalogue(rods: RodModel | None = None) -> Catalogue:
+def setup_of(subject: Subject) -> MeasuredSetup | None:
+    """Setup of recordings that say no sizes: all of it is the task's; None where the tool is unknown."""
+    finger = subject.finger
+    if finger is None or subject.rods is None:
+        return None
+    sizes = {
+        "length_m": subject.length_m,
+        "radius_m": subject.radius_m,
+        "mass_kg": subject.mass_kg,
+        "finger_radius_m": finger.radius_m,
+        "finger_half_width_m": finger.half_width_m,
+        "finger_yaw_rad": finger.yaw_rad,
+    }
+    return MeasuredSetup(
+        sizes=tuple(SourcedSize(name=name, value=value, source="task") for name, value in sizes.items()),
+        table=FoundTable(),
+    )
+
+
+def unknowns_of(unsaid: Collection[str]) -> tuple[tuple[str, RodUnknown], ...]:
+    """`ROD_NUMERICS` where these sizes were not said: one rule, steps and priors `_UNSAID` times as wide."""
+    wide = {_BY_SIZE[size] for size in unsaid if size in _BY_SIZE}
+    return tuple(
+        (name, replace(unknown, step=_UNSAID * unknown.step, about=f"{unknown.about[:-1]}, three times as wide."))
+        if name in wide
+        else (name, unknown)
+        for name, unknown in ROD_NUMERICS.items()
+    )
+
+
+def catalogue(
+    rods: RodModel | None = None,
+    *,
+    origin_m: tuple[float, float] = (0.0, 0.0),
+    reach_m: tuple[float, float] = REACH_M,
+) -> Catalogue:
     """Every effect file of the simulator and of the apparatus, and numerics; all parameters, libraries' too.
 
     `rods`: of an object as a rod, on which not every effect acts. Parameters stand in the same columns, but numerics.
+    `origin_m`, `reach_m`: see `Catalogue`.
     """
     stiffest = Scene.stiffest_pa if rods is None else rods.scene.max_rigidity_n_m2 / rods.scene.second_moment_m4
     specs, causes = list(with_stiffness_up_to(PARAMETERS, stiffest)), list[Cause]()
@@ -215,11 +275,27 @@ def catalogue(rods: RodModel | None = None) -> Catalogue:
     # What is compiled can only be finer, wider or earlier.
     numerics = {name: (about, 0.0) for name, about in NUMERICS.items()}
     if rods is not None:
-        numerics = {name: (unknown.about, unknown.low) for name, unknown in ROD_NUMERICS.items()}
+        numerics = {name: (unknown.about, unknown.low) for name, unknown in rods.unknowns}
     for name, (about, low) in numerics.items():
         specs.append(_numeric(name, about, low))
         causes.append(_cause(name, "numerics", about, (len(specs) - 1,), None))
-    return Catalogue(specs=tuple(specs), causes=tuple(causes), apparatus=tuple(held), rods=rods is not None)
+    x, y = (middle + origin for middle, origin in zip(MIDDLE_M, origin_m, strict=True))
+    specs = [replace(spec, about=spec.about.replace(MIDDLE, f"({x:g}, {y:g}) m")) for spec in specs]
+    for cause in causes:
+        for axis, column in enumerate(cause.columns[cause.switches :] if cause.placed else ()):
+            specs[column] = replace(
+                specs[column],
+                low=round(MIDDLE_M[axis] - reach_m[axis], 9),
+                high=round(MIDDLE_M[axis] + reach_m[axis], 9),
+            )
+    return Catalogue(
+        specs=tuple(specs),
+        causes=tuple(causes),
+        apparatus=tuple(held),
+        rods=rods is not None,
+        origin_m=origin_m,
+        reach_m=reach_m,
+    )
 
 
 def _cause(name: str, family: Family, about: str, columns: tuple[int, ...], effect: Effect | None) -> Cause:

@@ -37,8 +37,9 @@ def formula_of(subject: Subject, found: Found) -> Formula:
     terms = list[Term]()
     if any(name in values for name in _PLACE):
         own = tuple(estimates[name] for name in _PLACE if name in estimates)
-        middle = _middle(values)
-        said = _placed(values, middle)
+        about_m = np.array([MIDDLE_X, MIDDLE_Y]) + found.catalogue.origin_m
+        middle = _middle(values, about_m)
+        said = _placed(values, middle, about_m)
         terms.append(Term(formula=said.formula, words=said.words, estimates=(*own, *_about(found, middle))))
     for feature in (feature for feature in found.features if feature in _MOVING):
         said = _MOVING[feature](*(values[name] for name in FEATURES[feature]))
@@ -49,14 +50,16 @@ def formula_of(subject: Subject, found: Found) -> Formula:
     return Formula(text=text, words=f"{words[0].upper()}{words[1:]}.", terms=tuple(terms))
 
 
-def _placed(values: Mapping[str, float], middle: Float64[np.ndarray, "2"] | None) -> _Said:
+def _placed(
+    values: Mapping[str, float], middle: Float64[np.ndarray, "2"] | None, about_m: Float64[np.ndarray, "2"]
+) -> _Said:
     """A push, or what spreads, swirls and stretches about a point."""
     push = np.array([values["push_x"], values["push_y"]])
     linear = {name: values[name] for name in _PLACE[2:] if name in values}
     if not linear:
         return _Said(_vector(push), f"a push {_headed(push)}")
     if middle is None:
-        said = _symbols(linear, f"(x - ({MIDDLE_X:g}, {MIDDLE_Y:g}) m)")
+        said = _symbols(linear, f"(x - ({about_m[0]:g}, {about_m[1]:g}) m)")
         return _Said(f"{_vector(push)} + {said}", "a push that changes with place, about no point of the table")
     where = f"({middle[0]:.2f}, {middle[1]:.2f}) m"
     parts = list[str]()
@@ -88,13 +91,13 @@ def _matrix(values: Mapping[str, float]) -> Float64[np.ndarray, "2 2"]:
     return np.array([[r + a, b - s], [b + s, r - a]])
 
 
-def _middle(values: Mapping[str, float]) -> Float64[np.ndarray, "2"] | None:
-    """The point [m] at which a force of place vanishes, if that is on the table."""
+def _middle(values: Mapping[str, float], about_m: Float64[np.ndarray, "2"]) -> Float64[np.ndarray, "2"] | None:
+    """The point [m] at which a force of place about `about_m` vanishes, if that is on the table."""
     A = _matrix(values)
     if abs(np.linalg.det(A)) < 1e-9:
         return None
     away = -np.linalg.solve(A, np.array([values["push_x"], values["push_y"]]))
-    return away + np.array([MIDDLE_X, MIDDLE_Y]) if np.linalg.norm(away) < _FARTHEST_M else None
+    return away + about_m if np.linalg.norm(away) < _FARTHEST_M else None
 
 
 def _about(found: Found, middle: Float64[np.ndarray, "2"] | None) -> tuple[Estimate, ...]:
@@ -107,7 +110,8 @@ def _about(found: Found, middle: Float64[np.ndarray, "2"] | None) -> tuple[Estim
     here = np.array([model.estimate[step.column] for step in steps])
     drawn = np.random.default_rng(0).multivariate_normal(np.zeros(len(steps)), model.covariance, _DRAWS)
     rows = here + drawn * np.array([step.size for step in steps])
-    points = [_middle(dict(zip(names, row.tolist(), strict=True))) for row in rows]
+    about_m = np.array([MIDDLE_X, MIDDLE_Y]) + found.catalogue.origin_m
+    points = [_middle(dict(zip(names, row.tolist(), strict=True)), about_m) for row in rows]
     low, high = np.quantile([point for point in points if point is not None], [0.05, 0.95], axis=0)
     return tuple(
         Estimate(

@@ -45,12 +45,14 @@ def random_track(
     start_s: float,
     height_m: float,
     core_m: tuple[float, float] = (0.0, 0.0),
+    region: tuple[float, float, float, float] = REGION,
 ) -> Track:
     """Down beside the object, through it at a speed of its own in a slight bow, a stop, and up.
 
     The tool is turned, but for a flat finger: `core_m` is from its middle to an end of its core (`Finger.half_m`).
+    `region`: as `REGION`.
     """
-    start, ahead, length = _stroke(rng, x, plan, core_m)
+    start, ahead, length = _stroke(rng, x, plan, core_m, region)
     speed = float(np.exp(rng.uniform(*np.log(plan.speeds_m_s))))
     side, bow = np.array([-ahead[1], ahead[0]]), rng.uniform(-0.25, 0.25) * length
     share = _progress(length, speed)
@@ -72,10 +74,14 @@ def midway_s(times_s: Float64[np.ndarray, " T"]) -> float:
 
 
 def _stroke(
-    rng: np.random.Generator, x: Points, plan: Plan, core_m: tuple[float, float]
+    rng: np.random.Generator,
+    x: Points,
+    plan: Plan,
+    core_m: tuple[float, float],
+    region: tuple[float, float, float, float],
 ) -> tuple[Float64[np.ndarray, "2"], Float64[np.ndarray, "2"], float]:
     """Start, direction and length of a push within the region that begins beside the object; the last one tried."""
-    low, high = np.array(REGION[:2]), np.array(REGION[2:])
+    low, high = np.array(region[:2]), np.array(region[2:])
     drawn = [_drawn(rng, x, plan, (low + high) / 2, core_m) for _ in range(_TRIES)]
     for start, ahead, length in drawn:
         end = start + length * ahead

@@ -7,7 +7,7 @@ a strange result in the wrong place: an error names the array and the first bad 
 import itertools
 import json
 import zipfile
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from math import pi, radians, remainder
 from pathlib import Path
@@ -31,6 +31,7 @@ from app.recording.plain_checks import (
     whole_pushes,
 )
 
+Places: TypeAlias = Float64[np.ndarray, "*batch 3"]
 Phase: TypeAlias = Literal["before", "during", "after"]
 PHASES: Final[tuple[Phase, ...]] = ("before", "during", "after")
 
@@ -93,12 +94,17 @@ class Plain:
 
     def in_table(self, place: TablePlace) -> "Plain":
         """The same in the frame of a table that is there, of what is in the frame of the arm's base."""
+        moved = self.mapped(place.points_in_table, place.poses_in_table)
+        return replace(moved, about=_about_in_table(self.about, place))
 
-        def cloud(points: Cloud) -> Cloud:
-            return place.points_in_table(points.astype(np.float64)).astype(np.float32)
+    def mapped(self, points: Callable[[Places], Places], poses: Callable[[Poses], Poses]) -> "Plain":
+        """The same with places [m] and poses mapped to another frame; what `about` says stays."""
+
+        def cloud(given: Cloud) -> Cloud:
+            return points(given.astype(np.float64)).astype(np.float32)
 
         def line(given: Poseline) -> Poseline:
-            return Poseline(times_s=given.times_s, poses=place.poses_in_table(given.poses))
+            return Poseline(times_s=given.times_s, poses=poses(given.poses))
 
         def sight(given: Sight) -> Sight:
             return replace(given, cloud=cloud(given.cloud), tool=cloud(given.tool))
@@ -112,7 +118,7 @@ class Plain:
                 table=cloud(given.table),
             )
 
-        return replace(self, about=_about_in_table(self.about, place), episodes=tuple(map(episode, self.episodes)))
+        return replace(self, episodes=tuple(map(episode, self.episodes)))
 
 
 def _about_in_table(about: Mapping[str, Any], place: TablePlace) -> Mapping[str, Any]:
@@ -144,7 +150,7 @@ def _loaded(path: Path) -> dict[str, np.ndarray]:
     try:
         with path.open("rb") as stream, np.load(stream, allow_pickle=False) as archive:
             arrays = {name: cast(np.ndarray, archive[name]) for name in archive.files}
-    except (OSError, ValueError, EOFError, AttributeError, zipfile.BadZipFile) as error:
+    except (OSError, ValueError, EOFError, AttributeError, TypeError, RuntimeError, zipfile.BadZipFile) as error:
         raise RecordingError(
             f"{path} is no .npz file of plain arrays ({error}); write it with numpy.savez, without objects."
         ) from error

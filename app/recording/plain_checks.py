@@ -16,6 +16,7 @@ _HEAVIEST_KG: Final = 100.0
 """No arm on a table reaches as far, and no object on it is as heavy."""
 _MOST_YAW_RAD: Final = 3.142
 _SIZES: Final = (("object", "length_m"), ("object", "radius_m"), ("tool", "radius_m"), ("tool", "half_width_m"))
+_SHAPES: Final = ("cylinder", "box")
 _FASTEST_M_S: Final = 10.0
 _LONGEST_PUSH_S: Final = 600.0
 _EARLIEST_S, _LATEST_S = -1.0e6, 2.4e9
@@ -141,11 +142,39 @@ def plausible_about(about: Mapping[str, Any]) -> None:
     yaw = _number(about, "tool", "yaw_rad")
     if yaw is not None and not abs(yaw) <= _MOST_YAW_RAD:
         raise RecordingError(f"about says that tool.yaw_rad is {yaw:g}; give radians from -pi to pi, or leave it out.")
+    _plausible_shape(about)
     for thing, name in _SIZES:
         size = _number(about, thing, name)
         round_ = name == "half_width_m" and size == 0
         if size is not None and not round_ and not 0 < size <= _FARTHEST_M:
             raise RecordingError(f"about says that {thing}.{name} is {size:g}; give metres, or leave it out.")
+
+
+def half_sides(about: Mapping[str, Any]) -> tuple[float, float] | None:
+    """Half of a box-shaped tool's sides along its own x and y axes [m], None where it is none.
+
+    Raises RecordingError where they are no lengths.
+    """
+    of: Any = about.get("tool", {})
+    value: Any = of.get("half_m") if isinstance(of, Mapping) else None
+    if value is None:
+        return None
+    numbers = isinstance(value, list) and all(isinstance(it, int | float) and 0 < it <= _FARTHEST_M for it in value)
+    if not numbers or len(value) not in (2, 3):
+        raise RecordingError(
+            f"about says that tool.half_m is {value!r}; give half of its sides along its x, y (and z) axes in metres, "
+            "for example [0.018, 0.006]."
+        )
+    return float(value[0]), float(value[1])
+
+
+def _plausible_shape(about: Mapping[str, Any]) -> None:
+    of: Any = about.get("tool", {})
+    shape: Any = of.get("shape") if isinstance(of, Mapping) else None
+    if shape not in (None, *_SHAPES):
+        raise RecordingError(f"about says that tool.shape is {shape!r}; known are {', '.join(_SHAPES)}.")
+    if half_sides(about) is not None and shape == "cylinder":
+        raise RecordingError("about gives half_m, sides of a box, of a tool whose shape is 'cylinder'; give radius_m.")
 
 
 def whole_pushes(

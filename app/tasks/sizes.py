@@ -19,14 +19,15 @@ Sized: TypeAlias = "Callable[[Rope, Finger], Task]"
 """A task about this rope and this finger."""
 
 SIZES = {
-    "length_m": (0.20, 0.70),
-    "radius_m": (0.003, 0.012),
-    "mass_kg": (0.005, 0.3),
-    "finger_radius_m": (0.004, 0.015),
-    "finger_half_width_m": (0.0, 0.025),
+    "length_m": (0.18, 0.80),
+    "radius_m": (0.003, 0.016),
+    "mass_kg": (0.003, 0.6),
+    "finger_radius_m": (0.002, 0.030),
+    "finger_half_width_m": (0.0, 0.045),
     "finger_yaw_rad": (-pi, pi),
 }
-"""What may be another one, and from where to where."""
+"""Numbers that may be other ones, and their ranges: there a rod's time steps are as good as the nominal rope's, within
+a factor of two (`tests/tasks/test_size_limits.py`)."""
 _OF_FINGER = "finger_"
 
 

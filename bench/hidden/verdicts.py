@@ -40,7 +40,7 @@ class Verdict:
 def verdict(recordings: Sequence[Path]) -> Verdict:
     """As `dipac discover` says it, but for what no cause explains."""
     study = read_study(recordings)
-    subject = subject_of(load(full_name(study.task, dynamics=None)))
+    subject = subject_of(load(full_name(study.task, dynamics=None)), study.setup)
     predictor, trials = Predictor(subject, catalogue(subject.rods)), prepare(study, subject)
     screening = screen(predictor, trials, refit(predictor, trials))
     trials = trials.turned(screening.ends)

@@ -15,6 +15,7 @@ from app.commands._study import read_study
 from app.commands.import_ import import_
 from app.core.errors import DipacError, RecordingError, UsageError
 from app.core.table_place import TablePlace
+from app.core.task_name import TaskName
 from app.discovery.limits import limits_of
 from app.recording.plain import read_plain
 from app.recording.reader import read_transitions
@@ -111,7 +112,7 @@ def test_a_task_that_the_file_does_not_name_is_given(tmp_path: Path) -> None:
         imported(tmp_path, arrays)
     output = tmp_path / "named.mcap"
     import_(saved(tmp_path, arrays), output=output, task="rope_push")
-    assert read_study([output]).task == "rope_push"
+    assert TaskName.parse(read_study([output]).task).problem == "rope_push"
 
 
 def test_a_flat_finger_of_the_file_is_that_of_the_recordings_task(tmp_path: Path) -> None:

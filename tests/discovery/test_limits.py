@@ -138,6 +138,14 @@ BROKEN: dict[str, tuple[Study, str, str, bool]] = {
     "eight pushes": (first(8, an_episode=2), "There are 8 pushes", "like ones stay together", False),
     "one speed": (each(lambda p: at_speed(p, 0.15)), "equally fast (0.15 m/s)", "stribeck and viscous_film", False),
     "two directions": (some(1, lambda p: along(p, np.pi * (p.episode % 2))), "in 2 directions", "table_tilt", False),
+    "one direction": (each(lambda p: along(p, 0.3)), "in 1 direction", "No cause is named", True),
+    "a copy of an episode": (
+        replace(GOOD, pushes=(*GOOD.pushes, *(replace(p, episode=p.episode + 6) for p in GOOD.pushes[:4]))),
+        "Episodes 1 and 7 hold the same push",
+        "leave out copies",
+        True,
+    ),
+    "some contact": (some(9, lambda p: unmoved(aside(p))), "in 32 of 36", "through it", False),
     "no contact": (each(lambda p: unmoved(aside(p))), "never came within 25 mm", "push through it", True),
     "frames that disagree": (each(aside), "moved, but the tool never came", "same frame", True),
     "little contact": (

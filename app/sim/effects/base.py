@@ -51,6 +51,14 @@ class Grain:
     every: int
 
 
+MIDDLE_M = (0.55, 0.0)
+"""The middle of the tasks' table [m], about which fields of place are: a study elsewhere is moved there."""
+MIDDLE = f"({MIDDLE_M[0]:g}, {MIDDLE_M[1]:g}) m"
+"""The same in words, as `about` of a parameter has it."""
+REACH_M = (0.40, 0.45)
+"""Farthest from there along x and y that something may have its place, unless a study reaches farther."""
+
+
 def place(name: str, what: str) -> tuple[ParameterSpec, ...]:
     """Two parameters, `name`_x and `name`_y: where something is in the workspace."""
     return tuple(
@@ -63,7 +71,10 @@ def place(name: str, what: str) -> tuple[ParameterSpec, ...]:
             scale="linear",
             about=f"Where {what} is along {axis}.",
         )
-        for axis, nominal, low, high in (("x", 0.55, 0.15, 0.95), ("y", 0.0, -0.45, 0.45))
+        for axis, nominal, low, high in (
+            (axis, middle, round(middle - reach, 9), round(middle + reach, 9))
+            for axis, middle, reach in zip("xy", MIDDLE_M, REACH_M, strict=True)
+        )
     )
 
 

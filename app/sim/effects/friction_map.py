@@ -11,11 +11,11 @@ from typing import Any
 
 import warp as wp
 
-from app.sim.effects.base import Effect, Node
+from app.sim.effects.base import MIDDLE, MIDDLE_M, Effect, Node
 from app.sim.parameter import ParameterSpec
 from app.sim.rods.effect import RodEffect
 
-X0 = wp.constant(0.55)
+X0 = wp.constant(MIDDLE_M[0])
 """x of the reference point [m], where mu is phi's: the middle of the workspace, at y = 0."""
 
 LEAST = wp.constant(0.05)
@@ -38,7 +38,7 @@ EFFECT = Effect(
             high=3.0,
             typical=1.0,
             scale="linear",
-            about="Relative growth of the table's friction along x, from (0.55, 0) m.",
+            about=f"Relative growth of the table's friction along x, from {MIDDLE}.",
         ),
         ParameterSpec(
             name="friction_slope_y",
@@ -48,7 +48,7 @@ EFFECT = Effect(
             high=3.0,
             typical=1.0,
             scale="linear",
-            about="Relative growth of the table's friction along y, from (0.55, 0) m.",
+            about=f"Relative growth of the table's friction along y, from {MIDDLE}.",
         ),
     ),
     table_friction=placed_friction,

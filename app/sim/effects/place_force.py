@@ -9,11 +9,11 @@ from typing import Any
 
 import warp as wp
 
-from app.sim.effects.base import Effect, Node
+from app.sim.effects.base import MIDDLE_M, Effect, Node
 from app.sim.parameter import ParameterSpec
 from app.sim.rods.effect import RodEffect
 
-MIDDLE_X, MIDDLE_Y = 0.55, 0.0
+MIDDLE_X, MIDDLE_Y = MIDDLE_M
 """The middle of the workspace [m]."""
 
 

@@ -18,10 +18,18 @@ def masthead(case: Case) -> Markup:
         tag("p", kind(case), class_="kicker"),
         tag("h1", headline(case)),
         tag("div", *(paragraph(text) for text in case.sentences), class_="sentences"),
+        *_simulated(case),
         *(tag("p", tag("b", it.text), " ", it.consequence, class_="forbids") for it in case.limits if it.fatal),
         tag("dl", *(_figure(*entry) for entry in _key_numbers(case)), class_="key"),
         class_=f"masthead {case.verdict}",
     )
+
+
+def _simulated(case: Case) -> list[Markup]:
+    """Object, tool and table as they were simulated, and who says so."""
+    if case.setup is None:
+        return []
+    return [tag("ul", *(tag("li", text) for text in case.setup.words), class_="simulated")]
 
 
 def _key_numbers(case: Case) -> list[tuple[str, str, str]]:

@@ -145,12 +145,14 @@ class VerdictFile(Struct, frozen=True, kw_only=True):
     """What `dipac discover` concluded. Intervals are 90 %; units are SI but where `unit` says otherwise.
 
     `causes`: those that act together where the verdict is `named`, the alternatives where it is `set`, else none.
-    `ranking`: everything that was weighed.
+    `simulated`: object, tool and table, each in a sentence that says who says its numbers. `ranking`: everything that
+    was weighed.
     """
 
     schema: Literal[1]
     verdict: Verdict
     sentences: tuple[str, ...]
+    simulated: tuple[str, ...]
     causes: tuple[CauseEntry, ...]
     formula: FormulaEntry | None
     leftover: Chance

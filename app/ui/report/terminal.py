@@ -26,6 +26,9 @@ _STYLES = {"named": "green", "set": "yellow", "none": "green", "none_of_these": 
 def show_case(case: Case, report: Path | None = None) -> RenderableType:
     """The verdict, its causes, what they gain, the next push, and where the report lies."""
     parts: list[RenderableType] = [_panel(case)]
+    if case.setup is not None:
+        words = (text.split(": ", 1) for text in case.setup.words)
+        parts += [_line(label, f"{text[0].upper()}{text[1:]}") for label, text in words]
     if case.ranking or case.causes:
         parts.append(_causes(case))
     parts += [

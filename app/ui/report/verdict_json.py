@@ -20,6 +20,7 @@ def verdict_file(case: Case) -> schema.VerdictFile:
         schema=1,
         verdict=case.verdict,
         sentences=case.sentences,
+        simulated=() if case.setup is None else case.setup.words,
         causes=tuple(map(_cause, case.causes)),
         formula=_formula(case.formula) if case.formula else None,
         leftover=_known(case.leftover),

@@ -1,0 +1,122 @@
+"""Object, tool and table of imported data as they are simulated, and who says so. Plain data, kept in a recording."""
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from math import degrees
+from typing import Final, Literal, TypeAlias, final
+
+Source: TypeAlias = Literal["data", "about", "task"]
+"""Measured in the clouds; said by whoever recorded them; the task's own, as nobody says another."""
+ToolPoints: TypeAlias = Literal["none", "tip", "surface"]
+"""Meaning of the tool's points: there are none; their mean is its tip; they are of its surface."""
+
+_MM, _GRAM = 1e3, 1e3
+
+KEY: Final = "setup"
+"""Its name in the configuration of a recording's `Episode`."""
+
+
+@final
+@dataclass(frozen=True, kw_only=True)
+class SourcedSize:
+    """One number of object or tool, in SI units, by its name in `tasks.sizes.SIZES`; `sd`: 0 where nobody knows."""
+
+    name: str
+    value: float
+    source: Source
+    sd: float = 0.0
+
+
+@final
+@dataclass(frozen=True, kw_only=True)
+class FoundTable:
+    """The table as it was found in the frame of the data.
+
+    `taken_out`: its height and tilt are not in the recording any more, which is in the table's own frame; its points
+    then say nothing of the cameras. Else it was where it was said to be, as nearly as cameras see.
+    """
+
+    height_m: float = 0.0
+    tilt_deg: float = 0.0
+    uneven_m: float = 0.0
+    flat: bool = True
+    seen: Literal["points", "clouds", "none"] = "none"
+    taken_out: bool = False
+
+    @property
+    def words(self) -> str:
+        """Sentence that says where it was."""
+        by = {"points": "its points", "clouds": "the lowest points of the clouds", "none": ""}[self.seen]
+        where = f"{self.height_m:.3f} m high and tilted by {self.tilt_deg:.1f} degrees"
+        if self.taken_out:
+            return f"Table: it was {where} in the data (from {by}); places are given above it."
+        if self.seen == "points":
+            return (
+                f"Table: at height 0, as was said; {by} have it {_MM * self.height_m:.0f} mm high and tilted by "
+                f"{self.tilt_deg:.1f} degrees, which cameras may err by."
+            )
+        return "Table: at height 0, as was said; it was not seen bare."
+
+
+@final
+@dataclass(frozen=True, kw_only=True)
+class MeasuredSetup:
+    """Everything that is simulated of a recording that was imported."""
+
+    sizes: tuple[SourcedSize, ...]
+    table: FoundTable
+    tool_points: ToolPoints = "none"
+    push_height_m: float = 0.0
+    """Height of the tool's tip above the table in a usual push."""
+    camera_m: tuple[float, float, float] | None = None
+    flaws: tuple[str, ...] = ()
+    """Sentences of what cannot be simulated: no cause is named."""
+    notes: tuple[str, ...] = ()
+    """Sentences of what else is worth knowing."""
+
+    def source(self, name: str) -> Source:
+        """Source of a size: the task where nobody else says it."""
+        for size in self.sizes:
+            if size.name == name:
+                return size.source
+        return "task"
+
+    @property
+    def words(self) -> tuple[str, ...]:
+        """A sentence each of object, tool and table, with who says every number."""
+        said = {size.name: size for size in self.sizes}
+        rope = (
+            f"Object: a rope {said['length_m'].value:.3f} m long ({_known(said['length_m'])}), of "
+            f"{_MM * said['radius_m'].value:.1f} mm radius ({_known(said['radius_m'])}) and "
+            f"{_GRAM * said['mass_kg'].value:.0f} g ({_known(said['mass_kg'])})."
+        )
+        return rope, self._tool(said), self.table.words
+
+    def _tool(self, said: Mapping[str, SourcedSize]) -> str:
+        radius, width = said["finger_radius_m"], said["finger_half_width_m"]
+        if width.value == 0:
+            return f"Tool: round, of {_MM * radius.value:.1f} mm radius ({_known(radius)})."
+        yaw = said["finger_yaw_rad"]
+        return (
+            f"Tool: flat, {2 * _MM * radius.value:.1f} mm thick ({_known(radius)}), "
+            f"{2 * _MM * (width.value + radius.value):.1f} mm wide ({_known(width)}), turned by "
+            f"{degrees(yaw.value):.0f} degrees ({_known(yaw)})."
+        )
+
+
+def _known(size: SourcedSize) -> str:
+    """Source of a size, in words."""
+    if size.source == "data":
+        return "from the data" + (f", known to {_GIVEN[size.name](size.sd)}" if size.sd > 0 else "")
+    task = "as dense as the task's, and fitted" if size.name == "mass_kg" else "the task's"
+    return {"about": "from about", "task": task}[size.source]
+
+
+_GIVEN: Final[Mapping[str, Callable[[float], str]]] = {
+    "length_m": lambda sd: f"{_MM * sd:.0f} mm",
+    "radius_m": lambda sd: f"{_MM * sd:.1f} mm",
+    "mass_kg": lambda sd: f"{_GRAM * sd:.0f} g",
+    "finger_radius_m": lambda sd: f"{_MM * sd:.1f} mm",
+    "finger_half_width_m": lambda sd: f"{_MM * sd:.1f} mm",
+    "finger_yaw_rad": lambda sd: f"{degrees(sd):.0f} degrees",
+}
