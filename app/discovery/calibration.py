@@ -47,7 +47,7 @@ class Calibration:
     studies: int
 
     def probabilities(self, screening: Screening) -> tuple[Mapping[str, float], float]:
-        """Of each cause, and of nothing that these data would show."""
+        """Of each cause, of a force of none of them (`forces.FORMULA`), and of nothing that these data would show."""
         causes, table = features(screening)
         least = min(self.biases.values())  # Of what no drawn world hid, as little is believed as of anything.
         biases = np.array([self.biases.get(cause, least) for cause in causes])
@@ -77,7 +77,7 @@ def features(screening: Screening) -> tuple[list[str], Float64[np.ndarray, "C F"
     only simulated.
     """
     by_push, by_episode = _scores(screening)
-    suspects = sorted(screening.suspects, key=lambda suspect: suspect.cause)
+    suspects = sorted(screening.weighed, key=lambda suspect: suspect.cause)
     rows = np.array([_row(screening, suspect, by_push, by_episode) for suspect in suspects])
     log_bayes, score = rows[:, 0], rows[:, 1]
     evidence, rivals = _logarithmic(log_bayes), _best_of_others(log_bayes)

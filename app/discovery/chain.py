@@ -15,10 +15,10 @@ from app.discovery.checks import direct_checks
 from app.discovery.conclude import estimates_of, powers_of, ranking_of, sentences_of, verdict_of
 from app.discovery.confusion import confusions
 from app.discovery.decide import Decision, Progress, decide
+from app.discovery.forces import FORMULA
 from app.discovery.formula import Opened, opened
 from app.discovery.frames import frame_tests
 from app.discovery.gain import gained
-from app.discovery.library import FORMULA
 from app.discovery.limits import limits_of
 from app.discovery.next_push import next_push
 from app.discovery.placement import centred, moved_back, reach_m
@@ -70,7 +70,7 @@ def discover(study: Study, subject: Subject, said: Progress) -> Case:
     verdict, names = verdict_of(decision, limits, open_ended)
     model = _model(verdict, decision, open_ended)
     formula = formula_of(subject, open_ended.found) if open_ended.found and model else None
-    left = open_ended.left.probability
+    left = max(open_ended.left.probability, decision.unknown)
     with watch.stage("gain on episodes left out"):
         gain = gained(predictor, trials, screening, model)
     ranking = ranking_of(predictor.catalogue, subject, screening, decision)

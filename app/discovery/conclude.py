@@ -5,7 +5,7 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from app.discovery.case import Blame, Estimate, Formula, Limit, Name, Power
-from app.discovery.decide import TEMPERATURE, Decision
+from app.discovery.decide import NAMED, TEMPERATURE, Decision
 from app.discovery.formula import Opened
 from app.discovery.inference import Z90, projected
 from app.discovery.leftover import LEFT
@@ -13,9 +13,8 @@ from app.discovery.refine import Model
 from app.discovery.screen import Screening
 from app.discovery.subject import Catalogue, Subject, Theta
 
-NAMED = 0.8
-"""Probability above which a cause is named alone; below, the smallest set that has `_SET` of it."""
 _SET = 0.9
+"""Probability that a set of causes has, where none is named."""
 _LIKELIER = 0.5
 """Probability above which a cause that is not accepted is likelier than anything else."""
 _LISTED = 4
@@ -28,7 +27,7 @@ def verdict_of(decision: Decision, limits: Sequence[Limit], opened: Opened) -> t
     """The kind of verdict, and the causes that it is about."""
     if any(limit.fatal for limit in limits):
         return "none", ()
-    if opened.found is not None:
+    if opened.found is not None or decision.unknown > NAMED:
         return "none_of_these", ()
     if decision.accepted is None:
         return "none_of_these" if opened.left.probability > LEFT else "none", ()
@@ -37,7 +36,7 @@ def verdict_of(decision: Decision, limits: Sequence[Limit], opened: Opened) -> t
     ranked = sorted(decision.probabilities.items(), key=lambda pair: -pair[1])
     if ranked[0][1] > NAMED:
         return "named", (ranked[0][0],)
-    chosen, mass = list[str](), decision.nothing
+    chosen, mass = list[str](), decision.nothing + decision.unknown
     for name, probability in ranked:
         chosen.append(name)
         mass += probability

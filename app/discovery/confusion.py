@@ -12,6 +12,7 @@ import numpy as np
 from jaxtyping import Float64
 
 from app.discovery.decide import named_of
+from app.discovery.forces import FORMULA
 from app.discovery.inference import log_bayes_of
 from app.discovery.screen import Screening
 from app.discovery.sensitivity import ways_of
@@ -48,7 +49,9 @@ def _groups(screening: Screening) -> dict[str, list[list[int]]]:
     """The columns of each cause, once for each place or way that was asked about."""
     steps, nuisance = screening.steps, screening.prior.nuisance
     found = dict[str, list[list[int]]]()
-    for (cause, _), columns in ways_of(steps, (n for n in range(len(steps)) if n not in nuisance)).items():
+    for (cause, _), columns in ways_of(
+        steps, (n for n in range(len(steps)) if n not in nuisance and steps[n].cause != FORMULA)
+    ).items():
         found.setdefault(cause, []).append(columns)
     return found
 

@@ -16,6 +16,7 @@ from jaxtyping import Float64
 
 from app.discovery.calibration import calibration
 from app.discovery.evidence import Covariances, Residuals, fitted, log_likelihood
+from app.discovery.forces import FORMULA
 from app.discovery.inference import Z90, Prior, weigh
 from app.discovery.predict import Predictor, Trials
 from app.discovery.refine import Model, refine, started
@@ -38,6 +39,8 @@ _DOUBT = 0.1
 """Probability of nothing missing from which no cause is taken for present: a set that holds 90 % would hold it, too."""
 _SHARES = 1.0, 0.4
 """Of what the screening found, from which a refit begins: what is strong is often overdone there."""
+NAMED = 0.8
+"""Probability above which a cause is named alone."""
 _SHORTLIST = 5
 _WORTH = 0.05
 """Probability above which a cause is refitted."""
@@ -69,7 +72,8 @@ class Held(NamedTuple):
 class Decision:
     """The refitted singles, the most probable first, and the model that is accepted, if any.
 
-    `probabilities` of each cause alone; what is left to 1 is that nothing is missing.
+    `probabilities` of each cause alone, `unknown` of a force of none of them, which is not weighed in material points;
+    what is left to 1 is that nothing is missing.
     """
 
     singles: tuple[Model, ...]
@@ -77,6 +81,7 @@ class Decision:
     nothing: float
     accepted: Model | None
     held: Held
+    unknown: float = 0.0
 
 
 def decide(predictor: Predictor, trials: Trials, screening: Screening, said: Progress) -> Decision:
@@ -86,19 +91,28 @@ def decide(predictor: Predictor, trials: Trials, screening: Screening, said: Pro
     """
     singles, catalogue = list[Model](), predictor.catalogue
     measured = calibration().probabilities(screening) if catalogue.rods else None
+    unknown = 0.0 if measured is None else measured[0].get(FORMULA, 0.0)
     for suspect in shortlist(screening) if measured is None else _probable(screening, measured[0]):
         said(f"refitting {suspect.cause}")
         singles.append(_refitted(predictor, trials, screening, suspect))
     probabilities, nothing = measured or probabilities_of(screening, singles)
+    probabilities = {cause: value for cause, value in probabilities.items() if cause != FORMULA}
     singles.sort(key=lambda model: -probabilities[model.causes[0]])
     best = singles[0]
-    if nothing < _DOUBT:
+    sure = nothing < _DOUBT and (unknown < _DOUBT or probabilities[best.causes[0]] > NAMED)
+    if sure:
         best = _extended(predictor, trials, screening, best, singles, said)
     held = held_out((screening.data, screening.prior), best)
     earned = held.gain > (_ERRORS if catalogue.rods else 1) * held.error
     earned &= not catalogue.rods or is_sized(catalogue, best)
-    accepted = best if nothing < _DOUBT and earned else None
-    return Decision(singles=tuple(singles), probabilities=probabilities, nothing=nothing, accepted=accepted, held=held)
+    return Decision(
+        singles=tuple(singles),
+        probabilities=probabilities,
+        nothing=nothing,
+        accepted=best if sure and earned else None,
+        held=held,
+        unknown=unknown,
+    )
 
 
 def _probable(screening: Screening, probabilities: Mapping[str, float]) -> list[Suspect]:
@@ -216,7 +230,7 @@ def _without_needless(model: Model, simpler: Sequence[Model]) -> Model:
 def _further(model: Model) -> list[Suspect]:
     """What else may be missing, the most likely first."""
     free = [n for n in range(model.own, len(model.steps)) if n not in model.prior.nuisance]
-    groups = ways_of(model.steps, (n for n in free if model.steps[n].cause not in model.causes))
+    groups = ways_of(model.steps, (n for n in free if model.steps[n].cause not in (*model.causes, FORMULA)))
     weighing = weigh(model.data, list(groups.values()), model.prior)
     suspects = [
         Suspect(

@@ -12,9 +12,10 @@ from typing import NamedTuple, final
 
 from app.discovery.decide import ENOUGH, Decision, Progress, held_out
 from app.discovery.evidence import Residuals
+from app.discovery.forces import FEATURES, FORMULA, parameters, with_formula
 from app.discovery.inference import Finding, Prior, log_evidence, weigh
 from app.discovery.leftover import Leftover, leftover, something_left
-from app.discovery.library import FEATURES, FORMULA, Library, Widened, library, parameters, with_formula
+from app.discovery.library import Library, Widened, library
 from app.discovery.predict import Predictor, Trials
 from app.discovery.refine import Model, refine, started
 from app.discovery.screen import Screening, Suspect
@@ -59,7 +60,7 @@ def opened(predictor: Predictor, trials: Trials, screening: Screening, decision:
     known = library(predictor, trials, screening)
     nothing = known.beside_nothing(screening)
     beside = nothing if decision.accepted is None else known.beside(decision.accepted)
-    left = leftover(beside, known.deviation)
+    left = leftover(beside)
     found = _searched(predictor, trials, known.screening(screening, nothing), nothing, said)
     if found is None:
         return Opened(left, None)

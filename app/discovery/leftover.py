@@ -43,10 +43,10 @@ class _Scores(NamedTuple):
     information: Float64[np.ndarray, "F F"]
 
 
-def leftover(wide: Widened, deviation: float) -> Leftover:
-    """Beside the model that these residuals are of. `deviation`: see `Library`."""
+def leftover(wide: Widened) -> Leftover:
+    """Beside the model that these residuals are of."""
     probability = something_left([finding.log_bayes for finding in wide.weighing.findings])
-    chance = by_chance(_scores(wide), _groups(wide), deviation)
+    chance = by_chance(_scores(wide), _groups(wide), _deviations(wide))
     return Leftover(probability=min(probability, 1 - chance), by_chance=chance)
 
 
@@ -58,11 +58,16 @@ def something_left(log_bayes: Sequence[float]) -> float:
     return 1 - float(weights[0] / weights.sum())
 
 
-def by_chance(scores: _Scores, groups: Sequence[Sequence[int]], deviation: float, seed: int = 0) -> float:
-    """How often signs at random make the likeliest group at least as likely as it is: the family's p-value."""
+def by_chance(
+    scores: _Scores, groups: Sequence[Sequence[int]], deviations: Float64[np.ndarray, " F"], seed: int = 0
+) -> float:
+    """How often signs at random make the likeliest group at least as likely as it is: the family's p-value.
+
+    `deviations`: of what features seem to be where nothing is wrong, in steps.
+    """
     rng = np.random.default_rng(seed)
     signs = rng.choice([-1.0, 1.0], (_DRAWS, len(scores.each)))
-    habits = rng.normal(0, deviation, (_DRAWS, len(scores.information)))
+    habits = rng.normal(0, deviations, (_DRAWS, len(scores.information)))
     drawn = signs @ scores.each + habits @ scores.information
     found = _likeliest(scores.each.sum(0)[None], scores.information, groups)[0]
     # Equal sums of the same numbers differ by rounding.
@@ -98,6 +103,11 @@ def projected(forms: Forms, prior: Prior, columns: Sequence[int]) -> _Scores:
         each=scores[:, own] - scores[:, rest] @ projection,
         information=A[np.ix_(own, own)] - cross.T @ projection,
     )
+
+
+def _deviations(wide: Widened) -> Float64[np.ndarray, " F"]:
+    """Those that the prior has of the features' columns."""
+    return np.sqrt(wide.prior.variance[sorted({column for own in wide.at.values() for column in own})])
 
 
 def _groups(wide: Widened) -> list[list[int]]:

@@ -10,6 +10,7 @@ from jaxtyping import Float64
 from app.discovery.ends import Ends, found_ends, turned
 from app.discovery.evidence import Residuals, fitted
 from app.discovery.field import MODES, Basis
+from app.discovery.forces import FORMULA, columns_of_features, force_steps, with_formula
 from app.discovery.inference import CALIBRATED, Finding, Prior, Weighing, habit, weigh
 from app.discovery.predict import Predictor, Trials
 from app.discovery.sensitivity import Step, apart, moved, residuals, steps_of, ways_of
@@ -44,7 +45,8 @@ class Suspect:
 class Screening:
     """All causes, the most probable first, about the refitted nominal model; a placed cause where it fits best.
 
-    `ends`: which end of the object is the first in each episode; in `data` slopes are as with these.
+    `ends`: which end of the object is the first in each episode; in `data` slopes are as with these. `force`: the rival
+    of them all, a force of no known cause, as the feature that fits best, with the evidence of their mean; of rods.
     """
 
     about: Theta
@@ -54,6 +56,12 @@ class Screening:
     weighing: Weighing
     suspects: tuple[Suspect, ...]
     ends: Ends
+    force: Suspect | None = None
+
+    @property
+    def weighed(self) -> tuple[Suspect, ...]:
+        """The causes of the catalogue, and the force of none."""
+        return self.suspects if self.force is None else (*self.suspects, self.force)
 
 
 def refit(predictor: Predictor, trials: Trials) -> Theta:
@@ -84,6 +92,8 @@ def screen(predictor: Predictor, trials: Trials, about: Theta, *, only: Sequence
         for step in steps_of(catalogue, calibrated, places_of(predictor, trials, about))
         if wanted is None or step.cause in wanted
     ]
+    if catalogue.rods and wanted is None:
+        steps += force_steps(catalogue)
     data = residuals(predictor, trials, about, steps)
     return screened(catalogue, calibrated, about, steps, data)
 
@@ -98,17 +108,21 @@ def screened(
     ends = found_ends(data, prior, odd)
     data, chosen = turned(data, ends, odd), (len(ends) - 1) * np.log(2)
     asked = list[tuple[str, list[int], float]]()
-    for (cause, _), columns in ways_of(steps, (n for n in range(len(steps)) if n not in prior.nuisance)).items():
+    features = columns_of_features(steps)
+    free = (n for n, step in enumerate(steps) if n not in prior.nuisance and step.cause != FORMULA)
+    for (cause, _), columns in ways_of(steps, free).items():
         even = [column for column in columns if column not in odd]
         asked.append((cause, columns, chosen if len(even) < len(columns) else 0.0))
         if 0 < len(even) < len(columns):
             asked.append((cause, even, 0.0))
+    asked += [(FORMULA, list(columns), 0.0) for columns in features.values()]
     weighing = weigh(data, [columns for _, columns, _ in asked], prior)
     ways = dict[str, list[Suspect]]()
     for (cause, columns, cost), weighed in zip(asked, weighing.findings, strict=True):
         own = tuple(steps[column] for column in columns)
         finding = _possible(weighed._replace(log_bayes=weighed.log_bayes - cost), own)
         ways.setdefault(cause, []).append(Suspect(cause=cause, columns=tuple(columns), steps=own, finding=finding))
+    force = _likeliest(ways.pop(FORMULA)) if features else None
     suspects = sorted(map(_likeliest, ways.values()), key=lambda suspect: -suspect.finding.log_bayes)
     return Screening(
         about=about,
@@ -118,6 +132,7 @@ def screened(
         weighing=weighing,
         suspects=tuple(suspects),
         ends=ends,
+        force=force,
     )
 
 
@@ -139,7 +154,7 @@ def _possible(finding: Finding, steps: Sequence[Step]) -> Finding:
 
 def prior_of(catalogue: Catalogue, calibrated: Sequence[str], about: Theta, steps: Sequence[Step]) -> Prior:
     """Where nothing is missing, in steps from `about`."""
-    causes = {cause.name: cause for cause in catalogue.causes}
+    causes = {cause.name: cause for cause in with_formula(catalogue).causes}
     usual = np.array(
         [
             (0.0, CALIBRATED)

@@ -12,8 +12,8 @@ from jaxtyping import Float64
 
 from app.discovery.case import Estimate, Formula, Term
 from app.discovery.conclude import estimates_of
+from app.discovery.forces import FEATURES, FORMULA, parameters
 from app.discovery.formula import Found
-from app.discovery.library import FEATURES, FORMULA, parameters
 from app.discovery.subject import Subject
 from app.sim.effects.place_force import MIDDLE_X, MIDDLE_Y
 

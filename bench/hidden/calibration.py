@@ -27,6 +27,7 @@ from scipy.special import log_softmax, softmax
 from threadpoolctl import threadpool_limits
 
 from app.discovery.calibration import Calibration, features
+from app.discovery.forces import FORMULA
 from app.discovery.predict import Predictor, prepare
 from app.discovery.screen import refit, screen
 from app.discovery.subject import catalogue
@@ -44,6 +45,9 @@ SIZES: Final = 0.7, 2.0
 """In typical sizes, log-uniform."""
 EPISODES: Final = (5, 6, 8, 10, 12)
 PUSHES: Final = (4, 6, 8)
+WHOLE: Final = Plan(episodes=10, pushes=10)
+_WHOLE_EVERY: Final = 3
+"""One study in so many is as large as those that discovery's aims are about."""
 FOLDS: Final = 10
 _WEIGHT_PENALTY, _BIAS_PENALTY = 0.3, 1.0
 """Of squares, in the loss of all studies."""
@@ -63,6 +67,8 @@ def drawn(seed: int, number: int) -> RopeCase:
     names = rng.choice(outside if unknown else inside, count, replace=False).tolist()
     hidden = tuple(Chosen(effect=name, size=float(np.exp(rng.uniform(*np.log(SIZES))))) for name in sorted(names))
     plan = Plan(episodes=int(rng.choice(EPISODES)), pushes=int(rng.choice(PUSHES)))
+    if number % _WHOLE_EVERY == 0:
+        plan = WHOLE
     return RopeCase(seed=int(rng.integers(2**31)), hidden=hidden, plan=plan)
 
 
@@ -93,12 +99,12 @@ class Lines:
 
     @classmethod
     def of(cls, read: Sequence[Mapping[str, Any]]) -> "Lines":
-        """Those that have all causes; what the catalogue lacks counts as nothing, as no cause of it is right."""
+        """Those that have all causes; what the catalogue lacks is a force of none of them."""
         causes = max((tuple(line["causes"]) for line in read), key=len)
         whole = [line for line in read if tuple(line["causes"]) == causes]
         true = np.zeros((len(whole), len(causes) + 1))
         for row, line in zip(true, whole, strict=True):
-            at = [causes.index(name) for name, _ in line["hidden"] if name in causes]
+            at = [causes.index(name if name in causes else FORMULA) for name, _ in line["hidden"]]
             row[at or [-1]] = 1.0
         return cls(causes=causes, features=np.array([line["features"] for line in whole]), true=true)
 
@@ -213,9 +219,10 @@ def _shown(found: Float64[np.ndarray, "S D"], known_lines: Lines) -> Table:
             rate, mean = share(right[own].tolist()), f"{found.max(1)[own].mean():.2f}"
             interval = f"{rate.value:.2f} ({rate.low:.2f} to {rate.high:.2f})"
             shown.add_row(f"{low:.1f} to {high:.1f}", str(own.sum()), mean, interval)
-    names = likeliest < len(known_lines.causes)
+    named = [n for n, cause in enumerate(known_lines.causes) if cause != FORMULA]
+    names = np.isin(likeliest, named)
     sure = names & (found.max(1) > _NAMED)
-    nothing = known_lines.true[:, -1] > 0
+    nothing = known_lines.true[:, named].sum(1) == 0
     for text, own in (("a cause was hidden", ~nothing), ("none of the catalogue was", nothing)):
         wrong, named = int((sure & ~right)[own].sum()), int((sure & right)[own].sum())
         shown.add_row(text, str(own.sum()), "", f"named above {_NAMED}: {named} right, {wrong} wrong")

@@ -9,6 +9,7 @@ from threadpoolctl import threadpool_limits
 
 from app.discovery.calibration import calibration, features
 from app.discovery.evidence import Residuals
+from app.discovery.forces import force_steps
 from app.discovery.screen import Screening, screened
 from app.discovery.sensitivity import Step, steps_of
 from app.discovery.subject import catalogue
@@ -19,7 +20,7 @@ from tests.discovery.test_inference import BLOCKS, K, R
 SUBJECT = subject_of(load("rope_push@rods"))
 KNOWN = catalogue(SUBJECT.rods)
 PLACES = np.array([[0.5, 0.0], [0.6, 0.1]])
-_ALL = steps_of(KNOWN, SUBJECT.calibrated, PLACES)
+_ALL = [*steps_of(KNOWN, SUBJECT.calibrated, PLACES), *force_steps(KNOWN)]
 STEPS = list({(step.cause, step.column): step for step in _ALL}.values())
 """Each parameter once, wherever and whenever it might act."""
 

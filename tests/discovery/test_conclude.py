@@ -7,9 +7,9 @@ import pytest
 from app.discovery.case import Blame, Limit
 from app.discovery.conclude import estimates_of, sentences_of, verdict_of
 from app.discovery.decide import Decision, Held
+from app.discovery.forces import FORMULA, with_formula
 from app.discovery.formula import Found, Opened
 from app.discovery.leftover import Leftover
-from app.discovery.library import FORMULA, with_formula
 from app.discovery.refine import Model
 from app.discovery.subject import catalogue
 from app.tasks import load

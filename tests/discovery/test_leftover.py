@@ -4,9 +4,10 @@ import numpy as np
 import pytest
 
 from app.discovery.evidence import Block, Forms, Residuals
+from app.discovery.forces import FEATURES, parameters
 from app.discovery.inference import Prior, weigh
 from app.discovery.leftover import LEFT, Leftover, by_chance, leftover, projected, something_left
-from app.discovery.library import FEATURES, Widened, parameters
+from app.discovery.library import Widened
 
 EPISODES, PUSHES, ROWS = 8, 4, 12
 NUISANCES, HABIT = 3, 0.15
@@ -14,7 +15,9 @@ NAMES = parameters()
 AT = {feature: tuple(NUISANCES + NAMES.index(name) for name in own) for feature, own in FEATURES.items()}
 
 
-def widened(seed: int, *, swirl: float = 0.0, heavy: bool = False, episodes: int = EPISODES) -> Widened:
+def widened(
+    seed: int, *, swirl: float = 0.0, heavy: bool = False, episodes: int = EPISODES, habit: float = HABIT
+) -> Widened:
     """Pushes with errors of 2 mm that are alike within an episode, a millimetre by what features do, and a swirl."""
     rng = np.random.default_rng(seed)
     count, width = episodes * PUSHES, NUISANCES + len(NAMES)
@@ -31,19 +34,19 @@ def widened(seed: int, *, swirl: float = 0.0, heavy: bool = False, episodes: int
         episode=np.arange(count) // PUSHES,
         blocks=(Block(slice(0, ROWS)),),
     )
-    variance = np.full(width, HABIT**2)
+    variance = np.full(width, habit**2)
     variance[:NUISANCES] = 100.0
     prior = Prior(mean=np.zeros(width), variance=variance, nuisance=tuple(range(NUISANCES)))
     return Widened(data=data, prior=prior, weighing=weigh(data, list(AT.values()), prior), at=AT)
 
 
 def found(seed: int, swirl: float) -> Leftover:
-    return leftover(widened(seed, swirl=swirl), HABIT)
+    return leftover(widened(seed, swirl=swirl))
 
 
 @pytest.mark.parametrize("heavy", [False, True], ids=["normal", "heavy tails"])
 def test_where_nothing_is_left_little_is_found(heavy: bool) -> None:
-    alarms = [leftover(widened(seed, heavy=heavy), HABIT).probability > LEFT for seed in range(12)]
+    alarms = [leftover(widened(seed, heavy=heavy)).probability > LEFT for seed in range(12)]
     assert sum(alarms) <= 1
 
 
@@ -52,7 +55,7 @@ def test_where_something_is_left_it_is_found() -> None:
 
 
 def test_few_episodes_cannot_exclude_chance() -> None:
-    left = leftover(widened(0, swirl=3.0, episodes=4), HABIT)
+    left = leftover(widened(0, swirl=3.0, episodes=4))
     assert left.by_chance > 2**-5
     assert left.probability < LEFT
 
@@ -66,7 +69,7 @@ def test_by_chance_is_even_where_only_chance_is() -> None:
         prior = Prior(mean=np.zeros(len(NAMES)), variance=np.full(len(NAMES), 1e-6), nuisance=())
         scores = projected(forms, prior, range(len(NAMES)))
         groups = [[NAMES.index(name) for name in own] for own in FEATURES.values()]
-        shares.append(by_chance(scores, groups, 0.0, seed))
+        shares.append(by_chance(scores, groups, np.zeros(len(NAMES)), seed))
     assert 0.35 < np.mean(shares) < 0.65
     assert np.mean(np.array(shares) < 0.1) < 0.2
 
@@ -77,8 +80,8 @@ def forms_of(J: np.ndarray, r: np.ndarray) -> Forms:
 
 
 def test_what_the_simulators_own_errors_look_like_is_not_something_else() -> None:
-    wide = widened(3, swirl=0.3)
-    assert leftover(wide, 1.0).by_chance > leftover(wide, 0.0).by_chance
+    habitual, strange = (widened(3, swirl=0.3, habit=habit) for habit in (1.0, 1e-6))
+    assert leftover(habitual).by_chance > leftover(strange).by_chance
 
 
 def test_no_evidence_leaves_what_was_believed_before() -> None:

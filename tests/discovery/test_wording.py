@@ -3,8 +3,8 @@
 import pytest
 
 from app.discovery.case import Formula
+from app.discovery.forces import FORMULA, with_formula
 from app.discovery.formula import Found
-from app.discovery.library import FORMULA, with_formula
 from app.discovery.subject import catalogue
 from app.discovery.wording import formula_of
 from app.tasks import load
