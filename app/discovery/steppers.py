@@ -128,7 +128,7 @@ def _rod_stepper(rods: RodModel) -> Stepper:
         first: jax.Array,
         second: jax.Array,
     ) -> tuple[jax.Array, jax.Array]:
-        state, physics = RodState(*start), rod_physics(scene, _known(scene, contact, unknowns), phi)
+        state, physics = RodState(*start), rod_physics(scene, contact_of(scene, contact, unknowns), phi)
         along = material_coordinates(state.place, label[..., 0], scene.nodes)
         setting = RodSetting(material_coordinates=along, session_time=time)
         stopped = simulate(physics, state, first, phi[:, own], setting)
@@ -137,10 +137,10 @@ def _rod_stepper(rods: RodModel) -> Stepper:
     return Stepper(begin=begin, move=stepped)
 
 
-def _known(
+def contact_of(
     scene: RodScene, contact: Mapping[str, float], unknowns: Float[jax.Array, "B U"]
 ) -> dict[str, float | jax.Array]:
-    """Fields of `RodPhysics`, those that are unknown by so many steps from where they are nominally."""
+    """Fields of `RodPhysics`, those of `ROD_NUMERICS` by so many steps from where they are nominally."""
     nominal = {**scene.nominal_physics(), **contact}
     known: dict[str, float | jax.Array] = {**contact}
     for unknown, steps in zip(ROD_NUMERICS.values(), unknowns.T, strict=True):
