@@ -97,8 +97,7 @@ class OwnWorld:
         pushes: list[list[Push]] = [[] for _ in truths]
         for number in range(total):
             moves = [
-                move_of(rng, self.predictor, self.plan, x[b], truth, float(clocks[b]))
-                for b, truth in enumerate(truths)
+                move_of(rng, self.predictor, self.plan, x[b], truth, float(clocks[b])) for b, truth in enumerate(truths)
             ]
             during, after = simulate(*self._inputs(phi, x, places, moves, number / max(total - 1, 1) - 0.5))
             scenes = (x, np.asarray(during), np.asarray(after))
@@ -239,9 +238,7 @@ class Move(NamedTuple):
         return self.command.moved(told + rng.normal(0, _ENCODER_M, told.shape))
 
 
-def move_of(
-    rng: np.random.Generator, predictor: Predictor, plan: Plan, x: Points, truth: Theta, now_s: float
-) -> Move:
+def move_of(rng: np.random.Generator, predictor: Predictor, plan: Plan, x: Points, truth: Theta, now_s: float) -> Move:
     """The next push of an object at `x` [m], drawn at random, and what an arm that errs as `truth` has it makes of it.
 
     `now_s`: when the one before it was over.

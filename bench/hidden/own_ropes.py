@@ -97,7 +97,8 @@ class OwnRope:
         contact = contact_of(scene, dict(self.subject.rods.contact), jnp.array([steps]))
         contact["creep"] = scene.nominal_physics()["creep"] * _CREEP ** rng.uniform(-1, 1)
         finer = replace(scene, spacing_m=_NEARER * scene.spacing_m, dt_s=_SHORTER * scene.dt_s)
-        return RodModel(scene=finer, contact=tuple((name, float(np.ravel(value)[0])) for name, value in contact.items()))
+        numbers = tuple((name, float(np.ravel(value)[0])) for name, value in contact.items())
+        return RodModel(scene=finer, contact=numbers)
 
     def record(self) -> Study:
         """The pushes as discovery reads them. Raises ValueError where the rod leaves what it can simulate."""

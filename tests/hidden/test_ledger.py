@@ -51,7 +51,9 @@ def test_the_bench_scores_what_is_there_and_draws_it(tmp_path: Path, capsys: pyt
     assert "expected calibration error" in said
     names = {"confusion.svg", "reliability.svg", "power.svg"}
     assert {each.name for each in (report / "own").iterdir()} == names
-    assert "| first is right, at >= 1x typical | >= 85% |" in (report / "targets.md").read_text()
+    told = (report / "targets.md").read_text()
+    assert "| physics: first is right, at >= 1x typical | >= 85% |" in told
+    assert "## By family, own engine, other numerics" in told
 
 
 def test_what_is_done_is_not_done_again(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

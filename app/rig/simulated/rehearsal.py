@@ -63,10 +63,10 @@ def rehearse(task: Task, plan: Plan, physics: WorldPhysics, hidden: Sequence[Inj
     starts = np.random.default_rng([seed, _STARTS]).integers(2**31, size=plan.episodes).tolist()
     arm, ends = _Arm(hidden), None
     for episode, start in enumerate(starts):
-        laid = laid(task.start(start), ends)
+        line = laid(task.start(start), ends)
         intrusion, begin_s = Intrusion(hidden), BEGIN_S + episode * plan.pushes * SLOT_S
         world = RopeWorld(
-            task.rope, task.finger, laid, physics=physics, intrusion=intrusion, time_s=begin_s - _SETTLE_S
+            task.rope, task.finger, line, physics=physics, intrusion=intrusion, time_s=begin_s - _SETTLE_S
         )
         for push in range(plan.pushes):
             number = episode * plan.pushes + push
