@@ -1,7 +1,7 @@
 """One small recording each of ten kinds and two controls, each of which `dipac discover` must be right about.
 
 The solver is a process of its own in a folder with the recordings alone, as in `dipac bench discovery`, and there is
-nothing about it that a user would not have.
+nothing about it that a user would not have. Ropes are rods, as by default; a few cases are of material points.
 """
 
 import os
@@ -12,12 +12,12 @@ from typing import Any
 import pytest
 
 from app.policy.strokes import Plan
-from bench.hidden.draws import Case, Chosen
+from bench.hidden.draws import Case, Chosen, Making
 from bench.hidden.outcome import Outcome, outcome
 from bench.hidden.scores import alarming
 from bench.hidden.trial import Setup, tried
 
-# The whole chain takes a quarter of an hour of processor time for the twelve pushes of one of these recordings.
+# A case is made and judged by processes of its own, in a minute or two of two cores, of material points in fifteen.
 pytestmark = [pytest.mark.slow, pytest.mark.timeout(4 * 3600)]
 
 SETUP = Setup(seed=0, plan=Plan(episodes=4, pushes=3), oracle=False, deadline_s=3600.0)
@@ -35,6 +35,9 @@ HIDDEN = (
     ("mujoco", "hand_eye_translation", 1.5, 10),
 )
 CONTROLS = (("own", 11), ("own", 12))
+POINTS = Setup(seed=0, plan=SETUP.plan, oracle=False, deadline_s=SETUP.deadline_s, making=Making(dynamics="mpm"))
+OF_POINTS = ("own-command_delay", "own-control-11")
+"""Cases of which material points are asked, too."""
 
 CASES = {
     f"{world}-{kind}": Case(number=number, world=world, hidden=(Chosen(effect=kind, size=size),))
@@ -45,8 +48,10 @@ CASES = {
 @pytest.fixture(scope="module")
 def trials() -> Iterator[dict[str, Future[dict[str, Any]]]]:
     """All cases, as many at a time as there are cores."""
+    asked = {name: (case, SETUP) for name, case in CASES.items()}
+    asked |= {f"{name}-mpm": (CASES[name], POINTS) for name in OF_POINTS}
     with ThreadPoolExecutor(os.cpu_count()) as pool:
-        yield {name: pool.submit(tried, case, SETUP) for name, case in CASES.items()}
+        yield {name: pool.submit(tried, *each) for name, each in asked.items()}
         pool.shutdown(cancel_futures=True)
 
 
@@ -56,12 +61,18 @@ def concluded(trials: dict[str, Future[dict[str, Any]]], name: str) -> Outcome:
     return outcome(line)
 
 
-@pytest.mark.parametrize("name", [name for name, case in CASES.items() if case.hidden])
+def names(*, hidden: bool) -> list[str]:
+    """Cases with something hidden, or without."""
+    chosen = [name for name, case in CASES.items() if bool(case.hidden) == hidden]
+    return chosen + [f"{name}-mpm" for name in OF_POINTS if name in chosen]
+
+
+@pytest.mark.parametrize("name", names(hidden=True))
 def test_what_is_hidden_is_named(trials: dict[str, Future[dict[str, Any]]], name: str) -> None:
     made = concluded(trials, name)
     assert made.named == tuple(made.hidden)
 
 
-@pytest.mark.parametrize("name", [name for name, case in CASES.items() if not case.hidden])
+@pytest.mark.parametrize("name", names(hidden=False))
 def test_where_nothing_is_hidden_nothing_is_missing(trials: dict[str, Future[dict[str, Any]]], name: str) -> None:
     assert not alarming(concluded(trials, name))
