@@ -57,13 +57,14 @@ def hide(
     _check(seed, episodes, pushes)
     _check_cameras(cameras, depth_noise_mm)
     known = load(recorded(task))
+    physics = mistuned(seed, world, _pushed(known))
     hidden = draw([_wish(text) for text in effects], seed)
     check_world(hidden, world)
     _check_places(output, sealed)
     session = Session(
         task=known,
         plan=Plan(episodes=episodes, pushes=pushes),
-        physics=mistuned(seed, world, _pushed(known)),
+        physics=physics,
         hidden=hidden,
         seed=seed,
         folder=output,

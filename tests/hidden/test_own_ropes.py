@@ -1,4 +1,4 @@
-"""Ropes of our own rod: other numerics, another contact, and what is hidden is in what discovery reads, and only that."""
+"""Ropes of our own rod: other numerics, another contact, and what is hidden is in what discovery reads."""
 
 from pathlib import Path
 
@@ -113,7 +113,7 @@ def test_sizes_are_the_same_without_grippers_and_a_quarter_have_one_at_any_yaw()
 
 
 def moved(name: str, phi: list[float], velocity: tuple[float, float], seconds: float) -> RodState:
-    """A straight rope about (0.1, 0) on a table without friction, thrown with this velocity, a force of `OUTSIDE` on."""
+    """A straight rope about (0.1, 0), thrown with this velocity on a table without friction, under a force."""
     simulate = jax.jit(make_rod_rollout(SCENE, (OUTSIDE[name],)))
     line = curve(0.0) + np.array([0.1, 0.0])
     state = lying(line)
