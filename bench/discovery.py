@@ -11,7 +11,6 @@ there. `--report FOLDER` writes figures as SVG and tables as Markdown.
 import argparse
 import time
 from collections.abc import Iterator, Sequence
-from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -137,13 +136,18 @@ def _try(
     done = {ledger.key_of(line) for line in ledger.finished(ledger.read([*others, into]))}
     left = [case for case in cases if ledger.key_of({"case": told(case, setup)}) not in done]
     began = time.monotonic()
-    made = finished(partial(tried, setup=setup), left, where=where, processes=jobs)
-    for count, (case, found) in enumerate(made, 1):
+    made = finished(_tried, [(case, setup) for case in left], where=where, processes=jobs)
+    for count, ((case, _), found) in enumerate(made, 1):
         line: dict[str, Any] = {"case": told(case, setup), "failure": found} if isinstance(found, str) else found
         append(into, line)
         rest_s = (time.monotonic() - began) / count * (len(left) - count)
         said = line.get("failure") or _short(line)
         output.print(f"{count}/{len(left)} {case.key}: {said}; {_clock(rest_s)} left", markup=False)
+
+
+def _tried(job: tuple[Case, Setup]) -> dict[str, Any]:
+    """A line of results, in a process or on a machine of its own."""
+    return tried(*job)
 
 
 def _short(line: dict[str, Any]) -> str:

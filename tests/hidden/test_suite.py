@@ -7,6 +7,7 @@ nothing about it that a user would not have. Ropes are rods, as by default; a fe
 import os
 from collections.abc import Iterator
 from concurrent.futures import Future, ThreadPoolExecutor
+from dataclasses import replace
 from typing import Any
 
 import pytest
@@ -76,3 +77,17 @@ def test_what_is_hidden_is_named(trials: dict[str, Future[dict[str, Any]]], name
 @pytest.mark.parametrize("name", names(hidden=False))
 def test_where_nothing_is_hidden_nothing_is_missing(trials: dict[str, Future[dict[str, Any]]], name: str) -> None:
     assert not alarming(concluded(trials, name))
+
+
+def test_an_oracle_and_other_methods_are_asked_about_the_same_recordings() -> None:
+    case = Case(number=20, world="mujoco", hidden=(Chosen(effect="under_reach", size=2.0),))
+    light = replace(SETUP, oracle=True, baselines=True, making=Making(images=False))
+    line = tried(case, light)
+    assert "failure" not in line, line["failure"]
+    asked = line["oracle"]
+    assert 0 < asked["extended"] < asked["nominal"]
+    assert line["spent"]["peak_mb"] > 100
+    ranked = {cause["effect"] for cause in line["verdict"]["ranking"]}
+    for verdict in line["baselines"].values():
+        assert {cause["effect"] for cause in verdict["ranking"]} == ranked
+        assert outcome(line | {"verdict": verdict}).first == "under_reach"
