@@ -1,4 +1,4 @@
-"""Recordings of our own engine with other numerics: `python -m bench.hidden.own ORDERS.json -o FOLDER`.
+"""Recordings of our own material points in other numerics: `python -m bench.hidden.own ORDERS.json -o FOLDER`.
 
 A process of its own. ORDERS.json is a list of {name, seed, hidden: [[effect, size], ...]}; sizes are in typical ones.
 Each makes FOLDER/NAME/recordings/*.mcap and FOLDER/NAME/truth.json. All are simulated side by side.
