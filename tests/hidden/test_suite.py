@@ -50,7 +50,7 @@ UNSURE = {
     "own-hand_eye_translation": "first, 0.71 beside 0.22 of a tool offset: pushes do not turn this flat gripper",
     "own-depth_scale": "first, 0.53 beside 0.29 of a depth bias and 0.15 of a camera elsewhere",
 }
-"""Cases in which the right cause is first and has not the 0.8 that make a name, and what was measured of them as rods."""
+"""Cases in which the right cause is first but below the 0.8 that make a name; what was measured, as rods."""
 
 
 @pytest.fixture(scope="module")
