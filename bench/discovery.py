@@ -1,29 +1,45 @@
 """The hidden-effect suite: how often `dipac discover` names what was hidden, against the table of targets.
 
 `dipac bench discovery --n 200 --into results.jsonl` draws 200 cases in each world and keeps a line a case; what is in
-the file already is not done again, so that a long run survives a cut. `--first` and `--n` divide the cases over
-machines; `--merge` names the files of the others. `--made FOLDER` keeps the recordings, for another solver to be tried
-on the same. Without `--n` it only scores what is there. `--report FOLDER` writes figures as SVG and the table of
-targets as Markdown.
+the file already is not done again, so that a long run survives a cut. `--jobs` cases run side by side, or with
+`--workers ray` as many as a cluster has processors. `--first` and `--n` divide the cases over machines; `--merge` names
+the files of the others. `--light` makes MuJoCo's recordings without images. `--baselines` asks other methods, too.
+`--made FOLDER` keeps the recordings, for another solver to be tried on the same. Without `--n` it only scores what is
+there. `--report FOLDER` writes figures as SVG and tables as Markdown.
 """
 
 import argparse
 import time
-from collections.abc import Sequence
-from concurrent.futures import ThreadPoolExecutor, as_completed
+from collections.abc import Iterator, Sequence
 from pathlib import Path
+from typing import Any
 
 from rich.console import Console
 
+from app.core.errors import UsageError
 from app.evaluation.ledger import append
+from app.evaluation.workers import Where, finished
 from app.policy.strokes import Plan
 from bench.hidden import ledger
+from bench.hidden.baselines import TITLES
 from bench.hidden.curves import calibration_error, confusion, confusion_of_classes, power, reliability
-from bench.hidden.draws import WORLDS, Case, World, drawn
+from bench.hidden.draws import WORLDS, Case, Making, World, drawn
 from bench.hidden.figures import write_figures
-from bench.hidden.outcome import Outcome, outcome
+from bench.hidden.outcome import outcome
 from bench.hidden.scores import rows
-from bench.hidden.tables import confusion_table, power_table, reliability_table, target_lines, target_table
+from bench.hidden.tables import (
+    Grid,
+    baseline_cells,
+    confusion_table,
+    family_cells,
+    power_table,
+    reliability_table,
+    shown,
+    target_lines,
+    target_table,
+    world_title,
+    written,
+)
 from bench.hidden.trial import Setup, told, tried
 
 _SEED = 20260
@@ -38,26 +54,44 @@ def main(options: Sequence[str] | None = None) -> None:
         plan=Plan(episodes=given.episodes, pushes=given.pushes),
         oracle=not given.no_oracle,
         deadline_s=given.deadline,
+        making=Making(dynamics=given.dynamics, images=not given.light),
+        baselines=given.baselines,
         made=given.made,
     )
     given.into.parent.mkdir(parents=True, exist_ok=True)
     worlds: tuple[World, ...] = WORLDS if given.world == "both" else (given.world,)
-    cases = [drawn(given.seed, given.first + number, world) for number in range(given.n) for world in worlds]
-    _try(output, cases, setup, given.into, given.merge, given.jobs)
-    lines = ledger.read([*given.merge, given.into])
+    if given.light and given.dynamics == "mpm":
+        raise UsageError("--light makes ropes that are doubted as rods; leave --light or --dynamics mpm out.")
+    numbers = range(given.first, given.first + given.n)
+    cases = [drawn(given.seed, number, world, setup.making) for number in numbers for world in worlds]
+    _try(output, cases, setup, given.into, given.merge, where=given.workers, jobs=given.jobs)
+    lines = [line for line in ledger.read([*given.merge, given.into]) if _is_of(line, setup.making)]
     done = ledger.finished(lines)
     for line in lines:
         if line not in done:
             output.print(f"{ledger.key_of(line)} failed: {line.get('failure', 'no verdict')}", markup=False)
-    show(output, [outcome(line) for line in done], given.report)
+    show(output, done, given.report)
 
 
-def show(output: Console, outcomes: Sequence[Outcome], report: Path | None) -> None:
-    """All tables; where a folder is named, figures and the table of targets in it, those of each world apart."""
+def _is_of(line: dict[str, Any], making: Making) -> bool:
+    """Whether a line is of recordings that are made and doubted so."""
+    case = ledger.whole_case(line)
+    seen = case["images"] == making.images or case["world"] == "own"
+    return case["dynamics"] == making.dynamics and seen
+
+
+def show(output: Console, lines: Sequence[dict[str, Any]], report: Path | None) -> None:
+    """All tables; where a folder is named, figures and tables in it, those of each world apart."""
+    outcomes = [outcome(line) for line in lines]
     output.print(target_table(rows(outcomes)))
+    text = [*target_lines(rows(outcomes)), ""]
+    for world in WORLDS:
+        for title, cells in _grids([line for line in lines if line["case"]["world"] == world], world):
+            output.print(shown(title, cells))
+            text += written(title, cells)
     if report is not None:
         report.mkdir(parents=True, exist_ok=True)
-        (report / "targets.md").write_text("\n".join(target_lines(rows(outcomes))) + "\n", encoding="utf-8")
+        (report / "targets.md").write_text("\n".join(text), encoding="utf-8")
     for world in WORLDS:
         own = [each for each in outcomes if each.world == world]
         if not own:
@@ -72,26 +106,51 @@ def show(output: Console, outcomes: Sequence[Outcome], report: Path | None) -> N
             output.print(", ".join(map(str, write_figures(report / world, confused, bins, powers))))
 
 
-def _try(output: Console, cases: Sequence[Case], setup: Setup, into: Path, others: Sequence[Path], jobs: int) -> None:
+def _grids(lines: Sequence[dict[str, Any]], world: World) -> Iterator[tuple[str, Grid]]:
+    """Tables of one world: by family, and beside other methods where they were asked."""
+    if not lines:
+        return
+    yield f"By family, {world_title(world)}", family_cells([outcome(line) for line in lines])
+    asked = [line for line in lines if "baselines" in line]
+    if asked:
+        methods = {"dipac discover": [outcome(line) for line in asked]}
+        for name, title in TITLES.items():
+            methods[title] = [outcome(line | {"verdict": line["baselines"][name]}) for line in asked]
+        yield (
+            f"The same cases by other methods, of discovery's residuals and slopes, {world_title(world)}",
+            (baseline_cells(methods)),
+        )
+
+
+def _try(
+    output: Console,
+    cases: Sequence[Case],
+    setup: Setup,
+    into: Path,
+    others: Sequence[Path],
+    *,
+    where: Where,
+    jobs: int,
+) -> None:
     """Those cases that no file has a verdict of, so many side by side."""
     done = {ledger.key_of(line) for line in ledger.finished(ledger.read([*others, into]))}
     left = [case for case in cases if ledger.key_of({"case": told(case, setup)}) not in done]
     began = time.monotonic()
-    with ThreadPoolExecutor(jobs) as pool:
-        running = {pool.submit(tried, case, setup): case for case in left}
-        try:
-            for count, future in enumerate(as_completed(running), 1):
-                line = future.result()
-                append(into, line)
-                rest_s = (time.monotonic() - began) / count * (len(left) - count)
-                said = line.get("failure") or _short(line)
-                output.print(f"{count}/{len(left)} {running[future].key}: {said}; {_clock(rest_s)} left", markup=False)
-        except BaseException:
-            pool.shutdown(wait=False, cancel_futures=True)
-            raise
+    made = finished(_tried, [(case, setup) for case in left], where=where, processes=jobs)
+    for count, ((case, _), found) in enumerate(made, 1):
+        line: dict[str, Any] = {"case": told(case, setup), "failure": found} if isinstance(found, str) else found
+        append(into, line)
+        rest_s = (time.monotonic() - began) / count * (len(left) - count)
+        said = line.get("failure") or _short(line)
+        output.print(f"{count}/{len(left)} {case.key}: {said}; {_clock(rest_s)} left", markup=False)
 
 
-def _short(line: dict[str, object]) -> str:
+def _tried(job: tuple[Case, Setup]) -> dict[str, Any]:
+    """A line of results, in a process or on a machine of its own."""
+    return tried(*job)
+
+
+def _short(line: dict[str, Any]) -> str:
     made = outcome(line)
     hidden = ", ".join(f"{truth.effect} x {truth.typical:.2g}" for truth in made.truths) or "nothing"
     named = " or ".join(cause.effect for cause in made.causes)
@@ -112,6 +171,10 @@ def _given(options: Sequence[str] | None) -> argparse.Namespace:
     parser.add_argument("--episodes", type=int, default=10)
     parser.add_argument("--pushes", type=int, default=20, help="in each episode")
     parser.add_argument("--jobs", type=int, default=1, help="cases side by side")
+    parser.add_argument("--workers", choices=("local", "ray"), default="local", help="where they run")
+    parser.add_argument("--dynamics", choices=("rods", "mpm"), default="rods", help="how ropes are simulated")
+    parser.add_argument("--light", action="store_true", help="MuJoCo's world without images")
+    parser.add_argument("--baselines", action="store_true", help="ask other methods about the same recordings")
     parser.add_argument("--into", type=Path, default=Path(".cache/bench-discovery/results.jsonl"))
     parser.add_argument("--merge", type=Path, nargs="*", default=[], help="results of other machines")
     parser.add_argument("--made", type=Path, help="a folder where recordings are kept, and taken from another time")

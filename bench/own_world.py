@@ -38,7 +38,7 @@ _NOISE_M = 1e-3
 _ENCODER_M = 1e-4
 _MOVED_SHARE = 0.5
 """Of the object's weight, that a push drags along: what a tool that gives way feels."""
-_PAUSE_S, _SETTLE_S = 0.5, 0.25
+PAUSE_S, _SETTLE_S = 0.5, 0.25
 _BATCH = 32
 """Substeps are rounded up to these, so that few shapes are compiled."""
 _NEIGHBOURS = 41
@@ -96,13 +96,15 @@ class OwnWorld:
         total = self.plan.episodes * self.plan.pushes
         pushes: list[list[Push]] = [[] for _ in truths]
         for number in range(total):
-            moves = [self._move(rng, x[b], truth, float(clocks[b])) for b, truth in enumerate(truths)]
+            moves = [
+                move_of(rng, self.predictor, self.plan, x[b], truth, float(clocks[b])) for b, truth in enumerate(truths)
+            ]
             during, after = simulate(*self._inputs(phi, x, places, moves, number / max(total - 1, 1) - 0.5))
             scenes = (x, np.asarray(during), np.asarray(after))
             for b, (truth, move) in enumerate(zip(truths, moves, strict=True)):
                 clouds = [self._seen(rng, cloud[b], places[b], truth) for cloud in scenes]
                 pushes[b].append(self._push(rng, number // self.plan.pushes, move, clouds, truth))
-                clocks[b] = move.end_s + _PAUSE_S
+                clocks[b] = move.end_s + PAUSE_S
             x = np.stack([section.around(cloud) for section, cloud in zip(sections, scenes[2], strict=True)])
         return [
             Study(
@@ -114,22 +116,12 @@ class OwnWorld:
             for made, truth in zip(pushes, truths, strict=True)
         ]
 
-    def _move(self, rng: np.random.Generator, x: Points, truth: Theta, now_s: float) -> "_Move":
-        subject = self.predictor.subject
-        command = random_track(rng, x, self.plan, start_s=now_s + _PAUSE_S, height_m=subject.low_m - 0.004)
-        load = resisting(command, x, _MOVED_SHARE, subject)
-        told = self.predictor.told(command, load, truth)
-        true = self.predictor.carried_out(command, load, truth, lambda _: True)
-        view = midway_s(command.times_s)
-        end = max(command.times_s[-1], true.times_s[-1]) + _SETTLE_S
-        return _Move(command, told, true, view, view + self.predictor.late_s(truth), float(end))
-
     def _inputs(
         self,
         phi: Float64[np.ndarray, "B P"],
         x: Float32[np.ndarray, "B N 3"],
         places: Float32[np.ndarray, "B N"],
-        moves: Sequence["_Move"],
+        moves: Sequence["Move"],
         session: float,
     ) -> tuple[np.ndarray, ...]:
         step = self.scene.dt_s * self.predictor.subject.haste
@@ -142,20 +134,19 @@ class OwnWorld:
         return tuple(np.asarray(part, np.float32) for part in (phi, x, labels, times, first, second))
 
     def _push(
-        self, rng: np.random.Generator, episode: int, move: "_Move", clouds: Sequence[Points], truth: Theta
+        self, rng: np.random.Generator, episode: int, move: "Move", clouds: Sequence[Points], truth: Theta
     ) -> Push:
         before, during, after = clouds
         command, tip = move.command, move.true.at(np.array([move.shown_s]))
         finger = self._shown(rng, (tip + rng.normal(0, _NOISE_M, (60, 3))).astype(np.float32), truth, None)
-        poses = np.concatenate([move.told.at(command.times_s), command.poses[:, 3:]], axis=1)
-        poses[:, :3] += rng.normal(0, _ENCODER_M, (len(poses), 3))
+        measured = move.measured(rng)
         return Push(
             episode=episode,
             before=View(time_s=float(command.times_s[0]), points=before),
             during=(View(time_s=move.view_s, points=during, finger=finger),) if self.plan.during else (),
             after=View(time_s=move.end_s, points=after),
             command=command,
-            measured=Track(times_s=command.times_s, poses=poses) if self.plan.measured else None,
+            measured=measured if self.plan.measured else None,
         )
 
     def _seen(self, rng: np.random.Generator, x: Points, place: Float32[np.ndarray, " N"], truth: Theta) -> Points:
@@ -231,7 +222,7 @@ def _on_line(
     return curve(share), np.stack([left, along, up], axis=1)
 
 
-class _Move(NamedTuple):
+class Move(NamedTuple):
     """What was commanded, what encoders say of it, what was done; when a view was taken, and what it shows is of."""
 
     command: Track
@@ -240,6 +231,31 @@ class _Move(NamedTuple):
     view_s: float
     shown_s: float
     end_s: float
+
+    def measured(self, rng: np.random.Generator) -> Track:
+        """The encoders' track, with their noise."""
+        told = self.told.at(self.command.times_s)
+        return self.command.moved(told + rng.normal(0, _ENCODER_M, told.shape))
+
+
+def move_of(rng: np.random.Generator, predictor: Predictor, plan: Plan, x: Points, truth: Theta, now_s: float) -> Move:
+    """The next push of an object at `x` [m], drawn at random, and what an arm that errs as `truth` has it makes of it.
+
+    `now_s`: when the one before it was over.
+    """
+    subject, core_m = predictor.subject, (0.0, 0.0)
+    if subject.rods is not None:
+        scene = subject.rods.scene
+        along = np.array([np.cos(scene.finger_yaw_rad), np.sin(scene.finger_yaw_rad)])
+        core_m = tuple((scene.finger_half_width_m * along).tolist())
+    start_s, height_m = now_s + PAUSE_S, subject.low_m - 0.004
+    command = random_track(rng, x, plan, start_s=start_s, height_m=height_m, core_m=core_m)
+    load = resisting(command, x, _MOVED_SHARE, subject)
+    told = predictor.told(command, load, truth)
+    true = predictor.carried_out(command, load, truth, lambda _: True)
+    view_s = midway_s(command.times_s)
+    end_s = float(max(command.times_s[-1], true.times_s[-1]) + _SETTLE_S)
+    return Move(command, told, true, view_s, view_s + predictor.late_s(truth), end_s)
 
 
 def _rounded(substeps: float) -> int:

@@ -23,6 +23,7 @@ from app.perception.surroundings import table_points, tool_points
 from app.policy.strokes import Plan
 from app.recording.epoch import Epoch
 from app.recording.file import EpisodeFile
+from app.rig.simulated.cameras import CameraNoise
 from app.rig.simulated.eyes import Eyes
 from app.rig.simulated.hidden.base import Injected
 from app.rig.simulated.physics import WorldPhysics
@@ -44,7 +45,7 @@ _NOBODY: Final = MessageId("rehearsed")
 @final
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Session:
-    """What is rehearsed, and the folder of its recordings."""
+    """What is rehearsed, and the folder of its recordings; `cameras`: how many look on, with what `noise`."""
 
     task: Task
     plan: Plan
@@ -52,6 +53,8 @@ class Session:
     hidden: tuple[Injected, ...]
     seed: int
     folder: Path
+    cameras: int = 2
+    noise: CameraNoise = field(default_factory=CameraNoise)
 
     def path(self, episode: int) -> Path:
         """The recording of an episode, counted from 0."""
@@ -129,7 +132,7 @@ class _Scribe:
 
     def __init__(self, session: Session, watch: Stopwatch) -> None:
         self._watch, self._pushes, self._finger = watch, session.plan.pushes, session.task.finger
-        self._eyes = Eyes(session.task.stage, session.hidden, session.seed)
+        self._eyes = Eyes(session.task.stage, session.hidden, session.seed, count=session.cameras, noise=session.noise)
         self._how = session.task.reconstruction(_PRESET)
 
     def told(self, take: Take, number: int) -> list[Message]:

@@ -3,7 +3,6 @@
 import hashlib
 import json
 import os
-from collections.abc import Sequence
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -16,18 +15,21 @@ from app.commands._preflight import unwritable
 from app.commands._progress import counting
 from app.config import Site
 from app.core.errors import UsageError
-from app.core.stage import RopeModel
+from app.core.stage import Rope, RopeModel
+from app.core.task_name import TaskName, recorded
 from app.policy.strokes import Plan
 from app.recording.preflight import Room, check_folder
-from app.rig.simulated.hidden.base import Injected
-from app.rig.simulated.hiding import Wish, check_world, draw, mistuned
+from app.rig.simulated.cameras import CameraNoise
+from app.rig.simulated.hiding import Wish, check_world, described, draw, mistuned
 from app.rig.simulated.physics import WorldPhysics
 from app.rig.simulated.rehearsal import first_end
 from app.tasks import load
+from app.tasks.base import Task
 
-_TASK = "rope_push"
 _MOST = 99
 """Of episodes, and of pushes in one."""
+_CAMERAS = 3
+_NOISE_MM = 0.1, 5.0
 
 
 def hide(
@@ -38,6 +40,11 @@ def hide(
     output: Annotated[Path, tyro.conf.arg(aliases=["-o"], help="the folder of the recordings, new or empty")],
     episodes: int = 8,
     pushes: int = 8,
+    task: Annotated[str, tyro.conf.arg(help="the rope and finger, as 'rope_push(radius_m=0.006)'")] = "rope_push",
+    cameras: Annotated[int, tyro.conf.arg(help="how many look on, 1 to 3")] = 2,
+    depth_noise_mm: Annotated[
+        float | None, tyro.conf.arg(help="of a pixel at the cameras' distance; 1.3 where it is left out")
+    ] = None,
     world: Annotated[RopeModel, tyro.conf.arg(help="the rope: a chain of bodies, or an elastic cable")] = "chain",
     truth: Annotated[Path | None, tyro.conf.arg(help="the sealed file; by default OUTPUT.truth.json")] = None,
 ) -> None:
@@ -48,16 +55,21 @@ def hide(
     terminal = Console(highlight=False, soft_wrap=True)
     sealed = truth or output.with_name(f"{output.name}.truth.json")
     _check(seed, episodes, pushes)
+    _check_cameras(cameras, depth_noise_mm)
+    known = load(recorded(task))
+    physics = mistuned(seed, world, _pushed(known))
     hidden = draw([_wish(text) for text in effects], seed)
     check_world(hidden, world)
     _check_places(output, sealed)
     session = Session(
-        task=load(_TASK),
+        task=known,
         plan=Plan(episodes=episodes, pushes=pushes),
-        physics=mistuned(seed, world),
+        physics=physics,
         hidden=hidden,
         seed=seed,
         folder=output,
+        cameras=cameras,
+        noise=CameraNoise() if depth_noise_mm is None else CameraNoise.of_depth(1e-3 * depth_noise_mm),
     )
     watch = Stopwatch()
     _record(terminal, session, watch)
@@ -83,6 +95,21 @@ def _check(seed: int, episodes: int, pushes: int) -> None:
     for option, count in (("--episodes", episodes), ("--pushes", pushes)):
         if not 1 <= count <= _MOST:
             raise UsageError(f"{option} {count} is outside 1 to {_MOST}; make several sessions for more.")
+
+
+def _check_cameras(cameras: int, noise_mm: float | None) -> None:
+    if not 1 <= cameras <= _CAMERAS:
+        raise UsageError(f"--cameras {cameras} is outside 1 to {_CAMERAS}.")
+    least, most = _NOISE_MM
+    if noise_mm is not None and not least <= noise_mm <= most:
+        raise UsageError(f"--depth-noise-mm {noise_mm:g} is outside {least:g} to {most:g}; leave it out for 1.3.")
+
+
+def _pushed(task: Task) -> Rope:
+    """The rope that is pushed. Raises UsageError where the task is of anything else."""
+    if TaskName.parse(task.name).problem != "rope_push":
+        raise UsageError(f"--task {task.name} is no rope that a finger pushes; give rope_push, sizes in parentheses.")
+    return task.rope
 
 
 def _check_places(output: Path, sealed: Path) -> None:
@@ -116,7 +143,7 @@ def _truth(session: Session) -> dict[str, Any]:
         "seed": session.seed,
         "episodes": session.plan.episodes,
         "pushes": session.plan.pushes,
-        "effects": _effects(session.hidden),
+        "effects": described(session.hidden),
         "world": {
             "table_friction": physics.table_friction,
             "finger_friction": physics.finger_friction,
@@ -132,21 +159,6 @@ def _bending(physics: WorldPhysics) -> dict[str, float]:
     if physics.cable is None:
         return {"bend_stiffness_n_m_rad": physics.rope.bend_stiffness_n_m_rad}
     return {"rigidity_n_m2": physics.cable.rigidity_n_m2}
-
-
-def _effects(hidden: Sequence[Injected]) -> list[dict[str, Any]]:
-    return [
-        {
-            "effect": each.name,
-            "family": each.effect.family,
-            "catalogued": each.effect.catalogued,
-            "parameters": {
-                quantity.name: {"value": value, "unit": quantity.unit, "null": quantity.null}
-                for quantity, value in zip(each.effect.quantities, each.values.tolist(), strict=True)
-            },
-        }
-        for each in hidden
-    ]
 
 
 def _seal(path: Path, truth: dict[str, Any]) -> None:

@@ -3,14 +3,15 @@
 import time
 from collections.abc import Generator
 from contextlib import contextmanager
-from dataclasses import replace
+from dataclasses import dataclass, replace
+from typing import final
 
 import jax
 import numpy as np
 from jaxtyping import Float64
 from threadpoolctl import threadpool_limits
 
-from app.discovery.case import Amount, Arrows, Blame, Case, Gain, Name
+from app.discovery.case import Amount, Arrows, Blame, Case, Gain, Limit, Name
 from app.discovery.checks import direct_checks
 from app.discovery.conclude import estimates_of, powers_of, ranking_of, sentences_of, verdict_of
 from app.discovery.confusion import confusions
@@ -48,33 +49,25 @@ def discover(study: Study, subject: Subject, said: Progress) -> Case:
 
     Registrations and fits are linear algebra so small that threads make it ten times slower.
     """
-    watch, limits = _Watch(said), limits_of(study, subject)
-    study = centred(study, subject)
-    known = catalogue(subject.rods, origin_m=study.origin_m, reach_m=reach_m(study, subject))
-    predictor = Predictor(subject, known)
-    trials = prepare(study, subject)
-    with watch.stage("direct checks"):
+    stages = Stages(said)
+    found = judged(study, subject, stages)
+    predictor, trials, screening, decision = found.predictor, found.trials, found.screening, found.decision
+    study, about, limits = trials.study, found.about, found.limits
+    with stages.stage("direct checks"):
         checks = direct_checks(predictor, trials, predictor.catalogue.nominal(subject))
-    with watch.stage("nominal fit"):
-        about = refit(predictor, trials)
-    with watch.stage("screening of every cause"):
-        screening = screen(predictor, trials, about)
-        trials = trials.turned(screening.ends)
-        limits = (*limits, *model_limits(trials, screening.data))
+    with stages.stage("frames"):
         places, arrows = arrows_of(trials, screening.data, predictor, about)
         frames = frame_tests(trials, places, arrows)
-    with watch.stage("decision"):
-        decision = decide(predictor, trials, screening, said)
-    with watch.stage("what is left"):
+    with stages.stage("what is left"):
         open_ended = opened(predictor, trials, screening, decision, said)
     verdict, names = verdict_of(decision, limits, open_ended)
     model = _model(verdict, decision, open_ended)
     formula = formula_of(subject, open_ended.found) if open_ended.found and model else None
     left = max(open_ended.left.probability, decision.unknown)
-    with watch.stage("gain on episodes left out"):
+    with stages.stage("gain on episodes left out"):
         gain = gained(predictor, trials, screening, model)
     ranking = ranking_of(predictor.catalogue, subject, screening, decision)
-    with watch.stage("next push"):
+    with stages.stage("next push"):
         rivals = _rivals(screening, decision, open_ended)
         platform = "cpu" if jax.default_backend() == "cpu" else "gpu"
         ahead = next_push(predictor, trials, rivals, platform=platform, height_m=subject.low_m - _BELOW_M)
@@ -105,11 +98,47 @@ def discover(study: Study, subject: Subject, said: Progress) -> Case:
         extended=model.estimate if model is not None else about,
         estimated=model.steps[: model.own] if model is not None else (),
         covariance=model.covariance if model is not None else np.zeros((0, 0)),
-        spent_s=tuple(watch.spent_s),
+        spent_s=tuple(stages.spent_s),
         setup=study.setup or setup_of(subject),
         origin_m=study.origin_m,
     )
     return moved_back(case, study.origin_m)
+
+
+@final
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Judged:
+    """A study as far as causes are concerned: what a verdict is made of.
+
+    `trials`: its pushes about the middle of the table, the object's ends as they were found; `about`: the refitted
+    nominal model.
+    """
+
+    predictor: Predictor
+    trials: Trials
+    about: Theta
+    screening: Screening
+    decision: Decision
+    limits: tuple[Limit, ...]
+
+
+def judged(study: Study, subject: Subject, stages: "Stages") -> Judged:
+    """Refit the nominal model, weigh every cause against it, and decide; with what the study cannot say anyway."""
+    limits = limits_of(study, subject)
+    study = centred(study, subject)
+    known = catalogue(subject.rods, origin_m=study.origin_m, reach_m=reach_m(study, subject))
+    predictor, trials = Predictor(subject, known), prepare(study, subject)
+    with stages.stage("nominal fit"):
+        about = refit(predictor, trials)
+    with stages.stage("screening of every cause"):
+        screening = screen(predictor, trials, about)
+        trials = trials.turned(screening.ends)
+        limits = (*limits, *model_limits(trials, screening.data))
+    with stages.stage("decision"):
+        decision = decide(predictor, trials, screening, stages.said)
+    return Judged(
+        predictor=predictor, trials=trials, about=about, screening=screening, decision=decision, limits=limits
+    )
 
 
 def _model(verdict: Name, decision: Decision, open_ended: Opened) -> Model | None:
@@ -119,16 +148,18 @@ def _model(verdict: Name, decision: Decision, open_ended: Opened) -> Model | Non
     return open_ended.found.model if open_ended.found else decision.accepted
 
 
-class _Watch:
-    """Says which stage runs and keeps how long it took."""
+@final
+class Stages:
+    """Clock of the pipeline: says which stage runs, and keeps how long each took [s]."""
 
     def __init__(self, said: Progress) -> None:
-        self._said = said
+        self.said = said
         self.spent_s = list[tuple[str, float]]()
 
     @contextmanager
     def stage(self, name: str) -> Generator[None]:
-        self._said(name)
+        """Count what happens inside as time of this stage."""
+        self.said(name)
         began = time.perf_counter()
         yield
         self.spent_s.append((name, time.perf_counter() - began))

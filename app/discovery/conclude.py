@@ -59,7 +59,7 @@ def ranking_of(catalogue: Catalogue, subject: Subject, screening: Screening, dec
             shifts = suspect.finding.mean * sizes
             spread = np.sqrt(np.diag(suspect.finding.covariance)) * np.abs(sizes)
             estimates = tuple(
-                _estimate(catalogue, subject, step.column, screening.about, float(shift), float(deviation))
+                estimate_of(catalogue, subject, step.column, screening.about, float(shift), float(deviation))
                 for step, shift, deviation in zip(suspect.steps, shifts, spread, strict=True)
             )
             log_bayes = suspect.finding.log_bayes
@@ -81,15 +81,16 @@ def estimates_of(catalogue: Catalogue, subject: Subject, model: Model, cause: st
     deviations = np.sqrt(np.diag(model.covariance))
     names = {one.name for one in catalogue.causes}
     return tuple(
-        _estimate(catalogue, subject, step.column, model.estimate, 0.0, float(sd) * step.size)
+        estimate_of(catalogue, subject, step.column, model.estimate, 0.0, float(sd) * step.size)
         for step, sd in zip(model.steps[: model.own], deviations, strict=True)
         if (step.cause == cause if cause is not None else step.cause not in names)
     )
 
 
-def _estimate(
+def estimate_of(
     catalogue: Catalogue, subject: Subject, column: int, about: Theta, shift: float, deviation: float
 ) -> Estimate:
+    """A parameter in real units: where `about` has it, moved by `shift`, give or take `deviation` (coordinates)."""
     spec = catalogue.specs[column]
     here = spec.coordinate(float(about[column])) + shift
 

@@ -129,7 +129,7 @@ def _rod_stepper(rods: RodModel) -> Stepper:
         first: jax.Array,
         second: jax.Array,
     ) -> tuple[jax.Array, jax.Array]:
-        state, physics = RodState(*start), rod_physics(scene, _known(rods, unknowns), phi)
+        state, physics = RodState(*start), rod_physics(scene, contact_of(rods, unknowns), phi)
         along = material_coordinates(state.place, label[..., 0], scene.nodes)
         setting = RodSetting(material_coordinates=along, session_time=time)
         stopped = simulate(physics, state, first, phi[:, own], setting)
@@ -149,8 +149,8 @@ def _is_flung(
     return ~(farthest < _LEVER * way + _SLID_M)
 
 
-def _known(rods: RodModel, unknowns: Float[jax.Array, "B U"]) -> dict[str, float | jax.Array]:
-    """Fields of `RodPhysics`, those that are unknown by so many steps from where they are nominally."""
+def contact_of(rods: RodModel, unknowns: Float[jax.Array, "B U"]) -> dict[str, float | jax.Array]:
+    """Fields of `RodPhysics`, those of `ROD_NUMERICS` by so many steps from where they are nominally."""
     contact = dict(rods.contact)
     nominal = {**rods.scene.nominal_physics(), **contact}
     known: dict[str, float | jax.Array] = {**contact}

@@ -6,8 +6,11 @@ from typing import Literal, TypeAlias, final
 
 import numpy as np
 
-from app.discovery.subject import NUMERICS, catalogue
+from app.commands._named import Dynamics
+from app.discovery.subject import ANY_NUMERICS, catalogue
 from app.rig.simulated.hiding import known
+from app.tasks import load, named
+from app.tasks.doubted import subject_of
 from bench.hidden.outside import OUTSIDE
 
 World: TypeAlias = Literal["own", "mujoco"]
@@ -19,6 +22,22 @@ NONE, TWO, UNKNOWN = 0.25, 0.15, 0.15
 SIZES = 0.25, 2.0
 """In units of the typical size, log-uniform."""
 _GRAINS_AND_LIQUIDS = frozenset({"cohesion", "shear_thinning"})
+
+
+@final
+@dataclass(frozen=True, kw_only=True)
+class Making:
+    """Conditions of a bench: how ropes are simulated by the solver and by our own world; cameras in MuJoCo's.
+
+    `images`: whether MuJoCo's world is seen in rendered images; without, a noise of centrelines stands for them, and
+    errors of images cannot be hidden.
+    """
+
+    dynamics: Dynamics = "rods"
+    images: bool = True
+
+
+AS_RODS = Making()
 
 
 @final
@@ -45,10 +64,10 @@ class Case:
         return f"{self.world}-{self.number}"
 
 
-def drawn(seed: int, number: int, world: World) -> Case:
+def drawn(seed: int, number: int, world: World, making: Making = AS_RODS) -> Case:
     """The case of that number; the same whatever other cases are drawn."""
     rng = np.random.default_rng([seed, number, WORLDS.index(world)])
-    inside, outside = kinds(world), outsiders(world)
+    inside, outside = kinds(world, making), outsiders(world, making)
     share = rng.uniform()
     if share < NONE:
         names = list[str]()
@@ -64,17 +83,35 @@ def drawn(seed: int, number: int, world: World) -> Case:
 
 
 @cache
-def kinds(world: World) -> tuple[str, ...]:
-    """The causes of the catalogue that this world can hide."""
-    if world == "mujoco":
-        return tuple(sorted(name for name, effect in known().items() if effect.catalogued))
-    names = {cause.name for cause in catalogue().causes}
-    return tuple(sorted(names - _GRAINS_AND_LIQUIDS - NUMERICS.keys()))
+def kinds(world: World, making: Making = AS_RODS) -> tuple[str, ...]:
+    """The causes of the solver's catalogue that this world can hide."""
+    names = _catalogued(making.dynamics)
+    return tuple(sorted(names - _GRAINS_AND_LIQUIDS if world == "own" else names & _hideable(making)))
 
 
 @cache
-def outsiders(world: World) -> tuple[str, ...]:
-    """What this world can hide that the catalogue lacks."""
-    if world == "mujoco":
-        return tuple(sorted(name for name, effect in known().items() if not effect.catalogued))
-    return tuple(sorted(OUTSIDE))
+def outsiders(world: World, making: Making = AS_RODS) -> tuple[str, ...]:
+    """Effects that this world can hide and that the solver's catalogue lacks."""
+    return tuple(sorted(OUTSIDE if world == "own" else _hideable(making) - _catalogued(making.dynamics)))
+
+
+def real_size(chosen: Chosen) -> float:
+    """Its size in the effect's own unit, as far as that can be; of what MuJoCo's world hides."""
+    main = known()[chosen.effect].main
+    assert main.typical is not None
+    return float(np.clip(main.null + chosen.size * (main.typical - main.null), main.low, main.high))
+
+
+def _catalogued(dynamics: Dynamics) -> frozenset[str]:
+    """Causes of ropes that are simulated so, without those of our own numerics."""
+    subject = subject_of(load(named("rope_push", dynamics)))
+    return frozenset(cause.name for cause in catalogue(subject.rods).causes) - ANY_NUMERICS
+
+
+def _hideable(making: Making) -> frozenset[str]:
+    """Effects of MuJoCo's world; where there are no images, those that act on what else is recorded."""
+    return frozenset(
+        name
+        for name, effect in known().items()
+        if making.images or effect.in_world or effect.drive is not None or effect.late_s is not None
+    )

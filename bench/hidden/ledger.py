@@ -8,9 +8,15 @@ from app.evaluation.ledger import lines
 
 
 def key_of(line: dict[str, Any]) -> str:
-    """What tells a line from others: the world, the seed, the number and the size of the study."""
-    case = line["case"]
-    return "-".join(str(case[name]) for name in ("world", "seed", "number", "episodes", "pushes"))
+    """What tells a line from others: the world, how it is seen and doubted, the seed, the number, the study's size."""
+    case = whole_case(line)
+    names = ("world", "dynamics", "images", "seed", "number", "episodes", "pushes")
+    return "-".join(str(case[name]) for name in names)
+
+
+def whole_case(line: dict[str, Any]) -> dict[str, Any]:
+    """What a line says of its case; lines that say neither are of material points, and of images where MuJoCo's."""
+    return {"dynamics": "mpm", "images": line["case"]["world"] == "mujoco", **line["case"]}
 
 
 def read(paths: Iterable[Path]) -> list[dict[str, Any]]:

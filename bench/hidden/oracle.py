@@ -9,6 +9,9 @@ import json
 from collections.abc import Sequence
 from pathlib import Path
 
+from threadpoolctl import threadpool_limits
+
+from app.commands._named import Dynamics, full_name
 from app.commands._study import read_study
 from app.discovery.gain import gained
 from app.discovery.predict import Predictor, prepare
@@ -24,16 +27,20 @@ def main() -> None:
     parser.add_argument("recordings", type=Path, nargs="+")
     parser.add_argument("--causes", nargs="+", required=True)
     parser.add_argument("-o", "--output", type=Path, required=True)
+    parser.add_argument("--dynamics", choices=("rods", "mpm"), default="rods")
     options = parser.parse_args()
-    options.output.write_text(json.dumps(errors_mm(options.recordings, options.causes)), encoding="utf-8")
+    found = errors_mm(options.recordings, options.causes, options.dynamics)
+    options.output.write_text(json.dumps(found), encoding="utf-8")
 
 
-def errors_mm(recordings: Sequence[Path], causes: Sequence[str]) -> dict[str, float]:
+@threadpool_limits.wrap(limits=1, user_api="blas")
+def errors_mm(recordings: Sequence[Path], causes: Sequence[str], dynamics: Dynamics) -> dict[str, float]:
     """Of the refitted nominal model and of the oracle's [mm]."""
     study = read_study(recordings)
-    subject = subject_of(load(study.task))
-    predictor, trials = Predictor(subject, catalogue()), prepare(study, subject)
+    subject = subject_of(load(full_name(study.task, dynamics=dynamics)))
+    predictor, trials = Predictor(subject, catalogue(subject.rods)), prepare(study, subject)
     screening = screen(predictor, trials, refit(predictor, trials), only=causes)
+    trials = trials.turned(screening.ends)
     suspects = [suspect for suspect in screening.suspects if suspect.cause in causes]
     starts = [(suspect.cause, started(predictor.catalogue, screening.about, suspect)) for suspect in suspects]
     gain = gained(predictor, trials, screening, refine(predictor, trials, screening, starts)).gain

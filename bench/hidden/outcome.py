@@ -67,7 +67,8 @@ class Blamed:
 class Outcome:
     """One case. Errors [mm] are on episodes left out; `oracle_mm` is NaN where nobody asked the oracle.
 
-    `screening_s` and `whole_s`: how long the verdict took. `world`: who made the recordings.
+    `screening_s` and `whole_s`: how long the verdict took; `peak_mb`: the most memory that its process had.
+    `world`: who made the recordings.
     """
 
     world: str
@@ -81,6 +82,7 @@ class Outcome:
     oracle_mm: float = math.nan
     screening_s: float = math.nan
     whole_s: float = math.nan
+    peak_mb: float = math.nan
     pushes: int = 0
 
     @property
@@ -132,6 +134,7 @@ def outcome(line: Mapping[str, Any]) -> Outcome:
         oracle_mm=_number(oracle.get("extended")),
         screening_s=_until_screened_s(spent),
         whole_s=sum(seconds for _, seconds in spent),
+        peak_mb=_number((line.get("spent") or {}).get("peak_mb")),
         pushes=verdict["amount"]["pushes"],
     )
 

@@ -1,7 +1,7 @@
 """What own recordings can hide that is no cause of the catalogue, written as effects of the simulator.
 
 The same three forces as `app/rig/simulated/hidden` has in MuJoCo's terms: a quadratic drag, a pull across the motion,
-a swirl about a point.
+a swirl about a point. On rods a pull across the motion is in proportion to speed far below 5 mm/s.
 """
 
 # As static types, Warp's numbers and vectors have no operators.
@@ -9,10 +9,12 @@ a swirl about a point.
 
 from typing import Any
 
+import jax.numpy as jnp
 import warp as wp
 
 from app.sim.effects.base import Effect, Node, place
 from app.sim.parameter import ParameterSpec
+from app.sim.rods.effect import EffectParameters, RodContext, RodEffect
 
 _REACH = wp.constant(0.02)
 """How far above the table a drag acts [m], about one rope diameter."""
@@ -43,6 +45,11 @@ def swirled_velocity(v: wp.vec3, node: Node, phi: Any, at: int) -> wp.vec3:
     return v + wp.vec3(pull * (phi[at + 2] - node.x[1]), pull * (node.x[0] - phi[at + 1]), 0.0)
 
 
+def drag_on_section(phi: EffectParameters, rods: RodContext) -> EffectParameters:
+    """The drag on a rod, as its cross section is near the table on average, times the length of a step."""
+    return phi * rods.section_mean(lambda z: jnp.clip(1 - z / _REACH, 0, 1)) * rods.scene.dt_s
+
+
 OUTSIDE = {
     "quadratic_drag": Effect(
         parameters=(
@@ -59,6 +66,13 @@ OUTSIDE = {
             ),
         ),
         node_velocity=dragged_velocity,
+        rod=RodEffect(
+            velocity="""
+        const T kept = 1.0f / (1.0f + phi[0] * root(vx * vx + vy * vy + 1e-12f));
+        vx *= kept; vy *= kept;
+        """,
+            numbers=drag_on_section,
+        ),
     ),
     "sideways_drift": Effect(
         parameters=(
@@ -74,6 +88,12 @@ OUTSIDE = {
             ),
         ),
         node_velocity=drifting_velocity,
+        rod=RodEffect(
+            velocity="""
+        const T was = vx, pull = k.gravity * k.dt * phi[0] / root(vx * vx + vy * vy + 2.5e-5f);
+        vx -= pull * vy; vy += pull * was;
+        """
+        ),
     ),
     "swirl": Effect(
         parameters=(
@@ -91,6 +111,12 @@ OUTSIDE = {
         ),
         switches=1,
         node_velocity=swirled_velocity,
+        rod=RodEffect(
+            velocity="""
+        const T pull = k.gravity * k.dt * phi[0];
+        vx += pull * (phi[2] - y); vy += pull * (x - phi[1]);
+        """
+        ),
     ),
 }
 """By name; typical sizes as in MuJoCo's world."""

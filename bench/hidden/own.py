@@ -1,4 +1,4 @@
-"""Recordings of our own engine with other numerics: `python -m bench.hidden.own ORDERS.json -o FOLDER`.
+"""Recordings of our own material points in other numerics: `python -m bench.hidden.own ORDERS.json -o FOLDER`.
 
 A process of its own. ORDERS.json is a list of {name, seed, hidden: [[effect, size], ...]}; sizes are in typical ones.
 Each makes FOLDER/NAME/recordings/*.mcap and FOLDER/NAME/truth.json. All are simulated side by side.
@@ -53,6 +53,11 @@ class World:
     beyond: Float64[np.ndarray, " Q"]
     effects: list[dict[str, Any]]
 
+    @property
+    def strange(self) -> bool:
+        """Whether anything of `OUTSIDE` acts."""
+        return bool((self.beyond != _BEYOND).any())
+
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
@@ -81,7 +86,7 @@ def record(orders: Sequence[Order], plan: Plan, folder: Path) -> None:
         [fill_tube(task.start(order.seed), task.rope.radius_m, DENSER * subject.particle_count) for order in orders]
     )
     beyond = np.stack([world.beyond for world in worlds])
-    strange = bool((beyond != _BEYOND).any())
+    strange = any(world.strange for world in worlds)
     made = OwnWorld(
         predictor=Predictor(subject, known),
         scene=finer(subject.scene),

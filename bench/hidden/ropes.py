@@ -5,32 +5,30 @@ Nothing in it is as the task has it: rope, finger, stiffness and frictions are d
 cannot be hidden here.
 """
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, field, replace
 from typing import Final, final
 
 import numpy as np
+from jaxtyping import Float64
 
 from app.core.stage import RopeModel
 from app.core.task_name import recorded
-from app.core.types import Cloud
+from app.core.types import Cloud, Points
 from app.discovery.centreline_noise import smooth_noise
 from app.discovery.study import Push, Study, View
 from app.perception.resample import resample
 from app.policy.strokes import REGION, Plan
 from app.rig.simulated.hidden.base import Injected
-from app.rig.simulated.hiding import Wish, draw, known, mistuned
+from app.rig.simulated.hiding import Wish, draw, mistuned
 from app.rig.simulated.physics import WorldPhysics
 from app.rig.simulated.rehearsal import Look, Take, rehearse
 from app.tasks import load
 from app.tasks.base import Task
 from app.tasks.curves import fill_tube
-from bench.hidden.draws import Chosen
+from bench.hidden.draws import Chosen, real_size
+from bench.hidden.sizes import drawn_task
 
-RADIUS_M: Final = 0.004, 0.010
-LENGTH_M: Final = 0.25, 0.60
-MASS_KG: Final = 0.015, 0.100
-FINGER_M: Final = 0.005, 0.012
 SOFTER: Final = 0.5, 2.0
 """Bending rigidity, as a multiple of a limp rope's of that radius."""
 _LIMP_N_M2: Final = 6e-5
@@ -38,6 +36,8 @@ _LIMP_N_M2: Final = 6e-5
 _YIELD_1_M: Final = 5.0
 """Curvature beyond which a rope keeps its bend: the chain's."""
 _LINE_M, _POINT_M = 0.8e-3, 0.4e-3
+USUAL_NOISE_M: Final = 1.28e-3
+"""Of the depth of the cell's cameras at their distance, with which centrelines have that noise."""
 _DENSE: Final = 2
 _TIP_M, _TIP_POINTS = 1e-3, 60
 _TABLE_POINTS: Final = 400
@@ -50,26 +50,21 @@ _SIZES, _SEEN = 11, 12
 class RopeCase:
     """A recording to be made: a seed, from which all else is drawn, and what is hidden.
 
-    In a `world` of cables only errors of the arm can be hidden.
+    In a `world` of cables only errors of the arm can be hidden. `flat`: the chance that the finger is a flat gripper;
+    `noise_m`: of the depth that clouds are taken for.
     """
 
     seed: int
     world: RopeModel = "chain"
     hidden: tuple[Chosen, ...] = ()
     plan: Plan = field(default_factory=Plan)
+    flat: float = 0.0
+    noise_m: float = USUAL_NOISE_M
 
     @property
     def task(self) -> Task:
         """The task of this rope and finger, simulated as a rod."""
-        rng = np.random.default_rng([self.seed, _SIZES])
-        sizes = {
-            "radius_m": rng.uniform(*RADIUS_M),
-            "length_m": rng.uniform(*LENGTH_M),
-            "mass_kg": np.exp(rng.uniform(*np.log(MASS_KG))),
-            "finger_radius_m": rng.uniform(*FINGER_M),
-        }
-        given = ",".join(f"{name}={value:.5g}" for name, value in sizes.items())
-        return load(f"rope_push({given})@rods")
+        return load(drawn_task(self.seed, "rods", flat=self.flat))
 
     @property
     def physics(self) -> WorldPhysics:
@@ -93,42 +88,60 @@ class RopeCase:
     @property
     def injected(self) -> tuple[Injected, ...]:
         """The effects, with directions, places and signs of their own."""
-        files = known()
-        wishes = [Wish(each.effect, each.size * float(files[each.effect].main.typical or 0.0)) for each in self.hidden]
-        return draw(wishes, self.seed)
+        return draw([Wish(each.effect, real_size(each)) for each in self.hidden], self.seed)
 
     def record(self) -> Study:
         """The pushes as discovery reads them."""
         task, rng = self.task, np.random.default_rng([self.seed, _SEEN])
         takes = rehearse(task, self.plan, self.physics, self.injected, self.seed)
-        pushes = tuple(_pushes(task, takes, rng))
-        return Study(task=recorded(task.name), pushes=pushes, tables={each.episode: _table(rng) for each in pushes})
+        scale = self.noise_m / USUAL_NOISE_M
+        pushes = tuple(_pushes(task, takes, rng, scale))
+        return Study(task=recorded(task.name), pushes=pushes, tables={each.episode: bare_table(rng) for each in pushes})
 
 
-def _pushes(task: Task, takes: Iterable[Take], rng: np.random.Generator) -> Iterator[Push]:
+def _pushes(task: Task, takes: Iterable[Take], rng: np.random.Generator, scale: float) -> Iterator[Push]:
     for take in takes:
-        tip = take.during.snapshot.tip + rng.normal(0, _TIP_M, (_TIP_POINTS, 3))
+        finger = seen_tip(take.during.snapshot.tip, rng)
         yield Push(
             episode=take.episode,
-            before=_view(task, take.before, rng),
-            during=(replace(_view(task, take.during, rng), finger=tip.astype(np.float32)),),
-            after=_view(task, take.after, rng),
+            before=_view(task, take.before, rng, scale),
+            during=(replace(_view(task, take.during, rng, scale), finger=finger),),
+            after=_view(task, take.after, rng, scale),
             command=take.command,
             measured=take.measured,
         )
 
 
-def _view(task: Task, look: Look, rng: np.random.Generator) -> View:
+def _view(task: Task, look: Look, rng: np.random.Generator, scale: float) -> View:
     """The rope as cameras and their reconstruction show it."""
-    nodes, count = look.snapshot.nodes.copy(), task.preset("cpu").particle_count
-    nodes[:, :2] += smooth_noise(rng, np.linspace(-1, 1, len(nodes)), _LINE_M)
+    return View(time_s=look.stamp_s, points=seen_rope(task, look.snapshot.nodes, rng, scale))
+
+
+def seen_rope(
+    task: Task,
+    nodes: Float64[np.ndarray, "K 3"],
+    rng: np.random.Generator,
+    scale: float,
+    shown: Callable[[Cloud], Cloud] = lambda body: body,
+) -> Points:
+    """The cloud of a rope along these nodes [m], its noise so many times the cell's; cameras that err have it `shown`.
+
+    Cameras see alike for neighbours, and each point by itself; they do not see that a rope lifts off.
+    """
+    nodes, count = nodes.copy(), task.preset("cpu").particle_count
+    nodes[:, :2] += smooth_noise(rng, np.linspace(-1, 1, len(nodes)), scale * _LINE_M)
     nodes[:, 2] = task.rope.radius_m
-    body = fill_tube(nodes, task.rope.radius_m, _DENSE * count)
-    seen = (body + rng.normal(0, _POINT_M, body.shape)).astype(np.float32)
-    return View(time_s=look.stamp_s, points=resample(seen, count, seed=int(rng.integers(2**31))))
+    body = shown(fill_tube(nodes, task.rope.radius_m, _DENSE * count))
+    seen = (body + rng.normal(0, scale * _POINT_M, body.shape)).astype(np.float32)
+    return resample(seen, count, seed=int(rng.integers(2**31)))
 
 
-def _table(rng: np.random.Generator) -> Cloud:
+def seen_tip(tip: Float64[np.ndarray, "3"], rng: np.random.Generator) -> Cloud:
+    """Points of the finger's tip [m]."""
+    return (tip + rng.normal(0, _TIP_M, (_TIP_POINTS, 3))).astype(np.float32)
+
+
+def bare_table(rng: np.random.Generator) -> Cloud:
     """Points of the bare table."""
     level = np.zeros((_TABLE_POINTS, 3))
     level[:, :2] = rng.uniform(REGION[:2], REGION[2:], (_TABLE_POINTS, 2))

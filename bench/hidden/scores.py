@@ -3,13 +3,15 @@
 "First" is what a verdict puts first: a cause, nothing, or that it is none of these.
 """
 
-from collections.abc import Callable, Sequence
+import math
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Literal, TypeAlias, final
 
 from app.evaluation.intervals import Measured, median, share
+from bench.hidden.curves import calibration_error, reliability
 from bench.hidden.draws import WORLDS, World
-from bench.hidden.outcome import NUMERICS, Blamed, Outcome, Truth, away
+from bench.hidden.outcome import ACTUATION, NUMERICS, SENSING, Blamed, Outcome, Truth, away
 
 CONFIDENT = 0.8
 """Probability from which a name is one with confidence."""
@@ -31,7 +33,7 @@ class Target:
     name: str
     score: Score
     limits: tuple[Limit | None, Limit | None]
-    scale: Literal["share", "ratio", "seconds"] = "share"
+    scale: Literal["share", "ratio", "seconds", "megabytes"] = "share"
 
 
 @final
@@ -112,6 +114,25 @@ def _full(outcomes: Sequence[Outcome]) -> list[tuple[Outcome, Truth]]:
     return [(outcome, truth) for outcome, truth in singles if truth is not None and truth.typical >= FULL]
 
 
+def _apparatus(outcomes: Sequence[Outcome]) -> list[Outcome]:
+    """Cases with one error of cameras or arm."""
+    return [outcome for outcome in outcomes if _is_of(outcome, (SENSING, ACTUATION))]
+
+
+def _physics(outcomes: Sequence[Outcome]) -> list[Outcome]:
+    """Cases with one effect of physics."""
+    return [outcome for outcome in outcomes if outcome.single and not _is_of(outcome, (SENSING, ACTUATION))]
+
+
+def _is_of(outcome: Outcome, categories: Sequence[str]) -> bool:
+    return outcome.single is not None and outcome.single.category in categories
+
+
+def _of(part: Callable[[Sequence[Outcome]], list[Outcome]], score: Score) -> Score:
+    """A score of a part of all cases."""
+    return lambda outcomes: score(part(outcomes))
+
+
 def _two(outcomes: Sequence[Outcome]) -> list[Outcome]:
     return [outcome for outcome in outcomes if len(outcome.truths) == 2 and not outcome.outside]
 
@@ -129,6 +150,23 @@ def _confident_alarms(outcomes: Sequence[Outcome]) -> Measured:
         any(cause.probability > CONFIDENT and cause.category != NUMERICS for cause in outcome.causes)
         for outcome in _controls(outcomes)
     )
+
+
+def _wrongly_sure(outcomes: Sequence[Outcome]) -> Measured:
+    """Of all cases: names with confidence that are none of what was hidden."""
+    return share(
+        outcome.verdict == "named"
+        and any(
+            cause.probability > CONFIDENT and cause.category != NUMERICS and cause.effect not in outcome.hidden
+            for cause in outcome.causes
+        )
+        for outcome in outcomes
+    )
+
+
+def _calibration(outcomes: Sequence[Outcome]) -> Measured:
+    stated = [outcome for outcome in outcomes if outcome.ranking]
+    return Measured(calibration_error(reliability(stated)), math.nan, math.nan, len(stated))
 
 
 def _top(outcomes: Sequence[Outcome]) -> Measured:
@@ -212,37 +250,73 @@ def _whole(outcomes: Sequence[Outcome]) -> Measured:
     return median(outcome.whole_s for outcome in outcomes)
 
 
+def _memory(outcomes: Sequence[Outcome]) -> Measured:
+    return median(outcome.peak_mb for outcome in outcomes)
+
+
+FIRST, CLASS, THREE = "first is right, at >= 1x typical", "its class is right", "among the first three"
+SIZE, COVERED = "size, median relative error", "size within its 90 % interval"
+GAIN, WORSE = "share of the oracle's held-out gain, median", "saved model worse than nominal, held out"
+ALARMS, SURE_ALARMS = "says that something is missing, of none", "names with confidence > 0.8, of none"
+SURE_WRONG = "wrong with confidence > 0.8, of all"
+NAMED = "named alone"
+_PHYSICS, _APPARATUS = "physics: ", "cameras and arm: "
+
 TARGETS = (
-    Target(name="says that something is missing, of none", score=_alarms, limits=(("<=", 0.05, 0), None)),
-    Target(
-        name="names with confidence > 0.8, of none",
-        score=_confident_alarms,
-        limits=(("<=", 0.05, 0), ("<=", 0.10, 0)),
-    ),
-    Target(name="first is right, at >= 1x typical", score=_top, limits=((">=", 0.85, 0), (">=", 0.70, 0))),
-    Target(name="its class is right", score=_class, limits=((">=", 0.95, 0), (">=", 0.85, 0))),
-    Target(name="among the first three", score=_three, limits=((">=", 0.97, 0), (">=", 0.90, 0))),
-    Target(name="named alone", score=_named, limits=(None, None)),
-    Target(name="size, median relative error", score=_sizes, limits=(("<=", 0.15, 0), ("<=", 0.30, 0)), scale="ratio"),
-    Target(name="size within its 90 % interval", score=_intervals, limits=(("in", 0.85, 0.95), (">=", 0.75, 0))),
+    Target(name=ALARMS, score=_alarms, limits=(("<=", 0.05, 0), ("<=", 0.08, 0))),
+    Target(name=SURE_ALARMS, score=_confident_alarms, limits=(("<=", 0.02, 0), ("<=", 0.05, 0))),
+    Target(name=SURE_WRONG, score=_wrongly_sure, limits=(("<=", 0.05, 0), ("<=", 0.08, 0))),
+    Target(name=_PHYSICS + FIRST, score=_of(_physics, _top), limits=((">=", 0.85, 0), (">=", 0.75, 0))),
+    Target(name=_PHYSICS + CLASS, score=_of(_physics, _class), limits=((">=", 0.95, 0), (">=", 0.88, 0))),
+    Target(name=_PHYSICS + THREE, score=_of(_physics, _three), limits=((">=", 0.97, 0), (">=", 0.92, 0))),
+    Target(name=_APPARATUS + FIRST, score=_of(_apparatus, _top), limits=((">=", 0.95, 0), (">=", 0.95, 0))),
+    Target(name=_APPARATUS + CLASS, score=_of(_apparatus, _class), limits=((">=", 0.98, 0), (">=", 0.98, 0))),
+    Target(name=_APPARATUS + THREE, score=_of(_apparatus, _three), limits=((">=", 0.99, 0), (">=", 0.99, 0))),
+    Target(name=NAMED, score=_named, limits=(None, None)),
+    Target(name=SIZE, score=_sizes, limits=(("<=", 0.15, 0), ("<=", 0.25, 0)), scale="ratio"),
+    Target(name=COVERED, score=_intervals, limits=(("in", 0.85, 0.95), ("in", 0.80, 0.95))),
+    Target(name="expected calibration error", score=_calibration, limits=(("<=", 0.05, 0), ("<=", 0.08, 0))),
     Target(name="cause among those of the verdict", score=_sets, limits=((">=", 0.88, 0), (">=", 0.80, 0))),
-    Target(
-        name="share of the oracle's held-out gain, median",
-        score=_gains,
-        limits=((">=", 0.90, 0), (">=", 0.75, 0)),
-        scale="ratio",
-    ),
-    Target(name="two effects: both named", score=_both, limits=((">=", 0.60, 0), (">=", 0.40, 0))),
-    Target(name="two effects: at least one", score=_one_of_two, limits=((">=", 0.95, 0), (">=", 0.85, 0))),
-    Target(name="two effects: a spurious third", score=_third, limits=(("<=", 0.10, 0), None)),
-    Target(name="outside the catalogue: says so", score=_says_so, limits=((">=", 0.80, 0), (">=", 0.70, 0))),
+    Target(name=GAIN, score=_gains, limits=((">=", 0.90, 0), (">=", 0.80, 0)), scale="ratio"),
+    Target(name="two effects: both named", score=_both, limits=((">=", 0.60, 0), (">=", 0.50, 0))),
+    Target(name="two effects: at least one", score=_one_of_two, limits=((">=", 0.95, 0), (">=", 0.90, 0))),
+    Target(name="two effects: a spurious third", score=_third, limits=(("<=", 0.10, 0), ("<=", 0.10, 0))),
+    Target(name="outside the catalogue: says so", score=_says_so, limits=((">=", 0.80, 0), (">=", 0.75, 0))),
     Target(name="outside the catalogue: a wrong name, > 0.8", score=_falsely_sure, limits=(("<=", 0.05, 0), None)),
-    Target(name="saved model worse than nominal, held out", score=_worse, limits=(("<=", 0.02, 0), ("<=", 0.05, 0))),
+    Target(name=WORSE, score=_worse, limits=(("<=", 0.02, 0), ("<=", 0.04, 0))),
     Target(name="screening verdict, median", score=_screening, limits=(None, None), scale="seconds"),
     Target(name="whole chain, median", score=_whole, limits=(None, None), scale="seconds"),
+    Target(name="peak memory, median", score=_memory, limits=(None, None), scale="megabytes"),
 )
 """Aims of docs/discovery.md, and of its background those of sets and of wrong names.
 
-Times have aims for 10 episodes of 20 pushes alone: a verdict after screening within 90 s, the whole within 30 min on
-two cores or 60 s on one GPU.
+Times have aims for 10 episodes of 20 pushes alone: a verdict after screening within 60 s, the whole within 5 min, on
+two cores.
 """
+
+IN_FAMILY: Mapping[str, Score] = {
+    NAMED: _named,
+    FIRST: _top,
+    CLASS: _class,
+    THREE: _three,
+    SIZE: _sizes,
+    COVERED: _intervals,
+    GAIN: _gains,
+    WORSE: _worse,
+}
+"""Scores that are told of each family of causes apart."""
+IN_BASELINES: Mapping[str, Score] = {
+    ALARMS: _alarms,
+    SURE_ALARMS: _confident_alarms,
+    SURE_WRONG: _wrongly_sure,
+    FIRST: _top,
+    CLASS: _class,
+    THREE: _three,
+    SIZE: _sizes,
+}
+"""Scores that other methods have, too."""
+
+
+def of_family(outcomes: Sequence[Outcome], category: str) -> list[Outcome]:
+    """Cases with one effect of this family."""
+    return [outcome for outcome in outcomes if _is_of(outcome, (category,))]

@@ -1,14 +1,16 @@
 """Scores as text tables."""
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from typing import TypeAlias
 
 from rich.table import Table
 
 from app.evaluation.intervals import Measured
 from bench.hidden.curves import Bin, Confusion, Power
 from bench.hidden.draws import WORLDS, World
-from bench.hidden.scores import Limit, Row
+from bench.hidden.outcome import ACTUATION, CONTACT, MATERIAL, SENSING, TIME, Outcome
+from bench.hidden.scores import GAIN, IN_BASELINES, IN_FAMILY, SIZE, Limit, Row, of_family
 
 _TITLES = {"own": "own engine, other numerics", "mujoco": "other engine (MuJoCo)"}
 
@@ -32,6 +34,49 @@ def target_lines(rows: Sequence[Row]) -> list[str]:
         cells = {row.world: row for row in rows if row.target.name == name}
         lines.append(f"| {name} | " + " | ".join(text for world in WORLDS for text in _cells(cells[world])) + " |")
     return lines
+
+
+Grid: TypeAlias = list[list[str]]
+"""Rows of cells as text, titles of columns first."""
+
+
+def family_cells(outcomes: Sequence[Outcome]) -> Grid:
+    """Scores of cases with one effect, by its family, of one world."""
+    families = [SENSING, ACTUATION, CONTACT, MATERIAL, TIME]
+    cells = [["of one effect", *families]]
+    for name, score in IN_FAMILY.items():
+        measured = [score(of_family(outcomes, family)) for family in families]
+        cells.append([name, *(_counted(each, _scale(name)) for each in measured)])
+    return cells
+
+
+def baseline_cells(methods: Mapping[str, Sequence[Outcome]]) -> Grid:
+    """Scores of several methods on the same cases of one world."""
+    cells = [["method", *methods]]
+    for name, score in IN_BASELINES.items():
+        cells.append([name, *(_counted(score(outcomes), _scale(name)) for outcomes in methods.values())])
+    return cells
+
+
+def shown(title: str, cells: Grid) -> Table:
+    """The cells as a table for a terminal."""
+    table = Table(title=title)
+    for name in cells[0]:
+        table.add_column(name)
+    for row in cells[1:]:
+        table.add_row(*row)
+    return table
+
+
+def written(title: str, cells: Grid) -> list[str]:
+    """The cells as lines of Markdown."""
+    head, *rows = ["| " + " | ".join(row) + " |" for row in cells]
+    return [f"## {title}", "", head, "|---" * len(cells[0]) + "|", *rows, ""]
+
+
+def world_title(world: World) -> str:
+    """The world in words."""
+    return _TITLES[world]
 
 
 def confusion_table(confusion: Confusion, world: World) -> Table:
@@ -79,6 +124,14 @@ def _cells(row: Row) -> tuple[str, str]:
     return _aim(row.limit, row.target.scale), counted
 
 
+def _scale(name: str) -> str:
+    return "ratio" if name in (SIZE, GAIN) else "share"
+
+
+def _counted(measured: Measured, scale: str) -> str:
+    return f"{_measured(measured, scale)} (n = {measured.n})" if measured.n else "no case"
+
+
 def _aim(limit: Limit | None, scale: str) -> str:
     if limit is None:
         return "-"
@@ -91,6 +144,8 @@ def _aim(limit: Limit | None, scale: str) -> str:
 def _measured(measured: Measured, scale: str) -> str:
     if not measured.n:
         return "-"
+    if not math.isfinite(measured.low):
+        return _number(measured.value, scale)
     return f"{_number(measured.value, scale)} ({_number(measured.low, scale)} to {_number(measured.high, scale)})"
 
 
@@ -99,4 +154,6 @@ def _number(value: float, scale: str) -> str:
         return "-"
     if scale == "seconds":
         return f"{value:.0f} s"
+    if scale == "megabytes":
+        return f"{value:.0f} MB"
     return f"{value:.0%}" if scale == "share" else f"{value:.2f}"

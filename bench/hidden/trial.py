@@ -6,6 +6,7 @@ the truth is in a file that only this process reads, after the verdict.
 
 import json
 import os
+import resource
 import shutil
 import subprocess
 import sys
@@ -14,20 +15,32 @@ import time
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, final
+from typing import IO, Any, final
 
 import numpy as np
 
 from app.policy.strokes import Plan
-from app.rig.simulated.hiding import known
-from bench.hidden.draws import WORLDS, Case
+from bench.hidden.draws import AS_RODS, WORLDS, Case, Making, kinds, real_size
+from bench.hidden.sizes import FLAT, drawn_cameras, drawn_task
 
 _KEPT = ("verdict", "causes", "ranking", "formula", "leftover", "heldout", "limits", "amount", "spent_s")
 """Of a verdict, in a line of results: all but tracks and sentences."""
 _ENVIRONMENT = {"OMP_NUM_THREADS": "1", "XLA_PYTHON_CLIENT_PREALLOCATE": "false"}
 """Where several processes share a machine: a thread of BLAS each, and as much of a GPU's memory as they need."""
-_CURRENT = ("PATH", "HOME", "LANG", "TMPDIR", "XDG_CACHE_HOME", "CUDA_VISIBLE_DEVICES", "LD_LIBRARY_PATH")
+_CURRENT = (
+    "PATH",
+    "HOME",
+    "LANG",
+    "TMPDIR",
+    "XDG_CACHE_HOME",
+    "CUDA_VISIBLE_DEVICES",
+    "LD_LIBRARY_PATH",
+    "PYTHONPATH",
+    "MUJOCO_GL",
+)
 """Variables that a solver is given; others might say what is hidden."""
+_POLL_S = 0.05
+"""Between looks at whether a process has ended."""
 
 
 @final
@@ -35,14 +48,27 @@ _CURRENT = ("PATH", "HOME", "LANG", "TMPDIR", "XDG_CACHE_HOME", "CUDA_VISIBLE_DE
 class Setup:
     """How cases are made and solved. `seed` is of all draws; `deadline_s` of each process.
 
-    `made`: where recordings are kept with their truth, a folder a case, and taken from where they are there already.
+    `oracle`, `baselines`: whether the cause is fitted that was hidden, and what other methods say. `made`: where
+    recordings are kept with their truth, a folder a case, and taken from where they are there already.
     """
 
     seed: int
     plan: Plan
     oracle: bool
     deadline_s: float
+    making: Making = AS_RODS
+    baselines: bool = False
     made: Path | None = None
+
+
+@final
+@dataclass(frozen=True, kw_only=True)
+class Spent:
+    """Time and peak memory of a process and those that it started."""
+
+    wall_s: float
+    processor_s: float
+    peak_mb: float
 
 
 def tried(case: Case, setup: Setup) -> dict[str, Any]:
@@ -53,12 +79,16 @@ def tried(case: Case, setup: Setup) -> dict[str, Any]:
     with tempfile.TemporaryDirectory() as sealed, tempfile.TemporaryDirectory() as seen:
         try:
             truth = make(case, setup, Path(sealed)) if kept is None else _made(kept, case, setup, Path(sealed))
+            truth = doubted(truth, case, setup)
             recordings = handed_over((kept or Path(sealed)) / "recordings", Path(seen))
-            line["verdict"] = solved(recordings, Path(seen), setup.deadline_s)
+            line["verdict"], spent = solved(recordings, Path(seen), setup)
+            line["spent"] = vars(spent)
             line["truth"] = truth
             causes = [each["effect"] for each in truth["effects"]]
             if setup.oracle and causes and all(each["catalogued"] for each in truth["effects"]):
-                line["oracle"] = _asked(recordings, causes, Path(sealed), setup.deadline_s)
+                line["oracle"] = _asked("oracle", recordings, Path(sealed), setup, ["--causes", *causes])
+            if setup.baselines:
+                line["baselines"] = _asked("baselines", recordings, Path(sealed), setup)
         except (subprocess.SubprocessError, OSError, ValueError) as error:
             line["failure"] = _why(error)
     line["took_s"] = round(time.monotonic() - began, 1)
@@ -70,6 +100,8 @@ def told(case: Case, setup: Setup) -> dict[str, Any]:
     return {
         "number": case.number,
         "world": case.world,
+        "dynamics": setup.making.dynamics,
+        "images": setup.making.images and case.world == "mujoco",
         "seed": setup.seed,
         "episodes": setup.plan.episodes,
         "pushes": setup.plan.pushes,
@@ -78,28 +110,69 @@ def told(case: Case, setup: Setup) -> dict[str, Any]:
 
 
 def make(case: Case, setup: Setup, folder: Path) -> dict[str, Any]:
-    """Recordings in `folder`/recordings; returns the truth."""
+    """Recordings in `folder`/recordings; returns the truth.
+
+    Where ropes are rods, object and tool are drawn, too; material points are of the cell's.
+    """
     seed = int(np.random.SeedSequence([setup.seed, case.number, WORLDS.index(case.world)]).generate_state(1)[0])
-    size = ["--episodes", str(setup.plan.episodes), "--pushes", str(setup.plan.pushes)]
-    if case.world == "own":
-        orders = folder / "orders.json"
-        hidden = [[each.effect, each.size] for each in case.hidden]
-        orders.write_text(json.dumps([{"name": "made", "seed": seed, "hidden": hidden}]), encoding="utf-8")
-        _run(["bench.hidden.own", str(orders), "-o", str(folder), *size], setup.deadline_s)
-        (folder / "made" / "recordings").rename(folder / "recordings")
-        return json.loads((folder / "made" / "truth.json").read_text(encoding="utf-8"))
-    wishes = [f"{each.effect}={_real(each.effect, each.size):.6g}" for each in case.hidden]
-    truth = folder / "truth.json"
+    order = {"name": "made", "seed": seed, "hidden": [[each.effect, each.size] for each in case.hidden]}
+    if case.world == "mujoco" and setup.making.images:
+        return _rendered(case, setup, seed, folder)
+    if setup.making.dynamics == "mpm":
+        if case.world == "mujoco":
+            raise ValueError("MuJoCo's world without images is of drawn ropes, which are doubted as rods.")
+        return _of_material_points(order, setup, folder)
+    orders = folder / "order.json"
+    size = {"world": case.world, "episodes": setup.plan.episodes, "pushes": setup.plan.pushes}
+    orders.write_text(json.dumps(order | size), encoding="utf-8")
+    _run(["bench.hidden.made", str(orders), "-o", str(folder)], setup.deadline_s)
+    return json.loads((folder / "truth.json").read_text(encoding="utf-8"))
+
+
+def _rendered(case: Case, setup: Setup, seed: int, folder: Path) -> dict[str, Any]:
+    """MuJoCo's world in images: `dipac hide`."""
+    wishes = [f"{each.effect}={real_size(each):.6g}" for each in case.hidden]
+    truth, scene = folder / "truth.json", list[str]()
+    if setup.making.dynamics == "rods":
+        cameras, noise_m = drawn_cameras(seed)
+        scene = ["--task", drawn_task(seed, "rods", flat=FLAT)]
+        scene += ["--cameras", str(cameras), "--depth-noise-mm", f"{1e3 * noise_m:.3g}"]
     places = ["-o", str(folder / "recordings"), "--truth", str(truth)]
-    _run(["app", "hide", *wishes, "--seed", str(seed), *size, *places], setup.deadline_s)
+    _run(["app", "hide", *wishes, "--seed", str(seed), *_amount(setup), *scene, *places], setup.deadline_s)
     return json.loads(truth.read_text(encoding="utf-8"))
+
+
+def _of_material_points(order: Mapping[str, Any], setup: Setup, folder: Path) -> dict[str, Any]:
+    """Our own engine of material points, in other numerics."""
+    orders = folder / "orders.json"
+    orders.write_text(json.dumps([order]), encoding="utf-8")
+    _run(["bench.hidden.own", str(orders), "-o", str(folder), *_amount(setup)], setup.deadline_s)
+    (folder / "made" / "recordings").rename(folder / "recordings")
+    return json.loads((folder / "made" / "truth.json").read_text(encoding="utf-8"))
+
+
+def _amount(setup: Setup) -> list[str]:
+    return ["--episodes", str(setup.plan.episodes), "--pushes", str(setup.plan.pushes)]
+
+
+def doubted(truth: Mapping[str, Any], case: Case, setup: Setup) -> dict[str, Any]:
+    """The truth, in which that is catalogued which the solver's catalogue has: rods know no adhesion."""
+    known = kinds(case.world, setup.making)
+    effects = [{**each, "catalogued": each["effect"] in known} for each in truth["effects"]]
+    return {**truth, "effects": effects}
 
 
 def _kept(case: Case, setup: Setup) -> Path | None:
     """The folder of a case whose recordings are kept."""
     if setup.made is None:
         return None
-    return setup.made / f"{case.key}-{setup.seed}-{setup.plan.episodes}x{setup.plan.pushes}"
+    words = (case.key, setup.seed, f"{setup.plan.episodes}x{setup.plan.pushes}", *_way(setup))
+    return setup.made / "-".join(map(str, words))
+
+
+def _way(setup: Setup) -> list[str]:
+    """Words for what is not as usual in how recordings are made."""
+    return ["mpm"] * (setup.making.dynamics == "mpm") + ["blind"] * (not setup.making.images)
 
 
 def _made(kept: Path, case: Case, setup: Setup, folder: Path) -> dict[str, Any]:
@@ -128,34 +201,24 @@ def handed_over(made: Path, folder: Path) -> list[Path]:
     return paths
 
 
-def solved(recordings: Sequence[Path], folder: Path, deadline_s: float) -> dict[str, Any]:
-    """What `dipac discover` concludes, in a process that is given the recordings and nothing else.
-
-    It doubts material points: so does the oracle, and so do the recordings of our own engine in other numerics.
-    """
+def solved(recordings: Sequence[Path], folder: Path, setup: Setup) -> tuple[dict[str, Any], Spent]:
+    """What `dipac discover` concludes, in a process that is given the recordings and nothing else."""
     names = [path.name for path in recordings]
     environment = {name: os.environ[name] for name in _CURRENT if name in os.environ}
-    _run(
-        ["app", "discover", *names, "-o", "discovery", "--dynamics", "mpm"],
-        deadline_s,
-        folder=folder,
-        environment=environment,
-    )
+    order = ["app", "discover", *names, "-o", "discovery", "--dynamics", setup.making.dynamics]
+    spent = _run(order, setup.deadline_s, folder=folder, environment=environment)
     verdict = json.loads((folder / "discovery" / "verdict.json").read_text(encoding="utf-8"))
-    return {name: verdict[name] for name in _KEPT}
+    return {name: verdict[name] for name in _KEPT}, spent
 
 
-def _asked(recordings: Sequence[Path], causes: Sequence[str], folder: Path, deadline_s: float) -> dict[str, float]:
-    output = folder / "oracle.json"
-    _run(["bench.hidden.oracle", *map(str, recordings), "-o", str(output), "--causes", *causes], deadline_s)
+def _asked(
+    module: str, recordings: Sequence[Path], folder: Path, setup: Setup, options: Sequence[str] = ()
+) -> dict[str, Any]:
+    """What another module of the bench says of the recordings."""
+    output = folder / f"{module}.json"
+    order = [*map(str, recordings), "-o", str(output), "--dynamics", setup.making.dynamics, *options]
+    _run([f"bench.hidden.{module}", *order], setup.deadline_s)
     return json.loads(output.read_text(encoding="utf-8"))
-
-
-def _real(name: str, size: float) -> float:
-    """A size in typical ones in the effect's own unit, as far as it can be."""
-    main = known()[name].main
-    assert main.typical is not None
-    return float(np.clip(main.null + size * (main.typical - main.null), main.low, main.high))
 
 
 def _run(
@@ -164,17 +227,44 @@ def _run(
     *,
     folder: Path | None = None,
     environment: Mapping[str, str] | None = None,
-) -> None:
+) -> Spent:
     """`python -m` of these words. Raises SubprocessError where it fails or takes longer."""
-    subprocess.run(
-        [sys.executable, "-m", *module],
-        check=True,
-        capture_output=True,
-        text=True,
-        timeout=deadline_s,
-        cwd=folder,
-        env={**(os.environ if environment is None else environment), **_ENVIRONMENT},
+    order = [sys.executable, "-m", *module]
+    given = {**(os.environ if environment is None else environment), **_ENVIRONMENT}
+    began = time.monotonic()
+    with tempfile.TemporaryFile() as said:
+        process = subprocess.Popen(order, stdout=subprocess.DEVNULL, stderr=said, cwd=folder, env=given)
+        try:
+            status, usage = _waited(process.pid, began + deadline_s)
+        except BaseException as error:
+            process.kill()
+            process.wait()
+            if isinstance(error, TimeoutError):
+                raise subprocess.TimeoutExpired(order, deadline_s) from None
+            raise
+        process.returncode = os.waitstatus_to_exitcode(status)
+        if process.returncode:
+            raise subprocess.CalledProcessError(process.returncode, order, stderr=_text(said))
+    return Spent(
+        wall_s=round(time.monotonic() - began, 1),
+        processor_s=round(usage.ru_utime + usage.ru_stime, 1),
+        peak_mb=round(usage.ru_maxrss / 1024, 1),
     )
+
+
+def _waited(pid: int, until_s: float) -> tuple[int, resource.struct_rusage]:
+    """How a process ended, and what it used. Raises TimeoutError where it takes longer."""
+    while time.monotonic() < until_s:
+        done, status, usage = os.wait4(pid, os.WNOHANG)
+        if done:
+            return status, usage
+        time.sleep(_POLL_S)
+    raise TimeoutError
+
+
+def _text(said: IO[bytes]) -> str:
+    said.seek(0)
+    return said.read().decode(errors="replace")
 
 
 def _why(error: Exception) -> str:

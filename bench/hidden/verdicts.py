@@ -10,15 +10,10 @@ from threadpoolctl import threadpool_limits
 from app.commands._named import full_name
 from app.commands._study import read_study
 from app.discovery.case import Name
+from app.discovery.chain import Stages, judged
 from app.discovery.conclude import verdict_of
-from app.discovery.decide import decide
 from app.discovery.formula import Opened
 from app.discovery.leftover import Leftover
-from app.discovery.limits import limits_of
-from app.discovery.predict import Predictor, prepare
-from app.discovery.screen import refit, screen
-from app.discovery.soundness import model_limits
-from app.discovery.subject import catalogue
 from app.tasks import load
 from app.tasks.doubted import subject_of
 
@@ -41,10 +36,6 @@ def verdict(recordings: Sequence[Path]) -> Verdict:
     """As `dipac discover` says it, but for what no cause explains."""
     study = read_study(recordings)
     subject = subject_of(load(full_name(study.task, dynamics=None)), study.setup)
-    predictor, trials = Predictor(subject, catalogue(subject.rods)), prepare(study, subject)
-    screening = screen(predictor, trials, refit(predictor, trials))
-    trials = trials.turned(screening.ends)
-    limits = (*limits_of(study, subject), *model_limits(trials, screening.data))
-    decision = decide(predictor, trials, screening, lambda _: None)
-    kind, causes = verdict_of(decision, limits, _NOT_LOOKED_FOR)
-    return Verdict(kind=kind, causes=causes, probabilities=dict(decision.probabilities))
+    found = judged(study, subject, Stages(lambda _: None))
+    kind, causes = verdict_of(found.decision, found.limits, _NOT_LOOKED_FOR)
+    return Verdict(kind=kind, causes=causes, probabilities=dict(found.decision.probabilities))

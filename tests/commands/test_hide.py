@@ -132,9 +132,25 @@ def test_a_cable_moves_otherwise_and_hides_what_is_in_arm_and_cameras(tmp_path: 
     assert not np.array_equal(one.after, other.after)
 
 
+def test_another_rope_and_finger_are_recorded_by_as_many_cameras_as_are_asked_for(tmp_path: Path) -> None:
+    task = "rope_push(finger_half_width_m=0.01,finger_yaw_rad=0.6,length_m=0.5,radius_m=0.006)"
+    order = ["hide", "--seed", str(SEED), "--episodes", "1", "--pushes", "1", "--task", task, "--cameras", "3"]
+    assert main([*order, "--depth-noise-mm", "2.5", "-o", str(tmp_path / "other")]) == 0
+    (path,) = recordings(tmp_path / "other")
+    study = read_study([path])
+    assert study.task == truth(tmp_path / "other")["task"] == task
+    cameras = {message.camera.name for message in read_messages(path, [Frame]) if isinstance(message, Frame)}
+    assert len(cameras) == 3
+    cloud = study.pushes[0].before.points
+    assert np.median(cloud[:, 2]) == pytest.approx(0.006, abs=0.002)
+
+
 @pytest.mark.parametrize(
     ("arguments", "said", "error"),
     [
+        (["--seed", "1", "--cameras", "4"], "--cameras 4 is outside 1 to 3", UsageError),
+        (["--seed", "1", "--depth-noise-mm", "9"], "--depth-noise-mm 9 is outside 0.1 to 5", UsageError),
+        (["--seed", "1", "--task", "cloth_hang"], "is no rope that a finger pushes", UsageError),
         (["cohesion", "--seed", "1"], "no grains in this world", UsageError),
         (["table_tilt=much", "--seed", "1"], "no number after its =", UsageError),
         (["table_tilt=50", "--seed", "1"], "outside 0 to 5 deg", ParameterError),

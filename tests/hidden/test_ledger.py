@@ -6,9 +6,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from app.core.errors import UsageError
 from app.evaluation.ledger import append
 from bench import discovery
 from bench.hidden import ledger
+from bench.hidden.baselines import TITLES
 from bench.hidden.draws import drawn
 from tests.hidden.synthetic import SEED, good, line
 
@@ -44,14 +46,17 @@ def test_files_are_read_as_one_and_a_failure_gives_way_to_a_verdict(tmp_path: Pa
 def test_the_bench_scores_what_is_there_and_draws_it(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     path, report = tmp_path / "results.jsonl", tmp_path / "report"
     for each in lines(40):
-        append(path, each)
+        append(path, each | {"baselines": dict.fromkeys(TITLES, each["verdict"])})
     discovery.main(["--n", "0", "--into", str(path), "--report", str(report)])
     said = capsys.readouterr().out
     assert "Targets" in said
     assert "expected calibration error" in said
     names = {"confusion.svg", "reliability.svg", "power.svg"}
     assert {each.name for each in (report / "own").iterdir()} == names
-    assert "| first is right, at >= 1x typical | >= 85% |" in (report / "targets.md").read_text()
+    told = (report / "targets.md").read_text()
+    assert "| physics: first is right, at >= 1x typical | >= 85% |" in told
+    assert "## By family, own engine, other numerics" in told
+    assert "| method | dipac discover | all parameters at once | BIC of single causes |" in told
 
 
 def test_what_is_done_is_not_done_again(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
@@ -61,3 +66,20 @@ def test_what_is_done_is_not_done_again(tmp_path: Path, capsys: pytest.CaptureFi
     before = path.read_text()
     discovery.main(["--n", "5", "--world", "own", "--seed", str(SEED), "--into", str(path)])
     assert path.read_text() == before
+
+
+def test_a_line_of_other_dynamics_is_another_case(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    rods = lines(1)[0]
+    points = rods | {"case": rods["case"] | {"dynamics": "mpm"}}
+    before = rods | {"case": {key: value for key, value in rods["case"].items() if key not in ("dynamics", "images")}}
+    assert ledger.key_of(rods) != ledger.key_of(points) == ledger.key_of(before)
+    append(tmp_path / "both.jsonl", rods)
+    append(tmp_path / "both.jsonl", points)
+    for dynamics in ("rods", "mpm"):
+        discovery.main(["--into", str(tmp_path / "both.jsonl"), "--dynamics", dynamics])
+        assert "(n = 1)" in capsys.readouterr().out
+
+
+def test_without_images_there_are_no_material_points() -> None:
+    with pytest.raises(UsageError, match="--light or --dynamics mpm"):
+        discovery.main(["--light", "--dynamics", "mpm"])

@@ -6,11 +6,12 @@ import pytest
 from app.discovery.subject import catalogue
 from app.tasks import load
 from app.tasks.doubted import subject_of
-from bench.hidden.draws import kinds, outsiders
+from bench.hidden.draws import Making, kinds, outsiders
 from bench.hidden.outside import OUTSIDE
 from bench.hidden.own import Order, World, world_of
 
 KNOWN, SUBJECT = catalogue(), subject_of(load("rope_push"))
+POINTS = Making(dynamics="mpm")
 
 
 def world(*hidden: tuple[str, float], seed: int = 4) -> World:
@@ -18,7 +19,7 @@ def world(*hidden: tuple[str, float], seed: int = 4) -> World:
 
 
 @pytest.mark.parametrize("size", [0.25, 1.0])
-@pytest.mark.parametrize("name", kinds("own"))
+@pytest.mark.parametrize("name", kinds("own", POINTS))
 def test_an_effect_has_the_size_that_was_asked_for_and_no_other_is_there(name: str, size: float) -> None:
     made, nominal, cause = world((name, size)), KNOWN.nominal(SUBJECT), KNOWN.cause(name)
     shares = list[float]()
@@ -34,7 +35,7 @@ def test_an_effect_has_the_size_that_was_asked_for_and_no_other_is_there(name: s
     assert [effect["effect"] for effect in made.effects] == [name]
 
 
-@pytest.mark.parametrize("name", outsiders("own"))
+@pytest.mark.parametrize("name", outsiders("own", POINTS))
 def test_what_no_catalogue_has_leaves_everything_in_it_alone(name: str) -> None:
     made, nominal = world((name, 1.0)), KNOWN.nominal(SUBJECT)
     calibrated = [KNOWN.column(each) for each in SUBJECT.calibrated]

@@ -11,8 +11,9 @@ from app.ui.report import verdict_json
 from bench.hidden.curves import calibration_error, confusion, confusion_of_classes, power, reliability
 from bench.hidden.draws import Case, Chosen
 from bench.hidden.figures import confusion_svg, power_svg, reliability_svg
-from bench.hidden.outcome import Outcome, Truth, outcome, size_of
-from bench.hidden.scores import alarming, covered, rows, size_error
+from bench.hidden.outcome import CLASSES, Outcome, Truth, outcome, size_of
+from bench.hidden.scores import SURE_WRONG, alarming, covered, of_family, rows, size_error
+from bench.hidden.tables import family_cells
 from tests.hidden import synthetic
 from tests.hidden.synthetic import blamed, line
 from tests.ui.report.cases import CASES
@@ -125,3 +126,25 @@ def test_figures_are_drawings_with_a_mark_for_everything_counted() -> None:
 
 def test_a_row_without_a_case_is_neither_met_nor_missed() -> None:
     assert all(row.met is None for row in rows([]))
+
+
+def test_every_case_with_one_effect_is_of_one_family_and_a_good_solver_is_good_in_each() -> None:
+    outcomes = synthetic.outcomes(synthetic.good)
+    singles = [each for each in outcomes if each.single]
+    assert sum(len(of_family(outcomes, category)) for category in CLASSES) == len(singles)
+    head, *cells = family_cells(outcomes)
+    assert head[1:] == list(CLASSES[:5])
+    (first,) = [row for row in cells if row[0].startswith("first is right")]
+    assert all(int(cell.split("%")[0]) >= 85 for cell in first[1:])
+
+
+def test_a_name_beside_the_right_one_is_wrong_with_confidence_and_one_in_a_set_is_not() -> None:
+    def wrong(hidden: list[tuple[str, float]], kind: str, causes: list[dict]) -> float:
+        found = rows([made(hidden, kind, causes)])
+        return next(row.measured.value for row in found if row.target.name == SURE_WRONG)
+
+    right, other = blamed("backlash", 0.95), blamed("table_tilt", 0.92)
+    assert wrong([("backlash", 1.0)], "named", [right]) == 0
+    assert wrong([("backlash", 1.0)], "named", [right, other]) == 1
+    assert wrong([], "named", [other]) == 1
+    assert wrong([], "set", [blamed("table_tilt", 0.7), blamed("draught", 0.2)]) == 0

@@ -48,7 +48,7 @@ def test_what_cannot_be_read_is_a_failure_and_no_verdict(tmp_path: Path) -> None
     path = tmp_path / "episode-01.mcap"
     path.write_bytes(b"no recording")
     with pytest.raises(subprocess.CalledProcessError) as caught:
-        solved([path], tmp_path, 550.0)
+        solved([path], tmp_path, SETUP)
     assert "episode-01.mcap" in caught.value.stderr
 
 

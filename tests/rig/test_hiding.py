@@ -4,8 +4,9 @@ import numpy as np
 import pytest
 
 from app.core.errors import ParameterError, UsageError
+from app.core.stage import Rope
 from app.rig.simulated.hiding import IMPOSSIBLE, MISTUNED, Wish, draw, known, mistuned
-from app.rig.simulated.physics import ROPE_WORLDS, WorldPhysics
+from app.rig.simulated.physics import ROPE_WORLDS, WorldPhysics, sized
 
 
 @pytest.mark.parametrize("name", IMPOSSIBLE)
@@ -64,3 +65,22 @@ def test_a_cable_is_as_much_off_as_a_chain_of_the_same_seed() -> None:
     stiffer = chain.rope.bend_stiffness_n_m_rad / WorldPhysics().rope.bend_stiffness_n_m_rad
     assert cable.cable.rigidity_n_m2 / nominal.rigidity_n_m2 == pytest.approx(stiffer)
     assert (cable.table_friction, cable.finger_friction) == (chain.table_friction, chain.finger_friction)
+
+
+def test_a_rope_of_another_size_is_of_the_same_material() -> None:
+    """The flexural rigidity E I goes with the fourth power of the radius; it yields at the same curvature."""
+    cell = Rope(length_m=0.40, radius_m=0.008, mass_kg=0.064, colour=(0.8, 0.2, 0.1))
+    thin = Rope(length_m=0.60, radius_m=0.004, mass_kg=0.03, colour=(0.8, 0.2, 0.1))
+    for nominal in ROPE_WORLDS.values():
+        assert sized(nominal, cell) == nominal
+        made, segments = sized(nominal, thin), nominal.rope.segments
+        rigidity, usual = (
+            physics.rope.bend_stiffness_n_m_rad * rope.length_m / segments
+            for physics, rope in ((made, thin), (nominal, cell))
+        )
+        assert rigidity == pytest.approx(usual / 16)
+        curvature, before = made.rope.bend_yield_rad / 0.60, nominal.rope.bend_yield_rad / 0.40
+        assert curvature == pytest.approx(before)
+        if nominal.cable is not None and made.cable is not None:
+            assert made.cable.rigidity_n_m2 == pytest.approx(nominal.cable.rigidity_n_m2 / 16)
+    assert mistuned(5, rope=cell) == mistuned(5)

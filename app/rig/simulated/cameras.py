@@ -1,7 +1,7 @@
 """Where the simulated RGB-D cameras stand, and how their images differ from perfect ones."""
 
 from dataclasses import dataclass
-from typing import final
+from typing import Self, final
 
 import numpy as np
 
@@ -30,6 +30,11 @@ class CameraNoise:
     grazing_rad: float = 0.20
     grazing_dropout: float = 0.8
     colour_levels: float = 2.0
+
+    @classmethod
+    def of_depth(cls, noise_m: float) -> Self:
+        """With this standard deviation of depth [m] at the distance of the cell's cameras."""
+        return cls(depth_per_m=noise_m / _DISTANCE_M**2)
 
 
 def table_cameras(count: int = 2) -> tuple[CameraModel, ...]:

@@ -9,7 +9,7 @@ import numpy as np
 from app.core.camera import CameraModel
 from app.core.messages import Frame, MessageId
 from app.core.stage import Stage
-from app.rig.simulated.cameras import table_cameras
+from app.rig.simulated.cameras import CameraNoise, table_cameras
 from app.rig.simulated.hidden.base import Injected, Shot
 from app.rig.simulated.render import render
 from app.rig.simulated.world import Snapshot
@@ -20,11 +20,22 @@ _NOISE = 3
 
 @final
 class Eyes:
-    """Two calibrated cameras that may stand elsewhere, and see otherwise, than they are believed to."""
+    """Calibrated cameras that may stand elsewhere, and see otherwise, than they are believed to.
 
-    def __init__(self, stage: Stage, hidden: Sequence[Injected], seed: int) -> None:
-        self._stage, self._hidden, self._seed = stage, tuple(hidden), seed
-        self.cameras = table_cameras()
+    `count`: from one to three; `noise`: of their images.
+    """
+
+    def __init__(
+        self,
+        stage: Stage,
+        hidden: Sequence[Injected],
+        seed: int,
+        *,
+        count: int = 2,
+        noise: CameraNoise | None = None,
+    ) -> None:
+        self._stage, self._hidden, self._seed, self._noise = stage, tuple(hidden), seed, noise
+        self.cameras = table_cameras(count)
         middle = np.mean([camera.T_world_camera[:3, 3] for camera in self.cameras], axis=0)
         self._standing = [_standing(camera, middle, hidden) for camera in self.cameras]
 
@@ -33,7 +44,7 @@ class Eyes:
         rng = np.random.default_rng([self._seed, _NOISE, number])
         frames = list[Frame]()
         for index, (believed, standing) in enumerate(zip(self.cameras, self._standing, strict=True)):
-            color, depth = render(snapshot, standing, rng, stage=self._stage)
+            color, depth = render(snapshot, standing, rng, stage=self._stage, noise=self._noise)
             for each in self._hidden:
                 if each.effect.seen is not None:
                     depth = each.effect.seen(Shot(color, depth, believed, self._stage.body.colour), each.values)

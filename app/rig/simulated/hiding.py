@@ -2,15 +2,15 @@
 
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from app.core.errors import ParameterError, UsageError
-from app.core.stage import RopeModel
+from app.core.stage import Rope, RopeModel
 from app.rig.simulated import hidden as hidden_files
 from app.rig.simulated.hidden.base import Hidden, Injected
-from app.rig.simulated.physics import ROPE_WORLDS, WorldPhysics
+from app.rig.simulated.physics import ROPE_WORLDS, WorldPhysics, sized
 from app.sim.files import files_of
 
 IMPOSSIBLE = {
@@ -65,18 +65,37 @@ def check_world(hidden: Sequence[Injected], world: RopeModel) -> None:
         )
 
 
-def mistuned(seed: int, world: RopeModel = "chain") -> WorldPhysics:
-    """The world's physics with friction and stiffness of its own, as no two tables and ropes are the same."""
+def mistuned(seed: int, world: RopeModel = "chain", rope: Rope | None = None) -> WorldPhysics:
+    """The world's physics with friction and stiffness of its own, as no two tables and ropes are the same.
+
+    `rope`: of other sizes than the cell's.
+    """
     table, finger, stiffness = np.random.default_rng([seed, _TUNING]).uniform(1 - MISTUNED, 1 + MISTUNED, 3).tolist()
-    nominal = ROPE_WORLDS[world]
-    rope, cable = nominal.rope, nominal.cable
+    nominal = ROPE_WORLDS[world] if rope is None else sized(ROPE_WORLDS[world], rope)
+    chain, cable = nominal.rope, nominal.cable
     return replace(
         nominal,
         table_friction=nominal.table_friction * table,
         finger_friction=nominal.finger_friction * finger,
-        rope=replace(rope, bend_stiffness_n_m_rad=rope.bend_stiffness_n_m_rad * stiffness),
+        rope=replace(chain, bend_stiffness_n_m_rad=chain.bend_stiffness_n_m_rad * stiffness),
         cable=None if cable is None else replace(cable, rigidity_n_m2=cable.rigidity_n_m2 * stiffness),
     )
+
+
+def described(hidden: Sequence[Injected]) -> list[dict[str, Any]]:
+    """The effects with their values, as a sealed file has them."""
+    return [
+        {
+            "effect": each.name,
+            "family": each.effect.family,
+            "catalogued": each.effect.catalogued,
+            "parameters": {
+                quantity.name: {"value": value, "unit": quantity.unit, "null": quantity.null}
+                for quantity, value in zip(each.effect.quantities, each.values.tolist(), strict=True)
+            },
+        }
+        for each in hidden
+    ]
 
 
 def _found(wishes: Sequence[Wish]) -> Iterator[tuple[str, Hidden, float]]:

@@ -1,14 +1,14 @@
 """The physical parameters of the simulated world, in one place, so that a world can differ in any of them."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from types import MappingProxyType
 from typing import Final, final
 
 from jaxtyping import Float64
 from numpy import ndarray
 
-from app.core.stage import RopeModel
+from app.core.stage import Rope, RopeModel
 
 HOME_TOOL_M = (0.30, 0.0, 0.30)
 """Where the tool tip waits before its first motion: over the near edge of the table, out of the cameras' way."""
@@ -81,6 +81,29 @@ ROPE_WORLDS: Final[Mapping[RopeModel, WorldPhysics]] = MappingProxyType(
     {"chain": WorldPhysics(), "cable": WorldPhysics(cable=CablePhysics(), contact_time_s=0.010)}
 )
 """Nominal physics of the worlds of ropes: the same materials on the same table, in other mechanics."""
+
+
+_LENGTH_M, _RADIUS_M = 0.40, 0.008
+"""Of the rope whose stiffness and yield `ROPE_WORLDS` has."""
+
+
+def sized(physics: WorldPhysics, rope: Rope) -> WorldPhysics:
+    """The same material as a rope of another size: rigidity grows with the fourth power of the radius.
+
+    The chain's segments grow with its length, and its hinges' angles with them: it yields at the same curvature.
+    Across the table plane its hinges stay as they are.
+    """
+    stiffer, longer = (rope.radius_m / _RADIUS_M) ** 4, rope.length_m / _LENGTH_M
+    chain, cable = physics.rope, physics.cable
+    chain = replace(
+        chain,
+        bend_stiffness_n_m_rad=chain.bend_stiffness_n_m_rad * stiffer / longer,
+        bend_damping_n_m_s_rad=chain.bend_damping_n_m_s_rad * stiffer / longer,
+        bend_yield_rad=chain.bend_yield_rad * longer,
+    )
+    if cable is not None:
+        cable = replace(cable, rigidity_n_m2=cable.rigidity_n_m2 * stiffer)
+    return replace(physics, rope=chain, cable=cable)
 
 
 @final

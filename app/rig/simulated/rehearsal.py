@@ -63,10 +63,10 @@ def rehearse(task: Task, plan: Plan, physics: WorldPhysics, hidden: Sequence[Inj
     starts = np.random.default_rng([seed, _STARTS]).integers(2**31, size=plan.episodes).tolist()
     arm, ends = _Arm(hidden), None
     for episode, start in enumerate(starts):
-        laid = _laid(task.start(start), ends)
+        line = laid(task.start(start), ends)
         intrusion, begin_s = Intrusion(hidden), BEGIN_S + episode * plan.pushes * SLOT_S
         world = RopeWorld(
-            task.rope, task.finger, laid, physics=physics, intrusion=intrusion, time_s=begin_s - _SETTLE_S
+            task.rope, task.finger, line, physics=physics, intrusion=intrusion, time_s=begin_s - _SETTLE_S
         )
         for push in range(plan.pushes):
             number = episode * plan.pushes + push
@@ -175,8 +175,8 @@ def _session(number: int, plan: Plan) -> float:
     return number / max(plan.episodes * plan.pushes - 1, 1) - 0.5
 
 
-def _laid(start: Centreline, ends: Float64[np.ndarray, "2 2"] | None) -> Centreline:
-    """The rope laid as `start` has it, the way round that leaves its ends nearer to where they were."""
+def laid(start: Centreline, ends: Float64[np.ndarray, "2 2"] | None) -> Centreline:
+    """The rope laid as `start` has it, the way round that leaves its ends (x, y) [m] nearer to where they were."""
     if ends is None:
         return start
     there, turned = (np.linalg.norm(start[order, :2] - ends) for order in ([0, -1], [-1, 0]))

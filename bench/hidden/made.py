@@ -1,0 +1,54 @@
+"""Recordings of one drawn rope without images: `python -m bench.hidden.made ORDER.json -o FOLDER`.
+
+A process of its own. ORDER.json is {world, seed, hidden: [[effect, size], ...], episodes, pushes}; sizes are in typical
+ones. Makes FOLDER/recordings/*.mcap and FOLDER/truth.json, which has the sizes of rope and finger, too.
+"""
+
+import argparse
+import json
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+from app.policy.strokes import Plan
+from app.rig.simulated.hiding import described
+from bench.hidden.draws import Chosen
+from bench.hidden.own_ropes import OwnRope
+from bench.hidden.recorded import write
+from bench.hidden.ropes import RopeCase
+from bench.hidden.sizes import FLAT, drawn_cameras
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("order", type=Path)
+    parser.add_argument("-o", "--output", type=Path, required=True)
+    options = parser.parse_args()
+    make(json.loads(options.order.read_text(encoding="utf-8")), options.output)
+
+
+def make(order: Mapping[str, Any], folder: Path) -> None:
+    """The recordings of an order, and the truth beside their folder."""
+    hidden = tuple(Chosen(effect=name, size=size) for name, size in order["hidden"])
+    plan = Plan(episodes=order["episodes"], pushes=order["pushes"])
+    seed, (_, noise_m) = order["seed"], drawn_cameras(order["seed"])
+    if order["world"] == "own":
+        own = OwnRope(seed=seed, hidden=hidden, plan=plan, flat=FLAT, noise_m=noise_m)
+        task, effects, study = own.task, own.world.effects, own.record()
+    else:
+        other = RopeCase(seed=seed, hidden=hidden, plan=plan, flat=FLAT, noise_m=noise_m)
+        task, effects, study = other.task, described(other.injected), other.record()
+    write(study, folder / "recordings")
+    truth = {
+        "effects": effects,
+        "seed": seed,
+        "task": task.name,
+        "noise_m": noise_m,
+        "episodes": plan.episodes,
+        "pushes": plan.pushes,
+    }
+    (folder / "truth.json").write_text(json.dumps(truth), encoding="utf-8")
+
+
+if __name__ == "__main__":
+    main()
