@@ -11,6 +11,7 @@ from itertools import combinations
 import numpy as np
 from jaxtyping import Float64
 
+from app.core.track import Track
 from app.core.types import Points
 from app.discovery.case import NextPush
 from app.discovery.predict import Predictor, Trials, prepare
@@ -56,7 +57,7 @@ def next_push(
         apart_mm=_MM * distance,
         before=last.points,
         ends=tuple(end for end in ends[:, best]),
-        text=f"{_told(track.positions, track.times_s, height_m)}: {_said(names[first])} and {_said(names[second])} "
+        text=f"{push_words(track, height_m)}: {_said(names[first])} and {_said(names[second])} "
         f"leave the object {_MM * distance:.1f} mm apart.",
     )
 
@@ -90,7 +91,9 @@ def _distance_m(a: Points, b: Points) -> float:
     return float(np.sqrt(((a - b)[:, :2].astype(np.float64) ** 2).sum(1).mean()))
 
 
-def _told(way: Float64[np.ndarray, "T 3"], times_s: Float64[np.ndarray, " T"], height_m: float) -> str:
+def push_words(track: Track, height_m: float) -> str:
+    """A push in words, for example `Push 10 cm at 0.05 m/s from (0.50, 0.02) m, 30 degrees from x`."""
+    way, times_s = track.positions, track.times_s
     low = np.flatnonzero(way[:, 2] < height_m + 1e-3)
     start, end = way[low[0], :2], way[low[-1], :2]
     moving = np.flatnonzero(np.linalg.norm(np.diff(way[low, :2], axis=0), axis=1) > 1e-5)

@@ -21,7 +21,7 @@ from app.policy.strokes import REGION, Plan
 from app.rig.simulated.hidden.base import Injected
 from app.rig.simulated.hiding import Wish, draw, known, mistuned
 from app.rig.simulated.physics import WorldPhysics
-from app.rig.simulated.rehearsal import Look, Take, rehearse
+from app.rig.simulated.rehearsal import Look, Rehearsal, Take, rehearse
 from app.tasks import load
 from app.tasks.base import Task
 from app.tasks.curves import fill_tube
@@ -97,28 +97,19 @@ class RopeCase:
         wishes = [Wish(each.effect, each.size * float(files[each.effect].main.typical or 0.0)) for each in self.hidden]
         return draw(wishes, self.seed)
 
+    def session(self) -> Rehearsal:
+        """The world and its arm, to push in as one likes."""
+        return Rehearsal(self.task, self.plan, self.physics, self.injected, self.seed)
+
     def record(self) -> Study:
         """The pushes as discovery reads them."""
         task, rng = self.task, np.random.default_rng([self.seed, _SEEN])
         takes = rehearse(task, self.plan, self.physics, self.injected, self.seed)
         pushes = tuple(_pushes(task, takes, rng))
-        return Study(task=recorded(task.name), pushes=pushes, tables={each.episode: _table(rng) for each in pushes})
+        return Study(task=recorded(task.name), pushes=pushes, tables={each.episode: bare_table(rng) for each in pushes})
 
 
-def _pushes(task: Task, takes: Iterable[Take], rng: np.random.Generator) -> Iterator[Push]:
-    for take in takes:
-        tip = take.during.snapshot.tip + rng.normal(0, _TIP_M, (_TIP_POINTS, 3))
-        yield Push(
-            episode=take.episode,
-            before=_view(task, take.before, rng),
-            during=(replace(_view(task, take.during, rng), finger=tip.astype(np.float32)),),
-            after=_view(task, take.after, rng),
-            command=take.command,
-            measured=take.measured,
-        )
-
-
-def _view(task: Task, look: Look, rng: np.random.Generator) -> View:
+def view_of(task: Task, look: Look, rng: np.random.Generator) -> View:
     """The rope as cameras and their reconstruction show it."""
     nodes, count = look.snapshot.nodes.copy(), task.preset("cpu").particle_count
     nodes[:, :2] += smooth_noise(rng, np.linspace(-1, 1, len(nodes)), _LINE_M)
@@ -128,8 +119,34 @@ def _view(task: Task, look: Look, rng: np.random.Generator) -> View:
     return View(time_s=look.stamp_s, points=resample(seen, count, seed=int(rng.integers(2**31))))
 
 
-def _table(rng: np.random.Generator) -> Cloud:
-    """Points of the bare table."""
+def push_of(task: Task, before: View, take: Take, rng: np.random.Generator) -> Push:
+    """A push as discovery reads it, with the view from which it was chosen."""
+    tip = take.during.snapshot.tip + rng.normal(0, _TIP_M, (_TIP_POINTS, 3))
+    return Push(
+        episode=take.episode,
+        before=before,
+        during=(replace(view_of(task, take.during, rng), finger=tip.astype(np.float32)),),
+        after=view_of(task, take.after, rng),
+        command=take.command,
+        measured=take.measured,
+    )
+
+
+def bare_table(rng: np.random.Generator) -> Cloud:
+    """Points of the bare table [m]."""
     level = np.zeros((_TABLE_POINTS, 3))
     level[:, :2] = rng.uniform(REGION[:2], REGION[2:], (_TABLE_POINTS, 2))
     return (level + rng.normal(0, _TIP_M, level.shape)).astype(np.float32)
+
+
+def _pushes(task: Task, takes: Iterable[Take], rng: np.random.Generator) -> Iterator[Push]:
+    for take in takes:
+        tip = take.during.snapshot.tip + rng.normal(0, _TIP_M, (_TIP_POINTS, 3))
+        yield Push(
+            episode=take.episode,
+            before=view_of(task, take.before, rng),
+            during=(replace(view_of(task, take.during, rng), finger=tip.astype(np.float32)),),
+            after=view_of(task, take.after, rng),
+            command=take.command,
+            measured=take.measured,
+        )
