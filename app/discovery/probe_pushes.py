@@ -150,8 +150,8 @@ def moving(predictor: Predictor, belief: Belief, scene: Scene, candidates: Seque
     already = float(np.maximum(np.maximum(low - x, x - high), 0.0).max())
     fit = np.isfinite(moved_m) & (moved_m / 2 > _LEAST_M) & (np.nan_to_num(beyond, nan=np.inf) <= already)
     kinds = dict[str, list[int]]()
-    for index in sorted(np.flatnonzero(fit), key=lambda index: -moved_m[index]):
-        kinds.setdefault(candidates[index].kind.split(" as ")[0], []).append(int(index))
+    for index in sorted(np.flatnonzero(fit).tolist(), key=lambda index: -moved_m[index]):
+        kinds.setdefault(candidates[index].kind.split(" as ")[0], []).append(index)
     turns = [index for turn in range(len(candidates)) for own in kinds.values() for index in own[turn : turn + 1]]
     return [candidates[index] for index in turns[:_WEIGHED]]
 

@@ -27,10 +27,13 @@ from threadpoolctl import threadpool_limits
 from app.core.errors import PlanningError
 from app.discovery.probe import Belief, is_named
 from app.discovery.study import Push, Study
+from app.discovery.subject import catalogue
 from app.evaluation.intervals import share
 from app.evaluation.ledger import lines
 from app.policy.strokes import Plan
 from app.rig.simulated.hiding import known
+from app.tasks import load
+from app.tasks.doubted import subject_of
 from app.tasks.probed import belief, next_probe
 from bench.hidden.draws import Chosen
 from bench.hidden.ropes import RopeCase, bare_table, push_of, view_of
@@ -41,6 +44,8 @@ NONE: Final = 0.15
 """Share of worlds in which nothing is hidden."""
 SIZES: Final = 1.0, 2.0
 """In typical sizes, log-uniform."""
+_TASK: Final = "rope_push@rods"
+"""What does not act on its rope is not hidden."""
 _SEEN: Final = 13
 """Stream of random numbers of a seed."""
 _RESAMPLED: Final = 2000
@@ -49,9 +54,9 @@ _RESAMPLED: Final = 2000
 def drawn(seed: int, number: int, *, pushes: int, batch: int) -> RopeCase:
     """The world of that number; the same whatever others are drawn."""
     rng = np.random.default_rng([seed, number])
-    hideable = {name: each for name, each in known().items() if each.in_world or each.drive is not None}
-    inside = sorted(name for name, each in hideable.items() if each.catalogued)
-    name, size = str(rng.choice(inside)), float(np.exp(rng.uniform(*np.log(SIZES))))
+    hideable = {name for name, each in known().items() if each.in_world or each.drive is not None}
+    causes = {cause.name for cause in catalogue(subject_of(load(_TASK)).rods).causes}
+    name, size = str(rng.choice(sorted(hideable & causes))), float(np.exp(rng.uniform(*np.log(SIZES))))
     hidden = () if rng.uniform() < NONE else (Chosen(effect=name, size=size),)
     plan = Plan(episodes=-(-pushes // batch), pushes=batch)
     return RopeCase(seed=int(rng.integers(2**31)), hidden=hidden, plan=plan)
