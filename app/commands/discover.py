@@ -42,11 +42,16 @@ def discover(
     if not recordings:
         raise UsageError("Name at least one recording: dipac discover recordings/*.mcap -o discovery")
     make_folder(output, "-o")
-    with terminal.status("reading the recordings") as status:
+    with terminal.status("reading the recordings"):
         study = read_study(recordings, task=task)
         doubted = full_name(study.task, dynamics=dynamics)
-        subject = subject_of(load(doubted))
-        began = time.monotonic()
+    report_on(terminal, study, doubted, recordings, output)
+
+
+def report_on(terminal: Console, study: Study, task: str, recordings: Sequence[Path], output: Path) -> Case:
+    """Go through the whole chain with the full name of a `task`, write what it found to `output`, and show it."""
+    subject, began = subject_of(load(task)), time.monotonic()
+    with terminal.status("direct checks") as status:
 
         def said(stage: str) -> None:
             terminal.print(f"[dim]{time.monotonic() - began:6.0f} s[/]  {stage}")
@@ -55,9 +60,10 @@ def discover(
         case = investigate(study, subject, said)
     report = output / "report.html"
     write_report(report, case)
-    save_model(output / MODEL, _model(case, study, doubted, subject, recordings))
+    save_model(output / MODEL, _model(case, study, task, subject, recordings))
     (output / VERDICT).write_text(verdict_json(case), encoding="utf-8")
     terminal.print(show_case(case, report))
+    return case
 
 
 def _model(case: Case, study: Study, task: str, subject: Subject, recordings: Sequence[Path]) -> Model:

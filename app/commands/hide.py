@@ -48,7 +48,7 @@ def hide(
     terminal = Console(highlight=False, soft_wrap=True)
     sealed = truth or output.with_name(f"{output.name}.truth.json")
     _check(seed, episodes, pushes)
-    hidden = draw([_wish(text) for text in effects], seed)
+    hidden = draw([wish_of(text) for text in effects], seed)
     check_world(hidden, world)
     _check_places(output, sealed)
     session = Session(
@@ -61,13 +61,14 @@ def hide(
     )
     watch = Stopwatch()
     _record(terminal, session, watch)
-    _seal(sealed, _truth(session))
+    seal(sealed, truth_of(session))
     spent = ", ".join(f"{part} {seconds:.0f} s" for part, seconds in watch.spent_s.items())
     terminal.print(f"{output}: {episodes * pushes} pushes in {episodes} episodes ({spent}).", markup=False)
     terminal.print(f"{sealed}: what is hidden in them; keep it from whoever is to find out.", markup=False)
 
 
-def _wish(text: str) -> Wish:
+def wish_of(text: str) -> Wish:
+    """EFFECT or EFFECT=SIZE, as somebody wrote it. Raises UsageError where what follows the = is no number."""
     name, equals, size = text.partition("=")
     try:
         return Wish(name, float(size) if equals else None)
@@ -106,15 +107,16 @@ def _record(terminal: Console, session: Session, watch: Stopwatch) -> None:
             progress.update(bar, advance=1, description=path.name)
 
 
-def _truth(session: Session) -> dict[str, Any]:
-    """Everything that whoever is to find out must not know."""
-    physics, paths = session.physics, [session.path(episode) for episode in range(session.plan.episodes)]
+def truth_of(session: Session, episodes: int | None = None) -> dict[str, Any]:
+    """Everything that whoever is to find out must not know. `episodes`: recorded, where they are fewer than planned."""
+    made = session.plan.episodes if episodes is None else episodes
+    physics, paths = session.physics, [session.path(episode) for episode in range(made)]
     x, y = first_end(session.task, session.plan, session.seed).tolist()
     return {
         "version": __version__,
         "task": session.task.name,
         "seed": session.seed,
-        "episodes": session.plan.episodes,
+        "episodes": made,
         "pushes": session.plan.pushes,
         "effects": _effects(session.hidden),
         "world": {
@@ -149,7 +151,7 @@ def _effects(hidden: Sequence[Injected]) -> list[dict[str, Any]]:
     ]
 
 
-def _seal(path: Path, truth: dict[str, Any]) -> None:
+def seal(path: Path, truth: dict[str, Any]) -> None:
     """A new file that nobody can change, and its owner alone can read."""
     try:
         descriptor = os.open(path, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o400)

@@ -49,17 +49,17 @@ _LISTED: Final = 3
 @final
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Belief:
-    """All that the choice of a push needs of the pushes so far; P columns, each a step of a parameter from `about`.
+    """All that the choice of a push needs of the pushes so far; S columns, each a step of a parameter from `about`.
 
-    `information (P, P)`, `pull (P)`: of the log likelihood, half of theta A theta less b theta, as `evidence.Forms`.
+    `information (S, S)`, `pull (S)`: of the log likelihood, half of theta A theta less b theta, as `evidence.Forms`.
     """
 
     about: Theta
     steps: tuple[Step, ...]
     prior: Prior
-    information: Float64[np.ndarray, "P P"]
-    pull: Float64[np.ndarray, " P"]
-    pending: Float64[np.ndarray, "P P"]
+    information: Float64[np.ndarray, "S S"]
+    pull: Float64[np.ndarray, " S"]
+    pending: Float64[np.ndarray, "S S"]
     """Information that pushes have which were made, or are about to be, and are not screened yet."""
     noise: Covariances
     causes: Mapping[str, tuple[int, ...]]
@@ -84,7 +84,7 @@ class Belief:
         placed = {cause: self.steps[columns[0]].given for cause, columns in wanted.items()}
         return tuple((cause, np.array([value for _, value in at])) for cause, at in placed.items() if len(at) == 2)
 
-    def expecting(self, information: Float64[np.ndarray, "P P"]) -> "Belief":
+    def expecting(self, information: Float64[np.ndarray, "S S"]) -> "Belief":
         """The same once a push of this information is about to be made."""
         return replace(self, pending=self.pending + information)
 
@@ -149,7 +149,7 @@ def belief_of(screening: Screening) -> Belief:
 
 
 def gains_of(
-    belief: Belief, before: Float64[np.ndarray, "P P"], after: Float64[np.ndarray, "P P"]
+    belief: Belief, before: Float64[np.ndarray, "S S"], after: Float64[np.ndarray, "S S"]
 ) -> Float64[np.ndarray, "C C"]:
     """By how many nats each rival's size is better known with the information `after` than `before`, both added.
 
@@ -164,7 +164,7 @@ def weighted(belief: Belief, gains: Float64[np.ndarray, "C C"]) -> Float64[np.nd
     return gains * np.outer(shares, shares)
 
 
-def _log_volumes(belief: Belief, added: Float64[np.ndarray, "P P"]) -> Float64[np.ndarray, "C C"]:
+def _log_volumes(belief: Belief, added: Float64[np.ndarray, "S S"]) -> Float64[np.ndarray, "C C"]:
     """Logarithms of the determinants of the covariances of rivals' columns, where they and one other may act."""
     prior, rivals = belief.prior, [list(columns) for columns, _ in belief.rivals.values()]
     known = np.linalg.inv(belief.information + added + np.diag(1 / prior.variance))

@@ -9,7 +9,7 @@ from dataclasses import dataclass, replace
 from typing import Final, TypeAlias, final
 
 import numpy as np
-from jaxtyping import Float64
+from jaxtyping import Float32, Float64
 from threadpoolctl import threadpool_limits
 
 from app.core.errors import PlanningError
@@ -57,7 +57,7 @@ class Candidate:
 @final
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Probe:
-    """The push to make next. `nats`: see `probe`; `information (P, P)`: it has about a belief's columns.
+    """The push to make next. `nats`: see `probe`; `information (S, S)`: it has about a belief's columns.
 
     `between`: the two rivals that it is to tell apart most.
     """
@@ -66,7 +66,9 @@ class Probe:
     text: str
     nats: float
     between: tuple[str, str]
-    information: Float64[np.ndarray, "P P"]
+    information: Float64[np.ndarray, "S S"]
+    predicted: Points
+    """The object after it, by the belief's model."""
 
 
 @final
@@ -102,14 +104,15 @@ def chosen(subject: Subject, belief: Belief, scene: Scene, *, seed: int) -> Prob
             "No push that was drawn may be made, moves the object and keeps it where it can be pushed; lay the object "
             "nearer to the middle of the table."
         )
-    information = informations(predictor, belief, scene, candidates)
-    return best_of(belief, candidates, information, scene.height_m)
+    information, ends = informations(predictor, belief, scene, candidates)
+    return best_of(belief, candidates, information, ends, scene.height_m)
 
 
 def best_of(
     belief: Belief,
     candidates: Sequence[Candidate],
-    information: Float64[np.ndarray, "K P P"],
+    information: Float64[np.ndarray, "K S S"],
+    ends: Float32[np.ndarray, "K N 3"],
     height_m: float,
 ) -> Probe:
     """The candidate that is expected to say most beyond what pending pushes will."""
@@ -119,7 +122,14 @@ def best_of(
     candidate = candidates[best]
     first, second = (name.replace("_", " ") for name in between)
     text = f"{push_words(candidate.track, height_m)}{candidate.kind}: to tell {first} from {second} ({nats:.2f} nats)"
-    return Probe(track=candidate.track, text=text, nats=nats, between=between, information=information[best])
+    return Probe(
+        track=candidate.track,
+        text=text,
+        nats=nats,
+        between=between,
+        information=information[best],
+        predicted=ends[best],
+    )
 
 
 def candidates_of(belief: Belief, scene: Scene, rng: np.random.Generator) -> list[Candidate]:
@@ -158,13 +168,14 @@ def moving(predictor: Predictor, belief: Belief, scene: Scene, candidates: Seque
 
 def informations(
     predictor: Predictor, belief: Belief, scene: Scene, candidates: Sequence[Candidate]
-) -> Float64[np.ndarray, "K P P"]:
-    """What each candidate would say of the belief's columns, by its slopes about the belief's model."""
+) -> tuple[Float64[np.ndarray, "K S S"], Float32[np.ndarray, "K N 3"]]:
+    """What each candidate would say of the belief's columns, by its slopes about the belief's model, and its end."""
     blind = _trials(predictor, scene, candidates, None)
     expected = predictor(blind, [belief.about])
     trials = _trials(predictor, scene, candidates, Seen(expected.during[0], expected.after[0]))
     data = residuals(predictor, trials, belief.about, belief.steps)
-    return information_of(data, belief.noise)[-len(candidates) :]
+    count = len(candidates)
+    return information_of(data, belief.noise)[-count:], expected.after[0, -count:]
 
 
 def _told_apart(names: Sequence[str], gains: Float64[np.ndarray, "C C"]) -> tuple[str, str]:

@@ -5,7 +5,9 @@ Plain functions of picklable arguments, to be run in worker processes, as `jobs`
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+import pickle
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, final
 
 import numpy as np
 
@@ -14,12 +16,14 @@ from app.arm.path import raised
 from app.config import Site
 from app.core.errors import MotionRefused, UsageError
 from app.core.stage import Rope
+from app.perception.recount import recounted
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from app.core.motion import Motion
     from app.core.track import Track
+    from app.core.types import Points
     from app.discovery.probe import Belief
     from app.discovery.probe_pushes import Probe, Scene
     from app.discovery.study import Push, Study, View
@@ -69,6 +73,86 @@ def next_probe(
 
     data = load(task)
     return chosen(probed_subject(data), held, scene(data, seen, episode, made, plan, site or Site()), seed=seed)
+
+
+@final
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Weighed:
+    """What pushes say in words, and why no further one is needed; empty where one is.
+
+    `belief`: pickled, for whoever keeps it loads neither JAX nor the simulator.
+    """
+
+    belief: bytes
+    text: str
+    over: str
+
+
+@final
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Chosen:
+    """A push that was chosen, in words, and what is expected to be known once it is made."""
+
+    motion: Motion
+    text: str
+    then: Weighed
+
+
+def weighed(task: str, made: Sequence[Push], budget: int) -> Weighed:
+    """What the pushes of a session say so far. Takes up to a minute."""
+    from app.discovery.probe import belief_words, stop_of, stop_words
+    from app.discovery.study import Study
+    from app.tasks import load
+
+    data = load(task)
+    count = probed_subject(data).particle_count
+    pushes = tuple(_counted(push, count) for push in made)
+    held = belief(task, Study(task=data.recorded, pushes=pushes) if pushes else None)
+    stop, words = stop_of(held, budget), belief_words(held)
+    over = "" if stop is None else stop_words(held, stop)
+    return Weighed(belief=pickle.dumps(held), text=f"{words[0].upper()}{words[1:]}.", over=over)
+
+
+def chosen_motion(
+    task: str,
+    held: Weighed,
+    observed: Points,
+    time_s: float,
+    episode: int,
+    made: Sequence[Push],
+    seed: int,
+    site: Site,
+) -> Chosen:
+    """The next push for an object that is `observed` (N, 3) [m], as a motion.
+
+    Raises PlanningError where none may be made.
+    """
+    from app.discovery.study import View
+    from app.policy.strokes import Plan
+    from app.tasks import load
+
+    data, known = load(task), pickle.loads(held.belief)  # noqa: S301 - our own, of `weighed` or of this.
+    count = probed_subject(data).particle_count
+    pushes = tuple(_counted(push, count) for push in made)
+    slowest, fastest = Plan().speeds_m_s
+    plan = Plan(
+        speeds_m_s=(slowest, min(fastest, site.limits.speed_m_s)),
+        measured=all(push.measured is not None for push in pushes),
+        during=all(push.during for push in pushes),
+    )
+    seen = View(time_s=time_s, points=recounted(observed, count))
+    probe = next_probe(task, known, seen, episode, pushes, plan, seed, site)
+    then = replace(held, belief=pickle.dumps(known.expecting(probe.information)))
+    return Chosen(motion=probe_motion(data, probe.track, site), text=probe.text, then=then)
+
+
+def _counted(push: Push, count: int) -> Push:
+    """The same with as many points in each view as discovery simulates."""
+
+    def view(seen: View) -> View:
+        return replace(seen, points=recounted(seen.points, count)) if len(seen.points) != count else seen
+
+    return replace(push, before=view(push.before), during=tuple(map(view, push.during)), after=view(push.after))
 
 
 def scene(task: Task, seen: View, episode: int, made: Sequence[Push], plan: Plan, site: Site) -> Scene:
