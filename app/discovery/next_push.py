@@ -9,7 +9,7 @@ from dataclasses import replace
 from itertools import combinations
 
 import numpy as np
-from jaxtyping import Float64
+from jaxtyping import Float32, Float64
 
 from app.core.track import Track
 from app.core.types import Points
@@ -74,7 +74,7 @@ def _asked(study: Study, last: View, count: int, height_m: float, seed: int) -> 
     return replace(study, pushes=tuple(pushes), tables={})
 
 
-def _apart(ends: Points, probabilities: Sequence[float]) -> Float64[np.ndarray, " C"]:
+def _apart(ends: Float32[np.ndarray, "M C N 3"], probabilities: Sequence[float]) -> Float64[np.ndarray, " C"]:
     """How far the models' predictions for each candidate are apart, in the mean over pairs [m^2]."""
     total = np.zeros(ends.shape[1])
     for i, j in combinations(range(len(ends)), 2):
@@ -83,7 +83,7 @@ def _apart(ends: Points, probabilities: Sequence[float]) -> Float64[np.ndarray, 
     return total
 
 
-def _rivals(ends: Points, names: Sequence[str]) -> tuple[int, int]:
+def _rivals(ends: Float32[np.ndarray, "M N 3"], names: Sequence[str]) -> tuple[int, int]:
     return max(combinations(range(len(names)), 2), key=lambda pair: _distance_m(ends[pair[0]], ends[pair[1]]))
 
 

@@ -211,7 +211,7 @@ def _again(push: Push, number: int, scene: Scene) -> Iterator[tuple[Stroke, str]
     along, angle, length_m, speed_m_s = found
     labels = labelled([scene.seen.points])[0][0]
     at = int(np.abs(labels[:, 0] - along).argmin())
-    heading = angle + np.arctan2(labels[at, 3], labels[at, 2])
+    heading = angle + float(np.arctan2(labels[at, 3], labels[at, 2]))
     ahead = np.array([np.cos(heading), np.sin(heading)])
     slow, fast = scene.plan.speeds_m_s
     other, word = (fast, "fast") if speed_m_s < _SAME_M_S else (slow, "slowly")
