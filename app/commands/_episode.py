@@ -184,9 +184,10 @@ async def episode(order: Order, output: Output) -> Report:
             method = await to_thread.run_sync(guided, method, options.policy, order.task)
             wish = await _doubted(await to_thread.run_sync(_wish, task, order, preset, method), order, site, planner)
         start = await to_thread.run_sync(_start, order, preset)
+        wish = replace(wish, opening=start)
         if options.probe:
             await to_thread.run_sync(probed_subject, task)
-            wish = replace(wish, experiment=Experiment(budget=options.pushes, opening=start))
+            wish = replace(wish, experiment=Experiment(budget=options.pushes))
         shelf = await to_thread.run_sync(load_cell(options.rig).shelf, options.cell)
         async with (
             open_studio(site.recordings, start, _room(site, options.pushes), take_bytes=_take_bytes(site)) as recorder,

@@ -43,6 +43,7 @@ from app.core.requests import (
     GoalRequest,
     ModelRequest,
     PictureGoalRequest,
+    ProbeRequest,
     TakeRequest,
 )
 from app.core.summary import Summary
@@ -114,8 +115,7 @@ class Flow:
         self.demonstrating = Demonstrating(studio, *by)
         self.calibrating = Calibrating(rig, self.sensing.frames, shelf, site, *by)
         self.chores = Lossless[Chore]("chores", bound=_CHORES)
-        self._attempts = self._begun_with = 0
-        self._acts = False
+        self._attempts, self._begun_with, self._acts = 0, 0, False
         self._observed: Particles | None = None
         self._touched_s = clock.now()
 
@@ -189,6 +189,8 @@ class Flow:
                     await self._edit(chore)
                 case ModelRequest():
                     await self._use(chore)
+                case ProbeRequest():
+                    self.probing.asked(chore, self.modes.interrupt)
                 case ColourRequest():
                     self.sensing.recolour(chore)
                 case CalibrationRequest():
@@ -203,10 +205,8 @@ class Flow:
 
     async def _edit(self, request: EditRequest) -> None:
         """Simulate a change of the plan that is shown, which stays up meanwhile, and offer it instead."""
-        observed, shown = self.sensing.particles.value, self.approving.asked
-        if observed is None:
-            return
-        changed = await self.planning.changed(self.wish, request, shown, observed, self._model)
+        seen, shown = self.sensing.particles.value, self.approving.asked
+        changed = await self.planning.changed(self.wish, request, shown, seen, self._model) if seen else None
         if changed is not None and self.approving.asked is shown:
             self.modes.interrupt("is offered as you changed it")
             self.planning.offer_next(changed, self.modes.interruptions)
@@ -361,11 +361,11 @@ class Flow:
 
     def _is_enough(self, observed: Particles) -> bool:
         """Whether there is nothing left to plan for: the goal is reached, or the motions are made."""
-        reached = self.summary.reached = self.wish.reached(observed, self.rig.arm.tool())
+        reached = self.summary.reached = self.wish.reached(observed, self.rig.arm.tool()) and not self.probing.active
         made = self.summary.pushes - self._begun_with
         counted = self.wish.staying and self.modes.name == "automatic"  # The mode itself counts these.
         over = self.probing.conclusion()
-        if not reached and not over and (counted or made < self.wish.pushes):
+        if not reached and not over and (counted or self.probing.active or made < self.wish.pushes):
             return False
         self._leave_off(over or ("the goal is reached" if reached else f"{made} motions were made"))
         return True

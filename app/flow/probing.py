@@ -9,11 +9,12 @@ from app.core.announcer import Announcer
 from app.core.messages import Particles, Transition, fresh_id
 from app.core.motion import Motion
 from app.core.ports import Clock
+from app.core.requests import ProbeRequest
 from app.core.track import Track
 from app.core.worker import Worker
 from app.flow.sensing import Sensing
 from app.tasks.base import Experiment, Wish
-from app.tasks.probed import Chosen, Weighed, chosen_motion, weighed
+from app.tasks.probed import Chosen, Weighed, chosen_motion, unprobed, weighed
 
 if TYPE_CHECKING:  # The simulator is loaded in the planner's process alone.
     from app.discovery.study import Push
@@ -27,12 +28,30 @@ class Probing:
         self, wish: Wish, planner: Worker, site: Site, sensing: Sensing, announcer: Announcer, clock: Clock
     ) -> None:
         self._task, self._seed, self._experiment = wish.task, wish.seed, wish.experiment
+        self._opening = wish.opening
         self._planner, self._site, self._sensing = planner, site, sensing
         self._announcer, self._clock = announcer, clock
         self._made, self._draws = list["Push"](), 0
         self._held: Weighed | None = None
         self._offered: Chosen | None = None
         self._over = ""
+
+    @property
+    def active(self) -> bool:
+        """Whether further pushes are chosen."""
+        return self._experiment is not None
+
+    def asked(self, request: ProbeRequest, interrupt: Callable[[str], None]) -> None:
+        """Begin an experiment of so many pushes more, or end it; `interrupt` is told why the plan shown is void."""
+        if request.pushes <= 0:
+            self._experiment = None
+            interrupt("is of an experiment, and plans are for the goal again")
+            return
+        if refused := unprobed(self._task):
+            self._announcer.notice("experiment", refused, request.id)
+            return
+        self._experiment = Experiment(budget=len(self._made) + request.pushes)
+        interrupt("is for the goal, and pushes are chosen now for what they say about the model")
 
     def conclusion(self) -> str:
         """Why it is over, said once; empty where it is not. Afterwards plans are made as usual."""
@@ -75,8 +94,8 @@ class Probing:
         self._announcer.notice("experiment", held.text)
         if held.over:
             self._over, self._experiment = held.over, None
-        elif experiment.opening is not None:
-            opening = replace(experiment.opening, id=fresh_id("episode"), time_s=self._clock.now())
+        elif self._opening is not None:
+            opening = replace(self._opening, id=fresh_id("episode"), time_s=self._clock.now())
             self._announcer.say(opening)
             self._announcer.notice("experiment", "An episode ends; the object may be laid anew before the next push.")
 

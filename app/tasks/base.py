@@ -329,13 +329,11 @@ class Task:
 class Experiment:
     """Pushes that are chosen for what they say about what the model lacks, instead of plans for a goal.
 
-    At most `budget` of them; after each `batch` all causes are weighed anew. `opening`: how the recording began; each
-    batch begins with it again, as an episode of its own.
+    At most `budget` of them; after each `batch`, an episode of the recording, all causes are weighed anew.
     """
 
     budget: int
     batch: int = 4
-    opening: Episode | None = None
 
 
 @final
@@ -345,7 +343,8 @@ class Wish:
 
     `goal` is in the true world frame; `shown_goal` is where cameras that err will show an object that is there, and
     None where they do not. `asked`: pushes to offer before anything is planned; `experiment`: further pushes are chosen
-    for what they say, and the goal is of no account; `verdict`: what a discovery concluded.
+    for what they say, and the goal is of no account; `opening`: what the session's recording begins with; `verdict`:
+    what a discovery concluded.
     `staying`: the program goes on when the goal is reached, the `pushes` are made or something fails, until somebody
     ends it: it waits then to be told what to do next. `answering`: what the cameras see answers to what the arm does;
     where it does not, as in a recording, nothing is learned from it. `checklist`: nothing moves before one is complete,
@@ -364,6 +363,7 @@ class Wish:
     shown_goal: Points | None = None
     asked: tuple[Motion, ...] = ()
     experiment: Experiment | None = None
+    opening: Episode | None = None
     verdict: Verdict | None = None
     staying: bool = False
     answering: bool = True
@@ -376,8 +376,8 @@ class Wish:
         return self.goal.positions if self.shown_goal is None else self.shown_goal
 
     def reached(self, particles: Particles, tool: ToolPose) -> bool:
-        """Whether the task is done, by what is observed and where the tool is; an experiment has no goal."""
-        return self.experiment is None and self.task.ended(particles.positions, self.target, tool)
+        """Whether the task is done, by what is observed and where the tool is."""
+        return self.task.ended(particles.positions, self.target, tool)
 
     def proposal(self, plan: Plan, observed: Particles, model: Model, *, began_s: float, now_s: float) -> Proposal:
         """`plan`, made for `observed` with `model` from `began_s` to `now_s` [s], as an offer to the operator."""

@@ -32,19 +32,26 @@ if TYPE_CHECKING:
     from app.tasks.base import Task
 
 
-def probed_subject(task: Task) -> Subject:
-    """The simulator that experiments are about.
+def unprobed(task: Task) -> str:
+    """Why there are no experiments on a task, in a sentence; empty where there are.
 
-    Raises UsageError for what is not a rope that is pushed and simulated as a rod: candidates are simulated by the
-    thousand, and of other objects that takes minutes a push.
+    Candidates are simulated by the thousand; of other objects than rods that takes minutes a push.
     """
     from app.planner.actions import Pushes
-    from app.tasks.doubted import subject_of
 
     if not isinstance(task.stage.body, Rope) or not isinstance(task.actions, Pushes):
-        raise UsageError(f"dipac probe pushes ropes so far, and {task.problem} is another task; try rope_push.")
+        return f"dipac probe pushes ropes so far, and {task.problem} is another task; try rope_push."
     if task.dynamics != "rods":
-        raise UsageError(f"dipac probe simulates ropes as rods; leave out --dynamics {task.dynamics}.")
+        return f"dipac probe simulates ropes as rods; leave out --dynamics {task.dynamics}."
+    return ""
+
+
+def probed_subject(task: Task) -> Subject:
+    """The simulator that experiments are about. Raises UsageError for a task without them."""
+    from app.tasks.doubted import subject_of
+
+    if why := unprobed(task):
+        raise UsageError(why)
     return subject_of(task)
 
 

@@ -52,6 +52,7 @@ def wish(experiment: Experiment | None) -> Wish:
         automatic=False,
         calibrating=False,
         experiment=experiment,
+        opening=OPENING,
     )
 
 
@@ -74,7 +75,7 @@ async def test_pushes_are_offered_made_and_weighed_and_the_budget_ends_it(tmp_pa
     nodes, now_s = TASK.start(0), 10.0
     async with InsideWorker("planner") as planner:
         announcer = Announcer(operator=shown, recorder=said, clock=clock, summary=Summary())
-        asked = wish(Experiment(budget=2, batch=1, opening=OPENING))
+        asked = wish(Experiment(budget=2, batch=1))
         how = TASK.reconstruction("cpu")
         sensing = Sensing(SmallRig(small_site(tmp_path)), how, Summary(), announcer, clock)
         probing = Probing(asked, planner, Site(), sensing, announcer, clock)

@@ -81,7 +81,9 @@ def test_worlds_that_were_played_one_way_alone_are_not_compared_and_no_lines_mak
 
 
 @pytest.mark.parametrize("other", [{"pushes": 32}, {"batch": 8}])
-def test_lines_of_another_setup_and_those_that_were_cut_off_are_left_alone(tmp_path: Path, other: dict) -> None:
+def test_lines_of_another_setup_and_those_that_were_cut_off_are_left_alone(
+    tmp_path: Path, other: dict[str, int]
+) -> None:
     own = line(0, "chosen", [1], hidden="stribeck")
     path = tmp_path / "lines.jsonl"
     path.write_text(f"{json.dumps(own)}\n{json.dumps(own | other)}\n{json.dumps(own)[:40]}")
