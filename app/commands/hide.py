@@ -1,28 +1,21 @@
 """Make recordings of random pushes in a world where effects are hidden; what they are goes to a sealed file."""
 
-import hashlib
-import json
 import os
-from collections.abc import Sequence
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated
 
 import tyro
 from rich.console import Console
 
-from app import __version__
 from app.commands._hiding import Session, Stopwatch, record
-from app.commands._preflight import unwritable
 from app.commands._progress import counting
+from app.commands._sealing import seal, truth_of, wish_of
 from app.config import Site
 from app.core.errors import UsageError
 from app.core.stage import RopeModel
 from app.policy.strokes import Plan
 from app.recording.preflight import Room, check_folder
-from app.rig.simulated.hidden.base import Injected
-from app.rig.simulated.hiding import Wish, check_world, draw, mistuned
-from app.rig.simulated.physics import WorldPhysics
-from app.rig.simulated.rehearsal import first_end
+from app.rig.simulated.hiding import check_world, draw, mistuned
 from app.tasks import load
 
 _TASK = "rope_push"
@@ -67,17 +60,6 @@ def hide(
     terminal.print(f"{sealed}: what is hidden in them; keep it from whoever is to find out.", markup=False)
 
 
-def wish_of(text: str) -> Wish:
-    """EFFECT or EFFECT=SIZE, as somebody wrote it. Raises UsageError where what follows the = is no number."""
-    name, equals, size = text.partition("=")
-    try:
-        return Wish(name, float(size) if equals else None)
-    except ValueError:
-        raise UsageError(
-            f"{text!r} has no number after its =; write EFFECT or EFFECT=SIZE, such as table_tilt=1.5."
-        ) from None
-
-
 def _check(seed: int, episodes: int, pushes: int) -> None:
     if seed < 0:
         raise UsageError(f"--seed {seed} is negative; choose 0 or more.")
@@ -105,57 +87,3 @@ def _record(terminal: Console, session: Session, watch: Stopwatch) -> None:
         bar = progress.add_task("pushes", total=total)
         for path in record(session, watch):
             progress.update(bar, advance=1, description=path.name)
-
-
-def truth_of(session: Session, episodes: int | None = None) -> dict[str, Any]:
-    """Everything that whoever is to find out must not know. `episodes`: recorded, where they are fewer than planned."""
-    made = session.plan.episodes if episodes is None else episodes
-    physics, paths = session.physics, [session.path(episode) for episode in range(made)]
-    x, y = first_end(session.task, session.plan, session.seed).tolist()
-    return {
-        "version": __version__,
-        "task": session.task.name,
-        "seed": session.seed,
-        "episodes": made,
-        "pushes": session.plan.pushes,
-        "effects": _effects(session.hidden),
-        "world": {
-            "table_friction": physics.table_friction,
-            "finger_friction": physics.finger_friction,
-            **_bending(physics),
-            "first_end_m": [x, y],
-        },
-        "recordings": {path.name: hashlib.sha256(path.read_bytes()).hexdigest() for path in paths},
-    }
-
-
-def _bending(physics: WorldPhysics) -> dict[str, float]:
-    """Stiffness of the rope, by its model."""
-    if physics.cable is None:
-        return {"bend_stiffness_n_m_rad": physics.rope.bend_stiffness_n_m_rad}
-    return {"rigidity_n_m2": physics.cable.rigidity_n_m2}
-
-
-def _effects(hidden: Sequence[Injected]) -> list[dict[str, Any]]:
-    return [
-        {
-            "effect": each.name,
-            "family": each.effect.family,
-            "catalogued": each.effect.catalogued,
-            "parameters": {
-                quantity.name: {"value": value, "unit": quantity.unit, "null": quantity.null}
-                for quantity, value in zip(each.effect.quantities, each.values.tolist(), strict=True)
-            },
-        }
-        for each in hidden
-    ]
-
-
-def seal(path: Path, truth: dict[str, Any]) -> None:
-    """A new file that nobody can change, and its owner alone can read."""
-    try:
-        descriptor = os.open(path, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o400)
-    except OSError as error:
-        raise unwritable(path, "--truth", error) from None
-    with os.fdopen(descriptor, "w", encoding="utf-8") as file:
-        json.dump(truth, file, indent=1)

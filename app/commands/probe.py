@@ -13,9 +13,9 @@ from app.commands._named import full_name
 from app.commands._preflight import make_folder
 from app.commands._probing import ProbedCell, believed_of, recommended
 from app.commands._pushes import PUSHES, read_pushes, write_pushes
+from app.commands._report import report_on
+from app.commands._sealing import seal, truth_of, wish_of
 from app.commands._study import read_study
-from app.commands.discover import report_on
-from app.commands.hide import seal, truth_of, wish_of
 from app.config import Site
 from app.core.errors import UsageError
 from app.discovery.probe import belief_words, stop_of, stop_words
