@@ -20,10 +20,10 @@ _UNKNOWN = float("nan")
 @final
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Found:
-    """`asked`: the next push as a motion of the tool, where the discovery asks for one."""
+    """`asked`: the next push as a motion of the tool, where the discovery asks for one; or none."""
 
     verdict: Verdict
-    asked: Motion | None
+    asked: tuple[Motion, ...]
 
 
 def read_case(folder: Path, task: str, site: Site, time_s: float, own_model: bool) -> Found:
@@ -59,7 +59,7 @@ def read_case(folder: Path, task: str, site: Site, time_s: float, own_model: boo
         next_push=file.next_push.text if file.next_push else "",
         promised_share=_promised(file.heldout) if own_model else _UNKNOWN,
     )
-    return Found(verdict=verdict, asked=_asked(file.next_push, task, site) if file.next_push else None)
+    return Found(verdict=verdict, asked=(_asked(file.next_push, task, site),) if file.next_push else ())
 
 
 def _blamed(cause: "CauseEntry") -> Blamed:

@@ -24,6 +24,7 @@ from app.commands._guiding import guided
 from app.commands._named import full_name
 from app.commands._options import Options
 from app.commands._preflight import check_port
+from app.commands._pushes import motions_in
 from app.commands._sight import seen_with
 from app.commands._version import code_version
 from app.config import Site
@@ -43,9 +44,10 @@ from app.recording.model_file import load_model
 from app.recording.preflight import Room
 from app.recording.studio import Studio, open_studio
 from app.tasks import Task, load
-from app.tasks.base import Wish
+from app.tasks.base import Experiment, Wish
 from app.tasks.goals import goal_of
 from app.tasks.jobs import check_model, choose_preset, shown_goal
+from app.tasks.probed import probed_subject
 from app.ui.terminal import Output, open_terminal
 
 _AROUND_S, _LONGEST_ROUND_S = 60.0, 30.0
@@ -182,6 +184,10 @@ async def episode(order: Order, output: Output) -> Report:
             method = await to_thread.run_sync(guided, method, options.policy, order.task)
             wish = await _doubted(await to_thread.run_sync(_wish, task, order, preset, method), order, site, planner)
         start = await to_thread.run_sync(_start, order, preset)
+        wish = replace(wish, opening=start)
+        if options.probe:
+            await to_thread.run_sync(probed_subject, task)
+            wish = replace(wish, experiment=Experiment(budget=options.pushes))
         shelf = await to_thread.run_sync(load_cell(options.rig).shelf, options.cell)
         async with (
             open_studio(site.recordings, start, _room(site, options.pushes), take_bytes=_take_bytes(site)) as recorder,
@@ -212,6 +218,9 @@ async def _doubted(wish: Wish, order: Order, site: Site, planner: Worker) -> Wis
         own = order.options.model is None
         case: Found = await planner.run(read_case, order.case, recorded(order.task), site, time.monotonic(), own)
         wish = replace(wish, verdict=case.verdict, asked=case.asked)
+    if order.options.asked:
+        asked = await planner.run(motions_in, order.options.asked, recorded(order.task), order.task, site)
+        wish = replace(wish, asked=(*asked, *wish.asked))
     if wish.model is None:
         return wish
     try:

@@ -83,7 +83,7 @@ def record(session: Session, watch: Stopwatch) -> Iterator[Path]:
 
     Raises PerceptionError where the object cannot be seen any more, RecordingError where a file cannot be written.
     """
-    scribe, file = _Scribe(session, watch), None
+    scribe, file = Scribe(session, watch), None
     takes = rehearse(session.task, session.plan, session.physics, session.hidden, session.seed)
     try:
         for number in range(session.plan.episodes * session.plan.pushes):
@@ -94,7 +94,7 @@ def record(session: Session, watch: Stopwatch) -> Iterator[Path]:
             with watch.on("writing"):
                 if file is None or file.path != path:
                     _close(file)
-                    file = _begun(path, take, session)
+                    file = begun_file(session, take.episode, take.before.stamp_s)
                 for message in messages:
                     file.write(message, now_s=message.time_s)
             yield path
@@ -104,11 +104,11 @@ def record(session: Session, watch: Stopwatch) -> Iterator[Path]:
         _close(file)
 
 
-def _begun(path: Path, take: Take, session: Session) -> EpisodeFile:
+def begun_file(session: Session, episode: int, time_s: float) -> EpisodeFile:
     """A new file with its first message, which says no more than any episode of a simulated cell would."""
-    episode = Episode(
-        id=MessageId(f"episode-{take.episode:06d}"),
-        time_s=take.before.stamp_s,
+    first = Episode(
+        id=MessageId(f"episode-{episode:06d}"),
+        time_s=time_s,
         task=session.task.name,
         rig="simulated",
         seed=0,
@@ -116,8 +116,8 @@ def _begun(path: Path, take: Take, session: Session) -> EpisodeFile:
         code_version=__version__,
         config=json.dumps({"preset": _PRESET, "pushes": session.plan.pushes}),
     )
-    file = EpisodeFile(path, episode, epoch=_EPOCH)
-    file.write(episode, now_s=episode.time_s)
+    file = EpisodeFile(session.path(episode), first, epoch=_EPOCH)
+    file.write(first, now_s=first.time_s)
     return file
 
 
@@ -127,7 +127,7 @@ def _close(file: EpisodeFile | None) -> None:
 
 
 @final
-class _Scribe:
+class Scribe:
     """Says what cameras and encoders say of a push."""
 
     def __init__(self, session: Session, watch: Stopwatch) -> None:
@@ -137,20 +137,27 @@ class _Scribe:
 
     def told(self, take: Take, number: int) -> list[Message]:
         """The messages of push `number` in their order: seen, made, seen, learnt. The first ones bring images."""
-        before, images = self._seen(take.before, _LOOKS * number)
-        during, views = self._seen(take.during, _LOOKS * number + 1)
-        after, _ = self._seen(take.after, _LOOKS * number + 2)
+        before, messages = self.before(take.before, number)
+        return [*messages, *self.after(before, take, number)]
+
+    def before(self, look: Look, number: int) -> tuple[Particles, list[Message]]:
+        """The object before push `number`, and all messages of then."""
+        before, images = self._seen(look, _LOOKS * number)
         first = number % self._pushes == 0
         with self._watch.on("particles"):
             table = table_points(images, self._how) if first else _nothing()
+        shown: list[Message] = [*images] if first else []
+        return before, [*shown, before, _sighting(before, tool=_nothing(), table=table)]
+
+    def after(self, before: Particles, take: Take, number: int) -> list[Message]:
+        """What is seen and measured of push `number` once it is made."""
+        during, views = self._seen(take.during, _LOOKS * number + 1)
+        after, _ = self._seen(take.after, _LOOKS * number + 2)
+        with self._watch.on("particles"):
             tip = take.measured.at(np.array([take.during.stamp_s]))[0]
             tool = tool_points(views, tip, self._how, radius_m=self._finger.radius_m)
         executed = _executed(take, number, before)
-        shown: list[Message] = [*images] if first else []
         return [
-            *shown,
-            before,
-            _sighting(before, tool=_nothing(), table=table),
             during,
             _sighting(during, tool=tool, table=_nothing()),
             executed,

@@ -32,6 +32,10 @@ class Options:
     """at most, in the console until a mode is chosen anew; fewer where the goal is reached before"""
     preset: Preset = "auto"
     """how much is computed for a decision; auto asks this machine"""
+    probe: bool = False
+    """choose pushes, --pushes at most, for what they say about what the model lacks, instead of planning for a goal"""
+    asked: Path | None = None
+    """a pushes.json of `dipac probe --recordings`, whose pushes are offered first"""
     planner: str = PAPER
     """who decides: the paper's tree, dipac, or a baseline: cem_mpc, diff_mpc, diff_cem_mpc"""
     ablation: str | None = None

@@ -1,18 +1,15 @@
 """Make recordings of random pushes in a world where effects are hidden; what they are goes to a sealed file."""
 
-import hashlib
-import json
 import os
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated
 
 import tyro
 from rich.console import Console
 
-from app import __version__
 from app.commands._hiding import Session, Stopwatch, record
-from app.commands._preflight import unwritable
 from app.commands._progress import counting
+from app.commands._sealing import seal, truth_of, wish_of
 from app.config import Site
 from app.core.errors import UsageError
 from app.core.stage import Rope, RopeModel
@@ -20,9 +17,7 @@ from app.core.task_name import TaskName, recorded
 from app.policy.strokes import Plan
 from app.recording.preflight import Room, check_folder
 from app.rig.simulated.cameras import CameraNoise
-from app.rig.simulated.hiding import Wish, check_world, described, draw, mistuned
-from app.rig.simulated.physics import WorldPhysics
-from app.rig.simulated.rehearsal import first_end
+from app.rig.simulated.hiding import check_world, draw, mistuned
 from app.tasks import load
 from app.tasks.base import Task
 
@@ -58,7 +53,7 @@ def hide(
     _check_cameras(cameras, depth_noise_mm)
     known = load(recorded(task))
     physics = mistuned(seed, world, _pushed(known))
-    hidden = draw([_wish(text) for text in effects], seed)
+    hidden = draw([wish_of(text) for text in effects], seed)
     check_world(hidden, world)
     _check_places(output, sealed)
     session = Session(
@@ -73,20 +68,10 @@ def hide(
     )
     watch = Stopwatch()
     _record(terminal, session, watch)
-    _seal(sealed, _truth(session))
+    seal(sealed, truth_of(session))
     spent = ", ".join(f"{part} {seconds:.0f} s" for part, seconds in watch.spent_s.items())
     terminal.print(f"{output}: {episodes * pushes} pushes in {episodes} episodes ({spent}).", markup=False)
     terminal.print(f"{sealed}: what is hidden in them; keep it from whoever is to find out.", markup=False)
-
-
-def _wish(text: str) -> Wish:
-    name, equals, size = text.partition("=")
-    try:
-        return Wish(name, float(size) if equals else None)
-    except ValueError:
-        raise UsageError(
-            f"{text!r} has no number after its =; write EFFECT or EFFECT=SIZE, such as table_tilt=1.5."
-        ) from None
 
 
 def _check(seed: int, episodes: int, pushes: int) -> None:
@@ -131,41 +116,3 @@ def _record(terminal: Console, session: Session, watch: Stopwatch) -> None:
         bar = progress.add_task("pushes", total=total)
         for path in record(session, watch):
             progress.update(bar, advance=1, description=path.name)
-
-
-def _truth(session: Session) -> dict[str, Any]:
-    """Everything that whoever is to find out must not know."""
-    physics, paths = session.physics, [session.path(episode) for episode in range(session.plan.episodes)]
-    x, y = first_end(session.task, session.plan, session.seed).tolist()
-    return {
-        "version": __version__,
-        "task": session.task.name,
-        "seed": session.seed,
-        "episodes": session.plan.episodes,
-        "pushes": session.plan.pushes,
-        "effects": described(session.hidden),
-        "world": {
-            "table_friction": physics.table_friction,
-            "finger_friction": physics.finger_friction,
-            **_bending(physics),
-            "first_end_m": [x, y],
-        },
-        "recordings": {path.name: hashlib.sha256(path.read_bytes()).hexdigest() for path in paths},
-    }
-
-
-def _bending(physics: WorldPhysics) -> dict[str, float]:
-    """Stiffness of the rope, by its model."""
-    if physics.cable is None:
-        return {"bend_stiffness_n_m_rad": physics.rope.bend_stiffness_n_m_rad}
-    return {"rigidity_n_m2": physics.cable.rigidity_n_m2}
-
-
-def _seal(path: Path, truth: dict[str, Any]) -> None:
-    """A new file that nobody can change, and its owner alone can read."""
-    try:
-        descriptor = os.open(path, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o400)
-    except OSError as error:
-        raise unwritable(path, "--truth", error) from None
-    with os.fdopen(descriptor, "w", encoding="utf-8") as file:
-        json.dump(truth, file, indent=1)

@@ -96,6 +96,15 @@ class ClipRequest(Message):
     duration_s: float
 
 
+@final
+@dataclass(frozen=True, kw_only=True, eq=False)
+class ProbeRequest(Message):
+    """So many pushes shall be chosen for what they say about what the model lacks; 0: no further one is."""
+
+    operator: str
+    pushes: int
+
+
 CalibrationAct: TypeAlias = Literal["begin", "take", "drop", "check", "save", "end"]
 """Of a camera's calibration: begin one; take a view; forget the last one; check what was kept by a fresh view; keep the
 result; end it."""
@@ -121,6 +130,7 @@ Chore: TypeAlias = (
     | ColourRequest
     | TakeRequest
     | ClipRequest
+    | ProbeRequest
     | CalibrationRequest
 )
 """What takes the program a while."""

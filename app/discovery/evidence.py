@@ -137,6 +137,18 @@ def scores(data: Residuals, fit: Fit) -> Float64[np.ndarray, "K P"]:
     return found
 
 
+def information_of(data: Residuals, covariances: Covariances) -> Float64[np.ndarray, "K P P"]:
+    """Fisher's information that each push has about all columns under a known noise, were it of usual size.
+
+    Residuals do not enter: it is of pushes that were made as of those that might be.
+    """
+    found = np.zeros((len(data), data.J.shape[2], data.J.shape[2]))
+    for (rows, _), block, covariance in zip(data.blocks, _blocks(data), covariances, strict=True):
+        WJ, _ = _whitened(block, _roots(block, covariance), np.ones(len(block.r)))
+        found[data.known[:, rows].any(1)] += np.swapaxes(WJ, 1, 2) @ WJ
+    return found
+
+
 def _blocks(data: Residuals) -> list[_Rows]:
     found = list[_Rows]()
     for rows, least in data.blocks:

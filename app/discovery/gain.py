@@ -6,10 +6,10 @@ Errors are the mean length of the displacement field between the predicted and t
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
-from typing import NamedTuple
+from typing import NamedTuple, TypeAlias
 
 import numpy as np
-from jaxtyping import Float64
+from jaxtyping import Float32, Float64
 
 from app.core.types import Points
 from app.discovery.case import Example, Gain
@@ -21,6 +21,9 @@ from app.discovery.refine import Model
 from app.discovery.screen import Screening
 from app.discovery.sensitivity import moved
 from app.discovery.subject import Theta
+
+Clouds: TypeAlias = Float32[np.ndarray, "K N 3"]
+"""The object after each push [m]."""
 
 _HORIZON = 3
 _EXAMPLES = 6
@@ -99,7 +102,7 @@ def _as_planned(trials: Trials) -> Trials:
     return replace(trials, study=replace(trials.study, pushes=pushes))
 
 
-def _predicted(predictor: Predictor, trials: Trials, thetas: Mapping[int, Theta]) -> Points:
+def _predicted(predictor: Predictor, trials: Trials, thetas: Mapping[int, Theta]) -> Clouds:
     """Where each push leaves the object (K, N, 3), by the model of its episode."""
     episode = np.array([push.episode for push in trials.study.pushes])
     numbers = list(thetas)
@@ -108,7 +111,7 @@ def _predicted(predictor: Predictor, trials: Trials, thetas: Mapping[int, Theta]
     return found[where.argmax(0), np.arange(len(episode))]
 
 
-def _errors_mm(trials: Trials, predicted: Points) -> Float64[np.ndarray, " K"]:
+def _errors_mm(trials: Trials, predicted: Clouds) -> Float64[np.ndarray, " K"]:
     return np.array([error_mm(trials, k, cloud) for k, cloud in enumerate(predicted)])
 
 
@@ -122,7 +125,7 @@ def error_mm(trials: Trials, k: int, predicted: Points) -> float:
 
 
 def _further(
-    predictor: Predictor, trials: Trials, folds: Folds, ends: Sequence[Points]
+    predictor: Predictor, trials: Trials, folds: Folds, ends: Sequence[Clouds]
 ) -> list[Float64[np.ndarray, "2"]]:
     """Mean errors over two and more pushes, each begun where the one before it was predicted to end."""
     episode = np.array([push.episode for push in trials.study.pushes])
@@ -158,7 +161,7 @@ def _interval(per_episode: Float64[np.ndarray, "E 2"]) -> tuple[float, float]:
     return float(low), float(high)
 
 
-def _examples(trials: Trials, ends: Sequence[Points], errors: Float64[np.ndarray, "K 2"]) -> tuple[Example, ...]:
+def _examples(trials: Trials, ends: Sequence[Clouds], errors: Float64[np.ndarray, "K 2"]) -> tuple[Example, ...]:
     """Pushes from the most to the least improved, evenly spread: no selection of the best."""
     order = np.argsort(errors[:, 1] - errors[:, 0])
     order = order[np.isfinite(errors[order]).all(1)]

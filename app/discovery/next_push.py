@@ -9,8 +9,9 @@ from dataclasses import replace
 from itertools import combinations
 
 import numpy as np
-from jaxtyping import Float64
+from jaxtyping import Float32, Float64
 
+from app.core.track import Track
 from app.core.types import Points
 from app.discovery.case import NextPush
 from app.discovery.predict import Predictor, Trials, prepare
@@ -53,15 +54,14 @@ def next_push(
     distance = _distance_m(ends[first, best], ends[second, best])
     track = asked.pushes[best].command
     names = list(models)
-    way = track.positions + np.array([*predictor.catalogue.origin_m, 0.0])
     return NextPush(
         track=track,
         between=tuple(names),
         apart_mm=_MM * distance,
         before=last.points,
         ends=tuple(end for end in ends[:, best]),
-        text=f"{_told(way, track.times_s, height_m)}: {_said(names[first])} and {_said(names[second])} "
-        f"leave the object {_MM * distance:.1f} mm apart.",
+        text=f"{push_words(track, height_m, predictor.catalogue.origin_m)}: {_said(names[first])} and "
+        f"{_said(names[second])} leave the object {_MM * distance:.1f} mm apart.",
     )
 
 
@@ -80,7 +80,7 @@ def _asked(predictor: Predictor, study: Study, last: View, count: int, height_m:
     return replace(study, pushes=tuple(pushes), tables={})
 
 
-def _apart(ends: Points, probabilities: Sequence[float]) -> Float64[np.ndarray, " C"]:
+def _apart(ends: Float32[np.ndarray, "M C N 3"], probabilities: Sequence[float]) -> Float64[np.ndarray, " C"]:
     """How far the models' predictions for each candidate are apart, in the mean over pairs [m^2]."""
     total = np.zeros(ends.shape[1])
     for i, j in combinations(range(len(ends)), 2):
@@ -89,7 +89,7 @@ def _apart(ends: Points, probabilities: Sequence[float]) -> Float64[np.ndarray, 
     return total
 
 
-def _rivals(ends: Points, names: Sequence[str]) -> tuple[int, int]:
+def _rivals(ends: Float32[np.ndarray, "M N 3"], names: Sequence[str]) -> tuple[int, int]:
     return max(combinations(range(len(names)), 2), key=lambda pair: _distance_m(ends[pair[0]], ends[pair[1]]))
 
 
@@ -97,7 +97,12 @@ def _distance_m(a: Points, b: Points) -> float:
     return float(np.sqrt(((a - b)[:, :2].astype(np.float64) ** 2).sum(1).mean()))
 
 
-def _told(way: Float64[np.ndarray, "T 3"], times_s: Float64[np.ndarray, " T"], height_m: float) -> str:
+def push_words(track: Track, height_m: float, origin_m: tuple[float, float] = (0.0, 0.0)) -> str:
+    """A push in words, for example `Push 10 cm at 0.05 m/s from (0.50, 0.02) m, 30 degrees from x`.
+
+    `origin_m`: see `Catalogue`.
+    """
+    way, times_s = track.positions + np.array([*origin_m, 0.0]), track.times_s
     low = np.flatnonzero(way[:, 2] < height_m + 1e-3)
     start, end = way[low[0], :2], way[low[-1], :2]
     moving = np.flatnonzero(np.linalg.norm(np.diff(way[low, :2], axis=0), axis=1) > 1e-5)

@@ -1,4 +1,4 @@
-"""A push that somebody asked for, such as the next one of a discovery: offered until it has been decided on."""
+"""Pushes that somebody asked for, such as the next one of a discovery: each offered until it has been decided on."""
 
 from typing import TYPE_CHECKING, final
 
@@ -11,6 +11,7 @@ from app.core.messages import Model, Particles
 from app.core.motion import Motion
 from app.core.types import Centreline, Points
 from app.core.worker import Worker
+from app.flow.probing import Probing
 from app.tasks.asked import asked_plan
 from app.tasks.base import Wish
 
@@ -22,28 +23,35 @@ _MOVED_M = 1e-3
 
 @final
 class Asking:
-    """Makes a plan of the wish's push. Like any plan it is shown, approved and checked before the arm moves."""
+    """Makes plans of the wish's pushes, and of those that `probing` chooses.
 
-    def __init__(self, wish: Wish, announcer: Announcer, planner: Worker, site: Site) -> None:
+    Like any plan they are shown, approved and checked before the arm moves.
+    """
+
+    def __init__(self, wish: Wish, announcer: Announcer, planner: Worker, site: Site, probing: Probing) -> None:
         self._task, self._site = wish.task.name, site
         self._announcer, self._planner = announcer, planner
-        self._motion = wish.asked
+        self._motions, self._probing = wish.asked, probing
 
     def answered(self) -> None:
-        """It has been decided on, and is not offered again."""
-        self._motion = None
+        """The one that was offered has been decided on, and is not offered again."""
+        self._motions = self._motions[1:]
 
     async def plan(
         self, observed: Particles, goal: Points, model: Model, near: Centreline | None = None
     ) -> "Plan | None":
-        """The push, aimed at where the object is now; None where nothing was asked for, or it does not fit here."""
-        motion, x = self._motion, observed.positions
+        """The next push, aimed at where the object is now; None where none is asked for, or it does not fit here.
+
+        Raises PlanningError where an experiment finds no push.
+        """
+        asked, x = self._motions[:1], observed.positions
+        motion = asked[0] if asked else await self._probing.motion(observed)
         if motion is None:
             return None
         try:
             found = await self._planner.run(asked_plan, self._task, x, goal, model, motion, self._site, near)
         except (PlanningError, WorkerError) as error:
-            self._motion = None
+            self.answered()
             self._announcer.notice("discovery", f"The push that discovery asks for cannot be offered: {error}")
             return None
         self._announcer.notice("discovery", _about(motion, found.motion))

@@ -43,6 +43,7 @@ from app.core.requests import (
     GoalRequest,
     ModelRequest,
     PictureGoalRequest,
+    ProbeRequest,
     TakeRequest,
 )
 from app.core.summary import Summary
@@ -58,6 +59,7 @@ from app.flow.learning import Learning
 from app.flow.modes import Modes
 from app.flow.planning import Planning
 from app.flow.preflight import Preflight
+from app.flow.probing import Probing
 from app.flow.reporting import Reporting
 from app.flow.resting import rested
 from app.flow.sensing import Sensing
@@ -96,26 +98,24 @@ class Flow:
         self.announcer = Announcer(operator=operator, recorder=recorder, clock=clock, summary=self.summary)
         self.say, self.notice, self.fault = self.announcer.say, self.announcer.notice, self.announcer.fault
         how, by = wish.task.reconstruction(wish.preset), (self.announcer, clock)
-        started = "automatic" if wish.automatic else "approve each"
         automatic = "freely" if rig.simulated else "confirmed" if wish.allow_automatic else "never"
-        self.modes = Modes(started, wish.pushes, *by, automatic=automatic)
+        self.modes = Modes("automatic" if wish.automatic else "approve each", wish.pushes, *by, automatic=automatic)
         self.holding = Holding(rig, self.modes, *by, unattended=wish.automatic)
         self.sensing = Sensing(rig, how, self.summary, *by)
         self.learning = Learning(wish, planner, site, *by)
-        self.planning, self.stopping = Planning(wish, planner, site, *by), StoppingRule(wish, self.announcer)
+        self.probing = Probing(wish, planner, site, self.sensing, *by)
+        self.planning, self.stopping = Planning(wish, planner, site, self.probing, *by), StoppingRule(wish, by[0])
         checked = wish.checklist or not rig.simulated
         self.preflight = Preflight(rig, site, self.sensing, self.holding, *by, needed=checked)
         self.approving = Approving(site, self.sensing, self.modes, *by, hindrance=lambda: self.preflight.hindrance)
         self.executing = Executing(rig, self.holding, self.summary, *by)
         self.watching = Watching(*by, wish.verdict, recording)
         self.reporting = Reporting(site, rig, self.summary, *by)
-        cameras = {camera.model.name: camera.model for camera in rig.cameras}
-        self.aiming = Aiming(cameras, self.sensing.perceiver, site, *by)
+        self.aiming = Aiming({each.model.name: each.model for each in rig.cameras}, self.sensing.perceiver, site, *by)
         self.demonstrating = Demonstrating(studio, *by)
         self.calibrating = Calibrating(rig, self.sensing.frames, shelf, site, *by)
         self.chores = Lossless[Chore]("chores", bound=_CHORES)
-        self._attempts = self._begun_with = 0
-        self._acts = False
+        self._attempts, self._begun_with, self._acts = 0, 0, False
         self._observed: Particles | None = None
         self._touched_s = clock.now()
 
@@ -189,6 +189,8 @@ class Flow:
                     await self._edit(chore)
                 case ModelRequest():
                     await self._use(chore)
+                case ProbeRequest():
+                    self.probing.asked(chore, self.modes.interrupt)
                 case ColourRequest():
                     self.sensing.recolour(chore)
                 case CalibrationRequest():
@@ -203,10 +205,8 @@ class Flow:
 
     async def _edit(self, request: EditRequest) -> None:
         """Simulate a change of the plan that is shown, which stays up meanwhile, and offer it instead."""
-        observed, shown = self.sensing.particles.value, self.approving.asked
-        if observed is None:
-            return
-        changed = await self.planning.changed(self.wish, request, shown, observed, self._model)
+        seen, shown = self.sensing.particles.value, self.approving.asked
+        changed = await self.planning.changed(self.wish, request, shown, seen, self._model) if seen else None
         if changed is not None and self.approving.asked is shown:
             self.modes.interrupt("is offered as you changed it")
             self.planning.offer_next(changed, self.modes.interruptions)
@@ -361,12 +361,13 @@ class Flow:
 
     def _is_enough(self, observed: Particles) -> bool:
         """Whether there is nothing left to plan for: the goal is reached, or the motions are made."""
-        reached = self.summary.reached = self.wish.reached(observed, self.rig.arm.tool())
+        reached = self.summary.reached = self.wish.reached(observed, self.rig.arm.tool()) and not self.probing.active
         made = self.summary.pushes - self._begun_with
         counted = self.wish.staying and self.modes.name == "automatic"  # The mode itself counts these.
-        if not reached and (counted or made < self.wish.pushes):
+        over = self.probing.conclusion()
+        if not reached and not over and (counted or self.probing.active or made < self.wish.pushes):
             return False
-        self._leave_off("the goal is reached" if reached else f"{made} motions were made")
+        self._leave_off(over or ("the goal is reached" if reached else f"{made} motions were made"))
         return True
 
     def _leave_off(self, why: str) -> None:
@@ -385,6 +386,7 @@ class Flow:
         transition = self.say(Transition.between(before, executed, after, time_s=self.clock.now()))
         self.demonstrating.learned(transition)
         await self.watching.put(Push(proposal, transition, self.learning.models.value))
+        await self.probing.put(transition, before, after, self.reporting.do)
         await self.learning.put(transition)
 
     def _touched(self) -> None:

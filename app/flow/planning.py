@@ -17,6 +17,7 @@ from app.core.types import Centreline, Points, ToolPose
 from app.core.worker import Worker
 from app.flow.asking import Asking
 from app.flow.editing import Editing
+from app.flow.probing import Probing
 from app.tasks.base import Wish
 from app.tasks.jobs import doubt, nominal_model, plan, uncalibrated_model, warm_up_stage, warm_up_stages
 
@@ -31,10 +32,12 @@ _NOTHING = ""
 class Planning:
     """Makes proposals. What somebody asked for goes before what the planner would do."""
 
-    def __init__(self, wish: Wish, planner: Worker, site: Site, announcer: Announcer, clock: Clock) -> None:
+    def __init__(
+        self, wish: Wish, planner: Worker, site: Site, probing: Probing, announcer: Announcer, clock: Clock
+    ) -> None:
         self._announcer, self._clock = announcer, clock
         self._planner, self._site = planner, site
-        self._asking = Asking(wish, announcer, planner, site)
+        self._asking = Asking(wish, announcer, planner, site, probing)
         self._editing = Editing(wish, announcer, planner, site)
         self._compiling = Latest[str]("compiling")
         self._changed: tuple[int, Proposal] | None = None

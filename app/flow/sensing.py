@@ -68,6 +68,10 @@ class Sensing:
         """The last particles whose frames were taken before `time_s` [s]; None where that is too long ago."""
         return next((seen for newest_s, seen in reversed(self._past) if newest_s < time_s), None)
 
+    def between(self, first_s: float, last_s: float) -> list[Particles]:
+        """What was seen from one time to another, as far as it is kept."""
+        return [seen for _, seen in self._past if first_s < seen.time_s < last_s]
+
     def recolour(self, request: ColourRequest) -> None:
         """Look for other colours, if they make a range; what came of it has been said."""
         try:

@@ -37,6 +37,42 @@ class Plan:
     during: bool = True
 
 
+@final
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Stroke:
+    """A push over the table: from `start` [m] along the unit vector `ahead`, in a bow of `bow_m` to its left.
+
+    `yaw_rad`: of the tool, about the vertical.
+    """
+
+    start: Float64[np.ndarray, "2"]
+    ahead: Float64[np.ndarray, "2"]
+    length_m: float
+    speed_m_s: float
+    bow_m: float = 0.0
+    yaw_rad: float = 0.0
+
+    @property
+    def end(self) -> Float64[np.ndarray, "2"]:
+        """Where it ends [m]."""
+        return self.start + self.length_m * self.ahead
+
+    def track(self, *, start_s: float, height_m: float) -> Track:
+        """Down at its start, along it at its speed, a stop, and up. `height_m`: of the tip while it pushes."""
+        side = np.array([-self.ahead[1], self.ahead[0]])
+        share = _progress(self.length_m, self.speed_m_s)
+        bowed = (4 * self.bow_m * share * (1 - share))[:, None] * side
+        level = self.start + share[:, None] * self.length_m * self.ahead + bowed
+        down = np.linspace(TRAVEL_M, height_m, _DESCENT)
+        first, last = np.repeat(level[:1], _DESCENT + _WAIT, 0), np.repeat(level[-1:], _DWELL + _DESCENT, 0)
+        xy = np.concatenate([first, level, last])
+        z = np.concatenate([down, np.full(_WAIT + len(level) + _DWELL, height_m), down[::-1]])
+        # The tool's z axis points down, as the arm's does: a turn about the vertical after half a turn about x.
+        turned = np.tile([0.0, np.cos(self.yaw_rad / 2), np.sin(self.yaw_rad / 2), 0.0], (len(xy), 1))
+        poses = np.concatenate([xy, z[:, None], turned], axis=1)
+        return Track(times_s=start_s + PERIOD_S * np.arange(len(poses)), poses=poses)
+
+
 def random_track(
     rng: np.random.Generator,
     x: Points,
@@ -52,19 +88,44 @@ def random_track(
     The tool is turned, but for a flat finger: `core_m` is from its middle to an end of its core (`Finger.half_m`).
     `region`: as `REGION`.
     """
+    return random_stroke(rng, x, plan, core_m, region).track(start_s=start_s, height_m=height_m)
+
+
+def random_stroke(
+    rng: np.random.Generator,
+    x: Points,
+    plan: Plan,
+    core_m: tuple[float, float] = (0.0, 0.0),
+    region: tuple[float, float, float, float] = REGION,
+) -> Stroke:
+    """Through the object `x` (N, 3) [m], as `random_track` makes it."""
     start, ahead, length = _stroke(rng, x, plan, core_m, region)
     speed = float(np.exp(rng.uniform(*np.log(plan.speeds_m_s))))
-    side, bow = np.array([-ahead[1], ahead[0]]), rng.uniform(-0.25, 0.25) * length
-    share = _progress(length, speed)
-    level = start + share[:, None] * length * ahead + (4 * bow * share * (1 - share))[:, None] * side
-    down = np.linspace(TRAVEL_M, height_m, _DESCENT)
-    xy = np.concatenate([np.repeat(level[:1], _DESCENT + _WAIT, 0), level, np.repeat(level[-1:], _DWELL + _DESCENT, 0)])
-    z = np.concatenate([down, np.full(_WAIT + len(level) + _DWELL, height_m), down[::-1]])
-    yaw = rng.uniform(-np.pi, np.pi) if core_m == (0.0, 0.0) else 0.0
-    # The tool's z axis points down, as the arm's does: a turn about the vertical after half a turn about x.
-    turned = np.tile([0.0, np.cos(yaw / 2), np.sin(yaw / 2), 0.0], (len(xy), 1))
-    poses = np.concatenate([xy, z[:, None], turned], axis=1)
-    return Track(times_s=start_s + PERIOD_S * np.arange(len(poses)), poses=poses)
+    bow = float(rng.uniform(-0.25, 0.25) * length)
+    yaw = float(rng.uniform(-np.pi, np.pi)) if core_m == (0.0, 0.0) else 0.0
+    return Stroke(start=start, ahead=ahead, length_m=length, speed_m_s=speed, bow_m=bow, yaw_rad=yaw)
+
+
+def stroke_through(
+    through: Float64[np.ndarray, "2"],
+    ahead: Float64[np.ndarray, "2"],
+    *,
+    length_m: float,
+    speed_m_s: float,
+    core_m: tuple[float, float] = (0.0, 0.0),
+    yaw_rad: float = 0.0,
+) -> Stroke:
+    """The straight push along the unit vector `ahead` that begins as far before `through` [m] as random ones do."""
+    behind = 1.3 * _CLEAR_M + extent_m(ahead, core_m)
+    return Stroke(start=through - behind * ahead, ahead=ahead, length_m=length_m, speed_m_s=speed_m_s, yaw_rad=yaw_rad)
+
+
+def is_clear(stroke: Stroke, x: Points, core_m: tuple[float, float] = (0.0, 0.0)) -> bool:
+    """Whether it lies in the region of pushes, and the tool comes down beside the object `x` (N, 3) [m]."""
+    low, high = np.array(REGION[:2]), np.array(REGION[2:])
+    ends = np.stack([stroke.start, stroke.end])
+    inside = bool(((ends > low) & (ends < high)).all())
+    return inside and bool(nearest_m(stroke.start[None], x[:, :2], core_m)[0] > _CLEAR_M)
 
 
 def midway_s(times_s: Float64[np.ndarray, " T"]) -> float:

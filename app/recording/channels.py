@@ -38,6 +38,7 @@ from app.core.requests import (
     GoalRequest,
     ModelRequest,
     PictureGoalRequest,
+    ProbeRequest,
     TakeRequest,
 )
 from app.core.seeing import Seen
@@ -82,6 +83,7 @@ TOPICS: Final[Mapping[type[Message], str]] = MappingProxyType(
         ColourRequest: "/dipac/colour_request",
         TakeRequest: "/dipac/take_request",
         ClipRequest: "/dipac/clip_request",
+        ProbeRequest: "/dipac/probe_request",
         CalibrationRequest: "/dipac/calibration_request",
         BoardSeen: "/dipac/board_seen",
         Placing: "/dipac/placing",

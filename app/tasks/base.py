@@ -22,7 +22,7 @@ if TYPE_CHECKING:  # Whoever needs these names alone shall not load JAX and Warp
     from jaxtyping import Array, Float
 
     from app.core.doubt import Verdict
-    from app.core.messages import Goal, Model, Particles
+    from app.core.messages import Episode, Goal, Model, Particles
     from app.core.motion import Motion
     from app.perception.reconstruct import Reconstruction
     from app.planner.actions import ActionSpace
@@ -326,11 +326,25 @@ class Task:
 
 @final
 @dataclass(frozen=True, kw_only=True)
+class Experiment:
+    """Pushes that are chosen for what they say about what the model lacks, instead of plans for a goal.
+
+    At most `budget` of them; after each `batch`, an episode of the recording, all causes are weighed anew.
+    """
+
+    budget: int
+    batch: int = 4
+
+
+@final
+@dataclass(frozen=True, kw_only=True)
 class Wish:
     """What this episode is to do. `model` None starts from the task's nominal one; `method`: how it is decided.
 
     `goal` is in the true world frame; `shown_goal` is where cameras that err will show an object that is there, and
-    None where they do not. `asked`: a push to offer before anything is planned; `verdict`: what a discovery concluded.
+    None where they do not. `asked`: pushes to offer before anything is planned; `experiment`: further pushes are chosen
+    for what they say, and the goal is of no account; `opening`: what the session's recording begins with; `verdict`:
+    what a discovery concluded.
     `staying`: the program goes on when the goal is reached, the `pushes` are made or something fails, until somebody
     ends it: it waits then to be told what to do next. `answering`: what the cameras see answers to what the arm does;
     where it does not, as in a recording, nothing is learned from it. `checklist`: nothing moves before one is complete,
@@ -347,7 +361,9 @@ class Wish:
     calibrating: bool
     method: Method = DIPAC
     shown_goal: Points | None = None
-    asked: Motion | None = None
+    asked: tuple[Motion, ...] = ()
+    experiment: Experiment | None = None
+    opening: Episode | None = None
     verdict: Verdict | None = None
     staying: bool = False
     answering: bool = True

@@ -21,6 +21,7 @@ from app.ui.modes import EndButton, ModeForm
 from app.ui.placing import PlacingTab
 from app.ui.plans import Plans
 from app.ui.plots import Plots
+from app.ui.probing import ProbeForm
 from app.ui.scene import Scene
 from app.ui.text import Text
 
@@ -117,6 +118,8 @@ class Panel:
         with side.add_tab("Model", viser.Icon.ADJUSTMENTS):
             self._modelling = Modelling(self._gui, desk, Path.cwd())
         with side.add_tab("Discovery", viser.Icon.MICROSCOPE):
+            if commands:
+                ProbeForm(self._gui, desk)
             self._verdict = Text(self._gui, doubt.verdict(self._last))
         with side.add_tab("View", viser.Icon.EYE):
             self._gui.add_html(cards.key())

@@ -22,7 +22,7 @@ from app.policy.strokes import REGION, Plan
 from app.rig.simulated.hidden.base import Injected
 from app.rig.simulated.hiding import Wish, draw, mistuned
 from app.rig.simulated.physics import WorldPhysics
-from app.rig.simulated.rehearsal import Look, Take, rehearse
+from app.rig.simulated.rehearsal import Look, Rehearsal, Take, rehearse
 from app.tasks import load
 from app.tasks.base import Task
 from app.tasks.curves import fill_tube
@@ -90,6 +90,10 @@ class RopeCase:
         """The effects, with directions, places and signs of their own."""
         return draw([Wish(each.effect, real_size(each)) for each in self.hidden], self.seed)
 
+    def session(self) -> Rehearsal:
+        """The world and its arm, to push in as one likes."""
+        return Rehearsal(self.task, self.plan, self.physics, self.injected, self.seed)
+
     def record(self) -> Study:
         """The pushes as discovery reads them."""
         task, rng = self.task, np.random.default_rng([self.seed, _SEEN])
@@ -101,20 +105,25 @@ class RopeCase:
 
 def _pushes(task: Task, takes: Iterable[Take], rng: np.random.Generator, scale: float) -> Iterator[Push]:
     for take in takes:
-        finger = seen_tip(take.during.snapshot.tip, rng)
-        yield Push(
-            episode=take.episode,
-            before=_view(task, take.before, rng, scale),
-            during=(replace(_view(task, take.during, rng, scale), finger=finger),),
-            after=_view(task, take.after, rng, scale),
-            command=take.command,
-            measured=take.measured,
-        )
+        yield push_of(task, view_of(task, take.before, rng, scale), take, rng, scale)
 
 
-def _view(task: Task, look: Look, rng: np.random.Generator, scale: float) -> View:
-    """The rope as cameras and their reconstruction show it."""
+def view_of(task: Task, look: Look, rng: np.random.Generator, scale: float = 1.0) -> View:
+    """The rope as cameras and their reconstruction show it, with so many times the cell's noise."""
     return View(time_s=look.stamp_s, points=seen_rope(task, look.snapshot.nodes, rng, scale))
+
+
+def push_of(task: Task, before: View, take: Take, rng: np.random.Generator, scale: float = 1.0) -> Push:
+    """A push as discovery reads it, with the view from which it was chosen."""
+    finger = seen_tip(take.during.snapshot.tip, rng)
+    return Push(
+        episode=take.episode,
+        before=before,
+        during=(replace(view_of(task, take.during, rng, scale), finger=finger),),
+        after=view_of(task, take.after, rng, scale),
+        command=take.command,
+        measured=take.measured,
+    )
 
 
 def seen_rope(

@@ -34,8 +34,8 @@ def test_the_verdict_comes_with_its_causes_in_order_and_the_push_that_it_asks_fo
     chances = [cause.probability for cause in verdict.ranking]
     assert chances == sorted(chances, reverse=True)
     assert verdict.promised_share == pytest.approx(case.gain.extended_mm / case.gain.still_mm)
-    assert found.asked is not None
-    assert Site().limits.workspace.contains(found.asked.positions)
+    (asked,) = found.asked
+    assert Site().limits.workspace.contains(asked.positions)
 
 
 def test_another_model_has_promised_nothing(folder: Path) -> None:

@@ -14,7 +14,7 @@ from playwright.sync_api import Page, expect
 from app.core.checklist import CheckedBy, CheckItem, Checklist, ChecklistRequest
 from app.core.control import EndRequest, Lease, Mode, ModeRequest
 from app.core.messages import Fault, Notice, fresh_id
-from app.core.requests import ClipRequest, GoalRequest, PictureGoalRequest, TakeRequest
+from app.core.requests import ClipRequest, GoalRequest, PictureGoalRequest, ProbeRequest, TakeRequest
 from app.core.takes import Take
 from tests.ui import synthetic
 from tests.ui.conftest import Served
@@ -264,3 +264,16 @@ def test_demonstrations_are_begun_ended_and_counted(served: Served, browser_page
     clip = served.next_request()
     assert isinstance(clip, ClipRequest)
     assert clip.duration_s == 30.0
+
+
+def test_an_experiment_of_so_many_pushes_is_begun_and_ended(served: Served, browser_page: Page) -> None:
+    page = opened(browser_page, served)
+    page.get_by_role("tab", name="Discovery").click()
+    button(page, "Find out what the model lacks")
+    begun = served.next_request()
+    assert isinstance(begun, ProbeRequest)
+    assert begun.pushes == 24
+    button(page, "Plan for the goal again")
+    ended = served.next_request()
+    assert isinstance(ended, ProbeRequest)
+    assert ended.pushes == 0

@@ -11,6 +11,7 @@ from typing import final
 import numpy as np
 from jaxtyping import Float64
 
+from app.core.errors import UsageError
 from app.core.track import Track
 from app.policy.strokes import Plan, midway_s, random_track
 from app.rig.simulated.hidden.base import Injected
@@ -60,20 +61,81 @@ class Take:
 
 def rehearse(task: Task, plan: Plan, physics: WorldPhysics, hidden: Sequence[Injected], seed: int) -> Iterator[Take]:
     """All pushes of all episodes in order; each episode lays the rope anew, its ends nearest to where they were."""
-    starts = np.random.default_rng([seed, _STARTS]).integers(2**31, size=plan.episodes).tolist()
-    arm, ends = _Arm(hidden), None
-    for episode, start in enumerate(starts):
-        line = laid(task.start(start), ends)
-        intrusion, begin_s = Intrusion(hidden), BEGIN_S + episode * plan.pushes * SLOT_S
-        world = RopeWorld(
-            task.rope, task.finger, line, physics=physics, intrusion=intrusion, time_s=begin_s - _SETTLE_S
+    session = Rehearsal(task, plan, physics, hidden, seed)
+    for _ in range(plan.episodes * plan.pushes):
+        session.look()
+        yield session.push(session.random())
+
+
+@final
+class Rehearsal:
+    """Pushes one after the other, by whoever calls: `look`, then `push`, and so on for as many as are planned."""
+
+    def __init__(self, task: Task, plan: Plan, physics: WorldPhysics, hidden: Sequence[Injected], seed: int) -> None:
+        self.task, self.plan = task, plan
+        self.number = 0
+        """Of the next push, or of the one that was looked at for, from 0."""
+        self._physics, self._hidden, self._seed = physics, hidden, seed
+        self._starts = np.random.default_rng([seed, _STARTS]).integers(2**31, size=plan.episodes).tolist()
+        self._arm, self._intrusion = _Arm(hidden), Intrusion(hidden)
+        self._world: RopeWorld | None = None
+        self._before: Look | None = None
+
+    @property
+    def episode(self) -> int:
+        """Of the next push, from 0."""
+        return self.number // self.plan.pushes
+
+    def look(self) -> Look:
+        """The object before the next push, at rest; at the beginning of an episode it is laid anew."""
+        if self.number >= self.plan.episodes * self.plan.pushes:
+            raise UsageError(f"All {self.number} pushes that were planned are made; plan more episodes.")
+        begin_s = BEGIN_S + self.episode * self.plan.pushes * SLOT_S
+        if self.number % self.plan.pushes == 0:
+            self._world = self._laid_anew(begin_s)
+        assert self._world is not None
+        self._intrusion.session = _session(self.number, self.plan)
+        _wait(self._world, begin_s + self.number % self.plan.pushes * SLOT_S)
+        self._before = _rest(self._world)
+        return self._before
+
+    def random(self) -> Track:
+        """The push that is drawn for what was looked at; the same whatever was done before it."""
+        world, _ = self._looked_at()
+        return random_track(
+            np.random.default_rng([self._seed, _TRACKS, self.number]),
+            fill_tube(world.nodes(), self.task.rope.radius_m, _BODY_POINTS),
+            self.plan,
+            start_s=world.time_s + _PAUSE_S,
+            height_m=self.task.finger.push_height_m,
+            core_m=self.task.finger.half_m,
         )
-        for push in range(plan.pushes):
-            number = episode * plan.pushes + push
-            intrusion.session = _session(number, plan)
-            _wait(world, begin_s + push * SLOT_S)
-            yield _pushed(world, task, plan, arm, seed, episode, number)
-        ends = world.nodes()[[0, -1], :2]
+
+    def push(self, command: Track) -> Take:
+        """Make the push, which has to begin after `look`, and look in its middle and after it."""
+        world, before = self._looked_at()
+        encoders = np.random.default_rng([self._seed, _ENCODERS, self.number])
+        take = _pushed(world, self._arm, before, command, self.episode, encoders)
+        self.number, self._before = self.number + 1, None
+        return take
+
+    def _looked_at(self) -> tuple[RopeWorld, Look]:
+        if self._world is None or self._before is None:
+            raise UsageError("Look at the object before a push is chosen and made.")
+        return self._world, self._before
+
+    def _laid_anew(self, begin_s: float) -> RopeWorld:
+        ends = None if self._world is None else self._world.nodes()[[0, -1], :2]
+        line = laid(self.task.start(self._starts[self.episode]), ends)
+        self._intrusion = Intrusion(self._hidden)
+        return RopeWorld(
+            self.task.rope,
+            self.task.finger,
+            line,
+            physics=self._physics,
+            intrusion=self._intrusion,
+            time_s=begin_s - _SETTLE_S,
+        )
 
 
 def push_again(task: Task, physics: WorldPhysics, start: Centreline, command: Track) -> Centreline:
@@ -111,18 +173,10 @@ class _Arm:
         return track
 
 
-def _pushed(world: RopeWorld, task: Task, plan: Plan, arm: _Arm, seed: int, episode: int, number: int) -> Take:
-    """Make the next push of the world, which is at rest."""
-    before = _rest(world)
-    x = fill_tube(world.nodes(), task.rope.radius_m, _BODY_POINTS)
-    command = random_track(
-        np.random.default_rng([seed, _TRACKS, number]),
-        x,
-        plan,
-        start_s=world.time_s + _PAUSE_S,
-        height_m=task.finger.push_height_m,
-        core_m=task.finger.half_m,
-    )
+def _pushed(
+    world: RopeWorld, arm: _Arm, before: Look, command: Track, episode: int, encoders: np.random.Generator
+) -> Take:
+    """Make a push in the world, which is at rest."""
     made = arm.goes(command, told_only=False)
     stamp_s = midway_s(command.times_s)
     world.place(made.positions[0])
@@ -136,7 +190,7 @@ def _pushed(world: RopeWorld, task: Task, plan: Plan, arm: _Arm, seed: int, epis
         during=during,
         after=_rest(world),
         command=command,
-        measured=_measured(arm, command, np.random.default_rng([seed, _ENCODERS, number])),
+        measured=_measured(arm, command, encoders),
     )
 
 

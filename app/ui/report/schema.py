@@ -101,6 +101,24 @@ class NextPushEntry(Struct, frozen=True, kw_only=True):
 
 
 @final
+class PushEntry(Struct, frozen=True, kw_only=True):
+    """A push that was chosen for what it says about the rivals in `between`; `nats` as docs/discovery.md has them."""
+
+    text: str
+    between: tuple[str, ...]
+    nats: float
+    track: TrackEntry
+
+
+@final
+class PushesFile(Struct, frozen=True, kw_only=True):
+    """What stands in `pushes.json`: pushes to make next, in their order."""
+
+    task: str
+    pushes: tuple[PushEntry, ...]
+
+
+@final
 class LimitEntry(Struct, frozen=True, kw_only=True):
     """What these data lack, and what follows. A fatal one forbids to name any cause."""
 

@@ -4,6 +4,7 @@ import math
 
 import msgspec
 
+from app.core.track import Track
 from app.discovery.case import Blame, Case, Estimate, Formula, Gain, NextPush, Power
 from app.ui.report import schema
 from app.ui.report.size import size
@@ -83,11 +84,14 @@ def _heldout(gain: Gain) -> schema.HeldoutEntry:
     )
 
 
+def track_entry(track: Track) -> schema.TrackEntry:
+    """A way of the tool as numbers."""
+    return schema.TrackEntry(times_s=tuple(track.times_s.tolist()), poses=tuple(map(tuple, track.poses.tolist())))
+
+
 def _next_push(push: NextPush) -> schema.NextPushEntry:
-    track = schema.TrackEntry(
-        times_s=tuple(push.track.times_s.tolist()), poses=tuple(map(tuple, push.track.poses.tolist()))
-    )
-    return schema.NextPushEntry(text=push.text, between=push.between, apart_mm=_known(push.apart_mm), track=track)
+    entry = track_entry(push.track)
+    return schema.NextPushEntry(text=push.text, between=push.between, apart_mm=_known(push.apart_mm), track=entry)
 
 
 def _power(power: Power) -> schema.PowerEntry:

@@ -161,4 +161,4 @@ def _decimals(uncertainty: float) -> int:
         return 1
     order = math.floor(math.log10(uncertainty))
     leading = uncertainty / 10**order
-    return min(-order + (leading < 2.95), 6)
+    return min(-order + int(leading < 2.95), 6)

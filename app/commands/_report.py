@@ -1,0 +1,80 @@
+"""What a study says, through the whole chain of discovery, as files and in the terminal."""
+
+import hashlib
+import time
+from collections.abc import Sequence
+from pathlib import Path
+
+from rich.console import Console
+
+from app.commands._case import MODEL, VERDICT
+from app.core.errors import ParameterError
+from app.core.messages import Model
+from app.discovery.case import Case
+from app.discovery.chain import discover as investigate
+from app.discovery.placement import centred
+from app.discovery.study import Study
+from app.discovery.subject import Catalogue, Subject, catalogue
+from app.recording.model_file import save_model
+from app.sim.catalogue import discover as effects_of_the_simulator
+from app.sim.effects.base import MIDDLE, MIDDLE_M
+from app.tasks import load
+from app.tasks.doubted import subject_of
+from app.tasks.extended import estimated, extended_model
+from app.ui.report import show_case, verdict_json, write_report
+
+
+def report_on(terminal: Console, study: Study, task: str, recordings: Sequence[Path], output: Path) -> Case:
+    """Go through the whole chain with the full name of a `task`, write what it found to `output`, and show it."""
+    subject, began = subject_of(load(task), study.setup), time.monotonic()
+    with terminal.status("direct checks") as status:
+
+        def said(stage: str) -> None:
+            terminal.print(f"[dim]{time.monotonic() - began:6.0f} s[/]  {stage}")
+            status.update(stage)
+
+        case = investigate(study, subject, said)
+    report = output / "report.html"
+    write_report(report, case)
+    (output / VERDICT).write_text(verdict_json(case), encoding="utf-8")
+    try:
+        save_model(output / MODEL, _model(case, study, task, subject, recordings))
+    except ParameterError as error:  # Of a place that is farther from the middle than any planner's table is wide.
+        (output / MODEL).unlink(missing_ok=True)
+        terminal.print(f"No {MODEL} is written, as no planner could use it: {error}")
+    terminal.print(show_case(case, report))
+    if case.origin_m != (0.0, 0.0):
+        x, y = (middle + origin for middle, origin in zip(MIDDLE_M, case.origin_m, strict=True))
+        terminal.print(
+            f"The data lie about ({x:.2f}, {y:.2f}) m; in {MODEL} that is {MIDDLE}, the middle of the task's table."
+        )
+    return case
+
+
+def _model(case: Case, study: Study, task: str, subject: Subject, recordings: Sequence[Path]) -> Model:
+    """The extended model of `task` for `--model`; where nothing is missing, the refitted nominal one."""
+    known = catalogue(subject.rods)
+    nominal = known.nominal(subject)
+    values, covariance = estimated(known, nominal, case.extended, case.estimated, case.covariance)
+    return extended_model(
+        task,
+        values,
+        effects=_effects(known, case),
+        covariance=covariance,
+        recordings={path.name: hashlib.sha256(path.read_bytes()).hexdigest() for path in recordings},
+        camera_m=centred(study, subject).camera,
+        pushes=len(study.pushes),
+        time_s=time.monotonic(),
+    )
+
+
+def _effects(known: Catalogue, case: Case) -> list[str]:
+    """What was found, by the names of its files: causes, and libraries that a formula has terms of."""
+    causes = {step.cause for step in case.estimated}
+    names = {known.specs[step.column].name for step in case.estimated}
+    terms = [
+        name
+        for name, effect in effects_of_the_simulator().items()
+        if not effect.catalogued and any(spec.name in names for spec in effect.parameters)
+    ]
+    return [cause.name for cause in known.causes if cause.name in causes] + terms

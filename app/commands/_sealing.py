@@ -1,0 +1,65 @@
+"""Effects to hide, as somebody wrote them, and the sealed file that says what was hidden."""
+
+import hashlib
+import json
+import os
+from pathlib import Path
+from typing import Any
+
+from app import __version__
+from app.commands._hiding import Session
+from app.commands._preflight import unwritable
+from app.core.errors import UsageError
+from app.rig.simulated.hiding import Wish, described
+from app.rig.simulated.physics import WorldPhysics
+from app.rig.simulated.rehearsal import first_end
+
+
+def wish_of(text: str) -> Wish:
+    """EFFECT or EFFECT=SIZE, as somebody wrote it. Raises UsageError where what follows the = is no number."""
+    name, equals, size = text.partition("=")
+    try:
+        return Wish(name, float(size) if equals else None)
+    except ValueError:
+        raise UsageError(
+            f"{text!r} has no number after its =; write EFFECT or EFFECT=SIZE, such as table_tilt=1.5."
+        ) from None
+
+
+def truth_of(session: Session, episodes: int | None = None) -> dict[str, Any]:
+    """Everything that whoever is to find out must not know. `episodes`: recorded, where they are fewer than planned."""
+    made = session.plan.episodes if episodes is None else episodes
+    physics, paths = session.physics, [session.path(episode) for episode in range(made)]
+    x, y = first_end(session.task, session.plan, session.seed).tolist()
+    return {
+        "version": __version__,
+        "task": session.task.name,
+        "seed": session.seed,
+        "episodes": made,
+        "pushes": session.plan.pushes,
+        "effects": described(session.hidden),
+        "world": {
+            "table_friction": physics.table_friction,
+            "finger_friction": physics.finger_friction,
+            **_bending(physics),
+            "first_end_m": [x, y],
+        },
+        "recordings": {path.name: hashlib.sha256(path.read_bytes()).hexdigest() for path in paths},
+    }
+
+
+def _bending(physics: WorldPhysics) -> dict[str, float]:
+    """Stiffness of the rope, by its model."""
+    if physics.cable is None:
+        return {"bend_stiffness_n_m_rad": physics.rope.bend_stiffness_n_m_rad}
+    return {"rigidity_n_m2": physics.cable.rigidity_n_m2}
+
+
+def seal(path: Path, truth: dict[str, Any]) -> None:
+    """A new file that nobody can change, and its owner alone can read."""
+    try:
+        descriptor = os.open(path, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o400)
+    except OSError as error:
+        raise unwritable(path, "--truth", error) from None
+    with os.fdopen(descriptor, "w", encoding="utf-8") as file:
+        json.dump(truth, file, indent=1)

@@ -1,0 +1,243 @@
+"""Experiments that the program chooses: the next push by what it is expected to say about which cause is missing.
+
+A push is worth what it adds to the precision with which a cause's size would be known where the cause acts, in nats:
+half the logarithm of the ratio of variances, with the nuisances, the other causes as far as they seem to act where
+nothing is missing, and one rival in full projected out, under the noise that was learnt (Ds-optimality; Atkinson and
+Cox 1974, "Planning experiments for discriminating between models"; Atkinson and Fedorov 1975). It is summed over all
+pairs of a cause and a rival, nothing missing being one, weighted by how probable they are (Box and Hill 1967,
+"Discrimination among mechanistic models"). Distances of predictions would ask for the most chaotic push; a logarithm
+asks for what is not known yet.
+"""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from itertools import product
+from typing import Final, Literal, TypeAlias, final
+
+import numpy as np
+from jaxtyping import Float64
+from threadpoolctl import threadpool_limits
+
+from app.discovery.calibration import calibration
+from app.discovery.conclude import NAMED
+from app.discovery.direct import direct_blocks
+from app.discovery.evidence import Covariances
+from app.discovery.field import MODES
+from app.discovery.inference import Prior
+from app.discovery.predict import Predictor, prepare
+from app.discovery.screen import Screening, prior_of, refit, screen
+from app.discovery.sensitivity import Step, steps_of, ways_of
+from app.discovery.study import Study
+from app.discovery.subject import Subject, Theta, catalogue
+
+Stop: TypeAlias = Literal["named", "none left", "budget"]
+NOTHING: Final = "nothing missing"
+
+_RIVAL: Final = 0.01
+"""Probability below which a cause is not worth a push."""
+_SURVIVOR: Final = 0.05
+"""Probability that no cause has where none is left."""
+_EPISODES: Final = 3
+"""Before so many no cause is named: it could be one episode's chance."""
+_UNKNOWN_M: Final = 1.5e-3
+"""Noise of an amplitude before any is learnt: the median of what screenings of ropes learn."""
+_NOTHING_FIRST: Final = 0.22
+"""Probability of nothing missing before the first push, as in the studies that confidence is learnt from."""
+_LISTED: Final = 3
+
+
+@final
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Belief:
+    """All that the choice of a push needs of the pushes so far; S columns, each a step of a parameter from `about`.
+
+    `information (S, S)`, `pull (S)`: of the log likelihood, half of theta A theta less b theta, as `evidence.Forms`.
+    """
+
+    about: Theta
+    steps: tuple[Step, ...]
+    prior: Prior
+    information: Float64[np.ndarray, "S S"]
+    pull: Float64[np.ndarray, " S"]
+    pending: Float64[np.ndarray, "S S"]
+    """Information that pushes have which were made, or are about to be, and are not screened yet."""
+    noise: Covariances
+    causes: Mapping[str, tuple[int, ...]]
+    """Columns of each cause that is still probable, at the place or in the way that fits best."""
+    probabilities: Mapping[str, float]
+    nothing: float
+    pushes: int
+    episodes: int
+
+    @property
+    def rivals(self) -> dict[str, tuple[tuple[int, ...], float]]:
+        """What is still probable, nothing missing among it: columns and share of the probability."""
+        found = {cause: (columns, self.probabilities[cause]) for cause, columns in self.causes.items()}
+        total = self.nothing + sum(share for _, share in found.values())
+        shared = {cause: (columns, share / total) for cause, (columns, share) in found.items()}
+        return {NOTHING: ((), self.nothing / total), **shared}
+
+    @property
+    def places(self) -> tuple[tuple[str, Float64[np.ndarray, "2"]], ...]:
+        """Where rivals that have a place are thought to be [m]."""
+        wanted = {cause: columns for cause, (columns, _) in self.rivals.items() if columns}
+        placed = {cause: self.steps[columns[0]].given for cause, columns in wanted.items()}
+        return tuple((cause, np.array([value for _, value in at])) for cause, at in placed.items() if len(at) == 2)
+
+    def expecting(self, information: Float64[np.ndarray, "S S"]) -> "Belief":
+        """The same once a push of this information is about to be made."""
+        return replace(self, pending=self.pending + information)
+
+
+def first_belief(subject: Subject) -> Belief:
+    """Before any push: every cause that needs no place is as probable as any other."""
+    known = catalogue(subject.rods)
+    about = known.nominal(subject)
+    steps = _one_way(steps_of(known, subject.calibrated, np.zeros((0, 2))))
+    prior = prior_of(known, subject.calibrated, about, steps)
+    causes = _causes_of(steps, prior)
+    count = len(steps)
+    return Belief(
+        about=about,
+        steps=tuple(steps),
+        prior=prior,
+        information=np.zeros((count, count)),
+        pull=np.zeros(count),
+        pending=np.zeros((count, count)),
+        noise=_unknown_noise(),
+        causes=causes,
+        probabilities=dict.fromkeys(causes, (1 - _NOTHING_FIRST) / len(causes)),
+        nothing=_NOTHING_FIRST,
+        pushes=0,
+        episodes=0,
+    )
+
+
+@threadpool_limits.wrap(limits=1, user_api="blas")
+def believed(study: Study, subject: Subject) -> Belief:
+    """What the pushes of a study say, by the refit and the screening of `dipac discover`; takes seconds to a minute."""
+    predictor = Predictor(subject, catalogue(subject.rods))
+    trials = prepare(study, subject)
+    return belief_of(screen(predictor, trials, refit(predictor, trials)))
+
+
+def belief_of(screening: Screening) -> Belief:
+    """What a screening says, with the probabilities that were measured for such screenings."""
+    probabilities, nothing = calibration().probabilities(screening)
+    suspects = {each.cause: each.columns for each in screening.suspects if probabilities[each.cause] > _RIVAL}
+    prior, weighing = screening.prior, screening.weighing
+    kept = sorted({*prior.nuisance, *(column for columns in suspects.values() for column in columns)})
+    at, forms = {column: number for number, column in enumerate(kept)}, weighing.nothing.forms
+    return Belief(
+        about=screening.about,
+        steps=tuple(screening.steps[column] for column in kept),
+        prior=Prior(
+            mean=prior.mean[kept],
+            variance=prior.variance[kept],
+            nuisance=tuple(at[column] for column in prior.nuisance),
+        ),
+        information=forms.A.sum(0)[np.ix_(kept, kept)] / weighing.temper,
+        pull=forms.b.sum(0)[kept] / weighing.temper,
+        pending=np.zeros((len(kept), len(kept))),
+        noise=weighing.nothing.covariances,
+        causes={cause: tuple(at[column] for column in columns) for cause, columns in suspects.items()},
+        probabilities=probabilities,
+        nothing=nothing,
+        pushes=len(screening.data),
+        episodes=len(np.unique(screening.data.episode)),
+    )
+
+
+def gains_of(
+    belief: Belief, before: Float64[np.ndarray, "S S"], after: Float64[np.ndarray, "S S"]
+) -> Float64[np.ndarray, "C C"]:
+    """By how many nats each rival's size is better known with the information `after` than `before`, both added.
+
+    Each (row) where each other (column) may act as well, in the order of `Belief.rivals`; 0 of nothing missing.
+    """
+    return (_log_volumes(belief, before) - _log_volumes(belief, after)) / 2
+
+
+def weighted(belief: Belief, gains: Float64[np.ndarray, "C C"]) -> Float64[np.ndarray, "C C"]:
+    """Gains by how probable both rivals are."""
+    shares = np.array([share for _, share in belief.rivals.values()])
+    return gains * np.outer(shares, shares)
+
+
+def _log_volumes(belief: Belief, added: Float64[np.ndarray, "S S"]) -> Float64[np.ndarray, "C C"]:
+    """Logarithms of the determinants of the covariances of rivals' columns, where they and one other may act."""
+    prior, rivals = belief.prior, [list(columns) for columns, _ in belief.rivals.values()]
+    known = np.linalg.inv(belief.information + added + np.diag(1 / prior.variance))
+    # A cause that acts frees its columns: their prior precision falls by so much.
+    freed = 1 / (prior.variance + 1.0) - 1 / prior.variance
+    found = np.zeros((len(rivals), len(rivals)))
+    for (row, own), (column, other) in product(enumerate(rivals), repeat=2):
+        if own and row != column:
+            both = [*own, *other]
+            precision = np.linalg.inv(known[np.ix_(both, both)]) + np.diag(freed[both])
+            free = np.linalg.inv(precision)[: len(own), : len(own)]
+            found[row, column] = np.linalg.slogdet(free)[1]
+    return found
+
+
+def stop_of(belief: Belief, budget: int) -> Stop | None:
+    """Why no further push is made; None where there is a reason for one."""
+    if is_named(belief):
+        return "named"
+    if is_none_left(belief):
+        return "none left"
+    return "budget" if belief.pushes >= budget else None
+
+
+def is_named(belief: Belief) -> bool:
+    """Whether one cause is probable enough for its name, in enough episodes."""
+    return belief.episodes >= _EPISODES and max(belief.probabilities.values(), default=0.0) > NAMED
+
+
+def is_none_left(belief: Belief) -> bool:
+    """Whether nothing missing is as probable as a name has to be, and no cause is worth a refit."""
+    return belief.nothing > NAMED and max(belief.probabilities.values(), default=0.0) < _SURVIVOR
+
+
+def belief_words(belief: Belief) -> str:
+    """For example `after 16 pushes: table tilt 41 %, draught 22 %, viscous film 9 %, nothing missing 20 %`."""
+    ranked = sorted(belief.probabilities.items(), key=lambda pair: -pair[1])[:_LISTED]
+    shares = [f"{cause.replace('_', ' ')} {share:.0%}".replace("%", " %") for cause, share in ranked]
+    nothing = f"{NOTHING} {belief.nothing:.0%}".replace("%", " %")
+    pushes = "1 push" if belief.pushes == 1 else f"{belief.pushes} pushes"
+    return f"after {pushes}: {', '.join([*shares, nothing])}"
+
+
+def stop_words(belief: Belief, stop: Stop) -> str:
+    """Why no further push is made, in a sentence."""
+    match stop:
+        case "named":
+            best = max(belief.probabilities, key=lambda cause: belief.probabilities[cause])
+            return f"Enough: {best.replace('_', ' ')} is {100 * belief.probabilities[best]:.0f} % probable."
+        case "none left":
+            return f"Enough: no cause is left; that nothing is missing is {100 * belief.nothing:.0f} % probable."
+        case "budget":
+            return (
+                f"The {belief.pushes} pushes that were asked for are made, and no cause stands out enough for a name."
+            )
+
+
+def _one_way(steps: Sequence[Step]) -> list[Step]:
+    """Of each cause that is asked about in several ways the middle one."""
+    ways = dict[str, list[list[int]]]()
+    for (cause, _), columns in ways_of(steps, range(len(steps))).items():
+        ways.setdefault(cause, []).append(columns)
+    kept = sorted(column for found in ways.values() for column in found[len(found) // 2])
+    return [steps[column] for column in kept]
+
+
+def _causes_of(steps: Sequence[Step], prior: Prior) -> dict[str, tuple[int, ...]]:
+    free = (column for column in range(len(steps)) if column not in prior.nuisance)
+    return {cause: tuple(columns) for (cause, _), columns in ways_of(steps, free).items()}
+
+
+def _unknown_noise() -> Covariances:
+    """Of clouds and of what is measured directly, before any was learnt."""
+    clouds = 4 * MODES
+    direct = [np.eye(rows.stop - rows.start) * (least_m or _UNKNOWN_M) ** 2 for rows, least_m in direct_blocks(clouds)]
+    return (np.eye(clouds) * _UNKNOWN_M**2, *direct)

@@ -1,0 +1,118 @@
+"""Experiments: pushes chosen for what they say about what the model lacks, instead of plans for a goal."""
+
+from collections.abc import Callable
+from dataclasses import replace
+from typing import TYPE_CHECKING, final
+
+from app.config import Site
+from app.core.announcer import Announcer
+from app.core.messages import Particles, Transition, fresh_id
+from app.core.motion import Motion
+from app.core.ports import Clock
+from app.core.requests import ProbeRequest
+from app.core.track import Track
+from app.core.worker import Worker
+from app.flow.sensing import Sensing
+from app.tasks.base import Experiment, Wish
+from app.tasks.probed import Chosen, Weighed, chosen_motion, unprobed, weighed
+
+if TYPE_CHECKING:  # The simulator is loaded in the planner's process alone.
+    from app.discovery.study import Push
+
+
+@final
+class Probing:
+    """Chooses the pushes of the wish's experiment in the planner's process, and weighs causes after each batch."""
+
+    def __init__(
+        self, wish: Wish, planner: Worker, site: Site, sensing: Sensing, announcer: Announcer, clock: Clock
+    ) -> None:
+        self._task, self._seed, self._experiment = wish.task, wish.seed, wish.experiment
+        self._opening = wish.opening
+        self._planner, self._site, self._sensing = planner, site, sensing
+        self._announcer, self._clock = announcer, clock
+        self._made, self._draws = list["Push"](), 0
+        self._held: Weighed | None = None
+        self._offered: Chosen | None = None
+        self._over = ""
+
+    @property
+    def active(self) -> bool:
+        """Whether further pushes are chosen."""
+        return self._experiment is not None
+
+    def asked(self, request: ProbeRequest, interrupt: Callable[[str], None]) -> None:
+        """Begin an experiment of so many pushes more, or end it; `interrupt` is told why the plan shown is void."""
+        if request.pushes <= 0:
+            self._experiment = None
+            interrupt("is of an experiment, and plans are for the goal again")
+            return
+        if refused := unprobed(self._task):
+            self._announcer.notice("experiment", refused, request.id)
+            return
+        self._experiment = Experiment(budget=len(self._made) + request.pushes)
+        interrupt("is for the goal, and pushes are chosen now for what they say about the model")
+
+    def conclusion(self) -> str:
+        """Why it is over, said once; empty where it is not. Afterwards plans are made as usual."""
+        over, self._over = self._over, ""
+        return over
+
+    async def motion(self, observed: Particles) -> Motion | None:
+        """The next push for the object where it is; None where there is no experiment.
+
+        Raises PlanningError where none may be made.
+        """
+        experiment = self._experiment
+        if experiment is None:
+            return None
+        if self._held is None:
+            self._held = await self._planner.run(weighed, self._task.name, (), experiment.budget)
+        self._draws += 1
+        episode = len(self._made) // experiment.batch
+        self._offered = await self._planner.run(
+            *(chosen_motion, self._task.name, self._held, observed.positions, observed.time_s, episode),
+            *(tuple(self._made), hash((self._seed, self._draws)) % 2**31, self._site),
+        )
+        text = f"Push {len(self._made) + 1} of up to {experiment.budget}. {self._offered.text}."
+        self._announcer.notice("experiment", text)
+        return self._offered.motion
+
+    async def put(self, transition: Transition, before: Particles, after: Particles, do: Callable[[str], None]) -> None:
+        """A push was made. Where that completes a batch, weigh all causes by what was seen of all pushes."""
+        experiment = self._experiment
+        if experiment is None:
+            return
+        self._made.append(self._seen(transition, before, after, experiment))
+        if self._offered is not None:
+            self._held, self._offered = self._offered.then, None
+        count = len(self._made)
+        if count % experiment.batch and count < experiment.budget:
+            return
+        do("weighing every cause")
+        held = self._held = await self._planner.run(weighed, self._task.name, tuple(self._made), experiment.budget)
+        self._announcer.notice("experiment", held.text)
+        if held.over:
+            self._over, self._experiment = held.over, None
+        elif self._opening is not None:
+            opening = replace(self._opening, id=fresh_id("episode"), time_s=self._clock.now())
+            self._announcer.say(opening)
+            self._announcer.notice("experiment", "An episode ends; the object may be laid anew before the next push.")
+
+    def _seen(self, transition: Transition, before: Particles, after: Particles, experiment: Experiment) -> "Push":
+        from app.discovery.study import Push, View
+
+        executed = transition.executed
+
+        def view(seen: Particles) -> View:
+            return View(time_s=seen.time_s, points=seen.positions)
+
+        moving = self._sensing.between(float(executed.times_s[0]), float(executed.times_s[-1]))
+        return Push(
+            episode=len(self._made) // experiment.batch,
+            before=view(before),
+            during=tuple(map(view, moving)),
+            after=view(after),
+            command=Track(times_s=executed.times_s, poses=executed.commanded),
+            measured=Track(times_s=executed.times_s, poses=executed.measured) if len(executed.measured) else None,
+        )

@@ -1,0 +1,197 @@
+"""Experiments on a task: what its recordings say so far, and the next push that tells most about what is missing.
+
+Plain functions of picklable arguments, to be run in worker processes, as `jobs`.
+"""
+
+from __future__ import annotations
+
+import pickle
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, final
+
+import numpy as np
+
+from app.arm.gate import check_motion, way
+from app.arm.path import raised
+from app.config import Site
+from app.core.errors import MotionRefused, UsageError
+from app.core.stage import Rope
+from app.perception.recount import recounted
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from app.core.motion import Motion
+    from app.core.track import Track
+    from app.core.types import Points
+    from app.discovery.probe import Belief
+    from app.discovery.probe_pushes import Probe, Scene
+    from app.discovery.study import Push, Study, View
+    from app.discovery.subject import Subject
+    from app.policy.strokes import Plan
+    from app.tasks.base import Task
+
+
+def unprobed(task: Task) -> str:
+    """Why there are no experiments on a task, in a sentence; empty where there are.
+
+    Candidates are simulated by the thousand; of other objects than rods that takes minutes a push.
+    """
+    from app.planner.actions import Pushes
+
+    if not isinstance(task.stage.body, Rope) or not isinstance(task.actions, Pushes):
+        return f"dipac probe pushes ropes so far, and {task.problem} is another task; try rope_push."
+    if task.dynamics != "rods":
+        return f"dipac probe simulates ropes as rods; leave out --dynamics {task.dynamics}."
+    return ""
+
+
+def probed_subject(task: Task) -> Subject:
+    """The simulator that experiments are about. Raises UsageError for a task without them."""
+    from app.tasks.doubted import subject_of
+
+    if why := unprobed(task):
+        raise UsageError(why)
+    return subject_of(task)
+
+
+def belief(task: str, study: Study | None = None) -> Belief:
+    """What a study says; without one, what is believed before any push. Takes up to a minute."""
+    from app.discovery.probe import believed, first_belief
+    from app.tasks import load
+
+    subject = probed_subject(load(task))
+    return first_belief(subject) if study is None else believed(study, subject)
+
+
+def next_probe(
+    task: str,
+    held: Belief,
+    seen: View,
+    episode: int,
+    made: Sequence[Push],
+    plan: Plan,
+    seed: int,
+    site: Site | None = None,
+) -> Probe:
+    """The next push for the object as it is `seen`. Raises PlanningError where none may be made."""
+    from app.discovery.probe_pushes import chosen
+    from app.tasks import load
+
+    data = load(task)
+    return chosen(probed_subject(data), held, scene(data, seen, episode, made, plan, site or Site()), seed=seed)
+
+
+@final
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Weighed:
+    """What pushes say in words, and why no further one is needed; empty where one is.
+
+    `belief`: pickled, for whoever keeps it loads neither JAX nor the simulator.
+    """
+
+    belief: bytes
+    text: str
+    over: str
+
+
+@final
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Chosen:
+    """A push that was chosen, in words, and what is expected to be known once it is made."""
+
+    motion: Motion
+    text: str
+    then: Weighed
+
+
+def weighed(task: str, made: Sequence[Push], budget: int) -> Weighed:
+    """What the pushes of a session say so far. Takes up to a minute."""
+    from app.discovery.probe import belief_words, stop_of, stop_words
+    from app.discovery.study import Study
+    from app.tasks import load
+
+    data = load(task)
+    count = probed_subject(data).particle_count
+    pushes = tuple(_counted(push, count) for push in made)
+    held = belief(task, Study(task=data.recorded, pushes=pushes) if pushes else None)
+    stop, words = stop_of(held, budget), belief_words(held)
+    over = "" if stop is None else stop_words(held, stop)
+    return Weighed(belief=pickle.dumps(held), text=f"{words[0].upper()}{words[1:]}.", over=over)
+
+
+def chosen_motion(
+    task: str,
+    held: Weighed,
+    observed: Points,
+    time_s: float,
+    episode: int,
+    made: Sequence[Push],
+    seed: int,
+    site: Site,
+) -> Chosen:
+    """The next push for an object that is `observed` (N, 3) [m], as a motion.
+
+    Raises PlanningError where none may be made.
+    """
+    from app.discovery.study import View
+    from app.policy.strokes import Plan
+    from app.tasks import load
+
+    data, known = load(task), pickle.loads(held.belief)  # noqa: S301 - our own, of `weighed` or of this.
+    count = probed_subject(data).particle_count
+    pushes = tuple(_counted(push, count) for push in made)
+    slowest, fastest = Plan().speeds_m_s
+    plan = Plan(
+        speeds_m_s=(slowest, min(fastest, site.limits.speed_m_s)),
+        measured=all(push.measured is not None for push in pushes),
+        during=all(push.during for push in pushes),
+    )
+    seen = View(time_s=time_s, points=recounted(observed, count))
+    probe = next_probe(task, known, seen, episode, pushes, plan, seed, site)
+    then = replace(held, belief=pickle.dumps(known.expecting(probe.information)))
+    return Chosen(motion=probe_motion(data, probe.track, site), text=probe.text, then=then)
+
+
+def _counted(push: Push, count: int) -> Push:
+    """The same with as many points in each view as discovery simulates."""
+
+    def view(seen: View) -> View:
+        return replace(seen, points=recounted(seen.points, count)) if len(seen.points) != count else seen
+
+    return replace(push, before=view(push.before), during=tuple(map(view, push.during)), after=view(push.after))
+
+
+def scene(task: Task, seen: View, episode: int, made: Sequence[Push], plan: Plan, site: Site) -> Scene:
+    """What a push is chosen for."""
+    from app.discovery.probe_pushes import Scene
+
+    return Scene(
+        task=task.recorded,
+        seen=seen,
+        episode=episode,
+        made=tuple(made),
+        plan=plan,
+        height_m=task.finger.push_height_m,
+        allowed=lambda track: refusal(probe_motion(task, track, site), site) == "",
+        core_m=task.finger.half_m,
+    )
+
+
+def probe_motion(task: Task, track: Track, site: Site) -> Motion:
+    """A chosen push as a motion that the gate can check."""
+    from app.planner.actions import Pushes
+    from app.tasks.asked import motion_of
+
+    assert isinstance(task.actions, Pushes)
+    return motion_of(track, task.actions, site)
+
+
+def refusal(motion: Motion, site: Site) -> str:
+    """Why the arm's own process would not make a motion that begins above its first position; empty where it would."""
+    try:
+        check_motion(motion, motion.digest(), site)
+        way(raised(np.asarray(motion.poses[0]), site), motion, site)
+    except MotionRefused as refused:
+        return str(refused)
+    return ""

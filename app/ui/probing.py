@@ -1,0 +1,32 @@
+"""The buttons that begin and end an experiment: pushes that are chosen for what they say about the model."""
+
+from typing import Any, Final, final
+
+import viser
+
+from app.core.messages import fresh_id
+from app.core.requests import ProbeRequest
+from app.ui.decision import operator
+from app.ui.desk import Desk
+
+_FIRST, _MOST = 24, 400
+"""Pushes."""
+BEGIN: Final = "Find out what the model lacks"
+END: Final = "Plan for the goal again"
+
+
+@final
+class ProbeForm:
+    """The buttons in the container that is open when this is made. Each push is shown and decided on like any other."""
+
+    def __init__(self, gui: viser.GuiApi, desk: Desk) -> None:
+        self._desk = desk
+        pushes = gui.add_number("Pushes at most", _FIRST, min=1, max=_MOST, step=1)
+        begin = gui.add_button(BEGIN, color="gray", icon=viser.Icon.MICROSCOPE)
+        begin.on_click(lambda event: self._ask(event, int(pushes.value)))
+        end = gui.add_button(END, color="gray", icon=viser.Icon.TARGET)
+        end.on_click(lambda event: self._ask(event, 0))
+
+    def _ask(self, event: viser.GuiEvent[Any], pushes: int) -> None:
+        now_s = self._desk.now()
+        self._desk.ask(ProbeRequest(id=fresh_id("probe"), time_s=now_s, operator=operator(event), pushes=pushes))
