@@ -22,7 +22,7 @@ from app.discovery.subject import Catalogue, Subject, catalogue
 from app.recording.model_file import save_model
 from app.sim.catalogue import discover as effects_of_the_simulator
 from app.tasks import load
-from app.tasks.doubted import subject_of
+from app.tasks.doubted import subject_for
 from app.tasks.extended import estimated, extended_model
 from app.ui.report import show_case, verdict_json, write_report
 
@@ -45,7 +45,7 @@ def discover(
     with terminal.status("reading the recordings") as status:
         study = read_study(recordings, task=task)
         doubted = full_name(study.task, dynamics=dynamics)
-        subject = subject_of(load(doubted))
+        subject = subject_for(study, load(doubted))
         began = time.monotonic()
 
         def said(stage: str) -> None:
