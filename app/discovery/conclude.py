@@ -18,6 +18,8 @@ NAMED = 0.8
 _SET = 0.9
 _LIKELIER = 0.5
 """Probability above which a cause that is not accepted is likelier than anything else."""
+_SMALL = 0.2
+"""Metres or seconds below which a sentence counts in thousandths."""
 _LISTED = 4
 """Causes of a set that a sentence lists."""
 _NAMEABLE = 4.0 * TEMPERATURE
@@ -195,10 +197,14 @@ def _unnamed(left: float, formula: Formula | None, gain_text: str) -> tuple[str,
 
 
 def _sized(blame: Blame) -> str:
-    return ", ".join(
-        f"{it.name.replace('_', ' ')} {it.value:.3g} {'' if it.unit == '1' else it.unit}".strip()
-        for it in blame.estimates
-    )
+    return ", ".join(f"{it.name.replace('_', ' ')} {_amount(it.value, it.unit)}" for it in blame.estimates)
+
+
+def _amount(value: float, unit: str) -> str:
+    """A number with its unit, short lengths and times in thousandths."""
+    if unit in ("m", "s") and abs(value) < _SMALL:
+        return f"{1e3 * value:.2g} m{unit}"
+    return f"{value:.3g} {'' if unit == '1' else unit}".strip()
 
 
 def _said(name: str) -> str:

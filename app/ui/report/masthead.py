@@ -3,6 +3,7 @@
 import math
 
 from app.discovery.case import Case
+from app.ui.report.advice import advice
 from app.ui.report.layout import paragraph
 from app.ui.report.markup import Markup, joined, tag
 from app.ui.report.size import size
@@ -20,6 +21,7 @@ def masthead(case: Case) -> Markup:
         tag("div", *(paragraph(text) for text in case.sentences), class_="sentences"),
         *(tag("p", tag("b", it.text), " ", it.consequence, class_="forbids") for it in case.limits if it.fatal),
         tag("dl", *(_figure(*entry) for entry in _key_numbers(case)), class_="key"),
+        tag("div", tag("h2", "What to do next"), *(paragraph(text) for text in advice(case)), class_="advice"),
         class_=f"masthead {case.verdict}",
     )
 
@@ -33,11 +35,15 @@ def _key_numbers(case: Case) -> list[tuple[str, str, str]]:
         numbers = (it.value, it.low, it.high, it.unit)
         entries.append((title(it.name), best(*numbers), f"90 % interval {interval(*numbers)}"))
     gain = case.gain
-    if math.isfinite(gain.gain):
+    still = f"no motion: {decimal(gain.still_mm, 1)} mm"
+    if math.isfinite(gain.nominal_mm) and gain.extended_mm == gain.nominal_mm:
+        errors = f"{decimal(gain.nominal_mm, 1)} mm"
+        entries.append(("Error of the refitted model", errors, f"on {gain.episodes} held-out episodes; {still}"))
+    elif math.isfinite(gain.gain):
         low, high = decimal(100 * gain.low, 0), decimal(100 * gain.high, 0)
         entries.append(("Held-out error gone", f"{decimal(100 * gain.gain, 0)} %", f"90 % interval {low} to {high} %"))
         errors = f"{decimal(gain.nominal_mm, 1)} → {decimal(gain.extended_mm, 1)} mm"
-        entries.append(("One-step error", errors, f"on {gain.episodes} held-out episodes"))
+        entries.append(("One-step error", errors, f"on {gain.episodes} held-out episodes; {still}"))
     return entries
 
 

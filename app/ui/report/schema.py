@@ -145,11 +145,16 @@ class VerdictFile(Struct, frozen=True, kw_only=True):
     """What `dipac discover` concluded. Intervals are 90 %; units are SI but where `unit` says otherwise.
 
     `causes`: those that act together where the verdict is `named`, the alternatives where it is `set`, else none.
-    `ranking`: everything that was weighed.
+    `ranking`: everything that was weighed. `headline`: the verdict in a few words; `probability` of what
+    `probability_of` says; `advice`: what to do next.
     """
 
     schema: Literal[1]
     verdict: Verdict
+    headline: str
+    probability: Chance
+    probability_of: str | None
+    advice: tuple[str, ...]
     sentences: tuple[str, ...]
     causes: tuple[CauseEntry, ...]
     formula: FormulaEntry | None

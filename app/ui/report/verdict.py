@@ -33,7 +33,7 @@ def headline(case: Case) -> str:
     if case.verdict == "set":
         return sentence(names(effects, "or"))
     if case.verdict == "none":
-        if _missing(case) > _LIKELIER:
+        if is_missing_something(case):
             return "Something may be missing, and these data cannot tell what"
         return "The model lacks nothing that these data would show"
     return "Something acts that no known cause explains"
@@ -41,18 +41,29 @@ def headline(case: Case) -> str:
 
 def chance(case: Case) -> tuple[str, str] | None:
     """The probability of the verdict, and what it is the probability of; None where it is not known."""
+    known = probability(case)
+    return None if known is None else (percent(known[0]), known[1])
+
+
+def probability(case: Case) -> tuple[float, str] | None:
+    """The same as a number, 0 to 1."""
     chances = [blame.probability for blame in case.causes]
     if case.verdict == "named" and chances:
-        return percent(min(chances)), "that this is missing" if len(chances) == 1 else "for the least certain of them"
+        return min(chances), "that this is missing" if len(chances) == 1 else "for the least certain of them"
     if case.verdict == "set" and chances:
-        return percent(min(sum(chances), 1.0)), "that it is one of these"
+        return min(sum(chances), 1.0), "that it is one of these"
     if not math.isfinite(case.leftover):
         return None
-    if case.verdict == "none" and _missing(case) > _LIKELIER:
-        return percent(_missing(case)), "that something is missing"
+    if case.verdict == "none" and is_missing_something(case):
+        return _missing(case), "that something is missing"
     if case.verdict == "none":
-        return percent(min(1 - case.leftover, 1 - _missing(case))), "that nothing is missing"
-    return percent(case.leftover), "that something else acts"
+        return min(1 - case.leftover, 1 - _missing(case)), "that nothing is missing"
+    return case.leftover, "that something else acts"
+
+
+def is_missing_something(case: Case) -> bool:
+    """Whether it is likelier that some cause acts than that none does."""
+    return _missing(case) > _LIKELIER
 
 
 def _missing(case: Case) -> float:

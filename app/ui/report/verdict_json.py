@@ -6,7 +6,9 @@ import msgspec
 
 from app.discovery.case import Blame, Case, Estimate, Formula, Gain, NextPush, Power
 from app.ui.report import schema
+from app.ui.report.advice import advice
 from app.ui.report.size import size
+from app.ui.report.verdict import headline, probability
 
 
 def verdict_json(case: Case) -> str:
@@ -16,9 +18,14 @@ def verdict_json(case: Case) -> str:
 
 def verdict_file(case: Case) -> schema.VerdictFile:
     """The case as what the file holds."""
+    known = probability(case)
     return schema.VerdictFile(
         schema=1,
         verdict=case.verdict,
+        headline=headline(case),
+        probability=_known(known[0]) if known is not None else None,
+        probability_of=known[1] if known is not None else None,
+        advice=advice(case),
         sentences=case.sentences,
         causes=tuple(map(_cause, case.causes)),
         formula=_formula(case.formula) if case.formula else None,
