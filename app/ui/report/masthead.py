@@ -1,6 +1,7 @@
 """The top of the page: the verdict in large type, its sentences and key numbers; then what was looked at."""
 
 import math
+from typing import Final
 
 from app.discovery.case import Case
 from app.ui.report.advice import advice
@@ -9,6 +10,8 @@ from app.ui.report.markup import Markup, joined, tag
 from app.ui.report.size import size
 from app.ui.report.verdict import chance, headline, kind
 from app.ui.report.words import best, decimal, interval, title
+
+_PROGRAM: Final = "dipac "
 
 
 def masthead(case: Case) -> Markup:
@@ -21,9 +24,15 @@ def masthead(case: Case) -> Markup:
         tag("div", *(paragraph(text) for text in case.sentences), class_="sentences"),
         *(tag("p", tag("b", it.text), " ", it.consequence, class_="forbids") for it in case.limits if it.fatal),
         tag("dl", *(_figure(*entry) for entry in _key_numbers(case)), class_="key"),
-        tag("div", tag("h2", "What to do next"), *(paragraph(text) for text in advice(case)), class_="advice"),
+        tag("div", tag("h2", "What to do next"), *(_next(text) for text in advice(case)), class_="advice"),
         class_=f"masthead {case.verdict}",
     )
+
+
+def _next(text: str) -> Markup:
+    """A sentence of advice; a command at its end on a line of its own, to be copied."""
+    said, program, command = text.partition(_PROGRAM)
+    return tag("p", said.rstrip(), *((" ", tag("code", program, command)) if program else ()))
 
 
 def _key_numbers(case: Case) -> list[tuple[str, str, str]]:

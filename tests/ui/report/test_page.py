@@ -183,7 +183,7 @@ def test_a_place_that_cannot_be_written_is_said_with_the_next_step(tmp_path: Pat
 @every_case
 def test_what_to_do_next_is_said_at_the_top_of_the_page(case: Case) -> None:
     reader = read(case)
-    text = " ".join(reader.text)
+    text = " ".join("".join(reader.text).split())
     assert advice(case)
     for said in advice(case):
         assert said in text
