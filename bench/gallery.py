@@ -22,7 +22,7 @@ from bench.browser import open_browser
 
 ROOT: Final = Path(__file__).parents[1]
 DOCS: Final = ROOT / "docs"
-_AMOUNT: Final = ("--episodes", "5", "--pushes", "4")
+_AMOUNT: Final = ("--episodes", "5", "--pushes", "3")
 _SIZE: Final = {"width": 1180, "height": 760}
 _PROGRESS: Final = re.compile(r"^ *\d+ s  ")
 
@@ -80,7 +80,7 @@ CASES: Final = (
     ),
     Shown(
         name="tilted",
-        title="A tilt that is too small for twenty pushes",
+        title="A tilt that is too small for fifteen pushes",
         about="The table is tilted by one degree. Something is wrong, and the program does not say what.",
         hidden=("table_tilt=1.0",),
         seed=15,
@@ -153,7 +153,9 @@ def _values(parameters: dict[str, Any]) -> str:
 
 
 def main(
-    folder: Annotated[tyro.conf.Positional[Path], tyro.conf.arg(help="where recordings and reports go, and are found again")],
+    folder: Annotated[
+        tyro.conf.Positional[Path], tyro.conf.arg(help="where recordings and reports go, and are found again")
+    ],
     docs: Annotated[Path, tyro.conf.arg(help="where gallery.md and images/ are written")] = DOCS,
 ) -> None:
     """Record and investigate what is missing, take the pictures, and write the page."""
