@@ -1,4 +1,4 @@
-"""The page of verdicts has every case of the bench, with its commands, what they printed, and a picture that is there."""
+"""The page of verdicts has every case of the bench: its commands, what they printed, and a picture that is there."""
 
 import re
 
