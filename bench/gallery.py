@@ -51,16 +51,16 @@ class Shown:
 
 CASES: Final = (
     Shown(
-        name="short",
-        title="An arm that stops short",
-        about="The arm makes 6 % less of every stroke than it is told.",
+        name="strokes",
+        title="An arm whose strokes have the wrong length",
+        about="The arm makes 6 % more or less of every stroke than it is told.",
         hidden=("under_reach=0.06",),
         seed=11,
     ),
     Shown(
         name="bent",
         title="A finger that is bent",
-        about="The finger's tip is 5 mm beside where the kinematics have it, along each axis of the tool.",
+        about="The finger's tip is 5 mm beside where the kinematics have it.",
         hidden=("tcp_offset=0.005",),
         seed=12,
     ),

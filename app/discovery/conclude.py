@@ -197,7 +197,13 @@ def _unnamed(left: float, formula: Formula | None, gain_text: str) -> tuple[str,
 
 
 def _sized(blame: Blame) -> str:
-    return ", ".join(f"{it.name.replace('_', ' ')} {_amount(it.value, it.unit)}" for it in blame.estimates)
+    """Each parameter in words with its value; its name where nobody said what it is."""
+    return "; ".join(f"{_meaning(it)}: {_amount(it.value, it.unit)}" for it in blame.estimates)
+
+
+def _meaning(estimate: Estimate) -> str:
+    about = estimate.about.rstrip(".") or estimate.name.replace("_", " ")
+    return about[0].lower() + about[1:]
 
 
 def _amount(value: float, unit: str) -> str:
