@@ -12,15 +12,15 @@ from app.discovery.predict import Predictor, Trials, prepare
 from app.discovery.screen import refit
 from app.discovery.sensitivity import residuals
 from app.discovery.study import Study
-from app.discovery.subject import RodModel, Subject, catalogue
+from app.discovery.subject import RodModel, Subject, Theta, catalogue
 from app.planner.actions import LOW_ENOUGH_M, Pushes
 from app.sim.catalogue import discover
 from app.sim.params import index
 from app.tasks.base import Task
 from app.tasks.compiled import nominal_model, phi_of
 
-_AT_END: Final = 0.02
-"""In a logarithm: a stiffness that is fitted so near the end of its range stands there."""
+_STIFF: Final = 1.5
+"""Times the nominal stiffness: a rope that is refitted to be stiffer may be stiffer than the usual rod bears."""
 _AFTER: Final = slice(2 * MODES, 4 * MODES)
 """Rows of residuals after a push."""
 _STIFFER: Final = (1.0, 4.0, 16.0)
@@ -58,22 +58,24 @@ def subject_of(task: Task, *, stiff: bool = False) -> Subject:
 def subject_for(study: Study, task: Task) -> Subject:
     """The simulator of a task in whose range these pushes are.
 
-    That is the one of stiff rods where the usual one, refitted to them, is as stiff as it can be. A refit of those has
-    several minima: the nominal rod is the one of `_STIFFER` from which it errs least. Raises as `subject_of`.
+    That is the one of stiff rods where the usual one, refitted to them, is stiff, and a stiff rod errs less. A refit
+    has several minima: the nominal rod is the one of `_STIFFER` from which it errs least. Raises as `subject_of`.
     """
     usual = subject_of(task)
     if usual.rods is None or task.rods is None or task.rods.stiff_scene == usual.rods.scene:
         return usual
-    trials, known = prepare(study, usual), catalogue(usual.rods)
-    column = known.column("stiffness")
-    spec = known.specs[column]
-    if spec.coordinate(spec.high) - spec.coordinate(float(refit(Predictor(usual, known), trials)[column])) > _AT_END:
+    trials, predictor = prepare(study, usual), Predictor(usual, catalogue(usual.rods))
+    about, column = refit(predictor, trials), predictor.catalogue.column("stiffness")
+    if about[column] < _STIFF * usual.nominal[index("stiffness")]:
         return usual
-    stiff = subject_of(task, stiff=True)
-    known = catalogue(stiff.rods)
-    most, least = known.specs[column].high, float(stiff.nominal[index("stiffness")])
-    starts = [_as_stiff(stiff, least * times) for times in _STIFFER if least * times < most]
-    return min(starts, key=lambda start: _error_m(Predictor(start, known), trials))
+    stiff, error_m = subject_of(task, stiff=True), _error_m(predictor, trials, about)
+    known, least_pa = catalogue(stiff.rods), float(stiff.nominal[index("stiffness")])
+    stiffer = (least_pa * times for times in _STIFFER)
+    starts = [Predictor(_as_stiff(stiff, pa), known) for pa in stiffer if pa < known.specs[column].high]
+    if min(_error_m(start, trials, known.nominal(start.subject)) for start in starts) >= error_m:
+        return usual
+    errors_m = [error_m, *(_error_m(start, trials, refit(start, trials)) for start in starts)]
+    return [predictor, *starts][int(np.argmin(errors_m))].subject
 
 
 def _as_stiff(subject: Subject, stiffness_pa: float) -> Subject:
@@ -82,9 +84,8 @@ def _as_stiff(subject: Subject, stiffness_pa: float) -> Subject:
     return replace(subject, nominal=nominal)
 
 
-def _error_m(predictor: Predictor, trials: Trials) -> float:
-    """The refitted model's mean residual after a push; a push that cannot be simulated has one as large as any."""
-    found = residuals(predictor, trials, refit(predictor, trials), (), replicas=0)
-    errors = np.linalg.norm(found.r[:, _AFTER], axis=1)
+def _error_m(predictor: Predictor, trials: Trials, about: Theta) -> float:
+    """A model's mean residual after a push; infinite where one cannot be simulated."""
+    found = residuals(predictor, trials, about, (), replicas=0)
     simulated = found.known[:, _AFTER].any(1)
-    return float(np.where(simulated, errors, np.inf).mean())
+    return float(np.where(simulated, np.linalg.norm(found.r[:, _AFTER], axis=1), np.inf).mean())
