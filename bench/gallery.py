@@ -91,16 +91,17 @@ _HEAD: Final = """# Five verdicts
 
 Recordings of MuJoCo's cell in which something is hidden, and what `dipac discover` says of them: verdicts that name a
 cause, and verdicts that say nothing. Each command can be run as it stands: to record takes about a minute, to
-investigate two to five on two cores. This page and its pictures are what they printed and wrote
-(`python -m bench.gallery`); how often such verdicts are right is in [the results](results.md#hidden-effects).
+investigate one to five on two cores. This page and its pictures are what they printed and wrote
+(`python -m bench.gallery FOLDER`); how often such verdicts are right is in [the results](results.md#hidden-effects).
 """
 
 
 def section(case: Shown, printed: str, truth: str) -> str:
     """A case as the page has it."""
+    lines = "\n".join(line.rstrip() for line in printed.rstrip().splitlines())
     commands = "\n".join(f"dipac {_joined(each)}" for each in (case.hide, case.discover))
     return (
-        f"## {case.title}\n\n{case.about}\n\n```\n{commands}\n```\n\n```text\n{printed.rstrip()}\n```\n\n"
+        f"## {case.title}\n\n{case.about}\n\n```\n{commands}\n```\n\n```text\n{lines}\n```\n\n"
         f"Hidden was: {truth}.\n\n![The top of the report](images/gallery-{case.name}.png)\n"
     )
 
