@@ -36,6 +36,7 @@ def test_pushes_of_a_limp_rope_doubt_the_usual_simulator(study: Study) -> None:
     np.testing.assert_array_equal(subject.nominal, usual.nominal)
 
 
+@pytest.mark.slow
 def test_pushes_of_a_rope_that_is_stiffer_than_that_bears_doubt_the_one_of_stiff_rods(study: Study) -> None:
     stiff = subject_of(CASE.task, stiff=True)
     known = catalogue(stiff.rods)
