@@ -19,20 +19,21 @@ from app.recording.model_file import save_model
 from app.sim.catalogue import discover as effects_of_the_simulator
 from app.sim.effects.base import MIDDLE, MIDDLE_M
 from app.tasks import load
-from app.tasks.doubted import subject_of
+from app.tasks.doubted import subject_for
 from app.tasks.extended import estimated, extended_model
 from app.ui.report import show_case, verdict_json, write_report
 
 
 def report_on(terminal: Console, study: Study, task: str, recordings: Sequence[Path], output: Path) -> Case:
     """Go through the whole chain with the full name of a `task`, write what it found to `output`, and show it."""
-    subject, began = subject_of(load(task), study.setup), time.monotonic()
-    with terminal.status("direct checks") as status:
+    began = time.monotonic()
+    with terminal.status("choosing the simulator") as status:
 
         def said(stage: str) -> None:
             terminal.print(f"[dim]{time.monotonic() - began:6.0f} s[/]  {stage}")
             status.update(stage)
 
+        subject = subject_for(study, load(task))
         case = investigate(study, subject, said)
     report = output / "report.html"
     write_report(report, case)

@@ -17,6 +17,8 @@ _SET = 0.9
 """Probability that a set of causes has, where none is named."""
 _LIKELIER = 0.5
 """Probability above which a cause that is not accepted is likelier than anything else."""
+_SMALL = 0.2
+"""Metres or seconds below which a sentence counts in thousandths."""
 _LISTED = 4
 """Causes of a set that a sentence lists."""
 _NAMEABLE = 4.0 * TEMPERATURE
@@ -195,10 +197,20 @@ def _unnamed(left: float, formula: Formula | None, gain_text: str) -> tuple[str,
 
 
 def _sized(blame: Blame) -> str:
-    return ", ".join(
-        f"{it.name.replace('_', ' ')} {it.value:.3g} {'' if it.unit == '1' else it.unit}".strip()
-        for it in blame.estimates
-    )
+    """Each parameter in words with its value; its name where nobody said what it is."""
+    return "; ".join(f"{_meaning(it)}: {_amount(it.value, it.unit)}" for it in blame.estimates)
+
+
+def _meaning(estimate: Estimate) -> str:
+    about = estimate.about.rstrip(".") or estimate.name.replace("_", " ")
+    return about[0].lower() + about[1:]
+
+
+def _amount(value: float, unit: str) -> str:
+    """A number with its unit, short lengths and times in thousandths."""
+    if unit in ("m", "s") and abs(value) < _SMALL:
+        return f"{1e3 * value:.2g} m{unit}"
+    return f"{value:.3g} {'' if unit == '1' else unit}".strip()
 
 
 def _said(name: str) -> str:

@@ -159,10 +159,16 @@ class Predictor:
             for chunk in _chunks(jobs, chunks(own, self._platform)):
                 found = simulate.move(*self._inputs(trials, thetas, chunk, ways))
                 for (q, k), mid, end in zip(chunk, *map(np.asarray, found), strict=False):
-                    eye = Eye(np.asarray(trials.study.camera), trials.middles[k].astype(np.float64))
-                    during[q, k] = self.seen(mid, eye, thetas[q])
-                    after[q, k] = self.seen(end, eye, thetas[q])
+                    during[q, k] = self._seen(trials, k, mid, thetas[q])
+                    after[q, k] = self._seen(trials, k, end, thetas[q])
         return Seen(during, after)
+
+    def _seen(self, trials: Trials, k: int, points: Points, theta: Theta) -> Points:
+        """Where the cameras say that the object of push k is, whose points have gone `points`, and its middle there."""
+        if not theta[self._apparatus].any() or not np.isfinite(points).all():
+            return points
+        middle = _middles((trials.labels[k, :, 0] + 1) / 2, points)[1]
+        return self.seen(points, Eye(np.asarray(trials.study.camera), middle.astype(np.float64)), theta)
 
     def seen(self, points: Points, eye: Eye, theta: Theta) -> Points:
         """Where the cameras say that points are."""
@@ -341,14 +347,22 @@ def labelled(clouds: Sequence[Points]) -> tuple[Float32[np.ndarray, "K N 4"], Fl
         last = nodes
         tangents = np.gradient(nodes[:, :2], axis=0)
         tangents /= np.maximum(np.linalg.norm(tangents, axis=1, keepdims=True), 1e-9)
-        at = np.clip(along * _NODES - 0.5, 0, _NODES - 1)
-        middle = np.stack([np.interp(at, np.arange(_NODES), nodes[:, axis]) for axis in range(3)], axis=1)
+        at, middle = _middles(along, cloud)
         tangent = np.stack([np.interp(at, np.arange(_NODES), tangents[:, axis]) for axis in range(2)], axis=1)
         offset = (cloud[:, :2] - middle[:, :2]) @ np.array([[0.0, 1.0], [-1.0, 0.0]])
         left = (offset * tangent).sum(1)
         labels.append(np.concatenate([2 * along[:, None] - 1, left[:, None], tangent], axis=1))
         middles.append(middle)
     return np.stack(labels).astype(np.float32), np.stack(middles).astype(np.float32)
+
+
+def _middles(
+    along: Float32[np.ndarray, " N"], cloud: Points
+) -> tuple[Float32[np.ndarray, " N"], Float64[np.ndarray, "N 3"]]:
+    """Places among the nodes of an object's middle, and the middle there [m], of points so far `along` it (0 to 1)."""
+    nodes = centreline_weights(along, _NODES) @ cloud
+    at = np.clip(along * _NODES - 0.5, 0, _NODES - 1)
+    return at, np.stack([np.interp(at, np.arange(_NODES), nodes[:, axis]) for axis in range(3)], axis=1)
 
 
 def resisting(track: Track, x: Points, share: float, subject: Subject) -> Load:

@@ -1,19 +1,40 @@
 """A task's simulator as what discovery doubts."""
 
+from dataclasses import replace
+from typing import Final
+
+import numpy as np
+from threadpoolctl import threadpool_limits
+
 from app.core.errors import UsageError
 from app.core.measured_setup import MeasuredSetup
-from app.discovery.subject import RodModel, Subject, unknowns_of
+from app.discovery.field import MODES
+from app.discovery.placement import centred
+from app.discovery.predict import Predictor, Trials, prepare
+from app.discovery.screen import refit
+from app.discovery.sensitivity import residuals
+from app.discovery.study import Study
+from app.discovery.subject import RodModel, Subject, Theta, catalogue, unknowns_of
 from app.planner.actions import LOW_ENOUGH_M, Pushes
 from app.sim.catalogue import discover
+from app.sim.params import index
 from app.tasks.base import Task
 from app.tasks.compiled import nominal_model, phi_of
 
+_STIFF: Final = 1.5
+"""Times the nominal stiffness: a rope that is refitted to be stiffer may be stiffer than the usual rod bears."""
+_AFTER: Final = slice(2 * MODES, 4 * MODES)
+"""Rows of residuals after a push."""
+_STIFFER: Final = (1.0, 4.0, 16.0)
+"""Whence stiff rods are refitted, as multiples of the limpest of them."""
 
-def subject_of(task: Task, setup: MeasuredSetup | None = None) -> Subject:
+
+def subject_of(task: Task, setup: MeasuredSetup | None = None, *, stiff: bool = False) -> Subject:
     """With the CPU preset's number of particles, and simulated as the task is: as a rod, of TASK@rods.
 
     What is a cause of its own is not fitted whatever the cause. `setup`: what imported data say of object and tool; the
-    task has their sizes. Raises UsageError for a task without pushes.
+    task has their sizes. `stiff`: with the simulator of rods that are stiffer than the usual one bears; its nominal rod
+    is as limp as that allows. Raises UsageError for a task without pushes.
     """
     if not isinstance(task.actions, Pushes):
         raise UsageError(f"Discovery reads pushes so far; {task.name} has none.")
@@ -23,6 +44,9 @@ def subject_of(task: Task, setup: MeasuredSetup | None = None) -> Subject:
     if setup is not None:
         unsaid = frozenset(size.name for size in setup.sizes if size.source != "about")
         low_m = max(low_m, min(setup.push_height_m + LOW_ENOUGH_M, 2 * task.rope.radius_m))
+    nominal = phi_of(nominal_model(task.name))
+    if stiff:
+        nominal[index("stiffness")] = task.parameters(stiff=True)[index("stiffness")].nominal
     return Subject(
         scene=task.scene,
         haste=task.haste,
@@ -31,11 +55,52 @@ def subject_of(task: Task, setup: MeasuredSetup | None = None) -> Subject:
         radius_m=task.rope.radius_m,
         low_m=low_m,
         particle_count=task.preset("cpu").particle_count,
-        nominal=phi_of(nominal_model(task.name)),
+        nominal=nominal,
         calibrated=tuple(name for name in task.calibrated if name not in causes),
         rods=None
         if rods is None
-        else RodModel(scene=rods.scene, contact=tuple(rods.physics.items()), unknowns=unknowns_of(unsaid)),
+        else RodModel(
+            scene=rods.scene_for(stiff=stiff), contact=tuple(rods.physics.items()), unknowns=unknowns_of(unsaid)
+        ),
         unsaid=unsaid,
         finger=task.finger,
     )
+
+
+@threadpool_limits.wrap(limits=1, user_api="blas")
+def subject_for(study: Study, task: Task) -> Subject:
+    """The simulator of a task in whose range these pushes are.
+
+    That is the one of stiff rods where the usual one, refitted to them, is stiff, and a stiff rod errs less. A refit
+    has several minima: the nominal rod is the one of `_STIFFER` from which it errs least. Raises as `subject_of`.
+    """
+    usual = subject_of(task, study.setup)
+    if usual.rods is None or task.rods is None or task.rods.stiff_scene == usual.rods.scene:
+        return usual
+    trials, predictor = prepare(centred(study, usual), usual), Predictor(usual, catalogue(usual.rods))
+    stiff, column = subject_of(task, study.setup, stiff=True), predictor.catalogue.column("stiffness")
+    known, least_pa = catalogue(stiff.rods), float(stiff.nominal[index("stiffness")])
+    stiffer = (least_pa * times for times in _STIFFER)
+    starts = [Predictor(_as_stiff(stiff, pa), known) for pa in stiffer if pa < known.specs[column].high]
+    least_m = min(_error_m(start, trials, known.nominal(start.subject)) for start in starts)
+    if least_m >= _error_m(predictor, trials, predictor.catalogue.nominal(usual)):  # It takes no refit to see it.
+        return usual
+    about = refit(predictor, trials)
+    error_m = _error_m(predictor, trials, about)
+    if about[column] < _STIFF * usual.nominal[index("stiffness")] or least_m >= error_m:
+        return usual
+    errors_m = [error_m, *(_error_m(start, trials, refit(start, trials)) for start in starts)]
+    return [predictor, *starts][int(np.argmin(errors_m))].subject
+
+
+def _as_stiff(subject: Subject, stiffness_pa: float) -> Subject:
+    nominal = subject.nominal.copy()
+    nominal[index("stiffness")] = stiffness_pa
+    return replace(subject, nominal=nominal)
+
+
+def _error_m(predictor: Predictor, trials: Trials, about: Theta) -> float:
+    """A model's median residual after a push; infinite of those that cannot be simulated."""
+    found = residuals(predictor, trials, about, (), replicas=0)
+    simulated = found.known[:, _AFTER].any(1)
+    return float(np.median(np.where(simulated, np.linalg.norm(found.r[:, _AFTER], axis=1), np.inf)))

@@ -1,7 +1,7 @@
 """A verdict on recordings, without what a report adds to it: what is asked of discovery many times a test run."""
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Final, final
 
@@ -9,13 +9,15 @@ from threadpoolctl import threadpool_limits
 
 from app.commands._named import full_name
 from app.commands._study import read_study
-from app.discovery.case import Name
+from app.discovery.case import Estimate, Name
 from app.discovery.chain import Stages, judged
-from app.discovery.conclude import verdict_of
+from app.discovery.conclude import estimates_of, verdict_of
 from app.discovery.formula import Opened
 from app.discovery.leftover import Leftover
+from app.discovery.study import Study
+from app.discovery.subject import Subject
 from app.tasks import load
-from app.tasks.doubted import subject_of
+from app.tasks.doubted import subject_for
 
 _NOT_LOOKED_FOR: Final = Opened(Leftover(probability=0.0, by_chance=1.0), None)
 """Forces of no cause, which take as long as all the rest."""
@@ -24,18 +26,36 @@ _NOT_LOOKED_FOR: Final = Opened(Leftover(probability=0.0, by_chance=1.0), None)
 @final
 @dataclass(frozen=True, kw_only=True)
 class Verdict:
-    """What is said of recordings. `causes`: of the verdict; `probabilities` of all that were weighed."""
+    """What is said of recordings. `causes`: of the verdict; `probabilities` of all that were weighed.
+
+    `unknown`: that of a force of none of them. `sizes`: of each cause that was refitted, its parameters with their
+    intervals.
+    """
 
     kind: Name
     causes: tuple[str, ...]
-    probabilities: dict[str, float]
+    probabilities: Mapping[str, float]
+    unknown: float = 0.0
+    sizes: Mapping[str, tuple[Estimate, ...]] = field(default_factory=dict[str, tuple[Estimate, ...]])
 
 
-@threadpool_limits.wrap(limits=1, user_api="blas")
 def verdict(recordings: Sequence[Path]) -> Verdict:
     """As `dipac discover` says it, but for what no cause explains."""
     study = read_study(recordings)
-    subject = subject_of(load(full_name(study.task, dynamics=None)), study.setup)
+    return verdict_on(study, subject_for(study, load(full_name(study.task, dynamics=None))))
+
+
+@threadpool_limits.wrap(limits=1, user_api="blas")
+def verdict_on(study: Study, subject: Subject) -> Verdict:
+    """The same of a study and the simulator that is doubted."""
     found = judged(study, subject, Stages(lambda _: None))
-    kind, causes = verdict_of(found.decision, found.limits, _NOT_LOOKED_FOR)
-    return Verdict(kind=kind, causes=causes, probabilities=dict(found.decision.probabilities))
+    decision, known = found.decision, found.predictor.catalogue
+    kind, causes = verdict_of(decision, found.limits, _NOT_LOOKED_FOR)
+    sizes = {model.causes[0]: estimates_of(known, subject, model, model.causes[0]) for model in decision.singles}
+    return Verdict(
+        kind=kind,
+        causes=causes,
+        probabilities=dict(decision.probabilities),
+        unknown=decision.unknown,
+        sizes=sizes,
+    )

@@ -1,13 +1,17 @@
 """The top of the page: the verdict in large type, its sentences and key numbers; then what was looked at."""
 
 import math
+from typing import Final
 
 from app.discovery.case import Case
+from app.ui.report.advice import advice
 from app.ui.report.layout import paragraph
 from app.ui.report.markup import Markup, joined, tag
 from app.ui.report.size import size
 from app.ui.report.verdict import chance, headline, kind
 from app.ui.report.words import best, decimal, interval, title
+
+_PROGRAM: Final = "dipac "
 
 
 def masthead(case: Case) -> Markup:
@@ -21,6 +25,7 @@ def masthead(case: Case) -> Markup:
         *_simulated(case),
         *(tag("p", tag("b", it.text), " ", it.consequence, class_="forbids") for it in case.limits if it.fatal),
         tag("dl", *(_figure(*entry) for entry in _key_numbers(case)), class_="key"),
+        tag("div", tag("h2", "What to do next"), *(_next(text) for text in advice(case)), class_="advice"),
         class_=f"masthead {case.verdict}",
     )
 
@@ -32,6 +37,12 @@ def _simulated(case: Case) -> list[Markup]:
     return [tag("ul", *(tag("li", text) for text in case.setup.words), class_="simulated")]
 
 
+def _next(text: str) -> Markup:
+    """A sentence of advice; a command at its end on a line of its own, to be copied."""
+    said, program, command = text.partition(_PROGRAM)
+    return tag("p", said.rstrip(), *((" ", tag("code", program, command)) if program else ()))
+
+
 def _key_numbers(case: Case) -> list[tuple[str, str, str]]:
     """Name, number and what more there is to say of it."""
     known = chance(case)
@@ -41,11 +52,15 @@ def _key_numbers(case: Case) -> list[tuple[str, str, str]]:
         numbers = (it.value, it.low, it.high, it.unit)
         entries.append((title(it.name), best(*numbers), f"90 % interval {interval(*numbers)}"))
     gain = case.gain
-    if math.isfinite(gain.gain):
+    still = f"no motion: {decimal(gain.still_mm, 1)} mm"
+    if math.isfinite(gain.nominal_mm) and gain.extended_mm == gain.nominal_mm:
+        errors = f"{decimal(gain.nominal_mm, 1)} mm"
+        entries.append(("Error of the refitted model", errors, f"on {gain.episodes} held-out episodes; {still}"))
+    elif math.isfinite(gain.gain):
         low, high = decimal(100 * gain.low, 0), decimal(100 * gain.high, 0)
         entries.append(("Held-out error gone", f"{decimal(100 * gain.gain, 0)} %", f"90 % interval {low} to {high} %"))
         errors = f"{decimal(gain.nominal_mm, 1)} → {decimal(gain.extended_mm, 1)} mm"
-        entries.append(("One-step error", errors, f"on {gain.episodes} held-out episodes"))
+        entries.append(("One-step error", errors, f"on {gain.episodes} held-out episodes; {still}"))
     return entries
 
 

@@ -164,11 +164,16 @@ class VerdictFile(Struct, frozen=True, kw_only=True):
 
     `causes`: those that act together where the verdict is `named`, the alternatives where it is `set`, else none.
     `simulated`: object, tool and table, each in a sentence that says who says its numbers. `ranking`: everything that
-    was weighed.
+    was weighed. `headline`: the verdict in a few words; `probability` of what
+    `probability_of` says; `advice`: what to do next.
     """
 
     schema: Literal[1]
     verdict: Verdict
+    headline: str
+    probability: Chance
+    probability_of: str | None
+    advice: tuple[str, ...]
     sentences: tuple[str, ...]
     simulated: tuple[str, ...]
     causes: tuple[CauseEntry, ...]

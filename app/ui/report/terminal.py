@@ -13,6 +13,7 @@ from rich.table import Table
 from rich.text import Text
 
 from app.discovery.case import Blame, Case
+from app.ui.report.advice import advice
 from app.ui.report.size import size
 from app.ui.report.verdict import chance, gain_sentence, headline, kind
 from app.ui.report.words import best, interval, percent, title
@@ -37,7 +38,8 @@ def show_case(case: Case, report: Path | None = None) -> RenderableType:
     ]
     if case.formula is not None:
         parts.append(_line("Formula", f"{case.formula.text}: {case.formula.words}"))
-    if case.next_push is not None:
+    parts += [_line("Next", text) for text in advice(case)]
+    if case.next_push is not None and case.next_push.text not in " ".join(advice(case)):
         parts.append(_line("Next push", case.next_push.text))
     if report is not None:
         parts.append(Text.assemble((f"{'Report':<11}", "bold"), str(report), no_wrap=True, overflow="ignore"))

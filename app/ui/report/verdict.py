@@ -16,6 +16,9 @@ _KINDS = {
 
 _LIKELIER = 0.5
 """Probability above which something is rather missing than not."""
+_SURELY = 0.9
+"""Probability above which something is said to be missing. Of the recordings that confidence was learnt from, seven in
+ten had something hidden in them: a probability of about that says nothing."""
 
 
 def kind(case: Case) -> str:
@@ -33,26 +36,39 @@ def headline(case: Case) -> str:
     if case.verdict == "set":
         return sentence(names(effects, "or"))
     if case.verdict == "none":
-        if _missing(case) > _LIKELIER:
-            return "Something may be missing, and these data cannot tell what"
+        if _missing(case) > _SURELY:
+            return "Something is missing, and these data cannot tell what"
+        if is_missing_something(case):
+            return "These data cannot tell whether anything is missing"
         return "The model lacks nothing that these data would show"
     return "Something acts that no known cause explains"
 
 
 def chance(case: Case) -> tuple[str, str] | None:
     """The probability of the verdict, and what it is the probability of; None where it is not known."""
+    known = probability(case)
+    return None if known is None else (percent(known[0]), known[1])
+
+
+def probability(case: Case) -> tuple[float, str] | None:
+    """The same as a number, 0 to 1."""
     chances = [blame.probability for blame in case.causes]
     if case.verdict == "named" and chances:
-        return percent(min(chances)), "that this is missing" if len(chances) == 1 else "for the least certain of them"
+        return min(chances), "that this is missing" if len(chances) == 1 else "for the least certain of them"
     if case.verdict == "set" and chances:
-        return percent(min(sum(chances), 1.0)), "that it is one of these"
+        return min(sum(chances), 1.0), "that it is one of these"
     if not math.isfinite(case.leftover):
         return None
-    if case.verdict == "none" and _missing(case) > _LIKELIER:
-        return percent(_missing(case)), "that something is missing"
+    if case.verdict == "none" and is_missing_something(case):
+        return _missing(case), "that something is missing"
     if case.verdict == "none":
-        return percent(min(1 - case.leftover, 1 - _missing(case))), "that nothing is missing"
-    return percent(case.leftover), "that something else acts"
+        return min(1 - case.leftover, 1 - _missing(case)), "that nothing is missing"
+    return case.leftover, "that something else acts"
+
+
+def is_missing_something(case: Case) -> bool:
+    """Whether it is likelier that some cause acts than that none does."""
+    return _missing(case) > _LIKELIER
 
 
 def _missing(case: Case) -> float:
@@ -64,6 +80,11 @@ def gain_sentence(gain: Gain) -> str:
     """The gain in a sentence; where it could not be measured, that."""
     if not math.isfinite(gain.gain) or gain.episodes == 0:
         return "What an extended model would gain was not measured: there are no held-out episodes to measure it on."
+    if gain.extended_mm == gain.nominal_mm:
+        return (
+            f"No extended model is used: the refitted one errs by {decimal(gain.nominal_mm, 1)} mm on {gain.episodes} "
+            f"held-out episodes, one in which nothing moves by {decimal(gain.still_mm, 1)} mm."
+        )
     errors = f"{decimal(gain.nominal_mm, 1)} to {decimal(gain.extended_mm, 1)} mm"
     share = gain_and_interval(gain.gain, gain.low, gain.high)
     return (

@@ -7,7 +7,9 @@ import msgspec
 from app.core.track import Track
 from app.discovery.case import Blame, Case, Estimate, Formula, Gain, NextPush, Power
 from app.ui.report import schema
+from app.ui.report.advice import advice
 from app.ui.report.size import size
+from app.ui.report.verdict import headline, probability
 
 
 def verdict_json(case: Case) -> str:
@@ -17,9 +19,14 @@ def verdict_json(case: Case) -> str:
 
 def verdict_file(case: Case) -> schema.VerdictFile:
     """The case as what the file holds."""
+    known = probability(case)
     return schema.VerdictFile(
         schema=1,
         verdict=case.verdict,
+        headline=headline(case),
+        probability=_known(known[0]) if known is not None else None,
+        probability_of=known[1] if known is not None else None,
+        advice=advice(case),
         sentences=case.sentences,
         simulated=() if case.setup is None else case.setup.words,
         causes=tuple(map(_cause, case.causes)),

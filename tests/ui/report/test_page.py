@@ -13,8 +13,9 @@ import pytest
 from app.core.errors import UsageError
 from app.discovery.case import Arrows, Case, Limit
 from app.ui.report import write_report
+from app.ui.report.advice import advice
 from app.ui.report.page import SECTIONS, page
-from app.ui.report.verdict import headline
+from app.ui.report.verdict import gain_sentence, headline
 from app.ui.report.words import effect_name
 from tests.ui.report.cases import CASES, a_set, blame, estimate, named, none
 
@@ -177,3 +178,37 @@ def test_a_report_is_written_where_it_should_be(tmp_path: Path) -> None:
 def test_a_place_that_cannot_be_written_is_said_with_the_next_step(tmp_path: Path) -> None:
     with pytest.raises(UsageError, match="choose another place"):
         write_report(tmp_path / "missing" / "report.html", none())
+
+
+@every_case
+def test_what_to_do_next_is_said_at_the_top_of_the_page(case: Case) -> None:
+    reader = read(case)
+    text = " ".join("".join(reader.text).split())
+    assert advice(case)
+    for said in advice(case):
+        assert said in text
+        assert text.index(said) < text.index(SECTIONS[0][1])
+
+
+def test_no_model_is_recommended_where_nothing_can_be_named_or_several_causes_are_left() -> None:
+    assert not any("--model" in said for case in (none(), a_set()) for said in advice(case))
+    assert any("--model" in said for said in advice(named()))
+
+
+@pytest.mark.parametrize(
+    ("probability", "said"), [(0.4, "nothing"), (0.7, "cannot tell whether"), (0.95, "cannot tell what")]
+)
+def test_a_verdict_that_names_nothing_says_how_sure_it_is_that_something_is_missing(
+    probability: float, said: str
+) -> None:
+    unsure = replace(
+        none(), limits=(), leftover=0.0, ranking=(blame("draught", "physics", "A draught.", probability, 1.0),)
+    )
+    assert said in headline(unsure)
+    assert said in page(unsure)
+
+
+def test_a_model_that_was_not_extended_has_gained_nothing_and_nothing_is_said_of_a_share() -> None:
+    gain = replace(named().gain, extended_mm=named().gain.nominal_mm, gain=0.0)
+    assert "No extended model" in gain_sentence(gain)
+    assert "0 %" not in gain_sentence(gain)

@@ -8,7 +8,9 @@ import jsonschema
 import pytest
 
 from app.ui.report import verdict_json
+from app.ui.report.advice import advice
 from app.ui.report.schema import json_schema
+from app.ui.report.verdict import headline, probability
 from tests.ui.report.cases import CASES, named, none
 
 SCHEMA_FILE = Path(__file__).parents[3] / "docs" / "verdict.schema.json"
@@ -33,6 +35,9 @@ def test_numbers_are_those_of_the_case(case) -> None:
     read = json.loads(verdict_json(case))
     assert read["schema"] == 1
     assert (read["verdict"], tuple(read["sentences"])) == (case.verdict, case.sentences)
+    assert (read["headline"], tuple(read["advice"])) == (headline(case), advice(case))
+    said = probability(case)
+    assert (read["probability"], read["probability_of"]) == (said or (None, None))
     for entries, blames in ((read["causes"], case.causes), (read["ranking"], case.ranking)):
         assert [it["effect"] for it in entries] == [it.effect for it in blames]
         assert [it["probability"] for it in entries] == [it.probability for it in blames]

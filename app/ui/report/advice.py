@@ -1,0 +1,59 @@
+"""The next step after a verdict, in one to three sentences: what to do with it, or what would change it."""
+
+import shlex
+from collections.abc import Iterator
+from typing import Final
+
+from app.discovery.case import Case
+from app.ui.report.verdict import is_missing_something
+
+_SOURCE: Final = {
+    "sensing": "Or take it away at its source: calibrate cameras and tool anew, and record again.",
+    "actuation": "Or take it away at its source, in the arm's own controller, and record again.",
+}
+"""By family of a cause: what is better than a model that allows for it."""
+MODEL: Final = "model.toml"
+_SURE: Final = 0.95
+
+
+def advice(case: Case) -> tuple[str, ...]:
+    """What to do next, the most important first."""
+    return tuple(_advice(case))
+
+
+def _advice(case: Case) -> Iterator[str]:
+    if any(limit.fatal for limit in case.limits):
+        yield "Do not use a model from these recordings. Mend what is said above, record again, and ask again."
+        return
+    if case.verdict == "named" or case.formula is not None:
+        yield f"Plan with the extended model, which is saved beside this report: {_run(case)}"
+        families = {blame.family for blame in case.causes}
+        if len(families) == 1 and (text := _SOURCE.get(next(iter(families)))) is not None:
+            yield text
+        if case.verdict == "named" and any(blame.probability < _SURE for blame in case.causes):
+            yield from _more(case, "To be surer")
+    elif case.verdict == "set":
+        yield from _more(case, "To tell them apart")
+        yield "Until then use none of them as if it were known."
+    elif case.verdict == "none_of_these":
+        yield "Do not trust the model where it errs (section 2), and look there for what is not in the catalogue."
+        yield from _more(case, "To know more")
+    elif is_missing_something(case):
+        yield from _more(case, "To know more")
+        yield "Until then keep the model as it is: no cause is sure enough to be added to it."
+    else:
+        yield f"Nothing has to be mended. The refitted model is saved beside this report: {_run(case)}"
+        yield "How large a cause could be without having shown is in section 9; more pushes show smaller ones."
+
+
+def _run(case: Case) -> str:
+    """The command that plans with the model that is saved."""
+    return f"dipac run {shlex.quote(case.amount.task)} --model {MODEL}"
+
+
+def _more(case: Case, why: str) -> Iterator[str]:
+    """The push that would tell most, or more of any."""
+    if case.next_push is not None:
+        yield f"{why}, make this push and ask again. {case.next_push.text}"
+    else:
+        yield f"{why}, record as many pushes again, from other shapes of the object and in other directions."
