@@ -23,6 +23,7 @@ from app.discovery.conclude import NAMED
 from app.discovery.direct import direct_blocks
 from app.discovery.evidence import Covariances
 from app.discovery.field import MODES
+from app.discovery.forces import FORMULA
 from app.discovery.inference import Prior
 from app.discovery.predict import Predictor, prepare
 from app.discovery.screen import Screening, prior_of, refit, screen
@@ -124,7 +125,7 @@ def believed(study: Study, subject: Subject) -> Belief:
 def belief_of(screening: Screening) -> Belief:
     """What a screening says, with the probabilities that were measured for such screenings."""
     probabilities, nothing = calibration().probabilities(screening)
-    suspects = {each.cause: each.columns for each in screening.suspects if probabilities[each.cause] > _RIVAL}
+    suspects = {each.cause: each.columns for each in screening.weighed if probabilities[each.cause] > _RIVAL}
     prior, weighing = screening.prior, screening.weighing
     kept = sorted({*prior.nuisance, *(column for columns in suspects.values() for column in columns)})
     at, forms = {column: number for number, column in enumerate(kept)}, weighing.nothing.forms
@@ -202,7 +203,7 @@ def is_none_left(belief: Belief) -> bool:
 def belief_words(belief: Belief) -> str:
     """For example `after 16 pushes: table tilt 41 %, draught 22 %, viscous film 9 %, nothing missing 20 %`."""
     ranked = sorted(belief.probabilities.items(), key=lambda pair: -pair[1])[:_LISTED]
-    shares = [f"{cause.replace('_', ' ')} {share:.0%}".replace("%", " %") for cause, share in ranked]
+    shares = [f"{rival_words(cause)} {share:.0%}".replace("%", " %") for cause, share in ranked]
     nothing = f"{NOTHING} {belief.nothing:.0%}".replace("%", " %")
     pushes = "1 push" if belief.pushes == 1 else f"{belief.pushes} pushes"
     return f"after {pushes}: {', '.join([*shares, nothing])}"
@@ -213,13 +214,18 @@ def stop_words(belief: Belief, stop: Stop) -> str:
     match stop:
         case "named":
             best = max(belief.probabilities, key=lambda cause: belief.probabilities[cause])
-            return f"Enough: {best.replace('_', ' ')} is {100 * belief.probabilities[best]:.0f} % probable."
+            return f"Enough: {rival_words(best)} is {100 * belief.probabilities[best]:.0f} % probable."
         case "none left":
             return f"Enough: no cause is left; that nothing is missing is {100 * belief.nothing:.0f} % probable."
         case "budget":
             return (
                 f"The {belief.pushes} pushes that were asked for are made, and no cause stands out enough for a name."
             )
+
+
+def rival_words(cause: str) -> str:
+    """The name of a cause, of nothing or of a force of none of them, in plain words."""
+    return "a force of no known cause" if cause == FORMULA else cause.replace("_", " ")
 
 
 def _one_way(steps: Sequence[Step]) -> list[Step]:

@@ -18,7 +18,7 @@ from app.core.types import Points
 from app.discovery.evidence import information_of
 from app.discovery.next_push import push_words
 from app.discovery.predict import Predictor, Seen, Trials, labelled, prepare
-from app.discovery.probe import NOTHING, Belief, gains_of, weighted
+from app.discovery.probe import NOTHING, Belief, gains_of, rival_words, weighted
 from app.discovery.sensitivity import residuals
 from app.discovery.study import Push, Study, View
 from app.discovery.subject import Subject, catalogue
@@ -120,7 +120,7 @@ def best_of(
     best = int(np.argmax([gain.sum() for gain in gains]))
     between, nats = _told_apart(list(belief.rivals), gains[best]), float(gains[best].sum())
     candidate = candidates[best]
-    first, second = (name.replace("_", " ") for name in between)
+    first, second = (rival_words(name) for name in between)
     text = f"{push_words(candidate.track, height_m)}{candidate.kind}: to tell {first} from {second} ({nats:.2f} nats)"
     return Probe(
         track=candidate.track,
