@@ -34,7 +34,7 @@ from app.discovery.soundness import model_limits
 from app.discovery.study import Study
 from app.discovery.subject import Subject, Theta, catalogue
 from app.tasks import load
-from app.tasks.doubted import subject_for
+from app.tasks.doubted import doubted_in
 from bench import real_pushes
 from bench.hidden.known_errors import with_error
 from bench.leave_one_out import paired
@@ -217,7 +217,7 @@ def main(
         return
     console, pushes = Console(width=170, highlight=False), recorded_pushes(folder)
     study = read_pushes(pushes)
-    subject = subject_for(study, load(full_name(study.task, dynamics=None)))
+    subject = doubted_in(study, load(full_name(study.task, dynamics=None))).subject
     plain = investigated(study, subject)
     console.print(f"All {len(study.pushes)} pushes as {study.task}: {plain.said}")
     for blame in plain.ranking[:_LISTED]:

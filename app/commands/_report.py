@@ -19,7 +19,7 @@ from app.recording.model_file import save_model
 from app.sim.catalogue import discover as effects_of_the_simulator
 from app.sim.effects.base import MIDDLE, MIDDLE_M
 from app.tasks import load
-from app.tasks.doubted import subject_for
+from app.tasks.doubted import doubted_in
 from app.tasks.extended import estimated, extended_model
 from app.ui.report import show_case, verdict_json, write_report
 
@@ -33,13 +33,13 @@ def report_on(terminal: Console, study: Study, task: str, recordings: Sequence[P
             terminal.print(f"[dim]{time.monotonic() - began:6.0f} s[/]  {stage}")
             status.update(stage)
 
-        subject = subject_for(study, load(task))
-        case = investigate(study, subject, said)
+        doubted = doubted_in(study, load(task))
+        case = investigate(study, doubted.subject, said, doubted.about)
     report = output / "report.html"
     write_report(report, case)
     (output / VERDICT).write_text(verdict_json(case), encoding="utf-8")
     try:
-        save_model(output / MODEL, _model(case, study, task, subject, recordings))
+        save_model(output / MODEL, _model(case, study, task, doubted.subject, recordings))
     except ParameterError as error:  # Of a place that is farther from the middle than any planner's table is wide.
         (output / MODEL).unlink(missing_ok=True)
         terminal.print(f"No {MODEL} is written, as no planner could use it: {error}")

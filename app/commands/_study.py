@@ -72,12 +72,21 @@ def read_study(paths: Sequence[Path], *, task: str | None = None) -> Study:
     return study if camera is None else replace(study, camera=camera)
 
 
+def _imported(config: str) -> dict[str, Any]:
+    """Notes that an import made, an object of JSON; of what else began an episode, nothing."""
+    try:
+        found: Any = json.loads(config)
+    except json.JSONDecodeError:
+        return {}
+    return found if isinstance(found, dict) else {}
+
+
 def _setup_of(episodes: Sequence["_Recorded"]) -> MeasuredSetup | None:
     """Setup of imported recordings: the first's, with the flaws of all."""
     setups = list[MeasuredSetup]()
     for episode in episodes:
-        config: Any = json.loads(episode.episode.config or "{}")
-        if isinstance(config, dict) and KEY in config:
+        config = _imported(episode.episode.config)
+        if KEY in config:
             setups.append(msgspec.convert(config[KEY], MeasuredSetup))
     if not setups:
         return None

@@ -44,19 +44,19 @@ _BELOW_M = 0.004
 
 
 @threadpool_limits.wrap(limits=1, user_api="blas")
-def discover(study: Study, subject: Subject, said: Progress) -> Case:
-    """Everything that a study says about a task's simulator. `said` is told what is being done.
+def discover(study: Study, subject: Subject, said: Progress, about: Theta | None = None) -> Case:
+    """Everything that a study says about a task's simulator. `said` is told what is being done; `about`: see `judged`.
 
     Registrations and fits are linear algebra so small that threads make it ten times slower.
     """
     stages = Stages(said)
-    found = judged(study, subject, stages)
+    found = judged(study, subject, stages, about)
     predictor, trials, screening, decision = found.predictor, found.trials, found.screening, found.decision
-    study, about, limits = trials.study, found.about, found.limits
+    study, refitted, limits = trials.study, found.about, found.limits
     with stages.stage("direct checks"):
         checks = direct_checks(predictor, trials, predictor.catalogue.nominal(subject))
     with stages.stage("frames"):
-        places, arrows = arrows_of(trials, screening.data, predictor, about)
+        places, arrows = arrows_of(trials, screening.data, predictor, refitted)
         frames = frame_tests(trials, places, arrows)
     with stages.stage("what is left"):
         open_ended = opened(predictor, trials, screening, decision, said)
@@ -94,8 +94,8 @@ def discover(study: Study, subject: Subject, said: Progress) -> Case:
         powers=powers_of(predictor.catalogue, subject, screening),
         next_push=ahead,
         nominal=estimates_of(predictor.catalogue, subject, decision.singles[0], None),
-        about=about,
-        extended=model.estimate if model is not None else about,
+        about=refitted,
+        extended=model.estimate if model is not None else refitted,
         estimated=model.steps[: model.own] if model is not None else (),
         covariance=model.covariance if model is not None else np.zeros((0, 0)),
         spent_s=tuple(stages.spent_s),
@@ -122,14 +122,17 @@ class Judged:
     limits: tuple[Limit, ...]
 
 
-def judged(study: Study, subject: Subject, stages: "Stages") -> Judged:
-    """Refit the nominal model, weigh every cause against it, and decide; with what the study cannot say anyway."""
+def judged(study: Study, subject: Subject, stages: "Stages", about: Theta | None = None) -> Judged:
+    """Refit the nominal model, weigh every cause against it, and decide; with what the study cannot say anyway.
+
+    `about`: the refitted nominal model, where it is known.
+    """
     limits = limits_of(study, subject)
     study = centred(study, subject)
     known = catalogue(subject.rods, origin_m=study.origin_m, reach_m=reach_m(study, subject))
     predictor, trials = Predictor(subject, known), prepare(study, subject)
     with stages.stage("nominal fit"):
-        about = refit(predictor, trials)
+        about = refit(predictor, trials) if about is None else about
     with stages.stage("screening of every cause"):
         screening = screen(predictor, trials, about)
         trials = trials.turned(screening.ends)

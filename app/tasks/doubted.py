@@ -1,7 +1,7 @@
 """A task's simulator as what discovery doubts."""
 
-from dataclasses import replace
-from typing import Final
+from dataclasses import dataclass, replace
+from typing import Final, final
 
 import numpy as np
 from threadpoolctl import threadpool_limits
@@ -67,8 +67,17 @@ def subject_of(task: Task, setup: MeasuredSetup | None = None, *, stiff: bool = 
     )
 
 
+@final
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Doubted:
+    """The simulator that is doubted; `about`: its nominal model, refitted to the study, where that is known already."""
+
+    subject: Subject
+    about: Theta | None = None
+
+
 @threadpool_limits.wrap(limits=1, user_api="blas")
-def subject_for(study: Study, task: Task) -> Subject:
+def doubted_in(study: Study, task: Task) -> Doubted:
     """The simulator of a task in whose range these pushes are.
 
     That is the one of stiff rods where the usual one, refitted to them, is stiff, and a stiff rod errs less. A refit
@@ -76,21 +85,20 @@ def subject_for(study: Study, task: Task) -> Subject:
     """
     usual = subject_of(task, study.setup)
     if usual.rods is None or task.rods is None or task.rods.stiff_scene == usual.rods.scene:
-        return usual
+        return Doubted(subject=usual)
     trials, predictor = prepare(centred(study, usual), usual), Predictor(usual, catalogue(usual.rods))
-    stiff, column = subject_of(task, study.setup, stiff=True), predictor.catalogue.column("stiffness")
-    known, least_pa = catalogue(stiff.rods), float(stiff.nominal[index("stiffness")])
+    about, column = refit(predictor, trials), predictor.catalogue.column("stiffness")
+    if about[column] < _STIFF * usual.nominal[column]:
+        return Doubted(subject=usual, about=about)
+    stiff, error_m = subject_of(task, study.setup, stiff=True), _error_m(predictor, trials, about)
+    known, least_pa = catalogue(stiff.rods), float(stiff.nominal[column])
     stiffer = (least_pa * times for times in _STIFFER)
     starts = [Predictor(_as_stiff(stiff, pa), known) for pa in stiffer if pa < known.specs[column].high]
-    least_m = min(_error_m(start, trials, known.nominal(start.subject)) for start in starts)
-    if least_m >= _error_m(predictor, trials, predictor.catalogue.nominal(usual)):  # It takes no refit to see it.
-        return usual
-    about = refit(predictor, trials)
-    error_m = _error_m(predictor, trials, about)
-    if about[column] < _STIFF * usual.nominal[index("stiffness")] or least_m >= error_m:
-        return usual
-    errors_m = [error_m, *(_error_m(start, trials, refit(start, trials)) for start in starts)]
-    return [predictor, *starts][int(np.argmin(errors_m))].subject
+    if min(_error_m(start, trials, known.nominal(start.subject)) for start in starts) >= error_m:
+        return Doubted(subject=usual, about=about)
+    found = [(predictor, about), *((start, refit(start, trials)) for start in starts)]
+    best, refitted = min(found, key=lambda pair: _error_m(pair[0], trials, pair[1]))
+    return Doubted(subject=best.subject, about=refitted)
 
 
 def _as_stiff(subject: Subject, stiffness_pa: float) -> Subject:

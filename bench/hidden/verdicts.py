@@ -15,9 +15,9 @@ from app.discovery.conclude import estimates_of, verdict_of
 from app.discovery.formula import Opened
 from app.discovery.leftover import Leftover
 from app.discovery.study import Study
-from app.discovery.subject import Subject
+from app.discovery.subject import Subject, Theta
 from app.tasks import load
-from app.tasks.doubted import subject_for
+from app.tasks.doubted import doubted_in
 
 _NOT_LOOKED_FOR: Final = Opened(Leftover(probability=0.0, by_chance=1.0), None)
 """Forces of no cause, which take as long as all the rest."""
@@ -42,13 +42,14 @@ class Verdict:
 def verdict(recordings: Sequence[Path]) -> Verdict:
     """As `dipac discover` says it, but for what no cause explains."""
     study = read_study(recordings)
-    return verdict_on(study, subject_for(study, load(full_name(study.task, dynamics=None))))
+    doubted = doubted_in(study, load(full_name(study.task, dynamics=None)))
+    return verdict_on(study, doubted.subject, doubted.about)
 
 
 @threadpool_limits.wrap(limits=1, user_api="blas")
-def verdict_on(study: Study, subject: Subject) -> Verdict:
-    """The same of a study and the simulator that is doubted."""
-    found = judged(study, subject, Stages(lambda _: None))
+def verdict_on(study: Study, subject: Subject, about: Theta | None = None) -> Verdict:
+    """The same of a study and the simulator that is doubted; `about`: see `judged`."""
+    found = judged(study, subject, Stages(lambda _: None), about)
     decision, known = found.decision, found.predictor.catalogue
     kind, causes = verdict_of(decision, found.limits, _NOT_LOOKED_FOR)
     sizes = {model.causes[0]: estimates_of(known, subject, model, model.causes[0]) for model in decision.singles}

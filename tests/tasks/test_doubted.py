@@ -10,7 +10,7 @@ from app.discovery.study import Study
 from app.discovery.subject import catalogue
 from app.policy.strokes import Plan
 from app.sim.params import index
-from app.tasks.doubted import subject_for, subject_of
+from app.tasks.doubted import doubted_in, subject_of
 from bench.hidden.ropes import RopeCase
 
 CASE = RopeCase(seed=7001, plan=Plan(episodes=2, pushes=3))
@@ -31,7 +31,7 @@ def test_stiff_rods_begin_where_the_usual_ones_end_and_go_on_farther() -> None:
 
 
 def test_pushes_of_a_limp_rope_doubt_the_usual_simulator(study: Study) -> None:
-    subject, usual = subject_for(study, CASE.task), subject_of(CASE.task)
+    subject, usual = doubted_in(study, CASE.task).subject, subject_of(CASE.task)
     assert subject.rods == usual.rods
     np.testing.assert_array_equal(subject.nominal, usual.nominal)
 
@@ -48,6 +48,6 @@ def test_pushes_of_a_rope_that_is_stiffer_than_that_bears_doubt_the_one_of_stiff
         replace(push, during=(), after=replace(push.after, points=cloud))
         for push, cloud in zip(study.pushes, after, strict=True)
     )
-    found = subject_for(replace(study, pushes=pushes), CASE.task)
+    found = doubted_in(replace(study, pushes=pushes), CASE.task).subject
     assert found.rods == stiff.rods
     assert found.nominal[STIFFNESS] >= stiff.nominal[STIFFNESS]
