@@ -55,7 +55,7 @@ class FoundTable:
                 f"Table: at height 0, as was said; {by} have it {_MM * self.height_m:.0f} mm high and tilted by "
                 f"{self.tilt_deg:.1f} degrees, which cameras may err by."
             )
-        return "Table: at height 0, as was said; it was not seen bare."
+        return "Table: at height 0, as was said."
 
 
 @final

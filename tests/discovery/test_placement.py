@@ -65,4 +65,4 @@ def test_what_is_drawn_is_moved_back(tmp_path: Path) -> None:
     page = (tmp_path / "report.html").read_text(encoding="utf-8")
     assert "Object: a rope 0.400 m long" in page
     assert show_case(told) is not None
-    assert FoundTable().words == "Table: at height 0, as was said; it was not seen bare."
+    assert FoundTable().words == "Table: at height 0, as was said."
