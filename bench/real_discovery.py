@@ -22,8 +22,8 @@ from threadpoolctl import threadpool_limits
 from app.commands._named import full_name
 from app.core.types import Points
 from app.discovery.case import Blame, Limit
-from app.discovery.conclude import NAMED, ranking_of, verdict_of
-from app.discovery.decide import Decision, decide, is_sized
+from app.discovery.conclude import ranking_of, verdict_of
+from app.discovery.decide import NAMED, Decision, decide, is_sized
 from app.discovery.formula import Opened
 from app.discovery.gain import error_mm
 from app.discovery.leftover import Leftover

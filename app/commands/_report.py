@@ -27,12 +27,13 @@ from app.ui.report import show_case, verdict_json, write_report
 def report_on(terminal: Console, study: Study, task: str, recordings: Sequence[Path], output: Path) -> Case:
     """Go through the whole chain with the full name of a `task`, write what it found to `output`, and show it."""
     began = time.monotonic()
-    with terminal.status("choosing the simulator") as status:
+    with terminal.status("") as status:
 
         def said(stage: str) -> None:
             terminal.print(f"[dim]{time.monotonic() - began:6.0f} s[/]  {stage}")
             status.update(stage)
 
+        said("choice of the simulator")
         doubted = doubted_in(study, load(task))
         case = investigate(study, doubted.subject, said, doubted.about)
     report = output / "report.html"

@@ -20,6 +20,8 @@ from app.core.types import Points
 
 MODES = 8
 """Cosines along the object, the constant included; each across and along it. Amplitudes: 2 MODES a view."""
+AFTER = slice(2 * MODES, 4 * MODES)
+"""Rows of the residuals of a view after a push; those of the one during it come first."""
 WIDTH_M = 0.015
 """h, about the width of the ropes and beans on the table; and the lattice's spacing."""
 _WIDTHS_M = (0.03, WIDTH_M)

@@ -19,7 +19,7 @@ from jaxtyping import Float64
 from threadpoolctl import threadpool_limits
 
 from app.discovery.calibration import calibration
-from app.discovery.conclude import NAMED
+from app.discovery.decide import NAMED
 from app.discovery.direct import direct_blocks
 from app.discovery.evidence import Covariances
 from app.discovery.field import MODES

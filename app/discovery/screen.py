@@ -9,7 +9,7 @@ from jaxtyping import Float64
 
 from app.discovery.ends import Ends, found_ends, turned
 from app.discovery.evidence import Residuals, fitted
-from app.discovery.field import MODES, Basis
+from app.discovery.field import AFTER, Basis
 from app.discovery.forces import FORMULA, columns_of_features, force_steps, with_formula
 from app.discovery.inference import CALIBRATED, Finding, Prior, Weighing, habit, weigh
 from app.discovery.predict import Predictor, Trials
@@ -185,11 +185,10 @@ def arrows_of(
 ) -> tuple[Float64[np.ndarray, "K N 2"], Float64[np.ndarray, "K N 2"]]:
     """Where each push is predicted to leave the object's points, and how far from there they are seen [m]."""
     predicted = predictor(trials, [about]).after[0]
-    rows = slice(2 * MODES, 4 * MODES)
     arrows = np.zeros((*predicted.shape[:2], 2))
     for k, cloud in enumerate(predicted):
         if np.isfinite(cloud).all():
-            arrows[k] = Basis.along(cloud, trials.labels[k, :, 0]).field(data.r[k, rows])
+            arrows[k] = Basis.along(cloud, trials.labels[k, :, 0]).field(data.r[k, AFTER])
     return np.nan_to_num(predicted[:, :, :2].astype(np.float64)), arrows
 
 

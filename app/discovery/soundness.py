@@ -6,18 +6,17 @@ import numpy as np
 
 from app.discovery.case import Limit
 from app.discovery.evidence import Residuals
-from app.discovery.field import MODES, Basis, registered
+from app.discovery.field import AFTER, Basis, registered
 from app.discovery.predict import Trials
 
 _ENOUGH = 0.9
 """Share of the pushes that have to be simulated."""
-_AFTER = slice(2 * MODES, 4 * MODES)
 _MM = 1e3
 
 
 def model_limits(trials: Trials, data: Residuals) -> Iterator[Limit]:
     """What forbids a name whatever the evidence; `data`: residuals of the refitted nominal model."""
-    simulated = np.any(data.known[:, _AFTER], axis=1)
+    simulated = np.any(data.known[:, AFTER], axis=1)
     count = int(simulated.sum())
     if count < _ENOUGH * len(data):
         yield Limit(
@@ -30,7 +29,7 @@ def model_limits(trials: Trials, data: Residuals) -> Iterator[Limit]:
         )
     if not count:
         return
-    errors = np.sqrt((data.r[simulated][:, _AFTER] ** 2).sum(1))
+    errors = np.sqrt((data.r[simulated][:, AFTER] ** 2).sum(1))
     moved = np.array([_moved_m(trials, int(k)) for k in np.flatnonzero(simulated)])
     if errors.mean() >= moved.mean():
         yield Limit(

@@ -8,7 +8,7 @@ from threadpoolctl import threadpool_limits
 
 from app.core.errors import UsageError
 from app.core.measured_setup import MeasuredSetup
-from app.discovery.field import MODES
+from app.discovery.field import AFTER
 from app.discovery.placement import centred
 from app.discovery.predict import Predictor, Trials, prepare
 from app.discovery.screen import refit
@@ -23,8 +23,6 @@ from app.tasks.compiled import nominal_model, phi_of
 
 _STIFF: Final = 1.5
 """Times the nominal stiffness: a rope that is refitted to be stiffer may be stiffer than the usual rod bears."""
-_AFTER: Final = slice(2 * MODES, 4 * MODES)
-"""Rows of residuals after a push."""
 _STIFFER: Final = (1.0, 4.0, 16.0)
 """Whence stiff rods are refitted, as multiples of the limpest of them."""
 
@@ -110,5 +108,5 @@ def _as_stiff(subject: Subject, stiffness_pa: float) -> Subject:
 def _error_m(predictor: Predictor, trials: Trials, about: Theta) -> float:
     """A model's median residual after a push; infinite of those that cannot be simulated."""
     found = residuals(predictor, trials, about, (), replicas=0)
-    simulated = found.known[:, _AFTER].any(1)
-    return float(np.median(np.where(simulated, np.linalg.norm(found.r[:, _AFTER], axis=1), np.inf)))
+    simulated = found.known[:, AFTER].any(1)
+    return float(np.median(np.where(simulated, np.linalg.norm(found.r[:, AFTER], axis=1), np.inf)))

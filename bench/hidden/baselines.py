@@ -27,7 +27,8 @@ from threadpoolctl import threadpool_limits
 from app.commands._named import Dynamics, full_name
 from app.commands._study import read_study
 from app.discovery.case import Blame
-from app.discovery.conclude import NAMED, estimate_of
+from app.discovery.conclude import estimate_of
+from app.discovery.decide import NAMED
 from app.discovery.predict import Predictor, prepare
 from app.discovery.screen import Screening, Suspect, refit, screen
 from app.discovery.subject import catalogue

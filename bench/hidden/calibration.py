@@ -27,6 +27,7 @@ from scipy.special import log_softmax, softmax
 from threadpoolctl import threadpool_limits
 
 from app.discovery.calibration import Calibration, features
+from app.discovery.decide import NAMED
 from app.discovery.forces import FORMULA
 from app.discovery.predict import Predictor, prepare
 from app.discovery.screen import refit, screen
@@ -52,7 +53,6 @@ FOLDS: Final = 10
 _WEIGHT_PENALTY, _BIAS_PENALTY = 0.3, 1.0
 """Of squares, in the loss of all studies."""
 _EDGES: Final = (0.0, 0.3, 0.5, 0.7, 0.8, 0.9, 1.0)
-_NAMED: Final = 0.8
 
 
 def drawn(seed: int, number: int) -> RopeCase:
@@ -221,11 +221,11 @@ def _shown(found: Float64[np.ndarray, "S D"], known_lines: Lines) -> Table:
             shown.add_row(f"{low:.1f} to {high:.1f}", str(own.sum()), mean, interval)
     named = [n for n, cause in enumerate(known_lines.causes) if cause != FORMULA]
     names = np.isin(likeliest, named)
-    sure = names & (found.max(1) > _NAMED)
+    sure = names & (found.max(1) > NAMED)
     nothing = known_lines.true[:, named].sum(1) == 0
     for text, own in (("a cause was hidden", ~nothing), ("none of the catalogue was", nothing)):
         wrong, named = int((sure & ~right)[own].sum()), int((sure & right)[own].sum())
-        shown.add_row(text, str(own.sum()), "", f"named above {_NAMED}: {named} right, {wrong} wrong")
+        shown.add_row(text, str(own.sum()), "", f"named above {NAMED}: {named} right, {wrong} wrong")
     return shown
 
 

@@ -5,8 +5,7 @@ from functools import cache
 import numpy as np
 import pytest
 
-from app.discovery.conclude import NAMED
-from app.discovery.decide import held_out, probabilities_of
+from app.discovery.decide import NAMED, held_out, probabilities_of
 from app.discovery.predict import Predictor, prepare
 from app.discovery.refine import refine, started
 from app.discovery.screen import Screening, refit, screen
