@@ -87,7 +87,8 @@ class Decision:
 def decide(predictor: Predictor, trials: Trials, screening: Screening, said: Progress) -> Decision:
     """Refit the shortlist, weigh it, and add causes while they are needed.
 
-    Of rods how probable a cause is was measured (`calibration`), and a refit only says how large it is.
+    Of rods how probable a cause is was measured (`calibration`), and a refit only says how large it is. A further one
+    is asked about where the first makes left-out episodes more likely.
     """
     singles, catalogue = list[Model](), predictor.catalogue
     measured = calibration().probabilities(screening) if catalogue.rods else None
@@ -100,9 +101,10 @@ def decide(predictor: Predictor, trials: Trials, screening: Screening, said: Pro
     singles.sort(key=lambda model: -probabilities[model.causes[0]])
     best = singles[0]
     sure = nothing < _DOUBT and (unknown < _DOUBT or probabilities[best.causes[0]] > NAMED)
-    if sure:
-        best = _extended(predictor, trials, screening, best, singles, said)
     held = held_out((screening.data, screening.prior), best)
+    if sure and (not catalogue.rods or held.gain > held.error):
+        best = _extended(predictor, trials, screening, best, singles, said)
+        held = held_out((screening.data, screening.prior), best)
     earned = held.gain > (_ERRORS if catalogue.rods else 1) * held.error
     earned &= not catalogue.rods or is_sized(catalogue, best)
     return Decision(
