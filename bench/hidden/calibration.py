@@ -37,6 +37,7 @@ from app.evaluation.intervals import share
 from app.evaluation.ledger import lines
 from app.policy.strokes import Plan
 from app.rig.simulated.hiding import known
+from app.tasks import load
 from app.tasks.doubted import subject_of
 from bench.hidden.draws import Chosen, kinds, outsiders
 from bench.hidden.own_ropes import OwnRope
@@ -58,6 +59,10 @@ _WHOLE_EVERY: Final = 3
 FOLDS: Final = 10
 _WEIGHT_PENALTY, _BIAS_PENALTY = 0.3, 1.0
 """Of squares, in the loss of all studies."""
+_LOG_DETERMINANT, _LOG_PUSHES = 10, 12
+"""Columns of features: half the logarithm of a precision's determinant, and the logarithm of the number of pushes."""
+_SURE: Final = 4.0
+"""Standard errors at which a cause of an even prior is expected to be named: its evidence is then 6 nats."""
 _EDGES: Final = (0.0, 0.3, 0.5, 0.7, 0.8, 0.9, 1.0)
 
 
@@ -221,6 +226,7 @@ def main(
     terminal.print(_shown(left_out(known_lines), known_lines, "each left out of what was learnt"))
     if len(set(known_lines.worlds)) > 1:
         terminal.print(_shown(of_other_worlds(known_lines), known_lines, "each by what was learnt in other worlds"))
+    terminal.print(_resolution(known_lines))
     if table is not None:
         made_of = learnt(known_lines)
         table.write_text(json.dumps(_told(made_of), indent=1) + "\n", encoding="utf-8")
@@ -233,6 +239,29 @@ def _line(order: tuple[int, int]) -> dict[str, Any]:
     except ValueError as error:  # A rod of our own world left what it can simulate.
         found = {"failure": str(error)}
     return {"seed": seed, "number": number, **found}
+
+
+def _resolution(known_lines: Lines) -> Table:
+    """Standard error of each cause in a study of 100 random pushes, and pushes that a confident name would take.
+
+    From the Fisher information about a cause with all nuisances and habits projected out, the median over studies.
+    """
+    rods = catalogue(subject_of(load("rope_push@rods")).rods)
+    shown = Table(title="Resolution: typical sizes are told from nothing at four standard errors")
+    for heading in ("cause", *WORLDS, "pushes for four standard errors, of a typical size"):
+        shown.add_column(heading)
+    log_det, log_pushes = (
+        known_lines.features.reshape(*known_lines.features.shape[:2], 2, -1).sum(2)[:, :, column].T
+        for column in (_LOG_DETERMINANT, _LOG_PUSHES)
+    )
+    for cause, logs, pushes in zip(known_lines.causes, log_det, np.exp(log_pushes), strict=True):
+        if cause == FORMULA:
+            continue
+        each = np.expm1(2 * logs / rods.cause(cause).switches) / pushes
+        errors = {world: 1 / np.sqrt(100 * np.median(each[np.array(known_lines.worlds) == world])) for world in WORLDS}
+        worst = max(errors.values())
+        shown.add_row(cause, *(f"{error:.2f}" for error in errors.values()), f"{100 * (_SURE * worst) ** 2:.0f}")
+    return shown
 
 
 def _told(table: Calibration) -> dict[str, Any]:
