@@ -149,6 +149,13 @@ def information_of(data: Residuals, covariances: Covariances) -> Float64[np.ndar
     return found
 
 
+def forms_of(data: Residuals, theta: Float64[np.ndarray, " P"], covariances: Covariances) -> Forms:
+    """The likelihood's forms about any theta under a known noise, with the weight that Student's t gives each push."""
+    blocks = _blocks(data)
+    roots = [_roots(block, covariance) for block, covariance in zip(blocks, covariances, strict=True)]
+    return _forms(blocks, roots, theta)
+
+
 def _blocks(data: Residuals) -> list[_Rows]:
     found = list[_Rows]()
     for rows, least in data.blocks:

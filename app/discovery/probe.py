@@ -94,7 +94,7 @@ def first_belief(subject: Subject) -> Belief:
     """Before any push: every cause that needs no place is as probable as any other."""
     known = catalogue(subject.rods)
     about = known.nominal(subject)
-    steps = _one_way(steps_of(known, subject.calibrated, np.zeros((0, 2))))
+    steps = _one_way(steps_of(known, subject.calibrated, {}))
     prior = prior_of(known, subject.calibrated, about, steps)
     causes = _causes_of(steps, prior)
     count = len(steps)

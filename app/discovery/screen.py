@@ -1,7 +1,8 @@
 """The first verdict, from one batch of simulations: a refitted nominal model, and every cause weighed against it."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from types import MappingProxyType
 from typing import final
 
 import numpy as np
@@ -12,6 +13,7 @@ from app.discovery.evidence import Residuals, fitted
 from app.discovery.field import AFTER, Basis
 from app.discovery.forces import FORMULA, columns_of_features, force_steps, with_formula
 from app.discovery.inference import CALIBRATED, Finding, Prior, Weighing, habit, weigh
+from app.discovery.localize import Located, localized
 from app.discovery.predict import Predictor, Trials
 from app.discovery.sensitivity import Step, apart, moved, residuals, steps_of, ways_of
 from app.discovery.subject import ANY_NUMERICS, ROD_NUMERICS, Catalogue, Theta
@@ -67,10 +69,7 @@ class Screening:
 def refit(predictor: Predictor, trials: Trials) -> Theta:
     """The nominal model with the calibrated parameters that fit these pushes, and of rods the unknown ones, too."""
     catalogue, calibrated = predictor.catalogue, predictor.subject.calibrated
-    fitted_too = () if predictor.subject.rods is None else tuple(ROD_NUMERICS)
-    own = [
-        step for step in steps_of(catalogue, calibrated, np.zeros((0, 2))) if step.cause in (*calibrated, *fitted_too)
-    ]
+    own = _fitted_first(predictor)
     about = catalogue.nominal(predictor.subject)
     for _ in range(_REFITS):
         prior = prior_of(catalogue, calibrated, about, own)
@@ -83,25 +82,36 @@ def refit(predictor: Predictor, trials: Trials) -> Theta:
     return about
 
 
+def _fitted_first(predictor: Predictor) -> list[Step]:
+    """Steps of the calibrated parameters, and of a rod's unknown ones."""
+    calibrated, of_rods = predictor.subject.calibrated, predictor.subject.rods is not None
+    wanted = {*calibrated, *(ROD_NUMERICS if of_rods else ())}
+    return [step for step in steps_of(predictor.catalogue, calibrated, {}) if step.cause in wanted]
+
+
 def screen(predictor: Predictor, trials: Trials, about: Theta, *, only: Sequence[str] | None = None) -> Screening:
     """Weigh every cause, or those of `only`, against the refitted nominal model."""
     catalogue, calibrated = predictor.catalogue, predictor.subject.calibrated
     wanted = None if only is None else {*only, *calibrated, *ANY_NUMERICS}
-    steps = [
-        step
-        for step in steps_of(catalogue, calibrated, places_of(predictor, trials, about))
-        if wanted is None or step.cause in wanted
-    ]
+    located = located_of(predictor, trials, about, only)
+    places = {cause: found.places for cause, found in located.items()}
+    steps = [step for step in steps_of(catalogue, calibrated, places) if wanted is None or step.cause in wanted]
     if catalogue.rods and wanted is None:
         steps += force_steps(catalogue)
     data = residuals(predictor, trials, about, steps)
-    return screened(catalogue, calibrated, about, steps, data)
+    costs = {cause: found.cost for cause, found in located.items()}
+    return screened(catalogue, calibrated, about, steps, data, costs)
 
 
 def screened(
-    catalogue: Catalogue, calibrated: Sequence[str], about: Theta, steps: Sequence[Step], data: Residuals
+    catalogue: Catalogue,
+    calibrated: Sequence[str],
+    about: Theta,
+    steps: Sequence[Step],
+    data: Residuals,
+    costs: Mapping[str, float] = MappingProxyType({}),
 ) -> Screening:
-    """What the residuals and slopes about a model say of every cause."""
+    """What the residuals and slopes about a model say of every cause. `costs`: of a choice among many, in nats."""
     prior = prior_of(catalogue, calibrated, about, steps)
     odd_columns = {column for cause in catalogue.causes for column in cause.odd}
     odd = [n for n, step in enumerate(steps) if step.column in odd_columns]
@@ -112,7 +122,7 @@ def screened(
     free = (n for n, step in enumerate(steps) if n not in prior.nuisance and step.cause != FORMULA)
     for (cause, _), columns in ways_of(steps, free).items():
         even = [column for column in columns if column not in odd]
-        asked.append((cause, columns, chosen if len(even) < len(columns) else 0.0))
+        asked.append((cause, columns, costs.get(cause, 0.0) + (chosen if len(even) < len(columns) else 0.0)))
         if 0 < len(even) < len(columns):
             asked.append((cause, even, 0.0))
     asked += [(FORMULA, list(columns), 0.0) for columns in features.values()]
@@ -171,8 +181,23 @@ def prior_of(catalogue: Catalogue, calibrated: Sequence[str], about: Theta, step
     )
 
 
-def places_of(predictor: Predictor, trials: Trials, about: Theta) -> Float64[np.ndarray, "S 2"]:
-    """Where something might be: the corners of the inner half of where the object was, and where it is not as told."""
+def located_of(
+    predictor: Predictor, trials: Trials, about: Theta, only: Sequence[str] | None = None
+) -> Mapping[str, Located]:
+    """Where each cause that has a place might be: found on a lattice, or of material points guessed from residuals."""
+    catalogue, calibrated = predictor.catalogue, predictor.subject.calibrated
+    placed = [cause.name for cause in catalogue.causes if cause.placed and (only is None or cause.name in only)]
+    if not placed:
+        return {}
+    if not catalogue.rods:
+        guessed = _guessed(predictor, trials, about)
+        return {cause: Located(guessed, 0.0) for cause in placed}
+    nuisances = _fitted_first(predictor)
+    return localized(predictor, trials, about, placed, nuisances, prior_of(catalogue, calibrated, about, nuisances))
+
+
+def _guessed(predictor: Predictor, trials: Trials, about: Theta) -> Float64[np.ndarray, "S 2"]:
+    """The corners of the inner half of where the object was, and places where it is not as told."""
     seen = np.concatenate([push.before.points[:, :2] for push in trials.study.pushes])
     low, high = np.quantile(seen, [0.25, 0.75], axis=0)
     corners = [[x, y] for x in (low[0], high[0]) for y in (low[1], high[1])]

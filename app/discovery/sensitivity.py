@@ -5,7 +5,7 @@ derivatives, because friction of the finger, viscosity and what has a threshold 
 """
 
 from collections import Counter
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import TypeAlias, final
 
@@ -22,6 +22,7 @@ from app.discovery.subject import NUMERICS, Catalogue, Cause, Theta
 Way: TypeAlias = tuple[str, tuple[tuple[int, float], ...]]
 """A cause, with the place, or the other values, that it is asked about with."""
 
+_NOWHERE = np.zeros((0, 2))
 _NUISANCE_STEP = 0.3
 """Of the calibrated parameters, in a logarithm."""
 _WAYS = (0.125, 0.25, 0.375, 0.5, 0.625, 0.75, 0.875)
@@ -52,11 +53,15 @@ class Step:
     given: tuple[tuple[int, float], ...] = ()
 
 
-def steps_of(catalogue: Catalogue, calibrated: tuple[str, ...], places: Float64[np.ndarray, "S 2"]) -> list[Step]:
-    """A step for each parameter that makes a cause, nuisances first. `places` [m]: where something might be."""
+Places: TypeAlias = Mapping[str, Float64[np.ndarray, "S 2"]]
+"""Where each cause that has a place might be [m]."""
+
+
+def steps_of(catalogue: Catalogue, calibrated: Sequence[str], places: Places) -> list[Step]:
+    """A step for each parameter that makes a cause, nuisances first; of a cause with a place one for each of them."""
     steps = [Step(cause=name, column=catalogue.column(name), size=_NUISANCE_STEP, sides=2) for name in calibrated]
     for cause in catalogue.causes:
-        for given in _asked(catalogue, cause, places):
+        for given in _asked(catalogue, cause, places.get(cause.name, _NOWHERE)):
             steps += [switch_of(catalogue, cause, column, given) for column in cause.columns[: cause.switches]]
     return steps
 
@@ -98,22 +103,27 @@ def moved(catalogue: Catalogue, about: Theta, step: Step, share: float) -> Theta
 
 
 def residuals(
-    predictor: Predictor, trials: Trials, about: Theta, steps: Sequence[Step], replicas: int = REPLICAS
+    predictor: Predictor,
+    trials: Trials,
+    about: Theta,
+    steps: Sequence[Step],
+    replicas: int = REPLICAS,
+    starts: int = STARTS,
 ) -> Residuals:
     """Residuals about a model, what each step changes, and what errs in each push by itself.
 
     That is what the noise of the cameras at its start does, and a share of every step of what is simulated. Of rods all
-    of it is the mean over `STARTS` beginnings, which are the same for every model: a push that is chaotic says little.
+    of it is the mean over so many `starts`, which are the same for every model: a push that is chaotic says little.
     """
     catalogue = predictor.catalogue
     changes = [change_of(catalogue, about, step) for step in steps]
-    starts = [trials]
+    beginnings = [trials]
     if predictor.subject.rods is not None:
-        starts += [trials.disturbed(seed) for seed in range(STARTS - 1)]
-    runs = [_simulated(predictor, start, about, steps, changes) for start in starts]
+        beginnings += [trials.disturbed(seed) for seed in range(starts - 1)]
+    runs = [_simulated(predictor, beginning, about, steps, changes) for beginning in beginnings]
     base, displaced = _mean_of(runs)
-    if not replicas or len(starts) > 1:
-        disturbed = [one for one, _ in runs][: replicas and STARTS]
+    if not replicas or len(beginnings) > 1:
+        disturbed = [one for one, _ in runs][: replicas and starts]
     else:
         disturbed = [_single(predictor(trials.disturbed(seed), [about])) for seed in range(replicas)]
     clouds = _assembled(trials, base, displaced, [change.apart for change in changes], disturbed)

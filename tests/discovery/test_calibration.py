@@ -19,7 +19,7 @@ from tests.discovery.test_inference import BLOCKS, K, R
 
 SUBJECT = subject_of(load("rope_push@rods"))
 KNOWN = catalogue(SUBJECT.rods)
-PLACES = np.array([[0.5, 0.0], [0.6, 0.1]])
+PLACES = {cause.name: np.array([[0.5, 0.0], [0.6, 0.1]]) for cause in KNOWN.causes if cause.placed}
 _ALL = [*steps_of(KNOWN, SUBJECT.calibrated, PLACES), *force_steps(KNOWN)]
 STEPS = list({(step.cause, step.column): step for step in _ALL}.values())
 """Each parameter once, wherever and whenever it might act."""

@@ -23,11 +23,7 @@ SUBJECT, CATALOGUE = subject_of(TASK), catalogue()
 PREDICTOR = Predictor(SUBJECT, CATALOGUE)
 NOMINAL = CATALOGUE.nominal(SUBJECT)
 CAMERA = (0.55, -0.25, 0.95)
-STEPS = [
-    step
-    for step in steps_of(CATALOGUE, (), np.zeros((0, 2)))
-    if CATALOGUE.cause(step.cause).family in ("sensing", "actuation")
-]
+STEPS = [step for step in steps_of(CATALOGUE, (), {}) if CATALOGUE.cause(step.cause).family in ("sensing", "actuation")]
 SIZES = {
     "hand_eye_x": 0.003,
     "hand_eye_turn_y": 0.5,
