@@ -5,10 +5,8 @@ from collections.abc import Iterable
 from typing import NamedTuple
 
 import numpy as np
-from scipy.stats import binom, t
+from scipy.stats import binom, binomtest, t
 
-_Z = 1.96
-"""Of a 95 % interval."""
 _FEWEST = 4
 """Fewer values say next to nothing about their spread."""
 
@@ -28,10 +26,8 @@ def share(events: Iterable[bool]) -> Measured:
     n = len(known)
     if n == 0:
         return Measured(math.nan, math.nan, math.nan, 0)
-    p = sum(known) / n
-    middle = (p + _Z**2 / (2 * n)) / (1 + _Z**2 / n)
-    half = _Z / (1 + _Z**2 / n) * math.sqrt(p * (1 - p) / n + _Z**2 / (4 * n**2))
-    return Measured(p, max(0.0, middle - half), min(1.0, middle + half), n)
+    interval = binomtest(sum(known), n).proportion_ci(method="wilson")
+    return Measured(sum(known) / n, float(interval.low), float(interval.high), n)
 
 
 def median(values: Iterable[float]) -> Measured:
