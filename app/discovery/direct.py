@@ -95,6 +95,16 @@ def direct_rows(predictor: Predictor, trials: Trials, about: Theta, changes: Seq
     return DirectRows(r, J, known)
 
 
+def best_by_log(predictor: Predictor, trials: Trials, models: Sequence[Theta]) -> int:
+    """The number of the model with which the arm's log differs least from its command, in the sum of squares."""
+
+    def misfit(theta: Theta) -> float:
+        logs = (_log(predictor, trials, k, theta) for k in range(len(trials)))
+        return sum(float(log @ log) for log in logs if log is not None)
+
+    return int(np.argmin([misfit(theta) for theta in models]))
+
+
 def _first_of_episodes(trials: Trials) -> frozenset[int]:
     """The first push of each episode: the table is one view of an episode, and counts once."""
     episodes = [push.episode for push in trials.study.pushes]

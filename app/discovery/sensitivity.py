@@ -13,7 +13,7 @@ import numpy as np
 from jaxtyping import Bool, Float32, Float64
 
 from app.core.types import Points
-from app.discovery.direct import Change, direct_blocks, direct_rows
+from app.discovery.direct import Change, best_by_log, direct_blocks, direct_rows
 from app.discovery.evidence import Block, Residuals
 from app.discovery.field import MODES, Basis, registered
 from app.discovery.predict import Predictor, Seen, Trials
@@ -27,6 +27,8 @@ _NUISANCE_STEP = 0.3
 """Of the calibrated parameters, in a logarithm."""
 _WAYS = (0.125, 0.25, 0.375, 0.5, 0.625, 0.75, 0.875)
 """Shares of the range of a parameter that says when or how an effect acts."""
+_TOLD_SIZES = (0.125, 0.25, 0.5, 0.75, 1.0, 1.25, 1.5, 1.75, 2.0, 2.5, 3.0)
+"""Sizes in steps, of which that which fits the arm's log best is the secant's."""
 REPLICAS = 6
 """Simulations of each push from a start that is disturbed by the noise of the cameras."""
 STARTS = 4
@@ -116,7 +118,7 @@ def residuals(
     of it is the mean over so many `starts`, which are the same for every model: a push that is chaotic says little.
     """
     catalogue = predictor.catalogue
-    changes = [change_of(catalogue, about, step) for step in steps]
+    changes = [secant_of(predictor, trials, about, step) for step in steps]
     beginnings = [trials]
     if predictor.subject.rods is not None:
         beginnings += [trials.disturbed(seed) for seed in range(starts - 1)]
@@ -155,6 +157,37 @@ def change_of(catalogue: Catalogue, about: Theta, step: Step) -> Change:
     up = moved(catalogue, about, step, 1.0)
     down = moved(catalogue, about, step, -1.0) if step.sides == 2 else here
     return Change(up, down, apart(catalogue, down, up, step))
+
+
+def secant_of(predictor: Predictor, trials: Trials, about: Theta, step: Step) -> Change:
+    """The change by which a step's slope is measured.
+
+    An error that the arm's own log tells needs no simulation, and is not linear: a delay of two steps does not look
+    like twice one of one step, but like a lag. Its slope is the secant to the size that fits the log best.
+    """
+    catalogue = predictor.catalogue
+    usual = change_of(catalogue, about, step)
+    at_null = about[step.column] == catalogue.specs[step.column].nominal
+    if step.column not in _told(catalogue) or not at_null or any(push.measured is None for push in trials.study.pushes):
+        return usual
+    here, signs = moved(catalogue, about, step, 0.0), (1.0, -1.0)[: step.sides]
+    ends = [moved(catalogue, about, step, sign * size) for sign in signs for size in _TOLD_SIZES]
+    ends = [end for end in ends if end[step.column] != here[step.column]]
+    if not ends:
+        return usual
+    end = ends[best_by_log(predictor, trials, ends)]
+    far = apart(catalogue, here, end, step)
+    return Change(end, here, far) if far > 0 else Change(here, end, -far)
+
+
+def _told(catalogue: Catalogue) -> frozenset[int]:
+    """Columns of errors that the arm itself measures."""
+    return frozenset(
+        first + number
+        for effect, first in catalogue.apparatus
+        if effect.told
+        for number in range(len(effect.parameters))
+    )
 
 
 def apart(catalogue: Catalogue, one: Theta, other: Theta, step: Step) -> float:
