@@ -108,7 +108,7 @@ class Lossless(Generic[T]):
         return self._take() if self._values else None
 
     def close(self) -> None:
-        """No more values will come; readers end after the last one."""
+        """End the stream; readers end after the last value."""
         self._closed = True
         self._wake()
 

@@ -6,20 +6,20 @@ from math import degrees
 from typing import Final, Literal, TypeAlias, final
 
 Source: TypeAlias = Literal["data", "about", "task"]
-"""Measured in the clouds; said by whoever recorded them; the task's own, as nobody says another."""
+"""Source of a number: measured in the clouds; stated by the author of the data; or the task's own default."""
 ToolPoints: TypeAlias = Literal["none", "tip", "surface"]
-"""Meaning of the tool's points: there are none; their mean is its tip; they are of its surface."""
+"""Meaning of the tool's points: there are none; their mean is its tip; they lie on its surface."""
 
 _MM, _GRAM = 1e3, 1e3
 
 KEY: Final = "setup"
-"""Its name in the configuration of a recording's `Episode`."""
+"""Key of the setup in the configuration of a recording's `Episode`."""
 
 
 @final
 @dataclass(frozen=True, kw_only=True)
 class SourcedSize:
-    """One number of object or tool, in SI units, by its name in `tasks.sizes.SIZES`; `sd`: 0 where nobody knows."""
+    """One size of object or tool, in SI units, by its name in `tasks.sizes.SIZES`; `sd`: 0 where unknown."""
 
     name: str
     value: float
@@ -45,7 +45,7 @@ class FoundTable:
 
     @property
     def words(self) -> str:
-        """Sentence that says where it was."""
+        """Sentence on the table's pose and on its source."""
         by = {"points": "its points", "clouds": "the lowest points of the clouds", "none": ""}[self.seen]
         where = f"{self.height_m:.3f} m high and tilted by {self.tilt_deg:.1f} degrees"
         if self.taken_out:
@@ -61,7 +61,7 @@ class FoundTable:
 @final
 @dataclass(frozen=True, kw_only=True)
 class MeasuredSetup:
-    """Everything that is simulated of a recording that was imported."""
+    """Object, tool and table as they are simulated for an imported recording."""
 
     sizes: tuple[SourcedSize, ...]
     table: FoundTable
@@ -70,12 +70,12 @@ class MeasuredSetup:
     """Height of the tool's tip above the table in a usual push."""
     camera_m: tuple[float, float, float] | None = None
     flaws: tuple[str, ...] = ()
-    """Sentences of what cannot be simulated: no cause is named."""
+    """Sentences on aspects that cannot be simulated: no cause is named."""
     notes: tuple[str, ...] = ()
-    """Sentences of what else is worth knowing."""
+    """Sentences on other findings worth knowing."""
 
     def source(self, name: str) -> Source:
-        """Source of a size: the task where nobody else says it."""
+        """Source of a size; the task where no other is given."""
         for size in self.sizes:
             if size.name == name:
                 return size.source
@@ -83,7 +83,7 @@ class MeasuredSetup:
 
     @property
     def words(self) -> tuple[str, ...]:
-        """A sentence each of object, tool and table, with who says every number."""
+        """One sentence each on object, tool and table, with the source of every number."""
         said = {size.name: size for size in self.sizes}
         rope = (
             f"Object: a rope {said['length_m'].value:.3f} m long ({_known(said['length_m'])}), of "
