@@ -5,7 +5,7 @@ import numpy as np
 from app.rig.simulated.hidden.base import Factors, Hidden, Moment, Quantity, Values, level
 
 _REST_M_S = 1e-3
-"""A segment slower than about this slides in no direction."""
+"""Regularisation of the direction: a segment slower than about this slides in none."""
 
 
 def _friction(moment: Moment, values: Values) -> Factors:
