@@ -1,4 +1,4 @@
-"""The simulated cell: another physics than the planner's, cameras that are rendered, an arm that is computed."""
+"""The simulated cell: a physics different from the planner's, rendered cameras, and a computed arm."""
 
 from contextlib import AbstractAsyncContextManager
 from typing import Final
