@@ -20,7 +20,7 @@ def _opened(wanted: Wanted) -> AbstractAsyncContextManager[Rig]:
 
 
 def drawn(tool: Tool, state: ArmState, table: TablePlace) -> ArmShape:
-    """The arm as it is drawn, whatever its state: at the origin, wherever one that is told would stand."""
+    """Geometry of the drawn arm, whatever its state: at the origin, wherever a commanded one would stand."""
     del state, table
     return known_arm(tool)
 

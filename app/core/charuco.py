@@ -24,7 +24,7 @@ class Charuco:
     """`columns` x `rows` squares of `square_m`, with markers of `marker_m`, of a family of markers, on white ones.
 
     Its frame is OpenCV's: origin at the outer corner of the first square, x along the columns, y along the rows, z into
-    the board. What is left out here is one sheet of A4.
+    the board. The defaults fit one sheet of A4.
     """
 
     columns: int = 7

@@ -34,7 +34,7 @@ def nearest_m(
     middles: Float[np.ndarray, "S 2"], points: Float[np.ndarray, "N 2"], half_m: tuple[float, float]
 ) -> Float64[np.ndarray, " S"]:
     """Distance [m] from each core, of a finger at `middles`, to the nearest of the points; shape (S,)."""
-    if half_m == (0.0, 0.0):  # By a tree, a tenth of the time at 2000 points.
+    if half_m == (0.0, 0.0):  # A tree takes a tenth of the time at 2000 points.
         return KDTree(points).query(middles)[0]
     offsets = middles[:, None].astype(np.float64) - points[None]
     return np.linalg.norm(from_core(offsets, half_m), axis=-1).min(1)

@@ -17,7 +17,7 @@ STRAIGHT: Distortion = (0.0, 0.0, 0.0, 0.0, 0.0)
 @final
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Lens:
-    """A pinhole with the matrix `K` [pixel] behind a lens that distorts, as Brown's model says."""
+    """A pinhole with the matrix `K` [pixel] behind a distorting lens of Brown's model."""
 
     width: int
     height: int

@@ -1,4 +1,4 @@
-"""Object, tool and table of imported data as they are simulated, and who says so. Plain data, kept in a recording."""
+"""Object, tool and table of imported data as they are simulated, with sources. Plain data, kept in a recording."""
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
@@ -30,10 +30,10 @@ class SourcedSize:
 @final
 @dataclass(frozen=True, kw_only=True)
 class FoundTable:
-    """The table as it was found in the frame of the data.
+    """The table as found in the frame of the data.
 
-    `taken_out`: its height and tilt are not in the recording any more, which is in the table's own frame; its points
-    then say nothing of the cameras. Else it was where it was said to be, as nearly as cameras see.
+    `taken_out`: its height and tilt have been removed from the recording, which is in the table's own frame; its points
+    are then no evidence about the cameras. Otherwise it was at its stated place, within the cameras' accuracy.
     """
 
     height_m: float = 0.0

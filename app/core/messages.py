@@ -28,7 +28,7 @@ MessageId = NewType("MessageId", str)
 
 
 def fresh_id(kind: str) -> MessageId:
-    """A new unique id that says what it names, for example `frame-3f2a9c01d4`."""
+    """A new unique id with its kind, for example `frame-3f2a9c01d4`."""
     return MessageId(f"{kind}-{uuid.uuid4().hex[:10]}")
 
 

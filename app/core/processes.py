@@ -82,7 +82,7 @@ def start_ordinary(process: BaseProcess) -> None:
     try:
         process.start()
     finally:
-        with contextlib.suppress(OSError):  # Who may set the flag may not always take it back.
+        with contextlib.suppress(OSError):  # A process that may set the flag may not always be allowed to clear it.
             os.sched_setscheduler(0, policy, parameters)
 
 

@@ -187,7 +187,7 @@ class Cloth:
 class Gripper:
     """Two upright fingers, boxes of the half sides `half_m`, that open along y; the tool is the point between the tips.
 
-    They open up to `opening_m`, and hold what is between them where they are `closed_m` apart or less.
+    They open up to `opening_m`, and hold an object between them where they are `closed_m` apart or less.
     """
 
     half_m: Vector

@@ -72,10 +72,10 @@ class ToolShape:
 
 @_BLAS.wrap(limits=1, user_api="blas")
 def fitted_tool(views: Sequence[ToolView], *, flat: bool | None = None) -> ToolShape | None:
-    """The shape that all views agree about; None where the points show no surface.
+    """The shape that all views agree on; None where the points show no surface.
 
-    The tool's middle is free in each view: late images and bent arms move it, and are none of its size. `flat` where it
-    is known whether it is.
+    The tool's middle is free in each view: late images and bent arms move it, which does not affect its size. `flat`:
+    given where the shape is known to be flat or round.
     """
     chosen = [_level(view) for view in views if len(view.points) >= _LEAST_POINTS]
     if not chosen:
@@ -110,7 +110,7 @@ def middle_of(
 
     fits = [least_squares(residuals, start, loss="soft_l1", f_scale=_NOISE_M, x_scale=_SCALE) for start in starts]
     best = fits[int(np.argmin([fit.cost for fit in fits]))]
-    # Of a face alone nobody knows from which side it is seen: the kinematics do, roughly.
+    # A face alone does not tell from which side it is seen: the kinematics do, roughly.
     chosen = fits[0] if fits[0].cost < _AS_GOOD * best.cost else best
     stiffness = np.linalg.eigvalsh(chosen.jac.T @ chosen.jac)[0]
     if _KNOWN_M * np.sqrt(max(stiffness, 0.0)) < _NOISE_M:

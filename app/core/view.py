@@ -39,7 +39,7 @@ class View:
     async def read(self, check: Callable[[], None]) -> Frame | None:
         """The newest image, once there is one that is due; None where there is none in time.
 
-        Meanwhile `check` is called again and again; what it raises ends the wait.
+        While waiting it calls `check` repeatedly; an error of that ends the wait.
         """
         with anyio.move_on_after(self._timeout_s):
             while (frame := self._newest()) is None:

@@ -145,7 +145,7 @@ def _unpacked(plain: Any, kind: Any) -> np.ndarray:
 
 
 def _listed(plain: Any, kind: Any) -> np.ndarray:
-    # NumPy reads "nan" and "inf" from strings too, but only where it is told the type.
+    # NumPy reads "nan" and "inf" from strings too, but only where the type is given.
     return _frozen(np.array(plain, dtype=object).astype(_dtype(kind)))
 
 

@@ -16,7 +16,7 @@ from app.recording.integrity import DAMAGE, damaged, inspect, reading, version_o
 from app.recording.reader import logged_messages
 
 _TOGETHER_NS: Final = 200_000_000
-"""Log times within so many nanoseconds count as simultaneous."""
+"""Difference of log times that counts as simultaneous."""
 _NS: Final = 1_000_000_000
 
 

@@ -104,7 +104,7 @@ def starts_as_mcap(path: Path) -> bool:
 def ends_as_mcap(path: Path) -> bool:
     """True where the file ends with MCAP's magic bytes, other than those it begins with."""
     with path.open("rb") as stream:
-        size = stream.seek(0, os.SEEK_END)  # Of the file that is open: another may take its place meanwhile.
+        size = stream.seek(0, os.SEEK_END)  # Size of the open file: another may take its place in the meantime.
         stream.seek(max(0, size - len(MAGIC)))
         return size > 2 * len(MAGIC) and stream.read() == MAGIC
 

@@ -12,8 +12,8 @@ from app.core.errors import RecordingError
 def hold(path: Path) -> int:
     """Mark the file as being written, until the returned descriptor is closed."""
     descriptor = os.open(path, os.O_RDONLY | os.O_CLOEXEC)
-    # Some network drives know no locks: there a file that is being written looks like one that was cut off. Otherwise
-    # nobody has one for longer than it takes to ask.
+    # Some network drives know no locks: there a file that is being written looks like one that was cut off. Otherwise a
+    # lock is held no longer than it takes to ask.
     with suppress(OSError):
         fcntl.flock(descriptor, fcntl.LOCK_EX)
     return descriptor

@@ -113,13 +113,13 @@ def shelf(places: Iterable[Path]) -> Sequence[Entry]:
         if not place.exists():
             raise UsageError.unknown("recording", str(place), map(str, place.parent.glob("*.mcap")))
         found = sorted(place.rglob("*.mcap")) if place.is_dir() else [place]
-        # Links within a folder lead to what is listed where it is, or belongs elsewhere.
+        # Links within a folder lead to files that are listed anyway, or belong elsewhere.
         paths |= {path.resolve(): path for path in found if path == place or (path.is_file() and not path.is_symlink())}
     return sorted((entry(path) for path in paths.values()), key=_age)
 
 
 def counted_once(paths: Sequence[Path]) -> Sequence[Path]:
-    """`paths` without the parts of sessions that are among them: a push in both shall count once."""
+    """`paths` without the parts of sessions that are among them: a push in both must count once."""
     sessions = {path.resolve() for path in paths}
     return [
         path for path in paths if not (name := entry(path).session) or path.resolve().with_name(name) not in sessions

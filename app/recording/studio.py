@@ -79,7 +79,7 @@ class Studio:
             await self._session.write(message)
             # A message on its way when a demonstration began may be among its opening ones.
             if self._take is not None and message.id not in self._opening:
-                # Losses of a demonstration are reported when it ends. It shall hold all that the session does.
+                # Losses of a demonstration are reported when it ends. It must hold all that the session does.
                 with anyio.CancelScope(shield=True), suppress(RecordingError):
                     await self._take.write(message)
 

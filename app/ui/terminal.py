@@ -129,7 +129,7 @@ def outcome_line(outcome: Outcome) -> str:
     chamfers_m2 = (outcome.chamfer_before_m2, outcome.chamfer_after_m2, outcome.predicted_chamfer_m2)
     before, after, predicted = map(millimetres, chamfers_m2)
     costs = f"{1e3 * outcome.cost_before:8.2f} -> {1e3 * outcome.cost_after:7.2f}"
-    if math.isnan(outcome.cost_after):  # A push that somebody asked for has none.
+    if math.isnan(outcome.cost_after):  # A requested push has none.
         costs = f"{NOTHING:>8}    {NOTHING:>7}"
     return (
         f"{outcome.index:4d}  {before:5.1f} -> {after:5.1f} mm  {predicted:6.1f} mm   "

@@ -25,7 +25,7 @@ class Flat(NamedTuple):
         """Finger of the task of this name; None where its tool is not flat, or not a finger."""
         try:
             sizes = dict(TaskName.parse(task).sizes)
-        except UsageError:  # Of a recording that another program made.
+        except UsageError:  # A recording of another program.
             return None
         half_width_m = sizes.get("finger_half_width_m", 0.0)
         if half_width_m == 0:

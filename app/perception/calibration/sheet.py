@@ -32,7 +32,7 @@ def size_m(board: Charuco) -> tuple[float, float]:
 
 
 def sheet(board: Charuco, kind: Format) -> bytes:
-    """The file's bytes. PNG has 600 dots an inch, and says so."""
+    """The file's bytes. PNG has 600 dots an inch, and its metadata say so."""
     width, height = size_m(board)
     figure = Figure(figsize=(width / _INCH_M, height / _INCH_M), dpi=DPI, facecolor="white")
     FigureCanvasAgg(figure)

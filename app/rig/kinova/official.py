@@ -93,7 +93,7 @@ class OfficialLink:
         return decode(call.answered, answer.SerializeToString() if answer is not None else b"")
 
     def tell(self, call: Call[Asked, Any], asked: Asked) -> None:  # noqa: ARG002 - the port's
-        """Nothing: that a session is alive this client says itself, and no other call is made so.
+        """No-op: this client keeps its session alive itself, and no other call is made without waiting for an answer.
 
         Its thread does so every 150 ms for as long as the process lives (`SessionManager`): the arm does not notice a
         loop that hangs, which is left to the watchdog of the arm's process.

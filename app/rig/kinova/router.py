@@ -74,7 +74,7 @@ class Router:
     def close(self) -> None:
         """Close the session where possible, and end."""
         if not self.lost and self._session:
-            # Where that fails, the arm closes a silent session by itself.
+            # If that fails, the arm closes a silent session by itself.
             with contextlib.suppress(LinkLost, Refused):
                 self.call(CLOSE_SESSION, Empty(), _CLOSE_S)
         self._lose("The connection was closed.")

@@ -94,7 +94,7 @@ class _Chain:
         self._radius_m, self._segment_m = rope.radius_m, rope.length_m / len(links)
         self._finger_radius_m, self._finger = finger.radius_m, model.body("finger").id
         self._finger_half_m = finger.half_m
-        # Of a segment's two geoms the second meets the table; of its two hinges the first turns about the vertical.
+        # A segment's second geom meets the table; its first hinge turns about the vertical.
         self._soles = model.body_geomadr[links] + 1
         joined = [hinge_owner(index, len(links)) for index in range(1, len(links))]
         self._hinges = model.body_jntadr[links[joined]]

@@ -1,4 +1,4 @@
-"""Anisotropic friction: 1 + a cos 2 phi + b sin 2 phi times as much in the direction phi of sliding."""
+"""Anisotropic friction: 1 + a cos 2 phi + b sin 2 phi times its own in the direction phi of sliding."""
 
 import numpy as np
 

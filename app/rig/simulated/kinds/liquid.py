@@ -20,7 +20,7 @@ def _node_count(stage: Stage) -> int:
 
 def build(stage: Stage, start: Nodes, time_s: float) -> World:
     """A world of liquids."""
-    from app.rig.simulated.liquid_world import LiquidWorld  # Other worlds' processes shall not load JAX and Warp.
+    from app.rig.simulated.liquid_world import LiquidWorld  # Other worlds' processes must not load JAX and Warp.
 
     return LiquidWorld(stage, start, time_s=time_s)
 
