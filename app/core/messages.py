@@ -154,12 +154,12 @@ distribution, discovery, or the operator, who edited another's."""
 class Branch:
     """One branch of the search tree, before and after its actions were optimised.
 
-    `actions (D, A)`: D steps deep, in the task's action space; `tool_path (W, 3)`: the first action's path; `predicted
-    (N, 3)`: the particles after the first action; `final (N, 3)`: at the end of the branch. An `asked` one is a
-    requested push, and is not scored: its costs are NaN. A branch that became non-finite is kept for the record with
-    `finite=False` and is never chosen. `frames (F, K, 3)`: the particles at F moments of the branch, evenly spaced from
-    now to its end, large objects thinned to every second, third, ... particle; `tools (F, 3)`: the tool's position at
-    those moments. Older recordings have neither.
+    `actions (D, A)`: D steps deep, in the task's action space; `tool_path (W, 3)`: the first action's path;
+    `predicted (N, 3)`: the particles after the first action; `final (N, 3)`: at the end of the branch.
+    An `asked` one is a requested push, and is not scored: its costs are NaN.
+    A branch that became non-finite is kept for the record with `finite=False` and is never chosen. `frames (F, K, 3)`:
+    the particles at F moments of the branch, evenly spaced from now to its end, large objects thinned to every second,
+    third, ... particle; `tools (F, 3)`: the tool's position at those moments. Older recordings have neither.
     """
 
     origin: Origin

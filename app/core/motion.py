@@ -24,9 +24,9 @@ class Motion:
     """A path of the tool tip: straight lines between `positions`, each approached at its own speed.
 
     The first position is reached from wherever the arm is, by way of the travel height, and the tool returns to that
-    height from the last one. A motion that `continues` begins where the tool is, and ends where it ends. `positions [m]
-    (W, 3)`, `speeds [m/s] (W,)`; `turns (W, 4)`, quaternions w x y z, and `openings [m] (W,)` where the tool turns or
-    opens on the way: empty where it points down, closed, throughout.
+    height from the last one. A motion that `continues` begins where the tool is, and ends where it ends.
+    `positions [m] (W, 3)`, `speeds [m/s] (W,)`; `turns (W, 4)`, quaternions w x y z, and `openings [m] (W,)` where the
+    tool turns or opens on the way: empty where it points down, closed, throughout.
     """
 
     positions: Path3

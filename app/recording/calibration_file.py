@@ -27,7 +27,7 @@ FILE = Path("calibration.toml")
 _SETUPS: Mapping[str, Setup] = {"fixed": "fixed", "wrist": "wrist"}
 _VERDICTS: Mapping[str, Verdict] = {"agrees": "agrees", "differs": "differs", "open": "open"}
 _UNIT = 1e-3
-"""Tolerance of a quaternion's length: admits rounding by hand, and rejects typing errors."""
+"""Tolerance of a quaternion's length about 1: admits rounding by hand, and rejects typing errors."""
 _LARGEST_PX = 20_000
 
 

@@ -32,7 +32,7 @@ _OUTLIER: Final = 5.0
 @final
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Corners:
-    """Data of one view for the chain: the robot's side, points on the board [m], and their pixels."""
+    """Data of one view for the chain: the robot's side, points on the board [m], and their images [pixel]."""
 
     H: Transform
     points: Float64[np.ndarray, "C 3"]

@@ -77,7 +77,7 @@ class TimedPath:
         return float(np.linalg.norm(self._point(time_s + 0.005) - self._point(time_s - 0.005)) / 0.01)
 
     def waypoint(self, time_s: float) -> int:
-        """Index of the next waypoint at a time."""
+        """Index of the next waypoint at a time, from 0."""
         return min(int(self._between(time_s, self._keys)), int(self._keys[-1]) - 1)
 
     def at(self, time_s: float) -> Transform:
