@@ -1,4 +1,4 @@
-"""The command line `dipac`: chooses a command, imports that one alone, and says every error in one line.
+"""The command line `dipac`: finds a command, imports that one alone, and reports every error in one line.
 
 A command is a file in `app/commands` that defines a function of its own name; the function's typed parameters become
 the command's options and the first line of the file's docstring its help. So a new command is one new file. A folder
@@ -20,7 +20,7 @@ from app.core.errors import DipacError, UsageError
 
 COMMANDS = Path(__file__).parent / "commands"
 INTERRUPTED = 130
-"""What a shell reports for a program that Ctrl-C ended: 128 + SIGINT."""
+"""Exit code that a shell reports for a program ended by Ctrl-C: 128 + SIGINT."""
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -30,12 +30,12 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 
 def exit_code_of(action: Callable[[], None]) -> int:
-    """0 when `action` returns; for a deliberate error its own code, said on stderr in one line; 130 for Ctrl-C.
+    """Exit code of `action`: 0 on return; a deliberate error's own, printed on stderr in one line; 130 for Ctrl-C.
 
-    A library that is not installed is a fault of the installation, and said in one line as well.
+    A library that is not installed is a fault of the installation, and reported in one line as well.
 
-    Tasks that run side by side raise their errors in groups: such a group counts as its first error where all of it
-    was deliberate. Anything else is a defect of the program and keeps its traceback.
+    Tasks that run side by side raise their errors in groups: such a group counts as its first error where all of it was
+    deliberate. Anything else is a defect of the program and keeps its traceback.
     """
     try:
         action()
@@ -59,10 +59,10 @@ def exit_code_of(action: Callable[[], None]) -> int:
 
 
 def _keep_compiled() -> None:
-    """Let every process started from here keep what JAX and Warp compile, so that the next start is a warm one.
+    """Have every process started from here cache compiled JAX and Warp code, so that the next start is a warm one.
 
-    Where the environment says something else, that holds. A home that cannot be written to is said in one line, and
-    what is compiled then lies in a temporary folder that goes with this process.
+    A setting in the environment takes precedence. A home that cannot be written to is reported in one line, and
+    compiled code then lies in a temporary folder that is removed with this process.
     """
     try:
         compiled = _compiled_folder()

@@ -1,1 +1,1 @@
-"""An arm in a process of its own: what it is told and says, what it refuses, and what it does when nobody speaks."""
+"""An arm in a process of its own: its commands and states, its refusals, and its behaviour without commands."""

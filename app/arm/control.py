@@ -1,4 +1,4 @@
-"""What moves one kind of arm: the drives of a simulated one, or the controller of a real one."""
+"""Port to one kind of arm: the drives of a simulated one, or the controller of a real one."""
 
 from typing import Protocol
 
@@ -12,34 +12,34 @@ from app.core.types import ToolPath, ToolPose
 
 
 class Control(Protocol):
-    """The arm between two ticks of its process, which calls all of this from one thread and waits for none of it.
+    """Control of an arm between two ticks of its process, which makes all calls from one thread; none blocks.
 
-    The gate has checked what `begin` is given; nothing else starts a motion. A stop holds until `reset`.
+    The gate has checked the arguments of `begin`; nothing else starts a motion. A stop holds until `reset`.
     """
 
     @property
     def mode(self) -> ArmMode:
-        """What it is doing."""
+        """Mode of the arm."""
         ...
 
     @property
     def reason(self) -> str:
-        """Why it is stopped, or has a fault; empty otherwise."""
+        """Reason why it is stopped or in fault; empty otherwise."""
         ...
 
     @property
     def commanded(self) -> ToolPose:
-        """Where the tool shall be."""
+        """Commanded tool pose."""
         ...
 
     @property
     def measured(self) -> ToolPose:
-        """Where the tool is."""
+        """Measured tool pose."""
         ...
 
     @property
     def velocity(self) -> Float64[np.ndarray, "3"]:
-        """Of the tool's tip, measured [m/s]."""
+        """Measured velocity of the tool's tip [m/s]."""
         ...
 
     @property
@@ -49,45 +49,45 @@ class Control(Protocol):
 
     @property
     def force(self) -> Float64[np.ndarray, "3"]:
-        """On the tool, in the world frame [N]; NaN where the arm does not measure it."""
+        """Force on the tool, in the world frame [N]; NaN where the arm does not measure it."""
         ...
 
     @property
     def jogging(self) -> bool:
-        """Whether it is being moved by hand, or coming to rest from that."""
+        """True while it is being jogged, or coming to rest from that."""
         ...
 
     def begin(self, points: ToolPath, speeds: Float64[np.ndarray, " S"]) -> None:
-        """Go along `points (P, 8)` from where the tool is, each segment at its speed [m/s].
+        """Follow `points (P, 8)` from the tool's present pose, each segment at its speed [m/s].
 
         Raises MotionRefused, with nothing moved, where the arm has a reason of its own.
         """
         ...
 
     def refusal(self) -> MotionRefused | None:
-        """Why the arm does not make what it was told to by `begin` after all, said once: nothing moved, it is idle."""
+        """The arm's late refusal of the last `begin`, reported once: nothing moved, and it is idle."""
         ...
 
     def jog(self, jog: Jog) -> bool:
-        """Move so from now on; whether that was heeded: it is while idle or jogging already, and all is finite."""
+        """Command a tool velocity; True where it is accepted: while idle or jogging, and with finite numbers."""
         ...
 
     def coast(self) -> None:
-        """Brake to rest where it is jogged, and be idle then: nobody says any more how it shall move."""
+        """Brake a jogged arm to rest, and be idle then: its commands have ceased."""
         ...
 
     def stop(self, reason: str) -> None:
-        """Brake at the stop deceleration, or stay where it is; the first reason is kept."""
+        """Brake at the stop deceleration, or stay at rest; the first reason is kept."""
         ...
 
     def reset(self) -> None:
-        """Accept motions again after a stop or a fault; of no effect while the arm moves."""
+        """Accept motions again after a stop or a fault; without effect while the arm moves."""
         ...
 
     def advance(self, duration_s: float) -> None:
-        """Let `duration_s` pass: move, or look at what has moved."""
+        """Advance by `duration_s`: move, or read the motion of a real arm."""
         ...
 
     def close(self) -> None:
-        """Leave the arm at rest and let go of it."""
+        """Bring the arm to rest and disconnect."""
         ...

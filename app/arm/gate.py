@@ -1,6 +1,6 @@
-"""What the arm's own process checks before anything moves, whatever others have checked. Pure.
+"""Motion validation in the arm's own process before anything moves, independent of earlier checks. Pure.
 
-Each rule has a code (`core/refusal.py`); the rules are applied in the order in which a motion is read here.
+Each rule has a code (`core/refusal.py`); the rules are applied in the order of this file.
 """
 
 from typing import Final
@@ -19,13 +19,13 @@ from app.core.types import ToolPath, ToolPose
 MAX_WAYPOINTS: Final = 1024
 _ROUNDING: Final = 1e-9
 _JOINED_M: Final = 0.005
-"""How far from the tool a motion that continues may begin."""
+"""Largest distance from the tool to the start of a motion that continues."""
 _UNIT: Final = 1e-6
-"""How far from unit length a quaternion may be."""
+"""Tolerance of a quaternion's length."""
 
 
 def begin(control: Control, motion: Motion, digest: str, site: Site) -> None:
-    """Have `control` make `motion`. Raises MotionRefused, with nothing moved, where it was not approved or may not."""
+    """Have `control` execute `motion`. Raises MotionRefused, with nothing moved, where it is not allowed."""
     if control.mode != "idle":
         code = Refusal.BUSY if control.mode == "moving" else Refusal.STOPPED
         raise MotionRefused(code, f"The arm is {control.mode}; wait for its end, or reset it after a stop.")
@@ -34,9 +34,9 @@ def begin(control: Control, motion: Motion, digest: str, site: Site) -> None:
 
 
 def way(tool: ToolPose, motion: Motion, site: Site) -> tuple[ToolPath, Float64[np.ndarray, " S"]]:
-    """The whole path of a checked motion from where the `tool` is, and its speeds: see `route`.
+    """The whole path of a checked motion from the pose of the `tool`, and its speeds: see `route`.
 
-    Raises MotionRefused where the way there is not allowed.
+    Raises MotionRefused where the approach is not allowed.
     """
     away_m = float(np.linalg.norm(motion.positions[0] - tool[:3]))
     if motion.continues and away_m > _JOINED_M:
@@ -73,7 +73,7 @@ def check_motion(motion: Motion, digest: str, site: Site) -> None:
 
 
 def _check_shape(motion: Motion) -> None:
-    """Raise MotionRefused where the numbers do not make a motion."""
+    """Raise MotionRefused where the arrays do not make a motion."""
     count = len(motion.positions)
     if count > MAX_WAYPOINTS:
         raise MotionRefused(Refusal.SHAPE, f"A motion has up to {MAX_WAYPOINTS} positions; thin this one out.")
@@ -91,7 +91,7 @@ def _check_shape(motion: Motion) -> None:
 
 
 def _check_place(motion: Motion, limits: Limits) -> None:
-    """Raise MotionRefused where the motion leaves the workspace or enters what is kept free."""
+    """Raise MotionRefused where the motion leaves the workspace or enters a keep-out volume."""
     if not limits.workspace.contains(motion.positions):
         box = limits.workspace
         raise MotionRefused(
@@ -101,7 +101,7 @@ def _check_place(motion: Motion, limits: Limits) -> None:
 
 
 def _check_free(path: np.ndarray, limits: Limits, name: str) -> None:
-    """Raise MotionRefused where `path (W, 3)` enters a volume that is kept free."""
+    """Raise MotionRefused where `path (W, 3)` enters a keep-out volume."""
     volume = limits.trespassed(path)
     if volume is not None:
         raise MotionRefused(Refusal.KEEP_OUT, f"{name} enters {volume.name!r}, which is kept free; plan around it.")
@@ -110,8 +110,8 @@ def _check_free(path: np.ndarray, limits: Limits, name: str) -> None:
 def _check_reach(poses: ToolPath, limits: Limits, name: str) -> None:
     """Raise MotionRefused where one of `poses` is out of the arm's reach.
 
-    Between two poses of the same turn all are as near as these: the wrist goes straight, in a ball. A tool that turns
-    on the way may swing its wrist out of it, which the arm's own controller finds.
+    Between two poses of equal orientation the wrist stays within reach: it goes straight, in a ball. A tool that turns
+    on the way may swing its wrist out of it, which the arm's own controller detects.
     """
     if limits.reach is not None and (beyond_m := float(limits.reach.beyond_m(poses).max())) > 0:
         raise MotionRefused(
@@ -121,7 +121,7 @@ def _check_reach(poses: ToolPath, limits: Limits, name: str) -> None:
 
 
 def _check_tool(motion: Motion, limits: Limits) -> None:
-    """Raise MotionRefused where the tool is to turn or open in a way that it cannot."""
+    """Raise MotionRefused where a quaternion or an opening is not possible for the tool."""
     if not (np.abs(np.linalg.norm(motion.turns, axis=1) - 1) < _UNIT).all():
         raise MotionRefused(
             Refusal.TOOL, "The motion turns the tool by quaternions that are not of unit length; plan again."

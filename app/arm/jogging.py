@@ -1,7 +1,7 @@
-"""A tool that is moved by hand: a velocity that changes slowly enough and dies away before a wall. Pure, no clock.
+"""Jogging: a velocity command with limited acceleration that decays before walls. Pure, no clock.
 
-What the acceleration limit allows is shared out, so that both uses at once keep to it: half of its square for following
-the hand, a sixth for each of the three axes that may have to brake before a wall at the same time.
+The acceleration limit is divided so that both uses at once keep it: half of its square for following the command, a
+sixth for each of the three axes that may have to brake before a wall at the same time.
 """
 
 from functools import partial
@@ -18,15 +18,15 @@ from app.core.types import ToolPose
 
 _STEERING, _BRAKING = float(np.sqrt(1 / 2)), float(np.sqrt(1 / 6))
 _ROUNDING_M: Final = 1e-6
-"""Walls are as much nearer than they are."""
+"""Safety margin of the walls."""
 
 
 @final
 class Jogging:
-    """The tool from where it was at rest; `advance` by `advance` it follows what it was last told by `aim`.
+    """Tool pose that follows the last command of `aim`, from `advance` to `advance`, beginning at rest.
 
-    It slides along walls and around volumes that are kept free; one that is outside of the workspace already, or inside
-    of such a volume, may only come back.
+    It slides along walls and around keep-out volumes; from outside the workspace, or inside such a volume, it may only
+    come back.
     """
 
     def __init__(self, tool: ToolPose, limits: Limits) -> None:
@@ -41,11 +41,11 @@ class Jogging:
 
     @property
     def at_rest(self) -> bool:
-        """Whether it neither moves nor shall move."""
+        """True where it neither moves nor is commanded to."""
         return still(self._told) and still(Jog(linear=self._linear, angular=self._angular, opening=self._opening))
 
     def aim(self, jog: Jog) -> None:
-        """Move so from now on; of no effect on one that brakes."""
+        """Set the commanded velocity; without effect while braking."""
         if not self._braking:
             self._told = Jog(
                 linear=within(jog.linear, self._limits.speed_m_s),
@@ -54,13 +54,13 @@ class Jogging:
             )
 
     def brake(self, deceleration_m_s2: float) -> None:
-        """Come to rest as soon as this deceleration allows, for good; turning ends as much sooner as moving does."""
+        """Come to rest for good, at this deceleration; rotation ends as much sooner as translation."""
         self._told, self._braking = Jog(), True
         self._turning *= deceleration_m_s2 / self._steering
         self._steering = deceleration_m_s2
 
     def advance(self, duration_s: float) -> ToolPose:
-        """Where it is `duration_s` later."""
+        """Pose `duration_s` later."""
         told, change = self._told, self._steering * duration_s
         self._linear = self._linear + within(told.linear - self._linear, change)
         self._opening += float(np.clip(told.opening - self._opening, -change, change))
@@ -71,13 +71,13 @@ class Jogging:
             self._tool[3:7], scalar_first=True
         )
         turn = turned.as_quat(scalar_first=True)
-        # Of the two signs of a quaternion the one that is nearer to the last.
+        # The quaternion's sign that is nearer to the last.
         turn = turn if turn @ self._tool[3:7] > 0 else -turn
         self._tool = np.array([*moved, *turn, self._tool[7] + self._opening * duration_s])
         return self._tool
 
     def _slow_before_walls(self, duration_s: float) -> None:
-        """No faster towards a wall, or what is kept free, than from where it can still be met at rest."""
+        """Limit the velocity towards walls and keep-out volumes to one from which the tool can stop before them."""
         at, velocity = self._tool[[0, 1, 2, 7]], np.array([*self._linear, self._opening])
         law = partial(_stoppable, self._limits.acceleration_m_s2 * _BRAKING, duration_s)
         *linear, opening = between(self._low, self._high, velocity, at, law)
@@ -87,30 +87,30 @@ class Jogging:
 
 
 def within(vector: Float64[np.ndarray, "3"], length: float) -> Float64[np.ndarray, "3"]:
-    """The vector, or one of that length in its direction where it is longer."""
+    """The vector, shortened to `length` where it is longer."""
     largest = float(np.abs(vector).max())
-    # Of the largest numbers that there are the squares are none.
+    # The squares of the largest finite numbers overflow.
     vector = vector if largest <= length else vector * (length / largest)
     norm = float(np.linalg.norm(vector))
     return vector if norm <= length else vector * (length / norm)
 
 
 def finite(jog: Jog) -> bool:
-    """Whether every number in it is one."""
+    """True where every number is finite."""
     return bool(np.isfinite([*jog.linear, *jog.angular, jog.opening]).all())
 
 
 def still(jog: Jog) -> bool:
-    """Whether it is none: nothing moves, turns or opens."""
+    """True for a zero command: nothing moves, turns or opens."""
     return not (jog.linear.any() or jog.angular.any() or jog.opening)
 
 
 def _stoppable(
     deceleration_m_s2: float, duration_s: float, room_m: Float64[np.ndarray, " A"]
 ) -> Float64[np.ndarray, " A"]:
-    """The speeds [m/s] after whose next `duration_s` the rest of the room is enough to stop in, however long ticks are.
+    """Largest speeds [m/s] that, held for `duration_s`, leave enough room to stop, for any length of ticks.
 
-    The v with v t + v^2 / 2a = room: a tick later the same formula asks for at most `a` times its duration less.
+    The v with v t + v^2 / 2a = room: a tick later the same formula reduces it by at most `a` times the tick.
     """
     step = deceleration_m_s2 * duration_s
     return np.sqrt(step**2 + 2 * deceleration_m_s2 * np.maximum(room_m, 0.0)) - step

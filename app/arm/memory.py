@@ -1,4 +1,4 @@
-"""The memory through which an arm's process is told and asked, and what is posted in it."""
+"""Shared memory of the application and an arm's process, and the encoding of its records."""
 
 from typing import Any, Final, final
 
@@ -44,10 +44,10 @@ _REFUSAL = np.dtype([("motion", "i8"), ("code", "S32"), ("reason", f"S{TEXT_BYTE
 
 @final
 class ArmMemory:
-    """What the arm's process shares with the application.
+    """Shared memory of the arm's process and the application.
 
-    Written by the application: `motions` (number n is its n-th record), `keepalives` (a number that changes while
-    somebody watches the motion), `jogs` (the newest counts) and `heeding` (whether it does), `stop_ns` and `reset_ns`
+    Written by the application: `motions` (number n is its n-th record), `keepalives` (a number that changes while the
+    motion is supervised), `jogs` (the newest counts) and `heeding` (jogs are accepted), `stop_ns` and `reset_ns`
     (monotonic time of the last request; a stop is in force while it is later than the last reset), `closing`. Written
     by the arm: `states`, one a tick, which name the motion begun last, and `refusals`.
     """
@@ -61,7 +61,7 @@ class ArmMemory:
 
 
 def posted(motion: Motion) -> dict[str, object]:
-    """The record of `motion` for `ArmMemory.motions`, but for its digest."""
+    """Record of `motion` for `ArmMemory.motions`, without its digest."""
     rows = np.zeros((MAX_WAYPOINTS, 9))
     rows[: len(motion.positions)] = np.concatenate([motion.poses, motion.speeds[:, None]], axis=1)
     return {
@@ -75,7 +75,7 @@ def posted(motion: Motion) -> dict[str, object]:
 
 
 def motion_of(request: Any) -> Motion:
-    """What was posted."""
+    """Motion decoded from its record."""
     waypoints = int(request["waypoints"])
     poses = request["poses"][:waypoints]
     return Motion(
@@ -88,5 +88,5 @@ def motion_of(request: Any) -> Motion:
 
 
 def jog_of(told: Any) -> Jog:
-    """What was told."""
+    """Velocity command decoded from its record."""
     return Jog(linear=told["linear"].copy(), angular=told["angular"].copy(), opening=float(told["opening"]))

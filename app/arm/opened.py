@@ -1,4 +1,4 @@
-"""An arm in a process of its own, for as long as somebody has it open, whatever kind of arm it is."""
+"""An arm of any kind in a process of its own, for as long as it is open."""
 
 import os
 from collections.abc import AsyncGenerator
@@ -16,10 +16,10 @@ from app.core.processes import end, process, ready
 
 @asynccontextmanager
 async def opened_arm(take: Controlled, site: Site) -> AsyncGenerator[ProcessArm]:
-    """The arm that `take` takes hold of, under gate, watchdog and STOP.
+    """The arm that `take` connects to, under gate, watchdog and STOP.
 
-    Raises DeviceError on entry where there is none. Left, the arm is at rest and the process has ended, which ends by
-    itself where the application is killed.
+    Raises DeviceError on entry where there is none. On leaving, the arm is at rest and the process has ended; it ends
+    by itself where the application is killed.
     """
     memory = await to_thread.run_sync(ArmMemory)
     arm = process("arm", run_arm, memory, site, take, os.getpid())

@@ -1,7 +1,7 @@
-"""How the arm moves along a path: straight lines, within speed and acceleration limits, and able to brake anywhere.
+"""Path following: straight lines, within speed and acceleration limits, with a stop possible anywhere.
 
-A path runs through coordinates in which all of a tool's pose is a length: a turn by an angle counts as the way that a
-point `_LEVER_M` from the tip makes with it, an opening as it is. So one speed holds for moving, turning and opening.
+A path runs through coordinates in which every part of a tool's pose is a length: a rotation counts as the path of a
+point `_LEVER_M` from the tip, an opening as it is. So one speed limits translation, rotation and opening.
 """
 
 from typing import Final, final
@@ -15,18 +15,18 @@ from app.core.types import ToolPath, ToolPose
 
 _SAME_PLACE_M = 1e-6
 _LEVER_M = 0.1
-"""About the size of what tools hold. A unit quaternion moves by half the angle of a turn."""
+"""Lever of rotations, about the size of held objects. A unit quaternion moves by half the rotation angle."""
 SCALE: Final = np.array([1.0] * 3 + [2 * _LEVER_M] * 4 + [1.0])
 _CORNER_TIME_S = 0.04
-"""A corner is taken at the speed at which its change of velocity is what the acceleration limit gives in this time:
-at 1.5 m/s^2 a jump of the command by at most 60 mm/s, which the drives round off."""
+"""Time in which the acceleration limit gives a corner's change of velocity: at 1.5 m/s^2 a step of the command by at
+most 60 mm/s, which the drives round off."""
 
 
 def route(start: ToolPose, motion: Motion, site: Site) -> tuple[ToolPath, Float64[np.ndarray, " S"]]:
     """The whole path of `motion` from `start`, and the speed of each of its segments [m/s].
 
     Up to the travel height, across to above the first position, down, along the motion, and up again at its end; a
-    motion that continues has the way from `start` along it alone.
+    motion that continues has only the path from `start` along it.
     """
     way, fast = motion.poses, site.limits.speed_m_s
     if motion.continues:
@@ -40,31 +40,31 @@ def route(start: ToolPose, motion: Motion, site: Site) -> tuple[ToolPath, Float6
 
 
 def raised(pose: ToolPose, site: Site) -> ToolPose:
-    """The pose at the travel height, or as high as it is."""
+    """The pose at the travel height, or at its own height where that is higher."""
     raised = pose.copy()
     raised[2] = max(pose[2], site.travel_height_m)
     return raised
 
 
 def _same_sided(poses: ToolPath) -> ToolPath:
-    """The same poses with each quaternion of the sign that is nearer to the one before it."""
+    """The poses with each quaternion's sign nearest to the one before."""
     turns = poses[:, 3:7]
     flips = np.where((turns[1:] * turns[:-1]).sum(1) < 0, -1.0, 1.0)
     return np.concatenate([poses[:, :3], turns * np.cumprod([1.0, *flips])[:, None], poses[:, 7:]], axis=1)
 
 
 def whole(pose: ToolPose) -> ToolPose:
-    """The pose with its quaternion of unit length, as one between two others is not."""
+    """The pose with its quaternion normalised, as an interpolated one is not of unit length."""
     turn = pose[3:7]
     return np.array([*pose[:3], *(turn / np.linalg.norm(turn)), pose[7]])
 
 
 @final
 class PathFollower:
-    """A tool that runs along the poses `points (P, 8)` and comes to rest at the last.
+    """Follower of the poses `points (P, 8)`, which comes to rest at the last.
 
-    It speeds up and slows down along the path by at most `acceleration_m_s2`, keeps to each segment's speed, and slows
-    down before corners. Called `advance` by `advance`: whoever calls owns the clock.
+    It accelerates and decelerates along the path by at most `acceleration_m_s2`, keeps each segment's speed, and slows
+    down before corners. The caller of `advance` owns the clock.
     """
 
     def __init__(self, points: ToolPath, speeds: Float64[np.ndarray, " S"], acceleration_m_s2: float) -> None:
@@ -79,7 +79,7 @@ class PathFollower:
 
     @property
     def at_rest(self) -> bool:
-        """Whether it has reached the end, or braked to a stop."""
+        """True once it has reached the end, or braked to a stop."""
         return self._distance >= self._length or (self._braking_m_s2 > 0 and self._speed == 0)
 
     def brake(self, deceleration_m_s2: float) -> None:
@@ -87,7 +87,7 @@ class PathFollower:
         self._braking_m_s2 = deceleration_m_s2
 
     def advance(self, duration_s: float) -> ToolPose:
-        """Where it is `duration_s` later."""
+        """Pose `duration_s` later."""
         if self.at_rest:
             self._speed = 0.0
         elif self._braking_m_s2 > 0:
@@ -98,7 +98,7 @@ class PathFollower:
         return whole(np.array([np.interp(self._distance, self._at, column) for column in self._points.T]))
 
     def _allowed(self, duration_s: float) -> float:
-        """The fastest from which the next node's speed can still be met, one tick's travel included."""
+        """Highest speed from which the next node's speed can still be met, one tick's travel included."""
         segment = min(int(np.searchsorted(self._at, self._distance, side="right")) - 1, len(self._speeds) - 1)
         room, half = self._at[segment + 1] - self._distance, self._acceleration * duration_s / 2
         braking = np.sqrt(self._node_speeds[segment + 1] ** 2 + 2 * self._acceleration * room + half**2) - half
@@ -111,7 +111,7 @@ def _node_speeds(
     speeds: Float64[np.ndarray, " S"],
     acceleration_m_s2: float,
 ) -> Float64[np.ndarray, " P"]:
-    """The speed [m/s] at each point of the path: what corners allow, and from what the later ones can be met."""
+    """Speed [m/s] at each point of the path: limited by corners, and by the deceleration to later points."""
     turn = np.linalg.norm(np.diff(directions, axis=0), axis=1)
     corner = acceleration_m_s2 * _CORNER_TIME_S / np.maximum(turn, 1e-9)
     inner = np.minimum(corner, np.minimum(speeds[:-1], speeds[1:]))

@@ -1,4 +1,4 @@
-"""The arm's own process: its loop with gate and watchdog, whatever kind of arm it controls."""
+"""The arm's own process: a control loop with gate and watchdog, for any kind of arm."""
 
 import os
 import signal
@@ -17,17 +17,17 @@ from app.core.errors import MotionRefused
 from app.core.processes import ask_for_real_time
 
 Controlled: TypeAlias = Callable[[Site], Control]
-"""Takes hold of an arm; called in its process. Raises DeviceError where there is none."""
+"""Factory that connects to an arm; called in its process. Raises DeviceError where there is none."""
 
 _LATEST_TICK_PERIODS = 3.0
-"""A tick that comes later than this many periods moves the arm no further than this many: late, it slows."""
+"""Longest tick in periods: after a later one the arm moves no further than this, and lags."""
 _USUALLY = "A computer that is too busy is the usual cause; end what else it does."
 _REST_S = 1.0
-"""An arm whose application is gone has this long to come to rest."""
+"""Time for an arm whose application is gone to come to rest."""
 
 
 def run_arm(memory: ArmMemory, site: Site, take: Controlled, parent: int) -> None:
-    """The body of the process: tick every `site.timing.arm_period_s` until closed or until `parent` is gone.
+    """Body of the process: tick every `site.timing.arm_period_s` until closed or until `parent` is gone.
 
     It ends once the arm is at rest. Raises DeviceError where `take` finds no arm.
     """
@@ -57,7 +57,7 @@ class _Loop:
         self._heard_s = self._jogged_s = 0.0
 
     def run(self, on: Callable[[], bool]) -> None:
-        """Tick once a period while it is `on`."""
+        """Tick once a period while `on()` is true."""
         period = self._timing.arm_period_s
         last = time.monotonic()
         due = last + period
@@ -68,7 +68,7 @@ class _Loop:
             due, last = max(due + period, now), now
 
     def tick(self, now_s: float, elapsed_s: float) -> None:
-        """Listen, move, report."""
+        """Read commands, move, report."""
         self._hear_stop_and_reset()
         self._hear_watcher(now_s)
         self._hear_motion(now_s)
@@ -81,7 +81,7 @@ class _Loop:
         self._report(now_s, elapsed_s)
 
     def _hear_stop_and_reset(self) -> None:
-        """Every stop is obeyed, however soon it was lifted: a reset waits for the next tick, and for rest."""
+        """Obey every stop, however soon it was lifted: a reset waits for the next tick, and for rest."""
         stop_ns, reset_ns = self._memory.stop_ns.value, self._memory.reset_ns.value
         if stop_ns != self._stop_ns:
             self._stop_ns = stop_ns
@@ -91,7 +91,7 @@ class _Loop:
             self._control.reset()
 
     def _hear_motion(self, now_s: float) -> None:
-        """Begin the newest motion that was posted since the last one, or say why not."""
+        """Begin the newest motion posted since the last one, or report its refusal."""
         if self._memory.motions.count == self._heard:
             return
         self._heard, request = self._memory.motions.count, self._memory.motions.newest()
@@ -102,7 +102,7 @@ class _Loop:
             self._refuse(self._heard, refusal)
 
     def _hear_refusal(self) -> None:
-        """What was begun and is refused only once the arm has looked at it itself."""
+        """Report a motion that the arm refused after it had begun."""
         if (refusal := self._control.refusal()) is not None:
             self._refuse(self._begun, refusal)
 
@@ -111,7 +111,7 @@ class _Loop:
         self._memory.refusals.append(motion=motion, code=code, reason=reason)
 
     def _hear_jogs(self, now_s: float) -> None:
-        """Follow the newest jog; where none has come for longer than the watchdog allows, or none counts, slow down."""
+        """Follow the newest jog; brake where none has come within the watchdog's time, or none is accepted."""
         memory, control = self._memory, self._control
         new, self._jogs = memory.jogs.count != self._jogs, memory.jogs.count
         heeds = memory.heeding.value and now_s - self._heard_s <= self._timing.watchdog_s
@@ -121,13 +121,13 @@ class _Loop:
             control.coast()
 
     def _hear_watcher(self, now_s: float) -> None:
-        """The time is that of hearing, on this process's clock: a sender's late or wrong stamps keep no arm going."""
+        """Note a keep-alive at the time of reading, by this clock: a sender's wrong stamps keep no arm going."""
         keepalives = self._memory.keepalives.value
         if keepalives != self._keepalives:
             self._keepalives, self._heard_s = keepalives, now_s
 
     def _watch(self, now_s: float) -> None:
-        """Stop a motion that nobody has watched for longer than the watchdog allows; a jog is not heeded then."""
+        """Stop a motion without a keep-alive within the watchdog's time; jogs are not accepted then."""
         silence_s = now_s - self._heard_s
         followed = self._control.mode == "moving" and not self._control.jogging
         if followed and silence_s > self._timing.watchdog_s:
@@ -136,12 +136,12 @@ class _Loop:
             )
 
     def _wake(self, elapsed_s: float) -> None:
-        """Stop where this process itself has been deaf for longer than the watchdog allows: nobody watched the arm."""
+        """Stop where this process itself has not run for longer than the watchdog's time: the arm was unsupervised."""
         if elapsed_s > self._timing.watchdog_s and self._control.mode == "moving":
             self._control.stop(f"The arm's own process did not run for {elapsed_s * 1e3:.0f} ms. {_USUALLY}")
 
     def _feel(self) -> None:
-        """Stop where the tool presses harder than it may; an arm that measures no force is not stopped by any."""
+        """Stop where the force on the tool exceeds its limit; NaN, from an arm that measures none, does not."""
         force_n, most_n = float(np.linalg.norm(self._control.force)), self._site.limits.force_n
         if force_n > most_n and self._control.mode == "moving":
             self._control.stop(f"The tool met {force_n:.0f} N, more than {most_n:g} N; look at what it touches.")

@@ -1,4 +1,4 @@
-"""An arm in its own process, as the application sees it. Nothing here waits for that process."""
+"""The application's side of an arm in its own process. Nothing here blocks on that process."""
 
 import dataclasses
 import threading
@@ -23,14 +23,14 @@ from app.core.refusal import Refusal
 from app.core.types import ToolPose
 
 _SILENCE_S = 2.0
-"""An arm whose process has reported no state for this long is taken for gone."""
+"""Time without a report of state after which the arm's process counts as gone."""
 _ANSWER_S, _CLEARED_S = 1.0, 5.0
-"""How long a reset is waited for: until it is heard, and until an arm has left its fault."""
+"""Timeouts of a reset: until it is read, and until an arm has left its fault."""
 
 
 @final
 class ProcessArm:
-    """Tells the arm's process what to do through shared memory, and reads its log of states."""
+    """Client of the arm's process: commands it through shared memory, and reads its log of states."""
 
     def __init__(self, memory: ArmMemory, process: BaseProcess, site: Site) -> None:
         self._memory, self._process, self._site = memory, process, site
@@ -44,7 +44,7 @@ class ProcessArm:
         return self._memory.states.newest()["measured"].copy()
 
     def joints(self) -> JointAngles:
-        """The joints' angles as last measured; from any thread."""
+        """Joint angles as last measured; from any thread."""
         return self._memory.states.newest()["joints"].copy()
 
     async def state(self) -> ArmState:
@@ -52,7 +52,7 @@ class ProcessArm:
         self._check_alive()
         begin = max(self._states_read - 1, 0)
         states = self._memory.states.since(begin)
-        # The newest is kept in case no tick has passed since: then it is the newest still.
+        # The newest state is kept in case no tick has passed since.
         newest, unread = states[-1], states[1:] if len(states) > 1 else states
         self._states_read = begin + len(states)
         return ArmState(
@@ -69,7 +69,7 @@ class ProcessArm:
         )
 
     async def execute(self, approved: Approved) -> Executed:
-        """Make the motion and wait for its end, feeding the watchdog from the event loop. Cancelled, it stops the arm.
+        """Execute the motion and wait for its end, feeding the watchdog from the event loop. Cancelling stops the arm.
 
         Raises MotionRefused, with nothing moved, and DeviceError where the arm's process is gone.
         """
@@ -77,20 +77,20 @@ class ProcessArm:
         self._check_leave(approved)
         self._busy = True
         try:
-            with paused_collection():  # Of what the whole application has made, which would hold the event loop.
+            with paused_collection():  # A collection over the whole application would hold the event loop.
                 log = await self._followed(approved.motion, approved.digest)
             return _executed(log, approved.id, approved.id)
         except MotionRefused:
             raise
         except BaseException:
-            # Whatever else ends the watching early, the arm shall not go on unwatched.
+            # Whatever else ends the supervision early, the arm must not go on unsupervised.
             self.stop()
             raise
         finally:
             self._busy = False
 
     def jog(self, jog: Jog) -> bool:
-        """Leave it where the arm's process looks at its next tick, where that may heed it. From any thread."""
+        """Post a velocity command for the arm's next tick, where jogs are accepted. From any thread."""
         if not self._memory.heeding.value or self.held:
             return False
         # Threads may jog at the same time, and a ring has one writer.
@@ -99,10 +99,10 @@ class ProcessArm:
         return True
 
     async def jogged(self, over: anyio.Event | None = None) -> Executed | None:
-        """Have jogs heeded until a stretch of them has ended, or until `over`; None where nothing was moved by then.
+        """Accept jogs until one has ended, or until `over`; None where nothing was moved by then.
 
-        Cancelled, the arm's process lets the tool come to rest. Raises MotionRefused while a stop is in force or the
-        arm is busy, and DeviceError where its process is gone.
+        Cancelled, the arm's process brings the tool to rest. Raises MotionRefused while a stop is in force or the arm
+        is busy, and DeviceError where its process is gone.
         """
         self._check_alive()
         self._check_free()
@@ -123,20 +123,20 @@ class ProcessArm:
 
     @property
     def held(self) -> bool:
-        """Whether the newest stop that somebody asked for was not lifted yet."""
+        """True while the newest requested stop has not been lifted."""
         return self._memory.stop_ns.value > self._memory.reset_ns.value
 
     async def reset(self, *, asked_s: float) -> None:
         """Lift a stop that came before `asked_s`, or a fault, once the arm is at rest.
 
         Raises DeviceError where the arm is not ready afterwards; then, and where it is cancelled, it is stopped again,
-        so that the request frees nothing later.
+        so that the request lifts nothing later.
         """
         self._check_alive()
         try:
             await self._lifted(round(asked_s * 1e9))
         except BaseException:
-            # Whatever of it is still under way shall free nothing later.
+            # A part of it still under way must lift nothing later.
             self.stop()
             raise
 
@@ -159,9 +159,9 @@ class ProcessArm:
         )
 
     def _check_leave(self, approved: Approved) -> None:
-        """Raise MotionRefused where this is no leave for a motion now."""
+        """Raise MotionRefused where the approval is not valid for a motion now."""
         try:
-            # Made anew, it checks its seal and digest again.
+            # The constructor checks seal and digest again.
             dataclasses.replace(approved)
         except ApprovalRefused as refusal:
             raise MotionRefused(Refusal.NOT_APPROVED, str(refusal)) from None
@@ -173,16 +173,16 @@ class ProcessArm:
         self._used.add(approved.id)
 
     def _check_free(self) -> None:
-        """Raise MotionRefused where the arm is stopped, or told what to do by somebody else."""
+        """Raise MotionRefused where the arm is stopped, or under another command."""
         if self.held:
             raise MotionRefused(Refusal.STOPPED, "A stop is in force; press Resume, then try again.")
         if self._busy:
             raise MotionRefused(Refusal.BUSY, "The arm is making another motion, or moved by hand; wait for its end.")
 
     async def _stretch(self, over: anyio.Event | None) -> tuple[Any, str]:
-        """The arm's states from its first move until it has been at rest for a while, and why that is all.
+        """The arm's states from its first move until it has been at rest for a while, and the reason of an early end.
 
-        None of them where it is `over` before anything has moved.
+        Empty where it is `over` before anything has moved.
         """
         memory, timing, reason = self._memory, self._site.timing, ""
         seen = memory.states.count
@@ -199,7 +199,7 @@ class ProcessArm:
                 if self.held:
                     raise MotionRefused(Refusal.STOPPED, "A stop is in force; press Resume, then move the tool again.")
                 if over is not None and over.is_set():
-                    if not memory.heeding.value:  # The arm has had the time to show what it still heard.
+                    if not memory.heeding.value:  # The arm has had time to react to the last jog.
                         return log, reason
                     memory.heeding.value = 0
             elif over is not None and over.is_set():
@@ -244,12 +244,12 @@ class ProcessArm:
 
 
 def _moves(log: Any) -> Any:
-    """At which of the states the arm was moving, shape (T,)."""
+    """Mask of the states in which the arm was moving, shape (T,)."""
     return np.isin(log["mode"], [MODES.index("moving"), MODES.index("stopping")])
 
 
 def _rested(log: Any, rest_s: float) -> int | None:
-    """How many states there are to the first of the rest with which it ends, where that has lasted; else None."""
+    """Number of states up to the first of the final rest, where that has lasted; else None."""
     if not len(log) or _moves(log)[-1]:
         return None
     rest = int(np.flatnonzero(_moves(log))[-1]) + 1
@@ -258,7 +258,7 @@ def _rested(log: Any, rest_s: float) -> int | None:
 
 
 def _executed(log: Any, approved_id: MessageId, *cause: MessageId) -> Executed:
-    """What the arm's `log` of states says that it did."""
+    """Execution recorded in the arm's `log` of states."""
     outcomes: dict[str, Literal["completed", "stopped"]] = {"idle": "completed", "stopped": "stopped"}
     last = log[-1]
     return Executed(

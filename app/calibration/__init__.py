@@ -1,1 +1,1 @@
-"""Physical parameters from transitions, by gradient."""
+"""Gradient-based estimation of physical parameters from transitions."""

@@ -17,7 +17,7 @@ from app.sim.params import PARAMETERS, index, phi_with_nulls
 @final
 @dataclass(frozen=True, kw_only=True)
 class ToolOffset:
-    """Coordinates of the tool's tip that are unknown: x_tip = x + axes t [m].
+    """Unknown offset of the tool's tip, in coordinates t: x_tip = x + axes t [m].
 
     `specs`: of the coordinates t; `axes`: rows of the matrix that takes t to x and y.
     """
@@ -27,16 +27,16 @@ class ToolOffset:
 
     @property
     def matrix(self) -> Float64[np.ndarray, "2 T"]:
-        """The same as an array."""
+        """The axes as an array."""
         return np.array(self.axes, np.float64)
 
 
 @final
 @dataclass(frozen=True, kw_only=True)
 class Calibrator:
-    """Estimates the parameters of `specs`; the others keep the values of the model that it starts from.
+    """Estimator of the parameters of `specs`; the others keep the values of the model that it starts from.
 
-    Their ranges are what the predictor's simulator bears. `offset`: what of the tool's place is estimated besides
+    Their ranges are those of the predictor's simulator. `offset`: coordinates of the tool's offset to estimate besides
     (`fit_with_offset`).
     """
 
@@ -51,7 +51,7 @@ class Calibrator:
         return tuple(spec.name for spec in self.specs)
 
     def fit_with_offset(self, evidence: Evidence, phi: Float32[np.ndarray, " P"]) -> Fit:
-        """As `fit`, and after `names` the coordinates of the tool's offset, from none."""
+        """As `fit`, with the coordinates of the tool's offset after `names`, starting at zero."""
         assert self.offset is not None
         columns, matrix = [index(name) for name in self.names], self.offset.matrix
 
@@ -79,7 +79,7 @@ class Calibrator:
 
 
 def phi_of(model: Model) -> Float32[np.ndarray, " P"]:
-    """The model's parameters in the simulator's order, clipped by a rounding error into their widest ranges."""
+    """The model's parameters in the simulator's order, clipped into their widest ranges against rounding errors."""
     values = phi_with_nulls({parameter.name: parameter.value for parameter in model.parameters})
     return np.clip(values, [spec.low for spec in PARAMETERS], [spec.high for spec in PARAMETERS]).astype(np.float32)
 
@@ -93,8 +93,8 @@ def next_model(
 ) -> Model:
     """`old` with the fitted parameters; dated as the newest transition behind it.
 
-    What cameras and arm get wrong stays, but for the tool's `offset`, whose coordinates follow `names` in what was
-    found, and are added to what `old` says of them. Where an extended model is from stays.
+    Its apparatus errors stay, except the tool's `offset`, whose coordinates follow `names` in `found` and are added to
+    those of `old`. The provenance of an extended model stays.
     """
     estimates = {
         name: Parameter(
@@ -119,7 +119,7 @@ def next_model(
 def _with_offset(
     known: tuple[Parameter, ...], found: Fit, first: int, specs: Sequence[ParameterSpec]
 ) -> tuple[Parameter, ...]:
-    """What is known of cameras and arm, with the coordinates of the tool's offset moved by what was found."""
+    """Known apparatus parameters, with the coordinates of the tool's offset moved by the fit."""
     before = {parameter.name: parameter.value for parameter in known}
     moved = [parameter for parameter in known if parameter.name not in {spec.name for spec in specs}]
     for column, spec in enumerate(specs, first):

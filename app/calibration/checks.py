@@ -1,4 +1,4 @@
-"""Transitions from which nothing can be estimated, refused before or after a fit, each in one line."""
+"""Checks that refuse uninformative transitions before or after a fit, each in one line."""
 
 import numpy as np
 from jaxtyping import Float64
@@ -9,13 +9,13 @@ from app.core.chamfer import chamfer_m2
 from app.core.errors import RecordingError
 
 _NEAR_M = 0.02
-"""Beyond the distance of contact: what cameras and arm may be wrong by, and still touch."""
+"""Margin beyond the distance of contact: errors of cameras and arm for a tool that still touches."""
 _ABOVE_M = 0.03
-"""A tip so far over the object's top passes over it."""
+"""Height over the object's top at which a tip passes over it."""
 _MOVED_M2 = 2 * 0.005**2
-"""Change of an object that has moved [m^2]: 5 mm on the average; cameras say less of one at rest."""
+"""Change of an object that has moved [m^2]: 5 mm on the average; the noise of one at rest is less."""
 _ALONG = 0.2
-"""Least cosine, on the average, between ways of the tool and of the object that it pushes: 0.8 is usual."""
+"""Least mean cosine between the directions of the tool and of the object that it pushes: 0.8 is usual."""
 _MM = 1e3
 
 
@@ -64,20 +64,20 @@ def check_better_than_no_motion(losses_m2: Float64[np.ndarray, " K"], evidence: 
 
 
 def no_motion_m2(evidence: Evidence) -> Float64[np.ndarray, " K"]:
-    """Chamfer distances [m^2] of the objects from where they were before."""
+    """Chamfer distances [m^2] of the objects from their earlier positions."""
     pairs = zip(evidence.before, evidence.after, strict=True)
     return np.array([float(chamfer_m2(before, after)) for before, after in pairs])
 
 
 def _gap_m(before: np.ndarray, tool: np.ndarray) -> float:
-    """From the tool's way to the nearest particle, seen from above; more where it is over the object."""
+    """Distance from the tool's path to the nearest particle, seen from above; more where it is over the object."""
     gap = float(KDTree(before[:, :2]).query(tool[:, :2])[0].min())
     over = float(tool[:, 2].min() - before[:, 2].max())
     return max(gap, over) if over > _ABOVE_M else gap
 
 
 def _along(evidence: Evidence) -> Float64[np.ndarray, " K"]:
-    """Cosine between the ways of the tool and of the object's middle, seen from above; 0 where one of them stands."""
+    """Cosine between the displacements of the tool and of the object's centroid, seen from above; 0 where one rests."""
     way = (evidence.tool[:, -1] - evidence.tool[:, 0])[:, :2].astype(np.float64)
     shift = (evidence.after.mean(1) - evidence.before.mean(1))[:, :2].astype(np.float64)
     lengths = np.linalg.norm(way, axis=1) * np.linalg.norm(shift, axis=1)

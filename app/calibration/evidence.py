@@ -1,4 +1,4 @@
-"""Transitions as arrays, and how badly a model predicts each of them: the one-step Chamfer distance."""
+"""Transitions as arrays, and a model's prediction error for each of them: the one-step Chamfer distance."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
@@ -15,7 +15,7 @@ from app.core.errors import UsageError
 from app.core.messages import Transition
 
 Advance = Callable[[Float[Array, "B P"], Float[Array, "B N 3"], Float[Array, "B T C"]], Float[Array, "B N 3"]]
-"""The simulator of an object that is seen, at rest: parameters, particles before, tool path -> particles after."""
+"""Simulator of an observed object at rest: parameters, particles before, tool path -> particles after."""
 
 
 @final
@@ -32,7 +32,7 @@ class Evidence:
 
 
 class ToolPath(Protocol):
-    """Turns measured tool poses into the path to simulate (`app.planner.actions.ActionSpace.measured_path`)."""
+    """Conversion of measured tool poses to the path to simulate (`app.planner.actions.ActionSpace.measured_path`)."""
 
     def __call__(self, tool: Float[np.ndarray, "M K"]) -> Float32[np.ndarray, "T C"]:
         """The simulated path."""
@@ -40,9 +40,7 @@ class ToolPath(Protocol):
 
 
 def gather(transitions: Sequence[Transition], tool_path: ToolPath) -> Evidence:
-    """What is simulated is the motion as measured; as commanded only where nobody measured it.
-
-    All clouds must have the same size.
+    """Transitions as arrays of equal clouds; the tool path is the measured one, else the commanded.
 
     Raises UsageError where there are no transitions.
     """
@@ -80,13 +78,13 @@ class Predictor:
     def shifted_slopes(
         self, phi: Float32[np.ndarray, " P"], shift_m: Float32[np.ndarray, "2"], evidence: Evidence
     ) -> tuple[Float32[np.ndarray, " K"], Float32[np.ndarray, "K P"], Float32[np.ndarray, "K 2"]]:
-        """The same with the tool beside where it was measured, by `shift_m` along x and y; and by that, too."""
+        """As `slopes`, with the tool shifted by `shift_m` along x and y, and with the gradient by the shift."""
         parts = [jax.device_get(_shifted_slopes(self.advance, phi, shift_m, *part)) for part in self._parts(evidence)]
         losses, by_phi, by_shift = (np.concatenate(pieces)[: len(evidence)] for pieces in zip(*parts, strict=True))
         return losses, by_phi, by_shift
 
     def _parts(self, evidence: Evidence) -> list[tuple[np.ndarray, np.ndarray, np.ndarray]]:
-        """Chunks of equal size; the last one is filled up with repetitions, whose results are cut off."""
+        """Chunks of equal size; the last one is padded by repetitions, whose results are cut off."""
         count = len(evidence)
         rows = np.arange(-(-count // self.chunk) * self.chunk) % count
         return [

@@ -5,7 +5,7 @@ with r_k = sqrt(loss_k) as residuals, a damped Gauss-Newton step (Levenberg 1944
 evaluations where plain descent takes dozens. Noise leaves a floor under every loss_k, and near it those residuals say
 little about curvature; the steps allow for it, and the intervals take it from differences of gradients instead.
 
-A tenth of the transitions makes a third to a half of the summed loss: pushes that the simulator gets wholly wrong,
+A tenth of the transitions makes a third to a half of the summed loss: pushes that the simulator predicts wholly wrong,
 whatever its parameters. Huber's loss (Huber 1964) keeps them from deciding the fit; on other pushes of the same world
 the fitted model is then better in the plain mean, too (docs/decisions/0004-robust-calibration.md).
 """
@@ -29,30 +29,30 @@ Slopes = Callable[[Vector], tuple[Float64[np.ndarray, " K"], Float64[np.ndarray,
 _ONE_SIDED = 0.95
 """Ends of a 90 % interval."""
 _OUTLYING = 1.5
-"""Residuals above this many medians count linearly, not squared."""
+"""Huber threshold, in medians of the residuals, above which they count linearly."""
 _FLOOR_STRETCH = 2.0
-"""How much larger than the loss says a residual's slope may be taken to be, once the noise's share is taken away."""
+"""Largest factor by which a residual's slope is raised once the noise's share of the loss is removed."""
 _PROBE = 0.25
-"""Step of the coordinates for curvature: a quarter in a logarithm. Shorter ones measure the noise of contact. On other
+"""Step of a coordinate for curvature: a quarter in a logarithm. Shorter ones measure the noise of contact. On other
 scales it is a typical value, where there is one."""
 _ASIDE = 1.6
-"""How many such steps away the outermost probes are."""
+"""Distance of the outermost probes, in such steps."""
 _FLAT_M2 = 1e-9
-"""Less curvature than this is none: half of it is the loss [m^2] that a factor e would cost."""
+"""Least curvature that counts: half of it is the loss [m^2] that a factor e would cost."""
 _STEEPEST = 30.0
-"""Slopes of residuals that are so many medians long count as that."""
+"""Largest slope of a residual, in medians; steeper ones are clipped to it."""
 _SMALLEST_M = 1e-5
-"""Residuals [m] below a hundredth of a millimetre count as that, where the root has no slope."""
+"""Least residual [m], a hundredth of a millimetre; smaller ones are raised to it, as the root has no slope at zero."""
 
 
 @final
 @dataclass(frozen=True, kw_only=True)
 class Settings:
-    """`steps` trial steps at most, each a factor `max_factor` at most (on a logarithmic scale).
+    """Settings of a fit: `steps` trial steps at most, each a factor `max_factor` at most (on a logarithmic scale).
 
-    `trust_factor`: how far off the start may be, as the standard deviation of a prior on a logarithmic scale. Infinite
-    for a start that nobody vouches for; finite where a few new transitions refine a model that is in use. Without
-    `probes` intervals are of slopes and curvature at the estimate, which is quick, and often much too wide.
+    `trust_factor`: prior standard deviation of the start on a logarithmic scale. Infinite for an arbitrary start;
+    finite where a few new transitions refine a model in use. Without `probes` intervals are from slopes and curvature
+    at the estimate, which is quick, and often much too wide.
     """
 
     steps: int = 25
@@ -61,7 +61,7 @@ class Settings:
     damping: float = 0.03
     tolerance: float = 0.01
     probes: int = 0
-    """Points about the estimate at which losses are asked for its intervals."""
+    """Points about the estimate at which losses are evaluated for its intervals."""
 
 
 class Tried(NamedTuple):
@@ -82,15 +82,15 @@ class Fit:
     loss_m2: float
     trials: tuple[Tried, ...]
     lost: tuple[int, ...]
-    """Which transitions these values do not predict: they count for nothing."""
+    """Indices of the transitions that these values do not predict; they are left out."""
     losses_m2: Float64[np.ndarray, " K"]
-    """Of each transition [m^2]; NaN for those that are lost."""
+    """Loss of each transition [m^2]; NaN for those that are lost."""
 
 
 @final
 @dataclass(frozen=True, kw_only=True, eq=False)
 class _Point:
-    """A point in coordinates u, where steps are even, with residuals r (K,) [m] and their slopes J (K, Q).
+    """A point in coordinates u of even steps, with residuals r (K,) [m] and their slopes J (K, Q).
 
     K are the transitions that are predicted there; the indices of the others are `lost`.
     """
@@ -106,16 +106,16 @@ class _Point:
 
     @property
     def gradients(self) -> Float64[np.ndarray, "K Q"]:
-        """Of each transition's loss, by coordinate [m^2]."""
+        """Gradient of each transition's loss, by coordinate [m^2]."""
         return 2 * self.r[:, None] * self.J
 
 
 @final
 @dataclass(frozen=True, kw_only=True, eq=False)
 class _Objective:
-    """What is minimised: Huber's loss of the residuals, linear above `threshold_m`, and what the start counts for.
+    """Objective of the fit: Huber's loss of the residuals, linear above `threshold_m`, plus a prior at the start.
 
-    That is `trust` [m^2] a squared unit of distance from `start`, against the summed losses.
+    The prior is `trust` [m^2] per squared unit of distance from `start`, against the summed losses.
     """
 
     start: Vector
@@ -123,12 +123,12 @@ class _Objective:
     threshold_m: float
 
     def total(self, point: _Point) -> float:
-        """Its value [m^2]."""
+        """Value of the objective [m^2]."""
         beyond = np.maximum(point.r - self.threshold_m, 0)
         return float((point.r**2 - beyond**2).sum() + self.trust * ((point.u - self.start) ** 2).sum())
 
     def weights(self, point: _Point) -> Float64[np.ndarray, " K"]:
-        """Of the residuals: with them, least squares has the same gradient."""
+        """Weights of the residuals with which least squares has the same gradient."""
         return np.minimum(1, self.threshold_m / point.r)
 
 
@@ -204,12 +204,12 @@ def _probed(
 
 
 def _reach(specs: Sequence[ParameterSpec]) -> Vector:
-    """Of probes, along each coordinate."""
+    """Distance of the outermost probes along each coordinate."""
     return np.array([_ASIDE * _probe(spec) for spec in specs])
 
 
 def _probe(spec: ParameterSpec) -> float:
-    """Of a coordinate: see `_PROBE`."""
+    """Probe step of a coordinate: see `_PROBE`."""
     return (
         _PROBE
         if spec.scale == "log" or spec.typical is None
@@ -218,7 +218,7 @@ def _probe(spec: ParameterSpec) -> float:
 
 
 def _spread(losses: Float64[np.ndarray, " K"], lost: Sequence[int]) -> Float64[np.ndarray, " L"]:
-    """With NaN at the indices `lost`."""
+    """The losses with NaN inserted at the indices `lost`."""
     every = np.full(len(losses) + len(lost), np.nan)
     every[np.setdiff1d(np.arange(len(every)), lost)] = losses
     return every
@@ -240,7 +240,7 @@ def _evaluated(slopes: Slopes, u: Vector, specs: Sequence[ParameterSpec]) -> _Po
 
 
 def _credible(J: Float64[np.ndarray, "K Q"]) -> Float64[np.ndarray, "K Q"]:
-    """Slopes, of which those far steeper than the others' are shortened.
+    """Slopes, with those far steeper than the others' shortened.
 
     Some contacts have a million times the usual slope, and would stop every step.
     """
@@ -250,11 +250,11 @@ def _credible(J: Float64[np.ndarray, "K Q"]) -> Float64[np.ndarray, "K Q"]:
 
 
 def _newton_step(here: _Point, objective: _Objective, damping: float, specs: Sequence[ParameterSpec]) -> Vector:
-    """Minimises |r + J step|^2, weighted and with the trust, + damping |J|^2 |step|^2.
+    """Step that minimises |r + J step|^2, weighted and with the prior, + damping |J|^2 |step|^2.
 
-    The least loss stands for the floor under all, without which the residuals near it are steeper than their roots say.
-    A coordinate at an end of its range that would leave it stays there, and the others step without it (Bertsekas 1982,
-    "Projected Newton Methods for Optimization Problems with Simple Constraints").
+    The least loss stands for the noise floor, without which the residuals near it are steeper than their roots
+    indicate. A coordinate at an end of its range that would leave it stays there, and the others step without it
+    (Bertsekas 1982, "Projected Newton Methods for Optimization Problems with Simple Constraints").
     """
     weights = objective.weights(here)
     signal = np.sqrt(here.r**2 - (here.r**2).min())
@@ -273,8 +273,8 @@ def _newton_step(here: _Point, objective: _Objective, damping: float, specs: Seq
 def _margin(count: int, free: int) -> float:
     """Standard deviations from an estimate to the ends of its 90 % interval; infinite for too few transitions.
 
-    Student's t, and residuals that a fit of `free` parameters has made smaller, each by the same: the correction HC1 of
-    MacKinnon and White 1985.
+    Student's t, with the correction HC1 of MacKinnon and White 1985 for residuals that a fit of `free` parameters has
+    made smaller.
     """
     left = count - free
     return float(t.ppf(_ONE_SIDED, left)) * np.sqrt(count / left) if left > 0 else np.inf
@@ -283,8 +283,8 @@ def _margin(count: int, free: int) -> float:
 def _deviation(slopes: Slopes, here: _Point, specs: Sequence[ParameterSpec]) -> Vector:
     """Standard deviations of the coordinates: the infinitesimal jackknife over transitions (Jaeckel 1972).
 
-    How much the mean gradient varies with the choice of transitions, through the inverse of the loss's curvature, which
-    is at least that of Gauss and Newton. Infinite for a single transition, and wide where the loss is flat.
+    The variation of the mean gradient with the choice of transitions, through the inverse of the loss's curvature,
+    which is at least that of Gauss and Newton. Infinite for a single transition, and wide where the loss is flat.
     """
     count = len(here.r)
     if count < 2:

@@ -1,7 +1,7 @@
-"""Quadratics through the losses about an estimate, one a transition, and how well they tell where their minimum is.
+"""Quadratic fits to the losses about an estimate, one a transition, and the uncertainty of their minimum.
 
-A Chamfer distance has a floor, and its nearest neighbours change with every step: its curvature at a point says little,
-and a quadratic through many points about it what is wanted.
+A Chamfer distance has a floor, and its nearest neighbours change with every step: its curvature at a point is not
+informative, but a quadratic through many points about it is.
 """
 
 from dataclasses import dataclass
@@ -11,11 +11,11 @@ import numpy as np
 from jaxtyping import Float64
 
 _FLAT_M2 = 1e-9
-"""Less curvature than this is none: half of it is the loss [m^2] that a step of one unit would cost on the average."""
+"""Least curvature that counts: half of it is the loss [m^2] that a step of one unit would cost on the average."""
 _STEEPEST = 5.0
-"""Gradients so many medians long are taken at their word."""
+"""Largest length of a gradient, in medians, that keeps its full weight."""
 _WEAKEST, _REACH = 0.02, 0.5
-"""Share of the largest curvature that the smallest is taken to have at least, as less cannot be told from none; and
+"""Least ratio of the smallest to the largest curvature, below which it is not distinguishable from zero; and
 standard deviation of points spread to both sides of the estimate by a unit. Both of `bench.calibration_coverage`."""
 
 
@@ -28,11 +28,11 @@ class Quadratics:
     H: Float64[np.ndarray, "K Q Q"]
 
     def deviation(self, weights: Float64[np.ndarray, " K"]) -> Float64[np.ndarray, " Q"]:
-        """Standard deviations of the minimum's coordinates by the choice of transitions, which weigh so much.
+        """Standard deviations of the minimum's coordinates by the choice of transitions, with these weights.
 
-        The infinitesimal jackknife (Jaeckel 1972) with the curvature of the quadratics' mean. A direction in which that
-        cannot be told from none is as unknown as probes reach, at least. Infinite for a coordinate on which the losses
-        do not depend.
+        The infinitesimal jackknife (Jaeckel 1972) with the curvature of the quadratics' mean. The uncertainty along a
+        direction of indistinguishable curvature is at least the range of the probes. Infinite for a coordinate on which
+        the losses do not depend.
         """
         count = len(self.g)
         curvature = np.tensordot(weights, self.H, 1) / count
@@ -50,10 +50,10 @@ class Quadratics:
 def fit_quadratics(
     z: Float64[np.ndarray, "M Q"], losses: Float64[np.ndarray, "M K"], gradients: Float64[np.ndarray, "M K Q"]
 ) -> Quadratics:
-    """Least squares through losses and their gradients at M points; what these leave open is 0.
+    """Least squares through losses and their gradients at M points; undetermined coefficients are 0.
 
     At a few points the slope of a contact is a million times the usual one, and says nothing of the loss about it: such
-    gradients count for as little as they are too steep.
+    gradients are weighted down in proportion to their excess.
     """
     points, free = z.shape
     rows, columns = np.triu_indices(free)

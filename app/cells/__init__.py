@@ -1,4 +1,4 @@
-"""Rigs joined from their parts, one file a cell: its name is what `--rig` says, and it defines `CELL`."""
+"""Rigs assembled from their parts, one file a cell: its name is the value of `--rig`, and it defines `CELL`."""
 
 import importlib
 import re
@@ -13,7 +13,7 @@ _DEFINES = re.compile(r"^CELL: Final = ", re.MULTILINE)
 
 @cache
 def names() -> list[str]:
-    """The names of all cells: the files of this folder that define `CELL`, which are read for it and not imported."""
+    """Names of all cells: the files of this folder that define `CELL`, which are scanned for it and not imported."""
     return sorted(file.stem for file in Path(__file__).parent.glob("*.py") if _DEFINES.search(file.read_text()))
 
 

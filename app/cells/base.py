@@ -1,4 +1,4 @@
-"""What a cell is to the commands: where its arm may be, and how it is opened."""
+"""Interface of a cell to the commands: its site limits, and how it is opened."""
 
 from collections.abc import Callable, Sequence
 from contextlib import AbstractAsyncContextManager
@@ -22,10 +22,10 @@ from app.recording.calibration_file import CalibrationFile
 @final
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Wanted:
-    """What a cell is opened for. `board`: the gripper holds one, to calibrate cameras by.
+    """Options with which a cell is opened. `board`: the gripper holds one, to calibrate cameras by.
 
-    `file` describes a real one, and is the recording that a replayed one shows.
-    In a simulated one the stage's object lies at `start (K, 3)` [m], and `seed` is that of the cameras' noise.
+    `file` describes a real cell, and is the recording that a replayed one shows. In a simulated one the stage's object
+    starts at `start (K, 3)` [m], and `seed` is that of the cameras' noise.
     """
 
     stage: Stage
@@ -53,19 +53,18 @@ Open: TypeAlias = Callable[[Wanted], AbstractAsyncContextManager[Rig]]
 
 
 def _beside_the_program(_: Path | None) -> CalibrationFile:
-    """In the folder that it was started in."""
+    """Calibration file in the working directory."""
     return CalibrationFile()
 
 
 @final
 @dataclass(frozen=True, kw_only=True)
 class Cell:
-    """A cell by its name. `simulated`: nothing real can move; `narrowed`: the site with what its file says, if any.
+    """A cell by its name. `simulated`: nothing real can move; `narrowed`: the site with the limits of its file, if any.
 
-    `answers`: what the arm does shows in what the cameras see; where it does not, there is nothing to learn from it.
-    `shelf`: where its cameras' calibrations are kept, by its file.
-    `pictured`: what the arm looks like in images that were recorded there, with this tool, by any of its recorded
-    states and by where the table was; None where nobody knows.
+    `answers`: True where the images respond to the arm's motions; without that there is nothing to learn from them.
+    `shelf`: store of its cameras' calibrations, by its file. `pictured`: geometry of the arm in images recorded there,
+    from this tool, any of its recorded states and the table's pose; None where unknown.
     """
 
     name: str

@@ -1,4 +1,4 @@
-"""A real cell as a TOML file: which arm, which cameras, and what may happen between them (docs/real-cell.md)."""
+"""A real cell as a TOML file: its arm, its cameras, and its limits (docs/real-cell.md)."""
 
 import difflib
 import math
@@ -24,7 +24,7 @@ Point: TypeAlias = tuple[float, float, float]
 
 
 class _Entry(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
-    """A table of the file. A key that is misspelt is an error: it might have been a limit."""
+    """A table of the file. A misspelt key is an error: it might have been a limit."""
 
 
 class Box(_Entry, frozen=True):
@@ -41,9 +41,9 @@ class Volume(Box, frozen=True):
 
 
 class TableEntry(_Entry, frozen=True):
-    """The table's frame: its origin in that of the arm's base [m], and how it is turned about the upright.
+    """The table's frame: its origin in that of the arm's base [m], and its rotation about the vertical.
 
-    Its surface is z = 0 of its own frame, in which all other places of the file are.
+    Its surface is z = 0 of its own frame, in which all other positions of the file are.
     """
 
     place_m: Point = (0.0, 0.0, 0.0)
@@ -51,7 +51,7 @@ class TableEntry(_Entry, frozen=True):
 
 
 class Within(_Entry, frozen=True):
-    """What the arm may do in this cell: as much as `Limits` at most, or less."""
+    """Limits of the arm in this cell: those of `Limits` at most."""
 
     workspace: Box
     keep_out: tuple[Volume, ...] = ()
@@ -63,10 +63,10 @@ class Within(_Entry, frozen=True):
 
 
 class ToolEntry(_Entry, frozen=True):
-    """Where the tool's tip is: so far from the arm's flange, along its axis; and how its frame is turned about that.
+    """Pose of the tool's tip: its distance from the arm's flange along its axis, and its frame's rotation about that.
 
-    A closed Robotiq 2F-85 ends at 0.163 m, and opens along the flange's x axis, which shall be the tool's y axis.
-    `mass_kg`: of all beyond the flange; not compared where it is not said.
+    A closed Robotiq 2F-85 ends at 0.163 m, and opens along the flange's x axis, which becomes the tool's y axis.
+    `mass_kg`: total beyond the flange; not checked where it is not given.
     """
 
     tip_m: Annotated[float, msgspec.Meta(ge=0.0, le=0.6)] = 0.163
@@ -75,7 +75,7 @@ class ToolEntry(_Entry, frozen=True):
 
 
 class ArmEntry(_Entry, frozen=True):
-    """Where the arm's controller is, and what the arm holds. `client`: `dipac` or `kortex_api`."""
+    """Network address of the arm's controller, and its tool. `client`: `dipac` or `kortex_api`."""
 
     host: str = "192.168.1.10"
     client: str = "dipac"
@@ -91,7 +91,7 @@ class CameraEntry(_Entry, frozen=True):
 
 @final
 class CellFile(_Entry, frozen=True):
-    """The whole file. `calibration` is a path from the file's own folder."""
+    """The whole file. `calibration` is a path relative to the file's own folder."""
 
     schema: int
     name: str
@@ -104,9 +104,9 @@ class CellFile(_Entry, frozen=True):
 
 
 def load_cell(path: Path) -> CellFile:
-    """Read and check it.
+    """Read and check a cell file.
 
-    Raises UsageError where it is not there, RecordingError, which says what is wrong, where something is.
+    Raises UsageError where it is missing, and RecordingError, which names the error, where it is invalid.
     """
     try:
         cell = msgspec.toml.decode(path.read_bytes(), type=CellFile)
@@ -122,19 +122,19 @@ def load_cell(path: Path) -> CellFile:
 
 
 def table(cell: CellFile) -> TablePlace:
-    """Place of its table."""
+    """Pose of its table."""
     return TablePlace(place_m=cell.table.place_m, turn_deg=cell.table.turn_deg)
 
 
 def narrowed_by(cell: CellFile, site: Site) -> Site:
-    """The site with what the file says; the slower of the two speeds counts."""
+    """The site with the limits of the file; the slower of the two speeds counts."""
     own = limits(cell)
     own = replace(own, speed_m_s=min(own.speed_m_s, site.limits.speed_m_s))
     return replace(site, limits=own, table=table(cell), travel_height_m=cell.travel_height_m)
 
 
 def limits(cell: CellFile) -> Limits:
-    """What its arm may do."""
+    """Limits of its arm."""
     said = cell.limits
     return Limits(
         speed_m_s=said.speed_m_s,
@@ -149,7 +149,7 @@ def limits(cell: CellFile) -> Limits:
 
 
 def far_corner(cell: CellFile) -> str:
-    """What of the workspace the arm does not reach with a tool that points down, as a sentence; empty where nothing."""
+    """Sentence on the part of the workspace out of reach for a tool that points down; empty where there is none."""
     beyond_m = _beyond_m(cell, middle=False)
     if beyond_m <= 0:
         return ""
@@ -160,7 +160,7 @@ def far_corner(cell: CellFile) -> str:
 
 
 def _beyond_m(cell: CellFile, *, middle: bool) -> float:
-    """How far out of reach the workspace is at most, or over its middle."""
+    """Largest distance of the workspace out of reach; where `middle`, of the pose over its middle."""
     low, high = np.array(cell.limits.workspace.low), np.array(cell.limits.workspace.high)
     corners = np.stack(np.meshgrid(*np.stack([low, high]).T), axis=-1).reshape(-1, 3)
     over = np.array([[*(low + high)[:2] / 2, cell.travel_height_m]])
@@ -174,7 +174,7 @@ def _reach(cell: CellFile) -> Reach:
 
 
 def _meant(error: str) -> str:
-    """A key that is spelt much like the unknown one that `error` names, as a sentence; empty where none is."""
+    """Sentence that suggests a key similar to the unknown one that `error` names; empty where none is."""
     unknown = re.search(r"unknown field `(.+?)`", error)
     known = {name for table in (CellFile, *_Entry.__subclasses__(), Volume) for name in table.__struct_fields__}
     near = difflib.get_close_matches(unknown[1], sorted(known), n=1) if unknown else []
@@ -182,7 +182,7 @@ def _meant(error: str) -> str:
 
 
 def _wrong(cell: CellFile) -> str:
-    """What no type says; empty where nothing is wrong."""
+    """Error beyond the checks of the types; empty for a valid file."""
     if cell.schema != SCHEMA:
         return f"it has schema {cell.schema}, and this version reads {SCHEMA}"
     if cell.arm.client not in CLIENTS:

@@ -1,4 +1,4 @@
-"""A real cell: a Kinova Gen3, RealSense cameras around it, and a file that says where they are and what is allowed."""
+"""A real cell: a Kinova Gen3, RealSense cameras around it, and a file with their poses and limits."""
 
 import os
 import sys
@@ -30,19 +30,19 @@ from app.rig.realsense.settings import Settings
 from app.rig.realsense.sources import Live
 
 USER, PASSWORD = "DIPAC_ARM_USER", "DIPAC_ARM_PASSWORD"
-"""Variables of the environment with the arm's account, where it is not the one that it is delivered with."""
+"""Environment variables with the arm's account, where it is not the factory default."""
 _NEEDED = "--rig gen3 needs --cell FILE.toml, which says where arm and cameras are; docs/real-cell.md has one to copy."
 
 
 def _narrowed(site: Site, file: Path | None) -> Site:
-    """With the limits and the table of the file."""
+    """The site with the limits and the table of the file."""
     cell, _ = _read(file)
     return narrowed_by(cell, site)
 
 
 @asynccontextmanager
 async def _opened(wanted: Wanted) -> AsyncGenerator[OpenedRig]:
-    """Raises DeviceError where arm or cameras are not there; cameras may still have to be calibrated."""
+    """The opened cell. Raises DeviceError where arm or cameras are missing; cameras may be uncalibrated."""
     cell, mounted = await to_thread.run_sync(_found, wanted.file)
     if far := far_corner(cell):
         sys.stderr.write(f"dipac: {far}\n")
@@ -56,7 +56,7 @@ async def _opened(wanted: Wanted) -> AsyncGenerator[OpenedRig]:
 
 
 def _found(file: Path | None) -> tuple[CellFile, list[Mounted]]:
-    """What the file says, and its cameras, where they stand as far as they are calibrated."""
+    """The file's content, and its cameras, with their poses as far as they are calibrated."""
     cell, there = _read(file)
     calibration = calibration_of(cell, there)
     places = {serial: table(cell).camera_in_table(found) for serial, found in known_cameras(calibration).items()}
@@ -64,7 +64,7 @@ def _found(file: Path | None) -> tuple[CellFile, list[Mounted]]:
 
 
 def calibration_of(cell: CellFile, file: Path) -> Path:
-    """Where the cameras' calibration is kept."""
+    """Path of the cameras' calibration file."""
     return file.parent / cell.calibration
 
 
@@ -81,19 +81,19 @@ def _read(file: Path | None) -> tuple[CellFile, Path]:
 
 
 def address(cell: CellFile) -> Address:
-    """Where the arm is, with the account that the environment says."""
+    """Address of the arm, with the account from the environment."""
     usual = Address(host=cell.arm.host)
     user, password = os.environ.get(USER, usual.username), os.environ.get(PASSWORD, usual.password)
     return replace(usual, username=user, password=password)
 
 
 def holds(tool: ToolEntry) -> Holds:
-    """What the arm has to be configured for."""
+    """End effector that the arm must be configured for."""
     return Holds(tip_m=tool.tip_m, turn_deg=tool.turn_deg, mass_kg=tool.mass_kg)
 
 
 def _mounted(camera: CameraEntry, places: dict[str, HandEye], file: Path) -> Mounted:
-    """The camera where its calibration has it; at the arm's base, of no date, where that does not have it yet."""
+    """The camera with its calibrated pose; at the arm's base, undated, where it has none yet."""
     if camera.serial not in places:
         sys.stderr.write(
             f"dipac: {file} does not say where camera {camera.name!r} ({camera.serial}) stands. Nothing is approved "

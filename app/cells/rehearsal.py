@@ -1,7 +1,7 @@
-"""The whole of a real cell's software with nothing real in it: a Gen3's protocol, and the SDK of its cameras.
+"""The whole software of a real cell without hardware: a Gen3's protocol, and the SDK of its cameras.
 
-The arm is told what to do over Kinova's wire, by an arm that is not there but answers as its firmware does; what its
-tool does moves the simulated world; what is rendered of that passes the SDK of RealSense cameras.
+The arm is commanded over Kinova's wire protocol, which an emulator answers as the firmware does; its tool moves the
+simulated world; the rendered images pass through the SDK of RealSense cameras.
 """
 
 from collections.abc import AsyncGenerator, Sequence
@@ -38,34 +38,34 @@ from app.rig.simulated.rig import SimulatedRig, simulated_rig
 from app.rig.simulated.world import Snapshot
 
 _PATIENT = Patience(late_s=5.0)
-"""What is rendered comes when the machine has time for it."""
+"""Timeouts for rendered images, which come when the machine has time for them."""
 
 
 @final
 class Rehearsal:
-    """A simulated world with the arm and the cameras of a real cell. `fake`: the arm's firmware, to do faults to."""
+    """A simulated world with the arm and the cameras of a real cell. `fake`: the emulated arm, for fault injection."""
 
     def __init__(self, world: SimulatedRig, cameras: Sequence[RealSenseCamera], fake: FakeProcess) -> None:
         self._world, self._cameras, self.fake = world, cameras, fake
 
     @property
     def name(self) -> str:
-        """For the log and the console."""
+        """Name for the log and the console."""
         return "rehearsal"
 
     @property
     def simulated(self) -> bool:
-        """Nothing real can move."""
+        """True: nothing real can move."""
         return True
 
     @property
     def shape(self) -> ArmShape:
-        """The arm as it is drawn."""
+        """Geometry of the drawn arm."""
         return self._world.shape
 
     @property
     def seen_arm(self) -> Arm:
-        """It is seen."""
+        """The arm in the images, which is `arm`."""
         return self._world.arm
 
     @property
@@ -75,17 +75,17 @@ class Rehearsal:
 
     @property
     def arm(self) -> Arm:
-        """The Gen3 that is not there."""
+        """The emulated Gen3."""
         return self._world.arm
 
     def truth(self) -> Snapshot:
-        """The world as it is."""
+        """Ground truth of the world."""
         return self._world.truth()
 
 
 @asynccontextmanager
 async def _opened(wanted: Wanted) -> AsyncGenerator[Rehearsal]:
-    """Raises DeviceError on entry where a process does not come up."""
+    """The opened cell. Raises DeviceError on entry where a process does not start."""
     models = table_cameras()
     bodies = {model.name: Body.like_d435(model, f"rehearsal-{model.name}") for model in models}
     depth = {model.name: bodies[model.name].depth_view(model) for model in models}
@@ -123,13 +123,13 @@ async def _opened(wanted: Wanted) -> AsyncGenerator[Rehearsal]:
 
 
 def _reached(site: Site, file: Path | None) -> Site:
-    """Within what a Gen3 reaches: the arm that is told is one, whatever is drawn. A real cell's file is rehearsed."""
+    """The site within a Gen3's reach: the commanded arm is one, whatever is drawn. A real cell's file may be given."""
     own = site if file is None else narrowed_by(load_cell(file), site)
     return replace(own, limits=replace(own.limits, reach=reach_over(own.table, GRIPPER_M)))
 
 
 def _drawn(seen: Seen) -> Joints:
-    """The joints of the arm that the world draws, with its tool where this one's is: a Gen3's links are shorter."""
+    """Joint angles of the drawn arm with its tool at this one's: a Gen3's links are shorter."""
     return solve_joints(seen.tool)
 
 

@@ -1,7 +1,7 @@
-"""A recording as a cell: its cameras show again what they saw, and a simulated arm does what it is told.
+"""A recording as a cell: its cameras replay their images, and a simulated arm executes the commands.
 
-What is seen was recorded and does not answer to what the arm does: to try a goal, a model, a segmenter or a planner on
-what cameras really saw, where nothing can move.
+The images do not respond to the arm's motions: for trying a goal, a model, a segmenter or a planner on real images,
+where nothing can move.
 """
 
 import json
@@ -33,14 +33,14 @@ _NEEDED: Final = (
 
 
 def _narrowed(site: Site, file: Path | None) -> Site:
-    """The site as it is. Raises UsageError where the file is no recording that can be shown."""
+    """The site as it is. Raises UsageError where the file is not a replayable recording."""
     _film(file)
     return site
 
 
 @asynccontextmanager
 async def _opened(wanted: Wanted) -> AsyncGenerator[OpenedRig]:
-    """Raises UsageError where the file is no recording that can be shown, DeviceError where the arm does not start."""
+    """Open the cell. Raises UsageError where the file cannot be replayed, DeviceError where the arm does not start."""
     if wanted.board:
         raise UsageError("--board puts one into the simulated gripper, and no recorded image shows that; leave it out.")
     film = await to_thread.run_sync(_film, wanted.file)
@@ -55,9 +55,9 @@ async def _opened(wanted: Wanted) -> AsyncGenerator[OpenedRig]:
 
 
 def _pictured(film: Film, tool: Tool, states: Sequence[ArmState]) -> ArmShape | None:
-    """What the arm in the images looks like; None where nobody knows that, or where it was.
+    """Geometry of the arm in the images; None where that or its configuration is unknown.
 
-    A recording of a recording shows an arm that the states in it are not of, and its cell says so by saying nothing.
+    A recording of a replay shows an arm other than that of its states, so the replayed cell gives no geometry.
     """
     episode = read_episode(film.path)
     looks = cells.load(episode.rig).pictured if episode.rig in cells.names() else None
@@ -65,9 +65,9 @@ def _pictured(film: Film, tool: Tool, states: Sequence[ArmState]) -> ArmShape | 
 
 
 def _table(episode: Episode) -> TablePlace:
-    """Place of the table, as the recording says; where it says nothing, the arm stood on it.
+    """Pose of the table in the recording; where it has none, the arm stood on the table.
 
-    Raises UsageError where it says what is no place.
+    Raises UsageError where it is not a pose.
     """
     try:
         config = json.loads(episode.config)
@@ -87,7 +87,7 @@ def _table(episode: Episode) -> TablePlace:
 
 
 def _film(file: Path | None) -> Film:
-    """What the recording's cameras saw. Raises UsageError, which says why, where that is not enough."""
+    """The recording's images. Raises UsageError, with the reason, where they are insufficient."""
     if file is None:
         raise UsageError(_NEEDED)
     try:

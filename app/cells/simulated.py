@@ -1,4 +1,4 @@
-"""The simulated cell: another physics than the planner's, cameras that are rendered, an arm that is computed."""
+"""The simulated cell: a physics different from the planner's, rendered cameras, and a computed arm."""
 
 from contextlib import AbstractAsyncContextManager
 from typing import Final
@@ -20,7 +20,7 @@ def _opened(wanted: Wanted) -> AbstractAsyncContextManager[Rig]:
 
 
 def drawn(tool: Tool, state: ArmState, table: TablePlace) -> ArmShape:
-    """The arm as it is drawn, whatever its state: at the origin, wherever one that is told would stand."""
+    """Geometry of the drawn arm, whatever its state: at the origin, wherever a commanded one would stand."""
     del state, table
     return known_arm(tool)
 

@@ -1,4 +1,4 @@
-"""Saying what happens: every message goes to the operator and into the log, in one order."""
+"""Message publication: every message goes to the operator and into the log, in one order."""
 
 from collections.abc import AsyncGenerator
 from contextlib import asynccontextmanager
@@ -15,7 +15,7 @@ from app.core.summary import Summary
 MessageT = TypeVar("MessageT", bound=Message)
 
 _BOUND = 500
-"""Messages waiting for the recorder; with images about 500 MB, and half a minute of a disk that stands still."""
+"""Messages waiting for the recorder; with images about 500 MB, or half a minute of a stalled disk."""
 
 
 @final
@@ -32,7 +32,7 @@ class Announcer:
         self._recorded_one = anyio.Event()
 
     def say(self, message: MessageT) -> MessageT:
-        """To the operator and into the log; returns the message."""
+        """Show the message to the operator and queue it for the log; returns it."""
         self._operator.show(message)
         self._log.put_nowait(message)
         self._said += 1
@@ -40,21 +40,21 @@ class Announcer:
         return message
 
     def notice(self, where: str, text: str, *about: MessageId) -> None:
-        """Something for the operator to read. A proposal among `about` is withdrawn by it."""
+        """Publish a notice for the operator. A proposal among `about` is withdrawn by it."""
         self.say(Notice(id=fresh_id("notice"), cause=about, time_s=self._clock.now(), where=where, text=text))
 
     def fault(self, where: str, error: DipacError) -> None:
-        """Something that went wrong and did not end the episode."""
+        """Publish a fault that did not end the episode."""
         self._summary.faults.append(f"{where}: {error}")
         self.say(Fault(id=fresh_id("fault"), time_s=self._clock.now(), where=where, text=str(error)))
 
     def end(self, error: BaseException) -> None:
-        """What ended the episode, as the last thing that the operator and the recording hear of it."""
+        """Publish the fatal fault that ended the episode, as its last message."""
         self.say(Fault(id=fresh_id("fault"), time_s=self._clock.now(), where="episode", text=str(error), fatal=True))
 
     @asynccontextmanager
     async def recording(self) -> AsyncGenerator[None]:
-        """Record everything said, until the last message is with the recorder, whatever ends the block.
+        """Record every published message until the last one is with the recorder, whatever ends the block.
 
         Raises what ends the block or the recording, by itself and not in a group.
         """
@@ -69,13 +69,13 @@ class Announcer:
             raise first_error(errors) from errors
 
     async def recorded(self) -> None:
-        """Wait until the recorder has all that was said so far."""
+        """Wait until the recorder has everything published so far."""
         said = self._said
         while self._recorded < said:
             await self._recorded_one.wait()
 
     async def room(self) -> None:
-        """Wait until no more than half of what the log holds is waiting: for whoever could say much without end."""
+        """Wait until the log is at most half full: backpressure for producers without a bound of their own."""
         while self._said - self._recorded > _BOUND // 2:
             await self._recorded_one.wait()
 

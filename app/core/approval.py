@@ -16,7 +16,7 @@ from app.core.messages import Decision, Message, MessageId, Particles, Proposal,
 from app.core.motion import Motion
 
 AUTOMATIC: Final = "automatic"
-"""Who decides where nobody does."""
+"""Operator name recorded for automatic approvals."""
 _SEAL = secrets.token_hex(16)
 
 
@@ -40,11 +40,11 @@ class Approved(Message):
 
 @final
 class ApprovalGate:
-    """Holds the one proposal that is being shown and turns a decision on it into an `Approved`.
+    """Gate that holds the one proposal on display and turns a decision on it into an `Approved`.
 
-    `max_age_s`: a plan older than this is refused, and so is one while the object was last seen `max_unseen_s` ago or
-    earlier: what is not seen may have moved. `max_drift_m`: so is one whose object has moved by more than this
-    (root of half the Chamfer distance between the planned-from and the latest particles).
+    A proposal is refused where its plan is older than `max_age_s`, where the object was last seen `max_unseen_s` ago or
+    earlier (it may have moved unseen), and where the object has moved by more than `max_drift_m` (root of half the
+    squared Chamfer distance between the planned-from and the latest particles).
     """
 
     def __init__(self, *, max_age_s: float, max_unseen_s: float, max_drift_m: float) -> None:
@@ -54,7 +54,7 @@ class ApprovalGate:
         self._shown: Proposal | None = None
 
     def show(self, proposal: Proposal | None) -> None:
-        """From now on only `proposal` can be approved (None: nothing can)."""
+        """Make `proposal` the only one that can be approved (None: nothing can)."""
         self._shown = proposal
 
     def approve(self, decision: Decision, *, latest: Particles, now_s: float) -> Approved:
@@ -97,7 +97,7 @@ class ApprovalGate:
 
 
 def automatic_decision(proposal: Proposal, *, now_s: float) -> Decision:
-    """The decision of a mode that asks nobody: yes. A flow that begins in that mode wants a simulated rig."""
+    """Approving decision of a mode without an operator. A flow that begins in that mode needs a simulated rig."""
     return Decision(
         id=fresh_id("decision"),
         cause=(proposal.id,),
@@ -110,5 +110,5 @@ def automatic_decision(proposal: Proposal, *, now_s: float) -> Decision:
 
 
 def drift(a: np.ndarray, b: np.ndarray) -> float:
-    """How far apart two clouds of the same object are [m]: the root of their mean one-way squared distance."""
+    """Distance between two clouds of the same object [m]: the root of their mean one-way squared distance."""
     return float(np.sqrt(chamfer_m2(a, b) / 2))

@@ -1,4 +1,4 @@
-"""Where a camera stands, and how its pixels are rays."""
+"""Calibrated camera: pose, intrinsics, and the age of its calibration."""
 
 from dataclasses import dataclass
 from datetime import date
@@ -7,7 +7,7 @@ from typing import Final, final
 from app.core.types import Intrinsics, Transform
 
 STALE_DAYS: Final = 30
-"""A calibration that is older wants to be checked."""
+"""Age in days beyond which a calibration should be checked."""
 
 
 @final
@@ -16,8 +16,8 @@ class CameraModel:
     """A calibrated RGB-D camera whose depth is aligned to its colour image.
 
     The optical frame follows OpenCV: x right, y down, z forward. `calibrated_at`: the day, as 2026-11-23; empty where
-    nobody noted it. `checked_at`: the day of the last check in which it stood where it was calibrated; `doubt`: what a
-    check has found since that does not fit; each empty where there is none.
+    it was not recorded. `checked_at`: the day of the last check that confirmed its pose; `doubt`: the finding of a
+    later check that contradicts the calibration; each empty where there is none.
     """
 
     name: str
@@ -31,7 +31,7 @@ class CameraModel:
     doubt: str = ""
 
     def age_days(self, today: date) -> int | None:
-        """How long ago it was calibrated or last stood a check; None where that day is unknown, none, or to come."""
+        """Days since it was calibrated or last passed a check; None where that day is unknown or in the future."""
         try:
             days = (today - date.fromisoformat(max(self.calibrated_at[:10], self.checked_at[:10]))).days
         except ValueError:
@@ -39,6 +39,6 @@ class CameraModel:
         return days if days >= 0 else None
 
     def stale(self, today: date) -> bool:
-        """Whether its calibration wants to be checked, or has not stood a check."""
+        """True where its calibration should be checked, or has failed a check."""
         days = self.age_days(today)
         return bool(self.doubt) or days is None or days > STALE_DAYS

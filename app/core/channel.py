@@ -1,4 +1,4 @@
-"""Channels between stages. Each says what it does when its reader is slow, and counts what it dropped."""
+"""Channels between stages. Each states its policy for a slow reader, and counts what it dropped."""
 
 from collections import deque
 from collections.abc import AsyncIterator
@@ -18,7 +18,7 @@ class ChannelFull(DipacError):
 
 @final
 class Latest(Generic[T]):
-    """Holds the newest value; a value that nobody read before the next one came is dropped and counted.
+    """Holder of the newest value; a value replaced before it was read is dropped and counted.
 
     Any number of readers: each `changes()` iterator sees every value it is quick enough for, never an old one.
     """
@@ -108,7 +108,7 @@ class Lossless(Generic[T]):
         return self._take() if self._values else None
 
     def close(self) -> None:
-        """No more values will come; readers end after the last one."""
+        """End the stream; readers end after the last value."""
         self._closed = True
         self._wake()
 

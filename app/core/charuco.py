@@ -10,12 +10,12 @@ from app.core.bounds import checked
 from app.core.errors import ParameterError, UsageError
 
 DICTIONARIES: Final = {"4x4": 4, "5x5": 5, "6x6": 6}
-"""The marker families of OpenCV that are offered, by how many cells a marker has on a side."""
+"""Marker families of OpenCV that are offered, with the number of cells along a marker's side."""
 MARKERS: Final = 50
-"""Of the smallest dictionary of each family: fewer markers are told apart more surely than many."""
+"""Markers in the smallest dictionary of each family: the fewer, the more reliably they are told apart."""
 _FEWEST, _MOST = 3, 14
 _LEAST_BORDER: Final = 0.1
-"""Of a square, on either side of its marker; detection of a marker needs white about it."""
+"""White border on either side of a marker, as a share of the square; detection needs it."""
 
 
 @final
@@ -24,7 +24,7 @@ class Charuco:
     """`columns` x `rows` squares of `square_m`, with markers of `marker_m`, of a family of markers, on white ones.
 
     Its frame is OpenCV's: origin at the outer corner of the first square, x along the columns, y along the rows, z into
-    the board. What is left out here is one sheet of A4.
+    the board. The defaults fit one sheet of A4.
     """
 
     columns: int = 7
@@ -35,7 +35,7 @@ class Charuco:
     """the family of markers: 4x4, 5x5 or 6x6"""
 
     def __post_init__(self) -> None:
-        """Raises ParameterError or UsageError where it is no board."""
+        """Raises ParameterError or UsageError where the sizes make no board."""
         if self.dictionary not in DICTIONARIES:
             raise UsageError.unknown("dictionary of markers", self.dictionary, DICTIONARIES)
         checked("columns", float(self.columns), float(_FEWEST), float(_MOST))
@@ -55,21 +55,21 @@ class Charuco:
 
     @property
     def corner_count(self) -> int:
-        """How many corners between squares it has."""
+        """Number of inner corners."""
         return (self.columns - 1) * (self.rows - 1)
 
     def corners(self) -> Float64[np.ndarray, "C 3"]:
-        """Every corner between squares [m], in the board's frame, by number."""
+        """Position of every inner corner [m], shape (C, 3), in the board's frame, by number."""
         x, y = np.meshgrid(np.arange(1, self.columns), np.arange(1, self.rows))
         return np.stack([x.ravel(), y.ravel(), np.zeros(x.size)], axis=1) * self.square_m
 
     def outline(self) -> Float64[np.ndarray, "4 3"]:
-        """Its four outer corners [m], in the board's frame, in order around it."""
+        """Its four outer corners [m], shape (4, 3), in the board's frame, in order around it."""
         width, height = self.size_m
         return np.array([[0.0, 0.0, 0.0], [width, 0.0, 0.0], [width, height, 0.0], [0.0, height, 0.0]])
 
     def __str__(self) -> str:
-        """In words: what it is called in messages and on the sheet."""
+        """Description of the board for messages and for the printed sheet."""
         return (
             f"{self.columns} x {self.rows} squares of {self.square_m * 1e3:g} mm, markers {self.dictionary} of "
             f"{self.marker_m * 1e3:g} mm"

@@ -1,4 +1,4 @@
-"""What has to be right before anything real moves for the first time in a session."""
+"""Checklist that must be complete before the first real motion of a session."""
 
 from dataclasses import dataclass
 from typing import Literal, TypeAlias, final
@@ -11,7 +11,7 @@ CheckedBy: TypeAlias = Literal["program", "operator"]
 @final
 @dataclass(frozen=True, kw_only=True)
 class CheckItem:
-    """One thing that has to be so, in words. `said`: what was found, or who confirmed it."""
+    """One condition, in words. `said`: the measured state, or the operator who confirmed it."""
 
     key: str
     text: str
@@ -23,9 +23,9 @@ class CheckItem:
 @final
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Checklist(Message):
-    """How it stands; no motion is approved before it is `passed`, which it then is for the whole session.
+    """State of the checklist; no motion is approved until it is `passed`, which then holds for the whole session.
 
-    `by_hand`: the tool may be moved by hand before: what lacks is only of what the cameras say.
+    `by_hand`: jogging is allowed before that, as only items about the cameras are open.
     """
 
     items: tuple[CheckItem, ...]
@@ -36,7 +36,7 @@ class Checklist(Message):
 @final
 @dataclass(frozen=True, kw_only=True, eq=False)
 class ChecklistRequest(Message):
-    """Somebody confirms that the item called `key` is so."""
+    """An operator's confirmation of the item called `key`."""
 
     operator: str
     key: str

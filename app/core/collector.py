@@ -1,4 +1,4 @@
-"""Python's garbage collector, kept from pausing a loop that others rely on."""
+"""Control of Python's garbage collector, so that it does not pause a real-time loop."""
 
 import gc
 from collections.abc import Generator
@@ -6,15 +6,15 @@ from contextlib import contextmanager
 from typing import Final
 
 _open: Final = list[None]()
-"""One for each block that spares what was made before."""
+"""One entry for each open block of `spared_collection`."""
 
 
 @contextmanager
 def spared_collection() -> Generator[None]:
-    """While open, a full collection passes over all that was made before.
+    """While open, a full collection skips every object that existed before.
 
-    Going through what the libraries leave (2e5 objects and more) holds every thread of the process for 50 to 250 ms,
-    which is longer than the arm's watchdog waits. Of blocks in one another, the outermost ends it.
+    Traversing the objects of the libraries (2e5 and more) holds every thread of the process for 50 to 250 ms, longer
+    than the arm's watchdog waits. The outermost of nested blocks ends it.
     """
     gc.collect()
     gc.freeze()
@@ -29,7 +29,7 @@ def spared_collection() -> Generator[None]:
 
 @contextmanager
 def paused_collection() -> Generator[None]:
-    """While open, no cycle of garbage is looked for: for seconds in which nothing may pause, not for longer."""
+    """While open, no cyclic garbage is collected: for seconds in which nothing may pause, not for longer."""
     collects = gc.isenabled()
     gc.disable()
     try:

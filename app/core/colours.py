@@ -1,4 +1,4 @@
-"""The object's pixels, by colour: the one rule by which perception finds them and the console shows them."""
+"""Colour segmentation of the object: the one rule that perception and the console share."""
 
 import colorsys
 from collections.abc import Iterator
@@ -43,7 +43,7 @@ class ColourRange:
 
     @classmethod
     def of(cls, hue_deg: tuple[float, float], saturation: tuple[float, float], value: tuple[float, float]) -> Self:
-        """From bounds of each, low then high; raises as the constructor does."""
+        """The range from bounds of each, low then high; raises as the constructor does."""
         return cls(
             hue_low_deg=hue_deg[0],
             hue_high_deg=hue_deg[1],

@@ -1,4 +1,4 @@
-"""Who may command, and what the program does by itself."""
+"""Messages of control: the lease of command, the mode of operation, and requests to change them."""
 
 from dataclasses import dataclass
 from typing import Final, Literal, TypeAlias, final, get_args
@@ -9,23 +9,24 @@ from app.core.messages import Message
 @final
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Lease(Message):
-    """From now on `holder` alone may command; nobody has control where that is empty. STOP is everybody's."""
+    """Grant of control: from now on `holder` alone may command, nobody where it is empty. STOP stays open to all."""
 
     holder: str
     why: str
 
 
 ModeName: TypeAlias = Literal["idle", "teleoperate", "plan only", "approve each", "automatic"]
-"""What the program does by itself: nothing; what is jogged; plans; plans and motions once approved; both."""
+"""Mode of operation: nothing; jogging; planning; planning and approved motions; planning and motions unapproved."""
 MODES: Final[tuple[ModeName, ...]] = get_args(ModeName)
 
 
 @final
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Mode(Message):
-    """From now on the program is in this mode. `motions`: how many more it makes by itself while it is automatic.
+    """Mode of operation from now on. `motions`: motions left to make without approval while it is automatic.
 
-    `why`: who asked for it, or what led to it. A fault is no mode of these: the arm's state or a fatal `Fault` tells.
+    `why`: the operator who asked for it, or the event that led to it. A fault is not a mode: the arm's state or a fatal
+    `Fault` tells of it.
     """
 
     mode: ModeName
@@ -36,9 +37,9 @@ class Mode(Message):
 @final
 @dataclass(frozen=True, kw_only=True, eq=False)
 class ModeRequest(Message):
-    """Somebody wants another mode; `motions` is for automatic alone.
+    """An operator's request for another mode; `motions` is for automatic alone.
 
-    `confirmed`: asked whether they shall be made without approval on a real arm, whoever wants that has said yes.
+    `confirmed`: the operator has said yes to unapproved motions on a real arm when asked.
     """
 
     operator: str
@@ -50,6 +51,6 @@ class ModeRequest(Message):
 @final
 @dataclass(frozen=True, kw_only=True, eq=False)
 class EndRequest(Message):
-    """Somebody wants the session to end, its recording closed."""
+    """An operator's request to end the session and close its recording."""
 
     operator: str

@@ -1,4 +1,4 @@
-"""Messages about a model that may be wrong: what a discovery concluded before, and what the watch says meanwhile."""
+"""Messages of model monitoring: the verdict of an earlier discovery, and the change detection that runs after it."""
 
 from dataclasses import dataclass
 from typing import Literal, TypeAlias, final
@@ -11,13 +11,13 @@ WatchState: TypeAlias = Literal["learning", "right", "wrong"]
 @final
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Watched(Message):
-    """Whether the model is still right, after a push (`app.discovery.watch`). `cause` holds the transition's id.
+    """State of the change detection after a push (`app.discovery.watch`). `cause` holds the transition's id.
 
-    `pushes`: how many were watched; `learning`: too few for anything to be noticed. `since`: the first push that the
-    model seems to get wrong, 0 where it is right so far. `evidence` against it, as a share of what it takes for an
-    alarm, which is false with probability `false_alarm` at most in a session. `error_m`: how far off the push was
-    predicted; `moved_m`: how far the object was to move; `promised_m`: the error that the model said it would make, NaN
-    where it said nothing. `suspicions`: what may be wrong, in words; `advice`: the command that finds it out, if the
+    `pushes`: pushes watched so far; `learning`: too few for a detection. `since`: the first push that the model seems
+    to predict wrongly, 0 where it is right so far. `evidence` against the model, as a share of the alarm threshold; an
+    alarm is false with probability `false_alarm` at most in a session. `error_m`: prediction error of this push;
+    `moved_m`: predicted motion of the object; `promised_m`: prediction error that the model expects of itself, NaN
+    where it gives none. `suspicions`: candidate causes, in words; `advice`: the command that finds the cause, if the
     session is recorded.
     """
 
@@ -36,7 +36,7 @@ class Watched(Message):
 @final
 @dataclass(frozen=True, kw_only=True)
 class Blamed:
-    """A cause that a discovery weighed: what it is called, its size with a 90 % interval in words, its probability."""
+    """A cause that a discovery weighed: its name, its size with a 90 % interval in words, and its probability."""
 
     effect: str
     title: str
@@ -48,11 +48,11 @@ class Blamed:
 @final
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Verdict(Message):
-    """What `dipac discover` concluded, as its verdict.json says it. `source` is that file.
+    """Result of `dipac discover`, as in its verdict.json. `source` is that file.
 
-    `causes`: those of the verdict; `ranking`: all that were weighed, the likeliest first. `next_push`: what the push
-    that would best tell apart what is left is for, in words, empty where there is none. `promised_share`: the share of
-    the object's motion by which the model in use erred on episodes that it was not fitted to, NaN where unknown.
+    `causes`: those of the verdict; `ranking`: all that were weighed, the most probable first. `next_push`: purpose of
+    the push that would best separate the causes that remain, in words, empty where there is none. `promised_share`:
+    error of the model in use on held-out episodes, as a share of the object's motion, NaN where unknown.
     """
 
     source: str

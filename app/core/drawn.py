@@ -1,6 +1,6 @@
-"""Goals as an operator draws them: the object laid along a curve, moved and bent, or gathered in a region. Pure.
+"""Goal shapes drawn by an operator: the object laid along a curve, moved and bent, or gathered in a region. Pure.
 
-Whoever draws a goal and whoever plans for it shall mean the same points, so they are made here.
+Console and planner share this code, so that the goal that is drawn is the goal that is planned for.
 """
 
 import numpy as np
@@ -12,16 +12,17 @@ from app.core.types import Points
 
 _NEIGHBOURS = 12
 _WINDOW = 0.06
-"""Of the particles along the object, over which its centreline is averaged."""
+"""Share of the particles, in order along the object, over which its centreline is averaged."""
 _GOLDEN_RAD = np.pi * (3 - np.sqrt(5))
 _STRAIGHT_1_M = 1e-6
-"""A bend of a smaller curvature is none."""
+"""Curvature [1/m] below which a bend counts as straight."""
 
 
 def along(object_: Points, curve: Float64[np.ndarray, "C 2"]) -> Points:
     """The object (N, 3) [m], something long and thin, with its centreline along `curve` (C, 2), C > 1 [m].
 
-    It keeps its length and its thickness: where the curve is shorter it goes on straight, where longer it ends sooner.
+    It keeps its length and thickness: beyond the end of a shorter curve it goes on straight, and on a longer one it
+    ends early.
     """
     centre, normal, arc_m = _centreline(object_)
     offset = ((object_[:, :2] - centre) * normal).sum(1)
@@ -38,7 +39,7 @@ def along(object_: Points, curve: Float64[np.ndarray, "C 2"]) -> Points:
 
 
 def moved(object_: Points, *, to: Float64[np.ndarray, "2"], turn_rad: float, bend_1_m: float) -> Points:
-    """The object (N, 3) [m] with its middle at `to` [m], turned about the vertical, and bent in the plane.
+    """The object (N, 3) [m] with its centroid at `to` [m], turned about the vertical, and bent in the plane.
 
     `bend_1_m`: the curvature that it gets along its longer side (Barr 1984, "Global and local deformations of solid
     primitives", section 3.4).
@@ -74,7 +75,7 @@ def gathered(object_: Points, *, middle: Float64[np.ndarray, "2"], radius_m: flo
 def _centreline(
     object_: Points,
 ) -> tuple[Float64[np.ndarray, "N 2"], Float64[np.ndarray, "N 2"], Float64[np.ndarray, " N"]]:
-    """Of each particle: the centreline beside it, the unit normal there, and how far along the object that is [m]."""
+    """Centreline point, unit normal there, and arc length [m] beside each particle."""
     order = _ordered(object_)
     flat = object_[order, :2].astype(np.float64)
     half = max(int(_WINDOW * len(flat) / 2), 1)
@@ -91,7 +92,7 @@ def _centreline(
 
 
 def _ordered(object_: Points) -> Int[np.ndarray, " N"]:
-    """The particles from one end to the other: by how far it is, through the object, from the end of its longest way.
+    """Indices of the particles from one end to the other, by geodesic distance from an end of the longest path.
 
     Strands that touch are a short cut, so an object that lies across itself is ordered wrongly there.
     """
@@ -105,7 +106,7 @@ def _ordered(object_: Points) -> Int[np.ndarray, " N"]:
 
 
 def _length(ordered: Float64[np.ndarray, "N 2"]) -> float:
-    """Of what lies in this order, from end to end [m]: between the middles of a twentieth each, and half one beyond."""
+    """End-to-end length [m] of points in order: between the means of 20 parts, plus half a part at either end."""
     parts = np.array([part.mean(0) for part in np.array_split(ordered, min(20, len(ordered)))])
     steps_m = np.linalg.norm(np.diff(parts, axis=0), axis=1)
     return float(steps_m.sum() + steps_m.mean())

@@ -10,9 +10,9 @@ ArrayT = TypeVar("ArrayT")
 
 
 def from_core(offsets: ArrayT, half_m: tuple[float, float]) -> ArrayT:
-    """Vectors to a finger's core, at its nearest place, where `offsets` (..., 2) [m] are those to its middle.
+    """Vectors to the nearest point of a finger's core, where `offsets` (..., 2) [m] are those to its middle.
 
-    `half_m`: from the middle to an end of the core; of a round finger zero, which leaves them as they are.
+    `half_m`: vector from the middle to an end of the core; zero for a round finger, which leaves the offsets unchanged.
     """
     square = half_m[0] ** 2 + half_m[1] ** 2
     if square == 0.0:
@@ -25,7 +25,7 @@ def from_core(offsets: ArrayT, half_m: tuple[float, float]) -> ArrayT:
 
 
 def extent_m(directions: ArrayT, half_m: tuple[float, float]) -> ArrayT:
-    """From a finger's middle to the farther end of its core along unit vectors (..., 2), shape (...)."""
+    """Distance from a finger's middle to the farther end of its core along unit vectors (..., 2), shape (...)."""
     given = cast(Any, directions)
     return abs((given * np.asarray(half_m, given.dtype)).sum(-1))
 
@@ -33,8 +33,8 @@ def extent_m(directions: ArrayT, half_m: tuple[float, float]) -> ArrayT:
 def nearest_m(
     middles: Float[np.ndarray, "S 2"], points: Float[np.ndarray, "N 2"], half_m: tuple[float, float]
 ) -> Float64[np.ndarray, " S"]:
-    """From each core, of a finger at `middles`, to the nearest of the points [m]."""
-    if half_m == (0.0, 0.0):  # By a tree, a tenth of the time at 2000 points.
+    """Distance [m] from each core, of a finger at `middles`, to the nearest of the points; shape (S,)."""
+    if half_m == (0.0, 0.0):  # A tree takes a tenth of the time at 2000 points.
         return KDTree(points).query(middles)[0]
     offsets = middles[:, None].astype(np.float64) - points[None]
     return np.linalg.norm(from_core(offsets, half_m), axis=-1).min(1)

@@ -1,4 +1,4 @@
-"""Where a camera is, as a calibration with a board found it: to be kept in a file, and to be told."""
+"""Hand-eye calibration of a camera: its result, its uncertainty, and its last checks."""
 
 from dataclasses import dataclass
 from datetime import date
@@ -11,21 +11,21 @@ from app.core.lens import Lens
 from app.core.types import Transform
 
 Setup: TypeAlias = Literal["fixed", "wrist"]
-"""The camera stands in the world and the gripper holds the board, or it is on the wrist and the board stands."""
+"""Eye-to-hand (fixed camera, board in the gripper) or eye-in-hand (camera on the wrist, fixed board)."""
 Verdict: TypeAlias = Literal["agrees", "differs", "open"]
 Three: TypeAlias = tuple[float, float, float]
 
 _SEEN_BEND_PX = 0.5
-"""What a lens may bend unnoticed: half a pixel is 0.6 mm at 0.7 m and a focal length of 600 pixels."""
+"""Distortion [pixel] that counts as none: half a pixel is 0.6 mm at 0.7 m and a focal length of 600 pixels."""
 
 
 @final
 @dataclass(frozen=True, kw_only=True)
 class Spread:
-    """How much the poses of the views differ: the more, the surer is what is made of them.
+    """Diversity of the poses of the views: the larger, the better determined is the calibration.
 
     `turns_deg`: root mean squares of the rotations from their mean about three perpendicular axes, the largest first;
-    `shifts_m`: the same of the positions. One axis of rotation alone leaves the camera's place open.
+    `shifts_m`: the same of the positions. Rotations about a single axis leave the camera's position undetermined.
     """
 
     turns_deg: Three
@@ -35,7 +35,7 @@ class Spread:
 @final
 @dataclass(frozen=True, kw_only=True)
 class LastCheck:
-    """What a check found on that day, in words: what was calibrated `agrees`, `differs`, or was left `open`."""
+    """Finding of the last check, in words: the calibration `agrees`, `differs`, or was left `open`."""
 
     day: date
     verdict: Verdict
@@ -47,11 +47,11 @@ class LastCheck:
 class HandEye:
     """A calibrated camera.
 
-    `pose`: T_world_camera of one that is fixed, T_gripper_camera of one on the wrist; `board_pose`: T_gripper_board or
+    `pose`: T_world_camera of a fixed camera, T_gripper_camera of one on the wrist; `board_pose`: T_gripper_board or
     T_world_board. `deviation_m` and `deviation_deg`: standard deviations along and about the axes of the frame that
-    `pose` goes to. `views`: how many it is from, without the `outliers`; `error_px`, `error_m`, `error_deg`: root mean
-    squares of what those miss the chain by, in the image and as an error of the gripper's pose. `place` and `optics`:
-    the last check since of where the camera stands, and of its intrinsics; None where there was none.
+    `pose` maps to. `views`: views used, without the `outliers`; `error_px`, `error_m`, `error_deg`: root mean squares
+    of their residuals in the kinematic chain, in the image and as an error of the gripper's pose. `place` and `optics`:
+    the last check since of the camera's pose, and of its intrinsics; None where there was none.
     """
 
     serial: str
@@ -74,17 +74,17 @@ class HandEye:
 
     @property
     def known_at(self) -> date:
-        """The day on which its place was known last: calibrated, or checked and found."""
+        """The day on which its pose was last confirmed: calibrated, or checked and found."""
         return self.place.day if self.place and self.place.verdict == "agrees" else self.calibrated_at
 
     @property
     def doubt(self) -> str:
-        """What a check has found since that does not fit; empty where none has."""
+        """Finding of a later check that contradicts the calibration; empty where there is none."""
         found = next((each for each in (self.place, self.optics) if each and each.verdict == "differs"), None)
         return f"checked on {found.day.isoformat()}: {found.said}" if found else ""
 
     def model(self, *, depth_unit_m: float) -> CameraModel:
-        """The camera for all that has images of it. Raises UsageError where it is not what a CameraModel can say."""
+        """The camera as its users take it. Raises UsageError where a CameraModel cannot express it."""
         if self.setup == "wrist":
             raise UsageError(
                 f"Camera {self.serial!r} is on the wrist, so it stands elsewhere with every pose; only cameras that "

@@ -1,4 +1,4 @@
-"""A velocity that the tool shall have for now."""
+"""Velocity command for the tool."""
 
 from dataclasses import dataclass, field
 from typing import final
@@ -10,7 +10,7 @@ from jaxtyping import Float64
 @final
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Jog:
-    """How the tool shall move until something else is said, or nothing for a while: then it stops.
+    """Tool velocity that holds until the next command, or until none has come for a while: then the tool stops.
 
     `linear` [m/s] and `angular` [rad/s] in the world frame, about the tool's tip; `opening` [m/s].
     """

@@ -1,6 +1,6 @@
-"""What an arm looks like, as plain data: its joints one after another, and a capsule about each part of its links.
+"""Arm geometry as plain data: the chain of its joints, and collision capsules about its links.
 
-Perception leaves out the pixels that it covers; whoever builds a rig knows its arm's sizes and says them here.
+Perception masks the pixels that it covers; the builder of a rig knows its arm's sizes and states them here.
 """
 
 from dataclasses import dataclass, field
@@ -14,7 +14,7 @@ from app.core.stage import Tool, Vector
 from app.core.types import ToolPose, Transform
 
 JointAngles: TypeAlias = Float64[np.ndarray, " J"]
-"""Of the joints [rad], from base to wrist."""
+"""Joint angles [rad], from base to wrist."""
 
 
 @final
@@ -29,7 +29,7 @@ class Joint:
 @final
 @dataclass(frozen=True, kw_only=True)
 class Limb:
-    """A capsule [m] in the frame of the link `link`: 0 stands still, and joint k moves link k."""
+    """A capsule [m] in the frame of link `link`: link 0 is fixed, and joint k moves link k."""
 
     link: int
     begin: Vector
@@ -40,7 +40,7 @@ class Limb:
 @final
 @dataclass(frozen=True, kw_only=True, eq=False)
 class ArmShape:
-    """The joints in order, the limbs, what the hand holds or is, and where the arm's base stands."""
+    """The joints in order, the capsules, the tool (held, or the hand itself), and the pose of the arm's base."""
 
     joints: tuple[Joint, ...]
     limbs: tuple[Limb, ...]
@@ -48,7 +48,7 @@ class ArmShape:
     T_world_base: Transform = field(default_factory=lambda: np.eye(4))
 
     def links(self, angles: JointAngles) -> Float64[np.ndarray, "L 4 4"]:
-        """`T_world_link` of each link, the one that stands still first."""
+        """`T_world_link` of each link, the fixed one first."""
         frames = [self.T_world_base]
         for joint, angle in zip(self.joints, angles, strict=True):
             turn = np.eye(4)
@@ -60,7 +60,7 @@ class ArmShape:
 @final
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Posture:
-    """Where an arm is: its joints' angles, and the pose and opening of its tool."""
+    """Configuration of an arm: its joint angles, and the pose and opening of its tool."""
 
     joints: JointAngles
     tool: ToolPose

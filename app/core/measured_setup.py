@@ -1,4 +1,4 @@
-"""Object, tool and table of imported data as they are simulated, and who says so. Plain data, kept in a recording."""
+"""Object, tool and table of imported data as they are simulated, with sources. Plain data, kept in a recording."""
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
@@ -6,20 +6,20 @@ from math import degrees
 from typing import Final, Literal, TypeAlias, final
 
 Source: TypeAlias = Literal["data", "about", "task"]
-"""Measured in the clouds; said by whoever recorded them; the task's own, as nobody says another."""
+"""Source of a number: measured in the clouds; stated by the author of the data; or the task's own default."""
 ToolPoints: TypeAlias = Literal["none", "tip", "surface"]
-"""Meaning of the tool's points: there are none; their mean is its tip; they are of its surface."""
+"""Meaning of the tool's points: there are none; their mean is its tip; they lie on its surface."""
 
 _MM, _GRAM = 1e3, 1e3
 
 KEY: Final = "setup"
-"""Its name in the configuration of a recording's `Episode`."""
+"""Key of the setup in the configuration of a recording's `Episode`."""
 
 
 @final
 @dataclass(frozen=True, kw_only=True)
 class SourcedSize:
-    """One number of object or tool, in SI units, by its name in `tasks.sizes.SIZES`; `sd`: 0 where nobody knows."""
+    """One size of object or tool, in SI units, by its name in `tasks.sizes.SIZES`; `sd`: 0 where unknown."""
 
     name: str
     value: float
@@ -30,10 +30,10 @@ class SourcedSize:
 @final
 @dataclass(frozen=True, kw_only=True)
 class FoundTable:
-    """The table as it was found in the frame of the data.
+    """The table as found in the frame of the data.
 
-    `taken_out`: its height and tilt are not in the recording any more, which is in the table's own frame; its points
-    then say nothing of the cameras. Else it was where it was said to be, as nearly as cameras see.
+    `taken_out`: its height and tilt have been removed from the recording, which is in the table's own frame; its points
+    are then no evidence about the cameras. Otherwise it was at its stated place, within the cameras' accuracy.
     """
 
     height_m: float = 0.0
@@ -45,7 +45,7 @@ class FoundTable:
 
     @property
     def words(self) -> str:
-        """Sentence that says where it was."""
+        """Sentence on the table's pose and on its source."""
         by = {"points": "its points", "clouds": "the lowest points of the clouds", "none": ""}[self.seen]
         where = f"{self.height_m:.3f} m high and tilted by {self.tilt_deg:.1f} degrees"
         if self.taken_out:
@@ -61,7 +61,7 @@ class FoundTable:
 @final
 @dataclass(frozen=True, kw_only=True)
 class MeasuredSetup:
-    """Everything that is simulated of a recording that was imported."""
+    """Object, tool and table as they are simulated for an imported recording."""
 
     sizes: tuple[SourcedSize, ...]
     table: FoundTable
@@ -70,12 +70,12 @@ class MeasuredSetup:
     """Height of the tool's tip above the table in a usual push."""
     camera_m: tuple[float, float, float] | None = None
     flaws: tuple[str, ...] = ()
-    """Sentences of what cannot be simulated: no cause is named."""
+    """Sentences on aspects that cannot be simulated: no cause is named."""
     notes: tuple[str, ...] = ()
-    """Sentences of what else is worth knowing."""
+    """Sentences on other findings worth knowing."""
 
     def source(self, name: str) -> Source:
-        """Source of a size: the task where nobody else says it."""
+        """Source of a size; the task where no other is given."""
         for size in self.sizes:
             if size.name == name:
                 return size.source
@@ -83,7 +83,7 @@ class MeasuredSetup:
 
     @property
     def words(self) -> tuple[str, ...]:
-        """A sentence each of object, tool and table, with who says every number."""
+        """One sentence each on object, tool and table, with the source of every number."""
         said = {size.name: size for size in self.sizes}
         rope = (
             f"Object: a rope {said['length_m'].value:.3f} m long ({_known(said['length_m'])}), of "

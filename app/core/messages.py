@@ -1,4 +1,4 @@
-"""What flows between the stages of the application: frozen, dated, and each naming its causes.
+"""Messages between the stages of the application: frozen, dated, and each naming its causes.
 
 `cause` holds the ids of the messages this one was made from, so that any executed motion leads back to the frames,
 particles, model version and plan behind it. `time_s` is `time.monotonic()`, which all processes of one machine share.
@@ -28,13 +28,13 @@ MessageId = NewType("MessageId", str)
 
 
 def fresh_id(kind: str) -> MessageId:
-    """A new unique id that says what it names, for example `frame-3f2a9c01d4`."""
+    """A new unique id with its kind, for example `frame-3f2a9c01d4`."""
     return MessageId(f"{kind}-{uuid.uuid4().hex[:10]}")
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Message:
-    """What every message carries."""
+    """Base of every message: its id, its causes, and its time."""
 
     id: MessageId
     cause: tuple[MessageId, ...] = ()
@@ -56,8 +56,8 @@ class Frame(Message):
 class Particles(Message):
     """The object as particles of equal volume, with the fused surface they were made from.
 
-    `time_s` is that of the oldest frame behind it; `cause` holds the frames' ids. `predicted`: of each particle whether
-    it stands for what no camera sees now, and is shown where it was; empty where nobody says so.
+    `time_s` is that of the oldest frame behind it; `cause` holds the frames' ids. `predicted`: mask of the particles
+    that no camera sees now, held where they were last seen; empty where visibility is unknown.
     """
 
     positions: Points
@@ -67,14 +67,14 @@ class Particles(Message):
 
     @property
     def unseen(self) -> Cloud:
-        """The positions of those that no camera sees now; none where nobody says of each."""
+        """Positions of the particles that no camera sees now; none where visibility is unknown."""
         return self.positions[self.predicted] if len(self.predicted) == len(self.positions) else self.positions[:0]
 
 
 @final
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Sighting(Message):
-    """What else the same frames show: points of the tool, and of the bare table. Either may be empty.
+    """Points of the tool and of the bare table in the same frames. Either may be empty.
 
     `time_s` and `cause` are those of the `Particles` made from these frames.
     """
@@ -86,7 +86,7 @@ class Sighting(Message):
 @final
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Goal(Message):
-    """Where the object shall be, as particles."""
+    """Goal state of the object, as particles."""
 
     positions: Points
 
@@ -106,11 +106,11 @@ class Parameter:
 @final
 @dataclass(frozen=True, kw_only=True)
 class Extension:
-    """Where a model is from that discovery extended; empty where nobody did.
+    """Provenance of a model that discovery extended; empty for any other model.
 
-    `effects`: what was found, by name; `camera_m`: the cameras' middle [m], about which errors of what they see are;
-    `covariance`: of the values of the parameters `estimated`, in products of their units; `recordings`: the SHA-256 of
-    each file behind it, by its name.
+    `effects`: the effects found, by name; `camera_m`: the centroid of the cameras [m], about which their errors are
+    modelled; `covariance`: of the values of the parameters `estimated`, in products of their units; `recordings`: the
+    SHA-256 of each file behind it, by its name.
     """
 
     effects: tuple[str, ...] = ()
@@ -125,7 +125,7 @@ class Extension:
 class Model(Message):
     """The simulator's physical parameters, version by version. Version 0 is the task's nominal model.
 
-    `apparatus`: what cameras and arm get wrong, the parameters that are not at their null.
+    `apparatus`: errors of cameras and arm, the parameters that are not at their null.
     """
 
     version: int
@@ -145,8 +145,8 @@ class Model(Message):
 
 
 Origin: TypeAlias = Literal["policy", "learned", "random", "sampled", "asked", "edited"]
-"""Where a branch's actions came from: the task's own initial policy, one that was learned, chance, a distribution that
-was fitted, discovery, or the operator, who changed another's."""
+"""Source of a branch's actions: the task's own initial policy, a learned policy, random sampling, a fitted
+distribution, discovery, or the operator, who edited another's."""
 
 
 @final
@@ -156,10 +156,10 @@ class Branch:
 
     `actions (D, A)`: D steps deep, in the task's action space; `tool_path (W, 3)`: the first action's path;
     `predicted (N, 3)`: the particles after the first action; `final (N, 3)`: at the end of the branch.
-    An `asked` one is a push that somebody wanted, and costs nothing: its costs are NaN.
+    An `asked` one is a requested push, and is not scored: its costs are NaN.
     A branch that became non-finite is kept for the record with `finite=False` and is never chosen. `frames (F, K, 3)`:
-    the particles at F moments of the branch, evenly spread from now to its end, of many every second, third, ... alone;
-    `tools (F, 3)`: where the tool is at them. None of either in recordings of before.
+    the particles at F moments of the branch, evenly spaced from now to its end, large objects thinned to every second,
+    third, ... particle; `tools (F, 3)`: the tool's position at those moments. Older recordings have neither.
     """
 
     origin: Origin
@@ -200,22 +200,22 @@ class Proposal(Message):
 
     @property
     def is_improvement(self) -> bool:
-        """Whether the motion costs less than none, which costs 0; one that somebody asked for is not weighed."""
+        """True for a motion of lower cost than no motion, which costs 0, and for a requested one, which has no cost."""
         return not self.chosen.cost_after >= 0.0
 
     @property
     def dropped(self) -> int:
-        """How many branches became non-finite."""
+        """Number of branches that became non-finite."""
         return sum(not branch.finite for branch in self.branches)
 
 
 @final
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Executed(Message):
-    """What the arm did with an approved motion: commanded and measured tool poses, sampled at `times_s`.
+    """Execution of an approved motion: commanded and measured tool poses, sampled at `times_s`.
 
-    `measured` has none where nobody measured: in data of others that were imported. `openings` [m] of the tool go with
-    `made`; none where it stayed closed.
+    `measured` is empty in imported data without measured poses. `openings` [m] of the tool go with `made`; empty where
+    it stayed closed.
     """
 
     approved_id: MessageId
@@ -228,13 +228,13 @@ class Executed(Message):
 
     @property
     def tool(self) -> ToolPath:
-        """The way of the tool as it was made, shape (T, 8)."""
+        """Path of the tool as executed, shape (T, 8)."""
         openings = self.openings if len(self.openings) else np.zeros(len(self.made))
         return np.concatenate([self.made, openings[:, None]], axis=1)
 
     @property
     def made(self) -> Float64[np.ndarray, "M 7"]:
-        """The poses as measured, or as commanded where nobody measured them."""
+        """The poses as measured, or as commanded where none were measured."""
         return self.measured if len(self.measured) else self.commanded
 
 
@@ -257,7 +257,7 @@ class Transition(Message):
         named: MessageId | None = None,
         time_s: float | None = None,
     ) -> Self:
-        """From what was seen to what was seen then; of the time of that, where no other is said."""
+        """Transition between two observations; its time is that of `after` unless given."""
         return cls(
             id=named or fresh_id("transition"),
             cause=(before.id, executed.id, after.id),
@@ -271,9 +271,9 @@ class Transition(Message):
 @final
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Outcome(Message):
-    """One push in numbers, once the object has been seen again: what was predicted and what came of it.
+    """One push in numbers, once the object has been seen again: prediction and result.
 
-    `cause` holds the ids of the proposal, of what was executed and of the particles seen afterwards; `index` counts
+    `cause` holds the ids of the proposal, of the executed motion and of the particles seen afterwards; `index` counts
     the pushes of the episode from 1.
     """
 
@@ -295,7 +295,7 @@ ArmMode: TypeAlias = Literal["idle", "moving", "stopping", "stopped", "fault"]
 class ArmState(Message):
     """The arm as last measured. `period_s` is the longest control period since the previous state was read.
 
-    `gripper`: 0 open to 1 closed, as the arm counts; `opening_m`: how far its fingers, or the tool's, are apart.
+    `gripper`: 0 open to 1 closed, in the arm's own scale; `opening_m`: distance between its fingers, or the tool's.
     """
 
     pose: Float64[np.ndarray, "7"]
@@ -316,7 +316,7 @@ class ArmState(Message):
 @final
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Fault(Message):
-    """Something went wrong, in words, and what was done about it."""
+    """A fault, in words, and the reaction to it."""
 
     where: str
     text: str
@@ -337,7 +337,8 @@ class Notice(Message):
 class Health(Message):
     """The health strip: ages and durations [s], the calibration loss, and counted drops by channel.
 
-    `doing`: what the program does now, in words, and for how long; `cameras`: by name, what is wrong with one.
+    `doing`: current activity of the program, in words, and for how long; `cameras`: problem of each faulty camera, by
+    name.
     """
 
     doing: str
@@ -373,7 +374,7 @@ class Episode(Message):
 @final
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Decision(Message):
-    """What the operator said to a proposal: the digest is that of the motion the console was showing."""
+    """An operator's decision on a proposal: the digest is that of the motion the console was showing."""
 
     proposal_id: MessageId
     digest: str
@@ -385,7 +386,7 @@ class Decision(Message):
 @final
 @dataclass(frozen=True, kw_only=True, eq=False)
 class ResumeRequest(Message):
-    """The operator wants to go on after a stop."""
+    """The operator's request to go on after a stop."""
 
     operator: str
 
@@ -393,6 +394,6 @@ class ResumeRequest(Message):
 @final
 @dataclass(frozen=True, kw_only=True, eq=False)
 class StopRequest(Message):
-    """Somebody pressed STOP. The arm has been told already; this is for the record and the flow."""
+    """Record of an operator's STOP. The arm has been stopped already; this is for the recording and the flow."""
 
     operator: str

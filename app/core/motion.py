@@ -1,4 +1,4 @@
-"""What an arm is told to do with its tool."""
+"""Motion commands for an arm's tool."""
 
 import hashlib
 from dataclasses import dataclass, field
@@ -10,11 +10,11 @@ from jaxtyping import Float64
 from app.core.types import Path3, ToolPath, ToolPose
 
 TOOL_DOWN = (0.0, 1.0, 0.0, 0.0)
-"""The tool's quaternion w x y z where a motion says no other: z down, x along the world's."""
+"""Default quaternion w x y z of the tool: z down, x along the world's."""
 
 
 def pointing_down(position: Float64[np.ndarray, "3"]) -> ToolPose:
-    """The pose of a closed tool at `position` [m] that is not turned."""
+    """Pose of a closed, unturned tool at `position` [m]."""
     return np.array([*position, *TOOL_DOWN, 0.0])
 
 
@@ -23,8 +23,8 @@ def pointing_down(position: Float64[np.ndarray, "3"]) -> ToolPose:
 class Motion:
     """A path of the tool tip: straight lines between `positions`, each approached at its own speed.
 
-    The first position is reached from wherever the arm is, by way of the travel height, and so is that height again
-    from the last one; unless it `continues`: begins where the tool is, and ends where it ends.
+    The first position is reached from wherever the arm is, by way of the travel height, and the tool returns to that
+    height from the last one. A motion that `continues` begins where the tool is, and ends where it ends.
     `positions [m] (W, 3)`, `speeds [m/s] (W,)`; `turns (W, 4)`, quaternions w x y z, and `openings [m] (W,)` where the
     tool turns or opens on the way: empty where it points down, closed, throughout.
     """
@@ -37,16 +37,16 @@ class Motion:
 
     @property
     def poses(self) -> ToolPath:
-        """Of the tool at all positions, shape (W, 8)."""
+        """Tool poses at all positions, shape (W, 8)."""
         count = len(self.positions)
         turns = self.turns if len(self.turns) else np.tile(TOOL_DOWN, (count, 1))
         openings = self.openings if len(self.openings) else np.zeros(count)
         return np.concatenate([self.positions, turns, openings[:, None]], axis=1)
 
     def digest(self) -> str:
-        """SHA-256 over the exact numbers: what the operator saw is what this names."""
+        """SHA-256 over the exact numbers: the identity of the motion that the operator saw."""
         digest = hashlib.sha256()
-        # What a motion does not use adds nothing, so that those of before there were turns keep their names.
+        # Unused fields add nothing, so that motions from before there were turns keep their digests.
         told = [each for each in (self.turns, self.openings, np.array([1.0] * self.continues)) if each.size]
         for array in (self.positions, self.speeds, *told):
             digest.update(np.ascontiguousarray(array, dtype="<f8").tobytes())

@@ -1,4 +1,4 @@
-"""Native libraries that need a hand before they can be imported."""
+"""Native libraries that must be loaded by hand before they can be imported."""
 
 import ctypes
 import functools
@@ -15,7 +15,7 @@ def load_open3d() -> ModuleType:
 
 
 def load_libusb() -> None:
-    """Load libusb for all to see.
+    """Load libusb with global symbols.
 
     Open3D and pyrealsense2 link against libusb-1.0.so.0, which a machine without root may lack; the package
     `libusb-package` brings a copy.

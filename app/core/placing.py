@@ -1,4 +1,4 @@
-"""Calibrating a camera in the console: what it sees of the board, and what the views that were taken say."""
+"""Messages of camera calibration in the console: the board as seen, the views taken, and the result so far."""
 
 from dataclasses import dataclass, field
 from typing import final
@@ -14,7 +14,7 @@ from app.core.types import Transform
 @final
 @dataclass(frozen=True, kw_only=True, eq=False)
 class BoardSeen(Message):
-    """The board in a camera's newest frame, whose id is the cause: `corners` [pixel], none where it is not seen.
+    """The board in a camera's newest frame, whose id is the cause: `corners` (M, 2) [pixel], none where it is not seen.
 
     `why` it is not seen, in words; `distance_m` of its middle from the camera, `error_px` of reprojection.
     """
@@ -29,7 +29,7 @@ class BoardSeen(Message):
 @final
 @dataclass(frozen=True, kw_only=True)
 class TakenView:
-    """A view that was taken: how the gripper was tilted from the first one, and what it misses the result by.
+    """A view that was taken: the gripper's tilt from the first one, and its residuals.
 
     The errors are NaN where there is no result yet.
     """
@@ -44,7 +44,7 @@ class TakenView:
 @final
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Placed:
-    """Where the camera is by the views, how sure, and how far that is from what is in use."""
+    """Camera pose from the views, its uncertainty, and its distance from the calibration in use."""
 
     pose: Transform
     deviation_m: Three
@@ -57,7 +57,7 @@ class Placed:
 @final
 @dataclass(frozen=True, kw_only=True)
 class Checked:
-    """What one fresh view says of the calibration that was kept: where the board is seen and should be."""
+    """Test of the stored calibration on one fresh view: distance of the observed board from the predicted one."""
 
     moved_m: float
     turned_deg: float
@@ -67,12 +67,12 @@ class Checked:
 @final
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Placing(Message):
-    """How the calibration of a camera stands; nobody is at it any more where it is not `under_way`.
+    """State of a camera's calibration; ended where it is not `under_way`.
 
-    `placed`, `spread`, `checked`: one, or none yet. `next_pose (0 or 1, 7)`: where the gripper should go, as a tool
-    pose, which makes the worst standard deviation of the camera's place `promised_m`. `said`: what is missing, or what
-    was done. `kept_at`: the day of the calibration that was kept for this camera, or of a later check that it stood;
-    empty where there is none.
+    `placed`, `spread`, `checked`: one, or none yet. `next_pose (0 or 1, 7)`: the next best view, as a tool pose of the
+    gripper, which lowers the largest standard deviation of the camera's position to `promised_m`. `said`: the missing
+    step, or the last one done. `kept_at`: the day of this camera's stored calibration, or of a later check that
+    confirmed it; empty where there is none.
     """
 
     camera: str

@@ -1,4 +1,4 @@
-"""What the flow needs of the world, as small protocols. Rigs, the console and the recorder provide them."""
+"""Ports of the flow to the world, as small protocols. Rigs, the console and the recorder implement them."""
 
 from collections.abc import AsyncIterator, Callable, Sequence
 from pathlib import Path
@@ -38,19 +38,19 @@ class Camera(Protocol):
 
     @property
     def words(self) -> str:
-        """What is wrong with it and being done about that, for a person; empty where nothing is."""
+        """Fault of the camera and the recovery under way, for an operator; empty where there is none."""
         ...
 
     async def read(self) -> Frame:
         """The next frame that is newer than the last one read.
 
-        Raises DeviceError where none comes in the time the site allows.
+        Raises DeviceError where none comes within the timeout of the site.
         """
         ...
 
 
 class Posed(Protocol):
-    """Something of an arm's kind that is somewhere."""
+    """A source of arm poses, measured or replayed."""
 
     def tool(self) -> ToolPose:
         """Pose and opening of the tool now. May be called from any thread and never blocks."""
@@ -85,34 +85,34 @@ class Arm(Protocol):
         ...
 
     def jog(self, jog: Jog) -> bool:
-        """Move so for now; whether that is heeded now: it is only while `jogged` is waited for.
+        """Command a tool velocity; True where the arm accepts it, which it does only while `jogged` waits.
 
-        May be called from any thread and never blocks. The arm slows down to rest where nothing newer comes for the
+        Callable from any thread; never blocks. The arm decelerates to rest where no newer command comes within the
         watchdog's time, and before the workspace ends.
         """
         ...
 
     async def jogged(self, over: anyio.Event | None = None) -> Executed | None:
-        """Let whoever jogs move the tool, and wait until that has ended: from the first jog to rest, and rest kept.
+        """Accept jogging and wait until it has ended: from the first jog to rest, and rest kept.
 
-        Nobody approved it, so `approved_id` is an id of its own kind. A stretch that is too long is ended, as `reason`
-        says then; a hand that goes on is not heeded before the next call. Once it is `over` no jog is heeded any more;
+        It was not approved, so `approved_id` is an id of its own kind. A jog that lasts too long is ended, and `reason`
+        says so; commands that go on are rejected until the next call. Once it is `over` no jog is accepted any more;
         None where nothing was moved by then. Cancelled, the arm comes to rest. Raises MotionRefused while a stop is in
         force and DeviceError where the arm's process is gone. A stop in the middle is an outcome, not an error.
         """
         ...
 
     def stop(self) -> None:
-        """Stop now. May be called from any thread, never blocks, works in every mode; stays in force until `reset`."""
+        """Stop now. Callable from any thread, never blocks, works in every mode; stays in force until `reset`."""
         ...
 
     @property
     def held(self) -> bool:
-        """Whether a `stop` is in force; not where the arm's own process stopped it. Never blocks."""
+        """True while a `stop` is in force; False where the arm's own process stopped it. Never blocks."""
         ...
 
     async def reset(self, *, asked_s: float) -> None:
-        """Lift a stop or a fault, so that motions are accepted again; `asked_s` is when somebody asked for it [s].
+        """Lift a stop or a fault, so that motions are accepted again; `asked_s` is the time of the request [s].
 
         A stop that came after `asked_s` stays in force. Raises DeviceError then, and where the arm does not answer.
         """
@@ -124,22 +124,22 @@ class Rig(Protocol):
 
     @property
     def name(self) -> str:
-        """For the log and the console."""
+        """Name for the log and the console."""
         ...
 
     @property
     def simulated(self) -> bool:
-        """Whether nothing real can move: automatic approval is allowed here alone."""
+        """True where nothing real can move: automatic approval is allowed here alone."""
         ...
 
     @property
     def shape(self) -> ArmShape | None:
-        """What `seen_arm` and its tool look like: they are not taken for the object. None where nobody knows."""
+        """Geometry of `seen_arm` and its tool, so that they are not taken for the object. None where unknown."""
         ...
 
     @property
     def seen_arm(self) -> Posed:
-        """The arm that the cameras see: `arm`, unless what they show was recorded."""
+        """The arm in the cameras' images: `arm`, unless the images were recorded."""
         ...
 
     @property
@@ -154,14 +154,14 @@ class Rig(Protocol):
 
 
 class Operator(Protocol):
-    """Whoever decides: the console, or automatic approval."""
+    """The decision maker: the console, or automatic approval."""
 
     def show(self, message: Message) -> None:
-        """Put a message before the operator. Never blocks."""
+        """Show a message to the operator. Never blocks."""
         ...
 
     def requests(self) -> AsyncIterator[Request]:
-        """What the operator asks for, in order."""
+        """The operator's requests, in order."""
         ...
 
 
@@ -174,29 +174,29 @@ class Recorder(Protocol):
 
 
 class CameraShelf(Protocol):
-    """Where calibrations of cameras are kept."""
+    """Store of camera calibrations."""
 
     async def kept(self, serial: str) -> HandEye | None:
-        """What was kept of the camera last. Raises RecordingError where that cannot be read."""
+        """The camera's latest stored calibration. Raises RecordingError where it cannot be read."""
         ...
 
     async def keep(self, found: HandEye) -> Path:
-        """Keep it instead, and say where. Raises UsageError where that cannot be written."""
+        """Store it in place of the last one; returns its path. Raises UsageError where it cannot be written."""
         ...
 
 
 class Studio(Protocol):
-    """Files beside the session's own recording, of demonstrations and of what was just seen."""
+    """Files beside the session's own recording: demonstrations, and clips of the recent past."""
 
     async def begin(self, opening: Callable[[], Sequence[Message]]) -> Path:
-        """Start a file that begins with what `opening` says then, and gets everything that is recorded from now on.
+        """Start a file that begins with the messages of `opening`, and receives everything recorded from now on.
 
         Raises PreflightError where it does not fit on the disk, and RecordingError where one is open.
         """
         ...
 
     async def end(self, said: Literal["success", "failure"] | None, *, operator: str) -> None:
-        """Close the file with its label; None removes it: what it held is in the session's own recording.
+        """Close the file with its label; None removes it: its content is in the session's own recording.
 
         Raises RecordingError where none is open, or it cannot be written.
         """

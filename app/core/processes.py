@@ -19,16 +19,16 @@ _START_S: Final = 60.0
 _POLL_S: Final = 0.02
 _CLOSE_S: Final = 3.0
 _ARM_PRIORITY, _APPLICATION_PRIORITY = 2, 1
-"""Of real-time processes, the greater first."""
+"""Priorities in the real-time round-robin class; the greater runs first."""
 
 
 def process(name: str, body: Callable[..., None], *arguments: object) -> BaseProcess:
-    """One that is to run `body`; it ends with the program, and is `dipac NAME` where processes are listed."""
+    """A process that will run `body`; it ends with the program, and is listed as `dipac NAME`."""
     return SPAWN.Process(target=_run, args=(body, *arguments), name=f"dipac {name}", daemon=True)
 
 
 def _run(body: Callable[..., None], *arguments: object) -> None:
-    """An error of this program's own is a sentence for whoever started it, and not a stack."""
+    """Run `body`; print an error of this program as one sentence, not as a stack trace."""
     try:
         body(*arguments)
     except DipacError as error:
@@ -37,10 +37,10 @@ def _run(body: Callable[..., None], *arguments: object) -> None:
 
 
 def ask_for_real_time() -> None:
-    """Run before all ordinary processes where the system allows it, as an arm's controller does; for its body to call.
+    """Give the calling process real-time priority where the system allows it; for its body to call.
 
-    So do the threads that it starts. Without the right to it (CAP_SYS_NICE) a loop still wakes in time as a rule,
-    because it uses so little.
+    The threads that it starts inherit it. Without the right to it (CAP_SYS_NICE) a control loop still wakes in time as
+    a rule, because it uses so little.
     """
     with contextlib.suppress(OSError):
         os.sched_setscheduler(0, os.SCHED_RR, os.sched_param(_ARM_PRIORITY))
@@ -48,12 +48,12 @@ def ask_for_real_time() -> None:
 
 @contextlib.contextmanager
 def in_real_time() -> Generator[None]:
-    """Run this process before all ordinary ones meanwhile, and after an arm's, where the system allows it.
+    """While open, run this process in real time, below the arm's priority, where the system allows it.
 
-    All of its threads, those to come too: one that waits for a core may hold the interpreter's lock, and the event loop
-    would wait with it. Beside a browser that draws in software and a busy program, an event loop of ordinary priority
-    waited for a core for 100 to 450 ms at a time, while it needed one for less than a millisecond; an arm's watchdog
-    waits 160. Processes are ordinary ones, by `start_ordinary`.
+    It covers all of its threads, later ones too: a thread that waits for a core may hold the interpreter's lock, and
+    the event loop would wait with it. Beside a browser that renders in software and a busy program, an event loop of
+    ordinary priority waited for a core for 100 to 450 ms at a time, while it needed one for less than a millisecond; an
+    arm's watchdog waits 160. Child processes are ordinary ones, by `start_ordinary`.
     """
     _schedule_threads(os.SCHED_RR, _APPLICATION_PRIORITY)
     try:
@@ -63,7 +63,7 @@ def in_real_time() -> Generator[None]:
 
 
 def may_run_in_real_time() -> bool:
-    """Whether the system allows it to this process; the calling thread is an ordinary one before and after."""
+    """True where the system allows this process real-time priority; the calling thread stays an ordinary one."""
     try:
         os.sched_setscheduler(0, os.SCHED_RR, os.sched_param(_APPLICATION_PRIORITY))
     except OSError:  # A sandbox may not know the call at all.
@@ -73,7 +73,7 @@ def may_run_in_real_time() -> bool:
 
 
 def start_ordinary(process: BaseProcess) -> None:
-    """Start an ordinary process, also from a thread that runs before those."""
+    """Start a process of ordinary priority, also from a real-time thread."""
     policy, parameters = os.sched_getscheduler(0), os.sched_getparam(0)
     if policy != os.SCHED_RR:
         process.start()
@@ -82,12 +82,12 @@ def start_ordinary(process: BaseProcess) -> None:
     try:
         process.start()
     finally:
-        with contextlib.suppress(OSError):  # Who may set the flag may not always take it back.
+        with contextlib.suppress(OSError):  # A process that may set the flag may not always be allowed to clear it.
             os.sched_setscheduler(0, policy, parameters)
 
 
 def _schedule_threads(policy: int, priority: int) -> None:
-    """All threads of this process that there are."""
+    """Set the scheduling policy of all existing threads of this process."""
     for thread in Path("/proc/self/task").iterdir():
         with contextlib.suppress(OSError):
             os.sched_setscheduler(int(thread.name), policy, os.sched_param(priority))
@@ -112,7 +112,7 @@ async def ready(processes: Sequence[BaseProcess], rings: Sequence[Ring], *, with
 
 
 def end(processes: Sequence[BaseProcess], *, within_s: float = _CLOSE_S) -> None:
-    """Wait for processes that have been told to close, and end those that do not. Blocks for as long as that takes."""
+    """Wait for processes that have been told to close, and kill those that do not. Blocks for as long as that takes."""
     due_s = time.monotonic() + within_s
     for each in processes:
         if each.pid is None:

@@ -1,4 +1,4 @@
-"""What an operator asks for besides modes and decisions. The program answers in words where it cannot do it."""
+"""Requests of an operator besides modes and decisions. The program answers in words where it cannot fulfil one."""
 
 from dataclasses import dataclass
 from typing import Literal, TypeAlias, final
@@ -13,14 +13,14 @@ from app.core.messages import Decision, Message, MessageId, Model, Notice, Resum
 from app.core.types import ColourImage, DepthImage, Points
 
 GoalSource: TypeAlias = Literal["view", "curve", "copy", "region", "file"]
-"""Where the points of a goal are from: the object as it lies now, a curve that it shall follow, a moved and bent copy
-of it, a region that it shall fill, or a file."""
+"""Source of a goal's points: the object as it lies now, a curve to follow, a moved and bent copy, a region to fill,
+or a file."""
 
 
 @final
 @dataclass(frozen=True, kw_only=True, eq=False)
 class GoalRequest(Message):
-    """The object shall be at `positions` (N, 3) [m], as many as there are."""
+    """Request for the goal `positions` (N, 3) [m], one for each particle of the object."""
 
     operator: str
     source: GoalSource
@@ -30,7 +30,7 @@ class GoalRequest(Message):
 @final
 @dataclass(frozen=True, kw_only=True, eq=False)
 class PictureGoalRequest(Message):
-    """The object shall be where this pair of images of the camera called `camera` shows it."""
+    """Request for the goal that this pair of images of the camera called `camera` shows."""
 
     operator: str
     camera: str
@@ -41,9 +41,9 @@ class PictureGoalRequest(Message):
 @final
 @dataclass(frozen=True, kw_only=True, eq=False)
 class EditRequest(Message):
-    """The motion of a proposal, but beginning at `start` and ending at `end` [m]: to be simulated and offered.
+    """Request to simulate and offer the motion of a proposal, changed to begin at `start` and end at `end` [m].
 
-    `branch`: whose motion of it; below zero, that of the one which was proposed.
+    `branch`: index of the branch whose motion is edited; below zero, the proposed one.
     """
 
     operator: str
@@ -56,7 +56,7 @@ class EditRequest(Message):
 @final
 @dataclass(frozen=True, kw_only=True, eq=False)
 class ModelRequest(Message):
-    """Plan with this model from now on: one of a file, or an earlier version."""
+    """Request to plan with this model from now on: one of a file, or an earlier version."""
 
     operator: str
     model: Model
@@ -66,7 +66,7 @@ class ModelRequest(Message):
 @final
 @dataclass(frozen=True, kw_only=True, eq=False)
 class ColourRequest(Message):
-    """The object has these colours: bounds of hue [degree], saturation and value [0..1], low then high of each."""
+    """Request for new colours of the object: bounds of hue [degree], saturation and value [0..1], low then high."""
 
     operator: str
     hue_deg: tuple[float, float]
@@ -75,13 +75,13 @@ class ColourRequest(Message):
 
 
 TakeAct: TypeAlias = Literal["start", "success", "failure", "discard", "redo"]
-"""Of a demonstration: begin one; end it with a verdict; end it and remove it; the same and begin another."""
+"""Command for a demonstration: begin; end with a verdict; end and remove; end, remove and begin another."""
 
 
 @final
 @dataclass(frozen=True, kw_only=True, eq=False)
 class TakeRequest(Message):
-    """What to do with demonstrations."""
+    """Command for the recording of demonstrations."""
 
     operator: str
     act: TakeAct
@@ -90,7 +90,7 @@ class TakeRequest(Message):
 @final
 @dataclass(frozen=True, kw_only=True, eq=False)
 class ClipRequest(Message):
-    """The last `duration_s` shall be kept in a file of their own."""
+    """Request to keep the last `duration_s` in a file of their own."""
 
     operator: str
     duration_s: float
@@ -99,21 +99,21 @@ class ClipRequest(Message):
 @final
 @dataclass(frozen=True, kw_only=True, eq=False)
 class ProbeRequest(Message):
-    """So many pushes shall be chosen for what they say about what the model lacks; 0: no further one is."""
+    """Request for so many pushes that are chosen to be informative about the model's errors; 0 ends them."""
 
     operator: str
     pushes: int
 
 
 CalibrationAct: TypeAlias = Literal["begin", "take", "drop", "check", "save", "end"]
-"""Of a camera's calibration: begin one; take a view; forget the last one; check what was kept by a fresh view; keep the
-result; end it."""
+"""Command for a camera's calibration: begin; take a view; drop the last one; check the stored result on a fresh
+view; store the result; end."""
 
 
 @final
 @dataclass(frozen=True, kw_only=True, eq=False)
 class CalibrationRequest(Message):
-    """What to do with the calibration of a camera, by a board with squares and markers of that size."""
+    """Command for the calibration of a camera, with a board of this square and marker size."""
 
     operator: str
     act: CalibrationAct
@@ -133,8 +133,8 @@ Chore: TypeAlias = (
     | ProbeRequest
     | CalibrationRequest
 )
-"""What takes the program a while."""
+"""Requests that take the program a while."""
 Asked: TypeAlias = ModeRequest | EndRequest | ChecklistRequest | Chore
-"""What whoever has control may ask for."""
+"""Requests open to the holder of control."""
 Request: TypeAlias = Decision | StopRequest | ResumeRequest | Lease | Notice | Asked
-"""What comes from an operator; a notice is of something that the console saw, for the record."""
+"""Messages from an operator's console; a notice records something that the console observed."""

@@ -1,4 +1,4 @@
-"""A way of the tool whose ends somebody has moved."""
+"""Similarity transform of a tool path by its end points."""
 
 from typing import Final
 
@@ -8,13 +8,13 @@ from jaxtyping import Float64
 from app.core.types import Path3
 
 _APART_M: Final = 1e-3
-"""Ends that are nearer to each other do not say how a way is turned and stretched."""
+"""End points nearer than this [m] do not define a rotation and scale."""
 
 
 def reshaped(way: Path3, start: Float64[np.ndarray, "3"], end: Float64[np.ndarray, "3"]) -> Path3:
-    """`way` (W, 3) [m] moved, turned and stretched over the table so that it goes from `start` to `end` [m].
+    """`way` (W, 3) [m] moved, turned and scaled in the table's plane so that it goes from `start` to `end` [m].
 
-    Heights stay as they are. A way that ends where it begins keeps its form and follows `start` alone.
+    Heights are unchanged. A path that ends where it begins keeps its shape and follows `start` alone.
     """
     z = way[:, 0] + 1j * way[:, 1]
     first, last = complex(start[0], start[1]), complex(end[0], end[1])
@@ -25,7 +25,7 @@ def reshaped(way: Path3, start: Float64[np.ndarray, "3"], end: Float64[np.ndarra
 
 
 def is_level(way: Path3) -> bool:
-    """Whether the way (W, 3) is at one height, as a push over the table is, and goes anywhere."""
+    """True for a path (W, 3) [m] of nonzero length at one height, such as a push over the table."""
     if len(way) < 2 or not np.isfinite(way).all():
         return False
     length_m = np.linalg.norm(np.diff(way[:, :2], axis=0), axis=1).sum()

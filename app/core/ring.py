@@ -1,6 +1,6 @@
-"""Memory that processes share without locks: one writes, the others read, and nobody ever waits for anybody.
+"""Lock-free memory shared by processes: one writes, the others read, and none ever waits for another.
 
-A process that is killed in the middle of anything can therefore block none of the others, and STOP needs no lock.
+A process that is killed at any point can therefore block none of the others, and STOP needs no lock.
 """
 
 import multiprocessing
@@ -27,7 +27,7 @@ class Ring:
 
     @property
     def count(self) -> int:
-        """How many records have been appended so far."""
+        """Number of records appended so far."""
         return int(self._count.value)
 
     def append(self, **fields: object) -> None:
@@ -55,14 +55,14 @@ class Ring:
 
 @final
 class Stamp:
-    """A whole number that anybody may set and read at any time; 0 at first."""
+    """An integer that any process may set and read at any time; 0 at first."""
 
     def __init__(self) -> None:
         self._value = SPAWN.RawValue("q", 0)
 
     @property
     def value(self) -> int:
-        """As last set."""
+        """The value last set."""
         return int(self._value.value)
 
     @value.setter

@@ -1,4 +1,4 @@
-"""What perception makes of images before there are particles: for the operator's eyes."""
+"""Intermediate results of perception, before there are particles, for the operator."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
@@ -13,11 +13,11 @@ from app.core.messages import Message
 @final
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Seen(Message):
-    """Which pixels of each camera's frame were taken for the object, and the colours that were looked for.
+    """Segmentation of each camera's frame, and the colours it was made by.
 
-    `masks`: by camera, thinned to about 320 pixels across; `pixels`: how many of the whole image; `points`: how many of
-    these have a depth within the box. Bounds as in `ColourRequest`. `apart_m`: how far each camera's points of the
-    object are from the others', by the median; none where only one camera sees it. `cause` holds the frames' ids.
+    `masks`: by camera, thinned to about 320 pixels across; `pixels`: object pixels in the whole image; `points`: those
+    of them with a depth inside the workspace box. Bounds as in `ColourRequest`. `apart_m`: median distance of each
+    camera's object points from the other cameras'; empty where only one camera sees it. `cause` holds the frames' ids.
     """
 
     masks: Mapping[str, Bool[np.ndarray, "_ _"]]

@@ -1,4 +1,4 @@
-"""Where fixtures are solid."""
+"""Solid regions of fixtures."""
 
 import numpy as np
 from jaxtyping import Bool
@@ -8,7 +8,7 @@ from app.core.types import Cloud
 
 
 def inside(fixture: Fixture, points: Cloud, margin_m: float) -> Bool[np.ndarray, " M"]:
-    """Which points (M, 3) [m] are deeper inside the fixture's matter than `margin_m`."""
+    """Mask of the points (M, 3) [m] that lie deeper than `margin_m` inside the fixture's solid."""
     x = points.astype(np.float64)
     match fixture:
         case Mat():

@@ -1,7 +1,7 @@
-"""What stands in the cell of a task: one object, one tool, and what is fixed to the table. Plain data.
+"""Scene description of a task's cell: one object, one tool, and the fixtures on the table. Plain data.
 
-Rigs are built from it, and their processes shall not load JAX and Warp for these names. A kind of object is a class
-here and a file in `app/rig/simulated/kinds`, which says what it does in a simulated world and what it looks like.
+Rigs are built from it, and their processes must not load JAX and Warp for these names. A kind of object is a class here
+and a file in `app/rig/simulated/kinds`, which gives its simulation and its appearance.
 """
 
 from dataclasses import dataclass, replace
@@ -11,7 +11,7 @@ from typing import Literal, TypeAlias, final
 from app.core.errors import UsageError
 
 RopeModel: TypeAlias = Literal["chain", "cable"]
-"""How a simulated world makes a rope: bodies joined by hinges, or mass points joined by elastic segments."""
+"""Simulation model of a rope: rigid bodies joined by hinges, or mass points joined by elastic segments."""
 Colour: TypeAlias = tuple[float, float, float]
 """RGB albedo in 0..1."""
 Vector: TypeAlias = tuple[float, float, float]
@@ -22,7 +22,7 @@ Vector: TypeAlias = tuple[float, float, float]
 class Rope:
     """A rope lying on the table; `rigid`: a rod of its size, which does not bend.
 
-    `model`: how a simulated world makes it; a rod is always a chain.
+    `model`: its model in a simulated world; a rod is always a chain.
     """
 
     length_m: float
@@ -36,9 +36,9 @@ class Rope:
 @final
 @dataclass(frozen=True, kw_only=True)
 class Beans:
-    """So many loose beans on the table, each a cylinder with round ends, `length_m` from tip to tip.
+    """`count` loose beans on the table, each a cylinder with round ends, `length_m` from tip to tip.
 
-    `mass_kg` is that of all together. Their nodes are the middles of their round ends, two a bean, one after another.
+    `mass_kg` is their total. Their nodes are the centres of their round ends, two a bean, one after another.
     """
 
     count: int
@@ -51,7 +51,7 @@ class Beans:
 @final
 @dataclass(frozen=True, kw_only=True)
 class Liquid:
-    """A coloured liquid, at first in the bowl that the tool is; `drops`: the particles that a simulated world has."""
+    """A coloured liquid, at first in the bowl held by the arm; `drops`: particle count in a simulated world."""
 
     volume_m3: float
     colour: Colour
@@ -73,46 +73,46 @@ class Pieces:
 
     @property
     def volume_m3(self) -> float:
-        """Of all of them."""
+        """Total volume [m^3]."""
         return self.count * self.edge_m**3
 
     @property
     def grains(self) -> int:
-        """The particles of all of them in a simulated world."""
+        """Total number of particles in a simulated world."""
         return self.count * self.along**3
 
 
 @final
 @dataclass(frozen=True, kw_only=True)
 class Soup:
-    """A liquid and what swims in it, at first in the bowl that the tool is. `liquid`: without the pieces."""
+    """A liquid with pieces floating in it, at first in the bowl held by the arm. `liquid`: without the pieces."""
 
     liquid: Liquid
     pieces: tuple[Pieces, ...]
 
     @property
     def colour(self) -> Colour:
-        """The liquid's."""
+        """Colour of the liquid."""
         return self.liquid.colour
 
     @property
     def solid_m3(self) -> float:
-        """The volume of all pieces."""
+        """Total volume of the pieces [m^3]."""
         return sum(kind.volume_m3 for kind in self.pieces)
 
     @property
     def volume_m3(self) -> float:
-        """Of all of it."""
+        """Total volume of liquid and pieces [m^3]."""
         return self.liquid.volume_m3 + self.solid_m3
 
 
 @final
 @dataclass(frozen=True, kw_only=True)
 class Finger:
-    """The closed two-finger gripper, which points down: all that is within `radius_m` of its core.
+    """The closed two-finger gripper, which points down: every point within `radius_m` of its core.
 
-    The core stands upright on a level line through the tool, `half_width_m` to either side of it, at `yaw_rad` from the
-    world's x axis. Without width the finger is a capsule. `push_height_m`: its tip's height above the table.
+    The core is an upright strip on a level line through the tool, `half_width_m` to either side of it, at `yaw_rad`
+    from the world's x axis. Without width the finger is a capsule. `push_height_m`: its tip's height above the table.
     """
 
     radius_m: float
@@ -122,13 +122,13 @@ class Finger:
 
     @property
     def half_m(self) -> tuple[float, float]:
-        """From the tool to an end of that line, seen from above."""
+        """Vector from the tool to an end of that line [m], seen from above."""
         if self.half_width_m == 0:
             return 0.0, 0.0
         return self.half_width_m * cos(self.yaw_rad), self.half_width_m * sin(self.yaw_rad)
 
     def ends_m(self) -> list[Vector]:
-        """The ends of that line from the tool, in the world; the tool itself where it has no width."""
+        """Vectors from the tool to the ends of that line [m], in the world; zero for a finger without width."""
         x, y = self.half_m
         return [(-x, -y, 0.0), (x, y, 0.0)] if self.half_width_m > 0 else [(0.0, 0.0, 0.0)]
 
@@ -148,7 +148,7 @@ class Paddle:
 @final
 @dataclass(frozen=True, kw_only=True)
 class HeldBowl:
-    """Half of a hollow sphere in the hand, whose centre is the tool's place; upright where the tool points down.
+    """Half of a hollow sphere in the hand, with its centre at the tool's position; upright where the tool points down.
 
     `radius_m`: the inner one.
     """
@@ -162,7 +162,7 @@ class HeldBowl:
 @final
 @dataclass(frozen=True, kw_only=True)
 class Bowl:
-    """The same, upright and fixed, with its sphere's centre at `place_m`."""
+    """A bowl as above, upright and fixed, with its sphere's centre at `place_m`."""
 
     radius_m: float
     thickness_m: float
@@ -174,7 +174,7 @@ class Bowl:
 @final
 @dataclass(frozen=True, kw_only=True)
 class Cloth:
-    """A square cloth, as a simulated world knows it at `nodes_a_side` squared knots."""
+    """A square cloth, simulated as a square grid of `nodes_a_side` nodes a side."""
 
     size_m: float
     mass_kg: float
@@ -187,7 +187,7 @@ class Cloth:
 class Gripper:
     """Two upright fingers, boxes of the half sides `half_m`, that open along y; the tool is the point between the tips.
 
-    They open up to `opening_m`, and hold what is between them where they are `closed_m` apart or less.
+    They open up to `opening_m`, and hold an object between them where they are `closed_m` apart or less.
     """
 
     half_m: Vector
@@ -209,7 +209,7 @@ class Block:
 @final
 @dataclass(frozen=True, kw_only=True)
 class Mat:
-    """A round mark on the table that nothing feels."""
+    """A round mark on the table without contact."""
 
     radius_m: float
     place_m: tuple[float, float]
@@ -219,7 +219,7 @@ class Mat:
 @final
 @dataclass(frozen=True, kw_only=True)
 class Rack:
-    """`count` level rods along x, `spacing_m` apart; `place_m`: the middle of them all."""
+    """`count` level rods along x, `spacing_m` apart; `place_m`: the centre of the rack."""
 
     count: int
     spacing_m: float
@@ -251,7 +251,7 @@ class Stage:
     fixtures: tuple[Fixture, ...] = ()
 
     def in_world(self, world: RopeModel) -> "Stage":
-        """The same with the rope that a simulated world makes so. Raises UsageError where there is no rope."""
+        """The same stage with this model of its rope. Raises UsageError where there is no rope."""
         if isinstance(self.body, Rope):
             return self if self.body.rigid else replace(self, body=replace(self.body, model=world))
         if world == "chain":

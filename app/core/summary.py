@@ -1,4 +1,4 @@
-"""What came of an episode, in numbers."""
+"""Results of an episode, in numbers."""
 
 from dataclasses import dataclass, field
 from typing import final
@@ -11,12 +11,12 @@ from app.core.types import Points
 @final
 @dataclass(kw_only=True)
 class Summary:
-    """Grows while the episode runs. `chamfer_m2` holds the start and then one value after each push.
+    """Accumulated results of a running episode. `chamfer_m2` holds the start and then one value after each push.
 
-    `last_chamfer_m2` is of what was seen last: it differs where a push was stopped, which is not scored.
-    `reached`: whether the goal was, by what was seen last; `exhausted`: whether it ended before, as no motion was
-    better than none, by the model. `said`: how many messages were to be recorded; `reconstruction_latency_s` is from
-    exposure to particles.
+    `last_chamfer_m2` is of the last observation: it differs where a push was stopped, which is not scored. `reached`:
+    True where the last observation met the goal; `exhausted`: True where the episode ended early because the model
+    predicted no motion better than none. `said`: messages to be recorded; `reconstruction_latency_s` is from exposure
+    to particles.
     """
 
     chamfer_m2: list[float] = field(default_factory=list[float])
@@ -34,16 +34,16 @@ class Summary:
 
     @property
     def pushes(self) -> int:
-        """How many pushes were finished."""
+        """Number of finished pushes."""
         return len(self.decision_s)
 
     def began_moving(self, since_start_s: float) -> None:
-        """Note when the first push began."""
+        """Note the time of the first push."""
         if self.first_push_s is None:
             self.first_push_s = since_start_s
 
     def saw(self, observed: Particles, goal: Points) -> None:
-        """Note how far the object is from the goal."""
+        """Note the object's distance from the goal."""
         self.last_chamfer_m2 = float(chamfer_m2(observed.positions, goal))
         if not self.chamfer_m2:
             self.chamfer_m2.append(self.last_chamfer_m2)
@@ -51,7 +51,7 @@ class Summary:
     def scored(
         self, proposal: Proposal, before: Particles, executed: Executed, after: Particles, goal: Points, *, now_s: float
     ) -> Outcome:
-        """Append one push, and say what came of it: `before` is what its approval was checked against."""
+        """Append one push and return its outcome: `before` is the observation its approval was checked against."""
         outcome = Outcome(
             id=fresh_id("outcome"),
             cause=(proposal.id, executed.id, after.id),

@@ -1,7 +1,7 @@
-"""Place of the table in the frame of an arm's base, and what changes from the one frame to the other.
+"""Pose of the table in the frame of an arm's base, and conversions between the two frames.
 
-The program's world is the table's: z up from its surface. What knows the base alone, an arm's driver and calibrations
-of cameras, is told and read through this.
+The program's world is the table's frame: z up from its surface. Parts that know only the base, an arm's driver and
+calibrations of cameras, are converted here.
 """
 
 from dataclasses import dataclass, replace
@@ -21,7 +21,7 @@ _Poses: TypeAlias = Float64[np.ndarray, "*batch K"]
 @final
 @dataclass(frozen=True, kw_only=True)
 class TablePlace:
-    """The table's frame in the base's: its origin is at `place_m`, and it is turned by `turn_deg` about the upright.
+    """The table's frame in the base's: its origin is at `place_m`, and it is turned by `turn_deg` about the vertical.
 
     A table is level: it is not tilted against the arm's base.
     """
@@ -31,7 +31,7 @@ class TablePlace:
 
     @property
     def base_from_table(self) -> Transform:
-        """From the table's frame to the base's."""
+        """Transform from the table's frame to the base's."""
         T = np.eye(4)
         T[:3, :3] = self._turn.as_matrix()
         T[:3, 3] = self.place_m
@@ -39,27 +39,27 @@ class TablePlace:
 
     @property
     def table_from_base(self) -> Transform:
-        """From the base's frame to the table's."""
+        """Transform from the base's frame to the table's."""
         T = np.eye(4)
         T[:3, :3] = self._turn.inv().as_matrix()
         T[:3, 3] = -T[:3, :3] @ self.place_m
         return T
 
     def vector_in_base(self, vector: _Vector) -> _Vector:
-        """A velocity, rate of turning or force of the table's axes in those of the base."""
+        """A velocity, angular velocity or force, rotated from the table's axes to those of the base."""
         return vector if self == AT_BASE else self._turn.apply(vector)
 
     def vector_in_table(self, vector: _Vector) -> _Vector:
-        """The other way."""
+        """The inverse of `vector_in_base`."""
         return vector if self == AT_BASE else self._turn.inv().apply(vector)
 
     def points_in_table(self, points: Float64[np.ndarray, "*batch 3"]) -> Float64[np.ndarray, "*batch 3"]:
-        """Places in the table's frame [m], of those in the base's."""
+        """Points [m] of the base's frame in the table's."""
         T = self.table_from_base
         return points if self == AT_BASE else points @ T[:3, :3].T + T[:3, 3]
 
     def poses_in_table(self, poses: _Poses) -> _Poses:
-        """Poses (..., 7 or more: x y z, quaternion w x y z, ...) in the table's frame, of those in the base's."""
+        """Poses (..., 7 or more: x y z, quaternion w x y z, ...) of the base's frame in the table's."""
         if self == AT_BASE:
             return poses
         moved = np.array(poses)
@@ -67,17 +67,17 @@ class TablePlace:
         turns = (self._turn.inv() * Rotation.from_quat(poses[..., 3:7].reshape(-1, 4), scalar_first=True)).as_quat(
             scalar_first=True
         )
-        # Of its two signs always the same one, or a tool that points down would seem to jump.
+        # One fixed sign of the two, or a tool that points down would seem to jump.
         largest = np.take_along_axis(turns, np.abs(turns).argmax(1)[:, None], 1)
         moved[..., 3:7] = (turns * np.where(largest < 0, -1.0, 1.0)).reshape(poses[..., 3:7].shape)
         return moved
 
     def camera_in_table(self, found: HandEye) -> HandEye:
-        """A camera whose calibration has it in the base's frame, in the table's; unchanged where it is on the wrist."""
+        """A camera calibrated in the base's frame, in the table's; unchanged where it is on the wrist."""
         return self._moved(found, self.table_from_base)
 
     def camera_in_base(self, found: HandEye) -> HandEye:
-        """The other way."""
+        """The inverse of `camera_in_table`."""
         return self._moved(found, self.base_from_table)
 
     @property
@@ -85,7 +85,7 @@ class TablePlace:
         return Rotation.from_euler("z", self.turn_deg, degrees=True)
 
     def _moved(self, found: HandEye, T: Transform) -> HandEye:
-        """Standard deviations along the new axes come from the old ones as if those were independent."""
+        """Standard deviations along the new axes are computed as if the old ones were independent."""
         if self == AT_BASE or found.setup != "fixed":
             return found
         return replace(
@@ -102,4 +102,4 @@ def _turned(T: Transform, deviation: Three) -> Three:
 
 
 AT_BASE: Final = TablePlace()
-"""A table on which the arm stands: both frames are one."""
+"""Identity placement: the arm stands on the table, and both frames are one."""

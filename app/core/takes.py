@@ -1,4 +1,4 @@
-"""Demonstrations as they are made: which one is being recorded, and how many there are."""
+"""Messages of demonstrations: the one being recorded, and the number made so far."""
 
 from dataclasses import dataclass
 from typing import Literal, TypeAlias, final
@@ -11,7 +11,7 @@ TakeState: TypeAlias = Literal["recording", "success", "failure", "discarded"]
 @final
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Take(Message):
-    """What has become of demonstration `number` of this session, recorded at `path`; `succeeded` counts successes."""
+    """State of demonstration `number` of this session, recorded at `path`; `succeeded` counts successes."""
 
     number: int
     path: str

@@ -1,4 +1,4 @@
-"""The full name of a task: which one it is, sizes of its object and tool that are other ones, and its dynamics."""
+"""The full name of a task: the problem, sizes of its object and tool that differ from the default, and its dynamics."""
 
 import re
 from collections.abc import Mapping
@@ -25,12 +25,12 @@ class TaskName:
 
     @classmethod
     def of(cls, problem: str, sizes: Mapping[str, float], dynamics: str = "mpm") -> Self:
-        """With its sizes in order, so that what is the same is called the same."""
+        """The name with its sizes in order, so that equal tasks have equal names."""
         return cls(problem, tuple(sorted((name, float(value)) for name, value in sizes.items())), dynamics)
 
     @classmethod
     def parse(cls, text: str) -> Self:
-        """The inverse of `str`. Raises UsageError where it is no such name."""
+        """The inverse of `str`. Raises UsageError where the text is no such name."""
         found = _WRITTEN.fullmatch(text)
         try:
             if found is None:
@@ -45,7 +45,7 @@ class TaskName:
 
     @property
     def recorded(self) -> str:
-        """As recordings of it name it."""
+        """The name as recordings have it, without dynamics."""
         return str(replace(self, dynamics="mpm"))
 
     def __str__(self) -> str:

@@ -1,8 +1,7 @@
-"""The tool's shape and place from points of its surface, of which cameras may see any part.
+"""The tool's shape and position from points of its surface, of which cameras may see any part.
 
-Seen from above a tool is all that is within its radius of a core: a point of a round one, a line of a flat one, as
-`core.stage.Finger` has it. The mean of the points that are seen is on the side that faces the cameras, and nowhere near
-its middle.
+Seen from above a tool is every point within its radius of a core: a point for a round tool, a line for a flat one, as
+in `core.stage.Finger`. The mean of the visible points is on the side that faces the cameras, far from its middle.
 """
 
 from collections.abc import Sequence
@@ -33,7 +32,7 @@ _INSIDE: Final = 0.1
 _EVEN: Final = 0.6
 """Ratio of the smaller to the larger width above which a cloud is as wide in all directions."""
 _LONG: Final = 1.4
-"""A tool is flat where it is wider than it is thick by so much, and where its points fit a round one so much worse."""
+"""Ratio of width to thickness from which a tool is flat, and of the errors of a round to a flat fit."""
 _AS_GOOD: Final = 1.3
 """Ratio of costs of fits up to which they are as good."""
 _KNOWN_M: Final = 5e-4
@@ -42,13 +41,13 @@ _SCALE: Final = 1e-3
 _TURN_SCALE: Final = 0.1
 _MOST_STEPS: Final = 60
 _RIDGE: Final = 1e-3
-"""Keeps what points do not say at all from being infinitely uncertain."""
+"""Regularisation that keeps directions without data from having infinite variance."""
 
 
 @final
 @dataclass(frozen=True, kw_only=True, eq=False)
 class ToolView:
-    """Points of a tool's surface (M, 3) at one moment, and where the kinematics have its tip (3,) [m]."""
+    """Points of a tool's surface (M, 3) at one moment, and its tip (3,) by the kinematics [m]."""
 
     points: Cloud
     tip: Float64[np.ndarray, "3"]
@@ -57,10 +56,10 @@ class ToolView:
 @final
 @dataclass(frozen=True, kw_only=True)
 class ToolShape:
-    """Radius, half of the whole width, and yaw of the width from the x axis; None of what the points do not say.
+    """Radius, half of the whole width, and yaw of the width from the x axis; None where the points do not determine it.
 
     A flat tool's radius is half of its thickness; a round one's width is twice its radius, and its yaw 0. `beside_m`:
-    from the tip of the kinematics to the middle of the tool, in the median over views.
+    offset of the tool's middle from the tip of the kinematics, in the median over views.
     """
 
     radius_m: float | None
@@ -73,10 +72,10 @@ class ToolShape:
 
 @_BLAS.wrap(limits=1, user_api="blas")
 def fitted_tool(views: Sequence[ToolView], *, flat: bool | None = None) -> ToolShape | None:
-    """The shape that all views agree about; None where the points show no surface.
+    """The shape that all views agree on; None where the points show no surface.
 
-    The tool's middle is free in each view: late images and bent arms move it, and are none of its size. `flat` where it
-    is known whether it is.
+    The tool's middle is free in each view: late images and bent arms move it, which does not affect its size. `flat`:
+    given where the shape is known to be flat or round.
     """
     chosen = [_level(view) for view in views if len(view.points) >= _LEAST_POINTS]
     if not chosen:
@@ -111,7 +110,7 @@ def middle_of(
 
     fits = [least_squares(residuals, start, loss="soft_l1", f_scale=_NOISE_M, x_scale=_SCALE) for start in starts]
     best = fits[int(np.argmin([fit.cost for fit in fits]))]
-    # Of a face alone nobody knows from which side it is seen: the kinematics do, roughly.
+    # A face alone does not tell from which side it is seen: the kinematics do, roughly.
     chosen = fits[0] if fits[0].cost < _AS_GOOD * best.cost else best
     stiffness = np.linalg.eigvalsh(chosen.jac.T @ chosen.jac)[0]
     if _KNOWN_M * np.sqrt(max(stiffness, 0.0)) < _NOISE_M:
@@ -134,7 +133,7 @@ class _Fit:
 
     @classmethod
     def of(cls, views: Sequence[_Plane], *, flat: bool) -> "_Fit":
-        """The best of some beginnings: the other side of a line, or of a short arc, is a valley of its own."""
+        """Best fit of several starts: the other side of a line, or of a short arc, is a local minimum of its own."""
         return min(
             (cls._from(views, start, flat=flat) for start in _starts(views, flat=flat)), key=lambda it: it.error_m
         )
@@ -192,7 +191,7 @@ class _Fit:
         )
 
     def shape(self) -> ToolShape | None:
-        """Shape as far as the points say it; None where they are too far from any such shape."""
+        """Shape as far as the points determine it; None where they are too far from any such shape."""
         if self.error_m > max(3 * _NOISE_M, _BLURRED * self.radius_m):
             return None
         inside = _RADII_M[0] * 1.01 < self.radius_m < _RADII_M[1] * 0.99
@@ -209,7 +208,7 @@ class _Fit:
 
 
 def _level(view: ToolView) -> _Plane:
-    """Points relative to the tip, seen from above; some of them where there are many."""
+    """Points relative to the tip, seen from above; a subset where there are many."""
     points = (view.points.astype(np.float64) - view.tip)[:, :2]
     return points[np.linspace(0, len(points) - 1, min(len(points), _MOST_POINTS)).round().astype(int)]
 
@@ -250,7 +249,7 @@ def _circle(points: _Plane) -> Float64[np.ndarray, "3"]:
 def _from_core(
     points: _Plane, half: Float64[np.ndarray, "2"]
 ) -> tuple[Float64[np.ndarray, " M"], Float64[np.ndarray, " M"], _Plane]:
-    """The nearest place on a line from -half to half, as a share of it, and the distance and way [m] from there."""
+    """Nearest point of a line from -half to half, as a share of it, and distance and vector [m] from there."""
     length = float(half @ half)
     share = np.clip(points @ half / length, -1.0, 1.0) if length > 0 else np.zeros(len(points))
     out = points - share[:, None] * half

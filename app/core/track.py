@@ -1,4 +1,4 @@
-"""The way of the tool's tip over time, as it was commanded, measured or made."""
+"""Trajectory of the tool's tip over time, as commanded, measured or executed."""
 
 from dataclasses import dataclass
 from typing import final
@@ -34,12 +34,12 @@ class Track:
 
     @property
     def positions(self) -> Path3:
-        """Where the tip is [m]."""
+        """Positions of the tip [m], shape (T, 3)."""
         return self.poses[:, :3]
 
     @property
     def end_s(self) -> float:
-        """When it comes to rest."""
+        """Time at which it comes to rest [s]."""
         return float(self.times_s[-1])
 
     def at(self, times_s: Float64[np.ndarray, " S"]) -> Float64[np.ndarray, "S 3"]:
@@ -51,5 +51,5 @@ class Track:
         return (self.at(times_s + over_s / 2) - self.at(times_s - over_s / 2)) / over_s
 
     def moved(self, positions: Path3) -> "Track":
-        """The same with its tip elsewhere."""
+        """The same trajectory with other positions of the tip."""
         return Track(times_s=self.times_s, poses=np.concatenate([positions, self.poses[:, 3:]], axis=1))

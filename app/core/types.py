@@ -24,7 +24,7 @@ Poses: TypeAlias = Float64[np.ndarray, "T 7"]
 ToolPose: TypeAlias = Float64[np.ndarray, "8"]
 """x y z [m], quaternion w x y z, opening [m] of the tool: how far its fingers are apart, 0 where it has none."""
 Centreline: TypeAlias = Float32[np.ndarray, "2 n"]
-"""x and y [m] of a rope's nodes in their order; n = 0 where nobody knows them, and of what is no rope."""
+"""x and y [m] of a rope's nodes in their order; n = 0 where unknown, and for other objects."""
 ToolPath: TypeAlias = Float64[np.ndarray, "T 8"]
 """Poses of the tool in order."""
 Vector: TypeAlias = Float[np.ndarray, " A"]

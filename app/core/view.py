@@ -1,4 +1,4 @@
-"""What a camera's process leaves in shared memory, as frames: waited for, and never an old one."""
+"""Frames from a camera process's shared memory: awaited, and never stale."""
 
 import time
 from collections.abc import Callable
@@ -15,7 +15,7 @@ _POLL_S = 0.01
 
 
 def image_ring(width: int, height: int, *, kept: int) -> Ring:
-    """Room for the last `kept` pairs of images: `time_s` of the exposure, `color` and `depth`."""
+    """Ring of the last `kept` pairs of images: `time_s` of the exposure, `color` and `depth`."""
     size = (height, width)
     return Ring(np.dtype([("time_s", "f8"), ("color", "u1", (*size, 3)), ("depth", "u2", size)]), kept)
 
@@ -24,8 +24,8 @@ def image_ring(width: int, height: int, *, kept: int) -> Ring:
 class View:
     """The newest images of the camera `model`, each read once.
 
-    `timeout_s`: how long to wait for one. `oldest_s`: older ones are not shown. `period_s`: the time from one frame to
-    the next, at least, where images come more often than anybody looks.
+    `timeout_s`: time to wait for an image. `oldest_s`: older ones are discarded. `period_s`: shortest time between
+    frames, where images come more often than they are read.
     """
 
     def __init__(
@@ -39,7 +39,7 @@ class View:
     async def read(self, check: Callable[[], None]) -> Frame | None:
         """The newest image, once there is one that is due; None where there is none in time.
 
-        Meanwhile `check` is called again and again; what it raises ends the wait.
+        While waiting it calls `check` repeatedly; an error of that ends the wait.
         """
         with anyio.move_on_after(self._timeout_s):
             while (frame := self._newest()) is None:

@@ -1,8 +1,8 @@
-"""What a tool does to a part of the object that no camera sees: it pushes it ahead of itself.
+"""Motion of occluded parts of the object: the tool pushes them ahead of itself.
 
-Geometry alone, and of the last step only: what the tool would be inside of moves the way that the tool goes until it is
-outside, and what lies within the object's own width of that moves with it. How a rope bends farther off, and how beans
-roll, is not said; `dipac bench unseen_pushes` has what is gained all the same.
+Geometry alone, over the last step only: points inside the tool's outline move in the tool's direction until they are
+outside, and the points within the object's own width of them move along. The bending of a rope farther away and the
+rolling of beans are not modelled; `dipac bench unseen_pushes` measures the gain all the same.
 """
 
 from itertools import pairwise
@@ -15,7 +15,7 @@ from app.core.stage import Finger, Gripper, HeldBowl, Paddle, Tool
 from app.core.types import ToolPath, ToolPose
 
 _STEP_M = 0.003
-"""The tool goes on by so much at a time: less than half a paddle's thickness, so that it passes through nothing."""
+"""Step of the tool: less than half a paddle's thickness, so that it passes through nothing."""
 _STILL_M = 1e-6
 
 Surface = Float32[np.ndarray, "R 3"]
@@ -24,7 +24,7 @@ Plan = Float64[np.ndarray, "P 2"]
 
 
 def carried(points: Surface, tool: Tool, way: ToolPath, width_m: float) -> Surface:
-    """Where `points` [m, world] of an object so wide are after the tool went its `way`; the same where it touched none.
+    """Positions [m, world] of `points` of an object of this width after the tool's path; unchanged without contact.
 
     A gripper and a bowl hold, and do not push.
     """
@@ -40,7 +40,7 @@ def carried(points: Surface, tool: Tool, way: ToolPath, width_m: float) -> Surfa
 
 
 def _push(points: Float64[np.ndarray, "R 3"], tool: Tool, at: ToolPose, ahead: np.ndarray, width_m: float) -> None:
-    """Move the `points` out of the tool `at` its pose, the way `ahead`, and what is near to them."""
+    """Move the `points` in direction `ahead` out of the tool at its pose, with the points near them."""
     length_m = np.linalg.norm(ahead)
     if length_m < _STILL_M:
         return
@@ -53,14 +53,14 @@ def _push(points: Float64[np.ndarray, "R 3"], tool: Tool, at: ToolPose, ahead: n
     inside = deep > 0
     if not inside.any():
         return
-    # What is behind the tool stays there.
+    # Points behind the tool stay there.
     front = beside[away[beside] @ ahead > -_thickness(tool, at, ahead)]
     gaps = np.linalg.norm(points[front, None, :2] - points[beside[inside], :2], axis=2)
     points[front, :2] += np.where(gaps < width_m, deep[inside], 0.0).max(axis=1)[:, None] * ahead
 
 
 def _exit(tool: Tool, at: ToolPose, away: Plan, ahead: np.ndarray) -> Float64[np.ndarray, " P"]:
-    """How far places, relative to the tool, are from where they leave its outline the way `ahead`; 0 outside."""
+    """Distance of points, relative to the tool, to the edge of its outline in direction `ahead`; 0 outside."""
     match tool:
         case Finger():
             return _exit_stadium(away, ahead, np.asarray(tool.half_m), tool.radius_m)
@@ -75,7 +75,7 @@ def _exit(tool: Tool, at: ToolPose, away: Plan, ahead: np.ndarray) -> Float64[np
 
 
 def _exit_stadium(away: Plan, ahead: np.ndarray, half_m: np.ndarray, radius_m: float) -> Float64[np.ndarray, " P"]:
-    """The same for all that is within a radius of the line from `-half_m` to `half_m`: two discs and a rectangle."""
+    """The same for the outline within a radius of the line from `-half_m` to `half_m`: two discs and a rectangle."""
     aside, width_m = np.array([-ahead[1], ahead[0]]), np.linalg.norm(half_m)
     along, across = away @ ahead, away @ aside
     chords = [radius_m**2 - (across - end @ aside) ** 2 for end in (-half_m, half_m)]
@@ -97,12 +97,12 @@ def _exit_stadium(away: Plan, ahead: np.ndarray, half_m: np.ndarray, radius_m: f
 
 
 def _axes(at: ToolPose) -> Float64[np.ndarray, "2 2"]:
-    """The tool's own x and y, seen from above."""
+    """The tool's own x and y axes, seen from above."""
     return Rotation.from_quat(at[3:7], scalar_first=True).as_matrix()[:2, :2].T
 
 
 def _extent(tool: Tool) -> float:
-    """From the tool's middle to its farthest corner, seen from above [m]."""
+    """Distance from the tool's middle to its farthest corner, seen from above [m]."""
     match tool:
         case Finger():
             return tool.radius_m + tool.half_width_m
@@ -113,12 +113,12 @@ def _extent(tool: Tool) -> float:
 
 
 def _thickness(tool: Tool, at: ToolPose, ahead: np.ndarray) -> float:
-    """From the tool's middle to its back, as it goes `ahead` [m]."""
+    """Distance from the tool's middle to its back in the direction of motion [m]."""
     if isinstance(tool, Finger):
         return tool.radius_m + float(abs(np.asarray(tool.half_m) @ ahead))
     return float(np.abs(_axes(at) @ ahead) @ tool.half_m[:2]) if isinstance(tool, Paddle) else _extent(tool)
 
 
 def _bottom(tool: Tool, at: ToolPose) -> float:
-    """How high its lowest part is [m]; what is lower is not touched."""
+    """Height of its lowest part [m]; lower points are not touched."""
     return float(at[2] - tool.half_m[2]) if isinstance(tool, Paddle) else float(at[2])

@@ -1,4 +1,4 @@
-"""Between depth images and points of the world.
+"""Conversion between depth images and points of the world.
 
 Pixel coordinates count from the centre of the top left pixel, as OpenCV does: column `u` lies at
 x = (u - cx) / fx * z in the optical frame (x right, y down, z forward).
@@ -31,7 +31,7 @@ def deproject(depth: DepthImage, mask: Mask, camera: CameraModel) -> Cloud:
 
 
 def project(points: Cloud, camera: CameraModel) -> Pixels:
-    """Where the camera sees the world `points`; the depth of a point behind it is not positive."""
+    """Projection of the world `points`, with their depth, which is not positive behind the camera."""
     rotation, origin = camera.T_world_camera[:3, :3], camera.T_world_camera[:3, 3]
     scaled = (points - origin) @ (camera.K @ rotation.T).T
     z = scaled[:, 2:]
@@ -39,7 +39,7 @@ def project(points: Cloud, camera: CameraModel) -> Pixels:
 
 
 def behind_an_edge(depth: DepthImage, step_m: float, camera: CameraModel) -> Mask:
-    """The pixels that lie more than `step_m` behind one of their neighbours.
+    """Mask of the pixels that lie more than `step_m` behind one of their neighbours.
 
     Beside the outline of an object a depth camera reports values between it and its background, on neither of them
     ("flying pixels"). The outline's own pixels are nearest and stay.

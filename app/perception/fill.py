@@ -1,4 +1,4 @@
-"""From the surface seen from above to the solid that lies under it.
+"""Solid under a surface that is seen from above.
 
 No camera sees the underside of an object on a table, so it is inferred. The solid is held as two height maps, its top
 and its underside: the top is measured, the underside follows from one assumption, `Underside`.
@@ -14,8 +14,8 @@ from jaxtyping import Bool, Float32, Float64, Int
 from app.core.types import Cloud
 
 Underside: TypeAlias = Literal["round", "flat", "thin"]
-"""`round`: the cross-section is as round below as above, as of a rope or a bean. `flat`: solid down to the table.
-`thin`: there is nothing but the surface, as of a cloth, and nothing to fill."""
+"""Assumption on the underside. `round`: the cross-section is as round below as above, as of a rope or a bean.
+`flat`: solid down to the table. `thin`: the surface alone, as of a cloth, with nothing to fill."""
 Cells: TypeAlias = Int[np.ndarray, "M 2"]
 """Row and column of the cell under each point."""
 Map: TypeAlias = Float32[np.ndarray, "rows columns"]
@@ -51,7 +51,7 @@ def fill(surface: Cloud, *, table_m: float, half_width_m: float, underside: Unde
     """The solid under `surface`, standing on the table at the height `table_m`.
 
     A round object is symmetric about the plane at half its height, where it is widest. The crest is the highest point
-    within `half_width_m`: what lies at the height h above the table at the top has its mirror image at crest - h.
+    within `half_width_m`: a point of the top at the height h above the table has its mirror image at crest - h.
     """
     reach = round(half_width_m / CELL_M)
     corner = surface[:, :2].min(axis=0).astype(np.float64) - reach * CELL_M
@@ -76,7 +76,7 @@ def points_inside(solid: Solid, spacing_m: float) -> Cloud:
     plan = np.stack(np.meshgrid(rows, columns, indexing="ij"), axis=-1).reshape(-1, 2)
     row, column = np.rint(plan).astype(np.intp).T
     low, high = solid.underside[row, column], solid.top[row, column]
-    # The rest that a column leaves goes to the next one, so that thin parts get their share.
+    # The remainder of a column carries over to the next one, so that thin parts get their share.
     count = np.diff(np.rint(np.cumsum(high - low, dtype=np.float64) / spacing_m), prepend=0).astype(np.intp)
     column_of = np.repeat(np.arange(len(plan)), count)
     level = np.arange(len(column_of)) - np.repeat(np.cumsum(count) - count, count)

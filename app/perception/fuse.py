@@ -1,4 +1,4 @@
-"""The clouds of several views as one clean surface."""
+"""Fusion of the clouds of several views into one clean surface."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -25,7 +25,7 @@ class Box:
     high: tuple[float, float, float]
 
     def holds(self, points: Cloud) -> Keep:
-        """Which points lie in it."""
+        """Mask of the points inside the box."""
         return np.all((points >= np.asarray(self.low)) & (points <= np.asarray(self.high)), axis=1)
 
     def __str__(self) -> str:
@@ -34,9 +34,9 @@ class Box:
 
 
 def not_seen_through(points: Cloud, depth: DepthImage, camera: CameraModel, tolerance_m: float) -> Keep:
-    """Which points another view does not contradict.
+    """Mask of the points that another view does not contradict.
 
-    A view contradicts a point where it sees something more than `tolerance_m` behind it in that pixel and the eight
+    A view contradicts a point where it measures a surface more than `tolerance_m` behind it in that pixel and the eight
     around it: the point would have hidden it. Points outside the image and pixels without a reading contradict nothing.
     """
     column, row, z = project(points, camera).T
@@ -58,10 +58,10 @@ def merge(clouds: Sequence[Float32[np.ndarray, "_ 3"]], voxel_m: float) -> Cloud
 
 
 def without_outliers(points: Cloud, neighbours: int, spread: float) -> Float32[np.ndarray, "kept 3"]:
-    """Drop the points that are lonelier than the others (statistical outlier removal, Rusu et al. 2008).
+    """Drop isolated points (statistical outlier removal, Rusu et al. 2008).
 
-    Lonely: the mean distance to its nearest `neighbours` exceeds the mean of that over the cloud by more than `spread`
-    standard deviations.
+    Isolated: the mean distance to its nearest `neighbours` exceeds the mean of that over the cloud by more than
+    `spread` standard deviations.
     """
     if len(points) <= neighbours:
         return points

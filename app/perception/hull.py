@@ -1,9 +1,9 @@
 """Shape from silhouettes alone (visual hull, Laurentini 1994), for instants without depth.
 
-The space over the table is cut into voxels. One stays where every view that can say so shows the object, and at least
-one does: a view whose pixel shows the arm, or that does not reach there, says nothing. What lies on a table is no
-higher than it is wide, which bounds the hull where two cameras leave its height open. Coarse voxels come first, so that
-a box of 0.1 m^3 takes milliseconds.
+The space over the table is cut into voxels. A voxel stays where every informative view shows the object, and at least
+one does: a view whose pixel shows the arm, or that does not cover the voxel, is not informative. An object on a table
+is assumed no higher than it is wide, which bounds the hull where two cameras leave its height open. Coarse voxels come
+first, so that a box of 0.1 m^3 takes milliseconds.
 """
 
 from collections.abc import Sequence
@@ -34,7 +34,7 @@ _COARSE = 4
 @final
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Hull:
-    """The voxels' middles [m, world], and those of them that some view shows and that have a neighbour outside."""
+    """Centres of the hull's voxels [m, world], and those of them that a view shows and that border on the outside."""
 
     inside: Some
     surface: Some
@@ -43,8 +43,8 @@ class Hull:
 def hull(sights: Sequence[Sight], box: Box, kept: Float32[np.ndarray, "R 3"], *, at_least: int = 1) -> Hull:
     """The largest body in the box that the silhouettes allow; empty where they agree on nothing.
 
-    `kept`: the surface of what is hidden from all, where it is remembered: voxels under it stay, too. Voxels fewer than
-    `at_least` are divided into eighths until they are as many.
+    `kept`: remembered surface that is hidden from all views: voxels under it stay, too. Fewer than `at_least` voxels
+    are divided into eighths until they are as many.
     """
     views = [_silhouette(sight) for sight in sights]
     low, high = np.asarray(box.low), np.asarray(box.high)
@@ -66,7 +66,7 @@ def hull(sights: Sequence[Sight], box: Box, kept: Float32[np.ndarray, "R 3"], *,
 @final
 @dataclass(frozen=True, kw_only=True, eq=False)
 class _Silhouette:
-    """How far each pixel is from one that may show the object, and from one that does [pixel]."""
+    """Distance of each pixel from the nearest one that may show the object, and from the nearest that does [pixel]."""
 
     camera: CameraModel
     to_allowed: Pixels
@@ -85,7 +85,7 @@ def _away(mask: Bool[np.ndarray, "height width"]) -> Pixels:
 
 
 def _allowed(points: Cloud, views: Sequence[_Silhouette], edge_m: float) -> Bool[np.ndarray, " M"]:
-    """Which voxels of this edge no view excludes; of an edge of 0 their middles count."""
+    """Mask of the voxels of this edge that no view excludes; for an edge of 0 their centres count."""
     keep = np.ones(len(points), bool)
     for view in views:
         away, z, inside = _looked_up(view.to_allowed, points, view.camera)
@@ -95,7 +95,7 @@ def _allowed(points: Cloud, views: Sequence[_Silhouette], edge_m: float) -> Bool
 
 
 def _supported(points: Cloud, views: Sequence[_Silhouette]) -> Bool[np.ndarray, " M"]:
-    """Which voxels some view shows the object in."""
+    """Mask of the voxels in which some view shows the object."""
     shown = np.zeros(len(points), bool)
     for view in views:
         away, _, inside = _looked_up(view.to_own, points, view.camera)
@@ -104,7 +104,7 @@ def _supported(points: Cloud, views: Sequence[_Silhouette]) -> Bool[np.ndarray, 
 
 
 def _looked_up(image: Pixels, points: Cloud, camera: CameraModel) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """The image's numbers where the points are, their depths [m], and which of them are in the image."""
+    """Values of the image at the points, their depths [m], and the mask of the points in the image."""
     column, row, z = np.nan_to_num(project(points, camera), nan=-1.0).T
     inside = (z > 0) & (column > -0.5) & (row > -0.5) & (column < camera.width - 0.5) & (row < camera.height - 0.5)
     at = np.rint(np.where(inside, row, 0)).astype(int), np.rint(np.where(inside, column, 0)).astype(int)
@@ -112,7 +112,7 @@ def _looked_up(image: Pixels, points: Cloud, camera: CameraModel) -> tuple[np.nd
 
 
 def _under(points: Cloud, kept: Float32[np.ndarray, "R 3"]) -> Bool[np.ndarray, " M"]:
-    """Which voxels lie beneath a remembered surface."""
+    """Mask of the voxels beneath a remembered surface."""
     if not len(kept) or not len(points):
         return np.zeros(len(points), bool)
     away, which = KDTree(kept[:, :2]).query(points[:, :2])
@@ -120,7 +120,7 @@ def _under(points: Cloud, kept: Float32[np.ndarray, "R 3"]) -> Bool[np.ndarray, 
 
 
 def _rim(points: Cloud) -> Bool[np.ndarray, " M"]:
-    """Which voxels have one of their six neighbours outside."""
+    """Mask of the voxels with one of their six neighbours outside."""
     if not len(points):
         return np.zeros(0, bool)
     cells = np.rint((points - points.min(axis=0)) / VOXEL_M).astype(int)
@@ -130,6 +130,6 @@ def _rim(points: Cloud) -> Bool[np.ndarray, " M"]:
 
 
 def _grid(low: np.ndarray, high: np.ndarray, edge_m: float) -> Cloud:
-    """The middles of voxels that fill the box from its low corner."""
+    """Centres of the voxels that fill the box from its low corner."""
     axes = [np.arange(a + edge_m / 2, b, edge_m) for a, b in zip(low, high, strict=True)]
     return np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, 3).astype(np.float32)

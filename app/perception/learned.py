@@ -1,8 +1,8 @@
-"""A segmenter that somebody trained: an ONNX file, run by OpenCV on the CPU.
+"""Learned segmenter: an ONNX file, run by OpenCV on the CPU.
 
-What it has to be: one input of 32-bit floats, shape (1, 3, H, W), an RGB image scaled to 0..1, whose size may be open;
-one output of shape (1, 1 + K, h, w), a score for the background and for each of the K objects of the task. A pixel is
-of the one with the highest score. Images are resized to H x W, and the answer back to the image.
+Requirements: one input of 32-bit floats, shape (1, 3, H, W), an RGB image scaled to 0..1, whose size may be open; one
+output of shape (1, 1 + K, h, w), a score for the background and for each of the K objects of the task. A pixel belongs
+to the class with the highest score. Images are resized to H x W, and the result back to the image.
 """
 
 from collections.abc import Sequence
@@ -27,15 +27,15 @@ _WANTED: Final = (
     "(1, {classes}, h, w), the scores of the background and of {objects}"
 )
 _TRIED: Final = (96, 128)
-"""Height and width of the image that a network of open size is tried on."""
+"""Height and width of the test image for a network of open size."""
 
 
 @final
 @dataclass(frozen=True, kw_only=True)
 class Learned:
-    """The network in a file. `height` and `width` of its input are 0 where they are open; `objects`: how many it finds.
+    """Network in a file. `height` and `width` of its input are 0 where they are open; `objects`: its object classes.
 
-    The file is read once a process, when the first image comes.
+    The file is read once a process, on the first image.
     """
 
     path: Path
@@ -61,7 +61,7 @@ class Learned:
 def load_segmenter(path: Path, objects: int) -> Learned:
     """The network in the file `path`, tried on a black image.
 
-    Raises UsageError, which says what is expected and what is there, where it is not one that finds `objects`.
+    Raises UsageError, with the expected and the actual interface, where it does not segment `objects` objects.
     """
     try:
         data = path.read_bytes()
@@ -86,7 +86,7 @@ def load_segmenter(path: Path, objects: int) -> Learned:
 
 
 def _fits(tensor: Tensor) -> bool:
-    """Whether it is an image: 0 stands for a size that is open."""
+    """True for an image tensor; 0 stands for an open size."""
     return tensor.float32 and len(tensor.shape) == 4 and tensor.shape[0] in (0, 1) and tensor.shape[1] == 3
 
 
@@ -95,7 +95,7 @@ def _listed(found: Sequence[Tensor]) -> str:
 
 
 def _scores(path: Path, color: ColourImage, size: tuple[int, int]) -> Scores:
-    """What the network says of the image, resized to height and width `size`."""
+    """Output of the network for the image, resized to height and width `size`."""
     network = _network(path)
     image = cv2.resize(color, (size[1], size[0]), interpolation=cv2.INTER_AREA).astype(np.float32) / 255
     network.setInput(np.ascontiguousarray(image.transpose(2, 0, 1)[None]))
@@ -108,5 +108,5 @@ def _network(path: Path) -> Any:
 
 
 def _said(error: cv2.error) -> str:
-    """OpenCV's own words, in one line."""
+    """OpenCV's own message, in one line."""
     return " ".join(str(error).split())[:200]

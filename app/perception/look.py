@@ -1,4 +1,4 @@
-"""What each view shows of the object before there are particles: for whoever tunes colours and judges extrinsics."""
+"""View diagnostics, for tuning colours and judging extrinsics: the object in each view before there are particles."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -11,22 +11,22 @@ from scipy.spatial import KDTree
 from app.core.colours import Mask
 
 Some: TypeAlias = Float32[np.ndarray, "_ 3"]
-"""So many points as there are [m]."""
+"""Any number of points [m]."""
 
 _WIDTH = 320
-"""Of a thinned mask: what the console shows of an image."""
+"""Width [pixel] of a thinned mask, as shown in the console."""
 _FEWEST = 30
-"""Points fewer than these say too little of where a view sees the object."""
+"""Fewest points of a view that locate the object in it."""
 _ASKED, _KNOWN = 200, 1500
-"""So many points of a view are compared with so many of the others: more would take longer and say the same."""
+"""Points of a view, and of the others, that are compared: more would take longer and give the same."""
 
 
 @final
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Look:
-    """One camera's view: the pixels taken for the object, thinned, and how many of all; its points in the box.
+    """Diagnostics of one camera's view: the object's mask, thinned, its pixel count, and its points in the box.
 
-    `apart_m`: half of the points are nearer to the other views' than this, NaN where there is nothing to compare.
+    `apart_m`: median distance of its points to the other views', NaN where there is nothing to compare.
     """
 
     camera: str
@@ -37,16 +37,16 @@ class Look:
 
 
 def thinned(mask: Mask) -> Bool[np.ndarray, "rows columns"]:
-    """One pixel of each few, so that about 320 are left across."""
+    """Every n-th pixel of a mask, so that about 320 are left across."""
     step = max(mask.shape[1] // _WIDTH, 1)
     return np.ascontiguousarray(mask[::step, ::step])
 
 
 def apart_m(clouds: Sequence[Some]) -> list[float]:
-    """For each cloud the median distance [m] of its points to the others' nearest; NaN without enough of either.
+    """Median distance [m] of each cloud's points to the others' nearest; NaN without enough of either.
 
-    Views of one object share only what both see, so it is not zero for cameras that stand right: about 2 mm for a rope
-    seen from two sides. A camera that is 6 mm too high makes it 5 mm.
+    Views of one object share only the parts that both see, so it is not zero for well calibrated cameras: about 2 mm
+    for a rope seen from two sides. A camera that is 6 mm too high makes it 5 mm.
     """
     few = [_thin(cloud, _KNOWN) for cloud in clouds]
     trees = [KDTree(cloud) if len(cloud) >= _FEWEST else None for cloud in few]

@@ -1,8 +1,8 @@
-"""What is hidden is where it was; what is seen to be gone is gone.
+"""Occlusion memory: hidden parts of the object stay where they were last seen, until an image contradicts them.
 
 The surface of the object is remembered from instant to instant. A point that no camera sees now is kept while something
-else is in front of it (the arm, a hand), and is dropped as soon as one camera sees through the place where it was, or
-another colour there. So nothing is remembered that any image contradicts.
+else is in front of it (the arm, a hand), and is dropped as soon as one camera sees through its position, or another
+colour there. So nothing is remembered that any image contradicts.
 """
 
 from collections.abc import Sequence
@@ -23,19 +23,19 @@ from app.perception.shadow import Shadow
 Which: TypeAlias = Bool[np.ndarray, " M"]
 
 FREE_M = 0.004
-"""What is so much farther than a point was lies behind it: three standard deviations of a D400's depth at 0.75 m."""
+"""Depth difference of a reading behind a point: three standard deviations of a D400's depth at 0.75 m."""
 _FRONT_M = 0.008
-"""What is so much nearer hides it: as for `Reconstruction.see_through_m`, extrinsics err too."""
+"""Depth difference of a reading that occludes a point: as for `Reconstruction.see_through_m`, extrinsics err too."""
 _LOW_M = 0.006
-"""Over the table: of lower points depth does not say whether they or the table are seen; colour alone does."""
+"""Height over the table below which depth does not distinguish points from the table; colour alone does."""
 _REPRESENTED_M = 0.004
-"""A remembered point so near to one that is seen now says nothing more."""
+"""Distance to a point that is seen now within which a remembered point is redundant."""
 
 
 @final
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Memory:
-    """Points of the object's surface [m, world], and when each was last seen [s]."""
+    """Points of the object's surface [m, world], and the time each was last seen [s]."""
 
     points: Float32[np.ndarray, "R 3"]
     seen_s: Float64[np.ndarray, " R"]
@@ -45,7 +45,7 @@ NOTHING = Memory(points=np.zeros((0, 3), np.float32), seen_s=np.zeros(0))
 
 
 class Sight(NamedTuple):
-    """What one image says: `mask` where it shows the object, `shadow` where the arm is, if it is known."""
+    """Evidence of one image: `mask` of the object, and `shadow` of the arm, where that is known."""
 
     camera: CameraModel
     depth: DepthImage
@@ -54,14 +54,14 @@ class Sight(NamedTuple):
 
 
 class Recalled(NamedTuple):
-    """What is kept of a memory, and how many points were dropped because they have been hidden for too long."""
+    """The part of a memory that is kept, and the number of points dropped because they were hidden for too long."""
 
     kept: Memory
     expired: int
 
 
 def recalled(memory: Memory, sights: Sequence[Sight], table_m: float, *, since_s: float) -> Recalled:
-    """What of `memory` is hidden now and has been seen after `since_s` [s]."""
+    """The part of `memory` that is hidden now and was seen after `since_s` [s]."""
     keeps, goes = np.zeros(len(memory.points), bool), np.zeros(len(memory.points), bool)
     for sight in sights:
         hidden, answered = _judged(memory.points, sight, table_m)
@@ -73,7 +73,7 @@ def recalled(memory: Memory, sights: Sequence[Sight], table_m: float, *, since_s
 
 
 def beside(kept: Memory, seen: Cloud) -> Memory:
-    """What is kept but for that which is seen, too."""
+    """Remembered points without those that are also seen."""
     if not len(kept.points) or not len(seen):
         return kept
     away = KDTree(seen).query(kept.points, distance_upper_bound=_REPRESENTED_M)[0]
@@ -82,7 +82,7 @@ def beside(kept: Memory, seen: Cloud) -> Memory:
 
 
 def renewed(seen: Cloud, kept: Memory, now_s: float) -> Memory:
-    """What is seen now, and what is kept."""
+    """Memory of the points seen now and those kept."""
     return Memory(
         points=np.concatenate([seen, kept.points]),
         seen_s=np.concatenate([np.full(len(seen), now_s), kept.seen_s]),
@@ -90,9 +90,9 @@ def renewed(seen: Cloud, kept: Memory, now_s: float) -> Memory:
 
 
 def _judged(points: Float32[np.ndarray, "R 3"], sight: Sight, table_m: float) -> tuple[Which, Which]:
-    """Which points this image hides, and of which it says where they are now, or that they are gone.
+    """Masks of the points that this image hides, and of those that it locates or contradicts.
 
-    Of neither kind are points outside the image and those that the object itself hides: it may have moved over them.
+    Neither holds for points outside the image and those that the object itself hides: it may have moved over them.
     """
     column, row, z = np.nan_to_num(project(points, sight.camera), nan=-1.0).T
     camera = sight.camera
@@ -105,7 +105,7 @@ def _judged(points: Float32[np.ndarray, "R 3"], sight: Sight, table_m: float) ->
         return inside & arm, inside & ~arm
     there = measured_m > 0
     ahead, behind = there & (measured_m < z - _FRONT_M), measured_m > z + FREE_M
-    # A place that has the same depth as before and another colour: the light has changed, not the object.
+    # A point with the same depth as before and another colour: the light has changed, not the object.
     relit = there & ~own & ~ahead & ~behind & (points[:, 2] > table_m + _LOW_M)
     hidden = arm | (ahead & ~own) | (own & ~there) | relit
     answered = ~hidden & ~(ahead & own) & (there | own)

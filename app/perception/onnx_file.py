@@ -1,4 +1,4 @@
-"""What goes into a network and comes out, by its ONNX file: names, types and shapes, without running it.
+"""Interface of a network from its ONNX file: names, types and shapes of inputs and outputs, without running it.
 
 The file is a protobuf message; the numbers of its fields are those of onnx.proto3 (ONNX 1.0 to 1.19, unchanged).
 """
@@ -14,11 +14,11 @@ _FLOAT: Final = 1
 _VARINT, _FIXED64, _BYTES, _FIXED32 = 0, 1, 2, 5
 
 Field: TypeAlias = tuple[int, int | bytes]
-"""Its number, and what it holds."""
+"""Number and content of a protobuf field."""
 
 
 class Tensor(NamedTuple):
-    """An input or output; 0 stands for a size that is open."""
+    """An input or output; 0 stands for an open size."""
 
     name: str
     float32: bool
@@ -30,11 +30,11 @@ class Tensor(NamedTuple):
 
 
 def tensors(data: bytes) -> tuple[list[Tensor], list[Tensor]]:
-    """Inputs and outputs of the network in `data`. Raises ValueError where it is none."""
+    """Inputs and outputs of the network in `data`. Raises ValueError where it is invalid."""
     graph = next((value for number, value in _fields(data) if number == _GRAPH and isinstance(value, bytes)), None)
     if graph is None:
         raise ValueError("it holds no graph")
-    # Files of before ONNX 1.3 list the network's own numbers among its inputs, too.
+    # Files before ONNX 1.3 list the network's weights among its inputs, too.
     own = {_named(part, _INITIALIZER_NAME) for part in _parts(graph, _INITIALIZER)}
     inputs = [_tensor(part) for part in _parts(graph, _INPUT)]
     return [each for each in inputs if each.name not in own], [_tensor(part) for part in _parts(graph, _OUTPUT)]
@@ -48,7 +48,7 @@ def _tensor(data: bytes) -> Tensor:
 
 
 def _size(dim: bytes) -> int:
-    """Of one axis; 0 where it has a name instead."""
+    """Size of one axis; 0 where it has a name instead."""
     return next((value for number, value in _fields(dim) if number == _VALUE and isinstance(value, int)), 0)
 
 
@@ -61,7 +61,7 @@ def _parts(data: bytes, field: int) -> list[bytes]:
 
 
 def _fields(data: bytes) -> Iterator[Field]:
-    """The fields of a message, in order. Raises ValueError where it is cut off or no message."""
+    """The fields of a message, in order. Raises ValueError where it is cut off or invalid."""
     at = 0
     while at < len(data):
         key, at = _varint(data, at)
@@ -83,7 +83,7 @@ def _fields(data: bytes) -> Iterator[Field]:
 
 
 def _varint(data: bytes, at: int) -> tuple[int, int]:
-    """A number of 7 bits a byte, and where it ends."""
+    """A varint, 7 bits a byte, and the offset after it."""
     value, shift = 0, 0
     while at < len(data) and shift < 70:
         byte = data[at]

@@ -30,35 +30,34 @@ from app.perception.views import Sieve, View, surface, told, view
 
 _BODY_POINTS = 6000
 _POINTS_A_PARTICLE = 8
-"""The body is that many points, or that many times the particles: more do not spread the particles better."""
+"""Points of the body, in all and per particle: more do not spread the particles better."""
 _FEWEST = 30
-"""Points that show a pool, or a puddle beside the bowls: fewer are drops."""
+"""Fewest points of a pool, or of a puddle beside the bowls: fewer are drops."""
 _LEAST_SEEN = 0.03
-"""Of a pool's surface: what shows less of the surface that stands so high are drops over the rim."""
+"""Least visible share of a pool's surface: less at that level is drops over the rim."""
 _LEAST_HIDDEN = 0.01
-"""Of a liquid's volume: what is less is error."""
+"""Least hidden share of a liquid's volume: less is error."""
 _SPILT_M = 0.02
-"""What is spilt is not higher over the table; what is higher, and in no bowl, falls."""
+"""Highest spilt liquid over the table; liquid above this, and in no bowl, is falling."""
 _NONE: Cloud = np.zeros((0, 3), np.float32)
 _TABLE = Box(low=(0.20, -0.40, -0.02), high=(0.90, 0.40, 0.20))
-"""What the cameras see of the table: the arm's workspace and 5 cm around it."""
+"""Field of view over the table: the arm's workspace and 5 cm around it."""
 
 
 @final
 @dataclass(frozen=True, kw_only=True)
 class Reconstruction:
-    """How to see the object: what it looks like, where it can be, and as how many particles.
+    """Parameters of perception for an object: its appearance, its region, and its number of particles.
 
     `half_width_m`: at least half the width of the object where it is slenderest in the plan, for a rope its radius and
-    a little more; less than the distance between strands. `table_margin_m`: what lies lower over the table is taken
-    for the table; two standard deviations of the depth, and negative where colour alone tells what lies flat
-    on it from it. `edge_step_m`, `see_through_m`: see `depth.behind_an_edge` and
-    `fuse.not_seen_through`. Of a liquid, `standing` are the bowls that are fixed, `held` is that in the hand, and
-    `volume_m3` is all of it: what is not seen is in the hand, behind a wall. What is `swimming` in it are the last of
-    its particles. `hidden_s`: for how long what is hidden is kept where it was; 0 for what flows or hangs, and moves
-    while nobody sees it: its own colour then hides that it moved, so that frames are not compared either.
-    `segmenter`: what finds the object instead of its colour. `depth`: whether readings of depth are used; where not,
-    and where there is none in any frame, the shape is the hull of the silhouettes.
+    a little more; less than the distance between strands. `table_margin_m`: lower points over the table count as table;
+    two standard deviations of the depth, and negative where colour alone distinguishes a flat object from it.
+    `edge_step_m`, `see_through_m`: see `depth.behind_an_edge` and `fuse.not_seen_through`. For a liquid, `standing` are
+    the fixed bowls, `held` is the one in the hand, and `volume_m3` is its total: the unseen part is in the hand, behind
+    a wall. Pieces `swimming` in it are the last of its particles. `hidden_s`: time for which hidden points are kept in
+    place; 0 for liquids and hanging objects, which move unseen: their own colour then hides the motion, so frames are
+    not compared either. `segmenter`: replaces the segmentation by colour. `depth`: use of depth readings; without them,
+    and where no frame has any, the shape is the hull of the silhouettes.
     """
 
     colour: ColourRange
@@ -83,7 +82,7 @@ class Reconstruction:
 
     @property
     def sieve(self) -> Sieve:
-        """Which readings count."""
+        """Filter of the depth readings."""
         return Sieve(
             box=self.box,
             low_m=self.table_m + self.table_margin_m,
@@ -94,7 +93,7 @@ class Reconstruction:
 
     @property
     def segmenting(self) -> Segmenter:
-        """What finds the object, and then what swims in it."""
+        """Segmenter of the object, and then of the pieces swimming in it."""
         swimming = self.swimming.colours if self.swimming else ()
         return self.segmenter or ByColour(ranges=(self.colour, *swimming))
 
@@ -102,10 +101,10 @@ class Reconstruction:
 @final
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Known:
-    """What is known beside the frames: the arm, where it was at each of them, and what was seen before.
+    """Prior knowledge beside the frames: the arm, its configuration at each frame, and earlier observations.
 
-    `postures`: by frame, in the same order; none where nobody knows. `arm`: None where there is none to be seen.
-    `before`: each camera's frame before, as it was taken. `way`: of the tool since then.
+    `postures`: by frame, in the same order; none where unknown. `arm`: None where none is visible. `before`: each
+    camera's previous raw frame. `way`: the tool's path since then.
     """
 
     arm: ArmShape | None = None
@@ -115,7 +114,7 @@ class Known:
     way: ToolPath = field(default_factory=lambda: np.zeros((0, 8)))
 
     def remembered(self, how: "Reconstruction") -> Memory:
-        """The memory, with what the tool has pushed since ahead of it."""
+        """The memory, with the parts that the tool has pushed since moved ahead of it."""
         if self.arm is None:
             return self.memory
         points = carried(self.memory.points, self.arm.tool, self.way, 2 * how.half_width_m)
@@ -127,8 +126,8 @@ class Known:
 class Reconstructed:
     """The object as particles of equal volume, and the fused surface that they were made from [m, world].
 
-    `looks`: what each view showed, in the order of the cameras' names. `predicted`: the particles that stand for what
-    no camera sees now. `memory`: for the next instant; `expired`: how many points of it were hidden for too long.
+    `looks`: diagnostics of each view, in the order of the cameras' names. `predicted`: mask of the particles that no
+    camera sees now. `memory`: for the next instant; `expired`: number of its points that were hidden for too long.
     """
 
     positions: Points
@@ -140,17 +139,17 @@ class Reconstructed:
 
 
 def warm_up() -> None:
-    """Load what the first look would have to wait for."""
+    """Load libraries that would delay the first reconstruction."""
     load_open3d()
 
 
 def reconstruct(
     frames: Sequence[Frame], how: Reconstruction, tool: ToolPose | None = None, known: Known | None = None
 ) -> Reconstructed:
-    """The object that `frames` show. Their order does not matter. `tool`: where the hand is, if it holds a bowl.
+    """The object in `frames`, whose order does not matter. `tool`: pose of the hand, where it holds a bowl.
 
-    What is `known` beside adds what is hidden to what is seen. Raises PerceptionError, naming what each camera saw,
-    where there is no frame or too little of the object in them.
+    `known` adds hidden parts to the visible ones. Raises PerceptionError, naming each camera's observations, where
+    there is no frame or too little of the object in them.
     """
     known = known or Known()
     views, *swimming = _views(frames, how, known)
@@ -177,12 +176,12 @@ def reconstruct(
 
 
 def looked(frames: Sequence[Frame], how: Reconstruction, known: Known | None = None) -> tuple[Look, ...]:
-    """What each view shows, also where that is too little for `reconstruct`."""
+    """Diagnostics of each view, also where they are insufficient for `reconstruct`."""
     return told(_views(frames, how, known or Known())[0])
 
 
 def _carved(views: Sequence[View], how: Reconstruction, kept: Memory) -> Hull:
-    """The body that silhouettes allow. Raises PerceptionError for a liquid: its level is not in its outline."""
+    """Visual hull of the silhouettes. Raises PerceptionError for a liquid: its level is not in its outline."""
     if how.standing:
         raise PerceptionError(
             "No image has depth, and the level of a liquid cannot be told from its outline; check the depth cameras, "
@@ -195,7 +194,7 @@ def _carved(views: Sequence[View], how: Reconstruction, kept: Memory) -> Hull:
 
 
 def _body(surface: Cloud, how: Reconstruction, tool: ToolPose | None) -> Some:
-    """Points throughout what lies under the surface, or stands in bowls; of what is thin, the surface."""
+    """Points throughout the body under the surface, or in bowls; for a thin object, its surface."""
     if how.underside == "thin":
         return surface
     pools, rest = _pools(surface, how)
@@ -212,7 +211,7 @@ def _body(surface: Cloud, how: Reconstruction, tool: ToolPose | None) -> Some:
 def _nearer_to(
     kept: Float32[np.ndarray, "R 3"], seen: Cloud, positions: Points, how: Reconstruction
 ) -> Bool[np.ndarray, " N"]:
-    """Which particles are nearer to what is kept than to what is seen: seen from above, where they fill a solid."""
+    """Mask of the particles nearer to the kept points than to the seen: in the plan, where they fill a solid."""
     if not len(kept):
         return np.zeros(len(positions), bool)
     axes = 3 if how.underside == "thin" else 2
@@ -221,7 +220,7 @@ def _nearer_to(
 
 
 def _particles(body: Cloud, tops: Float32[np.ndarray, "tops 3"], how: Reconstruction) -> Points:
-    """Evenly spread through the body; those of what swims in it come last."""
+    """Particles spread evenly through the body; those of pieces swimming in it come last."""
     if how.swimming is None:
         return resample(body, how.particle_count, seed=how.seed)
     parts = zip(how.swimming.apart(body, tops), how.swimming.split(how.particle_count), strict=True)
@@ -229,7 +228,7 @@ def _particles(body: Cloud, tops: Float32[np.ndarray, "tops 3"], how: Reconstruc
 
 
 def _pools(surface: Cloud, how: Reconstruction) -> tuple[list[Pool], Float32[np.ndarray, "rest 3"]]:
-    """What stands in the fixed bowls, as high as what is seen of each; and the surface on the table."""
+    """Pools in the fixed bowls, at their visible levels; and the surface on the table."""
     pools, rest = list[Pool](), surface
     for vessel in how.standing:
         inside = vessel.holds(rest)
@@ -246,7 +245,7 @@ def _under(surface: Cloud, how: Reconstruction) -> Solid:
 
 
 def _enough(seen: Cloud, views: Sequence[View], how: Reconstruction) -> Cloud:
-    """What is seen of the surface. Raises PerceptionError where that is too little."""
+    """The visible surface. Raises PerceptionError where there is too little of it."""
     if not views:
         raise PerceptionError("There is no frame to reconstruct from; wait for the cameras or check `dipac doctor`.")
     if not len(seen):
@@ -281,7 +280,7 @@ def _seen(
 
 
 def _too_little(what: str, views: Sequence[View], how: Reconstruction) -> str:
-    """What is missing, what each camera saw, and what to do."""
+    """Error message: the lack, each camera's observation, and the remedy."""
     seen = "; ".join(
         f"camera {view.frame.camera.name!r} saw {view.pixel_count} pixels of its colour, "
         f"{len(view.points)} of them with a depth reading inside the box"

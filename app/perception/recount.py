@@ -1,4 +1,4 @@
-"""A cloud of any size as a given number of particles."""
+"""Resampling of a cloud of any size to a given number of particles."""
 
 import numpy as np
 from jaxtyping import Float32
@@ -8,13 +8,13 @@ from app.core.types import Cloud, Points
 from app.perception.resample import resample
 
 FEWEST = 30
-"""Points of an object that are too few to say where each part of it is."""
+"""Fewest points of an object that locate each part of it."""
 
 
 def recounted(cloud: Cloud, count: int, *, seed: int = 0) -> Points:
     """`count` particles that share the cloud evenly; the cloud itself where it has as many.
 
-    A cloud of fewer points is filled up first, with points halfway between neighbours. Raises ValueError where it has
+    A cloud of fewer points is densified first, with points halfway between neighbours. Raises ValueError where it has
     fewer than `FEWEST`.
     """
     if len(cloud) == count:
@@ -25,7 +25,7 @@ def recounted(cloud: Cloud, count: int, *, seed: int = 0) -> Points:
 
 
 def _filled_up(cloud: Cloud, least: int) -> Float32[np.ndarray, "_ 3"]:
-    """The cloud with points halfway to ever farther neighbours, until there are so many."""
+    """The cloud with points halfway to ever farther neighbours, until there are `least`."""
     parts, neighbours = [cloud], np.asarray(KDTree(cloud).query(cloud, k=FEWEST)[1])
     for rank in range(1, FEWEST):
         if sum(map(len, parts)) >= least:

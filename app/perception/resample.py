@@ -1,4 +1,4 @@
-"""A given number of particles, evenly spread through a body."""
+"""Resampling of a body to a given number of evenly spread particles."""
 
 import numpy as np
 from jaxtyping import Int
@@ -30,7 +30,7 @@ def resample(body: Cloud, count: int, *, seed: int) -> Points:
 
 
 def _centred(particles: Points, body: Cloud) -> Points:
-    """Each particle moved to the mean of the body's points that are nearest to it; where there are none, it stays."""
+    """Each particle moved to the mean of the body's points nearest to it, or unchanged where there are none."""
     _, owner = KDTree(particles).query(body)
     count = np.bincount(owner, minlength=len(particles))
     total = np.stack([np.bincount(owner, axis, len(particles)) for axis in body.T], axis=1)

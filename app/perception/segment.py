@@ -1,4 +1,4 @@
-"""Which pixels of an image are the object: the port, and the rule by colour that needs no training."""
+"""Segmentation of an image: the port, and segmentation by colour, which needs no training."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -22,7 +22,7 @@ class Segmenter(Protocol):
 @final
 @dataclass(frozen=True, kw_only=True)
 class ByColour:
-    """Each object is what has a colour of its range."""
+    """Segmentation by a colour range for each object."""
 
     ranges: tuple[ColourRange, ...]
 

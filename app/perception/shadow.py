@@ -1,8 +1,8 @@
-"""Which pixels the arm and its tool cover, by kinematics: what is seen there is not the object.
+"""Robot mask: the pixels covered by the arm and its tool, by kinematics; readings there are not the object.
 
-Every part is a convex piece, so what it covers in an image is the convex hull of its projected corners. Its pixels are
-kept with the distances between which it lies: a reading in front of them or behind them is not of the arm, however
-wide the margin for what kinematics and calibration get wrong.
+Every part is a convex piece, so it covers the convex hull of its projected corners in an image. Its pixels are kept
+with its range of distances: a reading in front of or behind that is not of the arm, however wide the margin for errors
+of kinematics and calibration.
 """
 
 import itertools
@@ -20,22 +20,23 @@ from app.core.stage import Finger, Gripper, HeldBowl, Paddle, Tool
 from app.core.types import DepthImage, ToolPose
 
 Shadow: TypeAlias = Float32[np.ndarray, "height width"]
-"""How far from the camera [m, along its axis] the arm begins in each pixel that shows it; infinite in the others."""
+"""Distance from the camera [m, along its axis] at which the arm begins in each pixel that shows it; infinite
+elsewhere."""
 Corners: TypeAlias = Float64[np.ndarray, "_ 3"]
-"""Points [m, world] in whose convex hull a part lies."""
+"""Points [m, world] whose convex hull contains a part."""
 
 MARGIN_M = 0.010
-"""How much larger all is taken to be: 5 mm of kinematics, 3 mm of extrinsics, a pixel, and cables."""
+"""Margin of all parts: 5 mm of kinematics, 3 mm of extrinsics, a pixel, and cables."""
 _FINGER_M, _HANDLE_M = 0.10, 0.008
-"""From the tip of a tool up to the hand, and the radius of what holds a paddle there."""
+"""Distance from the tip of a tool to the hand, and radius of a paddle's handle."""
 _NEAREST_M = 0.05
 _TURNS, _RINGS = 12, 5
 _OUTSIDE = 1.06
-"""A ball's polyhedron of so many corners lies inside it; that much larger, outside."""
+"""Scale of a ball's polyhedron that makes its inscribed corners enclose the ball."""
 
 
 def shadow(camera: CameraModel, depth: DepthImage, pieces: Sequence[Corners]) -> Shadow:
-    """What the `pieces` cover of the camera's image, as `depth` agrees; all of what has no reading.
+    """Mask of the `pieces` in the camera's image, where `depth` agrees or has no reading.
 
     A piece that reaches behind the camera and is not beside its view covers everything: a camera touched by the arm.
     """
@@ -57,7 +58,7 @@ def shadow(camera: CameraModel, depth: DepthImage, pieces: Sequence[Corners]) ->
 
 
 def _hull(corners: Corners, shape: tuple[int, ...]) -> tuple[slice, slice, Bool[np.ndarray, "rows columns"]]:
-    """The rows and columns that hold the hull of homogeneous pixels, and which of these pixels it covers."""
+    """Rows and columns of the bounding box of homogeneous pixels, and the mask of their hull in it."""
     pixels = np.rint(corners[:, :2] / corners[:, 2:]).astype(np.int32)
     (left, top), (right, bottom) = np.maximum(pixels.min(axis=0), 0), pixels.max(axis=0) + 1
     rows, columns = slice(top, max(min(bottom, shape[0]), top)), slice(left, max(min(right, shape[1]), left))
@@ -68,7 +69,7 @@ def _hull(corners: Corners, shape: tuple[int, ...]) -> tuple[slice, slice, Bool[
 
 
 def pieces(arm: ArmShape, at: Posture, margin_m: float = MARGIN_M) -> list[Corners]:
-    """The convex pieces of the arm and its tool, each larger by the margin on every side."""
+    """Convex pieces of the arm and its tool, enlarged by the margin on every side."""
     links = arm.links(at.joints)
     found = list[Corners]()
     for limb in arm.limbs:
@@ -79,7 +80,7 @@ def pieces(arm: ArmShape, at: Posture, margin_m: float = MARGIN_M) -> list[Corne
 
 
 def _tool(tool: Tool, at: ToolPose, margin_m: float) -> Iterator[Corners]:
-    """The tool's own pieces. Those that hold the object have no margin, and a bowl is none: it shall be seen."""
+    """The tool's own pieces. Those that hold the object have no margin, and a bowl has none: it must stay visible."""
     turn, tip = Rotation.from_quat(at[3:7], scalar_first=True).as_matrix(), at[:3]
     up = -turn[:, 2]
     match tool:
@@ -108,7 +109,7 @@ def _capsule(begin: np.ndarray, end: np.ndarray, radius_m: float) -> list[Corner
 
 
 def _plate(begin: Sequence[np.ndarray], end: Sequence[np.ndarray], radius_m: float) -> list[Corners]:
-    """All within a radius of what these points sweep, in pieces no longer than thick: each says where it begins."""
+    """Pieces of the volume within a radius of the sweep, no longer than thick: each has a nearest distance."""
     first, last = np.stack(begin), np.stack(end)
     count = max(1, int(np.ceil(np.linalg.norm(last[0] - first[0]) / (2 * radius_m))))
     places = first + np.linspace(0.0, 1.0, count + 1)[:, None, None] * (last - first)
@@ -117,14 +118,14 @@ def _plate(begin: Sequence[np.ndarray], end: Sequence[np.ndarray], radius_m: flo
 
 
 def _beside(corners: Corners, camera: CameraModel) -> bool:
-    """Whether homogeneous pixels `(u z, v z, z)` lie all beyond one side of the image, or behind the camera."""
+    """True where homogeneous pixels `(u z, v z, z)` are all beyond one side of the image, or behind the camera."""
     x, y, z = corners.T
     sides = (x < 0, x > camera.width * z, y < 0, y > camera.height * z, z < 0)
     return any(bool(side.all()) for side in sides)
 
 
 def _ball() -> Float64[np.ndarray, "Q 3"]:
-    """Corners on the unit ball: rings about the vertical, and the poles."""
+    """Points on the unit sphere: rings about the vertical, and the poles."""
     height = np.linspace(-1.0, 1.0, _RINGS + 2)[1:-1]
     around = np.linspace(0.0, 2 * np.pi, _TURNS, endpoint=False)
     z, turn = (each.ravel() for each in np.meshgrid(np.sin(np.pi / 2 * height), around, indexing="ij"))

@@ -1,8 +1,8 @@
-"""What depth cameras get wrong from one frame to the next, settled by the frame before.
+"""Temporal depth filter: errors between frames are corrected by the previous frame.
 
-A reading is believed where the frame before agrees with it, or where the colour has changed, too: then something moved.
-Where the colour is the same, a reading that is missing is the former one, and one that jumps is neither: what flies
-between an object and its background lies elsewhere every time, and glitter does not stay.
+A reading is accepted where the previous frame agrees with it, or where the colour has changed as well: then something
+moved. Where the colour is the same, a missing reading is replaced by the former one, and one that jumps is dropped:
+flying pixels between an object and its background differ every time, and glitter does not stay.
 """
 
 from dataclasses import replace
@@ -13,16 +13,15 @@ import numpy as np
 from app.core.messages import Frame
 
 JUMP_M = 0.006
-"""More than two readings of one place differ: four standard deviations of their difference, at 0.75 m."""
+"""Largest difference between two readings of one surface: four standard deviations of it, at 0.75 m."""
 _SAME_LEVELS = 20
-"""So many of 255 the colour of a place may change that shows the same: noise, and what JPEG does."""
+"""Largest change of colour, of 255, of an unchanged surface: noise and JPEG compression."""
 
 
 def steadied(frame: Frame, before: Frame | None) -> Frame:
-    """The frame with readings that `before`, of the same camera, supports; the same where there is none to ask.
+    """The frame with the readings supported by `before`, of the same camera; unchanged where there is none.
 
-    What was missing in both stays missing. Both are frames as they were taken, so that nothing is carried on for more
-    than one frame.
+    A reading missing in both stays missing. Both are raw frames, so that nothing is carried on for more than one frame.
     """
     if before is None or before.depth.shape != frame.depth.shape:
         return frame

@@ -1,4 +1,4 @@
-"""What else the frames show: the bare table, and the tip of the finger. Discovery checks cameras and arm with them."""
+"""Points of the bare table and the tip of the finger, with which discovery checks cameras and arm."""
 
 from collections.abc import Sequence
 from typing import TypeAlias
@@ -17,27 +17,28 @@ from app.perception.tip import tool_points
 __all__ = ["table_points", "tool_points"]
 
 Some: TypeAlias = Float32[np.ndarray, "_ 3"]
-"""So many points as there are [m]."""
+"""Any number of points [m]."""
 
 _TABLE_POINTS = 400
 _LEAST_POINTS = 60
-"""Readings fewer than these say too little of a plane."""
+"""Fewest readings that determine a plane."""
 _NEAR_TABLE_M = 0.020
-"""What lies no higher than this is table or lies on it: more than cameras err, and than an object's height matters."""
+"""Height up to which a point is on the table or lies on it: more than cameras err, and an object's height does not
+matter."""
 _AWAY_M = 0.030
-"""Bare table is farther than this from all that stands or lies on it, seen from above."""
+"""Distance of bare table from everything on it, seen from above."""
 _PIXELS_APART = 3
 _SIGMAS = 3.0
 _MEDIAN_TO_SIGMA = 1.4826
-"""Of normal numbers, the standard deviation over the median of their sizes."""
+"""Ratio of the standard deviation of normal numbers to the median of their absolute values."""
 _NOTHING: Cloud = np.zeros((0, 3), np.float32)
 
 
 def table_points(frames: Sequence[Frame], how: Reconstruction, *, seed: int = 0) -> Cloud:
-    """About 400 points [m, world] of the table where nothing stands on it; none where too little of it is seen.
+    """About 400 points [m, world] of the bare table; none where too little of it is visible.
 
-    They lie in the box of `how`, 3 cm or more beside all that is raised over the table or has the object's colour, and
-    within three standard deviations of the plane through them, so that a least-squares plane may be put through them.
+    They lie in the box of `how`, 3 cm or more beside everything raised over the table or of the object's colour, and
+    within three standard deviations of their plane, so that a least-squares plane may be fitted to them.
     """
     level, others = list[Cloud](), list[Cloud]()
     for frame in frames:
@@ -65,20 +66,20 @@ def _sparse(shape: tuple[int, ...]) -> Mask:
 
 
 def _within_box(points: Cloud, how: Reconstruction) -> Some:
-    """Those over the box's ground."""
+    """The points over the box's ground area."""
     low, high = np.asarray(how.box.low[:2]), np.asarray(how.box.high[:2])
     return points[np.all((points[:, :2] >= low) & (points[:, :2] <= high), axis=1)]
 
 
 def _far_from(points: Cloud, others: Some) -> Bool[np.ndarray, " M"]:
-    """Which points are bare, seen from above."""
+    """Mask of the bare points, seen from above."""
     if not len(others) or not len(points):
         return np.ones(len(points), bool)
     return KDTree(others[:, :2]).query(points[:, :2], distance_upper_bound=_AWAY_M)[0] > _AWAY_M
 
 
 def _near_plane(points: Cloud) -> Some:
-    """Those within a few standard deviations of the plane through them; the deviation by the median, then again."""
+    """The points within a few standard deviations of their plane, estimated by the median, in two rounds."""
     for _ in range(2):
         rows = np.concatenate([points[:, :2] - points[:, :2].mean(axis=0), np.ones((len(points), 1))], axis=1)
         off = points[:, 2] - rows @ np.linalg.lstsq(rows, points[:, 2], rcond=None)[0]
@@ -87,5 +88,5 @@ def _near_plane(points: Cloud) -> Some:
 
 
 def _drawn(points: Cloud, count: int, seed: int) -> Some:
-    """So many of them at random; all where there are no more."""
+    """A random selection of `count` points; all where there are no more."""
     return np.random.default_rng(seed).permutation(points)[:count]

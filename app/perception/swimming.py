@@ -1,4 +1,4 @@
-"""Pieces that swim in a liquid: which part of what stands in bowls they are, by what is seen of their tops."""
+"""Floating pieces in a liquid: their part of the content of bowls, from their visible tops."""
 
 from dataclasses import dataclass
 from typing import final
@@ -14,9 +14,9 @@ from app.core.types import Cloud
 @final
 @dataclass(frozen=True, kw_only=True)
 class Swimming:
-    """Pieces of these colours, one a kind, which are this `share` of the whole volume.
+    """Pieces of these colours, one a kind, with this `share` of the whole volume.
 
-    `below_m`: how far their middles are below what is seen of them.
+    `below_m`: depth of their middles below their visible surface.
     """
 
     colours: tuple[ColourRange, ...]
@@ -24,17 +24,17 @@ class Swimming:
     below_m: float
 
     def split(self, particle_count: int) -> tuple[int, int]:
-        """How many of so many particles are the liquid's, and how many the pieces'."""
+        """Number of particles of the liquid and of the pieces, of this total."""
         solid = int(np.rint(particle_count * self.share))
         return particle_count - solid, solid
 
     def apart(
         self, body: Cloud, seen: Float32[np.ndarray, "tops 3"]
     ) -> tuple[Float32[np.ndarray, "liquid 3"], Float32[np.ndarray, "solid 3"]]:
-        """Points of the whole body as those of the liquid and those of the pieces, whose tops `seen` are.
+        """Points of the whole body, split into liquid and pieces, whose visible tops are `seen`.
 
-        Pieces are what is nearest to the middles that the tops tell of, as much as they have of the volume: one that is
-        hidden by another, or under the surface, is taken to be with the others. Where none is seen, they are anywhere.
+        The pieces' points are the nearest to the middles below the tops, as many as their volume: a piece hidden by
+        another, or under the surface, is assumed with the others. Where none is visible, they are anywhere.
         """
         count = self.split(len(body))[1]
         if len(seen):

@@ -1,4 +1,4 @@
-"""The plane of a table in whatever frame points of it are given, and how flat the table is.
+"""The plane of a table in the frame of its points, and its flatness.
 
 Fitted by Cauchy's loss, to which a hand or an object among the points matters little (Holland and Welsch 1977, "Robust
 regression using iteratively reweighted least-squares").
@@ -20,16 +20,16 @@ _LEAST_POINTS: Final = 12
 _MOST_POINTS: Final = 3000
 _NOISE_M: Final = 2e-3
 _ARM_M: Final = 0.3
-"""A slope counts as the height that it makes over this length."""
+"""Length over which a slope counts as height."""
 _SIDE: Final = 4
 _CELL_POINTS: Final = 8
 _MEDIAN_TO_SD: Final = 1.4826
 _UNEVEN_M: Final = 5e-3
-"""A table is uneven where a sixteenth of it is so much beside its plane, and by four standard errors."""
+"""Deviation of a sixteenth of a table from its plane that makes it uneven, if it exceeds four standard errors."""
 _PATCH_M: Final = 0.05
 _LOWEST: Final = 0.05
 _WIDE_M: Final = 0.2
-"""Lowest points that reach less far in some direction say no slope along it."""
+"""Extent below which the lowest points do not determine a slope along a direction."""
 
 _Points = Float64[np.ndarray, "M 3"]
 
@@ -42,9 +42,9 @@ class TablePlane:
     middle: Float64[np.ndarray, "3"]
     normal: Float64[np.ndarray, "3"]
     noise_m: float = 0.0
-    """Standard deviation of the points from it."""
+    """Standard deviation of the points from the plane."""
     uneven_m: float = 0.0
-    """The most that the points' median lies beside it in any sixteenth of the table."""
+    """Largest median distance of the points from the plane in any sixteenth of the table."""
     flat: bool = True
 
     @property
@@ -54,18 +54,18 @@ class TablePlane:
 
     @property
     def tilt_deg(self) -> float:
-        """Between its normal and the z axis."""
+        """Angle between its normal and the z axis."""
         return degrees(np.arccos(np.clip(self.normal[2], -1.0, 1.0)))
 
     @property
     def levelling(self) -> Rotation:
-        """The smallest turn that makes its normal the z axis: x and y stay the user's."""
+        """The smallest rotation that takes its normal to the z axis: x and y stay the user's."""
         axis = np.cross(self.normal, [0.0, 0.0, 1.0])
         sine = float(np.linalg.norm(axis))
         return Rotation.from_rotvec(axis / sine * np.arcsin(min(sine, 1.0))) if sine > 0 else Rotation.identity()
 
     def above(self, points: Float64[np.ndarray, "*batch 3"]) -> Float64[np.ndarray, "*batch 3"]:
-        """Places in the table's frame [m]: level, at height 0, and where they were over its middle."""
+        """Points in the table's frame [m]: level, at height 0, unchanged over its middle."""
         turned = self.levelling.apply((points - self.middle).reshape(-1, 3)).reshape(points.shape)
         return turned + np.array([*self.middle[:2], 0.0])
 
@@ -87,7 +87,7 @@ def plane_of_points(points: Cloud) -> TablePlane | None:
 def plane_of_clouds(clouds: Sequence[Cloud]) -> TablePlane | None:
     """The plane under an object: through the lowest points of its clouds in each patch of the table [m].
 
-    It is level along what is too narrow to say a slope. None where there is nothing.
+    It is level along a direction too narrow for a slope. None where there are no points.
     """
     x = np.concatenate([cloud.astype(np.float64) for cloud in clouds]) if clouds else np.zeros((0, 3))
     if len(x) < _LEAST_POINTS:
@@ -104,7 +104,7 @@ def plane_of_clouds(clouds: Sequence[Cloud]) -> TablePlane | None:
 
 
 def _fitted(x: _Points) -> tuple[TablePlane, Float64[np.ndarray, " M"]]:
-    """The plane, which is about level or steep, but not upright, and how far each point is above it."""
+    """The plane, which is not upright, and each point's height above it."""
     middle = np.median(x, axis=0)
     rows = np.concatenate([(x[:, :2] - middle[:2]) / _ARM_M, np.ones((len(x), 1))], axis=1)
     height = x[:, 2] - middle[2]

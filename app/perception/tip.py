@@ -1,7 +1,7 @@
-"""Where the cameras see the finger's tip: a capsule fitted to readings of its surface and to its outline.
+"""Fit of the finger's tip: a capsule fitted to readings of its surface and to its outline.
 
-The surface says where the axis is. How far down it goes is hardly in the surface, whose lowest part faces away from
-cameras above the table; it is in the outline, where pixels of the finger end and pixels of the table behind it begin.
+The surface gives the axis. Its lower end is hardly in the surface, whose lowest part faces away from cameras above the
+table; it is in the outline, where pixels of the finger end and pixels of the table behind it begin.
 """
 
 from collections.abc import Sequence
@@ -22,35 +22,35 @@ from app.perception.depth import behind_an_edge, deproject, project
 from app.perception.reconstruct import Reconstruction
 
 Capsule: TypeAlias = Float64[np.ndarray, "5"]
-"""Its tip x y z [m], and how far its axis goes along x and along y for each metre that it goes up."""
+"""Capsule parameters: its tip x y z [m], and the slopes of its axis along x and y per unit of height."""
 Vectors: TypeAlias = Float64[np.ndarray, "M 3"]
 
 TIP_POINTS = 60
 _LEAST_POINTS = 60
-"""Readings of the finger fewer than these say too little."""
+"""Fewest readings of the finger for a fit."""
 _OVER_TABLE_M = 0.005
-"""Five standard deviations of a D400's depth at 0.75 m: what is higher is not the table."""
+"""Height over the table that is not table: five standard deviations of a D400's depth at 0.75 m."""
 _REACH_M = 0.050
-"""How far the finger may be from where the kinematics have it: delays, bent arms and cameras out of place."""
+"""Largest distance of the finger from its position by the kinematics: delays, bent arms and camera errors."""
 _CLEAR_M, _TOP_M = 0.025, 0.080
-"""Between these heights over the tip there is the finger alone, neither object nor hand."""
+"""Heights over the tip between which there is the finger alone, neither object nor hand."""
 _OFF_SURFACE_M = 0.004
 _NOISE_M = 0.001
 _OUTLINE_M = 0.001
-"""A pixel at 0.7 m: so sharply do pixels of the finger end. Half of it put the tip 0.1 mm higher, and less steadily."""
+"""Sharpness of the finger's outline: a pixel at 0.7 m. Half of it put the tip 0.1 mm higher, and less steadily."""
 _DOUBT = 0.5
-"""The standard deviation of whether a pixel on the outline is of the finger: it is or it is not."""
+"""Standard deviation of the class of a pixel on the outline, finger or not."""
 _BESIDE_M = 0.015
-"""Pixels farther than this from the capsule say nothing of its outline."""
+"""Distance from the capsule beyond which pixels do not inform its outline."""
 _KNOWN_M = 0.0015
-"""A tip whose standard deviation is larger is not known: something hides the finger's end."""
+"""Standard deviation beyond which a tip is not determined: something hides the finger's end."""
 _NEAR_TABLE_M = 0.020
 _AROUND_M = 0.150
-"""The table behind the finger's lower part, as cameras above it see it, begins nearer to the tip than this."""
+"""Extent about the tip of the table behind the finger's lower part, as cameras above see it."""
 _SCALE = np.array([0.001, 0.001, 0.001, 0.01, 0.01])
-"""Of the search's steps: millimetres, and a millimetre over a decimetre."""
+"""Scale of the search: millimetres, and a millimetre over a decimetre."""
 _HABITS = np.array([0.01, 0.1, 0.1])
-"""So far may the tip's height be from what is told [m], and the axis from the vertical: held where nothing is seen."""
+"""Prior standard deviations of the tip's height [m] and of the axis from the vertical, for directions without data."""
 _NOTHING: Cloud = np.zeros((0, 3), np.float32)
 
 
@@ -64,11 +64,10 @@ def tool_points(
 ) -> Cloud:
     """60 points [m, world] whose mean is the finger's tip as the cameras see it; none where its end is hidden.
 
-    The finger is a capsule of `radius_m` that hangs down, its tip the lowest point on its axis. That capsule is fitted,
-    tip and tilt, to what is near `tip` [m], where the kinematics have it, has not the object's colour, and is higher
-    over the table than depth errs. Each point is the tip that one reading of the finger's surface would have, were the
-    reading's distance from the fitted surface the tip's own: their spread is that of the readings. Frames that were
-    taken at different times of a motion give a tip between them.
+    The finger is a capsule of `radius_m` that hangs down, its tip the lowest point on its axis. Tip and tilt are fitted
+    to the readings near `tip` [m], its position by the kinematics, without those of the object's colour or as low over
+    the table as depth errs. Each point is the tip shifted by the distance of one reading from the fitted surface: their
+    spread is that of the readings. Frames taken at different times of a motion give a tip between them.
     """
     looks = [_look(frame, tip, how) for frame in frames]
     looks = [look for look in looks if len(look.upper) >= _LEAST_POINTS]
@@ -87,7 +86,7 @@ def tool_points(
 
 
 class _Look(NamedTuple):
-    """What one camera, at `eye`, sees about the finger: points on it, also its upper ones alone, and on the table."""
+    """View of the finger from a camera at `eye`: points on it, its upper ones alone, and points on the table."""
 
     eye: Float64[np.ndarray, "3"]
     finger: Vectors
@@ -96,7 +95,7 @@ class _Look(NamedTuple):
 
 
 def _look(frame: Frame, tip: Float64[np.ndarray, "3"], how: Reconstruction) -> _Look:
-    """Pixels beside the object's may be of either and are left out; so are those between finger and table."""
+    """The view, without pixels beside the object's, which may be of either, and those between finger and table."""
     camera = frame.camera
     object_ = cv2.dilate(how.segmenting.masks(frame.color)[0].astype(np.uint8), np.ones((3, 3), np.uint8)) > 0
     between = behind_an_edge(frame.depth, how.edge_step_m, camera)
@@ -111,7 +110,7 @@ def _look(frame: Frame, tip: Float64[np.ndarray, "3"], how: Reconstruction) -> _
 
 
 def _window(camera: CameraModel, tip: Float64[np.ndarray, "3"], how: Reconstruction) -> Mask:
-    """The pixels that can show the finger or the table around it: the others need no deprojection."""
+    """Mask of the pixels that can show the finger or the table around it: the others need no deprojection."""
     sides = [(tip[axis] - _AROUND_M, tip[axis] + _AROUND_M) for axis in range(2)]
     corners = np.array(list(product(*sides, (how.table_m, tip[2] + _TOP_M))), np.float32)
     column, row, _ = np.nan_to_num(project(corners, camera)).T
@@ -125,7 +124,7 @@ def _window(camera: CameraModel, tip: Float64[np.ndarray, "3"], how: Reconstruct
 
 
 def _middle(look: _Look, radius_m: float) -> Float64[np.ndarray, "2"]:
-    """About where the axis is: behind the side that the camera sees."""
+    """Approximate position of the axis: behind the side that the camera sees."""
     seen = np.median(look.upper[:, :2], axis=0)
     ahead = seen - look.eye[:2]
     return seen + radius_m * ahead / np.linalg.norm(ahead)
@@ -136,13 +135,13 @@ def _beside(points: Vectors, tip: Float64[np.ndarray, "3"], within_m: float) -> 
 
 
 def _table_m(points: Vectors, how: Reconstruction) -> float:
-    """How high the table looks here: a camera out of place sees it higher or lower than it is."""
+    """Apparent height of the table here, which a camera error shifts."""
     low = points[np.abs(points[:, 2] - how.table_m) < _NEAR_TABLE_M, 2]
     return float(np.median(low)) if len(low) else how.table_m
 
 
 class _Outline(NamedTuple):
-    """Rays from an eye to what was seen, and whether that is the finger."""
+    """Rays from an eye to readings, with the mask of those on the finger."""
 
     eye: Float64[np.ndarray, "3"]
     rays: Vectors
@@ -161,9 +160,9 @@ def _outlined(look: _Look, capsule: Capsule, radius_m: float) -> _Outline:
 def _fitted(
     start: Capsule, height_m: float, surface: Vectors, outlines: Sequence[_Outline], radius_m: float
 ) -> tuple[Capsule, Float64[np.ndarray, "5"]]:
-    """The capsule that agrees best with readings of its surface and with its outlines, and its standard deviations.
+    """The best fit of the capsule to readings of its surface and to its outlines, and its standard deviations.
 
-    What disagrees by far counts little (soft L1). `height_m`: of the tip, about, and the axis is about vertical.
+    Outliers count little (soft L1). `height_m`: prior height of the tip; the axis is nearly vertical.
     """
 
     def residuals(capsule: Capsule) -> Float64[np.ndarray, " R"]:
@@ -178,13 +177,13 @@ def _fitted(
 
 
 def _off_surface(capsule: Capsule, points: Vectors, radius_m: float) -> Vectors:
-    """From the nearest point of the capsule's surface to each point."""
+    """Vectors from the nearest point of the capsule's surface to each point."""
     out, distance = _from_axis(capsule, points, radius_m)
     return out * (1 - radius_m / np.maximum(distance, np.finfo(float).tiny))[:, None]
 
 
 def _from_axis(capsule: Capsule, points: Vectors, radius_m: float) -> tuple[Vectors, Float64[np.ndarray, " M"]]:
-    """From the capsule's axis, which ends a radius above its tip, to each point, and how far that is."""
+    """Vectors and distances from the capsule's axis, which ends a radius above its tip, to each point."""
     end, up = _axis(capsule, radius_m)
     from_end = points - end
     out = from_end - np.maximum(from_end @ up, 0.0)[:, None] * up
@@ -194,7 +193,7 @@ def _from_axis(capsule: Capsule, points: Vectors, radius_m: float) -> tuple[Vect
 def _clearance(
     capsule: Capsule, eye: Float64[np.ndarray, "3"], rays: Vectors, radius_m: float
 ) -> Float64[np.ndarray, " M"]:
-    """How far each ray passes by the capsule [m]; negative where it hits."""
+    """Signed distance of each ray from the capsule [m]; negative where it hits."""
     end, up = _axis(capsule, radius_m)
     to_end, slant = end - eye, rays @ up
     along = np.maximum((slant * (rays @ to_end) - up @ to_end) / (1 - slant**2), 0.0)
@@ -203,7 +202,7 @@ def _clearance(
 
 
 def _axis(capsule: Capsule, radius_m: float) -> tuple[Float64[np.ndarray, "3"], Float64[np.ndarray, "3"]]:
-    """Where the capsule's axis begins, a radius above its tip, and its direction."""
+    """Lower end of the capsule's axis, a radius above its tip, and its direction."""
     up = np.array([capsule[3], capsule[4], 1.0])
     up /= np.linalg.norm(up)
     return capsule[:3] + radius_m * up, up

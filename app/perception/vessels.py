@@ -1,6 +1,6 @@
-"""What is known of bowls, and so of a liquid at rest in one: it is level, and reaches down to the inner wall.
+"""Model of liquid at rest in a bowl: it is level, and reaches down to the inner wall.
 
-Cameras need to see some of its surface only: much of it is behind the wall of a bowl that is tilted.
+Cameras need to see only part of its surface: much of it is behind the wall of a tilted bowl.
 """
 
 from dataclasses import dataclass
@@ -13,20 +13,20 @@ from scipy.spatial.transform import Rotation
 from app.core.types import Cloud, ToolPose
 
 _RIM_M = 0.012
-"""How far over a bowl's rim liquid may stand that is still in it, as drops do and errors of depth."""
+"""Height over a bowl's rim up to which liquid counts as inside, for drops and errors of depth."""
 _SPACING_M = 0.002
-"""Of the points that a pool's volume is counted with: 120 ml are 15 000."""
+"""Spacing of the points that count a pool's volume: 120 ml are 15 000."""
 
 
 _LOWEST, _UNEVEN_M = 0.1, 0.006
-"""The share of what is seen in a bowl that is surely not higher than its level, and what is seen of that as a range."""
+"""Quantile of the visible points that is surely not above the level, and range of heights about the level."""
 
 
 def level_of(seen: Cloud) -> float:
-    """The height [m] at which liquid stands in a bowl in which cameras see `seen` of it.
+    """Level [m] of a liquid in a bowl from its visible points.
 
-    Nothing of it can be seen below; above, it still falls, splashes, or clings to the wall. So it is the middle of what
-    is no higher over the lowest tenth than the errors of depth and the waves of a surface nearly at rest.
+    Nothing of it can be visible below; above, it still falls, splashes, or clings to the wall. So it is the median of
+    the points within the errors of depth, and the waves of a surface nearly at rest, over the lowest tenth.
     """
     low = np.quantile(seen[:, 2], _LOWEST)
     return float(np.median(seen[seen[:, 2] < low + _UNEVEN_M, 2]))
@@ -42,19 +42,19 @@ class Vessel:
     up: tuple[float, float, float] = (0.0, 0.0, 1.0)
 
     def at(self, tool: ToolPose) -> "Vessel":
-        """The same in the hand, with the tool there: upright where that points down."""
+        """The vessel in the hand at this tool pose: upright where the tool points down."""
         up = -Rotation.from_quat(tool[3:7], scalar_first=True).as_matrix()[:, 2]
         x, y, z = (float(number) for number in tool[:3])
         return Vessel(radius_m=self.radius_m, place_m=(x, y, z), up=(float(up[0]), float(up[1]), float(up[2])))
 
     def holds(self, points: Cloud, margin_m: float = _RIM_M) -> Bool[np.ndarray, " M"]:
-        """Which points are in it, within a margin at the rim and half of that at the wall."""
+        """Mask of the points in it, within a margin at the rim and half of that at the wall."""
         away = points - np.asarray(self.place_m, np.float32)
         near = np.linalg.norm(away, axis=1) < self.radius_m + margin_m / 2
         return near & (away @ np.asarray(self.up, np.float32) < margin_m)
 
     def filled(self, volume_m3: float) -> "Pool":
-        """With so much in it, at rest; full where it does not hold as much."""
+        """The pool of this volume at rest; full where the vessel does not hold as much."""
         z = np.sort(Pool(vessel=self, level_m=self.place_m[2] + self.radius_m).points(_SPACING_M)[:, 2])
         count = min(max(1, round(volume_m3 / _SPACING_M**3)), len(z))
         return Pool(vessel=self, level_m=float(z[count - 1]) + _SPACING_M / 2)
@@ -70,7 +70,7 @@ class Pool:
 
     @property
     def surface_m2(self) -> float:
-        """Of its surface [m^2], in a vessel that stands upright."""
+        """Area of its surface [m^2], in an upright vessel."""
         below_m = max(0.0, self.vessel.place_m[2] - self.level_m)
         return float(np.pi * max(0.0, self.vessel.radius_m**2 - below_m**2))
 

@@ -1,4 +1,4 @@
-"""What each frame shows of the object, and the surface that they agree on."""
+"""The object in each frame, and the surface that the frames agree on."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -17,13 +17,13 @@ from app.perception.shadow import Shadow
 
 _NEIGHBOURS = 8
 _SPREAD = 3.0
-"""A point of the surface is an outlier beyond so many standard deviations of the distance to so many neighbours."""
+"""Outlier threshold of surface points: standard deviations of the mean distance to so many neighbours."""
 
 
 @final
 @dataclass(frozen=True, kw_only=True)
 class Sieve:
-    """Which readings count: in the box, higher than `low_m`, not behind an edge, and not seen through from elsewhere.
+    """Filter of readings: in the box, higher than `low_m`, not behind an edge, and not seen through by another view.
 
     `edge_step_m`, `see_through_m`: see `depth.behind_an_edge` and `fuse.not_seen_through`.
     """
@@ -38,7 +38,7 @@ class Sieve:
 @final
 @dataclass(frozen=True, kw_only=True, eq=False)
 class View:
-    """One frame: where it shows the object and not the arm, and those readings of it that count."""
+    """The object in one frame: its mask without the arm, and its accepted readings."""
 
     frame: Frame
     mask: Mask
@@ -47,12 +47,12 @@ class View:
 
     @property
     def sight(self) -> Sight:
-        """What it says about a point of the world."""
+        """Its evidence about points of the world."""
         return Sight(self.frame.camera, self.frame.depth, self.mask, self.shadow)
 
     @property
     def pixel_count(self) -> int:
-        """How many pixels show the object."""
+        """Number of the object's pixels."""
         return int(np.count_nonzero(self.mask))
 
 
@@ -67,7 +67,7 @@ def view(frame: Frame, mask: Mask, shadow: Shadow | None, sieve: Sieve) -> View:
 
 
 def surface(views: Sequence[View], sieve: Sieve) -> Cloud:
-    """What the views agree on, without outliers; empty where they show nothing."""
+    """The surface that the views agree on, without outliers; empty where they show nothing."""
     clouds = [_uncontradicted(view, views, sieve) for view in views]
     if not any(len(cloud) for cloud in clouds):
         return np.zeros((0, 3), np.float32)
@@ -75,7 +75,7 @@ def surface(views: Sequence[View], sieve: Sieve) -> Cloud:
 
 
 def told(views: Sequence[View]) -> tuple[Look, ...]:
-    """What each showed, for the operator."""
+    """Diagnostics of each view, for the operator."""
     apart = apart_m([view.points for view in views])
     return tuple(
         Look(

@@ -1,7 +1,7 @@
-"""One more metadata record at the end of a whole MCAP file, as `mcap add metadata` does; the file is replaced at once.
+"""Append a metadata record to a complete MCAP file, as `mcap add metadata` does; the file is replaced atomically.
 
-The data section stays as it is, byte for byte. Behind it come the new record and the summary, written anew with the
-record in it: https://mcap.dev/spec, "Summary Section" and "Footer".
+The data section stays as it is, byte for byte. Behind it come the new record and the summary, rewritten to include the
+record: https://mcap.dev/spec, "Summary Section" and "Footer".
 """
 
 import dataclasses
@@ -26,7 +26,7 @@ _DATA_END_BYTES: Final = 1 + 8 + 4
 
 
 def append_metadata(path: Path, name: str, metadata: Mapping[str, str]) -> None:
-    """Add the record to the whole file at `path`. A cut leaves the old file or the new one, and never half of one.
+    """Append the record to the complete file at `path`. An interruption leaves the old file or the new one.
 
     Raises RecordingError where the file is damaged or the new one cannot be written; the old one stays then.
     """
@@ -38,13 +38,13 @@ def append_metadata(path: Path, name: str, metadata: Mapping[str, str]) -> None:
         with old.open("rb") as source, new.open("wb") as target:
             _copy(source.fileno(), target.fileno(), end)
             target.seek(end)
-            # Zero says that there is none.
+            # Zero means no checksum.
             target.write(record + _bytes([DataEnd(data_section_crc=zlib.crc32(record, crc) if crc else 0)]))
             target.write(_tail(summary, index, start=end + len(record) + _DATA_END_BYTES))
 
 
 def _summary_and_end(path: Path) -> tuple[Summary, int, int]:
-    """What the summary says, where the data section ends, at the record before the summary, and its checksum."""
+    """Summary, end offset of the data section (the record before the summary), and its checksum."""
     with path.open("rb") as stream:
         try:
             summary = make_reader(stream).get_summary()
@@ -61,7 +61,7 @@ def _summary_and_end(path: Path) -> tuple[Summary, int, int]:
 
 
 def _copy(source: int, target: int, count: int) -> None:
-    """The first `count` bytes of a file, by the system alone."""
+    """Copy the first `count` bytes between file descriptors inside the kernel."""
     done = 0
     while done < count:
         copied = os.sendfile(target, source, done, count - done)

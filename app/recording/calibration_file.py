@@ -1,4 +1,4 @@
-"""Cameras as a TOML file: what `dipac calibration solve` and the console write, by the cameras' serial numbers."""
+"""Camera calibrations in a TOML file, by serial number: written by `dipac calibration solve` and by the console."""
 
 import math
 import tomllib
@@ -23,20 +23,20 @@ from app.core.types import Transform
 
 SCHEMA = 1
 FILE = Path("calibration.toml")
-"""Its name, where nobody says another."""
+"""Default path of the file."""
 _SETUPS: Mapping[str, Setup] = {"fixed": "fixed", "wrist": "wrist"}
 _VERDICTS: Mapping[str, Verdict] = {"agrees": "agrees", "differs": "differs", "open": "open"}
 _UNIT = 1e-3
-"""By so much may a quaternion's length differ from 1: it was rounded by hand, and not mistyped."""
+"""Tolerance of a quaternion's length about 1: admits rounding by hand, and rejects typing errors."""
 _LARGEST_PX = 20_000
 
 
 @final
 class CalibrationFile:
-    """The file as a shelf of calibrations; reading and writing keep out of the event loop's way.
+    """The file as a store of calibrations; reading and writing stay off the event loop.
 
-    `serials`: those of cameras that a cell calls by names of its own. `table`: where the cell's table is: the file has
-    cameras in the frame of the arm's base, and the program in the table's.
+    `serials`: serial numbers of the cameras that a cell names itself, by those names. `table`: pose of the cell's
+    table; the file has cameras in the frame of the arm's base, and the program in the table's.
     """
 
     def __init__(
@@ -45,7 +45,7 @@ class CalibrationFile:
         self._path, self._serials, self._table = path, serials, table
 
     async def kept(self, serial: str) -> HandEye | None:
-        """What the file has of the camera, if it is there. Raises RecordingError where it is no such file."""
+        """Calibration of the camera, None where the file has none. Raises RecordingError where the file is invalid."""
         own = self._serials.get(serial, serial)
         found = (await to_thread.run_sync(known_cameras, self._path)).get(own)
         return None if found is None else self._table.camera_in_table(found)
@@ -59,9 +59,9 @@ class CalibrationFile:
 
 
 def save_camera(path: Path, found: HandEye) -> None:
-    """Write `found` into the file, beside the other cameras that are in it and instead of what it had of this one.
+    """Write `found` into the file beside the other cameras, in place of an earlier entry of this one.
 
-    Raises UsageError where the file cannot be written, RecordingError where what is there is no such file.
+    Raises UsageError where the file cannot be written, RecordingError where the existing one is invalid.
     """
     cameras = known_cameras(path)
     cameras[found.serial] = found
@@ -69,13 +69,13 @@ def save_camera(path: Path, found: HandEye) -> None:
     try:
         new = path.with_name(f".{path.name}.new")
         new.write_text(tomli_w.dumps(table), encoding="utf-8")
-        new.replace(path)  # A cut leaves the old file or the new one, and never half of one.
+        new.replace(path)  # Atomic: an interruption leaves the old file or the new one.
     except OSError as error:
         raise UsageError(f"Cannot write the calibration to {path}: {error.strerror}; choose another place.") from None
 
 
 def note_check(path: Path, serial: str, *, place: LastCheck | None = None, optics: LastCheck | None = None) -> bool:
-    """Write beside the camera what a check of it found; whether the file is there and has it.
+    """Write the result of a check into the camera's entry; returns False where the file has no such entry.
 
     Raises as `save_camera`.
     """
@@ -86,14 +86,15 @@ def note_check(path: Path, serial: str, *, place: LastCheck | None = None, optic
 
 
 def known_cameras(path: Path) -> dict[str, HandEye]:
-    """As `load_cameras`; none where there is no file yet."""
+    """As `load_cameras`; empty where there is no file yet."""
     return load_cameras(path) if path.exists() else {}
 
 
 def load_cameras(path: Path) -> dict[str, HandEye]:
     """Every camera in the file by its serial number.
 
-    Raises UsageError where it is not there, RecordingError, which says what is wrong and where, if it is none.
+    Raises UsageError where the file is missing, and RecordingError, which names the error and its place, where it is
+    invalid.
     """
     try:
         table = tomllib.loads(path.read_text(encoding="utf-8"))
@@ -116,9 +117,9 @@ def load_cameras(path: Path) -> dict[str, HandEye]:
 
 
 def load_lens(path: Path) -> tuple[str, Lens]:
-    """A camera's serial number and its maker's intrinsics, of a file with `serial` and a table `intrinsics`.
+    """A camera's serial number and factory intrinsics, from a file with `serial` and a table `intrinsics`.
 
-    Raises UsageError where it is not there, RecordingError, which says what is wrong, if it is none.
+    Raises UsageError where the file is missing, and RecordingError, which names the error, where it is invalid.
     """
     try:
         table = tomllib.loads(path.read_text(encoding="utf-8"))
@@ -168,7 +169,7 @@ def _entry(found: HandEye) -> dict[str, Any]:
 
 
 def _checks(found: HandEye) -> dict[str, LastCheck]:
-    """Those that there were."""
+    """The checks that have been made, by name."""
     return {name: each for name, each in (("place", found.place), ("optics", found.optics)) if each is not None}
 
 
@@ -187,7 +188,7 @@ def _camera(path: Path, serial: str, entry: Mapping[str, Any]) -> HandEye:
 
 
 def _read(serial: str, entry: Mapping[str, Any]) -> HandEye:
-    """Raises KeyError, which names the key, TypeError, ValueError and DipacError, which say what is wrong."""
+    """The calibration in a table. Raises KeyError, which names the key, TypeError, ValueError and DipacError."""
     if entry["setup"] not in _SETUPS:
         raise UsageError.unknown("setup", str(entry["setup"]), _SETUPS)
     if type(entry["calibrated_at"]) is not date:
@@ -223,7 +224,7 @@ def _read(serial: str, entry: Mapping[str, Any]) -> HandEye:
 
 
 def _check(name: str, entry: Mapping[str, Any]) -> LastCheck | None:
-    """None where there was none: in files of before, too."""
+    """The check called `name`; None where there was none, and in older files."""
     if (said := entry.get("checks", {}).get(name)) is None:
         return None
     if type(said["day"]) is not date:

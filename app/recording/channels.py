@@ -1,4 +1,4 @@
-"""Which message stands on which channel: the one table that the writer and the reader share."""
+"""Mapping of message types to channels, shared by the writer and the reader."""
 
 from collections.abc import Mapping
 from types import MappingProxyType
@@ -46,10 +46,10 @@ from app.core.takes import Take
 from app.recording.records import ApprovalRecord, FrameRecord, ParticlesRecord
 
 SCHEMA_VERSION: Final = 2
-"""Raised whenever a file of the new kind could be misread by the old reader; `migrate` leads from each to the next."""
+"""Version of the schema, raised where an old reader could misread a new file; `migrate` leads from each to the next."""
 
 METADATA: Final = "dipac"
-"""The name of the metadata record that makes an MCAP file a recording of this program."""
+"""Name of the metadata record that marks an MCAP file as a recording of this program."""
 
 TOPICS: Final[Mapping[type[Message], str]] = MappingProxyType(
     {
@@ -115,20 +115,20 @@ def topic_of(kind: type[Message]) -> str:
 
 
 def record_of(kind: type[Message]) -> type[Message]:
-    """The type whose fields stand in the file for messages of type `kind`."""
+    """The type whose fields are stored for messages of type `kind`."""
     return _RECORDS.get(kind, kind)
 
 
 def color_topic(camera: str) -> str:
-    """Where the colour images of a camera are."""
+    """Channel of a camera's colour images."""
     return f"/camera/{camera}/color"
 
 
 def depth_topic(camera: str) -> str:
-    """Where the depth images of a camera are."""
+    """Channel of a camera's depth images."""
     return f"/camera/{camera}/depth"
 
 
 def calibration_topic(camera: str) -> str:
-    """Where the calibrations of a camera are."""
+    """Channel of a camera's calibrations."""
     return f"/camera/{camera}/calibration"

@@ -1,4 +1,4 @@
-"""Whether a recording is what it says: every byte, every message, every cause, and its checksum."""
+"""Integrity check of a recording: every byte, every message, every cause, and its checksum."""
 
 from collections import Counter
 from collections.abc import Iterator, Sequence
@@ -32,14 +32,14 @@ _CAUSE: Final = "name a cause that is not in the recording before them"
 @final
 @dataclass(frozen=True, kw_only=True)
 class Finding:
-    """Something that is not as it should be. `grave`: part of the recording is lost or cannot be trusted."""
+    """A deviation in a recording. `grave`: part of the recording is lost or cannot be trusted."""
 
     grave: bool
     text: str
 
 
 def check(path: Path) -> Sequence[Finding]:
-    """What is wrong with the recording at `path`; nothing where nothing is. Reads all of it."""
+    """Findings on the recording at `path`, empty for a sound one. Reads all of it."""
     found = entry(path)
     if found.condition != "whole":
         said = "it is being written" if found.condition == "recording" else found.why
@@ -73,7 +73,7 @@ def _checksum(path: Path) -> Iterator[Finding]:
 
 @dataclass(kw_only=True)
 class _Seen:
-    """What came before a message."""
+    """State of the pass over the messages before the current one."""
 
     ids: set[MessageId] = field(default_factory=set[MessageId])
     parts: dict[str, int] = field(default_factory=dict[str, int])
@@ -103,14 +103,14 @@ def _contents(found: Entry) -> Iterator[Finding]:
     if seen.count != counted:
         yield Finding(grave=True, text=f"{seen.count} messages, where its summary counts {counted}")
     if found.session:
-        # What came before it, and caused what is in it, is in the session's own recording.
+        # Its messages' causes from before it are in the session's own recording.
         seen.faults.pop(_CAUSE, None)
     for text, count in seen.faults.items():
         yield Finding(grave=text != _CAUSE, text=f"messages that {text}: {count}")
 
 
 def _look(message: Message, kind: type[Message], log_time_ns: int, seen: _Seen) -> None:
-    """One message of ours: its place in time, its parts, its id and its causes."""
+    """Check one of our messages: its order in time, its parts, its id and its causes."""
     if log_time_ns == seen.last_of_ours_ns:
         seen.faults["share their log time with another"] += 1
     seen.last_of_ours_ns = log_time_ns
@@ -124,7 +124,7 @@ def _look(message: Message, kind: type[Message], log_time_ns: int, seen: _Seen) 
 
 
 def _parts(message: Message, kind: type[Message]) -> list[str]:
-    """The channels that hold the rest of it."""
+    """The channels that hold the message's remaining parts."""
     if kind is Frame and isinstance(message, FrameRecord):
         camera = message.camera.name
         return [color_topic(camera), depth_topic(camera), calibration_topic(camera)]

@@ -1,7 +1,7 @@
-"""The last seconds of a recording that is still being written, as a recording of their own.
+"""Clip of a recording still being written: its last seconds, as a recording of their own.
 
-Chunks from before the cut are passed over as they are, compressed, but for those in which a channel or a message that
-the clip begins with appears: their message indexes, which follow each chunk, say which those are.
+Chunks from before the cut are skipped while still compressed, except those with a channel or a message that the clip
+begins with: the message indexes that follow each chunk identify them.
 """
 
 from collections.abc import Collection, Iterator
@@ -24,16 +24,16 @@ from app.recording.file import metadata_of
 from app.recording.integrity import DAMAGE, damaged
 
 _OPENING: Final = tuple(map(topic_of, (Model, Goal, Mode)))
-"""Of each of these channels, a clip begins with the newest message from before it."""
+"""Channels whose newest message from before it begins a clip."""
 _EPISODE: Final = topic_of(Episode)
 
 
 @final
 @dataclass(frozen=True, kw_only=True)
 class Cut:
-    """The first `size_bytes` of the file `session`, which end with a whole record, from the log time `since_ns` on.
+    """Range of a session's recording: the first `size_bytes` of the file `session`, from the log time `since_ns` on.
 
-    `episode` stands in place of the session's own; both have the same `epoch`.
+    The bytes end with a complete record. `episode` replaces the session's own; both have the same `epoch`.
     """
 
     session: Path
@@ -44,7 +44,7 @@ class Cut:
 
 
 def write_clip(cut: Cut, goal: Path) -> None:
-    """Write what is cut out to the new file `goal`, whole and indexed, and note its SHA-256.
+    """Write the clip to the new file `goal`, complete and indexed, and note its SHA-256.
 
     It begins with the episode and with the newest model, goal and mode from before the cut; all parts of a message have
     the same log time, so they stay together. Raises RecordingError where nothing was recorded since, the session's file
@@ -64,7 +64,7 @@ def write_clip(cut: Cut, goal: Path) -> None:
 
 
 def _records(cut: Cut) -> Iterator[McapRecord]:
-    """Those of the clip, in their order."""
+    """The records of the clip, in order."""
     yield Metadata(name=METADATA, metadata=metadata_of(cut.episode, cut.epoch))
     before, first_ns = _Before(cut.since_ns), 0
     for chunk, channels in _chunks(cut):
@@ -103,7 +103,7 @@ def _chunks(cut: Cut) -> Iterator[tuple[Chunk, Collection[int]]]:
 
 @final
 class _Before:
-    """What a clip needs of the time before it: schemas and channels, and the messages that it begins with."""
+    """Context of a clip from before it: schemas and channels, and the messages that it begins with."""
 
     def __init__(self, since_ns: int) -> None:
         self._since_ns = since_ns
@@ -112,7 +112,7 @@ class _Before:
         self._newest: dict[str, list[Message]] = {}
 
     def look(self, chunk: Chunk, channels: Collection[int]) -> None:
-        """Take what is needed out of the chunk, which has messages on these channels, and nothing else."""
+        """Take schemas, channels and opening messages from the chunk, which has messages on these channels."""
         known = [self._channels[number].topic for number in channels if number in self._channels]
         if known and len(known) == len(channels) and not set(known) & set(_OPENING):
             return
@@ -133,12 +133,12 @@ class _Before:
                 self._newest[topic] = [part for part in past if part.log_time == message.log_time]
 
     def is_episode(self, message: Message) -> bool:
-        """Whether it is the start of the session, in whose place the clip has its own."""
+        """True for the session's start message, which the clip replaces with its own."""
         channel = self._channels.get(message.channel_id)
         return channel is not None and channel.topic == _EPISODE
 
     def opening(self, episode: Episode, first_ns: int) -> Iterator[McapRecord]:
-        """The episode, then what was newest in the order in which it was said, dated just before `first_ns`."""
+        """The episode, then the newest messages in order of publication, dated just before `first_ns`."""
         yield from self._schemas.values()
         yield from self._channels.values()
         number = next(number for number, channel in self._channels.items() if channel.topic == _EPISODE)

@@ -19,9 +19,10 @@ What: TypeAlias = Literal["particles", "surface"]
 
 
 def write_ply(path: Path, folder: Path, what: What) -> int:
-    """Each cloud of the recording as a binary PLY file in `folder`, named by the seconds since the first of them.
+    """Write each cloud of the recording as a binary PLY file in `folder`, named by seconds since the first.
 
-    Returns how many. Raises RecordingError where there is none or it cannot be written; and as `read_messages`.
+    Returns the number of clouds. Raises RecordingError where there is none or it cannot be written; and as
+    `read_messages`.
     """
     import trimesh  # Loaded where it is needed alone: it takes its time.
 
@@ -40,9 +41,10 @@ def write_ply(path: Path, folder: Path, what: What) -> int:
 
 
 def write_npz(path: Path, file: Path) -> int:
-    """The pushes of the recording with the clouds before and after each, as `dipac import` reads them.
+    """Write the pushes of the recording, with the clouds before and after each, in the format of `dipac import`.
 
-    The clouds are surfaces. Returns how many pushes. Raises RecordingError where there is none; and as `read_messages`.
+    The clouds are surfaces. Returns the number of pushes. Raises RecordingError where there is none; and as
+    `read_messages`.
     """
     pushes, tools, task = _pushes(path)
     if not pushes:
@@ -68,7 +70,7 @@ def write_npz(path: Path, file: Path) -> int:
 
 
 class _Push(NamedTuple):
-    """A motion, what was seen before and after it, and in which episode."""
+    """A motion, the observations before and after it, and the index of its episode."""
 
     episode: int
     executed: Executed
@@ -80,7 +82,7 @@ def _clouds(path: Path) -> Iterator[Particles]:
 
 
 def _pushes(path: Path) -> tuple[list[_Push], dict[float, Cloud], str]:
-    """Every push, the tool's points by when they were seen, and the task."""
+    """Every push, the tool's points by the time of their observation, and the task."""
     seen = dict[MessageId, Particles]()
     pushes, tools, episodes = list[_Push](), dict[float, Cloud](), list[Episode]()
     for message in read_messages(path, [Episode, Particles, Sighting, Transition]):
@@ -100,7 +102,7 @@ def _pushes(path: Path) -> tuple[list[_Push], dict[float, Cloud], str]:
 
 
 def _joined(name: str, clouds: Sequence[Float32[np.ndarray, "_ 3"]]) -> dict[str, np.ndarray]:
-    """Clouds one after another, and where each begins and ends."""
+    """Concatenated clouds, and the offsets of each."""
     ends = np.cumsum([0, *map(len, clouds)]).astype(np.int64)
     return {f"{name}_points": np.concatenate(clouds), f"{name}_offsets": ends}
 
@@ -115,7 +117,7 @@ def _track(name: str, pushes: Sequence[_Push], poses: Sequence[Float64[np.ndarra
 
 
 def _apart(times_s: np.ndarray, episodes: np.ndarray) -> np.ndarray:
-    """The same times, each after the one before: what was seen after a push may be what was seen before the next."""
+    """The times made strictly increasing: an observation after one push may be the one before the next."""
     apart = times_s.copy()
     for before, after in itertools.pairwise(range(len(apart))):
         if episodes[before] == episodes[after]:

@@ -1,10 +1,10 @@
 """Messages as JSON: bytes, values and schemas, all three derived from the dataclasses.
 
-JSON has neither arrays of a known type nor non-finite numbers, so two things are agreed:
+JSON has neither typed arrays nor non-finite numbers, hence two conventions:
 
-- An array whose shape is fixed by its annotation (a pose, an intrinsic matrix) is nested lists of numbers; what is
-  one list Foxglove can plot. Any other is `{"dtype", "shape", "data"}` with base64 of its little-endian bytes: exact,
-  and 40 times cheaper than lists (docs/recording-format.md has the measurement). Truth values are eight to a byte, the
+- An array whose shape is fixed by its annotation (a pose, an intrinsic matrix) is nested lists of numbers; Foxglove
+  can plot a flat list. Any other is `{"dtype", "shape", "data"}` with base64 of its little-endian bytes: exact, and
+  40 times cheaper than lists (docs/recording-format.md has the measurement). Booleans are packed eight to a byte, the
   first in its highest bit; their `dtype` is "bits".
 - A non-finite number is the string "nan", "inf" or "-inf".
 """
@@ -53,7 +53,7 @@ def schema(kind: type[Message]) -> dict[str, Any]:
 
 
 def _plain(value: Any, kind: Any) -> Any:
-    """What JSON can hold of `value`, which is annotated as `kind`."""
+    """JSON representation of `value`, which is annotated as `kind`."""
     match value:
         case np.generic():
             return _plain(value.item(), kind)
@@ -73,7 +73,7 @@ def _plain(value: Any, kind: Any) -> Any:
 
 
 def _rebuilt(plain: Any, kind: Any) -> Any:
-    """The value annotated as `kind` that `_plain` made `plain` of."""
+    """Inverse of `_plain`: the value annotated as `kind`."""
     origin = get_origin(kind)
     if dataclasses.is_dataclass(kind):
         given = {name: of for name, of in _fields(kind).items() if name in plain or name not in _optional(kind)}
@@ -96,7 +96,7 @@ def _fields(kind: Any) -> dict[str, Any]:
 
 @functools.cache
 def _optional(kind: Any) -> frozenset[str]:
-    """The fields that files of before they were thought of may lack."""
+    """Fields that older files may lack."""
     return frozenset(
         field.name
         for field in dataclasses.fields(kind)
@@ -105,7 +105,7 @@ def _optional(kind: Any) -> frozenset[str]:
 
 
 def _item(kind: Any) -> Any:
-    """The annotation of what a tuple or mapping annotated as `kind` holds."""
+    """The annotation of the elements of a tuple or mapping annotated as `kind`."""
     arguments = [argument for argument in get_args(kind) if argument is not Ellipsis]
     return arguments[-1] if arguments else Any
 
@@ -115,7 +115,7 @@ def _is_array(kind: Any) -> bool:
 
 
 def _is_fixed(kind: Any) -> bool:
-    """Whether every axis of an array annotation is a number."""
+    """True for an array annotation whose axes are all numbers."""
     return _is_array(kind) and all(axis.isdigit() for axis in kind.dim_str.split())
 
 
@@ -124,7 +124,7 @@ def _dtype(kind: Any) -> np.dtype[Any]:
 
 
 def _little(name: str) -> np.dtype[Any]:
-    """The type `name`, least byte first; by its string, so that it is the computer's own where that is the same."""
+    """The type `name`, little-endian; from its string, so that it equals the native type where that is the same."""
     return np.dtype(np.dtype(name).newbyteorder("<").str)
 
 
@@ -145,7 +145,7 @@ def _unpacked(plain: Any, kind: Any) -> np.ndarray:
 
 
 def _listed(plain: Any, kind: Any) -> np.ndarray:
-    # NumPy reads "nan" and "inf" from strings too, but only where it is told the type.
+    # NumPy reads "nan" and "inf" from strings too, but only where the type is given.
     return _frozen(np.array(plain, dtype=object).astype(_dtype(kind)))
 
 

@@ -1,4 +1,4 @@
-"""A new, indexed MCAP file out of the records of another."""
+"""A new, indexed MCAP file from the records of another."""
 
 from collections.abc import Iterable
 from pathlib import Path
@@ -8,9 +8,9 @@ from mcap.writer import CompressionType, Writer
 
 
 def write_records(records: Iterable[McapRecord], goal: Path) -> int:
-    """Write `records` to a new file with an index; returns how many messages there were.
+    """Write `records` to a new file with an index; returns the number of messages.
 
-    Schemas and channels get new numbers; a message whose channel was not there before it is left out.
+    Schemas and channels get new numbers; a message before its channel is left out.
     """
     messages = 0
     schemas: dict[int, int] = {0: 0}

@@ -1,9 +1,9 @@
-"""JSON schemas in the part of the language that Foxglove's parser takes.
+"""JSON schemas in the subset of the language that Foxglove's parser accepts.
 
-The open one (`packages/mcap-support/src/parseJsonSchema.ts` in foxglove/studio and in Lichtblick) looks at `properties`
+The open one (`packages/mcap-support/src/parseJsonSchema.ts` in foxglove/studio and in Lichtblick) reads `properties`
 alone, and a single field that it does not understand costs the whole channel. It knows no references, no unions, no
-arrays of arrays, no `enum` without a type, and no object without `properties`. What it cannot be told stands in
-`patternProperties`, which it passes over and validators read: it shows such a field, and offers no path into it.
+arrays of arrays, no `enum` without a type, and no object without `properties`. Fields beyond it are described in
+`patternProperties`, which it skips and validators read: it shows such a field, and offers no path into it.
 """
 
 import math
@@ -17,15 +17,16 @@ _TYPES: Final[Mapping[type, str]] = {str: "string", bool: "boolean", int: "integ
 
 
 def in_dialect(described: Described, components: Mapping[str, Described]) -> Described:
-    """The schema `described`, whose references name `components`, as one that Foxglove takes; it allows the same.
+    """The schema `described`, whose references name `components`, in the accepted subset; it allows the same values.
 
-    Non-finite defaults become strings, as they are in messages. Raises AssertionError where a component holds itself.
+    Non-finite defaults become strings, as they are in messages. Raises AssertionError where a component contains
+    itself.
     """
     return _finite(_said(described, components, within=()))
 
 
 def _said(described: Described, components: Mapping[str, Described], within: tuple[str, ...]) -> Described:
-    """`described` without references, objects and enumerations as the parser wants them, and so all that is in it."""
+    """`described` without references, and with objects and enumerations as the parser needs them, recursively."""
 
     def inner(part: Any) -> Any:
         return _said(cast(Described, part), components, within) if isinstance(part, dict) else part
@@ -48,7 +49,7 @@ def _said(described: Described, components: Mapping[str, Described], within: tup
 
 
 def _fields(fields: Mapping[str, Described]) -> Described:
-    """The fields of an object: those that the parser takes, and the others where it does not look."""
+    """The fields of an object: those that the parser accepts, and the others where it does not look."""
     taken = {name: field for name, field in fields.items() if _is_taken(field)}
     others = {f"^{name}$": field for name, field in fields.items() if name not in taken}
     return {"properties": taken} | ({"patternProperties": others} if others else {})

@@ -15,13 +15,13 @@ _SUM: Final = 64
 
 
 def digest(path: Path) -> str:
-    """The SHA-256 of the file, in hexadecimal."""
+    """SHA-256 of the file, in hexadecimal."""
     with path.open("rb") as stream:
         return hashlib.file_digest(stream, "sha256").hexdigest()
 
 
 def check_distinct(recordings: Mapping[Path, str]) -> None:
-    """Raises UsageError where two recordings, by path with their digests, have the same content: one counts."""
+    """Raises UsageError where two recordings, by path with their digests, have the same content: only one may count."""
     said = list(recordings.values())
     twice = sorted({path.name for path, value in recordings.items() if said.count(value) > 1})
     if twice:
@@ -29,9 +29,9 @@ def check_distinct(recordings: Mapping[Path, str]) -> None:
 
 
 def note(path: Path) -> None:
-    """Write down what the file is now; a name of several lines has no place there.
+    """Store the file's current digest; a name of several lines cannot be stored.
 
-    Raises RecordingError where that cannot be written.
+    Raises RecordingError where the sums cannot be written.
     """
     if "\n" not in path.name:
         with _changing(path.parent) as lines:
@@ -39,23 +39,23 @@ def note(path: Path) -> None:
 
 
 def forget(path: Path) -> None:
-    """Strike it out. Raises RecordingError as `note`."""
+    """Remove the file's digest. Raises RecordingError as `note`."""
     if (path.parent / SUMS).exists():
         with _changing(path.parent) as lines:
             lines.pop(path.name, None)
 
 
 def noted(path: Path) -> str | None:
-    """What was written down of it, None where nothing was. Raises RecordingError where that cannot be read."""
+    """Stored digest of the file, None where there is none. Raises RecordingError where the sums cannot be read."""
     line = _read(path.parent / SUMS).get(path.name)
     return line[:_SUM] if line else None
 
 
 @contextmanager
 def kept(path: Path) -> Generator[None]:
-    """What is done to the file within is rightly done: where its sum was right before, it is so again.
+    """Authorised change of the file: a digest that was correct before is updated afterwards.
 
-    Of a file that somebody changed, the sum goes on saying so; of one that has none, nobody knows.
+    A digest that did not match before goes on not matching; a file without one gets none.
 
     Raises RecordingError as `note`.
     """
@@ -68,7 +68,7 @@ def kept(path: Path) -> Generator[None]:
 
 @contextmanager
 def _changing(folder: Path) -> Generator[dict[str, str]]:
-    """The lines of a folder's sums by the names in them, written anew at the end; what is no sum stays as it is."""
+    """The lines of a folder's sums by file name, rewritten at the end; other lines stay as they are."""
     file = folder / SUMS
     with locked(folder):
         lines = _read(file)
@@ -83,7 +83,7 @@ def _changing(folder: Path) -> Generator[dict[str, str]]:
 
 
 def _read(file: Path) -> dict[str, str]:
-    """Each line by the name in it, in the text or the binary mode of `sha256sum`; by itself, where it is no sum."""
+    """Each line by its file name, in the text or the binary mode of `sha256sum`; other lines by themselves."""
     try:
         lines = file.read_text(encoding="utf-8", errors="surrogateescape").splitlines()
     except FileNotFoundError:

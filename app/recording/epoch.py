@@ -1,4 +1,4 @@
-"""Monotonic time and the time of day, joined once an episode, so that a clock that is set back moves nothing."""
+"""Offset between monotonic time and wall-clock time, fixed once an episode, so that clock changes do not matter."""
 
 import time
 from dataclasses import dataclass
@@ -26,6 +26,6 @@ class Epoch:
         return self.offset_ns + round(time_s * _NS)
 
     def stamp(self, time_s: float) -> Timestamp:
-        """The same as Foxglove writes it."""
+        """Time since 1970 as Foxglove's timestamp."""
         sec, nsec = divmod(self.ns(time_s), _NS)
         return Timestamp(sec=sec, nsec=nsec)

@@ -19,7 +19,7 @@ from app.recording.views import Viewable, views
 
 @final
 class EpisodeFile:
-    """Writes messages, each with what Foxglove shows of it, to a new file at `path`.
+    """Writer of messages, each with its Foxglove views, to a new file at `path`.
 
     Without an `epoch`, messages are dated by this machine's clocks.
     """
@@ -37,7 +37,7 @@ class EpisodeFile:
         self.flush()
 
     def write(self, message: Message, *, now_s: float) -> None:
-        """Append `message`, which came at monotonic time `now_s` [s].
+        """Append `message`, which arrived at monotonic time `now_s` [s].
 
         The parts of a message precede it at the same log time, and no two messages share one. Errors of the disk are
         kept by the SDK until the next `flush`.
@@ -50,7 +50,7 @@ class EpisodeFile:
         self._unflushed = True
 
     def flush(self) -> None:
-        """Hand everything written to the operating system, whence a killed process cannot take it back.
+        """Hand everything written to the operating system, where it survives a kill of this process.
 
         Raises RuntimeError where the disk refuses.
         """
@@ -60,7 +60,7 @@ class EpisodeFile:
 
     @property
     def size_bytes(self) -> int:
-        """How much of it the operating system has."""
+        """Bytes of the file that the operating system has."""
         return os.fstat(self._lock).st_size
 
     def close(self) -> None:
@@ -90,7 +90,7 @@ class EpisodeFile:
 
 
 def metadata_of(episode: Episode, epoch: Epoch) -> dict[str, str]:
-    """The episode in MCAP's own strings, with what is needed to read the rest."""
+    """The episode as MCAP metadata strings, with the keys needed to read the rest."""
     fields: dict[str, Any] = asdict(episode)
     written = {key: value if isinstance(value, str) else json.dumps(value) for key, value in fields.items()}
     return written | {"schema_version": str(SCHEMA_VERSION), "epoch_offset_ns": str(epoch.offset_ns)}
@@ -102,8 +102,9 @@ def _json_schema(kind: type[Message]) -> foxglove.Schema:
 
 
 def _options() -> MCAPWriteOptions:
-    """LZ4 halves depth images for 1 ms, where zstd takes ten times that (docs/recording-format.md).
+    """Options of the writer: LZ4 halves depth images for 1 ms, where zstd takes ten times that.
 
-    Without seeking a chunk reaches the file in one piece, so that what a kill leaves behind ends with a whole one.
+    docs/recording-format.md has the measurement. Without seeking a chunk reaches the file in one piece, so that a
+    killed process leaves a file that ends with a complete one.
     """
     return MCAPWriteOptions(compression=MCAPCompression.Lz4, chunk_size=1 << 20, disable_seeking=True)

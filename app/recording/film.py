@@ -1,4 +1,4 @@
-"""What the cameras of a recording saw together, frame by frame and never all at once."""
+"""Frames of a recording's cameras over their common time span, decoded one by one."""
 
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
@@ -16,16 +16,16 @@ from app.recording.integrity import DAMAGE, damaged, inspect, reading, version_o
 from app.recording.reader import logged_messages
 
 _TOGETHER_NS: Final = 200_000_000
-"""Cameras whose images were logged within so long looked at the same moment."""
+"""Difference of log times that counts as simultaneous."""
 _NS: Final = 1_000_000_000
 
 
 @final
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Film:
-    """The part of the recording `path` in which all its cameras looked: from `first_ns` to `last_ns`, by its log times.
+    """Time span of the recording `path` covered by all its cameras: log times `first_ns` to `last_ns`.
 
-    `cameras`: by name, as they were calibrated; `unseen_s`: of each that went on looking after that, for how long.
+    `cameras`: by name, as calibrated; `unseen_s`: seconds that each camera went on recording after the span.
     """
 
     path: Path
@@ -37,9 +37,9 @@ class Film:
 
 
 def read_film(path: Path) -> Film:
-    """Find it; images are read of the first frame of each camera alone.
+    """The common span of a recording; decodes only the first frame of each camera.
 
-    Raises as `read_messages`, and RecordingError where there is no moment that all cameras saw.
+    Raises as `read_messages`, and RecordingError where the cameras have no common moment.
     """
     version = version_of(inspect(path))
     with reading(path), path.open("rb") as stream:
@@ -61,9 +61,10 @@ def read_film(path: Path) -> Film:
 
 
 def film_frames(film: Film) -> Iterator[Frame]:
-    """The frames in the order in which they were logged, each decoded as it is asked for.
+    """The frames in order of their log times, each decoded on demand.
 
-    Each is of the very `film.cameras`. Raises RecordingError where one is damaged, or of a camera that has changed.
+    Each has a camera equal to that in `film.cameras`. Raises RecordingError where one is damaged, or its camera
+    changed.
     """
     with reading(film.path), film.path.open("rb") as stream:
         try:
@@ -76,7 +77,7 @@ def film_frames(film: Film) -> Iterator[Frame]:
 
 
 def film_states(film: Film) -> list[ArmState]:
-    """Where the arm that is in the images was meanwhile, in order; as often as it was said. Raises as `film_frames`."""
+    """States of the arm in the images over that span, in order, at the recorded rate. Raises as `film_frames`."""
     with reading(film.path), film.path.open("rb") as stream:
         try:
             logged = logged_messages(make_reader(stream, validate_crcs=True), (ArmState,), film.version)
@@ -87,7 +88,7 @@ def film_states(film: Film) -> list[ArmState]:
 
 
 def _span(path: Path, times: Times) -> tuple[int, int]:
-    """The log times [ns] from which and until which all cameras looked. Raises RecordingError where there are none."""
+    """First and last log time [ns] covered by all cameras. Raises RecordingError where there are none."""
     if not times:
         raise RecordingError(f"{path} holds no images, so there is nothing to see; `dipac recordings show {path}`.")
     first_ns = max(each[0] for each in times.values()) - _TOGETHER_NS
@@ -101,7 +102,7 @@ def _span(path: Path, times: Times) -> tuple[int, int]:
 
 
 def _camera(path: Path, reader: McapReader, version: int, name: str, log_time_ns: int) -> CameraModel:
-    """The camera of that name, which is in its first whole frame from then on. Raises RecordingError without any."""
+    """The camera of that name in its first complete frame from then on. Raises RecordingError where there is none."""
     for logged in logged_messages(reader, (Frame,), version, first_ns=log_time_ns):
         if isinstance(logged.message, Frame) and logged.message.camera.name == name:
             return logged.message.camera
@@ -111,7 +112,7 @@ def _camera(path: Path, reader: McapReader, version: int, name: str, log_time_ns
 
 
 def _of(film: Film, frame: Frame) -> Frame:
-    """The frame, of the film's own camera. Raises RecordingError where it is of another."""
+    """The frame with the film's own camera object. Raises RecordingError where its camera differs."""
     said = frame.camera
     known = film.cameras.get(said.name)
     if known is None or not _same(known, said) or frame.depth.shape != (known.height, known.width):
@@ -123,7 +124,7 @@ def _of(film: Film, frame: Frame) -> Frame:
 
 
 def _same(one: CameraModel, other: CameraModel) -> bool:
-    """Whether they see the same of the same."""
+    """True where both have equal intrinsics, pose and depth unit."""
     return (
         (one.width, one.height, one.depth_unit_m) == (other.width, other.height, other.depth_unit_m)
         and np.array_equal(one.K, other.K)

@@ -1,4 +1,4 @@
-"""When each message of a recording was logged, by its channel, from MCAP's own index; no image is read for that."""
+"""Log times of a recording's messages by channel, from MCAP's own index; no image is read."""
 
 import io
 from collections.abc import Mapping, Sequence
@@ -16,9 +16,9 @@ Times: TypeAlias = Mapping[str, Sequence[int]]
 """Log times [ns] by topic, in order."""
 
 _BEFORE, _AFTER = color_topic("\n").split("\n")
-"""What stands around a camera's name in the channel of its colours."""
+"""Parts of a colour channel's name before and after the camera's name."""
 _RECORD_HEAD_BYTES: Final = 1 + 8
-"""Kind and length stand before what a record holds (https://mcap.dev/spec)."""
+"""Size of a record's header, its opcode and length (https://mcap.dev/spec)."""
 
 
 def log_times(reader: McapReader, stream: IO[bytes]) -> Times:
@@ -36,7 +36,7 @@ def log_times(reader: McapReader, stream: IO[bytes]) -> Times:
 
 
 def frame_times(times: Times) -> Times:
-    """The log times of each camera's frames, by its name: a frame has its colours at its own time on their channel."""
+    """Log times of each camera's frames, by its name: a frame has its colours at its own time on their channel."""
     framed = set(times.get(TOPICS[Frame], ()))
     coloured = {topic: each for topic, each in times.items() if topic.startswith(_BEFORE) and topic.endswith(_AFTER)}
     return {

@@ -1,4 +1,4 @@
-"""What a file is before its messages are read, and the errors that say so."""
+"""Integrity of a file before its messages are read, and the errors that report it."""
 
 import os
 import struct
@@ -29,14 +29,14 @@ DAMAGE: Final = (
     ValueError,
     struct.error,
 )
-"""What the MCAP and LZ4 packages raise on bytes that make no sense, and a disk on those it cannot read.
+"""Errors of the MCAP and LZ4 packages on invalid bytes, and of the disk on unreadable ones.
 
 LZ4 raises RuntimeError; a seek to before the start of a file is an OSError.
 """
 
 
 def require_file(path: Path) -> None:
-    """Raises UsageError where there is no such file, with those that there are."""
+    """Raises UsageError where there is no such file, naming those that exist."""
     if path.is_dir():
         raise UsageError(f"{path} is a folder; name its recordings: {path}/*.mcap")
     if not path.is_file():
@@ -46,7 +46,7 @@ def require_file(path: Path) -> None:
 def inspect(path: Path) -> dict[str, str]:
     """The metadata of a recording that this version can read.
 
-    Raises UsageError where there is no such file, RecordingError where it may not be read, is no recording, cut off or
+    Raises UsageError where there is no such file, RecordingError where it is not readable, not a recording, cut off or
     of a newer kind.
     """
     with reading(path):
@@ -71,13 +71,13 @@ def inspect(path: Path) -> dict[str, str]:
 
 
 def version_of(metadata: Mapping[str, str]) -> int:
-    """The schema version that the metadata of a recording name, once it was inspected."""
+    """Schema version in the metadata of a recording that has been inspected."""
     return int(metadata["schema_version"])
 
 
 @contextmanager
 def reading(path: Path) -> Generator[None]:
-    """Raises RecordingError where the system refuses: the file is another user's, has gone, or lies on a bad disk."""
+    """Turn errors of the system into RecordingError: no permission, the file has gone, or a bad disk."""
     try:
         yield
     except OSError as error:
@@ -96,15 +96,15 @@ def damaged(path: Path, error: BaseException) -> RecordingError:
 
 
 def starts_as_mcap(path: Path) -> bool:
-    """Whether the first bytes are MCAP's."""
+    """True where the file begins with MCAP's magic bytes."""
     with path.open("rb") as stream:
         return stream.read(len(MAGIC)) == MAGIC
 
 
 def ends_as_mcap(path: Path) -> bool:
-    """Whether the last bytes are MCAP's, and not the same as the first."""
+    """True where the file ends with MCAP's magic bytes, other than those it begins with."""
     with path.open("rb") as stream:
-        size = stream.seek(0, os.SEEK_END)  # Of the file that is open: another may take its place meanwhile.
+        size = stream.seek(0, os.SEEK_END)  # Size of the open file: another may take its place in the meantime.
         stream.seek(max(0, size - len(MAGIC)))
         return size > 2 * len(MAGIC) and stream.read() == MAGIC
 

@@ -1,4 +1,4 @@
-"""What somebody said of a whole episode: whether it succeeded, and why. The last word counts; earlier ones are kept."""
+"""Labels of whole episodes: success or failure, and a reason. The last one counts; earlier ones are kept."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass
@@ -13,7 +13,7 @@ from app.recording.append import append_metadata
 from app.recording.integrity import DAMAGE, damaged, inspect, reading
 
 LABEL: Final = "dipac.label"
-"""The name of the metadata records that hold labels, in the order in which they were given."""
+"""Name of the metadata records that hold labels, in the order in which they were given."""
 
 Verdict: TypeAlias = Literal["success", "failure", "unlabelled"]
 VERDICTS: Final[tuple[Verdict, ...]] = get_args(Verdict)
@@ -22,7 +22,7 @@ VERDICTS: Final[tuple[Verdict, ...]] = get_args(Verdict)
 @final
 @dataclass(frozen=True, kw_only=True)
 class Label:
-    """`said` by `operator`, with a `note` in words; "unlabelled" takes back what was said before. `at`: ISO 8601."""
+    """Verdict `said` by `operator`, with a `note` in words; "unlabelled" revokes an earlier one. `at`: ISO 8601."""
 
     said: Verdict
     note: str = ""
@@ -31,12 +31,12 @@ class Label:
 
     @classmethod
     def now(cls, said: Verdict, *, note: str, operator: str) -> Self:
-        """One of this moment."""
+        """A label dated now."""
         return cls(said=said, note=note, operator=operator, at=datetime.now(UTC).isoformat(timespec="seconds"))
 
     @classmethod
     def read(cls, metadata: Mapping[str, str]) -> Self:
-        """From a metadata record. Raises RecordingError where it says something unknown."""
+        """A label from a metadata record. Raises RecordingError where its verdict is unknown."""
         said = metadata.get("said", "")
         if said not in VERDICTS:
             raise RecordingError(f"A label says {said!r}; known are {', '.join(VERDICTS)}.")
@@ -44,7 +44,7 @@ class Label:
         return cls(said=said, **rest)
 
     def written(self) -> dict[str, str]:
-        """As the metadata of a record."""
+        """The label as metadata of a record."""
         return asdict(self)
 
 
@@ -60,6 +60,6 @@ def labels(path: Path) -> Sequence[Label]:
 
 
 def relabel(path: Path, label: Label) -> None:
-    """Say something else of the whole recording at `path`. Raises as `integrity.inspect`, and where it cannot write."""
+    """Add a new label to the complete recording at `path`. Raises as `integrity.inspect`, and where it cannot write."""
     inspect(path)
     append_metadata(path, LABEL, label.written())

@@ -1,4 +1,4 @@
-"""Which recordings are being written: their writer holds a lock, which the system lifts when the process ends."""
+"""Locks of recordings being written: the writer holds one, and the system releases it when the process ends."""
 
 import fcntl
 import os
@@ -10,17 +10,17 @@ from app.core.errors import RecordingError
 
 
 def hold(path: Path) -> int:
-    """Mark the file as being written, until the descriptor that is returned is closed."""
+    """Mark the file as being written, until the returned descriptor is closed."""
     descriptor = os.open(path, os.O_RDONLY | os.O_CLOEXEC)
-    # Some network drives know no locks: there a file that is being written looks like one that was cut off. Otherwise
-    # nobody has one for longer than it takes to ask.
+    # Some network drives know no locks: there a file that is being written looks like one that was cut off. Otherwise a
+    # lock is held no longer than it takes to ask.
     with suppress(OSError):
         fcntl.flock(descriptor, fcntl.LOCK_EX)
     return descriptor
 
 
 def held(path: Path) -> bool:
-    """Whether somebody is writing the file."""
+    """True while a process is writing the file."""
     descriptor = os.open(path, os.O_RDONLY | os.O_CLOEXEC)
     try:
         fcntl.flock(descriptor, fcntl.LOCK_SH | fcntl.LOCK_NB)
@@ -35,7 +35,7 @@ def held(path: Path) -> bool:
 
 @contextmanager
 def locked(folder: Path) -> Generator[None]:
-    """Two programs that change what is in a folder take turns. Raises RecordingError where there is no such folder."""
+    """Mutual exclusion of programs that change a folder. Raises RecordingError where there is no such folder."""
     try:
         descriptor = os.open(folder, os.O_RDONLY | os.O_CLOEXEC)
     except OSError as error:

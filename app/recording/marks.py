@@ -1,4 +1,4 @@
-"""The moments of a recording that are worth a visit: plans, decisions, motions, stops, faults."""
+"""Event index of a recording: plans, decisions, motions, stops, faults."""
 
 from bisect import bisect_left, bisect_right
 from collections.abc import Iterator, Sequence
@@ -12,7 +12,7 @@ from app.recording.index import Times
 from app.recording.reader import Logged
 
 MarkKind: TypeAlias = Literal["plan", "decision", "motion", "end", "seen", "stop", "fault"]
-"""A plan came up; it was decided on; a motion began; it ended; the object was seen after it; STOP; a fault."""
+"""Kind of event: a plan offered; a decision; a motion's start; its end; the observation after it; STOP; a fault."""
 
 _NS = 1_000_000_000
 
@@ -20,7 +20,7 @@ _NS = 1_000_000_000
 @final
 @dataclass(frozen=True, kw_only=True)
 class Mark:
-    """Something that happened `time_s` after the first message, in words."""
+    """An event `time_s` after the first message, in words."""
 
     time_s: float
     kind: MarkKind
@@ -47,7 +47,7 @@ def _counted(times: Times) -> Iterator[tuple[int, MarkKind, str]]:
 
 
 def _began(before_ns: int, end_ns: int, *told: Sequence[int]) -> int:
-    """When a motion that ended at `end_ns` was approved, or else planned, after the one before; or else its end."""
+    """Log time of a motion's approval, or else of its plan, later than `before_ns`; or else of its end at `end_ns`."""
     for times in told:
         if (found := bisect_right(times, end_ns)) and times[found - 1] > before_ns:
             return times[found - 1]

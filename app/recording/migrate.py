@@ -1,7 +1,7 @@
-"""What older versions wrote, as the newest one would have: pure functions of plain JSON, from each version to the next.
+"""Schema migrations: pure functions of plain JSON, from each version of the format to the next.
 
-A version has one function for each channel whose messages it writes otherwise than the one before; everything else is
-the same in both. The functions are chained, so that nobody ever writes one from a version to one far later.
+A version has one function for each channel whose messages differ from the version before; everything else is the same
+in both. The functions are chained, so that none from a version to a much later one is ever written.
 """
 
 from collections.abc import Callable, Mapping, Sequence
@@ -19,20 +19,20 @@ Plain: TypeAlias = dict[str, Any]
 """A message as JSON holds it."""
 
 Step: TypeAlias = Mapping[str, Callable[[Plain], Plain]]
-"""What one version changed, by channel."""
+"""Changes of one version, by channel."""
 
 
 def _doing(old: Plain) -> Plain:
-    """Version 2: what the program is doing was called its mode, before it had modes."""
+    """Version 2: the program's activity was called its mode, before it had modes."""
     return {"doing" if name == "mode" else name: value for name, value in old.items()}
 
 
 STEPS: Final[Sequence[Step]] = ({"/dipac/health": _doing},)
-"""From version 1 to 2, from 2 to 3 and so on. Channels are named as they were then."""
+"""Steps from version 1 to 2, from 2 to 3 and so on. Channels have their names of that version."""
 
 
 def migrated(plain: Plain, topic: str, version: int) -> Plain:
-    """A message on the channel `topic` in a file of `version`, as the newest version has it."""
+    """A message on the channel `topic` in a file of `version`, in the newest version's form."""
     for step in STEPS[version - 1 :]:
         if topic in step:
             plain = step[topic](plain)
@@ -40,7 +40,7 @@ def migrated(plain: Plain, topic: str, version: int) -> Plain:
 
 
 def changed_since(version: int) -> frozenset[str]:
-    """The channels on which the newest version writes otherwise than `version` did."""
+    """Channels whose messages in the newest version differ from those in `version`."""
     return frozenset(topic for step in STEPS[version - 1 :] for topic in step)
 
 

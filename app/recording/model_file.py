@@ -1,6 +1,6 @@
-"""Models as TOML files: what `dipac calibrate` and `dipac discover` write and `--model` reads.
+"""Models as TOML files: written by `dipac calibrate` and `dipac discover`, and read by `--model`.
 
-Schema 1 has the simulator's parameters alone; 2 may have those of cameras and arm, and what an extension is from.
+Schema 1 has the simulator's parameters alone; 2 may have those of cameras and arm, and the provenance of an extension.
 """
 
 import tomllib
@@ -23,7 +23,7 @@ _READ = (1, 2)
 def save_model(path: Path, model: Model, *, notes: Mapping[str, str] = MappingProxyType({})) -> None:
     """Write `model`; the file holds everything but the message's id, causes and time.
 
-    `notes`: of parameters, by name, for people: they are not read again.
+    `notes`: remarks for readers, by parameter; they are not read back.
 
     Raises UsageError where the file cannot be written.
     """
@@ -42,21 +42,21 @@ def save_model(path: Path, model: Model, *, notes: Mapping[str, str] = MappingPr
     try:
         new = path.with_name(f".{path.name}.new")
         new.write_text(tomli_w.dumps(table), encoding="utf-8")
-        new.replace(path)  # A cut leaves the old file or the new one, and never half of one.
+        new.replace(path)  # Atomic: an interruption leaves the old file or the new one.
     except OSError as error:
         raise UsageError(f"Cannot write the model to {path}: {error.strerror}; choose another place with -o.") from None
 
 
 def task_of(path: Path) -> str:
-    """The full name of the task that the model in `path` is of. Raises as `load_model`."""
+    """Full name of the task of the model in `path`. Raises as `load_model`."""
     return _read(path, 0.0).task
 
 
 def load_model(path: Path, *, task: str, time_s: float, whole: bool = True) -> Model:
-    """The model in `path`, as a message of now; where not `whole`, with whichever dynamics of the task.
+    """The model in `path`, as a message dated `time_s`; where not `whole`, with any dynamics of the task.
 
-    Raises UsageError where the file is not there or belongs to another task, RecordingError where it is not a model.
-    Whether its parameters are known and within their ranges is the task's to say (`app.tasks.jobs.check_model`).
+    Raises UsageError where the file is missing or belongs to another task, RecordingError where it is not a model.
+    Unknown parameters and values out of range are left to the task to reject (`app.tasks.jobs.check_model`).
     """
     model = _read(path, time_s)
     same = recorded(model.task) == recorded(task)
@@ -108,7 +108,7 @@ def _parameters(part: str, entries: Mapping[str, Any]) -> tuple[Parameter, ...]:
 
 
 def _parameter(place: str, name: str, entry: Mapping[str, Any]) -> Parameter:
-    """Raises ValueError, which names the `place` in the file and the key."""
+    """A parameter of the file. Raises ValueError, which names the `place` in the file and the key."""
     for key in ("value", "unit", "low", "high"):
         if key not in entry:
             raise ValueError(f"[{place}] lacks {key!r}")
@@ -120,7 +120,7 @@ def _parameter(place: str, name: str, entry: Mapping[str, Any]) -> Parameter:
 
 
 def _extension(entry: Mapping[str, Any]) -> Extension:
-    """Raises ValueError where the covariance does not fit the names, or the cameras' middle is no place."""
+    """The extension. Raises ValueError where the covariance does not fit the names, or `camera_m` is no point."""
     estimated = tuple(map(str, entry["estimated"]))
     covariance = tuple(tuple(map(float, row)) for row in entry["covariance"])
     camera_m = tuple(map(float, entry["camera_m"]))

@@ -1,4 +1,4 @@
-"""File names for what would have the same one."""
+"""Unique file names by numbering."""
 
 import itertools
 from collections.abc import Iterator

@@ -1,7 +1,7 @@
-"""The plain import format: arrays in one .npz file, for what was measured with other programs.
+"""The plain import format: arrays in one .npz file, for data measured with other programs.
 
-docs/recording-format.md says what each array is. What is read is checked first, so that nobody looks for the reason of
-a strange result in the wrong place: an error names the array and the first bad index.
+docs/recording-format.md describes each array. Everything read is checked first, so that bad input is not mistaken for a
+strange result: an error names the array and the first bad index.
 """
 
 import itertools
@@ -44,7 +44,7 @@ _TOGETHER: Final = (
     ("tool_points", "tool_offsets"),
     ("table_points", "table_offsets", "table_episode"),
 )
-"""Optional, but each with the others of its row."""
+"""Optional arrays, to be given together row by row."""
 
 
 @final
@@ -67,7 +67,7 @@ class Poseline:
     poses: Poses
 
     def between(self, first_s: float, last_s: float) -> "Poseline":
-        """Those of the times from the one to the other."""
+        """The poses from one time to the other."""
         own = (self.times_s >= first_s) & (self.times_s <= last_s)
         return Poseline(times_s=self.times_s[own], poses=self.poses[own])
 
@@ -75,7 +75,7 @@ class Poseline:
 @final
 @dataclass(frozen=True, kw_only=True, eq=False)
 class PlainEpisode:
-    """One episode: each push as what was seen before, during and after it; tracks; points of the bare table."""
+    """One episode: each push as its observations before, during and after it; tracks; points of the bare table."""
 
     number: int
     pushes: tuple[tuple[Sight, ...], ...]
@@ -87,18 +87,18 @@ class PlainEpisode:
 @final
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Plain:
-    """A whole file. `about` is what is known of task, tool and object."""
+    """A whole file. `about`: known properties of task, tool and object."""
 
     about: Mapping[str, Any]
     episodes: tuple[PlainEpisode, ...]
 
     def in_table(self, place: TablePlace) -> "Plain":
-        """The same in the frame of a table that is there, of what is in the frame of the arm's base."""
+        """The content moved from the frame of the arm's base to that of a table at `place`."""
         moved = self.mapped(place.points_in_table, place.poses_in_table)
         return replace(moved, about=_about_in_table(self.about, place))
 
     def mapped(self, points: Callable[[Places], Places], poses: Callable[[Poses], Poses]) -> "Plain":
-        """The same with places [m] and poses mapped to another frame; what `about` says stays."""
+        """The content with positions [m] and poses mapped to another frame; `about` is unchanged."""
 
         def cloud(given: Cloud) -> Cloud:
             return points(given.astype(np.float64)).astype(np.float32)
@@ -122,7 +122,7 @@ class Plain:
 
 
 def _about_in_table(about: Mapping[str, Any], place: TablePlace) -> Mapping[str, Any]:
-    """What is known, with a flat finger's yaw about the table's x axis, of that about the base's."""
+    """The known properties, with a flat finger's yaw converted from the base's x axis to the table's."""
     tool = about.get("tool", {})
     if "yaw_rad" not in tool:
         return about
@@ -133,8 +133,8 @@ def _about_in_table(about: Mapping[str, Any], place: TablePlace) -> Mapping[str,
 def read_plain(path: Path) -> Plain:
     """The file's content, checked.
 
-    Raises UsageError where there is no such file or an array is of no known name, and RecordingError, which names the
-    array and the first bad index, where something cannot be.
+    Raises UsageError where there is no such file or an array has an unknown name, and RecordingError, which names the
+    array and the first bad index, where a value is impossible.
     """
     arrays = _loaded(path)
     try:
@@ -219,7 +219,7 @@ def _about(array: np.ndarray) -> dict[str, Any]:
 
 
 def _clouds(arrays: Mapping[str, np.ndarray], kind: str, count: int | None) -> list[Float32[np.ndarray, "_ 3"]]:
-    """The points of `kind` cut at its offsets, into `count` clouds where that is given."""
+    """The points of `kind` split at their offsets, into `count` clouds where that is given."""
     points = finite(f"{kind}_points", shaped(f"{kind}_points", arrays, (None, 3), np.float32))
     ends = offsets(f"{kind}_offsets", arrays, len(points), count)
     return [points[first:last] for first, last in itertools.pairwise(ends)]
@@ -238,7 +238,7 @@ def _tables(arrays: Mapping[str, np.ndarray]) -> dict[int, Cloud]:
 
 
 def _tracks(arrays: Mapping[str, np.ndarray], kind: str) -> dict[int, Poseline]:
-    """By episode."""
+    """Tracks of one kind, by episode."""
     times: Float64[np.ndarray, " T"] = finite(f"{kind}_time", shaped(f"{kind}_time", arrays, (None,), np.float64))
     poses = finite(f"{kind}_pose", shaped(f"{kind}_pose", arrays, (len(times), 7), np.float64))
     episode = shaped(f"{kind}_episode", arrays, (len(times),), np.int64)

@@ -1,4 +1,4 @@
-"""What arrays of the plain import format must be; every error names the array and the first bad index."""
+"""Validation of the plain import format; every error names the array and the first bad index."""
 
 from collections.abc import Mapping, Sequence
 from typing import Any, Final
@@ -10,20 +10,20 @@ from app.core.errors import RecordingError
 from app.core.types import Poses
 
 _FEWEST_POINTS: Final = 30
-"""Of an object: fewer do not say where each part of it is."""
+"""Least number of points in a cloud: fewer do not locate each part of the object."""
 _FARTHEST_M: Final = 5.0
 _HEAVIEST_KG: Final = 100.0
-"""No arm on a table reaches as far, and no object on it is as heavy."""
+"""Limits of plausibility: no tabletop arm reaches as far, and no object on a table is as heavy."""
 _MOST_YAW_RAD: Final = 3.142
 _SIZES: Final = (("object", "length_m"), ("object", "radius_m"), ("tool", "radius_m"), ("tool", "half_width_m"))
 _SHAPES: Final = ("cylinder", "box")
 _FASTEST_M_S: Final = 10.0
 _LONGEST_PUSH_S: Final = 600.0
 _EARLIEST_S, _LATEST_S = -1.0e6, 2.4e9
-"""Times since 1970 are below; nanoseconds and milliseconds since then are not."""
+"""Bounds of plausible times: seconds since 1970 lie within; milliseconds and nanoseconds do not."""
 _UNIT_TOLERANCE: Final = 0.02
 _COILED: Final = 1.5
-"""How many times as far as an object is long its points may lie apart: it may stretch, and what sees it errs."""
+"""Largest extent of a cloud, in lengths of the object: it may stretch, and sensors err."""
 
 
 def shaped(
@@ -45,7 +45,7 @@ def shaped(
 
 
 def finite(name: str, array: np.ndarray) -> np.ndarray:
-    """The array. Raises RecordingError where a number of it is NaN or infinite."""
+    """The array unchanged. Raises RecordingError where a number of it is NaN or infinite."""
     bad = ~np.isfinite(array).all(axis=tuple(range(1, array.ndim)))
     if bad.any():
         raise RecordingError(f"{name}[{np.argmax(bad)}] is not finite; leave out what was not measured.")
@@ -53,7 +53,7 @@ def finite(name: str, array: np.ndarray) -> np.ndarray:
 
 
 def offsets(name: str, arrays: Mapping[str, np.ndarray], points: int, clouds: int | None) -> Int64[np.ndarray, " L"]:
-    """Where clouds begin and end. Raises RecordingError where they do not share the points out."""
+    """Offsets of the clouds. Raises RecordingError where they do not partition the points."""
     ends = shaped(name, arrays, (None if clouds is None else clouds + 1,), np.int64)
     if not len(ends) or ends[0] != 0:
         raise RecordingError(f"{name}[0] must be 0: the first cloud begins with the first point.")
@@ -66,7 +66,7 @@ def offsets(name: str, arrays: Mapping[str, np.ndarray], points: int, clouds: in
 
 
 def forward(name: str, times: Float64[np.ndarray, " T"], of_episodes: str, episode: Int64[np.ndarray, " T"]) -> None:
-    """Raises RecordingError where a time does not increase within its episode, or is none in seconds."""
+    """Raises RecordingError where a time does not increase within its episode, or cannot be in seconds."""
     back = np.diff(episode) < 0
     if back.any():
         raise RecordingError(f"{of_episodes}[{np.argmax(back) + 1}] goes back; give the episodes one after another.")
@@ -83,7 +83,7 @@ def forward(name: str, times: Float64[np.ndarray, " T"], of_episodes: str, episo
 
 
 def plausible_cloud(clouds: Sequence[Float32[np.ndarray, "_ 3"]], about: Mapping[str, Any]) -> None:
-    """Raises RecordingError where an object is too few points, or too large or far away for metres."""
+    """Raises RecordingError where an object has too few points, or is too large or far away for metres."""
     length_m, first = _number(about, "object", "length_m"), 0
     for index, cloud in enumerate(clouds):
         if len(cloud) < _FEWEST_POINTS:
@@ -135,7 +135,7 @@ def plausible_poses(
 
 
 def plausible_about(about: Mapping[str, Any]) -> None:
-    """Raises RecordingError where a size in it is none of a thing on a table."""
+    """Raises RecordingError where a size is implausible for an object on a table."""
     mass = _number(about, "object", "mass_kg")
     if mass is not None and not 0 < mass <= _HEAVIEST_KG:
         raise RecordingError(f"about says that object.mass_kg is {mass:g}; give kilograms, or leave it out.")
@@ -151,7 +151,7 @@ def plausible_about(about: Mapping[str, Any]) -> None:
 
 
 def half_sides(about: Mapping[str, Any]) -> tuple[float, float] | None:
-    """Half of a box-shaped tool's sides along its own x and y axes [m], None where it is none.
+    """Half sides of a box-shaped tool along its own x and y axes [m], None where it is no box.
 
     Raises RecordingError where they are no lengths.
     """
@@ -184,10 +184,10 @@ def whole_pushes(
     phases: Sequence[str],
     command_times: Mapping[int, Float64[np.ndarray, " _"]],
 ) -> dict[int, list[list[int]]]:
-    """The indices of the clouds of each push of each episode.
+    """Indices of the clouds of each push of each episode.
 
-    Raises RecordingError where a push has not one cloud before it, then those during it, then one after it, where it
-    lasts longer than a push can, or where it has no command.
+    Raises RecordingError where a push is not one cloud before it, some during it and one after it, where it lasts too
+    long, or where it has no command.
     """
     groups: dict[int, dict[int, list[int]]] = {}
     for index, (number, own) in enumerate(zip(episode.tolist(), push.tolist(), strict=True)):
@@ -228,7 +228,7 @@ def _whole_push(name: str, members: Sequence[int], times: Float64[np.ndarray, " 
 
 
 def _number(about: Mapping[str, Any], thing: str, name: str) -> float | None:
-    """A number in `about`, None where it is left out. Raises RecordingError where it is none."""
+    """A number in `about`, None where it is left out. Raises RecordingError where it is not a number."""
     of = about.get(thing, {})
     if not isinstance(of, Mapping):
         raise RecordingError(f'about.{thing} must be a JSON object, for example {{"{name}": 0.008}}.')

@@ -1,4 +1,4 @@
-"""What must be true of the recordings folder before an episode starts."""
+"""Preconditions on the recordings folder before an episode starts."""
 
 import shutil
 import tempfile
@@ -12,9 +12,9 @@ from app.core.errors import PreflightError
 @final
 @dataclass(frozen=True, kw_only=True)
 class Room:
-    """What an episode must leave: `min_free_bytes` on the disk, and no more than `budget_bytes` of recordings.
+    """Disk limits of an episode: `min_free_bytes` to leave free, and `budget_bytes` of recordings in all.
 
-    `expected_bytes`: what it may take itself, so that it is refused before it begins and not cut off in its middle.
+    `expected_bytes`: its own expected size, so that it is refused before it begins and not cut off in its middle.
     """
 
     min_free_bytes: int = 0

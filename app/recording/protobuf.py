@@ -1,8 +1,8 @@
-"""One field out of a protobuf message.
+"""Extraction of one field from a protobuf message.
 
 Foxglove's SDK writes its messages but does not read them, and the `protobuf` package cannot be a dependency: Kinova's
-client needs a version of it (3.20) that every MCAP package refuses. What the reader needs is one field of bytes.
-Source: https://protobuf.dev/programming-guides/encoding
+client needs a version of it (3.20) that every MCAP package refuses. The reader needs one field of bytes alone. Source:
+https://protobuf.dev/programming-guides/encoding
 """
 
 _VARINT, _EIGHT_BYTES, _LENGTH_DELIMITED, _FOUR_BYTES = 0, 1, 2, 5
@@ -31,7 +31,7 @@ def bytes_field(message: bytes, number: int) -> bytes:
 
 
 def _varint(message: bytes, at: int) -> tuple[int, int]:
-    """The number that starts at `at`, seven bits a byte, and where it ends."""
+    """The varint that starts at `at`, seven bits a byte, and the offset after it."""
     value = shift = 0
     while at < len(message):
         byte = message[at]

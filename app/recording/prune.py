@@ -1,4 +1,4 @@
-"""Which recordings may go, and letting them go. What somebody labelled or made to learn from stays."""
+"""Deletion of old recordings. Labelled ones and demonstrations are kept."""
 
 import time
 from collections.abc import Sequence
@@ -18,9 +18,9 @@ _DAY_S, _JUST_S = 86400.0, 600.0
 @final
 @dataclass(frozen=True, kw_only=True)
 class Rule:
-    """What is too much: more than `keep_bytes` together, or older than `days`. Without either nothing is.
+    """Retention limit: `keep_bytes` in all, and an age of `days`. Without either, everything is kept.
 
-    `all_kinds`: labelled ones and demonstrations too.
+    `all_kinds`: delete labelled ones and demonstrations too.
     """
 
     keep_bytes: int | None = None
@@ -29,7 +29,7 @@ class Rule:
 
 
 def prunable(entries: Sequence[Entry], rule: Rule, *, now_s: float | None = None) -> Sequence[Entry]:
-    """Those of `entries`, oldest first, that the rule lets go.
+    """Entries to delete under the rule, oldest first.
 
     Never one that is being written, or that cannot be read: it may be another program's.
     """
@@ -46,7 +46,7 @@ def prunable(entries: Sequence[Entry], rule: Rule, *, now_s: float | None = None
 
 
 def discard(path: Path) -> None:
-    """Delete a recording, and its checksum with it. Raises RecordingError where that cannot be, or it is written to."""
+    """Delete a recording and its checksum. Raises RecordingError where that fails, or it is being written."""
     try:
         if held(path):
             raise RecordingError(f"{path} is being written; it stays.")
@@ -59,14 +59,14 @@ def discard(path: Path) -> None:
 def _loose(entry: Entry, rule: Rule, now_s: float) -> bool:
     if entry.condition in ("recording", "unreadable"):
         return False
-    # On a drive that knows no locks a recording that is being written looks like this.
+    # On a drive without locks a recording that is being written looks like this.
     if entry.condition == "cut off" and now_s - _changed_s(entry) < _JUST_S:
         return False
     return rule.all_kinds or not (entry.said or entry.demonstration)
 
 
 def _age_s(entry: Entry, now_s: float) -> float:
-    """Since it began, or since it was made where that is later: imported data bring a clock of their own."""
+    """Age since its start, or since its creation where that is later: imported data have clocks of their own."""
     began_s = entry.began.timestamp() if entry.began else now_s
     return min(now_s - began_s, now_s - _changed_s(entry))
 

@@ -1,4 +1,4 @@
-"""A recording as the messages that were written, in their order."""
+"""Messages of a recording, in the order in which they were written."""
 
 import itertools
 from collections.abc import Collection, Iterator
@@ -25,17 +25,17 @@ _RAW_IMAGE_DATA: Final = 6
 _POINT_CLOUD_DATA: Final = 6
 
 _FIRST_FRAMES: Final = 20
-"""Among so many every camera has its turn."""
+"""Number of frames within which every camera appears."""
 
 
 def read_messages(path: Path, kinds: Collection[type[Message]] = tuple(TOPICS)) -> Iterator[Message]:
-    """Every message of the given kinds, in the order in which they were written, as if this version had written it.
+    """Every message of the given kinds, in the order in which they were written, migrated to this version.
 
-    Arrays are read-only. A frame's colours are those that JPEG kept; everything else is exact. An `Approved` comes
-    back as the `ApprovalRecord` of what it said.
+    Arrays are read-only. A frame's colours went through JPEG; everything else is exact. An `Approved` comes back as its
+    `ApprovalRecord`.
 
-    Raises UsageError where there is no such file, and RecordingError where it may not be read, is none of ours, cut
-    off, or damaged.
+    Raises UsageError where there is no such file, and RecordingError where it is not readable, not a recording of this
+    program, cut off, or damaged.
     """
     return _messages(path, kinds, version_of(inspect(path)))
 
@@ -54,7 +54,7 @@ def read_episode(path: Path) -> Episode:
 
 
 def read_cameras(path: Path) -> list[CameraModel]:
-    """The cameras that the first frames of a recording are of; no image is read. Raises as `read_messages`."""
+    """The cameras of a recording's first frames; no image is read. Raises as `read_messages`."""
     version = version_of(inspect(path))
     cameras = dict[str, CameraModel]()
     with reading(path), path.open("rb") as stream:
@@ -70,7 +70,7 @@ def read_cameras(path: Path) -> list[CameraModel]:
 
 
 class Picture(NamedTuple):
-    """A colour image as it is in the file, as JPEG; `time_s` is the moment of its exposure."""
+    """A colour image as stored, as JPEG; `time_s` is the moment of its exposure."""
 
     camera: str
     time_s: float
@@ -120,7 +120,7 @@ def _messages(path: Path, kinds: Collection[type[Message]], version: int) -> Ite
 
 
 class Logged(NamedTuple):
-    """A message and the log time [ns] at which it stands in its file: later than that of every one before it."""
+    """A message and its log time [ns] in the file: later than that of every one before it."""
 
     log_time_ns: int
     message: Message
@@ -137,7 +137,7 @@ def logged_messages(
     """The messages of the given kinds that were logged from `first_ns` to `last_ns` [ns], both included, in order.
 
     `version` is that of the file's schema. Only the chunks of that time are read. Raises the errors of `DAMAGE` on
-    bytes that make no sense.
+    invalid bytes.
     """
     parts: dict[str, _Part] = {}
     topics = _topics(reader, kinds)
@@ -168,7 +168,7 @@ def _topics(reader: McapReader, kinds: Collection[type[Message]]) -> list[str]:
 def _whole(record: Message, written: mcap.records.Message, parts: dict[str, _Part]) -> Message | None:
     """The message that `record` stands for, None where its parts were lost with a chunk that could not be recovered.
 
-    Raises ValueError where a part makes no sense.
+    Raises ValueError where a part is invalid.
     """
 
     def part(topic: str, field: int) -> bytes | None:
@@ -193,7 +193,7 @@ def _frame(record: FrameRecord, jpeg: bytes, depth: bytes) -> Frame:
 
 
 def _cloud(data: bytes) -> np.ndarray:
-    """Points `(M, 3)`."""
+    """Points `(M, 3)` [m]."""
     return np.frombuffer(data, "<f4").reshape(-1, 3)
 
 
@@ -202,7 +202,7 @@ def _fields(record: Message) -> dict[str, Any]:
 
 
 def _color(jpeg: bytes) -> np.ndarray:
-    """An RGB image `(height, width, 3)`. Raises ValueError where `jpeg` is none."""
+    """An RGB image `(height, width, 3)`. Raises ValueError where `jpeg` is not one."""
     image = cv2.imdecode(np.frombuffer(jpeg, np.uint8), cv2.IMREAD_COLOR)
     if image is None:
         raise ValueError("a colour image cannot be decoded")

@@ -1,6 +1,6 @@
-"""What stands in a file for the messages that cannot stand there as they are.
+"""Stored forms of the messages that are not stored as they are.
 
-Images and surface clouds are stored once, in Foxglove's own messages; leave to move is never made from a file.
+Images and surface clouds are stored once, in Foxglove's own messages; an approval is never recreated from a file.
 """
 
 from dataclasses import dataclass, field
@@ -36,7 +36,7 @@ class ParticlesRecord(Message):
 @final
 @dataclass(frozen=True, kw_only=True, eq=False)
 class ApprovalRecord(Message):
-    """What an `Approved` said. It moves nothing: only the approval gate makes an `Approved`."""
+    """Record of an `Approved`. It moves nothing: only the approval gate makes an `Approved`."""
 
     proposal_id: MessageId
     motion: Motion

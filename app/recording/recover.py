@@ -1,4 +1,4 @@
-"""A whole file out of one that a crash cut off or a disk damaged."""
+"""Recovery of a recording that a crash cut off or a disk damaged."""
 
 import itertools
 from collections.abc import Iterator
@@ -23,10 +23,10 @@ from app.recording.lock import held
 @final
 @dataclass(frozen=True, kw_only=True)
 class Recovered:
-    """What came of a recovery.
+    """Result of a recovery.
 
-    `path` is the new file, or the old one where nothing was wrong with it (`was_whole`); `messages` counts what it
-    holds on all channels; `lost_bytes` of the old file made no sense.
+    `path` is the new file, or the old one where it was sound (`was_whole`); `messages` counts its messages on all
+    channels; `lost_bytes` of the old file were invalid.
     """
 
     path: Path
@@ -39,9 +39,9 @@ def recover(path: Path) -> Recovered:
     """Write all that is intact in the recording at `path` to a new, indexed file `NAME.recovered.mcap` beside it.
 
     That is everything before the damage, and after a damaged chunk everything from the next one on. The original is
-    left as it is; a file that is whole is not copied.
+    left as it is; a complete file is not copied.
 
-    Raises UsageError where there is no such file, RecordingError where it may not be read, is no MCAP file, nothing in
+    Raises UsageError where there is no such file, RecordingError where it is not readable, not an MCAP file, nothing in
     it is intact or the new file cannot be written.
     """
     with reading(path):
@@ -59,7 +59,7 @@ def recover(path: Path) -> Recovered:
             raise RecordingError(f"{path} was cut off before its first message; there is nothing to recover.")
         if salvage.lost_bytes == 0 and ends_as_mcap(path) and _is_whole(path, messages):
             return Recovered(path=path, messages=messages, lost_bytes=0, was_whole=True)
-        for label in labels(goal) if goal.is_file() else ():  # Of what was recovered before.
+        for label in labels(goal) if goal.is_file() else ():  # Labels of an earlier recovery.
             append_metadata(draft, LABEL, label.written())
         draft.replace(goal)
         digests.note(goal)
@@ -110,7 +110,7 @@ class _Salvage:
 
 
 def _summary(path: Path) -> Summary | None:
-    """What the end of the file says of the rest, None where it cannot be read."""
+    """Summary section of the file, None where it cannot be read."""
     with path.open("rb") as stream:
         try:
             return make_reader(stream).get_summary()
@@ -119,7 +119,7 @@ def _summary(path: Path) -> Summary | None:
 
 
 def _is_whole(path: Path, messages: int) -> bool:
-    """Whether a reader that trusts the index finds the same number of messages as one that does not."""
+    """True where the index leads to as many messages as a scan finds."""
     with path.open("rb") as stream:
         try:
             reader = make_reader(stream, validate_crcs=True)

@@ -1,4 +1,4 @@
-"""An old recording rewritten as the newest version would have written it."""
+"""Upgrade of an old recording to the newest version of the format."""
 
 import json
 from collections.abc import Iterator
@@ -20,11 +20,11 @@ from app.recording.replace import replaced
 
 
 def renew(path: Path) -> bool:
-    """Make the recording at `path` one of the newest version; False where it was one already and stays as it is.
+    """Rewrite the recording at `path` in the newest version; False where it has that already and stays as it is.
 
-    Its labels, images, ids and log times stay; its SHA-256 is renewed where it was right. A cut leaves the old file or
-    the new one. Raises as `integrity.inspect`, and RecordingError where it is damaged, being written or cannot be
-    replaced.
+    Its labels, images, ids and log times stay; its SHA-256 is renewed where it was correct. An interruption leaves the
+    old file or the new one. Raises as `integrity.inspect`, and RecordingError where it is damaged, being written or
+    cannot be replaced.
     """
     version = version_of(inspect(path))
     if version == SCHEMA_VERSION:
@@ -42,7 +42,7 @@ def renew(path: Path) -> bool:
 
 
 def _records(path: Path, version: int) -> Iterator[McapRecord]:
-    """All that is in the file, with the schemas and messages of the newest version."""
+    """All records of the file, with the schemas and messages of the newest version."""
     changed, topics = changed_since(version), dict[int, str]()
     with path.open("rb") as stream:
         for record in StreamReader(stream, validate_crcs=True).records:
@@ -63,7 +63,7 @@ def _records(path: Path, version: int) -> Iterator[McapRecord]:
 
 
 def _described(channel: Channel) -> Iterator[McapRecord]:
-    """The channel with a schema of its own, that of the newest version."""
+    """The channel with its own schema of the newest version."""
     kind = KINDS[channel.topic]
     data = json.dumps(schema(record_of(kind)), allow_nan=False).encode()
     # No schema of the file has such a number.

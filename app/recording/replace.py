@@ -1,4 +1,4 @@
-"""Another file in place of a recording, at once: a cut leaves the old one or the new one, and never half of one."""
+"""Atomic replacement of a recording: an interruption leaves the old file or the new one."""
 
 import os
 import shutil
@@ -12,10 +12,11 @@ from app.recording.lock import held, locked
 
 @contextmanager
 def replaced(path: Path) -> Generator[tuple[Path, Path]]:
-    """The file at `path` (where a link leads) and a place beside it for the new one, which is put there at the end.
+    """The file at `path` (links resolved) and a path beside it for the new one, which replaces it at the end.
 
-    The new one is forced to the disk first, and has the old one's times and rights. Where anything is raised within,
-    the old one stays and nothing else does. Raises RecordingError where it is being written or the disk refuses.
+    The new one is forced to the disk first, and has the old one's times and permissions. Where anything is raised
+    within, the old one stays and nothing else does. Raises RecordingError where it is being written or the disk
+    refuses.
     """
     old = path.resolve()
     with locked(old.parent):

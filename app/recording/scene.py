@@ -34,13 +34,13 @@ def branch_lines(proposal: Proposal, stamp: Timestamp, frame: str) -> SceneUpdat
 
 
 def path_line(positions: np.ndarray, stamp: Timestamp, frame: str) -> SceneUpdate:
-    """Where the tool was [m], shape (T, 3)."""
+    """Line through the tool's positions [m], shape (T, 3)."""
     line = _line(positions, _EXECUTED, _THICK_PX)
     return _instead([SceneEntity(timestamp=stamp, frame_id=frame, id="executed", lines=[line])], stamp)
 
 
 def _instead(entities: list[SceneEntity], stamp: Timestamp) -> SceneUpdate:
-    """`entities` in place of all that the channel showed before."""
+    """`entities` in place of everything that the channel showed before."""
     return SceneUpdate(
         deletions=[SceneEntityDeletion(timestamp=stamp, type=SceneEntityDeletionType.All)], entities=entities
     )

@@ -1,4 +1,4 @@
-"""A folder of recordings: what each file is, read from its first and last bytes alone."""
+"""Index of a folder of recordings: the state of each file, read from its first and last bytes alone."""
 
 import json
 import math
@@ -20,19 +20,19 @@ from app.recording.label import LABEL, Label
 from app.recording.lock import held
 
 Condition: TypeAlias = Literal["whole", "recording", "cut off", "unreadable"]
-"""`recording`: somebody is writing it now; `unreadable`: damaged, another program's, or of a newer kind."""
+"""State of a file. `recording`: being written now; `unreadable`: damaged, another program's, or of a newer kind."""
 
 _FIRST_RECORDS: Final = 8
-"""Among so many is the metadata record of a recording that was cut off."""
+"""Number of records within which the metadata record of a truncated recording lies."""
 _NS: Final = 1e9
 
 
 @final
 @dataclass(frozen=True, kw_only=True)
 class Entry:
-    """One file. What could not be read is empty; `why` then says why.
+    """One file. Fields that could not be read are empty; `why` then gives the reason.
 
-    `began`: when it was started, in UTC; `duration_s` from its first message to its last; `counts`: messages by topic.
+    `began`: its start, in UTC; `duration_s` from its first message to its last; `counts`: messages by topic.
     """
 
     path: Path
@@ -47,27 +47,27 @@ class Entry:
 
     @property
     def task(self) -> str:
-        """Of what it is a recording."""
+        """Name of the recorded task."""
         return self.metadata.get("task", "")
 
     @property
     def pushes(self) -> int:
-        """How many actions were made in it, of which the object was seen before and after."""
+        """Number of actions whose object was observed before and after."""
         return max(self.counts.get(topic_of(kind), 0) for kind in (Outcome, Transition))
 
     @property
     def faults(self) -> int:
-        """How many things went wrong in it."""
+        """Number of recorded faults."""
         return self.counts.get(topic_of(Fault), 0)
 
     @property
     def demonstration(self) -> bool:
-        """Whether it was made to learn from: by a scripted expert or by hand."""
+        """True for a demonstration, by a scripted expert or by hand."""
         return bool(self._config.get("expert") or self._config.get("demonstration"))
 
     @property
     def session(self) -> str:
-        """The file of which it is a part, a demonstration or a clip; nothing where it stands for itself."""
+        """Name of the session's file that a demonstration or clip is a part of; empty for a recording of its own."""
         return str(self._config.get("session", ""))
 
     @property
@@ -80,11 +80,11 @@ class Entry:
 
     @property
     def said(self) -> str:
-        """The verdict of its label."""
+        """Verdict of its label, empty where there is none."""
         return self.label.said if self.label and self.label.said != "unlabelled" else ""
 
     def row(self) -> dict[str, Any]:
-        """It as plain values, for JSON."""
+        """The entry as plain values, for JSON."""
         return {
             "path": str(self.path),
             "condition": self.condition,
@@ -104,7 +104,7 @@ class Entry:
 
 
 def shelf(places: Iterable[Path]) -> Sequence[Entry]:
-    """The recordings that are named, and those in the folders that are named, oldest first.
+    """The named recordings, and those in the named folders, oldest first.
 
     Raises UsageError where there is no such file or folder.
     """
@@ -113,13 +113,13 @@ def shelf(places: Iterable[Path]) -> Sequence[Entry]:
         if not place.exists():
             raise UsageError.unknown("recording", str(place), map(str, place.parent.glob("*.mcap")))
         found = sorted(place.rglob("*.mcap")) if place.is_dir() else [place]
-        # Links within a folder lead to what is listed where it is, or belongs elsewhere.
+        # Links within a folder lead to files that are listed anyway, or belong elsewhere.
         paths |= {path.resolve(): path for path in found if path == place or (path.is_file() and not path.is_symlink())}
     return sorted((entry(path) for path in paths.values()), key=_age)
 
 
 def counted_once(paths: Sequence[Path]) -> Sequence[Path]:
-    """Those of `paths` that are no part of a session that is among them, too: what is in both shall count once."""
+    """`paths` without the parts of sessions that are among them: a push in both must count once."""
     sessions = {path.resolve() for path in paths}
     return [
         path for path in paths if not (name := entry(path).session) or path.resolve().with_name(name) not in sessions
@@ -127,7 +127,7 @@ def counted_once(paths: Sequence[Path]) -> Sequence[Path]:
 
 
 def entry(path: Path) -> Entry:
-    """What the file is; one that has gone or may not be looked at is unreadable."""
+    """State of the file; one that has gone or is not accessible is unreadable."""
     size_bytes = 0
     try:
         size_bytes = path.stat().st_size
@@ -170,7 +170,7 @@ def _whole(path: Path, size_bytes: int, metadata: Mapping[str, str]) -> Entry:
 
 
 def _begun(path: Path, size_bytes: int, condition: Condition, why: str) -> Entry:
-    """One without an end: what its first records say."""
+    """Entry of a file without an end, from its first records."""
     metadata, began = dict[str, str](), datetime.fromtimestamp(path.stat().st_mtime, UTC)
     with path.open("rb") as stream:
         try:

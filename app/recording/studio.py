@@ -26,10 +26,10 @@ from app.recording.writer import EpisodeRecorder, open_recording, start, unused
 
 @asynccontextmanager
 async def open_studio(folder: Path, episode: Episode, room: Room, *, take_bytes: int = 0) -> AsyncGenerator["Studio"]:
-    """A recorder as `open_recording` makes one, with demonstrations of up to `take_bytes` each, and clips.
+    """A recorder like `open_recording`, with demonstrations of up to `take_bytes` each, and clips.
 
-    A demonstration that is open when the context is left is closed and stays, unlabelled. Raises as `open_recording`,
-    and RecordingError on leaving where part of that demonstration was lost: the session's own file is whole then.
+    A demonstration that is open when the context is left is closed and kept, unlabelled. Raises as `open_recording`,
+    and RecordingError on leaving where part of that demonstration was lost: the session's own file is complete then.
     """
     take: EpisodeRecorder | None = None
     async with open_recording(folder, episode, room) as recorder:
@@ -45,9 +45,9 @@ async def open_studio(folder: Path, episode: Episode, room: Room, *, take_bytes:
 
 @final
 class Studio:
-    """Writes everything to the session's file, and to that of the demonstration that is open.
+    """Recorder into the session's file, and into that of the open demonstration.
 
-    `room`: what the session may take and must leave; a demonstration is expected to take `take_bytes`.
+    `room`: disk limits of the session; a demonstration is expected to take `take_bytes`.
     """
 
     def __init__(self, recorder: EpisodeRecorder, episode: Episode, room: Room, *, take_bytes: int) -> None:
@@ -70,21 +70,21 @@ class Studio:
 
     @property
     def written(self) -> int:
-        """How many messages are in the session's own file."""
+        """Number of messages in the session's own file."""
         return self._session.written
 
     async def write(self, message: Message) -> None:
         """Append a message. Raises RecordingError as `EpisodeRecorder.write`, for the session's own file alone."""
         async with self._in_turn:
             await self._session.write(message)
-            # What was on its way here as a demonstration began may be among what that began with.
+            # A message on its way when a demonstration began may be among its opening ones.
             if self._take is not None and message.id not in self._opening:
-                # What is lost of a demonstration is told when it ends. What is in the session shall be in it, too.
+                # Losses of a demonstration are reported when it ends. It must hold all that the session does.
                 with anyio.CancelScope(shield=True), suppress(RecordingError):
                     await self._take.write(message)
 
     async def begin(self, opening: Callable[[], Sequence[Message]]) -> Path:
-        """Start a file that begins with what `opening` says then, and gets everything that is recorded from now on.
+        """Start a file that begins with the messages of `opening`, and receives everything recorded from now on.
 
         Raises PreflightError where it does not fit on the disk, and RecordingError where one is open.
         """
@@ -104,7 +104,7 @@ class Studio:
             return take.path
 
     async def end(self, said: Literal["success", "failure"] | None, *, operator: str) -> None:
-        """Close the file with its label; None removes it: what it held is in the session's own recording.
+        """Close the file with its label; None removes it: its content is in the session's own recording.
 
         Raises RecordingError where none is open, or it cannot be written.
         """
@@ -116,10 +116,10 @@ class Studio:
                 await to_thread.run_sync(_end, take, said, operator)
 
     async def clip(self, duration_s: float) -> Path:
-        """The last `duration_s` of the session's recording as a file of its own, while it goes on.
+        """Write the last `duration_s` of the running session's recording to a file of its own.
 
         Raises PreflightError where it does not fit on the disk, and RecordingError where it cannot be written, or
-        `duration_s` is no time.
+        `duration_s` is not a positive time.
         """
         if not 0 < duration_s < math.inf:
             raise RecordingError(f"A clip of {duration_s:g} s cannot be; ask for a number of seconds, such as 30.")
@@ -137,7 +137,7 @@ class Studio:
         return await to_thread.run_sync(self._cut, cut, number, round(share * cut.size_bytes))
 
     async def close(self) -> EpisodeRecorder | None:
-        """End the demonstration that is open, without a label, and return it."""
+        """End the open demonstration, without a label, and return it."""
         async with self._one_at_a_time:
             take = await self._stopped()
             if take is not None:
@@ -145,7 +145,7 @@ class Studio:
             return take
 
     async def _stopped(self) -> EpisodeRecorder | None:
-        """The demonstration that was open, which gets nothing more."""
+        """The demonstration that was open; it receives nothing more."""
         async with self._in_turn:
             take, self._take = self._take, None
             return take
@@ -166,7 +166,7 @@ class Studio:
         return goal
 
     def _left(self, expected_bytes: int) -> Room:
-        """What one more file of so many bytes may take, where the session shall still find what it is expected to."""
+        """Disk limits of one more file of so many bytes that leave the session its expected size."""
         with suppress(OSError):
             expected_bytes += max(0, self._room.expected_bytes - self.path.stat().st_size)
         return replace(self._room, expected_bytes=expected_bytes)

@@ -1,4 +1,4 @@
-"""What recordings teach: in which situation what was done, towards which goal."""
+"""Demonstrations for imitation learning: each transition with its goal."""
 
 from dataclasses import dataclass
 from pathlib import Path
@@ -16,7 +16,7 @@ from app.recording.reader import read_messages
 @final
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Taught:
-    """A recording of `task`, whose SHA-256 is `digest`: its transitions in order, and the goal of each [m]."""
+    """Demonstrations of `task` in a recording (SHA-256 `digest`): transitions in order, and the goal of each [m]."""
 
     task: str
     digest: str
@@ -25,7 +25,7 @@ class Taught:
 
 
 def read_taught(path: Path) -> Taught:
-    """What is in the file. Raises as `read_messages`, and RecordingError where nothing was done towards a goal."""
+    """Demonstrations in the file. Raises as `read_messages`, and RecordingError where no action has a goal."""
     task, goal = "", np.zeros((0, 3), np.float32)
     transitions, goals = list[Transition](), list[Points]()
     for message in read_messages(path, [Episode, Goal, Transition]):

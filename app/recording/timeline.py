@@ -1,8 +1,8 @@
-"""A recording that can be entered at any moment: what was known then, and what came after.
+"""Random access to a recording: the state known at any moment, and the messages after it.
 
-Of what is large or often said (images, particles, plans, the arm) only the newest matters to somebody who looks at one
-moment; all else is a history, which is short, and kept in memory. So a jump reads a handful of messages, wherever they
-lie, and none of the images in between.
+Large or frequent kinds (images, particles, plans, the arm) matter by their newest message alone to a viewer of one
+moment; all other kinds are a short history, kept in memory. So a jump reads a handful of messages, wherever they lie,
+and none of the images in between.
 """
 
 import threading
@@ -51,7 +51,7 @@ NEWEST: Final = (
     GoalRequest,
     PictureGoalRequest,
 )
-"""Kinds of which an earlier message says nothing any more once there is another; of frames, another of its camera."""
+"""Kinds whose newest message supersedes the earlier ones; of frames, the newest of each camera."""
 
 _HISTORY: Final = tuple(kind for kind in TOPICS if kind not in NEWEST)
 _NS: Final = 1_000_000_000
@@ -59,7 +59,7 @@ _NS: Final = 1_000_000_000
 
 @contextmanager
 def open_timeline(path: Path, told: Callable[[float], object] = lambda _: None) -> Generator["Timeline"]:
-    """The timeline of the recording `path`, for as long as the block lasts; `told` hears what share has been read.
+    """The timeline of the recording `path`, for as long as the block lasts; `told` receives the share read so far.
 
     Raises as `read_messages`, and RecordingError where nothing was recorded.
     """
@@ -96,9 +96,9 @@ def _indexed(
 
 @final
 class Timeline:
-    """What a recording holds, by the seconds since its first message. Every method may be called from any thread.
+    """Content of a recording, by the seconds since its first message. Every method may be called from any thread.
 
-    `marks`: the moments worth a visit, in order; `models`: all versions of the model, in order.
+    `marks`: the events worth a visit, in order; `models`: all versions of the model, in order.
     """
 
     def __init__(
@@ -125,7 +125,7 @@ class Timeline:
         self.models = tuple(logged.message for logged in history if isinstance(logged.message, Model))
 
     def episode(self, time_s: float) -> Episode:
-        """What ran at `time_s`: imported recordings hold several. Raises RecordingError where nothing says so."""
+        """Episode at `time_s`: imported recordings hold several. Raises RecordingError where none is recorded."""
         known = [logged for logged in self._history if isinstance(logged.message, Episode)]
         begun = [logged for logged in known if logged.log_time_ns <= self._ns(time_s)] or known
         if not begun:
@@ -135,24 +135,24 @@ class Timeline:
         return message
 
     def clock(self, time_s: float) -> float:
-        """The monotonic time [s] of the machine that recorded, by which messages are dated, at `time_s`."""
+        """Monotonic time [s] of the recording machine, by which messages are dated, at `time_s`."""
         return (self._ns(time_s) - self._offset_ns) / _NS
 
     def at(self, time_s: float) -> list[Message]:
-        """What says all that was known at `time_s`, in order.
+        """Messages that make up the state known at `time_s`, in order.
 
-        Of large and frequent kinds that is the newest message, of frames the newest of each camera, of plans also the
-        one that the newest transition is about; of all other kinds, everything. Raises RecordingError where a part that
-        is needed is damaged.
+        For large and frequent kinds that is the newest message, for frames the newest of each camera, for plans also
+        the one that the newest transition is about; for all other kinds, everything. Raises RecordingError where a
+        needed part is damaged.
         """
         return self._gist(self._first_ns - 1, self._ns(time_s))
 
     def gist(self, after_s: float, until_s: float) -> list[Message]:
-        """What of `between(after_s, until_s)` still matters at `until_s`: what somebody who saw `at(after_s)` lacks."""
+        """Messages of `between(after_s, until_s)` that still matter at `until_s`, as an update of `at(after_s)`."""
         return self._gist(self._ns(after_s), self._ns(until_s))
 
     def between(self, after_s: float, until_s: float) -> list[Message]:
-        """Everything from later than `after_s` until `until_s`, in order. Raises as `at`."""
+        """Every message later than `after_s` until `until_s`, in order. Raises as `at`."""
         after_ns, until_ns = self._ns(after_s), self._ns(until_s)
         if until_ns <= after_ns:
             return []
@@ -180,13 +180,13 @@ class Timeline:
         return [logged.message for logged in sorted(picked, key=lambda logged: logged.log_time_ns)]
 
     def _newest(self, after_ns: int, until_ns: int) -> Iterator[tuple[type[Message], int]]:
-        """The kind and log time of each large message that still matters at `until_ns`."""
+        """Kind and log time of each large message that still matters at `until_ns`."""
         wanted = set[tuple[type[Message], int]]()
         for kind in NEWEST:
             for times in self._frames_ns if kind is Frame else (self._times.get(TOPICS[kind], ()),):
                 if (found := bisect_right(times, until_ns)) and times[found - 1] > after_ns:
                     wanted.add((kind, times[found - 1]))
-        # What a transition is compared with is the plan that was up then, and another may be up by now.
+        # A transition is compared with the plan that was up then; another may be up by now.
         seen_ns = max((time for kind, time in wanted if kind is Transition), default=after_ns)
         plans = self._times.get(TOPICS[Proposal], ())
         if (found := bisect_right(plans, seen_ns)) and plans[found - 1] > after_ns:

@@ -1,4 +1,4 @@
-"""What Foxglove shows of each message: images, clouds, poses, lines and log lines in its own schemas."""
+"""Foxglove views of each message: images, clouds, poses, lines and log lines in Foxglove's own schemas."""
 
 from typing import Protocol, TypeAlias, runtime_checkable
 
@@ -59,7 +59,7 @@ class Viewable(Protocol):
 
 
 View: TypeAlias = tuple[str, Viewable]
-"""A topic and what is written to it."""
+"""A topic and the Foxglove message for it."""
 
 WORLD = "world"
 _JPEG_QUALITY = 90
@@ -70,7 +70,7 @@ _XYZ = [
 
 
 def views(message: Message, epoch: Epoch) -> list[View]:
-    """The Foxglove messages to write along with `message`; none for what is numbers only."""
+    """The Foxglove messages to write along with `message`; none for messages of numbers only."""
     stamp = epoch.stamp(message.time_s)
     match message:
         case Frame():
@@ -125,7 +125,7 @@ def _frame(frame: Frame, stamp: Timestamp) -> list[View]:
 
 
 def _jpeg(color: np.ndarray) -> bytes:
-    """An RGB image `(height, width, 3)` as JPEG. Raises ValueError where OpenCV cannot make one."""
+    """An RGB image `(height, width, 3)` as JPEG. Raises ValueError where OpenCV cannot encode it."""
     done, data = cv2.imencode(".jpg", cv2.cvtColor(color, cv2.COLOR_RGB2BGR), [cv2.IMWRITE_JPEG_QUALITY, _JPEG_QUALITY])
     if not done:
         raise ValueError(f"an image of shape {color.shape} cannot be stored as JPEG")
@@ -187,7 +187,7 @@ def _quaternion(turn: Rotation) -> Quaternion:
 
 
 def _log(message: Message, stamp: Timestamp) -> list[View]:
-    """A line in Foxglove's log panel for what somebody said or did."""
+    """Line of Foxglove's log panel for an event or a request."""
     match message:
         case Notice():
             level, name, text = LogLevel.Info, message.where, message.text

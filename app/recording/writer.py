@@ -1,4 +1,4 @@
-"""The log of an episode: messages go into a bounded queue, and one thread encodes and writes them in order."""
+"""Recorder of an episode: messages go into a bounded queue, and one thread encodes and writes them in order."""
 
 import queue
 import re
@@ -25,10 +25,10 @@ from app.recording.names import numbered
 from app.recording.preflight import Room, check_folder
 
 FLUSH_PERIOD_S: Final = 0.25
-"""How long a written message may stay in this process, where a SIGKILL would take it."""
+"""Longest time [s] that a written message stays in this process, where a SIGKILL would lose it."""
 
 _BOUND: Final = 64
-"""Messages waiting for the writer thread, at most; images make it about 100 MB."""
+"""Capacity of the writer thread's queue; with images about 100 MB."""
 
 _END: Final = "end"
 
@@ -37,9 +37,9 @@ _END: Final = "end"
 async def open_recording(folder: Path, episode: Episode, room: Room) -> AsyncGenerator["EpisodeRecorder"]:
     """A recorder that writes a new file in `folder`, named by the time of day (UTC), the task and the seed.
 
-    The file is whole once the context is left, however it is left, and its SHA-256 is written down; where it is left by
-    an error before anything but the episode came into it, there is no file. Raises PreflightError before anything is
-    written where the folder cannot take a recording, and RecordingError on leaving where something was lost.
+    The file is complete once the context is left, however it is left, and its SHA-256 is stored; where an error ends it
+    before anything but the episode was written, there is no file. Raises PreflightError before anything is written
+    where the folder cannot take a recording, and RecordingError on leaving where something was lost.
     """
     file = await to_thread.run_sync(start, folder, episode, room)
     recorder, failed = EpisodeRecorder(file), True
@@ -57,7 +57,7 @@ async def open_recording(folder: Path, episode: Episode, room: Room) -> AsyncGen
 
 @final
 class EpisodeRecorder:
-    """Writes in the order of the calls and loses nothing: `write` waits while the queue is full.
+    """Lossless recorder in the order of the calls: `write` waits while the queue is full.
 
     `peak` is the longest the queue has been, `written` counts the messages in the file.
     """
@@ -95,7 +95,7 @@ class EpisodeRecorder:
             self.peak = max(self.peak, self._queue.qsize())
 
     async def flush(self) -> int:
-        """Wait until all that was written before is in the file, for whoever reads it; returns its size [byte] then.
+        """Wait until all that was written before is readable in the file; returns its size [byte] then.
 
         Raises RecordingError where something could not be written, or the file is closed.
         """
@@ -110,7 +110,7 @@ class EpisodeRecorder:
         return mark.size_bytes
 
     def finish(self) -> None:
-        """Write what is waiting and close the file. Blocks until that is done."""
+        """Write the queued messages and close the file. Blocks until that is done."""
         with self._ending:
             self._ended = True
             self._queue.put(_END)
@@ -118,12 +118,12 @@ class EpisodeRecorder:
 
     @property
     def empty(self) -> bool:
-        """Whether nothing but the episode was to come into the file."""
+        """True where the file received nothing but the episode."""
         return self.written <= 1 and self._failure is None
 
     def remove(self) -> None:
-        """Delete the closed file, and its checksum with it, as far as that can be."""
-        # What ended the episode is to be told, and not that nothing was left behind.
+        """Delete the closed file and its checksum, as far as possible."""
+        # The error that ended the episode matters, not a failure to clean up.
         with suppress(OSError, RecordingError):
             self.path.unlink(missing_ok=True)
             digests.forget(self.path)
@@ -162,7 +162,7 @@ class EpisodeRecorder:
 
     @contextmanager
     def _noting_failure(self) -> Generator[None]:
-        """Keep the first error for whoever writes next: the thread itself goes on, so that nobody waits for ever."""
+        """Keep the first error for the next write: the thread itself goes on, so that no caller waits for ever."""
         try:
             yield
         except BaseException as error:  # whatever is raised, a panic of the SDK too: a dead thread would lose the rest
@@ -173,7 +173,7 @@ class EpisodeRecorder:
                 )
 
     def _room_left(self) -> str:
-        """The free space on the disk in words, nothing where the folder is gone."""
+        """Free space on the disk in words, empty where the folder is gone."""
         with suppress(OSError):
             return f" ({shutil.disk_usage(self.path.parent).free / 1e9:.2f} GB free on its disk)"
         return ""
@@ -182,7 +182,7 @@ class EpisodeRecorder:
 @final
 @dataclass(frozen=True, kw_only=True, eq=False)
 class _Entry:
-    """A message and the monotonic time [s] at which it came."""
+    """A message and the monotonic time [s] of its arrival."""
 
     message: Message
     came_s: float
@@ -190,7 +190,7 @@ class _Entry:
 
 @final
 class _Mark:
-    """A place in the queue: once the thread is there, `reached`, and the size of the file [byte]."""
+    """A position in the queue: `reached` once the thread is there, with the size of the file [byte]."""
 
     def __init__(self) -> None:
         self.reached = threading.Event()
@@ -198,7 +198,7 @@ class _Mark:
 
 
 def start(folder: Path, episode: Episode, room: Room, *, part: str = "", epoch: Epoch | None = None) -> EpisodeFile:
-    """A new file in `folder`, which is checked first; `part` in its name says of what it is one. Raises PreflightError.
+    """A new file in `folder`, which is checked first; `part` is added to its name. Raises PreflightError.
 
     Without an `epoch`, messages are dated by this machine's clocks from now on.
     """
@@ -212,7 +212,7 @@ def start(folder: Path, episode: Episode, room: Room, *, part: str = "", epoch: 
 
 
 def unused(folder: Path, stem: str) -> Path:
-    """A path in `folder` that no file has, for the second episode within a second too."""
+    """An unused path in `folder`, also for a second episode within one second."""
     return next(path for name in numbered(stem) if not (path := folder / f"{name}.mcap").exists())
 
 

@@ -1,1 +1,1 @@
-"""Where frames come from and motions go: simulated, replayed or real."""
+"""Rigs, the sources of frames and the targets of motions: simulated, replayed or real."""

@@ -1,4 +1,4 @@
-"""Moving the tool by hand: what a browser says is held, the rules of the dead-man, and what the arm is told."""
+"""Teleoperation by jogging: the browser's samples, the rules of the dead-man, and the commands to the arm."""
 
 from app.teleop.pilot import Pilot
 

@@ -1,6 +1,6 @@
-"""The dead-man: the tool moves while something is held and the page is heard, and never again without a new press.
+"""The dead-man: the tool moves while a control is held and the page is heard, and never again without a new press.
 
-A pure state machine. Time is that of receiving, on this machine's clock; what a page says about time does not count.
+A pure state machine. Times are those of reception, on this machine's clock; a page's own times do not count.
 """
 
 import math
@@ -10,7 +10,7 @@ from typing import Final, final
 from app.teleop.sample import Sample
 
 GAP_S: Final = 0.150
-"""Between samples that come 33 ms apart; a hidden tab, a frozen page or a stuck network makes longer ones."""
+"""Longest gap between samples that come 33 ms apart; a hidden tab, a frozen page or a stuck network exceeds it."""
 LONGEST_HOLD_S: Final = 30.0
 AGAIN: Final = "release and press again"
 
@@ -18,9 +18,9 @@ AGAIN: Final = "release and press again"
 @final
 @dataclass(frozen=True, kw_only=True)
 class DeadMan:
-    """One page's dead-man, off at first. `why`: why it is off, in words.
+    """One page's dead-man, off at first. `why`: reason for being off, in words.
 
-    `pressed` and `sequence` are the greatest numbers heard; `since_s` is when the press began that is live.
+    `pressed` and `sequence` are the greatest numbers received; `since_s` is the start of the live press.
     """
 
     live: bool = False
@@ -31,7 +31,7 @@ class DeadMan:
     since_s: float = -math.inf
 
     def after(self, sample: Sample, now_s: float) -> "DeadMan":
-        """Once `sample` has been received at `now_s` [s]; unchanged by one that is late or comes a second time."""
+        """State after receiving `sample` at `now_s` [s]; unchanged by a late or repeated one."""
         if sample.sequence <= self.sequence:
             return self
         fresh, gap_s = sample.pressed > self.pressed, now_s - self.heard_s
@@ -47,5 +47,5 @@ class DeadMan:
         return heard
 
     def off(self, why: str) -> "DeadMan":
-        """Off until a new press."""
+        """Switched off until a new press."""
         return replace(self, live=False, why=why)

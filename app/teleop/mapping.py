@@ -1,4 +1,4 @@
-"""From what is held to a velocity of the tool."""
+"""Mapping of held controls to a velocity of the tool."""
 
 from typing import Final, TypeAlias
 
@@ -13,17 +13,17 @@ from app.core.types import ToolPose
 from app.teleop.sample import Axes, FrameName, Sample
 
 Place: TypeAlias = Float64[np.ndarray, "3"]
-"""Of the tool's tip [m], in the world frame."""
+"""Position of the tool's tip [m], in the world frame."""
 
 _APPROACH_HZ: Final = 3.0
-"""Speed over distance near an aim: from 0.3 m/s it slows down by 0.9 m/s^2, which is within what the arm may."""
+"""Speed over distance near a target: from 0.3 m/s it slows down by 0.9 m/s^2, within the arm's limits."""
 _OPENING_M_S: Final = 0.1
-"""At full speed a gripper of 85 mm is opened in about a second."""
+"""Opening speed at full deflection: a gripper of 85 mm opens in about a second."""
 _ARRIVED_M: Final = 5e-4
 
 
 def along(axes: Axes, frame: FrameName, speed: float, tool: ToolPose, limits: Limits) -> Jog:
-    """Along and about the axes of the frame, at the share `speed` of what the limits allow."""
+    """Velocity along and about the axes of the frame, at the share `speed` of the limits."""
     turned = _upright(tool) if frame == "tool" else Rotation.identity()
     way = np.array([axes.x, axes.y, axes.z])
     way = way / max(float(np.linalg.norm(way)), 1.0)
@@ -35,7 +35,7 @@ def along(axes: Axes, frame: FrameName, speed: float, tool: ToolPose, limits: Li
 
 
 def towards(aim: Place, speed: float, tool: ToolPose, limits: Limits) -> Jog:
-    """Straight to `aim` [m], slower near it, and nothing once it is there."""
+    """Velocity straight to `aim` [m], slower near it, and zero once there."""
     way = aim - tool[:3]
     away_m = float(np.linalg.norm(way))
     if away_m < _ARRIVED_M:
@@ -44,12 +44,12 @@ def towards(aim: Place, speed: float, tool: ToolPose, limits: Limits) -> Jog:
 
 
 def jog(sample: Sample, tool: ToolPose, aim: Place | None, limits: Limits) -> Jog:
-    """What the arm shall do for this sample: nothing where it is to go to an aim that there is not."""
+    """Command for this sample: zero where it goes to a target that is not set."""
     if not sample.towards:
         return along(sample.axes, sample.frame, sample.speed, tool, limits)
     return Jog() if aim is None else towards(aim, sample.speed, tool, limits)
 
 
 def _upright(tool: ToolPose) -> Rotation:
-    """How the tool has turned from pointing straight down."""
+    """Rotation of the tool from pointing straight down."""
     return Rotation.from_quat(tool[3:7], scalar_first=True) * Rotation.from_quat(TOOL_DOWN, scalar_first=True).inv()

@@ -1,4 +1,4 @@
-"""Who moves the tool by hand: samples of browsers in, jogs to the arm out, and what is done or why not in words."""
+"""Teleoperation controller: browser samples in, jogs to the arm out, and a status text for each."""
 
 import threading
 import time
@@ -21,9 +21,10 @@ NOT_HEEDED = f"the program is busy with something else: {AGAIN} in a moment"
 
 @final
 class Pilot:
-    """Called by the thread that hears the browsers; nothing of it waits for the program's event loop.
+    """Controller called by the thread that receives the samples; it never waits for the program's event loop.
 
-    `jog` hands a velocity to the arm and says whether it is heeded, `tool` is where the tool is; neither may block.
+    `jog` hands a velocity to the arm and returns True where it is accepted, `tool` is the tool's pose; neither may
+    block.
     """
 
     def __init__(
@@ -40,9 +41,10 @@ class Pilot:
         self._aim: mapping.Place | None = None
 
     def sample(self, operator: str, data: bytes, *, refused: str | None) -> str:
-        """Do what a browser's sample says; in words what is done, or why nothing is.
+        """Execute a browser's sample; returns its effect in words, or the reason for none.
 
-        `refused`: why this operator may move nothing now, None where he may. Whatever is refused wants a new press.
+        `refused`: reason why this operator may not move the arm now, None where allowed. Anything refused needs a new
+        press.
         """
         try:
             sample = read_sample(data)
@@ -62,17 +64,17 @@ class Pilot:
             return said
 
     def tool(self) -> ToolPose:
-        """Where the tool is."""
+        """Pose of the tool."""
         return self._tool()
 
     def aim(self, position: mapping.Place) -> None:
-        """Go to `position` [m] from now on where a browser says towards; the nearest in the workspace is meant."""
+        """Set the target of "towards" samples to `position` [m], clipped to the workspace."""
         if np.isfinite(position).all():
             box = self._limits.workspace
             self._aim = np.clip(position, box.low, box.high)
 
     def let_go(self, operator: str) -> None:
-        """A browser is heard no more; what it held is held no more, and if it comes back it has to press again."""
+        """Release an operator's controls after a disconnect; on return a new press is needed."""
         with self._lock:
             man = self._deadmen.get(operator, DeadMan())
             self._deadmen[operator] = man.off(f"the page was not heard: {AGAIN}")

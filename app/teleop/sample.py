@@ -1,4 +1,4 @@
-"""What a browser says thirty times a second while something is held. Read strictly: it comes from outside."""
+"""Samples that a browser sends thirty times a second while a control is held. Parsed strictly: they are untrusted."""
 
 from typing import Annotated, Literal, TypeAlias, final
 
@@ -10,12 +10,12 @@ from app.core.errors import ParameterError
 Deflection: TypeAlias = Annotated[float, Meta(ge=-1, le=1)]
 Count: TypeAlias = Annotated[int, Meta(ge=0, le=2**40)]
 FrameName: TypeAlias = Literal["world", "tool"]
-"""Along the axes of the world, or as the tool has turned from pointing straight down."""
+"""Frame of the axes: the world's, or rotated as the tool is from pointing straight down."""
 
 
 @final
 class Axes(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
-    """How far each axis is deflected: x, y, z; `yaw` about z; `grip` is positive where it opens."""
+    """Deflection of each axis: x, y, z; `yaw` about z; `grip` is positive where it opens."""
 
     x: Deflection = 0.0
     y: Deflection = 0.0
@@ -26,10 +26,11 @@ class Axes(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True
 
 @final
 class Sample(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
-    """What is held at one moment.
+    """State of the controls at one moment.
 
-    `held`: whether anything is, a gamepad's dead-man button too; `pressed` numbers the presses of a page and `sequence`
-    its samples; `speed` is the share of the arm's speed limit; `towards`: not along the axes but to the aim.
+    `held`: True while any is held, a gamepad's dead-man button too; `pressed` numbers the presses of a page and
+    `sequence` its samples; `speed` is the share of the arm's speed limit; `towards`: go to the target, not along the
+    axes.
     """
 
     axes: Axes = Axes()
@@ -45,7 +46,7 @@ _decoder = msgspec.json.Decoder(Sample)
 
 
 def read_sample(data: bytes) -> Sample:
-    """What was said. Raises ParameterError where it makes no sense, has a number out of its range, or says more."""
+    """Parsed sample. Raises ParameterError where it is malformed, has a number out of range, or unknown fields."""
     try:
         return _decoder.decode(data)
     except (msgspec.MsgspecError, ValueError, RecursionError) as error:

@@ -1,4 +1,4 @@
-"""Who may come in: the rules of the console's front door, as functions of request headers. Pure.
+"""Access control of the console, as functions of request headers. Pure.
 
 A page on another site can make the operator's browser send requests here, and a name under an attacker's control can be
 pointed at 127.0.0.1; so a request needs the token (as a cookie), a Host that is one of our names and, where it changes
@@ -16,9 +16,9 @@ LOOPBACK = ("127.0.0.1", "localhost", "::1")
 @final
 @dataclass(frozen=True, kw_only=True)
 class Access:
-    """The key to one console. `cookie` is the name under which the browser keeps the token.
+    """Credentials of one console. `cookie` is the name under which the browser keeps the token.
 
-    `names`: those under which the console answers; `secure`: over TLS alone.
+    `names`: host names that the console answers to; `secure`: over TLS alone.
     """
 
     token: str = field(repr=False)
@@ -27,12 +27,12 @@ class Access:
     secure: bool = False
 
     def knows(self, given: str | None) -> bool:
-        """Whether `given` is the token; takes equally long for every wrong one."""
-        # What is no UTF-8 in a header comes as surrogates.
+        """True where `given` is the token, in constant time."""
+        # Bytes of a header that are not UTF-8 arrive as surrogates.
         return hmac.compare_digest((given or "").encode(errors="surrogateescape"), self.token.encode())
 
     def refusal(self, *, host: str, origin: str | None, cookie: str | None, acts: bool) -> str | None:
-        """Why this request is refused, or None where it may pass. `acts`: a WebSocket or anything but a GET."""
+        """Reason why this request is refused, None where it may pass. `acts`: a WebSocket or anything but a GET."""
         if not self.answers_to(host):
             return "The console does not answer to this name."
         if origin is None and acts:
@@ -44,7 +44,7 @@ class Access:
         return None
 
     def answers_to(self, host: str) -> bool:
-        """Whether a Host header is ours. Any port will do: an SSH tunnel may use another one."""
+        """True where a Host header is ours, at any port: an SSH tunnel may use another one."""
         try:
             return urlsplit(f"//{host}").hostname in self.names
         except ValueError:

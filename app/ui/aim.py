@@ -1,4 +1,4 @@
-"""The handle with arrows in the scene: where the tool goes while somebody holds "Go there"."""
+"""The handle with arrows in the scene: the target of the tool while "Go there" is held."""
 
 from typing import Final, final
 
@@ -16,7 +16,7 @@ _SCALE_M: Final = 0.09
 
 @final
 class Aim:
-    """Shown in teleoperation alone, at first where the tool is. Whoever may move the tool may move it.
+    """Handle shown in teleoperation alone, at first at the tool. An operator who may move the tool may drag it.
 
     Painted by the painter's thread; dragged by viser's.
     """
@@ -36,7 +36,7 @@ class Aim:
         self._handle.on_update(self._dragged)
 
     def paint(self, board: Board) -> None:
-        """Show or hide it; put it back where somebody dragged it who may not."""
+        """Show or hide it; put it back where an operator dragged it without permission."""
         shown = board.teleoperated
         if shown and not self._handle.visible and board.arm is not None:
             self._put(board.arm.pose[:3])
@@ -50,7 +50,7 @@ class Aim:
             self._put(np.asarray(event.target.position, np.float64))
 
     def _put(self, position: np.ndarray) -> None:
-        """Viser's page keeps to the limits; another one may not."""
+        """Clip and set the position: viser's page keeps to the limits; another client may not."""
         if np.isfinite(position).all():
             self._at = np.clip(position, self._workspace.low, self._workspace.high)
             self._hand.aim(self._at)

@@ -1,8 +1,8 @@
-"""Viser, started on a loopback port of its own that serves nobody but our proxy.
+"""Viser, started on a loopback port of its own that serves our proxy alone.
 
 Viser has neither authentication nor an Origin check. Its websocket server calls back for each new connection before the
-first byte is sent or read; there a connection without our passphrase, a header that only the proxy knows, is closed.
-What an outsider still gets from this port is viser's public client page.
+first byte is sent or read; there a connection without our passphrase, a header that only the proxy knows, is closed. An
+outsider can still get viser's public client page from this port.
 
 This is the only module that touches viser's private parts (1.1.1): `ViserServer._websock_server`,
 `WebsockServer._live_connections`, `GuiApi._gui_input_handle_from_uuid` and `viser._messages`. Where a later version
@@ -44,7 +44,7 @@ class Backstage:
 
     @property
     def port(self) -> int:
-        """The loopback port that the operating system gave."""
+        """The loopback port assigned by the operating system."""
         return self.server.get_port()
 
     def close(self) -> None:
@@ -54,9 +54,9 @@ class Backstage:
             self.server.stop()
 
     def takes(self, data: bytes) -> bool:
-        """Whether viser can make a message of what a browser sent, and of its value what the widget holds.
+        """True where viser can parse a browser's message, and its value has the type of the widget's.
 
-        Viser makes a number of whatever it is sent for a slider, and prints a traceback where that fails.
+        Viser converts any value of a slider to a number, and prints a traceback where that fails.
         """
         if not understood(data):
             return False
@@ -67,13 +67,13 @@ class Backstage:
         return widget is None or _alike(message.updates["value"], widget.value)
 
     async def _check(self, client: WebsockClientConnection) -> None:
-        """Close a connection that did not come through the proxy, before it sees or says anything."""
+        """Close a connection that did not come through the proxy, before any message passes."""
         connection = self._connections[client.client_id]
         given = connection.request.headers.get(PROXY_HEADER, "") if connection.request else ""
         if hmac.compare_digest(given.encode(), self._passphrase.encode()):
             return
         await connection.close(_POLICY_VIOLATION, "Open the console at its printed URL.")
-        # What came in before the closing is still queued, and viser would read it next.
+        # Messages received before the closing are still queued, and viser would read them next.
         with suppress(ConnectionClosed):
             while True:
                 await connection.recv()
@@ -84,21 +84,21 @@ class _Unshared(viser.ViserServer):
     """Viser offers every client a public tunnel to itself; hiding the button does not withdraw the offer."""
 
     def request_share_url(self, verbose: bool = True) -> str | None:  # noqa: ARG002 (viser's signature)
-        """No tunnel."""
+        """Refuse the tunnel."""
         return None
 
 
 def understood(data: bytes) -> bool:
-    """Whether viser can make a message of what a browser sent."""
+    """True where viser can parse a browser's message."""
     try:
         Message.deserialize(data)
-    except Exception:  # Whatever it raises on bytes from outside, it would raise when it reads them.
+    except Exception:  # Any error on foreign bytes here would occur when it reads them.
         return False
     return True
 
 
 def _alike(value: object, held: object) -> bool:
-    """Whether `value` is a number where a number is held, and a list of them where several are."""
+    """True where `value` is a number for a held number, and a list of them for several."""
     if isinstance(held, tuple):
         known = cast(tuple[object, ...], held)
         return isinstance(value, list | tuple) and all(_alike(each, known[0]) for each in value if known)
@@ -111,13 +111,13 @@ async def _current_thread() -> int:
 
 @contextmanager
 def _muted(thread: int) -> Generator[None]:
-    """Drop what one thread prints: viser announces its own port, which is not where the operator is to go."""
+    """Drop the output of one thread: viser announces its own port, which is not the operator's."""
     with redirect_stdout(cast(TextIO, _Without(thread, sys.stdout))):
         yield
 
 
 class _Stream(Protocol):
-    """What is needed of standard output."""
+    """The part of standard output that is needed."""
 
     def write(self, text: str, /) -> int:
         """Write."""
@@ -126,14 +126,14 @@ class _Stream(Protocol):
 
 @final
 class _Without:
-    """A text stream that drops what one thread writes and passes everything else on."""
+    """A text stream that drops one thread's output and passes everything else on."""
 
     def __init__(self, thread: int, stream: _Stream) -> None:
         self._thread = thread
         self._stream = stream
 
     def write(self, text: str) -> int:
-        """Write, or pretend to."""
+        """Write, or drop the text of the muted thread."""
         return len(text) if threading.get_ident() == self._thread else self._stream.write(text)
 
     def __getattr__(self, name: str) -> object:

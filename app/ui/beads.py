@@ -1,4 +1,4 @@
-"""Particles as little spheres that all share one mesh."""
+"""Particle cloud as small spheres that share one mesh."""
 
 from typing import final
 
@@ -12,7 +12,7 @@ from app.ui import palette
 
 _RADIUS_M = 0.006
 _CROWD = 600
-"""Beyond so many particles the beads shrink, so that a crowd still shows its shape."""
+"""Number of particles from which the beads shrink, so that a crowd still shows its shape."""
 
 
 @final
@@ -52,14 +52,14 @@ class Beads:
         )
 
     def _colours(self, count: int, shaded: Bool[np.ndarray, " P"] | None) -> UInt8[np.ndarray, "N 3"]:
-        """Of each particle."""
+        """Colours of the particles."""
         colours = np.tile(palette.linear(self._colour), (count, 1))
         if shaded is not None and len(shaded) == count:
             colours[shaded] = palette.linear(palette.UNSEEN)
         return colours
 
     def clear(self) -> None:
-        """Draw none until the next `put`."""
+        """Remove the beads until the next `put`."""
         if self._handle is not None:
             self._handle.remove()
             self._handle = None

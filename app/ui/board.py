@@ -1,4 +1,4 @@
-"""What the console knows: one frozen value, folded over the messages. Pure, so that it can be tested without a browser.
+"""State of the console: one frozen value, folded over the messages. Pure, so that it can be tested without a browser.
 
 Folding is idempotent and tolerates echoes: the console notes its own STOP, Resume and decisions at once, and sees them
 again when the program puts them on record.
@@ -44,7 +44,7 @@ from app.recording.records import ApprovalRecord
 
 LOG_LENGTH = 8
 EDITED = "edit"
-"""Where a notice is from that says what came of an edited motion."""
+"""Source name of a notice on an edited motion."""
 _DECIDED_LENGTH = 64
 _MODELS_LENGTH = 64
 _COLOURS_LENGTH = 8
@@ -53,7 +53,7 @@ _COLOURS_LENGTH = 8
 @final
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Made:
-    """A motion that was made: the object before it, where that was expected to be after it, and where it was seen."""
+    """An executed motion: the object before it, its predicted and its observed state after it."""
 
     before: Points
     expected: Points
@@ -66,12 +66,11 @@ class Board:
     """The latest of everything, and the short histories that the plots and the log show.
 
     `pending` is the proposal that may be decided on; `shown` is the one that is drawn, which stays to be compared with
-    what came of it. `expected` is where the last push was predicted to leave the object, from when that has been seen
-    until the next push begins; `made` is the last one with what came of it. `edit` is what is being made of the pending
-    proposal; `refusal` is why the shown one came to nothing, until there is another. `losses` holds (model version,
-    one-step loss [m^2]); `models` the versions of this session, the newest last; `colours` those that the object was
-    looked for by, the ones in use last; `board_seen` and `placing` are of a camera's calibration. In a `replay` nothing
-    is decided.
+    its result. `expected` is the predicted object after the last push, from its observation until the next push begins;
+    `made` is the last motion with its result. `edit` is the edit of the pending proposal under way; `refusal` is the
+    reason why the shown one was dropped, until there is another. `losses` holds (model version, one-step loss [m^2]);
+    `models` the versions of this session, the newest last; `colours` the segmentation colours used, the current ones
+    last; `board_seen` and `placing` are of a camera's calibration. In a `replay` nothing is decided.
     """
 
     episode: Episode | None = None
@@ -110,66 +109,66 @@ class Board:
 
     @property
     def arm_mode(self) -> ArmMode | None:
-        """The arm's mode by whichever message is newer."""
+        """The arm's mode from the newer of its two messages."""
         if self.health is None or (self.arm is not None and self.arm.time_s >= self.health.time_s):
             return self.arm.mode if self.arm else None
         return self.health.arm_mode
 
     @property
     def stopped(self) -> bool:
-        """Whether a STOP is in force: pressed here and not resumed, or in force at the arm."""
+        """True while a STOP is in force: pressed here and not resumed, or in force at the arm."""
         return self.stop_s > self.resume_s or self.arm_mode in ("stopping", "stopped", "fault")
 
     @property
     def ahead(self) -> Points | None:
-        """Where the push that is shown is expected to leave the object, until that has been seen."""
+        """Predicted object after the shown push, until that has been observed."""
         predicted = self.shown.chosen.predicted if self.shown else None
         return None if predicted is self.expected else predicted
 
     @property
     def holder(self) -> str:
-        """Who has control; empty where nobody has."""
+        """Operator in control; empty where there is none."""
         return self.lease.holder if self.lease else ""
 
     def open_to(self, operator: str) -> bool:
-        """Whether nobody else has control."""
+        """True where no other operator has control."""
         return self.holder in ("", operator)
 
     @property
     def mode_now(self) -> ModeName | Literal["fault"] | None:
-        """What the program does by itself; a fault overrules every mode. None before anything was said."""
+        """Mode of operation; a fault overrides every mode. None before any message."""
         if self.fatal is not None or self.arm_mode == "fault":
             return "fault"
         return self.mode.mode if self.mode else None
 
     @property
     def teleoperated(self) -> bool:
-        """Whether the tool is moved by hand in the mode that the program is in."""
+        """True in the mode in which the tool is jogged."""
         return self.mode_now == "teleoperate"
 
     @property
     def demonstrating(self) -> bool:
-        """Whether a demonstration is being recorded."""
+        """True while a demonstration is being recorded."""
         return self.take is not None and self.take.state == "recording"
 
     @property
     def cleared(self) -> bool:
-        """Whether no checklist keeps anything from moving."""
+        """True where no open checklist forbids motions."""
         return self.checklist is None or self.checklist.passed
 
     @property
     def cleared_by_hand(self) -> bool:
-        """Whether no checklist keeps the tool from being moved by hand."""
+        """True where no open checklist forbids jogging."""
         return self.checklist is None or self.checklist.passed or self.checklist.by_hand
 
     @property
     def decidable(self) -> bool:
-        """Whether a decision on the pending proposal would mean anything now."""
+        """True where a decision on the pending proposal would have an effect now."""
         asked = self.cleared and (self.mode is None or self.mode.mode == "approve each")
         return self.pending is not None and asked and not self.stopped and self.fatal is None and not self.replay
 
     def after(self, message: Message) -> "Board":
-        """The board once `message` has been seen."""
+        """The board after `message`."""
         match message:
             case Frame():
                 return replace(self, frames={**self.frames, message.camera.name: message})
@@ -214,7 +213,7 @@ class Board:
             case ResumeRequest():
                 return replace(self, resume_s=max(self.resume_s, message.time_s))
             case Lease():
-                # The echo of one that has been followed by another gives nothing back.
+                # The echo of a superseded one restores nothing.
                 older = self.lease is not None and message.time_s < self.lease.time_s
                 return self if older else replace(self, lease=message)
             case Mode():
@@ -233,11 +232,11 @@ class Board:
                 return self
 
     def _showing(self, proposal: Proposal) -> "Board":
-        """The board on which that proposal may be decided."""
+        """The board with that proposal open to decision."""
         return replace(self, shown=proposal, pending=proposal, edit=None, refusal=None)
 
     def _learned(self, message: Transition) -> "Board":
-        """With what came of the last motion. Of one that was made by hand nothing was expected: nobody approved it."""
+        """The board with the result of the last motion. A jogged one has no prediction: it was not approved."""
         expected = self.shown.chosen.predicted if self.shown and message.executed.cause else None
         if expected is None:
             return replace(self, expected=None, made=None)
@@ -245,20 +244,20 @@ class Board:
         return replace(self, expected=expected, made=made)
 
     def _looking(self, message: Seen) -> "Board":
-        """With what was seen, and the colours that were looked for where these are others than before."""
+        """The board with a new segmentation, and its colours where they differ from the last ones."""
         colour = ColourRange.of(message.hue_deg, message.saturation, message.value)
         new = (colour,) if self.colours[-1:] != (colour,) else ()
         return replace(self, seen=message, colours=(*self.colours, *new)[-_COLOURS_LENGTH:])
 
     def _without(self, proposal_id: MessageId) -> "Board":
-        """The board on which that proposal can no longer be decided."""
+        """The board with that proposal closed to decision."""
         decided = (*self.decided, proposal_id)[-_DECIDED_LENGTH:]
         if self.pending is None or self.pending.id != proposal_id:
             return replace(self, decided=decided)
         return replace(self, decided=decided, pending=None, edit=None)
 
     def _logged(self, message: Notice | Fault) -> "Board":
-        """With the message in the log; one that names the pending proposal as its cause withdraws it."""
+        """The board with the message in the log; one that names the pending proposal as its cause withdraws it."""
         edit = None if message.where == EDITED else self.edit
         board = replace(self, log=(*self.log, message)[-LOG_LENGTH:], edit=edit)
         if isinstance(message, Notice) and self.shown is not None and self.shown.id in message.cause:

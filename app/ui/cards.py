@@ -1,4 +1,4 @@
-"""The texts of the panel as HTML: board in, string out. Pure. Every word that came from outside is escaped."""
+"""The texts of the panel as HTML: board in, string out. Pure. All external text is escaped."""
 
 import math
 from collections.abc import Iterable
@@ -11,18 +11,18 @@ from app.ui.board import Board
 from app.ui.drift import Moved
 
 _FAR = 0.5
-"""Share of what an object may move before a plan is refused that is worth a look."""
+"""Share of the allowed motion of an object, before its plan is refused, that deserves attention."""
 Tone: TypeAlias = Literal["", "ask", "go", "bad"]
 
 _SILENCE_S = 3.0
-"""Health comes twice a second; after this long without, the program is not well."""
+"""Time without a health message, which comes twice a second, after which the program counts as unwell."""
 _FRAME_LATE_S, _FRAME_LOST_S = 1.0, 5.0
 _ARM_PERIOD_LATE_S = 0.030
 _DISK_LOW_BYTES, _DISK_OUT_BYTES = 5e9, 1e9
 
 
 def mode(board: Board, now_s: float) -> str:
-    """What the program is doing now, in words, and what that asks of the operator."""
+    """Card of the program's current activity, in words, and of the action that it needs from the operator."""
     said, detail, tone = _mode(board, now_s)
     now, named = board.mode_now or "", escape(mode_name(board))
     return (
@@ -61,7 +61,7 @@ def _mode(board: Board, now_s: float) -> tuple[str, str, Tone]:
 
 
 def mode_name(board: Board) -> str:
-    """What the program does by itself, in two words."""
+    """Mode of operation, in two words."""
     if board.mode_now == "fault":
         return "Fault"
     if board.mode is None:
@@ -71,7 +71,7 @@ def mode_name(board: Board) -> str:
 
 
 def _replayed(board: Board) -> tuple[str, str, Tone]:
-    """What the program was doing then, which asks for nothing now."""
+    """Activity of the program at that time, which needs no action now."""
     doing = words.sentence(board.health.doing) if board.health else "Recorded without a word on what was being done"
     if board.fatal is not None:
         return "Fault: the program had ended", board.fatal.text, "bad"
@@ -94,13 +94,13 @@ def _latest_notice(board: Board) -> str:
 
 
 def you(name: str, key: str = "") -> str:
-    """What a browser is called; with the key by which what it sends on other ways is known."""
+    """Card with a browser's name; with the key that identifies it on other connections."""
     known = f' data-key="{escape(key)}"' if key else ""
     return f'<div class="dp"{known}><small>You are <b>{escape(name)}</b>.</small></div>'
 
 
 def control(board: Board) -> str:
-    """Who may command; anybody may stop."""
+    """Card of the operator in control; anybody may stop."""
     if board.replay:
         return "<div class='dp'><small>Nothing can move, and nobody needs control.</small></div>"
     if board.holder:
@@ -111,7 +111,7 @@ def control(board: Board) -> str:
 
 
 def plan(board: Board, now_s: float, moved: Moved | None = None) -> str:
-    """The card of the plan that is shown; `moved`: how far the object has since."""
+    """Card of the plan that is shown; `moved`: motion of the object since."""
     proposal = board.shown
     if proposal is None:
         return '<div class="dp"><small>No plan yet.</small></div>'
@@ -127,7 +127,7 @@ def plan(board: Board, now_s: float, moved: Moved | None = None) -> str:
 
 
 def _said_of(board: Board) -> str:
-    """What came of the plan, or is being made of it, in words."""
+    """Status of the plan or of its edit, in words."""
     if board.edit is not None:
         return '<p class="dp-refusal">The motion as you changed it is being simulated.</p>'
     return f'<p class="dp-refusal dp-warn">{escape(board.refusal.text)}</p>' if board.refusal else ""
@@ -157,7 +157,7 @@ def _plan_rows(proposal: Proposal, state: str, now_s: float, moved: Moved | None
 
 
 def health(board: Board, now_s: float) -> str:
-    """The health strip: ages, times, losses and drops, each coloured by whether it is well."""
+    """The health strip: ages, times, losses and drops, each coloured by its state."""
     seen = board.health
     if seen is None:
         return '<div class="dp"><small>No report yet.</small></div>'
@@ -189,7 +189,7 @@ def _health_rows(seen: Health, model: Model | None, silent_s: float) -> Iterable
 
 
 def _told(parameter: Parameter) -> bool:
-    """Whether it says anything: most effects of the simulator are at zero in most models."""
+    """True for an informative parameter: most effects of the simulator are at zero in most models."""
     return parameter.value != 0 or parameter.low < parameter.high
 
 
@@ -215,7 +215,7 @@ def log(board: Board, now_s: float) -> str:
 
 
 def episode(board: Board) -> str:
-    """What runs, with what, from which code."""
+    """Card of the episode: task, rig, seed and code version."""
     seen = board.episode
     if seen is None:
         return '<div class="dp"><small>No episode yet.</small></div>'
@@ -230,7 +230,7 @@ def episode(board: Board) -> str:
 
 
 def key() -> str:
-    """What the colours in the scene mean."""
+    """Legend of the colours in the scene."""
     entries = (
         ("", palette.OBSERVED, "observed"),
         ("", palette.UNSEEN, "hidden, where it was"),
@@ -251,11 +251,11 @@ def key() -> str:
 
 
 def table(rows: Iterable[tuple[str, str]]) -> str:
-    """Names and values, both HTML."""
+    """Table of names and values, both HTML."""
     return "<table>" + "".join(f"<tr><td>{name}</td><td>{value}</td></tr>" for name, value in rows) + "</table>"
 
 
 def toned(text: str, warn: bool, bad: bool) -> str:
-    """A text in the colour that says how things are."""
+    """Text in the colour of its state."""
     tone = "dp-bad" if bad else "dp-warn" if warn else ""
     return f'<span class="{tone}">{escape(text)}</span>' if tone else escape(text)

@@ -1,4 +1,4 @@
-"""The tab about the cell: each camera's picture with what it takes for the object, colours, clouds, messages."""
+"""The tab of the cell: each camera's picture with its segmentation, colours, clouds, messages."""
 
 from collections.abc import Iterable
 from datetime import UTC, date, datetime
@@ -21,7 +21,7 @@ from app.ui.tuning import Tuning
 
 _NONE: Final = "none"
 _LIVE_S: Final = 3.0
-"""A mask that is newer is of the picture that is shown, or will be in a moment."""
+"""Age of a mask up to which it belongs to the picture that is shown, or soon will."""
 _LARGE_PX: Final = 660.0
 _QUALITY: Final = 80
 
@@ -74,14 +74,14 @@ class Cell:
 
 @final
 class _Painted(NamedTuple):
-    """An image, what is to be tinted in it, thinned or not, and in which colour; painted as large as it is shown."""
+    """An image, the mask to tint, thinned or not, and the colour; painted at the displayed size."""
 
     image: ColourImage
     mask: Bool[np.ndarray, "_ _"] | None
     ink: palette.Colour
 
     def small(self) -> ColourImage:
-        """As large as the panel shows it."""
+        """The image at the size of the panel."""
         image = masks.thinned(self.image)
         if self.mask is None:
             return image
@@ -89,7 +89,7 @@ class _Painted(NamedTuple):
         return masks.tinted(image, masks.fitted(self.mask[::step, ::step], image.shape), self.ink)
 
     def whole(self) -> ColourImage:
-        """With all its pixels."""
+        """The image with all its pixels."""
         if self.mask is None:
             return self.image
         return masks.tinted(self.image, masks.fitted(self.mask, self.image.shape), self.ink)
@@ -97,7 +97,7 @@ class _Painted(NamedTuple):
 
 @final
 class View:
-    """One camera's picture and what is said of it."""
+    """One camera's picture and its caption."""
 
     def __init__(self, gui: viser.GuiApi, scene: Scene, frame: Frame) -> None:
         self._scene = scene
@@ -119,7 +119,7 @@ class View:
             self._scene.look(frame, masks.thinned(frame.color))
         mask_of = board.seen if masked and wanted is None else None
         live = mask_of is not None and now_s - mask_of.time_s < _LIVE_S
-        # With every mask comes a picture that it belongs to: drawing the two apart would show each picture twice.
+        # Every mask comes with its own picture: drawing the two apart would show each picture twice.
         drawn = (mask_of if live else frame, wanted, masked)
         if drawn != self._drawn:
             self._drawn = drawn
@@ -139,7 +139,7 @@ class View:
 
 @final
 class Large:
-    """A window of its own with one camera's picture in all its pixels; away while none is chosen."""
+    """A window of its own with one camera's picture in all its pixels; hidden while none is chosen."""
 
     def __init__(self, gui: viser.GuiApi) -> None:
         self._panel = gui.add_panel(visible=False)
@@ -149,7 +149,7 @@ class Large:
         self._drawn: _Painted | None = None
 
     def paint(self, view: View | None) -> None:
-        """Show what that view shows."""
+        """Show the picture of that view."""
         if self._panel.visible != (view is not None):
             self._panel.visible = view is not None
         if view is not None and view.painted is not self._drawn:

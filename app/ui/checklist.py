@@ -1,4 +1,4 @@
-"""The checklist before the first motion: what the program found, and a button for each thing that a person confirms."""
+"""The checklist before the first motion: the program's findings, and a button for each item to confirm by hand."""
 
 from html import escape
 from typing import Any, Final, final
@@ -21,7 +21,7 @@ _MARKS: Final = {True: "<b class='dp-good'>✓</b>", False: "<b class='dp-warn'>
 
 
 def card(board: Board) -> str:
-    """What has to be so before anything moves, and whether it is."""
+    """Card of the checklist's items and their state."""
     if board.checklist is None:
         return ""
     return f'<div class="dp">{"".join(map(_line, board.checklist.items))}</div>'
@@ -34,7 +34,7 @@ def _line(item: CheckItem) -> str:
 
 @final
 class ChecklistForm:
-    """A folder that is there while the checklist is open. Painted by the painter's thread alone."""
+    """Folder shown while the checklist is open. Painted by the painter's thread alone."""
 
     def __init__(self, gui: viser.GuiApi, desk: Desk) -> None:
         self._desk = desk
@@ -47,7 +47,7 @@ class ChecklistForm:
                 self._buttons[key].on_click(lambda event, key=key: self._confirm(event, key))
 
     def paint(self, board: Board) -> None:
-        """Bring it up to the board."""
+        """Update it to the board."""
         is_open = not board.cleared
         if self._place.visible != is_open:
             self._place.visible = is_open

@@ -1,4 +1,4 @@
-"""Clouds over the scene, to judge the cameras' places by: what each one sees, and the surface fused of them."""
+"""Point clouds over the scene, to check the cameras' poses by: each camera's, and the fused surface."""
 
 from typing import Final, Literal, NamedTuple, TypeAlias, final, get_args
 
@@ -17,7 +17,7 @@ SURFACE: Final = "fused surface"
 _MOST = 5000
 _POINT_M = 0.0025
 _BELOW_M, _ABOVE_M = -0.05, 0.6
-"""Between these heights there is the table and what stands on it; the rest is room, or no reading."""
+"""Range of heights of the table and the objects on it; the rest is background, or no reading."""
 
 
 class Cloud(NamedTuple):
@@ -39,7 +39,7 @@ class Clouds:
         self._drawn: dict[str, object] = {}
 
     def paint(self, board: Board) -> None:
-        """Draw what is switched on, where there is something newer; remove what is off."""
+        """Draw the enabled clouds, where there is something newer; remove the others."""
         show = self.cameras
         wanted = dict[str, tuple[object, Show]]()
         if show != "off":
@@ -56,7 +56,7 @@ class Clouds:
 
     @property
     def counts(self) -> dict[str, int]:
-        """How many points are drawn of what."""
+        """Number of drawn points of each cloud."""
         return {name: len(handle.points) for name, handle in self.handles.items()}
 
     def _draw(self, name: str, cloud: Cloud) -> None:
@@ -87,7 +87,7 @@ def _cloud(of: object, show: Show, number: int) -> Cloud:
 
 
 def readings(frame: Frame) -> Cloud:
-    """At most about 5000 readings of a camera, as points of the world with their colours, on the table and over it."""
+    """At most about 5000 readings of a camera on and over the table, as points of the world with their colours."""
     camera, step = frame.camera, max(round((frame.depth.size / _MOST) ** 0.5), 1)
     rows, columns = (axis.ravel() for axis in np.mgrid[: camera.height : step, : camera.width : step])
     z = frame.depth[rows, columns].astype(np.float64) * camera.depth_unit_m

@@ -49,15 +49,15 @@ class Console:
         self._requests = requests
 
     def show(self, message: Message) -> None:
-        """Put a message before the operator. Never blocks: the painter picks it up."""
+        """Show a message to the operator. Never blocks: the painter picks it up."""
         self._desk.show(message)
 
     def reset(self, messages: Iterable[Message]) -> None:
-        """Forget what was shown, and show these messages instead: a replay has jumped."""
+        """Replace the shown state by these messages: a replay has jumped."""
         self._desk.reset(messages)
 
     async def requests(self) -> AsyncIterator[Request]:
-        """What the operator asks for, in order."""
+        """The operator's requests, in order."""
         async for request in self._requests:
             yield request
 
@@ -77,11 +77,11 @@ async def open_console(
     timing: Timing | None = None,
     player: Player | None = None,
 ) -> AsyncGenerator[Console]:
-    """A console that serves until the block is left; `timing` says by what plans are refused, `limits` are drawn.
+    """A console that serves until the block is left; `timing` has the limits that refuse plans, `limits` are drawn.
 
-    `cell`: what is behind it; a replay has a `player`, by whose clock ages are. The arm's base is drawn where the
-    `table` says. `stop` tells the arm to stop: it is called from other threads than the caller's and must not block.
-    `hand` makes motion of what is held in the browser, where that is offered. `port` 0 takes a free one.
+    `cell`: the kind of cell behind it; a replay has a `player`, whose clock gives ages. The arm's base is drawn at the
+    `table`'s pose. `stop` tells the arm to stop: it is called from other threads than the caller's and must not block.
+    `hand` turns held controls into motion, where that is offered. `port` 0 takes a free one.
 
     Raises PreflightError where the port is taken, or `host` is no loopback address and there is no `tls`.
     """
@@ -116,7 +116,7 @@ async def open_console(
 
 
 def _post(loop: asyncio.AbstractEventLoop, requests: Lossless[Request], request: Request) -> None:
-    """Hand a request to the program, from any thread; a page that leaves when the program has ended tells nobody."""
+    """Hand a request to the program, from any thread; after the program's end it is dropped."""
     with suppress(RuntimeError):
         loop.call_soon_threadsafe(requests.put_nowait, request)
 
@@ -175,7 +175,7 @@ def _set_scene(
     timing: Timing,
     table: TablePlace,
 ) -> Painter:
-    """Furnish the server, and say who repaints it."""
+    """Build scene and panels on the server; returns their painter."""
     _greet(backstage.server, desk, badges, line)
     scene = Scene(backstage.server, limits, table)
     panel = Panel(backstage.server, desk, scene, timing)
@@ -195,7 +195,7 @@ def _set_scene(
 
 
 def _greet(server: viser.ViserServer, desk: Desk, badges: Badges, line: HandLine | None) -> None:
-    """Tell each browser who it is, as control and records name it; and the desk when it leaves."""
+    """Tell each browser its name for control and records, and the desk when it leaves."""
 
     def came(client: viser.ClientHandle) -> None:
         name = f"client {client.client_id}"

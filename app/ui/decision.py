@@ -1,4 +1,4 @@
-"""Approve, Reject and Resume, and who may press them.
+"""Approve, Reject and Resume, and the permission to press them.
 
 Every proposal gets buttons of its own, made when it appears and removed when it is gone. A press is therefore a
 decision on the plan that was on that browser's screen, however late it arrives: removed buttons have no effect.
@@ -15,7 +15,7 @@ from app.ui.desk import Desk
 
 _TAKE, _GIVE = "Take", "Release"
 _ARMING_S = 0.5
-"""New buttons take presses only after this long: the finger may have been on its way to the previous plan's."""
+"""Delay before new buttons take presses: a click may have been meant for the previous plan's."""
 
 
 @final
@@ -33,7 +33,7 @@ class DecisionForm:
         self._build(None)
 
     def paint(self, board: Board, now_s: float) -> None:
-        """Buttons for what can be decided now."""
+        """Update the buttons to the decisions that are possible now."""
         if self._resume.visible != (resumable := board.stopped and not board.replay):
             self._resume.visible = resumable
         self._control.paint(board)
@@ -75,7 +75,7 @@ class DecisionForm:
 
 @final
 class Control:
-    """Who has control, and the buttons to take it and to give it back. They never move the buttons below them."""
+    """The operator in control, and the buttons to take and release it. They never move the buttons below them."""
 
     def __init__(self, gui: viser.GuiApi, desk: Desk) -> None:
         self._held = gui.add_html(cards.control(desk.board))
@@ -88,12 +88,12 @@ class Control:
         buttons.on_click(pressed)
 
     def paint(self, board: Board) -> None:
-        """Say who has it."""
+        """Show the operator in control."""
         content = cards.control(board)
         if content != self._held.content:
             self._held.content = content
 
 
 def operator(event: viser.GuiEvent[Any]) -> str:
-    """How a decision names whoever made it: the browser's number within this run."""
+    """Name of an operator in decisions: the browser's number within this run."""
     return f"client {event.client_id}"

@@ -1,4 +1,4 @@
-"""The buttons that begin and end demonstrations, and that keep what was just recorded."""
+"""The buttons that begin and end demonstrations, and that keep the recent recording as a clip."""
 
 from typing import Any, Final, final
 
@@ -12,14 +12,14 @@ from app.ui.decision import operator
 from app.ui.desk import Desk
 
 _WANTED: Final = 10
-"""Demonstrations that a calibration wants (paper, section V)."""
+"""Demonstrations that a calibration needs (paper, section V)."""
 _CLIP_S: Final = 30.0
 _SUCCESS, _FAILURE, _REDO, _DISCARD = "Success", "Failure", "Redo", "Discard"
 _ACTS: Final[dict[str, TakeAct]] = {_SUCCESS: "success", _FAILURE: "failure", _REDO: "redo", _DISCARD: "discard"}
 
 
 def card(board: Board) -> str:
-    """Which demonstration is being recorded, and how many there are."""
+    """Card of the demonstration being recorded, and of the number so far."""
     take = board.take
     if take is None:
         said = "None yet."
@@ -46,7 +46,7 @@ class DemonstrationForm:
         clip.on_click(self._keep)
 
     def paint(self, board: Board) -> None:
-        """The buttons that mean something now."""
+        """Show the buttons that apply now."""
         content = card(board)
         if content != self._said.content:
             self._said.content = content

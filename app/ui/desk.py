@@ -1,7 +1,7 @@
-"""Where threads meet: the program shows messages, the operator presses buttons, the painter looks.
+"""Operator controller, the meeting point of threads: messages from the program, presses, and the painter.
 
-Everything here is short and under one lock; nothing waits. STOP reaches the arm in the thread that the press came in,
-before anything else is done.
+Everything here is short and under one lock; nothing waits. STOP reaches the arm in the thread of the press, before
+anything else is done.
 """
 
 import math
@@ -23,19 +23,19 @@ from app.ui.pace import Pace
 
 Place: TypeAlias = Float64[np.ndarray, "3"]
 _REFUSALS_EVERY_S = 10.0
-"""Somebody who knocks a thousand times is one line."""
+"""Interval between notices of refused requests, so that a flood of them is one line."""
 _COMMANDS_HZ, _COMMANDS_AT_ONCE = 2.0, 10.0
 _WORDS_HZ, _WORDS_AT_ONCE = 0.5, 5.0
-"""Of refusals that are told: whoever goes on pressing is not told each time."""
+"""Rate limit of refusal notices, so that repeated presses do not repeat them."""
 _IDLE_S = 60.0
-"""Control that was not used for so long may be taken by another."""
+"""Idle time after which another operator may take control."""
 
 
 @final
 class Desk:
-    """The board behind a lock, and what the operator's presses do. Every method may be called from any thread.
+    """The board behind a lock, and the effects of the operator's presses. Every method may be called from any thread.
 
-    `stop` tells the arm; it must not block. `post` hands a request to the program, in order, without blocking. On the
+    `stop` stops the arm; it must not block. `post` hands a request to the program, in order, without blocking. On the
     desk of a `replay` nobody commands, and there is nothing to stop.
     """
 
@@ -61,25 +61,25 @@ class Desk:
 
     @property
     def board(self) -> Board:
-        """What is known at this moment."""
+        """The present state of the console."""
         return self._board
 
     def show(self, message: Message) -> None:
-        """Fold a message in."""
+        """Fold a message into the board."""
         with self._lock:
             self._board = self._board.after(message)
         self.changed.set()
 
     def reset(self, messages: Iterable[Message]) -> None:
-        """Forget all that was shown, and fold in these messages instead."""
+        """Replace the board by a fold over these messages."""
         with self._lock:
             self._board = reduce(Board.after, messages, Board(replay=self._board.replay))
         self.changed.set()
 
     def stop(self, operator: str) -> None:
-        """Stop the arm, now and in this thread; then put it on record.
+        """Stop the arm, now and in this thread; then record it.
 
-        A held key presses STOP many times: each one reaches the arm, the first one the record.
+        A held key presses STOP many times: each one reaches the arm, the first one the recording.
         """
         if self._board.replay:
             return
@@ -90,7 +90,7 @@ class Desk:
                 self._issue(StopRequest(id=fresh_id("stop"), time_s=self.now(), operator=operator))
 
     def ask(self, request: Asked) -> bool:
-        """Ask the program for something; False where whoever asks may not."""
+        """Send a request to the program; False where the operator has no permission."""
         with self._lock:
             may = self._may(request.operator)
             if may:
@@ -98,7 +98,7 @@ class Desk:
             return may
 
     def resume(self, operator: str) -> None:
-        """Ask to go on; ignored where nothing is stopped."""
+        """Request to go on; ignored where nothing is stopped."""
         with self._lock:
             if self._board.stopped and self._may(operator):
                 self._issue(ResumeRequest(id=fresh_id("resume"), time_s=self.now(), operator=operator))
@@ -121,9 +121,9 @@ class Desk:
                 self._issue(decision)
 
     def edit(self, proposal: Proposal, branch: int, start: Place, end: Place, operator: str) -> None:
-        """Ask for the motion of a branch with its ends moved [m]; ignored unless that proposal is up for decision.
+        """Request the motion of a branch with its ends moved [m]; ignored unless that proposal is up for decision.
 
-        One change at a time: while one is being simulated, another is ignored.
+        One edit at a time: while one is being simulated, another is ignored.
         """
         request = EditRequest(
             id=fresh_id("edit"),
@@ -142,7 +142,7 @@ class Desk:
                 self._issue(request)
 
     def use_model(self, model: Model, source: str, *, operator: str) -> None:
-        """Ask to plan with this model from now on; `source` says where it is from, in words."""
+        """Request to plan with this model from now on; `source` is its origin, in words."""
         with self._lock:
             if self._may(operator):
                 self._issue(
@@ -157,7 +157,7 @@ class Desk:
                 )
 
     def use_colours(self, colour: ColourRange, *, operator: str) -> None:
-        """Ask to look for the object by these colours from now on."""
+        """Request to segment the object by these colours from now on."""
         with self._lock:
             if self._may(operator):
                 self._issue(
@@ -172,7 +172,7 @@ class Desk:
                 )
 
     def take(self, operator: str) -> None:
-        """Take control, where nobody else uses it."""
+        """Take control, where no other operator uses it."""
         with self._lock:
             holder = self._board.holder
             if holder == operator or not self._in_pace(operator):
@@ -185,13 +185,13 @@ class Desk:
                 self._lend(operator, f"from {holder}, who did not use it" if holder else "nobody had it")
 
     def release(self, operator: str) -> None:
-        """Give control back."""
+        """Release control."""
         with self._lock:
             if self._board.holder == operator and self._in_pace(operator):
                 self._lend("", f"{operator} gave it back")
 
     def left(self, operator: str) -> None:
-        """A browser has gone, and control with it; what it pressed and what comes only now has no effect."""
+        """Forget a browser that has left, and its control; its later presses have no effect."""
         with self._lock:
             self._gone.add(operator)
             self._paces.pop(operator, None)
@@ -199,12 +199,12 @@ class Desk:
                 self._lend("", f"{operator} has left")
 
     def tell(self, text: str) -> None:
-        """Something about control, for everybody to read."""
+        """Publish a notice about control."""
         with self._lock:
             self._tell(text)
 
     def hindrance(self, operator: str) -> str | None:
-        """Why `operator` may not move the tool by hand now, in words; None where he may, and uses his control by it."""
+        """Reason why `operator` may not jog now, in words; None where allowed, which counts as use of control."""
         with self._lock:
             why = _hindrance(self._board, operator) if operator not in self._gone else f"{operator} has left"
             if why is None:
@@ -212,7 +212,7 @@ class Desk:
             return why
 
     def _may(self, operator: str) -> bool:
-        """Whether `operator` may command now. Where nobody has control, whoever commands takes it."""
+        """True where `operator` may command now. Where nobody has control, the first to command takes it."""
         if not self._in_pace(operator):
             return False
         if not self._board.open_to(operator):
@@ -224,7 +224,7 @@ class Desk:
         return True
 
     def _in_pace(self, operator: str) -> bool:
-        """Whether `operator` is there, has something to command, and presses no faster than a person does."""
+        """True where `operator` is connected, not in a replay, and within the rate limit."""
         if operator in self._gone or self._board.replay:
             return False
         now_s = self.now()
@@ -235,7 +235,7 @@ class Desk:
         return allowed
 
     def _tell(self, text: str) -> None:
-        """Something about control, unless so much of it was told just now."""
+        """Publish a notice about control, unless too many were published just now."""
         if self._words.allows(self.now()):
             self._notice("control", text)
 
@@ -244,11 +244,11 @@ class Desk:
         self._issue(Lease(id=fresh_id("lease"), time_s=self.now(), holder=holder, why=why))
 
     def _notice(self, where: str, text: str) -> None:
-        """Something for everybody to read, which the program puts on record."""
+        """Publish a notice that the program records."""
         self._post(Notice(id=fresh_id("notice"), time_s=self.now(), where=where, text=text))
 
     def turned_away(self, why: str) -> None:
-        """Count somebody who was refused at the door; say so now and then."""
+        """Count a refused connection; report the counts now and then."""
         with self._lock:
             self._turned_away[why] = self._turned_away.get(why, 0) + 1
             if self.now() - self._told_s < _REFUSALS_EVERY_S:
@@ -264,7 +264,7 @@ class Desk:
 
 
 def _hindrance(board: Board, operator: str) -> str | None:
-    """Control is asked for and not taken by itself: a stick that hangs shall command nothing."""
+    """Reason against jogging on this board. Control is not taken implicitly: a stuck stick must command nothing."""
     if board.fatal is not None:
         return "the program has ended"
     if board.stopped:

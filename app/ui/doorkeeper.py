@@ -1,7 +1,7 @@
-"""What a browser may say to the console: the rules for messages through its websocket. Pure.
+"""Validation of messages from browsers through the websocket. Pure.
 
-Viser trusts its page: of a message that makes no sense it prints a traceback, and a number that is not finite goes as
-it came to whoever reads the widget. So every message is looked at before viser sees it.
+Viser trusts its page: on an invalid message it prints a traceback, and it passes a non-finite number on to the reader
+of the widget. So every message is checked before viser sees it.
 """
 
 import math
@@ -20,25 +20,26 @@ SPOKEN: Final = _DRAGS | {
     "ScenePointerMessage",
     "ViewerCameraMessage",
 }
-"""What viser's page says of the widgets that the console has. A new kind of widget may want another word."""
+"""Message types that viser's page sends for the console's widgets. A new kind of widget may need another."""
 AIM, DRAFT, ENDS = "/aim", "/draft/handle", ("/edit/start", "/edit/end")
 DRAGGED: Final = (AIM, DRAFT, *ENDS)
-"""What a browser may drag in the scene, by its name there."""
+"""Handles in the scene that a browser may drag, by name."""
 _FARTHEST = 3.0
-"""No handle is dragged farther from the robot's base on purpose [m]; of a turn no number is greater than 1."""
+"""Largest coordinate of a dragged handle from the robot's base [m]; no number of a quaternion exceeds 1."""
 _PLACES: Final = (("position", 3), ("wxyz", 4))
 _VALUE: Final = frozenset({"value"})
-"""What a browser may change of a widget: viser would set any other attribute of it as well, its callbacks too."""
+"""Attributes of a widget that a browser may change: viser would set any other as well, callbacks included."""
 
 STEADY_HZ, BURST = 200.0, 400.0
-"""Messages of one browser: a camera that is turned and a handle that is dragged send sixty a second each."""
+"""Rate limit of one browser's messages: a turned camera and a dragged handle send sixty a second each."""
 MOST_BYTES: Final = 64 * 1024
 _DEEPEST, _MOST_VALUES = 8, 1000
-"""The page's own messages are flat and short. All of this is read in the thread that STOP comes in by."""
+"""Limits of nesting and size: the page's own messages are flat and short. All are read in the thread that handles
+STOP."""
 
 
 def refusal(data: bytes, understood: Callable[[bytes], bool]) -> str | None:
-    """Why this message of a browser is not passed on, or None. `understood`: whether viser can make something of it."""
+    """Reason why a browser's message is not passed on, or None. `understood`: True where viser can parse it."""
     try:
         said: Any = msgspec.msgpack.decode(data)
     except (msgspec.MsgspecError, ValueError, RecursionError):
@@ -60,7 +61,7 @@ def refusal(data: bytes, understood: Callable[[bytes], bool]) -> str | None:
 
 
 def _drags(fields: dict[Any, Any]) -> bool:
-    """Whether it is of one of our handles, in the scene that all share, to a place near the table where it says one."""
+    """True for a drag of one of our handles in the shared scene, to a position near the table where it gives one."""
     known = fields.get("name") in DRAGGED and fields.get("owner", "") == ""
     return known and all(_vector(fields[key], length) for key, length in _PLACES if key in fields)
 
@@ -71,7 +72,7 @@ def _vector(said: Any, length: int) -> bool:
 
 
 def _sound(message: Any) -> bool:
-    """Whether every number is finite, and there are not too many of them in too many layers."""
+    """True where every number is finite, and their number and nesting are limited."""
     layer, counted = [message], 0
     for _ in range(_DEEPEST):
         inner = list[Any]()

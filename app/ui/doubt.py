@@ -1,4 +1,4 @@
-"""The texts about a model that may be wrong: the watch's card, and the verdict of a discovery. Pure, as `cards`."""
+"""Texts of the model monitor: the card of the change detection, and the verdict of a discovery. Pure, as `cards`."""
 
 import math
 from collections.abc import Iterable
@@ -18,13 +18,13 @@ _KINDS: Final = {
 }
 _ROWS = 6
 _MOST = 10.0
-"""Evidence beyond this many alarms is shown as so many."""
+"""Largest evidence shown, in alarm thresholds."""
 _LEAST = 0.01
 _MM = 1e3
 
 
 def watch(board: Board) -> str:
-    """Whether the model is still right, by how much the last push was off, and what is suspected."""
+    """Card of the change detection: the model's state, the last prediction error, and the suspected causes."""
     seen = board.watched
     if seen is None:
         return '<div class="dp"><small>Watched from the first push on.</small></div>'
@@ -63,7 +63,7 @@ def _suspected(seen: Watched) -> str:
 
 
 def verdict(board: Board) -> str:
-    """What a discovery concluded: its sentences, the causes by their probability, and the push that it asks for."""
+    """Card of a discovery's verdict: its sentences, the causes by probability, and the push that it asks for."""
     seen = board.verdict
     if seen is None:
         return (

@@ -1,4 +1,4 @@
-"""The drawer below the scene with what moves the tool by hand: buttons to hold, speed, frame. `jog.js` shows it."""
+"""The jog panel below the scene: buttons to hold, speed, frame. `jog.js` shows it."""
 
 from collections.abc import Iterable
 from typing import Final, TypeAlias
@@ -23,7 +23,7 @@ _TURNS: Final[tuple[_Button, ...]] = (
 
 
 def drawer() -> str:
-    """The drawer, hidden at first."""
+    """HTML of the panel, hidden at first."""
     return (
         '<section id="dp-jog" aria-label="Move the tool by hand" hidden>'
         f'<div class="dp-jog-keys">{_buttons(_WAYS)}</div><div class="dp-jog-keys two">{_buttons(_TURNS)}</div>'

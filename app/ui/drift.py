@@ -1,4 +1,4 @@
-"""How far the object has moved since the pending plan was made: what the approval gate will look at."""
+"""Motion of the object since the pending plan was made, as the approval gate will check it."""
 
 import math
 from dataclasses import dataclass
@@ -13,7 +13,7 @@ from app.ui.board import Board
 @final
 @dataclass(frozen=True, kw_only=True)
 class Moved:
-    """`drift_m` since a plan was made, NaN while nothing is pending; a plan is refused by the other two."""
+    """Drift since a plan was made, NaN while nothing is pending; the other two are the limits that refuse a plan."""
 
     drift_m: float
     max_drift_m: float
@@ -21,13 +21,13 @@ class Moved:
 
     @property
     def share(self) -> float:
-        """Of what is allowed."""
+        """Share of the allowed drift."""
         return self.drift_m / self.max_drift_m
 
 
 @final
 class Drift:
-    """Takes the distance once for every plan and sighting: that takes milliseconds. For the painter's thread alone."""
+    """Drift computed once for every plan and observation, as it takes milliseconds. For the painter's thread alone."""
 
     def __init__(self, timing: Timing) -> None:
         self._timing = timing
@@ -35,7 +35,7 @@ class Drift:
         self._drift_m = math.nan
 
     def since(self, board: Board) -> Moved:
-        """How far the object of the board has moved since the plan that is pending there was made."""
+        """Motion of the board's object since its pending plan was made."""
         pair = board.pending, board.particles
         if pair[0] is not self._pair[0] or pair[1] is not self._pair[1]:
             self._pair = pair

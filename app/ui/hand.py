@@ -1,6 +1,6 @@
-"""The way of jogs from a page to the arm: a websocket of its own, past viser and the program's event loop.
+"""Jog socket from a page to the arm: a websocket of its own, past viser and the program's event loop.
 
-Each browser is told a key of its own with its name, by which its jogs are known to be its.
+Each browser has a key of its own with its name, which identifies its jogs.
 """
 
 import asyncio
@@ -24,36 +24,37 @@ _MOST_LINES: Final = 16
 _INTRODUCTION_S: Final = 5.0
 _HEARTBEAT_S: Final = 20.0
 _CLOSING_S: Final = 1.0
-"""How long a browser that is hung up on is waited for: a new line of it waits as well."""
+"""Time limit for closing a browser's connection, which delays its next one."""
 _REFUSED: Final = 1008
 """WebSocket: policy violation."""
 
 
 class Hand(Protocol):
-    """Who makes motion of what operators hold. Called by viser's threads; nothing of it may block."""
+    """Executor of the operators' held controls. Called by viser's threads; nothing of it may block."""
 
     def sample(self, operator: str, data: bytes, *, refused: str | None) -> str:
-        """Heed what a browser said, unless `refused` says why not; answers in words what is done, or why nothing is."""
+        """Execute a browser's sample, unless `refused` gives a reason; returns its effect or the reason, in words."""
         ...
 
     def tool(self) -> ToolPose:
-        """Where the tool is."""
+        """Pose of the tool."""
         ...
 
     def let_go(self, operator: str) -> None:
-        """A browser is heard no more."""
+        """Release the controls of a browser that has left."""
         ...
 
     def aim(self, position: Float64[ndarray, "3"]) -> None:
-        """Where to go [m] when somebody holds what goes there."""
+        """Set the target [m] of "Go there"."""
         ...
 
 
 @final
 class HandLine:
-    """Serves `/jog`: a browser's key first, then samples; each is answered by what is done and where the tool is.
+    """Serves `/jog`: a browser's key first, then samples; each is answered by its effect and the tool's position.
 
-    `hindrance` says why an operator may move nothing now, or None; `refused` hears why somebody was turned away.
+    `hindrance` returns the reason why an operator may not jog now, or None; `refused` receives the reasons of refused
+    connections.
     """
 
     def __init__(
@@ -66,14 +67,14 @@ class HandLine:
         self._loop: asyncio.AbstractEventLoop | None = None
 
     def left(self, operator: str) -> None:
-        """Hang up on a browser that has gone. From any thread."""
+        """Close the connection of a browser that has left. From any thread."""
         websocket = self._open.get(operator)
         if websocket is not None and self._loop is not None:
             self._hand.let_go(operator)
             asyncio.run_coroutine_threadsafe(websocket.close(), self._loop)
 
     async def serve(self, request: web.Request) -> web.StreamResponse:
-        """One browser's line until either side hangs up; a new line of the same browser ends the old one."""
+        """Serve one browser until either side disconnects; a new connection of the same browser ends the old one."""
         if self._count >= _MOST_LINES:
             self._refused("Too many browsers at a time.")
             return web.Response(status=503, text="Too many browsers at a time.")
@@ -112,7 +113,7 @@ class HandLine:
                 self._hand.let_go(operator)
 
     async def _hear(self, key: str, operator: str, websocket: web.WebSocketResponse) -> None:
-        """Pass on each sample at once; those beyond the pace of a page are dropped, for late ones are worth nothing."""
+        """Pass on each sample at once; those beyond the rate of a page are dropped, as late ones are worthless."""
         pace = Pace(time.monotonic(), steady_hz=_STEADY_HZ, burst=_BURST)
         async for message in websocket:
             if self._badges.owner(key) is None:
@@ -131,7 +132,7 @@ class HandLine:
 
 
 async def _introduction(websocket: web.WebSocketResponse) -> str:
-    """The key that a page says first, or nothing."""
+    """The key that a page sends first, empty where none comes."""
     with anyio.move_on_after(_INTRODUCTION_S):
         message = await websocket.receive()
         if message.type is aiohttp.WSMsgType.TEXT:

@@ -1,4 +1,4 @@
-"""Images with what was taken for the object painted in. Pure."""
+"""Images with the object's segmentation painted in. Pure."""
 
 import numpy as np
 from jaxtyping import Bool, UInt8
@@ -27,18 +27,18 @@ def outline(mask: Bool[np.ndarray, "height width"]) -> Bool[np.ndarray, "height 
 
 
 def thinned(image: UInt8[np.ndarray, "height width 3"]) -> UInt8[np.ndarray, "rows columns 3"]:
-    """The image thinned to about the width that the panel shows."""
+    """The image thinned to about the width of the panel."""
     step = stride(image.shape[1])
     return np.ascontiguousarray(image[::step, ::step])
 
 
 def stride(width: int) -> int:
-    """Every so many pixels are left of an image that is so wide."""
+    """Stride that thins an image of this width to the panel's."""
     return max(width // PICTURE_WIDTH, 1)
 
 
 def fitted(mask: Bool[np.ndarray, "rows columns"], shape: tuple[int, ...]) -> Bool[np.ndarray, "height width"]:
-    """A mask that may have been thinned, spread over an image of this shape; empty where it is of another."""
+    """A mask, possibly thinned, enlarged to an image of this shape; empty where it is of another."""
     height, width = shape[:2]
     step = max(-(-width // max(mask.shape[1], 1)), 1)
     spread = np.repeat(np.repeat(mask, step, axis=0), step, axis=1)[:height, :width]

@@ -1,4 +1,4 @@
-"""A model of a file that somebody in a browser named: read only where it is one of this program's, and small."""
+"""Model files named by a browser: read only where they are models of this program, and small."""
 
 from pathlib import Path
 
@@ -7,14 +7,14 @@ from app.core.messages import Model
 from app.recording.model_file import load_model
 
 _MOST_BYTES = 1_000_000
-"""A model file has some kilobytes."""
+"""Size limit; a model file has some kilobytes."""
 
 
 def read_model(named: str, folder: Path, *, task: str, time_s: float) -> Model:
-    """The model in the file `named`, a path within `folder`, as a message of now.
+    """The model in the file `named`, a path within `folder`, as a message dated `time_s`.
 
-    Raises UsageError where it is not within the folder, not there, not a TOML file, too large or of another task, and
-    RecordingError where it is not a model. Whoever has the page may name files, so no other file is ever opened.
+    Raises UsageError where it is not within the folder, missing, not a TOML file, too large or of another task, and
+    RecordingError where it is not a model. Any user of the page may name files, so no other file is ever opened.
     """
     inside = folder.resolve()
     path = _found(inside, named.strip())
@@ -26,7 +26,7 @@ def read_model(named: str, folder: Path, *, task: str, time_s: float) -> Model:
 
 
 def _found(folder: Path, named: str) -> Path | None:
-    """The plain .toml file of that name within the folder, wherever links lead to."""
+    """The plain .toml file of that name within the folder, with links resolved."""
     try:
         path = (folder / named).resolve()
         return path if path.is_relative_to(folder) and path.suffix == ".toml" and path.is_file() else None

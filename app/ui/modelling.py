@@ -1,4 +1,4 @@
-"""The tab about the model: what is estimated, whether it predicted the last motion, and which version to plan with."""
+"""The tab of the model: its estimates, its prediction of the last motion, and the version to plan with."""
 
 from collections.abc import Iterable
 from html import escape
@@ -22,13 +22,13 @@ from app.ui.text import Text
 
 _NONE: Final = "none"
 _NUMBERS_PX: Final = 64.0
-"""Room for what stands at the axis, such as a stiffness in pascals."""
+"""Width for the axis numbers, such as a stiffness in pascals."""
 _FILE: Final = "discovery/model.toml"
 
 
 @final
 class Modelling:
-    """Drawn into the container that is open when this is made. `folder`: within which model files may be named."""
+    """Drawn into the container that is open when this is made. `folder`: root of the model files that may be named."""
 
     def __init__(self, gui: viser.GuiApi, desk: Desk, folder: Path) -> None:
         self._gui, self._last = gui, Board()
@@ -41,7 +41,7 @@ class Modelling:
         self._course = Course(gui)
 
     def paint(self, board: Board) -> None:
-        """Bring the tab up to the board."""
+        """Update the tab to the board."""
         last, self._last = self._last, board
         self._summary.put(models.summary(board))
         if board.models is not last.models:
@@ -76,13 +76,13 @@ class Versions:
         self._form.on_submit(self._loaded)
 
     def paint(self, board: Board) -> None:
-        """Offer what there is."""
+        """Offer the available versions."""
         if board.models is not self._shown:
             following = self._model(self._chosen.value) in (None, *self._shown[-1:])
             self._shown = board.models
             labels = tuple(map(label, reversed(board.models)))
             self._chosen.options, self._other.options = labels or _or_none(()), _or_none(labels)
-            if following:  # Nobody chose another than the newest.
+            if following:  # The newest is still chosen.
                 self._chosen.value = self._chosen.options[0]
         chosen, other = self._model(self._chosen.value), self._model(self._other.value)
         self._difference.put(models.compared(chosen, other) if chosen and other else "")
@@ -99,7 +99,7 @@ class Versions:
             self._desk.use_model(model, f"version {model.version}", operator=operator(event))
 
     def _loaded(self, event: viser.GuiEvent[Any]) -> None:
-        """Read the file, in this thread of viser's, which waits for nothing else."""
+        """Read the file in this thread of viser's, which blocks nothing else."""
         episode, named = self._desk.board.episode, self._file.value
         if episode is None:
             self._answer.put(_answer("The program has not begun yet; try again in a moment.", "dp-warn"))
@@ -149,7 +149,7 @@ class Course:
         self._last = Board()
 
     def paint(self, board: Board) -> None:
-        """Redraw what grew, or what another parameter was chosen for."""
+        """Redraw plots with new data, or of another chosen parameter."""
         last, self._last = self._last, board
         if board.losses is not last.losses:
             if board.losses:
@@ -175,7 +175,7 @@ def course(versions: tuple[Model, ...], name: str) -> tuple[np.ndarray, np.ndarr
 
 
 def label(model: Model) -> str:
-    """How a version is called in a list."""
+    """Name of a version in a list."""
     return f"version {model.version}, {words.distance(model.loss_m2)}"
 
 

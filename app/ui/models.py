@@ -1,4 +1,4 @@
-"""The texts about models as HTML: their parameters, how two of them differ, and the last motion as it was predicted.
+"""The texts about models as HTML: their parameters, the differences of two, and the last motion and its prediction.
 
 Pure, as `cards`.
 """
@@ -16,11 +16,11 @@ from app.ui.cards import table
 _MM: Final = 1e3
 _PICTURE_WIDTH, _MARGIN = 300.0, 8.0
 _DOTS = 250
-"""Of each cloud in the picture: more would not be told apart."""
+"""Points of each cloud in the picture: more would not be told apart."""
 
 
 def summary(board: Board) -> str:
-    """Which version is in use, what it is from, and whether another is being made."""
+    """Card of the version in use, its source, and a calibration under way."""
     model = board.model
     if model is None:
         return '<div class="dp"><small>No model yet.</small></div>'
@@ -48,7 +48,7 @@ def _parameter_rows(model: Model, before: Model | None, names: Sequence[str]) ->
 
 
 def told(models: Sequence[Model]) -> tuple[str, ...]:
-    """The names of what was estimated or has changed in any of these models; where nothing was, of what is not zero."""
+    """Names of the parameters estimated or changed in any of these models; else of those that are not zero."""
     entries = [(each, model) for model in models for each in (*model.parameters, *model.apparatus)]
     names = tuple(dict.fromkeys(each.name for each, _ in entries))
     values = {name: {each.value for each, _ in entries if each.name == name} for name in names}
@@ -63,7 +63,7 @@ def parameter(model: Model, name: str) -> Parameter | None:
 
 
 def compared(one: Model, other: Model) -> str:
-    """Both versions side by side: values, the change in per cent, and whether their intervals overlap."""
+    """Both versions side by side: values, the change in per cent, and the overlap of their intervals."""
     names = told((one, other))
     head = f"<tr><td></td><td>version {one.version}</td><td>version {other.version}</td><td></td></tr>"
     rows = "".join(_compared_row(name, parameter(one, name), parameter(other, name)) for name in names)
@@ -81,7 +81,7 @@ def _compared_row(name: str, one: Parameter | None, other: Parameter | None) -> 
 
 
 def _overlap(one: Parameter, other: Parameter) -> str:
-    """Whether the 90 % intervals have anything in common, where both are estimates."""
+    """Note on the overlap of the 90 % intervals, where both are estimates."""
     if not (one.low < one.high and other.low < other.high):
         return ""
     return "intervals overlap" if one.low <= other.high and other.low <= one.high else "intervals apart"
@@ -92,7 +92,7 @@ def _change(before: Parameter, after: Parameter) -> str:
 
 
 def last_motion(board: Board) -> str:
-    """How far off the last motion's prediction was, and a picture of it from above."""
+    """Card of the last motion's prediction error, with a picture of it from above."""
     if board.made is None:
         return '<div class="dp"><small>After the first motion.</small></div>'
     seen = board.watched
@@ -108,7 +108,7 @@ def last_motion(board: Board) -> str:
 
 
 def top_view(made: Made) -> str:
-    """The object from above, in the table's x (up) and y (left): before, as expected, as seen."""
+    """The object from above, in the table's x (up) and y (left): before, as expected, as observed."""
     clouds = [cloud[:: max(len(cloud) // _DOTS, 1)] for cloud in (made.before, made.expected, made.after)]
     corners = [(cloud.min(axis=0), cloud.max(axis=0)) for cloud in clouds if len(cloud)]
     if not corners:

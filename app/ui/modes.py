@@ -1,4 +1,4 @@
-"""The buttons that choose what the program does by itself, and that end it."""
+"""The buttons that choose the mode of operation, and that end the session."""
 
 from typing import Any, Final, final
 
@@ -29,7 +29,7 @@ class ModeForm:
                 self._ask(event, _PRESSED[event.target.value])
 
         buttons.on_click(pressed)
-        # In a form the page would lose what is typed within 50 ms of a press, and Enter would move the arm.
+        # In a form the page would lose input within 50 ms of a press, and Enter would move the arm.
         motions = gui.add_number("Motions", _FIRST, min=1, max=_MOST, step=1)
         start = gui.add_button(_automatically(_FIRST), color="gray", icon=viser.Icon.PLAYER_TRACK_NEXT)
         self._sure = gui.add_button("", color="red", icon=viser.Icon.ALERT_TRIANGLE, visible=False)
@@ -49,14 +49,14 @@ class ModeForm:
         self._sure.on_click(self._confirmed)
 
     def paint(self, board: Board) -> None:
-        """What somebody was asked who has no control any more is asked no more."""
+        """Withdraw the confirmation of an operator who has lost control."""
         if self._asked is not None and self._asked[0] != board.holder:
             self._asked = None
         if self._sure.visible != (self._asked is not None):
             self._sure.visible = self._asked is not None
 
     def _make_sure(self, who: str, motions: int) -> None:
-        """Ask whoever has control whether he means it, with the number that he then gets: the field is everybody's."""
+        """Ask the operator in control for confirmation, with the number that counts: all browsers share the field."""
         if self._desk.board.holder != who:
             self._desk.tell(f"{who} has no control; take it first.")
             return
@@ -72,7 +72,7 @@ class ModeForm:
 
     @property
     def _real(self) -> bool:
-        """Whether something real moves."""
+        """True where something real moves."""
         episode = self._desk.board.episode
         return episode is None or not episode.simulated
 
@@ -90,13 +90,13 @@ class ModeForm:
 
 
 def _automatically(motions: int) -> str:
-    """With the number that arrived here: the page drops what is typed less than 50 ms before a press."""
+    """Label with the number received here: the page drops input less than 50 ms before a press."""
     return f"Make {words.motions(motions)} automatically"
 
 
 @final
 class EndButton:
-    """Ends the session, once it is said twice."""
+    """Button that ends the session, after confirmation."""
 
     def __init__(self, gui: viser.GuiApi, desk: Desk) -> None:
         sure = gui.add_checkbox("End the session", initial_value=False, hint="Closes the recording and the program")

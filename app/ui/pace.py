@@ -1,24 +1,24 @@
-"""How fast somebody may go: a bucket of permits that fills up steadily. Pure; whoever calls owns the clock."""
+"""Rate limiter: a token bucket that fills up steadily. Pure; the caller owns the clock."""
 
 from typing import final
 
 
 @final
 class Pace:
-    """`steady_hz` a second for as long as one likes, `burst` at once after a pause."""
+    """Limit of `steady_hz` a second, with `burst` at once after a pause."""
 
     def __init__(self, now_s: float, *, steady_hz: float, burst: float) -> None:
         self._steady_hz, self._burst = steady_hz, burst
         self._left, self._last_s = burst, now_s
 
     def wait_s(self, now_s: float) -> float:
-        """Count one; how long to wait before the next [s]."""
+        """Count one; returns the time to wait before the next [s]."""
         self._fill(now_s)
         self._left -= 1.0
         return max(0.0, -self._left / self._steady_hz)
 
     def allows(self, now_s: float) -> bool:
-        """Whether one more is within the pace; it counts where it is."""
+        """True where one more is within the limit; it is then counted."""
         self._fill(now_s)
         allowed = self._left >= 1.0
         self._left -= float(allowed)

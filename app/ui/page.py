@@ -1,7 +1,7 @@
-"""The page around viser's own: a bar with the name, what is behind it, and STOP, above everything and never movable.
+"""The page around viser's own: a bar with the name, the kind of cell, and STOP, above everything and never movable.
 
-Viser is told to leave room for a title bar (`theme`), and ours lies there. The bar works without viser: STOP is a
-request of its own, and it says so in red where that request fails.
+Viser's theme leaves room for a title bar, and ours lies there. The bar works without viser: STOP is a request of its
+own, and it turns red where that request fails.
 """
 
 from collections.abc import Mapping
@@ -37,8 +37,8 @@ ENTERING: Final = """<!doctype html><meta charset="utf-8"><title>dipac</title>
 
 
 Cell: TypeAlias = Literal["simulated", "replayed", "real", "replay"]
-"""What is behind the console: an arm that moves in a simulation alone, seen by simulated cameras or by recorded ones
-that do not see it; a real one; or a recording and nothing else."""
+"""Kind of cell behind the console: a simulated arm, with simulated cameras or recorded ones that do not see it; a
+real one; or a recording alone."""
 
 _BANNERS: Final[Mapping[Cell, tuple[str, str]]] = {
     "simulated": ("SIMULATED", "nothing real moves"),
@@ -51,7 +51,7 @@ _BANNERS: Final[Mapping[Cell, tuple[str, str]]] = {
 @final
 @dataclass(frozen=True, kw_only=True)
 class Page:
-    """What the bar says. `jogging`: whether the tool can be moved by hand from here."""
+    """Content of the bar. `jogging`: True where the tool can be jogged from here."""
 
     title: str
     cell: Cell
@@ -85,7 +85,7 @@ class Page:
 
 
 def refused(reason: str) -> str:
-    """The page for whoever has no token."""
+    """The page for a visitor without the token."""
     return (
         '<!doctype html><meta charset="utf-8"><title>dipac: not admitted</title>'
         '<body style="font:16px/1.5 system-ui,sans-serif;max-width:34rem;margin:18vh auto;padding:0 1rem">'

@@ -1,7 +1,7 @@
-"""The painter: a thread that puts the board on the screen, at most twelve times a second.
+"""Render loop: a thread that paints the board at most twelve times a second.
 
-Between two strokes any number of messages may come in; what is painted is what is known then. So a flood of messages
-costs a lock each, and neither the program's loop nor a slow browser waits for the other.
+Any number of messages may come in between two frames; the latest state is painted. So a flood of messages costs a lock
+each, and neither the program's loop nor a slow browser waits for the other.
 """
 
 import logging
@@ -15,7 +15,7 @@ from app.ui.desk import Desk
 
 _PERIOD_S = 1 / 12
 _IDLE_S = 0.25
-"""Ages tick on the screen even when nothing comes in."""
+"""Period without news: ages tick on the screen all the same."""
 
 _log = logging.getLogger(__name__)
 
@@ -32,11 +32,11 @@ class Painter:
         self._failed: str | None = None
 
     def start(self) -> None:
-        """Begin."""
+        """Start the thread."""
         self._thread.start()
 
     def close(self) -> None:
-        """Finish the stroke and end."""
+        """Finish the frame and end."""
         self._ended.set()
         self._desk.changed.set()
         if self._thread.is_alive():
@@ -54,7 +54,7 @@ class Painter:
             self._desk.changed.wait(0.0 if moving else _IDLE_S)
 
     def _report(self, error: Exception) -> None:
-        """A picture that cannot be painted must not stop the painter, and must not go unseen; said once."""
+        """Report an error of painting once: it must not stop the painter, nor go unseen."""
         text = f"{type(error).__name__}: {error}"
         if text != self._failed:
             self._failed = text

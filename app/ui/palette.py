@@ -1,4 +1,4 @@
-"""The colours of the scene, told apart also by colour-blind eyes and on dark and light ground (after Okabe and Ito)."""
+"""Colours of the scene, distinguishable for colour-blind eyes and on dark and light ground (after Okabe and Ito)."""
 
 from typing import Final, TypeAlias
 
@@ -9,7 +9,7 @@ Colour: TypeAlias = tuple[int, int, int]
 
 OBSERVED: Final[Colour] = (240, 138, 36)
 UNSEEN: Final[Colour] = (150, 104, 62)
-"""Of what is hidden: as what is observed, in shade."""
+"""Colour of hidden particles: that of observed ones, in shade."""
 GOAL: Final[Colour] = (0, 158, 115)
 PREDICTED: Final[Colour] = (86, 180, 233)
 HORIZON: Final[Colour] = (150, 120, 220)
@@ -34,14 +34,14 @@ _CAMERAS: Final[tuple[Colour, ...]] = ((230, 90, 60), (60, 150, 240), (110, 200,
 def by_cost(costs: np.ndarray) -> np.ndarray:
     """A colour for each cost `(K,)`, from CHEAP to DEAR by rank; shape (K, 3), uint8.
 
-    By rank, because one branch that flew off would make all others look alike.
+    By rank, because one diverged branch would make all others look alike.
     """
     ranks = np.argsort(np.argsort(costs)) / max(len(costs) - 1, 1)
     return np.rint((1 - ranks[:, None]) * np.array(CHEAP) + ranks[:, None] * np.array(DEAR)).astype(np.uint8)
 
 
 def camera(number: int) -> Colour:
-    """The colour of the points that a camera sees."""
+    """Colour of a camera's points."""
     return _CAMERAS[number % len(_CAMERAS)]
 
 

@@ -1,4 +1,4 @@
-"""The panels beside the scene: mode, decision, plan, health, and tabs on all else. Redrawn where they changed."""
+"""The panels beside the scene: mode, decision, plan, health, and tabs with the rest. Redrawn on changes."""
 
 from pathlib import Path
 from typing import final
@@ -61,7 +61,7 @@ class Panel:
         self._build_side(commands=commands)
 
     def paint(self, board: Board, now_s: float) -> None:
-        """Bring the panels up to the board and the clock."""
+        """Update the panels to the board and the clock."""
         self._mode.put(cards.mode(board, now_s))
         if self._checklist is not None:
             self._checklist.paint(board)

@@ -1,4 +1,4 @@
-"""The tool paths: every branch of the tree, the one proposed, and what the arm made of the last one."""
+"""The tool paths: every branch of the tree, the proposed one, and the measured path of the last one."""
 
 from typing import final
 
@@ -12,10 +12,10 @@ from app.ui import palette
 from app.ui.board import Board
 
 _LIFT_M = 0.004
-"""Lines are drawn this much above themselves, so that the table does not swallow them."""
+"""Height of the lines above their paths, so that the table does not hide them."""
 _PAUSE_S = 0.8
 _SLOWEST_M_S = 1e-3
-"""Keeps a drawn motion from lasting for ever."""
+"""Least drawn speed, so that no motion lasts for ever."""
 _NOTHING = np.zeros((0, 2, 3), dtype=np.float32)
 
 
@@ -29,7 +29,7 @@ class Paths:
         self._lines: dict[str, viser.LineSegmentsHandle] = {}
 
     def paint(self, board: Board, last: Board) -> None:
-        """Branches while they may be decided on, the plan until the next one, the measured path once there is one."""
+        """Draw branches while they may be decided on, the plan until the next one, and the measured path."""
         if board.pending is not last.pending:
             self._draw_branches(board.pending)
         if board.shown is not last.shown:
@@ -72,7 +72,7 @@ class Paths:
 
 
 def along(motion: Motion, elapsed_s: float) -> Float64[np.ndarray, "3"]:
-    """Where the tool is `elapsed_s` into a motion [m] that is made again and again, with a pause at its end."""
+    """Tool position [m] at `elapsed_s` of a motion that is repeated with a pause at its end."""
     steps_m = np.linalg.norm(np.diff(motion.positions, axis=0), axis=1)
     times = np.concatenate([[0.0], np.cumsum(steps_m / np.maximum(motion.speeds[1:], _SLOWEST_M_S))])
     t = elapsed_s % (times[-1] + _PAUSE_S)

@@ -1,6 +1,6 @@
-"""The widgets of a replay: play, speed, the time, where to jump; and the form that plans a moment again.
+"""The widgets of a replay: play, speed, time, jumps; and the form that plans a moment again.
 
-They stand in a panel of their own at the bottom of the scene. Nothing moves by them, so anybody may use them.
+They stand in a panel of their own at the bottom of the scene. They move nothing real, so anybody may use them.
 """
 
 import math
@@ -23,12 +23,12 @@ JUMP: Final = "Jump to \N{HORIZONTAL ELLIPSIS}"
 
 _WIDTH_PX, _MARGIN_PX = 560, 15
 _STEPS = 2000
-"""Of the slider: about its width in pixels."""
+"""Steps of the slider: about its width in pixels."""
 _LABELS = 12
-"""More numbers than that do not fit below it."""
+"""Most labels that fit below the slider."""
 _MOST_MARKS = 500
 _HELD_S = 0.7
-"""A slider that was moved so recently is in somebody's hand, and not moved by the program."""
+"""Time after a user's move during which the program does not move the slider."""
 
 
 @final
@@ -46,14 +46,14 @@ class Playback:
         panel.float(x=_MARGIN_PX, y=-_MARGIN_PX, width=_WIDTH_PX)
 
     def paint(self) -> None:
-        """Bring the widgets up to the player."""
+        """Update the widgets to the player."""
         where = self._player.where
         self._text.put(shown(self._player.reel, where))
         if self._play.label != (label := PAUSE if where.playing else PLAY):
             self._play.label = label
             self._play.icon = viser.Icon.PLAYER_PAUSE if where.playing else viser.Icon.PLAYER_PLAY
         if where.time_s != self._put_s and time.monotonic() - self._moved_s > _HELD_S:
-            # Not where it stands already: that might undo a move whose callback is on its way.
+            # Not to its present value: that might undo a move whose callback is on its way.
             self._put_s = where.time_s
             self._time.value = min(round(where.time_s / self._time.step) * self._time.step, self._time.max)
         if (speed := _named(where.speed)) != self._speed.value and speed in SPEEDS:
@@ -85,7 +85,7 @@ class Playback:
         self._build_places(reel)
 
     def _build_places(self, reel: Reel) -> None:
-        """A list of what happened; choosing one goes there."""
+        """List of the events; choosing one jumps to it."""
         places = {f"{mark.time_s:.2f} s: {mark.text}"[:100]: mark.time_s for mark in reel.marks[:_MOST_MARKS]}
         places_listed = self._gui.add_dropdown("Moments", (JUMP, *places), disabled=not places)
 
@@ -114,7 +114,7 @@ class Playback:
         form.on_submit(asked)
 
     def _scrub(self, event: viser.GuiEvent[Any]) -> None:
-        """Somebody moved the slider; the program's own moves have no client."""
+        """Handle a user's move of the slider; the program's own moves have no client."""
         if event.client is not None:
             self._moved_s = time.monotonic()
             self._player.jump(event.target.value)
@@ -136,7 +136,7 @@ def _named(speed: float) -> str:
 
 
 def _known(speed: float) -> str:
-    """The listed speed that is nearest."""
+    """The nearest listed speed."""
     return min(SPEEDS, key=lambda name: abs(math.log(min(SPEEDS[name], 1e3) / min(speed, 1e3))))
 
 

@@ -1,4 +1,4 @@
-"""Where a replay is and how fast it goes on: what the buttons change and the painter shows. Knows no widget."""
+"""State of a replay: its moment and speed, changed by the buttons and shown by the painter. Knows no widget."""
 
 import math
 import threading
@@ -12,17 +12,17 @@ from app.recording.marks import Mark
 from app.ui.replanning import Order, Replanned
 
 FASTEST: Final = math.inf
-"""As fast as the recording can be read."""
+"""Speed limited only by reading the recording."""
 STRIDE_S: Final = 1.0
-"""What is shown next where nobody waits for the time to pass."""
+"""Stride [s] of the recording between updates at that speed."""
 _HERE_S: Final = 1e-6
-"""A moment so near is the one that a step leads away from."""
+"""Tolerance within which a moment is the current one, for a step."""
 
 
 @final
 @dataclass(frozen=True, kw_only=True)
 class Reel:
-    """A recording as its player sees it: `clock` gives the recorded monotonic time [s] of a moment [s]."""
+    """A recording from its player's view: `clock` gives the recorded monotonic time [s] of a moment [s]."""
 
     name: str
     duration_s: float
@@ -32,14 +32,14 @@ class Reel:
 
     @property
     def motions(self) -> tuple[Mark, ...]:
-        """Where motions begin, in order."""
+        """Starts of motions, in order."""
         return tuple(mark for mark in self.marks if mark.kind == "motion")
 
 
 class Where(NamedTuple):
-    """The moment [s] that is shown, and whether and how fast it goes on; `jumped`: since this was last asked.
+    """The moment [s] shown, and its progress; `jumped`: True for a jump since the last call.
 
-    `besides`: what is to be shown along with what was recorded, where it was planned again.
+    `besides`: messages to show along with the recorded ones, where the moment was planned again.
     """
 
     time_s: float
@@ -51,7 +51,7 @@ class Where(NamedTuple):
 
 @final
 class Player:
-    """Every method may be called from any thread, and none waits. Begins paused at `time_s`."""
+    """Thread-safe player; no method blocks. Begins paused at `time_s`."""
 
     def __init__(self, reel: Reel, *, time_s: float = 0.0, speed: float = 1.0, model: str = "") -> None:
         self.reel, self.model = reel, model
@@ -66,12 +66,12 @@ class Player:
 
     @property
     def where(self) -> Where:
-        """What is shown now."""
+        """The current moment and speed."""
         with self._lock:
             return Where(self._time_s, self._playing, self._speed)
 
     def now(self) -> float:
-        """The recorded clock [s]."""
+        """Recorded clock [s]."""
         return self.reel.clock(self._time_s)
 
     def toggle(self) -> None:
@@ -82,22 +82,22 @@ class Player:
             self._playing = not self._playing
 
     def pause(self) -> None:
-        """Stay here."""
+        """Pause here."""
         with self._lock:
             self._playing = False
 
     def set_speed(self, speed: float) -> None:
-        """From now on so many recorded seconds a second."""
+        """Set the recorded seconds per second."""
         with self._lock:
             self._speed = speed
 
     def jump(self, time_s: float) -> None:
-        """Go to a moment, and on from there where it was playing."""
+        """Jump to a moment, and go on from there if it was playing."""
         with self._lock:
             self._go(time_s)
 
     def step(self, way: Literal[-1, 1]) -> None:
-        """Go to where the next motion begins, or the previous one, and pause; nowhere where there is none."""
+        """Jump to the next motion's start, or the previous one's, and pause; no jump where there is none."""
         starts = [mark.time_s for mark in self.reel.motions]
         with self._lock:
             later, earlier = bisect_right(starts, self._time_s + _HERE_S), bisect_left(starts, self._time_s - _HERE_S)
@@ -107,10 +107,10 @@ class Player:
                 self._playing = False
 
     def advance(self, elapsed_s: float) -> Where:
-        """Let so much real time pass; says what is to be shown then."""
+        """Advance by real time; returns the moment to show."""
         with self._lock:
             if self._playing:
-                if self._besides:  # What was planned again has no part in how it went on.
+                if self._besides:  # The new plan has no part in the recorded continuation.
                     self._go(self._time_s)
                 further_s = STRIDE_S if self._speed == FASTEST else elapsed_s * self._speed
                 self._time_s = min(self._time_s + further_s, self.reel.duration_s)
@@ -120,23 +120,23 @@ class Player:
             return where
 
     def order(self, order: Order) -> None:
-        """Ask for another plan, unless one is being made."""
+        """Request another plan, unless one is being made."""
         with self._lock:
             if self._order is None:
                 self._order, self._playing = order, False
                 self.said, self.replanned = "Starting the planner.", None
 
     def ordered(self) -> Order | None:
-        """The plan that is asked for or being made."""
+        """The requested plan, waiting or being made."""
         return self._order
 
     def tell(self, said: str) -> None:
-        """How the order is getting on."""
+        """Set the status of the order."""
         with self._lock:
             self.said = said
 
     def answer(self, said: str, replanned: Replanned | None = None) -> None:
-        """What came of the order: shown where it was asked for. Another may be asked for now."""
+        """Set the result of the order, and jump to its moment. Another may be requested now."""
         with self._lock:
             order, self._order = self._order, None
             self.said, self.replanned = said, replanned

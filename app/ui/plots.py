@@ -1,4 +1,4 @@
-"""A small plot: how far the object is from its goal, push by push."""
+"""Plot of the object's distance from its goal, push by push."""
 
 from typing import final
 
@@ -37,7 +37,7 @@ class Plots:
         self._last = Board()
 
     def paint(self, board: Board) -> None:
-        """Redraw what grew."""
+        """Redraw plots with new data."""
         last, self._last = self._last, board
         if board.outcomes is not last.outcomes:
             if board.outcomes:
@@ -47,7 +47,7 @@ class Plots:
 
 
 def distances(board: Board) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Push number, seen distance [mm] and predicted distance [mm], each (n + 1,), the start before the first push."""
+    """Push number, observed and predicted distance [mm], each (n + 1,), the start before the first push."""
     start = board.outcomes[0].chamfer_before_m2
     seen = [start, *(outcome.chamfer_after_m2 for outcome in board.outcomes)]
     predicted = [start, *(outcome.predicted_chamfer_m2 for outcome in board.outcomes)]
@@ -59,5 +59,5 @@ def distances(board: Board) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
 
 
 def line(label: str, colour: palette.Colour) -> uplot.Series:
-    """How a plot draws a line."""
+    """Style of a plotted line."""
     return uplot.Series(label=label, stroke=f"rgb{colour}", width=2)

@@ -1,4 +1,4 @@
-"""The buttons that begin and end an experiment: pushes that are chosen for what they say about the model."""
+"""The buttons that begin and end an experiment: pushes chosen to be informative about the model."""
 
 from typing import Any, Final, final
 

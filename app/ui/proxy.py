@@ -1,4 +1,4 @@
-"""The console's front door: a reverse proxy that lets the holder of the token through to viser, and nobody else.
+"""Reverse proxy that admits the holder of the token to viser, and nobody else.
 
 It runs on viser's own event loop and thread, so that STOP gets through while the program's loop is busy or blocked.
 """
@@ -26,9 +26,9 @@ Handler = Callable[[web.Request], Awaitable[web.StreamResponse]]
 _HEARTBEAT_S = 20.0
 _RELAY_CHUNK_BYTES = 64 * 1024
 _MOST_BROWSERS, _MOST_REQUESTS = 16, 64
-"""At a time. A page of viser's asks for about ten files at once."""
+"""Limits of concurrent connections. A page of viser's requests about ten files at once."""
 MOST_SENT_BYTES = 32 * 1024 * 1024
-"""In one form with files."""
+"""Size limit of a form with files."""
 _REFUSED = 1008
 """WebSocket: policy violation."""
 _HEADERS = {
@@ -46,8 +46,8 @@ class Proxy:
     """Serves one viser server on one listening socket. Start and close it on the loop it is to live on.
 
     `stop` is called with the operator's name in the handler of the STOP request itself; it must not block.
-    `understood`: whether viser can make something of a message; `refused` hears why somebody was turned away; `ways`
-    serve what does not go through viser, by its path.
+    `understood`: True where viser can parse a message; `refused` receives the reasons of refused requests; `ways` are
+    the handlers that bypass viser, by path.
     """
 
     def __init__(
@@ -75,7 +75,7 @@ class Proxy:
         self._html = b""
 
     async def start(self, listening: socket.socket, tls: ssl.SSLContext | None = None) -> None:
-        """Fetch viser's page and serve it, ours around it."""
+        """Fetch viser's page and serve it inside ours."""
         self._session = aiohttp.ClientSession(auto_decompress=False, headers={PROXY_HEADER: self._passphrase})
         async with self._session.get(f"http://{self._viser}/", headers={"Accept-Encoding": "identity"}) as reply:
             self._html = self._page.around(await reply.read())
@@ -91,7 +91,7 @@ class Proxy:
         await web.SockSite(self._runner, listening, ssl_context=tls).start()
 
     async def close(self) -> None:
-        """Stop serving and hang up."""
+        """Stop serving and disconnect."""
         if self._runner is not None:
             await self._runner.cleanup()
         if self._session is not None:
@@ -99,7 +99,7 @@ class Proxy:
 
     @web.middleware
     async def _admit(self, request: web.Request, handler: Handler) -> web.StreamResponse:
-        """Nothing but a 403 page without the token; the token in the URL is turned into a cookie."""
+        """Serve a 403 page without the token; turn a token in the URL into a cookie."""
         cookie = request.cookies.get(self._access.cookie)
         acts = request.method != "GET" or _upgrades(request)
         origin = request.headers.get("Origin")
@@ -110,7 +110,7 @@ class Proxy:
             self._refused(why)
             return web.Response(status=403, text=refused(why), content_type="text/html", headers=_HEADERS)
         if request.path in ("/", "/jog") and _upgrades(request):
-            return await handler(request)  # A page that stays open; those are counted by themselves.
+            return await handler(request)  # A page that stays open; those are counted separately.
         if self._requests >= _MOST_REQUESTS and request.path != "/stop":
             self._refused("Too many requests at a time.")
             return web.Response(status=503, text="Too many requests at a time.", headers=_HEADERS)
@@ -121,7 +121,7 @@ class Proxy:
             self._requests -= 1
 
     async def _enter(self, request: web.Request) -> web.StreamResponse:
-        """The page, its websocket, or the step from the printed URL to the page."""
+        """Serve the page, its websocket, or the step from the printed URL to the page."""
         if _upgrades(request):
             return await self._relay_websocket(request)
         if "token" not in request.query:
@@ -146,7 +146,7 @@ class Proxy:
         return web.Response(status=204, headers=_HEADERS)
 
     async def _relay_http(self, request: web.Request) -> web.StreamResponse:
-        """Our style sheet and script, else whatever viser has under that path."""
+        """Serve our style sheet and script, else viser's file under that path."""
         name = request.match_info["path"]
         if name in ASSETS:
             return web.Response(body=ASSETS[name].body, content_type=ASSETS[name].kind, headers=_HEADERS)
@@ -160,7 +160,7 @@ class Proxy:
         return response
 
     async def _relay_websocket(self, request: web.Request) -> web.StreamResponse:
-        """Both ways until either side hangs up; each direction waits for its receiver."""
+        """Relay both ways until either side disconnects; each direction waits for its receiver."""
         assert self._session is not None
         if self._browsers >= _MOST_BROWSERS:
             self._refused("Too many browsers at a time.")
@@ -188,7 +188,7 @@ class Proxy:
     async def _hear(
         self, browser: web.WebSocketResponse, viser: aiohttp.ClientWebSocketResponse, hang_up: anyio.CancelScope
     ) -> None:
-        """Pass on what a browser may say, as fast as it may; at the first other word, hang up."""
+        """Pass on a browser's permitted messages within its rate limit; disconnect at the first other one."""
         pace = Pace(time.monotonic(), steady_hz=STEADY_HZ, burst=BURST)
         try:
             async for message in browser:
@@ -236,7 +236,7 @@ def fresh_secret() -> str:
 def listen(host: Literal["127.0.0.1", "localhost", "::1"] | str, port: int) -> socket.socket:
     """A listening socket on exactly this port.
 
-    Raises OSError where the port is taken: two consoles must not be told apart by luck.
+    Raises OSError where the port is taken: two consoles must not share it by chance.
     """
     family = socket.AF_INET6 if ":" in host else socket.AF_INET
     listening = socket.socket(family, socket.SOCK_STREAM)

@@ -1,4 +1,4 @@
-"""A moment of a recording that is planned again: what is asked for, and how the new plan compares. Pure."""
+"""Replanning of a moment of a recording: the order, and the comparison of the plans. Pure."""
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
@@ -16,7 +16,7 @@ AS_RECORDED: Final = "as recorded at that moment"
 @final
 @dataclass(frozen=True, kw_only=True)
 class Order:
-    """Plan from `time_s` [s] with the model called `model`, or that of the file `path` where one is named."""
+    """Order to plan from `time_s` [s] with the model called `model`, or that of the file `path` where one is given."""
 
     time_s: float
     model: str = AS_RECORDED
@@ -26,7 +26,7 @@ class Order:
 @final
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Replanned:
-    """The plan that was recorded about then, if there is one, and the one that was made again, with `model`."""
+    """The plan recorded about that moment, if any, and the new one, with `model`."""
 
     then: Proposal | None
     again: Proposal
@@ -34,14 +34,14 @@ class Replanned:
 
     @property
     def apart_m(self) -> float:
-        """How far apart the two motions begin [m]; NaN where there is one alone."""
+        """Distance between the starts of the two motions [m]; NaN where there is only one."""
         if self.then is None:
             return float("nan")
         return float(np.linalg.norm(self.then.motion.positions[0] - self.again.motion.positions[0]))
 
 
 class Row(NamedTuple):
-    """A quantity, as it was then and as it is planned again."""
+    """A quantity in the recorded and in the new plan."""
 
     name: str
     then: str
@@ -65,7 +65,7 @@ def _each(then: Proposal | None, again: Proposal, said: Callable[[Proposal], str
 
 
 def card(found: Replanned | None, said: str) -> str:
-    """How it is getting on, and the comparison once there is one."""
+    """Card of the progress, and of the comparison once there is one."""
     told = f"<small>{escape(said)}</small>" if said else ""
     if found is None:
         return f'<div class="dp" role="status">{told}</div>'

@@ -44,7 +44,7 @@ class Scene:
             _forbid(server, f"/kept_free/{number}", volume)
 
     def paint(self, board: Board, now_s: float) -> None:
-        """Bring the picture up to the board."""
+        """Update the picture to the board."""
         last, self._last = self._last, board
         if board.particles is not last.particles:
             seen = board.particles
@@ -69,7 +69,7 @@ class Scene:
         self._play(board, now_s)
 
     def look(self, frame: Frame, picture: np.ndarray) -> None:
-        """Show a camera where it stands, with what it sees."""
+        """Show a camera at its pose, with its picture."""
         camera = frame.camera
         if camera.name not in self._frustums:
             pose = transforms.SE3.from_matrix(camera.T_world_camera)
@@ -95,7 +95,7 @@ class Scene:
             frustum.visible = visible
 
     def _play(self, board: Board, now_s: float) -> None:
-        """The ghost makes the pending motion over and over, at the speed at which the arm would."""
+        """Animate the ghost along the pending motion, at the arm's speed, in a loop."""
         if board.pending is None or not self.playing:
             self.ghost.hide()
             return
@@ -103,7 +103,7 @@ class Scene:
 
 
 def _follow(beads: Beads, points: Points | None, shaded: Bool[np.ndarray, " P"] | None = None) -> None:
-    """Draw the points, some of them shaded, or nothing where there are none any more."""
+    """Draw the points, some of them shaded; remove them where there are none."""
     if points is None:
         beads.clear()
     else:
@@ -157,7 +157,7 @@ def _furnish(server: viser.ViserServer, workspace: Workspace, table: TablePlace)
 
 
 def _forbid(server: viser.ViserServer, name: str, volume: KeepOut) -> None:
-    """A volume that the tool may not enter, with its name above it."""
+    """Draw a keep-out volume, with its name above it."""
     low, high = np.array(volume.low), np.array(volume.high)
     sizes, middle = tuple(high - low), tuple((low + high) / 2)
     server.scene.add_box(

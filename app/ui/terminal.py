@@ -1,9 +1,9 @@
-"""The episode as lines in a terminal: what is being done now, a line a push, notices and faults.
+"""The episode as lines in a terminal: the current stage, a line a push, notices and faults.
 
-What messages say is printed as Text: as a string, rich would read its brackets as markup and raise where they are not.
+Text of messages is printed as Text: as a string, rich would read its brackets as markup and raise on invalid ones.
 
-A thread of its own prints: a terminal that was halted (Ctrl-S) or a pipe that nobody reads blocks it for as long as it
-likes, and the program's loop must go on meanwhile.
+A thread of its own prints: a halted terminal (Ctrl-S) or a pipe without a reader may block it for any time, and the
+program's loop must go on meanwhile.
 """
 
 import math
@@ -25,10 +25,10 @@ HEADER = "push   distance to goal  predicted  cost, descent [1e-3]     plan  mod
 """Each title ends where its column does in `outcome_line`; both fit 80 characters."""
 
 LINES_BOUND: Final = 200
-"""Lines waiting for a terminal that takes none, at most."""
+"""Capacity of the queue for a blocked terminal."""
 
 _CLOSING_S: Final = 1.0
-"""How long leaving waits for a terminal that takes nothing."""
+"""Time limit [s] of leaving while a terminal is blocked."""
 
 
 @final
@@ -36,16 +36,16 @@ class Output(Console):
     """A terminal, a file or a pipe; a pipe whose reader has left (`| head`) ends the printing, never the program."""
 
     def on_broken_pipe(self) -> None:
-        """Say nothing more."""
+        """Print nothing more."""
         with suppress(SystemExit):  # rich silences itself, and then would exit
             super().on_broken_pipe()
 
 
 @asynccontextmanager
 async def open_terminal(output: Output, *heading: Text) -> AsyncGenerator["Terminal"]:
-    """A terminal that prints `heading` and what it is shown; a line with `no_wrap` stays one line.
+    """A terminal that prints `heading` and the messages shown to it; a line with `no_wrap` stays one line.
 
-    Leaving waits a second for what is not printed yet. Where the output takes it later, the process ends after that.
+    Leaving waits a second for pending lines. Where the output accepts them later, the process ends after that.
     """
     terminal = Terminal(output, *heading)
     terminal.start()
@@ -58,9 +58,9 @@ async def open_terminal(output: Output, *heading: Text) -> AsyncGenerator["Termi
 
 @final
 class Terminal:
-    """Prints what an operator without a browser needs. On a terminal the last line shows the stage and its age.
+    """Prints the messages for an operator without a browser. On a terminal the last line shows the stage and its age.
 
-    `left_out` counts the lines that found too many others waiting.
+    `left_out` counts the lines dropped from a full queue.
     """
 
     def __init__(self, output: Output, *heading: Text) -> None:
@@ -74,16 +74,16 @@ class Terminal:
         self._thread = threading.Thread(target=self._print_all, name="terminal")
 
     def start(self) -> None:
-        """Begin to print."""
+        """Start printing."""
         self._thread.start()
 
     def close(self) -> None:
-        """Print what is waiting, for a second at most."""
+        """Print pending lines, for a second at most."""
         self._lines.put(None)
         self._thread.join(_CLOSING_S)
 
     def show(self, message: Message) -> None:
-        """Print the message where it is one that belongs here. Never blocks."""
+        """Print the message where it belongs in the terminal. Never blocks."""
         match message:
             case Health():
                 self._show_stage(message.doing)
@@ -129,7 +129,7 @@ def outcome_line(outcome: Outcome) -> str:
     chamfers_m2 = (outcome.chamfer_before_m2, outcome.chamfer_after_m2, outcome.predicted_chamfer_m2)
     before, after, predicted = map(millimetres, chamfers_m2)
     costs = f"{1e3 * outcome.cost_before:8.2f} -> {1e3 * outcome.cost_after:7.2f}"
-    if math.isnan(outcome.cost_after):  # A push that somebody asked for has none.
+    if math.isnan(outcome.cost_after):  # A requested push has none.
         costs = f"{NOTHING:>8}    {NOTHING:>7}"
     return (
         f"{outcome.index:4d}  {before:5.1f} -> {after:5.1f} mm  {predicted:6.1f} mm   "

@@ -1,4 +1,4 @@
-"""The certificate with which the console is served to other machines."""
+"""The TLS certificate of a console served to other machines."""
 
 import ssl
 from dataclasses import dataclass
@@ -11,14 +11,14 @@ from app.core.errors import PreflightError
 @final
 @dataclass(frozen=True, kw_only=True)
 class Tls:
-    """A certificate with its key, in PEM files; `name`: the host name that it is for, under which people come."""
+    """A certificate with its key, in PEM files; `name`: its host name, under which visitors come."""
 
     certificate: Path
     key: Path
     name: str
 
     def context(self) -> ssl.SSLContext:
-        """For a server, TLS 1.2 or newer. Raises PreflightError where the files are not there or do not fit."""
+        """Server context, TLS 1.2 or newer. Raises PreflightError where the files are missing or do not match."""
         context = ssl.SSLContext(ssl.PROTOCOL_TLS_SERVER)
         context.minimum_version = ssl.TLSVersion.TLSv1_2
         try:

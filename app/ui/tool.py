@@ -1,4 +1,4 @@
-"""The gripper as a palm and two fingers, tip down at the tool's position; a flat finger as the plate that it is."""
+"""The gripper as a palm and two fingers, tip down at the tool's position; a flat finger as a plate."""
 
 from typing import NamedTuple, Self, final
 
@@ -14,7 +14,7 @@ _OPENING_M = 0.085
 
 
 class Flat(NamedTuple):
-    """A flat finger, as the sizes in a task's name have it."""
+    """Sizes of a flat finger, from a task's name."""
 
     radius_m: float
     half_width_m: float
@@ -22,10 +22,10 @@ class Flat(NamedTuple):
 
     @classmethod
     def of(cls, task: str) -> Self | None:
-        """That of the task of this name; None where its tool is not flat, or another one."""
+        """Finger of the task of this name; None where its tool is not flat, or not a finger."""
         try:
             sizes = dict(TaskName.parse(task).sizes)
-        except UsageError:  # Of a recording that another program made.
+        except UsageError:  # A recording of another program.
             return None
         half_width_m = sizes.get("finger_half_width_m", 0.0)
         if half_width_m == 0:
@@ -37,7 +37,7 @@ class Flat(NamedTuple):
 class Tool:
     """A drawn gripper, made at the first `put`.
 
-    It stands upright: only the tip's position is drawn to measure, and of a flat finger also width and yaw.
+    It stands upright: only the tip's position is to scale, and of a flat finger also width and yaw.
     """
 
     def __init__(self, server: viser.ViserServer, name: str, colour: Colour, *, opacity: float | None) -> None:
@@ -71,7 +71,7 @@ class Tool:
                 self._frame = None
 
     def hide(self) -> None:
-        """Draw it no more until the next `put`."""
+        """Hide it until the next `put`."""
         if self._frame is not None and self._frame.visible:
             self._frame.visible = False
 

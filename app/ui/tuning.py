@@ -1,4 +1,4 @@
-"""The colours that the object is looked for by: sliders whose effect is seen in the pictures before they are used."""
+"""The segmentation colours: sliders whose effect is previewed in the pictures before they are used."""
 
 from collections.abc import Sequence
 from typing import Any, Final, final
@@ -14,7 +14,7 @@ from app.ui.text import Text
 
 _WHOLE_CIRCLE: Final = 360.0
 _FIRST: Final = ColourRange(hue_low_deg=0.0, hue_high_deg=_WHOLE_CIRCLE)
-"""Before anything was looked for."""
+"""Colours before any segmentation."""
 _NEUTRAL: Final = (128, 128, 128)
 
 
@@ -46,7 +46,7 @@ class Tuning:
         self._undo.on_click(self._undone)
 
     def paint(self, board: Board) -> ColourRange | None:
-        """Follow what is in use; returns what the sliders say where that is something else: to be previewed."""
+        """Follow the colours in use; returns the sliders' colours where they differ: to be previewed."""
         last, self._board = self._board, board
         if board.colours and board.colours is not last.colours:
             self._set(board.colours[-1])
@@ -61,7 +61,7 @@ class Tuning:
 
     @property
     def wanted(self) -> ColourRange | None:
-        """What the sliders say; None where that is no range: a browser may have said anything."""
+        """Colours of the sliders; None where they form no range: a browser may have sent anything."""
         try:
             hue, saturation, value = (_ends(each.value) for each in (self._hue, self._saturation, self._value))
             return ColourRange.of((hue[1], hue[0]) if self._red.value else hue, saturation, value)
@@ -92,13 +92,13 @@ def _around(rgb: Sequence[int]) -> ColourRange:
 
 
 def _ends(values: Sequence[float]) -> tuple[float, float]:
-    """Raises ValueError where a browser made it another count than two."""
+    """Low and high end of a slider. Raises ValueError where a browser sent another count than two."""
     low, high = sorted(values)
     return low, high
 
 
 def _rounded(colour: ColourRange) -> ColourRange:
-    """As the sliders can say it."""
+    """The colours rounded to the sliders' steps."""
     hue = round(colour.hue_low_deg), round(colour.hue_high_deg)
     saturation = round(colour.saturation_low, 2), round(colour.saturation_high, 2)
     value = round(colour.value_low, 2), round(colour.value_high, 2)

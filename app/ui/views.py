@@ -1,4 +1,4 @@
-"""The texts about the cameras and what they show of the object, as HTML. Pure, as `cards`."""
+"""The texts about the cameras and their views of the object, as HTML. Pure, as `cards`."""
 
 import math
 from collections.abc import Iterable, Mapping
@@ -14,16 +14,16 @@ from app.ui.board import Board
 from app.ui.cards import table, toned
 
 Origin: TypeAlias = Literal["simulated", "recorded", "real"]
-"""Of what cameras show."""
+"""Source of the cameras' images."""
 _MM: Final = 1e3
 APART_M: Final = 4e-3
-"""Cameras whose points of the object are farther apart stand otherwise than their calibration says."""
+"""Distance between two cameras' points of the object beyond which their poses contradict the calibration."""
 _LATE_S: Final = 2.0
-"""A picture that is older is said to be: younger ones are as live as cameras that look twice a second."""
+"""Age from which a picture is marked as old: younger ones are live for cameras of two frames a second."""
 
 
 def summary(board: Board) -> str:
-    """How many particles were made of what the cameras show, and whether these agree."""
+    """Card of the number of particles, and of the agreement of the cameras."""
     count = str(len(board.particles.positions)) if board.particles else words.NOTHING
     apart = max(board.seen.apart_m.values(), default=math.nan) if board.seen else math.nan
     rows = [("Particles", count), ("Cameras apart", _apart(apart))]
@@ -37,9 +37,9 @@ def summary(board: Board) -> str:
 
 
 def camera(board: Board, frame: Frame, now_s: float, *, today: date, previewed: int | None = None) -> str:
-    """One camera: what it shows of the object, when it was calibrated, and whether its picture is old.
+    """Card of one camera: its view of the object, its calibration, and the age of its picture.
 
-    `previewed`: how many pixels colours that are not in use yet would take.
+    `previewed`: number of pixels of colours that are not in use yet.
     """
     rows = _camera_rows(board.seen, frame, now_s, origin=_origin(board.episode), today=today, previewed=previewed)
     return f'<div class="dp">{table(rows)}</div>'
@@ -70,7 +70,7 @@ def _origin(episode: Episode | None) -> Origin:
 
 
 def calibrated(camera: CameraModel, *, origin: Origin, today: date) -> tuple[str, bool]:
-    """When, in words, and whether that wants to be done again."""
+    """Age of the calibration, in words, and True where it should be renewed."""
     if origin != "real":
         return {"simulated": "simulated, exact", "recorded": "as it was when this was recorded"}[origin], False
     if not camera.calibrated_at:
@@ -89,7 +89,7 @@ def calibrated(camera: CameraModel, *, origin: Origin, today: date) -> tuple[str
 
 
 def clouds(counts: Mapping[str, int]) -> str:
-    """How many points are drawn of what."""
+    """Number of drawn points of each cloud."""
     listed = ", ".join(f"{escape(name)}: {_thousands(count)} points" for name, count in counts.items())
     return f'<div class="dp"><small>{listed or "No clouds are drawn."}</small></div>'
 

@@ -1,4 +1,4 @@
-"""Numbers as an operator reads them. Pure; every function takes SI and returns a short string."""
+"""Numbers in the operator's form. Pure; every function takes SI and returns a short string."""
 
 import math
 from collections.abc import Mapping
@@ -14,7 +14,7 @@ MODES: Final[Mapping[ModeName, str]] = {
     "approve each": "Approve each",
     "automatic": "Automatic",
 }
-"""What the modes are called."""
+"""Labels of the modes."""
 NOTHING = "\N{EN DASH}"
 """Shown where there is no number yet."""
 _HUNDRED = 99.95
@@ -53,7 +53,7 @@ def number(value: float) -> str:
 
 
 def _rounded(value: float) -> str:
-    """Three significant digits, and all before the point."""
+    """Three significant digits, but all before the point."""
     return f"{value:.0f}" if abs(value) >= _HUNDRED else f"{value:.3g}"
 
 
@@ -68,7 +68,7 @@ def sentence(text: str) -> str:
 
 
 def change(before: float, after: float) -> str:
-    """What became of a positive quantity, in per cent, for example `-38 %`; nothing where there is no base."""
+    """Change of a positive quantity, in per cent, for example `-38 %`; empty where there is no base."""
     if not (math.isfinite(before) and math.isfinite(after)) or before <= 0:
         return ""
     percent = 100 * (after / before - 1)
@@ -77,7 +77,7 @@ def change(before: float, after: float) -> str:
 
 
 def origin(proposal: Proposal) -> str:
-    """Which kind of branch was chosen, of how many; or that it is a push that was asked for."""
+    """Kind of the chosen branch, of how many; or a note that the push was requested."""
     if proposal.chosen.origin == "asked":
         return "the push that discovery asks for"
     if proposal.chosen.origin == "edited":
@@ -88,5 +88,5 @@ def origin(proposal: Proposal) -> str:
 
 
 def motions(count: int) -> str:
-    """So many motions."""
+    """Number of motions in words."""
     return "1 motion" if count == 1 else f"{count} motions"

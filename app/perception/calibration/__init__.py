@@ -1,1 +1,1 @@
-"""Where the cameras stand: a ChArUco board in the images, and the robot's poses beside them."""
+"""Camera calibration: hand-eye calibration from a ChArUco board in the images and the robot's poses beside them."""

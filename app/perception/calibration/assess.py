@@ -1,4 +1,4 @@
-"""How a calibration stands after each view: the spread, the result or what it lacks, and where to go next."""
+"""Assessment of a calibration after each view: pose diversity, result or missing condition, and the next best view."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -23,7 +23,7 @@ from app.perception.calibration.spread import spread_of
 @final
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Target:
-    """The camera that is calibrated, which stands in the world: about `pose`, and by what it looks at what."""
+    """A fixed camera under calibration, with an approximate `pose`, its intrinsics, and the board."""
 
     serial: str
     pose: Transform
@@ -34,7 +34,10 @@ class Target:
 @final
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Assessment:
-    """`solved`, or what it `lacks` in words. `tilts_deg (V, 2)`: of the gripper, from the first view."""
+    """Assessment: `solved`, or the condition that it `lacks`, in words.
+
+    `tilts_deg (V, 2)`: tilts of the gripper from the first view.
+    """
 
     spread: Spread
     tilts_deg: Float64[np.ndarray, "V 2"]
@@ -44,7 +47,7 @@ class Assessment:
 
 
 def assess(views: Sequence[View], target: Target, workspace: Workspace, today: date) -> Assessment:
-    """Of one view at least."""
+    """Assess the calibration from at least one view."""
     solved, lacks = _solved(views, target, today)
     eye = about(views, target.pose, target.lens, target.board, "fixed")
     if solved is not None:

@@ -1,8 +1,8 @@
-"""The chain from the board to the pixels, by way of the robot: what is predicted, and how that changes with what.
+"""The kinematic chain from the board to the pixels by way of the robot: predictions and their derivatives.
 
-Both set-ups are one equation, H Y = X C. A camera that stands in the world and looks at a board in the gripper has
-H = T_world_gripper, Y = T_gripper_board, X = T_world_camera; one on the wrist that looks at a board in the world has
-H = T_gripper_world, Y = T_world_board, X = T_gripper_camera. C is T_camera_board. X and Y are sought.
+Both set-ups are one equation, H Y = X C. A camera that stands in the world and looks at a board in the gripper has H =
+T_world_gripper, Y = T_gripper_board, X = T_world_camera; one on the wrist that looks at a board in the world has H =
+T_gripper_world, Y = T_world_board, X = T_gripper_camera. C is T_camera_board. X and Y are the unknowns.
 """
 
 from dataclasses import dataclass
@@ -17,50 +17,52 @@ from app.core.types import Transform
 from app.perception.calibration.se3 import cross, exp, inverse, moved, transform
 
 Jacobian: TypeAlias = Float64[np.ndarray, "R 12"]
-"""By X and then Y, each turned about the axes of its outer frame [rad] and shifted along them [m]."""
+"""Jacobian with respect to X and then Y: rotation about the axes of the outer frame [rad], then translation along
+them [m]."""
 
 PIXEL_PX = 0.1
-"""The standard deviation of a refined corner; 0.03 to 0.25 as images go (docs/calibration-cameras.md)."""
+"""Standard deviation of a refined corner [pixel]; 0.03 to 0.25 depending on the images
+(docs/calibration-cameras.md)."""
 JOINTS_M, JOINTS_RAD = 0.0003, np.radians(0.03)
-"""Of the gripper's pose that the arm reports. It is a first guess, which the residuals scale."""
+"""Standard deviations of the gripper's pose reported by the arm. A first guess, scaled later by the residuals."""
 
 
 @final
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Ends:
-    """The two ends of the chain that are sought."""
+    """The two unknown transforms of the chain."""
 
     X: Transform
     Y: Transform
 
     def shifted(self, by: Float64[np.ndarray, "12"]) -> "Ends":
-        """Turned and shifted, as a `Jacobian` counts."""
+        """The transforms rotated and shifted by an increment, as in a `Jacobian`."""
         return Ends(X=_shifted(self.X, by[:6]), Y=_shifted(self.Y, by[6:]))
 
     def board_before(self, H: Float64[np.ndarray, "*stack 4 4"]) -> Float64[np.ndarray, "*stack 4 4"]:
-        """`T_camera_board` as the robot's pose has it."""
+        """`T_camera_board` predicted from the robot's pose."""
         return inverse(self.X) @ H @ self.Y
 
 
 def outer(T_world_gripper: Float64[np.ndarray, "*stack 4 4"], setup: Setup) -> Float64[np.ndarray, "*stack 4 4"]:
-    """`H` of the gripper's pose; the same turns it back."""
+    """`H` for the gripper's pose; also its inverse."""
     return T_world_gripper if setup == "fixed" else inverse(T_world_gripper)
 
 
 def residuals(
     ends: Ends, H: Transform, points: Float64[np.ndarray, "C 3"], pixels: Float64[np.ndarray, "C 2"], lens: Lens
 ) -> Float64[np.ndarray, " R"]:
-    """How far the corners are predicted from where they are seen [pixel], shape (2 C,)."""
+    """Reprojection errors of the corners [pixel], shape (2 C,)."""
     return (lens.project(moved(ends.board_before(H), points)) - pixels).ravel()
 
 
 def slopes(
     ends: Ends, H: Transform, points: Float64[np.ndarray, "C 3"], lens: Lens, setup: Setup
 ) -> tuple[Jacobian, Float64[np.ndarray, "R 6"]]:
-    """Of `residuals`: by both ends, and by an error of the gripper's pose, turned about its origin and shifted.
+    """Derivatives of `residuals` with respect to both ends, and to an error of the gripper's pose about its origin.
 
-    With R and t those of X, a point P of H Y p is at q = R' (P - t) before the camera; a turn w of X about its own
-    origin makes that R' (P - t - w x (P - t)).
+    With R and t those of X, a point P of H Y p is at q = R' (P - t) in the camera's frame; a rotation w of X about its
+    own origin makes that R' (P - t - w x (P - t)).
     """
     turned = points @ ends.Y[:3, :3].T
     P = moved(H @ ends.Y, points)
@@ -77,8 +79,8 @@ def slopes(
 def whitened(by_H: Float64[np.ndarray, "R 6"], columns: Float64[np.ndarray, "R _"]) -> Float64[np.ndarray, "R _"]:
     """S^-1 times `columns`, with S the covariance of one view's residuals.
 
-    Corners err each by itself, and the gripper's pose moves all of them together: S = s^2 I + B B', inverted by
-    Woodbury's identity.
+    Corner errors are independent, and an error of the gripper's pose moves all of them together: S = s^2 I + B B',
+    inverted by Woodbury's identity.
     """
     B = by_H * ([JOINTS_RAD] * 3 + [JOINTS_M] * 3)
     inner = np.linalg.solve(PIXEL_PX**2 * np.eye(6) + B.T @ B, B.T @ columns)
@@ -86,7 +88,7 @@ def whitened(by_H: Float64[np.ndarray, "R 6"], columns: Float64[np.ndarray, "R _
 
 
 def _pinhole_slope(q: Float64[np.ndarray, "C 3"], lens: Lens) -> Float64[np.ndarray, "C 2 3"]:
-    """Of the pixel (K q / z) by q."""
+    """Derivative of the pixel (K q / z) with respect to q."""
     z = q[:, 2]
     slope = lens.K[:2] / z[:, None, None]
     slope[:, :, 2] -= (q @ lens.K[:2].T) / z[:, None] ** 2

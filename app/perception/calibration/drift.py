@@ -1,4 +1,4 @@
-"""Whether a camera still stands where its calibration says: one fresh view of the same board, held as it was then."""
+"""Drift check of a camera's calibration, by one fresh view of the same board, held as it was then."""
 
 from dataclasses import dataclass
 from typing import final
@@ -11,14 +11,14 @@ from app.perception.calibration.se3 import angle, inverse, moved
 from app.perception.calibration.solve import View, ends_of
 
 BOUND_M, BOUND_DEG = 0.003, 0.4
-"""Beyond these a camera counts as moved. One view of a board errs by 1 mm and 0.1 degree; 4 mm apart, two cameras see
-one rope as two (`ui/views.py`)."""
+"""Bounds beyond which a camera counts as moved. One view of a board errs by 1 mm and 0.1 degree; 4 mm apart, two
+cameras see one rope as two (`ui/views.py`)."""
 
 
 @final
 @dataclass(frozen=True, kw_only=True)
 class Drift:
-    """How far the board is seen from where it should be: `moved_m` of its middle, `turned_deg`, and `error_px`."""
+    """Deviation of the observed board from its prediction: `moved_m` of its middle, `turned_deg`, and `error_px`."""
 
     moved_m: float
     turned_deg: float
@@ -26,11 +26,11 @@ class Drift:
 
     @property
     def beyond(self) -> bool:
-        """Whether that is more than one view errs by."""
+        """True where the deviation exceeds the error of one view."""
         return self.moved_m > BOUND_M or self.turned_deg > BOUND_DEG
 
     def __str__(self) -> str:
-        """In words, with what follows of it."""
+        """Sentence on the deviation and its consequence."""
         told = (
             f"The board is seen {1e3 * self.moved_m:.1f} mm and {self.turned_deg:.2f} degrees from where it should be"
         )
@@ -40,7 +40,7 @@ class Drift:
 
 
 def drift(found: HandEye, view: View) -> Drift:
-    """Of one fresh view. A board that was taken off and put back elsewhere looks like a camera that moved."""
+    """Drift from one fresh view. A board that was taken off and put back elsewhere looks like a camera that moved."""
     H, ends = outer(view.T_world_gripper, found.setup), ends_of(found)
     points, seen = view.sight.points(found.board), ends.X @ view.sight.T_camera_board
     expected = H @ ends.Y

@@ -1,4 +1,4 @@
-"""Whether a camera's intrinsics are what its maker says: fitted anew to views of a board, and compared (Zhang 2000)."""
+"""Check of a camera's factory intrinsics against a fit to views of a board (Zhang 2000)."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -16,25 +16,27 @@ from app.perception.calibration.sight import Sight
 
 FEWEST_SIGHTS = 6
 _LEAST_TILT_DEG = 8.0
-"""Root mean square of tilts about their mean: boards that all face the camera say nothing of its focal length."""
+"""Least root mean square of tilts about their mean: boards that all face the camera do not determine its focal
+length."""
 _SURE = 3.0
-"""Standard deviations at which a difference is one."""
+"""Standard deviations from which a difference is significant."""
 _MATTERS_SHARE, _MATTERS_PX = 0.004, 4.0
-"""Of the focal length: 3 mm at 0.7 m. Of the principal point: as much aside. Smaller differences are let stand."""
+"""Relevant differences of the focal length (3 mm at 0.7 m) and of the principal point (as much aside); smaller ones
+are ignored."""
 _BEND_PX = 0.7
-"""Distortion that is worth a word, where corners were seen."""
+"""Distortion at the corners' pixels that deserves a note."""
 _POOR_PX = 0.6
-"""An error of reprojection above it is none of corners: the board is bent, or the images are blurred."""
+"""Reprojection error above which corners are not to blame: the board is bent, or the images are blurred."""
 
 
 @final
 @dataclass(frozen=True, kw_only=True, eq=False)
 class LensCheck:
-    """The maker's intrinsics beside those that fit the views best.
+    """The factory intrinsics beside the best fit.
 
     `told` and `fitted`: fx, fy, cx, cy [pixel]; `deviation`: standard deviations of `fitted`. `told_px`, `fitted_px`
-    and `bent_px`: errors of reprojection with the maker's, with the fitted ones, and with two more numbers for radial
-    distortion, which move pixels of the seen corners by up to `bend_px` beyond what the maker says.
+    and `bent_px`: reprojection errors with the factory values, with the fitted ones, and with two more parameters of
+    radial distortion, which move pixels of the seen corners by up to `bend_px` beyond the factory model.
     """
 
     sights: int
@@ -48,7 +50,7 @@ class LensCheck:
 
     @property
     def verdict(self) -> Verdict:
-        """Whether what matters differs, or would not be seen if it did."""
+        """Verdict: a relevant difference, none, or open where the views could not show one."""
         matters = np.array([_MATTERS_SHARE] * 2 + [0.0] * 2) * self.told + [0.0, 0.0, _MATTERS_PX, _MATTERS_PX]
         apart = np.abs(self.fitted - self.told)
         if np.any((apart > matters) & (apart > _SURE * self.deviation)) or self._bends:
@@ -60,7 +62,7 @@ class LensCheck:
         return self.bend_px > _BEND_PX and self.bent_px < 0.8 * self.fitted_px
 
     def __str__(self) -> str:
-        """The verdict in words, with what follows of it."""
+        """The verdict in words, with its consequence."""
         if self.verdict == "agrees":
             return f"The maker's intrinsics agree with {self.sights} views of the board; use them."
         if self._bends:
@@ -79,7 +81,7 @@ class LensCheck:
 
 
 def check_lens(sights: Sequence[Sight], board: Charuco, lens: Lens) -> LensCheck:
-    """Compare. Raises PerceptionError where the views are too few or too much alike to say anything."""
+    """Compare both. Raises PerceptionError where the views are too few or too similar."""
     _check_enough(sights)
     told_px = float(np.sqrt(np.mean([sight.error_px**2 for sight in sights])))
     fitted_px, K, _, deviation = _fitted(sights, board, lens, radial=False)
@@ -117,7 +119,7 @@ def _check_enough(sights: Sequence[Sight]) -> None:
 def _fitted(
     sights: Sequence[Sight], board: Charuco, lens: Lens, *, radial: bool
 ) -> tuple[float, Float64[np.ndarray, "3 3"], Distortion, Float64[np.ndarray, "4"]]:
-    """Error of reprojection [pixel], K, distortion, and the standard deviations of fx, fy, cx, cy."""
+    """Reprojection error [pixel], K, distortion, and the standard deviations of fx, fy, cx, cy."""
     flags = cv2.CALIB_USE_INTRINSIC_GUESS | cv2.CALIB_ZERO_TANGENT_DIST | cv2.CALIB_FIX_K3
     flags |= 0 if radial else cv2.CALIB_FIX_K1 | cv2.CALIB_FIX_K2
     points = [sight.points(board).astype(np.float32) for sight in sights]

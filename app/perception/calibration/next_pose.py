@@ -1,8 +1,8 @@
-"""Where the gripper should go for the next view: where the camera's place becomes surest.
+"""Next best view: the gripper pose that most reduces the uncertainty of the camera's pose.
 
-Poses are drawn in which the camera sees the whole board, and the gripper stays in the workspace and near enough to how
-it was held. Of those the one is chosen that leaves the smallest sum of variances of the camera's place, a radian
-counting as the distance at which the camera looks (A-optimal design).
+Poses are sampled in which the camera sees the whole board, and the gripper stays in the workspace and near its
+orientation so far. The one with the smallest sum of variances of the camera's pose is chosen, a radian counting as the
+distance at which the camera looks (A-optimal design).
 """
 
 from collections.abc import Sequence
@@ -25,21 +25,21 @@ from app.perception.calibration.solve import View, corners_of
 _DRAWN, _WEIGHED = 4000, 60
 _NEAREST_M, _FARTHEST_M = 0.25, 1.1
 _TILT_RAD = np.radians(40.0)
-"""From how the board faced the camera on the average: steeper, corners get blurred and markers lost."""
+"""Largest tilt of the board from its mean orientation to the camera: steeper, corners blur and markers are lost."""
 _FACING = np.cos(np.radians(60.0))
 _REACH_RAD = np.radians(45.0)
-"""From how the gripper was held on the average: what a wrist can do about a pose it was brought to by hand."""
+"""Largest rotation of the gripper from its mean orientation: the range of a wrist in a pose reached by hand."""
 _BORDER_PX = 12.0
 _CLEAR_M = 0.02
-"""Between the board and the table."""
+"""Clearance between the board and the table."""
 _KNOWN_M, _KNOWN_RAD = 0.05, np.radians(3.0)
-"""How well both ends are known before there is any view: somebody has measured the cell with a tape."""
+"""Prior standard deviations of both ends before any view: a cell measured with a tape."""
 
 
 @final
 @dataclass(frozen=True, kw_only=True, eq=False)
 class NextPose:
-    """Where to go, and the standard deviation of the camera's place [m] now and with that view, the worst axis."""
+    """The next pose, and the worst-axis standard deviation of the camera's position [m] now and with that view."""
 
     T_world_gripper: Transform
     deviation_m: float
@@ -49,7 +49,7 @@ class NextPose:
 @final
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Eye:
-    """What sees what: the camera's lens, the board, which of them the gripper has, and about where both ends are."""
+    """The observation set-up: lens, board, which of board and camera the gripper has, and the approximate ends."""
 
     lens: Lens
     board: Charuco
@@ -58,14 +58,14 @@ class Eye:
 
 
 def about(views: Sequence[View], X: Transform, lens: Lens, board: Charuco, setup: Setup) -> Eye:
-    """With the board where one view at least has it, for a camera that is about at `X`."""
+    """The set-up with the board located by at least one view, for a camera approximately at `X`."""
     H = outer(np.array([view.T_world_gripper for view in views]), setup)
     C = np.array([view.sight.T_camera_board for view in views])
     return Eye(lens=lens, board=board, setup=setup, ends=Ends(X=X, Y=mean(inverse(H) @ X @ C)))
 
 
 def next_pose(eye: Eye, views: Sequence[View], workspace: Workspace, rng: np.random.Generator) -> NextPose | None:
-    """The best of many that are drawn; None where in none of them the board can be seen. One view at least."""
+    """The best of many sampled poses; None where the board is visible in none of them. Needs one view at least."""
     poses = np.array([view.T_world_gripper for view in views])
     drawn = _drawn(eye, views, rng)
     H = eye.ends.X @ drawn @ inverse(eye.ends.Y)
@@ -85,7 +85,7 @@ def next_pose(eye: Eye, views: Sequence[View], workspace: Workspace, rng: np.ran
 
 
 def _drawn(eye: Eye, views: Sequence[View], rng: np.random.Generator) -> Float64[np.ndarray, "D 4 4"]:
-    """Poses of the board before the camera: anywhere in its image, near and far, tilted from how it was."""
+    """Sampled poses of the board in front of the camera: anywhere in its image, near and far, tilted from its mean."""
     lens, middle = eye.lens, np.array([*eye.board.size_m, 0.0]) / 2
     depth = rng.uniform(_NEAREST_M, _FARTHEST_M, _DRAWN)
     pixel = rng.uniform([0, 0], [lens.width - 1, lens.height - 1], (_DRAWN, 2))
@@ -98,7 +98,7 @@ def _drawn(eye: Eye, views: Sequence[View], rng: np.random.Generator) -> Float64
 
 
 def _seen(eye: Eye, C: Float64[np.ndarray, "D 4 4"]) -> Bool[np.ndarray, " D"]:
-    """Where the whole board is in the image and faces the camera."""
+    """Mask of the poses in which the whole board is in the image and faces the camera."""
     outline = moved(C, np.broadcast_to(eye.board.outline(), (len(C), 4, 3)))
     ahead = np.all(outline[..., 2] > _NEAREST_M / 2, axis=1)
     pixels = eye.lens.project(np.maximum(outline, [-np.inf, -np.inf, _NEAREST_M / 2]))
@@ -115,7 +115,7 @@ def _reached(
     poses: Float64[np.ndarray, "V 4 4"],
     workspace: Workspace,
 ) -> Bool[np.ndarray, " D"]:
-    """Where the gripper may be, held about as it was, and a board in it clear of the table."""
+    """Mask of the poses within the gripper's workspace and orientation range, with the board clear of the table."""
     places = grippers[:, :3, 3]
     inside = np.all((places >= workspace.low) & (places <= workspace.high), axis=1)
     near = angle(grippers[:, :3, :3] @ mean(poses)[:3, :3].T) < _REACH_RAD
@@ -130,7 +130,7 @@ def _nominal(eye: Eye, views: Sequence[View]) -> list[Corners]:
 
 
 def _promised(eye: Eye, H: Transform) -> Float64[np.ndarray, "12 12"]:
-    """What a view of the whole board there would tell."""
+    """Information matrix of a view of the whole board at that pose."""
     points = eye.board.corners()
     view = Corners(H=H, points=points, pixels=np.zeros((len(points), 2)))
     return information(eye.ends, view, eye.lens, eye.setup)

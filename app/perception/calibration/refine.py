@@ -1,8 +1,9 @@
-"""The two ends of the chain that fit all corners of all views best, whichever of the views are wrong.
+"""Robust bundle adjustment of the two ends of the chain, in the presence of wrong views.
 
-Residuals are whitened view by view: corners err each by itself, an error of the gripper's pose moves all corners of a
-view together. What a view says beyond its corners' noise is its pose error; by that it is weighed as a whole (Cauchy's
-weights), since a view whose pose is wrong is wrong in every corner. scipy's losses weigh each residual by itself.
+Residuals are whitened view by view: corner errors are independent, an error of the gripper's pose moves all corners of
+a view together. The part of a view's residual beyond corner noise is its pose error, which weights the view as a whole
+(Cauchy's weights), since a view whose pose is wrong is wrong in every corner. scipy's losses weight each residual by
+itself.
 """
 
 from collections.abc import Sequence
@@ -19,19 +20,19 @@ from app.perception.calibration.chain import JOINTS_M, JOINTS_RAD, PIXEL_PX, End
 
 _ROUNDS = 30
 _STILL = 1e-9
-"""Steps that are shorter [rad, m] change nothing."""
+"""Step length [rad, m] below which the iteration has converged."""
 _CAUCHY = 2.0
-"""In units of the typical error: half of the weight is left there. 2.385 is usual for one number; a view has six."""
+"""Error, in typical errors, at which half of the weight is left. 2.385 is usual for one number; a view has six."""
 _TYPICAL: Final = float(np.sqrt(5.348))
 """The median length of six standard normal numbers: that of chi-squared with six degrees of freedom is 5.348."""
 _OUTLIER: Final = 5.0
-"""Six standard normal numbers are longer once in 3000 views."""
+"""Outlier threshold: six standard normal numbers are longer once in 3000 views."""
 
 
 @final
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Corners:
-    """What one view has of the chain: the robot's side, points on the board [m], and where they are seen [pixel]."""
+    """Data of one view for the chain: the robot's side, points on the board [m], and their images [pixel]."""
 
     H: Transform
     points: Float64[np.ndarray, "C 3"]
@@ -41,11 +42,11 @@ class Corners:
 @final
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Refined:
-    """The ends, and what each view says of them.
+    """The refined ends, and the residuals of each view.
 
-    `covariance (12, 12)`: of `ends`, as their Jacobian counts. By view: `kept` or an outlier, what its corners miss
-    the chain by, root mean square `error_px`, and the error of the gripper's pose that would explain it, `turn_rad
-    (V, 3)` and `shift_m (V, 3)`.
+    `covariance (12, 12)`: of `ends`, in the order of their Jacobian. By view: `kept` or an outlier, root mean square
+    reprojection error `error_px`, and the error of the gripper's pose that would explain it, `turn_rad (V, 3)` and
+    `shift_m (V, 3)`.
     """
 
     ends: Ends
@@ -57,7 +58,7 @@ class Refined:
 
 
 def refine(begun: Ends, views: Sequence[Corners], lens: Lens, setup: Setup) -> Refined:
-    """From `begun` to the best ends, first with doubt in every view, then of those that are none of the outliers."""
+    """Refine `begun`, first with robust weights on every view, then with the inliers alone."""
     chain = _Chain(views, lens, setup)
     doubted = _descended(begun, chain, np.ones(len(views), bool), doubting=True)
     lengths = chain.lengths(doubted)
@@ -75,14 +76,14 @@ def refine(begun: Ends, views: Sequence[Corners], lens: Lens, setup: Setup) -> R
 
 
 def information(ends: Ends, view: Corners, lens: Lens, setup: Setup) -> Float64[np.ndarray, "12 12"]:
-    """What one view tells of the ends: J' S^-1 J, with S the covariance of its residuals."""
+    """Information matrix of the ends from one view: J' S^-1 J, with S the covariance of its residuals."""
     J, by_H = slopes(ends, view.H, view.points, lens, setup)
     return J.T @ whitened(by_H, J)
 
 
 @final
 class _Told(NamedTuple):
-    """One view at some ends.
+    """Linearisation of one view at given ends.
 
     Its part of the normal equations, its cost, and its pose error [rad, m] with its length in standard deviations.
     """
@@ -135,7 +136,7 @@ def _pose_error(
 
 
 def _descended(begun: Ends, chain: _Chain, kept: Bool[np.ndarray, " V"], *, doubting: bool) -> Ends:
-    """Gauss and Newton's way down, with Levenberg's brake where a step leads up, views weighed anew at each step."""
+    """Gauss-Newton descent with Levenberg damping where a step raises the cost, views reweighted at each step."""
     ends, told, brake = begun, chain.told(begun), 1e-6
     for _ in range(_ROUNDS):
         weights = kept * (_weights(np.array([each.length for each in told])) if doubting else 1.0)
@@ -156,7 +157,7 @@ def _cost(told: Sequence[_Told], weights: Float64[np.ndarray, " V"]) -> float:
 
 
 def _scale(lengths: Float64[np.ndarray, " V"]) -> float:
-    """How much larger errors are than they were guessed to be; never smaller."""
+    """Ratio of actual to assumed errors, at least 1."""
     return max(1.0, float(np.median(lengths)) / _TYPICAL)
 
 
@@ -165,9 +166,9 @@ def _weights(lengths: Float64[np.ndarray, " V"]) -> Float64[np.ndarray, " V"]:
 
 
 def _covariance(told: Sequence[_Told], kept: Bool[np.ndarray, " V"]) -> Float64[np.ndarray, "12 12"]:
-    """Of the ends: what the noise that was guessed leaves open, times how much larger the errors are than guessed.
+    """Covariance of the ends: that of the assumed noise, scaled by the ratio of actual to assumed errors.
 
-    That factor is the reduced chi-squared of the views' pose errors, six numbers a view less the twelve that were
+    The factor is the reduced chi-squared of the views' pose errors, six numbers a view less the twelve that were
     fitted, and no less than 1.
     """
     counted = [each for each, keep in zip(told, kept, strict=True) if keep]

@@ -19,7 +19,7 @@ def inverse(T: Transforms) -> Transforms:
 
 
 def transform(rotation: Float[np.ndarray, "*stack 3 3"], origin: Vectors) -> Transforms:
-    """From a rotation matrix and where the origin goes."""
+    """Transform from a rotation matrix and the image of the origin."""
     T = np.zeros((*origin.shape[:-1], 4, 4))
     T[..., :3, :3], T[..., :3, 3], T[..., 3, 3] = rotation, origin, 1.0
     return T
@@ -61,5 +61,5 @@ def mean(T: Float[np.ndarray, "*stack V 4 4"]) -> Transforms:
 
 
 def angle(rotation: Float[np.ndarray, "*stack 3 3"]) -> Float[np.ndarray, "*stack"]:
-    """How far each turns [rad]."""
+    """Angle of each rotation [rad]."""
     return np.asarray(np.linalg.norm(log(rotation), axis=-1))

@@ -16,7 +16,7 @@ from app.perception.calibration.sight import opencv_board
 
 Format: TypeAlias = Literal["pdf", "svg", "png"]
 FORMATS: Final[Mapping[str, Format]] = {".pdf": "pdf", ".svg": "svg", ".png": "png"}
-"""By how a file's name ends."""
+"""Output formats by file name suffix."""
 
 DPI: Final = 600
 _INCH_M = 0.0254
@@ -32,7 +32,7 @@ def size_m(board: Charuco) -> tuple[float, float]:
 
 
 def sheet(board: Charuco, kind: Format) -> bytes:
-    """The file's bytes. PNG has 600 dots an inch, and says so."""
+    """The file's bytes. PNG has 600 dots an inch, and its metadata say so."""
     width, height = size_m(board)
     figure = Figure(figsize=(width / _INCH_M, height / _INCH_M), dpi=DPI, facecolor="white")
     FigureCanvasAgg(figure)
@@ -43,7 +43,7 @@ def sheet(board: Charuco, kind: Format) -> bytes:
         axes.add_patch(Rectangle((x + _MARGIN_M, y + _MARGIN_M), side, side, color="black", lw=0, antialiased=False))
     _foot(axes, board, height)
     written = BytesIO()
-    # Without date and chance in it, so that the same board is the same file.
+    # Without date and random ids, so that the same board gives the same file.
     when: dict[str, Any] = {"pdf": {"CreationDate": None}, "svg": {"Date": None}, "png": {}}[kind]
     with rc_context({"svg.hashsalt": "dipac"}):
         figure.savefig(written, format=kind, dpi=DPI, metadata=when)
@@ -76,7 +76,7 @@ def _markers(board: Charuco) -> list[Bool[np.ndarray, "n n"]]:
 
 
 def _foot(axes: Any, board: Charuco, height: float) -> None:
-    """A ruler, and what the board is."""
+    """Draw a ruler and the board's description."""
     y, x = height - _MARGIN_M * 0.8, _MARGIN_M
     axes.plot([x, x + _RULER_M], [y, y], color="black", lw=0.6)
     for end in (x, x + _RULER_M):

@@ -1,4 +1,4 @@
-"""A ChArUco board in one image: its corners, and where it is before the camera."""
+"""Detection of a ChArUco board in one image: its corners, and its pose in the camera's frame."""
 
 from dataclasses import dataclass
 from functools import lru_cache
@@ -18,25 +18,24 @@ Pixels: TypeAlias = Float64[np.ndarray, "C 2"]
 """Column and row [pixel] of an ideal pinhole camera, counted from the centre of the top left pixel."""
 
 FEWEST_CORNERS = 8
-"""A pose has six numbers, and four corners of one square give all of them badly."""
+"""Fewest corners: a pose has six numbers, and the four corners of one square determine it badly."""
 _LEAST_CONTRAST = 25
-"""Between the darkest and the lightest hundredth of an image, of 255; less is a lid, fog or a screen."""
+"""Least contrast between the darkest and the lightest hundredth of an image, of 255; less is a lid, fog or a screen."""
 _LARGEST_WINDOW_PX = 11
-"""Half of the window in which a corner is refined, where the white about the markers leaves room for as much: a marker
-in it costs 0.1 pixels and more."""
+"""Largest half window of corner refinement, where the white about the markers leaves room: a marker in it costs 0.1
+pixels and more."""
 _WORST_PX = 3.0
-"""A mean error of reprojection above it says that the board is another one, bent, or moved during the exposure."""
+"""Mean reprojection error above which the board is another one, bent, or moved during the exposure."""
 _EDGE_ON = 0.17
-"""The sine of 10 degrees, under which a board is seen too flat."""
+"""Sine of 10 degrees, the flattest view of a board that is accepted."""
 
 
 @final
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Sight:
-    """The corners that were found, their numbers, and the board's pose that fits them best.
+    """Detected corners, their numbers, and the board's best-fitting pose.
 
-    `pixels` are those of the ideal pinhole camera, with the lens's distortion taken out. `error_px`: the root mean
-    square of what is left at the pose.
+    `pixels` are undistorted, those of the ideal pinhole camera. `error_px`: root mean square reprojection error.
     """
 
     ids: Int[np.ndarray, " C"]
@@ -45,13 +44,13 @@ class Sight:
     error_px: float
 
     def points(self, board: Charuco) -> Float64[np.ndarray, "C 3"]:
-        """The same corners on the board [m]."""
+        """Positions of the same corners on the board [m]."""
         return board.corners()[self.ids]
 
 
 @lru_cache(maxsize=8)
 def opencv_board(board: Charuco) -> Any:
-    """The board as OpenCV has it."""
+    """The board as an OpenCV object."""
     cells = DICTIONARIES[board.dictionary]
     family = getattr(cv2.aruco, f"DICT_{cells}X{cells}_{MARKERS}")
     markers = cv2.aruco.getPredefinedDictionary(family)
@@ -59,9 +58,9 @@ def opencv_board(board: Charuco) -> Any:
 
 
 def sight(image: ColourImage, board: Charuco, lens: Lens) -> Sight:
-    """What `image` shows of the board.
+    """Detection of the board in `image`.
 
-    Raises PerceptionError, which says why and what to do, where that is not enough for a pose.
+    Raises PerceptionError, with reason and remedy, where it is insufficient for a pose.
     """
     if image.shape[:2] != (lens.height, lens.width):
         raise PerceptionError(
@@ -103,14 +102,14 @@ def _detector(board: Charuco) -> Any:
 
 
 def _refined(grey: np.ndarray, raw: np.ndarray, window_px: int) -> Pixels:
-    """The corners where image gradients are orthogonal to the ways to them (Foerstner and Guelch 1987)."""
+    """Corners refined to where image gradients are orthogonal to the vectors to them (Foerstner and Guelch 1987)."""
     stop = (cv2.TERM_CRITERIA_EPS + cv2.TERM_CRITERIA_MAX_ITER, 40, 1e-3)
     fine = cv2.cornerSubPix(grey, raw.copy(), (window_px, window_px), (-1, -1), stop)
     return fine.reshape(-1, 2).astype(np.float64)
 
 
 def _window_px(board: Charuco, ids: Int[np.ndarray, " C"], raw: np.ndarray) -> int:
-    """Half of a window that holds no other edges than those of the four squares about a corner: no marker's."""
+    """Half width of a window that contains no edges but those of the four squares about a corner: no marker's."""
     column, row = ids % (board.columns - 1), ids // (board.columns - 1)
     near = np.abs(column[:, None] - column) + np.abs(row[:, None] - row) == 1
     apart = np.linalg.norm(raw[:, None] - raw, axis=-1)
@@ -120,7 +119,7 @@ def _window_px(board: Charuco, ids: Int[np.ndarray, " C"], raw: np.ndarray) -> i
 
 
 def _pose(points: Float64[np.ndarray, "C 3"], pixels: Pixels, lens: Lens) -> dict[str, Any]:
-    """`T_camera_board` and `error_px`. Of the two poses that a plane may have, the one that fits better."""
+    """`T_camera_board` and `error_px`: the better of a plane's two possible poses."""
     if np.linalg.matrix_rank(points[:, :2] - points[0, :2], tol=1e-6) < 2:
         raise PerceptionError("Only one row of the board's corners is seen; bring all of it into the image.")
     found, turns, places, _ = cv2.solvePnPGeneric(

@@ -1,4 +1,4 @@
-"""Where the camera is, of views of a board: start, refine, and say how sure that is; or why it cannot be said."""
+"""Hand-eye solution from views of a board: initial estimate, refinement, uncertainty, and rejection of poor data."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -21,17 +21,17 @@ from app.perception.calibration.start import start
 
 _SEED = 0
 _UNSURE_M, _UNSURE_DEG = 0.005, 0.5
-"""Standard deviations above these leave a camera of no use: an object seen by two would be two."""
+"""Standard deviations above which a camera is unusable: an object seen by two would appear twice."""
 _MOST_OUTLIERS = 0.4
-"""Of the views: where more of them are wrong, the others may be wrong alike."""
+"""Largest share of outliers: where more views are wrong, the others may be wrong in the same way."""
 _CONTRARY_M, _CONTRARY_DEG = 0.008, 1.0
-"""The median view misses the chain by a tenth of it where all is well."""
+"""Median residual of the chain above which the views contradict each other; it is a tenth of this in good data."""
 
 
 @final
 @dataclass(frozen=True, kw_only=True, eq=False)
 class View:
-    """The board in one image, and the pose `T_world_gripper` that the arm reported at rest meanwhile."""
+    """The board in one image, and the pose `T_world_gripper` that the arm reported at rest then."""
 
     sight: Sight
     T_world_gripper: Transform
@@ -40,31 +40,31 @@ class View:
 @final
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Solved:
-    """The camera, and of each view, in order, whether it counted and what it misses the chain by."""
+    """The calibrated camera, with inlier flag and residuals of each view, in order."""
 
     found: HandEye
     refined: Refined
 
     @property
     def outliers(self) -> tuple[int, ...]:
-        """The views that did not count, by their place in the list."""
+        """Indices of the outlier views."""
         return tuple(int(index) for index in np.flatnonzero(~self.refined.kept))
 
     @property
     def view_error_m(self) -> Float64[np.ndarray, " V"]:
-        """By how much the gripper would have to be shifted in each view [m]."""
+        """Translation error of the gripper's pose in each view [m]."""
         return np.linalg.norm(self.refined.shift_m, axis=1)
 
     @property
     def view_error_deg(self) -> Float64[np.ndarray, " V"]:
-        """By how much the gripper would have to be turned in each view [degree]."""
+        """Rotation error of the gripper's pose in each view [degree]."""
         return np.degrees(np.linalg.norm(self.refined.turn_rad, axis=1))
 
 
 def solve(
     views: Sequence[View], setup: Setup, lens: Lens, board: Charuco, *, serial: str, calibrated_at: date
 ) -> Solved:
-    """The camera of `serial`. Raises PerceptionError, which says what is missing, where these views cannot tell."""
+    """The camera of `serial`. Raises PerceptionError, which names the missing condition, for insufficient views."""
     poses = np.array([view.T_world_gripper for view in views]).reshape(-1, 4, 4)
     _check(poses)
     H, C = outer(poses, setup), np.array([view.sight.T_camera_board for view in views])
@@ -96,7 +96,7 @@ def solve(
 
 
 def corners_of(views: Sequence[View], board: Charuco, setup: Setup) -> list[Corners]:
-    """What the chain needs of each view."""
+    """Data of each view for the chain."""
     return [
         Corners(H=outer(view.T_world_gripper, setup), points=view.sight.points(board), pixels=view.sight.pixels)
         for view in views
@@ -104,7 +104,7 @@ def corners_of(views: Sequence[View], board: Charuco, setup: Setup) -> list[Corn
 
 
 def ends_of(found: HandEye) -> Ends:
-    """The two ends of the chain that a calibration found."""
+    """The two ends of the chain of a calibration."""
     return Ends(X=found.pose, Y=found.board_pose)
 
 
@@ -117,7 +117,7 @@ def _check(poses: Float64[np.ndarray, "V 4 4"], counted: str = "") -> None:
 
 
 def _check_agreeing(refined: Refined) -> None:
-    """Raises PerceptionError where too many views are outliers, or none stands out as all are wrong."""
+    """Raises PerceptionError where too many views are outliers, or where all are wrong, so that none stands out."""
     out, turn_rad = ~refined.kept, float(np.median(np.linalg.norm(refined.turn_rad, axis=1)))
     shift_m = float(np.median(np.linalg.norm(refined.shift_m, axis=1)))
     if shift_m > _CONTRARY_M or np.degrees(turn_rad) > _CONTRARY_DEG:

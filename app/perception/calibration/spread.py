@@ -1,4 +1,4 @@
-"""Whether the poses of the views differ enough to tell where the camera is, and what to do where they do not."""
+"""Pose diversity of the views, its sufficiency for a calibration, and advice where it is insufficient."""
 
 import numpy as np
 from jaxtyping import Float64
@@ -7,14 +7,14 @@ from app.core.hand_eye import Spread
 from app.perception.calibration.se3 import log, nearest_rotation
 
 FEWEST_VIEWS = 5
-"""Three would do without noise, and leave nothing to tell an outlier by."""
+"""Fewest views: three would do without noise, but could not reveal an outlier."""
 LEAST_TURN_DEG = 4.0
-"""Root mean square about the second axis: half of a tilt of 10 degrees to either side."""
+"""Least root mean square about the second axis: half of a tilt of 10 degrees to either side."""
 GOOD_TURN_DEG = 10.0
 
 
 def spread_of(T_world_gripper: Float64[np.ndarray, "V 4 4"]) -> Spread:
-    """Of the gripper's poses, without regard to any frame: rotations from their mean, positions from theirs."""
+    """Spread of the gripper's poses, independent of any frame: rotations from their mean, positions from theirs."""
     R = T_world_gripper[:, :3, :3]
     turns = log(R @ nearest_rotation(R.mean(axis=0)).T)
     shifts = T_world_gripper[:, :3, 3]
@@ -22,7 +22,7 @@ def spread_of(T_world_gripper: Float64[np.ndarray, "V 4 4"]) -> Spread:
 
 
 def lack(spread: Spread, views: int) -> str | None:
-    """Why so spread views cannot tell where the camera is, and what to do; None where they can."""
+    """Reason why these views are insufficient, with advice; None where they suffice."""
     if views < FEWEST_VIEWS:
         there = "There is 1 view" if views == 1 else f"There are {views} views"
         return f"{there} and {FEWEST_VIEWS} are needed at least; 15 to 25 are good. Take more."

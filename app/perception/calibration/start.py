@@ -1,8 +1,8 @@
-"""A first answer to H Y = X C in closed form, of the views that agree with each other.
+"""Initial estimate of H Y = X C in closed form, from views that agree with each other.
 
 Two views i and j give A X = X B with A = Hj Hi^-1 and B = Cj Ci^-1. Rotations first (Park and Martin 1994): the axes of
-A are those of B turned by X. Then the translation, which is linear. As a fifth of the views may be wrong, many sets of
-three views are tried, and the one counts that half of all views agree with best (Rousseeuw 1984).
+A are those of B rotated by X. Then the translation, which is linear. As a fifth of the views may be wrong, many sets of
+three views are tried, and the one with the smallest median disagreement counts (Rousseeuw 1984).
 """
 
 from itertools import combinations
@@ -15,15 +15,16 @@ from app.perception.calibration.se3 import Transforms, angle, inverse, log, mean
 
 _TRIALS = 400
 _AGREE_M, _AGREE_RAD = 0.010, np.radians(1.0)
-"""A centimetre and a degree count alike when views are compared: a board of 0.25 m."""
+"""Weights of translation and rotation in a comparison of views: a centimetre counts as a degree, for a board of 0.25
+m."""
 _WITHIN = 4.0
-"""Of the median disagreement: farther ones are left out of the start. All views are asked again later."""
+"""Inlier threshold of the initial estimate, in median disagreements. The refinement uses all views again."""
 _LEAST = 2.0
-"""Disagreements below so many units are never called one: three views alone are off by as much."""
+"""Least inlier threshold, in units of a centimetre and a degree: three views alone err by as much."""
 
 
 def start(H: Float64[np.ndarray, "V 4 4"], C: Float64[np.ndarray, "V 4 4"], rng: np.random.Generator) -> Ends:
-    """Both ends of the chain, to be refined. Three views at least, turned about more than one axis."""
+    """Initial estimate of both ends of the chain. Needs three views, rotated about more than one axis."""
     sets = _sets_of_three(len(H), rng)
     pairs = sets[:, [[0, 1], [0, 2], [1, 2]]]
     tried = closed_form(H, C, pairs)
@@ -34,7 +35,7 @@ def start(H: Float64[np.ndarray, "V 4 4"], C: Float64[np.ndarray, "V 4 4"], rng:
 
 
 def of_all(H: Float64[np.ndarray, "V 4 4"], C: Float64[np.ndarray, "V 4 4"], of: Bool[np.ndarray, " V"]) -> Ends:
-    """In closed form, of all pairs of the views `of` which it is wanted."""
+    """Closed-form estimate from all pairs of the views selected by the mask `of`."""
     pairs = np.array(list(combinations(np.flatnonzero(of), 2)))
     X = closed_form(H, C, pairs[None])[0]
     return Ends(X=X, Y=mean((inverse(H) @ X @ C)[of]))
@@ -54,7 +55,7 @@ def closed_form(
 
 
 def _sets_of_three(count: int, rng: np.random.Generator) -> np.ndarray:
-    """Every set of three views where these are few, many at random where they are not."""
+    """All sets of three views where these are few, otherwise a random selection."""
     every = np.array(list(combinations(range(count), 3)))
     return every if len(every) <= _TRIALS else every[rng.choice(len(every), _TRIALS, replace=False)]
 
@@ -62,7 +63,7 @@ def _sets_of_three(count: int, rng: np.random.Generator) -> np.ndarray:
 def _disagreement(
     H: Float64[np.ndarray, "V 4 4"], C: Float64[np.ndarray, "V 4 4"], X: Transforms, sets: np.ndarray
 ) -> Float64[np.ndarray, "T V"]:
-    """How far each view's Y is from that of the three views, in units of a centimetre and a degree."""
+    """Disagreement of each view's Y with that of the three views, in units of a centimetre and a degree."""
     Y = inverse(H) @ X[:, None] @ C
     own = mean(Y[np.arange(len(sets))[:, None], sets])
     off = inverse(own)[:, None] @ Y

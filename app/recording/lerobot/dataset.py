@@ -1,8 +1,8 @@
-"""The folder of a LeRobot dataset: parquet files of steps and episodes, what they hold, and their statistics.
+"""The folder of a LeRobot dataset: parquet files of steps and episodes, their features, and their statistics.
 
 Files and fields are those of LeRobot's format v3.0 (lerobot 0.4): `meta/info.json`, `meta/stats.json`,
-`meta/tasks.parquet`, `meta/episodes/chunk-000/file-000.parquet`, `data/chunk-000/file-000.parquet`. Images stand in the
-data as the JPEG files that the recording has, so nothing is encoded twice.
+`meta/tasks.parquet`, `meta/episodes/chunk-000/file-000.parquet`, `data/chunk-000/file-000.parquet`. Images are stored
+as the JPEG files of the recording, so nothing is encoded twice.
 """
 
 from __future__ import annotations
@@ -26,14 +26,14 @@ _IMAGE: Final = "observation.images."
 _FILE: Final = "chunk-{chunk_index:03d}/file-{file_index:03d}"
 _DATA: Final = f"data/{_FILE}.parquet"
 _IMAGES_AN_EPISODE: Final = 4
-"""Of each camera, for the statistics of the whole."""
+"""Images of each camera and episode that enter the statistics of the dataset."""
 _CHUNK_FILES, _FILE_MB, _VIDEO_MB = 1000, 100, 200
 """LeRobot's own defaults."""
 _COUNTED: Final = {"frame_index": "int64", "episode_index": "int64", "index": "int64", "task_index": "int64"}
 
 
 class Exported(NamedTuple):
-    """What was written."""
+    """Number of episodes and steps written."""
 
     episodes: int
     steps: int
@@ -44,8 +44,8 @@ def export(
 ) -> Exported:
     """Write the recordings as a new dataset at `folder`, an episode each; `done` is called after each.
 
-    Raises UsageError where the folder holds something already, PreflightError where the packages are missing that
-    write parquet files, and RecordingError where a recording cannot be sampled or is unlike the first.
+    Raises UsageError where the folder is not empty, PreflightError where the packages that write parquet files are
+    missing, and RecordingError where a recording cannot be sampled or differs in kind from the first.
     """
     tools = _Tools.load()
     if folder.exists() and any(folder.iterdir()):
@@ -78,7 +78,7 @@ def export(
 
 
 class _Tools(NamedTuple):
-    """The packages that only this needs."""
+    """The optional packages of the export."""
 
     datasets: ModuleType
     arrow: ModuleType
@@ -98,7 +98,7 @@ class _Tools(NamedTuple):
 
 
 class _Steps:
-    """The data files. One is full at LeRobot's size; an episode is in one of them."""
+    """The data files. One is full at LeRobot's size; an episode lies within one of them."""
 
     def __init__(self, tools: _Tools, folder: Path) -> None:
         self._tools, self._folder = tools, folder
@@ -115,7 +115,7 @@ class _Steps:
     def write(
         self, numbers: Mapping[str, np.ndarray], images: Mapping[str, Sequence[bytes]], features: Mapping[str, Any]
     ) -> tuple[int, int]:
-        """Append an episode; returns the chunk and the file that it is in."""
+        """Append an episode; returns the indices of its chunk and file."""
         schema = _schema(self._tools, features)
         columns: dict[str, Any] = {key: value.tolist() for key, value in numbers.items()}
         columns |= {key: [{"bytes": jpeg, "path": None} for jpeg in of_one] for key, of_one in images.items()}
@@ -134,7 +134,7 @@ class _Steps:
 
 
 def _features(samples: Samples) -> dict[str, Any]:
-    """What a step holds, as LeRobot describes it."""
+    """Features of a step, in LeRobot's description."""
     count, goal = samples.object.shape[1], samples.goal.shape[1]
     images = {
         f"{_IMAGE}{name}": _feature("image", (of_one[0].height, of_one[0].width, 3), ["height", "width", "channels"])
@@ -158,7 +158,7 @@ def _feature(dtype: str, shape: tuple[int, ...], names: list[str] | None) -> dic
 
 
 def _schema(tools: _Tools, features: Mapping[str, Any]) -> Any:
-    """The columns of a data file, with what the `datasets` package wants to know of them."""
+    """The columns of a data file, with the metadata of the `datasets` package."""
     kinds = tools.datasets
 
     def kind(feature: Mapping[str, Any]) -> Any:
@@ -173,7 +173,7 @@ def _schema(tools: _Tools, features: Mapping[str, Any]) -> Any:
 def _numbers(
     samples: Samples, *, fps: int, episode: int, first: int, task: int, success: bool
 ) -> dict[str, np.ndarray]:
-    """All that is not an image, a row a step."""
+    """All features but images, a row a step."""
     count = len(samples)
     order, last = np.arange(count), np.arange(count) == count - 1
     return {
@@ -204,7 +204,7 @@ def _row(
     numbers: Mapping[str, np.ndarray],
     images: Mapping[str, Sequence[bytes]],
 ) -> dict[str, Any]:
-    """What `meta/episodes` says of an episode."""
+    """Row of an episode in `meta/episodes`."""
     told = _described(numbers, images)
     return {
         "episode_index": index,
@@ -256,7 +256,7 @@ def _write_meta(
 
 
 def _described(numbers: Mapping[str, np.ndarray], images: Mapping[str, Sequence[bytes]]) -> dict[str, stats.Stats]:
-    """The statistics of each feature that has some."""
+    """Statistics of each numeric or image feature."""
     told = {key: stats.of_numbers(_columns(value)) for key, value in numbers.items() if value.dtype != bool}
     return told | {key: stats.of_images(pictures) for key, pictures in images.items()}
 

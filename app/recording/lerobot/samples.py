@@ -1,4 +1,4 @@
-"""One recording as evenly sampled steps: tool, images, object and goal, and where the tool is told to be next."""
+"""One recording as evenly sampled steps: tool pose, images, object and goal, and the next commanded tool pose."""
 
 from bisect import bisect_right
 from collections.abc import Iterator, Mapping, Sequence
@@ -15,7 +15,7 @@ from app.core.track import poses_at
 from app.recording.reader import Picture, read_messages, read_pictures
 
 STATE_NAMES = ("x", "y", "z", "qw", "qx", "qy", "qz", "opening")
-"""Of the tool: position [m], quaternion, and how far it is open [m]."""
+"""Components of a tool state: position [m], quaternion, and opening [m]."""
 
 
 @final
@@ -23,7 +23,7 @@ STATE_NAMES = ("x", "y", "z", "qw", "qx", "qy", "qz", "opening")
 class Samples:
     """The steps of one episode: `state (S, 8)`, `action (S, 8)`, `object (S, N, 3)` and `goal (S, M, 3)` [m].
 
-    `pictures`: of each camera, the newest image at each step, as it is in the recording.
+    `pictures`: each camera's newest image at each step, as stored in the recording.
     """
 
     episode: Episode
@@ -40,7 +40,7 @@ class Samples:
 def sample(path: Path, fps: int) -> Samples:
     """The actions in the recording, `fps` steps a second.
 
-    Raises RecordingError where there is no action in it, or nothing was seen before the first; and as `read_messages`.
+    Raises RecordingError where it holds no action, or no observation before the first; and as `read_messages`.
     """
     said = list(read_messages(path, [Episode, Goal, Particles, Executed]))
     episode = next((message for message in said if isinstance(message, Episode)), None)
@@ -66,7 +66,7 @@ def sample(path: Path, fps: int) -> Samples:
 
 
 class _Steps(NamedTuple):
-    """Of one action: when, where the tool was, and where it was told to be at the next step."""
+    """Steps of one action: times, tool states, and the tool state commanded for the next step."""
 
     times_s: Float64[np.ndarray, " S"]
     state: Float64[np.ndarray, "S 8"]
@@ -81,7 +81,7 @@ def _along(executed: Executed, fps: int) -> _Steps:
 
 
 def _newest(dated_s: Sequence[float], at_s: np.ndarray, path: Path) -> Sequence[int]:
-    """For each moment the index of the newest of what is `dated_s`; what is first came in time for the first action."""
+    """Index of the newest of `dated_s` at each moment; the first must precede the first action."""
     found = [bisect_right(dated_s, moment) - 1 for moment in at_s]
     if min(found) < 0:
         raise RecordingError(f"{path}: nothing was seen before its first action; leave it out.")
@@ -89,7 +89,7 @@ def _newest(dated_s: Sequence[float], at_s: np.ndarray, path: Path) -> Sequence[
 
 
 def _pursued(goals: Sequence[Goal], at_s: np.ndarray) -> Sequence[int]:
-    """For each moment the index of the goal at that time; of what came before any was said, the first."""
+    """Index of the goal at each moment; the first goal for moments before it."""
     dated_s = [goal.time_s for goal in goals]
     return [max(bisect_right(dated_s, moment) - 1, 0) for moment in at_s]
 
@@ -112,7 +112,7 @@ def _pictures(of_one: Sequence[Picture], at_s: np.ndarray, path: Path) -> Sequen
 
 
 def sampled(paths: Sequence[Path], fps: int) -> Iterator[tuple[Path, Samples]]:
-    """Each recording; all of one kind. Raises RecordingError, which names the file, where one is unlike the first."""
+    """Samples of each recording, all of one kind. Raises RecordingError, naming a file that differs from the first."""
     first: tuple[object, ...] | None = None
     for path in paths:
         samples = sample(path, fps)

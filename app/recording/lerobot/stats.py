@@ -1,4 +1,4 @@
-"""What LeRobot normalises with: range, mean, spread and quantiles of each feature, over an episode or all of them."""
+"""LeRobot's normalisation statistics: range, mean, spread and quantiles of each feature, over an episode or all."""
 
 from collections.abc import Mapping, Sequence
 from typing import Any, Final, TypeAlias
@@ -8,21 +8,22 @@ import numpy as np
 from jaxtyping import Float, UInt8
 
 Stats: TypeAlias = Mapping[str, list[Any]]
-"""Of one feature, as nested lists: `min`, `max`, `mean`, `std` and `q01` to `q99` in its shape, and `count`."""
+"""Statistics of one feature, as nested lists: `min`, `max`, `mean`, `std` and `q01` to `q99` in its shape, and
+`count`."""
 
 _QUANTILES: Final = {"q01": 0.01, "q10": 0.10, "q50": 0.50, "q90": 0.90, "q99": 0.99}
 _MOST_IMAGES: Final = 100
 _EVERY_PIXEL: Final = 4
-"""Images are thinned: their mean needs no more."""
+"""Stride of the pixels that enter the statistics: the mean needs no more."""
 
 
 def of_numbers(values: Float[np.ndarray, "S D"]) -> Stats:
-    """Over the steps, of each component."""
+    """Statistics of each component over the steps."""
     return _described(values, len(values))
 
 
 def of_images(images: Sequence[bytes]) -> Stats:
-    """Over steps and pixels, of red, green and blue in 0..1, each of shape (3, 1, 1), as LeRobot wants them."""
+    """Statistics of red, green and blue in 0..1 over steps and pixels, each of shape (3, 1, 1), as LeRobot expects."""
     chosen = np.unique(np.linspace(0, len(images) - 1, min(len(images), _MOST_IMAGES)).round().astype(int))
     pixels = np.concatenate([_pixels(images[index]) for index in chosen])
     found = _described(pixels / 255.0, len(chosen))

@@ -1,1 +1,1 @@
-"""The Kinova Gen3 at the wire: its protocol, two clients that speak it, and an arm that answers as a real one."""
+"""The Kinova Gen3 at the wire: its protocol, two clients that speak it, and an emulator of the arm."""

@@ -1,4 +1,4 @@
-"""Where on its way a tool is, by where it was measured: an arm goes along by a clock of its own."""
+"""Path progress from the measured tool: an arm follows its path by a clock of its own."""
 
 from typing import final
 
@@ -9,17 +9,17 @@ from app.arm.path import SCALE, whole
 from app.core.types import ToolPath, ToolPose
 
 _MOVES = SCALE * np.array([1.0] * 7 + [0.0])
-"""Fingers that meet something are never where they should be, and no measure of the way."""
+"""Weights of a pose's components in path length; fingers that meet something stop short, and do not count."""
 _SHORTEST_M, _ABOUT_M, _AHEAD_M = 1e-9, 1e-3, 0.05
-"""Of a segment that is one; of places that are about as near; and how far it is looked ahead."""
+"""Shortest segment with a length; tolerance between equally near points; look-ahead along the path [m]."""
 
 
 @final
 class Along:
-    """The point of the path `points (P, 8)` that the tool has come to, `advance` by `advance`; never back again.
+    """Progress along the path `points (P, 8)`, by the measured tool; monotonic over calls of `advance`.
 
-    `off_m` is how far beside the path the tool is [m], also where the point that was said falls behind it, because who
-    looks is late, on a busy machine, and the point goes on by no more than a command's way at a time.
+    `off_m`: distance of the tool from the path [m]. It is measured at the tool, also where the reported point lags
+    behind it because the loop ran late and the point advances by one command's length at most.
     """
 
     def __init__(self, points: ToolPath) -> None:
@@ -30,9 +30,9 @@ class Along:
         self.off_m = 0.0
 
     def advance(self, tool: ToolPose, most_m: float, travel_m: float = 0.0) -> ToolPose:
-        """As far as the measured `tool` is, but no more than `most_m` further than before.
+        """Point of the path reached by the measured `tool`, at most `most_m` further than before.
 
-        `travel_m`: how far it may have gone since it was looked at last.
+        `travel_m`: distance that it may have moved since the last call.
         """
         self._measured = self._nearest(tool, _AHEAD_M + travel_m)
         self.off_m = float(np.linalg.norm(self._pose(self._measured)[:3] - tool[:3]))
@@ -40,9 +40,9 @@ class Along:
         return self._pose(self._come)
 
     def _nearest(self, tool: ToolPose, ahead_m: float) -> float:
-        """How far along the way is nearest to the tool, of what comes next; the first of places that are about as near.
+        """Path length nearest to the tool within the look-ahead; the first of about equally near ones.
 
-        So on a way that turns back, the way there counts until the tool is seen to have turned.
+        On a path that doubles back the way out counts until the tool is seen to have turned.
         """
         last = self._segment(self._measured + ahead_m)
         places = [self._on(index, tool) for index in range(self._segment(self._measured), last + 1)]
@@ -50,7 +50,7 @@ class Along:
         return next(come for come, away in places if away <= near_m)
 
     def _on(self, index: int, tool: ToolPose) -> tuple[float, float]:
-        """Where on a segment, not before where it is already, the tool is nearest, and how far away from there."""
+        """Nearest path length on a segment, not before the present one, and the tool's distance from it."""
         begin, end = self._moves[index], self._moves[index + 1]
         here, length = _signed(tool, self._points[index]) * _MOVES, float(self._at[index + 1] - self._at[index])
         ahead = (end - begin) / max(length, _SHORTEST_M)
@@ -69,5 +69,5 @@ class Along:
 
 
 def _signed(tool: ToolPose, like: ToolPose) -> Float64[np.ndarray, "8"]:
-    """With the one of a quaternion's two signs that is nearer to the path's."""
+    """The pose with the sign of its quaternion nearer to the path's."""
     return tool if tool[3:7] @ like[3:7] >= 0 else np.concatenate([tool[:3], -tool[3:7], tool[7:]])

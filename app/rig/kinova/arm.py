@@ -1,4 +1,4 @@
-"""A Gen3 in a process of its own, as a rig that has one opens it."""
+"""A Gen3 in a process of its own, as rigs open it."""
 
 from contextlib import AbstractAsyncContextManager
 from functools import partial
@@ -15,10 +15,10 @@ from app.rig.kinova.link import Address
 def kinova_arm(
     address: Address, site: Site, client: str = DEFAULT, holds: Holds = DELIVERED
 ) -> AbstractAsyncContextManager[ProcessArm]:
-    """The arm there, under gate, watchdog and STOP, as long as it is open.
+    """The arm at `address`, under gate, watchdog and STOP, for as long as it is open.
 
-    Raises DeviceError on entry where there is none, or it is not configured for what it `holds`. Left, the arm is at
-    rest and the process has ended; where the application is killed the process ends by itself, and where that is killed
-    the arm stops by itself.
+    Raises DeviceError on entry where none answers, or it is not configured for what it `holds`. On leaving, the arm is
+    at rest and the process has ended; where the application is killed the process ends by itself, and where that is
+    killed the arm stops by itself.
     """
     return opened_arm(partial(taken, address, client=client, holds=holds), site)

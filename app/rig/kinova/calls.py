@@ -1,4 +1,4 @@
-"""The calls that this program makes of an arm: number of the service and of the function, messages, and patience.
+"""The calls that this program makes of an arm: numbers of service and function, message types, and timeouts.
 
 Numbers: `@PROXY_ID` and `@RPC_ID` of Kinovarobotics/ros_kortex, kortex_driver/protos (`Base.proto`, `BaseCyclic.proto`,
 `ControlConfig.proto`) and of pitt-rnel/kortex, protos/Session.proto.
@@ -55,12 +55,12 @@ Answered = TypeVar("Answered")
 Told = TypeVar("Told")
 
 ANSWER_S, THOUGHT_S, FEEDBACK_S = 1.0, 6.0, 0.15
-"""How long an answer is waited for: as a rule; where the arm computes a trajectory first, which takes it 1.5 to 2 s
-(ros_kortex #258); and for feedback, which is asked for again anyway. Kinova's own client waits for 10 s."""
+"""Timeouts of calls [s]: in general; for those that compute a trajectory first, which takes the arm 1.5 to 2 s
+(ros_kortex #258); and for feedback, which is asked for again anyway. Kinova's own client waits 10 s."""
 
 
 class Service(IntEnum):
-    """Parts of the arm that are called."""
+    """Services of the arm that are called."""
 
     SESSION = 1
     BASE = 2
@@ -84,7 +84,7 @@ class Call(Generic[Asked, Answered]):
 @final
 @dataclass(frozen=True, kw_only=True)
 class Topic(Generic[Told]):
-    """What the arm tells a session that subscribed by `call`, as things happen."""
+    """Notification that the arm sends to sessions subscribed by `call`, as events occur."""
 
     call: Call[NotificationOptions, Handle]
     told: type[Told]

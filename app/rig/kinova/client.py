@@ -1,7 +1,7 @@
-"""This program's own client: two sessions on sockets, an explicit timeout on every call, no thread that keeps alive.
+"""This program's own client: two sessions on sockets, a timeout on every call, and no keep-alive thread.
 
 Kinova's client keeps a session alive from a thread of its own, so that an arm moves on while the program that commands
-it hangs. Here nobody does but whoever calls: where its loop hangs the arm hears nothing, and stops by itself.
+it hangs. Here only the caller does: where its loop hangs, the arm hears nothing and stops by itself.
 """
 
 import contextlib
@@ -22,12 +22,12 @@ Answered = TypeVar("Answered")
 _AS_IT_HAPPENS = 3
 """`NotificationType` of `Common.proto`."""
 _UNANSWERED = 40
-"""So many calls over UDP without an answer, one after the other, are no lost datagrams any more."""
+"""Unanswered calls over UDP in succession that count as a lost connection, and not as lost datagrams."""
 
 
 @final
 class OwnLink:
-    """A `Link` that needs nothing but Python."""
+    """A `Link` in pure Python."""
 
     name = "dipac"
 
@@ -40,7 +40,7 @@ class OwnLink:
         self._unanswered = 0
 
     def open(self) -> None:
-        """Connect anew; what was before is closed. Raises LinkLost and Refused."""
+        """Connect anew; closes an earlier connection. Raises LinkLost and Refused."""
         self.close()
         address = self._address
         info = SessionInfo(
@@ -70,14 +70,14 @@ class OwnLink:
                 router.close()
 
     def cut(self) -> None:
-        """Both sessions are silent from now on."""
+        """Silence both sessions from now on."""
         for router in (self._commands, self._cyclic):
             if router is not None:
                 router.cut()
 
     @property
     def lost(self) -> str:
-        """Of either session."""
+        """Reason for the loss of either session."""
         commands, cyclic = self._commands, self._cyclic
         if commands is None or cyclic is None:
             return "There is no connection to the arm."
@@ -86,7 +86,7 @@ class OwnLink:
         return commands.lost or cyclic.lost
 
     def call(self, call: Call[Asked, Answered], asked: Asked, *, timeout_s: float | None = None) -> Answered:
-        """By the session of its service."""
+        """Make a call on the session of its service."""
         router = self._cyclic if call.service == Service.BASE_CYCLIC else self._commands
         if router is None:
             raise LinkLost(self.lost)
@@ -101,18 +101,18 @@ class OwnLink:
         return answer
 
     def tell(self, call: Call[Asked, Any], asked: Asked) -> None:
-        """By the session of the commands, whose silence is what stops the arm."""
+        """Send a call on the command session, whose silence is what stops the arm."""
         if (router := self._commands) is None:
             raise LinkLost(self.lost)
         router.tell(call, asked)
 
     def subscribe(self, topic: Topic[Any]) -> None:
-        """Each on the session of the commands."""
+        """Subscribe on the command session."""
         handle = self.call(topic.call, NotificationOptions(type=_AS_IT_HAPPENS))
         self._topics[handle.identifier] = topic.told
 
     def told(self) -> list[object]:
-        """Read here, not where they are received: whoever polls may make calls."""
+        """Notifications decoded in the caller's thread, not the receiving one, so that the caller may make calls."""
         router, messages = self._commands, list[object]()
         while router is not None and router.notifications:
             frame = router.notifications.popleft()

@@ -1,4 +1,4 @@
-"""The clients there are, by name."""
+"""The available clients, by name."""
 
 from collections.abc import Callable, Mapping
 
@@ -9,11 +9,11 @@ from app.rig.kinova.official import OfficialLink
 
 CLIENTS: Mapping[str, Callable[[Address], Link]] = {"dipac": OwnLink, "kortex_api": OfficialLink}
 DEFAULT = "dipac"
-"""This program's own needs no wheel, has an end to every wait, and leaves it to the arm to notice a loop that hangs."""
+"""Name of the default client: it needs no wheel, bounds every wait, and lets the arm notice a hanging loop."""
 
 
 def linked(address: Address, client: str = DEFAULT) -> Link:
-    """A link by the client of that name, not open yet. Raises UsageError, and PreflightError where it is missing."""
+    """An unopened link by the client of that name. Raises UsageError, and PreflightError where it is not installed."""
     if client not in CLIENTS:
         raise UsageError.unknown("client", client, CLIENTS)
     return CLIENTS[client](address)

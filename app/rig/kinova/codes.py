@@ -1,4 +1,4 @@
-"""Enumerations of the Kortex protocol, as far as this program uses them.
+"""Enumerations of the Kortex protocol that this program uses.
 
 Numbers: Kinovarobotics/ros_kortex, kortex_driver/protos (`Base.proto`, `Common.proto`, `ControlConfig.proto`).
 """
@@ -7,7 +7,7 @@ from enum import IntEnum
 
 
 class ArmStateCode(IntEnum):
-    """Whether the arm can be commanded; `Common.ArmState`."""
+    """State of the arm, commandable or not; `Common.ArmState`."""
 
     UNSPECIFIED = 0
     BASE_INITIALIZATION = 1
@@ -23,7 +23,7 @@ class ArmStateCode(IntEnum):
 
 
 class ServoingMode(IntEnum):
-    """Who closes the loop: the arm itself (single level), or a client at 1 kHz."""
+    """Servoing mode: the arm closes the loop itself (single level), or a client does at 1 kHz."""
 
     SINGLE_LEVEL = 2
     LOW_LEVEL = 3
@@ -31,7 +31,7 @@ class ServoingMode(IntEnum):
 
 
 class ReferenceFrame(IntEnum):
-    """In which frame a pose or a twist is given. MIXED: linear as the base, angular as the tool."""
+    """Reference frame of a pose or twist. MIXED: linear parts in the base's axes, angular in the tool's."""
 
     MIXED = 1
     TOOL = 2
@@ -39,7 +39,7 @@ class ReferenceFrame(IntEnum):
 
 
 class ActionEvent(IntEnum):
-    """What happened to an action."""
+    """Event of an action's progress."""
 
     END = 1
     ABORT = 2
@@ -51,14 +51,14 @@ class ActionEvent(IntEnum):
 
 
 class GripperMode(IntEnum):
-    """How a gripper is commanded. As a speed, above 0 opens; as a position, 0 is open and 1 closed."""
+    """Command mode of a gripper. As a speed, above 0 opens; as a position, 0 is open and 1 closed."""
 
     SPEED = 2
     POSITION = 3
 
 
 class ControlMode(IntEnum):
-    """What a soft limit holds for."""
+    """Control mode that a soft limit applies to."""
 
     CARTESIAN_JOYSTICK = 2
     CARTESIAN_TRAJECTORY = 5
@@ -66,7 +66,7 @@ class ControlMode(IntEnum):
 
 
 class Shape(IntEnum):
-    """Of a protection zone; its dimensions [m] are radius and height, radius, or the three edges."""
+    """Shape of a protection zone; its dimensions [m] are radius and height, radius, or the three edges."""
 
     CYLINDER = 1
     SPHERE = 2

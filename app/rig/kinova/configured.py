@@ -1,7 +1,7 @@
-"""What an arm has to have been told before this program moves it, and what it is told while that holds it.
+"""Check of an arm's configuration before this program moves it, and speed limits while it does.
 
-The first is checked and never changed: the arm's owner sets it, in the arm's web page. The second, the arm's own limits
-of speed, is what it was again once it is let go.
+The configuration is checked and never changed: the arm's owner sets it, in the arm's web page. The arm's own speed
+limits are set, and restored on release.
 """
 
 import contextlib
@@ -23,20 +23,20 @@ from app.rig.kinova.setup import GravityVector, ToolConfiguration
 
 _PAGE = "in the arm's web page, under Configurations"
 _NEAR_M, _NEAR_RAD, _NEAR_KG = 0.001, np.radians(0.5), 0.1
-"""What is configured and what is there may differ by so much: what a ruler and a kitchen scale say."""
+"""Tolerances between configured and stated values: the accuracy of a ruler and a kitchen scale."""
 _UPRIGHT_RAD = np.radians(2.0)
 _TAKEN = 1e-3
-"""Limits that are read back may differ by this share: they travel as 32 bits."""
+"""Relative tolerance of limits that are read back: they travel as 32-bit floats."""
 
 
 @final
 @dataclass(frozen=True, kw_only=True)
 class Holds:
-    """What an arm holds: a tip `tip_m` from its flange along that's axis, its frame turned by `turn_deg` about that.
+    """End effector of an arm: a tip `tip_m` from the flange along its axis, its frame turned by `turn_deg` about that.
 
-    `mass_kg`: of all beyond the flange; None where nobody says. By default what an arm with a Robotiq 2F-85 is
-    configured for as it is delivered. The fingers open along the x axis of the flange (ros_kortex,
-    `robotiq_arg2f.xacro`); this program has them open along the y axis of the tool.
+    `mass_kg`: total beyond the flange; None where unknown. The default is the delivered configuration of an arm with a
+    Robotiq 2F-85. The fingers open along the x axis of the flange (ros_kortex, `robotiq_arg2f.xacro`); this program has
+    them open along the y axis of the tool.
     """
 
     tip_m: float = gen3.GRIPPER_M
@@ -48,7 +48,7 @@ DELIVERED: Final = Holds()
 
 
 def check(kortex: Kortex, holds: Holds) -> None:
-    """Raise DeviceError, which says what to set and where, where the arm believes otherwise of its tool or of down."""
+    """Raise DeviceError, naming the setting to change, where the configured tool or gravity differs from `holds`."""
     tool, payload, gravity = kortex.configured()
     _check_upright(gravity)
     _check_frame(tool, holds)
@@ -99,14 +99,14 @@ def _said(pose: Pose) -> str:
 
 @final
 class OwnLimits:
-    """The arm's own limits of its tool's speed: this site's from `set` to `restore`."""
+    """Speed limits of the arm's tool: this site's from `set` to `restore`."""
 
     def __init__(self, kortex: Kortex) -> None:
         self._kortex = kortex
         self._before: Mapping[ControlMode, tuple[float, float]] = {}
 
     def set(self, limits: Limits) -> None:
-        """Raises DeviceError where the arm does not take them. Set again, what was there first is remembered."""
+        """Set the limits, remembering the arm's first ones. Raises DeviceError where the arm rejects them."""
         wanted = (limits.speed_m_s, float(np.degrees(limits.angular_speed_rad_s)))
         try:
             self._before = self._before or self._kortex.limits()
@@ -125,8 +125,8 @@ class OwnLimits:
                 )
 
     def restore(self) -> None:
-        """As they were before, as far as the arm can be reached. Never raises."""
-        # Who lets go of an arm that is gone, or that refuses, can do no more about it: they are lower than before.
+        """Restore the arm's own limits, as far as it can be reached. Never raises."""
+        # Nothing more can be done about an arm that is gone or refuses: its limits stay lower than before.
         with contextlib.suppress(LinkLost, Refused):
             self._kortex.limit_as(self._before)
         self._before = {}

@@ -1,4 +1,4 @@
-"""A Gen3 as its process controls it (`app.arm.control.Control`): nothing here waits, the driver's threads do."""
+"""Control of a Gen3 in its process (`app.arm.control.Control`): nothing here blocks, the driver's threads do."""
 
 import time
 from collections.abc import Callable
@@ -29,18 +29,18 @@ from app.rig.kinova.seen import Seen
 
 _BACK = "The connection to the arm is back; look at the arm, then press Resume."
 _OFF_M, _AWAY_M = 0.015, 0.008
-"""A tool so far beside its way is moved by something else; one so far from where it was left has been."""
+"""Distance of the tool from its path, and from its resting place, beyond which something else moves it [m]."""
 _FOLLOW_HZ, _CATCH_UP_M_S, _CATCH_UP_RAD_S = 2.0, 0.02, 0.1
-"""How fast a tool that is moved by hand catches up with where it should be, and at most by how much."""
+"""Gain [1/s] and limits [m/s, rad/s] of the correction that makes the tool catch up with a jogged command."""
 _FINGERS_M, _AHEAD_M = 0.002, 0.013
-"""Fingers follow a hand in such steps, and are told to be no further closed than this from where they are, so that they
-are not told further and further as they press."""
+"""Step of the fingers while jogging, and the most that their command leads their measured opening, so that the
+command does not run away as they press [m]."""
 _CARRIED_S = 0.05
-"""No tool is taken to have moved on for longer than this."""
+"""Longest extrapolation of a measured pose [s]."""
 
 
 def measured_joints(seen: Seen) -> Joints:
-    """Those of the arm."""
+    """Joint angles of the arm itself."""
     return seen.joints
 
 
@@ -51,10 +51,10 @@ def taken(
     joints_of: Callable[[Seen], Joints] = measured_joints,
     holds: Holds = DELIVERED,
 ) -> "KinovaControl":
-    """Take hold of the arm there, for `app.arm.process.run_arm`. Raises DeviceError where there is none.
+    """Connect to the arm at `address`, for `app.arm.process.run_arm`. Raises DeviceError where none answers.
 
-    `joints_of`: those to report, where another arm than this one is drawn; `holds`: what the arm has to be configured
-    for.
+    `joints_of`: joint angles to report, where a different arm is drawn; `holds`: the end effector that the arm must be
+    configured for.
     """
     driver = Driver(Kortex(linked(address, client)), site, holds)
     driver.open()
@@ -63,9 +63,9 @@ def taken(
 
 @final
 class KinovaControl:
-    """The arm between two ticks of its process.
+    """State of the arm between two ticks of its process.
 
-    An arm that has said nothing for `blind_s` may not move on; of single lost datagrams that is not long enough.
+    An arm that has sent nothing for `blind_s` must not move on; single lost datagrams are shorter than that.
     """
 
     def __init__(
@@ -94,7 +94,7 @@ class KinovaControl:
 
     @property
     def velocity(self) -> Float64[np.ndarray, "3"]:
-        """Of the tool's tip [m/s]."""
+        """Velocity of the tool's tip [m/s]."""
         return self._driver.seen.velocity
 
     @property
@@ -104,16 +104,16 @@ class KinovaControl:
 
     @property
     def force(self) -> Float64[np.ndarray, "3"]:
-        """On the tool as the arm estimates it [N]."""
+        """Force on the tool as the arm estimates it [N]."""
         return self._driver.seen.force
 
     @property
     def jogging(self) -> bool:
-        """Whether it is being moved by hand, or coming to rest from that."""
+        """True while it is being jogged, or coming to rest from that."""
         return self._jogging is not None
 
     def begin(self, points: ToolPath, speeds: Float64[np.ndarray, " S"]) -> None:
-        """Have the arm check the way, then go it. What it finds wrong with it stops this before anything moves."""
+        """Have the arm validate the path, then follow it. An invalid path is refused before anything moves."""
         if why := self._unready(self._driver.seen):
             raise MotionRefused(Refusal.DEVICE, why)
         if not len(speeds):
@@ -124,12 +124,12 @@ class KinovaControl:
         self.mode, self.reason = "moving", ""
 
     def refusal(self) -> MotionRefused | None:
-        """Why the arm would not go the way that was begun last; said once."""
+        """The refusal of the last path by the arm; reported once."""
         said, self._refusal = self._refusal, None
         return said
 
     def jog(self, jog: Jog) -> bool:
-        """Move so from now on; whether that was heeded."""
+        """Command a tool velocity; False where it is not accepted."""
         if not finite(jog) or not (self.mode == "idle" or (self.jogging and self.mode == "moving")):
             return False
         if self.mode == "idle" and not still(jog):
@@ -145,7 +145,7 @@ class KinovaControl:
         return True
 
     def coast(self) -> None:
-        """Brake to rest where it is jogged: by the arm's own Stop, which is no slower than slower and slower twists."""
+        """Brake a jogged tool to rest: by the arm's own Stop, which is no slower than a ramp of twists."""
         if self._jogging is not None:
             self._jogging.brake(self._limits.stop_deceleration_m_s2)
             if self._pushed:
@@ -154,10 +154,10 @@ class KinovaControl:
             self._coasts = True
 
     def stop(self, reason: str) -> None:
-        """Have the arm stop; the first reason is kept."""
-        # Said again even where it was said before: a stop too many does no harm.
+        """Stop the arm; the first reason is kept."""
+        # Repeated even where it was sent before: a stop too many does no harm.
         self._driver.stop()
-        self._clearing = None  # What was being lifted is in force again.
+        self._clearing = None  # A stop that was being lifted is in force again.
         if self.mode in ("stopping", "stopped", "fault"):
             return
         self.reason = reason
@@ -165,17 +165,17 @@ class KinovaControl:
         self._errand = self._jogging = self._path = self._end = None
 
     def reset(self) -> None:
-        """Accept motions again; an arm in fault is asked to leave it first, and says what keeps it there."""
+        """Accept motions again; an arm in fault is asked to leave it first, and reports the faults that remain."""
         if self.mode == "stopped" and not self._driver.seen.faults and self._driver.seen.ready:
             self.mode, self.reason = "idle", ""
         elif self.mode in ("stopped", "fault") and not self._driver.trouble:
             self._clearing = self._driver.clear()
 
     def advance(self, duration_s: float) -> None:
-        """Look at what the arm does, and have it go on with what it is told by hand."""
+        """Read the arm's state, and continue jogging."""
         self._driver.pulse()
         seen, now_s = self._driver.seen, time.monotonic()
-        # From tick to tick: what came while this process was late is not taken for silence.
+        # Counted by ticks: a delay of this process is not taken for silence of the arm.
         self._elapsed_s = now_s - self._ticked_s
         self._silence_s = self._silence_s + self._elapsed_s if seen.time_s == self._heard_s else 0.0
         self._heard_s, self._ticked_s = seen.time_s, now_s
@@ -193,14 +193,14 @@ class KinovaControl:
             self._rest(seen, duration_s)
 
     def close(self) -> None:
-        """Stop the arm and let go of it."""
+        """Stop the arm and disconnect."""
         self._driver.close()
 
     def _look_for_trouble(self, seen: Seen) -> None:
-        """Fall into fault where the arm does, is out of reach, or says nothing."""
+        """Enter fault where the arm is in fault, unreachable, or silent."""
         why = self._driver.trouble or self._in_fault(seen)
         if self._losses != self._driver.losses:
-            # Lost and made again between two ticks it leaves no trouble.
+            # A loss and reconnection between two ticks leaves no trouble.
             self._losses, why = self._driver.losses, why or _BACK
         if not why and self.mode == "moving" and (unsafe := self._unsafe(seen)):
             self.stop(unsafe)
@@ -214,7 +214,7 @@ class KinovaControl:
             self.reason = _BACK
 
     def _unsafe(self, seen: Seen) -> str:
-        """Why what moves may not move on; empty where it may."""
+        """Reason to stop the motion under way; empty where there is none."""
         if self._silence_s > self._blind_s:
             return f"The arm has said nothing for {self._blind_s:.2f} s; look at its cable, then press Resume."
         if not seen.ready:
@@ -226,14 +226,14 @@ class KinovaControl:
         return self._driver.refused
 
     def _others(self, seen: Seen) -> bool:
-        """Whether it has come to obey another connection since it began to move by what it was told here."""
+        """True where the arm has come to obey another connection since it began to move for this one."""
         begun = self._pushed if self._jogging is not None else self._errand is not None and self._errand.begun
         if begun and not seen.still and self._by is None:
             self._by = seen.by
         return self._by is not None and seen.by != self._by
 
     def _follow(self, errand: Errand, duration_s: float) -> None:
-        """See how far a motion is, and how it ended."""
+        """Update the progress and the end of a motion."""
         if self._path is not None and errand.begun:
             speed_m_s = self._limits.speed_m_s
             self.commanded = self._path.advance(self.measured, speed_m_s * duration_s, speed_m_s * self._elapsed_s)
@@ -249,16 +249,16 @@ class KinovaControl:
             self.mode = "idle"
 
     def _rest(self, seen: Seen, duration_s: float) -> None:
-        """Where nothing is commanded, the tool shall be where it is, or where its last motion ended."""
+        """Follow the tool at rest: the commanded pose is where it is, or where its last motion ended."""
         if self._end is not None and np.linalg.norm(seen.tool[:3] - self._end[:3]) > _AWAY_M:
             self._end = None
         there = seen.tool if self._end is None else self._end
-        # No faster than a command, so that what is logged as one is one.
+        # No faster than a command, as it is logged as one.
         way = _at_most(there[:3] - self.commanded[:3], self._limits.speed_m_s * duration_s)
         self.commanded = np.concatenate([self.commanded[:3] + way, there[3:]])
 
     def _push(self, jogging: Jogging, seen: Seen, duration_s: float) -> None:
-        """Have the tool follow the one that the hand moves, which keeps all limits."""
+        """Have the tool follow the jogged pose, which keeps all limits."""
         before, self.commanded = self.commanded, jogging.advance(duration_s)
         if jogging.at_rest or self._coasts:
             if self._pushed:
@@ -285,7 +285,7 @@ class KinovaControl:
         self.mode, self.reason = ("fault", problem) if problem else ("idle", "")
 
     def _unready(self, seen: Seen) -> str:
-        """Why the arm would not move now; empty where it would."""
+        """Reason why the arm cannot move now; empty where it can."""
         if why := self._driver.trouble or self._in_fault(seen):
             return why
         if self._silence_s > self._blind_s:
@@ -300,9 +300,9 @@ class KinovaControl:
 
 
 def carried(seen: Seen, now_s: float) -> ToolPose:
-    """Where the tool is now, which was measured a little earlier: as much further as it moves meanwhile.
+    """Tool pose at `now_s`, extrapolated from the last measurement by its velocity.
 
-    So a log that is dated by the ticks of a loop has each pose at its time, to what it accelerates in that while.
+    So a log dated by the ticks of a loop has each pose at its time, up to the acceleration within that delay.
     """
     if seen.still:
         return seen.tool

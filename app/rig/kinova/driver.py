@@ -1,7 +1,7 @@
-"""An arm behind threads, so that whoever controls it waits for nothing: feedback, life, commands, and stop by itself.
+"""Threads that drive an arm, so that its controller never blocks: feedback, keep-alive, commands, and stop.
 
-Each thread makes its calls alone; none holds a lock while it waits for the arm. The session is kept alive only while
-`pulse` is called: a loop that hangs lets the arm's own time-out stop it.
+Each thread makes its own calls; none holds a lock while it waits for the arm. The session is kept alive only while
+`pulse` is called: after a loop hangs, the arm's own timeout stops it.
 """
 
 import contextlib
@@ -25,15 +25,15 @@ from app.rig.kinova.legs import Stretch, in_base
 from app.rig.kinova.seen import Seen, seen
 
 FEEDBACK_S, ALIVE_S, COMMAND_S = 0.010, 0.025, 0.025
-"""How often feedback is asked for, life is shown, and a twist is sent at most: the arm heeds 40 commands a second."""
+"""Periods [s] of feedback, of keep-alive, and of twists: the arm executes 40 commands a second."""
 PULSES, TWIST_S = 5, 0.150
-"""A loop that has not shown itself while life was shown so often hangs; a twist that is older than that is ended."""
+"""Keep-alive periods without a pulse after which the loop counts as hanging, and the age at which a twist ends [s]."""
 _WATCHERS = 4
-"""So many ask for feedback in turn: a lost datagram keeps one of them waiting."""
+"""Threads that ask for feedback in turn: a lost datagram delays one of them."""
 _SHOWS_S, _THINKS_S = 0.05, 5.0
-"""What an arm measures shows a fault so soon, and no arm thinks about a way for longer (ros_kortex #258: 2 s)."""
+"""Longest delay of a fault in the feedback, and longest planning time of an arm [s] (ros_kortex #258: 2 s)."""
 _OURS = "dipac "
-"""How the zones that are made here are named."""
+"""Prefix of the names of the protection zones made here."""
 BACK_OFF_S = (0.0, 0.2, 0.5, 1.0, 2.0, 5.0)
 _STOP_S, _STOPS, _FIRST_S, _JOIN_S, _CLEAR_S = 0.3, 3, 3.0, 3.0, 3.0
 _Velocity: TypeAlias = tuple[Float64[np.ndarray, "3"], Float64[np.ndarray, "3"]]
@@ -42,10 +42,10 @@ _Body: TypeAlias = Callable[[int, Errand], None]
 
 @final
 class Driver:
-    """One arm. Nothing waits here but `open` and `close`.
+    """Driver of one arm. Only `open` and `close` block.
 
-    `trouble` says why it is out of reach, `refused` why it does not move as it was told to last, `seen` how it was;
-    `losses` counts the connections that were lost.
+    `trouble`: reason why the arm is unreachable; `refused`: reason why it did not follow the last command; `seen`: its
+    last measurement; `losses`: lost connections so far.
     """
 
     def __init__(self, kortex: Kortex, site: Site, holds: Holds) -> None:
@@ -64,7 +64,7 @@ class Driver:
         self.losses = 0
 
     def open(self) -> None:
-        """Connect, set the arm up, wait for its first feedback, and let the threads run. Raises DeviceError."""
+        """Connect, set the arm up, wait for its first feedback, and start the threads. Raises DeviceError."""
         try:
             self._kortex.open()
             self._set_up()
@@ -105,11 +105,11 @@ class Driver:
         return self._seen
 
     def pulse(self) -> None:
-        """Whoever controls is there: the session is kept alive for a little longer."""
+        """Heartbeat of the controller: keeps the session alive for a little longer."""
         self._pulses += 1
 
     def go(self, stretches: tuple[Stretch, ...]) -> Errand:
-        """Have the arm check all of it, then go stretch by stretch; they are in the table's frame."""
+        """Have the arm validate all segments, then execute them in order; they are in the table's frame."""
         told = tuple(in_base(stretch, self._site.table) for stretch in stretches)
 
         def body(number: int, errand: Errand) -> None:
@@ -122,11 +122,11 @@ class Driver:
         return self._send(lambda _number, _errand: self._clear())
 
     def grip(self, closed: float) -> Errand:
-        """Move the fingers: 0 open to 1 closed. The tool goes on with what it does."""
+        """Move the fingers: 0 open to 1 closed. The tool goes on with its motion."""
         return self._send(lambda _number, _errand: self._grip.close(closed), ends_twist=False)
 
     def twist(self, linear: Float64[np.ndarray, "3"], angular: Float64[np.ndarray, "3"]) -> None:
-        """Move like that from now on [m/s, rad/s], until another or `stop`; ended where nobody says so again soon.
+        """Move at this velocity [m/s, rad/s] until another or `stop`; ended where it is not repeated soon.
 
         Along and about the table's axes.
         """
@@ -136,7 +136,7 @@ class Driver:
             self._work.notify_all()
 
     def stop(self) -> None:
-        """Stop the arm, and drop what it was to do: it waits behind nothing."""
+        """Stop the arm and drop its pending commands; it does not queue behind any of them."""
         with self._work:
             self._stops += 1
             self._twist, self.refused = None, ""
@@ -154,7 +154,7 @@ class Driver:
         return errand
 
     def _current(self, number: int) -> Callable[[], None]:
-        """What raises Superseded once a stop has come since, or the connection is gone."""
+        """A check that raises Superseded once a stop has come since, or the connection is gone."""
 
         def check() -> None:
             if self._stops != number or self._over.is_set() or self.trouble:
@@ -163,11 +163,11 @@ class Driver:
         return check
 
     def _set_up(self) -> None:
-        """Have the arm be as this site wants it. Raises DeviceError."""
+        """Configure the arm for this site. Raises DeviceError."""
         limits, table = self._site.limits, self._site.table
         if (joints := self._kortex.joint_count()) != 7:
             raise DeviceError(f"The arm has {joints} joints; only a Gen3 of seven is known here.")
-        # An arm in fault may refuse; what clears the fault asks for it again.
+        # An arm in fault may refuse; clearing the fault repeats the request.
         with contextlib.suppress(Refused):
             self._kortex.servo()
         check(self._kortex, self._holds)
@@ -183,12 +183,12 @@ class Driver:
             self._kortex.forbid(f"{_OURS}{volume.name}", [*middle], [*(high - low)], T[:3, :3])
 
     def _let_go(self) -> None:
-        """Leave the arm with the limits that it had, and end the connection."""
+        """Restore the arm's limits and end the connection."""
         self._own_limits.restore()
         self._kortex.close()
 
     def _watch(self) -> None:
-        """Ask for feedback, again and again; the answer to what was asked last counts."""
+        """Poll feedback; the answer to the latest request counts."""
         while not self._over.wait(_WATCHERS * FEEDBACK_S):
             if self.trouble:
                 continue
@@ -198,7 +198,7 @@ class Driver:
             try:
                 said = self._kortex.feedback()
             except (LinkLost, Refused):
-                continue  # One datagram may be lost; of many the connection says so itself, see `_live`.
+                continue  # One datagram may be lost; the connection reports the loss of many, see `_live`.
             found = seen(said, time.monotonic(), self._site.limits.opening_m, self._site.table)
             with self._asking:
                 if found is not None and number > self._answered:
@@ -207,14 +207,14 @@ class Driver:
                     self._judge(found)
 
     def _live(self) -> None:
-        """Keep the session alive while somebody controls, stop where nobody does, connect again where it is lost."""
+        """Keep the session alive while the controller pulses, stop where it does not, reconnect a lost connection."""
         heard = missed = 0
         while not self._over.wait(ALIVE_S):
             # Counted, not timed: where this whole process was late, the arm notices by its own clock.
             missed = missed + 1 if self._pulses == heard else 0
             heard = self._pulses
             if self._defied:
-                continue  # Of a session that is silent the arm stops what it moves.
+                continue  # The arm stops the motions of a silent session.
             try:
                 if self._kortex.lost:
                     raise LinkLost(self._kortex.lost)
@@ -226,7 +226,7 @@ class Driver:
                 self._reconnect(str(error))
 
     def _reconnect(self, reason: str) -> None:
-        """Try until it works, with longer and longer waits. The arm has stopped by itself meanwhile."""
+        """Reconnect with growing delays until it succeeds. The arm has stopped by itself meanwhile."""
         self.trouble = f"The connection to the arm is lost, and is made again; the arm stops by itself. {reason}"
         self.losses += 1
         self.stop()
@@ -236,7 +236,7 @@ class Driver:
             wait_s = next(waits, BACK_OFF_S[-1])
             try:
                 self._kortex.open()
-                # First of all: a session that is gone no longer says so, and the arm waits for it for a while.
+                # First of all: a dead session sends no keep-alive, and the arm waits for it for a while.
                 self._say_stop()
                 self._set_up()
             except DeviceError as error:
@@ -248,7 +248,7 @@ class Driver:
                 return
 
     def _command(self) -> None:
-        """Make what is to be made, one after the other; twists at the pace of the arm."""
+        """Execute commands in order; twists at the pace of the arm."""
         moving = False
         while not self._over.is_set():
             with self._work:
@@ -265,20 +265,20 @@ class Driver:
                 self._push(number, twist)
                 self._over.wait(COMMAND_S)
             elif moving:
-                # Nobody says any more how it shall move, and by itself it would go on and on.
+                # The command has expired, and the arm would continue it for ever.
                 moving = False
                 self._stop.set()
 
     def _wanted(self) -> bool:
-        """Whether there is anything to do for the thread that commands."""
+        """True where the command thread has work, or must end."""
         return bool(self._errands) or self._twist is not None or self._over.is_set()
 
     def _push(self, number: int, twist: _Velocity) -> None:
-        """Send a twist; one that is not answered may have been heard all the same."""
+        """Send a twist; an unanswered one may have been received all the same."""
         try:
             self._kortex.twist(*twist)
         except LinkLost:
-            pass  # The connection says so itself, see `_live`.
+            pass  # The connection reports it, see `_live`.
         except Refused as error:
             with self._work:
                 self.refused = str(error) if self._stops == number else ""
@@ -294,17 +294,17 @@ class Driver:
         except DeviceError as error:
             problem = str(error)
         if self._stops != number or (problem and errand.refusal is None):
-            self._stop.set()  # What was begun before the stop came may have been heard after it.
+            self._stop.set()  # A command begun before the stop may have been received after it.
         errand.end(problem)
 
     def _clear(self) -> None:
-        """Clear faults, and see whether they are gone. Raises DeviceError with those that remain."""
+        """Clear faults and verify. Raises DeviceError with those that remain."""
         self._kortex.clear_faults()
         self._kortex.servo()
         end = time.monotonic() + _CLEAR_S
         while time.monotonic() < end:
             asked_s = time.monotonic()
-            # Also what is measured has to say so: it is from before otherwise.
+            # The feedback has to agree too, or it is from before.
             while self._kortex.ready() and time.monotonic() < end:
                 if self.seen.time_s > asked_s and not self.seen.faults:
                     return
@@ -315,7 +315,7 @@ class Driver:
         raise DeviceError("The arm is not ready yet; wait until it is at rest, then press Resume again.")
 
     def _halt(self) -> None:
-        """Say Stop whenever it is wanted, until the arm has heard it."""
+        """Send Stop whenever it is requested, until the arm has received it."""
         while not self._over.is_set():
             self._stop.wait()
             self._stop.clear()
@@ -329,19 +329,19 @@ class Driver:
                 break
 
     def _say_stop(self) -> None:
-        """Once. What the arm does where it refuses that is judged by what it measures then. Raises LinkLost."""
+        """Send Stop once. The reaction to a refusal depends on later feedback (`_judge`). Raises LinkLost."""
         try:
             self._kortex.stop(timeout_s=_STOP_S)
         except Refused as error:
-            # The first of several counts: a key that is held says Stop again before any of them could be judged.
+            # The first of several counts: a held key repeats Stop before any of them could be judged.
             self._denied = self._denied or (time.monotonic(), str(error))
         else:
             self._denied = None
 
     def _judge(self, found: Seen) -> None:
-        """Let go of an arm that refused to stop and moves on, or sets out later: it stops for want of a session.
+        """Cut the connection to an arm that refused to stop and moves: it stops for want of a session.
 
-        One in fault stops by itself, and one that rests for longer than any thinks about a way has none to go.
+        One in fault stops by itself, and one at rest for longer than any planning time has no motion pending.
         """
         denied = self._denied
         if denied is None or found.time_s < denied[0] + _SHOWS_S:
@@ -356,7 +356,7 @@ class Driver:
             self._kortex.cut()
 
     def _ease(self) -> None:
-        """Tell fingers that press too hard to stay."""
+        """Relax fingers that press too hard."""
         self._grip.watch(self._over)
 
     def _wait_for_stop(self) -> None:

@@ -1,4 +1,4 @@
-"""Something that the arm is to do and that takes a while: how it ends, and what to do stretch by stretch."""
+"""Command that takes the arm a while: its handle, and its execution segment by segment."""
 
 import time
 from collections.abc import Callable
@@ -18,20 +18,20 @@ from app.rig.kinova.seen import Seen
 from app.rig.kinova.words import TRAJECTORY_INFO, refusal
 
 NEAR_M, NEAR_RAD = 0.004, np.radians(3.0)
-"""So near to its end the tool has arrived. Ends are reported that were not reached (ros_kortex #116)."""
+"""Distance and angle from its end within which the tool has arrived. Arms report ends not reached (ros_kortex #116)."""
 _POLL_S, _SETTLE_S, _SLACK_S, _SLOWER = 0.010, 0.5, 12.0, 3.0
 _FINGERS_S, _FINGERS_STILL_S, _CLOSE_ENOUGH = 3.0, 0.3, 0.02
 
 
 class Superseded(Exception):
-    """A stop has come since; what was begun is not gone on with."""
+    """A stop has come since; the command is not continued."""
 
 
 @final
 class Errand:
-    """`begun` once something moves; `over` once it has ended, then `problem` says why it did not do what it should.
+    """Handle of a command: `begun` once something moves; `over` once it has ended, `problem` then gives its error.
 
-    `refusal`: the arm would not do it, and nothing has moved.
+    `refusal`: the arm rejected it, and nothing has moved.
     """
 
     def __init__(self) -> None:
@@ -39,7 +39,7 @@ class Errand:
         self.refusal: MotionRefused | None = None
 
     def end(self, problem: str) -> None:
-        """Note how it ended."""
+        """Record its end."""
         self.problem = problem
         self.over = True
 
@@ -52,10 +52,10 @@ def made(
     check: Callable[[], None],
     look: Callable[[], Seen],
 ) -> None:
-    """Have the arm check all ways, then make stretch by stretch, the fingers by `grip`.
+    """Have the arm validate all waypoints, then execute segment by segment, the fingers by `grip`.
 
-    `check` raises Superseded once it shall not go on. Raises MotionRefused, with nothing moved, where the arm would not
-    go there; DeviceError where it breaks off, does not come to an end, or is not where it says.
+    `check` raises Superseded once it must not go on. Raises MotionRefused, with nothing moved, where the arm rejects
+    the path; DeviceError where it aborts, does not finish, or does not arrive.
     """
     if ways := [way for stretch in stretches for way in stretch.ways]:
         try:
@@ -75,7 +75,7 @@ def made(
 
 
 def _go(errand: Errand, kortex: Kortex, stretch: Stretch, check: Callable[[], None]) -> None:
-    """Along the ways, until the arm says how that ended."""
+    """Follow the waypoints until the arm reports the end."""
     kortex.events()
     check()
     kortex.go(stretch.ways)
@@ -85,7 +85,7 @@ def _go(errand: Errand, kortex: Kortex, stretch: Stretch, check: Callable[[], No
         for each in kortex.events():
             if not isinstance(each, ActionNotification):
                 continue
-            # What comes before this is about another action.
+            # Earlier events are of another action.
             known = known or each.action_event in (ActionEvent.PREPROCESS_START, ActionEvent.START)
             errand.begun = errand.begun or each.action_event == ActionEvent.START
             if known and each.action_event == ActionEvent.END:
@@ -106,7 +106,7 @@ def _broken_off(said: ActionNotification) -> str:
 
 
 def _arrive(end: ToolPose, check: Callable[[], None], look: Callable[[], Seen]) -> None:
-    """Raise DeviceError where the tool is not where it should be, also not a little later."""
+    """Raise DeviceError where the tool is not at `end`, after a settling time."""
     until = time.monotonic() + _SETTLE_S
     while True:
         check()
@@ -124,7 +124,7 @@ def _arrive(end: ToolPose, check: Callable[[], None], look: Callable[[], Seen]) 
 
 
 def _close(closed: float, check: Callable[[], None], look: Callable[[], Seen]) -> None:
-    """Until the fingers are there, or have not moved for a while: then they hold something."""
+    """Wait until the fingers arrive, or have not moved for a while: then they hold something."""
     begun = moved = time.monotonic()
     before = look().closed
     while time.monotonic() - begun < _FINGERS_S and time.monotonic() - moved < _FINGERS_STILL_S:

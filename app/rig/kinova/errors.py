@@ -1,4 +1,4 @@
-"""What goes wrong between this program and an arm, each a `DeviceError`."""
+"""Errors between this program and an arm, each a `DeviceError`."""
 
 from typing import final
 

@@ -1,7 +1,7 @@
-"""What the arm measures, as `BaseCyclic.RefreshFeedback` answers it: metres, degrees, newtons, volts, Celsius.
+"""Feedback of the arm, as `BaseCyclic.RefreshFeedback` answers: metres, degrees, newtons, volts, Celsius.
 
 Field numbers: Kinovarobotics/ros_kortex, kortex_driver/protos (`BaseCyclic.proto`, `InterconnectCyclicMessage.proto`,
-`GripperCyclicMessage.proto`). The banks are bits; `words.py` says what each means.
+`GripperCyclicMessage.proto`). Fault banks are bit fields; `words.py` has the meaning of each bit.
 """
 
 from dataclasses import dataclass
@@ -109,7 +109,7 @@ class InterconnectFeedback:
 @final
 @dataclass(frozen=True, kw_only=True)
 class Feedback:
-    """All of it, of one moment."""
+    """Complete feedback of one moment."""
 
     frame_id: Annotated[int, Field(1, "fixed32")] = 0
     base: Annotated[BaseFeedback | None, Field(2, "message")] = None

@@ -1,8 +1,7 @@
 """The kinematics of a Gen3 with seven joints: forward in closed form, inverse by damped least squares.
 
-Source of the numbers: Kinovarobotics/ros_kortex, kortex_description/arms/gen3/7dof/urdf (origins, ranges, limits of
-speed) and grippers/robotiq_2f_85/urdf (where the arm's tool frame is with that gripper). Places are in the frame of the
-arm's base.
+Source of the numbers: Kinovarobotics/ros_kortex, kortex_description/arms/gen3/7dof/urdf (origins, ranges, speed limits)
+and grippers/robotiq_2f_85/urdf (the arm's tool frame with that gripper). Positions are in the frame of the arm's base.
 """
 
 from dataclasses import replace
@@ -20,17 +19,17 @@ from app.rig.kinova.messages import Pose
 Joints: TypeAlias = Float64[np.ndarray, "7"]
 """Joint angles [rad], from base to wrist."""
 Jacobian: TypeAlias = Float64[np.ndarray, "6 7"]
-"""How the tool moves [m] and turns [rad], in the base's axes, with each joint."""
+"""Geometric Jacobian of the tool [m and rad, per rad], in the base's axes."""
 
 GRIPPER_M = 0.120
-"""From the arm's flange to the tool frame of a Robotiq 2F-85 [m]."""
+"""Distance from the arm's flange to the tool frame of a Robotiq 2F-85 [m]."""
 HOME: Joints = np.radians([0.0, 15.0, 180.0, -130.0, 0.0, 55.0, 90.0])
-"""The pose that the arm keeps under the name Home."""
+"""Joint angles of the arm's stored pose Home."""
 RANGE: Joints = np.array([np.inf, 2.24, np.inf, 2.57, np.inf, 2.09, np.inf])
-"""How far each joint turns to either side [rad]; the odd ones turn on and on."""
+"""Range of each joint to either side [rad]; the odd ones are continuous."""
 JOINT_SPEED: Joints = np.radians([80.0, 80.0, 80.0, 80.0, 70.0, 70.0, 70.0])
 LINEAR_M_S, ANGULAR_DEG_S = 0.5, 100.0
-"""What the arm's tool may do at most."""
+"""Speed limits of the arm's tool."""
 
 _ORIGINS_M = (
     (0.0, 0.0, 0.15643),
@@ -44,21 +43,22 @@ _ORIGINS_M = (
 _ROLLS = (np.pi, np.pi / 2, -np.pi / 2, np.pi / 2, -np.pi / 2, np.pi / 2, -np.pi / 2)
 FLANGE_M = 0.061525
 _DAMPING = 0.02
-"""Of the inverse: enough that near singular poses no joint runs away, little enough to converge in a few steps."""
+"""Damping of the inverse: enough against runaway joints near singularities, little enough to converge in a few
+steps."""
 _LONGEST_STEP = 0.3
-"""Of one iteration [m and rad]: further on, the tool's way is no straight line in the joints."""
+"""Longest step of an iteration [m and rad], within which the linearisation holds."""
 _ARRIVED = 1e-5
 _SHORT_OF_M = 0.005
-"""Of an arm that is stretched out the tool does not move outward, and its joints run fast a little before."""
+"""Margin [m] before full extension, where the tool cannot move outward and the joints run fast."""
 _CENTRING = 0.02
-"""Of what a step could move without moving the tool, how much draws the joints with a range to its middle."""
+"""Gain of the null-space motion that draws the joints with a range to its middle."""
 
 
 def reach(tip_m: float) -> Reach:
-    """How far it reaches with a tool whose tip is `tip_m` from its flange: to 5 mm before it is stretched out.
+    """Reach with a tool whose tip is `tip_m` from its flange: up to 5 mm before full extension.
 
-    The shoulder is where the axis of the second joint crosses the upright, the wrist where that of the sixth crosses
-    the fifth's. What folds the arm too near to its base is not of it.
+    The shoulder is the intersection of the second joint's axis with the vertical, the wrist that of the sixth with the
+    fifth's. Poses folded too near to the base are not excluded.
     """
     lengths = np.abs(np.array(_ORIGINS_M))
     shoulder, hand_m = lengths[0, 2] + lengths[1, 2], lengths[6, 1] + FLANGE_M + tip_m
@@ -72,7 +72,7 @@ def reach(tip_m: float) -> Reach:
 
 
 def reach_over(table: TablePlace, tip_m: float) -> Reach:
-    """The same in the frame of a table that is there."""
+    """The reach in the frame of a table at `table`."""
     own = reach(tip_m)
     x, y, z = table.points_in_table(np.array(own.middle)).tolist()
     return replace(own, middle=(x, y, z))
@@ -105,13 +105,13 @@ def tool(joints: Joints) -> Transform:
 
 
 def jacobian(links: Float64[np.ndarray, "8 4 4"]) -> Jacobian:
-    """Of the tool with respect to the joints, of `frames`."""
+    """Jacobian of the tool with respect to the joints, from `frames`."""
     axes = links[:7, :3, 2]
     return np.concatenate([np.cross(axes, links[7, :3, 3] - links[:7, :3, 3]).T, axes.T])
 
 
 def away(links: Float64[np.ndarray, "8 4 4"], target: Transform) -> Float64[np.ndarray, "6"]:
-    """What the tool has still to move [m] and turn [rad] to be at `target`."""
+    """Pose error of the tool to `target` [m and rad]."""
     turn = Rotation.from_matrix(target[:3, :3] @ links[7, :3, :3].T).as_rotvec()
     return np.concatenate([target[:3, 3] - links[7, :3, 3], turn])
 
@@ -133,20 +133,20 @@ def solved(target: Transform, guess: Joints, *, steps: int = 120, within_m: floa
     for step in range(steps):
         if float(np.abs(away(frames(joints), target)).max()) < within_m:
             return joints
-        # In the end nothing draws them any more: that would keep the tool from where it shall be.
+        # No centring in the end: it would keep the tool from its target.
         joints = nearer(joints, target, centring=_CENTRING if step < steps // 2 else 0.0)
     return None
 
 
 def pose(frame: Transform) -> Pose:
-    """As the arm says it: metres, and Euler angles [degrees] about the fixed x, y and z axis."""
+    """Pose message of the arm: metres, and Euler angles [degrees] about the fixed x, y and z axis."""
     x, y, z = (float(each) for each in frame[:3, 3])
     turn = Rotation.from_matrix(frame[:3, :3]).as_euler("xyz", degrees=True)
     return Pose(x=x, y=y, z=z, theta_x=float(turn[0]), theta_y=float(turn[1]), theta_z=float(turn[2]))
 
 
 def transform(said: Pose) -> Transform:
-    """The other way."""
+    """Transform of a pose message, the inverse of `pose`."""
     frame = np.eye(4)
     angles = [said.theta_x, said.theta_y, said.theta_z]
     frame[:3, :3] = Rotation.from_euler("xyz", angles, degrees=True).as_matrix()

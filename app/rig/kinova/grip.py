@@ -1,9 +1,9 @@
-"""Fingers that press no harder than they may, as far as the current of their motor tells.
+"""Grip force limit by the current of the fingers' motor.
 
-The arm takes no limit of force for a Robotiq 2F-85: `GRIPPER_FORCE` is not implemented (`Base.proto`; ros_kortex #117),
+The arm takes no force limit for a Robotiq 2F-85: `GRIPPER_FORCE` is not implemented (`Base.proto`; ros_kortex #117),
 and the gripper's own limit cannot be reached through it (`force` of `GripperCyclicMessage.proto` is unused). It
-measures the current of the gripper's motor, which is what the gripper itself limits to limit its force (its manual,
-register FORCE). So the fingers are watched here, and told to stay where they are when it has been too high for a while.
+measures the current of the gripper's motor, which the gripper itself limits to limit its force (its manual, register
+FORCE). So the fingers are monitored here, and held where they are once the current has been too high for a while.
 """
 
 import contextlib
@@ -15,21 +15,21 @@ from app.rig.kinova.kortex import Kortex
 from app.rig.kinova.seen import Seen
 
 _LONG_S: Final = 0.05
-"""As they set out, the motor draws more for a moment."""
+"""Time [s] that the current must exceed the limit: the motor draws more for a moment as it starts."""
 _AGAIN_S: Final = 0.20
-"""What a command changes is seen after so long: two cycles of the arm, and the fingers' own way."""
+"""Time [s] until the effect of a command is measured: two cycles of the arm, and the fingers' own motion."""
 _STEP: Final = 0.004
-"""Fingers that press too hard where they stand give way by so much of their stroke: one count of 255."""
+"""Stroke by which fingers that press too hard at rest give way: one count of 255."""
 _OPENED: Final = 0.02
-"""Fingers that are told to open by more than this hold nothing any more, and may be closed anew."""
+"""Opening of the command beyond which the fingers hold nothing any more, and may be closed anew."""
 
 
 @final
 class Grip:
-    """The fingers, of whose motor `most_ma` [mA] are allowed; None where any current is.
+    """Fingers whose motor current is limited to `most_ma` [mA]; None for no limit.
 
-    `look` is called by one thread at a time of those that hear what the arm measures, `watch` is the body of one of its
-    own, and `close` is for any other.
+    `look` is called by one feedback thread at a time, `watch` is the body of a thread of its own, and `close` may be
+    called from any other.
     """
 
     def __init__(self, kortex: Kortex, most_ma: float | None) -> None:
@@ -40,7 +40,7 @@ class Grip:
         self._firm: float | None = None
 
     def close(self, closed: float) -> None:
-        """Move the fingers, 0 open to 1 closed: no further than to where they pressed too hard. Raises Refused."""
+        """Move the fingers, 0 open to 1 closed, at most to where they pressed too hard. Raises Refused."""
         with self._lock:
             if self._firm is not None and closed < self._firm - _OPENED:
                 self._firm = None
@@ -48,7 +48,7 @@ class Grip:
         self._kortex.grip(told)
 
     def look(self, seen: Seen) -> None:
-        """See whether they press too hard. Waits for nothing."""
+        """Update the state of the grip from a measurement. Never blocks."""
         if self._most_ma is None or seen.time_s < self._not_before_s:
             return
         if seen.gripper_ma <= self._most_ma:
@@ -59,13 +59,13 @@ class Grip:
             return
         self._since_s, self._not_before_s = None, seen.time_s + _AGAIN_S
         with self._lock:
-            # Where they were stopped before and press on, they are told to open a little.
+            # Fingers that were stopped before and still press are opened a little.
             standing = self._firm is not None and seen.closed <= self._firm + _STEP
             self._firm = max(seen.closed - (_STEP if standing else 0.0), 0.0)
         self._pressed.set()
 
     def watch(self, over: threading.Event) -> None:
-        """Tell the fingers, whenever they press too hard, until it is `over` and `end` was called."""
+        """Relax the fingers whenever they press too hard, until it is `over` and `end` was called."""
         while not over.is_set():
             self._pressed.wait()
             self._pressed.clear()
@@ -73,10 +73,10 @@ class Grip:
                 firm = self._firm
             if over.is_set() or firm is None:
                 continue
-            # A connection that is lost says so itself, and an arm that refuses moves no fingers.
+            # A lost connection is reported elsewhere, and an arm that refuses moves no fingers.
             with contextlib.suppress(LinkLost, Refused):
                 self._kortex.grip(firm)
 
     def end(self) -> None:
-        """Wake the thread that watches."""
+        """Wake the watching thread."""
         self._pressed.set()

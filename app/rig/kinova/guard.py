@@ -1,7 +1,7 @@
-"""What the tool may still do before a wall, by where it was measured: an arm obeys a little late.
+"""Speed limit before the walls of the workspace, from the measured tool: an arm follows commands with a delay.
 
-The tool that the hand moves (`app.arm.jogging`) keeps clear of walls by itself; the arm follows it with a delay, and
-would be as far beyond as it moves meanwhile.
+The jogged pose (`app.arm.jogging`) keeps clear of walls by itself; the arm follows it late, and would overshoot by its
+motion within that delay.
 """
 
 import numpy as np
@@ -11,14 +11,14 @@ from app.arm.walls import beside, between
 from app.config import Limits
 
 LATE_S = 0.15
-"""From what is told to what moves: a command waits for up to two cycles of the arm, the arm for its drives."""
+"""Delay [s] from command to motion: up to two cycles of the arm, and its drives."""
 _BRAKING_M_S2 = 0.6
-"""Less than what the arm brakes with after a twist."""
+"""Assumed deceleration, below the arm's own after a twist."""
 _Vector = Float64[np.ndarray, "3"]
 
 
 def held_back(linear: _Vector, position: _Vector, limits: Limits) -> _Vector:
-    """`linear` [m/s], towards walls no faster than from where the tool can still stop; a tool outside may come back."""
+    """`linear` [m/s] limited towards walls to a speed from which the tool can stop; a tool outside may come back."""
     low, high = np.asarray(limits.workspace.low), np.asarray(limits.workspace.high)
     held = between(low, high, linear, position, _stoppable)
     for volume in limits.keep_out:
@@ -27,10 +27,10 @@ def held_back(linear: _Vector, position: _Vector, limits: Limits) -> _Vector:
 
 
 def _stoppable(room_m: _Vector) -> _Vector:
-    """The speeds from which the room is enough: that with v t + v^2 / 2a = room.
+    """Speeds v from which the tool stops within the room: v t + v^2 / 2a = room.
 
-    t is e times the delay: where speed follows room by a slope of more than 1 / (e t), a delay of t makes it overshoot
-    (x' = -k x(t - T) oscillates where k T > 1 / e: Hale and Verduyn Lunel, Introduction to Functional Differential
+    t is e times the delay: where speed depends on room by a slope above 1 / (e t), a delay of t makes it overshoot (x'
+    = -k x(t - T) oscillates where k T > 1 / e: Hale and Verduyn Lunel, Introduction to Functional Differential
     Equations, 1993).
     """
     late = _BRAKING_M_S2 * LATE_S * np.e

@@ -1,4 +1,4 @@
-"""What this program asks of an arm, over whichever client: small, typed, and an explicit end to every wait."""
+"""Typed calls of an arm, over either client, each with an explicit timeout."""
 
 from collections.abc import Mapping, Sequence
 from typing import final
@@ -58,16 +58,16 @@ class Kortex:
 
     @property
     def client(self) -> str:
-        """Which client carries the calls."""
+        """Name of the client that carries the calls."""
         return self._link.name
 
     @property
     def lost(self) -> str:
-        """Why there is no connection; empty while there is."""
+        """Reason for the lost connection; empty while there is one."""
         return self._link.lost
 
     def open(self) -> None:
-        """Connect, and have `events` hear of actions, the arm's state and protection zones."""
+        """Connect, and subscribe to actions, the arm's state and protection zones for `events`."""
         self._link.open()
         for topic in (calls.ACTIONS, calls.ARM_STATES, calls.PROTECTION_ZONES):
             self._link.subscribe(topic)
@@ -77,22 +77,22 @@ class Kortex:
         self._link.close()
 
     def cut(self) -> None:
-        """Drop it without a word: of sessions that are silent the arm stops what it moves."""
+        """Drop the connection silently: the arm then stops the session's motions."""
         self._link.cut()
 
     def events(self) -> list[object]:
-        """What happened since this was asked last to actions, the arm's state and protection zones, as notifications.
+        """Notifications of actions, the arm's state and protection zones since the last call.
 
-        They are polled, so that whoever reads them may make calls.
+        They are polled, so that the reader may make calls.
         """
         return self._link.told()
 
     def keep_alive(self) -> None:
-        """Say that this session is there, and wait for nothing: where nothing is said the arm stops what it moves."""
+        """Send a sign of life without waiting for an answer: without any the arm stops the session's motions."""
         self._link.tell(calls.KEEP_ALIVE, _NOTHING)
 
     def feedback(self) -> Feedback:
-        """What the arm measures now, over UDP."""
+        """The arm's current measurements, over UDP."""
         return self._link.call(calls.REFRESH_FEEDBACK, _NOTHING)
 
     def state(self) -> int:
@@ -100,23 +100,23 @@ class Kortex:
         return self._link.call(calls.GET_ARM_STATE, _NOTHING).active_state
 
     def ready(self) -> bool:
-        """Whether it may be commanded."""
+        """True where it accepts commands."""
         return self.state() in (ArmStateCode.SERVOING_READY, ArmStateCode.IDLE)
 
     def joint_count(self) -> int:
-        """How many joints it has: 7, or 6."""
+        """Number of joints: 7, or 6."""
         return self._link.call(calls.GET_ACTUATOR_COUNT, _NOTHING).count
 
     def firmware(self) -> str:
-        """Its version."""
+        """Version of the firmware."""
         return self._link.call(calls.GET_FIRMWARE_BUNDLE_VERSIONS, _NOTHING).main_bundle_version
 
     def servo(self, mode: ServoingMode = ServoingMode.SINGLE_LEVEL) -> None:
-        """Have the arm close its own loop. Its mode outlives sessions, so nobody may take it for granted."""
+        """Have the arm close its own loop. Its mode outlives sessions, so it must not be assumed."""
         self._link.call(calls.SET_SERVOING_MODE, ServoingModeInformation(servoing_mode=mode))
 
     def check(self, ways: Sequence[CartesianWaypoint]) -> None:
-        """Have the arm try a way without moving. Raises MotionRefused with what is wrong with it."""
+        """Have the arm validate waypoints without moving. Raises MotionRefused with their errors."""
         report = self._link.call(calls.VALIDATE_WAYPOINT_LIST, _list(ways)).trajectory_error_report
         if found := (report or TrajectoryErrorReport()).trajectory_error_elements:
             said = "; ".join(
@@ -127,12 +127,12 @@ class Kortex:
             raise MotionRefused(Refusal.UNREACHABLE, f"The arm would not go this way: {said}. Plan another.")
 
     def go(self, ways: Sequence[CartesianWaypoint], name: str = "dipac") -> None:
-        """Set out along waypoints, as an action whose events say how it goes. `check` them before."""
+        """Start along waypoints, as an action whose events report its progress. `check` them first."""
         handle = ActionHandle(action_type=_EXECUTE_WAYPOINTS)
         self._link.call(calls.EXECUTE_ACTION, Action(name=name, handle=handle, execute_waypoint_list=_list(ways)))
 
     def go_home(self) -> None:
-        """Set out to the pose that the arm keeps as Home. Raises MotionRefused where it keeps none."""
+        """Start towards the arm's stored pose Home. Raises MotionRefused where it has none."""
         known = self._link.call(calls.READ_ALL_ACTIONS, RequestedActionType(action_type=_REACH_JOINTS)).action_list
         home = next((each.handle for each in known if each.name == "Home" and each.handle), None)
         if home is None:
@@ -140,17 +140,17 @@ class Kortex:
         self._link.call(calls.EXECUTE_ACTION_FROM_REFERENCE, home)
 
     def pause(self) -> None:
-        """Let an action stand."""
+        """Pause an action."""
         self._link.call(calls.PAUSE_ACTION, _NOTHING)
 
     def resume(self) -> None:
-        """Let it go on."""
+        """Resume an action."""
         self._link.call(calls.RESUME_ACTION, _NOTHING)
 
     def twist(self, linear: Float64[np.ndarray, "3"], angular: Float64[np.ndarray, "3"]) -> None:
-        """Move on and on like that [m/s, rad/s] in the base's frame, until something else is said.
+        """Move at a constant velocity [m/s, rad/s] in the base's frame, until another command.
 
-        The arm heeds no duration. Whoever calls this has to see to the end by `stop`, even where it fails itself.
+        The arm ignores durations. The caller must end it by `stop`, even where it fails itself.
         """
         x, y, z = (float(each) for each in linear)
         rx, ry, rz = (float(each) for each in np.degrees(angular))
@@ -158,7 +158,7 @@ class Kortex:
         self._link.call(calls.SEND_TWIST_COMMAND, TwistCommand(reference_frame=ReferenceFrame.BASE, twist=twist))
 
     def stop(self, timeout_s: float | None = None) -> None:
-        """Stop whatever moves. Waits for no other call."""
+        """Stop any motion. Waits for no other call."""
         self._link.call(calls.STOP, _NOTHING, timeout_s=timeout_s)
 
     def emergency_stop(self, timeout_s: float | None = None) -> None:
@@ -174,16 +174,16 @@ class Kortex:
         self._grip(GripperMode.POSITION, closed)
 
     def grip_on(self, speed: float) -> None:
-        """Move the fingers on and on, as a share of their full speed: above 0 opens."""
+        """Move the fingers continuously, at a share of their full speed: above 0 opens."""
         self._grip(GripperMode.SPEED, speed)
 
     def gripped(self) -> float:
-        """How far the fingers are closed, 0 to 1."""
+        """Closure of the fingers, 0 to 1."""
         motors = getattr(getattr(self.feedback().interconnect, "gripper_feedback", None), "motor", ())
         return motors[0].position / 100.0 if motors else 0.0
 
     def hard_limits(self) -> KinematicLimits:
-        """What the arm may do at most [m/s, degrees/s]."""
+        """Hard limits of the arm [m/s, degrees/s]."""
         return self._link.call(calls.GET_KINEMATIC_HARD_LIMITS, _NOTHING)
 
     def limit(self, linear_m_s: float, angular_rad_s: float) -> None:
@@ -197,12 +197,12 @@ class Kortex:
         return {mode: (limits.twist_linear, limits.twist_angular) for mode, limits in found.items()}
 
     def limit_as(self, limits: Mapping[ControlMode, tuple[float, float]]) -> None:
-        """Set them to what `limits` said before."""
+        """Set the limits that `limits` returned before."""
         for mode, (linear, angular) in limits.items():
             self._limit(mode, linear, angular)
 
     def configured(self) -> tuple[ToolConfiguration, PayloadInformation, GravityVector]:
-        """What the arm believes of its tool, of what that holds, and of which way things fall."""
+        """Configured tool, payload and gravity of the arm."""
         return (
             self._link.call(calls.GET_TOOL_CONFIGURATION, _NOTHING),
             self._link.call(calls.GET_PAYLOAD_INFORMATION, _NOTHING),
@@ -212,9 +212,9 @@ class Kortex:
     def forbid(
         self, name: str, middle: Sequence[float], sizes: Sequence[float], turn: Float64[np.ndarray, "3 3"] | None = None
     ) -> int:
-        """Make a box that Cartesian motions may not enter; joint motions may (ros_kortex #120). Its number.
+        """Create a box that Cartesian motions may not enter; joint motions may (ros_kortex #120). Returns its number.
 
-        `turn`: from the box's axes to those of the base, which they are where it is None or turns nothing.
+        `turn`: rotation from the box's axes to those of the base; None for none.
         """
         x, y, z = (float(each) for each in middle)
         dimensions = tuple(float(each) for each in sizes)
@@ -228,12 +228,12 @@ class Kortex:
         return self._link.call(calls.CREATE_PROTECTION_ZONE, zone).identifier
 
     def forbidden(self) -> dict[str, int]:
-        """The boxes by name."""
+        """Numbers of the protection zones by name."""
         zones = self._link.call(calls.READ_ALL_PROTECTION_ZONES, _NOTHING).protection_zones
         return {zone.name: zone.handle.identifier for zone in zones if zone.handle}
 
     def allow(self, number: int) -> None:
-        """Remove one of them."""
+        """Remove a protection zone."""
         self._link.call(calls.DELETE_PROTECTION_ZONE, Handle(identifier=number))
 
     def _soft_limits(self, mode: ControlMode) -> KinematicLimits:

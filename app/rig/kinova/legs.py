@@ -1,4 +1,4 @@
-"""A path as this arm goes it: waypoints with speeds, rounded where the way hardly turns, and fingers in between."""
+"""Trajectory segments of a path: waypoints with speeds, blended at gentle corners, and fingers in between."""
 
 from dataclasses import dataclass, replace
 from typing import final
@@ -14,20 +14,20 @@ from app.rig.kinova.codes import ReferenceFrame
 from app.rig.kinova.messages import CartesianWaypoint, Pose
 
 BLEND_M = 0.003
-"""The largest radius of a rounded corner: it is cut by at most 1 mm, so that what the gate has checked holds."""
+"""Largest blending radius: a corner is cut by at most 1 mm, so that the gate's checks hold."""
 _GENTLE = np.radians(60.0)
-"""A corner that turns by more is not rounded: there the arm rests for a moment, as at the end of a descent."""
+"""Angle above which a corner is not blended: there the arm rests for a moment, as at the end of a descent."""
 _SHARE, _MOVED_M, _TURNED, _OPENED_M = 0.4, 1e-4, 1e-3, 1e-3
-"""Of a leg's length at most this share goes to a corner. What is less than these is neither way, turn nor opening."""
+"""Largest share of a segment's length for a corner; thresholds of motion, rotation and opening."""
 _SLOWEST_M_S, _SLOWEST_DEG_S = 0.002, 0.5
 
 
 @final
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Stretch:
-    """Fingers that go to `closed` (0 to 1; None where they stay), while the tool goes along `ways` to `end`.
+    """Trajectory segment: fingers that go to `closed` (0 to 1; None: stay), while the tool follows `ways` to `end`.
 
-    Without ways the fingers are waited for.
+    Without waypoints the fingers are waited for.
     """
 
     closed: float | None
@@ -39,7 +39,7 @@ class Stretch:
 def stretches(
     points: ToolPath, speeds: Float64[np.ndarray, " S"], opening_m: float, angular_rad_s: float
 ) -> tuple[Stretch, ...]:
-    """What `points (P, 8)`, each segment at its speed [m/s], ask of an arm whose fingers open by `opening_m`."""
+    """Trajectory segments of `points (P, 8)`, each at its speed [m/s], for fingers that open by `opening_m`."""
     found, begin, closed = list[Stretch](), 0, None
     for index in range(1, len(points)):
         if abs(points[index, 7] - points[index - 1, 7]) <= _OPENED_M:
@@ -57,7 +57,7 @@ def stretches(
 
 
 def in_base(stretch: Stretch, table: TablePlace) -> Stretch:
-    """The same with the ways in the frame of the arm's base; `end` stays in the table's, as what is measured is."""
+    """The segment with its waypoints in the frame of the arm's base; `end` stays in the table's, like measurements."""
     if table == AT_BASE:
         return stretch
     return replace(stretch, ways=tuple(_way_in_base(way, table) for way in stretch.ways))
@@ -89,9 +89,9 @@ def _stretch(
 def _leg(
     before: ToolPose, after: ToolPose, speed: float, angular_rad_s: float
 ) -> tuple[bool, tuple[float, float], float]:
-    """Whether the tool moves or turns, how fast it does [m/s, degrees/s], and for how long.
+    """Motion flag, speeds [m/s, degrees/s] and duration [s] of a segment; False where nothing moves or turns.
 
-    The speed holds for the tip and, at a lever of 0.1 m, for turning (`app/arm/path.py`): both take equally long.
+    The speed holds for the tip and, at a lever of 0.1 m, for rotation (`app/arm/path.py`): both take equally long.
     """
     lever_m = 0.1
     way = float(np.linalg.norm(after[:3] - before[:3]))
@@ -107,7 +107,7 @@ def _leg(
 
 
 def _radii(points: Float64[np.ndarray, "K 3"]) -> list[float]:
-    """Of the corner at each point after the first; the last one is none."""
+    """Blending radius of the corner at each point after the first; zero for the last."""
     steps = np.diff(points, axis=0)
     lengths = np.linalg.norm(steps, axis=1)
     radii = list[float]()

@@ -1,4 +1,4 @@
-"""What carries calls to an arm, as a small port: this program's own client, or Kinova's."""
+"""Port for the calls to an arm: this program's own client, or Kinova's."""
 
 from dataclasses import dataclass, field
 from typing import Any, Protocol, TypeVar, final
@@ -12,9 +12,9 @@ Answered = TypeVar("Answered")
 @final
 @dataclass(frozen=True, kw_only=True)
 class Address:
-    """Where an arm is, and who calls: what every Gen3 is delivered with, by default.
+    """Network address and credentials of an arm; the defaults are those that every Gen3 is delivered with.
 
-    After `stops_after_s` in which a session says nothing, the arm itself stops what that session moves
+    After `stops_after_s` of silence of a session, the arm itself stops that session's motions
     (`connection_inactivity_timeout`); after `closes_after_s` it closes the session.
     """
 
@@ -24,8 +24,8 @@ class Address:
     username: str = "admin"
     password: str = field(default="admin", repr=False)
     stops_after_s: float = 0.15
-    """Nothing else ends a motion whose connection is gone. With up to a cycle of the arm and braking from 0.1 m/s it is
-    at rest within 250 ms; users run real ones with 0.1 s. Life is shown every 25 ms (`driver.ALIVE_S`)."""
+    """Timeout of a lost connection, which nothing else ends. With up to a cycle of the arm and braking from 0.1 m/s
+    it is at rest within 250 ms; users run real ones with 0.1 s. Keep-alives are sent every 25 ms (`driver.ALIVE_S`)."""
     closes_after_s: float = 10.0
 
 
@@ -34,41 +34,41 @@ class Link(Protocol):
 
     @property
     def name(self) -> str:
-        """Which client this is."""
+        """Name of the client."""
         ...
 
     def open(self) -> None:
-        """Connect, or connect again. Raises LinkLost where nobody answers and Refused where the arm will not."""
+        """Connect or reconnect. Raises LinkLost where nothing answers and Refused where the arm refuses."""
         ...
 
     def close(self) -> None:
-        """End both sessions, where they stand, and the connection. Never raises, and may be called at any time."""
+        """End both sessions and the connection. Never raises, and may be called at any time."""
         ...
 
     def cut(self) -> None:
-        """Drop the connection without a word, as a cable does that is pulled. Never raises."""
+        """Drop the connection silently, as a pulled cable does. Never raises."""
         ...
 
     @property
     def lost(self) -> str:
-        """Why the connection is of no use any more; empty while it is."""
+        """Reason why the connection is unusable; empty while it is usable."""
         ...
 
     def call(self, call: Call[Asked, Answered], asked: Asked, *, timeout_s: float | None = None) -> Answered:
-        """Make a call and wait for its answer, for as long as the call has patience or `timeout_s`.
+        """Make a call and wait for its answer, for the call's timeout or `timeout_s`.
 
         Calls of several threads do not wait for each other's answers. Raises Refused, NoAnswer and LinkLost.
         """
         ...
 
     def tell(self, call: Call[Asked, Any], asked: Asked) -> None:
-        """Make a call whose answer nobody waits for. Raises LinkLost, also where for long none has come any more."""
+        """Make a call without waiting for its answer. Raises LinkLost, also where answers have failed for long."""
         ...
 
     def subscribe(self, topic: Topic[Any]) -> None:
-        """Have `told` hear of it, until the connection ends."""
+        """Subscribe to a topic for `told`, until the connection ends."""
         ...
 
     def told(self) -> list[object]:
-        """What was heard since this was asked last, in order."""
+        """Notifications since the last call, in order."""
         ...

@@ -1,4 +1,4 @@
-"""A look at an arm that nobody takes hold of: nothing is set, and nothing moves."""
+"""Passive probe of an arm: nothing is set, and nothing moves."""
 
 import time
 from dataclasses import replace
@@ -15,14 +15,14 @@ from app.rig.kinova.seen import Seen, seen
 
 _TRIES: Final = 10
 _PATIENT_S: Final = 2.0
-"""This session moves nothing, so it needs not be missed soon."""
+"""Session timeout [s]: the session commands no motion, so a lost one is harmless."""
 
 
 def look_at(address: Address, client: str, holds: Holds) -> str:
-    """What the arm there says of itself.
+    """Description of the arm at `address` by its own reports.
 
-    Raises DeviceError, which says what to do, where none answers, it is not configured for what it `holds`, or it is in
-    fault; UsageError where there is no such client, and PreflightError where that is not installed.
+    Raises DeviceError, which gives the remedy, where none answers, it is not configured for what it `holds`, or it is
+    in fault; UsageError where there is no such client, and PreflightError where that is not installed.
     """
     kortex = Kortex(linked(replace(address, stops_after_s=_PATIENT_S), client))
     try:
@@ -46,7 +46,7 @@ def _said(kortex: Kortex) -> str:
 
 
 def _state(kortex: Kortex) -> Seen:
-    """Of several answers the first whole one: a datagram may be lost, and a number may be none for a moment."""
+    """First valid feedback of several: a datagram may be lost, and a number may be NaN for a moment."""
     for _ in range(_TRIES):
         try:
             found = seen(kortex.feedback(), time.monotonic(), Limits().opening_m)

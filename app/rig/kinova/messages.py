@@ -14,7 +14,7 @@ from app.rig.kinova.session import Connection
 @final
 @dataclass(frozen=True, kw_only=True)
 class Pose:
-    """Where a tool is [m], and how it is turned [degrees]."""
+    """Pose of a tool: position [m] and Euler angles [degrees]."""
 
     x: Annotated[float, Field(1, "float")] = 0.0
     y: Annotated[float, Field(2, "float")] = 0.0
@@ -40,7 +40,7 @@ class Twist:
 @final
 @dataclass(frozen=True, kw_only=True)
 class TwistCommand:
-    """A twist that holds until something else is said: `duration` is not implemented by the arm."""
+    """A twist that holds until another command: the arm does not implement `duration`."""
 
     reference_frame: Annotated[int, Field(1, "uint32")] = 0
     twist: Annotated[Twist | None, Field(2, "message")] = None
@@ -59,7 +59,7 @@ class Finger:
 @final
 @dataclass(frozen=True, kw_only=True)
 class Gripper:
-    """The fingers."""
+    """Positions or speeds of the fingers."""
 
     finger: Annotated[tuple[Finger, ...], Field(1, "message")] = ()
 
@@ -67,7 +67,7 @@ class Gripper:
 @final
 @dataclass(frozen=True, kw_only=True)
 class GripperCommand:
-    """What the gripper shall do, in a `GripperMode`."""
+    """Command to the gripper, in a `GripperMode`."""
 
     mode: Annotated[int, Field(1, "uint32")] = 0
     gripper: Annotated[Gripper | None, Field(2, "message")] = None
@@ -77,7 +77,7 @@ class GripperCommand:
 @final
 @dataclass(frozen=True, kw_only=True)
 class GripperRequest:
-    """Of which `GripperMode` the measured movement is asked for."""
+    """Request for the measured movement in a `GripperMode`."""
 
     mode: Annotated[int, Field(1, "uint32")] = 0
 
@@ -85,7 +85,7 @@ class GripperRequest:
 @final
 @dataclass(frozen=True, kw_only=True)
 class CartesianWaypoint:
-    """A pose on the way, how fast at most to go there, and how far from it [m] to leave the straight line."""
+    """Waypoint: a pose, the highest speeds on the way to it, and the blending radius [m]."""
 
     pose: Annotated[Pose | None, Field(1, "message")] = None
     reference_frame: Annotated[int, Field(2, "uint32")] = 0
@@ -97,7 +97,7 @@ class CartesianWaypoint:
 @final
 @dataclass(frozen=True, kw_only=True)
 class AngularWaypoint:
-    """Joint angles on the way."""
+    """Joint angles of a waypoint."""
 
     angles: Annotated[tuple[float, ...], Field(1, "float")] = ()
     maximum_velocities: Annotated[tuple[float, ...], Field(2, "float")] = ()
@@ -107,7 +107,7 @@ class AngularWaypoint:
 @final
 @dataclass(frozen=True, kw_only=True)
 class Waypoint:
-    """One of the two kinds."""
+    """A waypoint of either kind."""
 
     name: Annotated[str, Field(1, "string")] = ""
     angular_waypoint: Annotated[AngularWaypoint | None, Field(2, "message")] = None
@@ -117,7 +117,7 @@ class Waypoint:
 @final
 @dataclass(frozen=True, kw_only=True)
 class WaypointList:
-    """A way to go without a stop where waypoints blend."""
+    """Waypoints of one motion, without a stop where they blend."""
 
     waypoints: Annotated[tuple[Waypoint, ...], Field(1, "message")] = ()
     duration: Annotated[float, Field(2, "float")] = 0.0
@@ -127,7 +127,7 @@ class WaypointList:
 @final
 @dataclass(frozen=True, kw_only=True)
 class TrajectoryError:
-    """What is wrong with a list of waypoints."""
+    """Error in a list of waypoints."""
 
     error_type: Annotated[int, Field(1, "uint32")] = 0
     error_value: Annotated[float, Field(3, "float")] = 0.0
@@ -141,7 +141,7 @@ class TrajectoryError:
 @final
 @dataclass(frozen=True, kw_only=True)
 class TrajectoryErrorReport:
-    """None, where the list is valid."""
+    """Errors of a list; empty for a valid one."""
 
     trajectory_error_elements: Annotated[tuple[TrajectoryError, ...], Field(1, "message")] = ()
 
@@ -158,7 +158,7 @@ class ValidationReport:
 @final
 @dataclass(frozen=True, kw_only=True)
 class TrajectoryInfo:
-    """Why a trajectory slowed down or ended; `trajectory_info_type` in words in `words.py`."""
+    """Reason for a slowdown or an abort of a trajectory; `words.py` has `trajectory_info_type` in words."""
 
     trajectory_info_type: Annotated[int, Field(1, "uint32")] = 0
     waypoint_index: Annotated[int, Field(2, "uint32")] = 0
@@ -168,7 +168,7 @@ class TrajectoryInfo:
 @final
 @dataclass(frozen=True, kw_only=True)
 class JointAngle:
-    """Of one joint [degrees]."""
+    """Angle of one joint [degrees]."""
 
     joint_identifier: Annotated[int, Field(1, "uint32")] = 0
     value: Annotated[float, Field(2, "float")] = 0.0
@@ -177,7 +177,7 @@ class JointAngle:
 @final
 @dataclass(frozen=True, kw_only=True)
 class JointAngles:
-    """Of all joints."""
+    """Angles of all joints."""
 
     joint_angles: Annotated[tuple[JointAngle, ...], Field(1, "message")] = ()
 
@@ -185,7 +185,7 @@ class JointAngles:
 @final
 @dataclass(frozen=True, kw_only=True)
 class InverseKinematicsData:
-    """A pose, and joint angles to begin the search from."""
+    """Request for inverse kinematics: a pose and an initial guess."""
 
     cartesian_pose: Annotated[Pose | None, Field(1, "message")] = None
     guess: Annotated[JointAngles | None, Field(2, "message")] = None
@@ -194,7 +194,7 @@ class InverseKinematicsData:
 @final
 @dataclass(frozen=True, kw_only=True)
 class ConstrainedJointAngles:
-    """Joint angles to go to."""
+    """Target joint angles."""
 
     joint_angles: Annotated[JointAngles | None, Field(1, "message")] = None
 
@@ -202,7 +202,7 @@ class ConstrainedJointAngles:
 @final
 @dataclass(frozen=True, kw_only=True)
 class ActionHandle:
-    """What an action is called; `action_type` as `calls.py` asks for it."""
+    """Handle of an action; `action_type` as in `calls.py`."""
 
     identifier: Annotated[int, Field(1, "uint32")] = 0
     action_type: Annotated[int, Field(2, "uint32")] = 0
@@ -212,7 +212,7 @@ class ActionHandle:
 @final
 @dataclass(frozen=True, kw_only=True)
 class Action:
-    """Something that the arm does and reports the end of."""
+    """Command whose end the arm reports."""
 
     handle: Annotated[ActionHandle | None, Field(1, "message")] = None
     name: Annotated[str, Field(2, "string")] = ""
@@ -224,7 +224,7 @@ class Action:
 @final
 @dataclass(frozen=True, kw_only=True)
 class ActionList:
-    """The actions that the arm knows by name."""
+    """The actions stored on the arm by name."""
 
     action_list: Annotated[tuple[Action, ...], Field(1, "message")] = ()
 
@@ -232,7 +232,7 @@ class ActionList:
 @final
 @dataclass(frozen=True, kw_only=True)
 class RequestedActionType:
-    """Of which type actions are asked for; 0 for all."""
+    """Requested type of actions; 0 for all."""
 
     action_type: Annotated[int, Field(1, "uint32")] = 0
 

@@ -1,9 +1,9 @@
-"""Kinova's own client behind the same port; it is imported where it is asked for, and not needed otherwise.
+"""Kinova's own client behind the same port; it is imported on demand, and not needed otherwise.
 
-What is designed against here (docs/kinova.md): its calls wait 10 s unless each is told otherwise; all routers share
-one table of notifications, so that the client of `Base` may be on one router only; its callbacks run on the thread
-that receives; its stream spins without a word where the peer has closed; its time-outs are no errors of its own; and
-it takes no port for feedback but 10001.
+Properties that this code works around (docs/kinova.md): its calls wait 10 s unless each has a timeout; all routers
+share one table of notifications, so that the client of `Base` may be on one router only; its callbacks run on the
+receiving thread; its stream spins silently where the peer has closed; its timeouts are no errors of its own; and it
+takes no port for feedback but 10001.
 """
 
 import contextlib
@@ -31,7 +31,7 @@ INSTALL = (
 )
 _KEPT, _UNANSWERED, _EVENT, _CLOSE_S = 1000, 40, 3, 0.3
 _ALIVE_S = 0.6
-"""Of silence that its thread, which shows life every 150 ms, needs to be allowed."""
+"""Session timeout that its thread needs, which sends a sign of life every 150 ms."""
 
 
 @final
@@ -71,20 +71,20 @@ class OfficialLink:
         self._told.clear()
 
     def cut(self) -> None:
-        """Its thread that shows life has nothing left to show it by."""
+        """Silence its keep-alive thread by closing its transport."""
         self._lost = self._lost or "The connection was cut from here."
         for wire in self._wires:
             _quietly(wire.disconnect)
 
     @property
     def lost(self) -> str:
-        """Told by time-outs alone: this client does not say when its peer has closed."""
+        """Reason for the lost connection, from timeouts alone: this client does not report a closed peer."""
         if self._unanswered >= _UNANSWERED:
             return f"The arm has not answered {self._unanswered} calls for feedback over UDP, one after the other."
         return self._lost
 
     def call(self, call: Call[Asked, Answered], asked: Asked, *, timeout_s: float | None = None) -> Answered:
-        """By the stub's method of the call's name."""
+        """Make a call by the stub's method of its name."""
         if self._lost or (client := self._clients.get(call.service)) is None:
             raise LinkLost(self._lost)
         method, arguments = getattr(client, call.name), self._api.arguments(call, asked)
@@ -93,7 +93,7 @@ class OfficialLink:
         return decode(call.answered, answer.SerializeToString() if answer is not None else b"")
 
     def tell(self, call: Call[Asked, Any], asked: Asked) -> None:  # noqa: ARG002 - the port's
-        """Nothing: that a session is alive this client says itself, and no other call is made so.
+        """No-op: this client keeps its session alive itself, and no other call is made without waiting for an answer.
 
         Its thread does so every 150 ms for as long as the process lives (`SessionManager`): the arm does not notice a
         loop that hangs, which is left to the watchdog of the arm's process.
@@ -102,7 +102,7 @@ class OfficialLink:
             raise LinkLost(self._lost)
 
     def subscribe(self, topic: Topic[Any]) -> None:
-        """The callback only keeps what it got: a call from within it would wait for itself."""
+        """Subscribe with a callback that only stores: a call from within it would deadlock."""
         asked = self._api.message("Common", "NotificationOptions")
         asked.type = _EVENT
         method = getattr(self._clients[Service.BASE], topic.call.name)
@@ -115,11 +115,11 @@ class OfficialLink:
         self._answered(topic.call, partial(method, keep, asked, options=options))
 
     def told(self) -> list[object]:
-        """In order."""
+        """Notifications since the last call, in order."""
         return [self._told.popleft() for _ in range(len(self._told))]
 
     def _answered(self, call: Call[Any, Any], made: partial[Any]) -> Any:
-        """What the client returns, its errors as ours."""
+        """Result of a call, with the client's errors converted to ours."""
         cyclic = call is REFRESH_FEEDBACK
         try:
             answer = made()
@@ -131,7 +131,7 @@ class OfficialLink:
         except self._api.refused as error:
             raise Refused(call.name, int(error.get_error_code()), int(error.get_error_sub_code())) from None
         except self._api.failed as error:
-            # Of its own errors not all say a code in every version, although its documentation says so.
+            # Not every version gives a code for all of its own errors, although its documentation says so.
             self._lost = self._lost or f"Kinova's client could not make the call {call.name}: {error}"
             raise LinkLost(self._lost) from None
         self._unanswered = 0 if cyclic else self._unanswered
@@ -164,13 +164,13 @@ class OfficialLink:
 
 
 def _quietly(end: Any) -> None:
-    """The arm may be gone already, in which case there is nothing to say goodbye to."""
+    """End without errors: the arm may be gone already."""
     with contextlib.suppress(Exception):
         end()
 
 
 def _ignored(_: object) -> None:
-    """What a router says of itself: the calls that go without an answer say it, too."""
+    """Ignore a router's own errors: unanswered calls report the same."""
 
 
 @final
@@ -191,11 +191,11 @@ class _Api:
             raise PreflightError(f"Kinova's client does not run with this protobuf ({error}): {INSTALL}.") from None
 
     def transport(self, kind: str) -> Any:
-        """TCP or UDP."""
+        """A transport, TCP or UDP."""
         return self._transports[kind]()
 
     def router(self, transport: Any) -> Any:
-        """Over a transport; what goes wrong shows as calls without answers."""
+        """A router over a transport; its failures show as unanswered calls."""
         return self._router(transport, _ignored)
 
     def stub(self, service: str, router: Any) -> Any:
@@ -203,17 +203,17 @@ class _Api:
         return self._part(f"autogen.client_stubs.{service}ClientRpc", f"{service}Client")(router)
 
     def options(self, timeout_s: float) -> Any:
-        """How long a call waits. One of its own for each: those by default are shared by all."""
+        """Options with this timeout. Fresh for each call: the client's defaults are one shared object."""
         options = self._options()
         options.timeout_ms = round(1e3 * timeout_s)
         return options
 
     def message(self, module: str, name: str) -> Any:
-        """An empty one."""
+        """An empty message."""
         return self._part(f"autogen.messages.{module}_pb2", name)()
 
     def arguments(self, call: Call[Any, Any], asked: object) -> tuple[Any, ...]:
-        """What a stub's method takes: nothing where the call says nothing, else the message of its own class."""
+        """Arguments of a stub's method: none for an empty message, else the message in its own class."""
         if isinstance(asked, Empty):
             return ()
         module = "ControlConfig" if call.service == Service.CONTROL_CONFIG else "Base"
@@ -226,4 +226,4 @@ class _Api:
 
 
 _THEIR_NAMES = {"InverseKinematicsData": "IKData", "Handle": "ProtectionZoneHandle"}
-"""Where ours are called otherwise."""
+"""Kinova's names of messages where ours differ."""

@@ -15,7 +15,7 @@ from typing import Any, Literal, TypeAlias, TypeVar, Union, cast, final, get_arg
 from app.rig.kinova.errors import WireError
 
 Kind: TypeAlias = Literal["uint32", "bool", "fixed32", "float", "string", "bytes", "message"]
-"""An enumeration is a `uint32` here: what a newer firmware adds to one survives."""
+"""Kind of a field. An enumeration is a `uint32` here, so that values of newer firmware survive."""
 
 _Message = TypeVar("_Message")
 _VARINT, _EIGHT_BYTES, _BYTES, _FOUR_BYTES = 0, 1, 2, 5
@@ -34,7 +34,7 @@ _LONGEST_VARINT, _WORD, _MAX_FIELD = 10, 0xFFFFFFFF, (1 << 29) - 1
 @final
 @dataclass(frozen=True)
 class Field:
-    """What stands behind `Annotated` at a message's field: its number and kind."""
+    """Number and kind of a message field, given in its `Annotated` type."""
 
     number: int
     kind: Kind
@@ -43,7 +43,7 @@ class Field:
 @final
 @dataclass(frozen=True, kw_only=True)
 class _Slot:
-    """A field as the code below needs it; `message` is the class of one that holds messages."""
+    """A field with its derived properties; `message` is the class of a message field."""
 
     name: str
     number: int
@@ -64,7 +64,7 @@ def encode(message: object) -> bytes:
 
 
 def decode(cls: type[_Message], data: bytes) -> _Message:
-    """The message of class `cls` that `data` holds. Raises WireError, and nothing else, where it holds none."""
+    """The message of class `cls` in `data`. Raises WireError, and nothing else, where it is invalid."""
     slots, found, position = _slots(cls), dict[str, Any](), 0
     while position < len(data):
         tag, position = _varint(data, position)
@@ -154,7 +154,7 @@ def _as_varint(value: int) -> bytes:
 
 
 def _varint(data: bytes, position: int) -> tuple[int, int]:
-    """A number of variable length that begins at `position`, and where the next thing begins."""
+    """A varint that begins at `position`, and the position after it."""
     value = 0
     for index, byte in enumerate(data[position : position + _LONGEST_VARINT]):
         value |= (byte & 0x7F) << 7 * index
@@ -164,7 +164,7 @@ def _varint(data: bytes, position: int) -> tuple[int, int]:
 
 
 def _raw(data: bytes, position: int, wire_type: int) -> tuple[int | bytes, int]:
-    """What a field holds, undeciphered, and where the next one begins."""
+    """Undecoded content of a field, and the position after it."""
     if wire_type == _VARINT:
         return _varint(data, position)
     if wire_type == _BYTES:
@@ -179,7 +179,7 @@ def _raw(data: bytes, position: int, wire_type: int) -> tuple[int | bytes, int]:
 
 
 def _repeated(slot: _Slot, wire_type: int, raw: int | bytes) -> tuple[Any, ...]:
-    """One or, packed, several values of a field that repeats; none of another wire type."""
+    """One or, packed, several values of a repeated field; none for another wire type."""
     expected = _WIRE_TYPES[slot.kind]
     if wire_type == expected:
         return (_value(slot, raw),)
@@ -193,7 +193,7 @@ def _repeated(slot: _Slot, wire_type: int, raw: int | bytes) -> tuple[Any, ...]:
 
 
 def _value(slot: _Slot, raw: Any) -> Any:
-    """What a field means; `raw` is of the wire type that belongs to its kind."""
+    """Decoded value of a field; `raw` has the wire type of its kind."""
     match slot.kind:
         case "message":
             return decode(slot.message, raw)

@@ -20,12 +20,12 @@ Asked = TypeVar("Asked")
 Answered = TypeVar("Answered")
 
 _KEPT, _CLOSE_S, _JOIN_S, _TRIES = 1000, 0.3, 2.0, 3
-"""Of notifications that nobody has polled, the last so many are kept."""
+"""Capacity of unpolled notifications, and timeouts of closing and joining [s] and attempts to log in."""
 
 
 @final
 class Router:
-    """A session of the arm. Its thread receives; whoever calls sends, and waits."""
+    """A session of the arm. Its thread receives; the caller sends, and waits."""
 
     def __init__(self, transport: Transport, name: str) -> None:
         self._transport, self._name = transport, name
@@ -59,9 +59,9 @@ class Router:
             raise self._lose(f"The arm's answer to {call.name} cannot be read: {error}") from None
 
     def tell(self, call: Call[Asked, Any], asked: Asked) -> None:
-        """Make a call whose answer nobody waits for. Raises LinkLost, also where for as long as its patience none came.
+        """Make a call without waiting for its answer. Raises LinkLost, also where none has come for the call's timeout.
 
-        One that is lost on the way holds up no other: so a stream of them goes on while it is sent again.
+        A lost one delays no other, so a stream of them goes on while it is sent again.
         """
         now_s = time.monotonic()
         if now_s - self._unheard_since_s > call.timeout_s:
@@ -72,9 +72,9 @@ class Router:
         self._send(call, asked, number)
 
     def close(self) -> None:
-        """Say goodbye where that is possible, and end."""
+        """Close the session where possible, and end."""
         if not self.lost and self._session:
-            # Where that fails, the arm closes a silent session by itself.
+            # If that fails, the arm closes a silent session by itself.
             with contextlib.suppress(LinkLost, Refused):
                 self.call(CLOSE_SESSION, Empty(), _CLOSE_S)
         self._lose("The connection was closed.")
@@ -82,7 +82,7 @@ class Router:
             self._thread.join(_JOIN_S)
 
     def cut(self) -> None:
-        """End without a word."""
+        """End silently."""
         self._lose("The connection was cut from here.")
 
     def _exchange(self, call: Call[Asked, Answered], asked: Asked, timeout_s: float) -> Frame:
@@ -100,7 +100,7 @@ class Router:
         return answer
 
     def _send(self, call: Call[Asked, Any], asked: Asked, number: int) -> None:
-        """Raises LinkLost."""
+        """Send a request. Raises LinkLost."""
         request = Frame(
             kind=FrameKind.REQUEST,
             service=call.service,
@@ -115,7 +115,7 @@ class Router:
             raise self._lose(str(error)) from None
 
     def _expect(self) -> tuple[Future[Frame], int]:
-        """A place for the answer to a call of that number. Raises LinkLost where none can come."""
+        """A future for the answer to a call, and the call's number. Raises LinkLost where none can come."""
         future: Future[Frame] = Future()
         with self._lock:
             number = self._number()
@@ -123,14 +123,14 @@ class Router:
         return future, number
 
     def _number(self) -> int:
-        """Of the next call, while the lock is held."""
+        """Number of the next call; the lock must be held."""
         if self.lost:
             raise LinkLost(self.lost)
         self._calls = self._calls % 0xFFFF + 1
         return self._calls
 
     def _unanswered(self, call: str, timeout_s: float) -> NoAnswer:
-        """On a stream no answer means no arm; a datagram may have been lost."""
+        """Error of an unanswered call: on a stream the connection is lost; a datagram may have been."""
         error = NoAnswer(f"The arm did not answer {call} in {timeout_s:.2f} s.")
         if self._transport.reliable:
             self._lose(str(error))
@@ -150,9 +150,9 @@ class Router:
         self._lose(reason)
 
     def _answered(self, frame: Frame) -> None:
-        """Hand an answer to whoever waits for it; one that comes too late, or to what was told, is of no more interest.
+        """Deliver an answer to its waiting call; late answers, and those to `tell`, are dropped.
 
-        Raises LinkLost where the arm does not know this session any more: who tells would not hear of it.
+        Raises LinkLost where the arm does not know this session any more: `tell` would not notice.
         """
         with self._lock:
             future = self._waiting.pop(frame.message, None)
@@ -162,7 +162,7 @@ class Router:
             raise LinkLost(f"The arm has closed the session: {refusal(frame.sub_error, _said(frame))}")
 
     def _lose(self, reason: str) -> LinkLost:
-        """Note why this is of no use any more, the first reason alone, and let nobody wait for longer."""
+        """Record the first reason for the loss, and wake all waiting calls."""
         with self._lock:
             self.lost = self.lost or reason
             waiting, self._waiting = self._waiting, {}
@@ -173,7 +173,7 @@ class Router:
 
 
 def _said(answer: Frame) -> str:
-    """What an error says for itself, where it can be read."""
+    """Text of an error reply, empty where it cannot be read."""
     try:
         return decode(ErrorReply, answer.payload).error_sub_string
     except WireError:

@@ -1,4 +1,4 @@
-"""Measurements of the arm in this program's words: SI, quaternions, and the world's frame, the table's."""
+"""Conversion of feedback to this program's units: SI, quaternions, and the world's frame, the table's."""
 
 from dataclasses import dataclass
 from typing import final
@@ -26,10 +26,10 @@ _READY = (
 @final
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Seen:
-    """The arm at `time_s`, when this was received. `closed`: the fingers, 0 to 1; `faults`: sentences, or none.
+    """State of the arm, received at `time_s`. `closed`: the fingers, 0 to 1; `faults`: sentences, or none.
 
-    `velocity` [m/s] and `force` [N] of the tool; `gripper_ma`: the current of the gripper's motor [mA];
-    `ready`: whether it takes commands; `by`: whose command it obeyed last, a number that the arm gives each connection.
+    `velocity` [m/s] and `force` [N] of the tool; `gripper_ma`: the current of the gripper's motor [mA]; `ready`: it
+    accepts commands; `by`: the arm's number of the connection whose command it obeyed last.
     """
 
     time_s: float
@@ -46,9 +46,9 @@ class Seen:
 
 
 def seen(said: Feedback, time_s: float, opening_m: float, table: TablePlace = AT_BASE) -> Seen | None:
-    """What `said` means, for a gripper whose fingers open by `opening_m`; None where a number in it is none.
+    """State from feedback, for fingers that open by `opening_m`; None where a number is not finite.
 
-    In the frame of a table that is there.
+    In the frame of a table at `table`.
     """
     base, actuators = said.base or BaseFeedback(), said.actuators
     gripper = (said.interconnect or InterconnectFeedback()).gripper_feedback or GripperFeedback()
@@ -77,7 +77,7 @@ def seen(said: Feedback, time_s: float, opening_m: float, table: TablePlace = AT
 def _tool(base: BaseFeedback, opening_m: float) -> ToolPose:
     angles = [base.tool_pose_theta_x, base.tool_pose_theta_y, base.tool_pose_theta_z]
     turn = Rotation.from_euler("xyz", angles, degrees=True).as_quat(scalar_first=True)
-    # Of its two signs always the same one, or a tool that points down would seem to jump.
+    # One fixed sign of the two, or a tool that points down would seem to jump.
     turn = turn * (np.sign(turn[np.argmax(np.abs(turn))]) or 1.0)
     return np.array([base.tool_pose_x, base.tool_pose_y, base.tool_pose_z, *turn, opening_m])
 

@@ -13,13 +13,13 @@ from app.rig.kinova.protobuf import Field
 @final
 @dataclass(frozen=True, kw_only=True)
 class Empty:
-    """A call that says nothing, or an answer that is just there."""
+    """A call without arguments, or an answer without content."""
 
 
 @final
 @dataclass(frozen=True, kw_only=True)
 class SessionInfo:
-    """Who asks for a session, and after how much silence [ms] it is closed, or what it moves is stopped."""
+    """Credentials of a session, and the silence [ms] after which it is closed, or its motions are stopped."""
 
     username: Annotated[str, Field(1, "string")] = ""
     session_inactivity_timeout: Annotated[int, Field(2, "uint32")] = 0
@@ -30,7 +30,7 @@ class SessionInfo:
 @final
 @dataclass(frozen=True, kw_only=True)
 class Connection:
-    """Who did something: a session of the arm."""
+    """A session of the arm that caused an event."""
 
     connection_information: Annotated[str, Field(2, "string")] = ""
     connection_identifier: Annotated[int, Field(3, "uint32")] = 0
@@ -39,7 +39,7 @@ class Connection:
 @final
 @dataclass(frozen=True, kw_only=True)
 class NotificationOptions:
-    """That a topic is to be reported as things happen: `type` 3."""
+    """Request for notifications of a topic as events occur: `type` 3."""
 
     type: Annotated[int, Field(1, "uint32")] = 0
 
@@ -47,7 +47,7 @@ class NotificationOptions:
 @final
 @dataclass(frozen=True, kw_only=True)
 class Handle:
-    """What something that was made on the arm is called there."""
+    """Handle of an object created on the arm."""
 
     identifier: Annotated[int, Field(1, "uint32")] = 0
 
@@ -63,7 +63,7 @@ class ServoingModeInformation:
 @final
 @dataclass(frozen=True, kw_only=True)
 class ArmStateInformation:
-    """An `ArmStateCode`, and whose command led to it."""
+    """An `ArmStateCode`, and the connection whose command led to it."""
 
     active_state: Annotated[int, Field(1, "uint32")] = 0
     connection: Annotated[Connection | None, Field(2, "message")] = None
@@ -72,7 +72,7 @@ class ArmStateInformation:
 @final
 @dataclass(frozen=True, kw_only=True)
 class ArmStateNotification:
-    """The arm has come to this `ArmStateCode`."""
+    """Notification of a new `ArmStateCode`."""
 
     active_state: Annotated[int, Field(1, "uint32")] = 0
 
@@ -80,7 +80,7 @@ class ArmStateNotification:
 @final
 @dataclass(frozen=True, kw_only=True)
 class ErrorReply:
-    """What an answer carries whose error bits are set (`Frame.proto`)."""
+    """Payload of an answer whose error bits are set (`Frame.proto`)."""
 
     error_code: Annotated[int, Field(1, "uint32")] = 0
     error_sub_code: Annotated[int, Field(2, "uint32")] = 0

@@ -1,4 +1,4 @@
-"""Messages about how the arm is set up: what it is and holds, its soft limits, and where it may not go.
+"""Messages of the arm's setup: its product, its tool, its soft limits, and its protection zones.
 
 Field numbers: Kinovarobotics/ros_kortex, kortex_driver/protos (`Base.proto`, `ControlConfig.proto`,
 `ProductConfiguration.proto`).
@@ -25,7 +25,7 @@ class Point:
 @final
 @dataclass(frozen=True, kw_only=True)
 class Row:
-    """Of a rotation matrix."""
+    """Row of a rotation matrix."""
 
     column1: Annotated[float, Field(1, "float")] = 0.0
     column2: Annotated[float, Field(2, "float")] = 0.0
@@ -35,7 +35,7 @@ class Row:
 @final
 @dataclass(frozen=True, kw_only=True)
 class RotationMatrix:
-    """Three rows."""
+    """Rotation matrix as three rows."""
 
     row1: Annotated[Row | None, Field(1, "message")] = None
     row2: Annotated[Row | None, Field(2, "message")] = None
@@ -45,7 +45,7 @@ class RotationMatrix:
 @final
 @dataclass(frozen=True, kw_only=True)
 class ZoneShape:
-    """Where a protection zone is; a prism lies about its origin."""
+    """Shape and pose of a protection zone; a prism is centred on its origin."""
 
     shape_type: Annotated[int, Field(1, "uint32")] = 0
     origin: Annotated[Point | None, Field(2, "message")] = None
@@ -76,7 +76,7 @@ class ProtectionZoneList:
 @final
 @dataclass(frozen=True, kw_only=True)
 class ProtectionZoneNotification:
-    """A zone was reached (1), entered (2) or left (3)."""
+    """Notification of a zone reached (1), entered (2) or left (3)."""
 
     event: Annotated[int, Field(1, "uint32")] = 0
     handle: Annotated[Handle | None, Field(2, "message")] = None
@@ -85,7 +85,7 @@ class ProtectionZoneNotification:
 @final
 @dataclass(frozen=True, kw_only=True)
 class ActuatorInformation:
-    """How many joints there are."""
+    """Number of joints."""
 
     count: Annotated[int, Field(1, "uint32")] = 0
 
@@ -93,7 +93,7 @@ class ActuatorInformation:
 @final
 @dataclass(frozen=True, kw_only=True)
 class FirmwareVersions:
-    """What runs on the arm."""
+    """Version of the firmware bundle."""
 
     main_bundle_version: Annotated[str, Field(1, "string")] = ""
 
@@ -101,7 +101,7 @@ class FirmwareVersions:
 @final
 @dataclass(frozen=True, kw_only=True)
 class ProductConfiguration:
-    """What arm this is."""
+    """Product of the arm."""
 
     kin: Annotated[str, Field(1, "string")] = ""
     model: Annotated[int, Field(2, "uint32")] = 0
@@ -112,7 +112,7 @@ class ProductConfiguration:
 @final
 @dataclass(frozen=True, kw_only=True)
 class TwistLinearSoftLimit:
-    """Of the speed [m/s] in a `ControlMode`."""
+    """Soft limit of the linear speed [m/s] in a `ControlMode`."""
 
     control_mode: Annotated[int, Field(1, "uint32")] = 0
     twist_linear_soft_limit: Annotated[float, Field(2, "float")] = 0.0
@@ -121,7 +121,7 @@ class TwistLinearSoftLimit:
 @final
 @dataclass(frozen=True, kw_only=True)
 class TwistAngularSoftLimit:
-    """Of the turning speed [degrees/s] in a `ControlMode`."""
+    """Soft limit of the angular speed [degrees/s] in a `ControlMode`."""
 
     control_mode: Annotated[int, Field(1, "uint32")] = 0
     twist_angular_soft_limit: Annotated[float, Field(2, "float")] = 0.0
@@ -130,7 +130,7 @@ class TwistAngularSoftLimit:
 @final
 @dataclass(frozen=True, kw_only=True)
 class KinematicLimits:
-    """Of speeds and accelerations [m/s, degrees/s, degrees/s^2]."""
+    """Limits of speeds and accelerations [m/s, degrees/s, degrees/s^2]."""
 
     control_mode: Annotated[int, Field(1, "uint32")] = 0
     twist_linear: Annotated[float, Field(2, "float")] = 0.0
@@ -150,7 +150,7 @@ class ControlModeInformation:
 @final
 @dataclass(frozen=True, kw_only=True)
 class ToolConfiguration:
-    """Where the tool's frame is in that of the flange, and what the tool weighs [kg], without what it holds."""
+    """Pose of the tool's frame in that of the flange, and the tool's mass [kg], without payload."""
 
     tool_transform: Annotated[Pose | None, Field(1, "message")] = None
     tool_mass: Annotated[float, Field(2, "float")] = 0.0
@@ -160,7 +160,7 @@ class ToolConfiguration:
 @final
 @dataclass(frozen=True, kw_only=True)
 class PayloadInformation:
-    """What the tool holds [kg]."""
+    """Mass of the payload [kg]."""
 
     payload_mass: Annotated[float, Field(1, "float")] = 0.0
     payload_mass_center: Annotated[Point | None, Field(2, "message")] = None
@@ -169,7 +169,7 @@ class PayloadInformation:
 @final
 @dataclass(frozen=True, kw_only=True)
 class GravityVector:
-    """Which way things fall [m/s^2] in the base's frame: straight down where the arm stands upright."""
+    """Gravity [m/s^2] in the base's frame: straight down where the arm stands upright."""
 
     x: Annotated[float, Field(1, "float")] = 0.0
     y: Annotated[float, Field(2, "float")] = 0.0

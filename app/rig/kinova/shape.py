@@ -1,4 +1,4 @@
-"""What a Gen3 with a vision module and a Robotiq 2F-85 looks like: capsules about its links, posed by measured joints.
+"""Geometry of a Gen3 with vision module and Robotiq 2F-85: capsules about its links, posed by measured joints.
 
 Source: Kinovarobotics/ros_kortex, kortex_description, `arms/gen3/7dof` (joints, and the published surfaces of links)
 and `grippers/robotiq_2f_85`. The capsules were fitted to these surfaces: of some 30,000 points on each link 99.9 % are
@@ -34,12 +34,12 @@ _GRIPPER: tuple[tuple[Vector, Vector, float], ...] = (
     ((-0.040, 0.0, 0.075), (0.040, 0.0, 0.075), 0.035),
     ((-0.048, 0.0, 0.105), (0.048, 0.0, 0.105), 0.026),
 )
-"""In the flange's frame, along whose x axis the fingers open: the body, and all that the knuckles sweep."""
+"""Capsules in the flange's frame, along whose x axis the fingers open: the body, and the sweep of the knuckles."""
 _CLOSED: tuple[Vector, Vector, float] = ((0.0, 0.0, 0.110), (0.0, 0.0, 0.140), 0.028)
-"""The fingers where they hold a tool; their tips are 0.163 m from the flange. Open ones that are the tool move with
-its opening, and are the tool's own pieces."""
+"""Capsule of fingers that hold a tool; their tips are 0.163 m from the flange. Fingers that are the tool themselves
+move with its opening, and belong to the tool's own shape."""
 _SHANK_M, _HELD_M = 0.012, 0.09
-"""The radius of what joins the gripper's fingers and a tool, and how much of a tool up from its tip is its own."""
+"""Radius of the shank between the gripper's fingers and a tool, and length of the tool's own part from its tip."""
 
 
 def known_gen3(tool: Tool, tip_m: float) -> ArmShape:
@@ -51,20 +51,20 @@ def known_gen3(tool: Tool, tip_m: float) -> ArmShape:
 
 
 def tip_m(joints: Joints, tip: Float64[np.ndarray, "3"]) -> float:
-    """How far the tool's tip, at `tip` [m, world], is from the flange along its axis [m], with the joints there."""
+    """Distance of the tool's tip, at `tip` [m, world], from the flange along its axis [m], for these joints."""
     link = frames(joints)[6]
     return float(-(link[:3, :3].T @ (tip - link[:3, 3]))[2] - FLANGE_M)
 
 
 def _gripper(tool: Tool, tip_m: float) -> list[tuple[Vector, Vector, float]]:
-    """What is at the flange, but for the tool's own pieces."""
+    """Capsules at the flange, without the tool's own pieces."""
     match tool:
         case Finger() | Paddle() if tip_m - _HELD_M > _CLOSED[1][2]:
             return [*_GRIPPER, _CLOSED, (_CLOSED[1], (0.0, 0.0, tip_m - _HELD_M), _SHANK_M)]
         case Finger() | Paddle():
             return [*_GRIPPER, _CLOSED]
         case _:
-            # A gripper's fingers and a bowl are near the object, which shall be seen.
+            # A gripper's fingers and a bowl are near the object, which must stay visible.
             return [*_GRIPPER]
 
 

@@ -13,27 +13,27 @@ CONNECT_S, SEND_S = 3.0, 1.0
 
 
 class Transport(Protocol):
-    """Carries frames to and from an arm."""
+    """Carrier of frames to and from an arm."""
 
     reliable: bool
-    """Whether what was sent arrives, or the connection ends."""
+    """True where sent frames arrive, or else the connection ends."""
 
     def send(self, frame: Frame) -> None:
-        """Send one. Raises LinkLost."""
+        """Send a frame. Raises LinkLost."""
         ...
 
     def frames(self) -> Iterator[Frame]:
-        """What comes, for as long as the connection lasts. Raises LinkLost where it ends otherwise than by `close`."""
+        """Received frames, until the connection ends. Raises LinkLost where it ends otherwise than by `close`."""
         ...
 
     def close(self) -> None:
-        """End it; `frames` ends then, too."""
+        """Close it, which ends `frames`."""
         ...
 
 
 @final
 class TcpTransport:
-    """A stream. Raises LinkLost where nobody listens."""
+    """A TCP stream. Raises LinkLost where nothing listens."""
 
     reliable = True
 
@@ -50,7 +50,7 @@ class TcpTransport:
         self._sending, self._closed = threading.Lock(), False
 
     def send(self, frame: Frame) -> None:
-        """Whole, or not at all: another thread's frame waits for it."""
+        """Send a complete frame; other threads' frames wait for it."""
         data = frame.framed()
         with self._sending:
             try:
@@ -59,7 +59,7 @@ class TcpTransport:
                 raise LinkLost(f"The connection to the arm broke while sending ({error}).") from None
 
     def frames(self) -> Iterator[Frame]:
-        """In order; WireError where the stream is of another protocol."""
+        """Received frames, in order. Raises WireError where the stream is of another protocol."""
         splitter = Splitter()
         while (data := self._received()) is not None:
             if not data:
@@ -70,7 +70,7 @@ class TcpTransport:
                 yield decoded(each)
 
     def _received(self) -> bytes | None:
-        """What has come, nothing where the peer has closed, None where this side has."""
+        """Received bytes, empty where the peer has closed, None where this side has."""
         while not self._closed:
             try:
                 return self._socket.recv(65536)
@@ -83,14 +83,14 @@ class TcpTransport:
         return None
 
     def close(self) -> None:
-        """Of both directions, which wakes whoever waits."""
+        """Close both directions, which wakes a waiting reader."""
         self._closed = True
         _shut(self._socket)
 
 
 @final
 class UdpTransport:
-    """Datagrams, each a frame; those that are none are counted in `garbled`."""
+    """UDP datagrams, a frame each; invalid ones are counted in `garbled`."""
 
     reliable = False
 
@@ -105,14 +105,14 @@ class UdpTransport:
             raise LinkLost(f"No way leads to {host}, UDP port {port} ({error.strerror or error}).") from None
 
     def send(self, frame: Frame) -> None:
-        """One datagram."""
+        """Send a frame as one datagram."""
         try:
             self._socket.send(frame.encoded())
         except OSError as error:
             raise LinkLost(f"A datagram to the arm could not be sent ({error}).") from None
 
     def frames(self) -> Iterator[Frame]:
-        """As they come, some lost."""
+        """Received frames in order of arrival, some lost."""
         while not self._closed:
             try:
                 data = self._socket.recv(LONGEST_DATAGRAM)
@@ -127,14 +127,14 @@ class UdpTransport:
                     raise LinkLost(f"Nobody takes datagrams at the arm any more ({error}).") from None
 
     def close(self) -> None:
-        """And wake whoever waits."""
+        """Close it, which wakes a waiting reader."""
         self._closed = True
         _shut(self._socket)
 
 
 def _shut(open_socket: socket.socket) -> None:
-    """Wake whoever reads, then close."""
-    # Where it is not connected any more, nobody has to be woken.
+    """Wake a waiting reader, then close."""
+    # A disconnected socket has no waiting reader.
     with contextlib.suppress(OSError):
         open_socket.shutdown(socket.SHUT_RDWR)
     open_socket.close()

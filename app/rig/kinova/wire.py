@@ -1,4 +1,4 @@
-"""Frames of the Kortex protocol: four words of bit fields, a payload, and how they are told apart on a stream.
+"""Frames of the Kortex protocol: four words of bit fields, a payload, and their delimiting on a stream.
 
 Source: `Frame.proto` (pitt-rnel/kortex, protos) for the fields and their bits; magic and length as the TCP transport of
 kortex_api 2.6.0 writes them (docs/kinova.md). Over UDP a datagram is one frame, without magic and length.
@@ -16,12 +16,12 @@ MAGIC = b"\x07xEtRoK\x07"
 VERSION = 1
 LONGEST_DATAGRAM = 65507
 LONGEST_FRAME = 1 << 22
-"""Of bytes on a stream [1]: 4 MiB. The length field of the header holds 16 MiB; no call here comes near either."""
+"""Longest frame on a stream [byte]: 4 MiB. The header's length field holds 16 MiB; no call here comes near either."""
 _PREFIX = len(MAGIC) + 4
 
 
 class FrameKind(IntEnum):
-    """What a frame is."""
+    """Kind of a frame."""
 
     REQUEST = 1
     RESPONSE = 3
@@ -51,7 +51,7 @@ class _Envelope:
 class Frame:
     """One message. `message` counts requests and is repeated by answers; a notification has its subscription's handle.
 
-    `error` and `sub_error` are 0 where all is well; else the payload says more.
+    `error` and `sub_error` are 0 for success; else the payload has details.
     """
 
     kind: int
@@ -83,7 +83,7 @@ class Frame:
         return encode(_Envelope(header=header, payload=self.payload))
 
     def framed(self) -> bytes:
-        """The frame as it stands on a stream. Raises WireError where it is too long."""
+        """The frame as sent on a stream. Raises WireError where it is too long."""
         data = self.encoded()
         if len(data) > LONGEST_FRAME:
             raise WireError(f"A frame of {len(data)} bytes is longer than {LONGEST_FRAME}; send less at once.")
@@ -91,7 +91,7 @@ class Frame:
 
 
 def decoded(data: bytes) -> Frame:
-    """The frame that `data`, a datagram or what `Splitter` found, holds. Raises WireError where it holds none."""
+    """The frame in `data`, a datagram or a part from `Splitter`. Raises WireError where it is invalid."""
     envelope = decode(_Envelope, data)
     if (header := envelope.header) is None:
         raise WireError("A frame has no header.")
@@ -115,13 +115,13 @@ def decoded(data: bytes) -> Frame:
 
 @final
 class Splitter:
-    """Cuts a stream of bytes into frames."""
+    """Splits a stream of bytes into frames."""
 
     def __init__(self) -> None:
         self._left = bytearray()
 
     def feed(self, data: bytes) -> list[bytes]:
-        """What is complete now, each for `decoded`. Raises WireError where the stream is not of this protocol."""
+        """Complete frames so far, each for `decoded`. Raises WireError where the stream is not of this protocol."""
         self._left += data
         found = list[bytes]()
         while self._check_magic() and len(self._left) >= _PREFIX:

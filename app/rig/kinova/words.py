@@ -1,4 +1,4 @@
-"""What the arm's numbers mean, in words that say what to do next where anything can be done.
+"""Texts of the arm's codes and faults, with the remedy where there is one.
 
 Numbers: Kinovarobotics/ros_kortex, kortex_driver/protos (`Errors.proto`; `SafetyIdentifier` of `Base.proto` and
 `InterconnectConfig.proto`, `SafetyIdentifierBankA` of `ActuatorConfig.proto`; `TrajectoryInfoType`,
@@ -165,18 +165,18 @@ TRAJECTORY_ERRORS: Mapping[int, str] = {
 
 
 def refusal(sub_code: int, said: str = "") -> str:
-    """Why a call was refused, or an action broken off, as a sentence without a beginning."""
+    """Reason of a refused call or aborted action, as a sentence without a beginning."""
     words = SUB_ERRORS.get(sub_code, f"for a reason of number {sub_code} that is not known here")
     return f"{words} ({said})." if said else f"{words}."
 
 
 def bits(bank: int) -> Iterator[int]:
-    """Which bits of a bank are set, the lowest first."""
+    """Set bits of a fault bank, the lowest first."""
     return (bit for bit in range(32) if bank >> bit & 1)
 
 
 def faults(base: int, joints: tuple[int, ...], wrist: int) -> tuple[str, ...]:
-    """What the banks say as sentences, joints counted from 1."""
+    """Sentences on the faults in the banks; joints are counted from 1."""
     said = [f"{_known(BASE_FAULTS, bit, 'the base has a fault')}" for bit in bits(base)]
     for number, bank in enumerate(joints, start=1):
         said += [f"joint {number} {_known(JOINT_FAULTS, bit, 'has a fault')}" for bit in bits(bank)]

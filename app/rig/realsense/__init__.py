@@ -1,1 +1,1 @@
-"""RealSense cameras behind the `Camera` port: one capture process a camera, and what gets it going again."""
+"""RealSense cameras behind the `Camera` port: one capture process a camera, with automatic recovery."""

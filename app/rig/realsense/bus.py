@@ -1,4 +1,4 @@
-"""Which RealSense cameras are on the bus, and how fast that is."""
+"""Enumeration of the RealSense cameras on the bus, and check of their USB speed."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -11,7 +11,7 @@ from app.rig.realsense.sdk import Sdk
 @final
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Listed:
-    """A camera on the bus: the SDK's device, and what it says of itself. Empty where it does not say."""
+    """A camera on the bus: the SDK's device and its self-description. Fields that it does not report are empty."""
 
     device: Any
     name: str
@@ -32,7 +32,7 @@ def found(sdk: Sdk) -> Sequence[Listed]:
 
 
 def described(rs: ModuleType, device: Any) -> Listed:
-    """What `device` says of itself."""
+    """Description of `device` by itself."""
     info = rs.camera_info
     return Listed(
         device=device,
@@ -44,7 +44,7 @@ def described(rs: ModuleType, device: Any) -> Listed:
 
 
 def census(sdk: Sdk) -> Mapping[str, Any]:
-    """What a doctor wants to know, as JSON can carry it: the SDK's version, of each camera what it is and lacks."""
+    """Report for the doctor, as JSON values: the SDK's version, and each camera with its warnings."""
     cameras = found(sdk)
     return {
         "version": str(sdk.rs.__version__),
@@ -55,12 +55,12 @@ def census(sdk: Sdk) -> Mapping[str, Any]:
 
 
 def is_slow(usb: str) -> bool:
-    """Whether this USB version, as the SDK writes it, is older than 3; not where it is unknown."""
+    """True for a USB version, as the SDK writes it, older than 3; False where it is unknown."""
     return bool(usb) and usb[0] in "12"
 
 
 def warning(listed: Listed) -> str:
-    """What is wrong with how the camera is connected, and what mends it; empty where nothing is."""
+    """Warning about a slow connection, with the remedy; empty for a fast one."""
     if not is_slow(listed.usb):
         return ""
     return (

@@ -16,7 +16,7 @@ _SAME_PX, _SAME_UNIT = 0.01, 1e-3
 
 @final
 class RealSenseCamera:
-    """Reads the images that a capture process leaves in shared memory; `keeper` keeps that going."""
+    """Reads the images that a capture process leaves in shared memory; `keeper` supervises that process."""
 
     def __init__(self, view: View, keeper: Keeper) -> None:
         self._view, self._keeper = view, keeper
@@ -28,20 +28,20 @@ class RealSenseCamera:
 
     @property
     def words(self) -> str:
-        """Since when it shows nothing and what is being done, or how it is badly connected; empty where all is well."""
+        """Problem and recovery in progress, or a warning about the connection; empty where all is well."""
         identity = self._keeper.memory.identity
         return self._keeper.words or (identity.warning if identity else "")
 
     @property
     def arrived(self) -> Arrived | None:
-        """How the newest image was dated, and when it came."""
+        """Timestamps of the newest image."""
         return self._keeper.memory.arrived
 
     async def read(self) -> Frame:
         """The newest image, once one is due that is newer than the last one read.
 
-        Raises DeviceError where none comes in the time the site allows, with what is wrong and being done, and where
-        another camera came back than went.
+        Raises DeviceError where none comes within the timeout of the site, with the problem and the recovery in
+        progress, and where a different camera came back.
         """
         frame = await self._view.read(self._check_same)
         if frame is not None:

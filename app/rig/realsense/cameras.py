@@ -1,4 +1,4 @@
-"""RealSense cameras of a rig: opened together, kept going, closed together."""
+"""RealSense cameras of a rig: opened together, supervised, closed together."""
 
 from collections.abc import AsyncGenerator, Sequence
 from contextlib import AbstractAsyncContextManager, asynccontextmanager
@@ -20,10 +20,10 @@ _START_S = 30.0
 def realsense_cameras(
     mounted: Sequence[Mounted], timing: Timing, *, patience: Patience | None = None, start_s: float = _START_S
 ) -> AbstractAsyncContextManager[Sequence[RealSenseCamera]]:
-    """The cameras, each streaming in a process of its own, which is kept going until the block is left.
+    """The cameras, each streaming in a supervised process of its own until the block is left.
 
-    Raises DeviceError on entry, with what is wrong, where one is not there, gives no image within `start_s`, or is not
-    as it was calibrated.
+    Raises DeviceError on entry, with the problem, where one is missing, gives no image within `start_s`, or differs
+    from its calibration.
     """
     return _opened(mounted, timing, patience or Patience(), start_s)
 
@@ -50,7 +50,7 @@ async def _opened(
 
 
 async def _streaming(mounted: Sequence[Mounted], keepers: Sequence[Keeper], start_s: float) -> None:
-    """Wait until every camera has given an image. Raises DeviceError where one will not, or is not there."""
+    """Wait until every camera has given an image. Raises DeviceError where one will not, or is missing."""
     with anyio.move_on_after(start_s):
         for keeper in keepers:
             await keeper.known.wait()

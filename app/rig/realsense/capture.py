@@ -1,7 +1,7 @@
-"""A capture process: one camera, streaming as it is told, its images left in shared memory.
+"""A capture process: one camera, streaming on command, its images left in shared memory.
 
-It decides nothing: it does what it was last told, says what it is doing and gives signs of life, so that whoever
-watches it can tell that a call of the SDK hangs, and can end the process.
+It decides nothing: it executes the last command, reports its current step and sends heartbeats, so that its supervisor
+can detect a hanging call of the SDK, and end the process.
 """
 
 import os
@@ -22,12 +22,12 @@ from app.rig.realsense.stream import Opened, Shot, Stream, StreamEnded, streamin
 
 _IDLE_S = 0.02
 _GONE_S, _BACK_S, _CALM_S = 3.0, 15.0, 1.0
-"""After a reset: until the camera has left the bus, until it is back, and before it is opened then: the SDK was seen to
-crash when it opens one at once (librealsense issue 11304)."""
+"""Times after a reset: until the camera has left the bus, until it is back, and before it is opened then: the SDK
+was seen to crash when it opens one at once (librealsense issue 11304)."""
 
 
 def run_capture(memory: CaptureMemory, source: Source, settings: Settings, parent: int) -> None:
-    """The body of the process: do as told until closed or until `parent` is gone."""
+    """Body of the process: execute commands until closed or until `parent` is gone."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     memory.beat()
     capture = _Capture(memory, source, settings)
@@ -39,7 +39,7 @@ def run_capture(memory: CaptureMemory, source: Source, settings: Settings, paren
 
 @final
 class _Capture:
-    """What a capture process does, a short step at a time."""
+    """State machine of a capture process, advanced in short steps."""
 
     def __init__(self, memory: CaptureMemory, source: Source, settings: Settings) -> None:
         self._memory, self._source, self._settings = memory, source, settings
@@ -50,7 +50,7 @@ class _Capture:
         self._done = 0
 
     def go_on(self) -> None:
-        """Take up what was told since, or read an image; what fails is said, and is for others to mend."""
+        """Execute a new command, or read an image; a failure is reported, and left to the supervisor."""
         try:
             if self._memory.told[0] != self._done:
                 self._obey()
@@ -64,7 +64,7 @@ class _Capture:
             self._fail("failed", error)
 
     def close(self) -> None:
-        """Stop the stream, if there is one. Raises DeviceError where the camera would not."""
+        """Stop the stream, if there is one. Raises DeviceError where the camera fails to stop."""
         self._stream = None
         self._say("closing")
         self._open.close()
@@ -86,7 +86,7 @@ class _Capture:
         self._say("streaming")
 
     def _reset(self) -> None:
-        """Reset the camera as it is, for to stop its stream first was seen to hang (librealsense issue 7252)."""
+        """Reset the camera as it is; stopping its stream first was seen to hang (librealsense issue 7252)."""
         self._say("resetting")
         self._source.reset(self._sdk)
         self._await(there=False, within_s=_GONE_S)
@@ -95,7 +95,7 @@ class _Capture:
         self._rest(_CALM_S)
 
     def _await(self, *, there: bool, within_s: float) -> None:
-        """Wait until the camera is on the bus, or is not, for so long at most."""
+        """Wait at most `within_s` until the camera is on the bus, or is not."""
         end_s = time.monotonic() + within_s
         while time.monotonic() < end_s:
             if there == any(listed.serial == self._source.serial for listed in found(self._sdk)):
@@ -114,7 +114,7 @@ class _Capture:
             self._keep(shot)
 
     def _keep(self, shot: Shot) -> None:
-        """Leave the images for the application, unless they are the last ones once more."""
+        """Publish the images to the application, unless they repeat the last ones."""
         dated, self._dating = self._dating.date(shot.stamp_s, shot.domain, shot.arrival)
         if dated is None or dated.time_s <= self._last_s:
             return

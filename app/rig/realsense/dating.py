@@ -1,12 +1,12 @@
-"""When an image was taken, in this machine's monotonic time, with a bound on the error. Pure.
+"""Timestamping: exposure times in this machine's monotonic time, with an error bound. Pure.
 
-A camera dates its images in one of three ways. *Global* time is the device's clock brought to the host's calendar by
-the SDK, which fits a line to questions and answers over USB; it adjusts that line by some milliseconds now and then
-(librealsense issue 4505), and was seen up to 40 ms in the future (10068) and far off after long use (4505, 11320).
-*System* time is the moment the host received the image. The *hardware* clock has an origin of its own.
+A camera dates its images in one of three ways. *Global* time is the device's clock mapped to the host's calendar by the
+SDK, which fits a line to round trips over USB; it adjusts that line by some milliseconds now and then (librealsense
+issue 4505), and was seen up to 40 ms in the future (10068) and far off after long use (4505, 11320). *System* time is
+the moment the host received the image. The *hardware* clock has an origin of its own.
 
-So a calendar date is believed only where it is not in the future and not old. Any other stamp is dated by arrival: the
-least delay seen lately is taken for none, so such images are dated late by the shortest way through USB, which is less
+So a calendar date is trusted only where it is neither in the future nor old. Any other stamp is dated by arrival: the
+least recent delay is taken for zero, so such images are dated late by the shortest transfer through USB, which is less
 than a period.
 """
 
@@ -20,13 +20,13 @@ GLOBAL_ERROR_S = 0.005
 _FUTURE_S, _OLD_S = 0.050, 3.0
 _SAME = 0.1
 _FORGET_S = 10.0
-"""Clocks of crystals drift apart by less than 1 ms in this time."""
+"""Window of the least delay [s]: crystal clocks drift apart by less than 1 ms in this time."""
 
 
 @final
 @dataclass(frozen=True, kw_only=True)
 class Moment:
-    """One moment on both clocks of this machine; `error_s`: within what they were read together."""
+    """One moment on both clocks of this machine; `error_s`: uncertainty of reading them together."""
 
     monotonic_s: float
     calendar_s: float
@@ -44,7 +44,7 @@ class Moment:
 @final
 @dataclass(frozen=True, kw_only=True)
 class Dated:
-    """`time_s`: monotonic; within `error_s` of the truth; `by`: how it was found."""
+    """Date of an image. `time_s`: monotonic, within `error_s` of the truth; `by`: its source."""
 
     time_s: float
     error_s: float
@@ -54,10 +54,10 @@ class Dated:
 @final
 @dataclass(frozen=True, kw_only=True)
 class Dating:
-    """What is known of a camera's clock: by what its stamps [s] differ from monotonic time, at least, of late.
+    """Clock model of a camera: the least recent offset of monotonic time from its stamps [s].
 
-    `period_s`: of its images. `former_s`: the same of the stretch of time before, so that what is known is never of
-    less than one such stretch.
+    `period_s`: of its images. `former_s`: the least offset of the window before, so that the model always covers at
+    least one whole window.
     """
 
     period_s: float
@@ -67,10 +67,10 @@ class Dating:
     stamp_s: float = float("-inf")
 
     def date(self, stamp_s: float, domain: Domain, arrival: Moment) -> "tuple[Dated | None, Dating]":
-        """When an image stamped `stamp_s` that came at `arrival` was taken, and what is known then.
+        """Exposure time of an image stamped `stamp_s` that came at `arrival`, and the updated model.
 
-        None where the stamp is that of the image before, to a tenth of a period: a stream that stands still. A stamp
-        before that is of a clock that began anew, of which nothing is known yet.
+        None where the stamp repeats that of the image before, to a tenth of a period: a frozen stream. An earlier stamp
+        is of a restarted clock, whose model begins anew.
         """
         if abs(stamp_s - self.stamp_s) < _SAME * self.period_s:
             return None, self
@@ -85,7 +85,7 @@ class Dating:
         return replace(self, offset_s=min(self.offset_s, offset_s), stamp_s=stamp_s)
 
     def _calendar(self, stamp_s: float, domain: Domain, arrival: Moment) -> Dated | None:
-        """By the calendar, where the stamp can be that of one."""
+        """Date by the calendar; None where the stamp cannot be of the calendar."""
         age_s = arrival.calendar_s - stamp_s
         if domain == "hardware" or not -_FUTURE_S <= age_s <= _OLD_S:
             return None

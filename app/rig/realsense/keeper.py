@@ -1,4 +1,4 @@
-"""Keeps one camera going: watches its capture process and does what the ladder says, for as long as the rig is open."""
+"""Camera supervisor: watches a capture process and executes the recovery policy, for as long as the rig is open."""
 
 import os
 import time
@@ -18,14 +18,14 @@ from app.rig.realsense.sources import Source
 _TICK_S = 0.05
 _LOOKS = 3
 _KILL_S = 5.0
-"""For the kernel to end a process that was killed; one that hangs in the kernel stays, and the camera with it."""
+"""Time for the kernel to end a killed process; one that hangs in the kernel stays, and the camera with it."""
 
 
 @final
 class Keeper:
-    """The capture process of the camera `name`, and where that is on the ladder.
+    """Supervisor of the capture process of the camera `name`, and its state in the recovery policy.
 
-    `known`: it has given an image, or was looked for several times in vain.
+    `known`: it has given an image, or was searched for several times in vain.
     """
 
     def __init__(self, name: str, source: Source, settings: Settings, patience: Patience) -> None:
@@ -37,21 +37,21 @@ class Keeper:
 
     @property
     def words(self) -> str:
-        """The camera's state for a person."""
+        """State of the camera for an operator."""
         return self._ladder.words(time.monotonic())
 
     @property
     def streamed(self) -> bool:
-        """Whether images have come."""
+        """True once images have come."""
         return self._ladder.streamed
 
     @property
     def pid(self) -> int | None:
-        """That of the capture process now."""
+        """Process id of the present capture process."""
         return self._process.pid if self._process else None
 
     async def run(self) -> None:
-        """Start the camera and keep it going, until cancelled; its process has ended then."""
+        """Start the camera and supervise it until cancelled; its process has ended then."""
         try:
             await to_thread.run_sync(self._replace)
             self._ladder = Ladder.at_start(time.monotonic())
@@ -79,7 +79,7 @@ class Keeper:
             self.memory.tell(action)
 
     def _sight(self) -> Sight:
-        """The process as it is seen now."""
+        """Observation of the process now."""
         said, told = self.memory.reported, self.memory.told[0]
         assert said is not None, "a process that was started has been reported as opening"
         return Sight(
@@ -98,7 +98,7 @@ class Keeper:
         return f"its process ended with code {self._process.exitcode}"
 
     def _replace(self) -> None:
-        """End the process, if there is one, and let a new one open the camera. Blocks."""
+        """End the process, if there is one, and start a new one that opens the camera. Blocks."""
         if self._process is not None:
             self._process.kill()
             self._process.join(_KILL_S)
@@ -109,7 +109,7 @@ class Keeper:
         start_ordinary(self._process)
 
     def _end(self) -> None:
-        """Let the process stop its stream; one that does not is killed. Blocks."""
+        """Have the process stop its stream; kill one that does not. Blocks."""
         if self._process is None:
             return
         self.memory.closing.value = 1

@@ -1,9 +1,9 @@
-"""How a camera that gives no images is got going again: what to do next, given what can be seen of it. Pure.
+"""Camera recovery policy: the next restart step for an observed camera state. Pure.
 
-The rungs, each tried when the one before has failed: wait; stop and start the stream; reset the camera and wait until
-it is back on the bus; wait longer and longer between further tries. A capture process that has ended, or that hangs in
-a call of the SDK, which nothing inside it can end, is replaced by a new one from any rung. A camera that is not there
-is looked for until it is.
+The steps, each tried when the one before has failed: wait; restart the stream; reset the camera and wait until it is
+back on the bus; back off with growing delays between further tries. A capture process that has ended, or that hangs in
+a call of the SDK, which nothing inside it can end, is replaced by a new one at any step. A missing camera is searched
+for until it is there.
 """
 
 from collections.abc import Collection, Mapping
@@ -11,14 +11,14 @@ from dataclasses import dataclass, replace
 from typing import Literal, Self, TypeAlias, final
 
 Step: TypeAlias = Literal["asked", "opening", "streaming", "closing", "resetting", "failed", "ended"]
-"""What the capture process does; `asked`: it has not yet taken up what it was last told."""
+"""Current step of the capture process; `asked`: it has not yet taken up the last command."""
 Action: TypeAlias = Literal["open", "reset", "replace"]
-"""What it is to do: stop what runs and open the camera; reset the camera and open it; make way for a new process."""
+"""Command to the process: restart the stream; reset the camera and open it; end in favour of a new process."""
 Phase: TypeAlias = Literal["starting", "streaming", "opening", "resetting", "waiting", "replacing", "ended"]
 
 
 _LIVELY: Collection[Step] = ("asked", "streaming", "failed")
-"""What a process does in short steps, with a sign of life after each."""
+"""Steps in which a process sends frequent heartbeats."""
 _DOING: Mapping[Step, str] = {
     "asked": "it was asked to open the camera",
     "opening": "opening the camera",
@@ -33,12 +33,12 @@ _DOING: Mapping[Step, str] = {
 @final
 @dataclass(frozen=True, kw_only=True)
 class Patience:
-    """How long each rung gets [s].
+    """Timeouts of the recovery [s].
 
     A camera of the D400 kind takes about a second from start to first image; LeRobot waits 5 s for one to come back
-    from a reset. `steady_s`: images for so long make former failures forgotten. `absent_s`: between two looks for a
-    camera that is not there. `slow_s` without a sign of life while opening or resetting, `close_s` while closing,
-    `quiet_s` else, mean that a call hangs.
+    from a reset. `steady_s`: duration of images after which failures are forgotten. `absent_s`: interval between
+    searches for a missing camera. Without a heartbeat, a call counts as hanging after `slow_s` while opening or
+    resetting, `close_s` while closing, `quiet_s` otherwise.
     """
 
     late_s: float = 1.0
@@ -56,11 +56,11 @@ class Patience:
 @final
 @dataclass(frozen=True, kw_only=True)
 class Sight:
-    """What can be seen of a capture process from outside at `now_s`.
+    """Observation of a capture process at `now_s`.
 
-    `pulse_s`: its last sign of life; `image_s`: when its newest image came, -inf before the first; `failure`: why the
-    last step failed; `absent`: because there is no such camera now; `death`: how the process ended, empty while it
-    runs.
+    `pulse_s`: time of its last heartbeat; `image_s`: arrival of its newest image, -inf before the first; `failure`:
+    reason why the last step failed; `absent`: it failed for want of the camera; `death`: reason for the end of the
+    process, empty while it runs.
     """
 
     now_s: float
@@ -75,10 +75,10 @@ class Sight:
 @final
 @dataclass(frozen=True, kw_only=True)
 class Ladder:
-    """Where on the ladder a camera is, since when, until when it waits, and why.
+    """State of the recovery: the phase, its start, the end of a wait, and the reason.
 
-    `failures` counts rungs that failed since images last came for a while; `streamed`: it has given images before, so
-    it is ours to reset; `lost_s`: since when there are no images.
+    `failures` counts failed steps since images last came steadily; `streamed`: it has given images before, so it is
+    ours to reset; `lost_s`: start of the loss of images.
     """
 
     phase: Phase = "starting"
@@ -91,11 +91,11 @@ class Ladder:
 
     @classmethod
     def at_start(cls, now_s: float) -> Self:
-        """A first capture process has just been started and told to open its camera."""
+        """State after a first capture process has been started and told to open its camera."""
         return cls(since_s=now_s, lost_s=now_s)
 
     def words(self, now_s: float) -> str:
-        """The state for a person: what is wrong, since when, and what is done about it; empty where it streams."""
+        """State for an operator: the problem, its duration, and the recovery in progress; empty where it streams."""
         if self.phase == "streaming":
             return ""
         if self.phase == "ended":
@@ -111,7 +111,7 @@ class Ladder:
 
 
 def climbed(ladder: Ladder, sight: Sight, patience: Patience) -> tuple[Ladder, Action | None]:
-    """Where the camera is on the ladder now, and what its process is to be told."""
+    """Next state of the recovery, and the command for the process."""
     if ladder.phase == "ended":
         return ladder, None
     if sight.step == "ended":
@@ -128,7 +128,7 @@ def climbed(ladder: Ladder, sight: Sight, patience: Patience) -> tuple[Ladder, A
 
 
 def _watched(ladder: Ladder, sight: Sight, patience: Patience) -> tuple[Ladder, Action | None]:
-    """Images come; the first rung is taken when they do not."""
+    """Watch incoming images; take the first step when they stop."""
     late = sight.now_s - sight.image_s > patience.late_s
     if late or sight.step == "failed":
         why = sight.failure or "the stream stands still"
@@ -139,7 +139,7 @@ def _watched(ladder: Ladder, sight: Sight, patience: Patience) -> tuple[Ladder, 
 
 
 def _awaited(ladder: Ladder, sight: Sight, patience: Patience) -> tuple[Ladder, Action | None]:
-    """Something has been told, and an image is to come of it."""
+    """Wait for the first image after a command."""
     if sight.image_s > ladder.since_s:
         return replace(ladder, phase="streaming", since_s=sight.now_s, streamed=True, why=""), None
     given_s = patience.reset_s if ladder.phase == "resetting" else patience.open_s
@@ -151,7 +151,7 @@ def _awaited(ladder: Ladder, sight: Sight, patience: Patience) -> tuple[Ladder, 
 
 
 def _failed(ladder: Ladder, sight: Sight, why: str, patience: Patience) -> tuple[Ladder, Action | None]:
-    """The rung failed: the next one. What has never worked is not reset, for another program may be using it."""
+    """Take the step after a failed one. A camera that never worked is not reset: another program may be using it."""
     here = replace(ladder, since_s=sight.now_s, why=why)
     if sight.absent:
         return replace(here, phase="waiting", until_s=sight.now_s + patience.absent_s), None
@@ -162,14 +162,14 @@ def _failed(ladder: Ladder, sight: Sight, why: str, patience: Patience) -> tuple
 
 
 def _again(ladder: Ladder, sight: Sight) -> tuple[Ladder, Action | None]:
-    """Wait, then begin at the first rung."""
+    """Wait, then restart from the first step."""
     if sight.now_s < ladder.until_s:
         return ladder, None
     return replace(ladder, phase="opening", since_s=sight.now_s), "open"
 
 
 def _to_replace(ladder: Ladder, sight: Sight, why: str, patience: Patience) -> tuple[Ladder, Action | None]:
-    """The first loss of a process is made good at once, further ones later and later."""
+    """Replace the process: at once the first time, later ones after growing delays."""
     wait_s = _back_off_s(ladder.failures, patience) if ladder.failures else 0.0
     gone = replace(ladder, phase="replacing", until_s=sight.now_s + wait_s, failures=ladder.failures + 1, why=why)
     if ladder.phase == "streaming":
@@ -178,14 +178,14 @@ def _to_replace(ladder: Ladder, sight: Sight, why: str, patience: Patience) -> t
 
 
 def _replaced(ladder: Ladder, sight: Sight) -> tuple[Ladder, Action | None]:
-    """Wait, then let a new process open the camera."""
+    """Wait, then have a new process open the camera."""
     if sight.now_s < ladder.until_s:
         return ladder, None
     return replace(ladder, phase="starting", since_s=sight.now_s), "replace"
 
 
 def _hung(sight: Sight, patience: Patience) -> str:
-    """Why the process must be hanging; empty where it need not be."""
+    """Description of a hanging call; empty where none is indicated."""
     quiet_s = sight.now_s - sight.pulse_s
     if quiet_s <= _silence_s(sight.step, patience):
         return ""
@@ -193,12 +193,12 @@ def _hung(sight: Sight, patience: Patience) -> str:
 
 
 def _silence_s(step: Step, patience: Patience) -> float:
-    """For how long a process may give no sign of life [s]."""
+    """Longest time without a heartbeat [s]."""
     if step in _LIVELY:
         return patience.quiet_s
     return patience.close_s if step == "closing" else patience.slow_s
 
 
 def _back_off_s(failures: int, patience: Patience) -> float:
-    """1, 2, 4, ... times the first, up to the longest [s]."""
+    """Delay before the next try [s]: 1, 2, 4, ... times the first, up to the longest."""
     return min(patience.back_off_s * 2.0 ** min(failures - 1, 30), patience.longest_back_off_s)

@@ -1,4 +1,4 @@
-"""What a capture process shares with the application: images, what it does, and what it is told. Nobody waits."""
+"""Shared memory of a capture process and the application: images, reports and commands, without locks."""
 
 import time
 from dataclasses import asdict, dataclass
@@ -16,7 +16,7 @@ Command: TypeAlias = Literal["open", "reset"]
 _COMMANDS: tuple[Command, ...] = ("open", "reset")
 
 _IMAGES_KEPT = 8
-"""A quarter of a second at 30 Hz: a reader that is held up has so long to copy one."""
+"""Capacity of the ring of images: a quarter of a second at 30 Hz for a delayed reader to copy one."""
 _REPORTS_KEPT = 16
 _REPORT = np.dtype([("command", "i8"), ("step", "U16"), ("absent", "?"), ("text", "U400")])
 _IDENTITY = np.dtype(
@@ -36,7 +36,7 @@ _ARRIVAL = np.dtype([("time_s", "f8"), ("arrival_s", "f8"), ("error_s", "f8"), (
 @final
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Report:
-    """What a capture process last said of itself: `step`, for the command of this number, and why that failed."""
+    """Last report of a capture process: `step`, for the command of this number, and the reason where it failed."""
 
     command: int
     step: Step
@@ -47,7 +47,7 @@ class Report:
 @final
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Identity:
-    """What a camera said as it was opened; `K` [pixel] of its images, `warning` of how it is connected."""
+    """Identity of an opened camera; `K` [pixel] of its images, `warning` about its connection."""
 
     name: str
     serial: str
@@ -61,9 +61,9 @@ class Identity:
 @final
 @dataclass(frozen=True, kw_only=True)
 class Arrived:
-    """An image's dates in monotonic time [s]: taken at `time_s`, within `error_s`, and there at `arrival_s`.
+    """Timestamps of an image in monotonic time [s]: exposed at `time_s`, within `error_s`, received at `arrival_s`.
 
-    `domain`: what clock its stamp was of; `by`: what dated it, the calendar or its arrival.
+    `domain`: clock of its stamp; `by`: source of its date, the calendar or its arrival.
     """
 
     time_s: float
@@ -75,7 +75,7 @@ class Arrived:
 
 @final
 class CaptureMemory:
-    """Passed to a capture process as it is started, and to the next one where that is replaced."""
+    """Memory passed to a capture process as it is started, and to its replacement."""
 
     def __init__(self, settings: Settings) -> None:
         self.images = image_ring(settings.width, settings.height, kept=_IMAGES_KEPT)
@@ -84,7 +84,7 @@ class CaptureMemory:
         self._arrivals = Ring(_ARRIVAL, _REPORTS_KEPT)
 
     def tell(self, command: Command) -> int:
-        """Leave a command for the process; its number."""
+        """Publish a command for the process; returns its number."""
         number = self._told.value // len(_COMMANDS) + 1
         self._told.value = number * len(_COMMANDS) + _COMMANDS.index(command)
         return number
@@ -96,27 +96,27 @@ class CaptureMemory:
         return number, _COMMANDS[which]
 
     def beat(self) -> None:
-        """A sign of life."""
+        """Record a heartbeat."""
         self._pulse.value = time.monotonic_ns()
 
     @property
     def pulse_s(self) -> float:
-        """When the last sign of life was given, in monotonic time [s]."""
+        """Time of the last heartbeat, monotonic [s]."""
         return self._pulse.value / 1e9
 
     @property
     def image_s(self) -> float:
-        """When the newest image came, in monotonic time [s]; -inf before the first."""
+        """Arrival of the newest image, monotonic [s]; -inf before the first."""
         return self.arrived.arrival_s if self.arrived else float("-inf")
 
     def arrive(self, arrived: Arrived, color: ColourImage, depth: DepthImage) -> None:
-        """Leave a pair of images."""
+        """Publish a pair of images."""
         self.images.append(time_s=arrived.time_s, color=color, depth=depth)
         self._arrivals.append(**asdict(arrived))
 
     @property
     def arrived(self) -> Arrived | None:
-        """What is known of the newest image; None before the first."""
+        """Timestamps of the newest image; None before the first."""
         record: Any = self._arrivals.newest()
         if record is None:
             return None
@@ -126,13 +126,13 @@ class CaptureMemory:
         )
 
     def report(self, report: Report) -> None:
-        """Say what is being done."""
+        """Publish the current step."""
         self.beat()
         self._reports.append(command=report.command, step=report.step, absent=report.absent, text=report.text)
 
     @property
     def reported(self) -> Report | None:
-        """What was last said."""
+        """The last report."""
         record: Any = self._reports.newest()
         if record is None:
             return None
@@ -144,7 +144,7 @@ class CaptureMemory:
         )
 
     def introduce(self, identity: Identity) -> None:
-        """Say which camera this is."""
+        """Publish the identity of the camera."""
         self._identities.append(
             name=identity.name,
             serial=identity.serial,
@@ -157,7 +157,7 @@ class CaptureMemory:
 
     @property
     def identity(self) -> Identity | None:
-        """Which camera this was when it was last opened."""
+        """Identity of the camera when it was last opened."""
         record: Any = self._identities.newest()
         if record is None:
             return None

@@ -1,4 +1,4 @@
-"""Which cameras there are, and where each stands."""
+"""Camera mounts: the cameras of a rig and their poses."""
 
 from dataclasses import dataclass, field, replace
 from typing import Self, final
@@ -14,15 +14,15 @@ from app.rig.realsense.settings import Settings
 from app.rig.realsense.sources import Live, Source
 
 _SAME_PX = 1.0
-"""What the maker's intrinsics may differ by from those that a camera was calibrated with."""
+"""Tolerance [pixel] between the factory intrinsics and those of the calibration."""
 
 
 @final
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Mounted:
-    """A camera where it stands: `T_world_camera` is the pose of its colour imager, `calibrated_at` its day.
+    """A mounted camera: `T_world_camera` is the pose of its colour imager, `calibrated_at` its day.
 
-    `checked_at` and `doubt` as `CameraModel` has them. `K` [pixel]: what it was calibrated with, None where it was not.
+    `checked_at` and `doubt` as in `CameraModel`. `K` [pixel]: intrinsics of its calibration, None where it has none.
     """
 
     name: str
@@ -38,8 +38,8 @@ class Mounted:
     def calibrated(cls, found: HandEye, *, name: str, settings: Settings, source: Source | None = None) -> Self:
         """The camera of a calibration, with images of that size; on the bus where no other `source` is named.
 
-        Raises UsageError where it is on the wrist, or was calibrated with images that a lens distorts, for these here
-        are a pinhole's.
+        Raises UsageError where it is on the wrist, or was calibrated on distorted images, for these here are a
+        pinhole's.
         """
         model = found.model(depth_unit_m=1.0)
         return cls(
@@ -54,7 +54,7 @@ class Mounted:
         )
 
     def model(self, identity: Identity) -> CameraModel:
-        """The camera as it was opened. Raises DeviceError where it is not as it was when it was calibrated."""
+        """The camera as opened. Raises DeviceError where it differs from its calibration."""
         if self.K is not None and np.abs(identity.K - self.K).max() > _SAME_PX:
             said, was = (f"{K[0, 0]:.1f}, {K[1, 1]:.1f}, {K[0, 2]:.1f}, {K[1, 2]:.1f}" for K in (identity.K, self.K))
             raise DeviceError(

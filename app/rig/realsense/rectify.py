@@ -1,4 +1,4 @@
-"""From a lens to a pinhole: images as a camera without distortion would take them."""
+"""Rectification: images as a camera without distortion would take them."""
 
 from types import ModuleType
 from typing import Any, TypeAlias, final
@@ -10,12 +10,12 @@ from jaxtyping import Float32
 from app.core.types import ColourImage, DepthImage, Intrinsics
 
 Pixels: TypeAlias = tuple[Float32[np.ndarray, "height width"], Float32[np.ndarray, "height width"]]
-"""Column and row [pixel] for each pixel."""
+"""Source column and row [pixel] of each pixel."""
 
 
 @final
 class Rectifier:
-    """Takes the distortion out of images of `intrinsics` (the SDK's); the pinhole matrix stays.
+    """Undistorts images of `intrinsics` (the SDK's); the pinhole matrix stays.
 
     Does nothing where there is no distortion, as most cameras of the D400 series report of their colour.
     """
@@ -26,11 +26,11 @@ class Rectifier:
         self._source = _source(rs, intrinsics, self.K) if bent else None
 
     def color(self, image: ColourImage) -> ColourImage:
-        """Interpolated between pixels; black where the lens saw nothing."""
+        """Rectified colour image, interpolated; black outside the lens's view."""
         return image if self._source is None else cv2.remap(image, *self._source, cv2.INTER_LINEAR)
 
     def depth(self, image: DepthImage) -> DepthImage:
-        """That of the nearest pixel, never a mean of two; 0 where the lens saw nothing."""
+        """Rectified depth image by nearest neighbour, never a mean of two readings; 0 outside the lens's view."""
         return image if self._source is None else cv2.remap(image, *self._source, cv2.INTER_NEAREST)
 
 
@@ -40,7 +40,7 @@ def pinhole(intrinsics: Any) -> Intrinsics:
 
 
 def _source(rs: ModuleType, intrinsics: Any, K: Intrinsics) -> Pixels:
-    """Where in the lens's image each pixel of the pinhole's is: the SDK's own projection of the pixel's ray."""
+    """Source pixel of each rectified pixel: the SDK's own projection of the pixel's ray."""
     u, v = np.meshgrid(np.arange(intrinsics.width), np.arange(intrinsics.height))
     rays = np.stack([u, v, np.ones_like(u)], axis=-1) @ np.linalg.inv(K).T
     project = rs.rs2_project_point_to_pixel

@@ -1,6 +1,6 @@
-"""A camera that shows what another process renders, as a rehearsal of the whole application needs it.
+"""A camera that shows images rendered by another process, for a rehearsal of the whole application.
 
-The images are given to a camera of the SDK's own making, so they pass its syncer, pipeline and alignment.
+The images are given to a software camera of the SDK, so they pass its syncer, pipeline and alignment.
 """
 
 import threading
@@ -24,9 +24,9 @@ _KEPT = 4
 
 @final
 class Feed:
-    """What is rendered for a camera, in memory that processes share; making it blocks.
+    """Ring of rendered images for a camera, in shared memory; its construction blocks.
 
-    `images`: whoever renders appends `time_s` (monotonic, of the exposure), `color` and `depth` as the two imagers see
+    `images`: the renderer appends `time_s` (monotonic, of the exposure), `color` and `depth` as the two imagers see
     them. Both have one size here.
     """
 
@@ -36,12 +36,12 @@ class Feed:
 
     @classmethod
     def of(cls, body: Body) -> Self:
-        """For a camera with this `body`."""
+        """A feed for a camera with this `body`."""
         return cls(image_ring(body.color.width, body.color.height, kept=_KEPT))
 
     @property
     def plugged(self) -> bool:
-        """Whether the camera can be found; set it to pull its cable and to plug it in again."""
+        """True while the camera can be found; set it to pull its cable and to plug it in again."""
         return not self._unplugged.value
 
     @plugged.setter
@@ -52,18 +52,18 @@ class Feed:
 @final
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Rendered:
-    """Images that come by `feed`, as if a camera with this `body` took them."""
+    """Images from `feed`, as if taken by a camera with this `body`."""
 
     body: Body
     feed: Feed
 
     @property
     def serial(self) -> str:
-        """As the body says."""
+        """Serial number of the body."""
         return self.body.serial
 
     def attach(self, opening: Opening, /) -> AbstractContextManager[None]:
-        """Choose a software camera that shows whatever comes."""
+        """Select a software camera that shows the images of the feed."""
         if not self.feed.plugged:
             raise CameraAbsent(f"The rendered camera {self.serial!r} is unplugged.")
         camera = SoftwareCamera(opening.sdk.rs, self.body)
@@ -71,7 +71,7 @@ class Rendered:
         return _feeding(camera, self.feed)
 
     def reset(self, _: Sdk, /) -> None:
-        """There is no hardware."""
+        """Raises DeviceError: there is no hardware."""
         raise DeviceError(f"Camera {self.serial!r} is rendered, which leaves nothing to reset.")
 
 

@@ -1,4 +1,4 @@
-"""The RealSense SDK, loaded when it is first needed: importing it takes a while, and most sessions do without."""
+"""The RealSense SDK, loaded on first use: importing it takes a while, and most sessions do without."""
 
 from dataclasses import dataclass
 from types import ModuleType
@@ -25,7 +25,7 @@ class Sdk:
 
     @classmethod
     def loaded(cls) -> Self:
-        """With a context of its own."""
+        """The SDK with a context of its own."""
         rs = load_realsense()
         return cls(rs=rs, context=rs.context())
 
@@ -41,5 +41,5 @@ class Opening:
 
     @classmethod
     def of(cls, sdk: Sdk) -> Self:
-        """Of a camera that is to be chosen yet."""
+        """A pipeline whose camera is still to be selected."""
         return cls(sdk=sdk, pipeline=sdk.rs.pipeline(sdk.context), config=sdk.rs.config())

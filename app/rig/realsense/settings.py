@@ -1,4 +1,4 @@
-"""What is asked of a camera: size and rate of its images, and what is done to its depth."""
+"""Stream settings of a camera: size and rate of its images, and filters of its depth."""
 
 from dataclasses import dataclass
 from typing import final
@@ -7,10 +7,10 @@ from typing import final
 @final
 @dataclass(frozen=True, kw_only=True)
 class Filters:
-    """The SDK's filters of depth, each off unless asked for. None fills holes: that would invent surface.
+    """The SDK's depth filters, each off unless asked for. None fills holes: that would invent surface.
 
-    `near_m`, `far_m`: depth outside is dropped. `spatial`: smooths within an image, keeping edges. `temporal`: smooths
-    over images, which blurs what moves; what it knows of a pixel does not stand in for a reading that is missing.
+    `near_m`, `far_m`: depth outside is dropped. `spatial`: edge-preserving smoothing within an image. `temporal`:
+    smoothing over images, which blurs moving objects; its memory of a pixel does not replace a missing reading.
     """
 
     near_m: float | None = None
@@ -22,7 +22,7 @@ class Filters:
 @final
 @dataclass(frozen=True, kw_only=True)
 class Settings:
-    """How a camera streams. Colour and depth have the same size and rate; `warm_up` images are dropped at each start.
+    """Stream of a camera. Colour and depth have the same size and rate; `warm_up` images are dropped at each start.
 
     A camera of the D400 kind needs 10 to 20 images until its automatic exposure has settled.
     """
@@ -35,5 +35,5 @@ class Settings:
 
     @property
     def period_s(self) -> float:
-        """From one image to the next [s]."""
+        """Time between images [s]."""
         return 1.0 / self.rate_hz

@@ -1,6 +1,6 @@
-"""A camera of the SDK's own making, which shows the images it is given: for recordings and rehearsals without hardware.
+"""Software camera of the SDK that shows given images: for recordings and rehearsals without hardware.
 
-Its frames take the way of a real one's through the SDK: sensors, syncer, pipeline, alignment.
+Its frames pass through the SDK like a real camera's: sensors, syncer, pipeline, alignment.
 """
 
 from dataclasses import dataclass, field, replace
@@ -34,10 +34,10 @@ class Imager:
 @final
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Body:
-    """A camera as the SDK is told of it. `T_color_depth` [m] maps from the depth imager's frame to the colour's.
+    """Description of a camera for the SDK. `T_color_depth` [m] maps from the depth imager's frame to the colour's.
 
-    `baseline_m`: between the two imagers that depth is made from, as in a D435 (0.050). `read_out_s`: from the middle
-    of the exposure to the moment that images are stamped with, which is when they are read out.
+    `baseline_m`: of the stereo pair behind the depth, as in a D435 (0.050). `read_out_s`: time from the middle of the
+    exposure to the image's stamp, which is that of its read-out.
     """
 
     serial: str
@@ -52,10 +52,10 @@ class Body:
 
     @classmethod
     def like_d435(cls, model: CameraModel, serial: str, *, rate_hz: int = 30) -> Self:
-        """A camera whose colour image is that of `model`, and whose depth comes from aside with a wider lens.
+        """A camera with the colour image of `model`, and a depth imager beside it with a wider lens.
 
-        About as a D435's: from a good centimetre aside, and wider by tan(87/2) / tan(69/2), its nominal angles of view
-        in degrees.
+        About as a D435's: a good centimetre aside, and wider by tan(87/2) / tan(69/2), its nominal angles of view in
+        degrees.
         """
         wide = np.diag([_NARROWER, _NARROWER, 1.0])
         middle = np.array([model.width - 1, model.height - 1]) / 2
@@ -73,7 +73,7 @@ class Body:
         )
 
     def depth_view(self, model: CameraModel) -> CameraModel:
-        """Where the depth imager is when the colour imager is `model`: what to render its depth with."""
+        """Model of the depth imager for the colour imager `model`: the view to render its depth with."""
         imager = self.depth
         return replace(
             model,
@@ -86,7 +86,7 @@ class Body:
 
 @final
 class SoftwareCamera:
-    """`device` is what the SDK sees; it shows whatever `show` is given."""
+    """Software camera; `device` is the SDK's handle, and shows the images given to `show`."""
 
     def __init__(self, rs: ModuleType, body: Body) -> None:
         self.device: Any = rs.software_device()
@@ -104,7 +104,7 @@ class SoftwareCamera:
         self.device.create_matcher(rs.matchers.dlr_c)
 
     def show(self, color: ColourImage, depth: DepthImage, *, stamp_s: float) -> None:
-        """A pair of images, of the sizes of the imagers, exposed at `stamp_s` [s] of the calendar."""
+        """Show a pair of images, of the sizes of the imagers, exposed at `stamp_s` [s] of the calendar."""
         self._shown += 1
         stamp_s += self._body.read_out_s
         self._put(self._depth, self._depth_profile, depth, stamp_s)
@@ -159,7 +159,7 @@ class SoftwareCamera:
 
 
 def _switch(rs: ModuleType) -> Any:
-    """The range of an option that is on or off, and off at first."""
+    """The range of a switch option, off at first."""
     switch = rs.option_range()
     switch.min, switch.max, switch.step, switch.default = 0.0, 1.0, 1.0, 0.0
     return switch

@@ -1,6 +1,6 @@
-"""Where a capture process gets its images from: a camera on the bus or a recording; `rendered` has a third.
+"""Image sources of a capture process: a camera on the bus or a recording; `rendered` has a third.
 
-Each is data that can be sent to the process, and opens itself there; from the SDK's pipeline on, all go the same way.
+Each is data that can be sent to the process, and opens itself there; from the SDK's pipeline on, all are handled alike.
 """
 
 from contextlib import AbstractContextManager, nullcontext
@@ -18,15 +18,15 @@ class CameraAbsent(DeviceError):
 
 
 class Source(Protocol):
-    """Something that a pipeline of the SDK can be opened on."""
+    """A source that a pipeline of the SDK can be opened on."""
 
     @property
     def serial(self) -> str:
-        """The camera's serial number, or what stands for it."""
+        """The camera's serial number, or a stand-in for it."""
         ...
 
     def attach(self, opening: Opening, /) -> AbstractContextManager[None]:
-        """Choose the camera that is opened; what is returned is entered while it streams.
+        """Select the camera to open; the returned context is entered while it streams.
 
         Raises CameraAbsent where there is no such camera, DeviceError where it cannot be opened.
         """
@@ -45,7 +45,7 @@ class Live:
     serial: str
 
     def attach(self, opening: Opening, /) -> AbstractContextManager[None]:
-        """Choose the camera of this serial number."""
+        """Select the camera of this serial number."""
         opening.pipeline.set_device(self._device(opening.sdk))
         return nullcontext()
 
@@ -70,23 +70,23 @@ class Live:
 @final
 @dataclass(frozen=True, kw_only=True)
 class Played:
-    """A recording of the SDK (.db3), at the pace it was made; `repeat`: from the beginning again after its end."""
+    """A recording of the SDK (.db3), at its recorded pace; `repeat`: start again after its end."""
 
     file: Path
     repeat: bool = False
 
     @property
     def serial(self) -> str:
-        """The file's name."""
+        """Name of the file."""
         return self.file.name
 
     def attach(self, opening: Opening, /) -> AbstractContextManager[None]:
-        """Choose the recorded camera."""
+        """Select the recorded camera."""
         if not self.file.is_file():
             raise CameraAbsent(f"There is no recording {self.file}; `dipac` plays .db3 files of the RealSense SDK.")
         opening.config.enable_device_from_file(str(self.file), self.repeat)
         return nullcontext()
 
     def reset(self, _: Sdk, /) -> None:
-        """A recording has nothing to reset."""
+        """Raises DeviceError: a recording has nothing to reset."""
         raise DeviceError(f"{self.file.name} is a recording, which cannot be reset.")

@@ -1,4 +1,4 @@
-"""A camera that streams: aligned pairs of images through the SDK's pipeline. The same for every source."""
+"""Camera stream: aligned pairs of images through the SDK's pipeline. The same for every source."""
 
 from collections.abc import Generator, Mapping
 from contextlib import contextmanager
@@ -18,7 +18,7 @@ from app.rig.realsense.settings import Filters, Settings
 from app.rig.realsense.sources import Source
 
 _AT_ONCE_MS = 200
-"""The longest call of the SDK that waits, so that a process can say that it lives, and be told something."""
+"""Longest blocking call of the SDK [ms], so that the process can send heartbeats and take commands."""
 _FARTHEST_M = 16.0
 """The longest distance that the SDK's threshold takes."""
 _DOMAINS: Mapping[str, Domain] = {"global_time": "global", "system_time": "system", "hardware_clock": "hardware"}
@@ -31,9 +31,9 @@ class StreamEnded(DeviceError):
 @final
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Shot:
-    """A pair of images as it came: `depth` aligned to `color`, both those of a pinhole camera.
+    """A received pair of images: `depth` aligned to `color`, both those of a pinhole camera.
 
-    `stamp_s`: the middle of the exposure by the camera's clock [s], where it says, else when it was read out.
+    `stamp_s`: the middle of the exposure by the camera's clock [s], where it reports that, else the read-out.
     """
 
     color: ColourImage
@@ -46,7 +46,7 @@ class Shot:
 @final
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Opened:
-    """What a camera said as it was opened; `K` [pixel] is that of the colour image."""
+    """Description of an opened camera; `K` [pixel] is that of the colour image."""
 
     listed: Listed
     K: Intrinsics
@@ -56,7 +56,7 @@ class Opened:
 
 @final
 class Stream:
-    """Reads a pipeline that has been started."""
+    """Reader of a started pipeline."""
 
     def __init__(self, rs: ModuleType, pipeline: Any, profile: Any, settings: Settings) -> None:
         self._rs, self._pipeline = rs, pipeline
@@ -115,7 +115,8 @@ class Stream:
 def streaming(sdk: Sdk, source: Source, settings: Settings) -> Generator[Stream]:
     """The camera, streaming until the block is left.
 
-    Raises CameraAbsent where there is no such camera, and DeviceError where it cannot stream like that, or not stop.
+    Raises CameraAbsent where there is no such camera, and DeviceError where it cannot stream with these settings, or
+    stop.
     """
     rs, opening = sdk.rs, Opening.of(sdk)
     with source.attach(opening):
@@ -138,10 +139,10 @@ def streaming(sdk: Sdk, source: Source, settings: Settings) -> Generator[Stream]
 
 
 def _stop(pipeline: Any, device: Any) -> None:
-    """Stop, a recording after a pause.
+    """Stop the pipeline, after pausing a recording.
 
-    One that is not paused goes on being read into what is freed: one stop in 75 to 1000 corrupted the heap
-    (pyrealsense2 2.59), none of 4500 after a pause. Whoever streams from the same device again resumes it.
+    An unpaused one goes on being read into freed memory: one stop in 75 to 1000 corrupted the heap (pyrealsense2 2.59),
+    none of 4500 after a pause. A later stream from the same device resumes it.
     """
     try:
         if device.is_playback():
@@ -152,7 +153,7 @@ def _stop(pipeline: Any, device: Any) -> None:
 
 
 def _keep_global_time(rs: ModuleType, device: Any) -> None:
-    """Have the SDK bring stamps to the calendar, where a sensor can and lets itself be told; recorded ones do not."""
+    """Enable the SDK's global time where a sensor has it and accepts the option; recorded ones do not."""
     option = rs.option.global_time_enabled
     for sensor in device.query_sensors():
         if sensor.supports(option) and not sensor.is_option_read_only(option):
@@ -160,7 +161,7 @@ def _keep_global_time(rs: ModuleType, device: Any) -> None:
 
 
 def _exposed_ms(rs: ModuleType, frame: Any) -> float:
-    """The frame's time stamp [ms], brought from its read-out to the middle of its exposure where the camera says both.
+    """The frame's time stamp [ms], moved from its read-out to the middle of its exposure where the camera reports both.
 
     The two are microseconds of the device's clock (rs_frame.h: FRAME_TIMESTAMP, SENSOR_TIMESTAMP).
     """
@@ -174,7 +175,7 @@ def _exposed_ms(rs: ModuleType, frame: Any) -> float:
 def _filters(rs: ModuleType, asked: Filters) -> list[Any]:
     """The SDK's filters in the order it recommends: limits, then smoothing in disparity, where noise is even.
 
-    The temporal filter comes with its memory of readings that are missing switched on, and is told not to use it.
+    The temporal filter comes with its memory of missing readings enabled; it is disabled here.
     """
     chain = list[Any]()
     if asked.near_m is not None or asked.far_m is not None:

@@ -27,11 +27,10 @@ class View:
 
 
 def record(file: Path, body: Body, views: Iterable[View]) -> int:
-    """Write what a camera with this `body` takes; how many pairs that was.
+    """Write the recording that a camera with this `body` would make; returns the number of pairs.
 
-    Blocks for as long as the views last by their stamps: the SDK dates what it records, for its pace in playing, by the
-    clock of this machine.
-    Raises RecordingError where the file is there already, is not to end in .db3, or cannot be written.
+    Blocks for as long as the views last by their stamps: the SDK dates its recording, for its pace in playing, by the
+    clock of this machine. Raises RecordingError where the file exists, does not end in .db3, or cannot be written.
     """
     if file.suffix != _SUFFIX:
         raise RecordingError(f"{file} must end in {_SUFFIX}: the SDK plays nothing else.")
@@ -47,7 +46,7 @@ def record(file: Path, body: Body, views: Iterable[View]) -> int:
 
 
 def _shown(camera: SoftwareCamera, views: Iterable[View]) -> int:
-    """Show each view when it is due; how many that were."""
+    """Show each view when it is due; returns their number."""
     count, ahead_s = 0, 0.0
     for view in views:
         ahead_s = ahead_s or time.time() - view.stamp_s
@@ -58,7 +57,7 @@ def _shown(camera: SoftwareCamera, views: Iterable[View]) -> int:
 
 
 def _recording(rs: Any, file: Path, device: Any) -> ExitStack:
-    """Write what the device's sensors show until it is closed. The last reference to a recorder closes its file."""
+    """Record the device's sensors until closed. The last reference to a recorder closes its file."""
     recorder, kept = rs.recorder(str(file), device), rs.frame_queue(_KEPT)
     ending = ExitStack()
     for sensor in recorder.query_sensors():

@@ -1,1 +1,1 @@
-"""Cameras that show again what cameras saw when a recording was made."""
+"""Cameras that replay the images of a recording."""

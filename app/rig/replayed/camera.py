@@ -14,7 +14,7 @@ _POLL_S: Final = 0.01
 
 @final
 class ReplayedCamera:
-    """Shows what the camera `model` saw when the recording was made; `words`: what of that is not shown."""
+    """Replay of the camera `model`; `words`: a note on images that are left out."""
 
     def __init__(self, model: CameraModel, projector: Projector, *, words: str, timeout_s: float) -> None:
         self._model, self._words = model, words
@@ -23,19 +23,19 @@ class ReplayedCamera:
 
     @property
     def model(self) -> CameraModel:
-        """Its calibration of then."""
+        """Its recorded calibration."""
         return self._model
 
     @property
     def words(self) -> str:
-        """What of its images is left out, where much is."""
+        """Note on its images that are left out; empty where few are."""
         return self._words
 
     async def read(self) -> Frame:
         """The newest image, once there is one that is newer than the last one read, dated when it was shown.
 
-        Raises DeviceError where none comes in time, as where its camera saw nothing for so long, and where the
-        recording cannot be read any more.
+        Raises DeviceError where none comes in time, such as in a gap of the recording, and where the recording has
+        become unreadable.
         """
         with anyio.move_on_after(self._timeout_s):
             while True:

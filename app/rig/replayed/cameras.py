@@ -14,7 +14,7 @@ from app.rig.replayed.camera import ReplayedCamera
 from app.rig.replayed.projector import Projector
 
 _MUCH_S: Final = 2.0
-"""Of what some camera saw and nobody is shown, that is worth a word."""
+"""Duration of left-out images that deserves a note [s]."""
 
 
 @final
@@ -28,7 +28,7 @@ class Screen:
 
 @asynccontextmanager
 async def replayed_cameras(film: Film, timing: Timing) -> AsyncGenerator[Screen]:
-    """What they saw, at its recorded pace, from the beginning as soon as they are open, and over and over."""
+    """The recorded images at their recorded pace, from the beginning as soon as they are open, in a loop."""
     projector = Projector(film)
     cameras = [
         ReplayedCamera(model, projector, words=_left_out(film, name), timeout_s=timing.camera_timeout_s)
@@ -43,7 +43,7 @@ async def replayed_cameras(film: Film, timing: Timing) -> AsyncGenerator[Screen]
 
 
 def _left_out(film: Film, camera: str) -> str:
-    """That the camera saw more than is shown, in words; empty where that is little."""
+    """Note on the camera's images that are left out; empty where they are few."""
     unseen_s = film.unseen_s.get(camera, 0.0)
     if unseen_s < _MUCH_S:
         return ""

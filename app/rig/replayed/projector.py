@@ -1,4 +1,4 @@
-"""Reads a film over and over in a thread of its own, and shows each frame when it is due."""
+"""Reader that replays a film in a loop in a thread of its own, each frame when it is due."""
 
 import threading
 import time
@@ -15,7 +15,7 @@ _CLOSE_S: Final = 5.0
 
 @final
 class Projector:
-    """Of each camera the newest frame alone is kept. `start` and `end` block; all else never does."""
+    """Holder of each camera's newest frame. Only `start` and `end` block."""
 
     def __init__(self, film: Film) -> None:
         self._film = film
@@ -26,22 +26,22 @@ class Projector:
         self._thread = threading.Thread(target=self._run, name="film", daemon=True)
 
     def start(self) -> None:
-        """Show the film from its beginning."""
+        """Start the film from its beginning."""
         self._thread.start()
 
     def end(self) -> None:
-        """Show nothing more."""
+        """Stop the film."""
         self._closing.set()
         self._thread.join(_CLOSE_S)
 
     def newest(self, camera: str) -> Frame | None:
-        """What that camera shows now, None before its first frame. Raises RecordingError where the film has torn."""
+        """The camera's current frame, None before its first. Raises RecordingError where the film is damaged."""
         if self._failure is not None:
             raise self._failure
         return self._shown.get(camera)
 
     def recorded_s(self) -> float:
-        """The moment of the recording that is shown now [s]."""
+        """The current moment of the recording [s]."""
         return self._pace.recorded_s(time.monotonic())
 
     def _run(self) -> None:
@@ -53,7 +53,7 @@ class Projector:
             self._failure = error
 
     def _show_all(self) -> None:
-        """Once from the beginning to the end, or until it is closed."""
+        """Play once from the beginning to the end, or until closed."""
         for frame in film_frames(self._film):
             due_s = self._pace.due_s(frame.time_s, time.monotonic())
             if self._closing.wait(max(0.0, due_s - time.monotonic())):

@@ -1,4 +1,4 @@
-"""The arm that is in the images of a recording: where it was when they were taken."""
+"""The arm in the images of a recording, at its recorded configurations."""
 
 from bisect import bisect_left
 from collections.abc import Callable, Sequence
@@ -12,10 +12,10 @@ from app.flow.following import posed
 
 @final
 class RecordedArm:
-    """Goes from one of its recorded `states` to the next, evenly; `recorded_s`: the moment that is shown now [s].
+    """Interpolation between the recorded `states`; `recorded_s`: the moment that is shown now [s].
 
-    It was recorded about twice a second, so that where it moved fast it is known to a few centimetres alone; where it
-    rested, exactly. Nothing moves it.
+    They were recorded about twice a second, so a fast motion is known to a few centimetres, and a rest exactly. It
+    takes no commands.
     """
 
     def __init__(self, states: Sequence[ArmState], recorded_s: Callable[[], float]) -> None:
@@ -24,11 +24,11 @@ class RecordedArm:
         self._recorded_s = recorded_s
 
     def tool(self) -> ToolPose:
-        """Pose and opening of the tool as the images have it now; from any thread."""
+        """Pose and opening of the tool in the present images; from any thread."""
         return self._posture().tool
 
     def joints(self) -> JointAngles:
-        """The joints' angles as the images have them now; from any thread."""
+        """Joint angles in the present images; from any thread."""
         return self._posture().joints
 
     def _posture(self) -> Posture:

@@ -1,4 +1,4 @@
-"""What cameras see of a cell: its object, the arm's links, the tool, and what is fixed to the table."""
+"""Appearance of a cell to its cameras: the object, the arm's links, the tool, and the fixtures on the table."""
 
 from dataclasses import dataclass
 from typing import TypeAlias, final
@@ -33,7 +33,7 @@ Frame: TypeAlias = Float64[np.ndarray, "4 4"]
 _FINGER_LENGTH_M = 0.10
 _HANDLE_M = 0.008
 _MAT_M = 0.0005
-"""How thick a mark on the table is drawn: less than the cameras' noise."""
+"""Drawn thickness of a mark on the table: less than the cameras' noise."""
 _WHITE: Colour = (0.82, 0.83, 0.85)
 _DARK: Colour = (0.13, 0.13, 0.15)
 
@@ -63,7 +63,7 @@ RODS = (
 
 
 def surfaces(snapshot: Snapshot, stage: Stage) -> list[Surface]:
-    """All that stands in the cell, where it is in `snapshot`: the object first."""
+    """Surfaces in the cell at `snapshot`, the object first."""
     frames = link_frames(snapshot.joints)
     parts = kind_of(stage).surfaces(stage, snapshot.nodes)
     parts += [_placed(rod, frames[rod.link]) for rod in RODS]
@@ -88,7 +88,7 @@ def _tool(tool: Tool, pose: ToolPose, tip: Frame) -> list[Surface]:
             return _paddle(tool, pose, tip)
         case HeldBowl():
             frame = np.eye(4)
-            # Upright where the tool points down: it is then turned about x by half a turn.
+            # Upright where the tool points down, which is half a turn about x.
             turn = Rotation.from_quat(pose[3:7], scalar_first=True).as_matrix()
             frame[:3, :3], frame[:3, 3] = turn @ np.diag([1.0, -1.0, -1.0]), pose[:3]
             return [bowl(tool.radius_m, tool.thickness_m, frame, tool.colour)]
@@ -97,7 +97,7 @@ def _tool(tool: Tool, pose: ToolPose, tip: Frame) -> list[Surface]:
 
 
 def _fixture(fixture: Fixture) -> list[Surface]:
-    """What is fixed to the table."""
+    """Surfaces of a fixture on the table."""
     match fixture:
         case Block():
             frame = np.eye(4)
@@ -125,7 +125,7 @@ def _paddle(paddle: Paddle, pose: ToolPose, tip: Frame) -> list[Surface]:
 
 
 def _finger(finger: Finger, tip: Frame) -> Surface:
-    """The finger as the world has it: a capsule whose lowest point is the tip (the tip's z axis points down)."""
+    """The finger as simulated: a capsule whose lowest point is the tip (the tip's z axis points down)."""
     angle = np.radians([0.0, 25.0, 50.0, 75.0, 88.0])
     heights = finger.radius_m * (np.sin(angle) - 1.0)
     heights, radii = np.concatenate([[-_FINGER_LENGTH_M], heights]), finger.radius_m * np.cos(angle)
@@ -133,7 +133,7 @@ def _finger(finger: Finger, tip: Frame) -> Surface:
 
 
 def _flat_finger(finger: Finger, tip: Frame) -> Surface:
-    """The plate with round edges that the world has: the hull of a ball at both ends of its core, below and above."""
+    """The plate with round edges as simulated: the hull of a ball at both ends of its core, below and above."""
     middles = tip[:3, 3] - finger.radius_m * tip[:3, 2] + np.asarray(finger.ends_m())
     top = middles - (_FINGER_LENGTH_M - finger.radius_m) * tip[:3, 2]
     return hull(np.concatenate([middles, top]), finger.radius_m, _DARK)

@@ -1,4 +1,4 @@
-"""The simulated arm alone: drives that follow their command, and no world for its tool to move."""
+"""The simulated arm alone: drives that follow their command, without a world."""
 
 from collections.abc import AsyncGenerator
 from contextlib import asynccontextmanager
@@ -17,7 +17,7 @@ from app.rig.simulated.world import Nodes
 
 @asynccontextmanager
 async def simulated_arm(stage: Stage, start: Nodes, site: Site) -> AsyncGenerator[ProcessArm]:
-    """The arm, waiting where it would for the stage's object at `start (K, 3)` [m], as long as it is open."""
+    """The arm at its home for the stage's object at `start (K, 3)` [m], for as long as it is open."""
     home = await to_thread.run_sync(lambda: kind_of(stage).home(stage, start))
     async with opened_arm(partial(ArmControl, tool=home), site) as arm:
         yield arm

@@ -1,4 +1,4 @@
-"""The simulated arm's drives, behind what every arm does: a tool that follows its command a little late. No clock."""
+"""The simulated arm's drives: the tool follows its command with a small lag. No clock."""
 
 from typing import final
 
@@ -14,13 +14,13 @@ from app.core.types import ToolPath, ToolPose
 from app.rig.simulated.arm_model import Joints, solve_joints
 
 _SERVO_TIME_S = 0.004
-"""Time constant with which the drives follow their command: a stiff position-controlled arm."""
+"""Time constant of the drives [s]: a stiff position-controlled arm."""
 _ARRIVED_M, _STILL_M_S = 1e-4, 1e-3
 
 
 @final
 class ArmControl:
-    """The arm between two ticks of its control loop, as `app.arm.control.Control` says it."""
+    """State of the arm between two ticks of its control loop, an `app.arm.control.Control`."""
 
     def __init__(self, site: Site, tool: ToolPose) -> None:
         self._limits = site.limits
@@ -32,24 +32,24 @@ class ArmControl:
 
     @property
     def joints(self) -> Joints:
-        """Those of the drawn arm with its tool where this one's is [rad]."""
+        """Joint angles of the drawn arm with its tool at this one's [rad]."""
         return solve_joints(self.measured)
 
     def begin(self, points: ToolPath, speeds: Float64[np.ndarray, " S"]) -> None:
-        """Go along `points`, each segment at its speed."""
+        """Follow `points`, each segment at its speed."""
         self._path = PathFollower(points, speeds, self._limits.acceleration_m_s2)
         self.mode, self.reason = "moving", ""
 
     def refusal(self) -> None:
-        """There is none: what the gate has passed is made."""
+        """None: a motion that has passed the gate is executed."""
 
     @property
     def jogging(self) -> bool:
-        """Whether it is being moved by hand, or coming to rest from that."""
+        """True while it is being jogged, or coming to rest from that."""
         return isinstance(self._path, Jogging)
 
     def jog(self, jog: Jog) -> bool:
-        """Move so from now on; whether that was heeded: it is while idle or jogging already, and all is finite."""
+        """Command a tool velocity; True where it is accepted: while idle or jogging, and with finite numbers."""
         if not finite(jog) or not (self.mode == "idle" or (self.jogging and self.mode == "moving")):
             return False
         if self.mode == "idle" and not still(jog):
@@ -60,12 +60,12 @@ class ArmControl:
         return True
 
     def coast(self) -> None:
-        """Brake to rest where it is jogged: nobody says any more how it shall move."""
+        """Brake a jogged tool to rest: its commands have ceased."""
         if isinstance(self._path, Jogging):
             self._path.brake(self._limits.stop_deceleration_m_s2)
 
     def stop(self, reason: str) -> None:
-        """Brake at the stop deceleration, or stay where it is; the first reason is kept."""
+        """Brake at the stop deceleration, or stay at rest; the first reason is kept."""
         if self.mode in ("stopping", "stopped"):
             return
         self.reason = reason
@@ -79,7 +79,7 @@ class ArmControl:
             self.mode, self.reason = "idle", ""
 
     def advance(self, duration_s: float) -> None:
-        """Let `duration_s` pass."""
+        """Advance by `duration_s`."""
         if self._path is not None:
             self.commanded = self._path.advance(duration_s)
         before = self.measured
@@ -90,7 +90,7 @@ class ArmControl:
             self.mode = "stopped" if self.mode == "stopping" else "idle"
 
     def close(self) -> None:
-        """Nothing is held."""
+        """Release nothing: there are no resources."""
 
     def _arrived(self) -> bool:
         away, speed = np.abs(self.measured - self.commanded).max(), np.linalg.norm(self.velocity)

@@ -1,4 +1,4 @@
-"""The kinematics of the drawn arm: seven revolute joints of a Gen3's order, with longer links.
+"""The kinematics of the drawn arm: seven revolute joints in a Gen3's order, with longer links.
 
 A Gen3 cannot point its tool straight down over the far corners of the workspace (0.92 m from its base); this arm can.
 Everything is a pure function of joint angles.
@@ -18,11 +18,11 @@ LinkFrames: TypeAlias = Float64[np.ndarray, "8 4 4"]
 """`T_world_link` of the seven links and, last, of the tool tip."""
 
 SHOULDER_M, UPPER_ARM_M, FOREARM_M, HAND_M = 0.33, 0.54, 0.52, 0.31
-"""Base to shoulder, shoulder to elbow, elbow to wrist, wrist to tool tip [m]."""
+"""Lengths from base to shoulder, shoulder to elbow, elbow to wrist, wrist to tool tip [m]."""
 
 OFFSETS_M = (SHOULDER_M, 0.0, UPPER_ARM_M / 2, UPPER_ARM_M / 2, FOREARM_M / 2, FOREARM_M / 2, HAND_M / 2)
 _STRAIGHT = 1e-9
-"""Of a wrist that is bent by less, joints 5 and 7 turn alike, and joint 7 does it all."""
+"""Bend of the wrist below which joints 5 and 7 share an axis, and joint 7 takes all of the rotation."""
 _TIP_M = HAND_M / 2
 """Each joint lies `OFFSETS_M` up the previous link's z axis; the tip `_TIP_M` up the last link's."""
 
@@ -41,7 +41,7 @@ def solve_joints(tool: ToolPose) -> Joints:
     """Joint angles that put the tip at the pose `tool`, which points along its own z axis.
 
     Closed form, elbow up: with joint 3 at zero the arm is a planar two-link arm in the vertical plane through the
-    wrist, and the three joints of the wrist turn what is left. Out of reach, the arm stretches towards the tool.
+    wrist, and the three wrist joints make the remaining rotation. Out of reach, the arm stretches towards the tool.
     """
     turned = Rotation.from_quat(tool[3:7], scalar_first=True).as_matrix()
     wrist = tool[:3] - HAND_M * turned[:, 2]
@@ -56,14 +56,14 @@ def solve_joints(tool: ToolPose) -> Joints:
     if np.sin(bend) < _STRAIGHT:
         return np.array([yaw, shoulder, 0.0, elbow, 0.0, bend, np.arctan2(left[1, 0], left[1, 1])])
     roll, spin = np.arctan2(left[1, 2], left[0, 2]), np.arctan2(left[2, 1], -left[2, 0])
-    # Of the same turn, that which is nearest to what it is where the tool points down and is not turned.
+    # The solution of the same rotation nearest to that of an unturned tool that points down.
     untwisted = yaw - np.pi
     spin = untwisted + np.angle(np.exp(1j * (spin - untwisted)))
     return np.array([yaw, shoulder, 0.0, elbow, roll, bend, spin])
 
 
 def _joint_transform(offset_m: float, angle: float, *, about_y: bool) -> Float64[np.ndarray, "4 4"]:
-    """Up the z axis by `offset_m`, then turned by `angle`."""
+    """Translation up the z axis by `offset_m`, then rotation by `angle`."""
     c, s = np.cos(angle), np.sin(angle)
     if about_y:
         return np.array([[c, 0, s, 0], [0, 1, 0, 0], [-s, 0, c, offset_m], [0, 0, 0, 1]])

@@ -1,4 +1,4 @@
-"""The simulated table with loose beans that a paddle sweeps, in MuJoCo. No clock, no process: it steps when told to."""
+"""The simulated table with loose beans that a paddle sweeps, in MuJoCo. No clock, no process: it is stepped."""
 
 from dataclasses import dataclass, field
 from typing import Any, final
@@ -15,9 +15,9 @@ from app.rig.simulated.physics import HOME_TOOL_M, WorldPhysics
 from app.rig.simulated.world import Nodes, Snapshot
 
 _PRESCRIBED = 1000.0
-"""Inertia of the paddle's joints [kg, kg m^2]: so large that no contact changes the velocity it is given."""
+"""Inertia of the paddle's joints [kg, kg m^2]: so large that no contact changes its prescribed velocity."""
 _POSE = slice(0, 7)
-"""The paddle's coordinates are the first: its slides, then its ball joint's quaternion."""
+"""Coordinates of the paddle, the first of the model: its slides, then its ball joint's quaternion."""
 _SPEED = slice(0, 6)
 _TABLE_BIT, _PADDLE_BIT = 1, 2
 _ROLLING_SLIDING_AND_SPIN = 6
@@ -27,7 +27,7 @@ _ROLLING_SLIDING_AND_SPIN = 6
 @final
 @dataclass(frozen=True, kw_only=True)
 class BeanPhysics:
-    """How beans rub and roll; MuJoCo's lengths [m] of friction against rolling and against spin about the contact.
+    """Friction of beans; MuJoCo's lengths [m] of rolling friction and of torsional friction about the contact.
 
     `rolling_m` is a tenth of a bean's radius: coefficients of rolling resistance reach 0.1 for angular grains (Ai et
     al. 2011, "Assessment of rolling resistance models in discrete element simulations"), and beans are not round.
@@ -41,10 +41,10 @@ class BeanPhysics:
 
 @final
 class BeansWorld:
-    """Beans on the table z = 0 and an upright paddle whose middle goes, and turns, exactly as it is told.
+    """Beans on the table z = 0 and an upright paddle with a prescribed pose of its middle.
 
-    `ends (2 C, 3)` [m]: the middles of the round ends of the C beans at first, two a bean (see `stage.Beans`).
-    The same calls give the same numbers, bit for bit.
+    `ends (2 C, 3)` [m]: initial centres of the round ends of the C beans, two a bean (see `stage.Beans`). The same
+    calls give the same numbers, bit for bit.
     """
 
     def __init__(
@@ -71,7 +71,7 @@ class BeansWorld:
 
     @property
     def tool(self) -> ToolPose:
-        """The middle of the paddle, and how it is turned; it does not open."""
+        """Pose of the paddle's middle; it does not open."""
         upright = self._data.qpos[_POSE]
         return np.array([*upright[:3], *_product(upright[3:], np.array(TOOL_DOWN)), 0.0])
 
@@ -89,13 +89,13 @@ class BeansWorld:
             mujoco.mj_step(self._model, self._data)
 
     def place(self, tool: ToolPose) -> None:
-        """Put the paddle there without passing anything on the way; no time passes."""
+        """Move the paddle to `tool` without contact on the way; no time passes."""
         self._data.qpos[:3], self._data.qpos[3:7] = tool[:3], _upright(tool)
         self._data.qvel[_SPEED] = 0.0
         mujoco.mj_forward(self._model, self._data)
 
     def nodes(self) -> Nodes:
-        """The middles of the beans' round ends [m], shape (2 C, 3)."""
+        """Centres of the beans' round ends [m], shape (2 C, 3)."""
         along = self._reach * self._data.xmat[self._beans].reshape(-1, 3, 3)[:, :, 0]
         middle = self._data.xpos[self._beans]
         return np.stack([middle - along, middle + along], axis=1).reshape(-1, 3)
@@ -107,19 +107,19 @@ class BeansWorld:
 
 
 def _upright(tool: ToolPose) -> Float64[np.ndarray, "4"]:
-    """The paddle's own quaternion: that of a tool which points down, not turned, is the identity."""
+    """The paddle's own quaternion: identity for an unturned tool that points down."""
     return _product(tool[3:7], np.array([1.0, -1.0, -1.0, -1.0]) * TOOL_DOWN)
 
 
 def _product(a: Float64[np.ndarray, "4"], b: Float64[np.ndarray, "4"]) -> Float64[np.ndarray, "4"]:
-    """The quaternion of the turn b, then a."""
+    """Quaternion of the rotation b, then a."""
     product = np.empty(4)
     mujoco.mju_mulQuat(product, a, b)
     return product
 
 
 def _difference(after: Float64[np.ndarray, "4"], before: Float64[np.ndarray, "4"]) -> Float64[np.ndarray, "3"]:
-    """The turn [rad], in the body's own frame, that leads from one quaternion to the other."""
+    """Rotation vector [rad], in the body's own frame, from one quaternion to the other."""
     turn = np.empty(3)
     mujoco.mju_subQuat(turn, after, before)
     return turn

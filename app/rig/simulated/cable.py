@@ -19,17 +19,18 @@ _OWN_BIT = 4
 _NEIGHBOURS_APART = 1
 """Points that are no farther from each other along the rope overlap, so they do not collide."""
 _POISSON = 0.3
-"""Of no account: nothing twists."""
+"""Poisson's ratio, without effect: nothing twists."""
 _FIRM = (0.98, 0.999, 0.001, 0.5, 2.0)
-"""MuJoCo's `solimp` of the segments' lengths: they hardly give way."""
+"""MuJoCo's `solimp` of the segments' lengths: nearly rigid."""
 
 _ITERATIONS = 500
-"""Of MuJoCo's solvers, at most: for bending its usual 100 run out at times, with errors of 1e-6, and it says so."""
+"""Most iterations of MuJoCo's solvers: for bending its usual 100 run out at times, with errors of 1e-6 and a
+warning."""
 
 
 @final
 class Cable:
-    """Points at `nodes` (S + 1, 3) [m], which may lie in any curve: the straight line is where nothing is strained.
+    """Rope of points at `nodes` (S + 1, 3) [m], along any curve; its unstrained shape is straight.
 
     Raises ValueError for a rigid rope, and for physics without a cable's.
     """
@@ -56,7 +57,7 @@ class Cable:
         _add_flex(spec, names, self._rope.radius_m, self._cable, self._physics.contact_time_s)
 
     def lay(self, model: Any, data: Any) -> None:
-        """Take hold of it and put every point where it lies at first."""
+        """Bind to the compiled model and its state, and put every point at its initial position."""
         self._data = data
         self._links = np.array([model.body(f"rope{index}").id for index in range(len(self._nodes))])
         slides = model.jnt_qposadr[model.body_jntadr[self._links]]
@@ -73,7 +74,7 @@ class Cable:
 
 
 def _masses(rope: Rope, count: int) -> Float64[np.ndarray, " N"]:
-    """Of the points [kg]: those at the ends have half of the others'."""
+    """Masses of the points [kg]: those at the ends have half of the others'."""
     masses = np.full(count, rope.mass_kg / (count - 1))
     masses[[0, -1]] /= 2
     return masses
@@ -82,7 +83,7 @@ def _masses(rope: Rope, count: int) -> Float64[np.ndarray, " N"]:
 def _add_point(
     spec: Any, name: str, place: Float64[np.ndarray, "3"], mass_kg: float, radius_m: float, physics: WorldPhysics
 ) -> None:
-    """A body that slides and does not turn, with a sphere that meets other parts of the rope."""
+    """Add a body that slides and does not rotate, with a sphere that meets other parts of the rope."""
     body = spec.worldbody.add_body(name=name, pos=place)
     for axis in np.eye(3):
         body.add_joint(type=mujoco.mjtJoint.mjJNT_SLIDE, axis=axis)
@@ -100,9 +101,9 @@ def _add_point(
 
 
 def _add_flex(spec: Any, names: list[str], radius_m: float, cable: CablePhysics, contact_time_s: float) -> None:
-    """Segments between the points: they bend, touch, and keep their length.
+    """Add segments between the points: they bend, collide, and keep their length.
 
-    Not each other: neighbours overlap, which a flex takes for a collision.
+    They do not collide with each other: neighbours overlap, which a flex takes for a collision.
     """
     first = np.arange(len(names) - 1)
     flex = spec.add_flex(

@@ -13,7 +13,7 @@ from app.core.view import View
 
 @final
 class SimulatedCamera:
-    """Reads the images that the cameras' process leaves in shared memory."""
+    """Reader of the images that the cameras' process leaves in shared memory."""
 
     def __init__(self, model: CameraModel, images: Ring, eyes: BaseProcess, world: BaseProcess, timing: Timing) -> None:
         self._view = View(model, images, timeout_s=timing.camera_timeout_s)
@@ -27,7 +27,7 @@ class SimulatedCamera:
 
     @property
     def words(self) -> str:
-        """Nothing: a simulated camera is well, or its process is gone, which `read` says."""
+        """Empty: a simulated camera works, or its process is gone, which `read` reports."""
         return ""
 
     async def read(self) -> Frame:

@@ -19,7 +19,7 @@ from app.rig.simulated.world_process import newest_snapshot
 
 _NICENESS = 5
 _RECENT = 500
-"""States of the arm, of five seconds: a world that is slower than that shows the past."""
+"""States of the arm kept for lookup, five seconds of them: a slower world shows the past."""
 
 
 def run_cameras(
@@ -34,11 +34,11 @@ def run_cameras(
     parent: int,
     held: HeldBoard | None = None,
 ) -> None:
-    """The body of the process: expose until closed or until `parent` is gone.
+    """Body of the process: expose until closed or until `parent` is gone.
 
-    `depth_views`: where the depth of the camera of that name is seen from, where that is not where its colour is.
-    Images are dated with the moment of the world that they show. Too slow a machine gives fewer images, never old ones,
-    and a world that stands still in time gives none. A board that is `held` is in the gripper.
+    `depth_views`: models of the depth cameras, by camera, where they differ from the colour cameras. Images are dated
+    with the moment of the world that they show. Too slow a machine gives fewer images, never old ones, and a world
+    whose time stands still gives none. A `held` board is in the gripper.
     """
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     os.nice(_NICENESS)
@@ -70,6 +70,6 @@ def _seen(
 
 
 def _hand(arm: ArmMemory, time_s: float) -> ToolPose:
-    """Where the arm had the hand then; the tool of a world may be one that does not turn with it."""
+    """Pose of the arm's hand at `time_s`; the tool of a world may not turn with it."""
     states = arm.states.since(max(arm.states.count - _RECENT, 0))
     return np.array(states["measured"][np.argmin(np.abs(states["time_s"] - time_s))])

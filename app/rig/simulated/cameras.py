@@ -1,4 +1,4 @@
-"""Where the simulated RGB-D cameras stand, and how their images differ from perfect ones."""
+"""Poses of the simulated RGB-D cameras, and the noise of their images."""
 
 from dataclasses import dataclass
 from typing import Self, final
@@ -17,11 +17,11 @@ _DISTANCE_M, _ELEVATION_RAD, _AIM_NEARER_M = 0.80, np.radians(52.0), 0.05
 @final
 @dataclass(frozen=True, kw_only=True)
 class CameraNoise:
-    """What a stereo depth camera of the D400 kind does to its images.
+    """Noise model of a stereo depth camera of the D400 kind.
 
-    Depth noise grows with the square of depth, as disparity noise does: 2e-3 / m is 1 mm at 0.7 m. A pixel has no
-    depth, with `edge_dropout` probability, where depth jumps by more than `edge_m` to a neighbour, and where the
-    surface is seen at a smaller angle to it than `grazing_rad`.
+    Depth noise grows with the square of depth, as disparity noise does: 2e-3 / m is 1 mm at 0.7 m. A pixel loses its
+    depth, with `edge_dropout` probability, where depth jumps by more than `edge_m` to a neighbour, and with
+    `grazing_dropout` where the surface is seen at a smaller angle to it than `grazing_rad`.
     """
 
     depth_per_m: float = 2.0e-3
@@ -33,7 +33,7 @@ class CameraNoise:
 
     @classmethod
     def of_depth(cls, noise_m: float) -> Self:
-        """With this standard deviation of depth [m] at the distance of the cell's cameras."""
+        """Noise with this standard deviation of depth [m] at the distance of the cell's cameras."""
         return cls(depth_per_m=noise_m / _DISTANCE_M**2)
 
 

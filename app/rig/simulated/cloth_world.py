@@ -1,7 +1,7 @@
 """The simulated table: a cloth that a gripper picks up and hangs over a rack, in MuJoCo. No clock: it is stepped.
 
 The cloth is a flex: a mesh of linear triangles that resist stretch and shear, and bend freely. It touches table, rods
-and fingers, but not itself, which would take twice the time and is of little account to a cloth that hangs.
+and fingers, but not itself, which would take twice the time and matters little to a hanging cloth.
 """
 
 from collections.abc import Sequence
@@ -20,7 +20,7 @@ from app.rig.simulated.rest import Rest
 from app.rig.simulated.world import Nodes, Snapshot
 
 _PRESCRIBED_KG = 1000.0
-"""Inertia of the gripper's slides: so large that no contact changes the velocity it is given."""
+"""Inertia of the gripper's slides: so large that no contact changes their prescribed velocity."""
 _STANDING_BIT, _FINGER_BIT = 1, 2
 _SLIDES = 5
 """Coordinates of the gripper: x, y, z of the point between its tips, and half of the opening, once a finger."""
@@ -30,12 +30,12 @@ _STRETCH = 2
 
 @final
 class ClothWorld:
-    """A cloth and a gripper whose tips point down and go exactly where they are told.
+    """A cloth and a gripper that points down, with a prescribed position and opening of its tips.
 
-    `nodes (K, 3)` [m]: where the knots of the mesh are at first, row by row, K = `cloth.nodes_a_side` squared; at rest
-    they are a flat square. Fingers that close to `gripper.closed_m` take hold of the knots that are between them, until
-    they open again: a fold that is pinched is a few millimetres wide, which a mesh of this size cannot form, so that
-    friction would have nothing to act on. The same calls give the same numbers, bit for bit.
+    `nodes (K, 3)` [m]: initial positions of the mesh's nodes, row by row, K = `cloth.nodes_a_side` squared; unstrained
+    they are a flat square. Fingers that close to `gripper.closed_m` hold the nodes between them until they open again:
+    a pinched fold is a few millimetres wide, which a mesh of this size cannot form, so that friction would have nothing
+    to act on. The same calls give the same numbers, bit for bit.
     """
 
     def __init__(
@@ -66,14 +66,14 @@ class ClothWorld:
 
     @property
     def tool(self) -> ToolPose:
-        """Where the arm has the point between the fingertips, and how far they are apart."""
+        """Pose of the point between the fingertips, and their opening."""
         pose = pointing_down(self._data.qpos[:3])
         pose[7] = 2 * self._data.qpos[3]
         return pose
 
     @property
     def held(self) -> Bool[np.ndarray, " K"]:
-        """Which knots the fingers hold."""
+        """Mask of the nodes that the fingers hold."""
         return self._data.eq_active.astype(bool)
 
     def step(self, tool: ToolPose, duration_s: float) -> None:
@@ -92,7 +92,7 @@ class ClothWorld:
         self._rest.watch(before, self.nodes(), steps * period)
 
     def place(self, tool: ToolPose) -> None:
-        """Put the tool there without passing anything on the way, with nothing in its fingers; no time passes."""
+        """Move the tool to `tool` without contact on the way, with empty fingers; no time passes."""
         self._data.qpos[:_SLIDES] = _slides(tool)
         self._data.qvel[:_SLIDES] = 0.0
         self._data.eq_active[:] = 0
@@ -101,7 +101,7 @@ class ClothWorld:
         mujoco.mj_forward(self._model, self._data)
 
     def nodes(self) -> Nodes:
-        """The knots of the mesh [m], row by row."""
+        """The nodes of the mesh [m], row by row."""
         return self._data.flexvert_xpos.copy()
 
     def snapshot(self) -> Snapshot:
@@ -110,7 +110,7 @@ class ClothWorld:
         return Snapshot(time_s=self.time_s, nodes=self.nodes(), tool=tool, joints=solve_joints(tool))
 
     def _grasp(self, opening_m: float) -> None:
-        """Take hold when the fingers close on something, and let go when they open."""
+        """Grasp as the fingers close on something, and release as they open."""
         opened = opening_m > self._gripper.closed_m
         if opened:
             self._data.eq_active[:] = 0
@@ -119,7 +119,7 @@ class ClothWorld:
         self._open = opened
 
     def _hold(self, opening_m: float) -> None:
-        """Tie the knots whose part of the cloth is between the fingers to where they are pressed."""
+        """Constrain the nodes whose part of the cloth is between the fingers to their present place in the hand."""
         away = self.nodes() - self._data.qpos[:3]
         across, aside, up = self._reach
         low = self._model.flex_radius[0]
@@ -127,7 +127,7 @@ class ClothWorld:
         near &= np.abs(away[:, 1]) < aside + opening_m / 2
         near &= (away[:, 2] > -3 * low) & (away[:, 2] < up)
         pressed = away * [1.0, opening_m / (opening_m + 2 * aside), 1.0]
-        # From a place of the hand to the middle of the knot: as compiled, a tie is as long as they were apart.
+        # From a point of the hand to the node: as compiled, a constraint is as long as they were apart.
         self._model.eq_data[near, :3] = pressed[near]
         self._model.eq_data[near, 3:6] = 0.0
         self._data.eq_active[:] = near
@@ -138,7 +138,7 @@ def _slides(tool: ToolPose) -> Float64[np.ndarray, "5"]:
 
 
 def _reach(cloth: Cloth, gripper: Gripper) -> Float64[np.ndarray, "3"]:
-    """How far from the tool a knot is held: half a mesh width beyond a finger's side, and up to a finger's length."""
+    """Half extents about the tool of held nodes: half a mesh width beyond a finger's side, and a finger's length."""
     half_mesh = cloth.size_m / (cloth.nodes_a_side - 1) / 2
     return np.array([gripper.half_m[0] + half_mesh, half_mesh, 2 * gripper.half_m[2]])
 
@@ -147,7 +147,7 @@ def _compile(cloth: Cloth, gripper: Gripper, physics: ClothPhysics, fixtures: Se
     """The MuJoCo model: table, rods, gripper (its slides are the first coordinates), cloth."""
     spec = new_spec(physics)
     standing = {"contype": _STANDING_BIT, "conaffinity": _STANDING_BIT, "solref": [physics.contact_time_s, 1.0]}
-    # Of two friction coefficients that of the geom counts, which has priority over the cloth.
+    # The geom's friction coefficient counts: it has priority over the cloth.
     table = {"friction": [physics.table_friction, 0.0, 0.0], "priority": 1}
     spec.worldbody.add_geom(type=mujoco.mjtGeom.mjGEOM_PLANE, size=[2.0, 2.0, 0.1], **table, **standing)
     for fixture in fixtures:
@@ -160,7 +160,7 @@ def _compile(cloth: Cloth, gripper: Gripper, physics: ClothPhysics, fixtures: Se
 
 
 def _add_fixture(spec: Any, fixture: Fixture, standing: dict[str, Any]) -> None:
-    """A rack's rods. Raises TypeError for what this world has no shape for."""
+    """Add a rack's rods. Raises TypeError for fixtures that this world has no shape for."""
     if not isinstance(fixture, Rack):
         raise TypeError(f"The world of a cloth knows racks, not a {type(fixture).__name__}.")
     for begin, end in fixture.ends_m():
@@ -175,7 +175,7 @@ def _add_fixture(spec: Any, fixture: Fixture, standing: dict[str, Any]) -> None:
 
 
 def _add_gripper(spec: Any, gripper: Gripper, physics: ClothPhysics) -> None:
-    """Two boxes on heavy slides, so that contacts see their true velocity (a mocap body's is zero)."""
+    """Add two boxes on heavy slides, so that contacts see their true velocity (a mocap body's is zero)."""
     hand = spec.worldbody.add_body(name="hand", gravcomp=1.0)
     hand.explicitinertial, hand.mass, hand.inertia = True, 1.0, [1e-3] * 3
     for axis in np.eye(3):
@@ -198,7 +198,7 @@ def _add_gripper(spec: Any, gripper: Gripper, physics: ClothPhysics) -> None:
 
 
 def _add_cloth(spec: Any, cloth: Cloth, physics: ClothPhysics) -> None:
-    """The flex, flat about the origin, and for each knot an idle tie to the hand."""
+    """Add the flex, flat about the origin, and for each node an inactive constraint to the hand."""
     count = cloth.nodes_a_side
     sheet = spec.worldbody.make_flex(
         name="cloth",

@@ -8,7 +8,7 @@ mujoco: Any = _mujoco
 
 
 class Stepped(Protocol):
-    """What every world of MuJoCo says about its steps; see `physics.WorldPhysics`."""
+    """Step parameters common to the physics of all MuJoCo worlds; see `physics.WorldPhysics`."""
 
     @property
     def time_step_s(self) -> float: ...  # noqa: D102 - named for what it is

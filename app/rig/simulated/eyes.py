@@ -1,4 +1,4 @@
-"""The cameras of a rehearsal: images of a snapshot, with the errors that are hidden in them."""
+"""The cameras of a push session: images of a snapshot, with injected errors."""
 
 from collections.abc import Sequence
 from dataclasses import replace
@@ -15,12 +15,12 @@ from app.rig.simulated.render import render
 from app.rig.simulated.world import Snapshot
 
 _NOISE = 3
-"""The stream of random numbers that is the images' noise."""
+"""Random stream of the images' noise."""
 
 
 @final
 class Eyes:
-    """Calibrated cameras that may stand elsewhere, and see otherwise, than they are believed to.
+    """Cameras whose true pose and images may differ from their calibration.
 
     `count`: from one to three; `noise`: of their images.
     """
@@ -40,7 +40,7 @@ class Eyes:
         self._standing = [_standing(camera, middle, hidden) for camera in self.cameras]
 
     def look(self, snapshot: Snapshot, *, stamp_s: float, number: int) -> list[Frame]:
-        """The frames of all cameras, stamped `stamp_s`; `number` counts the looks of a session, each with its noise."""
+        """Frames of all cameras, stamped `stamp_s`; `number` counts the views of a session, each with its own noise."""
         rng = np.random.default_rng([self._seed, _NOISE, number])
         frames = list[Frame]()
         for index, (believed, standing) in enumerate(zip(self.cameras, self._standing, strict=True)):
@@ -54,7 +54,7 @@ class Eyes:
 
 
 def _standing(camera: CameraModel, middle: np.ndarray, hidden: Sequence[Injected]) -> CameraModel:
-    """The camera where it really is."""
+    """The camera at its true pose."""
     pose = camera.T_world_camera
     for each in hidden:
         if each.effect.stands is not None:

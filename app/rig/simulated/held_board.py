@@ -1,4 +1,4 @@
-"""A ChArUco board in the simulated gripper, painted into the images: for trying the calibration of cameras."""
+"""A ChArUco board in the simulated gripper, painted into the images, for trials of camera calibration."""
 
 from dataclasses import dataclass
 from functools import lru_cache
@@ -15,12 +15,12 @@ from app.core.types import ColourImage, DepthImage, ToolPose, Transform
 
 _A4: Final = Charuco()
 _FINE: Final = 2
-"""Rays a pixel in each direction."""
+"""Rays per pixel in each direction."""
 _TEXTURE_PX_M: Final = 2500.0
 _DARK, _LIGHT, _NOISE = 30.0, 190.0, 2.0
 """Grey levels of ink, of paper, and of the camera's noise."""
 _IN_FRONT_M: Final = 0.004
-"""What is so much nearer hides the board: two standard deviations of the depth."""
+"""Difference in depth by which a nearer surface hides the board: two standard deviations of the depth."""
 
 
 @final
@@ -35,7 +35,7 @@ class HeldBoard:
     middle_m: tuple[float, float, float] = (0.16, 0.0, -0.03)
 
     def at(self, tool: ToolPose) -> Transform:
-        """`T_world_board` with the tool there."""
+        """`T_world_board` for this tool pose."""
         T_world_tool, T_tool_board = np.eye(4), np.eye(4)
         T_world_tool[:3, :3] = Rotation.from_quat(tool[3:7], scalar_first=True).as_matrix()
         T_world_tool[:3, 3] = tool[:3]
@@ -52,7 +52,7 @@ def painted(
     depth: DepthImage,
     rng: np.random.Generator,
 ) -> tuple[ColourImage, DepthImage]:
-    """The images with the board in them, where nothing that is nearer hides it; seen from behind it is white."""
+    """The images with the board in them, hidden by nearer surfaces; its back is white."""
     T_camera_board = np.linalg.inv(camera.T_world_camera) @ held.at(tool)
     outline = held.board.outline() @ T_camera_board[:3, :3].T + T_camera_board[:3, 3]
     if np.any(outline[:, 2] < _IN_FRONT_M):
@@ -80,7 +80,7 @@ def _texture(board: Charuco) -> UInt8[np.ndarray, "h w"]:
 def _drawn(
     board: Charuco, T_camera_board: Transform, camera: CameraModel
 ) -> tuple[Float64[np.ndarray, "h w"], np.ndarray]:
-    """Grey levels, and which pixels the board covers wholly."""
+    """Grey levels, and the mask of the pixels that the board covers wholly."""
     plane = np.diag([1 / _TEXTURE_PX_M, 1 / _TEXTURE_PX_M, 1.0])
     plane[:2, 2] = 0.5 / _TEXTURE_PX_M  # A pixel of the texture has its centre half a pixel inside.
     fine = np.array([[_FINE, 0, (_FINE - 1) / 2], [0, _FINE, (_FINE - 1) / 2], [0, 0, 1.0]])
@@ -95,7 +95,7 @@ def _drawn(
 
 
 def _depth(T_camera_board: Transform, camera: CameraModel) -> Float64[np.ndarray, "h w"]:
-    """Where each pixel's ray meets the board's plane [m]; far where it does not before the camera."""
+    """Depth of the board's plane along each pixel's ray [m]; infinite where it is not in front of the camera."""
     u, v = np.meshgrid(np.arange(camera.width), np.arange(camera.height))
     rays = np.stack([u, v, np.ones_like(u)], axis=-1) @ np.linalg.inv(camera.K).T
     normal = T_camera_board[:3, 2]

@@ -1,4 +1,4 @@
-"""What can be hidden in the simulated world, and what is hidden for a wish and a seed."""
+"""Effect sampling: the catalogue of injectable effects, and their values for a request and a seed."""
 
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
@@ -25,30 +25,32 @@ IMPOSSIBLE = {
         "it differs from rope to rope, and is fitted whatever the cause",
     ),
 }
-"""Causes of discovery's catalogue that cannot be hidden here, and why."""
+"""Causes of discovery's catalogue that cannot be injected here, with the reason."""
 
 MISTUNED = 0.3
-"""Friction of table and finger and the rope's stiffness are off by up to this share of the nominal world's."""
+"""Largest deviation of the friction of table and finger and of the rope's stiffness, as a share of the nominal
+world's."""
 _DRAWS, _TUNING = 1, 2
-"""Streams of random numbers of a seed, so that none depends on how many another took."""
+"""Random streams of a seed, so that none depends on the draws of another."""
 
 
 class Wish(NamedTuple):
-    """An effect to hide, and its size in the unit of its main quantity; None for the typical one."""
+    """Request for an effect, with its size in the unit of its main parameter; None for the typical one."""
 
     name: str
     size: float | None
 
 
 def known() -> dict[str, Hidden]:
-    """Everything that can be hidden, by name: each file of the folder `hidden`."""
+    """Every injectable effect by name: each file of the folder `hidden`."""
     return {name: module.HIDDEN for name, module in files_of(hidden_files)}
 
 
 def draw(wishes: Sequence[Wish], seed: int) -> tuple[Injected, ...]:
-    """The effects with the directions, places and signs of `seed`, in alphabetical order.
+    """The effects with random directions, positions and signs of `seed`, in alphabetical order.
 
-    Raises UsageError for what cannot be hidden or is asked for twice, ParameterError for a size out of range.
+    Raises UsageError for an effect that is unknown, impossible or requested twice, ParameterError for a size out of
+    range.
     """
     rng = np.random.default_rng([seed, _DRAWS])
     return tuple(
@@ -57,7 +59,7 @@ def draw(wishes: Sequence[Wish], seed: int) -> tuple[Injected, ...]:
 
 
 def check_world(hidden: Sequence[Injected], world: RopeModel) -> None:
-    """Raises UsageError where the world of the rope has no room for an effect: a cable for none of its own."""
+    """Raises UsageError where the rope's world does not support an effect: a cable supports none of its own."""
     names = [each.name for each in hidden if each.effect.in_world]
     if world != "chain" and names:
         raise UsageError(
@@ -66,9 +68,9 @@ def check_world(hidden: Sequence[Injected], world: RopeModel) -> None:
 
 
 def mistuned(seed: int, world: RopeModel = "chain", rope: Rope | None = None) -> WorldPhysics:
-    """The world's physics with friction and stiffness of its own, as no two tables and ropes are the same.
+    """The world's physics with perturbed friction and stiffness, as no two tables and ropes are the same.
 
-    `rope`: of other sizes than the cell's.
+    `rope`: one of other sizes than the cell's.
     """
     table, finger, stiffness = np.random.default_rng([seed, _TUNING]).uniform(1 - MISTUNED, 1 + MISTUNED, 3).tolist()
     nominal = ROPE_WORLDS[world] if rope is None else sized(ROPE_WORLDS[world], rope)
@@ -83,7 +85,7 @@ def mistuned(seed: int, world: RopeModel = "chain", rope: Rope | None = None) ->
 
 
 def described(hidden: Sequence[Injected]) -> list[dict[str, Any]]:
-    """The effects with their values, as a sealed file has them."""
+    """The effects with their values, as stored in a sealed file."""
     return [
         {
             "effect": each.name,

@@ -1,4 +1,4 @@
-"""What hidden effects do to a running MuJoCo world: the one place that knows both them and its model."""
+"""Effect injector: applies injected effects to a running MuJoCo world, the one place that knows both."""
 
 from collections.abc import Sequence
 from typing import Any, final
@@ -14,16 +14,17 @@ from app.rig.simulated.rope import hinge_owner
 
 _TABLE_GEOM = 0
 _QUIET_M_S, _QUIET_M = 1e-3, 0.02
-"""Where nothing of the rope is faster and the finger is farther, it is at rest: friction holds it, and it may sleep."""
+"""Largest speed of the rope and least distance of the finger at which it is at rest: friction holds it, and it may
+sleep."""
 _HELD = 0.5
-"""Share of the table's friction up to which a steady force does not move a rope at rest."""
+"""Share of the table's friction below which a steady force does not move a rope at rest."""
 
 
 @final
 class Intrusion:
-    """Effects at work in one world; nothing but a list until it is attached to a model.
+    """Effects in one world; inactive until attached to a model.
 
-    `session` is where the present push stands between the first (-0.5) and the last (0.5); whoever pushes sets it.
+    `session`: position of the present push between the first (-0.5) and the last (0.5); set by the caller.
     """
 
     def __init__(self, hidden: Sequence[Injected]) -> None:
@@ -33,11 +34,11 @@ class Intrusion:
 
     @property
     def hides(self) -> bool:
-        """Whether there is any effect in the world itself, not in arm and cameras alone."""
+        """True where any effect is in the world itself, not in arm and cameras alone."""
         return any(each.effect.in_world for each in self._hidden)
 
     def physics(self, physics: WorldPhysics, rope: Rope) -> WorldPhysics:
-        """The world's physics with what these effects change of it."""
+        """The world's physics with the changes of these effects."""
         for each in self._hidden:
             if each.effect.physics is not None:
                 physics = each.effect.physics(physics, rope, each.values)
@@ -54,11 +55,11 @@ class Intrusion:
         if self._acts:
             self._chain = _Chain(model, data, links, rope, finger)
             if any(each.effect.friction is not None for each in self._hidden):
-                # Of two geoms the larger friction counts, so the rope's own is free to be anything.
+                # The larger friction of two geoms counts, so the rope's own may have any value.
                 model.geom_friction[_TABLE_GEOM, 0] = 0.0
 
     def act(self) -> None:
-        """Set friction, forces and hinges for the time step that comes."""
+        """Set friction, forces and hinges for the coming time step."""
         if not self._acts:
             return
         for each in self._hidden:
@@ -68,7 +69,7 @@ class Intrusion:
             self._stir()
 
     def _stir(self) -> None:
-        """The same for a rope that is awake."""
+        """Set them for a rope that is awake."""
         chain, moment = self._chain, self._chain.moment(self.session)
         friction, stiffness, force = np.ones(len(moment.x)), np.ones(len(moment.x)), np.zeros_like(moment.x)
         for effect, values in ((each.effect, each.values) for each in self._hidden):
@@ -93,7 +94,7 @@ class _Chain:
         self._radius_m, self._segment_m = rope.radius_m, rope.length_m / len(links)
         self._finger_radius_m, self._finger = finger.radius_m, model.body("finger").id
         self._finger_half_m = finger.half_m
-        # Of a segment's two geoms the second meets the table; of its two hinges the first turns about the vertical.
+        # A segment's second geom meets the table; its first hinge turns about the vertical.
         self._soles = model.body_geomadr[links] + 1
         joined = [hinge_owner(index, len(links)) for index in range(1, len(links))]
         self._hinges = model.body_jntadr[links[joined]]
@@ -107,11 +108,11 @@ class _Chain:
 
     @property
     def sleeps(self) -> bool:
-        """Whether MuJoCo leaves the rope as it is."""
+        """True while MuJoCo has the rope asleep."""
         return bool(self._data.tree_asleep[self._tree] >= 0)
 
     def moment(self, session: float) -> Moment:
-        """The state as effects see it."""
+        """The state as seen by effects."""
         data, period_s = self._data, self.period_s
         x = data.xipos[self._links].copy()
         tip = data.xpos[self._finger].copy()
@@ -135,44 +136,44 @@ class _Chain:
         )
 
     def stirs(self, moment: Moment, force: Vectors) -> bool:
-        """Whether `force` matters: something moves, the finger is near, or friction would not hold the rope."""
+        """True where `force` matters: something moves, the finger is near, or friction would not hold the rope."""
         if moment.gap_m.min() < _QUIET_M or np.abs(moment.v).max() > _QUIET_M_S:
             return True
         holds = _HELD * self._model.geom_friction[self._soles, 0] * self._mass * self._gravity
         return bool(np.any(np.linalg.norm(force, axis=1) > holds))
 
     def rub(self, factor: Float64[np.ndarray, " S"]) -> None:
-        """Friction of each segment on the table, as a multiple of its own."""
+        """Set the friction of each segment on the table, as a multiple of its own."""
         self._model.geom_friction[self._soles, 0] = self._friction * factor
 
     def stiffen(self, factor: Float64[np.ndarray, " S"]) -> None:
-        """Stiffness of the hinge before each segment but the first, as a multiple of its own."""
+        """Set the stiffness of the hinge before each segment but the first, as a multiple of its own."""
         self._model.jnt_stiffness[self._hinges] = self._stiffness * factor[1:]
 
     def pull(self, force: Vectors) -> None:
-        """A force [N] on the middle of each segment."""
+        """Apply a force [N] at the middle of each segment."""
         self._data.xfrc_applied[self._links, :3] = force
 
     def relax(self, share: float) -> None:
-        """Make this share of each hinge's elastic bend lasting."""
+        """Make this share of each hinge's elastic bend permanent."""
         lasting = self._data.plastic[self._lasting]
         elastic = self._data.qpos[self._angles] - self._model.qpos_spring[self._angles] - lasting
         self._data.plastic[self._lasting] = lasting + share * elastic
 
     def _axis_points(self, x: Vectors, tip: Position) -> Vectors:
-        """The nearest point to each segment on the finger's core, which ends a radius above its tip."""
+        """Nearest point to each segment on the finger's core, which ends a radius above its tip."""
         points = np.repeat(tip[None], len(x), axis=0)
         points[:, :2] = x[:, :2] + from_core(points[:, :2] - x[:, :2], self._finger_half_m)
         points[:, 2] = np.maximum(x[:, 2], tip[2] + self._finger_radius_m)
         return points
 
     def _velocities(self, x: Vectors) -> Vectors:
-        """Of the segments' middles [m/s]; MuJoCo keeps those of the point at the whole rope's centre of mass."""
+        """Velocities of the segments' centres [m/s]; MuJoCo keeps those at the whole rope's centre of mass."""
         spin, carried = self._data.cvel[self._links, :3], self._data.cvel[self._links, 3:]
         return carried + np.cross(spin, x - self._data.subtree_com[self._model.body_rootid[self._links]])
 
 
 def _acts(each: Injected) -> bool:
-    """Whether an effect has anything to do in each time step."""
+    """True for an effect that acts in each time step."""
     effect = each.effect
     return any(hook is not None for hook in (effect.friction, effect.force, effect.stiffness, effect.relaxed))

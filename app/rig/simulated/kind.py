@@ -1,4 +1,4 @@
-"""What a kind of object has to offer to a simulated cell."""
+"""Interface of a kind of object in a simulated cell."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -14,11 +14,11 @@ from app.rig.simulated.shapes import Surface
 from app.rig.simulated.world import Nodes, World
 
 Build: TypeAlias = Callable[[Stage, Nodes, float], World]
-"""A world with the object where a task starts it, its tool at home, whose time begins then [s]."""
+"""Constructor of a world with the object at its start and the tool at home, from a start time [s]."""
 
 
 def _away(stage: Stage, start: Nodes) -> ToolPose:
-    """Over the near edge of the table, pointing down."""
+    """Pose over the near edge of the table, pointing down."""
     del stage, start
     return pointing_down(np.array(HOME_TOOL_M))
 
@@ -26,10 +26,10 @@ def _away(stage: Stage, start: Nodes) -> ToolPose:
 @final
 @dataclass(frozen=True, kw_only=True)
 class Kind:
-    """`body`: the class in `app.core.stage` that it is about.
+    """A kind of object; `body`: its class in `app.core.stage`.
 
-    `node_count` of the worlds that `build` makes, and `surfaces`, the object at its nodes as cameras see it; `home`,
-    where the arm waits with its tool for the first motion.
+    `node_count`: of the worlds that `build` makes; `surfaces`: the object at its nodes as cameras see it; `home`: pose
+    of the waiting arm's tool before the first motion.
     """
 
     body: type

@@ -1,4 +1,4 @@
-"""The drawn arm as perception knows it: a capsule about each of its rods."""
+"""Geometry of the drawn arm for perception: a capsule about each of its rods."""
 
 import numpy as np
 
@@ -14,14 +14,14 @@ def known_arm(tool: Tool) -> ArmShape:
 
 
 def _joint(index: int) -> Joint:
-    """As `arm_model.link_frames` turns it: about z, y, z, y, ..."""
+    """Joint as in `arm_model.link_frames`: about z, y, z, y, ..."""
     place = np.eye(4)
     place[2, 3] = OFFSETS_M[index]
     return Joint(T_link_joint=place, axis=(0.0, 1.0, 0.0) if index % 2 else (0.0, 0.0, 1.0))
 
 
 def _limb(link: int, low: float, high: float, radius_m: float) -> Limb:
-    """A rod ends flat, so its capsule's round ends begin a radius inside, where it is long enough."""
+    """Capsule of a rod with flat ends: its round ends begin a radius inside, where the rod is long enough."""
     inset = min(0.5 * radius_m, (high - low) / 2)
     return Limb(link=link + 1, begin=(0.0, 0.0, low + inset), end=(0.0, 0.0, high - inset), radius_m=radius_m)
 

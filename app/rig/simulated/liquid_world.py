@@ -1,8 +1,8 @@
-"""A liquid, what swims in it, and a bowl that pours it into a fixed one: our own engine, as MuJoCo has no liquids.
+"""A liquid, pieces in it, and a bowl that pours it into a fixed one: our own engine, as MuJoCo has no liquids.
 
 The planner's model is the same method, so this world is not another engine. It differs in its numerics: half the
 spacing of particles and half the cells, so that flow thins and turns where the model's cannot; time steps of its own,
-stiffer water, narrower contacts and less damping. What both get wrong alike, it does not show.
+stiffer water, narrower contacts and less damping. It does not show errors that both share.
 """
 
 from typing import final
@@ -33,18 +33,18 @@ from app.sim.tools.box import Box
 CELL_M, DT_S = 0.0075, 4e-4
 _STIFFNESS_PA, _TABLE_FRICTION = 4e4, 0.4
 _CHUNKS = (25, 5, 1)
-"""Substeps simulated at a time, of which each number is compiled once: a period of the arm is 25."""
+"""Substeps simulated at a time, each number compiled once: a period of the arm is 25."""
 _LOW_M, _HIGH_M = (0.1425, -0.30, -0.0225), (0.9075, 0.30, 0.4275)
 _DAMPING_1_S = 0.2
 _SPRAY = 3.0
-"""What is poured stands as high as its volume: see the material."""
+"""Largest relative volume of a drop, at which a poured liquid's level fits its volume: see the material."""
 
 
 @final
 class LiquidWorld:
-    """Particles (K, 3) of a liquid that is at rest at first, in a bowl upright about their middle.
+    """Particles (K, 3) of a liquid, initially at rest in an upright bowl about their centroid.
 
-    What is placed takes along, unmoved in the bowl, what it holds.
+    `place` moves the bowl together with its content, undisturbed.
     """
 
     def __init__(self, stage: Stage, start: Nodes, *, time_s: float = 0.0) -> None:
@@ -66,13 +66,13 @@ class LiquidWorld:
 
     @property
     def tool(self) -> ToolPose:
-        """Where the arm has the bowl."""
+        """Pose of the bowl."""
         return self._tool.copy()
 
     def step(self, tool: ToolPose, duration_s: float) -> None:
         """Move the bowl in a straight line, turning evenly, while `duration_s` passes (whole substeps, at least 1).
 
-        Raises SimulationError where the liquid is nowhere afterwards.
+        Raises SimulationError where the liquid's state becomes non-finite.
         """
         begin, end = self._tool, _same_sided(tool, self._tool)
         substeps, done = max(1, round(duration_s / DT_S)), 0
@@ -96,7 +96,7 @@ class LiquidWorld:
         self._rest.watch(before, after, substeps * DT_S)
 
     def place(self, tool: ToolPose) -> None:
-        """Put the bowl there with what it holds; no time passes."""
+        """Move the bowl to `tool` with its content; no time passes."""
         x = self.nodes()
         inside = self.held(x)
         before, after = (Rotation.from_quat(pose[3:7], scalar_first=True) for pose in (self._tool, tool))
@@ -105,7 +105,7 @@ class LiquidWorld:
         self._tool = np.array(tool, np.float64)
 
     def held(self, x: Nodes) -> np.ndarray:
-        """Which of the points are in the held bowl's ball."""
+        """Mask of the points in the held bowl's ball."""
         return np.linalg.norm(x - self._tool[:3], axis=1) < self._held.radius_m + self._held.thickness_m
 
     def nodes(self) -> Nodes:
@@ -118,7 +118,7 @@ class LiquidWorld:
 
 
 def bowl_coordinates(poses: Float64[np.ndarray, "T 8"]) -> Float64[np.ndarray, "T 7"]:
-    """Of the simulator's bowl: its place and its turn from upright, w x y z, of unit length."""
+    """Coordinates of the simulator's bowl: position and unit quaternion w x y z of its rotation from upright."""
     w, x, y, z = poses[:, 3:7].T
     # The quaternion times the conjugate of (0, 1, 0, 0), which points down.
     turn = np.stack([x, -w, -z, y], axis=1)
@@ -126,7 +126,7 @@ def bowl_coordinates(poses: Float64[np.ndarray, "T 8"]) -> Float64[np.ndarray, "
 
 
 def particles(body: Liquid | Soup, count: int) -> tuple[int, ...]:
-    """How many of `count` nodes are the liquid, and then each kind of piece."""
+    """Number of nodes, of `count`, of the liquid and of each kind of piece."""
     solid = [kind.grains for kind in body.pieces] if isinstance(body, Soup) else []
     return (count - sum(solid), *solid)
 
@@ -178,7 +178,7 @@ def _bodies(body: Liquid | Soup) -> list[Body]:
 
 
 def _same_sided(tool: ToolPose, before: ToolPose) -> ToolPose:
-    """The same pose with the sign of its quaternion that is nearer to the one before."""
+    """The pose with the sign of its quaternion nearer to the one before."""
     flipped = np.array(tool, np.float64)
     flipped[3:7] *= 1.0 if tool[3:7] @ before[3:7] >= 0 else -1.0
     return flipped

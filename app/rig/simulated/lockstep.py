@@ -1,7 +1,7 @@
-"""A simulated cell on its own clock: arm, world and cameras of the running one, and nothing happens until it is told.
+"""A simulated cell on its own clock: arm, world and cameras of the running one, advanced by calls alone.
 
-What takes the running cell real time takes this one as long as the computer needs, and what somebody thinks meanwhile
-takes none of the world's: the same seed gives the same episode, however busy the machine is.
+An action takes as long as the computer needs, and thinking time takes none of the world's: the same seed gives the same
+episode, however busy the machine is.
 """
 
 from typing import Final, final
@@ -22,14 +22,14 @@ from app.rig.simulated.kinds import kind_of
 from app.rig.simulated.world import Nodes
 
 _LAID_S: Final = 1.0
-"""An object that was laid on the table comes to rest."""
+"""Time for an object laid on the table to come to rest."""
 _LONGEST_S: Final = 300.0
-"""No motion takes longer: one that does is stuck."""
+"""Longest motion: one that takes longer is stuck."""
 
 
 @final
 class LockStep:
-    """The stage's object at `start (K, 3)` [m], the tool at home; `seed` is that of the cameras' noise."""
+    """Cell with the stage's object at `start (K, 3)` [m], the tool at home; `seed` is that of the cameras' noise."""
 
     def __init__(self, stage: Stage, start: Nodes, site: Site, seed: int) -> None:
         kind = kind_of(stage)
@@ -42,7 +42,7 @@ class LockStep:
 
     @property
     def tool(self) -> ToolPose:
-        """Where the arm has its tool."""
+        """Pose of the tool."""
         return self._arm.measured
 
     @property
@@ -51,16 +51,16 @@ class LockStep:
         return self._world.time_s
 
     def nodes(self) -> Nodes:
-        """The truth: where the object is, in the world's own terms [m]."""
+        """Ground truth: the object's nodes in the world [m]."""
         return self._world.nodes()
 
     def look(self) -> list[Frame]:
-        """What all cameras see now."""
+        """Images of all cameras now."""
         self._looks += 1
         return self._eyes.look(self._world.snapshot(), stamp_s=self._world.time_s, number=self._looks)
 
     def execute(self, motion: Motion) -> Executed:
-        """Make the motion as the arm's own process would, and let the object come to rest.
+        """Execute the motion as the arm's own process would, and let the object come to rest.
 
         Raises MotionRefused, with nothing moved, where the arm's limits do not allow it.
         """

@@ -11,13 +11,13 @@ from numpy import ndarray
 from app.core.stage import Rope, RopeModel
 
 HOME_TOOL_M = (0.30, 0.0, 0.30)
-"""Where the tool tip waits before its first motion: over the near edge of the table, out of the cameras' way."""
+"""Position of the tool tip before its first motion: over the near edge of the table, out of the cameras' way."""
 
 
 @final
 @dataclass(frozen=True, kw_only=True)
 class RopePhysics:
-    """How the rope bends: a chain of capsules joined by two hinges, each an elasto-plastic spring.
+    """Bending of the rope: a chain of capsules joined by two hinges, each an elasto-plastic spring.
 
     Stiffness times segment length is the flexural rigidity EI: 0.006 N m/rad x 10 mm = 6e-5 N m^2, that of a limp
     16 mm rope (an elastic rod of that thickness would have E of about 19 kPa). Beyond `bend_yield_rad` a segment keeps
@@ -37,12 +37,12 @@ class RopePhysics:
 @final
 @dataclass(frozen=True, kw_only=True)
 class CablePhysics:
-    """How the rope bends that is a cable of mass points: elastically, about a straight line, as the limpest ropes do.
+    """Bending of a rope as a cable of mass points: elastic, about a straight line, like the limpest ropes.
 
     `rigidity_n_m2`: flexural rigidity EI, a quarter of the chain's. A cable keeps no bend: only the table's friction
-    holds a curve, those with a radius above about (EI / (friction x weight a length))^(1/3), here 27 mm.
-    `bend_damping_s`: bending moment per rate of curvature, in EI; more of it, or of segments, takes more iterations.
-    `stretch_time_s`: time constant in which segments come back to their lengths.
+    holds a curve, with a radius above about (EI / (friction x weight per length))^(1/3), here 27 mm. `bend_damping_s`:
+    bending moment per rate of curvature, in EI; more of it, or of segments, takes more iterations. `stretch_time_s`:
+    time constant in which segments return to their lengths.
     """
 
     segments: int = 32
@@ -57,8 +57,8 @@ class WorldPhysics:
     """Friction, contact and time step. Coulomb coefficients: nylon rope on wood 0.4-0.6; on a smooth finger 0.3.
 
     `contact_time_s` is the time constant in which contacts push apart; at least twice the time step (MuJoCo's rule).
-    `friction_stiffness` is MuJoCo's `impratio`: above 1 the rope at rest creeps less. `cable`: what the rope is instead
-    of the chain that `rope` says.
+    `friction_stiffness` is MuJoCo's `impratio`: above 1 the rope at rest creeps less. `cable`: the rope's model, where
+    it is not the chain of `rope`.
     """
 
     rope: RopePhysics = field(default_factory=RopePhysics)
@@ -80,18 +80,18 @@ class WorldPhysics:
 ROPE_WORLDS: Final[Mapping[RopeModel, WorldPhysics]] = MappingProxyType(
     {"chain": WorldPhysics(), "cable": WorldPhysics(cable=CablePhysics(), contact_time_s=0.010)}
 )
-"""Nominal physics of the worlds of ropes: the same materials on the same table, in other mechanics."""
+"""Nominal physics of the rope worlds: the same materials on the same table, with different mechanics."""
 
 
 _LENGTH_M, _RADIUS_M = 0.40, 0.008
-"""Of the rope whose stiffness and yield `ROPE_WORLDS` has."""
+"""Size of the rope to which the stiffness and yield of `ROPE_WORLDS` belong."""
 
 
 def sized(physics: WorldPhysics, rope: Rope) -> WorldPhysics:
-    """The same material as a rope of another size: rigidity grows with the fourth power of the radius.
+    """The same material in a rope of another size: rigidity grows with the fourth power of the radius.
 
-    The chain's segments grow with its length, and its hinges' angles with them: it yields at the same curvature.
-    Across the table plane its hinges stay as they are.
+    The chain's segments grow with its length, and its hinges' angles with them: it yields at the same curvature. Across
+    the table plane its hinges are unchanged.
     """
     stiffer, longer = (rope.radius_m / _RADIUS_M) ** 4, rope.length_m / _LENGTH_M
     chain, cable = physics.rope, physics.cable
@@ -112,8 +112,8 @@ class ClothPhysics:
     """A light woven cloth: it hardly stretches, and bends freely.
 
     `membrane_n_m`: Young's modulus times thickness; a cloth of 12 g that hangs from a grip of 60 mm stretches by 2 %.
-    `cloth_half_thickness_m`: of the layer in which contacts act; the time step and the mesh ask for more than a cloth
-    has. `air_drag_1_s`: rate at which motion through the air decays. `hold_time_s`: in which held knots follow.
+    `cloth_half_thickness_m`: of the contact layer; time step and mesh need more than a real cloth has. `air_drag_1_s`:
+    decay rate of motion through the air. `hold_time_s`: time constant in which held nodes follow.
     """
 
     membrane_n_m: float = 100.0

@@ -1,7 +1,7 @@
-"""Episodes of random pushes in the simulated world, on its own clock: no camera, no process, no real time.
+"""Push sessions in the simulated world, on its own clock: no camera, no process, no real time.
 
-What is hidden in the world and its arm acts; what is recorded is the command, what the arm's encoders say, and
-snapshots for cameras to look at. Everything follows from the seed.
+Injected effects of the world and its arm are active; recorded are the command, the arm's encoders, and snapshots for
+cameras. Everything is determined by the seed.
 """
 
 from collections.abc import Iterator, Sequence
@@ -23,24 +23,24 @@ from app.tasks.base import Task
 from app.tasks.curves import fill_tube
 
 SLOT_S = 8.0
-"""From one push to the next: longer than the slowest takes, so that a session's time goes evenly with its pushes."""
+"""Time between pushes: longer than the slowest takes, so that a session's time is proportional to its pushes."""
 BEGIN_S = 1000.0
 """The clock of every session at its first view."""
 _SETTLE_S, _PAUSE_S, _REST_S = 1.0, 0.5, 1.0
-"""A rope that was laid comes to rest; the arm comes from its waiting place; the rope comes to rest after the push."""
+"""Time for a laid rope to come to rest; for the arm's approach; and for the rope to come to rest after the push."""
 _TICK_S = 0.01
 _ENCODER_M = 1e-4
 _BODY_POINTS = 300
 _DIGITS = 6
-"""Of a second, that are kept of the sum of many time steps."""
+"""Decimal digits of a second that are kept of the sum of many time steps."""
 _STARTS, _TRACKS, _ENCODERS = 4, 5, 6
-"""Streams of random numbers of a seed."""
+"""Random streams of a seed."""
 
 
 @final
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Look:
-    """What there was to see at a moment that cameras stamp `stamp_s`."""
+    """Snapshot of the world at a moment that cameras stamp `stamp_s`."""
 
     stamp_s: float
     snapshot: Snapshot
@@ -49,7 +49,7 @@ class Look:
 @final
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Take:
-    """One push: looks before, in the middle and after it, and the tool's way as commanded and as measured."""
+    """One push: snapshots before, in the middle and after it, and the tool's path as commanded and as measured."""
 
     episode: int
     before: Look
@@ -69,7 +69,7 @@ def rehearse(task: Task, plan: Plan, physics: WorldPhysics, hidden: Sequence[Inj
 
 @final
 class Rehearsal:
-    """Pushes one after the other, by whoever calls: `look`, then `push`, and so on for as many as are planned."""
+    """Session of single pushes, driven by the caller: `look`, then `push`, and so on for as many as are planned."""
 
     def __init__(self, task: Task, plan: Plan, physics: WorldPhysics, hidden: Sequence[Injected], seed: int) -> None:
         self.task, self.plan = task, plan
@@ -83,11 +83,11 @@ class Rehearsal:
 
     @property
     def episode(self) -> int:
-        """Of the next push, from 0."""
+        """Index of the next push's episode, from 0."""
         return self.number // self.plan.pushes
 
     def look(self) -> Look:
-        """The object before the next push, at rest; at the beginning of an episode it is laid anew."""
+        """The object at rest before the next push; at the beginning of an episode it is laid anew."""
         if self.number >= self.plan.episodes * self.plan.pushes:
             raise UsageError(f"All {self.number} pushes that were planned are made; plan more episodes.")
         begin_s = BEGIN_S + self.episode * self.plan.pushes * SLOT_S
@@ -100,7 +100,7 @@ class Rehearsal:
         return self._before
 
     def random(self) -> Track:
-        """The push that is drawn for what was looked at; the same whatever was done before it."""
+        """Random push for the last look; independent of any call before it."""
         world, _ = self._looked_at()
         return random_track(
             np.random.default_rng([self._seed, _TRACKS, self.number]),
@@ -112,7 +112,7 @@ class Rehearsal:
         )
 
     def push(self, command: Track) -> Take:
-        """Make the push, which has to begin after `look`, and look in its middle and after it."""
+        """Execute the push, which must begin after `look`, and take snapshots in its middle and after it."""
         world, before = self._looked_at()
         encoders = np.random.default_rng([self._seed, _ENCODERS, self.number])
         take = _pushed(world, self._arm, before, command, self.episode, encoders)
@@ -139,7 +139,7 @@ class Rehearsal:
 
 
 def push_again(task: Task, physics: WorldPhysics, start: Centreline, command: Track) -> Centreline:
-    """The nodes [m] at which a rope that is laid along `start (K, 3)` comes to rest after the push `command`."""
+    """Rest positions of the nodes [m] of a rope laid along `start (K, 3)` after the push `command`."""
     begin_s = float(command.times_s[0]) - _SETTLE_S
     world = RopeWorld(task.rope, task.finger, start, physics=physics, time_s=begin_s)
     _wait(world, float(command.times_s[0]))
@@ -150,14 +150,14 @@ def push_again(task: Task, physics: WorldPhysics, start: Centreline, command: Tr
 
 
 def first_end(task: Task, plan: Plan, seed: int) -> Float64[np.ndarray, "2"]:
-    """Where the rope's end s = -1 lies at first [m]."""
+    """Initial position of the rope's end s = -1 [m]."""
     starts = np.random.default_rng([seed, _STARTS]).integers(2**31, size=plan.episodes).tolist()
     return task.start(starts[0])[0, :2]
 
 
 @final
 class _Arm:
-    """The arm with what is hidden in it."""
+    """The arm with its injected effects."""
 
     def __init__(self, hidden: Sequence[Injected]) -> None:
         self._driving = [each for each in hidden if each.effect.drive is not None]
@@ -165,7 +165,7 @@ class _Arm:
         self.late_s = sum(late, 0.0)
 
     def goes(self, command: Track, *, told_only: bool) -> Track:
-        """Where the tip goes for a command, or what encoders can see of that."""
+        """Actual track of the tip for a command, or the part of it that encoders measure."""
         track = command
         for each in self._driving:
             if each.effect.drive is not None and (each.effect.told or not told_only):
@@ -176,7 +176,7 @@ class _Arm:
 def _pushed(
     world: RopeWorld, arm: _Arm, before: Look, command: Track, episode: int, encoders: np.random.Generator
 ) -> Take:
-    """Make a push in the world, which is at rest."""
+    """Execute a push in the world, which is at rest."""
     made = arm.goes(command, told_only=False)
     stamp_s = midway_s(command.times_s)
     world.place(made.positions[0])
@@ -195,42 +195,42 @@ def _pushed(
 
 
 def _withdraw(world: RopeWorld) -> None:
-    """Take the finger away, and let the rope come to rest."""
+    """Withdraw the finger, and let the rope come to rest."""
     world.place(np.array(HOME_TOOL_M))
     _wait(world, world.time_s + _REST_S)
 
 
 def _rest(world: RopeWorld) -> Look:
-    """A look at a world that is at rest, when time offsets show nothing."""
+    """Snapshot of a world at rest, when time offsets have no effect."""
     return Look(stamp_s=round(world.time_s, _DIGITS), snapshot=world.snapshot())
 
 
 def _measured(arm: _Arm, command: Track, rng: np.random.Generator) -> Track:
-    """What the encoders say, at the times of the command."""
+    """Encoder track, at the times of the command."""
     told = arm.goes(command, told_only=True).at(command.times_s)
     return command.moved(told + rng.normal(0, _ENCODER_M, told.shape))
 
 
 def _follow(world: RopeWorld, track: Track, until_s: float) -> None:
-    """Let the tip go along its track until then."""
+    """Move the tip along its track until `until_s`."""
     while world.time_s < until_s - _TICK_S / 10:
         due_s = min(world.time_s + _TICK_S, until_s)
         world.step(track.at(np.array([due_s]))[0], due_s - world.time_s)
 
 
 def _wait(world: RopeWorld, until_s: float) -> None:
-    """Let time pass with the tool where it is."""
+    """Advance time with the tool at rest."""
     if until_s > world.time_s:
         world.step(world.tool, until_s - world.time_s)
 
 
 def _session(number: int, plan: Plan) -> float:
-    """Where a push stands between the first of all (-0.5) and the last (0.5)."""
+    """Position of a push between the first of all (-0.5) and the last (0.5)."""
     return number / max(plan.episodes * plan.pushes - 1, 1) - 0.5
 
 
 def laid(start: Centreline, ends: Float64[np.ndarray, "2 2"] | None) -> Centreline:
-    """The rope laid as `start` has it, the way round that leaves its ends (x, y) [m] nearer to where they were."""
+    """The rope laid along `start`, in the direction that leaves its ends (x, y) [m] nearer to where they were."""
     if ends is None:
         return start
     there, turned = (np.linalg.norm(start[order, :2] - ends) for order in ([0, -1], [-1, 0]))

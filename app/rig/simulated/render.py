@@ -1,7 +1,7 @@
 """RGB-D images of a snapshot of the world, by ray casting. Pure: the same snapshot, camera and generator, same images.
 
-The table and the floor never move and are planes: they are intersected once a camera. What moves is cast with Open3D,
-and only through the pixels that it can cover.
+The table and the floor are static planes: they are intersected once a camera. Moving surfaces are cast with Open3D, and
+only through the pixels that they can cover.
 """
 
 from dataclasses import dataclass
@@ -103,7 +103,7 @@ def _with_moving(behind: _Layer, moving: list[Surface], camera: CameraModel) -> 
 
 
 def _covered(moving: list[Surface], camera: CameraModel) -> Bool[np.ndarray, "height width"]:
-    """Which pixels the surfaces can cover: the hulls of their projected pieces, grown by a pixel."""
+    """Mask of the pixels that the surfaces can cover: the hulls of their projected pieces, grown by a pixel."""
     mask = np.zeros((camera.height, camera.width), np.uint8)
     for surface in moving:
         _cover(mask, surface, camera)
@@ -127,7 +127,7 @@ def _cover(mask: UInt8[np.ndarray, "height width"], surface: Surface, camera: Ca
 
 
 def _beside(pieces: Float64[np.ndarray, "P V 3"], camera: CameraModel) -> Bool[np.ndarray, " P"]:
-    """Which pieces of homogeneous pixels `(u z, v z, z)` lie all beyond one side of the image, or behind the camera."""
+    """Mask of pieces whose homogeneous pixels `(u z, v z, z)` are all beyond one side of the image, or behind it."""
     x, y, z = np.moveaxis(pieces, -1, 0)
     sides = np.stack([x < 0, x > camera.width * z, y < 0, y > camera.height * z, z < 0])
     return np.logical_or.reduce(sides.all(axis=-1), axis=0)
@@ -154,7 +154,7 @@ def _cast(
 def _exposed(
     layer: _Layer, camera: CameraModel, rng: np.random.Generator, noise: CameraNoise
 ) -> tuple[ColourImage, DepthImage]:
-    """The layer as the sensor gives it: noisy, with holes, in whole numbers."""
+    """The layer as the sensor outputs it: noisy, with holes, in integers."""
     size = layer.depth.shape
     depth = layer.depth + noise.depth_per_m * layer.depth**2 * rng.standard_normal(size, dtype=np.float32)
     chance = np.float32(noise.edge_dropout) * _edges(layer.depth, noise.edge_m)
@@ -167,7 +167,7 @@ def _exposed(
 
 
 def _edges(depth: Image, jump_m: float) -> Bool[np.ndarray, "height width"]:
-    """Where depth differs from that of any of the four neighbours by more than `jump_m`."""
+    """Mask of pixels whose depth differs from any of the four neighbours by more than `jump_m`."""
     edges = np.zeros(depth.shape, bool)
     across, along = np.abs(np.diff(depth, axis=1)) > jump_m, np.abs(np.diff(depth, axis=0)) > jump_m
     edges[:, 1:] |= across

@@ -36,10 +36,10 @@ _IMAGES_KEPT = 3
 
 @final
 class SimulatedRig:
-    """An arm that acts in another physics than the planner's, and cameras that look at it.
+    """An arm that acts in a physics different from the planner's, and cameras that look at it.
 
-    `images`: by camera, what its process renders: `time_s`, `color` and `depth`. `memory`: what the arm's process
-    shares, with its own log of states, for measuring when the arm moved and when not.
+    `images`: rings of rendered images by camera: `time_s`, `color` and `depth`. `memory`: shared memory of the arm's
+    process, with its own log of states, for measurements of when the arm moved.
     """
 
     def __init__(
@@ -56,22 +56,22 @@ class SimulatedRig:
 
     @property
     def name(self) -> str:
-        """For the log and the console."""
+        """Name for the log and the console."""
         return "simulated"
 
     @property
     def simulated(self) -> bool:
-        """Nothing real can move."""
+        """True: nothing real can move."""
         return True
 
     @property
     def shape(self) -> ArmShape:
-        """The arm as it is drawn."""
+        """Geometry of the drawn arm."""
         return self._shape
 
     @property
     def seen_arm(self) -> Arm:
-        """It is seen."""
+        """The arm in the images, which is `arm`."""
         return self._arm
 
     @property
@@ -85,7 +85,7 @@ class SimulatedRig:
         return self._arm
 
     def truth(self) -> Snapshot:
-        """The world as it is, dated in monotonic time: for measuring what others make of the images."""
+        """Ground truth of the world, dated in monotonic time, for evaluation."""
         snapshot = newest_snapshot(self._snapshots)
         assert snapshot is not None, "an opened rig has reported its world"
         return snapshot
@@ -104,11 +104,11 @@ def simulated_rig(
 ) -> AbstractAsyncContextManager[SimulatedRig]:
     """A rig with the stage's object at `start (K, 3)` [m]; `seed` is that of the cameras' noise.
 
-    `depth_views`: where depth of the camera of that name is seen from, of the size of its colour; somebody else aligns
-    the two, from the rig's `images`, and reads no frames of such a camera here. `held`: a board in the gripper, to
-    calibrate cameras by. `take`: takes hold of another arm than the simulated one, whose tool then is the world's.
-    Raises DeviceError on entry where a process does not come up. All processes have ended when it is left, and end by
-    themselves when the application is killed.
+    `depth_views`: models of the depth cameras, by camera, of the size of its colour; the caller aligns the two from the
+    rig's `images`, and reads no frames of such a camera here. `held`: a board in the gripper, to calibrate cameras by.
+    `take`: connects to another arm than the simulated one, whose tool is then the world's. Raises DeviceError on entry
+    where a process does not start. All processes have ended on leaving, and end by themselves when the application is
+    killed.
     """
     scene = _Scene(
         stage=stage,
@@ -125,7 +125,7 @@ def simulated_rig(
 @final
 @dataclass(frozen=True, kw_only=True, eq=False)
 class _Scene:
-    """What is to be simulated."""
+    """Definition of the simulated scene."""
 
     stage: Stage
     start: Nodes
@@ -138,7 +138,7 @@ class _Scene:
 
 @final
 class _Processes:
-    """The rig's processes and the memory that they share with the application. Making and ending them blocks."""
+    """The rig's processes and their memory shared with the application. Construction and `end` block."""
 
     def __init__(self, scene: _Scene, site: Site) -> None:
         timing, parent = site.timing, os.getpid()
@@ -166,13 +166,13 @@ class _Processes:
             each.start()
 
     def end(self) -> None:
-        """Tell the processes to close and wait for them; end those that do not."""
+        """Tell the processes to close and wait for them; kill those that do not."""
         self.memory.closing.value = 1
         end(self.all)
 
     @property
     def rings(self) -> Sequence[Ring]:
-        """What has a record each once all is up."""
+        """Rings that each have a record once everything is up."""
         return (self.memory.states, self.snapshots, *self.images.values())
 
 

@@ -1,9 +1,9 @@
 """The rope as MuJoCo bodies: capsules in a chain, bending about the vertical and about the level axis, never twisting.
 
-The chain's root, its middle segment, neither rolls nor do the hinges twist. A free root would let the whole rope roll
+The chain's root, its middle segment, does not roll, nor do the hinges twist. A free root would let the whole rope roll
 over the table like a pencil when it is pushed sideways, which takes the friction away and moves the ends with the
-middle; a limp rope lies flat instead and its ends trail. What keeps the root from rolling acts on it alone: while it
-was at one end, the same push ended 3.5 mm elsewhere with the other end first (mean of 30 pushes); in the middle 0.2
+middle; a limp rope lies flat instead and its ends trail. The constraint against rolling acts on the root alone: while
+it was at one end, the same push ended 3.5 mm elsewhere with the other end first (mean of 30 pushes); in the middle 0.2
 mm.
 """
 
@@ -29,7 +29,7 @@ class RopeBody(Protocol):
         ...
 
     def lay(self, model: Any, data: Any) -> None:
-        """Take hold of it in the compiled model and its state, and put it where it lies at first."""
+        """Bind to the compiled model and its state, and put the rope at its initial place."""
         ...
 
     @property
@@ -56,7 +56,7 @@ class Chain:
         add_rope(spec, self._rope, self._physics, self._nodes)
 
     def lay(self, model: Any, data: Any) -> None:
-        """Take hold of it; it was compiled where it lies."""
+        """Bind to the compiled model; the chain was compiled at its initial place."""
         self._data = data
         self._links = np.array([model.body(f"rope{index}").id for index in range(len(self._lengths))])
 
@@ -74,7 +74,7 @@ class Chain:
 
 
 def resample(centreline: Centreline, points: int) -> Float64[np.ndarray, "points 3"]:
-    """`points` places at equal arc length along `centreline`, from its first to its last."""
+    """`points` points at equal arc length along `centreline`, from its first to its last."""
     arc = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(centreline, axis=0), axis=1))])
     at = np.linspace(0.0, arc[-1], points)
     return np.stack([np.interp(at, arc, centreline[:, axis]) for axis in range(3)], axis=1)
@@ -83,8 +83,8 @@ def resample(centreline: Centreline, points: int) -> Float64[np.ndarray, "points
 def add_rope(spec: Any, rope: Rope, physics: WorldPhysics, nodes: Centreline) -> None:
     """Add the chain through `nodes` (S + 1, 3) to the MuJoCo `spec`; its bodies are called `rope0`, `rope1`, ...
 
-    The chain starts level: only the heading of each segment is taken from `nodes`. That of a rod does not bend. A
-    positive angle of a hinge bends the rope to the left of its way from the first node to the last.
+    The chain starts level: only the heading of each segment is taken from `nodes`. A rod's does not bend. A positive
+    hinge angle bends the rope to the left, from the first node to the last.
     """
     steps = np.diff(nodes, axis=0)
     lengths, headings = np.linalg.norm(steps, axis=1), np.unwrap(np.arctan2(steps[:, 1], steps[:, 0]))
@@ -111,25 +111,25 @@ def add_rope(spec: Any, rope: Rope, physics: WorldPhysics, nodes: Centreline) ->
 
 
 def root_of(segments: int) -> int:
-    """The segment that is the root of the chain: the one in the middle.
+    """Index of the chain's root segment: the middle one.
 
-    Those from it on have their origins at their first nodes, those before it at their second ones.
+    Segments from it on have their origins at their first nodes, those before it at their second ones.
     """
     return segments // 2
 
 
 def hinge_owner(index: int, segments: int) -> int:
-    """The segment whose body has the hinges between segments `index` - 1 and `index`."""
+    """Index of the segment whose body has the hinges between segments `index` - 1 and `index`."""
     return index if index > root_of(segments) else index - 1
 
 
 def about_z(angle: float) -> Float64[np.ndarray, "4"]:
-    """The quaternion w x y z of a turn by `angle` [rad] about the vertical."""
+    """Quaternion w x y z of a rotation by `angle` [rad] about the vertical."""
     return np.array([np.cos(angle / 2), 0.0, 0.0, np.sin(angle / 2)])
 
 
 def _add_freedom(body: Any) -> None:
-    """Of the chain's root: to slide, to turn and to pitch, but not to roll."""
+    """Add the root's degrees of freedom: slides, yaw and pitch, but no roll."""
     for axis in np.eye(3):
         body.add_joint(type=mujoco.mjtJoint.mjJNT_SLIDE, axis=axis)
     body.add_joint(axis=[0, 0, 1])
@@ -137,7 +137,7 @@ def _add_freedom(body: Any) -> None:
 
 
 def _add_hinges(body: Any, physics: WorldPhysics, sense: float) -> None:
-    """Two sprung ones, the other way round before the root. A rod has none: its segments are one body."""
+    """Add two sprung hinges, reversed before the root. A rod has none: its segments are one body."""
     rope = physics.rope
     limits = {"limited": True, "range": [-rope.bend_limit_rad, rope.bend_limit_rad]}
     body.add_joint(
@@ -156,7 +156,7 @@ def _add_hinges(body: Any, physics: WorldPhysics, sense: float) -> None:
 
 
 def _add_shape(body: Any, rope: Rope, physics: WorldPhysics, length_m: float, *, mass_kg: float) -> None:
-    """A capsule that meets finger and rope, and inside it a sphere that meets the table; ahead of the body, or behind.
+    """Add a capsule that meets finger and rope, and in it a sphere that meets the table; either side of the origin.
 
     One sphere is one table contact a segment where a capsule would be two, at half the cost and the same friction.
     """

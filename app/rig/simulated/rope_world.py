@@ -1,4 +1,4 @@
-"""The simulated table: a rope that a finger pushes, in MuJoCo. No clock, no process: it steps when told to."""
+"""The simulated table: a rope that a finger pushes, in MuJoCo. No clock, no process: it is stepped."""
 
 from collections.abc import Sequence
 from typing import Any, final
@@ -18,16 +18,16 @@ from app.rig.simulated.rope import FINGER_BIT, TABLE_BIT, Chain, RopeBody, about
 from app.rig.simulated.world import Snapshot
 
 _PRESCRIBED_KG = 1000.0
-"""Inertia of the finger's slides: so large that no contact changes the velocity it is given."""
+"""Inertia of the finger's slides: so large that no contact changes their prescribed velocity."""
 
 
 @final
 class RopeWorld:
-    """A rope on the table z = 0 and a vertical finger whose tip goes exactly where it is told.
+    """A rope on the table z = 0 and a vertical finger with a prescribed position of its tip.
 
-    `centreline (K, 3)` [m] is where the rope lies at first; the world keeps its own `physics.segments + 1` nodes.
-    What an `intrusion` hides in it happens besides; ValueError where it hides something in a cable. The same calls give
-    the same numbers, bit for bit.
+    `centreline (K, 3)` [m]: initial centreline of the rope; the world keeps its own `physics.segments + 1` nodes. The
+    effects of `intrusion` act in it; ValueError where one is in a cable. The same calls give the same numbers, bit for
+    bit.
     """
 
     def __init__(
@@ -63,12 +63,12 @@ class RopeWorld:
 
     @property
     def tool(self) -> ToolPose:
-        """Where the arm has the finger: it neither turns nor opens."""
+        """Commanded pose of the finger, which neither turns nor opens."""
         return pointing_down(self._data.qpos[:3])
 
     @property
     def tip(self) -> Position:
-        """Where the tip of the finger is [m]: the tool, unless it gives way."""
+        """Actual tip of the finger [m]: the tool's position, unless it is compliant."""
         tip, bent = self._data.qpos[:3].copy(), self._data.qpos[self._bend]
         tip[: len(bent)] += bent
         return tip
@@ -76,7 +76,7 @@ class RopeWorld:
     def step(self, tool: Float64[np.ndarray, " _"], duration_s: float) -> None:
         """Move the tip in a straight line to `tool` while `duration_s` passes (rounded to whole time steps).
 
-        Of a pose its first three numbers, the position, matter to a finger.
+        A finger uses only the position, the first three numbers of a pose.
         """
         period = self._model.opt.timestep
         start, steps = self._data.qpos[:3].copy(), max(1, round(duration_s / period))
@@ -87,7 +87,7 @@ class RopeWorld:
             mujoco.mj_step(self._model, self._data)
 
     def place(self, tool: Float64[np.ndarray, " _"]) -> None:
-        """Put the tip at `tool` without passing anything on the way; no time passes."""
+        """Move the tip to `tool` without contact on the way; no time passes."""
         self._data.qpos[:3] = tool[:3]
         self._data.qvel[:3] = 0.0
         mujoco.mj_forward(self._model, self._data)
@@ -123,7 +123,7 @@ def _compile(
 
 
 def _add_block(spec: Any, block: Block, physics: WorldPhysics) -> None:
-    """An obstacle that stands still."""
+    """Add a fixed obstacle."""
     spec.worldbody.add_geom(
         type=mujoco.mjtGeom.mjGEOM_BOX,
         size=block.half_m,
@@ -149,7 +149,7 @@ def _add_table(spec: Any, physics: WorldPhysics) -> None:
 
 
 def _add_finger(spec: Any, finger: Finger, physics: WorldPhysics) -> None:
-    """Its shape on three heavy slides, so that contacts see its true velocity (a mocap body's is zero)."""
+    """Add its shape on three heavy slides, so that contacts see its true velocity (a mocap body's is zero)."""
     body = spec.worldbody.add_body(name="finger", gravcomp=1.0)
     for axis in np.eye(3):
         body.add_joint(type=mujoco.mjtJoint.mjJNT_SLIDE, axis=axis, armature=_PRESCRIBED_KG)
@@ -167,13 +167,13 @@ def _add_finger(spec: Any, finger: Finger, physics: WorldPhysics) -> None:
 
 
 def _round(finger: Finger, length_m: float) -> list[dict[str, Any]]:
-    """A capsule."""
+    """Geoms of a round finger: a capsule."""
     ends = [0, 0, finger.radius_m, 0, 0, length_m]
     return [{"type": mujoco.mjtGeom.mjGEOM_CAPSULE, "size": [finger.radius_m, 0, 0], "fromto": ends}]
 
 
 def _plate(finger: Finger, length_m: float) -> list[dict[str, Any]]:
-    """A box with its round edges: a capsule along its lower one, and one up from each end of that."""
+    """Geoms of a plate with round edges: a capsule along its lower edge, and one up from each end of that."""
     (x0, y0, _), (x1, y1, _) = finger.ends_m()
     low_m, radius_m = finger.radius_m, finger.radius_m
     lines = [

@@ -1,4 +1,4 @@
-"""What the cameras see, as coloured meshes: tubes, boxes, bodies of revolution."""
+"""Meshes of the objects in the cameras' view: tubes, boxes, bodies of revolution."""
 
 from dataclasses import dataclass
 from typing import TypeAlias, final
@@ -22,7 +22,7 @@ _SPIRAL = np.pi * (1 + 5**0.5) * np.arange(_BALL_POINTS)
 _LEVELS = 1 - (2 * np.arange(_BALL_POINTS) + 1) / _BALL_POINTS
 _BALL = np.stack([np.cos(_SPIRAL), np.sin(_SPIRAL), _LEVELS], axis=1)
 _BALL[:, :2] *= np.sqrt(1 - _LEVELS[:, None] ** 2)
-"""Evenly on the unit ball, by a golden spiral."""
+"""Points evenly on the unit sphere, by a golden spiral."""
 
 
 @final
@@ -30,7 +30,7 @@ _BALL[:, :2] *= np.sqrt(1 - _LEVELS[:, None] ** 2)
 class Surface:
     """A mesh of one colour (RGB albedo 0..1), in the world frame [m].
 
-    Each of its `pieces` lists vertices in whose convex hull a part of it lies; together they hold all of it.
+    Each of its `pieces` lists vertices whose convex hull contains a part of it; together they contain all of it.
     """
 
     vertices: Vertices
@@ -40,7 +40,7 @@ class Surface:
 
 
 def tube(centreline: Float64[np.ndarray, "K 3"], radius_m: float, colour: Colour) -> Surface:
-    """A smooth round tube along a cubic spline through `centreline`, closed by caps that round its ends off."""
+    """A smooth round tube along a cubic spline through `centreline`, with rounded caps."""
     at = np.linspace(0.0, len(centreline) - 1.0, (len(centreline) - 1) * _RINGS_A_NODE + 1)
     spline = CubicSpline(np.arange(len(centreline)), centreline)
     middle, along = spline(at), spline(at, 1)
@@ -108,7 +108,7 @@ def box(half_m: Vector, frame: Float64[np.ndarray, "4 4"], colour: Colour) -> Su
 
 
 def sheet(knots: Float64[np.ndarray, "rows columns 3"], colour: Colour) -> Surface:
-    """A surface through the `knots` of a square mesh, in two triangles a mesh; it has no thickness and two sides."""
+    """A two-sided surface without thickness through the `knots` of a square mesh, two triangles a cell."""
     rows, columns = knots.shape[:2]
     number = np.arange(rows * columns).reshape(rows, columns)
     a, b, c, d = (each.ravel() for each in (number[:-1, :-1], number[:-1, 1:], number[1:, :-1], number[1:, 1:]))
@@ -122,7 +122,7 @@ def sheet(knots: Float64[np.ndarray, "rows columns 3"], colour: Colour) -> Surfa
 
 
 def _ring_triangles(rings: int) -> Triangles:
-    """Triangles between `rings` rings in order, then the fans; their winding is of no account to a ray."""
+    """Triangles between `rings` rings in order, then the fans; their winding does not matter to a ray."""
     k, j = np.meshgrid(np.arange(rings - 1), np.arange(SIDES), indexing="ij")
     a, b = k * SIDES + j, k * SIDES + (j + 1) % SIDES
     quads = np.stack([a, b, a + SIDES, b, b + SIDES, a + SIDES], axis=-1).reshape(-1, 3)
@@ -151,7 +151,7 @@ def drops(middles: Float64[np.ndarray, "K 3"], radius_m: float, colour: Colour) 
 
 
 def lump(points: Float64[np.ndarray, "K 3"], skin_m: float, colour: Colour) -> Surface:
-    """The convex hull of `points`, whose corners stand out by `skin_m` more from its middle."""
+    """The convex hull of `points`, with its corners moved outward by `skin_m`."""
     hull = ConvexHull(points)
     away = points[hull.vertices] - points.mean(axis=0)
     away *= 1 + skin_m / np.linalg.norm(away, axis=1, keepdims=True)

@@ -1,4 +1,4 @@
-"""What a simulated world is: an object and a tool that goes where it is told. No clock: it steps when told to."""
+"""Interface of a simulated world: an object and a tool with a prescribed pose. No clock: it is stepped."""
 
 from dataclasses import dataclass
 from typing import Protocol, TypeAlias, final
@@ -10,13 +10,13 @@ from app.core.types import ToolPose
 from app.rig.simulated.arm_model import Joints
 
 Nodes: TypeAlias = Float64[np.ndarray, "K 3"]
-"""Points [m] that say where an object is: a rope's centreline, or the centres of many pieces, or of a mesh's knots."""
+"""Points [m] that give an object's shape: a rope's centreline, the centres of pieces, or the nodes of a mesh."""
 
 
 @final
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Snapshot:
-    """The world at one moment: all that a camera needs. `time_s` is the world's own time."""
+    """The world at one moment, sufficient for a camera. `time_s` is the world's own time."""
 
     time_s: float
     nodes: Nodes
@@ -25,12 +25,12 @@ class Snapshot:
 
     @property
     def tip(self) -> Float64[np.ndarray, "3"]:
-        """Where the tool's tip is [m]."""
+        """Position of the tool's tip [m]."""
         return self.tool[:3]
 
 
 class World(Protocol):
-    """The same calls give the same numbers, bit for bit."""
+    """A deterministic world: the same calls give the same numbers, bit for bit."""
 
     @property
     def time_s(self) -> float:
@@ -39,7 +39,7 @@ class World(Protocol):
 
     @property
     def tool(self) -> ToolPose:
-        """Where the arm has the tool."""
+        """Commanded pose of the tool."""
         ...
 
     def step(self, tool: ToolPose, duration_s: float) -> None:
@@ -47,11 +47,11 @@ class World(Protocol):
         ...
 
     def place(self, tool: ToolPose) -> None:
-        """Put the tool there without passing anything on the way; no time passes."""
+        """Move the tool to `tool` without contact on the way; no time passes."""
         ...
 
     def nodes(self) -> Nodes:
-        """Where the object is [m]."""
+        """Nodes of the object [m]."""
         ...
 
     def snapshot(self) -> Snapshot:

@@ -1,7 +1,7 @@
-"""The world's own process: the object is moved by wherever the arm's tool goes, in real time.
+"""The world's own process: the arm's tool moves the object, in real time.
 
-It works through the arm's log of states in order. Where it falls behind real time it catches up, tick by tick along
-the same path, and the arm never waits for it; snapshots are dated with the arm's time that they show.
+It processes the arm's log of states in order. Where it falls behind real time it catches up, tick by tick along the
+same path, and the arm never waits for it; snapshots carry the arm's time.
 """
 
 import os
@@ -22,13 +22,13 @@ _CATCH_UP_TICKS = 20
 
 
 def snapshot_ring(stage: Stage) -> Ring:
-    """Room for the last snapshots of a world of this stage."""
+    """Ring of the last snapshots of a world of this stage."""
     count = kind_of(stage).node_count(stage)
     return Ring(np.dtype([("time_s", "f8"), ("tool", "f8", (8,)), ("nodes", "f8", (count, 3))]), 16)
 
 
 def newest_snapshot(snapshots: Ring) -> Snapshot | None:
-    """The world as last reported, None before the first report; `time_s` is monotonic time."""
+    """The last reported world, None before the first report; `time_s` is monotonic time."""
     record = snapshots.newest()
     if record is None:
         return None
@@ -44,7 +44,7 @@ def run_world(
     period_s: float,
     parent: int,
 ) -> None:
-    """The body of the process: follow the arm's states until closed or until `parent` is gone."""
+    """Body of the process: follow the arm's states until closed or until `parent` is gone."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     follower: _Follower | None = None
     while not arm.closing.value and os.getppid() == parent:
@@ -59,14 +59,14 @@ def run_world(
 
 @final
 class _Follower:
-    """A world that repeats what the arm's log says."""
+    """World that replays the arm's log."""
 
     def __init__(self, world: World, states: Ring, snapshots: Ring, start_s: float) -> None:
         self._world, self._states, self._snapshots, self._start_s = world, states, snapshots, start_s
         self._done = states.count
 
     def follow(self) -> bool:
-        """Step through the states that have come, at most some; whether there are more already."""
+        """Step through some of the new states; True where more are waiting."""
         todo: Any = self._states.since(self._done)[:_CATCH_UP_TICKS]
         for state in todo:
             due_s = float(state["time_s"]) - self._start_s - self._world.time_s

@@ -1,4 +1,4 @@
-"""Setting a goal in the browser: what is drawn, and the widgets that draw it."""
+"""Setting a goal in the browser: the draft, and the widgets that draw it."""
 
 from app.ui.goals.tab import GoalTab
 

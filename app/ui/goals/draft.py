@@ -16,18 +16,18 @@ KINDS: Final[Mapping[str, Kind]] = {
     "A curve that it follows": "curve",
     "A region that it fills": "region",
 }
-"""What is drawn, as the operator reads it."""
+"""Kinds of drawn goals, by their labels."""
 LEAST_RADIUS_M: Final = 0.02
 _MOST_POINTS, _FARTHEST_M = 200, 3.0
-"""Of a curve: no hand draws more, and no table is larger."""
+"""Limits of a curve: no hand draws more points, and no table is larger."""
 _APART_M = 0.005
-"""Points of a curve that are nearer to each other are one."""
+"""Distance below which two points of a curve are one."""
 
 
 @final
 @dataclass(frozen=True, kw_only=True)
 class Draft:
-    """What is drawn: a copy with its middle at `place` [m], turned and bent; a curve; or a disc about `place`."""
+    """A drawn goal: a copy with its middle at `place` [m], turned and bent; a curve; or a disc about `place`."""
 
     kind: Kind = "none"
     place: tuple[float, float] = (0.0, 0.0)
@@ -37,7 +37,7 @@ class Draft:
     curve: tuple[tuple[float, float], ...] = ()
 
     def with_point(self, x_m: float, y_m: float) -> "Draft":
-        """With one more point of the curve, unless it is where the last one is, far away, or one too many."""
+        """With another point of the curve, unless it repeats the last one, is far away, or exceeds their number."""
         if len(self.curve) >= _MOST_POINTS or not (abs(x_m) < _FARTHEST_M and abs(y_m) < _FARTHEST_M):
             return self
         if self.curve and np.hypot(x_m - self.curve[-1][0], y_m - self.curve[-1][1]) < _APART_M:
@@ -45,7 +45,7 @@ class Draft:
         return replace(self, curve=(*self.curve, (x_m, y_m)))
 
     def positions(self, object_: Points) -> Points | None:
-        """The goal that it means for `object_` (N, 3) [m]; None while it means none."""
+        """The goal for `object_` (N, 3) [m]; None while nothing is drawn."""
         match self.kind:
             case "none":
                 return None
@@ -59,7 +59,7 @@ class Draft:
 
 
 def on_table(origin: tuple[float, float, float], direction: tuple[float, float, float]) -> tuple[float, float] | None:
-    """Where a ray from the eye meets the table z = 0 [m]; None where it does not."""
+    """Intersection of a ray from the eye with the table z = 0 [m]; None where there is none."""
     if direction[2] >= 0 or origin[2] <= 0:
         return None
     far = -origin[2] / direction[2]

@@ -1,4 +1,4 @@
-"""Files that a browser sends as a goal: read with distrust, and nothing kept of what makes no sense. Pure."""
+"""Goal files from a browser: validated strictly, and discarded where invalid. Pure."""
 
 import io
 import math
@@ -24,12 +24,12 @@ _DEPTH_MODES: Final = ("I;16", "I;16L", "I")
 
 
 def suffixes(files: Mapping[str, bytes]) -> list[str]:
-    """Of each file, in lower case and without a dot."""
+    """Suffix of each file, in lower case and without a dot."""
     return [PurePath(name).suffix.lower().removeprefix(".") for name in files]
 
 
 def are_points(files: Mapping[str, bytes]) -> bool:
-    """Whether this is one file of points; else it is a pair of pictures. Raises UsageError where it is neither."""
+    """True for one file of points, False for a pair of pictures. Raises UsageError for anything else."""
     kinds = suffixes(files)
     if len(kinds) == 1 and kinds[0] in _POINTS:
         return True
@@ -39,11 +39,11 @@ def are_points(files: Mapping[str, bytes]) -> bool:
 
 
 def points_of(files: Mapping[str, bytes]) -> Cloud:
-    """The points (M, 3) [m] of the one file; of very many every second, third, ... Raises UsageError without any."""
+    """The points (M, 3) [m] of the one file, thinned where very many. Raises UsageError where there are none."""
     ((name, data),) = files.items()
     try:
         points = _array(data) if suffixes(files) == ["npy"] else _vertices(data)
-    except Exception as error:  # The file is from outside, and its readers raise what they like.
+    except Exception as error:  # The file is untrusted, and its readers raise any error.
         raise UsageError(f"{name} cannot be read ({error}); {_ADVICE}.") from None
     if points.ndim != 2 or points.shape[1] != 3 or points.dtype.kind not in "fiu" or not len(points):
         raise UsageError(f"{name} has shape {points.shape} of {points.dtype}; it must be points (M, 3) in metres.")
@@ -51,7 +51,7 @@ def points_of(files: Mapping[str, bytes]) -> Cloud:
 
 
 def pictures_of(files: Mapping[str, bytes]) -> tuple[ColourImage, DepthImage]:
-    """The colour and the depth picture of the two files, in whichever order. Raises UsageError where they are none."""
+    """The colour and the depth picture of the two files, in either order. Raises UsageError where they are not such."""
     opened = {name: _opened(name, data) for name, data in files.items()}
     depth = [image for image in opened.values() if image.mode in _DEPTH_MODES]
     color = [image for image in opened.values() if image.mode not in _DEPTH_MODES]
@@ -64,7 +64,7 @@ def pictures_of(files: Mapping[str, bytes]) -> tuple[ColourImage, DepthImage]:
 
 
 def _array(data: bytes) -> np.ndarray:
-    """Of a .npy file that holds as much as it says. Raises ValueError where it does not."""
+    """Array of a complete .npy file. Raises ValueError where it is shorter than its header says."""
     stream = io.BytesIO(data)
     version = np.lib.format.read_magic(stream)
     read = np.lib.format.read_array_header_1_0 if version == (1, 0) else np.lib.format.read_array_header_2_0
@@ -81,7 +81,7 @@ def _vertices(data: bytes) -> np.ndarray:
 
 
 def _opened(name: str, data: bytes) -> Image.Image:
-    """A picture of which only the size has been read. Raises UsageError where it is none, or too large."""
+    """A picture with only its size read. Raises UsageError where it is not one, or too large."""
     try:
         image = Image.open(io.BytesIO(data), formats=("PNG", "JPEG"))
     except (OSError, SyntaxError, ValueError, Image.DecompressionBombError) as error:

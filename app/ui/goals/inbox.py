@@ -1,4 +1,4 @@
-"""Takes files that a browser sends as a goal, and asks the program for it."""
+"""Goal upload: receives files from a browser, and requests the goal from the program."""
 
 from collections.abc import Callable, Sequence
 from typing import Final, final
@@ -29,7 +29,7 @@ class Inbox:
         self._one_at_a_time = anyio.Lock()
 
     async def receive(self, request: web.Request) -> web.Response:
-        """One form."""
+        """Handle one form."""
         try:
             form = await request.post()
         except (ValueError, web.HTTPRequestEntityTooLarge):
@@ -50,7 +50,7 @@ class Inbox:
         return web.Response(text="Sent; the messages say what came of it.")
 
     def _asked(self, operator: str, camera: str, sent: Sequence[web.FileField]) -> GoalRequest | PictureGoalRequest:
-        """What the files ask for. Raises UsageError where they make no sense."""
+        """Request for the goal in the files. Raises UsageError where they are invalid."""
         # Two pictures of a camera may have one name, in folders of their own.
         files = {f"{index} {each.filename}": each.file.read() for index, each in enumerate(sent)}
         named, now_s = fresh_id("goal"), self._desk.now()

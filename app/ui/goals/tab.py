@@ -1,4 +1,4 @@
-"""The tab in which a goal is set: from the view, drawn over the table, or of a file."""
+"""The tab that sets a goal: from the view, drawn over the table, or from a file."""
 
 import math
 import threading
@@ -26,12 +26,12 @@ _NOTHING: Final = next(name for name, kind in KINDS.items() if kind == "none")
 _SOURCES: Final[dict[Kind, GoalSource]] = {"copy": "copy", "curve": "curve", "region": "region"}
 _SHARPEST_1_M, _WIDEST_M = 15.0, 0.25
 _LINE_M = 0.003
-"""Above the table, so that it does not swallow the line."""
+"""Height of the line above the table, so that it stays visible."""
 
 
 @final
 class GoalTab:
-    """Widgets in the container that is open when this is made, and what is drawn in the scene meanwhile.
+    """Widgets in the container that is open when this is made, and the draft in the scene.
 
     Callbacks change the draft, in any thread; only the painter's thread draws. All browsers draw on the same draft.
     """
@@ -66,7 +66,7 @@ class GoalTab:
         self._line: viser.LineSegmentsHandle | None = None
 
     def paint(self, board: Board) -> None:
-        """Draw the draft, and say how far the object is from the goal, and from the draft."""
+        """Draw the draft, and show the object's distance from the goal, and from the draft."""
         draft, last, self._last = self._draft, self._last, board
         if board.frames.keys() != last.frames.keys():
             self._files.content = files(sorted(board.frames))
@@ -86,7 +86,7 @@ class GoalTab:
         self._use.visible = goal is not None
 
     def _begin(self, draft: Draft, object_: Points) -> None:
-        """Another kind is drawn: of the object as it is now, which is kept until another one is."""
+        """Begin a draft of another kind, with the object as it is now, which is kept until the next one."""
         kind = draft.kind
         self._object = object_
         self._bend.visible, self._radius.visible = kind == "copy", kind == "region"
@@ -146,9 +146,9 @@ class GoalTab:
             self._ask(event, "view", seen.positions)
 
     def _use_draft(self, event: viser.GuiEvent[Any]) -> None:
-        """The draft ends before the goal is asked for: whoever sees it set may begin the next one at once.
+        """End the draft before the goal is requested: its viewers may begin the next one at once.
 
-        It stays where somebody else has control, so that the goal will be refused.
+        It stays where another operator has control, so that the goal will be refused.
         """
         draft, object_ = self._draft, self._object
         goal = draft.positions(object_) if object_ is not None else None
@@ -163,7 +163,7 @@ class GoalTab:
 
 
 def card(board: Board, draft: Points | None) -> str:
-    """How far the object is from its goal, and would be from the one that is drawn."""
+    """Card of the object's distance from its goal, and from the drawn one."""
     if board.particles is None or board.goal is None:
         return '<div class="dp"><small>No goal, or nothing seen yet.</small></div>'
     x = board.particles.positions
@@ -176,7 +176,7 @@ def card(board: Board, draft: Points | None) -> str:
 
 
 def files(cameras: Iterable[str]) -> str:
-    """Where files are given; the page's script sends them."""
+    """HTML of the file input; the page's script sends the files."""
     options = "".join(f"<option>{escape(name)}</option>" for name in cameras)
     return (
         '<div class="dp"><h3>Of a file</h3><p><small>Points [m] as .npy or .ply; or a colour picture and a 16-bit '

@@ -18,13 +18,13 @@ from app.ui.cards import table, toned
 _MM: Final = 1e3
 _DOT_PX: Final = 2
 _GOOD_TURN_DEG: Final = 10.0
-"""Root mean square of turns about an axis that is enough of them."""
+"""Sufficient root mean square of rotations about an axis."""
 _PLOT_PX, _PLOT_DEG = 150, 40.0
-"""The plot's side, and the tilt at its border."""
+"""Side of the plot [pixel], and tilt at its border [degree]."""
 
 
 def live(board: Board) -> str:
-    """What the camera sees of the board now, and what to do next."""
+    """Card of the board in the camera's view now, and of the next step."""
     placing = board.placing
     if placing is None or not placing.under_way:
         return (
@@ -35,7 +35,7 @@ def live(board: Board) -> str:
 
 
 def result(placing: Placing | None, today: date) -> str:
-    """The views with what they miss, how they are spread, and where the camera is by them."""
+    """Card of the views with their residuals, their pose diversity, and the resulting camera pose."""
     if placing is None:
         return ""
     parts = [_kept(placing, today)]
@@ -49,7 +49,7 @@ def result(placing: Placing | None, today: date) -> str:
 
 
 def marked(image: ColourImage, seen: BoardSeen | None) -> UInt8[np.ndarray, "rows columns 3"]:
-    """The picture as large as the panel shows it, with a dot on each corner."""
+    """The picture at the panel's size, with a dot on each corner."""
     small, step = masks.thinned(image).copy(), masks.stride(image.shape[1])
     corners = np.rint(seen.corners / step).astype(int) if seen is not None else np.zeros((0, 2), int)
     height, width = small.shape[:2]
@@ -80,7 +80,7 @@ def _kept(placing: Placing, today: date) -> str:
 
 
 def _age(kept_at: str, today: date) -> str:
-    """When a calibration was kept, with a warning where that is long ago."""
+    """Date of a stored calibration, with a warning where it is old."""
     if not kept_at:
         return toned("never kept", True, False)
     try:
@@ -116,7 +116,7 @@ def _turn(turn_deg: float) -> str:
 
 
 def _plot(placing: Placing) -> str:
-    """How the gripper was tilted in each view: a dot for each, about two axes."""
+    """Plot of the gripper's tilt in each view: a dot for each, about two axes."""
     middle = _PLOT_PX / 2
     dots = ""
     for view in placing.views:

@@ -1,4 +1,4 @@
-"""The tab in which a camera is calibrated: its picture with the board, views, the result, and the buttons for it."""
+"""The tab that calibrates a camera: its picture with the board, views, the result, and the buttons for it."""
 
 from collections.abc import Sequence
 from datetime import UTC, datetime
@@ -30,7 +30,7 @@ _AXES_M: Final = 0.08
 class PlacingTab:
     """Widgets in the container that is open when this is made, and the next pose in the scene.
 
-    Painted by the painter's thread alone; callbacks ask the program, in any thread.
+    Painted by the painter's thread alone; callbacks send requests to the program, in any thread.
     """
 
     def __init__(self, server: viser.ViserServer, desk: Desk) -> None:
@@ -51,7 +51,7 @@ class PlacingTab:
         self._next = server.scene.add_frame("/calibration/next", axes_length=_AXES_M, axes_radius=0.002, visible=False)
 
     def paint(self, board: Board) -> None:
-        """Bring the tab up to the board."""
+        """Update the tab to the board."""
         last, self._last = self._last, board
         if board.frames.keys() != last.frames.keys() and board.frames:
             self._camera.options = _names(sorted(board.frames))

@@ -14,7 +14,7 @@ NO_PLAN: Final = '<div class="dp"><small>No plan yet.</small></div>'
 
 
 def branches(proposal: Proposal, look: Look) -> str:
-    """All branches of a plan: what they cost before and after descent, and by hovering, why."""
+    """All branches of a plan with their costs before and after descent, and the cost terms on hovering."""
     head = "<tr><th>Branch</th><th>Cost</th><th></th></tr>"
     rows = "".join(_row(proposal, look, index) for index in range(len(proposal.branches)))
     return f'<div class="dp dp-plans"><table>{head}{rows}</table>{_hint(proposal)}</div>'
@@ -44,7 +44,7 @@ def _cost(branch: Branch) -> str:
 
 
 def _change(branch: Branch) -> str:
-    """What descent gained; costs may be negative, so that it is a difference and no share."""
+    """Gain of the descent; costs may be negative, so it is a difference and no share."""
     gained = branch.cost_after - branch.cost_before
     return f"<small>{words.number(gained)}</small>" if gained else ""
 
@@ -55,7 +55,7 @@ def _terms(branch: Branch) -> str:
 
 
 def moment(look: Look, goal: Points | None) -> str:
-    """Where the branches are at the moment that is looked at, and how far from the goal the object is then."""
+    """Card of the chosen moment of the branches, with the object's distance from the goal."""
     return f'<div class="dp dp-moment">{table(_moment_rows(look, goal))}</div>'
 
 

@@ -1,4 +1,4 @@
-"""A motion changed by its ends: two handles in the scene, the changed way, and the buttons for it."""
+"""Editing of a motion by its ends: two handles in the scene, the changed path, and the buttons for it."""
 
 from dataclasses import dataclass
 from typing import Any, final
@@ -23,7 +23,7 @@ _HANDLE_M = 0.12
 @final
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Draft:
-    """A motion that is being changed: the way of branch `index` of `proposal`, and the handles of its ends."""
+    """A motion being edited: the path of branch `index` of `proposal`, and the handles of its ends."""
 
     proposal: Proposal
     index: int
@@ -32,16 +32,16 @@ class Draft:
 
     @property
     def ends(self) -> tuple[np.ndarray, np.ndarray]:
-        """Where the handles are, at the height of the way [m]."""
+        """Positions of the handles, at the height of the path [m]."""
         start, end = (np.array([*handle.position[:2], self.way[0, 2]], np.float64) for handle in self.handles)
         return start, end
 
 
 @final
 class EditForm:
-    """In the container that is open when this is made. Painted by the painter's thread alone.
+    """Form in the container that is open when this is made. Painted by the painter's thread alone.
 
-    Handles belong to one branch of one plan: with either they go, and a press that comes later has no effect.
+    Handles belong to one branch of one plan: they are removed with either, and a later press has no effect.
     """
 
     def __init__(self, server: viser.ViserServer, desk: Desk) -> None:
@@ -57,11 +57,11 @@ class EditForm:
 
     @property
     def editing(self) -> bool:
-        """Whether there are handles."""
+        """True while there are handles."""
         return self._draft is not None
 
     def paint(self, board: Board, look: Look | None) -> None:
-        """Handles while the switch is on and the plan may still be decided on, and the way as they say."""
+        """Show handles while the switch is on and the plan may still be decided on, and the path between them."""
         editable = look is not None and board.decidable and board.pending is look.proposal and _is_push(look)
         if self._switch.disabled == editable:
             self._switch.disabled = not editable
@@ -102,7 +102,7 @@ class EditForm:
             handle.remove()
 
     def _draw(self) -> None:
-        """The changed way, anew where a handle was moved."""
+        """Draw the changed path again where a handle was moved."""
         if self._draft is None:
             self._drawn = ()
             self._way.put(None)

@@ -1,4 +1,4 @@
-"""Two branches in the scene: their ways, and the object and the gripper at a moment."""
+"""Two branches in the scene: their paths, and the object and the gripper at a moment."""
 
 from typing import final
 
@@ -17,7 +17,7 @@ _THICK_PX = 5.0
 
 @final
 class Ghosts:
-    """Of one server. Used by the painter's thread alone."""
+    """The two branches of one server's scene. Used by the painter's thread alone."""
 
     def __init__(self, server: viser.ViserServer) -> None:
         self._looked = Ghost(server, "/look/at", palette.LOOKED)
@@ -29,7 +29,7 @@ class Ghosts:
             ghost.tool.become(flat)
 
     def paint(self, look: Look | None) -> None:
-        """What is looked at. The proposed branch's way is drawn anyway; now, the object is where it is seen."""
+        """Draw the chosen branches. The proposed path is drawn anyway; at moment now, the observed object is."""
         at = look.branch if look else None
         proposed = look is not None and look.at == look.proposal.best
         self._looked.paint(look, at, way=not proposed)
@@ -46,7 +46,7 @@ class Ghost:
         self.tool = Tool(server, f"{name}/tool", colour, opacity=0.5)
 
     def paint(self, look: Look | None, branch: Branch | None, *, way: bool) -> None:
-        """Draw `branch` at the moment of `look`, and its way where it shall be."""
+        """Draw `branch` at the moment of `look`, and its path where `way`."""
         self._way.put(branch.tool_path if branch and way else None)
         ghost = look.ghost(branch) if look and branch and look.share else None
         if ghost is None or not np.isfinite(ghost.particles).all():
@@ -70,7 +70,7 @@ class Way:
         self._line: viser.LineSegmentsHandle | None = None
 
     def put(self, way: np.ndarray | None) -> None:
-        """Draw the way (W, 3) [m], or nothing; sent only where it is another one than before."""
+        """Draw the path (W, 3) [m], or nothing; sent only where it has changed."""
         if way is self._drawn:
             return
         self._drawn = way

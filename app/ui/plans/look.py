@@ -1,4 +1,4 @@
-"""What an operator looks at: two branches of a plan at a moment between now and their end. Pure."""
+"""View selection: two branches of a plan at a moment between now and their end. Pure."""
 
 from dataclasses import dataclass
 from typing import Final, NamedTuple, final
@@ -14,7 +14,7 @@ NONE: Final[str] = "none"
 
 
 class Ghost(NamedTuple):
-    """A branch at a moment: particles and the tool's tip [m], which is NaN where nobody knows it."""
+    """A branch at a moment: particles and the tool's tip [m], which is NaN where unknown."""
 
     particles: Points
     tool: np.ndarray
@@ -32,23 +32,23 @@ class Look:
 
     @property
     def branch(self) -> Branch:
-        """The one looked at."""
+        """The chosen branch."""
         return self.proposal.branches[self.at]
 
     @property
     def other(self) -> Branch | None:
-        """The one compared with."""
+        """The branch compared with it."""
         return None if self.beside is None else self.proposal.branches[self.beside]
 
     def ghost(self, branch: Branch) -> Ghost:
-        """What `branch` is expected to look like at this moment: the nearest one that was kept."""
+        """Predicted state of `branch` at this moment: the nearest stored one."""
         particles, tools = moments(self.proposal, branch)
         index = round(self.share * (len(particles) - 1))
         return Ghost(particles[index], tools[index])
 
 
 def looked(proposal: Proposal, at: str, beside: str, moment: int) -> Look:
-    """What the widgets say; what makes no sense there is the proposed branch, none beside it, and now."""
+    """Selection from the widgets' values; invalid ones become the proposed branch, none beside it, and now."""
     known = {name: index for index, name in enumerate(names(proposal))}
     branch = known.get(at, proposal.best)
     share = min(max(moment / last_moment(proposal), 0.0), 1.0)
@@ -56,19 +56,19 @@ def looked(proposal: Proposal, at: str, beside: str, moment: int) -> Look:
 
 
 def names(proposal: Proposal) -> tuple[str, ...]:
-    """What the branches are called, each differently."""
+    """Unique names of the branches."""
     return tuple(f"{index} {branch.origin}" for index, branch in enumerate(proposal.branches, start=1))
 
 
 def last_moment(proposal: Proposal) -> int:
-    """How many steps there are from now to the end, one at least."""
+    """Number of steps from now to the end, at least one."""
     return max(1, *(len(moments(proposal, branch)[0]) - 1 for branch in proposal.branches))
 
 
 def moments(proposal: Proposal, branch: Branch) -> tuple[np.ndarray, np.ndarray]:
     """Particles (F, K, 3) and tool (F, 3) [m] at moments of a branch, the first of them now.
 
-    Where no moments were kept, those that always are: now, after the first motion, and at the end.
+    Where no moments were stored, those that always are: now, after the first motion, and at the end.
     """
     if len(branch.frames):
         unknown = np.full((len(branch.frames), 3), np.nan)
@@ -82,7 +82,7 @@ def moments(proposal: Proposal, branch: Branch) -> tuple[np.ndarray, np.ndarray]
 
 
 def motion_at(branch: Branch, share: float) -> tuple[int, int]:
-    """Which of its motions is being made at `share` of the horizon, counted from 1, and how many there are."""
+    """Number of the motion under way at `share` of the horizon, counted from 1, and their total."""
     count = max(len(branch.actions), 1)
     return min(max(int(np.ceil(share * count)), 1), count), count
 
@@ -90,6 +90,6 @@ def motion_at(branch: Branch, share: float) -> tuple[int, int]:
 def to_goal_m2(ghost: Ghost, goal: Points) -> float:
     """Squared Chamfer distance to the goal [m^2]; NaN where a branch became non-finite.
 
-    Of a crowd that was thinned for its moments a little more than of the whole.
+    For particles that were thinned a little more than for all of them.
     """
     return float(chamfer_m2(ghost.particles, goal)) if len(goal) and len(ghost.particles) else float("nan")

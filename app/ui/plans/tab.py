@@ -1,4 +1,4 @@
-"""The widgets of the tab Plans. All browsers share them: who watches sees what is being looked at."""
+"""The widgets of the tab Plans. All browsers share them, so spectators see the same selection."""
 
 from typing import final
 
@@ -18,7 +18,7 @@ from app.ui.tool import Flat
 
 @final
 class Plans:
-    """In the container that is open when this is made. Painted by the painter's thread alone."""
+    """Widgets in the container that is open when this is made. Painted by the painter's thread alone."""
 
     def __init__(self, server: viser.ViserServer, desk: Desk, scene: Scene) -> None:
         gui = server.gui
@@ -37,7 +37,7 @@ class Plans:
             widget.on_update(lambda _: desk.changed.set())
 
     def paint(self, board: Board) -> None:
-        """Bring the tab up to the board and to what the widgets say."""
+        """Update the tab to the board and the widgets."""
         if board.shown is not self._shown:
             self._shown = board.shown
             self._offer(board.shown)
@@ -52,7 +52,7 @@ class Plans:
         self._scene.playing = not (self._edit.editing or (look is not None and look.share > 0))
 
     def _offer(self, proposal: Proposal | None) -> None:
-        """The branches of a plan to choose from, beginning with what is proposed, now."""
+        """Offer the branches of a plan, beginning with the proposed one, now."""
         known = names(proposal) if proposal else ()
         for widget, first in ((self._at, BEST), (self._beside, NONE)):
             widget.options = (first, *known)

@@ -1,4 +1,4 @@
-"""What discovery concluded, for people and for programs: a page, a JSON file and lines in a terminal."""
+"""Reports of a discovery's result: a page, a JSON file and lines in a terminal."""
 
 from app.ui.report.page import write_report
 from app.ui.report.terminal import show_case

@@ -1,4 +1,4 @@
-"""The next step after a verdict, in one to three sentences: what to do with it, or what would change it."""
+"""The next step after a verdict, in one to three sentences: its use, or the data that would change it."""
 
 import shlex
 from collections.abc import Iterator
@@ -11,13 +11,13 @@ _SOURCE: Final = {
     "sensing": "Or take it away at its source: calibrate cameras and tool anew, and record again.",
     "actuation": "Or take it away at its source, in the arm's own controller, and record again.",
 }
-"""By family of a cause: what is better than a model that allows for it."""
+"""Advice by family of a cause that is better than a model that allows for it."""
 MODEL: Final = "model.toml"
 _SURE: Final = 0.95
 
 
 def advice(case: Case) -> tuple[str, ...]:
-    """What to do next, the most important first."""
+    """Next steps, the most important first."""
     return tuple(_advice(case))
 
 
@@ -47,12 +47,12 @@ def _advice(case: Case) -> Iterator[str]:
 
 
 def _run(case: Case) -> str:
-    """The command that plans with the model that is saved."""
+    """The command that plans with the saved model."""
     return f"dipac run {shlex.quote(case.amount.task)} --model {MODEL}"
 
 
 def _more(case: Case, why: str) -> Iterator[str]:
-    """The push that would tell most, or more of any."""
+    """The most informative push, or more of any."""
     if case.next_push is not None:
         yield f"{why}, make this push and ask again. {case.next_push.text}"
     else:

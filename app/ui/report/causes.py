@@ -1,4 +1,4 @@
-"""What was weighed: causes with probability and size, and which of them these pushes would confuse."""
+"""The weighed causes with probability and size, and the confusions among them for these pushes."""
 
 import math
 
@@ -17,7 +17,7 @@ _CONFUSED_FROM = 0.15
 _NUMBERED_FROM = 0.01
 _LABELS = 190.0
 _NARROW = 24.0
-"""Cells below this hold no numbers, and the names above them stand upright."""
+"""Cell size below which cells hold no numbers, and the names above them stand upright."""
 
 
 def causes(case: Case) -> Markup:
@@ -58,7 +58,7 @@ def _row(blame: Blame, chosen: bool) -> tuple[Markup, str, Markup, str, str, str
 
 
 def _about(blame: Blame) -> str:
-    """What the cause is, without its name where that comes first."""
+    """Description of the cause, without its name where that comes first."""
     name, colon, rest = blame.about.partition(": ")
     return rest if colon and len(name) < 80 else blame.about
 
@@ -72,7 +72,7 @@ def _bar(share: float, kind: str, width: float = 110.0) -> Markup:
 
 
 def confusions(case: Case) -> Markup:
-    """How often each hidden cause would have been taken for each, as a heat map."""
+    """Heat map of the share in which each hidden cause would have been taken for each."""
     count = len(case.confused)
     if not count:
         return paragraph("The test was not tried on hidden causes, so nobody knows what it would confuse.")
@@ -123,7 +123,7 @@ def _cell(x: float, y: float, side: float, share: float, own: bool) -> Markup:
 
 
 def _said(case: Case) -> str:
-    """The pairs that are taken for one another, in words."""
+    """The pairs that are confused with one another, in words."""
     mutual = np.maximum(case.confusions, case.confusions.T)
     pairs = sorted(
         ((float(mutual[i, j]), i, j) for i in range(len(mutual)) for j in range(i) if mutual[i, j] >= _CONFUSED_FROM),

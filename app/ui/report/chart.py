@@ -78,7 +78,7 @@ def nice_step(least: float) -> float:
 
 
 def svg(width: float, height: float, title: str, description: str, *children: Child) -> Markup:
-    """A drawing that those hear who do not see it."""
+    """A drawing with a text alternative for screen readers."""
     return tag(
         "svg",
         tag("title", title),
@@ -93,7 +93,7 @@ def svg(width: float, height: float, title: str, description: str, *children: Ch
 
 
 def axes(p: Plot, x_label: str, y_label: str, *, x_count: int = 5, y_count: int = 5, grid: str = "y") -> Markup:
-    """Ticks, their numbers and what they are of; faint lines across along the axes named in `grid`."""
+    """Ticks with numbers and labels; faint lines across along the axes named in `grid`."""
     return joined([*_x_axis(p, x_label, x_count, "x" in grid), *_y_axis(p, y_label, y_count, "y" in grid)])
 
 
@@ -118,7 +118,7 @@ def _y_axis(p: Plot, title: str, count: int, grid: bool) -> Iterable[Markup]:
 
 
 def tick_labels(values: Sequence[float]) -> list[str]:
-    """The numbers of ticks, with as many places as their distance needs."""
+    """Numbers of ticks, with as many places as their distance needs."""
     step = abs(values[1] - values[0]) if len(values) > 1 else 1.0
     places = max(0, -math.floor(math.log10(step) + 1e-9)) if step > 0 else 0
     return [decimal(value, places) for value in values]

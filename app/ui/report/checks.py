@@ -1,4 +1,4 @@
-"""What was measured without simulating anything: a row a check, with its interval beside what would be right."""
+"""The direct measurements, without simulation: a row a check, its interval beside the expected value."""
 
 import math
 
@@ -13,7 +13,7 @@ _WIDTH, _HEIGHT = 150.0, 22.0
 
 
 def checks(case: Case) -> Markup:
-    """The table of checks, and how many are sound."""
+    """The table of checks, and the number of sound ones."""
     if not case.checks:
         return paragraph(
             "Nothing could be checked without simulating: finger, bare table and measured poses are missing."
@@ -42,7 +42,7 @@ def _expected(check: Check) -> str:
 
 
 def _strip(check: Check) -> Markup:
-    """The interval as a bar, and a tick at what would be right."""
+    """The interval as a bar, with a tick at the expected value."""
     values = [check.low, check.high, check.value, check.expected]
     if not all(map(math.isfinite, values)):
         return tag("span", NOTHING)

@@ -1,4 +1,4 @@
-"""Held-out pushes as they were and as both models predict them, from above, and what differs most through a lens."""
+"""Held-out pushes as observed and as both models predict them, from above, with the largest difference enlarged."""
 
 from app.discovery.case import Case, Example
 from app.ui.report.chart import Plot, svg
@@ -18,7 +18,7 @@ _KEY = (
 
 
 def examples(case: Case) -> Markup:
-    """The pushes, of which one at a time is shown."""
+    """The pushes, shown one at a time."""
     if not case.examples:
         return paragraph("No episode was held out, so there is no push that the models had not seen.")
     options = [(str(index), f"push {it.number}") for index, it in enumerate(case.examples)]
@@ -59,7 +59,7 @@ def _example(it: Example, index: int) -> Markup:
 
 
 def _ends(p: Plot, it: Example) -> Markup:
-    """What was seen over what both models predicted."""
+    """The observed object over the predictions of both models."""
     return joined(
         [cloud(p, it.nominal, "nominal"), cloud(p, it.extended, "extended"), cloud(p, it.observed, "observed")]
     )

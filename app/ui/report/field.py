@@ -1,4 +1,4 @@
-"""Where the object is elsewhere than the model says: arrows on the table, along the object and push by push."""
+"""Residual field of the model: arrows on the table, along the object and push by push."""
 
 import numpy as np
 from jaxtyping import Float64
@@ -11,18 +11,18 @@ from app.ui.report.markup import Markup, joined, tag
 from app.ui.report.words import MINUS, decimal, percent
 
 _CELL_M = 0.06
-"""Residuals are averaged over squares of this size where all pushes are shown."""
+"""Size of the squares over which residuals are averaged where all pushes are shown."""
 _LEAST_IN_CELL = 4
 _DRAWN = 3000
-"""Arrows, at most."""
+"""Most arrows drawn."""
 _LONGEST_M = 0.04
-"""About as long are the larger arrows drawn on the table."""
+"""Approximate length of the larger arrows on the table."""
 _SHADES = 5
 _BINS = 12
 
 
 def field(case: Case) -> Markup:
-    """The map, and beside it the same residuals by place along the object and by push."""
+    """The map, and beside it the same residuals by position along the object and by push."""
     arrows = case.arrows
     if not len(arrows.places):
         return paragraph("No residuals were measured: there are no pushes that the model could be compared with.")
@@ -58,12 +58,12 @@ def _map_figure(case: Case) -> Markup:
 
 
 def lengths_mm(arrows: Arrows) -> Float64[np.ndarray, " M"]:
-    """How long the residuals are [mm]."""
+    """Lengths of the residuals [mm]."""
     return 1e3 * np.linalg.norm(arrows.displacements.astype(np.float64), axis=1)
 
 
 def _said(arrows: Arrows) -> str:
-    """Whether the arrows agree."""
+    """Sentence on the agreement of the arrows."""
     mean, size = 1e3 * arrows.displacements.mean(0), float(lengths_mm(arrows).mean())
     common = float(np.linalg.norm(mean))
     agreement = common / size if size > 0 else 0.0
@@ -80,7 +80,7 @@ def _layer(p: Plot, arrows: Arrows, chosen: np.ndarray, shade: float, times: flo
 
 
 def _means(p: Plot, arrows: Arrows, shade: float, times: float) -> Markup:
-    """The mean residual of each square of the table that has enough of them."""
+    """The mean residual of each square of the table with enough of them."""
     cells, index = np.unique(np.floor(arrows.places / _CELL_M), axis=0, return_inverse=True)
     counts = np.bincount(index.ravel(), minlength=len(cells))
     mean = [
@@ -113,7 +113,7 @@ def _key(p: Plot, times: float) -> Markup:
 
 
 def _magnification(sizes: np.ndarray) -> float:
-    """How much longer than they are arrows are drawn: 1, 2, 5, 10, ... times."""
+    """Magnification of the arrows: 1, 2, 5, 10, ... times."""
     large = float(np.quantile(sizes, 0.9)) * 1e-3
     return max(1.0, nice_step(_LONGEST_M / large / 2)) if large > 0 else 1.0
 
@@ -124,7 +124,7 @@ def _range(k: int, shade: float) -> str:
 
 
 def _along_figure(arrows: Arrows) -> Markup:
-    """The size of residuals along the object: median, and where 80 % of them are."""
+    """The size of residuals along the object: median, and the range of 80 % of them."""
     sizes, edges = lengths_mm(arrows), np.linspace(-1, 1, _BINS + 1)
     bins = np.clip(np.digitize(arrows.along, edges) - 1, 0, _BINS - 1)
     middles = [float(edges[k] + edges[k + 1]) / 2 for k in range(_BINS) if (bins == k).any()]
@@ -148,7 +148,7 @@ def _along_figure(arrows: Arrows) -> Markup:
 
 
 def _where(middles: list[float], median: list[float]) -> str:
-    """Whether one part of the object is worse than the rest."""
+    """Phrase on the part of the object with the largest residuals, if one stands out."""
     worst = int(np.argmax(median))
     if median[worst] < 1.5 * float(np.median(median)):
         return "no part of it is much worse than the others."

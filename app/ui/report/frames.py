@@ -1,4 +1,4 @@
-"""In which frame the mean residual is constant, as bars with intervals."""
+"""Test of the frame in which the mean residual is constant, as bars with intervals."""
 
 import math
 
@@ -14,7 +14,7 @@ _SHARE = Axis(low=0.0, high=1.0, start=10.0, end=_WIDTH - 24)
 
 
 def frames(case: Case) -> Markup:
-    """A bar a frame, the one that explains most first."""
+    """A bar for each frame, the one that explains most first."""
     ordered = sorted((it for it in case.frames if math.isfinite(it.explained)), key=lambda it: -it.explained)
     if not ordered:
         return paragraph("There is nothing to test: no residuals were measured.")

@@ -1,4 +1,4 @@
-"""What the extended model gained on episodes that no model was fitted to."""
+"""Gain of the extended model on held-out episodes."""
 
 import math
 
@@ -16,7 +16,7 @@ _MARGINS = (14.0, 14.0, 46.0, 58.0)
 
 
 def gains(case: Case) -> Markup:
-    """The gain in words, and three small figures of it."""
+    """The gain in words, and in three small figures."""
     drawn = [_bars(case.gain)] if math.isfinite(case.gain.nominal_mm) else []
     drawn += [_paired(case)] if np.isfinite(case.per_episode).any() else []
     drawn += [_steps(case)] if np.isfinite(case.steps).any() else []

@@ -17,16 +17,16 @@ Bounds: TypeAlias = tuple[float, float, float, float]
 """Least and greatest x, least and greatest y [m]."""
 
 DOTS_DRAWN = 400
-"""Points of a cloud, at most: more are a blot, and a large file."""
+"""Most points drawn of a cloud: more are a blot, and a large file."""
 _MARGIN_M = 0.02
 _SNAP_M = 0.02
 _SQUARE = 0.75
-"""The shorter side over the longer one, at least."""
+"""Least ratio of the shorter side to the longer one."""
 _MARGINS = (10.0, 10.0, 44.0, 60.0)
 
 
 def table_bounds(case: Case) -> Bounds:
-    """What every drawing of the whole table shows: all places where anything was."""
+    """Bounds of every drawing of the whole table: all observed positions."""
     clouds: list[np.ndarray] = [case.arrows.places]
     clouds += [cloud for it in case.examples for cloud in (it.before, it.observed, it.tool)]
     if case.next_push is not None:
@@ -48,7 +48,7 @@ def bounds(clouds: Iterable[Flat], margin_m: float = _MARGIN_M) -> Bounds:
 
 
 def ground(within: Bounds, width: float, tallest: float = 620.0) -> Plot:
-    """A plot of a part of the table, as wide as this where it does not get too tall."""
+    """Plot of a part of the table, of this width unless it becomes too tall."""
     x_low, x_high, y_low, y_high = within
     top, right, bottom, left = _MARGINS
     scale = min((width - left - right) / (x_high - x_low), (tallest - top - bottom) / (y_high - y_low))
@@ -75,7 +75,7 @@ def cloud(p: Plot, points: Flat, kind: str) -> Markup:
 
 
 def way(p: Plot, positions: Flat, kind: str = "tool") -> Markup:
-    """The tool's way, with an arrow head at its end."""
+    """The tool's path, with an arrow head at its end."""
     pixels = [p.at(point) for point in positions]
     moves = [
         pixels[0],

@@ -1,4 +1,4 @@
-"""What the page is made of: sections, figures with captions, legends and tables."""
+"""Elements of the page: sections, figures with captions, legends and tables."""
 
 from collections.abc import Iterable, Sequence
 
@@ -6,13 +6,13 @@ from app.ui.report.markup import Child, Markup, joined, tag
 
 
 def section(ident: str, number: int, title: str, question: str, *children: Child) -> Markup:
-    """A part of the case file: its title and the question it answers at the side, and what answers it."""
+    """A section of the case file: its title and question at the side, and the answer."""
     head = tag("header", tag("h2", tag("span", str(number), class_="number"), title), tag("p", question), class_="side")
     return tag("section", head, tag("div", *children, class_="body"), id=ident)
 
 
 def figure(drawing: Child, caption: Child, *, legend: Child = "", controls: Child = "", kind: str = "") -> Markup:
-    """A drawing with what to see in it."""
+    """A drawing with its caption."""
     return tag(
         "figure",
         controls,
@@ -24,7 +24,7 @@ def figure(drawing: Child, caption: Child, *, legend: Child = "", controls: Chil
 
 
 def legend(entries: Iterable[tuple[str, str]]) -> Markup:
-    """What the colours mean: classes of swatches, and names."""
+    """Legend of the colours: classes of swatches, and names."""
     return tag("ul", *(tag("li", swatch(kind), name) for kind, name in entries), class_="legend")
 
 
@@ -34,7 +34,7 @@ def swatch(kind: str) -> Markup:
 
 
 def chooser(group: str, title: str, options: Iterable[tuple[str, str]]) -> Markup:
-    """A choice of which parts of `group` are shown: keys and names (report.js)."""
+    """Selector of the parts of `group` that are shown: keys and names (report.js)."""
     choices = [tag("option", name, value=key) for key, name in options]
     return tag("label", title, tag("select", *choices, data_pick=group), class_="chooser")
 
@@ -53,7 +53,7 @@ def table(
 
 
 def columns(*children: Child, kind: str = "two") -> Markup:
-    """Things beside one another where there is room."""
+    """Elements beside one another where there is room."""
     return tag("div", *children, class_=f"columns {kind}")
 
 
@@ -63,5 +63,5 @@ def paragraph(text: str, kind: str = "") -> Markup:
 
 
 def details(summary: str, *children: Child) -> Markup:
-    """What only those want to see who ask."""
+    """Collapsed details under a summary."""
     return tag("details", tag("summary", summary), *children)

@@ -1,4 +1,4 @@
-"""What is looked at more closely: where two clouds are farthest apart, from above."""
+"""Enlargement of the region where two clouds are farthest apart, from above."""
 
 import numpy as np
 from jaxtyping import Float64
@@ -9,12 +9,12 @@ from app.ui.report.ground import DOTS_DRAWN, Bounds, ground, surface
 from app.ui.report.markup import Markup, tag
 
 LENS_M = 0.035
-"""Half the side of what is shown."""
+"""Half the side of the region."""
 _WIDTH = 360.0
 
 
 def lens(seen: Points, predicted: Points) -> Bounds:
-    """The square in which seen points are farthest from predicted ones."""
+    """The square where observed points are farthest from predicted ones."""
     points = _flat(seen)
     distances = _nearest_m(points, _flat(predicted))
     near = np.linalg.norm(points[:, None] - points[None], axis=2) < LENS_M / 2
@@ -23,23 +23,23 @@ def lens(seen: Points, predicted: Points) -> Bounds:
 
 
 def apart_mm(seen: Points, predicted: Points) -> float:
-    """From a seen point to the nearest predicted one, in the mean and from above [mm]."""
+    """Mean distance from an observed point to the nearest predicted one, from above [mm]."""
     return 1e3 * float(_nearest_m(_flat(seen), _flat(predicted)).mean())
 
 
 def frame(p: Plot, within: Bounds) -> Markup:
-    """The lens's place on a larger drawing."""
+    """The region's outline on a larger drawing."""
     x, y = p.at((within[0], within[3]))
     return tag("rect", x=x, y=y, width=p.x(within[1]) - x, height=p.y(within[2]) - y, class_="lens")
 
 
 def close_up(within: Bounds) -> Plot:
-    """The plot of what the lens shows."""
+    """The plot of the region."""
     return ground(within, _WIDTH)
 
 
 def enlarged(p: Plot, ident: str, title: str, description: str, drawn: Markup) -> Markup:
-    """A drawing of what the lens shows, cut at its edges; `ident` is its own on the page."""
+    """A drawing of the region, clipped at its edges; `ident` is unique on the page."""
     inside = tag("rect", x=p.x.start, y=p.y.end, width=p.x.end - p.x.start, height=p.y.start - p.y.end)
     return svg(
         p.width,

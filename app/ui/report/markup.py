@@ -13,7 +13,7 @@ _VOID: Final = {"meta", "br", "hr", "input", "col"}
 @final
 @dataclass(frozen=True)
 class Markup:
-    """Text that is markup already."""
+    """Text that is already markup."""
 
     text: str
 
@@ -30,14 +30,14 @@ def tag(name: str, /, *children: Child, **attributes: Attribute) -> Markup:
 
 
 def joined(children: Iterable[Child], between: str = "") -> Markup:
-    """Elements and text after one another."""
+    """Concatenated elements and text."""
     return Markup(
         escape(between).join(child.text if isinstance(child, Markup) else escape(child) for child in children)
     )
 
 
 def short(value: float) -> str:
-    """A number of an attribute: a tenth of a pixel is enough."""
+    """Number of an attribute: a tenth of a pixel is enough."""
     return f"{round(value, 1) + 0.0:.1f}".removesuffix(".0")
 
 

@@ -1,4 +1,4 @@
-"""The top of the page: the verdict in large type, its sentences and key numbers; then what was looked at."""
+"""The top of the page: the verdict in large type, its sentences and key numbers; then the amount of data."""
 
 import math
 from typing import Final
@@ -15,7 +15,7 @@ _PROGRAM: Final = "dipac "
 
 
 def masthead(case: Case) -> Markup:
-    """What a reader takes home who reads nothing else."""
+    """Summary of the case for a reader of nothing else."""
     return tag(
         "header",
         tag("p", tag("b", "dipac discover"), f"case file of {case.amount.task}", class_="brand"),
@@ -31,7 +31,7 @@ def masthead(case: Case) -> Markup:
 
 
 def _simulated(case: Case) -> list[Markup]:
-    """Object, tool and table as they were simulated, and who says so."""
+    """Object, tool and table as they were simulated, with the source of their numbers."""
     if case.setup is None:
         return []
     return [tag("ul", *(tag("li", text) for text in case.setup.words), class_="simulated")]
@@ -44,7 +44,7 @@ def _next(text: str) -> Markup:
 
 
 def _key_numbers(case: Case) -> list[tuple[str, str, str]]:
-    """Name, number and what more there is to say of it."""
+    """Name, number and explanation of each key figure."""
     known = chance(case)
     entries = [("Probability", *known)] if known is not None else []
     for blame in case.causes:
@@ -69,7 +69,7 @@ def _figure(name: str, number: str, more: str) -> Markup:
 
 
 def scope(case: Case) -> Markup:
-    """How much was looked at, and what cannot be concluded from it."""
+    """Amount of data, and the conclusions that it cannot support."""
     it = case.amount
     counts = (
         (it.episodes, "episodes"),

@@ -1,4 +1,4 @@
-"""The extended model as it is saved, and where the time went."""
+"""The saved extended model, and the time spent."""
 
 import math
 
@@ -38,12 +38,12 @@ def _row(part: str, it: Estimate) -> tuple[str, Markup, str, str, str]:
 
 
 def _places(value: float) -> int:
-    """Places that a round number needs."""
+    """Decimal places that a round number needs."""
     return next((places for places in range(4) if math.isclose(value, round(value, places), abs_tol=1e-9)), 4)
 
 
 def spent(case: Case) -> Markup:
-    """A bar a stage."""
+    """A bar for each stage."""
     known = [(stage, seconds) for stage, seconds in case.spent_s if math.isfinite(seconds) and seconds >= 0]
     total = sum(seconds for _, seconds in known)
     if total <= 0:

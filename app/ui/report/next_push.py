@@ -1,4 +1,4 @@
-"""The push that would tell apart what is left, drawn on the table."""
+"""The most discriminating next push, drawn on the table."""
 
 from app.discovery.case import Case, NextPush
 from app.ui.report.chart import Plot, svg
@@ -13,7 +13,7 @@ _KINDS = ("end0", "end1", "end2", "end3")
 
 
 def next_push(case: Case) -> Markup:
-    """The sentence, the drawing, and the same through a lens; or that no push is needed."""
+    """The sentence, the drawing, and its enlargement; or a note that no push is needed."""
     push = case.next_push
     if push is None:
         return paragraph("No push is proposed: there is nothing left that one would tell apart.")

@@ -1,4 +1,4 @@
-"""The case file as one page that needs nothing else: no network, no server, no other file."""
+"""The case file as one self-contained page: no network, no server, no other file."""
 
 import base64
 import hashlib
@@ -37,7 +37,7 @@ SECTIONS: Final[tuple[tuple[str, str, str, Callable[[Case], Markup]], ...]] = (
     ("model", "The extended model", "What is saved, and what a planner loads.", model),
     ("spent", "Time spent", "Where the time of this analysis went.", spent),
 )
-"""The parts of the page in the order of reading: where to jump to, title, the question it answers, what answers it."""
+"""Sections of the page in the order of reading: anchor, title, question, and its answer."""
 
 
 def write_report(path: Path, case: Case) -> None:
@@ -74,7 +74,7 @@ def _contents() -> Markup:
 
 
 def _policy(script: str) -> str:
-    """Nothing may be loaded, and no script may run but ours."""
+    """Content security policy: no loading, and no script but ours."""
     digest = base64.b64encode(hashlib.sha256(script.encode()).digest()).decode()
     return f"default-src 'none'; style-src 'unsafe-inline'; script-src 'sha256-{digest}'; img-src data:"
 

@@ -1,4 +1,4 @@
-"""What these data would have shown: the smallest visible size of each cause against a typical one."""
+"""Detectability in these data: the smallest visible size of each cause against a typical one."""
 
 import math
 
@@ -13,11 +13,11 @@ _LOW, _HIGH = 0.1, 10.0
 """Ends of the axis, in typical sizes."""
 _DRAWN = 18
 _TOLD = 5
-"""Rows of the figure, and causes named in its caption, at most."""
+"""Most rows of the figure, and causes named in its caption."""
 
 
 def powers(case: Case) -> Markup:
-    """In words, as a figure of the worst parameter of each cause, and all numbers on demand."""
+    """Detectability in words, as a figure of the worst parameter of each cause, and all numbers on demand."""
     if not case.powers:
         return paragraph("What these data would have shown was not computed.")
     worst = _worst(case.powers)
@@ -34,7 +34,7 @@ def powers(case: Case) -> Markup:
 
 
 def _worst(given: tuple[Power, ...]) -> list[Power]:
-    """The parameter of each cause that is hardest to see, the hardest first."""
+    """The least visible parameter of each cause, the least visible first."""
     by_effect = dict[str, Power]()
     for it in given:
         if it.effect not in by_effect or ratio(it) > ratio(by_effect[it.effect]):
@@ -99,7 +99,7 @@ def _row(x: Axis, it: Power, y: float) -> Markup:
 
 
 def said(worst: list[Power]) -> str:
-    """What would be invisible, in words."""
+    """Sentences on the causes that would be invisible."""
     never = [effect_name(it.effect) for it in worst if math.isinf(ratio(it))]
     weak = [
         f"{effect_name(it.effect)} (from {decimal(ratio(it), 1)} times typical)"

@@ -1,6 +1,6 @@
-"""What stands in `verdict.json`: documented in docs/discovery-verdict.md, from which other programs read it.
+"""Schema of `verdict.json`: documented in docs/discovery-verdict.md, from which other programs read it.
 
-JSON has no infinity and no NaN: such a number is null, and each description says what that means.
+JSON has no infinity and no NaN: such a number is null, and each description gives its meaning.
 """
 
 import re
@@ -33,8 +33,8 @@ class ParameterEntry(Struct, frozen=True, kw_only=True):
 class CauseEntry(Struct, frozen=True, kw_only=True):
     """A cause by the id of its effect, with its size and all of its parameters.
 
-    The size of one switch is its value; of several, the length of the vector that they are. `low` and `high` bound it
-    at 90 %; those of a length hold every length that the parts' own intervals allow.
+    The size of a single active parameter is its value; of several, the length of their vector. `low` and `high` bound
+    it at 90 %; those of a length hold every length that the parts' own intervals allow.
     """
 
     effect: str
@@ -59,7 +59,7 @@ class TermEntry(Struct, frozen=True, kw_only=True):
 
 @final
 class FormulaEntry(Struct, frozen=True, kw_only=True):
-    """A force on the object, as a share of its weight, that no cause of the catalogue is."""
+    """A force on the object outside the catalogue of causes, as a share of its weight."""
 
     text: str
     words: str
@@ -68,9 +68,9 @@ class FormulaEntry(Struct, frozen=True, kw_only=True):
 
 @final
 class HeldoutEntry(Struct, frozen=True, kw_only=True):
-    """One-step errors [mm] on episodes that the models were not fitted to, and the share of the error that is gone.
+    """One-step errors [mm] on episodes that the models were not fitted to, and the share of the error that is removed.
 
-    Null gain: the nominal model has no error to lose, or there were too few episodes.
+    Null gain: the nominal model has no error to remove, or there were too few episodes.
     """
 
     nominal: Maybe
@@ -92,7 +92,7 @@ class TrackEntry(Struct, frozen=True, kw_only=True):
 
 @final
 class NextPushEntry(Struct, frozen=True, kw_only=True):
-    """The push that would best tell apart the models in `between`, and how far apart they see the object end [mm]."""
+    """The push that best discriminates the models in `between`, and the distance of their predicted objects [mm]."""
 
     text: str
     between: tuple[str, ...]
@@ -102,7 +102,7 @@ class NextPushEntry(Struct, frozen=True, kw_only=True):
 
 @final
 class PushEntry(Struct, frozen=True, kw_only=True):
-    """A push that was chosen for what it says about the rivals in `between`; `nats` as docs/discovery.md has them."""
+    """A push chosen to discriminate the rivals in `between`; `nats` as in docs/discovery.md."""
 
     text: str
     between: tuple[str, ...]
@@ -112,7 +112,7 @@ class PushEntry(Struct, frozen=True, kw_only=True):
 
 @final
 class PushesFile(Struct, frozen=True, kw_only=True):
-    """What stands in `pushes.json`: pushes to make next, in their order."""
+    """Content of `pushes.json`: pushes to make next, in their order."""
 
     task: str
     pushes: tuple[PushEntry, ...]
@@ -120,7 +120,7 @@ class PushesFile(Struct, frozen=True, kw_only=True):
 
 @final
 class LimitEntry(Struct, frozen=True, kw_only=True):
-    """What these data lack, and what follows. A fatal one forbids to name any cause."""
+    """A limitation of these data, and its consequence. A fatal one forbids to name any cause."""
 
     text: str
     consequence: str
@@ -129,7 +129,7 @@ class LimitEntry(Struct, frozen=True, kw_only=True):
 
 @final
 class PowerEntry(Struct, frozen=True, kw_only=True):
-    """The smallest size that these data would have shown, beside a typical one."""
+    """The smallest size that would be visible in these data, beside a typical one."""
 
     effect: str
     parameter: str
@@ -140,7 +140,7 @@ class PowerEntry(Struct, frozen=True, kw_only=True):
 
 @final
 class AmountEntry(Struct, frozen=True, kw_only=True):
-    """How much was looked at."""
+    """Amount of data analysed."""
 
     task: str
     episodes: int
@@ -160,12 +160,12 @@ class SpentEntry(Struct, frozen=True, kw_only=True):
 
 @final
 class VerdictFile(Struct, frozen=True, kw_only=True):
-    """What `dipac discover` concluded. Intervals are 90 %; units are SI but where `unit` says otherwise.
+    """Result of `dipac discover`. Intervals are 90 %; units are SI but where `unit` says otherwise.
 
     `causes`: those that act together where the verdict is `named`, the alternatives where it is `set`, else none.
-    `simulated`: object, tool and table, each in a sentence that says who says its numbers. `ranking`: everything that
-    was weighed. `headline`: the verdict in a few words; `probability` of what
-    `probability_of` says; `advice`: what to do next.
+    `simulated`: object, tool and table, each in a sentence with the source of its numbers. `ranking`: everything that
+    was weighed. `headline`: the verdict in a few words; `probability`: that of the statement in `probability_of`;
+    `advice`: the next steps.
     """
 
     schema: Literal[1]
@@ -189,7 +189,7 @@ class VerdictFile(Struct, frozen=True, kw_only=True):
 
 
 def json_schema() -> str:
-    """The JSON Schema of a `VerdictFile`, as it stands in docs/verdict.schema.json."""
+    """The JSON Schema of a `VerdictFile`, as in docs/verdict.schema.json."""
     made = {"$schema": _DIALECT, **msgspec.json.schema(VerdictFile)}
     written = msgspec.json.format(msgspec.json.encode(made), indent=2).decode()
     return re.sub(r"(\\n\s*)+", " ", written) + "\n"

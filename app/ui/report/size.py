@@ -1,4 +1,4 @@
-"""How large a cause is, as one number."""
+"""Size of a cause as one number."""
 
 import math
 from dataclasses import dataclass
@@ -11,20 +11,20 @@ from app.discovery.case import Blame, Estimate
 @final
 @dataclass(frozen=True, kw_only=True)
 class Size:
-    """A size with its interval, in `unit`; not finite where nobody estimated it."""
+    """A size with its interval, in `unit`; not finite where it was not estimated."""
 
     value: float
     low: float
     high: float
     unit: str
     name: str
-    """Of the parameter that it is, or of the effect where it is a length."""
+    """Name of the parameter, or of the effect where the size is a length."""
 
 
 def size(blame: Blame) -> Size:
     """The size of a cause.
 
-    Its switches are the leading estimates of one unit: what follows in another says where or how it acts. A single one
+    Its active parameters are the leading estimates of one unit: those in another unit give place or form. A single one
     is its own size, with its sign. Several are a vector: the size is its length from the null, and the interval holds
     every length that parts within their own intervals can have, so that it is rather too wide.
     """
@@ -46,5 +46,5 @@ def size(blame: Blame) -> Size:
 
 
 def _nearest(part: Estimate) -> float:
-    """How near to its null a part may be."""
+    """Least distance of a part from its null within its interval."""
     return 0.0 if part.low <= part.null <= part.high else min(abs(part.low - part.null), abs(part.high - part.null))

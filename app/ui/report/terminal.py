@@ -1,6 +1,6 @@
 """The verdict in a terminal of 80 columns.
 
-What the case says is printed as Text: as a string, rich would read its brackets as markup.
+Text of the case is printed as Text: as a string, rich would read its brackets as markup.
 """
 
 from pathlib import Path
@@ -20,12 +20,12 @@ from app.ui.report.words import best, interval, percent, title
 
 _WIDTH = 80
 _ALTERNATIVES = 4
-"""How many causes that the verdict does not name are shown below those that it does."""
+"""Causes shown below those that the verdict names."""
 _STYLES = {"named": "green", "set": "yellow", "none": "green", "none_of_these": "yellow"}
 
 
 def show_case(case: Case, report: Path | None = None) -> RenderableType:
-    """The verdict, its causes, what they gain, the next push, and where the report lies."""
+    """The verdict, its causes, their gain, the next push, and the path of the report."""
     parts: list[RenderableType] = [_panel(case)]
     if case.setup is not None:
         words = (text.split(": ", 1) for text in case.setup.words)

@@ -1,4 +1,4 @@
-"""The verdict in one line, above the sentences that the case itself has."""
+"""The verdict in one line, above the case's own sentences."""
 
 import math
 
@@ -15,14 +15,14 @@ _KINDS = {
 
 
 _LIKELIER = 0.5
-"""Probability above which something is rather missing than not."""
+"""Probability above which a missing cause is more likely than none."""
 _SURELY = 0.9
-"""Probability above which something is said to be missing. Of the recordings that confidence was learnt from, seven in
+"""Probability above which a cause is reported missing. Of the recordings that confidence was learnt from, seven in
 ten had something hidden in them: a probability of about that says nothing."""
 
 
 def kind(case: Case) -> str:
-    """What kind of verdict it is, in plain words."""
+    """Kind of verdict, in plain words."""
     return "Causes that act together" if case.verdict == "named" and len(case.causes) > 1 else _KINDS[case.verdict]
 
 
@@ -45,13 +45,13 @@ def headline(case: Case) -> str:
 
 
 def chance(case: Case) -> tuple[str, str] | None:
-    """The probability of the verdict, and what it is the probability of; None where it is not known."""
+    """Probability of the verdict, and the statement that it is for; None where unknown."""
     known = probability(case)
     return None if known is None else (percent(known[0]), known[1])
 
 
 def probability(case: Case) -> tuple[float, str] | None:
-    """The same as a number, 0 to 1."""
+    """The probability as a number, 0 to 1, with its statement."""
     chances = [blame.probability for blame in case.causes]
     if case.verdict == "named" and chances:
         return min(chances), "that this is missing" if len(chances) == 1 else "for the least certain of them"
@@ -67,7 +67,7 @@ def probability(case: Case) -> tuple[float, str] | None:
 
 
 def is_missing_something(case: Case) -> bool:
-    """Whether it is likelier that some cause acts than that none does."""
+    """True where it is more likely that some cause acts than that none does."""
     return _missing(case) > _LIKELIER
 
 
@@ -77,7 +77,7 @@ def _missing(case: Case) -> float:
 
 
 def gain_sentence(gain: Gain) -> str:
-    """The gain in a sentence; where it could not be measured, that."""
+    """The gain in a sentence, or a note that it could not be measured."""
     if not math.isfinite(gain.gain) or gain.episodes == 0:
         return "What an extended model would gain was not measured: there are no held-out episodes to measure it on."
     if gain.extended_mm == gain.nominal_mm:

@@ -18,7 +18,7 @@ def verdict_json(case: Case) -> str:
 
 
 def verdict_file(case: Case) -> schema.VerdictFile:
-    """The case as what the file holds."""
+    """The case in the form of the file."""
     known = probability(case)
     return schema.VerdictFile(
         schema=1,
@@ -92,7 +92,7 @@ def _heldout(gain: Gain) -> schema.HeldoutEntry:
 
 
 def track_entry(track: Track) -> schema.TrackEntry:
-    """A way of the tool as numbers."""
+    """A path of the tool as numbers."""
     return schema.TrackEntry(times_s=tuple(track.times_s.tolist()), poses=tuple(map(tuple, track.poses.tolist())))
 
 

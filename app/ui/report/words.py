@@ -1,4 +1,4 @@
-"""Effects, parameters and numbers as people read them; page, terminal and console say the same.
+"""Effects, parameters and numbers in words; page, terminal and console share them.
 
 Values come in SI units, or in those of `ParameterSpec.unit`, and are shown in units that make them easy to read, with
 as many digits as their interval supports.
@@ -12,7 +12,7 @@ from typing import Final, final
 from app.ui.words import NOTHING, sentence
 
 _LISTED: Final = 4
-"""Effects that a sentence lists."""
+"""Most effects listed in a sentence."""
 MINUS: Final = "\N{MINUS SIGN}"
 _SPELLINGS: Final = {
     "kelvin_voigt": "Kelvin\N{EN DASH}Voigt damping",
@@ -28,7 +28,7 @@ _SPELLINGS: Final = {
 @final
 @dataclass(frozen=True, kw_only=True)
 class Display:
-    """A unit as it is shown: `symbol` for `factor` times the number; `close`: no space between them."""
+    """Unit on display: `symbol` for `factor` times the number; `close`: no space between them."""
 
     factor: float
     symbol: str
@@ -132,7 +132,7 @@ def percent(share: float) -> str:
 
 
 def gain_and_interval(value: float, low: float, high: float) -> str:
-    """A share of an error that is gone: `58 % (49 to 66)`."""
+    """A share of an error that is removed: `58 % (49 to 66)`."""
     return f"{decimal(100 * value, 0)} % ({decimal(100 * low, 0)} to {decimal(100 * high, 0)})"
 
 

@@ -1,1 +1,1 @@
-"""An arm that is not there: it answers on loopback as the firmware of a Gen3 does, and moves as its joints would."""
+"""Emulator of a Gen3: it answers on loopback as the firmware does, and moves as the joints would."""

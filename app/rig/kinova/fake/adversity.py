@@ -1,4 +1,4 @@
-"""What may go wrong, switched on by whoever runs the arm that is not there."""
+"""Fault injection for the emulated arm."""
 
 from dataclasses import dataclass
 from typing import final
@@ -7,16 +7,15 @@ from typing import final
 @final
 @dataclass(frozen=True, kw_only=True)
 class Adversity:
-    """All that is not as it should be; nothing of it by default.
+    """Injected faults; none by default.
 
-    `delay_s`: every answer is late by this; `lose_feedback`: of every so many answers over UDP one is sent, 0 for
-    all; `loss`: such a share of what is sent is lost, datagrams for good, on the stream until it is sent again;
-    `deaf`: connections are accepted, and nothing is ever answered; `short_m`: a motion ends so far before its
-    end and is reported as complete (ros_kortex #116); `foreign`: another session has control (#144); `thinks_s`: a
-    trajectory is computed for so long before it begins (#258); `object_at`: the fingers meet something when closed
-    so far, of 1; `force_n`: something pushes at the tool, upwards; `stuck`: the joints do not move, whatever they
-    are told; `tip_m`, `turn_deg`, `payload_kg`, `gravity_z`: what the arm says is configured, whatever it holds and
-    however it stands; `denies`: the call of this name is refused, for want of a right to it.
+    `delay_s`: delay of every answer; `lose_feedback`: of every so many answers over UDP one is sent, 0 for all; `loss`:
+    probability of losing a datagram, or of delaying stream data until it is sent again; `deaf`: connections are
+    accepted, and nothing is ever answered; `short_m`: a motion ends so far before its end and is reported as complete
+    (ros_kortex #116); `foreign`: another session has control (#144); `thinks_s`: planning time of a trajectory before
+    it begins (#258); `object_at`: closure in 0..1 at which the fingers meet something; `force_n`: upward force on the
+    tool; `stuck`: the joints do not move, whatever the command; `tip_m`, `turn_deg`, `payload_kg`, `gravity_z`: the
+    reported configuration, whatever it really is; `denies`: name of a call that is refused, for want of permission.
     """
 
     delay_s: float = 0.0

@@ -1,4 +1,4 @@
-"""What the arm that is not there does with what it is told: modes, actions, faults. No socket, no clock."""
+"""State machine of the emulated arm: modes, actions, faults. No socket, no clock."""
 
 import dataclasses
 from collections.abc import Callable
@@ -32,14 +32,14 @@ from app.rig.kinova.setup import ProtectionZone, ProtectionZoneNotification
 from app.rig.kinova.words import ROBOT_IN_EMERGENCY_STOP, ROBOT_IN_FAULT, SESSION_NOT_IN_CONTROL
 
 CYCLE_S = 0.025
-"""High-level commands are heeded every so often (kortex_driver/readme.md)."""
+"""Period of high-level commands (kortex_driver/readme.md)."""
 START: gen3.Joints = np.radians([2.444, 20.8641, 176.7349, -85.9559, 1.2141, -73.2146, -0.9581])
-"""The tool points down, at (0.45, 0, 0.3) m."""
+"""Start configuration: the tool points down, at (0.45, 0, 0.3) m."""
 STOPPED, BROKEN_OFF, WRONG_MODE, INVALID, NOT_FOUND = 55, 140, 75, 3, 17
 """Sub errors of `Errors.proto`."""
 EMERGENCY_STOP_BIT, ENTERING_ZONE, ZONE_REACHED = 1 << 23, 11, 1
 ANOTHER = 0xFFFF
-"""The number of a connection that nobody here has made."""
+"""Connection number that is not one of this process."""
 Notification = ActionNotification | ArmStateNotification | ProtectionZoneNotification
 
 
@@ -53,7 +53,7 @@ class Denied(Exception):
 
 @final
 class FakeArm:
-    """Joints [rad], fingers, faults and what moves them, between two ticks. `told` is what subscribers have to hear."""
+    """Joints [rad], fingers, faults and motion between two ticks. `told`: notifications due to subscribers."""
 
     def __init__(self) -> None:
         self.joints, self.velocity = START.copy(), np.zeros(7)
@@ -75,7 +75,7 @@ class FakeArm:
 
     @property
     def state(self) -> ArmStateCode:
-        """What the arm says of itself."""
+        """State that the arm reports."""
         if self.base_faults or any(self.joint_faults):
             return ArmStateCode.IN_FAULT
         if self.servoing == ServoingMode.LOW_LEVEL:
@@ -86,11 +86,11 @@ class FakeArm:
 
     @property
     def moving(self) -> bool:
-        """Whether any joint is on its way, or about to be."""
+        """True while any joint moves or is about to."""
         return self._motion is not None or self._due is not None or bool(self._inbox)
 
     def execute(self, action: Action, session: int) -> None:
-        """Begin an action in a while; its events tell how it goes. Raises Denied."""
+        """Begin an action after its planning time; events report its progress. Raises Denied."""
         self._check(session)
         begin = self._beginning(action)
         self._actions += 1
@@ -99,41 +99,41 @@ class FakeArm:
         self._inbox.append(lambda: self._think(named, begin))
 
     def twist(self, command: TwistCommand, session: int) -> None:
-        """Move on and on like that. Raises Denied."""
+        """Move at a constant velocity without end. Raises Denied."""
         self._check(session)
         self._inbox.append(lambda: self._twist(command))
 
     def close_fingers(self, command: GripperCommand, session: int) -> None:
-        """As commanded. Raises Denied."""
+        """Execute a gripper command. Raises Denied."""
         self._check(session)
         if command.gripper is None or not command.gripper.finger or command.mode not in (2, 3):
             raise Denied(INVALID)
         self.fingers.command(command)
 
     def stop(self) -> None:
-        """Let whatever moves come to rest, whoever moved it."""
+        """Bring any motion to rest, whichever session commanded it."""
         self._inbox.append(self._stop)
 
     def pause(self) -> None:
-        """Let an action stand until it is resumed."""
+        """Hold an action until it is resumed."""
         if self._motion is not None:
             self._motion.brake()
             self._say(ActionEvent.PAUSE)
 
     def resume(self) -> None:
-        """Let an action that stands go on."""
+        """Resume a paused action."""
         if isinstance(self._motion, AlongPath):
             self._motion.go_on()
             self._say(ActionEvent.START)
 
     def emergency_stop(self) -> None:
-        """Fall into fault at once."""
+        """Enter fault at once."""
         self.fail(base=EMERGENCY_STOP_BIT)
 
     def take_over(self, speed_m_s: float) -> None:
-        """Another session takes control and moves the tool upwards, on and on; what was being done is broken off.
+        """Have another session take control and move the tool upwards without end; the current action is aborted.
 
-        That a gamepad or the wrist's buttons always do is said in the user guide; that an action ends so was reported
+        The user guide says that a gamepad or the wrist's buttons always do; that an action ends so was reported
         (ros_kortex #144).
         """
         self.adversity = dataclasses.replace(self.adversity, foreign=True)
@@ -147,7 +147,7 @@ class FakeArm:
         self.lasting = lasting
         estop = self.base_faults & EMERGENCY_STOP_BIT
         self._drop(ROBOT_IN_EMERGENCY_STOP if estop else ROBOT_IN_FAULT)
-        # What waits is dropped too, each by itself.
+        # Pending actions are dropped too, each by itself.
         waiting, self._inbox = self._inbox, []
         for command in waiting:
             command()
@@ -161,7 +161,7 @@ class FakeArm:
             self._note_state()
 
     def tick(self, now_s: float, duration_s: float) -> None:
-        """Let time pass."""
+        """Advance time."""
         self._now_s = now_s
         if now_s >= self._next_s:
             self._next_s = max(self._next_s + CYCLE_S, now_s)
@@ -175,7 +175,7 @@ class FakeArm:
         self._note_state()
 
     def _note_state(self) -> None:
-        """Tell that it is another one, where it is."""
+        """Notify subscribers of a changed state."""
         if self.state != self._state:
             self._state = self.state
             self.told.append(ArmStateNotification(active_state=self._state))
@@ -193,7 +193,7 @@ class FakeArm:
         self.mover = session
 
     def _beginning(self, action: Action) -> Callable[[], Motion | None]:
-        """What begins an action, once it was thought about; None moves the fingers alone."""
+        """Start of an action after its planning time; it returns None where it moves the fingers alone."""
         if (ways := action.execute_waypoint_list) is not None and ways.waypoints:
             return lambda: self._along(ways)
         if (joints := action.reach_joint_angles) is not None:
@@ -271,7 +271,7 @@ class FakeArm:
                 self._end(ActionEvent.ABORT, STOPPED) if stopped else self._end(ActionEvent.END)
 
     def _standing(self) -> bool:
-        """Whether an action was paused and may go on."""
+        """True where an action is paused and may go on."""
         return isinstance(self._motion, AlongPath) and self._motion.paused and not self._stopping
 
     def _step(self, motion: Motion, duration_s: float) -> None:
@@ -284,7 +284,7 @@ class FakeArm:
         self.joints = moved
 
     def _drop(self, details: int, info: int = 0) -> None:
-        """Give up what is being done, where anything is, at once."""
+        """Abort the current action, if any, at once."""
         self._motion = self._due = None
         if self._action is not None:
             self._end(ActionEvent.ABORT, details, info)
@@ -301,7 +301,7 @@ class FakeArm:
 
 
 def _slowed(waypoint: CartesianWaypoint, linear_m_s: float, angular_deg_s: float) -> CartesianWaypoint:
-    """Within the soft limits; a waypoint that says no speed is gone to as fast as they allow."""
+    """The waypoint within the soft limits; one without a speed gets the highest that they allow."""
     return dataclasses.replace(
         waypoint,
         maximum_linear_velocity=min(waypoint.maximum_linear_velocity or linear_m_s, linear_m_s),
@@ -314,7 +314,7 @@ def _reached(number: int) -> ProtectionZoneNotification:
 
 
 def _angles(said: ConstrainedJointAngles, now: gen3.Joints) -> gen3.Joints:
-    """The joints that were said, those not said as they are."""
+    """Target joints; those not given stay as they are."""
     target = now.copy()
     for each in (said.joint_angles or JointAngles()).joint_angles:
         target[each.joint_identifier] = np.radians(each.value)
@@ -322,6 +322,6 @@ def _angles(said: ConstrainedJointAngles, now: gen3.Joints) -> gen3.Joints:
 
 
 def _unwrapped(target: gen3.Joints, now: gen3.Joints) -> gen3.Joints:
-    """The same angles, the nearer way round for joints that turn on and on: the arm says 0 to 360 degrees."""
+    """The same angles, the nearer way round for continuous joints: the arm reports 0 to 360 degrees."""
     near, within = now + np.angle(np.exp(1j * (target - now))), np.angle(np.exp(1j * target))
     return np.where(np.isfinite(gen3.RANGE), within, near)

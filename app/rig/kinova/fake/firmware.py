@@ -1,4 +1,4 @@
-"""What each call does to the arm that is not there, and what is answered. No socket."""
+"""Emulated firmware: the effect of each call on the arm, and the answer to it. No socket."""
 
 import dataclasses
 import time
@@ -78,7 +78,7 @@ MOTIONS = {
     "ApplyEmergencyStop",
     "ClearFaults",
 }
-"""What is recorded."""
+"""Names of the calls that are recorded."""
 _HOME = Action(
     handle=ActionHandle(identifier=2, action_type=7),
     name="Home",
@@ -96,7 +96,7 @@ _TOPICS = {each.call.function for each in (calls.ACTIONS, calls.ARM_STATES, call
 
 @final
 class Firmware:
-    """Answers frames with frames; `arm`, `sessions` and `record` are there for whoever drives it."""
+    """Answers frames with frames; `arm`, `sessions` and `record` are open to the emulator's owner."""
 
     def __init__(self, clock: Callable[[], float] = time.monotonic) -> None:
         self.arm, self.sessions, self.record = FakeArm(), Sessions(), Record()
@@ -105,11 +105,11 @@ class Firmware:
         self._handlers = self._table()
 
     def slow(self, frame: Frame) -> bool:
-        """Whether an answer takes so long that it is to be found beside the arm's own work."""
+        """True where the answer takes so long that it must be computed beside the arm's own loop."""
         return frame.service == Service.BASE and frame.function in (235, 234)
 
     def answer(self, frame: Frame, address: object = None) -> Frame:
-        """The answer to a request; of errors, too."""
+        """The answer to a request; an error where it has one."""
         now_s = self._clock()
         if (frame.service, frame.function) == (Service.SESSION, 1):
             return self._create_session(frame, address)
@@ -124,7 +124,7 @@ class Firmware:
         return self._handled(frame, session, *handler, now_s)
 
     def tick(self, duration_s: float) -> None:
-        """Let time pass: the arm moves, and sessions that are silent lose what they move."""
+        """Advance time: the arm moves, and silent sessions lose their motions."""
         now_s = self._clock()
         for session in self.sessions.silent(duration_s):
             if self.arm.mover == session.number and self.arm.moving:
@@ -132,7 +132,7 @@ class Firmware:
         self.arm.tick(now_s, duration_s)
 
     def notifications(self) -> list[tuple[Session, Frame]]:
-        """What has happened since this was asked last, for each session that wants to hear it."""
+        """Events since the last call, for each session subscribed to them."""
         told, self.arm.told = self.arm.told, []
         topics = {each.told: each.call.function for each in (calls.ACTIONS, calls.ARM_STATES, calls.PROTECTION_ZONES)}
         return [
@@ -182,7 +182,7 @@ class Firmware:
                 self.record.note(now_s, call.name, session.number, asked, refused)
 
     def _table(self) -> dict[tuple[int, int], tuple[_AnyCall, _Handler]]:
-        """Each call by its numbers."""
+        """Table of calls by service and function number."""
         arm = self.arm
         pairs: list[tuple[_AnyCall, _Handler]] = [
             (calls.CLOSE_SESSION, lambda _, session: self.sessions.close(session)),
@@ -270,7 +270,7 @@ class Firmware:
             raise Denied(NOT_FOUND)
 
     def _tool(self) -> ToolConfiguration:
-        """A gripper as it is delivered; its mass is that of Robotiq's manual."""
+        """The delivered gripper; its mass is that of Robotiq's manual."""
         frame = Pose(z=self.arm.adversity.tip_m, theta_z=self.arm.adversity.turn_deg)
         return ToolConfiguration(tool_transform=frame, tool_mass=0.925, tool_mass_center=Point(z=0.058))
 

@@ -1,4 +1,4 @@
-"""What the arm that is not there measures of itself."""
+"""Feedback message of the emulated arm."""
 
 import numpy as np
 
@@ -15,7 +15,7 @@ from app.rig.kinova.feedback import (
 
 
 def feedback(arm: FakeArm) -> Feedback:
-    """All of it; joints as the arm says them, 0 to 360 degrees."""
+    """The whole feedback message; joints as the arm reports them, 0 to 360 degrees."""
     return Feedback(base=_base(arm), actuators=_actuators(arm), interconnect=_interconnect(arm))
 
 

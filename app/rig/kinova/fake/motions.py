@@ -1,4 +1,4 @@
-"""What the arm may be doing: going along a way, turning its joints, or moving on and on as it was told once."""
+"""Motions of the emulated arm: along a Cartesian path, through joint angles, or at a constant twist."""
 
 from collections.abc import Sequence
 from typing import Protocol, final
@@ -15,14 +15,14 @@ from app.rig.kinova.gen3 import Joints
 from app.rig.kinova.messages import Twist
 
 STOP_M_S2, TWIST_M_S2, TWIST_RAD_S2 = 2.5, 2.0, 8.0
-"""How it brakes and how it follows a twist; assumed, Kinova publishes none."""
+"""Braking deceleration, and accelerations of a twist; assumed, Kinova publishes none."""
 _LOST_M, _LOST_S, _SETTLED = 0.02, 0.3, 1e-3
-"""A tool that is so far from where it shall be, for so long, cannot follow; one so near [m and rad] has arrived."""
+"""Following error [m] and its duration [s] that abort a motion, and the error at which it has settled [m and rad]."""
 _STEPS = 3
 
 
 class Broken(Exception):
-    """A motion cannot go on; `info` is the `TrajectoryInfoType`."""
+    """Abort of a motion; `info` is the `TrajectoryInfoType`."""
 
     def __init__(self, info: int) -> None:
         super().__init__(f"trajectory info {info}")
@@ -30,21 +30,21 @@ class Broken(Exception):
 
 
 class Motion(Protocol):
-    """Something that moves the joints for a while."""
+    """A motion of the joints over time."""
 
     cartesian: bool
 
     def advance(self, joints: Joints, duration_s: float) -> Joints:
-        """The joints that much later. Raises Broken where it cannot go on."""
+        """The joints `duration_s` later. Raises Broken where it cannot go on."""
         ...
 
     def brake(self) -> None:
-        """Come to rest, soon."""
+        """Decelerate to rest."""
         ...
 
     @property
     def over(self) -> bool:
-        """Whether it is at rest, at its end or where it was made to stop."""
+        """True once at rest, at its end or after braking."""
         ...
 
 
@@ -57,7 +57,7 @@ def limited(before: Joints, after: Joints, duration_s: float) -> Joints:
 
 @final
 class AlongPath:
-    """Along a timed way of the tool, whose clock slows down to brake, and runs on after a pause."""
+    """Motion along a timed path of the tool, whose clock slows down to brake, and resumes after a pause."""
 
     cartesian = True
 
@@ -70,7 +70,7 @@ class AlongPath:
         self._settled = False
 
     def advance(self, joints: Joints, duration_s: float) -> Joints:
-        """Follow the way by the inverse kinematics, as fast as the joints can."""
+        """Follow the path by inverse kinematics, as fast as the joints can."""
         speed = max(self.path.speed(self._time_s), 0.02)
         change = STOP_M_S2 / speed * duration_s
         self._rate = float(np.clip(self._rate + (change if self._rising else -change), 0.0, 1.0))
@@ -83,25 +83,25 @@ class AlongPath:
         return moved
 
     def brake(self) -> None:
-        """Slow down to rest."""
+        """Decelerate to rest."""
         self._rising = False
 
     def go_on(self) -> None:
-        """After a pause."""
+        """Resume after a pause."""
         self._rising = True
 
     @property
     def paused(self) -> bool:
-        """Whether it stands, and may go on."""
+        """True while it is paused and may resume."""
         return not self._rising and self._rate == 0.0
 
     @property
     def over(self) -> bool:
-        """Whether it is at rest."""
+        """True once at rest."""
         return self.paused or (self._time_s >= self._end_s and self._settled)
 
     def _judge(self, joints: Joints, target: Transform, duration_s: float) -> None:
-        """Note whether the tool is where it shall be; raise Broken where it has not been for long."""
+        """Update the settled state; raise Broken where the following error has lasted too long."""
         off = float(np.abs(gen3.away(gen3.frames(joints), target)).max())
         self._settled = off < _SETTLED
         ended = self._time_s >= self._end_s
@@ -114,11 +114,11 @@ class AlongPath:
 
 @final
 class InJoints:
-    """Through joint angles, one after the other, each joint as fast as the slowest lets it."""
+    """Motion through joint angles in order, synchronised to the slowest joint."""
 
     cartesian = False
     _SMOOTH = 1.5
-    """By how much the fastest moment of the smooth way is faster than its mean."""
+    """Ratio of peak to mean speed of the cubic."""
 
     def __init__(self, start: Joints, targets: Sequence[Joints], durations_s: Sequence[float]) -> None:
         self._stops = [start, *targets]
@@ -130,7 +130,7 @@ class InJoints:
         self._braking = False
 
     def advance(self, joints: Joints, duration_s: float) -> Joints:
-        """Along a cubic from rest to rest."""
+        """Follow a cubic from rest to rest."""
         if self._braking:
             self._rate = max(0.0, self._rate - 5.0 * duration_s)
         self._time_s += self._rate * duration_s
@@ -141,19 +141,19 @@ class InJoints:
         return limited(joints, begin + (end - begin) * (3 * u**2 - 2 * u**3), duration_s)
 
     def brake(self) -> None:
-        """Slow down to rest."""
+        """Decelerate to rest."""
         self._braking = True
 
     @property
     def over(self) -> bool:
-        """Whether it is at rest."""
+        """True once at rest."""
         ended = self._leg == len(self._lasts) - 1 and self._time_s >= self._lasts[-1]
         return ended or (self._braking and self._rate == 0.0)
 
 
 @final
 class Twisting:
-    """On and on at a velocity, until something else is said: nothing here ends by itself (ros_kortex #159)."""
+    """Motion at a constant velocity, until another command: nothing here ends by itself (ros_kortex #159)."""
 
     cartesian = True
 
@@ -161,7 +161,7 @@ class Twisting:
         self._wanted, self._now = np.zeros(6), np.zeros(6)
 
     def aim(self, twist: Twist, frame: int, tool: Transform, linear_m_s: float, angular_deg_s: float) -> None:
-        """Take on a velocity, cut down to the limits; with the tool's axes as they are now."""
+        """Set the velocity, clipped to the limits, with the tool's axes as they are now."""
         linear = np.array([twist.linear_x, twist.linear_y, twist.linear_z])
         angular = np.radians([twist.angular_x, twist.angular_y, twist.angular_z])
         linear *= min(1.0, linear_m_s / max(float(np.linalg.norm(linear)), 1e-9))
@@ -173,7 +173,7 @@ class Twisting:
         self._wanted = np.concatenate([linear, angular])
 
     def advance(self, joints: Joints, duration_s: float) -> Joints:
-        """By the slope of the tool; near singular poses slower."""
+        """Follow the twist by the Jacobian; slower near singular poses."""
         most = np.repeat([TWIST_M_S2, TWIST_RAD_S2], 3) * duration_s
         self._now = self._now + np.clip(self._wanted - self._now, -most, most)
         links = gen3.frames(joints)
@@ -184,15 +184,15 @@ class Twisting:
         return limited(joints, found, duration_s)
 
     def brake(self) -> None:
-        """Slow down to rest."""
+        """Decelerate to rest."""
         self._wanted = np.zeros(6)
 
     @property
     def over(self) -> bool:
-        """Whether it is at rest."""
+        """True once at rest."""
         return not (self._wanted.any() or self._now.any())
 
     @property
     def velocity(self) -> Float64[np.ndarray, "6"]:
-        """Of the tool now [m/s, rad/s]."""
+        """Velocity of the tool now [m/s, rad/s]."""
         return self._now

@@ -1,4 +1,4 @@
-"""The arm that is not there as a process of its own, and how whoever started it switches on what may go wrong."""
+"""Emulated arm in a process of its own, with remote fault injection."""
 
 import asyncio
 import json
@@ -18,15 +18,15 @@ from app.rig.kinova.fake.server import LOOPBACK, STATE, Server
 
 _ANSWER_S, _START_S, _END_S = 5.0, 60.0, 5.0
 _KEPT = 1024
-"""Of states, one every 10 ms, the last so many can be read."""
+"""Capacity of the ring of states, one every 10 ms."""
 
 
 @final
 class FakeProcess:
-    """Starts where it is entered, ends where it is left, and with the process that started it.
+    """Process that starts on entry and ends on leaving, or with the process that started it.
 
-    `states` has how it is in truth, one record a tick, for a world that follows it (`server.STATE`).
-    A `udp_port` of 0 is any that is free; Kinova's client takes 10001 alone.
+    `states` holds its true state, one record a tick, for a world that follows it (`server.STATE`). A `udp_port` of 0 is
+    any free one; Kinova's client accepts 10001 alone.
     """
 
     def __init__(self, *, udp_port: int = 0) -> None:
@@ -39,9 +39,9 @@ class FakeProcess:
         self._theirs = theirs
 
     def __enter__(self) -> Self:
-        """Raises DeviceError where it does not start."""
+        """Start it. Raises DeviceError where it does not start."""
         self._process.start()
-        # Only the process keeps its end now, so that either notices when the other is gone.
+        # The process alone keeps its end, so that either side notices when the other is gone.
         self._theirs.close()
         tcp, udp = self._heard(_START_S)
         self.ports = (int(tcp), int(udp))
@@ -58,19 +58,19 @@ class FakeProcess:
 
     @property
     def pid(self) -> int:
-        """Of the process."""
+        """Process id."""
         return self._process.pid or 0
 
     def set(self, adversity: Adversity) -> None:
-        """Switch on what may go wrong, and off what else was."""
+        """Set the injected faults, in place of earlier ones."""
         self._ask("set", **asdict(adversity))
 
     def fail(self, *, base: int = 0, joint: int = 0, bits: int = 0, lasting: bool = False) -> None:
-        """Set bits of the arm's banks; `lasting` ones cannot be cleared before the next call without."""
+        """Set bits of the arm's fault banks; `lasting` ones cannot be cleared before the next call without."""
         self._ask("fail", base=base, joint=joint, bits=bits, lasting=lasting)
 
     def take_over(self, speed_m_s: float) -> None:
-        """Another session takes control and moves the tool upwards, until it is stopped; `set` gives control back."""
+        """Have another session take control and move the tool upwards until stopped; `set` gives control back."""
         self._ask("take over", speed_m_s=speed_m_s)
 
     def cut(self) -> None:
@@ -78,15 +78,15 @@ class FakeProcess:
         self._ask("cut")
 
     def reset(self) -> None:
-        """A new arm where it starts, that nobody is connected to."""
+        """Replace the arm by a new one at its start, without connections."""
         self._ask("reset")
 
     def commands(self) -> list[dict[str, Any]]:
-        """What it was told to do, as `Told` has it."""
+        """Record of received commands, each as a plain `Told`."""
         return self._ask("commands")
 
     def look(self) -> dict[str, Any]:
-        """How it is in truth: `joints` [rad], `tool` [m], `fingers`, `current_ma`, `moving`, `state`, `sessions`."""
+        """True state: `joints` [rad], `tool` [m], `fingers`, `current_ma`, `moving`, `state`, `sessions`."""
         return self._ask("look")
 
     def _ask(self, what: str, **values: object) -> Any:
@@ -105,7 +105,7 @@ class FakeProcess:
 def run(control: Connection, states: Ring, udp_port: int) -> None:
     """The body of the process: serve until the other end of `control` is closed."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
-    # A firmware has a machine of its own: whoever else is busy on this one does not make it late.
+    # Real firmware has a machine of its own: load on this one must not delay it.
     ask_for_real_time()
     asyncio.run(_served(control, states, udp_port))
 
@@ -131,7 +131,7 @@ async def _served(control: Connection, states: Ring, udp_port: int) -> None:
 
 
 def _done(server: Server, what: str, values: dict[str, Any]) -> object:
-    """Carry out what the other end asks for, and what to answer."""
+    """Execute a request of the parent; returns the answer."""
     firmware = server.firmware
     match what:
         case "set":

@@ -1,4 +1,4 @@
-"""What the arm was told to do, so that it can be looked through for what it should never have been told."""
+"""Record of the commands to the arm, to be searched for ones it should never have been sent."""
 
 from collections import deque
 from dataclasses import asdict, dataclass
@@ -15,9 +15,9 @@ KEPT = 20_000
 @final
 @dataclass(frozen=True, kw_only=True)
 class Told:
-    """A command: when it came [s, monotonic], what it was, how fast at most, and where to.
+    """A command: arrival [s, monotonic], call, highest speeds, and targets.
 
-    `refused` is the sub error that it was answered with, 0 where it was taken.
+    `refused`: sub error of its answer, 0 where it was accepted.
     """
 
     time_s: float
@@ -38,20 +38,20 @@ class Record:
         self._told = deque[Told](maxlen=KEPT)
 
     def note(self, time_s: float, call: str, session: int, message: object, refused: int) -> None:
-        """Keep one."""
+        """Append a command."""
         self._told.append(Told(time_s=time_s, call=call, session=session, refused=refused, **_content(message)))
 
     def clear(self) -> None:
-        """Forget all."""
+        """Clear the record."""
         self._told.clear()
 
     def plain(self) -> list[dict[str, Any]]:
-        """For JSON."""
+        """The record as plain values, for JSON."""
         return [asdict(each) for each in self._told]
 
 
 def _content(message: object) -> dict[str, Any]:
-    """What a command says of speeds and places."""
+    """Speeds and positions in a command."""
     match message:
         case TwistCommand(twist=twist):
             values = twist or TwistValues()

@@ -1,4 +1,4 @@
-"""The arm that is not there, on sockets: frames over TCP and UDP on loopback, and time that passes."""
+"""Socket server of the emulated arm: frames over TCP and UDP on loopback, and the passage of time."""
 
 import asyncio
 import contextlib
@@ -17,19 +17,19 @@ from app.rig.kinova.wire import Frame, FrameKind, Splitter, decoded
 STATE = np.dtype(
     [("time_s", "f8"), ("joints", "f8", (7,)), ("velocity", "f8", (7,)), ("tool", "f8", (4, 4)), ("closed", "f8")]
 )
-"""Joints [rad], their speeds [rad/s], `T_base_tool` [m], and how far the fingers are closed, 0 to 1."""
+"""True state: joints [rad], their speeds [rad/s], `T_base_tool` [m], and the closure of the fingers, 0 to 1."""
 
 TICK_S, LONGEST_TICK_S = 0.010, 0.050
-"""A tick that comes later than the longest moves the arm no further than that: late, it slows."""
+"""Longest step of the arm's time: after a later tick the arm lags, and does not jump."""
 LOOPBACK = "127.0.0.1"
 RESENT_S = 0.040
-"""Until what was lost on a stream is sent again: after the next segment, which comes 25 ms later, was acknowledged
+"""Delay of a retransmission on a stream: it follows the acknowledgement of the next segment, which comes 25 ms later
 (RACK-TLP, RFC 8985)."""
 
 
 @final
 class Server:
-    """Listens until its task is cancelled. Only loopback is listened on: there is no password worth the name."""
+    """Server that listens until its task is cancelled, on loopback alone: its password protects nothing."""
 
     def __init__(self, firmware: Firmware, states: Ring) -> None:
         self.firmware, self._states = firmware, states
@@ -40,14 +40,14 @@ class Server:
         self._chance = np.random.default_rng(0)
 
     async def open(self, udp_port: int = 0) -> None:
-        """Listen on ports that are free, or on that for UDP; `ports` are those of TCP and UDP then."""
+        """Listen on free ports, or on that one for UDP; `ports` are then those of TCP and UDP."""
         tcp = await asyncio.start_server(self._serve, LOOPBACK, 0)
         loop = asyncio.get_running_loop()
         self._udp, _ = await loop.create_datagram_endpoint(lambda: _Datagrams(self), local_addr=(LOOPBACK, udp_port))
         self.ports = (tcp.sockets[0].getsockname()[1], self._udp.get_extra_info("sockname")[1])
 
     async def run(self) -> None:
-        """Let time pass, and tell subscribers what happens."""
+        """Advance time, and send notifications to subscribers."""
         last = time.monotonic()
         while True:
             await asyncio.sleep(TICK_S)
@@ -60,7 +60,7 @@ class Server:
                     self._send(session.address, frame)
 
     def _publish(self, now_s: float) -> None:
-        """How the arm is in truth, for a world that follows it."""
+        """Publish the true state, for a world that follows the arm."""
         arm = self.firmware.arm
         self._states.append(
             time_s=now_s,
@@ -76,7 +76,7 @@ class Server:
             writer.transport.abort()
 
     def datagram(self, data: bytes, address: tuple[str, int]) -> None:
-        """Answer one over UDP, where it is a request."""
+        """Answer a datagram, where it is a request."""
         with contextlib.suppress(WireError):
             frame = decoded(data)
             if frame.kind == FrameKind.REQUEST and not self.firmware.arm.adversity.deaf:
@@ -94,14 +94,14 @@ class Server:
         self._udp.sendto(answer.encoded(), address)
 
     async def _serve(self, reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
-        """One connection, until it ends or speaks something else."""
+        """Serve a connection until it ends or its data are not of this protocol."""
         self._writers.add(writer)
         splitter = Splitter()
         try:
             while data := await reader.read(65536):
                 for frame in map(decoded, splitter.feed(data)):
                     if late_s := self._late_s():
-                        await asyncio.sleep(late_s)  # And so does all that was sent after it.
+                        await asyncio.sleep(late_s)  # Later data wait as well.
                     if frame.kind == FrameKind.PING:
                         self._send(writer, Frame(kind=FrameKind.PONG, message=frame.message))
                     elif frame.kind == FrameKind.REQUEST and not self.firmware.arm.adversity.deaf:
@@ -113,7 +113,7 @@ class Server:
             writer.close()
 
     async def _answer(self, frame: Frame, writer: asyncio.StreamWriter) -> None:
-        """One answer; those that take long are found beside the others."""
+        """Answer a request; long ones are computed in a thread."""
         if self.firmware.slow(frame):
             answer = await asyncio.to_thread(self.firmware.answer, frame, writer)
         else:
@@ -123,11 +123,11 @@ class Server:
         self._send(writer, answer)
 
     def _lost(self) -> bool:
-        """Whether what is sent now does not arrive."""
+        """True where data sent now are lost."""
         return self._chance.random() < self.firmware.arm.adversity.loss
 
     def _late_s(self) -> float:
-        """How much later what is sent on a stream now arrives, until it is not lost any more."""
+        """Delay of stream data sent now, until a retransmission arrives."""
         late_s = 0.0
         while self._lost():
             late_s += RESENT_S
@@ -149,5 +149,5 @@ class _Datagrams(asyncio.DatagramProtocol):
         self._server = server
 
     def datagram_received(self, data: bytes, addr: tuple[str, int]) -> None:
-        """Hand it on."""
+        """Pass the datagram to the server."""
         self._server.datagram(data, addr)

@@ -1,4 +1,4 @@
-"""Who is connected: sessions, when they were last heard, and what they subscribed to."""
+"""Sessions of the emulated arm: their silence and their subscriptions."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass, field
@@ -7,7 +7,7 @@ from typing import final
 from app.rig.kinova.session import SessionInfo
 
 USER, PASSWORD = "admin", "admin"
-"""What every Gen3 is delivered with."""
+"""Credentials that every Gen3 is delivered with."""
 WRONG_PASSWORD, NO_USER, NO_SESSION = 15, 16, 12
 """Sub errors of `Errors.proto`."""
 
@@ -15,9 +15,9 @@ WRONG_PASSWORD, NO_USER, NO_SESSION = 15, 16, 12
 @final
 @dataclass(kw_only=True)
 class Session:
-    """One of them; `halted` once it was silent for so long that what it moves is stopped.
+    """An open session; `halted` once its silence has stopped its motions.
 
-    `heard` since the last tick; by ticks it is silent, so that an arm that itself did not run blames nobody.
+    `heard` since the last tick; silence is counted in ticks, so that a delay of the emulator itself does not count.
     """
 
     number: int
@@ -27,13 +27,13 @@ class Session:
     heard: bool = True
     address: object = None
     topics: dict[int, int] = field(default_factory=dict[int, int])
-    """Of subscriptions: the function of the topic to the handle that names it."""
+    """Subscriptions: the function of each topic to its handle."""
     halted: bool = False
 
 
 @final
 class Sessions:
-    """All that are open."""
+    """The open sessions."""
 
     def __init__(self) -> None:
         self._open: dict[int, Session] = {}
@@ -43,17 +43,17 @@ class Sessions:
         return iter(tuple(self._open.values()))
 
     def get(self, number: int) -> Session | None:
-        """The one of that number, where it is open."""
+        """The open session of that number, None where there is none."""
         return self._open.get(number)
 
     def refused(self, info: SessionInfo) -> int:
-        """Why such a session is not opened: a sub error, 0 where it would be."""
+        """Sub error with which such a session is refused, 0 where it is accepted."""
         if info.username != USER:
             return NO_USER
         return 0 if info.password == PASSWORD else WRONG_PASSWORD
 
     def create(self, info: SessionInfo, address: object) -> Session:
-        """A new one."""
+        """Open a session."""
         self._made = self._made % 0xFFFF + 1
         session = Session(
             number=self._made,
@@ -65,15 +65,15 @@ class Sessions:
         return session
 
     def close(self, number: int) -> None:
-        """End it."""
+        """Close the session."""
         self._open.pop(number, None)
 
     def hear(self, session: Session) -> None:
-        """Note that it has said something."""
+        """Note a sign of life of the session."""
         session.heard, session.halted = True, False
 
     def silent(self, duration_s: float) -> list[Session]:
-        """Those whose movements are to be stopped after a tick; those that are silent for longer still are closed."""
+        """Sessions whose motions must stop after this tick; those silent for longer still are closed."""
         found = list[Session]()
         for session in self:
             session.silence_s = 0.0 if session.heard else session.silence_s + duration_s

@@ -1,4 +1,4 @@
-"""Waypoints as a way in time: straight legs, rounded where they blend, each at its own speed."""
+"""Time parametrisation of waypoints: straight segments, rounded where they blend, each at its own speed."""
 
 from dataclasses import dataclass
 from typing import final
@@ -14,14 +14,14 @@ from app.rig.kinova.messages import CartesianWaypoint, Pose
 ACCELERATION_M_S2 = 1.0
 """Assumed; Kinova publishes none for trajectories."""
 _APART_M, _APART_RAD, _FEWEST, _CORNER = 0.004, np.radians(2.0), 5, 9
-"""Samples of the way: how far apart at most, how many a leg at least, and how many a rounded corner."""
+"""Sampling of the path: largest distance and angle between samples, fewest samples a segment and a rounded corner."""
 _NOTHING = 1e-9
 
 
 @final
 @dataclass(frozen=True, kw_only=True)
 class Leg:
-    """From one waypoint to the next, `radius_m` before and behind it given to the corners."""
+    """Segment between waypoints; the `cut_m` at its start and end belong to rounded corners."""
 
     start: Float64[np.ndarray, "3"]
     end: Float64[np.ndarray, "3"]
@@ -32,23 +32,23 @@ class Leg:
 
     @property
     def length_m(self) -> float:
-        """Of the whole leg."""
+        """Length of the whole segment [m]."""
         return float(np.linalg.norm(self.end - self.start))
 
     def at(self, fraction: float) -> Float64[np.ndarray, "3"]:
-        """The point there."""
+        """Point at a fraction of the segment."""
         return self.start + fraction * (self.end - self.start)
 
     @property
     def fractions(self) -> tuple[float, float]:
-        """Where it leaves the corner before it, and enters the one behind."""
+        """Fractions at which it leaves the corner before it and enters the one after."""
         length = max(self.length_m, _NOTHING)
         return self.cut_m[0] / length, 1.0 - self.cut_m[1] / length
 
 
 @final
 class TimedPath:
-    """A way of the tool as a function of time, from rest to rest."""
+    """Tool path as a function of time, from rest to rest."""
 
     def __init__(self, start: Transform, waypoints: tuple[CartesianWaypoint, ...]) -> None:
         frames = [start, *(gen3.transform(each.pose or Pose()) for each in waypoints)]
@@ -58,30 +58,30 @@ class TimedPath:
         rotations = slerp(keys)
         away = np.linalg.norm(np.diff(points, axis=0), axis=1)
         turned = (rotations[:-1].inv() * rotations[1:]).magnitude()
-        # Turning counts as way where it takes longer, so that both limits hold by one speed.
+        # Rotation counts as path length where it takes longer, so that one speed keeps both limits.
         self._times, self._speeds = _times(np.maximum(away, turned * speeds / turning), speeds, stops)
         self._keys, self._points, self._slerp = keys, points, slerp
         self._left_m = float(away.sum()) - np.concatenate([[0.0], np.cumsum(away)])
 
     @property
     def duration_s(self) -> float:
-        """From the start to rest at the last waypoint."""
+        """Time from the start to rest at the last waypoint [s]."""
         return float(self._times[-1])
 
     def short_of_end_s(self, short_m: float) -> float:
-        """When so much of the way is left."""
+        """Time at which `short_m` of the path is left [s]."""
         return float(self._times[int(np.argmax(self._left_m <= max(short_m, 0.0) + _NOTHING))])
 
     def speed(self, time_s: float) -> float:
-        """How fast the tool is then [m/s]."""
+        """Speed of the tool at a time [m/s]."""
         return float(np.linalg.norm(self._point(time_s + 0.005) - self._point(time_s - 0.005)) / 0.01)
 
     def waypoint(self, time_s: float) -> int:
-        """Which waypoint comes next then, from 0."""
+        """Index of the next waypoint at a time, from 0."""
         return min(int(self._between(time_s, self._keys)), int(self._keys[-1]) - 1)
 
     def at(self, time_s: float) -> Transform:
-        """Where the tool is then."""
+        """Pose of the tool at a time."""
         frame = np.eye(4)
         key = self._between(time_s, self._keys)
         frame[:3, :3], frame[:3, 3] = self._slerp(key).as_matrix(), self._point(time_s)
@@ -91,7 +91,7 @@ class TimedPath:
         return np.array([self._between(time_s, self._points[:, axis]) for axis in range(3)])
 
     def _between(self, time_s: float, values: np.ndarray) -> float:
-        """Of values at the samples that at some time; between two samples the acceleration is constant."""
+        """Interpolate sampled values at a time, at constant acceleration between samples."""
         index = int(np.clip(np.searchsorted(self._times, time_s, side="right") - 1, 0, len(self._times) - 2))
         lasts_s = float(self._times[index + 1] - self._times[index])
         before, after = self._speeds[index], self._speeds[index + 1]
@@ -121,7 +121,7 @@ def _legs(frames: list[Transform], waypoints: tuple[CartesianWaypoint, ...]) -> 
 
 
 def _sampled(legs: list[Leg]) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-    """Per sample a key (which counts waypoints) and a point, per gap both speeds, and at which samples to stop."""
+    """Keys (counting waypoints) and points of the samples, both speeds of each gap, and the samples to stop at."""
     keys, points, speeds, turning, stops = [0.0], [legs[0].start], list[float](), list[float](), [True]
     for index, leg in enumerate(legs):
         first, last = leg.fractions
@@ -143,7 +143,7 @@ def _sampled(legs: list[Leg]) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.nd
 
 
 def _round(leg: Leg, following: Leg, index: int, keys: list[float], points: list[np.ndarray]) -> None:
-    """A parabola that leaves one leg and enters the next along them."""
+    """Append a parabola that leaves one segment and enters the next tangentially."""
     first, last = leg.fractions[1], following.fractions[0]
     enter, leave = leg.at(first), following.at(last)
     for u in np.linspace(0.0, 1.0, _CORNER + 1)[1:]:
@@ -152,7 +152,7 @@ def _round(leg: Leg, following: Leg, index: int, keys: list[float], points: list
 
 
 def _times(ways: np.ndarray, speeds: np.ndarray, stops: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """When each sample is passed and how fast, within the gaps' speeds and the acceleration, at rest at the stops."""
+    """Times and speeds at the samples, within speed and acceleration limits, at rest at the stops."""
     allowed = np.minimum(np.append(speeds, speeds[-1]), np.insert(speeds, 0, speeds[0]))
     allowed[stops] = 0.0
     for index in range(len(ways)):

@@ -1,4 +1,4 @@
-"""Which lists of waypoints the arm would go along, and what is wrong with the others."""
+"""Validation of waypoint lists by the emulated arm."""
 
 from collections.abc import Iterator
 
@@ -13,11 +13,11 @@ OUTSIDE, COUNT, DURATION, JOINT_SPEED, SIZE, JOINT_RANGE = 1, 2, 3, 5, 9, 11
 SPEED, TURNING, KINDS, LAST_BLENDS, RADIUS, FRAME = 22, 23, 25, 27, 28, 29
 """`TrajectoryErrorType` of `Base.proto`."""
 MOST_WAYPOINTS = 1000
-"""Assumed: the arm's own limit of 100 s of trajectory is met first."""
+"""Assumed: the arm's own limit of 100 s of trajectory applies first."""
 
 
 def errors(ways: WaypointList, joints: Joints) -> tuple[TrajectoryError, ...]:
-    """All that is wrong with the list, from where the arm stands; none where it would go along."""
+    """Errors of the list from the arm's present joints; empty for a valid list."""
     cartesian = [each.cartesian_waypoint for each in ways.waypoints if each.cartesian_waypoint is not None]
     angular = [each.angular_waypoint for each in ways.waypoints if each.angular_waypoint is not None]
     if not 0 < len(ways.waypoints) <= MOST_WAYPOINTS:
@@ -28,7 +28,7 @@ def errors(ways: WaypointList, joints: Joints) -> tuple[TrajectoryError, ...]:
 
 
 def reachable(ways: WaypointList, joints: Joints) -> tuple[TrajectoryError, ...]:
-    """An error for the first waypoint whose pose has no joint angles; takes a while."""
+    """Error for the first waypoint whose pose has no inverse kinematics; takes a while."""
     for index, each in enumerate(ways.waypoints):
         if each.cartesian_waypoint is None:
             continue
@@ -66,7 +66,7 @@ def _of_cartesian(waypoints: list[CartesianWaypoint]) -> Iterator[TrajectoryErro
 
 
 def _of_radii(waypoints: list[CartesianWaypoint], joints: Joints) -> Iterator[TrajectoryError]:
-    """Radii that are below zero, that of the last one, and those that do not fit between two waypoints."""
+    """Errors of blending radii: negative, at the last waypoint, or too large between two waypoints."""
     poses = [each.pose or Pose() for each in waypoints]
     points = np.array([gen3.tool(joints)[:3, 3], *([pose.x, pose.y, pose.z] for pose in poses)])
     lengths = np.linalg.norm(np.diff(points, axis=0), axis=1)

@@ -8,7 +8,7 @@ from app.rig.kinova.setup import Point, ProtectionZone, RotationMatrix, Row, Zon
 
 
 def inside(zone: ProtectionZone, position: Float64[np.ndarray, "3"]) -> bool:
-    """Whether a point lies in an enabled zone, whose origin is its middle."""
+    """True for a point in an enabled zone, whose origin is its centre."""
     if not zone.is_enabled or (shape := zone.shape) is None:
         return False
     origin = shape.origin or Point()
@@ -26,7 +26,7 @@ def inside(zone: ProtectionZone, position: Float64[np.ndarray, "3"]) -> bool:
 
 
 def well_formed(zone: ProtectionZone) -> bool:
-    """Whether its shape has as many dimensions, all above zero, as its kind needs."""
+    """True where its shape has the number of dimensions of its kind, all above zero."""
     counts: dict[int, int] = {Shape.SPHERE: 1, Shape.CYLINDER: 2, Shape.RECTANGULAR_PRISM: 3}
     if zone.shape is None or zone.shape.shape_type not in counts:
         return False
@@ -35,7 +35,7 @@ def well_formed(zone: ProtectionZone) -> bool:
 
 
 def _turned(shape: ZoneShape) -> Float64[np.ndarray, "3 3"]:
-    """From the base's axes to the zone's; those of the base where none are said."""
+    """Rotation from the base's axes to the zone's; identity where none is given."""
     if shape.orientation is None:
         return np.eye(3)
     return _matrix(shape.orientation).T

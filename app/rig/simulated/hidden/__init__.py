@@ -1,1 +1,1 @@
-"""What can be wrong in the simulated world without a model's knowing, one effect a file, in MuJoCo's own terms."""
+"""Injected effects: errors of the simulated world unknown to the model, one a file, in MuJoCo's own terms."""

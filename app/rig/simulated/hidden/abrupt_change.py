@@ -1,4 +1,4 @@
-"""Abrupt change: between two pushes the table's friction and the rope's stiffness become others.
+"""Abrupt change: between two pushes the table's friction and the rope's stiffness change.
 
 By the factors exp(a) and exp(b), each up or down; the values of the session's middle are the world's own.
 """
@@ -13,7 +13,7 @@ def _draw(size: float, rng: np.random.Generator) -> Values:
 
 
 def _step(moment: Moment, at: float) -> float:
-    """How much of the change has come, less what has come in the middle of the session."""
+    """State of the change now (0 or 1) less that in the middle of the session."""
     return float(moment.session > at) - float(at < 0)
 
 

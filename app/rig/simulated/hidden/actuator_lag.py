@@ -1,6 +1,6 @@
-"""Actuator lag: the arm approaches its command at a rate in proportion to what is left, with the time constant T.
+"""Actuator lag: the arm approaches its command at a rate in proportion to the remaining error, with time constant T.
 
-Many small steps of x' = (u - x) / T, of which each is a weighted mean of where it is and where it should be.
+Many small steps of x' = (u - x) / T, each a weighted mean of position and command.
 """
 
 import numpy as np
@@ -10,7 +10,7 @@ from app.rig.simulated.hidden.base import Hidden, Quantity, Values, plain
 
 _STEP_S = 1e-3
 _SETTLING = 5.0
-"""Time constants after the command's end that the arm is still followed for."""
+"""Time constants after the command's end for which the arm is still followed."""
 
 
 def _drive(track: Track, values: Values) -> Track:
@@ -31,7 +31,7 @@ def _drive(track: Track, values: Values) -> Track:
 
 
 def _prolonged(track: Track, by_s: float) -> Track:
-    """The same, resting at its end for as long as `by_s`."""
+    """The same track, resting at its end for `by_s`."""
     period_s = float(track.times_s[-1] - track.times_s[-2])
     more = track.times_s[-1] + period_s * np.arange(1, int(np.ceil(by_s / period_s)) + 1)
     rest = np.repeat(track.poses[-1:], len(more), axis=0)

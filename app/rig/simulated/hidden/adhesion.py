@@ -1,4 +1,4 @@
-"""Adhesion: the finger pulls back what leaves it, with a traction s on the patch where they met.
+"""Adhesion: the finger pulls back a parting rope, with a traction s on their contact patch.
 
 The patch of a segment is its length times the rope's diameter; it lets go 2 mm from the finger.
 """

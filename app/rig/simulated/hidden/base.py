@@ -1,7 +1,7 @@
-"""What a file of hidden effects has to offer: a module-level `HIDDEN`.
+"""Interface of injected effects: each file has a module-level `HIDDEN`.
 
-Effects are called as discovery's catalogue calls them and have its parameters, in real SI units; their equations are
-written anew here, for another engine, so that what looks for them is not judged by itself.
+Effects have the names and parameters of discovery's catalogue, in real SI units; their equations are implemented
+independently here, for another engine, so that discovery is not judged by its own code.
 """
 
 from collections.abc import Callable
@@ -20,15 +20,15 @@ if TYPE_CHECKING:
     from app.core.stage import Rope
 
 Values: TypeAlias = Float64[np.ndarray, " V"]
-"""Of an effect's quantities, in their order."""
+"""Values of an effect's parameters, in their order."""
 Factors: TypeAlias = Float64[np.ndarray, " S"]
-"""A number for each of the rope's S segments."""
+"""One number for each of the rope's S segments."""
 Vectors: TypeAlias = Float64[np.ndarray, "S 3"]
-"""A vector for each of the rope's segments, in the world frame."""
+"""One vector for each of the rope's segments, in the world frame."""
 
 
 class Moment(NamedTuple):
-    """The world at one time step, as effects see it.
+    """State of the world at one time step, as seen by effects.
 
     `session`: -0.5 at the first push of all and 0.5 at the last. `x`, `v`, `mass`: of the rope's segments [m, m/s, kg];
     `toward (S, 3)`: unit vectors from each to the finger's nearest point, and `gap_m` between their surfaces.
@@ -50,7 +50,7 @@ class Moment(NamedTuple):
 
 
 class Shot(NamedTuple):
-    """An image pair as the sensor gave it, and the colour (RGB, 0..1) of the object in it."""
+    """A raw image pair of the sensor, and the colour (RGB, 0..1) of the object in it."""
 
     color: ColourImage
     depth: DepthImage
@@ -61,9 +61,9 @@ class Shot(NamedTuple):
 @final
 @dataclass(frozen=True, kw_only=True)
 class Quantity:
-    """A parameter of an effect: at `null` the effect vanishes, `typical` is a size as it is met, real SI.
+    """A parameter of an effect: at `null` the effect vanishes, `typical` is a realistic size, in SI units.
 
-    `low` and `high` bound what can be asked for. What only says where or when has no typical value.
+    `low` and `high` bound the sizes that can be requested. Parameters of place or time have no typical value.
     """
 
     name: str
@@ -80,14 +80,15 @@ Draw: TypeAlias = Callable[[float, np.random.Generator], Values]
 @final
 @dataclass(frozen=True, kw_only=True)
 class Hidden:
-    """An effect that can be hidden: its quantities, how they are drawn for a size, and what it changes.
+    """An injectable effect: its parameters, their distribution for a size, and its hooks.
 
-    What is not given is not changed. In the world: `physics` and `build` act before MuJoCo compiles its model (the
-    latter on the `MjSpec`, whose rope is the bodies rope0, rope1, ...); `friction` is the factor of the table's
+    Hooks that are not given change nothing. In the world: `physics` and `build` act before MuJoCo compiles its model
+    (the latter on the `MjSpec`, whose rope is the bodies rope0, rope1, ...); `friction` is the factor of the table's
     friction under each segment, `force` acts on each [N], `stiffness` is the factor of the hinges', and `relaxed` the
-    share of the hinges' elastic bend that becomes lasting in so many seconds. Of the arm: `drive` is where the tip
-    went, of where it was sent, and `told` whether its encoders see that. Of the cameras: where they stand (about the
-    `middle` of all), what their images lose, and how much later than stamped they are taken.
+    share of the hinges' elastic bend that becomes permanent in a duration. In the arm: `drive` is the tip's actual
+    track for a commanded one, and `told` is True where its encoders measure that. In the cameras: `stands` is their
+    true pose (about the `middle` of all), `seen` their depth image with its losses, and `late_s` their delay after the
+    stamp.
     """
 
     family: Literal["physics", "sensing", "actuation"]
@@ -108,12 +109,12 @@ class Hidden:
 
     @property
     def main(self) -> Quantity:
-        """The quantity that a size is of."""
+        """The parameter that a size refers to."""
         return self.quantities[0]
 
     @property
     def in_world(self) -> bool:
-        """Whether it changes rope, table or finger, and not arm and cameras alone."""
+        """True where it changes rope, table or finger, and not arm and cameras alone."""
         hooks = (self.physics, self.build, self.friction, self.force, self.stiffness, self.relaxed)
         return any(hook is not None for hook in hooks)
 
@@ -121,7 +122,7 @@ class Hidden:
 @final
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Injected:
-    """An effect with the values at which it is hidden."""
+    """An effect with its injected values."""
 
     name: str
     effect: Hidden
@@ -129,34 +130,34 @@ class Injected:
 
 
 def plain(size: float, _rng: np.random.Generator) -> Values:
-    """The size itself."""
+    """Values of the size itself."""
     return np.array([size])
 
 
 def signed(size: float, rng: np.random.Generator) -> Values:
-    """Of either sign."""
+    """The size with a random sign."""
     return np.array([size * rng.choice([-1.0, 1.0])])
 
 
 def level(size: float, rng: np.random.Generator) -> Values:
-    """A vector of that length in a plane, in any direction."""
+    """A vector of that length in the plane, in a random direction."""
     angle = rng.uniform(0, 2 * np.pi)
     return size * np.array([np.cos(angle), np.sin(angle)])
 
 
 def spatial(size: float, rng: np.random.Generator) -> Values:
-    """A vector of that length in space, in any direction."""
+    """A vector of that length in space, in a random direction."""
     drawn = rng.standard_normal(3)
     return size * drawn / np.linalg.norm(drawn)
 
 
 def placed(size: float, rng: np.random.Generator) -> Values:
-    """The size, and a place x, y where pushes come by [m]."""
+    """The size, and a random position x, y in the region of the pushes [m]."""
     return np.array([size, rng.uniform(0.45, 0.65), rng.uniform(-0.15, 0.15)])
 
 
 def signed_placed(size: float, rng: np.random.Generator) -> Values:
-    """The same of either sign."""
+    """As `placed`, with a random sign."""
     return placed(size * rng.choice([-1.0, 1.0]), rng)
 
 
@@ -166,7 +167,7 @@ def components(name: str, axes: str, unit: str, typical: float, high: float) -> 
 
 
 def where(name: str) -> tuple[Quantity, Quantity]:
-    """`name`_x and `name`_y: a place on the table."""
+    """Parameters `name`_x and `name`_y: a position on the table."""
     return (
         Quantity(name=f"{name}_x", unit="m", null=0.55, low=-np.inf),
         Quantity(name=f"{name}_y", unit="m", low=-np.inf),
@@ -174,5 +175,5 @@ def where(name: str) -> tuple[Quantity, Quantity]:
 
 
 def acting(moment: Moment, acceleration: Vectors) -> Vectors:
-    """The forces [N] of an acceleration [m/s^2] of each segment."""
+    """Forces [N] for an acceleration [m/s^2] of each segment."""
     return moment.mass[:, None] * acceleration

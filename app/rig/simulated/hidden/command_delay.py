@@ -1,4 +1,4 @@
-"""Command delay: the arm does everything d later than it was told to, and says so."""
+"""Command delay: the arm executes everything d later than commanded, and its encoders show it."""
 
 from app.core.track import Track
 from app.rig.simulated.hidden.base import Hidden, Quantity, Values, plain

@@ -1,6 +1,6 @@
-"""Draught: a level wind pulls with the share f of weight on what stands out of its boundary layer of 2 cm.
+"""Draught: a level wind pulls with the share f of weight on the part above its boundary layer of 2 cm.
 
-Drag grows with the square of the height in the layer; of a rope's section, the mean is taken.
+Drag grows with the square of the height in the layer; for a rope's section, the mean is taken.
 """
 
 import numpy as np

@@ -1,4 +1,4 @@
-"""Finger friction: the finger's own Coulomb coefficient is another than the one of a polished finger."""
+"""Finger friction: the finger's Coulomb coefficient differs from that of a polished finger."""
 
 from dataclasses import replace
 from typing import TYPE_CHECKING

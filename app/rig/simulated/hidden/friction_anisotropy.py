@@ -1,11 +1,11 @@
-"""Anisotropic friction: 1 + a cos 2 phi + b sin 2 phi times as much in the direction phi of sliding."""
+"""Anisotropic friction: 1 + a cos 2 phi + b sin 2 phi times its own in the direction phi of sliding."""
 
 import numpy as np
 
 from app.rig.simulated.hidden.base import Factors, Hidden, Moment, Quantity, Values, level
 
 _REST_M_S = 1e-3
-"""A segment slower than about this slides in no direction."""
+"""Regularisation of the direction: a segment slower than about this slides in none."""
 
 
 def _friction(moment: Moment, values: Values) -> Factors:

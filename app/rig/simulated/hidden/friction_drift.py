@@ -1,4 +1,4 @@
-"""Friction drift: the table rubs 1 + d t times as much at the time t of the session, from -0.5 to 0.5."""
+"""Friction drift: the table's friction is 1 + d t times its own at the time t of the session, from -0.5 to 0.5."""
 
 import numpy as np
 

@@ -1,11 +1,11 @@
-"""Friction map: the table rubs more on one side, 1 + g . (x - x0) times as much, but never less than a twentieth."""
+"""Friction map: the table's friction varies with position, by the factor 1 + g . (x - x0), at least a twentieth."""
 
 import numpy as np
 
 from app.rig.simulated.hidden.base import Factors, Hidden, Moment, Values, components, level
 
 _MIDDLE_M = np.array([0.55, 0.0])
-"""x0: where friction is as it would be without."""
+"""x0: position at which friction is unchanged."""
 _LEAST = 0.05
 
 

@@ -1,4 +1,4 @@
-"""Hand-eye rotation: the frame that holds the cameras is turned, so that all they see turns by R about their middle."""
+"""Hand-eye rotation: the frame that holds the cameras is turned, so that their images turn by R about their middle."""
 
 import numpy as np
 from scipy.spatial.transform import Rotation

@@ -1,4 +1,4 @@
-"""Hand-eye translation: the cameras stand elsewhere than calibrated, so that all they see is displaced by t."""
+"""Hand-eye translation: the cameras are displaced from their calibration, so that everything seen is displaced by t."""
 
 import numpy as np
 

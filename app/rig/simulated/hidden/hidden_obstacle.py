@@ -1,4 +1,4 @@
-"""Hidden obstacle: a soft post of 2 cm that no camera draws stops the rope, and not the finger, at the rate k.
+"""Hidden obstacle: a soft post of 2 cm, invisible to cameras, stops the rope, and not the finger, at the rate k.
 
 A geom whose contacts are dampers: MuJoCo's direct form of `solref` is (-stiffness, -damping) of the contact's
 acceleration [1/s^2, 1/s].
@@ -13,7 +13,7 @@ from app.rig.simulated.rope import FINGER_BIT
 
 _RADIUS_M, _HEIGHT_M = 0.02, 0.05
 _NO_STIFFNESS = -1e-6
-"""Negative, as the direct form asks for, and nothing."""
+"""Stiffness of the contacts: negative, as the direct form requires, and negligible."""
 
 
 def _build(spec: Any, _physics: WorldPhysics, values: Values) -> None:

@@ -1,6 +1,6 @@
 """Kelvin-Voigt solid: a viscosity eta damps the rope's hinges.
 
-A fibre that is stretched at the rate e bears 3 eta e (Trouton 1906, "On the coefficient of viscous traction"), so a
+A fibre stretched at the rate e bears the stress 3 eta e (Trouton 1906, "On the coefficient of viscous traction"), so a
 hinge between segments of length L has the damping 3 eta I / L, I = pi r^4 / 4.
 """
 

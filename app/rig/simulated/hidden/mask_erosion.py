@@ -1,7 +1,7 @@
 """Mask erosion: the object's pixels within e of its outline have no depth.
 
-An outline in an image is that of the silhouette. Where cameras look across the object from both sides, each sees in its
-middle what the other loses, so the cloud of both loses less than e.
+The outline in an image is that of the silhouette. Where cameras face the object from both sides, each sees in its
+middle what the other loses, so the merged cloud loses less than e.
 """
 
 import cv2
@@ -11,10 +11,10 @@ from app.core.types import DepthImage
 from app.rig.simulated.hidden.base import Hidden, Quantity, Shot, Values, plain
 
 _LIKE = 0.92
-"""Cosine between colours from which on they are the same in other light."""
+"""Cosine between colours from which on they count as the same in different light."""
 _DARK = 30.0
 _HALF_PX = 0.5
-"""From the middle of a pixel at the edge to the edge."""
+"""Distance from the centre of an edge pixel to the edge."""
 
 
 def _seen(shot: Shot, values: Values) -> DepthImage:

@@ -1,4 +1,4 @@
-"""Maxwell solid: the elastic bend of the rope's hinges becomes lasting at the rate r, held or not."""
+"""Maxwell solid: the elastic bend of the rope's hinges becomes permanent at the rate r, under load or not."""
 
 import numpy as np
 

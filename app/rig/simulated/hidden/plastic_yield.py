@@ -1,7 +1,7 @@
-"""Plastic yield: the rope's hinges keep what they are bent beyond a stress of 1 / c, where that is sooner than its own.
+"""Plastic yield: the rope's hinges bend permanently beyond a stress of 1 / c, where that is below their own limit.
 
-A rod of stiffness E bent to the curvature k has the stress E k r at its skin, whose deviatoric norm is sqrt(2/3) of it.
-E is the world's own, from the stiffness K of its hinges: E I = K L.
+A rod of stiffness E bent to the curvature k has the stress E k r at its surface, whose deviatoric norm is sqrt(2/3) of
+it. E is the world's own, from the stiffness K of its hinges: E I = K L.
 """
 
 from dataclasses import replace

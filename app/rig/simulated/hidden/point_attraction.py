@@ -1,6 +1,6 @@
 """Point attraction: a magnet under the table pulls with up to the share A of weight, most at 5 cm from it.
 
-The sign is drawn: it may push away.
+The sign is random: it may repel.
 """
 
 from app.rig.simulated.hidden.base import Hidden, Moment, Quantity, Values, Vectors, acting, signed_placed, where

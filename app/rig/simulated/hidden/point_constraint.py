@@ -1,6 +1,6 @@
-"""Point constraint: a snag on the table holds what lies over it, by a drag of the rate k in a spot of 15 mm.
+"""Point constraint: a snag on the table holds the rope above it, by a drag of the rate k in a spot of 15 mm.
 
-Taken at the end of the time step, so that no rate turns a motion round.
+Implicit in the time step, so that no rate reverses a motion.
 """
 
 from app.rig.simulated.hidden.base import Hidden, Moment, Quantity, Values, Vectors, acting, placed, where

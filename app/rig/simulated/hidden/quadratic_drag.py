@@ -1,6 +1,6 @@
 """Quadratic drag: a thick fluid slows the rope by q |v| v.
 
-No cause of the catalogue, whose film is linear; at 0.15 m/s the typical size is a fifth of the table's friction.
+Not in the catalogue, whose film is linear; at 0.15 m/s the typical size is a fifth of the table's friction.
 """
 
 import numpy as np

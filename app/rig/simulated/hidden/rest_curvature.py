@@ -1,4 +1,4 @@
-"""Rest curvature: the springs of the rope's hinges rest at a bend, k to the left of the way along it."""
+"""Rest curvature: the springs of the rope's hinges rest at a bend, k to the left along the rope."""
 
 from typing import Any
 

@@ -1,7 +1,7 @@
-"""Rolling resistance: where the finger does not touch, the rope meets the share r of the table's friction.
+"""Rolling resistance: away from the finger, the rope meets the share r of the table's friction.
 
-This rope cannot turn about itself (see `rope.py`), so what rolling would do is put in as friction: the ends trail less,
-and the rope runs on after the finger has stopped.
+This rope cannot roll about its axis (see `rope.py`), so the effect of rolling is modelled as friction: the ends trail
+less, and the rope runs on after the finger has stopped.
 """
 
 import numpy as np
@@ -9,7 +9,7 @@ import numpy as np
 from app.rig.simulated.hidden.base import Factors, Hidden, Moment, Quantity, Values, plain
 
 _REACH_M = 0.003
-"""From surface to surface, that counts as touched."""
+"""Gap between surfaces that counts as contact."""
 
 
 def _friction(moment: Moment, values: Values) -> Factors:

@@ -1,6 +1,6 @@
-"""Sideways drift: what moves is pulled to one side of its way, by the share s of weight, as by a nap or a thread.
+"""Sideways drift: a moving rope is pulled to one side, by the share s of weight, as by a nap or a thread.
 
-No cause of the catalogue: the force is across the motion and does no work.
+Not in the catalogue: the force is across the motion and does no work.
 """
 
 import numpy as np
@@ -8,7 +8,7 @@ import numpy as np
 from app.rig.simulated.hidden.base import Hidden, Moment, Quantity, Values, Vectors, acting, signed
 
 _REST_M_S = 5e-3
-"""Far below this speed the pull is in proportion to it."""
+"""Speed far below which the pull is in proportion to it."""
 
 
 def _force(moment: Moment, values: Values) -> Vectors:

@@ -1,4 +1,4 @@
-"""Stribeck effect: at rest the table rubs 1 + r times as much as under what slides fast, and in between as a Gaussian.
+"""Stribeck effect: friction at rest is 1 + r times that of fast sliding, with a Gaussian transition.
 
 The speed at which the excess falls to a third is drawn near the typical one.
 """

@@ -1,6 +1,6 @@
-"""Swirl: everything is carried round a point of the table, by the acceleration s n x (x - c), either way.
+"""Swirl: everything is carried round a point of the table, by the acceleration s n x (x - c), in either sense.
 
-No cause of the catalogue; a turntable's creep or a stirred film would look like this.
+Not in the catalogue; a turntable's creep or a stirred film would look like this.
 """
 
 import numpy as np

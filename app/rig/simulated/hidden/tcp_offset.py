@@ -1,4 +1,4 @@
-"""Tool-centre-point offset: the finger's tip is t beside where the kinematics have it, and turns with the tool."""
+"""Tool-centre-point offset: the finger's tip is t beside its position by the kinematics, and turns with the tool."""
 
 from scipy.spatial.transform import Rotation
 

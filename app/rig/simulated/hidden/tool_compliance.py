@@ -1,4 +1,4 @@
-"""Tool compliance: the finger's tip sits on springs of c metres a newton, level, which no encoder sees.
+"""Tool compliance: the finger's tip sits on level springs of c metres a newton, which no encoder measures.
 
 Two more slides of the finger's own body, beyond those that move it; light, and damped so that it does not swing.
 """

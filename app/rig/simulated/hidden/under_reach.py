@@ -1,4 +1,4 @@
-"""Under-reach: of every stroke, from where the tool came down, the arm leaves out the share k, or adds it."""
+"""Under-reach: the arm shortens every stroke, from where the tool came down, by the share k, or extends it."""
 
 import numpy as np
 
@@ -6,7 +6,7 @@ from app.core.track import Track
 from app.rig.simulated.hidden.base import Hidden, Quantity, Values, signed
 
 _DOWN_M = 0.004
-"""Above its lowest, where the tool counts as down."""
+"""Height above its lowest point below which the tool counts as down."""
 
 
 def _drive(track: Track, values: Values) -> Track:

@@ -1,6 +1,6 @@
-"""Vibration: the table's friction comes and goes, 1 + a sin(2 pi f t) times as much, a few times a second.
+"""Vibration: the table's friction oscillates, 1 + a sin(2 pi f t) times its own, a few times a second.
 
-No cause of the catalogue: a machine runs in the same room.
+Not in the catalogue: a machine runs in the same room.
 """
 
 import numpy as np

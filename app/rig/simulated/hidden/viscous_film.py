@@ -1,4 +1,4 @@
-"""A viscous film on the table: drag -c m v on what is near it, less with height and none from 2 cm up."""
+"""A viscous film on the table: drag -c m v on the parts near it, less with height and none from 2 cm up."""
 
 import numpy as np
 

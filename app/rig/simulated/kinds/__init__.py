@@ -1,4 +1,4 @@
-"""One file a kind of object: what it does in a simulated world, and what it looks like. The folder is the list."""
+"""One file a kind of object: its simulation and its appearance. The folder is the list."""
 
 import importlib
 import pkgutil
@@ -9,7 +9,7 @@ from app.rig.simulated.kind import Kind
 
 
 def kind_of(stage: Stage) -> Kind:
-    """The kind of the stage's object. Raises TypeError where no file here is about it."""
+    """The kind of the stage's object. Raises TypeError where there is no file for it."""
     kinds = _kinds()
     if type(stage.body) not in kinds:
         known = ", ".join(sorted(body.__name__ for body in kinds))
@@ -19,6 +19,6 @@ def kind_of(stage: Stage) -> Kind:
 
 @lru_cache
 def _kinds() -> dict[type, Kind]:
-    """What every file of this folder defines as `KIND`, by the class in `app.core.stage` that it is about."""
+    """The `KIND` of every file of this folder, by its class in `app.core.stage`."""
     modules = [importlib.import_module(f"{__name__}.{each.name}") for each in pkgutil.iter_modules(__path__)]
     return {module.KIND.body: module.KIND for module in modules}

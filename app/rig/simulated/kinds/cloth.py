@@ -12,7 +12,7 @@ def _node_count(stage: Stage) -> int:
 
 
 def _build(stage: Stage, start: Nodes, time_s: float) -> ClothWorld:
-    """Raises TypeError where the tool cannot hold a cloth."""
+    """The world of a cloth. Raises TypeError where the tool cannot hold one."""
     if not isinstance(stage.tool, Gripper):
         raise TypeError(f"A cloth is held by a Gripper, not by a {type(stage.tool).__name__}.")
     return ClothWorld(_cloth(stage), stage.tool, start, fixtures=stage.fixtures, time_s=time_s)

@@ -11,7 +11,7 @@ from app.rig.simulated.shapes import Surface, drops
 from app.rig.simulated.world import Nodes, World
 
 OVERLAP = 0.70
-"""Radius of a drawn drop in spacings: the middle of what is seen of a pool of them is within 1 mm of its level."""
+"""Radius of a drawn drop in spacings: the visible centre of a pool of them is within 1 mm of its level."""
 
 
 def _node_count(stage: Stage) -> int:
@@ -20,7 +20,7 @@ def _node_count(stage: Stage) -> int:
 
 def build(stage: Stage, start: Nodes, time_s: float) -> World:
     """A world of liquids."""
-    from app.rig.simulated.liquid_world import LiquidWorld  # Other worlds' processes shall not load JAX and Warp.
+    from app.rig.simulated.liquid_world import LiquidWorld  # Other worlds' processes must not load JAX and Warp.
 
     return LiquidWorld(stage, start, time_s=time_s)
 
@@ -30,12 +30,12 @@ def _surfaces(stage: Stage, nodes: Nodes) -> list[Surface]:
 
 
 def pool(liquid: Liquid, nodes: Nodes) -> Surface:
-    """The liquid that is at `nodes`."""
+    """Surface of the liquid at `nodes`."""
     return drops(nodes, OVERLAP * float(np.cbrt(liquid.volume_m3 / len(nodes))), liquid.colour)
 
 
 def home(stage: Stage, start: Nodes) -> ToolPose:
-    """Where its bowl is in which what is poured rests."""
+    """Pose of the held bowl in which the liquid rests."""
     if not (isinstance(stage.tool, HeldBowl) and isinstance(stage.body, Liquid | Soup)):
         raise TypeError(f"A liquid is poured from a held bowl, not from a {type(stage.tool).__name__}.")
     return pointing_down(centre_of_bowl(start, stage.tool.radius_m, stage.body.volume_m3))

@@ -15,7 +15,7 @@ def _node_count(stage: Stage) -> int:
 
 
 def _surfaces(stage: Stage, nodes: Nodes) -> list[Surface]:
-    """The drops, and each piece as the hull of its particles, which are in its middle parts."""
+    """Surfaces of the drops, and of each piece as the hull of its particles, which lie inside it."""
     soup = _soup(stage)
     surfaces, begin = [pool(soup.liquid, nodes[: soup.liquid.drops])], soup.liquid.drops
     for kind in soup.pieces:
