@@ -8,7 +8,7 @@ import numpy as np
 from scipy.stats import binom, t
 
 _Z = 1.96
-"""Of a 95 % interval."""
+"""Standard normal quantile of a 95 % interval."""
 _FEWEST = 4
 """Fewer values say next to nothing about their spread."""
 
