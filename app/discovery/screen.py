@@ -23,7 +23,7 @@ _FAR = 2.0
 """Steps of a calibrated parameter that a refit takes at most."""
 _PEAKS = 8
 _PEAK_M = 0.03
-"""Where residuals are large something may be in the way: so many places, no two nearer than this [m]."""
+"""Number of places with large residuals, where something may be in the way, and their least distance [m]."""
 
 
 @final
@@ -101,7 +101,7 @@ def screen(predictor: Predictor, trials: Trials, about: Theta, *, only: Sequence
 def screened(
     catalogue: Catalogue, calibrated: Sequence[str], about: Theta, steps: Sequence[Step], data: Residuals
 ) -> Screening:
-    """What the residuals and slopes about a model say of every cause."""
+    """Screening of every cause by the residuals and slopes about a model."""
     prior = prior_of(catalogue, calibrated, about, steps)
     odd_columns = {column for cause in catalogue.causes for column in cause.odd}
     odd = [n for n, step in enumerate(steps) if step.column in odd_columns]
@@ -153,7 +153,7 @@ def _possible(finding: Finding, steps: Sequence[Step]) -> Finding:
 
 
 def prior_of(catalogue: Catalogue, calibrated: Sequence[str], about: Theta, steps: Sequence[Step]) -> Prior:
-    """Where nothing is missing, in steps from `about`."""
+    """Prior over all columns under the null hypothesis (no effect present), in steps from `about`."""
     causes = {cause.name: cause for cause in with_formula(catalogue).causes}
     usual = np.array(
         [
@@ -172,7 +172,7 @@ def prior_of(catalogue: Catalogue, calibrated: Sequence[str], about: Theta, step
 
 
 def places_of(predictor: Predictor, trials: Trials, about: Theta) -> Float64[np.ndarray, "S 2"]:
-    """Where something might be: the corners of the inner half of where the object was, and where it is not as told."""
+    """Candidate places: the corners of the inner half of the object's region, and peaks of the residuals."""
     seen = np.concatenate([push.before.points[:, :2] for push in trials.study.pushes])
     low, high = np.quantile(seen, [0.25, 0.75], axis=0)
     corners = [[x, y] for x in (low[0], high[0]) for y in (low[1], high[1])]
@@ -183,7 +183,7 @@ def places_of(predictor: Predictor, trials: Trials, about: Theta) -> Float64[np.
 def arrows_of(
     trials: Trials, data: Residuals, predictor: Predictor, about: Theta
 ) -> tuple[Float64[np.ndarray, "K N 2"], Float64[np.ndarray, "K N 2"]]:
-    """Where each push is predicted to leave the object's points, and how far from there they are seen [m]."""
+    """Predicted positions of the object's points after each push, and displacements to the observed ones [m]."""
     predicted = predictor(trials, [about]).after[0]
     arrows = np.zeros((*predicted.shape[:2], 2))
     for k, cloud in enumerate(predicted):
