@@ -1,4 +1,4 @@
-"""How well the model foretells what a sweep does to beans: episodes of `bean_sweep` in lock step. See `--help`."""
+"""Accuracy of the model's prediction of sweeps of beans: episodes of `bean_sweep` in lock step. See `--help`."""
 
 import json
 from dataclasses import asdict, dataclass
@@ -36,7 +36,7 @@ class Sweep:
 
 
 def sweep(seed: int, step: Step, aim: Aim, goal: Points) -> Sweep:
-    """What a step says of the model."""
+    """Quantities of a step that tell how good the model is."""
     before, plan, after = step.before.positions, step.plan, step.after.positions
     return Sweep(
         seed=seed,

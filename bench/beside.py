@@ -1,7 +1,7 @@
-"""Whether a busy computer stops the arm: `dipac run` beside a browser that draws its page in software, and a busy loop.
+"""Robustness of the arm to a busy computer: `dipac run` beside a browser that renders in software, and a busy loop.
 
-`python -m bench.beside --seeds 10` prints a row an episode: the motions made, and those that were stopped, with why. A
-stop by the watchdog is what must not be: the computer was late, not the robot wrong.
+`python -m bench.beside --seeds 10` prints a row an episode: the motions made, and those that were stopped, with the
+reason. A stop by the watchdog must not happen: the computer was late, not the robot wrong.
 """
 
 import json
@@ -32,7 +32,7 @@ _PATIENCE_S, _PATIENCE_MS = 1200, 60_000
 @final
 @dataclass(frozen=True, kw_only=True)
 class Episode:
-    """What came of one: `reasons` says of each motion that was stopped why; `rc` is how the program ended."""
+    """Outcome of an episode: `reasons` of each motion that was stopped; `rc` is the program's exit status."""
 
     seed: int
     motions: int

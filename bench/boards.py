@@ -29,13 +29,13 @@ _HELD: Mapping[Setup, tuple[list[float], list[float]]] = {
     "fixed": ([0.2, 0.1, 0.3], [-0.10, -0.05, 0.08]),
     "wrist": ([3.0, 0.1, 0.3], [0.5, -0.1, 0.0]),
 }
-"""How the gripper holds the board; how it lies on the table, its pattern up: turned [rad] and where [m]."""
+"""Pose of the board in the gripper, and on the table with its pattern up: rotation vector [rad] and place [m]."""
 
 
 @final
 @dataclass(frozen=True, kw_only=True)
 class Camera:
-    """What an image suffers: noise [grey levels], blur [pixel], and light that falls off across it (a share)."""
+    """Image degradation: noise [grey levels], blur [pixel], and a falloff of light across the image (a share)."""
 
     noise: float = 3.0
     blur_px: float = 0.7
@@ -45,7 +45,7 @@ class Camera:
 @final
 @dataclass(frozen=True, kw_only=True)
 class Errors:
-    """What else is wrong: the arm's reported pose, each axis, and a share of views whose pose is another one's."""
+    """Other errors: of the arm's reported pose on each axis, and a share of views whose pose is another one's."""
 
     joints_m: float = 0.0
     joints_deg: float = 0.0
@@ -114,7 +114,7 @@ def exact(C: Transform, noise_px: float, rng: np.random.Generator) -> Sight:
 
 
 def image(C: Transform, camera: Camera, rng: np.random.Generator, lens: Lens = LENS) -> ColourImage:
-    """What the camera sees of a board at `C` before a grey wall."""
+    """Image of a board at `C` before a grey wall."""
     grey = _cast(C, lens) if lens.bend_px == 0 else _bent(C, lens)
     if camera.blur_px:
         grey = cv2.GaussianBlur(grey, (0, 0), camera.blur_px)
@@ -127,7 +127,7 @@ def image(C: Transform, camera: Camera, rng: np.random.Generator, lens: Lens = L
 
 
 def off(X: Transform, truth: Cell) -> tuple[float, float]:
-    """By how much a found camera is wrong: [mm] and [degree]."""
+    """Error of an estimated camera pose: [mm] and [degree]."""
     wrong = inverse(truth.X) @ X
     return 1e3 * float(np.linalg.norm(X[:3, 3] - truth.X[:3, 3])), float(
         np.degrees(np.linalg.norm(cv2.Rodrigues(wrong[:3, :3])[0]))

@@ -23,7 +23,7 @@ MISSING = "Chromium is missing; install it (`apt-get install chromium`) or set D
 
 
 def chromium() -> str | None:
-    """Where Chromium is: in $DIPAC_CHROMIUM or on the path."""
+    """Path of Chromium: from $DIPAC_CHROMIUM or the search path."""
     return os.environ.get("DIPAC_CHROMIUM") or next(filter(None, map(shutil.which, _BROWSERS)), None)
 
 

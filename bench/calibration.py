@@ -1,8 +1,8 @@
-"""How well calibration recovers a model: episodes of the simulated world, a start wrong by a factor, a grid to compare.
+"""Recovery of a model by calibration: episodes of the simulated world, a wrong initial guess, a grid to compare.
 
-`python -m bench.calibration --help`. The pushes are the policy's and random ones in turn, so that no planning is paid
-for. What is fitted to half of the episodes is scored on the others: with a few pushes that no parameters predict making
-half of the loss, a single division says little.
+`python -m bench.calibration --help`. The pushes are the policy's and random ones in turn, which costs no planning.
+Fits to half of the episodes are scored on the others: a few pushes that no parameters predict make half of the loss,
+so that a single division says little.
 """
 
 import json

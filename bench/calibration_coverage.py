@@ -28,7 +28,7 @@ from app.tasks.base import Task
 TASK: Final = load("rope_push@rods")
 PUSHES: Final = 10
 POINT_NOISE_M, CLOUD_NOISE_M = 1.0e-3, 0.3e-3
-"""Of each particle, and of a whole cloud: standard deviations along each of x, y and z, and along x and y."""
+"""Standard deviations of each particle along x, y and z, and of a whole cloud along x and y."""
 STIFFNESS_PA, TABLE, FINGER = (1e4, 4e4), (0.3, 0.7), (0.15, 0.5)
 OFFSET_M: Final = 0.004
 """Ranges of the truth, even in the logarithm, and of the tool's offset along x and y."""
@@ -72,7 +72,7 @@ def data_set(
 
 
 def fitted(evidence: Evidence, settings: Settings | None = None) -> Fit:
-    """By the calibrator of the task, from the nominal model, with the tool's offset."""
+    """Fit by the task's calibrator from the nominal model, with the tool's offset."""
     return _calibrator(evidence.before.shape[1], settings or Settings(probes=96)).fit_with_offset(
         evidence, phi_of(nominal_model(TASK.name))
     )

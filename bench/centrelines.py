@@ -1,4 +1,4 @@
-"""How truly a rope's centreline is found from points: `python -m bench.centrelines [EPISODES] [PUSHES]`.
+"""Accuracy of a rope's centreline found from points: `python -m bench.centrelines [EPISODES] [PUSHES]`.
 
 Random pushes in a row fold the rope of the simulated world, whose nodes are known. Its cloud is seen exactly, with
 noise, with a hole, as more particles, and by rendered cameras; errors are mean distances of nodes at equal arc length,
@@ -55,7 +55,7 @@ class Found(NamedTuple):
 
 
 def episodes(count: int, pushes: int) -> list[Start]:
-    """Of random pushes, each up to 18 cm long."""
+    """Episodes of random pushes, each up to 18 cm long."""
     takes = list(rehearse(TASK, Plan(episodes=count, pushes=pushes, lengths_m=(0.06, 0.18)), WorldPhysics(), (), SEED))
     paths = [pushing(take.command) for take in takes]
     longest = max(map(len, paths)) + round(_REST_S / SCENE.dt_s)
@@ -109,7 +109,7 @@ SEEN: Final[tuple[Callable[[Float64[np.ndarray, "n 3"], int], Points], ...]] = (
 
 
 def folded(line: Float64[np.ndarray, "n 2"]) -> bool:
-    """Whether strands are nearer than 20 mm."""
+    """True if strands are nearer than 20 mm."""
     gap = np.linalg.norm(line[:, None] - line[None], axis=-1)
     return bool(gap[np.subtract.outer(np.arange(len(line)), np.arange(len(line))) >= _APART].min() < _FOLDED_M)
 
@@ -124,7 +124,7 @@ def by_neighbours(x: Points) -> Float64[np.ndarray, "n 2"]:
 
 
 def predicted(line: Float64[np.ndarray, "n 2"], tool: Float64[np.ndarray, "T 3"]) -> Float64[np.ndarray, "n 2"]:
-    """Where a push takes a centreline, by rods."""
+    """The centreline after a push, as rods predict it."""
     start = RodState.along(jnp.asarray(line.T[None]))
     end = SIMULATE(physics(_PRIOR, 1), start, jnp.asarray(tool[None], jnp.float32))
     return np.asarray(end.nodes[0, :2], np.float64).T

@@ -110,14 +110,14 @@ def outside(x: jax.Array, v: jax.Array) -> tuple[jax.Array, jax.Array]:
 
 
 class Hung(NamedTuple):
-    """What became of the cloth, and what it took."""
+    """Final state of the cloth, and the cost of simulating it."""
 
     stretch_percent: float
-    """Of the threads across the rod, their mean."""
+    """Mean stretch of the threads across the rod."""
     worst: float
     """The longest distance of two neighbours, in spacings."""
     sides_m: tuple[float, float]
-    """How far it hangs down on each side of the rod's axis."""
+    """Length that hangs down on each side of the rod's axis."""
     fallen: bool
     ms: float
     """A substep's wall time."""

@@ -31,7 +31,7 @@ from app.tasks import compiled, load
 
 GRADIENT_STEPS = 10
 SUBSTEPS = 20
-"""Of one displacement (paper, rope pushing: 20 displacements an action)."""
+"""Substeps of one displacement (paper, rope pushing: 20 displacements an action)."""
 
 
 @final

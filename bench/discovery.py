@@ -74,7 +74,7 @@ def main(options: Sequence[str] | None = None) -> None:
 
 
 def _is_of(line: dict[str, Any], making: Making) -> bool:
-    """Whether a line is of recordings that are made and doubted so."""
+    """True if the recordings of a line were made under the same conditions."""
     case = ledger.whole_case(line)
     seen = case["images"] == making.images or case["world"] == "own"
     return case["dynamics"] == making.dynamics and seen

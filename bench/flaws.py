@@ -1,4 +1,4 @@
-"""What holes, flying pixels and flicker of the cameras cost, and what is done about it: `dipac bench flaws`.
+"""Cost of holes, flying pixels and flicker of cameras, and of the remedies: `dipac bench flaws`.
 
 The rope at rest is seen twice. The second pair of images has one flaw more than the simulated cameras' own: patches of
 no reading on a third of the rope, as it glitters; a mixture of front and background in half of the pixels at edges of
@@ -133,7 +133,7 @@ def _scored(
 
 
 def _pixels(frames: list[Frame], snapshot: Snapshot) -> tuple[float, float]:
-    """Of the pixels on the rope and up to 5 beside it [%]: without a reading, and wrong."""
+    """Shares of the pixels on the rope and up to 5 beside it [%]: without a reading, and wrong."""
     lost, wrong, count = 0, 0, 0
     for frame, camera in zip(frames, table_cameras(), strict=True):
         color, exact = render(snapshot, camera, np.random.default_rng(0), stage=TASK.stage, noise=_PERFECT)

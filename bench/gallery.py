@@ -111,7 +111,7 @@ def _joined(command: tuple[str, ...]) -> str:
 
 
 def made(case: Shown, folder: Path) -> str:
-    """What `dipac discover` prints of a case, which is recorded and investigated where it has not been yet."""
+    """Output of `dipac discover` for a case, which is recorded and investigated first if that has not been done."""
     printed = folder / f"{case.name}.txt"
     if not printed.exists():
         if not (folder / case.name).exists():
@@ -122,7 +122,7 @@ def made(case: Shown, folder: Path) -> str:
 
 
 def _run(command: tuple[str, ...], folder: Path) -> str:
-    """What the program prints. Raises UsageError where it fails."""
+    """Output of the program. Raises UsageError if it fails."""
     words = [word for each in command for word in _spread(each, folder)]
     done = subprocess.run(
         [sys.executable, "-m", "app", *words],
@@ -143,7 +143,7 @@ def _spread(word: str, folder: Path) -> list[str]:
 
 
 def truth_of(case: Shown, folder: Path) -> str:
-    """What the sealed file says."""
+    """Truth in the sealed file, as text."""
     sealed = json.loads((folder / f"{case.name}.truth.json").read_text(encoding="utf-8"))
     effects = [f"`{effect['effect']}` ({_values(effect['parameters'])})" for effect in sealed["effects"]]
     return " and ".join(effects) or "nothing"

@@ -29,7 +29,7 @@ from bench.hidden.verdicts import Verdict, verdict_on
 
 PLAN: Final = Plan(episodes=5, pushes=4)
 FIRST_SEED: Final = 7100
-"""Of the recordings: none that confidence was learnt from, or a test asks about."""
+"""First seed of the recordings: other ones than confidence was learnt from, or tests use."""
 TYPICAL: Final = (1.0, -1.25, 1.5, -1.75, 2.0, -1.0)
 """Sizes by recording, in typical ones; of what cannot be negative without the sign."""
 ERRORS: Final = (
@@ -64,7 +64,7 @@ class Order:
         return f"{self.recording}-{self.effect}-{self.typical}-{self.own}"
 
     def values(self) -> Float64[np.ndarray, " V"]:
-        """Of the effect's parameters; a vector goes in any direction."""
+        """Values of the effect's parameters; a vector has a random direction."""
         specs = effect_of(self.effect).parameters
         size = self.own if self.own is not None else (self.typical or 0.0) * float(specs[0].typical or 0.0)
         if specs[0].low >= 0:
@@ -99,7 +99,7 @@ def recorded(recording: int) -> tuple[RopeCase, Study]:
 
 
 def line_of(order: Order) -> dict[str, Any]:
-    """What discovery says of it."""
+    """Line of results of discovery for an order."""
     case, study = recorded(order.recording)
     values = order.values() if order.effect else np.zeros(0)
     made = with_error(study, order.effect, values) if order.effect else study
@@ -120,7 +120,7 @@ def described(effect: str, values: Float64[np.ndarray, " V"], said: Verdict) -> 
 
 
 def outcome_of(line: dict[str, Any]) -> str:
-    """What became of it: `named` the truth above 0.8, `first` but not sure, `wrong` named above 0.8, or `silent`."""
+    """Outcome of a study: `named` the truth above 0.8, `first` but not sure, `wrong` named above 0.8, or `silent`."""
     first, probability = line["ranking"][0]
     right = first == line["effect"]
     if line["kind"] == "named" and probability > _SURE:
@@ -165,7 +165,7 @@ def summary(known: Sequence[dict[str, Any]], title: str) -> Table:
 
 
 def _sized(line: dict[str, Any]) -> str:
-    """How large what was put in is, in typical sizes, or in its own unit."""
+    """Size of the injected error as text, in typical sizes or in its own unit."""
     if not line["effect"]:
         return ""
     spec = effect_of(line["effect"]).parameters[0]

@@ -1,5 +1,6 @@
-"""What learned policies are worth, from the episodes that were measured: `python -m bench.learned` prints the tables of
-docs/results.md and draws their figures. See `--help`.
+"""Performance of learned policies, from measured episodes: `python -m bench.learned`.
+
+It prints the tables of docs/results.md and draws their figures. See `--help`.
 """
 
 from collections.abc import Sequence
@@ -22,7 +23,7 @@ from app.policy.learned import kinds
 _DOCS: Final = Path(__file__).parents[1] / "docs"
 _MEASURED: Final = _DOCS / "measured"
 _SHOWN: Final = (WHOLE, "no_policy", "no_planning")
-"""What is left out of the planner where learned policies are compared with it."""
+"""Ablations of the planner with which learned policies are compared."""
 _SEEDS, _TEN, _TASK = 10, 10, "rope_push"
 
 
@@ -56,7 +57,7 @@ def _planners(file: Path, known: set[str]) -> list[dict[str, Any]]:
 
 
 _Found = dict[str, dict[int, Score]]
-"""By method and number of demonstrations."""
+"""Scores by method and number of demonstrations."""
 
 
 def _efficiency(rows: Sequence[dict[str, Any]]) -> _Found:

@@ -13,9 +13,9 @@ from jaxtyping import Bool, Float64
 from scipy.stats import binomtest, t
 
 Place: TypeAlias = tuple[tuple[str, int], ...]
-"""Of a lattice: the axes along which a model is not where it began, by name, and by how many steps."""
+"""Lattice point: the axes along which a model differs from its start, by name, and the number of steps."""
 Errors: TypeAlias = Callable[[Sequence[Place]], Float64[np.ndarray, "Q K"]]
-"""Of models, on each push; NaN where nothing is predicted."""
+"""Errors of models on each push; NaN if nothing is predicted."""
 
 
 def placed(steps: Mapping[str, int]) -> Place:
@@ -30,7 +30,7 @@ def beside(place: Place, axes: Collection[str]) -> list[Place]:
 
 
 def folds(count: int) -> Bool[np.ndarray, "F K"]:
-    """Which pushes each fold is fitted to: all but one, and in the last fold all."""
+    """Mask of the pushes that each fold is fitted to: all but one, and in the last fold all."""
     return np.concatenate([~np.eye(count, dtype=bool), np.ones((1, count), bool)])
 
 
@@ -78,7 +78,7 @@ def chosen(errors: Errors, tried: Mapping[int, Sequence[Place]], train: Bool[np.
 @final
 @dataclass(frozen=True, kw_only=True)
 class Paired:
-    """How much smaller errors are than others of the same pushes: mean, 90 % interval, in how many pushes, p.
+    """Paired comparison of errors on the same pushes: mean gain, 90 % interval, pushes that gain, p.
 
     The interval is Student's, which a few pushes make wide; `p` is of the exact sign test, two-sided.
     """

@@ -1,4 +1,4 @@
-"""What perception makes of an object that is partly hidden: `dipac bench occlusion --seeds 5`.
+"""Reconstruction of partly hidden objects: `dipac bench occlusion --seeds 5`.
 
 A board that the hand carries 10 cm over the table hides a share of the object from all cameras at once: 0, 20 or 40 %
 of its volume. It is as large as that takes. It is grey, or has the object's own colour, as labels may. Before, the
@@ -132,7 +132,7 @@ def ways(scene: Scene, seed: int) -> Ways:
 
 
 def _first(frames: Sequence[Frame], how: Reconstruction, scene: Scene) -> Memory:
-    """What is remembered of the look before, when there was no board."""
+    """Memory from the view before, when there was no board."""
     at = Posture(joints=scene.before.joints, tool=scene.before.tool)
     known = Known(arm=known_arm(scene.task.stage.tool), postures=(at,) * len(frames))
     return reconstruct(frames, how, known=known).memory
@@ -146,7 +146,7 @@ def _seen(frames: Sequence[Frame], how: Reconstruction, known: Known) -> Points 
 
 
 def photographed(stage: Stage, snapshot: Snapshot, rng: np.random.Generator, *, time_s: float) -> list[Frame]:
-    """What the cameras see."""
+    """Images of the cameras."""
     frames: list[Frame] = []
     for camera in table_cameras():
         color, depth = render(snapshot, camera, rng, stage=stage)
@@ -193,7 +193,7 @@ def _hidden(board: Block, points: Cloud) -> float:
 
 
 def _hides(board: Block, camera: CameraModel, points: Cloud) -> np.ndarray:
-    """Which points are behind the board: the way from the camera to them crosses its middle plane within it."""
+    """Mask of the points behind the board: the ray from the camera to them crosses its middle plane within it."""
     eye = camera.T_world_camera[:3, 3]
     along = (board.place_m[2] - eye[2]) / (points[:, 2] - eye[2])
     crossing = eye[:2] + along[:, None] * (points[:, :2] - eye[:2])

@@ -37,14 +37,14 @@ DENSER = 2
 _NOISE_M = 1e-3
 _ENCODER_M = 1e-4
 _MOVED_SHARE = 0.5
-"""Of the object's weight, that a push drags along: what a tool that gives way feels."""
+"""Share of the object's weight that a push drags along: the load on a compliant tool."""
 PAUSE_S, _SETTLE_S = 0.5, 0.25
 _BATCH = 32
 """Substeps are rounded up to these, so that few shapes are compiled."""
 _NEIGHBOURS = 41
 _NODES = 24
 _REST_M = 1e-4
-"""Of the lowest particle above the table."""
+"""Height of the lowest particle above the table."""
 
 Step = Callable[..., tuple[jax.Array, jax.Array]]
 
@@ -223,7 +223,7 @@ def _on_line(
 
 
 class Move(NamedTuple):
-    """What was commanded, what encoders say of it, what was done; when a view was taken, and what it shows is of."""
+    """Commanded, encoder and true tracks of a push; times of a view, of its content, and of the end."""
 
     command: Track
     told: Track

@@ -1,4 +1,4 @@
-"""How well and how fast ropes of the simulated cell are reconstructed: `python -m bench.perception`.
+"""Accuracy and speed of the reconstruction of the simulated cell's ropes: `python -m bench.perception`.
 
 The world's truth is the tube about its rope's nodes. Two situations a seed: the rope at rest with the arm aside, and
 after a push, with the finger still at the rope.

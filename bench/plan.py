@@ -1,4 +1,4 @@
-"""How well the planner pushes: episodes in the simulated world, without cameras. `python -m bench.plan --help`."""
+"""Performance of the planner on pushes: episodes in the simulated world, without cameras. See `--help`."""
 
 import json
 import time

@@ -1,4 +1,4 @@
-"""How long learned policies take to learn and to act: `python -m bench.policies [TASK]`."""
+"""Training and inference times of learned policies: `python -m bench.policies [TASK]`."""
 
 import sys
 import time
@@ -24,14 +24,14 @@ from app.tasks.compiled import nominal_model
 from app.tasks.teaching import lessons, simulator
 
 _STEPS: Final = {"bc": 2000, "act": 1500, "diffusion": 900, "transporter": 600, "ild": 80}
-"""What the reduced trainings of docs/results.md take, of `_BATCH` situations each."""
+"""Steps of the reduced trainings of docs/results.md, of `_BATCH` situations each."""
 _BATCH: Final = 16
 _TIMED: Final = 6
 _CANDIDATES: Final = 16
 
 
 def situations(task: Task, count: int = 10) -> Examples:
-    """What the scripted policy does first in so many problems, for the time that it takes to learn that."""
+    """First actions of the scripted policy in so many problems, as examples to time the training."""
     particles, rows = task.preset("cpu").particle_count, []
     for seed in range(count):
         x, goal = task.particles(task.start(seed), particles), task.goal(seed, particles)

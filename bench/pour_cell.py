@@ -18,13 +18,13 @@ from rich.table import Table
 @final
 @dataclass(frozen=True, kw_only=True)
 class Options:
-    """Which episodes."""
+    """Selection of the episodes."""
 
     episodes: tyro.conf.Positional[Path]
 
 
 class Row(NamedTuple):
-    """Of a method in a task, over its seeds: share in the bowl, its least, rewards, decisions and their seconds."""
+    """Results of a method in a task over its seeds: share in the bowl, its least, rewards, decisions, their seconds."""
 
     task: str
     method: str
@@ -52,7 +52,7 @@ def normalised(reached: float, nothing: float) -> float:
 
 
 def row(task: str, method: str, episodes: Sequence[dict[str, Any]]) -> Row:
-    """Of all episodes of a method."""
+    """Aggregate of all episodes of a method."""
     shares = [episode["reward"] for episode in episodes]
     ends = [(reward(episode["chamfers_m2"][-1]), reward(episode["chamfers_m2"][0])) for episode in episodes]
     took = [second for episode in episodes for second in episode["decisions_s"]]

@@ -21,7 +21,7 @@ from bench.pouring.search import Budget, Found, Objective, Search
 @final
 @dataclass(frozen=True, kw_only=True)
 class Options:
-    """How much is searched, and within which bound."""
+    """Size of the search, and its bound."""
 
     bound: Annotated[float, tyro.conf.arg(help="of every number of an action, before it is divided by 500")] = 1.0
     seeds: int = SEEDS

@@ -43,7 +43,7 @@ from bench.real_rope import chamfer_mm, read_pushes
 from bench.rope_pushes import FOLDER, Recorded, recorded_pushes
 
 GRIPPER: Final = ("offset_x", "offset_y", "half_width", "yaw")
-"""What nobody recorded of it."""
+"""Parameters of the gripper that were not recorded."""
 FREE: Final = ("bend", "finger_friction", "reach", *GRIPPER)
 MODELS: Final = 4096
 """Sobol points in the box of `FREE`, for each weight of tassels."""
@@ -67,7 +67,7 @@ _DOUBT: Final = 0.1
 @final
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Investigated:
-    """What the chain says of a study, and all that it says it by."""
+    """Verdict of the pipeline on a study, and the intermediate results behind it."""
 
     predictor: Predictor
     trials: Trials
@@ -104,7 +104,7 @@ class Investigated:
 
 
 class Errors(NamedTuple):
-    """Of one push, by three models that know the others, and by no motion: displacements and Chamfer distances [mm]."""
+    """Errors on a push of three models fitted to the others, and of no motion: displacement and Chamfer [mm]."""
 
     displacement: Float64[np.ndarray, "4"]
     chamfer: Float64[np.ndarray, "4"]
@@ -172,7 +172,7 @@ class Told:
 
 
 def gripper(pushes: Sequence[Recorded], models: int) -> tuple[list[Told], float]:
-    """What all pushes say of `GRIPPER` with the rod's own numbers free, and how many models that rests on."""
+    """Posteriors of `GRIPPER` from all pushes with the rod's own numbers free, and the effective number of models."""
     real = real_pushes.real_pushes(list(pushes))
     pool = qmc.Sobol(len(FREE), rng=np.random.default_rng(0)).random(models)
     values = np.stack([AXES[name].value(pool[:, column]) for column, name in enumerate(FREE)], axis=1)

@@ -31,7 +31,7 @@ from bench.real_rope import chamfer_mm, read_pushes
 from bench.rope_pushes import FOLDER, RADIUS_M, SPEED_M_S, Recorded, recorded_pushes, volume_m3
 
 DENSITY_KG_M3: Final = 796.0
-"""Of the task's rope: nobody weighed this one. Only the ratio of stiffness to weight and friction shows."""
+"""Density of the task's rope: this one was not weighed. Only the ratio of stiffness to weight and friction shows."""
 FINGER_M: Final = 0.010
 """Radius of the round finger that `reach` is an addition to; its sides are upright, so that it does not press down."""
 NODES: Final = 41
@@ -154,7 +154,7 @@ class Rope:
         self._run = jax.jit(self._predict)
 
     def scores(self, values: Float64[np.ndarray, "C V"], free: Sequence[str]) -> Scores:
-        """Of models (C) on each push, by particles carried with the nodes; a lost rod is as far off as can be."""
+        """Scores of models (C) on each push, by particles carried with the nodes; a lost rod gets the worst."""
         found = list[tuple[np.ndarray, np.ndarray]]()
         for first in range(0, len(values), _AT_ONCE):
             part = values[first : first + _AT_ONCE]
@@ -164,7 +164,7 @@ class Rope:
         return Scores(mm, mm2)
 
     def cloud_scores(self, values: Float64[np.ndarray, " V"], free: Sequence[str]) -> Scores:
-        """Of one model, by the recorded cloud carried with the centreline."""
+        """Scores of one model, by the recorded cloud carried with the centreline."""
         nodes = self._run(self._physical(values[None], free))[0][0]
         return self._carried([nodes[k : k + 1] for k in range(len(self.pushes))])[1]
 
@@ -182,7 +182,7 @@ class Rope:
         )
 
     def _carried(self, nodes: Sequence[jax.Array]) -> tuple[Scores, Scores]:
-        """Of particles and of recorded clouds, with each push's nodes (1, 8, n)."""
+        """Scores of particles and of recorded clouds, with each push's nodes (1, 8, n)."""
         x = [
             np.asarray(self.start._replace(nodes=jnp.tile(each, (len(self.pushes), 1, 1))).x[k])
             for k, each in enumerate(nodes)
@@ -240,8 +240,10 @@ def compared(x: Sequence[Cloud], y: Sequence[Cloud]) -> Scores:
 
 
 def real_pushes(recorded: list[Recorded]) -> RealPushes:
-    """By way of the plain import format and a recording, as a user would bring them; the path is that of `write_plain`,
-    with the finger upright beside the rope, and out of the way at the end."""
+    """Pushes read through the plain import format and a recording, as a user would.
+
+    The path is that of `write_plain`, with the finger upright beside the rope, and out of the way at the end.
+    """
     study = read_pushes(recorded)
     return RealPushes(
         before=np.stack([push.before.points for push in study.pushes]),
@@ -261,7 +263,7 @@ def _path(push: Recorded, dt_s: float) -> Float32[np.ndarray, "T 3"]:
 
 
 def mass_shares(clouds: Sequence[Points], lines: Sequence[np.ndarray], tassels: float) -> Float64[np.ndarray, " n"]:
-    """Of the nodes, the same at both ends, as nobody knows which is which: particles stand for equal volumes.
+    """Mass shares of the nodes, symmetric, as the ends are not told apart: particles stand for equal volumes.
 
     Between equal shares and those, `tassels` from 0 to 1; an end node has at least half of an inner one's.
     """

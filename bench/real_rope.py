@@ -38,11 +38,11 @@ CAUSES: Final = (
     "friction_anisotropy",
     "finger_friction",
 )
-"""What might widen a rope, turn its way, or keep a free end straight."""
+"""Causes that might widen a rope, rotate its motion, or keep a free end straight."""
 _FACTOR = 0.4
 """A step of stiffness and of friction, in a logarithm."""
 _STEP_M = 0.003
-"""Of the tool's radius and of its offset."""
+"""Lattice step of the tool's radius and of its offset."""
 _PLACE_M = 0.03
 _WIDEST_M = 0.03
 _MM = 1e3
@@ -60,7 +60,7 @@ class Row(NamedTuple):
 
 
 class Predicted(NamedTuple):
-    """What a model says of each push: particles after it (K, N, 3) [m], and its errors [mm] and [mm^2] (K,)."""
+    """Predictions of a model for each push: particles after it (K, N, 3) [m], and its errors [mm] and [mm^2] (K,)."""
 
     after: Points
     chamfer_mm: Float64[np.ndarray, " K"]
@@ -210,7 +210,7 @@ def _joined(place: Place, change: dict[str, int]) -> Place:
 
 
 def _step(known: Catalogue, name: str) -> Step:
-    """Of a parameter on the lattice: half of its typical size."""
+    """Lattice step of a parameter: half of its typical size."""
     column = known.column(name)
     spec = known.specs[column]
     if name in PHYSICS:
@@ -291,7 +291,7 @@ def _print(rows: Sequence[Row], pushes: Sequence[Recorded]) -> None:
 
 
 def _values(rope: Rope, models: dict[str, Fitted]) -> None:
-    """What each fold took, the last of them all eight."""
+    """Print the parameters of each fold, the last fold with all eight."""
     for name, fitted in models.items():
         for place in dict.fromkeys(fitted.places):
             theta, count = rope.theta(place), fitted.places.count(place)

@@ -53,7 +53,7 @@ def main() -> None:
 
 
 def _let_run() -> float:
-    """How far another thread of Python gets while this one waits for images in the SDK, against while it sleeps."""
+    """Counting speed of another Python thread while this one waits for images in the SDK, over that while it sleeps."""
     sdk = Sdk.loaded()
     camera = SoftwareCamera(sdk.rs, Body.like_d435(_MODEL, "1"))
     opening = Opening.of(sdk)
@@ -67,7 +67,7 @@ def _let_run() -> float:
 
 
 def _counted(meanwhile: Callable[[], object]) -> float:
-    """How often a second another thread counts while `meanwhile` runs."""
+    """Counts a second by another thread while `meanwhile` runs."""
     over, counts = threading.Event(), itertools.count()
 
     def count() -> None:

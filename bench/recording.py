@@ -1,4 +1,4 @@
-"""What recording costs and what a kill takes: `python -m bench.recording`."""
+"""Cost of recording, and losses by a kill: `python -m bench.recording`."""
 
 import multiprocessing
 import tempfile
@@ -30,13 +30,13 @@ from app.recording.writer import open_recording
 _REPEATS = 50
 _RATE_HZ = 30.0
 _LOOK_HZ = 4.0
-"""How often the cameras look while the program plans and pushes."""
+"""Rate of the cameras while the program plans and pushes."""
 
 
 @final
 @dataclass(frozen=True, kw_only=True)
 class Kill:
-    """What one SIGKILL took: the age [s] of the last message that survived, and how many after it did not.
+    """Loss by one SIGKILL: the age [s] of the last message that survived, and the number lost after it.
 
     `readable`: the MCAP package reads all that was recovered.
     """
@@ -50,7 +50,7 @@ class Kill:
 @final
 @dataclass(frozen=True, kw_only=True)
 class Load:
-    """What recording took: the share of one core, the times of `write` [s], messages lost and waiting at most."""
+    """Cost of recording: share of one core, times of `write` [s], messages lost, and the longest queue."""
 
     share: float
     p50_s: float
@@ -210,7 +210,7 @@ def sustain(folder: Path, duration_s: float = 10.0) -> Load:
 
 
 def clip(folder: Path, *, session_s: float = 66.0, clip_s: float = 30.0) -> tuple[float, float, float]:
-    """How long it takes [s] to cut the end out of a session of two cameras at 4 Hz; both files' sizes [MB]."""
+    """Time [s] to cut the end out of a session of two cameras at 4 Hz; both files' sizes [MB]."""
     messages, began_s, last_s = _Busy(), time.monotonic(), 0.0
     file = EpisodeFile(folder / "session.mcap", episode())
     file.write(episode(), now_s=began_s)
@@ -267,7 +267,7 @@ def kill(context: SpawnContext, *, after_s: float) -> Kill:
 
 @final
 class _Busy:
-    """What two cameras at 30 Hz make: a pair of images, the particles made of them, and a notice that counts."""
+    """Messages of two cameras at 30 Hz: a pair of images, the particles made of them, and a notice that counts."""
 
     def __init__(self) -> None:
         rng = np.random.default_rng(0)

@@ -1,10 +1,10 @@
-"""How true and fast ropes as rods are: `python -m bench.rods`, of one world of ropes `--world chain` or `cable`.
+"""Accuracy and speed of ropes as rods: `python -m bench.rods`, of one world of ropes `--world chain` or `cable`.
 
 Random pushes of the rope in both simulated worlds, seen exactly, in two sets each. The rod's frictions and contact are
-fitted to one set and tried on another, of the same world or of the other one; likewise how it bends: its rigidity, and
-the share of its bends that lasts. Errors are mean distances of nodes. Each world is also
-run against itself, from starts a millimetre an axis beside: the least that anybody who sees so well can err. Then the
-time of a push on one core.
+fitted to one set and tried on another, of the same world or of the other one; likewise its bending: its rigidity, and
+the share of its bends that lasts. Errors are mean distances of nodes. Each world is also run against itself, from
+starts displaced by a millimetre an axis: a lower bound on errors at that accuracy of observation. Then the time of a
+push on one core.
 """
 
 import argparse
@@ -243,7 +243,7 @@ def _rods(world: RopeModel, seed: int) -> Iterator[tuple[str, Rod]]:
 
 
 def _spread(errors_mm: Float64[np.ndarray, " P"]) -> tuple[str, ...]:
-    """How many, median, mean, and what nine of ten are below."""
+    """Count, median, mean, and 90th percentile."""
     numbers = np.median(errors_mm), errors_mm.mean(), np.percentile(errors_mm, 90)
     return str(len(errors_mm)), *(f"{number:.2f}" for number in numbers)
 

@@ -1,4 +1,4 @@
-"""What a rope has to be made of: `python -m bench.rope` compares them.
+"""Comparison of rope materials: `python -m bench.rope`.
 
 Random pushes of the MuJoCo world, seen exactly, and predicted one by one by the task's scene with ropes of several
 materials, each with the stiffness and friction that fit these pushes. The error is the mean length of the displacement
@@ -75,7 +75,7 @@ def scenes() -> Iterator[tuple[str, Scene]]:
 
 
 def errors_mm(subject: Subject, trials: Trials) -> tuple[Float64[np.ndarray, " K"], Float64[np.ndarray, " P"]]:
-    """Of the refitted model, a push; and that model."""
+    """Errors of the refitted model on each push; and that model."""
     predictor = Predictor(subject, catalogue())
     theta = refit(predictor, trials)
     ends = predictor(trials, [theta]).after[0]

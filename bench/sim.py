@@ -1,4 +1,4 @@
-"""How fast ropes are simulated and differentiated, and how long the paper's decisions take.
+"""Speed of the simulation of ropes and of its gradient, and times of the paper's decisions.
 
 The number that counts is particle-substeps a second: particles times candidates times substeps, over wall time. Every
 case runs in a process of its own, so that its peak memory is its own; the plain-JAX reference of the tests runs in the

@@ -49,7 +49,7 @@ _ROOM = Room(min_free_bytes=1_000_000_000, expected_bytes=1_000_000_000, budget_
 @final
 @dataclass(kw_only=True)
 class Soaked:
-    """What was noted on the way. `memory`: by process, (time [s], bytes) again and again."""
+    """Measurements on the way. `memory`: by process, (time [s], bytes) again and again."""
 
     memory: dict[str, list[tuple[float, float]]] = field(default_factory=dict[str, list[tuple[float, float]]])
     longest_period_s: list[float] = field(default_factory=list[float])
@@ -116,7 +116,7 @@ class Somebody:
 
 
 async def soak(minutes: float, rig_name: str, folder: Path) -> tuple[Soaked, int, int]:
-    """What was noted, and how many messages were said and are in the recording."""
+    """Measurements, and the numbers of messages published and recorded."""
     task, soaked = load(_TASK), Soaked()
     cell = await to_thread.run_sync(cells.load, rig_name)
     # As a command does it: what the arm of this cell does not reach is not to be planned.
@@ -178,7 +178,7 @@ async def _weigh(soaked: Soaked) -> None:
 
 
 def _sizes() -> dict[str, float]:
-    """By process."""
+    """Memory [bytes] by process."""
     own, sizes = psutil.Process(), dict[str, float]()
     for process in (own, *own.children(recursive=True)):
         try:
@@ -190,7 +190,7 @@ def _sizes() -> dict[str, float]:
 
 
 def growth(samples: Sequence[tuple[float, float]]) -> float:
-    """By how much of itself the memory grew from the time on that counts, by a straight line."""
+    """Relative growth of the memory after settling, by a straight line."""
     rows = np.array(samples)[int(_SETTLED * len(samples)) :]
     slope, middle = np.polyfit(rows[:, 0] - rows[0, 0], rows[:, 1], 1)
     return float(slope * (rows[-1, 0] - rows[0, 0]) / middle)

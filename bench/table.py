@@ -1,4 +1,4 @@
-"""A rope in the simulated world without cameras and arm: what the planning and calibration benches act on."""
+"""A rope in the simulated world without cameras and arm, for the planning and calibration benches."""
 
 from typing import final
 
@@ -14,7 +14,7 @@ from app.tasks import Task
 from app.tasks.curves import fill_tube
 
 NOISE_M = 0.0015
-"""Of a particle's position, each axis: about what two cameras and reconstruction leave."""
+"""Noise of a particle's position on each axis: about that of two cameras and reconstruction."""
 _PERIOD_S = 0.01
 _SETTLE_S = 1.0
 

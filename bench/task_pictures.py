@@ -1,4 +1,4 @@
-"""What a task looks like: images of a simulated camera while the initial policy does it, side by side in one file."""
+"""Pictures of a task: images of a simulated camera during the initial policy's episode, side by side in one file."""
 
 from collections.abc import Sequence
 from itertools import count

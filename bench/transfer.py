@@ -1,4 +1,4 @@
-"""How a model that was calibrated on the rod follows the rope, push by push: a table, a plot and a picture.
+"""Transfer of a model calibrated on the rod to the rope, push by push: a table, a plot and a picture.
 
 `python -m bench.transfer table EVALUATION` reads what `dipac evaluate --task rod_to_rope` wrote to the folder
 EVALUATION; `python -m bench.transfer picture` plays one episode before the simulated cameras, and `guided` two with a
@@ -98,7 +98,7 @@ def guided(
 
 
 def _seen(method: Method, model: Model, seed: int, camera: int) -> Sequence[ColourImage]:
-    """By a camera, of an episode, before and after each push."""
+    """Images of a camera in an episode, before and after each push."""
     task, motions = load(TASK), list[Motion]()
     order = Order(task=task, preset="cpu", seed=seed, method=method, model=model, online=method.branching)
     played = play(order, lambda step: motions.append(step.plan.motion))

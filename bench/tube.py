@@ -1,4 +1,4 @@
-"""A rope's volume, known exactly: what perception is measured against, in the tests and here."""
+"""Exact volume of a rope: the ground truth of perception, in the tests and here."""
 
 from dataclasses import dataclass
 from typing import final
@@ -32,7 +32,7 @@ class Tube:
         return np.linalg.norm(offset - share[..., None] * along, axis=-1).min(axis=1)
 
     def outside(self, points: Float[np.ndarray, "M 3"]) -> Float[np.ndarray, " M"]:
-        """How far each point lies outside the tube [m]; 0 inside."""
+        """Distance of each point to the tube [m]; 0 inside."""
         return np.maximum(self.distance_to_axis(points) - self.radius_m, 0)
 
     def samples(self, count: int, rng: np.random.Generator) -> Float[np.ndarray, "count 3"]:
@@ -48,6 +48,6 @@ class Tube:
         return found[:count]
 
     def uncovered(self, points: Float[np.ndarray, "M 3"], particles: Points) -> Float[np.ndarray, " M"]:
-        """How far each point lies outside the nearest of the balls that equal shares of the volume make [m]."""
+        """Distance of each point to the nearest of the balls that equal shares of the volume make [m]; 0 inside."""
         ball_m = (3 * self.volume_m3 / (4 * np.pi * len(particles))) ** (1 / 3)
         return np.maximum(KDTree(particles).query(points)[0] - ball_m, 0)

@@ -29,7 +29,7 @@ from app.tasks import Task, load
 from bench.occlusion import photographed, slats
 
 Errors: TypeAlias = dict[str, float]
-"""Of each way of seeing [mm]."""
+"""Errors of each reconstruction method [mm]."""
 
 _BEFORE_M, _BEYOND_M = 0.03, 0.06
 _LOOKS, _STEPS = 4, 5

@@ -43,14 +43,14 @@ _SEEN = np.zeros((1, 3), np.float32)
 
 @dataclass(kw_only=True)
 class Heard:
-    """What browsers got: which line came to one of them when [s], and the bytes to all since the beginning."""
+    """Traffic to the browsers: lines that came to one of them with their times [s], and the bytes to all."""
 
     lines_s: list[tuple[int, float]] = field(default_factory=list[tuple[int, float]])
     count: int = 0
 
 
 class Seen(NamedTuple):
-    """What watchers cost: the application's share of a core, megabytes a second, delays [s], periods [ms]."""
+    """Cost of watchers: the application's share of a core, megabytes a second, delays [s], periods [ms]."""
 
     share: float
     mb_s: float
@@ -110,7 +110,7 @@ async def _watched(count: int) -> Seen:
 
 
 async def _show_all(console: Console, rig: SimulatedRig) -> None:
-    """What the running program shows: images, particles, the arm's state, and a plan that waits."""
+    """Show the messages of the running program: images, particles, the arm's state, and a plan that waits."""
     task = load("rope_push")
     x = task.goal(0, 300)
     proposal = _proposal(x)

@@ -13,7 +13,10 @@ from app import tasks
 ROOT = Path(__file__).parent.parent
 MODULES = sorted(ROOT.glob("app/**/*.py"))
 COMMANDS = sorted(file for file in ROOT.glob("app/commands/**/*.py") if not file.stem.startswith("_"))
+BENCHES = sorted(ROOT.glob("bench/**/*.py"))
 MAX_LINES = 400
+ROUNDABOUT = {"What", "Which", "Where", "Who", "Whether", "How", "When", "Of", "By"}
+"""First words of docstrings that talk about a thing before they say what it is."""
 MACHINE_SPECIFIC = re.compile(
     r"(?<![\w.])/(home|root|Users|work|opt|mnt)/\w"  # a folder of one machine
     r"|https?://[^/\s]*(pypi|pythonhosted|artifactory|nexus)[^/\s]*"  # a package registry
@@ -54,6 +57,23 @@ def test_imports_keep_to_the_layers():
 @pytest.mark.parametrize("file", MODULES, ids=name)
 def test_a_module_says_what_it_is(file):
     assert ast.get_docstring(tree(file)), f"{name(file)} has no docstring"
+
+
+def docstrings(file: Path) -> dict[int, str]:
+    """Docstrings of a file, those below fields and constants included, by line."""
+    strings = (node for node in ast.walk(tree(file)) if isinstance(node, ast.Expr))
+    values = ((node.lineno, node.value) for node in strings if isinstance(node.value, ast.Constant))
+    return {line: value.value for line, value in values if isinstance(value.value, str)}
+
+
+@pytest.mark.parametrize("file", [*MODULES, *BENCHES], ids=name)
+def test_a_docstring_begins_with_what_the_thing_is(file):
+    found = {
+        line: text
+        for line, text in docstrings(file).items()
+        if re.split(r"\W", text.strip(), maxsplit=1)[0] in ROUNDABOUT
+    }
+    assert not found, "say what the thing is, or does, in the first words"
 
 
 @pytest.mark.parametrize("file", MODULES, ids=name)

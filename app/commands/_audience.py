@@ -1,4 +1,4 @@
-"""Who follows an episode."""
+"""Operators that an episode is shown to, and asked by."""
 
 from collections.abc import AsyncIterator
 from typing import final
@@ -23,5 +23,5 @@ class Audience:
         self._terminal.show(message)
 
     def requests(self) -> AsyncIterator[Request]:
-        """What the console asks for."""
+        """Requests of the console."""
         return self._console.requests()

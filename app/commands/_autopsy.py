@@ -1,4 +1,4 @@
-"""Simulate again what failed, by the engine that failed: say which step broke, what of the object, what to change."""
+"""Diagnosis of a dump by the engine that failed: the step, the part of the object, and the remedy."""
 
 from pathlib import Path
 
@@ -10,7 +10,7 @@ from app.sim.dump import Dump, load_dump, versions
 from app.sim.faults import KEPT, StepTable
 
 _ROWS = 8
-"""Of the table before the last states, evenly spread."""
+"""Rows of the table before the last states, evenly spread."""
 
 
 def autopsy(file: Path) -> None:

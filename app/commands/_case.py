@@ -1,4 +1,4 @@
-"""What `dipac discover` left in a folder, for the console: its verdict, its model, and the push that it asks for."""
+"""Results of `dipac discover`, read from their folder for the console: verdict, model, and suggested push."""
 
 from dataclasses import dataclass
 from pathlib import Path
@@ -20,7 +20,7 @@ _UNKNOWN = float("nan")
 @final
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Found:
-    """`asked`: the next push as a motion of the tool, where the discovery asks for one; or none."""
+    """Results of a discovery. `asked`: the suggested next push as a motion of the tool, or none."""
 
     verdict: Verdict
     asked: tuple[Motion, ...]
@@ -76,7 +76,7 @@ def _blamed(cause: "CauseEntry") -> Blamed:
 
 
 def _promised(heldout: "HeldoutEntry") -> float:
-    """The share of the object's motion by which the model erred on episodes left out; NaN where that is not known."""
+    """The model's error on episodes left out, as a share of the object's motion; NaN if unknown."""
     if not heldout.extended or not heldout.still:
         return _UNKNOWN
     return heldout.extended / heldout.still

@@ -43,7 +43,7 @@ async def cell(
 
 
 def _behind(cell: Cell, rig: Rig) -> Behind:
-    """What the console's banner says of the cell."""
+    """Kind of cell that the console's banner names."""
     if not rig.simulated:
         return "real"
     return "simulated" if cell.answers else "replayed"

@@ -1,4 +1,4 @@
-"""What `doctor` looks at in a real cell: its file, its cameras and their calibration, its arm. Nothing moves."""
+"""Checks of `doctor` on a real cell: its file, its cameras and their calibration, its arm. Nothing moves."""
 
 from collections.abc import Mapping
 from datetime import UTC, datetime
@@ -34,7 +34,7 @@ def _file(cell: CellFile, file: Path) -> list[Finding]:
 
 
 def _cameras(cell: CellFile) -> list[Finding]:
-    """Whether each is on the bus."""
+    """Check that each camera is on the bus."""
     probe = census()
     if probe.failure:
         return [Finding(what="cameras of the cell", state="missing", found=probe.failure, mend=SETUP)]
@@ -42,7 +42,7 @@ def _cameras(cell: CellFile) -> list[Finding]:
 
 
 def _camera(camera: CameraEntry, there: Mapping[str, str]) -> Finding:
-    """`there`: what is wrong with how each camera on the bus is connected, by its serial number."""
+    """`there`: the defect of each camera's connection, by the serial numbers of the cameras on the bus."""
     what, serial = f"camera {camera.name}", camera.serial
     if serial not in there:
         mend = "Connect it to a USB 3 port, or correct its serial number in the cell's file."
@@ -52,7 +52,7 @@ def _camera(camera: CameraEntry, there: Mapping[str, str]) -> Finding:
 
 
 def _calibrations(cell: CellFile, file: Path) -> list[Finding]:
-    """Whether each is calibrated, and since when."""
+    """Check that each camera is calibrated, and since when."""
     path = calibration_of(cell, file)
     try:
         known = known_cameras(path)
@@ -64,7 +64,7 @@ def _calibrations(cell: CellFile, file: Path) -> list[Finding]:
 
 
 def _calibrated(name: str, found: HandEye | None, path: Path, console: str, anew: str) -> Finding:
-    """`console`: where in the console that is done; `anew`: how a camera is calibrated."""
+    """`console`: the place in the console where that is done; `anew`: how a camera is calibrated."""
     what = f"calibration of {name}"
     if found is None:
         return Finding(what=what, state="missing", found=f"none in {path}", mend=anew)
@@ -78,7 +78,7 @@ def _calibrated(name: str, found: HandEye | None, path: Path, console: str, anew
 
 
 def _arm(cell: CellFile) -> list[Finding]:
-    """Whether it is there, configured for its tool, and in no fault."""
+    """Check that the arm is there, configured for its tool, and in no fault."""
     try:
         found = look_at(address(cell), cell.arm.client, holds(cell.arm.tool))
     except DipacError as error:

@@ -1,4 +1,4 @@
-"""What `doctor` looks at. A check is a function that returns findings; each names the command that mends it."""
+"""Checks of `doctor`: each is a function that returns findings, and each finding names the command that mends it."""
 
 import json
 import os
@@ -34,14 +34,14 @@ EXTRAS = {
     "ray": "only `dipac evaluate --workers ray` needs it",
     "lerobot": "only `dipac recordings export --to lerobot` needs it",
 }
-"""What needs each extra of pyproject.toml."""
+"""Features that need each extra of pyproject.toml."""
 KORTEX = f"not needed, dipac's own client speaks with the arm (docs/kinova.md); to have it all the same, {INSTALL}"
 
 
 @final
 @dataclass(frozen=True, kw_only=True)
 class Finding:
-    """One row: what was looked at, how it is, what was found, and what mends it where it is not ok."""
+    """One row: the thing checked, its state, what was found, and the remedy if it is not ok."""
 
     what: str
     state: State
@@ -52,7 +52,7 @@ class Finding:
 @final
 @dataclass(frozen=True, kw_only=True)
 class Probe:
-    """What a probe said, or why it failed."""
+    """Result of a probe, or the reason of its failure."""
 
     said: Any = None
     failure: str = ""
@@ -106,7 +106,7 @@ def _machine() -> list[Finding]:
 
 
 def _priority() -> list[Finding]:
-    """Whether arm and application go before other programs."""
+    """Check that arm and application may take precedence over other programs."""
     if may_run_in_real_time():
         return [Finding(what="real-time priority", state="ok", found="allowed")]
     mend = "arms stop beside busy programs: `USER - rtprio 2` in /etc/security/limits.conf, for whoever starts dipac"
@@ -140,7 +140,7 @@ def _open3d() -> list[Finding]:
 
 
 def census() -> Probe:
-    """Of the RealSense cameras on the bus, as `app.rig.realsense.bus.census` says it."""
+    """Census of the RealSense cameras on the bus, as `app.rig.realsense.bus.census` returns it."""
     return _probe(
         "from app.rig.realsense.bus import census\nfrom app.rig.realsense.sdk import Sdk\nsay(census(Sdk.loaded()))"
     )
@@ -203,7 +203,7 @@ def _kernels(cache: Path) -> Finding:
 
 
 def _kortex() -> list[Finding]:
-    """Which client speaks with a Kinova arm; Kinova's own is not on PyPI."""
+    """The client that speaks with a Kinova arm; Kinova's own is not on PyPI."""
     used = Finding(what="Kinova client", state="ok", found=f"{DEFAULT} (of {', '.join(CLIENTS)})")
     try:
         return [used, Finding(what="kortex_api", state="ok", found=metadata.version("kortex_api"))]

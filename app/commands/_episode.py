@@ -1,4 +1,4 @@
-"""What `run` and `console` share: check, open the rig, the console and the recording, and let the flow run."""
+"""Common part of `run` and `console`: check, open the rig, the console and the recording, and run the flow."""
 
 import json
 import time
@@ -51,9 +51,9 @@ from app.tasks.probed import probed_subject
 from app.ui.terminal import Output, open_terminal
 
 _AROUND_S, _LONGEST_ROUND_S = 60.0, 30.0
-"""What an episode takes beside its pushes, and each of these with its decision, at most as a rule."""
+"""Usual longest time of an episode without its pushes, and of a push with its decision."""
 _LONGEST_TAKE_S = 120.0
-"""Of a demonstration, as a rule."""
+"""Usual longest demonstration."""
 PLANNER_NICENESS = 10
 """The planner gives way to the arm and the cameras."""
 
@@ -61,11 +61,11 @@ PLANNER_NICENESS = 10
 @final
 @dataclass(frozen=True, kw_only=True)
 class Order:
-    """What the command line asked for, of the task `asked`.
+    """Request of the command line for the task `asked`.
 
-    `case`: a folder that a discovery wrote; `board`: one is in the gripper.
+    `case`: a folder that a discovery wrote; `board`: a calibration board is in the gripper.
 
-    `allow_automatic`: on a real arm, too, somebody may let motions be made without approval.
+    `allow_automatic`: on a real arm, too, an operator may permit motions without approval.
     """
 
     asked: str
@@ -77,16 +77,16 @@ class Order:
 
     @cached_property
     def task(self) -> str:
-        """The full name of the task. Raises UsageError where there is none such."""
+        """The full name of the task. Raises UsageError for an unknown one."""
         return full_name(self.asked, dynamics=self.options.dynamics, sizes=self.options.object, model=self.model)
 
     @property
     def model(self) -> Path | None:
-        """The model file to start from: that of the case where none is named."""
+        """The model file to start from: that of the case if none is named."""
         return self.options.model or (self.case / MODEL if self.case else None)
 
     def wanted(self, task: Task, site: Site) -> Wanted:
-        """What the cell is opened for."""
+        """Settings for opening the cell."""
         seed = self.options.seed
         return Wanted(
             stage=self.stage(task),
@@ -98,7 +98,7 @@ class Order:
         )
 
     def stage(self, task: Task) -> Stage:
-        """What stands in the cell. Raises UsageError where there is no such rope in it."""
+        """Contents of the cell. Raises UsageError if its rope has no such model."""
         options, rig = self.options, load_cell(self.options.rig)
         if options.world != "chain" and not (rig.simulated and rig.answers):
             raise UsageError(f"--world {options.world} is of a simulated rope, and {rig.name} has none; leave it out.")
@@ -106,7 +106,7 @@ class Order:
 
     @property
     def method(self) -> Method:
-        """How decisions are made. Raises UsageError where there is no such method, or it must not have this model."""
+        """Planning method. Raises UsageError if it is unknown, or must not have this model."""
         method = Method.named(self.options.planner, self.options.ablation)
         if self.model and not method.calibrated:
             raise UsageError(
@@ -118,10 +118,9 @@ class Order:
 @final
 @dataclass(frozen=True, kw_only=True)
 class Report:
-    """What came of it.
+    """Result of an episode.
 
-    `recorded` counts the messages in the recording; `failure` is the error that ended the episode before its time, if
-    one did.
+    `recorded` counts the messages in the recording; `failure` is the error that ended the episode early, if one did.
     """
 
     order: Order
@@ -133,7 +132,7 @@ class Report:
 
     @property
     def faults(self) -> list[str]:
-        """All that went wrong, what ended it last: once, also where it was said before that it would end it."""
+        """All faults, the one that ended it last: once, even if it was announced before."""
         said = self.summary.faults
         again = self.failure is None or (said and said[-1].endswith(str(self.failure)))
         return list(said) if again else [*said, str(self.failure)]
@@ -213,7 +212,7 @@ async def episode(order: Order, output: Output) -> Report:
 
 
 async def _doubted(wish: Wish, order: Order, site: Site, planner: Worker) -> Wish:
-    """With what the model and the case say beyond the simulator. Raises ParameterError, which names the file."""
+    """The configuration with the model's and the case's corrections. Raises ParameterError, which names the file."""
     if order.case:
         own = order.options.model is None
         case: Found = await planner.run(read_case, order.case, recorded(order.task), site, time.monotonic(), own)
@@ -293,7 +292,7 @@ def _wish(task: Task, order: Order, preset: str, method: Method) -> Wish:
 
 
 def _room(site: Site, pushes: int) -> Room:
-    """What the episode may take on the disk, and must leave there."""
+    """Disk space that the episode may take, and must leave free."""
     expected_s = _AROUND_S + pushes * _LONGEST_ROUND_S
     return Room(
         min_free_bytes=site.min_free_bytes,
@@ -303,7 +302,7 @@ def _room(site: Site, pushes: int) -> Room:
 
 
 def _take_bytes(site: Site) -> int:
-    """What a demonstration takes, with the thinking in it."""
+    """Bytes of a demonstration, with the pauses in it."""
     return round(_LONGEST_TAKE_S * site.recording_bytes_s)
 
 

@@ -1,4 +1,4 @@
-"""Which learned policy guides the planner, where one is named."""
+"""Learned policies that guide the planner, as named on the command line."""
 
 from dataclasses import replace
 from pathlib import Path
@@ -8,9 +8,9 @@ from app.tasks import load
 
 
 def guided(method: Method, policy: Path | None, task: str) -> Method:
-    """By the learned policy, where one is named.
+    """The method, guided by the learned policy if one is named.
 
-    Raises UsageError and RecordingError where it is none of that task, or the method has no use for it.
+    Raises UsageError and RecordingError if it is none of that task, or the method does not use one.
     """
     if policy is None:
         return method

@@ -45,7 +45,7 @@ _NOBODY: Final = MessageId("rehearsed")
 @final
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Session:
-    """What is rehearsed, and the folder of its recordings; `cameras`: how many look on, with what `noise`."""
+    """Random pushes to be recorded, and the folder for them; `cameras`: their number, with `noise`."""
 
     task: Task
     plan: Plan
@@ -64,13 +64,13 @@ class Session:
 @final
 @dataclass(kw_only=True)
 class Stopwatch:
-    """How long the parts of a work took together [s]."""
+    """Time spent on each part of a task [s]."""
 
     spent_s: dict[str, float] = field(default_factory=dict[str, float])
 
     @contextmanager
     def on(self, part: str) -> Generator[None]:
-        """Counts what happens inside as time of this part."""
+        """Context manager that counts its body as time of this part."""
         began_s = time.perf_counter()
         try:
             yield
@@ -150,7 +150,7 @@ class Scribe:
         return before, [*shown, before, _sighting(before, tool=_nothing(), table=table)]
 
     def after(self, before: Particles, take: Take, number: int) -> list[Message]:
-        """What is seen and measured of push `number` once it is made."""
+        """Messages observed and measured of push `number` once it is made."""
         during, views = self._seen(take.during, _LOOKS * number + 1)
         after, _ = self._seen(take.after, _LOOKS * number + 2)
         with self._watch.on("particles"):

@@ -14,10 +14,10 @@ Dynamics: TypeAlias = Literal["rods", "mpm"]
 
 
 def full_name(task: str, *, dynamics: Dynamics | None, sizes: Path | None = None, model: Path | None = None) -> str:
-    """Of `task` with the sizes in a file, and with these dynamics.
+    """Full name of `task` with the sizes in a file, and with these dynamics.
 
-    What neither the name nor the caller says is that of `model`, where it is of the same task, or the task's own.
-    Raises UsageError for a task, size or dynamics that do not exist, and where name and `dynamics` contradict.
+    What neither the name nor the caller specifies is that of `model` if it is of the same task, else the task's own.
+    Raises UsageError for an unknown task, size or dynamics, and if name and `dynamics` contradict.
     """
     load(task)
     name = TaskName.parse(task)

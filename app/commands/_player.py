@@ -35,14 +35,14 @@ Plan: TypeAlias = Callable[[Order, Callable[[str], None]], Awaitable[Replanned]]
 
 
 class Film(Protocol):
-    """What a player needs of a recording; see `Timeline`."""
+    """Interface of a recording that a player needs; see `Timeline`."""
 
     def at(self, time_s: float) -> list[Message]:
-        """What says all that was known then."""
+        """Messages that give the whole state at that time."""
         ...
 
     def gist(self, after_s: float, until_s: float) -> list[Message]:
-        """What came since and still matters."""
+        """Messages since that still matter."""
         ...
 
 
@@ -149,6 +149,6 @@ async def _plan_again(player: Player, plan: Plan) -> None:
 
 
 async def _listen(console: Console) -> None:
-    """What the console says of itself, such as who was turned away; nobody may ask for anything else."""
+    """Show the console's messages about itself, such as rejected operators; it may request nothing else."""
     async for message in console.requests():
         console.show(message)

@@ -1,4 +1,4 @@
-"""What a command makes sure of before its work, so that hours of it are not lost at the end."""
+"""Checks before a command's work, so that hours of it are not lost at the end."""
 
 from pathlib import Path
 
@@ -7,7 +7,7 @@ from app.core.errors import PreflightError, UsageError
 
 
 def check_writable(path: Path, option: str) -> None:
-    """Raises UsageError, which names `option`, where a file cannot be written at `path`; leaves everything as it is."""
+    """Raises UsageError, which names `option`, if a file cannot be written at `path`; leaves everything as it is."""
     try:
         is_new = not path.exists()
         path.open("ab").close()
@@ -18,12 +18,12 @@ def check_writable(path: Path, option: str) -> None:
 
 
 def unwritable(path: Path, option: str, error: OSError) -> UsageError:
-    """The error to raise where `path`, given as `option`, could not be written."""
+    """The error to raise if `path`, given as `option`, could not be written."""
     return UsageError(f"Cannot write {path}: {error.strerror}; choose another place with {option}.")
 
 
 def make_folder(folder: Path, option: str) -> None:
-    """Make a folder for results. Raises UsageError, which names `option`, where that cannot be."""
+    """Make a folder for results. Raises UsageError, which names `option`, if that fails."""
     try:
         folder.mkdir(parents=True, exist_ok=True)
     except OSError as error:
@@ -31,7 +31,7 @@ def make_folder(folder: Path, option: str) -> None:
 
 
 def check_port(site: Site) -> None:
-    """Raises PreflightError where the console's port is taken. Another program may still take it afterwards."""
+    """Raises PreflightError if the console's port is taken. Another program may still take it afterwards."""
     from app.ui import proxy  # Takes a second to load, which only those who open a console pay.
 
     try:

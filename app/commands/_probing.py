@@ -23,7 +23,7 @@ from app.tasks.base import Task
 from app.tasks.probed import belief, next_probe, probe_motion, probed_subject, refusal
 
 _REJECTIONS = 20
-"""Of pushes for one place of the object, after which whoever approves wants none."""
+"""Rejected pushes in a row after which an experiment ends with an error."""
 
 
 @final
@@ -177,7 +177,7 @@ def recommended(task: Task, study: Study, held: Belief, count: int, *, seed: int
 
 
 def believed_of(task: Task, study: Study | None) -> Belief:
-    """What a study says of a task. Raises UsageError where it is of another."""
+    """Belief after a study of a task. Raises UsageError if the study is of another."""
     if study is not None and study.task != recorded(task.name):
         raise UsageError(f"The recordings are of {study.task}, not of {recorded(task.name)}; name that task.")
     return belief(task.name, study)

@@ -1,4 +1,4 @@
-"""A bar that counts what a command makes, and tables that are not cut off."""
+"""Progress bars that count what a command makes, and tables that are not cut off."""
 
 from rich.console import Console
 from rich.measure import Measurement
@@ -9,7 +9,7 @@ _WIDEST = 1000
 
 
 def counting(terminal: Console, *more: ProgressColumn) -> Progress:
-    """What is made, how many of how many, and since when; gone when all are made."""
+    """Progress bar with count, total and elapsed time; it disappears at the end."""
     columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn())
     return Progress(*columns, *more, console=terminal, transient=True, disable=not terminal.is_terminal)
 

@@ -1,4 +1,4 @@
-"""A moment of a recording, planned again: with another model, or the same one."""
+"""Replanning at a moment of a recording, with another model or the same one."""
 
 import json
 import time
@@ -29,7 +29,7 @@ from app.ui.replanning import AS_RECORDED, Order, Replanned
 @final
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Moment:
-    """What was known then. `then`: the plan that was up or being executed, or else the next one."""
+    """State of a session at some time. `then`: the plan that was up or being executed, or else the next one."""
 
     time_s: float
     episode: Episode
@@ -41,7 +41,7 @@ class Moment:
 
     @property
     def config(self) -> Mapping[str, Any]:
-        """What the episode was started with; empty where nobody wrote it down."""
+        """Configuration that the episode was started with; empty if none was recorded."""
         try:
             said = json.loads(self.episode.config)
         except ValueError:
@@ -50,13 +50,13 @@ class Moment:
 
     @property
     def options(self) -> Mapping[str, Any]:
-        """Those of the command line then."""
+        """Options of the command line at that time."""
         said = self.config.get("options")
         return cast(dict[str, Any], said) if isinstance(said, dict) else {}
 
 
 def moment(timeline: Timeline, time_s: float) -> Moment:
-    """What was known at `time_s` [s]. Raises UsageError where that is too little to plan with."""
+    """State at `time_s` [s]. Raises UsageError if that is too little to plan with."""
     board = reduce(Board.after, timeline.at(time_s), Board(replay=True))
     lacking = [name for name, seen in (("object", board.particles), ("goal", board.goal)) if seen is None]
     if board.particles is None or board.goal is None:

@@ -1,4 +1,4 @@
-"""What a study says, through the whole chain of discovery, as files and in the terminal."""
+"""Run the discovery pipeline on a study; write its results as files and print them."""
 
 import hashlib
 import time
@@ -25,7 +25,7 @@ from app.ui.report import show_case, verdict_json, write_report
 
 
 def report_on(terminal: Console, study: Study, task: str, recordings: Sequence[Path], output: Path) -> Case:
-    """Go through the whole chain with the full name of a `task`, write what it found to `output`, and show it."""
+    """Run the pipeline with the full name of a `task`, write its results to `output`, and show them."""
     began = time.monotonic()
     with terminal.status("") as status:
 
@@ -54,7 +54,7 @@ def report_on(terminal: Console, study: Study, task: str, recordings: Sequence[P
 
 
 def _model(case: Case, study: Study, task: str, subject: Subject, recordings: Sequence[Path]) -> Model:
-    """The extended model of `task` for `--model`; where nothing is missing, the refitted nominal one."""
+    """The extended model of `task` for `--model`; the refitted nominal one if no cause was found."""
     known = catalogue(subject.rods)
     nominal = known.nominal(subject)
     values, covariance = estimated(known, nominal, case.extended, case.estimated, case.covariance)
@@ -71,7 +71,7 @@ def _model(case: Case, study: Study, task: str, subject: Subject, recordings: Se
 
 
 def _effects(known: Catalogue, case: Case) -> list[str]:
-    """What was found, by the names of its files: causes, and libraries that a formula has terms of."""
+    """Names of the effects found: causes, and libraries that a formula has terms of."""
     causes = {step.cause for step in case.estimated}
     names = {known.specs[step.column].name for step in case.estimated}
     terms = [

@@ -1,4 +1,4 @@
-"""How the command line has perception see the object."""
+"""Perception settings from the command line."""
 
 from dataclasses import replace
 from pathlib import Path

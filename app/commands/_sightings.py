@@ -1,4 +1,4 @@
-"""Tool and table in the images of a recording that says nothing of them, as those of `dipac run` do not."""
+"""Sightings of tool and table, from the images of recordings that have none, as those of `dipac run`."""
 
 from collections.abc import Mapping
 from pathlib import Path
@@ -12,13 +12,13 @@ from app.recording.reader import read_messages
 from app.tasks.base import Task
 
 Tip = Float64[np.ndarray, "3"]
-"""Where the kinematics have the tool's tip [m]."""
+"""Position of the tool's tip by the kinematics [m]."""
 
 
 def look_beside(
     path: Path, tools: Mapping[MessageId, tuple[Particles, Tip]], tables: Mapping[MessageId, Particles], task: Task
 ) -> dict[float, Sighting]:
-    """What the images behind some particles show of the tool (`tools`) and of the bare table (`tables`), by their time.
+    """Sightings in the images behind some particles, of the tool (`tools`) and of the bare table (`tables`), by time.
 
     The recording's images are read through once, which takes some 10 ms each. Raises as `read_messages`.
     """

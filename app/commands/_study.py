@@ -1,4 +1,4 @@
-"""Recordings as discovery reads them: every transition a push, with what was seen before, during and after it."""
+"""Recordings as a study for discovery: each transition a push, with observations before, during and after it."""
 
 import json
 from collections.abc import Sequence
@@ -98,7 +98,7 @@ def _setup_of(episodes: Sequence["_Recorded"]) -> MeasuredSetup | None:
 @final
 @dataclass(kw_only=True, eq=False)
 class _Recorded:
-    """What a recording says of one episode, as far as it has been read."""
+    """Contents of a recording for one episode, as far as it has been read."""
 
     path: Path
     episode: Episode
@@ -130,7 +130,7 @@ def _episodes(path: Path) -> list[_Recorded]:
 
 
 def _look(path: Path, episodes: Sequence[_Recorded], task: Task, low_m: float) -> None:
-    """Where nobody said what else was seen, look for the tool in views during pushes, for the table in the first view.
+    """Add the sightings that a recording lacks: of the tool in views during pushes, of the table in the first view.
 
     A frame is behind one view at most.
     """
@@ -185,13 +185,13 @@ def _push(number: int, transition: Transition, episode: _Recorded, subject: Subj
 
 
 def _during(episode: _Recorded, executed: Executed, low_m: float) -> list[Particles]:
-    """What was seen while the tool could touch the object."""
+    """Observations while the tool could touch the object."""
     low = executed.times_s[executed.made[:, 2] < low_m]
     return [seen for seen in episode.particles if len(low) and low[0] < seen.time_s < low[-1]]
 
 
 def _seen_s(points: Points, cause: tuple[MessageId, ...], episode: _Recorded, otherwise_s: float) -> float:
-    """When the particles that a transition was made of were seen; the motion's own time where that is not known."""
+    """Time of the observation that a transition was made of; the motion's own time if that is not known."""
     same = [seen for seen in episode.particles if np.array_equal(seen.positions, points)]
     named = [seen for seen in same if seen.id in cause]
     # An object that did not move may look the same before and after.

@@ -1,4 +1,4 @@
-"""Which program it was, as recordings and policies say of what made them."""
+"""Version of the program, as recordings and policies name what made them."""
 
 import subprocess
 from pathlib import Path
@@ -7,7 +7,7 @@ from app import __version__
 
 
 def code_version() -> str:
-    """The program's version with the commit it was started from, where that is known."""
+    """The program's version with the commit it was started from, if known."""
     command = ["git", "-C", str(Path(__file__).parent), "describe", "--always", "--dirty"]
     try:
         commit = subprocess.run(command, capture_output=True, text=True, timeout=5, check=True)  # noqa: S603 - fixed

@@ -48,7 +48,7 @@ def _marked(given: Sequence[str]) -> list[str]:
 
 
 ARGUMENTS = _marked
-"""How the command line is read before its options are."""
+"""Preprocessing of the command line, before its options are parsed."""
 
 
 def _divided(words: Sequence[str]) -> tuple[tuple[str, ...], tuple[str, ...]]:
@@ -58,7 +58,7 @@ def _divided(words: Sequence[str]) -> tuple[tuple[str, ...], tuple[str, ...]]:
 
 
 def _takes(name: str, parameter: str) -> bool:
-    """Whether a bench's `main` has this parameter."""
+    """True if a bench's `main` has this parameter."""
     tree = ast.parse((FOLDER / f"{name}.py").read_text(encoding="utf-8"))
     mains = [node for node in tree.body if isinstance(node, ast.FunctionDef) and node.name == "main"]
     return any(argument.arg == parameter for main in mains for argument in main.args.args + main.args.kwonlyargs)

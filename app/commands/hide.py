@@ -22,7 +22,7 @@ from app.tasks import load
 from app.tasks.base import Task
 
 _MOST = 99
-"""Of episodes, and of pushes in one."""
+"""Largest number of episodes, and of pushes in one."""
 _CAMERAS = 3
 _NOISE_MM = 0.1, 5.0
 

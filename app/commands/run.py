@@ -42,7 +42,7 @@ def _write(path: Path, report: Report) -> None:
 
 
 def _came(report: Report) -> str:
-    """Whether it came to the goal, and what would bring it nearer."""
+    """Text about the outcome: whether the goal is reached, and what would bring it nearer."""
     if report.summary.reached:
         return "The goal is reached."
     if report.summary.exhausted:

@@ -123,7 +123,7 @@ def _shown(demos: tuple[Path, ...], task: str) -> dict[Path, Taught]:
 
 
 def _settings(task: str, kind: str, settings: Settings, hashes: dict[str, str], how: Lessons) -> dict[str, Any]:
-    """What has to be the same to go on; the order of demonstrations says which one is held out."""
+    """Settings that a resumed training must share; the order of demonstrations tells which one is held out."""
     phi = how.world.phi if how.world else ()
     told = {"task": task, "kind": kind, "demonstrations": list(hashes.items()), "phi": phi, "shape": shape_of(how)}
     return told | asdict(settings)

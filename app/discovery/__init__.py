@@ -1,1 +1,1 @@
-"""What the simulation gets wrong, and why: from recordings to a named cause, an extended model and its gain."""
+"""Diagnosis of the simulation's errors: from recordings to a named cause, an extended model and its gain."""

@@ -1,4 +1,4 @@
-"""Confidence that was measured: how often evidence like this named the right cause in worlds that were drawn.
+"""Measured confidence: the rate at which evidence like this named the right cause in randomly drawn worlds.
 
 Recordings of another engine, with objects, tools and frictions drawn anew and none, one or two effects hidden, went
 through the same screening (`python -m bench.hidden.calibration`). A softmax over the causes and nothing (multinomial
@@ -29,15 +29,15 @@ _LARGEST: Final = 15.0
 _DIRECT: Final = frozenset(name for name, _ in files_of(apparatus))
 """Causes of cameras and arm."""
 _TYPICAL_PRECISION: Final = 1.0
-"""Of a cause's size, in typical sizes."""
+"""Prior precision of a cause's size, in typical sizes."""
 
 
 @final
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Calibration:
-    """What was learnt: of features their usual sizes (F) and their weights, and a bias of each cause.
+    """Learnt parameters of the softmax: features' usual sizes (F) and weights, and a bias of each cause.
 
-    `studies`: how many drawn recordings it was learnt from.
+    `studies`: the number of drawn recordings that it was learnt from.
     """
 
     usual: Float64[np.ndarray, " F"]
@@ -47,7 +47,7 @@ class Calibration:
     studies: int
 
     def probabilities(self, screening: Screening) -> tuple[Mapping[str, float], float]:
-        """Of each cause, of a force of none of them (`forces.FORMULA`), and of nothing that these data would show."""
+        """Probabilities of each cause, of a force of none of them (`forces.FORMULA`), and of no detectable effect."""
         causes, table = features(screening)
         least = min(self.biases.values())  # Of what no drawn world hid, as little is believed as of anything.
         biases = np.array([self.biases.get(cause, least) for cause in causes])
@@ -71,10 +71,10 @@ def calibration() -> Calibration:
 
 
 def features(screening: Screening) -> tuple[list[str], Float64[np.ndarray, "C F"]]:
-    """Of each cause that was screened, in alphabetical order.
+    """Feature vectors of the screened causes, in alphabetical order.
 
-    Those of cameras and arm stand in columns of their own: what is seen directly is told by other evidence than what is
-    only simulated.
+    Those of cameras and arm stand in columns of their own: direct observations give other evidence than simulations
+    alone.
     """
     by_push, by_episode = _scores(screening)
     suspects = sorted(screening.weighed, key=lambda suspect: suspect.cause)
@@ -117,7 +117,7 @@ def _row(
 
 
 def _scores(screening: Screening) -> tuple[Float64[np.ndarray, "K P"], Float64[np.ndarray, "E P"]]:
-    """Of each push and of each episode for all columns, about the fit in which nothing is missing."""
+    """Scores of each push and of each episode for all columns, about the fit under the null hypothesis."""
     fit, episode = screening.weighing.nothing, screening.data.episode
     by_push = scores(screening.data, fit)
     return by_push, np.stack([by_push[episode == number].sum(0) for number in np.unique(episode)])

@@ -1,4 +1,4 @@
-"""What discovery concludes, and everything that a reader needs to judge it: the typed results of all stages.
+"""Results of discovery, and everything that a reader needs to judge them: the typed results of all stages.
 
 Values are real ones in SI units (`ParameterSpec.real`), whatever the simulation's haste. Intervals are 90 %.
 """
@@ -35,7 +35,7 @@ class Estimate:
 @final
 @dataclass(frozen=True, kw_only=True)
 class Blame:
-    """A cause, what it takes, and how probable it is that it is missing in the model."""
+    """A cause, its size, and the probability that it is missing in the model."""
 
     effect: str
     family: Family
@@ -65,7 +65,7 @@ class Gain:
 @final
 @dataclass(frozen=True, kw_only=True)
 class Check:
-    """Something that was measured without simulating: its value and interval, and what would be right."""
+    """A direct measurement, without simulation: its value and interval, and the expected value."""
 
     name: str
     about: str
@@ -77,14 +77,14 @@ class Check:
 
     @property
     def sound(self) -> bool:
-        """Whether what would be right lies in the interval."""
+        """True if the expected value lies in the interval."""
         return self.low <= self.expected <= self.high
 
 
 @final
 @dataclass(frozen=True, kw_only=True)
 class Limit:
-    """What these data lack, and what therefore cannot be concluded. A `fatal` one forbids to name any cause."""
+    """A deficiency of these data, and the conclusion that it prevents. A `fatal` one forbids to name any cause."""
 
     text: str
     consequence: str
@@ -94,9 +94,9 @@ class Limit:
 @final
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Arrows:
-    """Where the object is elsewhere than the refitted nominal model says: places and displacements [m] (M, 2).
+    """Residual displacements of the object about the refitted nominal model: places and displacements [m] (M, 2).
 
-    `push`: which push each is of; `along`: place along the object, -1 to 1.
+    `push`: index of each one's push; `along`: place along the object, -1 to 1.
     """
 
     places: Float32[np.ndarray, "M 2"]
@@ -181,7 +181,7 @@ class NextPush:
 @final
 @dataclass(frozen=True, kw_only=True)
 class Amount:
-    """How much was looked at."""
+    """Amount of data."""
 
     task: str
     episodes: int

@@ -1,4 +1,4 @@
-"""The whole chain, from a study to a case file: each stage a function with a typed result."""
+"""The whole pipeline, from a study to its results: each stage a function with a typed result."""
 
 import time
 from collections.abc import Generator
@@ -38,9 +38,9 @@ _CONFUSED = 8
 _SURVIVOR = 0.05
 """Probability above which a cause is worth a push to tell it from the others."""
 _ACCEPTED = 0.9
-"""What a further cause that was accepted is at least worth: it had to beat everything else."""
+"""Lower bound on the probability of an accepted further cause: it had to beat everything else."""
 _BELOW_M = 0.004
-"""How far below the height at which it can touch the object the tool pushes."""
+"""Margin by which the pushing tool is below the height at which it can touch the object."""
 
 
 @threadpool_limits.wrap(limits=1, user_api="blas")
@@ -145,7 +145,7 @@ def judged(study: Study, subject: Subject, stages: "Stages", about: Theta | None
 
 
 def _model(verdict: Name, decision: Decision, open_ended: Opened) -> Model | None:
-    """What is saved: with the formula, or with the causes, of the verdict."""
+    """Model to save: that of the verdict's formula, or of its causes."""
     if verdict == "none":
         return None
     return open_ended.found.model if open_ended.found else decision.accepted
@@ -198,7 +198,7 @@ def _causes(
 
 
 def _rivals(screening: Screening, decision: Decision, open_ended: Opened) -> dict[str, tuple[float, Theta]]:
-    """What is still probable, with its model."""
+    """Hypotheses that are still probable, with their models."""
     rivals = {
         model.causes[0]: (decision.probabilities[model.causes[0]], model.estimate)
         for model in decision.singles

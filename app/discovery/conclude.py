@@ -1,4 +1,4 @@
-"""From a decision to a verdict in words and numbers: names, sizes in real units, what could not have been seen."""
+"""Verdict from a decision, in words and numbers: names, sizes in real units, and undetectable sizes."""
 
 from collections.abc import Mapping, Sequence
 
@@ -166,7 +166,7 @@ def sentences_of(
 
 
 def _nothing(probabilities: Mapping[str, float]) -> tuple[str, ...]:
-    """Of a model that nothing is added to: because nothing is likelier, or because what is does not predict."""
+    """Sentences about a model without additions: because nothing is likelier, or because what is does not predict."""
     likely, probability = max(probabilities.items(), key=lambda pair: pair[1], default=("", 0.0))
     if not likely:
         return ("Nothing is missing that these recordings show.",)

@@ -1,8 +1,8 @@
-"""What these very pushes would confuse: causes hidden in their linear model, and looked for as in the screening.
+"""Confusion of causes by these very pushes: causes hidden in their linear model, and screened for.
 
-The noise, everything that may be a little wrong besides, and the slopes are those of the screening. What the pushes say
-of a cause is then its score, with all else integrated out, and that is normal: so hundreds of hidden causes cost what
-one does (a parametric bootstrap; Davison and Hinkley 1997, "Bootstrap Methods and their Application", chapter 4).
+The noise, the priors of everything that may be a little wrong besides, and the slopes are those of the screening. The
+evidence of a cause is then its score, with all else integrated out, which is normal: hundreds of hidden causes cost as
+much as one (a parametric bootstrap; Davison and Hinkley 1997, "Bootstrap Methods and their Application", chapter 4).
 """
 
 from collections.abc import Sequence
@@ -19,18 +19,18 @@ from app.discovery.sensitivity import ways_of
 
 _DRAWS = 200
 _LEAST = 1e-12
-"""Of the largest information: below it, pushes say nothing."""
+"""Floor of eigenvalues of the information, relative to the largest: below it, pushes are uninformative."""
 
 
 class _Design(NamedTuple):
-    """What the pushes would say of every column: information on it, and a root of that."""
+    """Information of the pushes on every column, and a square root of it."""
 
     information: Float64[np.ndarray, "P P"]
     root: Float64[np.ndarray, "P P"]
 
 
 def confusions(screening: Screening, causes: Sequence[str], seed: int = 0) -> Float64[np.ndarray, "C C"]:
-    """How often each of `causes`, hidden at its typical size, comes out as each; what is left to 1 as another or none.
+    """Confusion matrix of `causes` at typical size: rates at which each is named as each; the rest is another or none.
 
     A cause that has a place is hidden at one of those that the screening asked about.
     """
@@ -57,7 +57,7 @@ def _groups(screening: Screening) -> dict[str, list[list[int]]]:
 
 
 def _design(screening: Screening) -> _Design:
-    """Of all columns, once each column's own prior is integrated out."""
+    """Information on all columns, with each column's own prior integrated out."""
     weighing, weights = screening.weighing, 1 / screening.prior.variance
     A = weighing.nothing.forms.A.sum(0) / weighing.temper
     information = np.diag(weights) - weights[:, None] * np.linalg.inv(A + np.diag(weights)) * weights
@@ -76,7 +76,7 @@ def _best(
 def _score(
     rng: np.random.Generator, screening: Screening, known: _Design, ways: Sequence[Sequence[int]]
 ) -> Float64[np.ndarray, " P"]:
-    """Of all columns, where the cause is at its typical size in a direction at random."""
+    """Random scores of all columns, with the cause at its typical size in a random direction."""
     own = list(ways[int(rng.integers(len(ways)))])
     size = rng.normal(size=len(own))
     size /= np.linalg.norm(size)

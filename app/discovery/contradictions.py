@@ -1,4 +1,4 @@
-"""What in a study cannot be true together: tool and object far apart, clocks that disagree, another object."""
+"""Data consistency of a study: tool and object far apart, clocks that disagree, another object."""
 
 from collections.abc import Iterator
 
@@ -33,7 +33,7 @@ _MILLI = 1e3
 
 
 def contradictions(study: Study, subject: Subject) -> Iterator[Limit]:
-    """Of each kind, what there is."""
+    """Contradictions of each kind."""
     yield from _size(study, subject)
     yield from same_episodes(study)
     if subject.rods is not None:
@@ -169,7 +169,7 @@ def _runs_back(push: Push) -> bool:
 
 
 def _outside(push: Push, low_m: float) -> bool:
-    """Whether a view is at the wrong time of its push."""
+    """True if a view is at the wrong time of its push."""
     times = push.track.times_s
     low = times[push.track.poses[:, 2] < low_m]
     first, last = (low[0], low[-1]) if len(low) else (times[-1], times[0])
@@ -178,7 +178,7 @@ def _outside(push: Push, low_m: float) -> bool:
 
 
 def _moved_early(push: Push, subject: Subject) -> bool:
-    """Whether a view shows the object moved at a time when the tool had not come near it, as it did later."""
+    """True if a view shows the object moved before the tool had come near it, as it did later."""
     if not _came_near(push, subject):
         return False
     for view in push.during:
@@ -239,7 +239,7 @@ def _gap_m(x: Points, tips: np.ndarray) -> float:
 
 
 def _moved_m(before: Points, after: Points) -> float:
-    """How far from the object as it was the farthest tenth of it is, seen from above [m]."""
+    """Displacement of the farthest tenth of the object from its former shape, seen from above [m]."""
     return float(np.quantile(KDTree(before[:, :2]).query(after[:, :2])[0], _TENTH))
 
 

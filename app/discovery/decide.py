@@ -25,27 +25,27 @@ from app.discovery.sensitivity import moved, ways_of
 from app.discovery.subject import Catalogue, Theta
 
 TEMPERATURE = 2.0
-"""What the screening's evidence is divided by: every simulator is wrong in ways that no cause of the catalogue is."""
+"""Temperature of the screening's log evidence: every simulator is wrong in ways that no cause of the catalogue is."""
 _LINEAR = 20.0
 """Evidence of the screening above which only a refit counts: what is strong is not linear."""
 CHANCE = 50.0
 """Evidence that refits find where nothing is: in 18 recordings the best cause had 32 in the median, 64 once."""
 _ROUGH = 10.0
-"""What a refit's further evidence is divided by."""
+"""Divisor of a refit's further evidence."""
 _ODDS = 0.09
 """Prior odds of each cause against nothing missing: three to one that one of a whole catalogue of 34 acts. Who asks
 about a few of them alone does not make these more probable."""
 _DOUBT = 0.1
 """Probability of nothing missing from which no cause is taken for present: a set that holds 90 % would hold it, too."""
 _SHARES = 1.0, 0.4
-"""Of what the screening found, from which a refit begins: what is strong is often overdone there."""
+"""Shares of the screening's estimate at which refits start: strong effects are often overestimated there."""
 NAMED = 0.8
 """Probability above which a cause is named alone."""
 _SHORTLIST = 5
 _WORTH = 0.05
 """Probability above which a cause is refitted."""
 _AT_END = 0.05
-"""Of a step: nearer to the end of its range a parameter stands there."""
+"""Tolerance, in steps, within which a parameter is at the end of its range."""
 _ERRORS = 2
 """Standard errors by which episodes that a cause was not fitted to have to be more likely with it."""
 _CLOSE = 3.0
@@ -61,7 +61,7 @@ Progress: TypeAlias = Callable[[str], None]
 
 
 class Held(NamedTuple):
-    """By how much a model makes left-out episodes more likely than nothing missing does: mean and standard error."""
+    """Gain in log likelihood of left-out episodes over the null hypothesis: mean and standard error."""
 
     gain: float
     error: float
@@ -124,7 +124,7 @@ def _probable(screening: Screening, probabilities: Mapping[str, float]) -> list[
 
 
 def is_sized(catalogue: Catalogue, model: Model) -> bool:
-    """Whether every cause of a model is there by its interval, and none is as large as it could be at all."""
+    """True if every cause of a model is present by its interval, and none is at the end of its range."""
     deviations = np.sqrt(np.diag(model.covariance))
     for name in model.causes:
         switches, present = catalogue.cause(name).columns[: catalogue.cause(name).switches], False
@@ -165,7 +165,7 @@ def shortlist(screening: Screening) -> list[Suspect]:
 
 
 def probabilities_of(screening: Screening, singles: Sequence[Model]) -> tuple[Mapping[str, float], float]:
-    """Of each cause, and of none; of those that were not refitted by the screening's evidence alone."""
+    """Probabilities of each cause, and of none; of those not refitted by the screening's evidence alone."""
     linear = {suspect.cause: suspect.finding.log_bayes for suspect in screening.suspects}
     refitted = {model.causes[0]: model.log_evidence - screening.weighing.log_evidence for model in singles}
     return _shared({cause: _weight(value, refitted.get(cause)) for cause, value in linear.items()})
@@ -179,7 +179,7 @@ def named_of(linear: Mapping[str, float]) -> str | None:
 
 
 def _weight(linear: float, refitted: float | None) -> float:
-    """The logarithm of what makes a cause more probable than it was before, against nothing missing."""
+    """Tempered log Bayes factor of a cause against nothing missing."""
     weight = min(linear, _LINEAR) / TEMPERATURE
     return weight if refitted is None else max(weight, (refitted - CHANCE) / _ROUGH)
 
@@ -230,7 +230,7 @@ def _without_needless(model: Model, simpler: Sequence[Model]) -> Model:
 
 
 def _further(model: Model) -> list[Suspect]:
-    """What else may be missing, the most likely first."""
+    """Suspects for a further cause, the most likely first."""
     free = [n for n in range(model.own, len(model.steps)) if n not in model.prior.nuisance]
     groups = ways_of(model.steps, (n for n in free if model.steps[n].cause not in (*model.causes, FORMULA)))
     weighing = weigh(model.data, list(groups.values()), model.prior)

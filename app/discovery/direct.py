@@ -1,6 +1,6 @@
-"""What needs no simulation: the finger as seen, the bare table, and the arm's own log against its command.
+"""Direct measurements, without simulation: the finger as seen, the bare table, and the arm's log against its command.
 
-These see errors of cameras and arm before physics is blamed for them. They are further rows of the residuals of the
+These reveal errors of cameras and arm before physics is blamed for them. They are further rows of the residuals of the
 pushes, with slopes of their own, so that one inference weighs them together with the clouds.
 """
 
@@ -25,7 +25,7 @@ _ARM_M = 0.3
 """A slope of the table counts as the height that it makes over this length."""
 _WIDTHS = {"finger": 3, "table": 3, "log": 2 * _PHASES, "girth": 1}
 _LEAST_M = {"finger": 5e-4, "table": 3e-4, "log": 2e-4, "girth": 3e-4}
-"""How exact each is at best, however many points are averaged: half a millimetre of bias in seeing a finger, a third in
+"""Least error of each kind, however many points are averaged: half a millimetre of bias in seeing a finger, a third in
 seeing a table or a rope, and a fifth in following a command, is not worth a name."""
 _HALF_INSIDE = 0.404
 """Half of a disc lies nearer than u radii to a line through its middle: 2/pi (asin u + u sqrt(1 - u^2)) = 1/2."""
@@ -33,7 +33,7 @@ _LEAST_POINTS = 3
 
 
 class Change(NamedTuple):
-    """Two models, and how many steps of a parameter they are apart."""
+    """Two models, and the number of steps of a parameter between them."""
 
     up: Theta
     down: Theta
@@ -49,7 +49,7 @@ class DirectRows(NamedTuple):
 
 
 def row_of(kind: str) -> slice:
-    """Where the rows of finger, table, log or girth stand."""
+    """Row indices of finger, table, log or girth."""
     before = list(_WIDTHS).index(kind)
     first = sum(list(_WIDTHS.values())[:before])
     return slice(first, first + _WIDTHS[kind])
@@ -62,7 +62,7 @@ def direct_blocks(first: int) -> tuple[Block, ...]:
 
 
 def direct_rows(predictor: Predictor, trials: Trials, about: Theta, changes: Sequence[Change]) -> DirectRows:
-    """Of all pushes about a model, and what changes of it do."""
+    """Residuals of all pushes about a model, and their slopes for its changes."""
     first, physics = _first_of_episodes(trials), len(PARAMETERS)
     seen_at = [_seen_tip(predictor, trials, k) for k in range(len(trials))]
     seen = [
@@ -134,7 +134,7 @@ def _seen_tip(predictor: Predictor, trials: Trials, k: int) -> Float64[np.ndarra
 def _finger(
     predictor: Predictor, trials: Trials, seen: Float64[np.ndarray, "3"] | None, k: int, theta: Theta
 ) -> Float64[np.ndarray, "3"] | None:
-    """The finger as seen, less where the kinematics and the model put it."""
+    """The finger as seen, less its position by the kinematics and the model."""
     if seen is None:
         return None
     push = trials.study.pushes[k]

@@ -1,8 +1,8 @@
-"""Which end of an object is its first, in episodes between which nobody saw it move.
+"""Orientation of an object, as its first end, in episodes between which its motion was not observed.
 
-A rope that is laid anew may lie the other way round. What acts along it then has the other sign, and over all episodes
-none. The way round of each episode is the one in which what one such parameter does adds up: to choose it costs what
-chance gains by that, a factor of two for each episode but the first.
+A rope that is laid anew may lie the other way round. Effects along it then have the other sign, and over all episodes
+none. The orientation of each episode is the one in which the effect of one such parameter adds up: the choice costs the
+gain expected by chance, a factor of two for each episode but the first.
 """
 
 from collections.abc import Mapping, Sequence
@@ -15,11 +15,11 @@ from app.discovery.evidence import Forms, Residuals, fitted
 from app.discovery.inference import Prior, projected
 
 Ends = Mapping[int, float]
-"""By episode: 1 as the labels are, -1 the other way round."""
+"""Orientation by episode: 1 as the labels are, -1 reversed."""
 
 
 def found_ends(data: Residuals, prior: Prior, odd: Sequence[int]) -> Ends:
-    """The way round of each episode. `odd`: columns of parameters that change their sign with the direction."""
+    """Orientation of each episode. `odd`: columns of parameters that change their sign with the direction."""
     if not odd:
         return dict.fromkeys(np.unique(data.episode).tolist(), 1.0)
     fit = fitted(data, prior.variance, prior.mean)
@@ -30,7 +30,7 @@ def found_ends(data: Residuals, prior: Prior, odd: Sequence[int]) -> Ends:
 
 
 def _scores(forms: Forms, theta: Float64[np.ndarray, " P"], prior: Prior, column: int) -> Float64[np.ndarray, " E"]:
-    """Of each episode for one column, everything else projected out, in standard deviations of their sum."""
+    """Scores of each episode for one column, all else projected out, in standard deviations of their sum."""
     left = forms.b - forms.A @ theta
     rest, projection, information = projected(forms.A.sum(0), prior, [column])
     # Its own usual value was fitted with the rest; what an episode says includes it.
@@ -39,7 +39,7 @@ def _scores(forms: Forms, theta: Float64[np.ndarray, " P"], prior: Prior, column
 
 
 def turned(data: Residuals, ends: Ends, odd: Sequence[int]) -> Residuals:
-    """The same with the slopes of odd parameters as they are with these ends."""
+    """The residuals with the slopes of odd parameters for these orientations."""
     signs = np.array([ends[int(episode)] for episode in data.episode])
     J = data.J.copy()
     J[:, :, list(odd)] *= signs[:, None, None]

@@ -1,4 +1,4 @@
-"""What the pushes say of all parameters together: residuals, slopes, and a noise that is learnt from both.
+"""Mixed-effects regression of all parameters on all pushes: residuals, slopes, and a noise learnt from both.
 
 Residuals of clouds are amplitudes of displacement modes. Their covariance has a part that is the same for all pushes
 and is learnt, and one of each push by itself: where a slightly other start, friction or grid already ends elsewhere, a
@@ -26,7 +26,7 @@ _SETTLED = 1e-3
 """Relative change of a learnt variance in a round. The likelihood would stop too soon: it turns on its way."""
 
 Covariances: TypeAlias = tuple[Float64[np.ndarray, "_ _"], ...]
-"""Of each block of rows [m^2], for a push of usual size."""
+"""Covariance of each block of rows [m^2], for a push of usual size."""
 
 
 class Block(NamedTuple):
@@ -39,10 +39,10 @@ class Block(NamedTuple):
 @final
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Residuals:
-    """Of K pushes: residuals (K, R) [m], slopes (K, R, P) [m a step], and what errs in each by itself (K, R, D) [m].
+    """Data of K pushes: residuals (K, R) [m], slopes (K, R, P) [m a step], and random effects of each (K, R, D) [m].
 
-    `spread`: its columns are independent errors of one standard deviation. `known`: what was seen; the rest counts for
-    nothing.
+    `spread`: its columns are independent errors of one standard deviation. `known`: mask of the observed rows; others
+    do not count.
     """
 
     r: Float64[np.ndarray, "K R"]
@@ -122,7 +122,7 @@ def fitted(
 
 
 def log_likelihood(data: Residuals, theta: Float64[np.ndarray, " P"], covariances: Covariances) -> float:
-    """Of all pushes under a noise that is known, but for a constant."""
+    """Log likelihood of all pushes under a known noise, up to a constant."""
     rows = zip(_blocks(data), covariances, strict=True)
     return float(sum(_log_likelihood(block, _roots(block, covariance), theta) for block, covariance in rows))
 
@@ -215,7 +215,7 @@ def _first(block: _Rows) -> Float64[np.ndarray, "S S"]:
 
 
 def _roots(block: _Rows, covariance: Float64[np.ndarray, "S S"]) -> Float64[np.ndarray, "K S S"]:
-    """What makes each push's errors independent and of unit size: the learnt ones, and its own."""
+    """Whitening matrices of each push's errors: the learnt ones, and its own."""
     return np.linalg.inv(np.linalg.cholesky(covariance + block.own))
 
 
@@ -229,7 +229,7 @@ def _distances(
 def _size(
     block: _Rows, roots: Float64[np.ndarray, "K S S"], theta: Float64[np.ndarray, " P"]
 ) -> Float64[np.ndarray, " K"]:
-    """How much wider than usual each push is, as Student's t weighs it."""
+    """Scale of each push's errors over the usual one, as in Student's t."""
     return (_DEGREES + _distances(block, roots, theta)) / (_DEGREES + block.seen)
 
 

@@ -1,4 +1,4 @@
-"""By how much, and which way, an object is elsewhere than predicted: a smooth displacement field along it.
+"""Displacement field of an object from its prediction to its observation: smooth modes along it.
 
 Points have no names, so they cannot be subtracted; and matches to the nearest neighbour, frozen, lose most of an
 effect. The predicted cloud is moved instead, by a few smooth modes, until the kernel mean embeddings of both agree,
@@ -28,11 +28,11 @@ _WIDTHS_M = (0.03, WIDTH_M)
 """The first finds what is more than a width away."""
 _REACH_M = 0.03
 _PRIOR_M = np.concatenate([np.full(MODES, 0.03), [0.03], np.full(MODES - 1, 0.002)])
-"""How far matter is commonly displaced by each mode, which keeps those that a view does not determine at zero. Ropes do
-not stretch: along them, all modes but the first are strain, and an uneven density would be taken for it."""
+"""Prior standard deviation of each mode, which keeps those that a view does not determine at zero. Ropes do not
+stretch: along them, all modes but the first are strain, and an uneven density would be taken for it."""
 _POINT_NOISE_M = 2e-3
 _DRAWN = 0.3
-"""How far points are from evenly spread: 1 is drawn at random (embedding covariances of both kinds)."""
+"""Randomness of the points' spread: 0 is even, 1 is drawn at random (embedding covariances of both kinds)."""
 _FLOOR = 1e-7
 _ROUNDS = 5
 _LARGEST_STEP_M = 0.01
@@ -101,7 +101,7 @@ def _kernel(
 def _covariance(
     x: Float64[np.ndarray, "N 2"], centres: Float64[np.ndarray, "C 2"], width: float
 ) -> Float64[np.ndarray, "C C"]:
-    """Of the embedding of a cloud that was seen with noise, and whose points might lie elsewhere in the object."""
+    """Covariance of the embedding of a cloud with noise, whose points might lie elsewhere in the object."""
     k = _kernel(x, centres, width)
     covariance = _FLOOR * np.eye(len(centres))
     for axis in range(2):

@@ -29,7 +29,7 @@ FEATURES: Mapping[str, tuple[str, ...]] = {
 
 
 def parameters(features: Sequence[str] = tuple(FEATURES)) -> list[str]:
-    """Of these features, each once."""
+    """Parameters of these features, each once."""
     return list(dict.fromkeys(name for feature in features for name in FEATURES[feature]))
 
 
@@ -50,7 +50,7 @@ def force_steps(catalogue: Catalogue) -> tuple[Step, ...]:
 
 
 def columns_of_features(steps: Sequence[Step]) -> Mapping[str, tuple[int, ...]]:
-    """Where each feature's parameters stand among these steps; nothing where the steps have none of them."""
+    """Positions of each feature's parameters among these steps; empty if the steps have none of them."""
     at = {step.column: n for n, step in enumerate(steps) if step.cause == FORMULA}
     if not at:
         return {}

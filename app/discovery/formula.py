@@ -39,7 +39,7 @@ class Found:
 
 
 class Opened(NamedTuple):
-    """What the open-ended part says: what is left beside the accepted model, and a formula that is better than it."""
+    """Result of the open-ended part: the residual test of the accepted model, and a formula that is better than it."""
 
     left: Leftover
     found: Found | None
@@ -109,7 +109,7 @@ def _refined(
 
 
 def _needed(simpler: Model, model: Model) -> bool:
-    """Whether a further feature makes all the data likely enough, and left-out episodes more likely."""
+    """True if a further feature makes all data likely enough, and left-out episodes more likely."""
     if model.log_evidence < simpler.log_evidence + ENOUGH:
         return False
     held = held_out((simpler.data, simpler.prior), model)
@@ -150,9 +150,9 @@ def _rivals(known: Library, nothing: Widened, decision: Decision, beside: Widene
 
 
 def _beats(found: Found, rival: _Rival) -> bool:
-    """Whether the formula is clearly better than what is accepted, or at all better than what is not.
+    """True if the formula is clearly better than an accepted model, or at all better than one that is not.
 
-    Each feature has to earn what a cause has, and being unknown as much again beside what has a name.
+    Each feature needs the evidence of a cause, and being unknown as much again against a cause with a name.
     """
     gain = found.model.log_evidence - rival.log_evidence
     if not rival.accepted:

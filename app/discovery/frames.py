@@ -1,4 +1,4 @@
-"""The frame test: in which frame is the mean residual constant? It says where to look before any cause is named."""
+"""Frame test: the frame in which the mean residual is constant hints at the kind of cause before any is named."""
 
 from collections.abc import Callable
 from typing import TypeAlias
@@ -51,7 +51,7 @@ def frame_tests(
 
 
 Share: TypeAlias = Callable[[Int[np.ndarray, " L"]], float]
-"""Of the variance, explained among some of the pushes."""
+"""Share of the variance explained among some of the pushes."""
 
 
 def _test(name: str, about: str, episode: Int[np.ndarray, " K"], means: Means, share: Share) -> FrameTest:
@@ -80,7 +80,7 @@ def _constant(turned: Means) -> Share:
 
 
 def _along(trials: Trials, arrows: Float64[np.ndarray, "K N 2"]) -> Share:
-    """Of residuals across the object, by place along it."""
+    """Share for residuals across the object, by place along it."""
     labels = trials.labels
     normals = np.stack([-labels[:, :, 3], labels[:, :, 2]], axis=2)
     across = (arrows * normals).sum(2)
@@ -99,7 +99,7 @@ def _along(trials: Trials, arrows: Float64[np.ndarray, "K N 2"]) -> Share:
 
 
 def _trend(means: Means, headings: Float64[np.ndarray, " K"], times: Float64[np.ndarray, " K"]) -> Share:
-    """Of the residual along the push, by a straight line over the session."""
+    """Share for the residual along the push, by a straight line over the session."""
     forth = _turned(means, headings)[:, 0]
 
     def share(rows: Int[np.ndarray, " L"]) -> float:
@@ -128,7 +128,7 @@ def _headings(trials: Trials) -> Float64[np.ndarray, " K"]:
 
 
 def _yaws(trials: Trials) -> Float64[np.ndarray, " K"]:
-    """How far the tool is turned about the vertical in each push [rad]."""
+    """Yaw of the tool in each push [rad]."""
     q = np.stack([push.track.poses[len(push.track.poses) // 2, 3:] for push in trials.study.pushes])
     w, x, y, z = q.T
     return np.arctan2(2 * (w * z + x * y), 1 - 2 * (y**2 + z**2))

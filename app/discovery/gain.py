@@ -1,6 +1,6 @@
-"""What an extended model gains, on episodes that it was not fitted to, as a planner would have used it.
+"""Gain of an extended model on episodes that it was not fitted to, used as by a planner.
 
-A planner knows commands and not what an arm will make of them; so here both models are given the commanded tracks.
+A planner knows commands and not the arm's execution of them; so here both models are given the commanded tracks.
 Errors are the mean length of the displacement field between the predicted and the observed object.
 """
 
@@ -32,7 +32,7 @@ _MM = 1e3
 
 
 class Gained(NamedTuple):
-    """The gain with all that shows it. See `Case`."""
+    """The gain with its details. See `Case`."""
 
     gain: Gain
     per_episode: Float64[np.ndarray, "E 2"]
@@ -103,7 +103,7 @@ def _as_planned(trials: Trials) -> Trials:
 
 
 def _predicted(predictor: Predictor, trials: Trials, thetas: Mapping[int, Theta]) -> Clouds:
-    """Where each push leaves the object (K, N, 3), by the model of its episode."""
+    """Predicted object after each push (K, N, 3), by the model of its episode."""
     episode = np.array([push.episode for push in trials.study.pushes])
     numbers = list(thetas)
     where = np.stack([episode == number for number in numbers])
@@ -116,7 +116,7 @@ def _errors_mm(trials: Trials, predicted: Clouds) -> Float64[np.ndarray, " K"]:
 
 
 def error_mm(trials: Trials, k: int, predicted: Points) -> float:
-    """The mean length of the displacement that leads from the prediction to what was seen."""
+    """Mean length of the displacement from the prediction to the observation."""
     if not np.isfinite(predicted).all():
         return float("nan")
     basis = Basis.along(predicted, trials.labels[k, :, 0])
@@ -154,7 +154,7 @@ def _further(
 
 
 def _interval(per_episode: Float64[np.ndarray, "E 2"]) -> tuple[float, float]:
-    """Of the gain, 90 %: a bootstrap over episodes."""
+    """Interval of the gain, 90 %: a bootstrap over episodes."""
     rng = np.random.default_rng(0)
     drawn = per_episode[rng.integers(len(per_episode), size=(_DRAWS, len(per_episode)))].mean(1)
     low, high = np.quantile(1 - drawn[:, 1] / drawn[:, 0], [0.05, 0.95])

@@ -1,4 +1,4 @@
-"""A push at a glance: how far off its prediction was, and which way; what costs no simulation."""
+"""Prediction error of a push, and its direction, without simulation."""
 
 import math
 from dataclasses import dataclass
@@ -13,7 +13,7 @@ from app.core.track import Track
 from app.core.types import Path3, Points
 
 _SHARE = 0.25
-"""Of its motion by which a prediction errs where nobody said: it weighs long pushes against short ones, no more."""
+"""Default of a prediction's error as a share of the motion: it only weighs long pushes against short ones."""
 _LEAST_M = 5e-4
 """No prediction is expected to be nearer than this."""
 _DOWN_M = 4e-3
@@ -102,6 +102,6 @@ def _followed(executed: Executed) -> tuple[Float64[np.ndarray, "2"], Float64[np.
 
 
 def _low(way: Path3) -> Int[np.ndarray, " L"]:
-    """When the tip is down: the moments at which it is near its lowest."""
+    """Indices at which the tip is down: near its lowest."""
     heights = way[:, 2]
     return np.flatnonzero(heights <= heights.min() + _DOWN_M)

@@ -1,10 +1,10 @@
-"""Which cause is probable: evidence for each, while everything else may be a little wrong.
+"""Bayesian model comparison: evidence for each cause, while everything else may be a little wrong.
 
 All in steps: an effect at its typical size is 1, and its prior, where it is present, a normal distribution of standard
-deviation 1. Where it is not, it may still be needed a little, because the simulation is not the world even when nothing
-is missing in it: `HABITS`, the simulator's own errors as they look in these columns. The unit of independence is the
-episode; likelihoods are tempered by how much the episodes' scores really scatter (Boos 1992, "On generalized score
-tests").
+deviation 1. Where it is absent, it may still be needed a little, because the simulation is not the world even if no
+effect is missing in it: `HABITS`, the simulator's own errors as they project onto these columns. The unit of
+independence is the episode; likelihoods are tempered by the overdispersion of the episodes' scores (Boos 1992, "On
+generalized score tests").
 """
 
 from collections.abc import Mapping, Sequence
@@ -30,9 +30,9 @@ _OWN_HABITS: Mapping[str, float] = {
     "stiffness_heterogeneity": 0.17,
     "tcp_offset": 0.04,
 }
-"""Of those that differ. That of mass along the object is MuJoCo's: its rope moves as if its ends were lighter."""
+"""Exceptions to it. That of mass along the object is MuJoCo's: its rope moves as if its ends were lighter."""
 _USUAL: Mapping[str, float] = {"mask_erosion": -0.29}
-"""What they seem to have on average, where that is not 0. Like the deviations it was learnt by expectation and
+"""Means under the null hypothesis, where they are not 0. Like the deviations they were learnt by expectation and
 maximisation, from 62 recordings of 32 pushes: 39 of our own engine in other numerics and 23 of MuJoCo's world, which
 count as much; what was hidden in some of them was left out."""
 ROD_HABITS: Mapping[str, tuple[float, float]] = {
@@ -85,9 +85,9 @@ ROD_HABITS: Mapping[str, tuple[float, float]] = {
 by expectation and maximisation from 184 recordings of MuJoCo's chain, ropes, fingers and frictions drawn for each, what
 was hidden in some of them left out (docs/discovery-model.md). What has a direction has no mean, and the same in all."""
 Z90 = 1.645
-"""Of a 90 % interval, in standard deviations."""
+"""Half width of a 90 % interval, in standard deviations."""
 CALIBRATED = 10.0
-"""That of the calibrated parameters, whose step is 30 %: anything."""
+"""Prior deviation of the calibrated parameters, whose step is 30 %: practically flat."""
 NUMERIC = 1.0
 _LEARNT = 12
 """Hypotheses, the likeliest with a noise that is known, for which it is learnt anew."""
@@ -98,21 +98,21 @@ _AGAIN = 2
 @final
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Prior:
-    """Of all columns where nothing is missing: means and variances in steps. `nuisance`: columns that are no cause."""
+    """Prior of all columns under the null hypothesis: means and variances in steps. `nuisance`: columns of no cause."""
 
     mean: Float64[np.ndarray, " P"]
     variance: Float64[np.ndarray, " P"]
     nuisance: tuple[int, ...]
 
     def wider(self, columns: Sequence[int]) -> "Prior":
-        """Where the cause that these columns are is present."""
+        """The prior if the cause with these columns is present."""
         variance = self.variance.copy()
         variance[list(columns)] += 1.0
         return replace(self, variance=variance)
 
 
 def habit(cause: Cause, parameter: str = "", *, rods: bool = False) -> tuple[float, float]:
-    """What a cause seems to have where nothing is wrong, in steps: mean and standard deviation."""
+    """Null prior of a cause's apparent size, in steps: mean and standard deviation."""
     if rods and parameter in ROD_HABITS:
         return ROD_HABITS[parameter]
     if cause.family == "numerics":
@@ -121,7 +121,7 @@ def habit(cause: Cause, parameter: str = "", *, rods: bool = False) -> tuple[flo
 
 
 class Finding(NamedTuple):
-    """Of one hypothesis: the logarithm of its Bayes factor against nothing missing, and its columns' posterior."""
+    """Result of one hypothesis: its log Bayes factor against the null hypothesis, and its columns' posterior."""
 
     log_bayes: float
     mean: Float64[np.ndarray, " Q"]
@@ -209,7 +209,7 @@ def posterior(fit: Fit, prior: Prior, temper: float) -> Float64[np.ndarray, "P P
 
 
 def dispersion(fit: Fit, nuisance: Sequence[int]) -> float:
-    """By how much the episodes' scores scatter more than independent pushes would, at least 1.
+    """Overdispersion of the episodes' scores relative to independent pushes, at least 1.
 
     Median over the columns of the ratio of the cluster-robust variance of the efficient score to the model's.
     """

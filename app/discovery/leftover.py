@@ -1,10 +1,10 @@
-"""Whether something is left that a model does not say: its residuals against every feature of the library.
+"""Residual test of a model against every feature of the library: the probability that something is left unexplained.
 
-The score of each feature, everything else projected out, is a sum over episodes, which are independent. Where nothing
-is left each episode's share is as likely to be of either sign; so signs drawn at random say how much evidence the
-likeliest of all features has by chance (a wild bootstrap with Rademacher's signs; Cameron, Gelbach and Miller 2008,
-"Bootstrap-based improvements for inference with clustered errors"), with what the simulator's own errors look like
-added. No distribution of squared residuals is assumed: chi-square finds something in every recording.
+The score of each feature, everything else projected out, is a sum over episodes, which are independent. If nothing is
+left, each episode's share is as likely to be of either sign; so random signs give the distribution of the evidence of
+the likeliest of all features by chance (a wild bootstrap with Rademacher's signs; Cameron, Gelbach and Miller 2008,
+"Bootstrap-based improvements for inference with clustered errors"), to which the simulator's own errors are added. No
+distribution of squared residuals is assumed: chi-square finds something in every recording.
 """
 
 from collections.abc import Sequence
@@ -37,14 +37,14 @@ class Leftover(NamedTuple):
 
 
 class _Scores(NamedTuple):
-    """Of the features, all else projected out: each episode's score, and the information of all."""
+    """Scores of the features, all else projected out: each episode's, and the information of all."""
 
     each: Float64[np.ndarray, "E F"]
     information: Float64[np.ndarray, "F F"]
 
 
 def leftover(wide: Widened) -> Leftover:
-    """Beside the model that these residuals are of."""
+    """Test of the model that these residuals are of."""
     probability = something_left([finding.log_bayes for finding in wide.weighing.findings])
     chance = by_chance(_scores(wide), _groups(wide), _deviations(wide))
     return Leftover(probability=min(probability, 1 - chance), by_chance=chance)
@@ -61,9 +61,9 @@ def something_left(log_bayes: Sequence[float]) -> float:
 def by_chance(
     scores: _Scores, groups: Sequence[Sequence[int]], deviations: Float64[np.ndarray, " F"], seed: int = 0
 ) -> float:
-    """How often signs at random make the likeliest group at least as likely as it is: the family's p-value.
+    """P-value of the whole family: the rate at which random signs make the likeliest group at least as likely as it is.
 
-    `deviations`: of what features seem to be where nothing is wrong, in steps.
+    `deviations`: of the features' apparent sizes under the null hypothesis, in steps.
     """
     rng = np.random.default_rng(seed)
     signs = rng.choice([-1.0, 1.0], (_DRAWS, len(scores.each)))
@@ -83,7 +83,7 @@ def _likeliest(
 
 
 def _scores(wide: Widened) -> _Scores:
-    """With the noise that is learnt while all features are free: else what they do is taken for noise."""
+    """Scores with the noise learnt while all features are free: else their effects are taken for noise."""
     columns = sorted({column for own in wide.at.values() for column in own})
     prior = wide.prior.wider(columns)
     starts = (wide.weighing.nothing.covariances, None)
@@ -106,7 +106,7 @@ def projected(forms: Forms, prior: Prior, columns: Sequence[int]) -> _Scores:
 
 
 def _deviations(wide: Widened) -> Float64[np.ndarray, " F"]:
-    """Those that the prior has of the features' columns."""
+    """Prior deviations of the features' columns."""
     return np.sqrt(wide.prior.variance[sorted({column for own in wide.at.values() for column in own})])
 
 

@@ -1,8 +1,8 @@
-"""What a study lacks, and what therefore cannot be concluded from it: said before anything is.
+"""Deficiencies of a study, and the conclusions that they prevent: stated before any.
 
-How much is enough: a single cause of typical size takes about 6 episodes and 40 pushes at three speeds or more, in four
-directions or more, with a view in the middle of each push; mixtures take about twice that. What is asked for here is
-less: below it, the sentences say what will be missed.
+A single cause of typical size takes about 6 episodes and 40 pushes at three speeds or more, in four directions or more,
+with a view in the middle of each push; mixtures take about twice that. The thresholds here are lower: below them, the
+sentences say what will be missed.
 """
 
 from collections.abc import Iterator
@@ -178,7 +178,7 @@ def _speed(way: Float64[np.ndarray, "T 3"]) -> float:
 
 
 def _directions(ways: list[Float64[np.ndarray, "_ 3"]]) -> int:
-    """How many directions there are, each 30 degrees or more from the next, around the circle."""
+    """Number of directions, each 30 degrees or more from the next, around the circle."""
     ends = np.array([way[-1, 1:] - way[0, 1:] for way in ways]).reshape(-1, 2)
     ends = ends[np.linalg.norm(ends, axis=1) > 0]
     angles = np.sort(np.arctan2(ends[:, 1], ends[:, 0]))

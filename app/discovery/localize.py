@@ -126,7 +126,7 @@ def _evidences(
 
 
 def log_bayes_of_each(data: Residuals, prior: Prior, one_sided: Sequence[bool]) -> Float64[np.ndarray, " S"]:
-    """Of every column behind those of `prior`, each by itself and of a typical size, against those of `prior` alone.
+    """Log Bayes factors (S,) of the columns behind those of `prior`: each alone, of a typical size.
 
     The score test's efficient score and information (Cox and Hinkley 1974, "Theoretical Statistics", 9.3), with a unit
     normal prior of the size integrated out. A column of one side that would have to be negative has no evidence.

@@ -81,7 +81,7 @@ def _asked(predictor: Predictor, study: Study, last: View, count: int, height_m:
 
 
 def _apart(ends: Float32[np.ndarray, "M C N 3"], probabilities: Sequence[float]) -> Float64[np.ndarray, " C"]:
-    """How far the models' predictions for each candidate are apart, in the mean over pairs [m^2]."""
+    """Mean squared distance of the models' predictions for each candidate, over pairs [m^2]."""
     total = np.zeros(ends.shape[1])
     for i, j in combinations(range(len(ends)), 2):
         squared = ((ends[i] - ends[j])[..., :2].astype(np.float64) ** 2).sum(-1).mean(-1)

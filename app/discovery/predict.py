@@ -1,4 +1,4 @@
-"""What a model says should have been seen: each push simulated from the view before it, and seen as cameras see it.
+"""Predicted observations of a model: each push simulated from the view before it, and seen as cameras see it.
 
 Time runs as it was measured, `haste` times as fast. The simulation stops once on the way, at the moment of the view
 that was taken during the push, where there is one.
@@ -36,9 +36,9 @@ _LEAST_SHARE = 0.1
 
 
 class Seen(NamedTuple):
-    """What is predicted or was observed: particles during and after each push [m], (..., K, N, 3).
+    """Predicted or observed particles during and after each push [m], (..., K, N, 3).
 
-    Where no view was taken during a push, `during` is as before it.
+    If no view was taken during a push, `during` is as before it.
     """
 
     during: Float32[np.ndarray, "*batch K N 3"]
@@ -59,13 +59,13 @@ class Trials:
     starts_s: Float64[np.ndarray, " K"]
     stops_s: Float64[np.ndarray, " K"]
     ends_s: Float64[np.ndarray, " K"]
-    """When the simulation begins, stops for the view on the way, and ends; by the cameras' and the arm's clock."""
+    """Times of the simulation's begin, its stop for the view on the way, and its end; by cameras' and arm's clock."""
     loads: tuple[Load, ...]
     has_during: Bool[np.ndarray, " K"]
     observed: Seen
     noise_m: float = 1e-3
     smooth: bool = False
-    """Whether cameras err alike for neighbouring points: of a rod, whose centreline is fitted to all of them."""
+    """True if cameras err alike for neighbouring points: of a rod, whose centreline is fitted to all of them."""
 
     def __len__(self) -> int:
         return len(self.study.pushes)
@@ -144,9 +144,9 @@ class Predictor:
         subject: Subject | None = None,
         where: Bool[np.ndarray, "Q K"] | None = None,
     ) -> Seen:
-        """What each of the models predicts for every push, or for those of `where`, by this `subject` or another.
+        """Predictions of each model for every push, or for those of `where`, by this `subject` or another.
 
-        NaN where nothing was simulated, or the simulation left its grid.
+        NaN if nothing was simulated, or the simulation left its grid.
         """
         count = len(trials)
         during = np.full((len(thetas), count, *trials.observed.after.shape[1:]), np.nan, np.float32)
@@ -164,14 +164,14 @@ class Predictor:
         return Seen(during, after)
 
     def _seen(self, trials: Trials, k: int, points: Points, theta: Theta) -> Points:
-        """Where the cameras say that the object of push k is, whose points have gone `points`, and its middle there."""
+        """Observation of the object in push k, whose points have moved to `points`, and its middle with them."""
         if not theta[self._apparatus].any() or not np.isfinite(points).all():
             return points
         middle = _middles((trials.labels[k, :, 0] + 1) / 2, points)[1]
         return self.seen(points, Eye(np.asarray(trials.study.camera), middle.astype(np.float64)), theta)
 
     def seen(self, points: Points, eye: Eye, theta: Theta) -> Points:
-        """Where the cameras say that points are."""
+        """Observation of points by the cameras."""
         return self.placed(points.astype(np.float64), eye, theta).astype(np.float32)
 
     def placed(self, places: Places, eye: Eye, theta: Theta) -> Places:
@@ -182,19 +182,19 @@ class Predictor:
         return places
 
     def unseen(self, points: Points, eye: Eye, theta: Theta) -> Points:
-        """Where points are that the cameras say are here: the inverse of `seen`, by fixed-point iteration."""
+        """True positions of observed points: the inverse of `seen`, by fixed-point iteration."""
         places = points
         for _ in range(2):
             places = points - (self.seen(places, eye, theta) - places)
         return places
 
     def driven(self, push: Push, load: Load, theta: Theta) -> Track:
-        """Where the tool really went, of where the record says it went."""
+        """True track of the tool, from the recorded one."""
         measured = push.measured is not None
         return self.carried_out(push.track, load, theta, lambda effect: not (effect.told and measured))
 
     def told(self, command: Track, load: Load, theta: Theta) -> Track:
-        """What the arm measures of a command that it carries out."""
+        """Encoder track of the arm for a command that it executes."""
         return self.carried_out(command, load, theta, lambda effect: effect.told)
 
     def carried_out(self, track: Track, load: Load, theta: Theta, by: Callable[[Apparatus], bool]) -> Track:
@@ -205,7 +205,7 @@ class Predictor:
         return track
 
     def late_s(self, theta: Theta) -> float:
-        """By how much images are younger than their stamps."""
+        """Delay of the image stamps: images are this much younger than they say."""
         late = (effect.late_s(values) for effect, values in self.catalogue.wrong(theta) if effect.late_s is not None)
         return sum(late, 0.0)
 
@@ -250,7 +250,7 @@ class Predictor:
         group: "_Group",
         simulate: Stepper,
     ) -> "_Ways":
-        """What a push begins from and how the tool moves in it, once for all models that agree about the apparatus."""
+        """Initial states and tool paths of pushes, once for all models that agree about the apparatus."""
         first = dict[tuple[int, bytes], tuple[int, int]]()
         for q, k in jobs:
             first.setdefault(self._way(k, thetas[q]), (q, k))
@@ -267,7 +267,7 @@ class Predictor:
     def _seen_from(
         self, trials: Trials, k: int, theta: Theta, group: "_Group"
     ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Where particles were before push k, and the tool's way to the stop and on, if the apparatus errs so."""
+        """Particles before push k, and the tool's path to the stop and on, if the apparatus has these errors."""
         push, step = trials.study.pushes[k], group.step_s
         eye = Eye(np.asarray(trials.study.camera), trials.middles[k].astype(np.float64))
         track = self.driven(push, trials.loads[k], theta)
@@ -288,7 +288,7 @@ class _Group(NamedTuple):
 
 
 class _Ways(NamedTuple):
-    """Beginnings and paths of the tool; `row` says which is whose."""
+    """Initial states and tool paths; `row` maps jobs to them."""
 
     row: dict[tuple[int, bytes], int]
     start: Start
@@ -297,7 +297,7 @@ class _Ways(NamedTuple):
 
 
 def _blocks(steps: int, ratio: float) -> int:
-    """How many blocks these substeps take, in powers of `ratio` where that is above 1."""
+    """Number of blocks that these substeps take, in powers of `ratio` if that is above 1."""
     needed = max(1, math.ceil(steps / BLOCK))
     return needed if ratio == 1 else math.ceil(ratio ** math.ceil(math.log(needed, ratio)))
 
@@ -377,7 +377,7 @@ def resisting(track: Track, x: Points, share: float, subject: Subject) -> Load:
 
 
 def dragging(track: Track, before: Points, after: Points, subject: Subject) -> Load:
-    """What a push along `track` feels, of the share of the object that it moved."""
+    """Load on a tool that pushes along `track`, by the share of the object that it moved."""
     moved = np.asarray(KDTree(after[:, :2]).query(before[:, :2])[0])
     share = float((moved > 3 * np.median(moved) + _STILL_M).mean())
     return resisting(track, before, max(share, _LEAST_SHARE), subject)

@@ -72,7 +72,7 @@ class Belief:
 
     @property
     def rivals(self) -> dict[str, tuple[tuple[int, ...], float]]:
-        """What is still probable, nothing missing among it: columns and share of the probability."""
+        """Hypotheses that are still probable, the null among them: columns and share of the probability."""
         found = {cause: (columns, self.probabilities[cause]) for cause, columns in self.causes.items()}
         total = self.nothing + sum(share for _, share in found.values())
         shared = {cause: (columns, share / total) for cause, (columns, share) in found.items()}
@@ -80,7 +80,7 @@ class Belief:
 
     @property
     def places(self) -> tuple[tuple[str, Float64[np.ndarray, "2"]], ...]:
-        """Where rivals that have a place are thought to be [m]."""
+        """Estimated places of the rivals that have one [m]."""
         wanted = {cause: columns for cause, (columns, _) in self.rivals.items() if columns}
         placed = {cause: self.steps[columns[0]].given for cause, columns in wanted.items()}
         return tuple((cause, np.array([value for _, value in at])) for cause, at in placed.items() if len(at) == 2)
@@ -116,14 +116,14 @@ def first_belief(subject: Subject) -> Belief:
 
 @threadpool_limits.wrap(limits=1, user_api="blas")
 def believed(study: Study, subject: Subject) -> Belief:
-    """What the pushes of a study say, by the refit and the screening of `dipac discover`; takes seconds to a minute."""
+    """Belief from the pushes of a study, by the refit and the screening of `dipac discover`; takes up to a minute."""
     predictor = Predictor(subject, catalogue(subject.rods))
     trials = prepare(study, subject)
     return belief_of(screen(predictor, trials, refit(predictor, trials)))
 
 
 def belief_of(screening: Screening) -> Belief:
-    """What a screening says, with the probabilities that were measured for such screenings."""
+    """Belief from a screening, with the probabilities that were measured for such screenings."""
     probabilities, nothing = calibration().probabilities(screening)
     suspects = {each.cause: each.columns for each in screening.weighed if probabilities[each.cause] > _RIVAL}
     prior, weighing = screening.prior, screening.weighing
@@ -152,9 +152,9 @@ def belief_of(screening: Screening) -> Belief:
 def gains_of(
     belief: Belief, before: Float64[np.ndarray, "S S"], after: Float64[np.ndarray, "S S"]
 ) -> Float64[np.ndarray, "C C"]:
-    """By how many nats each rival's size is better known with the information `after` than `before`, both added.
+    """Information gain [nats] on each rival's size by the information `after` over `before`, both added.
 
-    Each (row) where each other (column) may act as well, in the order of `Belief.rivals`; 0 of nothing missing.
+    For each rival (row) if each other (column) may act as well, in the order of `Belief.rivals`; 0 for the null.
     """
     return (_log_volumes(belief, before) - _log_volumes(belief, after)) / 2
 
@@ -191,12 +191,12 @@ def stop_of(belief: Belief, budget: int) -> Stop | None:
 
 
 def is_named(belief: Belief) -> bool:
-    """Whether one cause is probable enough for its name, in enough episodes."""
+    """True if one cause is probable enough to be named, in enough episodes."""
     return belief.episodes >= _EPISODES and max(belief.probabilities.values(), default=0.0) > NAMED
 
 
 def is_none_left(belief: Belief) -> bool:
-    """Whether nothing missing is as probable as a name has to be, and no cause is worth a refit."""
+    """True if the null hypothesis is probable enough to be accepted, and no cause is worth a refit."""
     return belief.nothing > NAMED and max(belief.probabilities.values(), default=0.0) < _SURVIVOR
 
 
@@ -229,7 +229,7 @@ def rival_words(cause: str) -> str:
 
 
 def _one_way(steps: Sequence[Step]) -> list[Step]:
-    """Of each cause that is asked about in several ways the middle one."""
+    """Steps of each cause; of one that is asked about in several ways, those of the middle way."""
     ways = dict[str, list[list[int]]]()
     for (cause, _), columns in ways_of(steps, range(len(steps))).items():
         ways.setdefault(cause, []).append(columns)
@@ -243,7 +243,7 @@ def _causes_of(steps: Sequence[Step], prior: Prior) -> dict[str, tuple[int, ...]
 
 
 def _unknown_noise() -> Covariances:
-    """Of clouds and of what is measured directly, before any was learnt."""
+    """Noise of clouds and of direct measurements, before any was learnt."""
     clouds = 4 * MODES
     direct = [np.eye(rows.stop - rows.start) * (least_m or _UNKNOWN_M) ** 2 for rows, least_m in direct_blocks(clouds)]
     return (np.eye(clouds) * _UNKNOWN_M**2, *direct)

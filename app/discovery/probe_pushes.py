@@ -25,7 +25,7 @@ from app.discovery.subject import Subject, catalogue
 from app.policy.strokes import REGION, Plan, Stroke, is_clear, midway_s, random_stroke, stroke_through
 
 Allowed: TypeAlias = Callable[[Track], bool]
-"""Whether the arm would make this, by the checks of every motion."""
+"""Predicate: the arm would make this, by the checks of every motion."""
 
 _DRAWN: Final = 16
 """Random pushes, each slow, fast, and at a speed of its own."""
@@ -74,9 +74,9 @@ class Probe:
 @final
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Scene:
-    """Where a push is to be chosen: the object as it is `seen`, in an `episode`, after those `made` in this study.
+    """Situation in which a push is chosen: the object as it is `seen`, in an `episode`, after those `made` before.
 
-    `plan`: how fast and far pushes go, and whether the arm measures its way; `height_m`: of the tip while it pushes;
+    `plan`: speeds and lengths of pushes, and whether the arm measures its path; `height_m`: of the tip while it pushes;
     `core_m`: from a finger's middle to an end of its core; `camera`: see `Study`.
     """
 
@@ -169,7 +169,7 @@ def moving(predictor: Predictor, belief: Belief, scene: Scene, candidates: Seque
 def informations(
     predictor: Predictor, belief: Belief, scene: Scene, candidates: Sequence[Candidate]
 ) -> tuple[Float64[np.ndarray, "K S S"], Float32[np.ndarray, "K N 3"]]:
-    """What each candidate would say of the belief's columns, by its slopes about the belief's model, and its end."""
+    """Information of each candidate on the belief's columns, by its slopes about the belief's model, and its end."""
     blind = _trials(predictor, scene, candidates, None)
     expected = predictor(blind, [belief.about])
     trials = _trials(predictor, scene, candidates, Seen(expected.during[0], expected.after[0]))

@@ -1,4 +1,4 @@
-"""Causes that are taken for present, fitted together with friction and stiffness: Gauss-Newton about where they act.
+"""Refit of causes taken for present, with friction and stiffness: Gauss-Newton about their estimates.
 
 The screening's slopes are those about the nominal model; what is strong, or acts at a place, needs slopes about itself.
 """
@@ -19,9 +19,9 @@ from app.discovery.subject import Catalogue, Theta
 
 _ROUNDS = 5
 _PART = 0.4
-"""Of a screening's step: slopes about a fitted value are taken over less."""
+"""Factor on a screening's step: slopes about a fitted value are taken over less."""
 _SHARE = 0.05
-"""Of its range: the step of what says where, when or how a cause acts; its prior's deviation is five of them."""
+"""Share of its range that is a step of a place, time or shape parameter; its prior's deviation is five of them."""
 _DEVIATION = 5.0
 _FARTHEST = 3.0
 """Steps at most in a round."""
@@ -51,7 +51,7 @@ class Model:
 
     @property
     def covariance(self) -> Float64[np.ndarray, "Q Q"]:
-        """Of the own columns, in their steps."""
+        """Covariance of the own columns, in their steps."""
         return posterior(self.fit, self.prior, self.temper)[: self.own, : self.own]
 
 
@@ -169,7 +169,7 @@ def _fitted(
 def _prior(
     catalogue: Catalogue, screening: Screening, theta: Theta, own: tuple[Step, ...], others: Sequence[int]
 ) -> Prior:
-    """Of the own columns in their steps from theta: what is calibrated anything, a cause as its size is typical."""
+    """Prior of the own columns in steps from theta: flat for calibrated ones, of typical size for a cause."""
     mean, variance = np.zeros(len(own)), np.empty(len(own))
     full = {step.column: (step.size, n) for n, step in enumerate(screening.steps)}
     for n, step in enumerate(own):
@@ -196,5 +196,5 @@ def _prior(
 
 
 def catalogue_names(catalogue: Catalogue) -> frozenset[str]:
-    """Of all causes."""
+    """Names of all causes."""
     return frozenset(cause.name for cause in catalogue.causes)

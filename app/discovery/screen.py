@@ -25,7 +25,7 @@ _FAR = 2.0
 """Steps of a calibrated parameter that a refit takes at most."""
 _PEAKS = 8
 _PEAK_M = 0.03
-"""Where residuals are large something may be in the way: so many places, no two nearer than this [m]."""
+"""Number of places with large residuals, where something may be in the way, and their least distance [m]."""
 
 
 @final
@@ -111,7 +111,7 @@ def screened(
     data: Residuals,
     costs: Mapping[str, float] = MappingProxyType({}),
 ) -> Screening:
-    """What the residuals and slopes about a model say of every cause. `costs`: of a choice among many, in nats."""
+    """Screening of every cause by residuals and slopes about a model. `costs` [nats]: of a place chosen from many."""
     prior = prior_of(catalogue, calibrated, about, steps)
     odd_columns = {column for cause in catalogue.causes for column in cause.odd}
     odd = [n for n, step in enumerate(steps) if step.column in odd_columns]
@@ -163,7 +163,7 @@ def _possible(finding: Finding, steps: Sequence[Step]) -> Finding:
 
 
 def prior_of(catalogue: Catalogue, calibrated: Sequence[str], about: Theta, steps: Sequence[Step]) -> Prior:
-    """Where nothing is missing, in steps from `about`."""
+    """Prior over all columns under the null hypothesis (no effect present), in steps from `about`."""
     causes = {cause.name: cause for cause in with_formula(catalogue).causes}
     usual = np.array(
         [
@@ -184,7 +184,7 @@ def prior_of(catalogue: Catalogue, calibrated: Sequence[str], about: Theta, step
 def located_of(
     predictor: Predictor, trials: Trials, about: Theta, only: Sequence[str] | None = None
 ) -> Mapping[str, Located]:
-    """Where each cause that has a place might be: found on a lattice, or of material points guessed from residuals."""
+    """Candidate places of each cause that has one: from a lattice for rods, guessed from residuals otherwise."""
     catalogue, calibrated = predictor.catalogue, predictor.subject.calibrated
     placed = [cause.name for cause in catalogue.causes if cause.placed and (only is None or cause.name in only)]
     if not placed:
@@ -197,7 +197,7 @@ def located_of(
 
 
 def _guessed(predictor: Predictor, trials: Trials, about: Theta) -> Float64[np.ndarray, "S 2"]:
-    """The corners of the inner half of where the object was, and places where it is not as told."""
+    """Candidate places: the corners of the inner half of the object's region, and peaks of the residuals."""
     seen = np.concatenate([push.before.points[:, :2] for push in trials.study.pushes])
     low, high = np.quantile(seen, [0.25, 0.75], axis=0)
     corners = [[x, y] for x in (low[0], high[0]) for y in (low[1], high[1])]
@@ -208,7 +208,7 @@ def _guessed(predictor: Predictor, trials: Trials, about: Theta) -> Float64[np.n
 def arrows_of(
     trials: Trials, data: Residuals, predictor: Predictor, about: Theta
 ) -> tuple[Float64[np.ndarray, "K N 2"], Float64[np.ndarray, "K N 2"]]:
-    """Where each push is predicted to leave the object's points, and how far from there they are seen [m]."""
+    """Predicted positions of the object's points after each push, and displacements to the observed ones [m]."""
     predicted = predictor(trials, [about]).after[0]
     arrows = np.zeros((*predicted.shape[:2], 2))
     for k, cloud in enumerate(predicted):

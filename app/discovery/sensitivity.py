@@ -24,7 +24,7 @@ Way: TypeAlias = tuple[str, tuple[tuple[int, float], ...]]
 
 _NOWHERE = np.zeros((0, 2))
 _NUISANCE_STEP = 0.3
-"""Of the calibrated parameters, in a logarithm."""
+"""Step of the calibrated parameters, in the logarithm."""
 _WAYS = (0.125, 0.25, 0.375, 0.5, 0.625, 0.75, 0.875)
 """Shares of the range of a parameter that says when or how an effect acts."""
 _TOLD_SIZES = (0.125, 0.25, 0.5, 0.75, 1.0, 1.25, 1.5, 1.75, 2.0, 2.5, 3.0)
@@ -34,9 +34,9 @@ REPLICAS = 6
 STARTS = 4
 """Beginnings of each push of a rod: as it was seen, and as the cameras may have missed it."""
 _ERRING, _ROD_ERRING = 0.3, 0.15
-"""By how much of a step the simulator errs in each push by itself, in every way that changes what it simulates. With it
-the fits of material points to 20 recordings in which nothing was hidden scatter 1.5 times as much as they say; without
-it, 3.5 times. Of rods it is what makes 49 such recordings most likely."""
+"""Error of the simulator in each push, as a share of a step of every effect that changes the simulation. With it the
+fits of material points to 20 recordings in which nothing was hidden scatter 1.5 times as much as they say; without it,
+3.5 times. For rods it is the value that makes 49 such recordings most likely."""
 
 
 @final
@@ -56,7 +56,7 @@ class Step:
 
 
 Places: TypeAlias = Mapping[str, Float64[np.ndarray, "S 2"]]
-"""Where each cause that has a place might be [m]."""
+"""Candidate places [m] of each cause that has one."""
 
 
 def steps_of(catalogue: Catalogue, calibrated: Sequence[str], places: Places) -> list[Step]:
@@ -71,7 +71,7 @@ def steps_of(catalogue: Catalogue, calibrated: Sequence[str], places: Places) ->
 def _asked(
     catalogue: Catalogue, cause: Cause, places: Float64[np.ndarray, "S 2"]
 ) -> list[tuple[tuple[int, float], ...]]:
-    """Where, when or how a cause is asked about: values of the parameters that do not make it vanish."""
+    """Places, times or shapes at which a cause is asked about: values of the parameters that do not make it vanish."""
     others = cause.columns[cause.switches :]
     if cause.placed:
         return [tuple(zip(others, place.tolist(), strict=True)) for place in places]
@@ -232,7 +232,7 @@ def _simulated(
 
 
 def _is_compiled(predictor: Predictor, step: Step) -> bool:
-    """Whether a step is to another grid or contact of material points, which no parameter is."""
+    """True if a step is to another grid or contact of material points, which are compiled and no parameters."""
     return predictor.subject.rods is None and step.cause in NUMERICS
 
 
@@ -261,7 +261,7 @@ def _mean_of_known(views: Float32[np.ndarray, "D K N 3"]) -> Float32[np.ndarray,
 
 
 def _felt(catalogue: Catalogue, trials: Trials) -> Bool[np.ndarray, " P"]:
-    """Which parameters can change a prediction: not those of the arm that its own log has told already."""
+    """Mask of the parameters that can change a prediction: not those of the arm that its own log contains."""
     felt = np.ones(len(catalogue.specs), bool)
     if all(push.measured is not None for push in trials.study.pushes):
         for effect, first in catalogue.apparatus:

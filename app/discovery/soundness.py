@@ -1,4 +1,4 @@
-"""Whether the model that is doubted works at all: no cause is named by one that is not better than no motion."""
+"""Sanity check of the model under test: none that is no better than no motion may name a cause."""
 
 from collections.abc import Iterator
 
@@ -15,7 +15,7 @@ _MM = 1e3
 
 
 def model_limits(trials: Trials, data: Residuals) -> Iterator[Limit]:
-    """What forbids a name whatever the evidence; `data`: residuals of the refitted nominal model."""
+    """Limits that forbid a name whatever the evidence; `data`: residuals of the refitted nominal model."""
     simulated = np.any(data.known[:, AFTER], axis=1)
     count = int(simulated.sum())
     if count < _ENOUGH * len(data):
@@ -46,7 +46,7 @@ def model_limits(trials: Trials, data: Residuals) -> Iterator[Limit]:
 
 
 def _moved_m(trials: Trials, k: int) -> float:
-    """How far a push moved the object, root mean square along it."""
+    """Root mean square displacement of the object along it by a push."""
     before = trials.clouds[k]
     basis = Basis.along(before, trials.labels[k, :, 0])
     return float(np.linalg.norm(registered(before, trials.observed.after[k], basis)))

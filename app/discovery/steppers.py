@@ -73,7 +73,7 @@ def length_ratio(subject: Subject, platform: str) -> float:
 
 
 def of_one_length(subject: Subject) -> bool:
-    """Whether all pushes of a study are simulated for as long as the longest: to compile another length costs more."""
+    """True if all pushes of a study are simulated for as long as the longest: to compile another length costs more."""
     return subject.rods is not None
 
 
@@ -143,7 +143,7 @@ def _rod_stepper(rods: RodModel) -> Stepper:
 def _is_flung(
     start: Float[jax.Array, "B N 3"], end: Float[jax.Array, "B N 3"], tool: Float[jax.Array, "B T 3"]
 ) -> jax.Array:
-    """Whether a point of each object (B) went farther than a tool that pushes it can take it: its time steps failed."""
+    """True if a point of an object (B) went farther than a tool that pushes it can take it: its time steps failed."""
     way = jnp.linalg.norm(jnp.diff(tool[..., :2], axis=1), axis=2).sum(1)
     farthest = jnp.linalg.norm((end - start)[..., :2], axis=2).max(1)
     return ~(farthest < _LEVER * way + _SLID_M)
@@ -164,9 +164,9 @@ def contact_of(rods: RodModel, unknowns: Float[jax.Array, "B U"]) -> dict[str, f
 def material_coordinates(
     place: Float[jax.Array, "B N"], label: Float[jax.Array, "B N"], nodes: int
 ) -> Float[jax.Array, "B n"]:
-    """Of a rod's nodes, from -1 at the object's first end to 1.
+    """Material coordinates of a rod's nodes, from -1 at the object's first end to 1.
 
-    `place`: of particles, in segments from the first node; `label`: where along the object they are, from -1 to 1.
+    `place`: of particles, in segments from the first node; `label`: their place along the object, from -1 to 1.
     """
     centred = place - place.mean(1, keepdims=True)
     direction = jnp.sign((centred * (label - label.mean(1, keepdims=True))).sum(1))

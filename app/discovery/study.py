@@ -1,4 +1,4 @@
-"""What was measured, as discovery reads it: pushes in episodes, with the clouds before, during and after each.
+"""Data set of discovery: pushes in episodes, with the clouds before, during and after each.
 
 Lengths in metres in the base frame, times in seconds on one clock.
 """
@@ -28,7 +28,7 @@ class View:
 @final
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Push:
-    """One motion of the tool: what was seen before it, while it went on and after it, commanded and measured tracks."""
+    """One motion of the tool: observations before, during and after it, commanded and measured tracks."""
 
     episode: int
     before: View
@@ -61,7 +61,7 @@ class Study:
     """Origin of its frame in that of the data: see `discovery.placement`."""
 
     def session_times(self) -> Float64[np.ndarray, " K"]:
-        """When each push was made, as a share of the session: -0.5 the first, 0.5 the last."""
+        """Session time of each push: -0.5 the first, 0.5 the last."""
         times = np.array([push.before.time_s for push in self.pushes])
         spread = times.max() - times.min()
         return (times - times.min()) / spread - 0.5 if spread > 0 else np.zeros(len(times))

@@ -1,4 +1,4 @@
-"""What is doubted: the simulator of a task with its nominal model, and every cause that may be missing in it."""
+"""The model under test, and the catalogue of candidate causes of its error."""
 
 from collections.abc import Collection, Iterator
 from dataclasses import dataclass, replace
@@ -128,7 +128,7 @@ class Subject:
 
     @property
     def step_s(self) -> float:
-        """Of a time step, in real time."""
+        """Time step, in real time."""
         return (self.scene.dt_s if self.rods is None else self.rods.scene.dt_s) * self.haste
 
     def numeric(self, name: str) -> "Subject":
@@ -148,7 +148,7 @@ class Subject:
 @final
 @dataclass(frozen=True, kw_only=True)
 class Cause:
-    """Something that may be wrong: an effect by its file's name, or a numeric one.
+    """Candidate cause of a model error: an effect by its file's name, or a numeric one.
 
     `columns` are where its parameters stand in a catalogue's `specs`; the first `switches` of them make it vanish.
     `reach_m`: see `Effect`.
@@ -165,7 +165,7 @@ class Cause:
 
     @property
     def placed(self) -> bool:
-        """Whether the other parameters are a place on the table."""
+        """True if the other parameters are a place on the table."""
         return len(self.columns) - self.switches == 2
 
     def axis_of(self, column: int) -> tuple[int, ...]:
@@ -183,14 +183,14 @@ class Catalogue:
     apparatus: tuple[tuple[Apparatus, int], ...]
     """Each with the column of its first parameter."""
     rods: bool = False
-    """Whether it is of objects as rods."""
+    """True for objects as rods."""
     origin_m: tuple[float, float] = (0.0, 0.0)
     """Origin of its places in the frame in which they are told."""
     reach_m: tuple[float, float] = REACH_M
     """Farthest that something may have its place from the middle of the table, along x and y."""
 
     def column(self, name: str) -> int:
-        """Where a parameter stands. KeyError where there is none of that name."""
+        """Column of a parameter. KeyError if there is none of that name."""
         return [spec.name for spec in self.specs].index(name)
 
     def cause(self, name: str) -> Cause:

@@ -1,4 +1,4 @@
-"""What may be wrong with a model whose pushes end elsewhere: what can be said without simulating, and no more.
+"""Quick diagnosis of a model whose pushes end elsewhere, as far as it goes without simulating.
 
 The mean residual of each push is looked at in frames, as `frames.py` does it with whole displacement fields, and
 against the arm's own log. A suspicion has no error rate: to know, `dipac discover` fits the causes themselves.
@@ -35,7 +35,7 @@ Vectors: TypeAlias = Float64[np.ndarray, "K 2"]
 @final
 @dataclass(frozen=True, kw_only=True)
 class Suspicion:
-    """What kind of thing seems to be wrong, what it was seen by, and the share of the residuals that this explains."""
+    """Kind of the likely error, its evidence in words, and the share of the residuals that it explains."""
 
     kin: Kin
     text: str
@@ -43,7 +43,7 @@ class Suspicion:
 
 
 def suspect(glances: Sequence[Glance]) -> tuple[Suspicion, ...]:
-    """What stands out in these pushes, the most telling first; empty where nothing does or they are too few."""
+    """Patterns in the residuals of these pushes, the most telling first; empty for none, or too few pushes."""
     if len(glances) < _LEAST:
         return ()
     residuals = np.stack([glance.residual_m for glance in glances])

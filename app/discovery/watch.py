@@ -32,22 +32,22 @@ BEYOND = 0.1
 """Exponentially distributed errors with the promised mean are beyond the band in 8 % of pushes."""
 
 _BELIEFS = (0.5, 0.8, 0.95)
-"""How often a wrong model's pushes end beyond a band, for all that anybody knows."""
+"""Rates at which a wrong model's pushes may end beyond a band, as alternatives."""
 _SPREAD = (0.4, 0.2, 0.2, 0.2)
-"""How a bet is spread at first and again: what is held back, then a part for each belief."""
+"""Split of a bet at first and in each renewal: a reserve, then a part for each belief."""
 _ANEW = 0.05
 """The share that is spread anew."""
 _TESTS = 2
 
 Capital: TypeAlias = tuple[float, ...]
-"""What is held back and what each belief has made. In sum the evidence against the model, 1 in the beginning."""
+"""The reserve, and the wealth of each belief. Their sum, initially 1, is the evidence against the model (e-process)."""
 State: TypeAlias = Literal["learning", "right", "wrong"]
 
 
 @final
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Watch:
-    """What has been seen of a model so far; `after` gives the next one.
+    """State of the sequential test of a model; `after` gives the next one.
 
     `false_alarm`: the rate that is kept. `evidence`: after each push, the larger of both tests' as a share of what it
     takes for an alarm. `alarmed`: the push that raised the alarm, counted from 1; 0 where none did. `band` holds the

@@ -86,7 +86,7 @@ def _symbols(linear: Mapping[str, float], away: str) -> str:
 
 
 def _matrix(values: Mapping[str, float]) -> Float64[np.ndarray, "2 2"]:
-    """Of the linear part [1/m]; see `place_force`."""
+    """Matrix of the linear part [1/m]; see `place_force`."""
     r, s, a, b = (values.get(name, 0.0) for name in _PLACE[2:])
     return np.array([[r + a, b - s], [b + s, r - a]])
 
@@ -101,7 +101,7 @@ def _middle(values: Mapping[str, float], about_m: Float64[np.ndarray, "2"]) -> F
 
 
 def _about(found: Found, middle: Float64[np.ndarray, "2"] | None) -> tuple[Estimate, ...]:
-    """Where that point is, with the interval that the parameters' covariance leaves it."""
+    """Coordinates of that point, with the interval by the parameters' covariance."""
     if middle is None:
         return ()
     model = found.model
@@ -159,7 +159,7 @@ _MOVING = {
     "sideways_rate": _sideways_rate,
     "growth": _growth,
 }
-"""What does not depend on place, in symbols and words, by its real parameters."""
+"""Texts of features that do not depend on place, in symbols and words, by their real parameters."""
 
 
 def _side(value: float) -> str:

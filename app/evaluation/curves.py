@@ -13,7 +13,7 @@ from app.evaluation.trial import GUIDED, WHOLE
 from app.planner.method import PAPER
 
 _SHADED = 8
-"""Of more methods the first is shaded alone, as nobody could tell so many shades apart."""
+"""Number of methods above which the first alone is shaded, as so many shades are indistinguishable."""
 
 
 def draw(rows: Sequence[dict[str, Any]], folder: Path, name: str = "chamfer") -> list[Path]:

@@ -25,11 +25,10 @@ from app.tasks.base import Wish
 from app.tasks.jobs import calibrate, nominal_model
 
 Expert: TypeAlias = Literal["scripted", "descended", "planned"]
-"""Who demonstrates: the task's scripted policy, the same with its actions improved by descent, or the planner.
+"""Demonstrator: the task's scripted policy, the same with its actions improved by descent, or the planner.
 
-Each takes longer than the one before and errs less. What the first two do follows from what is seen, as a policy's
-actions will; the planner also does what chance found, and decides where descent alone finds nothing that may be done.
-"""
+Each takes longer than the one before and errs less. The actions of the first two follow from the observation, as a
+policy's will; the planner also uses random actions, and decides where descent alone finds no feasible one."""
 EXPERTS: Mapping[Expert, Method] = MappingProxyType(
     {
         "scripted": Method.named(ablation="no_planning"),
@@ -38,7 +37,7 @@ EXPERTS: Mapping[Expert, Method] = MappingProxyType(
     }
 )
 FIRST_SEED = 1000
-"""Of demonstrations: other problems than those of evaluations, which count from 0."""
+"""First seed of demonstrations: other problems than those of evaluations, which count from 0."""
 
 
 class Demonstration(NamedTuple):
@@ -112,7 +111,7 @@ def _world(wish: Wish) -> dict[str, str]:
 
 
 def _said(shown: Demonstration) -> Iterator[Message]:
-    """What the running application would have said."""
+    """Messages that the running application would have published."""
     wish, summary = shown.wish, Summary()
     assert wish.model is not None
     yield wish.model

@@ -1,4 +1,4 @@
-"""One episode in lock step: see, plan, act, learn, and all begins again, as in the running application."""
+"""One episode in lock step: perceive, plan, act, learn, again and again, as in the running application."""
 
 import time
 from collections.abc import Callable, Sequence
@@ -24,7 +24,7 @@ Eyes: TypeAlias = Literal["cameras", "truth"]
 """Rendered images that perception makes particles of; or the truth, spread as evenly and with the noise of that."""
 
 NOISE_M = 0.0015
-"""Of particles from the truth: as particles from images differ from it (docs/results.md)."""
+"""Standard deviation of simulated particles about the truth: that of particles from images (docs/results.md)."""
 _ATTEMPTS = 3
 """A planner whose branches all fail draws others; the third failure in a row ends the episode."""
 
@@ -32,10 +32,10 @@ _ATTEMPTS = 3
 @final
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Order:
-    """What is to be played. `online`: the model learns from every action; `actions` at most, the task's horizon.
+    """Configuration of an episode. `online`: the model learns from every action; `actions` at most, the task's horizon.
 
-    `play_on`: all actions are made, also once the object is seen where it shall be, so that all methods make as many.
-    `otherwise`: how it is decided where `method` finds nothing that may be done; the same again where it is None.
+    `play_on`: all actions are made, even after the goal is observed to be reached, so that all methods make as many.
+    `otherwise`: the fallback if `method` finds no feasible action; None: `method` again.
     """
 
     task: Task
@@ -66,10 +66,10 @@ class Step:
 @final
 @dataclass(kw_only=True, eq=False)
 class Played:
-    """What came of it so far. Distances, shares and what was reached are of the truth, at first and after each action.
+    """Results of an episode so far. Distances, shares and successes are of the truth, initially and after each action.
 
-    `done`: after how many actions the object was first seen where it shall be, which is when an operator would go
-    home; None where it never was. `failure`: what ended it before its time, in words.
+    `done`: number of actions after which the object was first observed at the goal, which is when an operator would
+    stop; None if it never was. `failure`: the reason of an early end, in words.
     """
 
     chamfer_m2: list[float] = field(default_factory=list[float])
@@ -82,7 +82,7 @@ class Played:
 
     @property
     def success(self) -> bool:
-        """Whether the object truly was where it shall be when it was seen there, or else at the end."""
+        """True if the object truly was at the goal when it was observed there, or else at the end."""
         if self.done is not None:
             return self.reached[self.done]
         return not self.failure and bool(self.reached) and self.reached[-1]
@@ -139,7 +139,7 @@ class _Episode:
             before = after
 
     def _judge(self, played: Played) -> None:
-        """By the truth."""
+        """Score the state by the truth."""
         x = self._task.particles(self._cell.nodes(), self._count)
         played.chamfer_m2.append(float(chamfer_m2(x, self._goal)))
         played.share.append(self._task.aim.share(x, self._goal))

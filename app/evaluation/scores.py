@@ -1,4 +1,4 @@
-"""What the episodes of an evaluation say together, method by method, against the whole of the paper's planner."""
+"""Aggregate scores of an evaluation's episodes, by method, compared with the paper's full planner."""
 
 from collections.abc import Sequence
 from statistics import median
@@ -13,10 +13,10 @@ MM2 = 1e6
 
 
 class Score(NamedTuple):
-    """Of one method in one task. Chamfer distances [m^2] at the end, intervals of 95 %.
+    """Scores of one method in one task. Chamfer distances [m^2] at the end, intervals of 95 %.
 
-    `worse_m2`: by how much its episodes end farther from their goals than the same seeds' by the whole planner; none
-    where that has not played them. `failed` episodes count as unsuccessful, and as far as they got.
+    `worse_m2`: the excess of its final distances over the full planner's on the same seeds; none if that has not played
+    them. `failed` episodes count as unsuccessful, with the distance that they got to.
     """
 
     task: str
@@ -34,12 +34,12 @@ class Score(NamedTuple):
 
     @property
     def name(self) -> str:
-        """The planner, and what is left out of it."""
+        """The planner, and its ablation."""
         return self.planner if self.ablation == WHOLE else f"{self.planner}, {self.ablation.replace('_', ' ')}"
 
 
 def scores(rows: Sequence[dict[str, Any]]) -> list[Score]:
-    """One for each method of each task: the whole planner first, then its ablations, then the others."""
+    """Scores of each method of each task: the full planner first, then its ablations, then the others."""
     groups = dict[tuple[str, str, str], list[dict[str, Any]]]()
     for row in rows:
         groups.setdefault((row["task"], row["planner"], row["ablation"]), []).append(row)

@@ -29,7 +29,7 @@ WHOLE = "none"
 GUIDED = "+"
 """Between a planner and the kind of learned policy that guides it."""
 POLICIES = Path("policies")
-"""Where learned policies are, unless somebody says otherwise."""
+"""Default folder of learned policies."""
 ALONE = replace(Method.named(ablation="no_planning"), calibrated=False)
 """A policy's actions as they are."""
 
@@ -58,27 +58,27 @@ class Trial:
 
     @property
     def key(self) -> str:
-        """What tells it from others in the same evaluation."""
+        """Unique key in an evaluation."""
         return f"{self.task} {self.planner} {self.ablation} {self.seed}"
 
     @property
     def settings(self) -> dict[str, Any]:
-        """What all episodes of an evaluation share, as it stands in their rows."""
+        """Settings that all episodes of an evaluation share, as in their rows."""
         names = ("preset", "eyes", "online", "actions", "play_on", "world")
         return {name: getattr(self, name) for name in names}
 
     @property
     def follows(self) -> bool:
-        """Whether the model learns from each action: where that is asked for, or the model is of another object.
+        """True if the model learns from each action: on request, or because it was fitted to another object.
 
-        Not where no decision heeds it.
+        False if no decision uses the model.
         """
         method, asked = self.method, self.online or load(self.task).lesson is not None
         return asked and method.calibrated and method.following and not method.alone
 
     @property
     def method(self) -> Method:
-        """How it decides. Raises UsageError for a planner, an ablation or a policy that does not exist."""
+        """Planning method. Raises UsageError for a planner, an ablation or a policy that does not exist."""
         planner, _, kind = self.planner.rpartition(GUIDED)
         if not planner and kind not in kinds.names():
             return Method.named(self.planner, None if self.ablation == WHOLE else self.ablation)

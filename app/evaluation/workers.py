@@ -1,4 +1,4 @@
-"""Where trials run: processes of this machine, or with Ray the machines of a cluster."""
+"""Execution of trials: in processes of this machine, or with Ray on the machines of a cluster."""
 
 import multiprocessing
 import multiprocessing.process

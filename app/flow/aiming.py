@@ -1,4 +1,4 @@
-"""Goals that somebody gives while the program runs."""
+"""Goals requested while the program runs."""
 
 from collections.abc import Mapping
 from dataclasses import replace
@@ -61,7 +61,7 @@ class Aiming:
         return replace(wish, goal=goal, shown_goal=shown)
 
     async def _points(self, request: GoalRequest | PictureGoalRequest, how: Reconstruction) -> tuple[str, Cloud]:
-        """What the request is called, and its points [m]. Raises DipacError where a picture shows no object."""
+        """Name of the request, and its points [m]. Raises DipacError if a picture shows no object."""
         if isinstance(request, GoalRequest):
             return _CALLED[request.source], request.positions
         frame = _frame(request, self._cameras)

@@ -1,4 +1,4 @@
-"""Showing a plan, and waiting for what somebody, or the mode, decides about it."""
+"""Approval of plans: show one, and wait for the decision of an operator or the mode."""
 
 from collections.abc import Callable
 from typing import final
@@ -45,7 +45,7 @@ class Approving:
         self._announcer, self._clock = announcer, clock
 
     def moved_away(self, proposal: Proposal) -> bool:
-        """Whether the object has moved since the plan was made, which is said."""
+        """True if the object has moved since the plan was made, which is announced."""
         moved_m = drift(proposal.observed, self._latest.positions)
         moved = moved_m > self._drift_m
         if moved:

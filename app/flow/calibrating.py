@@ -1,4 +1,4 @@
-"""A camera that is calibrated from the console: what it sees of the board, views as they are taken, what they say."""
+"""Camera calibration from the console: detections of the board, views as they are taken, and their solution."""
 
 from collections.abc import Mapping
 from dataclasses import replace
@@ -36,7 +36,7 @@ Frames: TypeAlias = Mapping[str, Latest[Frame]]
 _BY_HAND: tuple[ModeName, ...] = ("idle", "teleoperate")
 _FRAME_S, _REST_S = 10.0, 20.0
 _STILL_M, _STILL_RAD = 0.0005, np.radians(0.05)
-"""What an arm at rest may report to have moved while it was photographed."""
+"""Tolerance on the reported motion of an arm at rest while it is photographed."""
 
 
 @final

@@ -70,7 +70,7 @@ from app.tasks.base import Wish
 _CHORES = 8
 """That wait; some hold pictures, and take seconds each."""
 _LAST_CALIBRATION_S = 300.0
-"""How long the end of an episode waits for the model to learn from its last pushes."""
+"""Timeout at the end of an episode for learning from its last pushes."""
 
 
 @final
@@ -176,7 +176,7 @@ class Flow:
             self.notice("console", "Too much was asked for at once; wait for what is being done.", chore.id)
 
     async def _attend(self) -> None:
-        """What takes a while, one after the other."""
+        """Handle requests that take a while, one after the other."""
         async for chore in self.chores:
             match chore:
                 case GoalRequest() | PictureGoalRequest():
@@ -226,7 +226,7 @@ class Flow:
         await self.demonstrating.asked(request, self._known)
 
     def _known(self) -> list[Message]:
-        """What a recording begins with to be whole by itself."""
+        """Messages at the beginning of a recording that make it complete by itself."""
         frames = [channel.value for channel in self.sensing.frames.values()]
         known = (self.wish.goal, self.modes.now, self.learning.models.value, *frames, self.sensing.particles.value)
         return [message for message in known if message is not None]
@@ -312,7 +312,7 @@ class Flow:
             self.modes.moved()
 
     async def _moved_by_hand(self) -> None:
-        """What somebody does by jogging, from rest to rest, learned from like any motion."""
+        """Record the operator's jogging, from rest to rest, and learn from it like from any motion."""
         with self.modes.lasting() as lasting:
             await self.preflight.wait_by_hand(self.reporting.do)
             await self.holding.resumed(self.reporting.do)
@@ -360,7 +360,7 @@ class Flow:
         return observed
 
     def _is_enough(self, observed: Particles) -> bool:
-        """Whether there is nothing left to plan for: the goal is reached, or the motions are made."""
+        """True if nothing is left to plan for: the goal is reached, or the motions are made."""
         reached = self.summary.reached = self.wish.reached(observed, self.rig.arm.tool()) and not self.probing.active
         made = self.summary.pushes - self._begun_with
         counted = self.wish.staying and self.modes.name == "automatic"  # The mode itself counts these.
@@ -390,7 +390,7 @@ class Flow:
         await self.learning.put(transition)
 
     def _touched(self) -> None:
-        """What was seen so far is old: something may have moved."""
+        """Invalidate all observations so far: something may have moved."""
         self._observed, self._touched_s = None, self.clock.now()
 
     @property

@@ -1,4 +1,4 @@
-"""Where the arm was at each moment of the last seconds: what cameras show of it depends on when they looked."""
+"""History of the arm's pose over the last seconds: camera images need the pose at their own time."""
 
 from collections import deque
 from collections.abc import Sequence
@@ -19,7 +19,7 @@ _HALF = 0.5
 
 @final
 class Following:
-    """Samples the arm all the time."""
+    """Sampler of the arm's pose, all the time."""
 
     def __init__(self, arm: Posed, clock: Clock) -> None:
         self._arm, self._clock = arm, clock
@@ -36,19 +36,19 @@ class Following:
         self._past.append((self._clock.now(), Posture(joints=self._arm.joints(), tool=self._arm.tool())))
 
     def at(self, time_s: float) -> Posture:
-        """Where the arm was then [s]; of what is beyond the samples the nearest."""
+        """The arm's pose at that time [s]; beyond the samples the nearest."""
         if not self._past:
             self.sample()
         return posed(self._past, time_s)
 
     def way(self, since_s: float, until_s: float) -> ToolPath:
-        """Where the tool was from then [s] until then, in order."""
+        """Path of the tool between two times [s], in order."""
         between = [posture.tool for at_s, posture in self._past if since_s < at_s < until_s]
         return np.array([self.at(since_s).tool, *between, self.at(until_s).tool])
 
 
 def posed(past: Sequence[tuple[float, Posture]], time_s: float) -> Posture:
-    """Where an arm was at `time_s` [s], evenly between the samples of the `past`; beyond them the nearest."""
+    """Pose at `time_s` [s], interpolated between the samples of the `past`; beyond them the nearest."""
     later = next((index for index, (at_s, _) in enumerate(past) if at_s >= time_s), None)
     if later is None:
         return past[-1][1]

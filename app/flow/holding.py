@@ -1,4 +1,4 @@
-"""Whether anything may move: a stop holds until somebody resumes."""
+"""Stop latch: nothing moves from a stop until an operator resumes."""
 
 from collections.abc import Callable
 from typing import final
@@ -12,9 +12,9 @@ from app.core.ports import Clock, Rig
 from app.flow.modes import Modes
 
 _UNATTENDED_S = 120.0
-"""How long a run with automatic approval waits for somebody to resume it after a stop."""
+"""Timeout of a run with automatic approval for a resume after a stop."""
 _PAUSE_S, _MOST_PAUSES = 5.0, 3
-"""How soon it goes on by itself where nobody but the arm's own process stopped it, and how often in a row."""
+"""Pause before it goes on by itself if only the arm's own process stopped it, and the most pauses in a row."""
 
 
 @final
@@ -39,7 +39,7 @@ class Holding:
 
     @property
     def free(self) -> bool:
-        """Whether something may move."""
+        """True if motion is permitted."""
         return self._free.is_set()
 
     def pressed(self, request: StopRequest) -> None:
@@ -61,7 +61,7 @@ class Holding:
 
     @property
     def _onward(self) -> str:
-        """How it goes on."""
+        """Text about the way to go on."""
         if self._passes:
             return f"Nothing real moves, so the run goes on by itself in {_PAUSE_S:.0f} s unless somebody presses STOP."
         until = f" within {self._patience_s:.0f} s" if self._patience_s else ""

@@ -22,7 +22,7 @@ class Taken(NamedTuple):
 
 @final
 class Modelling:
-    """Which models of `task` may be used, and their numbers: versions only grow, whoever made them."""
+    """Models of `task` in use, and their version numbers, which only grow, whoever made them."""
 
     def __init__(self, task: str, announcer: Announcer, planner: Worker) -> None:
         self._task, self._announcer, self._planner = task, announcer, planner
@@ -67,7 +67,7 @@ def _said(request: ModelRequest, model: Model) -> str:
 
 
 def _compiling(before: tuple[str, ...], after: tuple[str, ...]) -> str:
-    """What is to be expected of the next plan, if that is worth a word."""
+    """Expected compilation of the next plan, as text; empty if none."""
     if before == after:
         return ""
     simulated = ", ".join(after) or "nothing but the nominal physics"

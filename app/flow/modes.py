@@ -1,4 +1,4 @@
-"""What the program does by itself, and who asked for it."""
+"""Modes of autonomy, and the operator who asked for the present one."""
 
 from typing import Literal, TypeAlias, final
 
@@ -10,14 +10,14 @@ from app.core.messages import MessageId, fresh_id
 from app.core.ports import Clock
 
 Automatic: TypeAlias = Literal["freely", "confirmed", "never"]
-"""When motions are made without approval: when somebody wants it; once that was confirmed; never."""
+"""Policy for unattended motion: allowed on request, after confirmation, or never."""
 _MOST = 1000
 """Motions without anybody's word."""
 
 
 @final
 class Modes:
-    """The mode there is, and what is given up when it changes, or when a plan means nothing any more.
+    """The present mode, and the cancellation of plans that a change of it, or another event, makes void.
 
     `interruptions` counts the times that plans became void; `interrupted` says why, the last time.
     A mode that somebody asked for at a console lasts no longer than it is safe: automatic ends with a stop, and when
@@ -38,7 +38,7 @@ class Modes:
 
     @property
     def name(self) -> ModeName:
-        """Which it is."""
+        """Name of the present mode."""
         return self.now.mode
 
     def begin(self) -> None:

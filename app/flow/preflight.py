@@ -1,4 +1,4 @@
-"""The checklist before the first motion of a session: what the program can see, and what a person has to confirm."""
+"""The checklist before the first motion of a session: checks by the program, and confirmations by a person."""
 
 from collections.abc import Callable, Iterator
 from datetime import UTC, datetime
@@ -25,9 +25,9 @@ _LATE_S: Final = 2.0
 
 @final
 class Preflight:
-    """Where it is `needed`, nothing moves before it is passed; otherwise it is passed from the beginning.
+    """Gate on motion: if it is `needed`, nothing moves before the checklist is passed; otherwise it is passed at once.
 
-    Whoever has control confirms all that a person has to: when control changes hands before that, it begins anew.
+    The operator in control confirms all items for a person: when control changes hands before that, it begins anew.
     """
 
     def __init__(
@@ -53,38 +53,38 @@ class Preflight:
 
     @property
     def passed(self) -> bool:
-        """Whether something may move."""
+        """True if motion is permitted."""
         return self._passed.is_set()
 
     @property
     def hindrance(self) -> str:
-        """Why nothing moves yet, in words; empty where something may."""
+        """The reason why nothing moves yet, as text; empty if motion is permitted."""
         if self.passed:
             return ""
         open_items = "; ".join(item.text.rstrip(".") for item in self._said if not item.right)
         return f"Nothing moves before the checklist is complete. Still open: {open_items or 'all of it'}."
 
     async def wait(self, do: Callable[[str], None]) -> None:
-        """Until it is passed."""
+        """Wait until it is passed."""
         if not self.passed:
             do("waiting for the checklist")
             await self._passed.wait()
 
     async def wait_by_hand(self, do: Callable[[str], None]) -> None:
-        """Until the tool may be moved by hand: to calibrate cameras, say, which the rest waits for."""
+        """Wait until the tool may be jogged: to calibrate cameras, say, which the rest waits for."""
         if not self._by_hand.is_set():
             do("waiting for the checklist")
             await self._by_hand.wait()
 
     async def run(self) -> None:
-        """Look again and again, until it is passed."""
+        """Check again and again, until it is passed."""
         while not self.passed:
             await self._look()
             with anyio.move_on_after(_PERIOD_S):
                 await self._passed.wait()
 
     async def asked(self, request: ChecklistRequest) -> None:
-        """Somebody has confirmed something."""
+        """Record an operator's confirmation of a checklist item."""
         if self.passed:
             return
         if request.key not in self._asked:
@@ -94,7 +94,7 @@ class Preflight:
         await self._look()
 
     def lent(self, lease: Lease) -> None:
-        """Control has changed hands."""
+        """React to a change of control: confirmations by another operator are void."""
         if any(operator != lease.holder for operator in self._confirmed.values()):
             self._confirmed.clear()
             if self._by_hand.is_set() and not self.passed:
@@ -124,7 +124,7 @@ class Preflight:
             yield CheckItem(key=key, text=text, by="operator", right=bool(operator), said=said)
 
     def _seen(self, arm: ArmState) -> Iterator[CheckItem]:
-        """What the program finds out by itself."""
+        """Checks that the program makes by itself."""
         yield _found("arm", "The arm answers, and rests.", self._arm(arm))
         yield _found("place", "The tool is inside the workspace, and in no volume that is kept free.", self._place(arm))
         yield _found("cameras", "Every camera gives pictures.", self._cameras())
@@ -173,7 +173,7 @@ class Preflight:
 
 
 def _asked(limits: Limits) -> dict[str, str]:
-    """What only a person can know, by its key."""
+    """Items that only a person can confirm, by key."""
     low, high = limits.workspace.low, limits.workspace.high
     box = ", ".join(f"{axis} {a:.2f} to {b:.2f}" for axis, a, b in zip("xyz", low, high, strict=True))
     kept = f"{len(limits.keep_out)} volumes are kept free" if limits.keep_out else "no volume is kept free"

@@ -38,7 +38,7 @@ class Probing:
 
     @property
     def active(self) -> bool:
-        """Whether further pushes are chosen."""
+        """True if further pushes are chosen."""
         return self._experiment is not None
 
     def asked(self, request: ProbeRequest, interrupt: Callable[[str], None]) -> None:

@@ -1,4 +1,4 @@
-"""How the object is seen in this session: the colours in use, which an operator may change, and what they show."""
+"""Segmentation settings of the session: the colours in use, which an operator may change, and their masks."""
 
 from collections.abc import Sequence
 from dataclasses import replace
@@ -30,7 +30,7 @@ def placed(frame: Frame) -> Frame:
 
 
 def credible(found: Reconstructed, how: Reconstruction) -> Reconstructed:
-    """What perception found, where it can be an object. Raises PerceptionError where it cannot."""
+    """The reconstruction, if it can be an object. Raises PerceptionError otherwise."""
     x, count = found.positions, how.particle_count
     low, high = np.asarray(how.box.low) - _BEYOND_M, np.asarray(how.box.high) + _BEYOND_M
     if len(x) == count and bool(np.all((x >= low) & (x <= high))):  # No number is no place either.
@@ -66,7 +66,7 @@ class Seeing:
 
 
 def seen(frames: Sequence[Frame], looks: Sequence[Look], how: Reconstruction, *, now_s: float) -> Seen:
-    """What the frames showed when they were looked at in this way."""
+    """Message about the frames as segmented with these settings."""
     return Seen(
         id=fresh_id("seen"),
         cause=tuple(frame.id for frame in frames),

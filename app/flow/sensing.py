@@ -31,7 +31,7 @@ _KEPT = 600
 
 @final
 class Sensing:
-    """What the cameras see. `frames`: of each camera; `particles`: of all together, seen as `seeing` says."""
+    """Perception stage. `frames`: of each camera; `particles`: of all together, reconstructed as `seeing` says."""
 
     def __init__(self, rig: Rig, how: Reconstruction, summary: Summary, announcer: Announcer, clock: Clock) -> None:
         self.seeing = Seeing(how)
@@ -69,11 +69,11 @@ class Sensing:
         return next((seen for newest_s, seen in reversed(self._past) if newest_s < time_s), None)
 
     def between(self, first_s: float, last_s: float) -> list[Particles]:
-        """What was seen from one time to another, as far as it is kept."""
+        """Observations between two times, as far as they are kept."""
         return [seen for _, seen in self._past if first_s < seen.time_s < last_s]
 
     def recolour(self, request: ColourRequest) -> None:
-        """Look for other colours, if they make a range; what came of it has been said."""
+        """Use other colours, if they make a range; the outcome has been announced."""
         try:
             self._announcer.notice("colours", self.seeing.recolour(request), request.id)
             self._memory = NOTHING
@@ -120,7 +120,7 @@ class Sensing:
             self.particles.put(self._announcer.say(particles))
 
     async def _found(self, frames: list[Frame]) -> Reconstructed:
-        """The object, and what each view shows of it, which has been said, also where that is too little.
+        """The object, and the contents of each view, which have been published, even if they are too little.
 
         Raises PerceptionError then.
         """
@@ -138,7 +138,7 @@ class Sensing:
         return found
 
     def _known(self, frames: list[Frame]) -> Known:
-        """What is known beside these frames: where the arm was at each of them, and what was seen before."""
+        """Prior knowledge for these frames: the arm's pose at each of them, and earlier observations."""
         return Known(
             arm=self._rig.shape,
             postures=tuple(self._following.at(frame.time_s) for frame in frames),
@@ -148,7 +148,7 @@ class Sensing:
         )
 
     def _remember(self, found: Reconstructed, how: Reconstruction) -> None:
-        """For the next frames. What is given up of a part that was hidden is said once."""
+        """Keep the memory for the next frames. Loss of an occluded part is announced once."""
         self._memory, hides = found.memory, bool(found.predicted.any())
         if hides and not self._hid:
             self._gave_up = False

@@ -31,7 +31,7 @@ class StoppingRule:
 
     @property
     def exhausted(self) -> bool:
-        """Whether another plan would hardly fare better."""
+        """True if another plan would hardly fare better."""
         return self._futile >= _FUTILE_PLANS
 
     def admits(self, proposal: Proposal, goal: Points) -> bool:

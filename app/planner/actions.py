@@ -20,14 +20,14 @@ _CLEARING_STEPS = 12
 """Between the parts of a curled rope a start needs a few steps to come free; alone beside one it needs two."""
 _SAMPLES_PER_BRANCH = 64
 _CLOSE_M = 1e-4
-"""By which an allowed push may fail to keep a distance: projection's rounding."""
+"""Tolerance on an allowed push's distance: rounding by the projection."""
 LOW_ENOUGH_M = 0.004
 """A measured tip this far above the push height is down: below the top of any object that the finger pushes."""
 
 
 Reach: TypeAlias = tuple[tuple[float, float, float], tuple[float, float, float]]
 ON_TABLE_M = 0.05
-"""What is pushed along a table stays on it: its middle is no higher."""
+"""Height below which an object pushed along a table stays: its middle is no higher."""
 
 
 class ActionSpace(Protocol):
@@ -54,7 +54,7 @@ class ActionSpace(Protocol):
 
     @property
     def anywhere(self) -> bool:
-        """Whether an action begins anywhere, so that it is of no account where the tool is."""
+        """True if an action may begin anywhere, so that the tool's pose does not matter."""
         ...
 
     @property
@@ -71,15 +71,15 @@ class ActionSpace(Protocol):
         ...
 
     def allowed(self, actions: Float[Array, "B A"], now: Now) -> Bool[Array, " B"]:
-        """Whether projection succeeded: the arm may start there."""
+        """True if projection succeeded: the arm may start there."""
         ...
 
     def scale(self) -> Float32[np.ndarray, " A"]:
-        """What a typical change of each number is: the unit of one step of gradient descent."""
+        """Typical change of each number: the unit of one step of gradient descent."""
         ...
 
     def moved(self, actions: Float[Array, "B A"], by: Isometry) -> Float[Array, "B A"]:
-        """What has to be done where the table and all on it is moved so, to do the same."""
+        """The same actions after the table and all on it is moved by an isometry."""
         ...
 
     def tool_path(self, actions: Float[Array, "B A"], tool: Float[Array, "B 8"]) -> Float[Array, "B T C"]:
@@ -87,11 +87,11 @@ class ActionSpace(Protocol):
         ...
 
     def after(self, actions: Float[Array, "B A"], tool: Float[Array, "B 8"]) -> Float[Array, "B 8"]:
-        """Where the tool is once the actions are made."""
+        """Tool poses after the actions."""
         ...
 
     def motion(self, action: Float32[np.ndarray, " A"], tool: ToolPose, site: Site) -> Motion:
-        """What the arm, with its tool there, shall do to make the action."""
+        """Motion of the arm, with its tool there, that makes the action."""
         ...
 
     def measured_path(self, tool: Float[np.ndarray, "M K"]) -> Float32[np.ndarray, "T C"]:
@@ -161,7 +161,7 @@ class Pushes:
 
     @property
     def reach(self) -> Reach:
-        """Where the finger may go, on the table."""
+        """Workspace of the finger, on the table."""
         x0, y0, x1, y1 = self.region
         return (x0, y0, 0.0), (x1, y1, ON_TABLE_M)
 
@@ -206,9 +206,9 @@ class Pushes:
         return self._join(start, jnp.diff(points, axis=1, prepend=start[:, None]))
 
     def allowed(self, actions: Float[Array, "B A"], now: Now) -> Bool[Array, " B"]:
-        """Whether the finger comes down beside the object (within a tenth of a millimetre) and inside the region.
+        """True if the finger comes down beside the object (within a tenth of a millimetre) and inside the region.
 
-        And whether it nowhere enters what it shall keep out of.
+        It must also enter no keep-out rectangle.
         """
         start, _ = self._split(actions)
         low, high = self._bounds()
@@ -231,7 +231,7 @@ class Pushes:
         return self._join(by.places(start), by.directions(steps))
 
     def ends(self, actions: Float[Array, "B A"]) -> Float[Array, "B 2 2"]:
-        """Where a push begins and ends [m]."""
+        """Start and end of a push [m]."""
         return self._waypoints(actions)[:, [0, -1]]
 
     def bends(self, actions: Float[Array, "B A"]) -> Float[Array, "B M"]:
@@ -332,7 +332,7 @@ class Pushes:
         return jax.lax.fori_loop(0, _CLEARING_STEPS, step, start)
 
     def _slid(self, start: Float[Array, "B 2"], steps: Float[Array, "B D 2"]) -> Float[Array, "B D 2"]:
-        """Where displacements, one after the other, lead within the region and outside of what is kept out of.
+        """Positions after successive displacements, kept within the region and outside of the keep-out rectangles.
 
         A displacement is shorter than half of any rectangle, so that none is stepped over.
         """

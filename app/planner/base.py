@@ -1,4 +1,4 @@
-"""What a planner is: something that decides on the next action for an object that is seen."""
+"""Interface of a planner, which decides on the next action for an observed object."""
 
 from typing import Protocol
 
@@ -26,14 +26,13 @@ class Planner(Protocol):
         rejected: Ways = (),
         near: Centreline | None = None,
     ) -> Plan:
-        """What to do with the object `observed` (N, 3) [m] so that it gets to `goal` (M, 3) [m], under the model `phi`.
+        """Plan that brings the object `observed` (N, 3) [m] to `goal` (M, 3) [m], under the model `phi`.
 
-        `tool`: where the tool is; None where actions begin anywhere. Without a `command` the arm is told the motion
-        that it is to make. `rejected`: first actions, by their tool paths, that are not proposed again while there is
-        another. `near`: where the nodes of a rope were predicted to be [m], as the plan before said. The same `seed`
-        decides the same on a CPU.
+        `tool`: its pose; None where actions begin anywhere. Without a `command` the arm is commanded the motion itself.
+        `rejected`: first actions, by their tool paths, that are not proposed again while there is another. `near`: the
+        nodes of a rope as the plan before predicted them [m]. The same `seed` decides the same on a CPU.
 
-        Raises PlanningError where nothing that was tried is finite and may be done.
+        Raises PlanningError if none of the candidates is finite and feasible.
         """
         ...
 

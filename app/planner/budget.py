@@ -1,4 +1,4 @@
-"""How much a decision simulates, so that what is compared has simulated as much."""
+"""Simulation budget of a decision, so that methods are compared at equal cost."""
 
 from math import ceil
 
@@ -10,7 +10,7 @@ SLOPE_ROLLOUTS = 6
 
 
 def tree_rollouts(search: Search, gradient_steps: int) -> int:
-    """What the paper's tree simulates for a decision: rollouts of one candidate over the whole depth, forwards only.
+    """Rollouts of the paper's tree for a decision: of one candidate over the whole depth, forwards only.
 
     Every branch is grown by the policy once (all but the last of its actions; counted as all), differentiated once a
     gradient step, and simulated once more at the end.
@@ -19,10 +19,10 @@ def tree_rollouts(search: Search, gradient_steps: int) -> int:
 
 
 def generation_rollouts(gradient_steps: int) -> int:
-    """What a generation simulates of each of its samples: the slopes of its steps, and where they led."""
+    """Rollouts of a generation for each of its samples: the slopes of its steps, and the final one."""
     return 1 + SLOPE_ROLLOUTS * gradient_steps
 
 
 def at_least(rollouts: int, each: int) -> int:
-    """The fewest pieces of `each` rollouts that are as many as `rollouts` or more."""
+    """The fewest pieces of `each` rollouts that make up `rollouts` or more."""
     return ceil(rollouts / each)

@@ -78,7 +78,7 @@ class Carries:
 
     @property
     def reach(self) -> Reach:
-        """Where the fingers may go, and below."""
+        """Workspace of the fingers, and below."""
         (x0, y0, _), (x1, y1, z1) = self.low, self.high
         return (x0, y0, 0.0), (x1, y1, z1)
 
@@ -112,12 +112,12 @@ class Carries:
         return jnp.concatenate([jnp.stack(taken, axis=1), opening], axis=-1).reshape(actions.shape)
 
     def allowed(self, actions: Float[Array, "B A"], now: Now) -> Bool[Array, " B"]:
-        """Whether every move ends inside the bounds and clear of the rack."""
+        """True if every move ends inside the bounds and clear of the rack."""
         places = self._waypoints(actions, now.tool)[:, 1:, :3]
         return jnp.abs(places - self._free(places)).max((1, 2)) <= _EXACT_M
 
     def scale(self) -> Float32[np.ndarray, " A"]:
-        """Of a displacement and of an opening."""
+        """Scale of a displacement and of an opening."""
         return np.tile(np.array([*[self.displacement_scale_m] * 3, self.opening_scale_m], np.float32), self.moves)
 
     def moved(self, actions: Float[Array, "B A"], by: Isometry) -> Float[Array, "B A"]:
@@ -182,7 +182,7 @@ class Carries:
         return jnp.stack([x, y, z], axis=-1)
 
     def _waypoints(self, actions: Float[Array, "B A"], tool: Float[Array, "B 8"]) -> Float[Array, "B W 4"]:
-        """Where the tool is and where each move ends: x, y, z and opening."""
+        """Waypoints: the tool's pose and the end of each move, as x, y, z and opening."""
         moves = actions.reshape(-1, self.moves, 4)
         places = tool[:, None, :3] + jnp.cumsum(moves[..., :3], axis=1)
         ends = jnp.concatenate([places, moves[..., 3:]], axis=-1)

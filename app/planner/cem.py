@@ -26,11 +26,11 @@ Improve = Callable[[Float[Array, "B D A"]], Descended]
 @final
 @dataclass(frozen=True, kw_only=True)
 class Refit:
-    """How often and to what the distribution is fitted: a Gaussian, independent in each number of a sequence.
+    """Schedule of refits of the distribution: a Gaussian, independent in each number of a sequence.
 
     A first generation drawn at random is followed by others from the Gaussian of the `elites` best of the one before,
-    until there were `generations`. Its spread is at least `floor` of the action space's scale, so that elites which
-    agree too early do not end the search. `kept` of the best of all generations are told apart in the plan.
+    up to `generations`. Its spread is at least `floor` of the action space's scale, so that elites which agree too
+    early do not end the search. The `kept` best of all generations are the branches of the plan.
     """
 
     generations: int
@@ -95,7 +95,7 @@ def _first(begun: Start, count: int) -> tuple[Float[Array, "K P"], Now]:
 
 
 def _key(seed: int) -> PRNGKeyArray:
-    """Of the later generations; the first is drawn by the action space, from the seed itself."""
+    """Random key of the later generations; the first is drawn by the action space, from the seed itself."""
     return jax.random.key(int(np.random.default_rng([seed, 1]).integers(2**31)))
 
 
@@ -114,7 +114,7 @@ def _evolved(planner: CemPlanner, begun: Start, goal: Float[Array, "M 3"], key: 
 
 
 class Gaussian(NamedTuple):
-    """Of a sequence of D actions of A numbers: mean and standard deviation of each number."""
+    """Gaussian over a sequence of D actions of A numbers: mean and standard deviation of each number."""
 
     mean: Float[Array, "D A"]
     spread: Float[Array, "D A"]
@@ -139,7 +139,7 @@ class _Kept(NamedTuple):
 
 
 class _Generation(NamedTuple):
-    """What is evaluated next, where it came from, and what is worth keeping."""
+    """Candidates to evaluate next, the distribution they were drawn from, and the best so far."""
 
     actions: Float[Array, "B D A"]
     drawn: Gaussian

@@ -1,11 +1,11 @@
-"""A measured way as a few straight pieces that end at its corners."""
+"""Fit of a few straight pieces to a measured path, with their ends at its corners."""
 
 import numpy as np
 from jaxtyping import Float, Float64
 
 _SAMPLES = 192
 _EQUAL = 1e-3
-"""What pieces of equal length are worth against nearness to the way: where it has fewer corners than pieces."""
+"""Weight of pieces of equal length against the fit: it decides if the path has fewer corners than pieces."""
 
 
 def corners(path: Float[np.ndarray, "M K"], pieces: int) -> Float64[np.ndarray, "E K"]:
@@ -33,7 +33,7 @@ def corners(path: Float[np.ndarray, "M K"], pieces: int) -> Float64[np.ndarray, 
 
 
 def _costs(samples: Float64[np.ndarray, "S K"]) -> Float64[np.ndarray, "S S"]:
-    """Of a straight piece from each sample to each later one; infinite to those that are not later."""
+    """Cost of a straight piece from each sample to each later one; infinite to those that are not later."""
     count = len(samples)
     cost = np.full((count, count), np.inf)
     for begin in range(count):

@@ -12,11 +12,11 @@ from app.core.chamfer import chamfer_m2
 
 _SMOOTH_M = 1e-4
 _CLEAR_M = 0.005
-"""How far from what is kept free a path costs nothing."""
+"""Distance from keep-out volumes beyond which a path costs nothing."""
 
 
 class Distance(Protocol):
-    """How far objects are from a goal; frozen and hashable, so that what is compiled for it can be cached."""
+    """Distance of objects from a goal; frozen and hashable, so that compiled code can be cached by it."""
 
     def __call__(self, x: Float[Array, "B N 3"], goal: Float[Array, "M 3"]) -> Float[Array, " B"]:
         """A squared distance [m^2], as the Chamfer distance is one."""
@@ -53,7 +53,7 @@ class Weights:
 
     @property
     def bounded(self) -> bool:
-        """Whether there is anything to trespass on."""
+        """True if there is any constraint to violate."""
         return bool(self.keep_out) or self.reach is not None
 
 
@@ -98,7 +98,7 @@ def step_terms(
 
 
 def _inside_m(tool_path: Float[Array, "B T C"], volume: KeepOut) -> Float[Array, " B"]:
-    """How far inside of the volume the path is on average [m], by the way sideways that would lead out.
+    """Mean penetration of the path into the volume [m], by the shortest way out sideways.
 
     A tool comes from above and leaves upwards, so over the table a volume counts from its top down.
     """
@@ -108,7 +108,7 @@ def _inside_m(tool_path: Float[Array, "B T C"], volume: KeepOut) -> Float[Array,
 
 
 def _beyond_m(tool_path: Float[Array, "B T C"], reach: Reach) -> Float[Array, " B"]:
-    """How far the path is out of reach on average [m], of a tool that points down."""
+    """Mean distance of the path beyond the arm's reach [m], of a tool that points down."""
     from_shoulder = tool_path[..., :3] + jnp.array([0.0, 0.0, reach.hand_m]) - jnp.array(reach.middle)
     away = jnp.sqrt((from_shoulder**2).sum(-1) + _SMOOTH_M**2)
     return jnp.maximum(away - (reach.radius_m - _CLEAR_M), 0.0).mean(-1)

@@ -1,4 +1,4 @@
-"""Which action of a decision the simulator could not finish: what a decision without a finite branch died of."""
+"""Diagnosis of a decision without a finite branch: the first action that the simulator could not finish."""
 
 from typing import NamedTuple, final
 

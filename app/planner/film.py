@@ -1,4 +1,4 @@
-"""What branches look like at moments between now and their end: simulated once more, in pieces."""
+"""States of branches at moments between now and their end: simulated once more, in pieces."""
 
 from functools import partial
 from itertools import pairwise
@@ -77,7 +77,7 @@ def _filmed(
 
 
 def _cuts(substeps: int, pieces: int) -> list[int]:
-    """Where an action is cut, from 0 to its end; pieces differ by a substep at most."""
+    """Substeps at which an action is cut, from 0 to its end; pieces differ by a substep at most."""
     return [round(cut) for cut in np.linspace(0, substeps, pieces + 1)]
 
 

@@ -1,4 +1,4 @@
-"""Which planner decides, and what of it is left out: plain data, made into a planner by `app.planner.methods`."""
+"""Choice of planner and its ablations: plain data, made into a planner by `app.planner.methods`."""
 
 from __future__ import annotations
 
@@ -27,20 +27,20 @@ ABLATIONS = MappingProxyType(
         NO_ONLINE: {"following": False},
     }
 )
-"""What the paper leaves out, one at a time, to see what it is worth: an ablation's name, and the options it changes."""
+"""Ablations of the paper: the name of each, and the options it changes."""
 
 
 @final
 @dataclass(frozen=True, kw_only=True)
 class Method:
-    """How decisions are made. `planner`: a file of `app/planner/methods`.
+    """Planning method. `planner`: a file of `app/planner/methods`.
 
     `descending`: actions are optimised along their gradient; without, the best branch is executed as it was sampled.
-    `branching`: there are branches besides the policy's. `guided`: the initial policy has a say; without, all actions
+    `branching`: there are branches besides the policy's. `guided`: the initial policy takes part; without, all actions
     are drawn at random. Neither branching nor descending, the policy's action is executed as it is, and simulated only
-    for what is shown. `calibrated`: the model is calibrated; without, it is what the simulator would be without any
-    demonstration. `following`: it goes on learning where it is used. Both are for those to heed who have the model.
-    `policy`: a learned one instead of the task's own.
+    for display. `calibrated`: the model is calibrated; without, it is the simulator's without any demonstration.
+    `following`: it goes on learning in use. Both are for the owner of the model to act on. `policy`: a learned one
+    instead of the task's own.
 
     Raises UsageError for a planner that does not exist, and for options that make no sense together.
     """
@@ -66,7 +66,7 @@ class Method:
 
     @property
     def alone(self) -> bool:
-        """Whether the policy's actions are made as they are."""
+        """True if the policy's actions are executed as they are."""
         return not (self.branching or self.descending)
 
     @classmethod

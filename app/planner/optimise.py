@@ -21,7 +21,7 @@ Evaluate = Callable[[Float[Array, "B D A"]], Rollout]
 @final
 @dataclass(frozen=True, kw_only=True)
 class Descent:
-    """How steps are made; they are in units of the action space's scale.
+    """Settings of gradient descent; steps are in units of the action space's scale.
 
     Each candidate's gradient is clipped to `clip` on its own, so that one which explodes through a contact does not
     drown the others, and each has its own Adam state and step size. A step that did not lower a candidate's cost is
@@ -33,7 +33,7 @@ class Descent:
     shrink: float
 
     def optimiser(self) -> optax.GradientTransformation:
-        """Of one candidate; the caller maps it over all."""
+        """Optimiser of one candidate; the caller maps it over all."""
         return optax.chain(optax.clip_by_global_norm(self.clip), optax.scale_by_adam(b1=0.7, b2=0.9))
 
 
@@ -110,7 +110,7 @@ def descend(
 
 
 def _better(new: Rollout, old: Rollout) -> Bool[Array, " B"]:
-    """Whether a candidate's new iterate is allowed, finite and cheaper."""
+    """True if a candidate's new iterate is allowed, finite and cheaper."""
     return new.allowed & new.finite & (new.cost < old.cost)
 
 

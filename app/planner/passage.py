@@ -1,4 +1,4 @@
-"""How far an object is from its goal where a wall with a gap stands between them: through the gap, not the wall."""
+"""Distance of an object from a goal behind a wall with a gap: through the gap, not the wall."""
 
 from dataclasses import dataclass
 from typing import final

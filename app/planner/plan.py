@@ -24,8 +24,8 @@ from app.planner.tree import Search, roll_out, simulate, start
 from app.policy.base import AWAY, Now
 
 Command: TypeAlias = Callable[[Motion, Points, Points], Motion]
-"""What to tell an arm that does not do what it is told: for the motion that it is to make, and the particles before and
-after that."""
+"""Compensation of an arm's errors: the command for a motion that it is to make, given the particles before and
+after it."""
 Ways: TypeAlias = Sequence[Float32[np.ndarray, "_ 3"]]
 """Tool paths [m], each of its own length."""
 _AGAIN_M = 0.02
@@ -169,7 +169,7 @@ def choose(
 
 
 def _may_be_made(motion: Motion, tool: ToolPose | None, site: Site) -> bool:
-    """Whether the arm's own process would make it, from where the tool is or, where nobody knows, from above."""
+    """True if the arm's own process would make it, from the tool's pose or, if unknown, from above."""
     above = motion.poses[0] if motion.continues else raised(motion.poses[0], site)
     try:
         check_motion(motion, motion.digest(), site)

@@ -64,7 +64,7 @@ class Pours:
 
     @property
     def reach(self) -> Reach:
-        """Where the bowl may go, and below."""
+        """Workspace of the bowl, and below."""
         (x0, y0, _), (x1, y1, z1) = self.low, self.high
         return (x0, y0, 0.0), (x1, y1, z1)
 
@@ -86,7 +86,7 @@ class Pours:
         return jnp.concatenate([shift, share[:, None] * turn], axis=1)
 
     def allowed(self, actions: Float[Array, "B A"], now: Now) -> Bool[Array, " B"]:
-        """Whether it ends in the box."""
+        """True if it ends in the box."""
         end = now.tool[:, :3] + actions[:, :3]
         return jnp.all((end >= jnp.asarray(self.low) - _EDGE_M) & (end <= jnp.asarray(self.high) + _EDGE_M), axis=-1)
 
@@ -139,7 +139,7 @@ class Pours:
         return np.concatenate([path[:, :3], turned], axis=1).astype(np.float32)
 
     def measured_action(self, tool: Float[np.ndarray, "M K"]) -> Float32[np.ndarray, " A"]:
-        """By how much the last pose is shifted and turned from the first. Raises ValueError as `measured_path`."""
+        """Shift and rotation of the last pose from the first. Raises ValueError as `measured_path`."""
         if not len(tool) or tool.shape[1] < 7:
             raise ValueError("No poses of the bowl were measured; the transition cannot be simulated.")
         before, after = (Rotation.from_quat(tool[at, 3:7], scalar_first=True) for at in (0, -1))
@@ -147,7 +147,7 @@ class Pours:
         return np.concatenate([shift, turn]).astype(np.float32)
 
     def _shares(self) -> Float32[np.ndarray, " T"]:
-        """How much of an action is made at the end of each substep: its speed rises and falls like sin^2."""
+        """Share of an action made by the end of each substep: its speed rises and falls like sin^2."""
         time = np.minimum(np.arange(self.substeps + 1) / self.move_substeps, 1.0)
         return (time - np.sin(2 * np.pi * time) / (2 * np.pi)).astype(np.float32)
 

@@ -17,7 +17,7 @@ from app.policy.symmetry import Isometry
 
 _SAMPLES_PER_BRANCH = 32
 _SHIFT_STEP_M = 0.004
-"""How finely a clear place for the paddle is looked for: half of the usual clearance."""
+"""Step of the search for a clear place of the paddle: half of the usual clearance."""
 _ROUNDING_M = 1e-4
 _SMOOTH_M = 1e-6
 """A length that is none."""
@@ -73,7 +73,7 @@ class Sweeps:
 
     @property
     def reach(self) -> Reach:
-        """Where the paddle may go, on the table."""
+        """Workspace of the paddle, on the table."""
         x0, y0, x1, y1 = self.region
         return (x0, y0, 0.0), (x1, y1, ON_TABLE_M)
 
@@ -114,7 +114,7 @@ class Sweeps:
         return jnp.concatenate([start, end], axis=1)
 
     def allowed(self, actions: Float[Array, "B 4"], now: Now) -> Bool[Array, " B"]:
-        """Whether the paddle comes down beside the object (within a tenth of a millimetre), and moves at all."""
+        """True if the paddle comes down beside the object (within a tenth of a millimetre), and moves at all."""
         low, high = self._bounds()
         start, end = actions[:, :2], actions[:, 2:]
         ahead, length = _heading(end - start)
@@ -131,7 +131,7 @@ class Sweeps:
         return by.places(actions.reshape(-1, 2, 2)).reshape(actions.shape)
 
     def ends(self, actions: Float[Array, "B 4"]) -> Float[Array, "B 2 2"]:
-        """Where a sweep begins and ends [m]."""
+        """Start and end of a sweep [m]."""
         return actions.reshape(-1, 2, 2)
 
     def bends(self, actions: Float[Array, "B 4"]) -> Float[Array, "B 0"]:
@@ -205,7 +205,7 @@ class Sweeps:
         length: Float[Array, " B"],
         x: Float[Array, "B N 2"],
     ) -> Float[Array, " B"]:
-        """How far [m] along the sweep the start has to move to the nearest place where the paddle is free."""
+        """Shift [m] of the start along the sweep to the nearest place where the paddle is free."""
         back, forth = (round(reach / _SHIFT_STEP_M) for reach in self.reach_m)
         shifts = _SHIFT_STEP_M * np.arange(-back, forth + 1)
         low, high = self._bounds()
@@ -223,7 +223,7 @@ class Sweeps:
         return jnp.asarray(shifts, start.dtype)[jnp.argmin(costs, axis=0)]
 
     def _room(self, start: Float[Array, "B 2"], ahead: Float[Array, "B 2"]) -> Float[Array, " B"]:
-        """How far [m] it is ahead from a start in the region to its bounds; a metre or more along one of them."""
+        """Distance [m] ahead from a start in the region to its bounds; a metre or more along one of them."""
         low, high = self._bounds()
         slope = jnp.where(jnp.abs(ahead) < _SMOOTH_M, _SMOOTH_M, ahead)
         return ((jnp.where(slope > 0, high + _SMOOTH_M, low - _SMOOTH_M) - start) / slope).min(-1).clip(0)
@@ -246,7 +246,7 @@ def _heading(way: Float[Array, "B 2"]) -> tuple[Float[Array, "B 2"], Float[Array
 
 
 def _yaw(way: Float[Array, "*axes 2"]) -> Float[Array, "*axes"]:
-    """By how much [rad] a paddle is turned that goes this way."""
+    """Yaw [rad] of a paddle that goes in a direction."""
     return jnp.arctan2(way[..., 1], way[..., 0]) - jnp.pi / 2
 
 

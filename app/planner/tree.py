@@ -41,11 +41,11 @@ def at_rest(x: Float[Array, "B N 3"], near: Float[Array, "2 n"] | None = None) -
 @final
 @dataclass(frozen=True, kw_only=True)
 class Search:
-    """What a decision is searched with; the same for every decision of a task and preset.
+    """Configuration of the tree search; the same for every decision of a task and preset.
 
-    Without `guided` no policy has a say: all actions are drawn at random. `part`: the simulator of a piece of an
-    action, which does not come to rest at its end as `advance` does where actions end `at_rest`; None where nobody
-    looks at moments in between. `origin`: what a branch of the policy is called.
+    Without `guided` no policy takes part: all actions are drawn at random. `part`: the simulator of a piece of an
+    action, which does not come to rest at its end as `advance` does where actions end `at_rest`; None if no moments
+    in between are shown. `origin`: the name of the policy's branch.
     """
 
     space: ActionSpace
@@ -77,7 +77,7 @@ class Rollout(NamedTuple):
 
     @property
     def finite(self) -> Bool[Array, " B"]:
-        """Whether cost and particles stayed numbers."""
+        """True if cost and particles are finite."""
         return jnp.isfinite(self.cost) & jnp.isfinite(self.final).all((1, 2))
 
     @property
@@ -87,7 +87,7 @@ class Rollout(NamedTuple):
 
 
 class Start(NamedTuple):
-    """What a tree grows from: model and situation of each branch, first actions, and later ones if not by policy."""
+    """Roots of a tree: model and state of each branch, first actions, and later ones if not by policy."""
 
     prepared: Prepared
     phi: Float[Array, "B P"]
@@ -135,7 +135,7 @@ def start_by_policy(
 
 @partial(jax.jit, static_argnums=0)
 def first_action(policy: Policy, prepared: Prepared, now: Now) -> Float[Array, "B A"]:
-    """What a policy does where that is seen."""
+    """First action of a policy in a state."""
     return (policy.first if isinstance(policy, Remembering) else policy.act)(prepared, now).mean
 
 

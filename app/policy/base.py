@@ -1,4 +1,4 @@
-"""What an initial policy is: something that proposes an action for a state, inside a rollout as well."""
+"""Initial policies: they propose an action for a state, inside rollouts as well."""
 
 from typing import Any, NamedTuple, Protocol, Self, TypeAlias, final, runtime_checkable
 
@@ -16,34 +16,34 @@ Prepared: TypeAlias = Any
 
 
 AWAY = pointing_down(np.array([0.30, 0.0, 0.30]))
-"""Where a tool is that begins its next action anywhere: high over the table."""
+"""Parked tool pose, for a tool that may begin its next action anywhere: high over the table."""
 
 
 @final
 class Now(NamedTuple):
-    """What B candidates act on; a JAX pytree. `tool`: where each has its tool, as poses with openings."""
+    """State of B candidates when they choose an action; a JAX pytree. `tool`: pose and opening of each one's tool."""
 
     state: ObjectState
     tool: Float[Array, "B 8"]
 
     @property
     def x(self) -> Float[Array, "B N 3"]:
-        """Where the particles are [m]."""
+        """Particle positions [m]."""
         return self.state.x
 
     @classmethod
     def at_rest(cls, x: Float[Array, "B N 3"], tool: ToolPose | None = None) -> Self:
-        """Objects that are unmoving and undeformed, all with the same tool; without one, high over the table."""
+        """Objects at rest and undeformed, all with the same tool pose; without one, high over the table."""
         pose = jnp.asarray(AWAY if tool is None else tool, jnp.float32)
         return cls(State.at_rest(x), jnp.tile(pose, (len(x), 1)))
 
 
 @final
 class Acted(NamedTuple):
-    """What B candidates do next, A numbers each: one of the task's actions, which may be a chunk of small ones.
+    """Distribution over the next action of B candidates, A numbers each; an action may be a chunk of small moves.
 
-    `spread`: how far about `mean` the policy would as well act, one standard deviation of each number; 0 where it
-    knows of no other way. `later`: what it means to do after that, L actions of those whose chunks span several.
+    `spread`: standard deviation about `mean` of each number; 0 if the policy knows no alternative. `later`: the L
+    actions that the policy intends after this one, if its chunks span several.
     """
 
     mean: Float[Array, "B A"]
@@ -52,7 +52,7 @@ class Acted(NamedTuple):
 
     @classmethod
     def surely(cls, actions: Float[Array, "B A"]) -> Self:
-        """These, and no others."""
+        """Deterministic actions: no spread."""
         return cls(actions, jnp.zeros_like(actions))
 
 
@@ -60,7 +60,7 @@ class Policy(Protocol):
     """Proposes the next action. Hashable, so that what is compiled for it can be cached."""
 
     def prepare(self, observed: Points, goal: Points) -> Prepared:
-        """What is worked out once an observation, in NumPy: orderings, matches, embeddings."""
+        """Quantities computed once per observation, in NumPy: orderings, matches, embeddings."""
         ...
 
     def act(self, prepared: Prepared, now: Now) -> Acted:
@@ -70,7 +70,7 @@ class Policy(Protocol):
 
 @runtime_checkable
 class Remembering(Protocol):
-    """A policy that heeds what it meant to do at earlier decisions, where it was told of them."""
+    """A stateful policy: conditions on the actions that it intended at earlier decisions, if it is given them."""
 
     def first(self, prepared: Prepared, now: Now) -> Acted:
         """As `act`, on what is seen; rollouts, which nobody told it of, ask `act`."""

@@ -7,7 +7,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float, Int
 
 CHANNELS: Final = 2
-"""How much of the object is over a pixel, and how far it rises there."""
+"""Density of the object over a pixel, and its height there."""
 _BLOCK: Final = 16
 """Sides of pictures are multiples of this, so that networks may halve them four times."""
 
@@ -39,17 +39,17 @@ class View:
         return self.high[self.axes[2]] - self.low[self.axes[2]]
 
     def pixels(self, points: Float[Array, "*axes 3"]) -> Float[Array, "*axes 2"]:
-        """Where points [m] are in it, in rows and columns; the middle of the first pixel is (0, 0)."""
+        """Pixel coordinates (row, column) of points [m]; the middle of the first pixel is (0, 0)."""
         rows, columns, _ = self.axes
         origin = jnp.array([self.low[rows], self.low[columns]])
         return (points[..., [rows, columns]] - origin) / self.pixel_m - 0.5
 
     def picture(self, x: Float[Array, "B N 3"]) -> Float[Array, "B R C 2"]:
-        """Of each candidate's particles [m]: `CHANNELS` from 0 on, differentiable in `x`.
+        """Picture of each candidate's particles [m]: `CHANNELS` values from 0 on, differentiable in `x`.
 
-        The first is 1 where the share of all particles that is over a pixel is that of particles which lie evenly on a
-        tenth of the picture; particles count for the four pixels about them. The second is the height of the highest
-        of those that are nearest to the pixel, as a share of the view's depth.
+        The first is the share of all particles over a pixel, 1 if it is that of particles spread evenly over a tenth of
+        the picture; particles count for the four pixels about them. The second is the height of the highest of those
+        that are nearest to the pixel, as a share of the view's depth.
         """
         rows, columns = self.shape
         at = self.pixels(x)

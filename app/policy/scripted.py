@@ -29,7 +29,7 @@ def _line(cloud: bytes, nodes: int) -> Float32[np.ndarray, "M 2"]:
 
 
 class Matched(NamedTuple):
-    """What is prepared once an observation: how to average particles into nodes, and the goal's nodes both ways."""
+    """Prepared once per observation: weights that average particles into nodes, and the goal's nodes both ways."""
 
     weights: Float32[np.ndarray, "M N"]
     goals: Float32[np.ndarray, "2 M 2"]
@@ -92,7 +92,7 @@ class ScriptedPush:
         return jnp.cos(tilt) * side[..., None] * normal + jnp.sin(tilt) * tangent
 
     def _shares(self) -> Float32[np.ndarray, "M M"]:
-        """How much of a push at node m each node j takes part in."""
+        """Influence of a push at node m on each node j, a Gaussian of their distance."""
         at = np.arange(self.nodes) / self.nodes
         return np.exp(-0.5 * ((at[:, None] - at) / self.reach) ** 2).astype(np.float32)
 

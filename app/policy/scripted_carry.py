@@ -22,7 +22,7 @@ _COARSE = 1e-6
 
 
 class Heading(NamedTuple):
-    """What is prepared once an observation: where along the rack the cloth shall hang [m]."""
+    """Prepared once per observation: the place along the rack where the cloth shall hang [m]."""
 
     x_m: Float[Array, ""]
 
@@ -30,7 +30,7 @@ class Heading(NamedTuple):
 @final
 @dataclass(frozen=True, kw_only=True)
 class ScriptedCarry:
-    """Where the gripper goes from where it is, as a way of waypoints that is walked in bounded moves.
+    """Waypoint policy of the gripper from its present pose, followed in moves of bounded length.
 
     A cloth that hangs by the middle of an edge hangs straight, and pulled across the rods it lays itself over them. The
     edge is that towards the rack, the point on it that on the line through the cloth's middle. What is in hand goes up
@@ -64,7 +64,7 @@ class ScriptedCarry:
         return Acted.surely(jax.vmap(self._walked)(ways))
 
     def _way(self, x_m: Float[Array, ""], x: Float[Array, "N 3"], tool: Float[Array, " 8"]) -> Float[Array, "W 4"]:
-        """From where the tool is: x, y, z and opening of all that is still to be done."""
+        """Waypoints still ahead of the tool: x, y, z and opening."""
         here = jnp.concatenate([tool[:3], tool[7:]])
         closed, opened = self.openings_m
         near = jnp.sqrt(((x - tool[:3]) ** 2).sum(-1)).min() < _IN_HAND_M
@@ -90,14 +90,14 @@ class ScriptedCarry:
         return jnp.where(jnp.where(tool_y < self.rack_y_m, before > 0.3, before > _DRAWN), 1.0, -1.0)
 
     def _edge(self, x: Float[Array, "N 3"], side: Float[Array, ""]) -> Float[Array, " 2"]:
-        """Where to take the cloth (x, y): its edge towards the rack, on the line through its middle."""
+        """Grasp point on the cloth (x, y): its edge towards the rack, on the line through its middle."""
         middle = x[:, 0].mean()
         nearness = jnp.where(jnp.abs(x[:, 0] - middle) < _NEAR_MIDDLE_M, side * x[:, 1], -jnp.inf)
         y = side * nearness.max()
         return jnp.stack([middle, jnp.where(jnp.isfinite(y), y, x[:, 1].mean()) - side * self.inset_m])
 
     def _taking(self, here: Float[Array, " 4"], held: Bool[Array, ""], edge: Float[Array, " 2"]) -> Float[Array, "W 4"]:
-        """Up out of the way, over the edge, down to it, and close; nothing where it is held."""
+        """Grasp waypoints: up, over the edge, down to it, and close; none if it is held."""
         closed, opened = self.openings_m
         beyond = (here[1] - self.rack_y_m) * (edge[1] - self.rack_y_m) < 0
         height = jnp.where(beyond, self.carry_m, self.approach_m)
@@ -118,7 +118,7 @@ class ScriptedCarry:
         x_m: Float[Array, ""],
         side: Float[Array, ""],
     ) -> Float[Array, "W 4"]:
-        """Up, over the rack, down beyond it, open, and up."""
+        """Carry waypoints: up, over the rack, down beyond it, open, and up."""
         closed, opened = self.openings_m
         start = jnp.where(held, here[:2], edge)
         passed = side * (start[1] - self.rack_y_m) > -self.half_m / 2
@@ -132,13 +132,13 @@ class ScriptedCarry:
         return jnp.stack([up, over, let_go, opening, opening.at[2].set(self.carry_m)])
 
     def _hangs(self, x: Float[Array, "N 3"]) -> Bool[Array, ""]:
-        """Whether the cloth is over the rack, with a fifth of it at least on either side."""
+        """True if the cloth is over the rack, with a fifth of it at least on either side."""
         up = x[:, 2] > self.approach_m / 2
         before = (up & (x[:, 1] < self.rack_y_m)).mean()
         return (jnp.minimum(before, up.mean() - before) > 0.2) & (up.mean() > 0.6)
 
     def _walked(self, way: Float[Array, "W 4"]) -> Float[Array, " A"]:
-        """The first moves along the way, none longer than allowed, each segment in equal ones."""
+        """The first moves along the waypoints, none longer than allowed, each segment in equal ones."""
         steps = jnp.diff(way, axis=0)
         far, opening = self.steps_m
         length = jnp.sqrt((steps[:, :3] ** 2).sum(-1))

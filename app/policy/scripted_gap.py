@@ -10,7 +10,7 @@ from app.core.types import Points
 from app.policy.base import Acted, Now
 
 _END = 0.85
-"""Where an end is pushed, as a share of the half length: nearer to the tip the finger slips off."""
+"""Contact point of a push at an end, as a share of the half length: nearer to the tip the finger slips off."""
 _PIVOT = 0.414
 """A rod on a table that is pushed at its end turns about a point this share of its half length beyond its middle:
 sqrt(2) - 1, from the balance of friction along it (Mason 1986, "Mechanics and Planning of Manipulator Pushing
@@ -72,7 +72,7 @@ class ScriptedGap:
         return Acted.surely(jnp.concatenate([start, steps], axis=1))
 
     def _aligned(self, rod: Rod) -> Bool[Array, " B"]:
-        """Whether it leads through the gap, or is half through."""
+        """True if the rod points through the gap, or is half through."""
         ahead = self.gap_m[0] - rod.middle[:, 0]
         meets = rod.middle[:, 1] + ahead * jnp.tan(jnp.clip(rod.heading, -1.0, 1.0)) - self.gap_m[1]
         leads = (jnp.abs(rod.heading) < self.straight_rad) & (jnp.abs(meets) < self.room_m)

@@ -12,7 +12,7 @@ from app.policy.base import Acted, Now
 
 
 class Aimed(NamedTuple):
-    """Where the middle of the goal is over the table [m]."""
+    """Middle of the goal on the table [m], prepared once per observation."""
 
     middle: Float32[np.ndarray, "2"]
 
@@ -59,7 +59,7 @@ class ScriptedPour:
         return Acted.surely(jnp.concatenate([shift, turn], axis=1))
 
     def _tilt(self, turn: Float[Array, "B 4"]) -> Float[Array, " B"]:
-        """By how much the bowl's axis leans the way it pours [rad]; turns are those of a tool that points down."""
+        """Tilt of the bowl's axis in the pouring direction [rad]; rotations are those of a tool that points down."""
         w, x, y, z = turn[:, 1], -turn[:, 0], -turn[:, 3], turn[:, 2]
         up = jnp.stack([2 * (x * z + w * y), 2 * (y * z - w * x), 1 - 2 * (x**2 + y**2)], axis=-1)
         return jnp.arctan2((up[:, :2] * jnp.asarray(self.toward)).sum(-1), up[:, 2])

@@ -15,7 +15,7 @@ _TINY_M = 1e-6
 
 
 class Aim(NamedTuple):
-    """What is prepared once an observation: the middle of the goal and the radius of a disc as large [m]."""
+    """Prepared once per observation: middle of the goal, and radius of the disc of the same extent [m]."""
 
     middle: Float32[np.ndarray, "2"]
     radius: Float32[np.ndarray, ""]
@@ -47,7 +47,10 @@ class ScriptedSweep:
     starts: int = 14
 
     def prepare(self, observed: Points, goal: Points) -> Aim:
-        """Of points that fill a disc evenly, the mean square distance from the middle is half the squared radius."""
+        """Middle and radius of the goal.
+
+        The mean square distance from the middle, of points that fill a disc evenly, is half the squared radius.
+        """
         del observed
         middle = goal[:, :2].mean(axis=0)
         return Aim(middle, np.sqrt(2 * ((goal[:, :2] - middle) ** 2).sum(1).mean()))
@@ -72,13 +75,13 @@ class ScriptedSweep:
         return Acted.surely(jnp.concatenate(ends, axis=1))
 
     def _starts(self, radius: Float[Array, ""]) -> Float[Array, " S"]:
-        """How far before the middle the paddle's face may start [m]: at the goal's rim or farther out."""
+        """Distances before the middle at which the paddle's face may start [m]: from the goal's rim outwards."""
         return jnp.linspace(radius, self.far_m, self.starts)
 
     def _gains(
         self, offset: Float[Array, "B N 2"], ahead: Float[Array, "2"], radius: Float[Array, ""]
     ) -> Float[Array, "B S"]:
-        """Of all strokes in one direction."""
+        """Expected gain of each stroke in one direction."""
         outside = jnp.sqrt((offset**2).sum(-1) + _TINY_M**2) - radius
         value = jnp.where(outside > 0, outside + self.worth_m, 0.0)
         along = -(offset * ahead).sum(-1)

@@ -13,9 +13,9 @@ from app.core.types import Points
 PERIOD_S = 0.02
 TRAVEL_M = 0.12
 REGION = (0.28, -0.32, 0.82, 0.32)
-"""Where the tool may be: x low, y low, x high, y high [m]."""
+"""Workspace of the tool: x low, y low, x high, y high [m]."""
 _CLEAR_M = 0.026
-"""How far beside the object the tool comes down."""
+"""Least distance between the object and the place where the tool comes down."""
 _DESCENT, _WAIT, _DWELL = 20, 5, 8
 """Periods of going down or up, of standing before the push, and after it."""
 _RAMP_S = 0.12
@@ -27,7 +27,7 @@ _HOMEWARD = 0.5
 @final
 @dataclass(frozen=True, kw_only=True)
 class Plan:
-    """How many episodes of how many pushes, how fast [m/s] and how far [m]; what the record has besides."""
+    """Design of a random-push experiment: episodes, pushes in each, speeds [m/s], lengths [m], and what is recorded."""
 
     episodes: int = 8
     pushes: int = 8
@@ -54,7 +54,7 @@ class Stroke:
 
     @property
     def end(self) -> Float64[np.ndarray, "2"]:
-        """Where it ends [m]."""
+        """End of the stroke [m]."""
         return self.start + self.length_m * self.ahead
 
     def track(self, *, start_s: float, height_m: float) -> Track:
@@ -121,7 +121,7 @@ def stroke_through(
 
 
 def is_clear(stroke: Stroke, x: Points, core_m: tuple[float, float] = (0.0, 0.0)) -> bool:
-    """Whether it lies in the region of pushes, and the tool comes down beside the object `x` (N, 3) [m]."""
+    """True if it lies in the region of pushes, and the tool comes down beside the object `x` (N, 3) [m]."""
     low, high = np.array(REGION[:2]), np.array(REGION[2:])
     ends = np.stack([stroke.start, stroke.end])
     inside = bool(((ends > low) & (ends < high)).all())

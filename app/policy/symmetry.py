@@ -11,7 +11,8 @@ from jaxtyping import Array, Float
 
 _ABOUT_RAD: Final = 0.5
 _ABOUT_M: Final = 0.03
-"""How far about their frame examples of a task that may be turned, or shifted, are drawn: nobody lies quite in his."""
+"""Ranges about their frame in which augmented examples are drawn, if a task may be turned or shifted: real objects
+are seldom exactly in their frame."""
 
 
 @final
@@ -32,36 +33,39 @@ class Isometry(NamedTuple):
 
     @property
     def matrix(self) -> Float[Array, "B 2 2"]:
-        """What directions on the table are multiplied by."""
+        """Matrix of the isometry's linear part on the table."""
         c, s = jnp.cos(self.angle), jnp.sin(self.angle)
         return jnp.stack([jnp.stack([c, -self.side * s], -1), jnp.stack([s, self.side * c], -1)], -2)
 
     @property
     def inverse(self) -> Self:
-        """What moves everything back."""
+        """The inverse isometry."""
         back = type(self)(self.side, -self.side * self.angle, jnp.zeros_like(self.shift))
         return back._replace(shift=-back.directions(self.shift))
 
     def after(self, first: Self) -> Self:
-        """What does the other first, and then this."""
+        """Composition: `first`, then this."""
         return type(self)(self.side * first.side, self.angle + self.side * first.angle, self.places(first.shift))
 
     def directions(self, v: Float[Array, "B *axes K"]) -> Float[Array, "B *axes K"]:
-        """Of vectors of 2 or 3 numbers, whose first two are on the table."""
+        """Transformed vectors of 2 or 3 numbers, the first two in the table's plane."""
         level = jnp.einsum("bij,b...j->b...i", self.matrix, v[..., :2], precision=Precision.HIGHEST)
         return jnp.concatenate([level, v[..., 2:]], axis=-1)
 
     def places(self, x: Float[Array, "B *axes K"]) -> Float[Array, "B *axes K"]:
-        """Of points [m] of 2 or 3 numbers."""
+        """Transformed points [m] of 2 or 3 numbers."""
         shift = self.shift.reshape(len(self.shift), *[1] * (x.ndim - 2), 2)
         return self.directions(x) + jnp.concatenate([shift, jnp.zeros((*shift.shape[:-1], x.shape[-1] - 2))], axis=-1)
 
     def rotations(self, w: Float[Array, "B *axes 3"]) -> Float[Array, "B *axes 3"]:
-        """Of rotation vectors: in a mirror they turn the other way round."""
+        """Transformed rotation vectors; a reflection reverses their sense."""
         return self.directions(w) * self.side.reshape(len(self.side), *[1] * (w.ndim - 1))
 
     def poses(self, tool: Float[Array, "B 8"]) -> Float[Array, "B 8"]:
-        """Of a tool that is its own mirror image across the plane of its x and z axes: place, quaternion, opening."""
+        """Transformed poses of a tool that is its own mirror image across the plane of its x and z axes.
+
+        A pose is position, quaternion and opening.
+        """
         w, x, y, z = jnp.moveaxis(tool[:, 3:7], -1, 0)
         x, z = self.side * x, self.side * z
         c, s = jnp.cos(self.angle / 2), jnp.sin(self.angle / 2)
@@ -72,7 +76,7 @@ class Isometry(NamedTuple):
 @final
 @dataclass(frozen=True, kw_only=True)
 class Symmetry:
-    """Which isometries leave a task as it is.
+    """Isometries of the table under which a task is invariant.
 
     It may be turned by any of `angles_rad` about `about_m` (x, y), or by any angle where it `turns`; be `mirrored`
     across a line along x through there; and be shifted by up to `shift_m` (x, y) either way.
@@ -91,11 +95,11 @@ class Symmetry:
 
     @property
     def everywhere(self) -> bool:
-        """Whether a goal may be wherever an object may come to lie, so that whatever was done led to one."""
+        """True if a goal may be anywhere that an object may come to lie, so that every action leads to some goal."""
         return self.turns and self.along == "goal"
 
     def frame(self, goal: Float[Array, "B M 3"], x: Float[Array, "B N 3"]) -> Isometry:
-        """What brings each of these goals and objects [m] into its frame; nothing moves where a task has none."""
+        """Isometry that brings each of these goals and objects [m] into its frame; the identity if a task has none."""
         count = len(x)
         if not self.turns:
             return Isometry.identity(count)

@@ -1,4 +1,4 @@
-"""Which particle of a rope lies where along it: unordered points to labels in 0..1, and to a centreline."""
+"""Arc-length ordering of a rope: unordered particles to labels in 0..1, and to a centreline."""
 
 import numpy as np
 from jaxtyping import Float, Float32
@@ -13,7 +13,7 @@ _NEIGHBOURS = 10
 
 
 def arclength_labels(x: Points) -> Float32[np.ndarray, " N"]:
-    """Where along the rope each particle of `x` (N, 3) [m] lies, in 0..1; which end is 0 is arbitrary.
+    """Normalised arc length in 0..1 of each particle of `x` (N, 3) [m] of a rope; which end is 0 is arbitrary.
 
     The longest geodesic of the neighbour graph runs from end to end. Edges cost their squared length, so that a path
     keeps to the rope where two parts of it come close. As particles stand for equal volumes, the rank of a particle's

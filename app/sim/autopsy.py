@@ -1,4 +1,4 @@
-"""What became of one candidate: which substep broke it, which particle, and why.
+"""Failure diagnosis of one candidate: the substep that broke it, the particle, and the cause.
 
 Kernels do not stop at what goes wrong: they turn the candidate into NaN and go on, for the others' sake. Afterwards it
 is simulated once more, alone, with every state kept.
@@ -50,7 +50,7 @@ class Case:
 
     @property
     def substeps(self) -> int:
-        """How many are asked for."""
+        """Number of substeps of the tool path."""
         return self.tool.shape[1] - 1
 
     @property
@@ -157,7 +157,7 @@ def _objection(case: Case) -> str | None:
 
 
 def _usable(case: Case) -> bool:
-    """Whether there is anything to simulate: phi and tool make their candidate NaN by themselves."""
+    """True if there is anything to simulate: non-finite phi or tool make their candidate NaN by themselves."""
     return bool(np.isfinite(case.phi).all() and np.isfinite(case.tool).all())
 
 
@@ -180,7 +180,7 @@ def _rows(states: State, chosen: slice) -> State:
 
 
 def _broken(states: State) -> Bool[np.ndarray, "K N"]:
-    """Which particles are not finite."""
+    """Mask of the particles that are not finite."""
     flat = [np.isfinite(leaf).reshape(*leaf.shape[:2], -1).all(axis=-1) for leaf in states]
     return ~np.logical_and.reduce(flat)
 

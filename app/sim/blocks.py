@@ -1,4 +1,4 @@
-"""Where nodes lie in memory, and which blocks of them are active."""
+"""Memory layout of the grid's nodes, and the blocks of them that are active."""
 
 # Warp reads its types at run time; as static types, its vectors, arrays and structs have no operators.
 # pyright: reportGeneralTypeIssues=false, reportIndexIssue=false, reportOperatorIssue=false, reportArgumentType=false
@@ -14,7 +14,7 @@ SIDE_X, SIDE_Y, SIDE_Z = (wp.constant(2**shift) for shift in BLOCK_SHIFT)
 
 @wp.func
 def inside(k: Constants, x: wp.vec3) -> bool:
-    """Whether all 27 nodes around `x` exist; False for NaN."""
+    """True if all 27 nodes around `x` exist; False for NaN."""
     q = cells(k, x)
     return (
         q[0] >= 0.5
@@ -34,7 +34,7 @@ def cells(k: Constants, x: wp.vec3) -> wp.vec3:
 
 @wp.func
 def node_position(k: Constants, node: int) -> wp.vec3:
-    """Of a node [m], given its place in memory."""
+    """Position [m] of a node, given its index in memory."""
     block = node // BLOCK_NODES
     i = SIDE_X * (block // (k.blocks_y * k.blocks_z)) + (node // (SIDE_Y * SIDE_Z)) % SIDE_X
     j = SIDE_Y * ((block // k.blocks_z) % k.blocks_y) + (node // SIDE_Z) % SIDE_Y
@@ -87,4 +87,4 @@ def enlist(
 """
 )
 def enlist_felt(q: wp.vec3, blocks_y: int, blocks_z: int, slot: int, stamp: int, felt: wp.array2d[wp.int32]):
-    """Say of the blocks around a particle that a tool touches there."""
+    """Flag the blocks around a particle that a tool touches."""

@@ -1,4 +1,4 @@
-"""How much memory a rollout takes, said before it is taken."""
+"""Memory estimate of a rollout, made before anything is allocated."""
 
 from collections.abc import Callable
 from pathlib import Path
@@ -14,13 +14,13 @@ _FORTH, _BACK = 3, 7
 """Vec4 a node: mass, touch and aim; on the way back also velocity and three cotangents."""
 
 Bytes: TypeAlias = Callable[[int], int]
-"""Of a number of candidates."""
+"""Bytes as a function of the number of candidates."""
 
 
 def bytes_of(schedule: Schedule, *, particles: int, blocks: int, rows: int, backwards: bool) -> Bytes:
-    """What a rollout with `rows` states of history takes: history, grids, and the states it is given and returns.
+    """Memory of a rollout with `rows` states of history: history, grids, and the states it is given and returns.
 
-    Not counted is what the caller holds, such as the histories of other rollouts in one gradient.
+    It excludes memory of the caller, such as the histories of other rollouts in one gradient.
     """
     node = _QUAD * (_BACK if backwards else _FORTH)
     grid, blocks_of_a_list = blocks * (int(BLOCK_NODES) * node + 4), 8 * blocks
@@ -34,7 +34,7 @@ def bytes_of(schedule: Schedule, *, particles: int, blocks: int, rows: int, back
 
 
 def require(needed: Bytes, candidates: int, device: Any) -> None:
-    """Raises MemoryPlanError where the candidates do not fit, with the largest number of them that would."""
+    """Raises MemoryPlanError if the candidates do not fit, with the largest number that would."""
     free = available(device)
     if needed(candidates) > free:
         raise MemoryPlanError(
@@ -45,7 +45,7 @@ def require(needed: Bytes, candidates: int, device: Any) -> None:
 
 
 def largest(needed: Bytes, free: int, limit: int) -> int:
-    """The largest number of candidates up to `limit` that takes at most `free` bytes; 0 where none does."""
+    """The largest number of candidates up to `limit` that takes at most `free` bytes; 0 if none does."""
     fits, too_many = 0, limit + 1
     while too_many - fits > 1:
         middle = (fits + too_many) // 2

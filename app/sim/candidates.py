@@ -1,4 +1,4 @@
-"""Candidates of a batch: which are finite, and what becomes of those that are not. The first axis is the candidate."""
+"""Masks of finite candidates in a batch, and replacement of the others. The first axis is the candidate."""
 
 from functools import partial
 from typing import Any, TypeVar
@@ -12,7 +12,7 @@ TreeT = TypeVar("TreeT")
 
 @partial(jax.jit, inline=True)
 def are_finite(*tree: Any) -> Bool[jax.Array, " B"]:
-    """Which candidates are finite in every number of the arrays in `tree`."""
+    """Mask of the candidates that are finite in every number of the arrays in `tree`."""
     flags = [jnp.isfinite(leaf).all(axis=tuple(range(1, leaf.ndim))) for leaf in jax.tree.leaves(tree)]
     return jnp.stack(flags).all(axis=0)
 

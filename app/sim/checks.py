@@ -1,4 +1,4 @@
-"""What is wrong with the input of a simulation, by index and value: before it costs anything, on the host."""
+"""Validation of a simulation's input on the host, before it costs anything; errors name index and value."""
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
@@ -20,7 +20,7 @@ from app.sim.touching import parts
 Arrays: TypeAlias = jax.Array | np.ndarray
 
 UNIT = 1e-3
-"""How far the length of a quaternion may be from 1: a longer one stretches what it turns."""
+"""Tolerance on the norm of a quaternion about 1: another norm scales what it rotates."""
 
 _AXES = "xyz"
 _POSE = (*_AXES, "w", "qx", "qy", "qz", "opening")
@@ -29,7 +29,7 @@ _POSE = (*_AXES, "w", "qx", "qy", "qz", "opening")
 @final
 @dataclass(frozen=True, kw_only=True)
 class Setup:
-    """What a simulator is made for: scene, number of particles of each body, effects."""
+    """Configuration of a simulator: scene, number of particles of each body, effects."""
 
     scene: Scene
     counts: tuple[int, ...]
@@ -40,12 +40,12 @@ class Setup:
         return with_stiffness_up_to(parameters_with(self.effects), self.scene.stiffest_pa)
 
     def sizes(self) -> "Sizes":
-        """Of the arrays that its simulator takes."""
+        """Sizes of the arrays that its simulator takes."""
         return Sizes(len(self.specs()), sum(self.counts), parts(self.scene.tools)[2])
 
 
 class Sizes(NamedTuple):
-    """Of the arrays that a simulator takes."""
+    """Sizes of the arrays that a simulator takes."""
 
     parameters: int
     particles: int
@@ -114,13 +114,13 @@ def require_finite(name: str, values: Arrays, axis: str, columns: Sequence[str])
 
 
 def inside(scene: Scene, x: Float32[np.ndarray, "*batch 3"]) -> Bool[np.ndarray, "*batch"]:
-    """Whether all 27 nodes around a particle exist, as the kernels decide it; False for NaN."""
+    """True if all 27 nodes around a particle exist, by the kernels' rule; False for NaN."""
     q = (x - np.asarray(scene.low, np.float32)) * np.float32(1 / scene.cell_m)
     return np.all((q >= 0.5) & (q < np.asarray(scene.shape, np.float32) - 1.5), axis=-1)
 
 
 def room(scene: Scene) -> str:
-    """In words, where particles may be."""
+    """Text for people: the box in which particles may be."""
     low = np.asarray(scene.low) + 0.5 * scene.cell_m
     high = np.asarray(scene.low) + (np.asarray(scene.shape) - 1.5) * scene.cell_m
     return f"{words(low)} to {words(high)} m"

@@ -1,4 +1,4 @@
-"""What of a scene is code: the laws of its bodies, the primitives of its tools, the effects; as Warp functions."""
+"""Kernel code of a scene: the laws of its bodies, the primitives of its tools, the effects; as Warp functions."""
 
 # Warp reads its types at run time; as static types, its vectors, arrays and structs have no operators.
 # pyright: reportGeneralTypeIssues=false, reportIndexIssue=false, reportOperatorIssue=false, reportArgumentType=false
@@ -21,7 +21,7 @@ from app.sim.touching import Part, touching
 @final
 @dataclass(frozen=True, kw_only=True)
 class Code:
-    """What kernels are made for; scenes that differ in numbers alone share them."""
+    """Compile-time part of a scene; scenes that differ in numbers alone share kernels."""
 
     laws: tuple[Law, ...]
     parts: tuple[Part, ...]
@@ -40,7 +40,7 @@ class Code:
         return sha256(repr((laws, parts, self.coordinates, specs, hooks)).encode()).hexdigest()[:10]
 
     def grips(self) -> bool:
-        """Whether anything can be held between two sides of a tool."""
+        """True if anything can be held between two sides of a tool."""
         return any(part.side or part.grasps for part in self.parts)
 
 

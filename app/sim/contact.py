@@ -21,7 +21,7 @@ FAR = wp.constant(15.0)
 
 @wp.func
 def coulomb(tangential: wp.vec3, normal_impulse: float, friction: float, slip_speed: float) -> wp.vec3:
-    """What is left of a tangential velocity [m/s] after friction with the given normal velocity change [m/s].
+    """Tangential velocity [m/s] left after Coulomb friction with the given normal velocity change [m/s].
 
     |v| is smoothed by `slip_speed`, so that the derivative at rest is finite.
     """
@@ -44,7 +44,7 @@ def table_contact(k: Constants, v: wp.vec3, friction: float) -> wp.vec3:
 
 @wp.func
 def touch_share(k: Constants, gap: float) -> float:
-    """Which share of a particle's mass touches a tool whose surface is `gap` [m] away."""
+    """Share of a particle's mass that touches a tool whose surface is `gap` [m] away."""
     return sigmoid(-gap / k.contact_width)
 
 

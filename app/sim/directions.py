@@ -1,4 +1,4 @@
-"""Which way a slender object runs where each of its particles is, seen from the particles alone."""
+"""Local directions of a slender object at its particles, from their positions alone."""
 
 from functools import partial
 

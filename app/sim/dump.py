@@ -37,7 +37,7 @@ _POINTS, _RODS = "mpm", "rods"
 
 
 def versions() -> dict[str, str]:
-    """What computes."""
+    """Versions of this package and of the numerical libraries, by name."""
     return {"dipac": __version__} | {name: metadata.version(name) for name in ("jax", "numpy", "warp-lang")}
 
 

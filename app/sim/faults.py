@@ -1,4 +1,4 @@
-"""Faults of a simulation of either engine: what went wrong first, of each kind, and what was seen on the way."""
+"""Faults of a simulation by either engine: the first of each kind, and the states before it."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -46,11 +46,11 @@ class Fault:
 @final
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Autopsy(Generic[TraceT, StateT]):
-    """What was found.
+    """Diagnosis of a simulation that became non-finite.
 
-    `failed`: a rollout of so many steps is the first that is not finite; None where all are. `objection`: what is wrong
-    with the input, if anything. `advice`: what to change, by the kind of the first fault. `last`: up to `KEPT` states
-    before the failure or the end, shape (K, ...), of which the last is that after `until` steps; `trace` ends there.
+    `failed`: the number of steps of the shortest rollout that is not finite; None if all are. `objection`: the defect
+    of the input, if any. `advice`: the remedy, by the kind of the first fault. `last`: up to `KEPT` states before the
+    failure or the end, shape (K, ...), the last of them after `until` steps; `trace` ends there.
     """
 
     steps: int
@@ -64,7 +64,7 @@ class Autopsy(Generic[TraceT, StateT]):
 
     @property
     def until(self) -> int:
-        """Steps after which the last finite state is."""
+        """Number of steps after which the last finite state occurs."""
         return len(self.trace) - 1
 
     def verdict(self) -> str:

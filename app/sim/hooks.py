@@ -33,14 +33,14 @@ def require_known(effects: Sequence[Effect]) -> None:
 @final
 @dataclass(frozen=True, kw_only=True)
 class Columns:
-    """Which columns of phi nodes need, and which particles: a kernel carries no more than it uses."""
+    """Columns of phi that nodes and particles need: a kernel carries no more than it uses."""
 
     node: tuple[int, ...]
     grain: tuple[int, ...]
 
 
 def columns(nominal: Sequence[ParameterSpec], effects: Sequence[Effect]) -> Columns:
-    """Of phi with `nominal` and then the effects' parameters: the first for particles, the second for nodes."""
+    """Columns of phi with `nominal` and then the effects' parameters, for each kind of kernel."""
     node, grain, at = [1], [0], len(nominal)
     for effect in effects:
         own = range(at, at + len(effect.parameters))
@@ -69,7 +69,7 @@ class Hooks:
         return self.acting.get(name, _never)
 
     def has(self, name: str) -> bool:
-        """Whether any effect changes it."""
+        """True if any effect changes the quantity `name`."""
         return name in self.composed
 
 
@@ -97,7 +97,7 @@ def _has(effect: Effect, names: Sequence[str]) -> bool:
 
 
 def _acts(effect: Effect, at: int) -> WarpFunction:
-    """Whether its place asks for every effect, or its switches are not all at their nulls."""
+    """Warp predicate: true if `every` effect is asked for, or a switch of this one is off its null."""
     function: WarpFunction = _all_asked_for
     for offset, spec in enumerate(effect.parameters[: effect.switches]):
         function = _either(function, _differs(at + offset, spec.nominal))

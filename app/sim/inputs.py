@@ -1,4 +1,4 @@
-"""What a kernel is given besides constants and memory, as Warp structs; and where in all that it works."""
+"""Kernel arguments besides constants and memory, as Warp structs; and a thread's place in memory."""
 
 # Warp reads its types at run time; as static types, its vectors, arrays and structs have no operators.
 # pyright: reportGeneralTypeIssues=false, reportIndexIssue=false, reportOperatorIssue=false, reportArgumentType=false
@@ -44,7 +44,7 @@ class Types:
 
 
 def types_of(code: Code) -> Types:
-    """For scenes of this code."""
+    """Vector types for scenes of this code."""
     lengths = columns(NOMINAL_PHYSICS, code.effects)
     PhiGrain = wp.types.vector(length=len(lengths.grain), dtype=float)
     PhiNode = wp.types.vector(length=len(lengths.node), dtype=float)
@@ -64,7 +64,7 @@ def types_of(code: Code) -> Types:
 
 @wp.func
 def place_of(b: int, s: int, listing: int, slot: int, stamp: int) -> Place:
-    """All of it together."""
+    """The place with these values."""
     w = Place()
     w.b = b
     w.s = s

@@ -147,7 +147,7 @@ def make_operations(scene: Scene, counts: Sequence[int], schedule: Schedule) -> 
         require(needed, candidates, jax.local_devices()[0])
 
     def inputs(phi: jax.Array, tool: jax.Array, setting: Setting, module: wp.Module) -> tuple[jax.Array, ...]:
-        """What the kernels of `module` read.
+        """Arrays that the kernels of `module` read.
 
         Compiles while JAX traces: a compiler has no place in a computation that is recorded.
         """

@@ -1,4 +1,4 @@
-"""What the kernels work on besides particles: the grid and its cotangents, as Warp structs of arrays.
+"""Memory of the kernels besides particles: the grid and its cotangents, as Warp structs of arrays.
 
 States of particles and their cotangents are arrays of vec4 (B, R, QUADS, N); see `app.sim.packed`. Axes: B candidates,
 R rows, the states at the beginning of substep s in row s modulo R, N particles, G nodes, K blocks of nodes. A grid has

@@ -1,4 +1,4 @@
-"""What of a scene is numbers: the structs that kernels read, on a device."""
+"""Numerical constants of a scene: the structs that kernels read, on a device."""
 
 # Warp's structs and vectors build their members at run time, which no static type describes.
 # pyright: reportAttributeAccessIssue=false, reportCallIssue=false, reportGeneralTypeIssues=false
@@ -23,7 +23,7 @@ def blocks_of(scene: Scene) -> tuple[int, int, int]:
 
 
 def block_count_of(scene: Scene) -> int:
-    """Of one grid, rounded up: a GPU zeroes whole large pieces seven times faster than what has an odd size."""
+    """Number of blocks of one grid, rounded up: a GPU zeroes whole large pieces seven times faster than odd sizes."""
     x, y, z = blocks_of(scene)
     return -(-x * y * z // PIECE) * PIECE
 

@@ -1,4 +1,4 @@
-"""What a physical parameter is: its name, unit, range, and the scale on which it is searched."""
+"""Specification of a physical parameter: name, unit, range, and the scale on which it is searched."""
 
 from dataclasses import dataclass
 from math import exp, log
@@ -37,7 +37,7 @@ class ParameterSpec:
             raise ValueError(f"{self.name}: the typical value {self.typical:g} is outside {self.low:g}..{self.high:g}.")
 
     def at_end(self, value: float) -> bool:
-        """Whether a value that was searched for is at an end of the range: within a thousandth of it."""
+        """True if an estimated value is at an end of the range: within a thousandth of it."""
         low, here, high = (self.coordinate(each) for each in (self.low, value, self.high))
         return min(here - low, high - here) < _AT_END * (high - low)
 

@@ -87,7 +87,7 @@ def acting(phi: Float[np.ndarray, " P"], names: Collection[str] = ()) -> tuple[E
 
 
 def columns_of(effects: Sequence[Effect]) -> list[int]:
-    """Where the parameters of a simulator with these effects stand in phi."""
+    """Column indices in phi of the parameters of a simulator with these effects."""
     return [index(spec.name) for spec in parameters_with(effects)]
 
 

@@ -25,9 +25,9 @@ from app.sim.state import Setting, State
 @final
 @dataclass(frozen=True)
 class Sought:
-    """Whether anybody asks for the gradient with respect to phi.
+    """Request for the gradient with respect to phi, known when JAX traces.
 
-    Planning does not, and effects at their null cost it nothing then.
+    Planning does not need it, and effects at their null cost it nothing then.
     """
 
     phi: bool

@@ -43,7 +43,7 @@ class Body:
 
     @property
     def share(self) -> float:
-        """Of phi's stiffness, such that E I is that of the true radius: I = pi r^4 / 4 of a round cross section."""
+        """Share of phi's stiffness at which E I is that of the true radius: I = pi r^4 / 4 of a round cross section."""
         if self.radius_m is None or self.bending_radius_m is None:
             return self.stiffness
         return self.stiffness * (self.bending_radius_m / self.radius_m) ** 4
@@ -108,7 +108,7 @@ class Scene:
         )
 
     def split(self, particle_count: int) -> tuple[int, ...]:
-        """How many of so many particles each body has: as many as its volume is of all."""
+        """Number of particles of each body, in proportion to its volume."""
         volumes = np.cumsum([body.volume_m3 for body in self.bodies])
         ends = np.rint(particle_count * volumes / volumes[-1]).astype(int)
         return tuple(int(count) for count in np.diff(ends, prepend=0))

@@ -1,4 +1,4 @@
-"""In which order, and in how many threads, the kernels of an action are launched."""
+"""Launch schedules of an action's kernels: their order, and their threads."""
 
 # Warp's arrays and structs are untyped.
 # pyright: reportAttributeAccessIssue=false, reportGeneralTypeIssues=false
@@ -30,7 +30,7 @@ LANES = 1024
 
 
 class Work(NamedTuple):
-    """What an action is computed from and in: constants, `inputs.Types.Inputs`, history and grid."""
+    """Working set of an action: constants, `inputs.Types.Inputs`, history and grid."""
 
     k: Constants
     inputs: Any
@@ -49,24 +49,24 @@ class Bars(NamedTuple):
 
 
 class Schedule(Protocol):
-    """How the kernels are launched."""
+    """Launch strategy of the kernels."""
 
     @property
     def kernels(self) -> CandidateKernels | ParticleKernels:
-        """What is launched."""
+        """Kernels to launch."""
         ...
 
     @property
     def sorts(self) -> bool:
-        """Whether it is faster where particles next to each other in memory are so in space."""
+        """True if it is faster when particles that are neighbours in memory are so in space."""
         ...
 
     def lists(self, candidates: int) -> int:
-        """How many candidates are in work at the same time, each with a list of active blocks."""
+        """Number of candidates in work at the same time, each with a list of active blocks."""
         ...
 
     def slots(self, candidates: int, *, backwards: bool) -> int:
-        """How many grids are in use at the same time."""
+        """Number of grids in use at the same time."""
         ...
 
     def grain_columns(self, particles: int) -> int:
@@ -74,7 +74,7 @@ class Schedule(Protocol):
         ...
 
     def node_columns(self) -> int:
-        """And over nodes."""
+        """The number of partial sums over nodes."""
         ...
 
     def forward(self, work: Work, start: wp.array4d[wp.vec4]) -> None:
@@ -187,7 +187,7 @@ class LaunchedSubsteps:
 
 
 def code_of(scene: Scene, effects: tuple[Effect, ...]) -> Code:
-    """What of a scene is code."""
+    """Compile-time part of a scene."""
     primitives, _, coordinates = parts(scene.tools)
     laws = tuple(body.material.law for body in scene.bodies)
     return Code(laws=laws, parts=primitives, coordinates=coordinates, effects=effects)

@@ -21,7 +21,7 @@ def mesh_of(devices: Sequence[Any] | None = None) -> Mesh:
 
 
 def sharding(mesh: Mesh) -> NamedSharding:
-    """Of arrays whose first axis is that of candidates. Place them with it, and they need not move."""
+    """Sharding of arrays whose first axis is that of candidates. Placed with it, they need not move."""
     return NamedSharding(mesh, PartitionSpec(AXIS))
 
 

@@ -39,14 +39,14 @@ class State(NamedTuple):
 
 @final
 class Setting(NamedTuple):
-    """What effects may depend on besides the state; a JAX pytree. Nothing is differentiated with respect to it."""
+    """Inputs of effects besides the state; a JAX pytree. Nothing is differentiated with respect to it."""
 
     label: Float[jax.Array, "B N 4"]
-    """Where a particle is in its object: along it (-1 to 1), offset from its middle [m], direction there (x, y).
+    """Particle coordinates in its object: along it (-1 to 1), offset from its middle [m], direction there (x, y).
 
-    A direction of 0 is unknown; materials that need one look for it (`directions`)."""
+    A direction of 0 is unknown; materials that need one estimate it (`directions`)."""
     time: Float[jax.Array, " B"]
-    """Of the session in which the action happens: -0.5 at its beginning, 0.5 at its end."""
+    """Session time of the action: -0.5 at the session's beginning, 0.5 at its end."""
 
     @classmethod
     def unknown(cls, candidates: int, particles: int) -> Self:

@@ -1,4 +1,4 @@
-"""Puts the primitives of a scene's tools one after the other: what they all do to one particle."""
+"""Composition of the primitives of a scene's tools: their joint action on one particle."""
 
 # Warp reads its types at run time; as static types, its vectors, arrays and structs have no operators.
 # pyright: reportGeneralTypeIssues=false, reportIndexIssue=false, reportOperatorIssue=false, reportArgumentType=false
@@ -17,7 +17,7 @@ from app.sim.hooks import Hooks
 from app.sim.tools.base import COORDINATES, Motion, Primitive, Tool
 
 PATIENCE = 20.0
-"""How many times slower matter is moved out of the margin of what is thin, which its barrier guards anyway.
+"""Slow-down factor of the push out of the margin of thin primitives, which their barrier guards anyway.
 
 Water that is filled into a bowl with some particles nearer to the wall than the margin was thrown up by 7 % of its
 depth at 1, and by 1 % at 20.
@@ -175,7 +175,7 @@ def _grasping_too(before: WarpFunction, part: Part, i: int) -> WarpFunction:
 
 
 def _motion(part: Part) -> tuple[WarpFunction, WarpFunction, WarpFunction]:
-    """How a part moves: `into`, `turned` and `drift`.
+    """Kinematics of a part: `into`, `turned` and `drift`.
 
     `into(s, x, c) -> p`, a point of the world in the primitive's frame; `turned(s, n, c) -> n`, a direction of its
     frame in the world; `drift(s, p, now, then)`, how far a point of the tool at p moves [m].

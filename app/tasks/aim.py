@@ -1,4 +1,4 @@
-"""When a task is done: laws of where the object shall be, for what cameras see of it and for the truth alike."""
+"""Success criteria of tasks: conditions on the object's position, for observations and the truth alike."""
 
 from dataclasses import dataclass
 from typing import Protocol, final
@@ -12,14 +12,14 @@ from app.core.types import Points
 
 
 class Aim(Protocol):
-    """Judges particles `x` (N, 3) [m] by the goal (M, 3) [m]."""
+    """Criterion on particles `x` (N, 3) [m], given the goal (M, 3) [m]."""
 
     def reached(self, x: Points, goal: Points) -> bool:
-        """Whether the task is done."""
+        """True if the task is done."""
         ...
 
     def share(self, x: Points, goal: Points) -> float:
-        """How much of the object is where it shall be, 0 to 1."""
+        """Share of the object that meets the criterion, 0 to 1."""
         ...
 
 
@@ -35,7 +35,7 @@ class Near:
         return bool(chamfer_m2(x, goal) <= self.limit_m2)
 
     def share(self, x: Points, goal: Points) -> float:
-        """Of the particles, those as near to the goal as the limit lets all be."""
+        """Share of the particles as near to the goal as the limit permits if all are."""
         return float(np.mean(KDTree(goal).query(x)[0] ** 2 <= self.limit_m2 / 2))
 
 
@@ -52,7 +52,7 @@ class OnMat:
         return self.share(x, goal) >= self.enough
 
     def share(self, x: Points, goal: Points) -> float:
-        """Of the particles, those over the mat."""
+        """Share of the particles over the mat."""
         del goal
         return float(np.mean(np.linalg.norm(x[:, :2] - self.mat.place_m, axis=1) <= self.mat.radius_m))
 
@@ -71,7 +71,7 @@ class InBowl:
         return self.share(x, goal) >= self.least
 
     def share(self, x: Points, goal: Points) -> float:
-        """Of the particles."""
+        """Share of the particles in the lower half of the ball."""
         del goal
         away = x - np.asarray(self.place_m)
         return float(np.mean((np.linalg.norm(away, axis=1) < self.radius_m) & (away[:, 2] < 0)))
@@ -93,12 +93,12 @@ class Hung:
     nearly: float = 0.97
 
     def reached(self, x: Points, goal: Points) -> bool:
-        """Whether it hangs."""
+        """True if it hangs."""
         before = float(np.mean(x[:, 1] < self.y_m))
         return self.share(x, goal) >= self.nearly and self.least_side <= before <= 1 - self.least_side
 
     def share(self, x: Points, goal: Points) -> float:
-        """Of the particles, those that are off the table and near the rack."""
+        """Share of the particles that are off the table and near the rack."""
         del goal
         return float(np.mean((x[:, 2] > self.low_m) & (np.abs(x[:, 1] - self.y_m) < self.reach_m)))
 
@@ -116,6 +116,6 @@ class Beyond:
         return self.share(x, goal) >= self.enough
 
     def share(self, x: Points, goal: Points) -> float:
-        """Of the particles, those beyond."""
+        """Share of the particles beyond."""
         del goal
         return float(np.mean(x[:, 0] > self.x_m))

@@ -134,12 +134,12 @@ def aimed(asked: Motion, x: Points, pushes: Pushes, site: Site) -> Motion:
 
 
 def _down(positions: Float64[np.ndarray, "T 3"]) -> Int[np.ndarray, " L"]:
-    """When the tool is down."""
+    """Indices at which the tool is down."""
     return np.flatnonzero(positions[:, 2] < positions[:, 2].min() + _LOW_M)
 
 
 def _fits(way: Float64[np.ndarray, "W 2"], object_: Float64[np.ndarray, "N 2"], pushes: Pushes) -> bool:
-    """Whether it begins beside the object, and meets it in the first half of its way, all within the region."""
+    """True if it begins beside the object and meets it in the first half of its path, all within the region."""
     low, high = np.array(pushes.region[:2]), np.array(pushes.region[2:])
     if ((way < low) | (way > high)).any():
         return False

@@ -1,4 +1,4 @@
-"""What a task is: data about a scene, an object, a tool and how to plan there. One file a task, named as the task."""
+"""Interface of a task: scene, object, tool and planning, as data. One file a task, named as the task."""
 
 from __future__ import annotations
 
@@ -42,9 +42,9 @@ if TYPE_CHECKING:  # Whoever needs these names alone shall not load JAX and Warp
 
 
 _AROUND_M, _PIXEL_M = 0.04, 0.008
-"""What is seen around where actions reach, and a pixel of it: half of a rope's width."""
+"""Margin [m] of pictures around the reach of actions, and their pixel [m]: half of a rope's width."""
 _ROUNDED = 1e-6
-"""By which a number in single precision may be larger than it was."""
+"""Relative rounding error of a number in single precision."""
 _LONGEST, _HASTIEST, _MOST = 1e3, 1e2, 1e6
 """No episode has more actions, no simulation is faster, no preset larger: such a number is a slip."""
 
@@ -52,7 +52,7 @@ _LONGEST, _HASTIEST, _MOST = 1e3, 1e2, 1e6
 @final
 @dataclass(frozen=True, kw_only=True)
 class Preset:
-    """How much is computed for one decision: `branches` = k random ones + 1 of the policy, each `depth` actions."""
+    """Size of the search for one decision: `branches` = k random ones + 1 of the policy, each `depth` actions."""
 
     branches: int
     depth: int
@@ -61,16 +61,16 @@ class Preset:
 
 
 Nodes: TypeAlias = Float64[np.ndarray, "K 3"]
-"""Where a simulated world has the object [m], in its own terms: a rope's centreline, or the centres of many pieces."""
+"""Nodes [m] of the object in a simulated world: a rope's centreline, or the centres of many pieces."""
 
 
 @final
 @dataclass(frozen=True, kw_only=True)
 class RodDynamics:
-    """A task's simulation of its rope as a rod, in real time and under real weight.
+    """Rod simulation of a task's rope, in real time and under real weight.
 
-    `physics`: of the contact with finger and table, by the names of `RodPhysics`; `nominal`, `presets`: as a task's;
-    `push_substeps`, `rest_substeps`: of its pushes, each a time step of the scene.
+    `physics`: parameters of its contact with finger and table, by the names of `RodPhysics`; `nominal`, `presets`: as
+    a task's; `push_substeps`, `rest_substeps`: time steps of the scene in a push and in the rest after it.
     """
 
     scene: RodScene
@@ -82,9 +82,9 @@ class RodDynamics:
     max_rigidity_n_m2: float
     """The largest bending rigidity that is simulated, by `stiff_scene`."""
     calibrated: tuple[str, ...] = ("stiffness", "table_friction", "finger_friction")
-    """What calibration estimates."""
+    """Parameters that calibration estimates."""
     tool_offset: tuple[str, ...] = ("tcp_x", "tcp_y")
-    """What of the tool's place in its own frame calibration estimates besides, where recordings tell it."""
+    """Components of the tool's offset in its own frame that calibration estimates besides, if recordings tell them."""
 
     @property
     def stiff_scene(self) -> RodScene:
@@ -100,21 +100,21 @@ class RodDynamics:
 
 
 def _at_rest(x: Float[Array, "B N 3"], near: Float[Array, "2 n"] | None = None) -> State:
-    """Unmoving and undeformed particles."""
+    """Particles at rest and undeformed."""
     from app.planner.tree import at_rest
 
     return at_rest(x, near)
 
 
 class Problems(Protocol):
-    """Where the object starts and where it shall go, by seed."""
+    """Initial and goal configurations of the object, by seed."""
 
     def start(self, seed: int) -> Nodes:
         """The object at the start."""
         ...
 
     def goal(self, seed: int, particle_count: int) -> Points:
-        """Where it shall be, as particles [m]."""
+        """Goal of the object, as particles [m]."""
         ...
 
     def particles(self, nodes: Nodes, particle_count: int) -> Points:
@@ -134,20 +134,20 @@ class Lesson:
 @final
 @dataclass(frozen=True, kw_only=True)
 class Task:
-    """Everything about a task that is not the site's.
+    """Everything about a task that does not depend on the site.
 
-    `seeing`: how perception finds the object; its particle count is the preset's. `begin`: the simulator's state of an
-    object that is seen; `at_rest`: actions end at rest, and nothing but where the object is matters to the next one.
-    `symmetry`: what a demonstration shows of problems that were not demonstrated; `side`: from where policies that look
-    see the object besides from above.
+    `seeing`: settings of perception; its particle count is the preset's. `begin`: the simulator's state of an observed
+    object; `at_rest`: actions end at rest, so that the next one depends on the object's position alone.
+    `symmetry`: isometries by which demonstrations generalise; `side`: a view for policies that look, besides that from
+    above.
     `nominal`: parameters of the simulator, by name, whose nominal value for this task is not the simulator's own;
-    `calibrated`: those that calibration estimates from transitions. `aim`: when it is done, truly; `ends`: when what
-    cameras see is enough to stop, where that has to be more than the aim; `horizon`: after how many actions an
-    evaluation ends otherwise. `rods`: the object as a rod, where it is a rope; `dynamics`: see `with_dynamics`;
-    `own_dynamics`: those that commands take where nobody names others. `sized`: the task about another rope and finger.
-    `haste`: real seconds in a simulated one. `empty_m`: a tool that opens less may hold the
-    object, which is not done then, wherever it is. `lesson`: what demonstrations are about, where that is another
-    object; a model that they calibrate has to go on learning in use.
+    `calibrated`: those that calibration estimates from transitions. `aim`: the true success criterion; `ends`: the
+    criterion on observations, if it has to be stricter than the aim; `horizon`: the actions after which an evaluation
+    ends otherwise. `rods`: the object as a rod, if it is a rope; `dynamics`: see `with_dynamics`; `own_dynamics`: the
+    default of commands. `sized`: the task with another rope and finger.
+    `haste`: real seconds in a simulated one. `empty_m`: a tool that opens less may hold the object, which is not done
+    then, wherever it is. `lesson`: the setting of demonstrations, if it has another object; a model that they calibrate
+    has to go on learning in use.
     """
 
     name: str
@@ -239,7 +239,7 @@ class Task:
 
     @property
     def demonstrated(self) -> Task:
-        """What the expert demonstrates: the task itself, or the same with the object of its lesson."""
+        """The task that the expert demonstrates: itself, or the same with the object of its lesson."""
         if self.lesson is None:
             return self
         return replace(self, stage=self.lesson.stage, problems=self.lesson.problems, lesson=None)
@@ -262,7 +262,7 @@ class Task:
 
     @property
     def views(self) -> tuple[View, ...]:
-        """What policies that look see: all that actions reach, from above, and from the side where that tells more."""
+        """Views of policies that look: the whole reach of actions from above, and from the side if the task has one."""
         from app.policy.pictures import View
 
         (x0, y0, z0), (x1, y1, z1) = self.actions.reach
@@ -296,7 +296,7 @@ class Task:
             raise UsageError.unknown("preset", name, self.presets) from None
 
     def reconstruction(self, preset: str) -> Reconstruction:
-        """How to see the object as so many particles as the preset plans with."""
+        """Settings of the reconstruction, with the preset's number of particles."""
         return replace(self.seeing, particle_count=self.preset(preset).particle_count)
 
     def start(self, seed: int) -> Nodes:
@@ -304,23 +304,23 @@ class Task:
         return self.problems.start(seed)
 
     def goal(self, seed: int, particle_count: int) -> Points:
-        """Where the object shall be at the end of episode `seed`, as particles [m]."""
+        """Goal of the object in episode `seed`, as particles [m]."""
         return self.problems.goal(seed, particle_count)
 
     def particles(self, nodes: Nodes, particle_count: int) -> Points:
-        """What perfect cameras would see of a simulated world's object, as particles [m]."""
+        """The object of a simulated world as perfect cameras would see it, as particles [m]."""
         return self.problems.particles(nodes, particle_count)
 
     def done(self, x: Points, goal: Points, tool: ToolPose) -> bool:
-        """Whether an object that truly is at `x` (N, 3) [m] is where it shall be and stays there without the tool."""
+        """True if an object that truly is at `x` (N, 3) [m] meets the aim and stays there without the tool."""
         return self._empty(tool) and self.aim.reached(x, goal)
 
     def ended(self, seen: Points, goal: Points, tool: ToolPose | None = None) -> bool:
-        """Whether an object that cameras see so (N, 3) [m], with the tool there, needs no further action."""
+        """True if an object observed at `seen` (N, 3) [m], with the tool there, needs no further action."""
         return self._empty(tool) and (self.ends or self.aim).reached(seen, goal)
 
     def _empty(self, tool: ToolPose | None) -> bool:
-        """Whether the tool holds nothing for sure; one that is nowhere near does not."""
+        """True if the tool surely holds nothing, as one that is nowhere near."""
         return tool is None or bool(tool[7] >= self.empty_m)
 
 
@@ -339,16 +339,16 @@ class Experiment:
 @final
 @dataclass(frozen=True, kw_only=True)
 class Wish:
-    """What this episode is to do. `model` None starts from the task's nominal one; `method`: how it is decided.
+    """Configuration of an episode. `model` None starts from the task's nominal one; `method`: how it is decided.
 
-    `goal` is in the true world frame; `shown_goal` is where cameras that err will show an object that is there, and
-    None where they do not. `asked`: pushes to offer before anything is planned; `experiment`: further pushes are chosen
-    for what they say, and the goal is of no account; `opening`: what the session's recording begins with; `verdict`:
-    what a discovery concluded.
-    `staying`: the program goes on when the goal is reached, the `pushes` are made or something fails, until somebody
-    ends it: it waits then to be told what to do next. `answering`: what the cameras see answers to what the arm does;
-    where it does not, as in a recording, nothing is learned from it. `checklist`: nothing moves before one is complete,
-    as on every real arm; `allow_automatic`: there, too, motions may be made without approval once that is confirmed.
+    `goal` is in the true world frame; `shown_goal` is its image in the frame of cameras that err, None if they do not.
+    `asked`: pushes to propose before anything is planned; `experiment`: further pushes are chosen for their information
+    and the goal does not matter; `opening`: the first message of the session's recording; `verdict`: the conclusion of
+    a discovery.
+    `staying`: the program goes on after the goal is reached, the `pushes` are made or something fails, and waits for
+    requests until it is ended. `answering`: observations respond to the arm's motion; otherwise, as in a recording,
+    nothing is learned from them. `checklist`: nothing moves before one is complete, as on every real arm;
+    `allow_automatic`: there, too, motions may be made without approval once that is confirmed.
     """
 
     task: Task
@@ -372,11 +372,11 @@ class Wish:
 
     @property
     def target(self) -> Points:
-        """What observations are compared with [m]."""
+        """Goal in the frame of the observations [m]."""
         return self.goal.positions if self.shown_goal is None else self.shown_goal
 
     def reached(self, particles: Particles, tool: ToolPose) -> bool:
-        """Whether the task is done, by what is observed and where the tool is."""
+        """True if the task is done, by the observation and the tool's pose."""
         return self.task.ended(particles.positions, self.target, tool)
 
     def proposal(self, plan: Plan, observed: Particles, model: Model, *, began_s: float, now_s: float) -> Proposal:

@@ -1,4 +1,4 @@
-"""What a task compiles, kept once a process: simulator, planner, calibrator, and the stages of warming them up."""
+"""Compiled functions of a task, cached per process: simulator, planner, calibrator, and stages of their warm-up."""
 
 from collections.abc import Callable, Collection, Sequence
 from contextlib import suppress
@@ -48,7 +48,7 @@ NOWHERE_M = (0.0, 0.0, 0.0)
 _AT_END = 1e-3
 """In the logarithm."""
 _STARTS = (0.25, 0.5, 0.75)
-"""Of fits in the other range of stiffness, as shares of it in the logarithm."""
+"""Initial stiffnesses of fits in the other range, as shares of it in the logarithm."""
 _NOW = 0.5
 """The end of a session."""
 
@@ -149,7 +149,7 @@ def rod_now(rods: RodDynamics, candidates: int) -> RodSetting:
 
 
 def now(candidates: int, particle_count: int) -> Setting:
-    """What is known besides the state of an action that is planned: it comes after the session of the model."""
+    """Setting of an action that is planned: it comes after the session of the model."""
     return Setting.unknown(candidates, particle_count)._replace(time=jnp.full(candidates, _NOW))
 
 
@@ -169,7 +169,7 @@ def _planner(task: str, preset: str, needed: Needs, method: Method, confines: Co
 
 
 def search(task: str, preset: str, phi: Float32[np.ndarray, " P"], confines: Confines = ANYWHERE) -> Search:
-    """What the task's decisions are searched with, sized by the preset, for models that need the effects of `phi`."""
+    """Tree search of the task's decisions, sized by the preset, for models that need the effects of `phi`."""
     return _search(task, preset, needs(task, phi), confines)
 
 
@@ -204,7 +204,7 @@ def _calibrator(task: str, preset: str, settings: Settings, needed: Needs) -> Ca
 
 
 def _tool_offset(task: Task) -> ToolOffset | None:
-    """In the frame of a tool that points down, as discovery's `tcp_offset` has it; None for other than rods."""
+    """Axes of the tool's offset for a tool that points down, as discovery's `tcp_offset`; None for other than rods."""
     from app.discovery.apparatus.tcp_offset import EFFECT
 
     if task.dynamics != "rods" or task.rods is None:
@@ -316,13 +316,13 @@ def _best_within(
 
 
 def _borders(here: ParameterSpec, there: ParameterSpec, value: float) -> bool:
-    """Whether a value in the range `here` is at the end that adjoins the range `there`."""
+    """True if a value in the range `here` is at the end that adjoins the range `there`."""
     end = here.high if there.low >= here.high else here.low
     return bool(abs(here.coordinate(value) - here.coordinate(end)) < _AT_END)
 
 
 def nominal_model(task: str) -> Model:
-    """Version 0. Its id says whose it is, and its time is the beginning: it was there before anything was seen."""
+    """Version 0. Its id names the task, and its time is 0, before any observation."""
     return Model(
         id=MessageId(f"model-nominal-{task}"),
         time_s=0.0,
@@ -336,9 +336,9 @@ def nominal_model(task: str) -> Model:
 
 
 def uncalibrated_model(task: str) -> Model:
-    """What the simulator would be for this task without any demonstration: its own defaults for what is calibrated.
+    """Model of the task's simulator without any demonstration: its own defaults for what is calibrated.
 
-    The task's nominal values of those came from fits to what the object does.
+    The task's nominal values of those came from fits to the object's behaviour.
     """
     known = nominal_model(task)
     defaults = {spec.name: spec.nominal for spec in PARAMETERS if spec.name in load(task).calibrated}
@@ -356,7 +356,7 @@ def _nominal_values(task: Task) -> list[float]:
 @final
 @dataclass(frozen=True)
 class Stage:
-    """Something to compile: what it is called, and how it is done."""
+    """A compilation step: its name, and the function that does it."""
 
     name: str
     run: Callable[[], object]

@@ -1,7 +1,7 @@
-"""What cameras and arm get wrong, according to a model, allowed for: where the object is, and what to tell the arm.
+"""Compensation of the errors of cameras and arm that a model has: true positions, and commands to the arm.
 
-The simulator, the planner and goals are in the true world frame, that of the robot's base. Clouds and what is compared
-with them are where the cameras say; motions are what the arm is told. Recordings hold both as they were.
+The simulator, the planner and goals are in the true world frame, that of the robot's base. Clouds, and data compared
+with them, are in the frame of the cameras; motions are commands to the arm. Recordings hold both as they were.
 """
 
 from dataclasses import dataclass, replace
@@ -27,7 +27,7 @@ from app.tasks.doubted import subject_of
 _PAUSE_S = 1e4
 """Between two positions of a way that is gone so slowly that no delay or lag shows."""
 _ROUNDS = 12
-"""Of an inverse by iteration: an arm that leaves out a fifth of a stroke, the most of all, is undone to a nanometre."""
+"""Iterations of an inverse: an arm that leaves out a fifth of a stroke, the most of all, is undone to a nanometre."""
 
 
 @final
@@ -52,10 +52,10 @@ class Correction:
         rejected: Ways = (),
         near: Centreline | None = None,
     ) -> Plan:
-        """What to do with the object that the cameras say is at `observed` [m], so that it is truly at `goal` [m].
+        """Plan for the object that cameras observe at `observed` [m], so that it truly reaches `goal` [m].
 
-        The motion is what to tell the arm, and predictions are what the cameras will show; distances are the true ones.
-        The centreline after it, and the one it is `near`, are in the true frame.
+        The motion is the command to the arm, predictions are as the cameras will show them; distances are true. The
+        centreline after it, and the one it is `near`, are in the true frame.
         """
         command = partial(self.command, site=site)
         found = planner(
@@ -71,20 +71,20 @@ class Correction:
         return replace(found, branches=branches, predicted=branches[found.best].predicted)
 
     def unseen(self, points: Points) -> Points:
-        """Where the object is that the cameras say is here [m]."""
+        """True position of the object that cameras observe here [m]."""
         return self.predictor.unseen(points, self._eye(points), self.theta)
 
     def seen(self, points: Points) -> Points:
-        """Where the cameras will say that the object is which is here [m]; non-finite where that is."""
+        """Observed position of the object that truly is here [m]; non-finite as the input is."""
         if not np.isfinite(points).all():
             return points
         return self.predictor.seen(points, self._eye(points), self.theta)
 
     def command(self, motion: Motion, before: Points, after: Points, site: Site) -> Motion:
-        """What to tell the arm so that its tip makes `motion`, which moves the object from `before` to `after`.
+        """Command to the arm so that its tip makes `motion`, which moves the object from `before` to `after`.
 
-        It allows for what changes the way, however slowly it is gone, and not for delay and lag, which change when the
-        arm is there (docs/decisions/0007-extended-models.md). No lower than the site's workspace.
+        It compensates errors of the path, however slow the motion, and not delay and lag, which change its timing
+        (docs/decisions/0007-extended-models.md). No lower than the site's workspace.
         """
         felt = self._felt(motion, before, after)
         told = motion.positions
@@ -99,7 +99,7 @@ class Correction:
         return self.predictor.carried_out(track, felt, self.theta, lambda _: True).positions
 
     def transition(self, seen: Transition) -> Transition:
-        """What really happened: the object where it was, and where the tip went in place of what was measured."""
+        """The true transition: positions of the object, and the tip's path in place of the measured one."""
         before, after = self.unseen(seen.before), self.unseen(seen.after)
         executed, measured = seen.executed, len(seen.executed.measured) > 0
         track = Track(times_s=executed.times_s, poses=executed.made)
@@ -122,7 +122,7 @@ class Correction:
 
 
 def correction(model: Model) -> Correction:
-    """What `model` says of cameras and arm, which has to be something. Raises UsageError for a task without pushes."""
+    """Corrections of `model`, which has to have some. Raises UsageError for a task without pushes."""
     predictor = _predictor(model.task)
     theta = predictor.catalogue.nominal(predictor.subject)
     for parameter in model.apparatus:

@@ -1,4 +1,4 @@
-"""Random smooth curves on the table: where a rope starts and where it shall go."""
+"""Random smooth curves on the table: initial and goal shapes of a rope."""
 
 from dataclasses import dataclass, field
 from typing import final
@@ -20,7 +20,7 @@ _MIN_GAP_M = 0.04
 @final
 @dataclass(frozen=True, kw_only=True)
 class Problems:
-    """Where a rope starts and where it shall go: the goal is the start, shifted, turned and bent, all at random.
+    """Initial and goal shapes of a rope: the goal is the start, shifted, turned and bent at random.
 
     `gap_m` bounds how far apart start and goal are as clouds (root of half their Chamfer distance): near enough to be
     reached with about ten pushes, far enough that the rope has to move.

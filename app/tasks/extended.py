@@ -1,4 +1,4 @@
-"""Models that discovery extended: from its estimates to a message, and what makes one fit to be used."""
+"""Models extended by discovery: conversion of its estimates to a message, and checks that one is fit for use."""
 
 from collections.abc import Iterable, Mapping, Sequence
 from typing import NamedTuple, final
@@ -29,7 +29,7 @@ class Estimated(NamedTuple):
 
 @final
 class Covariance(NamedTuple):
-    """Of the values of parameters, by their names, in products of their units."""
+    """Covariance of parameters' values, by their names, in products of their units."""
 
     names: tuple[str, ...]
     matrix: Float64[np.ndarray, "Q Q"]
@@ -132,7 +132,7 @@ def ends_of_ranges(model: Model) -> dict[str, str]:
 
 
 def _slope(spec: ParameterSpec, value: float) -> float:
-    """Of the value by its coordinate."""
+    """Derivative of the value with respect to its coordinate."""
     return float(value) if spec.scale == "log" else 1.0
 
 

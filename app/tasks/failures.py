@@ -1,4 +1,4 @@
-"""What the simulator could not finish for a task, left behind as dumps that `dipac replay` shows."""
+"""Dumps of simulations that failed for a task, which `dipac replay` shows."""
 
 from collections.abc import Iterator, Sequence
 from functools import lru_cache

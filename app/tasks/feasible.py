@@ -1,4 +1,4 @@
-"""Whether a goal can be reached at all, before anything is planned for it."""
+"""Feasibility check of a goal, before anything is planned for it."""
 
 import numpy as np
 
@@ -12,7 +12,7 @@ _MARGIN_M = 0.002
 
 
 def check_goal(task: Task, goal: Points, name: str) -> None:
-    """Raises UsageError, which begins with `name`, where a goal (M, 3) [m] is inside a fixture or out of reach."""
+    """Raises UsageError, which begins with `name`, if a goal (M, 3) [m] is inside a fixture or out of reach."""
     for fixture in task.stage.fixtures:
         deep = inside(fixture, goal, _MARGIN_M)
         if deep.any():

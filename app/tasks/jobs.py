@@ -1,6 +1,6 @@
-"""What the application asks of a task: plain functions of picklable arguments, to be run in worker processes.
+"""Worker API of a task: plain functions of picklable arguments, run in worker processes.
 
-What they compile is kept in the process that runs them (`app.tasks.compiled`), and loaded there alone: a process that
+Compiled functions stay in the process that runs them (`app.tasks.compiled`), and load there alone: a process that
 only names these functions loads neither JAX nor Warp.
 """
 
@@ -18,7 +18,7 @@ from app.planner.method import DIPAC, Method
 _log = logging.getLogger(__name__)
 
 _PROBES = 96
-"""Of a calibration on rods: four for each number of a quadratic of five coordinates."""
+"""Probes of a calibration on rods: four for each coefficient of a quadratic in five coordinates."""
 RECENT = 16
 """Transitions of one update: about those of the last episode, in about the time of one decision."""
 _TRUSTED, _TRUSTED_OF_ANOTHER = 1.5, 4.0
@@ -146,7 +146,7 @@ def _fitted(
 
 
 def doubt(task: str, observed: Points, near: Centreline | None = None) -> str:
-    """What makes it doubtful that the task's dynamics begin where the object is, in a sentence; empty for nothing.
+    """Reason to doubt the task's dynamics for the object as observed, in a sentence; empty for none.
 
     `observed` (N, 3) [m]. Rods doubt ropes that cross themselves, are lifted or partly hidden, or whose strands touch
     so that neither the cloud nor the prediction that it is `near` tells their order.
@@ -177,7 +177,7 @@ def nominal_model(task: str) -> Model:
 
 
 def uncalibrated_model(task: str) -> Model:
-    """What the simulator would be for this task without any demonstration."""
+    """Model of the task's simulator without any demonstration."""
     from app.tasks import compiled
 
     return compiled.uncalibrated_model(task)
@@ -191,14 +191,14 @@ def check_model(model: Model) -> None:
 
 
 def ends_of_ranges(model: Model) -> dict[str, str]:
-    """In words, of which estimates (those with an interval) are at an end of their range, by the parameters' names."""
+    """In words, the estimates (those with an interval) at an end of their range, by the parameters' names."""
     from app.tasks import extended
 
     return extended.ends_of_ranges(model)
 
 
 def planner_needs(model: Model) -> tuple[str, ...]:
-    """In words, what a planner for this model is compiled for: effects, each by its first parameter; a stiff rope."""
+    """In words, features that a planner for this model is compiled for: effects by first parameter; a stiff rope."""
     from app.tasks import compiled
 
     effects, stiff = compiled.needs(model.task, compiled.phi_of(model))
@@ -206,13 +206,13 @@ def planner_needs(model: Model) -> tuple[str, ...]:
 
 
 def shown_goal(goal: Points, model: Model) -> Points:
-    """Where the cameras will say that the object is when it is at the goal (M, 3) [m]."""
+    """The goal (M, 3) [m] in the frame of the cameras: their view of an object that is there."""
     allowed_for = _allowed_for(model)
     return allowed_for.seen(goal) if allowed_for else goal
 
 
 def _allowed_for(model: Model) -> Correction | None:
-    """What the model says of cameras and arm; None where they are right."""
+    """The model's correction of cameras and arm; None if it has none."""
     if not model.apparatus:
         return None
     from app.tasks.correction import correction
@@ -223,9 +223,9 @@ def _allowed_for(model: Model) -> Correction | None:
 def warm_up_stages(
     task: str, preset: str, model: Model | None = None, method: Method = DIPAC, site: Site | None = None
 ) -> list[str]:
-    """What has to be compiled before the first decision, in order and in words, for people to read while they wait.
+    """Descriptions of the compilation steps before the first decision, in order, for people who wait.
 
-    The nominal model is the one where none is given.
+    The nominal model is used if none is given.
     """
     from app.tasks import compiled
 

@@ -1,4 +1,4 @@
-"""A wall with a gap: where it stands, where objects in front of it start, and where behind it they shall go."""
+"""A wall with a gap: its blocks, and random starts in front of it and goals behind it."""
 
 from dataclasses import dataclass
 from typing import TypeAlias, final
@@ -27,14 +27,14 @@ class GappedWall:
 
     @property
     def blocks(self) -> tuple[Block, ...]:
-        """What stands on the table."""
+        """Blocks that make up the wall."""
         along, up = (self.reach_m - self.gap_m / 2) / 2, self.height_m / 2
         middle = self.gap_m / 2 + along
         half = (self.thickness_m / 2, along, up)
         return tuple(Block(half_m=half, place_m=(self.x_m, side * middle, up)) for side in (-1, 1))
 
     def keep_out(self, beside_m: float) -> tuple[Rectangle, ...]:
-        """Where what reaches `beside_m` from its middle cannot be, as x low, y low, x high, y high [m]."""
+        """Rectangles forbidden to a body that reaches `beside_m` from its middle: x low, y low, x high, y high [m]."""
         return tuple(
             (x - a - beside_m, y - b - beside_m, x + a + beside_m, y + b + beside_m)
             for (x, y, _), (a, b, _) in ((block.place_m, block.half_m) for block in self.blocks)

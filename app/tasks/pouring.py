@@ -1,4 +1,4 @@
-"""What the tasks of pouring share: where the bowls stand and how full they are, and the simulator's scene of them."""
+"""Common part of the pouring tasks: places of the bowls, their filling, and the simulator's scene of them."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -19,17 +19,17 @@ from app.tasks.base import Nodes
 
 _POINTS_A_PARTICLE = 8
 _SOFTENED = 0.25
-"""Of phi's stiffness: at 4e4 Pa, 3 cm of water shrink by 3 %, and time steps may be twice as long."""
+"""Factor on phi's stiffness: at 4e4 Pa, 3 cm of water shrink by 3 %, and time steps may be twice as long."""
 _PIECES_SOFTENED = 0.15
 """The same for Young's modulus of pieces: 6 kPa, that of soft tofu."""
 _SPRAY = 3.0
-"""What is poured stands as high as its volume: see the material."""
+"""Limit of a drop's relative volume at which poured liquid stands as high as its volume: see the material."""
 _RANDOM_M = 0.02
 """Standard deviation of where the held bowl is at first, along x and y, as in the reference problem; cut off at two."""
 
 
 def aside_m(seed: int) -> Float64[np.ndarray, "3"]:
-    """How far from where it shall wait the held bowl is at first, by seed."""
+    """Random initial offset [m] of the held bowl from its waiting place, by seed."""
     return np.append(np.random.default_rng(seed).standard_normal(2).clip(-2, 2) * _RANDOM_M, 0.0)
 
 

@@ -1,4 +1,4 @@
-"""Experiments on a task: what its recordings say so far, and the next push that tells most about what is missing.
+"""Experiments on a task: the belief from its recordings so far, and the most informative next push.
 
 Plain functions of picklable arguments, to be run in worker processes, as `jobs`.
 """
@@ -56,7 +56,7 @@ def probed_subject(task: Task) -> Subject:
 
 
 def belief(task: str, study: Study | None = None) -> Belief:
-    """What a study says; without one, what is believed before any push. Takes up to a minute."""
+    """Belief after a study; the prior without one. Takes up to a minute."""
     from app.discovery.probe import believed, first_belief
     from app.tasks import load
 
@@ -85,9 +85,9 @@ def next_probe(
 @final
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Weighed:
-    """What pushes say in words, and why no further one is needed; empty where one is.
+    """Belief after some pushes, in words, and the reason to stop; empty if a further push is needed.
 
-    `belief`: pickled, for whoever keeps it loads neither JAX nor the simulator.
+    `belief`: pickled, as its keeper loads neither JAX nor the simulator.
     """
 
     belief: bytes
@@ -106,7 +106,7 @@ class Chosen:
 
 
 def weighed(task: str, made: Sequence[Push], budget: int) -> Weighed:
-    """What the pushes of a session say so far. Takes up to a minute."""
+    """Belief after the pushes of a session so far. Takes up to a minute."""
     from app.discovery.probe import belief_words, stop_of, stop_words
     from app.discovery.study import Study
     from app.tasks import load
@@ -163,7 +163,7 @@ def _counted(push: Push, count: int) -> Push:
 
 
 def scene(task: Task, seen: View, episode: int, made: Sequence[Push], plan: Plan, site: Site) -> Scene:
-    """What a push is chosen for."""
+    """Inputs of the choice of a push."""
     from app.discovery.probe_pushes import Scene
 
     return Scene(

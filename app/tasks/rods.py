@@ -8,12 +8,12 @@ from app.sim.rods.scene import RodScene, Wall
 from app.tasks.base import Preset, RodDynamics
 
 PUSH_S, REST_S = 1.2, 0.15
-"""Of a push: 18 cm at 0.15 m/s, and what comes to rest after it."""
+"""Durations of a push, 18 cm at 0.15 m/s, and of the rest after it."""
 DT_S, THIN_DT_S, THIN_M = 2e-3, 1e-3, 0.006
 """Time steps. With shorter ones slopes are rougher and pushes no truer (docs/rods.md); thinner ropes bend so little
 that longer ones would let them stretch by more than a hundredth."""
 CONTACT = MappingProxyType({"climb": 0.32, "press": 0.36, "margin": 8e-4})
-"""Of the simulated cell, whose rope hops a little as it slides (`bench.rods`)."""
+"""Contact parameters of the simulated cell, whose rope hops a little as it slides (`bench.rods`)."""
 MAX_RIGIDITY_N_M2 = 5e-3
 """Eight times that of the real rope measured (docs/real-data.md)."""
 NOMINAL = MappingProxyType({"stiffness": 1.865e4, "table_friction": 0.50, "finger_friction": 0.24})

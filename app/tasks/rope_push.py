@@ -25,13 +25,13 @@ ROPE = Rope(length_m=0.40, radius_m=0.008, mass_kg=0.064, colour=(0.80, 0.24, 0.
 FINGER = Finger(radius_m=0.009, push_height_m=0.006)
 
 LOWEST_M = 0.0055
-"""Of the tip of a finger: the workspace ends half a millimetre below."""
+"""Least height of a finger's tip: the workspace ends half a millimetre below."""
 
 DT_S, PUSH_SUBSTEPS, DENSITY_KG_M3 = 7.0e-4, 240, 795.0
 """Time steps of material points in a push, for this rope or a denser one."""
 
 BESIDE_M = 0.008
-"""Of the rope at the start of a push: perception errs by up to 3 mm, the arm by about 1 mm."""
+"""Clearance from the rope at the start of a push: perception errs by up to 3 mm, the arm by about 1 mm."""
 
 
 def _task(rope: Rope, finger: Finger) -> Task:

@@ -1,4 +1,4 @@
-"""Beans spilt on a table around the mat where they shall be."""
+"""Problems of beans spilt on a table around the mat that is their goal."""
 
 from dataclasses import dataclass
 from typing import TypeAlias, final
@@ -20,7 +20,7 @@ Ends: TypeAlias = Float64[np.ndarray, "C 2 2"]
 @final
 @dataclass(frozen=True, kw_only=True)
 class BeanProblems:
-    """Where beans lie at first: in a few spills, each a normal distribution, off the mat and not on top of each other.
+    """Initial places of beans: a few spills, each a normal distribution, off the mat and not on top of each other.
 
     A spill's middle is `distance_m` from the mat's and inside `region` (x low, y low, x high, y high) [m], as every
     bean is; `spread_m` is its standard deviation along x and along y, and `spills` how many there may be. `margin_m`
@@ -100,7 +100,7 @@ class BeanProblems:
         return bool(np.all(points >= self.region[:2]) and np.all(points <= self.region[2:]))
 
     def _free(self, bean: Float64[np.ndarray, "2 2"], laid: Ends) -> bool:
-        """Whether it lies inside the region, off the mat, and touches no other: compared by circles in a bean."""
+        """True if it lies inside the region, off the mat, and touches no other: compared by circles in a bean."""
         from_mat = np.linalg.norm(bean - self.mat.place_m, axis=1).min() - self.mat.radius_m
         apart = np.linalg.norm(_circles(bean[None])[:, None] - _circles(laid), axis=-1).min(initial=np.inf)
         off_mat, alone = from_mat > self.margin_m + self.beans.radius_m, apart > 2 * self.beans.radius_m

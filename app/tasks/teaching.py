@@ -1,4 +1,4 @@
-"""What demonstrations of a task teach a policy, and the policy that was learned."""
+"""Interface of tasks to policy learning: training setup and examples of a task, and its learned policies."""
 
 from collections.abc import Sequence
 from pathlib import Path
@@ -16,7 +16,7 @@ from app.tasks.compiled import carried, needs, phi_of
 
 
 def lessons(task: Task, world: World | None = None) -> Lessons:
-    """How policies of the task learn."""
+    """Training setup of the task's policies."""
     return Lessons(space=task.actions, symmetry=task.symmetry, views=task.views, world=world)
 
 
@@ -43,16 +43,16 @@ def shipped(task: str) -> Path:
 
 
 def simulator(task: Task, model: Model, particle_count: int) -> World:
-    """The task's simulator of so many particles, for those who learn by trying."""
+    """The task's simulator of so many particles, for learners that learn by simulation."""
     phi = phi_of(model)
     advance = carried(task.name, particle_count, *needs(task.name, phi))
     return World(advance=advance, begin=task.begin, phi=tuple(map(float, phi)))
 
 
 def examples(task: Task, shown: Sequence[tuple[Sequence[Transition], Sequence[Points]]]) -> Examples:
-    """Of demonstrations, each of transitions and the goal of each of them [m].
+    """Examples from demonstrations, each of transitions and the goal of each of them [m].
 
-    Raises RecordingError where the object was seen as so many particles here and as others there.
+    Raises RecordingError if their numbers of particles differ.
     """
     rows = [
         (np.asarray(transition.before, np.float32), np.asarray(goal, np.float32), *_done(task, transition), episode)
@@ -68,7 +68,7 @@ def examples(task: Task, shown: Sequence[tuple[Sequence[Transition], Sequence[Po
 
 
 def _done(task: Task, transition: Transition) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Where the tool was, the action that was made, and where the object was then."""
+    """Tool pose, the action that was made, and the object after it."""
     poses = transition.executed.tool
     after = np.asarray(transition.after, np.float32)
     return np.asarray(poses[0], np.float32), task.actions.measured_action(poses), after

@@ -44,7 +44,7 @@ class Console:
 
     def __init__(self, *, url: str, desk: Desk, requests: Lossless[Request]) -> None:
         self.url = url
-        """Where to open it; holds the token, so it is for the operator's eyes."""
+        """Address to open; holds the token, so it is for the operator's eyes."""
         self._desk = desk
         self._requests = requests
 

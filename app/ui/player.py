@@ -61,7 +61,7 @@ class Player:
         self._besides: tuple[Message, ...] = ()
         self._order: Order | None = None
         self.said = ""
-        """How planning again is getting on, in words."""
+        """Progress of planning again, in words."""
         self.replanned: Replanned | None = None
 
     @property

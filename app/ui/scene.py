@@ -38,7 +38,7 @@ class Scene:
         self.tool = Tool(server, "/tool", palette.STEEL, opacity=None)
         self.ghost = Tool(server, "/ghost", palette.BEST, opacity=0.55)
         self.playing = True
-        """Whether the ghost makes the pending motion; not while another ghost shows a moment of it."""
+        """True while the ghost makes the pending motion; False while another ghost shows a moment of it."""
         _furnish(server, limits.workspace, table)
         for number, volume in enumerate(limits.keep_out):
             _forbid(server, f"/kept_free/{number}", volume)

@@ -26,7 +26,7 @@ _AT_ONCE = 3
 
 
 def suffered(doing: Doing) -> list[Outcome]:
-    """What came of every fault in turn, done to one application."""
+    """Outcomes of all faults in turn, injected into one application."""
     take = partial(ArmControl, tool=pointing_down(np.array([0.45, 0.0, 0.10])))
     with subject(doing, Site(), take) as one:
         return [one.suffer(fault) for fault in faults(doing)]

@@ -30,7 +30,7 @@ from app.core.processes import end, process
 from bench.approval import approved
 
 Doing: TypeAlias = Literal["motion", "hand"]
-"""What the arm is in the middle of: an approved motion, or being moved by hand."""
+"""Activity of the arm when a fault occurs: an approved motion, or jogging."""
 
 _ENDS_M = np.array([[0.45, -0.25, 0.10], [0.45, 0.25, 0.10]])
 _POINTS = np.array([[0.7, 0.0, 0.01]], np.float32)
@@ -141,7 +141,7 @@ FAULTS: dict[Doing, tuple[str, ...]] = {
     "motion": ("block", "cancel", "fail", "leave", "freeze_clock", "stop"),
     "hand": ("block", "cancel", "fail", "leave", "freeze_clock", "stop", "hush", "babble"),
 }
-"""By what the arm is in the middle of; `bench.faults.inject` adds what is done to a process from outside."""
+"""Faults inside the application, by the arm's activity; `bench.faults.inject` adds those from outside a process."""
 
 
 def application(

@@ -1,4 +1,4 @@
-"""Ports that fail when they are told to: a clock that stands still, and cameras that show what cannot be."""
+"""Ports with injected faults: a clock that stands still, and cameras with impossible images."""
 
 import dataclasses
 import time
@@ -14,7 +14,7 @@ from app.core.messages import Frame
 from app.core.ports import Arm, Camera, Posed, Rig
 
 Shows: TypeAlias = Literal["all", "nothing", "rope everywhere", "nan"]
-"""What the cameras show: what there is; black without depth; an object as large as the image; from nowhere."""
+"""Content of the images: the scene; black without depth; an object as large as the image; non-finite poses."""
 SHOWS: Final[tuple[Shows, ...]] = get_args(Shows)
 _ROPE_RGB: Final = np.array([230, 64, 20], np.uint8)
 _NEAR_MM: Final = np.uint16(700)
@@ -58,7 +58,7 @@ class FaultyCamera:
 
     @property
     def words(self) -> str:
-        """What it says of itself."""
+        """Status text of the camera."""
         return self._camera.words
 
     async def read(self) -> Frame:
@@ -92,7 +92,7 @@ class FaultyRig:
 
     @property
     def simulated(self) -> bool:
-        """Whether the rig is."""
+        """True if the rig is simulated."""
         return self._rig.simulated
 
     @property

@@ -22,7 +22,7 @@ from bench.faults.witness import witnessed
 
 _ROOT: Final = Path(__file__).parent.parent.parent
 PATIENCE_S: Final = 240.0
-"""Of whoever waits for anything: a machine may be loaded, and the first process takes its time to load."""
+"""Timeout of every wait: the machine may be loaded, and the first process takes its time to load."""
 _FAST_M_S: Final = 0.12
 _POLL_S: Final = 0.01
 _AGAIN_S: Final = 3.0
@@ -52,12 +52,12 @@ class Driven:
 
     @property
     def pid(self) -> int:
-        """Of the application itself."""
+        """Process id of the application itself."""
         return self._process.pid
 
     @property
     def ended(self) -> bool:
-        """Whether it is over."""
+        """True if it has exited."""
         return self._process.poll() is not None
 
     def order(self, order: str, **told: object) -> None:
@@ -93,7 +93,7 @@ class Driven:
             return [each for each in self.shown if each.get("kind") == kind and each["now_s"] >= after_s]
 
     def process_id(self, name: str) -> int:
-        """Of a process of the application, by its name; 0 where there is none now."""
+        """Process id of a process of the application, by its name; 0 if there is none now."""
         if name == "application":
             return self.pid
         asked_s = time.monotonic()
@@ -107,7 +107,7 @@ class Driven:
         return witnessed(path) if path.exists() else None
 
     def fast(self, since_s: float) -> bool:
-        """Whether the arm moves fast just now, and has been told so since."""
+        """True if the arm moves fast now, by a state newer than `since_s`."""
         states = self.states()
         if states is None or not len(states):
             return False
@@ -144,12 +144,12 @@ class Driven:
         self.order("mode", mode=mode)
 
     def _idle(self, mode: ModeName, since_s: float) -> bool:
-        """Whether it has left the mode by itself."""
+        """True if it has left the mode by itself."""
         modes = self.heard("Mode", after_s=since_s)
         return bool(modes) and mode not in modes[-1]["words"]
 
     def errors(self) -> str:
-        """What it wrote on stderr, and what it showed last."""
+        """Text of its stderr, and its last messages."""
         self._errors.flush()
         text = (self.folder / "stderr").read_text()[-2000:]
         with self._changed:

@@ -1,4 +1,4 @@
-"""The same faults, and those of a network and an arm, with a Gen3 that is not there: `python -m bench.faults.gen3`."""
+"""Faults of the application, the network and the arm, with an emulated Gen3: `python -m bench.faults.gen3`."""
 
 import sys
 from collections.abc import Sequence
@@ -28,19 +28,19 @@ _ROUNDED, _BEYOND_M = 1 + 1e-6, 1e-3
 
 @final
 class Wire:
-    """What the arm that is not there was told, and did."""
+    """Commands and motion of the emulated arm."""
 
     def __init__(self, fake: FakeProcess, limits: Limits) -> None:
         self._fake, self._limits = fake, limits
 
     def motion(self) -> Motion:
-        """How its tool moved lately."""
+        """Recent motion of its tool."""
         states = self._fake.states.since(0)
         times_s, places = states["time_s"], states["tool"][:, :3, 3]
         return times_s[1:], np.linalg.norm(np.diff(places, axis=0), axis=1) / np.diff(times_s)
 
     def within(self, since_s: float) -> bool:
-        """Whether every command that it got since then kept to the limits, and so did its tool."""
+        """True if every command that it received since then kept to the limits, and so did its tool."""
         told = [each for each in self._fake.commands() if each["time_s"] >= since_s]
         states = self._fake.states.since(0)
         places = states["tool"][states["time_s"] >= since_s, :3, 3]
@@ -58,7 +58,7 @@ class Wire:
 
 
 def wire(fake: FakeProcess) -> Others:
-    """What may go wrong between the arm's process and the arm, and in the arm."""
+    """Faults between the arm's process and the arm, and in the arm."""
     return {
         "cut": fake.cut,
         "deaf": partial(fake.set, Adversity(deaf=True)),
@@ -71,7 +71,7 @@ def wire(fake: FakeProcess) -> Others:
 
 
 def suffered(doing: Doing, *, alone: bool = False) -> list[Outcome]:
-    """What came of every fault in turn; of those at the wire `alone`."""
+    """Outcomes of all faults in turn; of those at the wire `alone`."""
     with FakeProcess() as fake:
         take = partial(taken, Address(host=fake.host, tcp_port=fake.ports[0], udp_port=fake.ports[1]))
         others, found = wire(fake), list[Outcome]()

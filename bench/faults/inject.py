@@ -27,11 +27,11 @@ class Truth(Protocol):
     """Somebody who knows more of the arm than its process does."""
 
     def motion(self) -> Motion:
-        """How the tool has moved lately."""
+        """Recent motion of the tool."""
         ...
 
     def within(self, since_s: float) -> bool:
-        """Whether all that the arm was told and did since then [s] kept to the limits."""
+        """True if all commands to the arm and its motion since then [s] kept to the limits."""
         ...
 
 
@@ -44,20 +44,20 @@ _START_S: Final = 60.0
 _POLL_S: Final = 0.005
 _HUNG_S: Final = 0.3
 _BEFORE_S: Final = 5.0
-"""What was told and done so long before a fault is looked at with what comes of it."""
+"""Time before a fault whose commands and motion are checked as well."""
 
 
 @final
 @dataclass(frozen=True, kw_only=True)
 class Outcome:
-    """What came of a fault. `rest_ms`: from the fault to rest; infinite where there was none in time."""
+    """Outcome of a fault. `rest_ms`: from the fault to rest; infinite if it took too long."""
 
     fault: str
     doing: Doing
     rest_ms: float
     speed_m_s: float
     within: bool
-    """Whether no command since the beginning left the limits."""
+    """True if no command since the beginning left the limits."""
 
 
 @final
@@ -179,12 +179,12 @@ def subject(
 
 
 def faults(doing: Doing) -> tuple[str, ...]:
-    """Everything that can be done wrong meanwhile."""
+    """Every fault that can be injected meanwhile."""
     return (*FAULTS[doing], *_OUTSIDE)
 
 
 def kept(states: Any, limits: Limits) -> bool:
-    """Whether all commands kept to workspace and speed; a tick that comes late covers its whole time."""
+    """True if all commands kept to workspace and speed; a tick that comes late covers its whole time."""
     places, times = states["commanded"][:, :3], states["time_s"]
     gone = np.linalg.norm(places[10:] - places[:-10], axis=1)
     slow = gone <= limits.speed_m_s * np.maximum(times[10:] - times[:-10], 0.0) * 1.01 + 1e-6
@@ -192,7 +192,7 @@ def kept(states: Any, limits: Limits) -> bool:
 
 
 def rest_s(states: Any) -> float:
-    """When the arm came to rest, by its process's log that begins with a fault."""
+    """Time at which the arm came to rest, by its process's log that begins with a fault."""
     times_s, speeds = motion(states)
     return came_to_rest(times_s, speeds, float(times_s[0]))
 
@@ -247,4 +247,4 @@ _OUTSIDE: Mapping[str, Callable[[Subject], float | None]] = {
     "hang the arm": _hang_arm,
     "close": _close,
 }
-"""What is done to a process from outside."""
+"""Faults injected into a process from outside."""

@@ -1,4 +1,4 @@
-"""The site of the bench: where the arm may be, and how soon everything happens."""
+"""Site of the bench: a keep-out region for the arm, and short timings."""
 
 from pathlib import Path
 from typing import Final
@@ -6,7 +6,7 @@ from typing import Final
 from app.config import KeepOut, Limits, Site, Timing
 
 KEPT_OUT: Final = KeepOut(name="the post", low=(0.60, -0.10, 0.0), high=(0.70, 0.10, 0.30))
-"""Where no stroke of the stand-in goes."""
+"""Keep-out region that no stroke of the stand-in enters."""
 
 
 def site(folder: Path) -> Site:

@@ -97,7 +97,7 @@ class Attendant:
             self.decide(message.id, self.names or message.motion.digest())
 
     def requests(self) -> AsyncIterator[Request]:
-        """What is asked for, in order."""
+        """Requests in order."""
         return aiter(self._asked)
 
     def decide(self, proposal_id: Any, digest: str) -> None:
@@ -124,7 +124,7 @@ class Attendant:
 
 @final
 class Orders:
-    """What may be ordered, by the names of the methods; each is called by the event loop."""
+    """Remote commands, by the names of the methods; each is called by the event loop."""
 
     def __init__(self, flow: Flow, rig: SimulatedRig, faulty: FaultyRig, attendant: Attendant, hand: Hand) -> None:
         self._flow, self._rig, self._cameras, self._attendant, self._hand = flow, rig, faulty.cameras, attendant, hand
@@ -201,19 +201,19 @@ class Orders:
         self._attendant.names = digest
 
     def approves(self, yes: bool) -> None:
-        """Whether plans are approved."""
+        """Set whether plans are approved."""
         self._attendant.approves = yes
 
     def processes(self) -> None:
-        """Say which there are."""
+        """Report the process ids."""
         said("processes", pids={each.name.removeprefix("dipac "): each.pid for each in active_children()})
 
     async def plans(self, plans: Plans) -> None:
-        """What the planner's motions are from now on."""
+        """Select the planner's motions from now on."""
         await self._flow.planner.run(stand_in, plans)
 
     async def finds(self, finds: Finds) -> None:
-        """What perception finds from now on."""
+        """Select perception's results from now on."""
         await self._flow.sensing.perceiver.run(spoil_particles, finds)
 
 

@@ -1,7 +1,7 @@
-"""What stands in for the solvers, so that nothing compiles: a planner of strokes, and what makes its work absurd.
+"""Stand-ins for the solvers, so that nothing compiles: a planner of strokes, and faults of its results.
 
-The workers themselves are the real ones, and so are the functions that they are asked for (`app.tasks.jobs`). What a
-task compiles, and what perception finds, is each process's own to say: here it is this.
+The workers themselves are the real ones, and so are the functions that they are asked for (`app.tasks.jobs`). A
+task's compiled functions, and perception's results, belong to each process: there they are replaced by these.
 """
 
 import dataclasses
@@ -22,9 +22,9 @@ from bench.faults.place import KEPT_OUT
 from tests.flow.planner import Habits, take_up
 
 Plans: TypeAlias = Literal["sound", "nan", "outside", "keep out", "too fast", "backwards", "endless", "none"]
-"""What the planner's motions are."""
+"""Kind of motions that the planner returns."""
 Finds: TypeAlias = Literal["true", "nan", "none", "far", "many"]
-"""What the particles are that perception finds."""
+"""Kind of particles that perception returns."""
 
 _THINKING_S, _CALIBRATING_S = 0.3, 2.0
 _TOO_MANY: Final = 1_000_000

@@ -1,4 +1,4 @@
-"""What comes of a fault in the whole application: the arm's rest and limits, the log, and whether it goes on."""
+"""Outcomes of faults in the whole application: the arm's rest and limits, the log, and recovery."""
 
 import re
 import time
@@ -28,13 +28,13 @@ _NEXT_STEP: Final = re.compile(
     r"starts with|wait for|thin this|start again|uncover|plan (inside|around)|reload|lower|"
     r"Speeds must|needs a speed"
 )
-"""What a sentence that names the next step holds."""
+"""Pattern of a sentence that names the next step."""
 
 
 @final
 @dataclass(frozen=True, kw_only=True)
 class Came:
-    """What came of a fault. `rest_ms`: NaN where the arm was not to stop; `log_s`: age of the newest message then."""
+    """Outcome of a fault. `rest_ms`: NaN if the arm was not to stop; `log_s`: age of the newest message then."""
 
     kind: Kind
     mode: ModeName
@@ -45,11 +45,11 @@ class Came:
     says: str
     log_s: float = float("nan")
     log: str = ""
-    """What is wrong with the log."""
+    """Defect of the log, if any."""
 
     @property
     def wrong(self) -> tuple[str, ...]:
-        """What did not go as it shall."""
+        """Violated requirements, as sentences."""
         found = [self.log] if self.log else []
         if not self.within:
             found.append("the arm left its limits")
@@ -123,7 +123,7 @@ def logged(path: Path, came: Sequence[Came]) -> list[Came]:
 
 
 def _times_s(path: Path) -> np.ndarray:
-    """When each message of a recording came, in monotonic time; read by the plain reader."""
+    """Times of a recording's messages, in monotonic time; read by the plain reader."""
     with path.open("rb") as stream:
         reader = make_reader(stream, validate_crcs=True)
         told = next(each.metadata for each in reader.iter_metadata() if _OFFSET in each.metadata)
@@ -141,7 +141,7 @@ def _in_the_middle(one: Driven, mode: ModeName) -> bool:
 
 
 def _goes_on(one: Driven, mode: ModeName) -> bool:
-    """Whether it does once more what it does in the mode, to the end; pressing Resume where something stopped."""
+    """True if it completes its mode's activity once more, after Resume if something stopped it."""
     match mode:
         case "idle":
             return one.insists(mode, partial(_heard, one, "Particles", ""))
@@ -179,7 +179,7 @@ def _within(states: Any) -> bool:
 
 
 def _said(one: Driven, since_s: float) -> str:
-    """What it said that was wrong, the last words last."""
+    """Its fault messages, the newest last."""
     faults = [each["words"].strip() for each in one.heard("Fault", after_s=since_s)]
     last = one.join() if one.ended else None
     return " | ".join([*dict.fromkeys(faults), *([last["error"]] if last else [])])

@@ -44,7 +44,7 @@ _MOST: Final = 2.0
 _SET: Final = 0.9
 _LEAST_M: Final = 1e-4
 _MEDIAN: Final = 0.6745
-"""Of the absolute value of a normal variable."""
+"""Median of the absolute value of a standard normal variable."""
 _ROUNDS, _CROWD = 150, 4
 """Generations, and members for each parameter."""
 _PLACE: Final = 2
@@ -166,7 +166,7 @@ def _criterion(linear: Linear, left: float, parameters: int) -> float:
 
 @threadpool_limits.wrap(limits=1, user_api="blas")
 def verdicts(recordings: Sequence[Path], dynamics: Dynamics) -> dict[str, Any]:
-    """What each method concludes, in the words of `verdict.json` as far as scores need them."""
+    """Conclusions of each method, in the format of `verdict.json` as far as scores need them."""
     study = read_study(recordings)
     subject = subject_of(load(full_name(study.task, dynamics=dynamics)))
     known, began = catalogue(subject.rods), time.perf_counter()

@@ -1,4 +1,4 @@
-"""What confidence is learnt from: `python -m bench.hidden.calibration lines.jsonl --studies 400`, then `--table FILE`.
+"""Training data of confidence: `python -m bench.hidden.calibration lines.jsonl --studies 400`, then `--table FILE`.
 
 Each study is a recording of one of three worlds (MuJoCo's chain, its elastic cable, our rod in other numerics), with
 rope, finger, cameras' noise and frictions drawn anew and none, one, two or unknown effects hidden in it, and goes
@@ -58,7 +58,7 @@ _WHOLE_EVERY: Final = 3
 """One study in so many is as large as those that discovery's aims are about."""
 FOLDS: Final = 10
 _WEIGHT_PENALTY, _BIAS_PENALTY = 0.3, 1.0
-"""Of squares, in the loss of all studies."""
+"""Penalties on squared weights and biases, in the loss of all studies."""
 _LOG_DETERMINANT, _LOG_PUSHES = 10, 12
 """Columns of features: half the logarithm of a precision's determinant, and the logarithm of the number of pushes."""
 _SURE: Final = 4.0
@@ -99,7 +99,7 @@ def _hideable(world: World) -> tuple[Sequence[str], Sequence[str]]:
 
 @threadpool_limits.wrap(limits=1, user_api="blas")
 def studied(world: World, case: RopeCase | OwnRope) -> dict[str, Any]:
-    """What the screening sees in a case, with what was hidden."""
+    """Features of a case's screening, with the hidden truth."""
     study, subject = case.record(), subject_of(case.task)
     predictor = Predictor(subject, catalogue(subject.rods))
     trials = prepare(study, subject)
@@ -141,7 +141,7 @@ class Lines:
 
 
 def learnt(known_lines: Lines, chosen: Sequence[int] | None = None) -> Calibration:
-    """The softmax that makes what was hidden in the chosen studies most likely, with small weights."""
+    """The softmax that makes the hidden truth in the chosen studies most likely, with small weights."""
     chosen = range(len(known_lines)) if chosen is None else chosen
     x, true = known_lines.features[list(chosen)], known_lines.true[list(chosen)]
     usual = np.sqrt((x**2).mean((0, 1))) + 1e-9
@@ -275,7 +275,7 @@ def _told(table: Calibration) -> dict[str, Any]:
 
 
 def _shown(found: Float64[np.ndarray, "S D"], known_lines: Lines, by: str) -> Table:
-    """How often what is said with a probability is right, and how often it names."""
+    """Table of the reliability of stated probabilities, and of the rate of named causes."""
     shown = Table(title=f"{len(known_lines)} drawn studies, {by}")
     for heading in ("said", "studies", "mean", "right, with Wilson's 95 % interval"):
         shown.add_column(heading)

@@ -1,4 +1,4 @@
-"""What the table of targets does not show: confusions, whether stated probabilities hold, and power by size."""
+"""Diagnostics beside the table of targets: confusions, reliability of stated probabilities, and power by size."""
 
 from collections import Counter
 from collections.abc import Sequence
@@ -20,7 +20,7 @@ SIZES = (0.25, 0.5, 0.75, 1.0, 1.5, 2.0)
 @final
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Confusion:
-    """How often `names[i]`, hidden, was taken for `names[j]`; cases with one thing hidden, or nothing."""
+    """Counts of `names[i]`, hidden, that was taken for `names[j]`; cases with one thing hidden, or nothing."""
 
     names: tuple[str, ...]
     counts: Int64[np.ndarray, "C C"]
@@ -40,7 +40,7 @@ class Bin:
 @final
 @dataclass(frozen=True, kw_only=True)
 class Power:
-    """Of causes of a class, hidden at sizes between two edges: the share that is named alone, and first."""
+    """Power for causes of a class, hidden at sizes between two edges: the share that is named alone, and first."""
 
     category: str
     low: float
@@ -50,7 +50,7 @@ class Power:
 
 
 def confusion(outcomes: Sequence[Outcome]) -> Confusion:
-    """By effect. Rows and columns in alphabetical order, nothing and what is outside the catalogue last."""
+    """Confusion by effect, in alphabetical order; nothing, and effects outside the catalogue, last."""
     pairs = Counter((_hidden(each), each.first) for each in outcomes if len(each.truths) < 2)
     last = [name for name in CLASSES if any(name in pair for pair in pairs)]
     names = tuple(sorted({name for pair in pairs for name in pair} - set(last))) + tuple(last)
@@ -59,14 +59,14 @@ def confusion(outcomes: Sequence[Outcome]) -> Confusion:
 
 
 def confusion_of_classes(outcomes: Sequence[Outcome]) -> Confusion:
-    """By class."""
+    """Confusion by class."""
     pairs = Counter((_class(each), _blamed_class(each)) for each in outcomes if len(each.truths) < 2)
     counts = np.array([[pairs[row, column] for column in CLASSES] for row in CLASSES], np.int64)
     return Confusion(names=CLASSES, counts=counts)
 
 
 def reliability(outcomes: Sequence[Outcome]) -> list[Bin]:
-    """Of the probability of the likeliest cause; where several act, of the least likely one."""
+    """Reliability of the probability of the likeliest cause; if several act, of the least likely of these."""
     stated = [(_stated(each), _likeliest_is_hidden(each)) for each in outcomes if each.ranking]
     bins = list[Bin]()
     for number in range(BINS):
@@ -85,7 +85,7 @@ def calibration_error(bins: Sequence[Bin]) -> float:
 
 
 def power(outcomes: Sequence[Outcome]) -> list[Power]:
-    """By class and size, of cases with one effect of the catalogue; where there are any."""
+    """Power by class and size, of cases with one effect of the catalogue; only where there are any."""
     singles = [(outcome, truth) for outcome in outcomes if (truth := outcome.single) is not None]
     powers = list[Power]()
     for category in dict.fromkeys(truth.category for _, truth in singles):

@@ -1,4 +1,4 @@
-"""What is hidden in a case, drawn from its number and a seed by the shares that docs/discovery.md states."""
+"""Hidden effects of a case, drawn from its number and a seed by the shares that docs/discovery.md states."""
 
 from dataclasses import dataclass
 from functools import cache

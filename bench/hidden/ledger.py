@@ -1,4 +1,4 @@
-"""Lines of results in a file: what is done is not done again, and files of several machines are read as one."""
+"""Result files of lines: finished cases are not repeated, and files of several machines are read as one."""
 
 from collections.abc import Iterable, Sequence
 from pathlib import Path
@@ -8,14 +8,14 @@ from app.evaluation.ledger import lines
 
 
 def key_of(line: dict[str, Any]) -> str:
-    """What tells a line from others: the world, how it is seen and doubted, the seed, the number, the study's size."""
+    """Unique key of a line: the world, conditions of recording and solver, the seed, the number, the study's size."""
     case = whole_case(line)
     names = ("world", "dynamics", "images", "seed", "number", "episodes", "pushes")
     return "-".join(str(case[name]) for name in names)
 
 
 def whole_case(line: dict[str, Any]) -> dict[str, Any]:
-    """What a line says of its case; lines that say neither are of material points, and of images where MuJoCo's."""
+    """Case of a line; lines that do not say are of material points, and of images if MuJoCo's."""
     return {"dynamics": "mpm", "images": line["case"]["world"] == "mujoco", **line["case"]}
 
 

@@ -1,7 +1,7 @@
-"""What could have been gained: `python -m bench.hidden.oracle --causes A B -o FILE RECORDINGS...`
+"""Upper bound of the gain, from known causes: `python -m bench.hidden.oracle --causes A B -o FILE RECORDINGS...`
 
-A process of its own. The causes that were hidden are taken for known and fitted as discovery fits those that it finds;
-FILE gets the one-step errors [mm] of that model and of the refitted nominal one, on episodes left out.
+A process of its own. The hidden causes are taken for known and fitted as discovery fits those that it finds; FILE
+gets the one-step errors [mm] of that model and of the refitted nominal one, on episodes left out.
 """
 
 import argparse
@@ -35,7 +35,7 @@ def main() -> None:
 
 @threadpool_limits.wrap(limits=1, user_api="blas")
 def errors_mm(recordings: Sequence[Path], causes: Sequence[str], dynamics: Dynamics) -> dict[str, float]:
-    """Of the refitted nominal model and of the oracle's [mm]."""
+    """One-step errors of the refitted nominal model and of the oracle's [mm]."""
     study = read_study(recordings)
     subject = subject_of(load(full_name(study.task, dynamics=dynamics)))
     predictor, trials = Predictor(subject, catalogue(subject.rods)), prepare(study, subject)

@@ -1,6 +1,6 @@
-"""What came of one case, as scores need it: what was hidden, what was concluded, and how good the models are.
+"""Outcome of one case, as scores need it: hidden truth, conclusion, and errors of the models.
 
-Pure: made of the truth and of `verdict.json` as they stand in a line of results.
+Pure: computed from the truth and `verdict.json` in a line of results.
 """
 
 import math
@@ -17,7 +17,7 @@ NUMERICS = "numerics"
 OUTSIDE = "outside the catalogue"
 NOTHING = "nothing"
 CLASSES = (SENSING, ACTUATION, CONTACT, MATERIAL, TIME, NUMERICS, OUTSIDE, NOTHING)
-"""Of causes, as the catalogue of discovery groups them."""
+"""Classes of causes, as the catalogue of discovery groups them."""
 
 _MATERIAL = frozenset(
     {
@@ -39,7 +39,7 @@ _EITHER_END = frozenset({"mass_heterogeneity", "stiffness_heterogeneity", "rest_
 @final
 @dataclass(frozen=True, kw_only=True)
 class Truth:
-    """An effect that was hidden. `typical`: its size in typical ones; `size`: as `verdict.json` sums sizes up."""
+    """A hidden effect. `typical`: its size in typical ones; `size`: as `verdict.json` sums sizes up."""
 
     effect: str
     category: str
@@ -87,7 +87,7 @@ class Outcome:
 
     @property
     def outside(self) -> bool:
-        """Whether what was hidden is no cause of the catalogue."""
+        """True if a hidden effect is no cause of the catalogue."""
         return any(not truth.catalogued for truth in self.truths)
 
     @property
@@ -109,7 +109,7 @@ class Outcome:
 
     @property
     def first(self) -> str:
-        """What the verdict puts first: a cause, `NOTHING`, or `OUTSIDE`."""
+        """First answer of the verdict: a cause, `NOTHING`, or `OUTSIDE`."""
         if self.verdict == "none_of_these":
             return OUTSIDE
         if self.verdict == "none" or not self.ranking:
@@ -118,7 +118,7 @@ class Outcome:
 
 
 def outcome(line: Mapping[str, Any]) -> Outcome:
-    """Of a line of results. KeyError where it holds no verdict."""
+    """Outcome of a line of results. KeyError if it holds no verdict."""
     verdict, oracle = line["verdict"], line.get("oracle") or {}
     sizes: dict[str, float] = dict(line["case"]["hidden"])
     spent = [(each["stage"], _number(each["seconds"])) for each in verdict["spent_s"]]
@@ -164,7 +164,7 @@ def size_of(parameters: Sequence[Mapping[str, Any]]) -> tuple[float, float]:
 
 
 def away(truth: Truth, size: float) -> float:
-    """How far an estimated size is from the null, on the side of the truth; of either where that says nothing."""
+    """Distance of an estimate from the null, positive on the truth's side; unsigned if the sign has no meaning."""
     gone = size - truth.null
     return abs(gone) if truth.effect in _EITHER_END else math.copysign(1.0, truth.size - truth.null) * gone
 

@@ -1,4 +1,4 @@
-"""What own recordings can hide that is no cause of the catalogue, written as effects of the simulator.
+"""Effects outside the catalogue that own recordings can hide, written as effects of the simulator.
 
 The same three forces as `app/rig/simulated/hidden` has in MuJoCo's terms: a quadratic drag, a pull across the motion,
 a swirl about a point. On rods a pull across the motion is in proportion to speed far below 5 mm/s.
@@ -17,7 +17,7 @@ from app.sim.parameter import ParameterSpec
 from app.sim.rods.effect import EffectParameters, RodContext, RodEffect
 
 _REACH = wp.constant(0.02)
-"""How far above the table a drag acts [m], about one rope diameter."""
+"""Height of a drag's reach above the table [m], about one rope diameter."""
 _REST = wp.constant(0.025)
 """Far below this speed [m/s] a pull across the motion is in proportion to it: 5 mm/s in a world five times as fast."""
 
@@ -119,4 +119,4 @@ OUTSIDE = {
         ),
     ),
 }
-"""By name; typical sizes as in MuJoCo's world."""
+"""Effects by name; typical sizes as in MuJoCo's world."""

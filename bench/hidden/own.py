@@ -29,9 +29,9 @@ from bench.own_world import DENSER, OwnWorld, finer
 _TASK = "rope_push"
 _BEYOND = np.array([spec.nominal for effect in OUTSIDE.values() for spec in effect.parameters])
 _PLACES = (0.45, 0.65), (-0.15, 0.15)
-"""Where pushes come by: x and y [m]; as in MuJoCo's world."""
+"""Range of places where pushes pass: x and y [m]; as in MuJoCo's world."""
 _TIMES = -0.25, 0.25
-"""Of an abrupt change, in the session."""
+"""Range of session times of an abrupt change."""
 
 
 @final
@@ -47,7 +47,7 @@ class Order:
 @final
 @dataclass(frozen=True, kw_only=True, eq=False)
 class World:
-    """What is wrong in one world: parameters of the catalogue, and of `OUTSIDE` in their order."""
+    """Hidden parameters of one world: those of the catalogue, and of `OUTSIDE` in their order."""
 
     theta: Theta
     beyond: Float64[np.ndarray, " Q"]
@@ -55,7 +55,7 @@ class World:
 
     @property
     def strange(self) -> bool:
-        """Whether anything of `OUTSIDE` acts."""
+        """True if anything of `OUTSIDE` acts."""
         return bool((self.beyond != _BEYOND).any())
 
 
@@ -70,7 +70,7 @@ def main() -> None:
 
 
 def read_orders(path: Path) -> list[Order]:
-    """What a file of orders asks for."""
+    """Orders in a file."""
     return [
         Order(name=each["name"], seed=each["seed"], hidden=tuple(map(tuple, each["hidden"])))
         for each in json.loads(path.read_text(encoding="utf-8"))

@@ -83,7 +83,7 @@ class OwnRope:
 
     @cached_property
     def world(self) -> World:
-        """What is wrong, friction and rigidity off by up to 30 % in any case."""
+        """Hidden parameters; friction and rigidity are off by up to 30 % in any case."""
         hidden = tuple((each.effect, each.size) for each in self.hidden)
         order = Order(name="own", seed=self.seed, hidden=hidden)
         return world_of(order, catalogue(self.subject.rods), self.subject)
@@ -182,7 +182,7 @@ class _Rod:
         self._state = RodState.along(inextensible(jnp.asarray(nodes, jnp.float32), self.scene.rest_m))
 
     def line(self) -> Centreline:
-        """Where its nodes are [m]. Raises ValueError where they are lost."""
+        """Positions of its nodes [m] with the radius. Raises ValueError if they are lost."""
         assert self._state is not None
         nodes = np.asarray(self._state.centreline[0], np.float64).T
         if not np.isfinite(nodes).all():
@@ -190,7 +190,7 @@ class _Rod:
         return np.column_stack([nodes, np.full(len(nodes), self.scene.radius_m)])
 
     def moved(self, path: Float64[np.ndarray, "T 3"], session: float) -> Centreline:
-        """Where its nodes are when the tip has gone along a path, a place a time step."""
+        """Positions of its nodes after the tip has followed a path, a place a time step."""
         assert self._state is not None
         physics = rod_physics(self.scene, dict(self._contact), jnp.asarray(self._phi[0]))
         for first in range(0, len(path) - 1, _BLOCK):

@@ -1,9 +1,9 @@
-"""What knowing the cause is worth to a planner: `python -m bench.hidden.planned ORDERS.json --model A.toml B.toml`.
+"""Value of the known cause to a planner: `python -m bench.hidden.planned ORDERS.json --model A.toml B.toml`.
 
 Single pushes to goals that one push of the world can reach, planned with the nominal model, with each of these, and
-with the truth, and made in our own engine with other numerics and what ORDERS.json hides in it (`bench.hidden.own`).
-The gain of a model is the share of the truth's: what it takes off the summed Chamfer distances to the goals, over what
-the truth takes off. What grows with a session stands still here.
+with the truth, and made in our own engine with other numerics and the effects of ORDERS.json (`bench.hidden.own`).
+The gain of a model is a share of the truth's: the reduction of the summed Chamfer distances to the goals, over that
+by the truth. Effects that grow with a session stand still here.
 """
 
 import argparse
@@ -60,11 +60,11 @@ class Bench:
         return Predictor(subject_of(load(_TASK)), catalogue())
 
     def seen(self, x: Points) -> Points:
-        """Where its cameras say that the object is."""
+        """Object as its cameras observe it."""
         return self.predictor.seen(x, _eye(x), self.truth)
 
     def after(self, x: Points, motion: Motion, *, obeyed: bool = False) -> Points:
-        """Where the object ends when the arm is told this motion; `obeyed`: by an arm and cameras without error."""
+        """Object after the arm is given this motion; `obeyed`: by an arm and cameras without error."""
         theta = self.truth.copy()
         if obeyed:
             for effect, first in self.predictor.catalogue.apparatus:

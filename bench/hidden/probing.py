@@ -43,9 +43,9 @@ WAYS: Final[tuple[By, ...]] = ("chosen", "random")
 NONE: Final = 0.15
 """Share of worlds in which nothing is hidden."""
 SIZES: Final = 1.0, 2.0
-"""In typical sizes, log-uniform."""
+"""Range of hidden sizes, in typical sizes, log-uniform."""
 _TASK: Final = "rope_push@rods"
-"""What does not act on its rope is not hidden."""
+"""Task of the rope; effects that do not act on it are not hidden."""
 _SEEN: Final = 13
 """Stream of random numbers of a seed."""
 _RESAMPLED: Final = 2000
@@ -64,7 +64,7 @@ def drawn(seed: int, number: int, *, pushes: int, batch: int) -> RopeCase:
 
 @threadpool_limits.wrap(limits=1, user_api="blas")
 def played(case: RopeCase, by: By) -> list[dict[str, Any]]:
-    """What is believed after each episode, until a cause is named or the pushes are used up."""
+    """Beliefs after each episode, until a cause is named or the pushes are used up."""
     task, session = case.task, case.session()
     rng = np.random.default_rng([case.seed, _SEEN])
     pushes, tables, told = list[Push](), {}, list[dict[str, Any]]()
@@ -131,7 +131,7 @@ def main(
 
 
 def read(path: Path, setup: Mapping[str, int]) -> list[dict[str, Any]]:
-    """What was played with as many pushes and as large episodes."""
+    """Worlds already played with as many pushes and as large episodes."""
     return [line for line in lines(path) if setup.items() <= line.items()]
 
 
@@ -183,13 +183,13 @@ def compared(played_lines: Sequence[Mapping[str, Any]], setup: Mapping[str, int]
 
 
 def _named(line: Mapping[str, Any]) -> bool | None:
-    """Whether what was named is the truth; None where nothing was."""
+    """True if the named cause is the truth; None if none was named."""
     last = line["told"][-1]
     return last["first"] in [effect for effect, _ in line["hidden"]] if last["named"] else None
 
 
 def _rank(line: Mapping[str, Any]) -> int:
-    """Of the truth at the end."""
+    """Rank of the truth at the end."""
     return line["told"][-1]["rank"] or len(known())
 
 

@@ -32,12 +32,12 @@ from bench.hidden.sizes import drawn_task
 SOFTER: Final = 0.5, 2.0
 """Bending rigidity, as a multiple of a limp rope's of that radius."""
 _LIMP_N_M2: Final = 6e-5
-"""Of the cell's rope of 8 mm radius."""
+"""Bending rigidity of the cell's rope of 8 mm radius."""
 _YIELD_1_M: Final = 5.0
 """Curvature beyond which a rope keeps its bend: the chain's."""
 _LINE_M, _POINT_M = 0.8e-3, 0.4e-3
 USUAL_NOISE_M: Final = 1.28e-3
-"""Of the depth of the cell's cameras at their distance, with which centrelines have that noise."""
+"""Depth noise of the cell's cameras at their distance; centrelines found from it have the noise above."""
 _DENSE: Final = 2
 _TIP_M, _TIP_POINTS = 1e-3, 60
 _TABLE_POINTS: Final = 400

@@ -22,7 +22,7 @@ _WORTH = 0.05
 
 Score: TypeAlias = Callable[[Sequence[Outcome]], Measured]
 Limit: TypeAlias = tuple[Literal["<=", ">=", "in"], float, float]
-"""How a value is compared, and with what: with the first number, or between both."""
+"""Comparison of a value: with the first number, or between both."""
 
 
 @final
@@ -58,19 +58,19 @@ def rows(outcomes: Sequence[Outcome]) -> list[Row]:
 
 
 def passes(outcomes: Sequence[Outcome]) -> bool:
-    """Whether every aim is met for which there are cases."""
+    """True if every aim is met for which there are cases."""
     return all(row.met is not False for row in rows(outcomes))
 
 
 def alarming(outcome: Outcome) -> bool:
-    """Whether a verdict says that something is missing; numerics do not count, which own recordings do have."""
+    """True if a verdict says that something is missing; numerics do not count, which own recordings do have."""
     if outcome.verdict == "none_of_these":
         return True
     return any(cause.category != NUMERICS for cause in outcome.causes)
 
 
 def found(outcome: Outcome, truth: Truth) -> Blamed | None:
-    """What the verdict says of a cause that was hidden, where it is first or one of several that act."""
+    """Verdict's entry of a hidden cause, if it is first or one of several that act."""
     return next((cause for cause in outcome.causes if cause.effect == truth.effect), None)
 
 
@@ -84,7 +84,7 @@ def size_error(outcome: Outcome) -> float:
 
 
 def covered(truth: Truth, blamed: Blamed) -> bool:
-    """Whether the interval holds the true size, whatever its sign where that says nothing."""
+    """True if the interval holds the true size, whatever its sign if that has no meaning."""
     ends = sorted((away(truth, blamed.low), away(truth, blamed.high)))
     if blamed.low <= truth.null <= blamed.high:
         ends[0] = min(ends[0], 0.0)
@@ -153,7 +153,7 @@ def _confident_alarms(outcomes: Sequence[Outcome]) -> Measured:
 
 
 def _wrongly_sure(outcomes: Sequence[Outcome]) -> Measured:
-    """Of all cases: names with confidence that are none of what was hidden."""
+    """Share of all cases in which a cause that was not hidden is named with confidence."""
     return share(
         outcome.verdict == "named"
         and any(

@@ -13,9 +13,9 @@ LENGTH_M: Final = 0.25, 0.60
 MASS_KG: Final = 0.015, 0.100
 FINGER_M: Final = 0.005, 0.012
 HALF_WIDTH_M: Final = 0.005, 0.015
-"""Of a flat gripper."""
+"""Range of the half width of a flat gripper."""
 NOISE_M: Final = 1.0e-3, 2.5e-3
-"""Of depth, at the distance of the cell's cameras."""
+"""Range of the depth noise, at the distance of the cell's cameras."""
 CAMERAS: Final = 1, 3
 FLAT: Final = 0.25
 """Share of fingers that are flat grippers, in a bench that draws them."""
@@ -45,6 +45,6 @@ def drawn_task(seed: int, dynamics: Dynamics, *, flat: float = 0.0) -> str:
 
 
 def drawn_cameras(seed: int) -> tuple[int, float]:
-    """How many cameras look on, and the noise of their depth [m] at the distance of the cell's."""
+    """Number of cameras, and the noise of their depth [m] at the distance of the cell's."""
     rng = np.random.default_rng([seed, _SIZES, 3])
     return int(rng.integers(CAMERAS[0], CAMERAS[1] + 1)), float(rng.uniform(*NOISE_M))

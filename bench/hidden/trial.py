@@ -24,9 +24,9 @@ from bench.hidden.draws import AS_RODS, WORLDS, Case, Making, kinds, real_size
 from bench.hidden.sizes import FLAT, drawn_cameras, drawn_task
 
 _KEPT = ("verdict", "causes", "ranking", "formula", "leftover", "heldout", "limits", "amount", "spent_s")
-"""Of a verdict, in a line of results: all but tracks and sentences."""
+"""Entries of a verdict that a line of results keeps: all but tracks and sentences."""
 _ENVIRONMENT = {"OMP_NUM_THREADS": "1", "XLA_PYTHON_CLIENT_PREALLOCATE": "false"}
-"""Where several processes share a machine: a thread of BLAS each, and as much of a GPU's memory as they need."""
+"""Environment that lets processes share a machine: a thread of BLAS each, and only the GPU memory that they need."""
 _CURRENT = (
     "PATH",
     "HOME",
@@ -46,10 +46,10 @@ _POLL_S = 0.05
 @final
 @dataclass(frozen=True, kw_only=True)
 class Setup:
-    """How cases are made and solved. `seed` is of all draws; `deadline_s` of each process.
+    """Conditions under which cases are made and solved. `seed` is of all draws; `deadline_s` of each process.
 
-    `oracle`, `baselines`: whether the cause is fitted that was hidden, and what other methods say. `made`: where
-    recordings are kept with their truth, a folder a case, and taken from where they are there already.
+    `oracle`, `baselines`: also fit the hidden cause, and run other methods. `made`: folder of recordings with their
+    truth, a folder a case; those already there are used.
     """
 
     seed: int
@@ -96,7 +96,7 @@ def tried(case: Case, setup: Setup) -> dict[str, Any]:
 
 
 def told(case: Case, setup: Setup) -> dict[str, Any]:
-    """What a line says of its case."""
+    """Case entry of a line."""
     return {
         "number": case.number,
         "world": case.world,
@@ -202,7 +202,7 @@ def handed_over(made: Path, folder: Path) -> list[Path]:
 
 
 def solved(recordings: Sequence[Path], folder: Path, setup: Setup) -> tuple[dict[str, Any], Spent]:
-    """What `dipac discover` concludes, in a process that is given the recordings and nothing else."""
+    """Verdict of `dipac discover`, in a process that is given the recordings and nothing else."""
     names = [path.name for path in recordings]
     environment = {name: os.environ[name] for name in _CURRENT if name in os.environ}
     order = ["app", "discover", *names, "-o", "discovery", "--dynamics", setup.making.dynamics]
@@ -214,7 +214,7 @@ def solved(recordings: Sequence[Path], folder: Path, setup: Setup) -> tuple[dict
 def _asked(
     module: str, recordings: Sequence[Path], folder: Path, setup: Setup, options: Sequence[str] = ()
 ) -> dict[str, Any]:
-    """What another module of the bench says of the recordings."""
+    """Results of another module of the bench for the recordings."""
     output = folder / f"{module}.json"
     order = [*map(str, recordings), "-o", str(output), "--dynamics", setup.making.dynamics, *options]
     _run([f"bench.hidden.{module}", *order], setup.deadline_s)
@@ -253,7 +253,7 @@ def _run(
 
 
 def _waited(pid: int, until_s: float) -> tuple[int, resource.struct_rusage]:
-    """How a process ended, and what it used. Raises TimeoutError where it takes longer."""
+    """Exit status of a process, and its resource usage. Raises TimeoutError if it takes longer."""
     while time.monotonic() < until_s:
         done, status, usage = os.wait4(pid, os.WNOHANG)
         if done:

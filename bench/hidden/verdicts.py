@@ -1,4 +1,4 @@
-"""A verdict on recordings, without what a report adds to it: what is asked of discovery many times a test run."""
+"""Verdicts on recordings without a report's extras, for tests and benches that need many."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
@@ -26,10 +26,9 @@ _NOT_LOOKED_FOR: Final = Opened(Leftover(probability=0.0, by_chance=1.0), None)
 @final
 @dataclass(frozen=True, kw_only=True)
 class Verdict:
-    """What is said of recordings. `causes`: of the verdict; `probabilities` of all that were weighed.
+    """Conclusion from recordings. `causes`: of the verdict; `probabilities` of all that were weighed.
 
-    `unknown`: that of a force of none of them. `sizes`: of each cause that was refitted, its parameters with their
-    intervals.
+    `unknown`: probability of an unknown force. `sizes`: parameters of each refitted cause, with their intervals.
     """
 
     kind: Name

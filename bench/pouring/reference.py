@@ -70,7 +70,7 @@ class Problem:
 
 @final
 class Outcome(NamedTuple):
-    """Of B candidates at the end; `over_rim_m`: see there."""
+    """Final state of B candidates; `over_rim_m`: see there."""
 
     reward: Float[Array, " B"]
     inside: Float[Array, " B"]
@@ -79,7 +79,7 @@ class Outcome(NamedTuple):
 
 
 def problem(folder: Path = DATA) -> Problem:
-    """What is recorded in `folder`. Raises UsageError where it is not there."""
+    """Problem recorded in `folder`. Raises UsageError if it is not there."""
     start, goal = folder / "pour_water_start.npz", folder / "pour_water_goal.npy"
     if not (start.is_file() and goal.is_file()):
         raise UsageError(f"There is no reference problem in {folder}; give the folder that holds {goal.name}.")
@@ -117,7 +117,7 @@ def poses(actions: Float[Array, "B H 6"], held: Float[Array, "B 3"]) -> Float[Ar
 def poured(
     actions: Float[Array, "B H 6"], water: Float[Array, "N 3"], held: Float[Array, "B 3"]
 ) -> Float[Array, "B N 3"]:
-    """Where the water is after the actions; NaN where some of it left the grid."""
+    """Water after the actions; NaN if some of it left the grid."""
     count = len(actions)
     state = State.at_rest(jnp.broadcast_to(water, (count, *water.shape)))
     return simulate()(jnp.broadcast_to(PHI, (count, 2)), state, poses(actions, held)).x
@@ -137,7 +137,7 @@ def inside(x: Float[Array, "B N 3"]) -> Float[Array, " B"]:
 def over_rim_m(
     x: Float[Array, "B N 3"], actions: Float[Array, "B H 6"], held: Float[Array, "B 3"]
 ) -> Float[Array, " B"]:
-    """How high the uppermost hundredth of the water is over the plane of the held bowl's rim [m]; none leaves below."""
+    """Height of the uppermost hundredth of the water over the plane of the held bowl's rim [m]; none leaves below."""
     pose = poses(actions, held)[:, -1]
     w, a = pose[:, 3:4], pose[:, 4:]
     up = jnp.array([0.0, 0.0, 1.0])
@@ -170,7 +170,7 @@ def _axes(vectors: Float[Array, "*batch 3"]) -> Float[Array, "*batch 3"]:
 
 
 def _quaternion(turn: Float[Array, "*batch 3"]) -> Float[Array, "*batch 4"]:
-    """Of a rotation vector [rad]."""
+    """Quaternion of a rotation vector [rad]."""
     angle = jnp.sqrt((turn**2).sum(-1, keepdims=True) + 1e-16)
     return jnp.concatenate([jnp.cos(angle / 2), jnp.sin(angle / 2) / angle * turn], axis=-1)
 

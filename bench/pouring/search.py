@@ -19,26 +19,28 @@ from bench.pouring.reference import ACTION_UNITS, STEPS, TARGET_M, Outcome, Prob
 Knots: TypeAlias = Float64[np.ndarray, "C K 5"]
 """Shifts along x and z [m] and turns about x, y and z [rad] in each of K equal parts of the episode."""
 Objective: TypeAlias = Literal["goal", "rim"]
-"""What is sought: the reference's reward, or to bring water up to the held bowl's rim, or over it."""
+"""Objective: the reference's reward, or water raised to the held bowl's rim, or over it."""
 
 COLUMNS = (0, 2, 3, 4, 5)
-"""Of an action: what knots describe; translation along y is not heeded."""
+"""Columns of an action that knots describe; translation along y has no effect."""
 _SCRIPTS_LOW = np.array([0.25, 0.0, 0.15, 0.6, -0.04, 0.0, -0.02])
 _SCRIPTS_HIGH = np.array([0.65, 0.55, 0.6, 2.6, 0.16, 0.6, 0.02])
-"""Of the parameters of `scripted`."""
+"""Bounds of the parameters of `scripted`."""
 _SPREAD = np.array([0.006, 0.006, 0.12, 0.03, 0.03])
 """Standard deviation of a knot in the first generation [m, rad], or half of what the bound lets it be."""
 _FORGETTING = 0.7
 """The share of a generation's spread that is its elite's."""
 _FIRST_STEP = 0.02
-"""Of a gradient step, in bounds."""
+"""First step of gradient descent, in bounds."""
 
 
 @final
 @dataclass(frozen=True, kw_only=True)
 class Budget:
-    """How much is simulated. Random `scripts` are tried on the first seed, the best few of them on all; then each seed
-    has `generations` of `population` candidates, and `gradient_steps`. `width`: candidates simulated at a time.
+    """Budget of the search.
+
+    Random `scripts` are tried on the first seed, the best few of them on all; then each seed has `generations` of
+    `population` candidates, and `gradient_steps`. `width`: candidates simulated at a time.
     """
 
     scripts: int = 64

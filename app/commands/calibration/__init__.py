@@ -1,1 +1,1 @@
-"""Where the cameras stand: print a board, check intrinsics, and find cameras from images and poses of the gripper."""
+"""Calibrate cameras: print a board, check intrinsics, and solve for camera poses from images and gripper poses."""

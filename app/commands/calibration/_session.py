@@ -26,7 +26,7 @@ CAMERA, POSES = "camera.toml", "poses.csv"
 _IMAGES = (".png", ".jpg", ".jpeg", ".bmp", ".tif", ".tiff")
 _COLUMNS = ("image", "x", "y", "z", "qw", "qx", "qy", "qz")
 _UNIT = 1e-2
-"""By so much may a quaternion's length differ from 1: it was written with two digits, and not mistyped."""
+"""Tolerance on a quaternion's norm about 1: two digits were written, but none mistyped."""
 
 
 @final

@@ -1,1 +1,1 @@
-"""What to do with recordings: list, show, check, label, recover, migrate, export, import, prune."""
+"""Work with recordings: list, show, check, label, recover, migrate, export, import, prune."""

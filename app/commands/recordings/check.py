@@ -1,4 +1,4 @@
-"""Whether recordings are whole and what they say: every byte, message and cause, and their checksums."""
+"""Check that recordings are whole and consistent: every byte, message and cause, and their checksums."""
 
 from pathlib import Path
 

@@ -1,4 +1,4 @@
-"""What is in a folder of recordings: a line each, oldest first."""
+"""List the recordings in a folder: a line each, oldest first."""
 
 import json as json_format
 import sys

@@ -1,4 +1,4 @@
-"""What a recording holds: where it is from, its channels, every push, notices and faults."""
+"""Show a recording's contents: its origin, its channels, every push, notices and faults."""
 
 from collections.abc import Sequence
 from pathlib import Path

@@ -1,8 +1,8 @@
-"""What an apparatus effect has to offer: a module-level `EFFECT`.
+"""Interface of an apparatus effect: a module-level `EFFECT`.
 
-Two things can be wrong outside of the physics: where the tool really went (`drive`), and what the cameras say of what
-is there (`see`, `late_s`). These are plain functions of arrays; the simulator is told the true tool path, and what it
-predicts is looked at through `see`.
+Two things can be wrong outside of the physics: the tool's true path (`drive`), and the cameras' observation of the
+scene (`see`, `late_s`). These are plain functions of arrays; the simulator is given the true tool path, and its
+predictions are observed through `see`.
 """
 
 from collections.abc import Callable
@@ -16,14 +16,14 @@ from app.core.track import Track
 from app.sim.parameter import ParameterSpec
 
 Values: TypeAlias = Float64[np.ndarray, " V"]
-"""Of an effect's parameters, in their order."""
+"""Values of an effect's parameters, in their order."""
 Places: TypeAlias = Float64[np.ndarray, "M 3"]
 
 
 class Eye(NamedTuple):
-    """Where cameras look from [m], and for each point the one in the object's middle that is nearest to it [m].
+    """Position of the cameras [m], and for each point the nearest one of the object's middle line [m].
 
-    Nothing is known of a middle where that is None.
+    `middle` is None if it is unknown.
     """
 
     position: Float64[np.ndarray, "3"]

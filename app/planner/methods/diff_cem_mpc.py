@@ -10,7 +10,7 @@ from app.planner.tree import Search
 
 GENERATIONS = 3
 STEPS = 1
-"""Of each sample and generation. More would leave fewer samples than a Gaussian of a sequence can be fitted to."""
+"""Gradient steps of each sample and generation. More would leave too few samples to fit a sequence's Gaussian."""
 SMALLEST, LARGEST = 16, 128
 """Samples of a generation: fewer are no population; more, differentiated at once, become more generations."""
 ELITE_SHARE = 4

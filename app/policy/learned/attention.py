@@ -14,7 +14,7 @@ _HEADS, _WIDER = 4, 2
 
 @final
 class Tokens(nn.Module):
-    """What is seen as tokens: blocks of the pictures, told where they are, and the tool."""
+    """Tokens of an observation: patches of the pictures with their positions, and the tool."""
 
     eyes: int
     width: int

@@ -1,4 +1,4 @@
-"""What a learner is, and the policy that comes of one: a network's parameters behind the port of all policies."""
+"""Learners, and the policy that each yields: a network's parameters behind the interface of all policies."""
 
 import hashlib
 from collections.abc import Callable, Mapping
@@ -27,7 +27,7 @@ _FADING = 0.01
 
 
 class Space(Protocol):
-    """Of a task's actions what learning needs (`app.planner.actions.ActionSpace`). Frozen and hashable."""
+    """Action space as learning needs it, a part of `app.planner.actions.ActionSpace`. Frozen and hashable."""
 
     @property
     def chunk(self) -> Chunk:
@@ -36,19 +36,19 @@ class Space(Protocol):
 
     @property
     def anywhere(self) -> bool:
-        """Whether an action begins anywhere, so that it is of no account where the tool is."""
+        """True if an action may begin anywhere, so that the tool's pose does not matter."""
         ...
 
     def allowed(self, actions: Float[Array, "B A"], now: Now) -> Bool[Array, " B"]:
-        """Whether they may be made."""
+        """True for each action that is feasible."""
         ...
 
     def moved(self, actions: Float[Array, "B A"], by: Isometry) -> Float[Array, "B A"]:
-        """What they are where the table is moved so."""
+        """The same actions after the table is moved by an isometry."""
         ...
 
     def project(self, actions: Float[Array, "B A"], now: Now) -> Float[Array, "B A"]:
-        """The nearest ones that may be made."""
+        """The nearest feasible actions."""
         ...
 
     def tool_path(self, actions: Float[Array, "B A"], tool: Float[Array, "B 8"]) -> Float[Array, "B T C"]:
@@ -56,7 +56,7 @@ class Space(Protocol):
         ...
 
     def after(self, actions: Float[Array, "B A"], tool: Float[Array, "B 8"]) -> Float[Array, "B 8"]:
-        """Where they leave the tools."""
+        """Tool poses after the actions."""
         ...
 
 
@@ -80,7 +80,7 @@ class World:
 @final
 @dataclass(frozen=True, kw_only=True)
 class Lessons:
-    """What a task says of how its policies learn. `world`: for those who learn by trying; nobody acts by it."""
+    """Training setup of a task's policies. `world`: for learners that learn by simulation; acting does not use it."""
 
     space: Space
     symmetry: Symmetry
@@ -88,16 +88,16 @@ class Lessons:
     world: World | None = None
 
     def framed(self, goal: Float[Array, "B M 3"], now: Now, act: Callable[[Sight], Acted]) -> Acted:
-        """What is done now by what acts on what is seen in the frame of the task's symmetry."""
+        """Action distribution of `act`, computed in the frame of the task's symmetry and moved back to the table."""
         frame = self.symmetry.frame(goal, now.x)
         here = Now.at_rest(frame.places(now.x))._replace(tool=frame.poses(now.tool))  # Motion is not seen.
         acted = act(self.seen(frame.places(goal), here))
         return _moved(self.space, acted, frame.inverse) if self.symmetry.turns else acted
 
     def seen(self, goal: Float[Array, "B M 3"], now: Now) -> Sight:
-        """What is to be seen; a tool that is of no account is where it is before the first action.
+        """Observation of the policy; a tool whose pose does not matter is shown where it is before the first action.
 
-        Where it is after a demonstrated one would tell which that was, and a simulated one does not say.
+        Its pose after a demonstrated action would reveal which one that was, and simulated situations lack it.
         """
         away = jnp.broadcast_to(jnp.asarray(AWAY, jnp.float32), now.tool.shape)
         return sight(self.views, goal, now._replace(tool=away) if self.space.anywhere else now)
@@ -118,7 +118,7 @@ def _moved(space: Space, acted: Acted, by: Isometry) -> Acted:
 
 @final
 class Scale(NamedTuple):
-    """What a network's numbers are of an action's: standard deviations from a mean, as small moves."""
+    """Normalisation of a network's outputs: mean and standard deviation of each number of the small moves."""
 
     mean: Float32[np.ndarray | Array, "T K"]
     std: Float32[np.ndarray | Array, "T K"]
@@ -135,10 +135,10 @@ class Scale(NamedTuple):
 
 @final
 class Shown(NamedTuple):
-    """Of B situations what was seen there, and done; a JAX pytree.
+    """B demonstrated situations and the actions taken there; a JAX pytree.
 
-    `made`: that and the W - 1 actions that followed; `after`: where the object was after each [m]. `counts` is 0 where
-    none followed, and 1 otherwise. All is where it is in the frames of the task's symmetry, or near that.
+    `made`: that action and the W - 1 that followed; `after`: the object after each [m]. `counts` is 1, and 0 for
+    those past the end of the demonstration. All is in the frames of the task's symmetry, or near them.
     """
 
     seen: Sight
@@ -150,7 +150,7 @@ class Shown(NamedTuple):
 
     @property
     def actions(self) -> Float[Array, "B A"]:
-        """What was done there."""
+        """The actions taken there."""
         return self.made[:, 0]
 
 
@@ -167,7 +167,7 @@ class Learner(Protocol):
         ...
 
     def loss(self, params: Params, key: PRNGKeyArray, shown: Shown, how: Lessons, scale: Scale) -> Float[Array, ""]:
-        """How far the policy is from doing what was shown; `key` for what is drawn in training."""
+        """Training loss: distance between the policy's actions and those shown; `key` for random draws."""
         ...
 
     def ahead(self, how: Lessons) -> int:
@@ -175,12 +175,12 @@ class Learner(Protocol):
         ...
 
     def act(self, params: Params, seen: Sight, how: Lessons, scale: Scale) -> Acted:
-        """What the policy does."""
+        """Action distribution of the policy."""
         ...
 
 
 class NextOnly:
-    """Of a learner that tells the next action alone."""
+    """Mixin of a learner that predicts the next action alone."""
 
     def ahead(self, how: Lessons) -> int:
         """None."""
@@ -189,9 +189,9 @@ class NextOnly:
 
 
 class Prepared(NamedTuple):
-    """What a learned policy acts by; a JAX pytree: what it learned, and the goal [m] that it is to reach.
+    """Inputs of a learned policy that stay fixed during planning: parameters, and the goal [m]; a JAX pytree.
 
-    `meant`: what it meant to do now at each of the L last decisions, the newest first, as far as they are `told` (1).
+    `meant`: the action that each of the L last decisions intended for now, newest first, where `told` is 1.
     """
 
     params: Params

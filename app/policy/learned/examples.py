@@ -1,4 +1,4 @@
-"""What demonstrations show, and batches of it for a step of learning, moved by the task's symmetries."""
+"""Training examples from demonstrations, and batches of them, augmented by the task's symmetries."""
 
 from typing import NamedTuple, Self, final
 
@@ -12,7 +12,7 @@ from app.policy.learned.base import Lessons, Scale, Shown
 from app.policy.symmetry import Isometry
 
 _DRAWS = 32
-"""Of symmetries for each example, to see what actions there are."""
+"""Random symmetries per example from which the actions' mean and standard deviation are computed."""
 _LEAST, _ASSUMED = 1e-4, 1e-2
 """A standard deviation [m, rad] below which a number of an action is always the same, and what it is taken for then."""
 
@@ -36,11 +36,11 @@ class Examples(NamedTuple):
         return type(self)(*(each[chosen] for each in self))
 
     def following(self, window: int) -> Int[np.ndarray, "E W"]:
-        """Of each the index, and those of the next ones; its last one's again where its demonstration ends before."""
+        """Index of each example and of those that follow; the demonstration's last one is repeated past its end."""
         return np.minimum(np.arange(len(self.x))[:, None] + np.arange(window), self._last[:, None])
 
     def chances(self, hindsight: float) -> Float64[np.ndarray, " E"]:
-        """How likely each is shown with another goal than its own: so, and surely where it brought that no nearer."""
+        """Probability of relabelling each example with another goal: `hindsight`; 1 if it came no nearer to its own."""
         pairs = zip(self.x, self.after, self.goal, strict=True)
         gained = [chamfer_m2(after, goal) < chamfer_m2(before, goal) for before, after, goal in pairs]
         return np.where(gained, hindsight, 1.0)
@@ -48,10 +48,10 @@ class Examples(NamedTuple):
     def goals(
         self, chosen: Int[np.ndarray, " B"], chances: Float64[np.ndarray, " E"], rng: np.random.Generator
     ) -> tuple[Float32[np.ndarray, "B M 3"], Int[np.ndarray, " B"]]:
-        """What the chosen ones were done for; or else, by chance, where the object was after a later action.
+        """Goals of the chosen examples: their own or, by chance, the object after a later action.
 
-        What was done leads there as surely as to what was wanted (Andrychowicz et al. 2017, "Hindsight experience
-        replay", section 4.1 with its strategy "future"). Also the index of the last one that was done for it.
+        An action leads there as surely as to its own goal (Andrychowicz et al. 2017, "Hindsight experience replay",
+        section 4.1 with its strategy "future"). Also the index of the last example that served that goal.
         """
         later = rng.integers(chosen, self._last[chosen], endpoint=True)
         instead = rng.random(len(chosen)) < chances[chosen]
@@ -60,7 +60,7 @@ class Examples(NamedTuple):
 
     @property
     def _last(self) -> Int[np.ndarray, " E"]:
-        """Of each the index of its demonstration's last one."""
+        """Index of the last example of each one's demonstration."""
         return np.searchsorted(self.episode, self.episode, side="right") - 1
 
 
@@ -77,7 +77,7 @@ class Batch(NamedTuple):
 
     @property
     def actions(self) -> Float[Array, "B A"]:
-        """What was done there."""
+        """The actions taken there."""
         return self.made[:, 0]
 
     @classmethod
@@ -132,7 +132,7 @@ class Batch(NamedTuple):
 
 
 def scale_of(lessons: Lessons, examples: Examples, seed: int) -> Scale:
-    """Of the actions as they are taught, moved by symmetries."""
+    """Mean and standard deviation of the training actions under random symmetries."""
     rng, count = np.random.default_rng([seed, len(examples.x)]), len(examples.x)
     many = Batch.of(examples, np.repeat(np.arange(count), _DRAWS))
     by = lessons.symmetry.drawn(rng, _DRAWS * count)

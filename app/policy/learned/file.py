@@ -33,7 +33,7 @@ Arrays: TypeAlias = dict[str, np.ndarray]
 @final
 @dataclass(frozen=True, kw_only=True)
 class Origin:
-    """Where a policy is from: its task and kind, how it was trained, and on what (SHA-256 by file)."""
+    """Provenance of a policy: task, kind, training settings, and its data (SHA-256 by file)."""
 
     task: str
     kind: str
@@ -106,9 +106,9 @@ def save_training(path: Path, training: Training, settings: Mapping[str, Any]) -
 
 
 def load_training(path: Path, begun: Training, settings: Mapping[str, Any]) -> Training:
-    """What `save_training` wrote of a training that began as `begun` did.
+    """The state of training that `save_training` wrote, in the structure of `begun`.
 
-    Raises UsageError where its settings were others, RecordingError where the file is none.
+    Raises UsageError if its settings were others, RecordingError if the file is no checkpoint.
     """
     arrays, header = _read(path)
     try:
@@ -141,7 +141,7 @@ def _nested(arrays: Arrays, prefix: str) -> Params:
 
 
 def shape_of(how: Lessons) -> dict[str, Any]:
-    """What a network fits alone: its actions, and how it looks at the table."""
+    """The task's properties that a network is tied to: shape of its actions, views and symmetry."""
     return {"chunk": how.space.chunk, "views": [asdict(view) for view in how.views], "symmetry": asdict(how.symmetry)}
 
 

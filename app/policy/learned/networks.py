@@ -14,7 +14,7 @@ _GROUPS = 8
 
 
 def applied(network: nn.Module, params: Params, *inputs: Any, method: str | None = None) -> Any:
-    """What a network makes of these inputs, with these parameters; or one of its methods."""
+    """Output of a network, or of one of its methods, for these parameters and inputs."""
     return network.apply({"params": params}, *inputs, method=method)
 
 

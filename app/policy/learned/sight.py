@@ -1,4 +1,4 @@
-"""What learned policies see of a situation, seen or predicted: pictures of object and goal, and where the tool is."""
+"""Observations of learned policies, seen or predicted: pictures of object and goal, and the tool's pose."""
 
 from typing import NamedTuple, TypeAlias, final
 
@@ -17,7 +17,7 @@ _OPEN_M = 0.1
 
 @final
 class Sight(NamedTuple):
-    """Of B situations; a JAX pytree. A picture of each view: the object's two channels, and then the goal's."""
+    """Observation of B situations; a JAX pytree. A picture per view: the object's two channels, then the goal's."""
 
     pictures: tuple[Float[Array, "B R C 4"], ...]
     tool: Float[Array, "B 7"]

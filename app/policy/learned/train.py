@@ -19,7 +19,7 @@ from app.policy.symmetry import Isometry
 @final
 @dataclass(frozen=True, kw_only=True)
 class Settings:
-    """How long and how fast. After `patience` checks, each `check_every` steps, that gain nothing it is over.
+    """Duration and rates of training. It stops after `patience` checks, each `check_every` steps, without a gain.
 
     `hindsight`: the share of what was done that is shown as done for where it led.
     """

@@ -74,7 +74,7 @@ class Rehearsal:
     def __init__(self, task: Task, plan: Plan, physics: WorldPhysics, hidden: Sequence[Injected], seed: int) -> None:
         self.task, self.plan = task, plan
         self.number = 0
-        """Of the next push, or of the one that was looked at for, from 0."""
+        """Index of the next push, or of the one that was looked at for, from 0."""
         self._physics, self._hidden, self._seed = physics, hidden, seed
         self._starts = np.random.default_rng([seed, _STARTS]).integers(2**31, size=plan.episodes).tolist()
         self._arm, self._intrusion = _Arm(hidden), Intrusion(hidden)

@@ -14,7 +14,7 @@ from app.sim.parameter import ParameterSpec
 from app.sim.rods.effect import EffectParameters, RodContext, RodEffect, RodProperties
 
 WIDTH = wp.constant(0.01)
-"""Of the step, in sessions: one action of a hundred."""
+"""Width of the step, in sessions: one action of a hundred."""
 
 
 @wp.func

@@ -1,4 +1,4 @@
-"""What an effect file has to offer: a module-level `EFFECT`."""
+"""Interface of an effect file: a module-level `EFFECT`."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -112,33 +112,33 @@ class Effect:
     reach_m: float | None = None
     """Farther than this from its place it does nothing; None: it acts everywhere."""
     oriented: bool = False
-    """Whether it depends on which end of its object is the first; plans, where nobody knows that, go without it."""
+    """True if it depends on which end of the object is the first; plans omit it where that is unknown."""
     odd: tuple[str, ...] = ()
     """Parameters that change their sign where the object's other end is called the first."""
     catalogued: bool = True
-    """Whether discovery may name it as a cause; else it is a library of terms for what no cause explains."""
+    """True if discovery may name it as a cause; else it is a library term for what no cause explains."""
 
     node_velocity: WarpFunction | None = None
-    """Of a node's velocity [m/s], after gravity and before contact."""
+    """Hook on a node's velocity [m/s], after gravity and before contact."""
     table_friction: WarpFunction | None = None
-    """Of a node's Coulomb coefficient on the table."""
+    """Hook on a node's Coulomb coefficient on the table."""
     adhesion: WarpFunction | None = None
-    """Of the traction [Pa] with which tools hold a node that leaves them."""
+    """Hook on the traction [Pa] with which tools hold a node that leaves them."""
 
     stiffness: WarpFunction | None = None
-    """Of a particle's Young's modulus [Pa]."""
+    """Hook on a particle's Young's modulus [Pa]."""
     mass: WarpFunction | None = None
-    """Of a particle's mass [kg]."""
+    """Hook on a particle's mass [kg]."""
     rest: WarpFunction | None = None
-    """Of a solid's deformation gradient, before stress is computed from it."""
+    """Hook on a solid's deformation gradient, before stress is computed from it."""
     viscosity: WarpFunction | None = None
-    """Of a particle's viscosity [Pa s]."""
+    """Hook on a particle's viscosity [Pa s]."""
     kept: WarpFunction | None = None
-    """Of the share of its deviatoric stress that a solid keeps in a substep."""
+    """Hook on the share of its deviatoric stress that a solid keeps in a substep."""
     cohesion: WarpFunction | None = None
-    """Of the cohesion [Pa] of grains."""
+    """Hook on the cohesion [Pa] of grains."""
     tool_friction: WarpFunction | None = None
-    """Of a particle's Coulomb coefficient on a tool."""
+    """Hook on a particle's Coulomb coefficient on a tool."""
 
     rod: RodEffect | None = None
-    """How it acts on ropes that are simulated as rods; None: it does not, and a model that needs it has no rod."""
+    """Effect on ropes simulated as rods; None: it has none, and models that need it cannot use rods."""

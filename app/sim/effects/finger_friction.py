@@ -13,7 +13,7 @@ from app.sim.parameter import ParameterSpec
 from app.sim.rods.effect import EffectParameters, RodContext, RodEffect, RodProperties
 
 NOMINAL = wp.constant(0.3)
-"""Of the bare finger; the friction of other tools is scaled as much as the finger's."""
+"""Coulomb coefficient of the bare finger; the friction of other tools is scaled by the same factor."""
 
 
 @wp.func

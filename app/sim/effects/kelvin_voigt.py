@@ -20,7 +20,7 @@ def solid_viscosity(viscosity: float, grain: Grain, phi: Any, at: int) -> float:
 
 
 POISSON = 0.2
-"""Of ropes."""
+"""Poisson's ratio of ropes."""
 
 
 def viscous_rods(rods: RodProperties, context: RodContext, phi: EffectParameters) -> RodProperties:

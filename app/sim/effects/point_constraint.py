@@ -13,7 +13,7 @@ from app.sim.parameter import ParameterSpec
 from app.sim.rods.effect import RodEffect
 
 WIDTH = wp.constant(0.015)
-"""Of the held spot [m], about one cell."""
+"""Radius of the held spot [m], about one cell."""
 
 
 @wp.func

@@ -14,7 +14,7 @@ from app.sim.parameter import ParameterSpec
 from app.sim.rods.effect import EffectParameters, RodContext, RodEffect
 
 FILM_REACH = wp.constant(0.02)
-"""How far above the table it acts [m], about one rope diameter: what is lifted is free of it."""
+"""Height of the film's reach [m], about one rope diameter: lifted matter is free of it."""
 
 
 @wp.func

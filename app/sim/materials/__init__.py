@@ -1,1 +1,1 @@
-"""What objects are made of, one material a file; particles of any of them share one grid."""
+"""Materials of objects, one a file; particles of any of them share one grid."""

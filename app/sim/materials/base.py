@@ -1,4 +1,4 @@
-"""What a material is: numbers, and a law that turns motion into stress."""
+"""Interface of a material: numbers, and a constitutive law."""
 
 # Warp reads its types at run time; as static types, its vectors, arrays and structs have no operators.
 # pyright: reportGeneralTypeIssues=false, reportIndexIssue=false, reportOperatorIssue=false, reportArgumentType=false
@@ -23,11 +23,11 @@ TINY = wp.constant(1.0e-12)
 @final
 @dataclass(frozen=True, kw_only=True)
 class Law:
-    """How a material deforms, as code.
+    """Constitutive law, as code.
 
     `make(hooks)` is the Warp function `law(m, E, C, F, grain, phi) -> tau, F`: the Kirchhoff stress [Pa] and the
-    deformation after a substep with velocity gradient C [1/s], for Young's modulus E [Pa]. What F means is the law's
-    own; its determinant is the relative volume. `directed`: particles' directions (`state.Setting.label`) matter.
+    deformation after a substep with velocity gradient C [1/s], for Young's modulus E [Pa]. The law defines what F
+    means, but its determinant is the relative volume. `directed`: particles' directions (`state.Setting.label`) matter.
     """
 
     name: str
@@ -41,7 +41,7 @@ class Material(Protocol):
 
     @property
     def law(self) -> Law:
-        """What is compiled."""
+        """Constitutive law that is compiled."""
         ...
 
     @property
@@ -79,13 +79,13 @@ def kirchhoff_stress(F: wp.mat33, mu: float, lam: float) -> wp.mat33:
 
 @wp.func
 def deviator(b: wp.mat33) -> wp.mat33:
-    """Of a tensor: b - tr(b) / 3 I."""
+    """Deviator of a tensor: b - tr(b) / 3 I."""
     return b - (wp.trace(b) / 3.0) * wp.identity(n=3, dtype=float)
 
 
 @wp.func
 def norm(a: wp.mat33) -> float:
-    """Frobenius, with a derivative at zero."""
+    """Frobenius norm, with a derivative at zero."""
     return wp.sqrt(wp.ddot(a, a) + TINY)
 
 

@@ -23,7 +23,7 @@ from app.sim.hooks import Hooks
 from app.sim.materials.base import Law, kirchhoff_stress, lame_of, relaxation, strained
 
 _LEAST = wp.constant(1.0e-6)
-"""Where the direction is unknown, and so 0, there are no fibres, and shall be no NaN."""
+"""Regularisation of a fibre's length: without fibres (direction unknown, 0) the law must not give NaN."""
 
 
 def _make(hooks: Hooks) -> WarpFunction:

@@ -1,8 +1,8 @@
-"""How a cloth lies at each of its particles, from where they are alone: the state that a cloth's law begins with.
+"""Initial state of a cloth's law: the directions of its threads at each particle, from positions alone.
 
-Cameras give particles without an order or a history. A cloth that is seen is taken to be at rest: its threads are as
-long as they were woven. Which way they run in its plane is not to be seen, and of little account to a law whose shear
-stiffness is near that of an isotropic sheet; they are laid along the world's x axis.
+Cameras give particles without order or history. An observed cloth is taken to be at rest: its threads are as long as
+they were woven. Their direction in its plane cannot be observed, and matters little to a law whose shear stiffness is
+near that of an isotropic sheet; they are laid along the world's x axis.
 """
 
 from functools import partial
@@ -17,7 +17,7 @@ NEIGHBOURS = 12
 """A particle and its two rings on a hexagonal lattice are 19, its nearest one 7: enough that noise averages out, and
 few enough to follow a bend about a rod."""
 _STEEP = 0.9
-"""Where the normal is nearer to the x axis than this cosine, the threads are laid along y instead."""
+"""Cosine between normal and x axis above which the threads are laid along y instead."""
 
 
 def unstretched(x: Float[Array, "B N 3"], near: Float[Array, "2 n"] | None = None) -> State:

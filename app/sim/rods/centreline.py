@@ -40,14 +40,14 @@ _TRIED, _RECONNECTED, _VARIATIONS = 6, 8, 3
 _SURE = 6.0
 """Margin over all other orders beyond which none is looked for."""
 _WEIGHTS = {"residual": 9.0, "uneven": 0.37, "overlap": 0.50, "bend": 0.14, "bare": 0.31}
-"""Of a score. Fitted by logistic regression to right and wrong orders of 170 clouds of folded ropes, as those of
-`bench.centrelines` but of another seed, with a penalty on large weights: a score is no logarithm of a chance."""
+"""Weights of a score's terms, fitted by logistic regression to right and wrong orders of 170 clouds of folded ropes, as
+those of `bench.centrelines` but of another seed, with a penalty on large weights: a score is no log probability."""
 _OVERLAP = 1.85
 """Distance of strands in radii that is too little: fitted lines are shrunk a little where they bend."""
 _FAR_OFF = 9.0
 """A squared deviation, in variances, beyond which a point is not explained; larger ones count as this."""
 _BLAS = ThreadpoolController()
-"""Of NumPy: its matrices here are so small that threads take ten times as long."""
+"""NumPy's thread pool: its matrices here are so small that threads take ten times as long."""
 _MOST_BEYOND = 0.7
 """Length of a cloud beyond either end of its centreline, in radii: round ends hold 2/3, and depth is blurred."""
 _PRIOR = 1.0, 4.0
@@ -70,7 +70,7 @@ class RopeShape:
 
     @property
     def beyond(self) -> float:
-        """How far its cloud may go beyond either end of the centreline, in segments."""
+        """Extent of its cloud beyond either end of the centreline, in segments."""
         return _MOST_BEYOND * self.radius_m / self.rest_m
 
 

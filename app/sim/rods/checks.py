@@ -19,7 +19,7 @@ from app.sim.rods.scene import RodScene
 from app.sim.rods.state import STATE, RodState
 
 ROWS = ("x", "y", "x velocity", "y velocity", "x bristle", "y bristle", "finger's bristle", "lasting bend")
-"""Of `RodState.nodes`."""
+"""Names of the rows of `RodState.nodes`."""
 _ABOVE_ZERO = ("rigidity", "mass", "creep")
 _SIGNED = ("rest_curvature", "margin", "finger_yaw")
 

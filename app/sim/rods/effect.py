@@ -16,7 +16,7 @@ class RodProperties(NamedTuple):
     """Properties of B rods of n nodes that stay the same through an action; a JAX pytree."""
 
     mass: Float[jax.Array, "B n"]
-    """Of each node [kg]."""
+    """Mass of each node [kg]."""
     rigidity: Float[jax.Array, "B n"]
     """Bending rigidity E I at each node [N m^2]."""
     rest_curvature: Float[jax.Array, "B n"]
@@ -24,7 +24,7 @@ class RodProperties(NamedTuple):
     table_friction: Float[jax.Array, " B"]
     finger_friction: Float[jax.Array, " B"]
     viscosity: Float[jax.Array, " B"]
-    """Of bending [N m^2 s]."""
+    """Viscosity in bending [N m^2 s]."""
     yield_curvature: Float[jax.Array, " B"]
     """[1/m]."""
     permanent_set: Float[jax.Array, " B"]
@@ -36,9 +36,9 @@ class RodSetting(NamedTuple):
     """Knowledge about an action besides its state, for effects; a JAX pytree. Nothing is differentiated by it."""
 
     material_coordinates: Float[jax.Array, "B n"]
-    """Of the nodes, from -1 at the object's first end to 1; 0 where it is unknown which end is the first."""
+    """Material coordinates of the nodes, from -1 at the object's first end to 1; 0 if the first end is unknown."""
     session_time: Float[jax.Array, " B"]
-    """Of the session in which the action happens: -0.5 at its beginning, 0.5 at its end."""
+    """Session time of the action: -0.5 at the session's beginning, 0.5 at its end."""
 
     @classmethod
     def unknown(cls, candidates: int, nodes: int) -> "RodSetting":
@@ -73,7 +73,7 @@ class RodContext:
 _SHARES = 16
 
 EffectParameters: TypeAlias = Float[jax.Array, "B P"]
-"""Of one effect: a row a candidate, a column a parameter."""
+"""Parameters of one effect: a row a candidate, a column a parameter."""
 
 
 def unscaled(phi: EffectParameters, _context: RodContext) -> EffectParameters:
@@ -102,7 +102,7 @@ class RodEffect:
     bend: str = ""
     """Changes `e`: the elastic part of the angle [rad] at a node, once a step; what it loses lasts."""
     lightens: bool = False
-    """Whether it may make nodes lighter than the scene's, which steps in time have to heed."""
+    """True if it may make nodes lighter than the scene's, which limits the time step."""
     numbers: Callable[[jax.Array, RodContext], jax.Array] = unscaled
     """The numbers `phi` of the laws (B, P), from the parameters and the context: what is constant is computed here."""
 

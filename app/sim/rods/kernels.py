@@ -20,7 +20,7 @@ ROWS, BAR_ROWS = 33, 29
 EVERY = {True: 1, False: 32}
 """Steps between the states that are kept for the adjoint, which computes those between again, on a GPU and on a CPU."""
 THREADS = 384
-"""Of a block on a GPU, as in lanes.h."""
+"""Threads of a block on a GPU, as in lanes.h."""
 LANES = {True: 1, False: 16}
 """Candidates in one group, on a GPU and on a CPU."""
 

@@ -16,11 +16,11 @@ if TYPE_CHECKING:
 _WIDTH = 0.44
 """Standard deviation of the kernel of densities, in radii."""
 _SEAM = 2.0
-"""How much dearer a step is that leaves the dense core of the rope."""
+"""Cost factor added to a step that leaves the dense core of the rope."""
 _FAR = 3.75
 """Steps longer than so many radii are over no rope."""
 _POWER = 1.5
-"""Of a step's length in its cost: above one, many short steps are better than few long ones."""
+"""Exponent of a step's length in its cost: above one, many short steps are better than few long ones."""
 _STARTS, _MOVES, _ROUNDS = 12, 400, 8
 _APART = 4
 """Nodes of a line nearer than this along it are not joined anew."""
@@ -150,7 +150,7 @@ def _exchanged(cost: Float64[np.ndarray, "m m"], tour: Int64[np.ndarray, " m"]) 
 
 @lru_cache(maxsize=8)
 def _lower(m: int) -> Bool[np.ndarray, "m m"]:
-    """Where j is at most i + 1."""
+    """Mask of the pairs with j at most i + 1."""
     return np.tri(m, m, 1, dtype=bool)
 
 

@@ -7,7 +7,7 @@ from jaxtyping import Float64, Int64
 def places(
     lines: Float64[np.ndarray, "K n 2"], at: Float64[np.ndarray, "N 2"], beyond: float = 0.0
 ) -> tuple[Float64[np.ndarray, "K N"], Float64[np.ndarray, "K N"]]:
-    """Where along each line its point nearest to each of `at` is, in segments, and the squared distance [m^2].
+    """Arc position on each line of its point nearest to each of `at`, in segments, and the squared distance [m^2].
 
     It is on one of the two segments at the nearest node; end segments go on for `beyond` of their length.
     """

@@ -23,7 +23,7 @@ from app.sim.rods.state import RodState
 ResultT = TypeVar("ResultT", covariant=True)
 
 _SPRINGBACK = 6
-"""Of `OwnTraits` in rod.h."""
+"""Row of the springback in `OwnTraits` of rod.h."""
 
 
 @final
@@ -35,7 +35,7 @@ class RodPhysics(NamedTuple):
     table_friction: Float[jax.Array, " B"]
     finger_friction: Float[jax.Array, " B"]
     viscosity: Float[jax.Array, " B"]
-    """Of bending: moment per rate of curvature [N m^2 s]."""
+    """Viscosity in bending: moment per rate of curvature [N m^2 s]."""
     yield_curvature: Float[jax.Array, " B"]
     """Elastic curvature [1/m] beyond which the rope keeps its bend."""
     permanent_set: Float[jax.Array, " B"]
@@ -47,11 +47,11 @@ class RodPhysics(NamedTuple):
     press: Float[jax.Array, " B"]
     """Share of the finger's downward push, by its round tip, that the table bears."""
     margin: Float[jax.Array, " B"]
-    """By how much finger and rope meet before their radii do [m]."""
+    """Contact margin: finger and rope meet this much before their radii do [m]."""
     creep: Float[jax.Array, " B"]
-    """Of what friction holds: the speed [m/s] at which it would bear half of what it does when sliding."""
+    """Creep of sticking friction: the speed [m/s] at which it would bear half of the sliding friction."""
     mass: Float[jax.Array, " B"]
-    """Of the rope [kg]."""
+    """Mass of the rope [kg]."""
     finger_half_width: Float[jax.Array, " B"]
     """Half width of a flat finger's core [m]; of no account where the scene's finger is round."""
     finger_yaw: Float[jax.Array, " B"]

@@ -20,7 +20,7 @@ _MOST_VISCOUS = 1.3
 """As a multiple of the nominal viscosity."""
 _FARTHEST_M = 100.0
 _YOUNG_PA, _VISCOSITY_PA_S = 1.865e4, 311.0
-"""Of bending: 6e-5 N m^2 and 1e-6 N m^2 s for a rope of 8 mm radius."""
+"""Bending modulus and viscosity: 6e-5 N m^2 and 1e-6 N m^2 s for a rope of 8 mm radius."""
 
 
 @final
@@ -72,9 +72,9 @@ class RodScene:
     tightest_m: float | None = None
     """Radius of the tightest bend of the centreline; None: five quarters of the rope's, whose inner side has to fit."""
     walls: tuple[Wall, ...] = ()
-    """What stands on the table; as thick as nodes are apart at least, or it would pass between them."""
+    """Walls on the table; at least as thick as the distance of nodes, or the rope would pass between them."""
     mass_shares: tuple[float, ...] | None = None
-    """Of the nodes, where the rope is not equally heavy along its length: it may have knots or tassels at its ends."""
+    """Mass shares of the nodes, of a rope that is not uniform: it may have knots or tassels at its ends."""
     stiffest_n_m2: float | None = None
     """The largest bending rigidity that is simulated; None: four times the nominal one."""
 

@@ -15,7 +15,7 @@ STATE = 8
 """Rows of `RodState.nodes`."""
 
 _ROUNDS = 6
-"""Of Newton's iteration to segments of equal length; starts that are 2 mm off are so to 1e-6 after four."""
+"""Newton iterations towards segments of equal length; starts that are 2 mm off converge to 1e-6 in four."""
 
 
 @final
@@ -26,7 +26,7 @@ class RodState(NamedTuple):
     """Rows: x, y [m], velocities [m/s], bristles of the table [m], that of the finger [m], bends about which
     yield is centred [rad]: of them a share lasts (`RodPhysics.permanent_set`)."""
     place: Float[jax.Array, "B N"]
-    """Where along the rope a particle is, in segments from the first node."""
+    """Arc position of each particle, in segments from the first node."""
     offset: Float[jax.Array, "B N 3"]
     """From the centreline there: forward, to the left, and above the table [m]."""
 
@@ -116,7 +116,7 @@ class RodStart:
         return RodState.at_rest(x, self.count, self.rest_m, self.radius_m, near)
 
     def places(self, x: Float32[np.ndarray, "B N 3"]) -> Float32[np.ndarray, "2 B N"]:
-        """Where along their ropes particles are, in segments, and how much each counts: 1 in the mean."""
+        """Arc positions of particles on their ropes, in segments, and their weights: 1 in the mean."""
         return _labels(self.count, self.rest_m, self.radius_m, x, np.zeros((2, 0), np.float32))
 
     def moved(self, x: Float32[np.ndarray, "B N 3"], places: Float32[np.ndarray, "2 B N"]) -> RodState:

@@ -26,7 +26,7 @@ _PIECES_APART = 3.0
 _CRUMB = 0.02
 """Share of the points in a piece that is none: errant ones."""
 _LENGTH = 0.12
-"""By how much of the known length the one found may be off."""
+"""Relative tolerance on the length of the centreline."""
 _EXPLAINED = 1.35
 """Distance from the centreline within which a particle is explained, in radii: noise is a fifth of one."""
 _UNEXPLAINED = 0.06

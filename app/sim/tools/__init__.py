@@ -1,1 +1,1 @@
-"""What touches objects: tools that follow a path and things that stand around, one shape a file."""
+"""Collision shapes that touch objects: tools that follow a path, and fixtures; one shape a file."""

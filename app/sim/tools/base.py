@@ -1,4 +1,4 @@
-"""What a tool is: primitives, each an analytic signed distance with a friction of its own, and how they move."""
+"""Interface of tools: primitives, each an analytic signed distance with its own friction, and their motion."""
 
 # Warp reads its types at run time; as static types, its vectors, arrays and structs have no operators.
 # pyright: reportGeneralTypeIssues=false, reportIndexIssue=false, reportOperatorIssue=false, reportArgumentType=false
@@ -14,8 +14,8 @@ from app.sim.effects.base import WarpFunction
 Vector: TypeAlias = tuple[float, float, float]
 Quaternion: TypeAlias = tuple[float, float, float, float]
 Motion: TypeAlias = Literal["fixed", "slides", "turns", "opens"]
-"""How a path moves a primitive, in coordinates of the tool path: not at all; x y z [m]; x y z and a unit quaternion
-w x y z; or those and an opening [m], by half of which it moves along its own +y (side 1) or -y (side -1)."""
+"""Motion of a primitive, in coordinates of the tool path: none; x y z [m]; x y z and a unit quaternion w x y z;
+or these and an opening [m], by half of which it moves along its own +y (side 1) or -y (side -1)."""
 
 COORDINATES: dict[Motion, int] = {"fixed": 0, "slides": 3, "turns": 7, "opens": 8}
 
@@ -50,17 +50,17 @@ class Tool(Protocol):
 
     @property
     def motion(self) -> Motion:
-        """How its path moves it."""
+        """Kind of motion that its path gives it."""
         ...
 
     def primitives(self) -> tuple[Primitive, ...]:
-        """What it consists of; they move together."""
+        """Primitives that it consists of; they move together."""
         ...
 
 
 @wp.func
 def safe_norm(a: wp.vec3) -> float:
-    """Its length, at least `AXIS`, with a derivative everywhere."""
+    """Length of a vector, at least `AXIS`, with a derivative everywhere."""
     return wp.sqrt(wp.dot(a, a) + AXIS * AXIS)
 
 

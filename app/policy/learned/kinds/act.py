@@ -21,7 +21,7 @@ from app.policy.learned.networks import applied
 from app.policy.learned.sight import Sight
 
 _STYLES = 8
-"""How many styles are drawn to see how far apart they act."""
+"""Styles sampled to estimate the spread of the actions."""
 
 
 @final

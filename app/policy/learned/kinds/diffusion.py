@@ -59,7 +59,7 @@ class Diffusion(NextOnly):
         return ((told - moves) ** 2).mean()
 
     def act(self, params: Params, seen: Sight, how: Lessons, scale: Scale) -> Acted:
-        """What is found from a noise that is always the same, so that what is seen alone decides."""
+        """Actions denoised from a fixed noise, so that they depend on the observation alone."""
         chunk, count = how.space.chunk, len(seen.tool)
         network = self._network(chunk)
         tokens = applied(network, params, seen, method="look")
@@ -121,7 +121,7 @@ class _Denoiser(nn.Module):
         return self.denoise(self.look(seen), moves, level)
 
     def look(self, seen: Sight) -> Float[Array, "B P W"]:
-        """What is heeded at every level."""
+        """Tokens of the observation, attended to at every denoising step."""
         return self.seen(seen)
 
     def denoise(

@@ -30,7 +30,7 @@ _NEAR: Final = 1
 
 
 _FAINT: Final = nn.initializers.variance_scaling(0.01, "fan_in", "truncated_normal")
-"""Of features that are correlated over a crop: all pixels are about as likely before anything is learned."""
+"""Initialiser of features that are correlated over a crop: pixels are about equally likely before training."""
 
 
 @runtime_checkable
@@ -38,11 +38,11 @@ class Strokes(Protocol):
     """Actions that begin somewhere on the table and end somewhere else."""
 
     def ends(self, actions: Float[Array, "B A"]) -> Float[Array, "B 2 2"]:
-        """Where they begin and end [m]."""
+        """Start and end of each stroke [m]."""
         ...
 
     def bends(self, actions: Float[Array, "B A"]) -> Float[Array, "B M"]:
-        """What they do between, whatever the ends."""
+        """Bends between start and end, independent of both."""
         ...
 
     def stroke(self, ends: Float[Array, "B 2 2"], bends: Float[Array, "B M"]) -> Float[Array, "B A"]:
@@ -138,7 +138,7 @@ class _Transporter(nn.Module):
     def bending(
         self, picture: Float[Array, "B R C 4"], first: Int[Array, "B 2"], last: Int[Array, "B 2"]
     ) -> Float[Array, "B M"]:
-        """What is done between both ends, by what is around them; nothing where strokes are straight."""
+        """Bends between both ends, predicted from the features around them; empty if strokes are straight."""
         if not self.between:
             return jnp.zeros((len(picture), 0))
         features = self.queries(picture)
@@ -149,7 +149,7 @@ class _Transporter(nn.Module):
         return told / _pieces(told)
 
     def _crops(self, query: Float[Array, "R C F"], at: Int[Array, "2"]) -> Float[Array, "G S S F"]:
-        """What is around a pixel, turned by each angle."""
+        """Crops around a pixel, one for each angle."""
         side = jnp.arange(self.crop) - (self.crop - 1) / 2
         rows, columns = jnp.meshgrid(side, side, indexing="ij")
         angles = (2 * pi * jnp.arange(self.turns) / self.turns)[:, None, None]
@@ -177,7 +177,7 @@ class _Whole(nn.Module):
 
 
 def _correlation(picture: Float[Array, "R C F"], crops: Float[Array, "G S S F"]) -> Float[Array, "G R C"]:
-    """Of each crop with what is around each pixel, zero beyond the edges; by Fourier transforms."""
+    """Cross-correlation of each crop with the picture at each pixel, zero-padded; by Fourier transforms."""
     rows, columns, _ = picture.shape
     side = crops.shape[1]
     shape = (rows + side, columns + side)
@@ -188,7 +188,7 @@ def _correlation(picture: Float[Array, "R C F"], crops: Float[Array, "G S S F"])
 
 
 def _pieces(bends: Float[Array, "B M"]) -> int:
-    """Of how many pieces a stroke is made, each of about the same share of it; 1 where it is straight."""
+    """Number of segments of a stroke, each about the same share of it; 1 if it is straight."""
     return max(bends.shape[1] // 2, 1)
 
 
