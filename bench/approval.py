@@ -1,4 +1,4 @@
-"""An operator's leave for any motion, where benches and tests need an arm to move without a plan."""
+"""An operator's approval of any motion, for benches and tests that move an arm without a plan."""
 
 import numpy as np
 

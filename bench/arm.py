@@ -34,7 +34,7 @@ _POLL_S = 0.01
 _AT_REST_M_S = 2e-3
 _SITE = Site()
 _SEEN = np.zeros((1, 3), np.float32)
-"""Whoever approves these motions looks at no rope."""
+"""Particles shown for approval of these motions: none of a rope."""
 
 
 @final
@@ -117,7 +117,7 @@ async def _periods_of_one(cell: Cell) -> np.ndarray:
 
 
 async def _stops(cell: Cell) -> str:
-    """From the press to the first logged state at rest, at the full speed of the arm."""
+    """Times from the press of STOP to the first logged state at rest, at the full speed of the arm, as text."""
     taken_ms: list[float] = []
     for _ in range(_STOPS):
         pressed_s, executed = await _stopped(cell, across(_SITE.limits.speed_m_s))
@@ -148,7 +148,7 @@ async def _stopped(cell: Cell, motion: Motion) -> tuple[float, Executed]:
 
 
 def across(speed_m_s: float) -> Motion:
-    """From one side of the table to the other, above the rope."""
+    """Motion from one side of the table to the other, above the rope."""
     return Motion(positions=np.array([[0.4, -0.25, 0.05], [0.4, 0.25, 0.05]]), speeds=np.full(2, speed_m_s))
 
 

@@ -18,7 +18,7 @@ from app.tasks.aim import Aim
 @final
 @dataclass(frozen=True, kw_only=True)
 class Sweep:
-    """One decision and what came of it, as seen; Chamfer distances [m^2].
+    """One decision and its outcome, as observed; Chamfer distances [m^2].
 
     Shares are those of the beans on the mat. `error_m2`: from what was predicted to what came; `moved_m2`: from what
     was before, which is the error of the prediction that nothing moves.

@@ -155,7 +155,7 @@ def _cast(C: Transform, lens: Lens) -> Float64[np.ndarray, "h w"]:
 
 
 def _bent(C: Transform, lens: Lens) -> Float64[np.ndarray, "h w"]:
-    """The same through a lens that distorts: each pixel is what the pinhole has where that lens would have had it."""
+    """The image through a lens that distorts: each pixel is that of the pinhole at its undistorted place."""
     u, v = np.meshgrid(np.arange(lens.width, dtype=float), np.arange(lens.height, dtype=float))
     ideal = lens.ideal(np.stack([u.ravel(), v.ravel()], axis=1)).reshape(lens.height, lens.width, 2)
     straight = _cast(C, Lens(width=lens.width, height=lens.height, K=lens.K))

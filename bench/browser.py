@@ -40,7 +40,7 @@ def open_browser() -> Generator[Browser]:
 
 
 def console_url(lines: Iterable[str]) -> str:
-    """URL of the console, from what the program prints as it starts. Raises SystemExit where it ends before."""
+    """URL of the console, from the program's output at its start. Raises SystemExit if it ends before."""
     head, printed = "Operator console: ", list[str]()
     for line in lines:
         if line.startswith(head):

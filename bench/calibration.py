@@ -44,7 +44,7 @@ def episode(task: Task, seed: int, pushes: int, particle_count: int) -> list[Tra
 
 
 def grid(task: Task, points: int) -> list[dict[str, float]]:
-    """Every combination of the calibrated parameters, `points` of each from 0.3 to 3.3 times the nominal."""
+    """Grid of the calibrated parameters, `points` of each from 0.3 to 3.3 times the nominal."""
     names = task.calibrated
     nominal = nominal_model(task.name)
     factors = np.meshgrid(*[np.geomspace(0.3, 3.3, points)] * len(names), indexing="ij")
@@ -105,7 +105,7 @@ def main(
 
 
 def _divisions(count: int) -> list[tuple[str, list[int], list[int]]]:
-    """Halves of the episodes: what is fitted to, by name and number, and what is held out."""
+    """Halves of the episodes: the fitted ones, by name and number, and those held out."""
     everything = list(range(count))
     first, even = everything[: count // 2], everything[::2]
     second, odd = everything[count // 2 :], everything[1::2]

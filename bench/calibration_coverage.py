@@ -45,7 +45,7 @@ class Truth(NamedTuple):
 
 
 class DataSet(NamedTuple):
-    """Pushes, and what is true of them."""
+    """Pushes, and their true parameters."""
 
     evidence: Evidence
     truth: Truth

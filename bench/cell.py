@@ -80,7 +80,7 @@ def _failure(row: dict[str, Any]) -> str | None:
 
 
 def _measured(row: dict[str, Any], folder: Path) -> dict[str, list[float]]:
-    """From the recording [s]: the arm's longest control period in every half second, and frames to particles."""
+    """Times in the recording [s]: the arm's longest control period in every half second, and frames to particles."""
     recording = Path(row["recording"])
     messages = list(read_messages(recording if recording.exists() else folder / recording.name, [ArmState, Particles]))
     return {

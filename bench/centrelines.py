@@ -31,7 +31,7 @@ from bench.rods import SCENE, SIMULATE, TASK, physics
 
 ROPE: Final = RopeShape(count=SCENE.nodes, rest_m=SCENE.rest_m, radius_m=SCENE.radius_m)
 SEED: Final = 2
-"""Not that to which scores were fitted."""
+"""Seed of the pushes; scores were fitted to those of another."""
 WRONG_MM: Final = 10.0
 _FOLDED_M, _APART = 0.020, 5
 _HOLE_M, _LIFTED_M, _REST_S = 0.015, 0.05, 0.3
@@ -75,19 +75,19 @@ def pushing(command: Track) -> Float64[np.ndarray, "T 3"]:
 
 
 def exact(nodes: Float64[np.ndarray, "n 3"], seed: int) -> Points:
-    """As perfect cameras show it."""
+    """Cloud of the rope by perfect cameras."""
     del seed
     return TASK.particles(nodes, 300)
 
 
 def noisy(nodes: Float64[np.ndarray, "n 3"], seed: int) -> Points:
-    """With a standard deviation of 1.5 mm along each axis."""
+    """Cloud with a noise of 1.5 mm along each axis."""
     x = TASK.particles(nodes, 300)
     return (x + 0.0015 * np.random.default_rng(seed).standard_normal(x.shape)).astype(np.float32)
 
 
 def holed(nodes: Float64[np.ndarray, "n 3"], seed: int) -> Points:
-    """Nothing within 15 mm of a place of the rope is seen; elsewhere 1 mm of noise."""
+    """Cloud with a hole of 15 mm about a place of the rope, and 1 mm of noise."""
     rng, x = np.random.default_rng(seed), TASK.particles(nodes, 330)
     hidden = nodes[rng.integers(4, len(nodes) - 4), :2]
     x = x[np.linalg.norm(x[:, :2] - hidden, axis=1) > _HOLE_M]
@@ -95,13 +95,13 @@ def holed(nodes: Float64[np.ndarray, "n 3"], seed: int) -> Points:
 
 
 def dense(nodes: Float64[np.ndarray, "n 3"], seed: int) -> Points:
-    """As many particles as on a GPU."""
+    """Cloud of as many particles as on a GPU."""
     del seed
     return TASK.particles(nodes, 2000)
 
 
 def seen(nodes: Float64[np.ndarray, "n 3"], seed: int) -> Points:
-    """As the simulated cell's cameras show it."""
+    """Cloud by the simulated cell's cameras."""
     return rendered(TASK, nodes, seed)
 
 

@@ -58,14 +58,14 @@ def main(folder: Path = IMAGES, task: str = "rope_push", seed: int = 1) -> None:
 
 
 def _picture(page: Page, path: Path) -> None:
-    """With everything drawn that was said meanwhile; what is clicked next has to be drawn as well."""
+    """Take a screenshot after all pending updates are drawn; the element clicked next has to be drawn as well."""
     page.evaluate(_DRAWN)
     page.wait_for_timeout(_SETTLED_MS + _SELDOM_MS)
     page.screenshot(path=path)
 
 
 def _approve(page: Page) -> None:
-    """Until a motion is made: on a machine that is busy with drawing, a plan may be refused as one of too long ago."""
+    """Approve until a motion is made: on a machine that is busy with drawing, a plan may be rejected as too old."""
     for _ in range(_TRIES):
         page.get_by_role("button", name="Approve this motion").click()
         with suppress(Error):

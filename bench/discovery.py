@@ -132,7 +132,7 @@ def _try(
     where: Where,
     jobs: int,
 ) -> None:
-    """Those cases that no file has a verdict of, so many side by side."""
+    """Try the cases without a verdict in any file, several in parallel."""
     done = {ledger.key_of(line) for line in ledger.finished(ledger.read([*others, into]))}
     left = [case for case in cases if ledger.key_of({"case": told(case, setup)}) not in done]
     began = time.monotonic()

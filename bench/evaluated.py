@@ -13,7 +13,7 @@ MEASURED = Path(__file__).parents[1] / "docs" / "measured" / "evaluation.jsonl"
 
 
 def main(file: Annotated[Path, tyro.conf.Positional] = MEASURED) -> None:
-    """Print what the rows of an evaluation say, as Markdown."""
+    """Print the tables of an evaluation's rows, as Markdown."""
     print(markdown(scores(ledger.latest(file))))
 
 

@@ -30,7 +30,7 @@ _PROGRESS: Final = re.compile(r"^ *\d+ s  ")
 @final
 @dataclass(frozen=True, kw_only=True)
 class Shown:
-    """A case of the page: what is hidden, by `dipac hide`'s words, and a sentence before its commands."""
+    """A case of the page: arguments of `dipac hide`, and a sentence before its commands."""
 
     name: str
     title: str
@@ -138,7 +138,7 @@ def _run(command: tuple[str, ...], folder: Path) -> str:
 
 
 def _spread(word: str, folder: Path) -> list[str]:
-    """As a shell reads a word with a star."""
+    """Expansion of a word with a star, as by a shell."""
     return sorted(str(path.relative_to(folder)) for path in folder.glob(word)) if "*" in word else [word]
 
 
@@ -159,7 +159,7 @@ def main(
     ],
     docs: Annotated[Path, tyro.conf.arg(help="where gallery.md and images/ are written")] = DOCS,
 ) -> None:
-    """Record and investigate what is missing, take the pictures, and write the page."""
+    """Record and investigate missing cases, take the pictures, and write the page."""
     folder.mkdir(parents=True, exist_ok=True)
     parts = [section(case, made(case, folder), truth_of(case, folder)) for case in CASES]
     with open_browser() as browser:

@@ -51,7 +51,7 @@ _DIRECTIONS: Final = 3
 @final
 @dataclass(frozen=True, kw_only=True)
 class Order:
-    """A study: which recording, what is put into it, and how large in typical sizes, or `own` in its own unit."""
+    """A study: recording, injected error, and its size in typical ones, or `own` in its own unit."""
 
     recording: int
     effect: str = NOTHING
@@ -77,7 +77,7 @@ class Order:
 
 
 def orders(recordings: int) -> Iterator[Order]:
-    """All that are asked about: what is typical first, recording by recording, then the rest."""
+    """All studies: typical errors first, recording by recording, then the rest."""
     for recording in range(recordings):
         yield Order(recording=recording)
         size = TYPICAL[recording % len(TYPICAL)]
@@ -195,7 +195,7 @@ def main(
     studies: Annotated[int, tyro.conf.arg(help="to have at the end, in the order of `orders`")] = 0,
     recordings: Annotated[int, tyro.conf.arg(help="of 20 pushes each")] = len(TYPICAL),
 ) -> None:
-    """Make what is missing of the studies, a minute of a core each, and print the table."""
+    """Run the missing studies, a minute of a core each, and print the table."""
     known = {line["key"]: line for line in lines(path)} if path.exists() else dict[str, dict[str, Any]]()
     with path.open("a", encoding="utf-8") as file:
         for order in list(orders(recordings))[:studies]:

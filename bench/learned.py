@@ -48,7 +48,7 @@ def main(folder: Path = _MEASURED, images: Path = _DOCS / "images") -> None:
 
 
 def _planners(file: Path, known: set[str]) -> list[dict[str, Any]]:
-    """Without learned policies: the planners, and the paper's without its parts; those episodes that are not known."""
+    """Rows without learned policies: the planners, and the paper's ablations; episodes that are not known yet."""
     return [
         row
         for row in ledger.latest(file)

@@ -43,7 +43,7 @@ class Fitted:
     train: Bool[np.ndarray, "F K"]
 
     def left_out(self, values: Callable[[Place], np.ndarray]) -> np.ndarray:
-        """For each push, the first axis of `values`, what the model says that was fitted to the others."""
+        """Values of each push, the first axis of `values`, by the model that was fitted to the others."""
         return np.stack([values(place)[k] for k, place in enumerate(self.places[:-1])])
 
 
@@ -69,7 +69,7 @@ def descend(errors: Errors, start: Fitted, axes: Collection[str], rounds: int) -
 
 
 def chosen(errors: Errors, tried: Mapping[int, Sequence[Place]], train: Bool[np.ndarray, "F K"]) -> dict[int, Place]:
-    """For each fold the best of the places that it tried; the first where several are."""
+    """The best of the places that each fold tried; the first of several."""
     every = list(dict.fromkeys(place for places in tried.values() for place in places))
     found = dict(zip(every, errors(every), strict=True))
     return {fold: min(places, key=lambda place: loss(found[place], train[fold])) for fold, places in tried.items()}

@@ -43,7 +43,7 @@ _NEAR_M = 0.008
 _OVER_M, _THICK_M = 0.10, 0.012
 _ROUNDS = 12
 _SITUATIONS = (("grey", 0.0), ("the object's", 0.0), ("the object's", 0.008))
-"""The board's colour, and how far the object was moved under it [m]."""
+"""The board's colour, and the object's displacement under it [m]."""
 _TRUTH = 4000
 _GREY: Colour = (0.30, 0.32, 0.36)
 
@@ -170,7 +170,7 @@ def scene(task: Task, seed: int, share: float, colour: str, moved_m: float) -> S
 def _board(
     task: Task, snapshot: Snapshot, share: float, rng: np.random.Generator, colour: Colour
 ) -> tuple[Block | None, float]:
-    """The square board that hides the share of the object from every camera, and how much it does."""
+    """The square board that hides the share of the object from every camera, and the hidden share."""
     if share == 0:
         return None, 0.0
     points = task.particles(snapshot.nodes, _TRUTH)

@@ -179,7 +179,7 @@ class _Section(NamedTuple):
 
     @classmethod
     def of(cls, x: Points, place: Float32[np.ndarray, " N"]) -> "_Section":
-        """That of an object at rest."""
+        """Section of an object at rest."""
         line = _line(x, place)
         middle, axes = _on_line(line, place)
         out = x.astype(np.float64) - middle
@@ -210,7 +210,7 @@ def _length_m(line: Float64[np.ndarray, "M 3"]) -> float:
 def _on_line(
     line: Float64[np.ndarray, "M 3"], place: Float32[np.ndarray, " N"]
 ) -> tuple[Float64[np.ndarray, "N 3"], Float64[np.ndarray, "N 3 3"]]:
-    """For each particle its point on the line, and unit vectors (N, 3, 3): to the left, along, and up."""
+    """Each particle's point on the line, and unit vectors (N, 3, 3): to the left, along, and up."""
     at = np.concatenate([[0.0], (np.arange(_NODES) + 0.5) / _NODES, [1.0]])
     share = (place.astype(np.float64) + 1) / 2
     curve = CubicSpline(at, line)
@@ -274,7 +274,7 @@ def _middles(x: Points, place: Float32[np.ndarray, " N"]) -> Float64[np.ndarray,
 
 
 def _labels(x: Points, place: Float32[np.ndarray, " N"]) -> Float32[np.ndarray, "N 4"]:
-    """As `state.Setting` has them, of places along the object that are known."""
+    """Labels as in `state.Setting`, for known places along the object."""
     middle, order = _middles(x, place)[:, :2], np.argsort(place)
     along = np.empty_like(middle)
     along[order] = np.gradient(middle[order], axis=0)

@@ -18,7 +18,7 @@ from bench.table import Table
 
 @dataclass(frozen=True, kw_only=True)
 class Push:
-    """One decision and what came of it; Chamfer distances to the goal [m^2], `error_m2` to what was predicted."""
+    """One decision and its outcome; Chamfer distances to the goal [m^2], `error_m2` to the prediction."""
 
     before_m2: float
     predicted_m2: float

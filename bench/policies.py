@@ -52,7 +52,7 @@ def milliseconds(act: Callable[[], object], repeats: int = 10) -> float:
 
 
 def row(task: Task, kind: str, shown: Examples) -> Sequence[str]:
-    """A step of learning, what a training of `_STEPS` takes, one action, and sixteen."""
+    """Row of times: a step of learning, a training of `_STEPS`, one action, and sixteen."""
     moments = list[float]()
 
     def listen(_: Progress) -> None:

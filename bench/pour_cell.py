@@ -47,7 +47,7 @@ def reward(chamfer_m2: float) -> float:
 
 
 def normalised(reached: float, nothing: float) -> float:
-    """A reward as a share of what is to be had beyond that of doing nothing."""
+    """A reward as a share of the possible gain over that of doing nothing."""
     return (reached - nothing) / (1.0 - nothing)
 
 

@@ -55,7 +55,7 @@ def evenly_spread(line: Line, count: int) -> Line:
 
 
 def length_m(line: Line) -> float:
-    """Along a line."""
+    """Length of a line."""
     return float(np.linalg.norm(np.diff(line, axis=0), axis=1).sum())
 
 
@@ -85,7 +85,7 @@ def rods_along(lines: Sequence[Line], points: Sequence[Float[np.ndarray, "N 3"]]
 
 
 def _carrying(rod: RodState, cloud: Float[np.ndarray, "N 3"]) -> RodState:
-    """With the offsets of a cloud's points at their places."""
+    """The rod with the offsets of a cloud's points at their places."""
     middle, tangent = (np.asarray(each[0], np.float64) for each in frames(rod.nodes[:, :2], rod.place))
     d = cloud[:, :2] - middle
     left = d[:, 1] * tangent[:, 0] - d[:, 0] * tangent[:, 1]

@@ -161,7 +161,7 @@ class Told:
     prior: tuple[float, float]
 
     def __str__(self) -> str:
-        """In plain numbers, millimetres or degrees."""
+        """Text in plain numbers, millimetres or degrees."""
         by, unit = (np.degrees(1.0), "degrees") if AXES[self.name].unit == "rad" else (1e3, "mm")
         a, b = (by * end for end in self.prior)
         name = self.name.replace("_", " ")
@@ -190,7 +190,7 @@ def gripper(pushes: Sequence[Recorded], models: int) -> tuple[list[Told], float]
 
 
 def put_back(study: Study, subject: Subject, plain: Investigated) -> Iterator[tuple[str, ...]]:
-    """Rows: an error that was put in, what the chain makes of it, and how its size differs from that without it."""
+    """Rows: an injected error, the pipeline's verdict, and its estimate less that without the error."""
     for effect, values in KNOWN:
         known = investigated(with_error(study, effect, np.array(values)), subject)
         rank = [blame.effect for blame in known.ranking].index(effect) + 1

@@ -1,4 +1,4 @@
-"""Real rope pushes by a rod, each predicted by what the seven others say: `python -m bench.real_pushes`.
+"""Real rope pushes by a rod, each predicted from the seven others: `python -m bench.real_pushes`.
 
 What a fold knows of the rod is the mean of all models, each weighed by how well it predicts the seven pushes of that
 fold: with as many unknowns as half the pushes, the best one alone follows their peculiarities. docs/real-data.md says
@@ -62,7 +62,7 @@ class Axis(NamedTuple):
     unit: str
 
     def value(self, u: Float64[np.ndarray, "*batch"]) -> Float64[np.ndarray, "*batch"]:
-        """From 0..1."""
+        """Value at a share 0..1 of the range."""
         u = np.clip(u, 0.0, 1.0)
         return self.low * (self.high / self.low) ** u if self.ratio else self.low + (self.high - self.low) * u
 
@@ -226,7 +226,7 @@ def _repeated(each: jax.Array, count: int) -> jax.Array:
 
 
 def _distances(clouds: tuple[jax.Array, jax.Array]) -> tuple[jax.Array, jax.Array]:
-    """As `chamfer_mm` and `chamfer_m2`."""
+    """Distances as `chamfer_mm` and `chamfer_m2`."""
     x, y = clouds
     flat = jnp.sqrt(((x[:, None, :2] - y[None, :, :2]) ** 2).sum(-1))
     return _MM * (flat.min(0).mean() + flat.min(1).mean()) / 2, _MM2 * chamfer_m2(x, y)
@@ -283,7 +283,7 @@ def posterior(
     train: Bool[np.ndarray, " K"],
     free: Sequence[str],
 ) -> Posterior:
-    """From the sums of squares of a pool (0..1) for each weight of tassels: the mean of what the pushes `train` say.
+    """Posterior mean by the pushes `train`, from the sums of squares of a pool (0..1) for each weight of tassels.
 
     Errors of the model are taken to be normal, as large as those of the best one, and independent from push to push;
     the axes' ranges are the prior. The weight of tassels is that of those tried which is nearest to its mean.
@@ -302,7 +302,7 @@ def posterior(
 
 
 def left_out(ropes: Sequence[Rope], name: str, free: Sequence[str], models: int) -> Row:
-    """Each push predicted by what the others say of the free numbers."""
+    """Predictions of each push by the posterior of the free numbers from the others."""
     pool = qmc.Sobol(len(free), rng=np.random.default_rng(0)).random(models)
     values = np.stack([AXES[each].value(pool[:, column]) for column, each in enumerate(free)], axis=1)
     mm2 = np.stack([rope.scores(values, free).mm2 for rope in ropes])

@@ -103,7 +103,7 @@ class Rope:
         return float(np.clip(finger.radius_m + _STEP_M * dict(place).get("tool_radius", 0), _STEP_M, _WIDEST_M))
 
     def still(self) -> Predicted:
-        """Nothing moves."""
+        """Prediction of no motion."""
         return _compared(self.trials, np.stack([push.before.points for push in self.study.pushes]))
 
     def _predict(self, places: Iterable[Place]) -> None:
@@ -129,7 +129,7 @@ def read_pushes(pushes: Sequence[Recorded]) -> Study:
 
 
 def chamfer_mm(x: Points, y: Points) -> float:
-    """Between clouds seen from above [mm]: the mean of both directions' mean distances to the nearest point."""
+    """Distance of clouds from above [mm]: the mean of both directions' mean distances to the nearest point."""
     a, b = x[:, :2], y[:, :2]
     return _MM * float(KDTree(b).query(a)[0].mean() + KDTree(a).query(b)[0].mean()) / 2
 
@@ -143,7 +143,7 @@ def fitted_tool(rope: Rope) -> tuple[Fitted, Fitted]:
 
 
 def screened(rope: Rope, start: Fitted, only: Collection[str]) -> dict[str, Fitted]:
-    """For each cause and each fold the best of no change and of one typical size either way, wherever it may be."""
+    """Best change of each cause and fold: none, or one typical size either way, wherever it may be."""
     changes = {
         cause.name: _changes(rope, cause)
         for cause in rope.catalogue.causes
@@ -172,7 +172,7 @@ def refitted(rope: Rope, found: dict[str, Fitted], rounds: int) -> dict[str, Fit
 
 
 def best_on_the_others(rope: Rope, found: dict[str, Fitted]) -> tuple[Fitted, list[str]]:
-    """Each fold takes the cause that is best on its own pushes: nobody chose it by the push that is left out."""
+    """Models of each fold with the cause that is best on its own pushes, not on the push that is left out."""
     train = next(iter(found.values())).train
     names = [_ranked(rope, found, fold)[0] for fold in range(len(train))]
     return Fitted(places=tuple(found[name].places[fold] for fold, name in enumerate(names)), train=train), names

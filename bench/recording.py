@@ -234,7 +234,7 @@ def clip(folder: Path, *, session_s: float = 66.0, clip_s: float = 30.0) -> tupl
 
 
 def kill(context: SpawnContext, *, after_s: float) -> Kill:
-    """Kill such an episode `after_s` its first message was taken, and see what is left."""
+    """Kill such an episode `after_s` its first message was taken, and examine the rest."""
     receiver, sender = context.Pipe(duplex=False)
     with tempfile.TemporaryDirectory() as folder:
         process = context.Process(target=_run_episode, args=(folder, sender))
@@ -280,7 +280,7 @@ class _Busy:
         )
 
     def at(self, count: int) -> Iterator[Message]:
-        """Those of one thirtieth of a second."""
+        """Messages of one thirtieth of a second."""
         now_s = time.monotonic()
         yield notice(count)
         for picture in self._frames:

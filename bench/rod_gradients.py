@@ -98,7 +98,7 @@ def _of(which: Bool[np.ndarray, " P"], values: jax.Array) -> jax.Array:
 
 
 def slopes(seed: int) -> Iterator[tuple[str, Slopes]]:
-    """Along a random change of the action, and with each parameter."""
+    """Slopes along a random change of the action, and with each parameter."""
     given, state, actions, goal = push_cases(seed)
     way = np.random.default_rng(seed).standard_normal(actions.shape).astype(np.float32) * TASK.actions.scale()
 

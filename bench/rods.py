@@ -41,11 +41,11 @@ SIMULATE: Final = jax.jit(make_rod_rollout(SCENE))
 PLAN: Final = Plan(episodes=10, pushes=6)
 SEEDS: Final = (0, 77)
 FITTED: Final = {"table_friction": 0.05, "finger_friction": 0.05, "climb": 0.2, "press": 0.2, "margin": 5e-4}
-"""And how much of each is little."""
+"""Parameters that are fitted, and a small step of each."""
 RIGIDITY: Final = {"rigidity": 0.2}
-"""And its step, as a share of it."""
+"""Rigidity, and its step as a share of it."""
 SET: Final = {"permanent_set": 0.2}
-"""And its step; it is between 0 and 1."""
+"""Permanent set, between 0 and 1, and its step."""
 _SET_STARTS: Final = (0.1, 0.9)
 """Whence it is fitted: a rope is mostly one or the other."""
 BESIDE_M: Final = 1e-3
@@ -83,7 +83,7 @@ def pushes(world: RopeModel, seed: int) -> Pushes:
 
 
 def _level(nodes: Float64[np.ndarray, "K 3"]) -> Float64[np.ndarray, "2 n"]:
-    """As many as the rod has, without their heights."""
+    """Nodes, as many as the rod has, without their heights."""
     return (nodes if len(nodes) == SCENE.nodes else resample(nodes, SCENE.nodes))[:, :2].T
 
 
@@ -95,7 +95,7 @@ def _down(times_s: np.ndarray, places: np.ndarray) -> np.ndarray:
 
 
 def _lifted(path: np.ndarray, length: int) -> np.ndarray:
-    """With rest at its end, the finger up."""
+    """The path with rest at its end, the finger up."""
     rest = np.tile(path[-1] + [0.0, 0.0, 1.0], (length - len(path), 1))
     return np.concatenate([path, rest])
 
@@ -118,7 +118,7 @@ class Rod:
         return Rod(values={**self.values, **values})
 
     def __str__(self) -> str:
-        """Its values."""
+        """Text of its values."""
         return ", ".join(f"{name} {value:.3g}" for name, value in self.values.items())
 
 
@@ -148,7 +148,7 @@ def set_of(world: RopeModel, seed: int, rod: Rod) -> Rod:
 
 
 def _fitted_with_set(to: Pushes, rod: Rod, steps: Mapping[str, float]) -> Rod:
-    """As `_fitted`, with the lasting share."""
+    """Fit as `_fitted`, with the lasting share."""
     fits = [_fitted(to, rod.but(permanent_set=start), {**steps, **SET}) for start in _SET_STARTS]
     return min(fits, key=lambda fit: fit[1])[0]
 
@@ -208,7 +208,7 @@ def clouds(world: RopeModel, seed: int) -> Float32[np.ndarray, "P N 3"]:
 
 
 def seen_errors_mm(world: RopeModel, seed: int, rod: Rod) -> Float64[np.ndarray, " P"]:
-    """As `errors_mm`, of rods that begin where cameras see the rope, either end first."""
+    """Errors as `errors_mm`, of rods that begin where cameras see the rope, either end first."""
     of, x = pushes(world, seed), clouds(world, seed)
     start = RodState.at_rest(jnp.asarray(x), SCENE.nodes, SCENE.rest_m, SCENE.radius_m)
     end = np.asarray(SIMULATE(physics(rod.values, len(x)), start, jnp.asarray(of.tool, jnp.float32)).nodes[:, :2])
@@ -216,7 +216,7 @@ def seen_errors_mm(world: RopeModel, seed: int, rod: Rod) -> Float64[np.ndarray,
 
 
 def accuracy(world: RopeModel, cameras: bool) -> Iterator[tuple[str, ...]]:
-    """Rows of errors on each set of a world's pushes: of no motion, of rods by what they are fitted to, of itself."""
+    """Rows of errors on each set of a world's pushes: of no motion, of rods by their training data, of itself."""
     for other, seed in (SEEDS, SEEDS[::-1]):
         test = pushes(world, seed)
         own = contact_of(world, other)
@@ -230,7 +230,7 @@ def accuracy(world: RopeModel, cameras: bool) -> Iterator[tuple[str, ...]]:
 
 
 def _rods(world: RopeModel, seed: int) -> Iterator[tuple[str, Rod]]:
-    """Rods by what was fitted to these pushes of this world, and what to those of the chain."""
+    """Rods with parameters fitted to these pushes of this world, and to those of the chain."""
     own = contact_of(world, seed)
     if world != "chain":
         chain = bending_of("chain", seed, contact_of("chain", seed), again=True)

@@ -26,11 +26,11 @@ RADIUS_M: Final = 0.006
 SHIFT_M: Final = np.array([0.10, -0.35])
 """Added to x and y: where they were recorded the rope reaches beyond the task's table."""
 SPEED_M_S: Final = 0.10
-"""Nobody recorded it. A push is slow enough at this speed for a rope to be at rest in all but contact."""
+"""Assumed speed, as it was not recorded: slow enough for a rope to be at rest in all but contact."""
 TIP_M: Final = 0.006
 """The tip's height in the middle of the rope. The recorded 24 mm is over its top: of another point of the gripper."""
 DOWN: Final = (0.0, 1.0, 0.0, 0.0)
-"""The gripper points down, and its yaw is that of the base: nobody recorded it."""
+"""Orientation of the gripper, down with the base's yaw: it was not recorded."""
 _PERIOD_S, _PAUSE_S = 0.02, 0.3
 _BODY_SPACING_M = 0.003
 
@@ -137,7 +137,7 @@ def write_plain(pushes: list[Recorded], file: Path) -> None:
 
 
 def _command(push: Recorded) -> Float64[np.ndarray, "T 7"]:
-    """Down at the start, straight to the end at the speed that is assumed, and up."""
+    """Commanded track: down at the start, straight to the end at the assumed speed, and up."""
     steps = round(float(np.linalg.norm(push.end - push.start)) / (SPEED_M_S * _PERIOD_S))
     share = np.concatenate([np.zeros(10), np.linspace(0, 1, steps + 1), np.ones(10)])
     way = push.start + share[:, None] * (push.end - push.start)

@@ -89,7 +89,7 @@ def _platform() -> str:
 
 
 def _apart(measure: Callable[..., ResultT], *arguments: Any) -> ResultT:
-    """In a fresh process."""
+    """Result of a measurement in a fresh process."""
     context = multiprocessing.get_context("spawn")
     with ProcessPoolExecutor(1, mp_context=context) as process:
         return process.submit(measure, *arguments).result()
@@ -216,7 +216,7 @@ def seconds(call: Callable[..., Any], problem: tuple[Any, ...], repeats: int = 5
 
 
 def _calls(simulate: Simulate) -> tuple[Callable[..., Any], Callable[..., Any]]:
-    """A rollout, and the gradient of something of its end: how far the particles are along y, squared."""
+    """A rollout, and the gradient of a function of its end: the particles' squared y."""
 
     def value(phi: jax.Array, state: State, tool: jax.Array) -> jax.Array:
         return (simulate(phi, state, tool).x[..., 1] ** 2).mean()

@@ -24,7 +24,7 @@ _LEVELS = 8
 
 
 def images(task: Task, seed: int, camera: int) -> list[ColourImage]:
-    """At first and after each action of the policy, until the task is done or its horizon reached."""
+    """Images before and after each action of the policy, until the task is done or its horizon reached."""
     size = task.preset("cpu").particle_count
     cell, goal = LockStep(task.stage, task.start(seed), Site(), seed), task.goal(seed, size)
     seen = list[ColourImage]()

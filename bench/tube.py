@@ -20,7 +20,7 @@ class Tube:
 
     @property
     def volume_m3(self) -> float:
-        """Its volume [m^3], with the half balls at its ends."""
+        """Volume [m^3], with the half balls at the ends."""
         length_m = float(np.linalg.norm(np.diff(self.curve, axis=0), axis=1).sum())
         return np.pi * self.radius_m**2 * (length_m + 4 / 3 * self.radius_m)
 

@@ -51,7 +51,7 @@ def main(options: Sequence[str] = ()) -> None:
 
 
 def pushed_rope(seed: int) -> Errors:
-    """Across the rope at its middle."""
+    """Errors for a push across the rope at its middle."""
     task = load("rope_push")
     world = _world(task, seed)
     nodes = world.nodes()
@@ -61,7 +61,7 @@ def pushed_rope(seed: int) -> Errors:
 
 
 def swept_beans(seed: int) -> Errors:
-    """Along y, over one of the beans."""
+    """Errors for a sweep along y, over one of the beans."""
     task = load("bean_sweep")
     world = _world(task, seed)
     middle = np.random.default_rng(seed).choice(world.nodes())
@@ -107,7 +107,7 @@ def _at(tool: ToolPose, xy: Float64[np.ndarray, "2"], z: float) -> ToolPose:
 
 
 def _look(task: Task, snapshot: Snapshot, rng: np.random.Generator, *, board: bool, known: Known) -> Reconstructed:
-    """With the arm known, and the board that it carries, where it does."""
+    """Reconstruct with the arm known, and the board if it carries one."""
     stage, arm = task.stage, known_arm(task.stage.tool)
     if board:
         half = (_HALF_BOARD_M, _HALF_BOARD_M, 0.006)

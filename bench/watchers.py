@@ -36,7 +36,7 @@ _LINES: Final = 40
 _LINE_EVERY_S: Final = 0.4
 _MARK: Final = "line number "
 _HEADER_BYTES: Final = 16
-"""Before viser's packed message stand its size, unpacked and packed."""
+"""Length of the header of viser's packed message: its sizes, unpacked and packed."""
 _SITE = Site()
 _SEEN = np.zeros((1, 3), np.float32)
 
@@ -139,7 +139,7 @@ async def _say_lines(console: Console, said_s: dict[int, float]) -> None:
 
 
 def _watch(url: str, count: int, pipe: "Connection[object, object]") -> None:
-    """The process of the browsers: reads until told to end, and tells when each line came to each of them."""
+    """Process of the browsers: it reads until told to end, and reports the time of each line at each of them."""
     pipe.send(anyio.run(_join, url, count, pipe))
 
 

@@ -19,7 +19,7 @@ from app.ui.tls import Tls
 async def cell(
     name: str, wanted: Wanted, tls: Tls | None, title: str, output: Output
 ) -> AsyncGenerator[tuple[Rig, Console]]:
-    """The rig of that name and its console. The terminal says that they start: it takes seconds."""
+    """The rig of that name and its console. The terminal announces their start: it takes seconds."""
     site = wanted.site
     async with AsyncExitStack() as opened:
         with output.status("starting the cell"):

@@ -14,7 +14,7 @@ from app.rig.kinova.look import look_at
 
 
 def cell_checks(file: Path) -> tuple[Check, ...]:
-    """Every check of the cell that `file` describes; the file alone where it describes none."""
+    """Checks of the cell that `file` describes; of the file alone if it describes none."""
     try:
         cell = load_cell(file)
     except DipacError as error:

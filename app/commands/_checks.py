@@ -62,7 +62,7 @@ Check: TypeAlias = Callable[[], list[Finding]]
 
 
 def checks(site: Site) -> tuple[Check, ...]:
-    """Every check of this installation, in the order of the table."""
+    """Checks of this installation, in the order of the table."""
     return (
         _machine,
         _priority,
@@ -114,7 +114,7 @@ def _priority() -> list[Finding]:
 
 
 def _libraries() -> list[Finding]:
-    """The versions of what the project declares; whether the native ones load is for the checks below."""
+    """Versions of the declared libraries; that the native ones load is for the checks below."""
     try:
         declared = metadata.requires("dipac") or []
     except metadata.PackageNotFoundError:

@@ -231,7 +231,7 @@ async def _doubted(wish: Wish, order: Order, site: Site, planner: Worker) -> Wis
 
 @contextmanager
 def _announced_if_interrupted(output: Output, recording: Path) -> Generator[None]:
-    """After Ctrl-C, say what is kept and that it is being closed: that takes seconds."""
+    """Context manager that announces, after Ctrl-C, that the recording is being closed: it takes seconds."""
     try:
         yield
     except anyio.get_cancelled_exc_class():

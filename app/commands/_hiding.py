@@ -31,7 +31,7 @@ from app.rig.simulated.rehearsal import Look, Take, rehearse
 from app.tasks.base import Task
 
 Some: TypeAlias = Float32[np.ndarray, "_ 3"]
-"""So many points as there are [m]."""
+"""Any number of points [m]."""
 
 _PRESET: Final = "cpu"
 """Whose number of particles clouds have."""
@@ -39,7 +39,7 @@ _LOOKS: Final = 3
 _EPOCH: Final = Epoch(offset_ns=0)
 """Recordings are dated by the world's clock alone."""
 _NOBODY: Final = MessageId("rehearsed")
-"""Stands for the approval that nobody has to give in a rehearsal."""
+"""Id in place of an approval, which a rehearsal does not need."""
 
 
 @final

@@ -65,7 +65,7 @@ def _particles(sight: Sight, count: int) -> Particles:
 
 
 def _made(episode: PlainEpisode, seen: Sequence[Particles]) -> Iterator[Message]:
-    """The motion between the first and the last of what was seen, and what came of it."""
+    """The motion between the first and the last observation, and its outcome."""
     before, after = seen[0], seen[-1]
     command = episode.command.between(before.time_s, after.time_s)
     state = episode.state.between(before.time_s, after.time_s) if episode.state else None

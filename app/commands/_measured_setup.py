@@ -26,7 +26,7 @@ from app.tasks.base import Task
 from app.tasks.sizes import SIZES
 
 _STEEP_DEG: Final = 20.0
-"""No table that a rope lies on is tilted by so much against the arm's base."""
+"""Largest credible tilt of a table with a rope on it against the arm's base."""
 _UNDER_M: Final = 0.02
 """An object or a tool that is so far below the table is in another frame."""
 _HIGH_M, _TILTED_DEG = 0.010, 0.7
@@ -82,7 +82,7 @@ def measured_setup(plain: Plain, task: Task) -> tuple[Plain, Task, MeasuredSetup
 
 
 def _on_table(plain: Plain) -> tuple[Plain, FoundTable, list[str]]:
-    """In the frame of the table where that is not at height 0, with what was found of it."""
+    """The data in the frame of the table if that is not at height 0, and the table found."""
     points = [episode.table for episode in plain.episodes if len(episode.table)]
     seen: Literal["points", "clouds", "none"] = "points" if points else "clouds"
     plane = plane_of_points(np.concatenate(points)) if points else None
@@ -113,7 +113,7 @@ def _on_table(plain: Plain) -> tuple[Plain, FoundTable, list[str]]:
 
 
 def _levelled(plain: Plain, plane: TablePlane) -> Plain:
-    """Everything above the plane, which is level then and at height 0."""
+    """The data transformed so that the plane is level and at height 0."""
     turn = plane.levelling
 
     def poses(given: Poses) -> Poses:
@@ -246,7 +246,7 @@ class _Found:
         return radius, half, self._said("tool", "yaw_rad", "finger_yaw_rad")
 
     def _said(self, thing: str, key: str, name: str) -> SourcedSize | None:
-        """Size that `about` says, or the task's name."""
+        """Size given by `about`, or by the task's name."""
         of = self.plain.about.get(thing, {})
         value: Any = of.get(key) if isinstance(of, Mapping) else None
         value = self._given.get(name) if value is None else value
@@ -270,12 +270,12 @@ def _size(name: str, value: float, source: Source, sd: float = 0.0) -> SourcedSi
 
 
 def _rounded(value: float) -> float:
-    """To three digits, more than data say."""
+    """The value with three digits, more than the data determine."""
     return float(f"{value:.3g}")
 
 
 def _changed(task: Task, sizes: Sequence[SourcedSize]) -> dict[str, float]:
-    """Those sizes that are not the task's own. Raises RecordingError for one that nobody simulates."""
+    """Sizes that differ from the task's own. Raises RecordingError for one that is not simulated."""
     own = {
         **{name: getattr(task.rope, name) for name in ("length_m", "radius_m", "mass_kg")},
         **{f"finger_{name}": getattr(task.finger, name) for name in ("radius_m", "half_width_m", "yaw_rad")},
@@ -303,7 +303,7 @@ def _pushes(plain: Plain) -> list[tuple[PlainEpisode, tuple[Sight, ...]]]:
 
 
 def _poses(episode: PlainEpisode, sights: Sequence[Sight]) -> Poses:
-    """Poses of a push, as measured where anybody did."""
+    """Poses of a push, as measured if they were."""
     first, last = sights[0].time_s, sights[-1].time_s
     measured = episode.state.between(first, last) if episode.state is not None else None
     return (measured if measured is not None and len(measured.times_s) else episode.command.between(first, last)).poses
@@ -342,7 +342,7 @@ def _tool_views(plain: Plain) -> list[ToolView]:
 
 
 def _reach_m(task: Task) -> float:
-    """From the tool's middle to the nearest point of an object that it touches, and a little more."""
+    """Distance from the tool's middle to the nearest point of an object that it touches, with a margin."""
     finger = task.finger
     return max(_NEAR_M, finger.radius_m + finger.half_width_m + task.rope.radius_m + 0.005)
 
@@ -358,7 +358,7 @@ def _near(plain: Plain, task: Task) -> int:
 
 
 def _camera_m(about: Mapping[str, Any]) -> tuple[float, float, float] | None:
-    """Middle of the cameras [m], where `about` says it."""
+    """Middle of the cameras [m], if `about` gives it."""
     value: Any = about.get("camera_m")
     if value is None:
         return None

@@ -27,19 +27,19 @@ class Options:
     """The options that `run` and `console` share."""
 
     seed: int = 0
-    """draws the start, the goal and the noise"""
+    """seed of the start, the goal and the noise"""
     pushes: int = 10
     """at most, in the console until a mode is chosen anew; fewer where the goal is reached before"""
     preset: Preset = "auto"
-    """how much is computed for a decision; auto asks this machine"""
+    """size of the search for a decision; auto asks this machine"""
     probe: bool = False
-    """choose pushes, --pushes at most, for what they say about what the model lacks, instead of planning for a goal"""
+    """choose pushes, --pushes at most, for their information about model errors, instead of planning for a goal"""
     asked: Path | None = None
     """a pushes.json of `dipac probe --recordings`, whose pushes are offered first"""
     planner: str = PAPER
-    """who decides: the paper's tree, dipac, or a baseline: cem_mpc, diff_mpc, diff_cem_mpc"""
+    """the planner: the paper's tree, dipac, or a baseline: cem_mpc, diff_mpc, diff_cem_mpc"""
     ablation: str | None = None
-    """what dipac is to do without: no_calibration, no_optimisation, no_planning, no_policy or no_online"""
+    """ablation of dipac: no_calibration, no_optimisation, no_planning, no_policy or no_online"""
     goal: Path | None = None
     """an .npy file of points (M, 3) [m] instead of a random goal; at least as many as the preset's particles"""
     model: Path | None = None
@@ -50,7 +50,7 @@ class Options:
     calibrate: bool = True
     """calibrate the model in the background"""
     dynamics: Dynamics | None = None
-    """how plans simulate the object: rods, for ropes, or mpm, material points; the task's own where none is named"""
+    """simulation of the object in plans: rods, for ropes, or mpm, material points; by default the task's own"""
     object: Path | None = None
     """a TOML file with sizes of another rope or finger: length_m, radius_m, mass_kg, finger_radius_m, and of a flat one
     finger_half_width_m and finger_yaw_rad, from the x axis"""
@@ -75,9 +75,9 @@ class Options:
     budget_gb: float | None = None
     """at most so many GB of recordings in that folder: an episode that may not fit is refused before it begins"""
     port: int = 8088
-    """of the console; 0 takes a free one"""
+    """port of the console; 0 takes a free one"""
     host: str = "127.0.0.1"
-    """where the console is served; another one than loopback needs --tls-cert and --tls-key"""
+    """address of the console; another one than loopback needs --tls-cert and --tls-key"""
     tls_cert: Path | None = None
     """certificate of the console, a PEM file, for use from other machines"""
     tls_key: Path | None = None
@@ -87,7 +87,7 @@ class Options:
 
     @property
     def tls(self) -> Tls | None:
-        """The console's certificate, where one is given. Raises UsageError where half of it is."""
+        """The console's certificate, if one is given. Raises UsageError for half of it."""
         if self.tls_cert is None and self.tls_key is None:
             return None
         if self.tls_cert is None or self.tls_key is None:
@@ -95,7 +95,7 @@ class Options:
         return Tls(certificate=self.tls_cert, key=self.tls_key, name=self.tls_name or socket.getfqdn())
 
     def site(self) -> Site:
-        """The default site with what the command line may change.
+        """The default site with the command line's changes.
 
         Raises PreflightError for an impossible port, ParameterError for an impossible speed or budget.
         """

@@ -31,7 +31,7 @@ _PERIOD_S = 1 / 15
 _ASKED_PERIOD_S = 0.1
 
 Plan: TypeAlias = Callable[[Order, Callable[[str], None]], Awaitable[Replanned]]
-"""Makes the plan of an order, and says how it is getting on."""
+"""Function that makes the plan of an order, and reports progress."""
 
 
 class Film(Protocol):
@@ -83,7 +83,7 @@ async def compare(file: Path, output: Output, *, at_s: float, model: str) -> Non
 
 @asynccontextmanager
 async def _opened(file: Path, output: Output) -> AsyncGenerator[Timeline]:
-    """The recording's timeline; the terminal says how far it has been read."""
+    """The recording's timeline; the terminal shows progress of reading it."""
     with ExitStack() as stack:
         with output.status(f"reading {file.name}") as status:
 
@@ -106,7 +106,7 @@ def reel(timeline: Timeline) -> Reel:
 
 
 async def show(player: Player, film: Film, console: Console, plan: Plan) -> None:
-    """Show what the player is at, and answer what it is asked for, for ever."""
+    """Show the player's position, and serve its requests, for ever."""
     async with anyio.create_task_group() as tasks:
         tasks.start_soon(_play, player, film, console)
         tasks.start_soon(_plan_again, player, plan)
@@ -134,7 +134,7 @@ async def _play(player: Player, film: Film, console: Console) -> None:
 
 
 async def _plan_again(player: Player, plan: Plan) -> None:
-    """One order after the other; what fails is said to whoever asked."""
+    """Plan one order after the other; failures are reported to the operator who asked."""
     while True:
         order = player.ordered()
         if order is None:

@@ -56,7 +56,7 @@ class ProbedCell:
         return [self.session.path(episode) for episode in range(-(-self._world.number // self.session.plan.pushes))]
 
     def play(self, held: Belief, pushes: int) -> None:
-        """The next episode of so many pushes, recorded, each chosen for what the belief does not know.
+        """The next episode of so many pushes, recorded, each chosen for its information.
 
         Raises UsageError where every push is rejected, PerceptionError where the object cannot be seen any more,
         RecordingError where the file cannot be written.
@@ -87,7 +87,7 @@ class ProbedCell:
         return held
 
     def _approved(self, seen: View, episode: int, held: Belief) -> tuple[Track, Belief]:
-        """A push that whoever approves wants, and what is expected then. Raises UsageError where none is wanted."""
+        """An approved push, and the belief expected after it. Raises UsageError if none is approved."""
         while self._asked:
             track = self._aimed(self._asked.pop(0), seen)
             if track is not None and self._approve("A push that you asked for"):
@@ -151,7 +151,7 @@ class ProbedCell:
 
 
 def recommended(task: Task, study: Study, held: Belief, count: int, *, seed: int, site: Site) -> list[Probe]:
-    """So many pushes to make next: for the object as it was seen last, then as each is predicted to leave it.
+    """The next pushes to make: for the object as observed last, then as each is predicted to leave it.
 
     Raises PlanningError where not one may be made; fewer are given where the rope would then leave the table.
     """

@@ -1,4 +1,4 @@
-"""Pushes that somebody asks for, as a file: `dipac probe --recordings` writes it, probe and console make them."""
+"""Suggested pushes, as a file: `dipac probe --recordings` writes it, probe and console make them."""
 
 from pathlib import Path
 from typing import TYPE_CHECKING, Final

@@ -76,12 +76,12 @@ def moment(timeline: Timeline, time_s: float) -> Moment:
 
 
 def model_names(timeline: Timeline) -> dict[str, Model]:
-    """The models of a recording by what they are called in a list."""
+    """The models of a recording by their names in a list."""
     return {f"{number}: version {model.version}": model for number, model in enumerate(timeline.models, start=1)}
 
 
 async def replanned(planner: Worker, timeline: Timeline, order: Order, said: Callable[[str], None]) -> Replanned:
-    """Plan the moment of `order` again, in the process `planner`; `said` hears what is being done.
+    """Plan the moment of `order` again, in the process `planner`; `said` is called with progress.
 
     Raises UsageError where that moment cannot be planned, and what loading the model and `app.tasks.jobs.plan` raise.
     """
@@ -116,7 +116,7 @@ async def replanned(planner: Worker, timeline: Timeline, order: Order, said: Cal
 
 
 async def _preset(planner: Worker, task: Task, seen: Moment) -> str:
-    """That of the episode; where it does not say, one for so many particles, and of several the one for this machine.
+    """Preset of the episode; if unknown, one for so many particles, and of several the one for this machine.
 
     Raises UsageError where there is none.
     """
@@ -135,7 +135,7 @@ async def _preset(planner: Worker, task: Task, seen: Moment) -> str:
 
 
 async def _model(planner: Worker, timeline: Timeline, order: Order, seen: Moment) -> tuple[Model, str]:
-    """The model to plan with and what it is called. Raises UsageError, RecordingError or ParameterError."""
+    """The model to plan with, and its name. Raises UsageError, RecordingError or ParameterError."""
     if order.path:
         path = Path(order.path)
         read = partial(load_model, path, task=seen.episode.task, time_s=seen.time_s, whole=False)

@@ -1,4 +1,4 @@
-"""Effects to hide, as somebody wrote them, and the sealed file that says what was hidden."""
+"""Effects to hide, as requested on the command line, and the sealed file with the truth."""
 
 import hashlib
 import json
@@ -16,7 +16,7 @@ from app.rig.simulated.rehearsal import first_end
 
 
 def wish_of(text: str) -> Wish:
-    """EFFECT or EFFECT=SIZE, as somebody wrote it. Raises UsageError where what follows the = is no number."""
+    """Parse EFFECT or EFFECT=SIZE. Raises UsageError if SIZE is no number."""
     name, equals, size = text.partition("=")
     try:
         return Wish(name, float(size) if equals else None)
@@ -27,7 +27,7 @@ def wish_of(text: str) -> Wish:
 
 
 def truth_of(session: Session, episodes: int | None = None) -> dict[str, Any]:
-    """Everything that whoever is to find out must not know. `episodes`: recorded, where they are fewer than planned."""
+    """Truth that the solver must not know. `episodes`: number recorded, if fewer than planned."""
     made = session.plan.episodes if episodes is None else episodes
     physics, paths = session.physics, [session.path(episode) for episode in range(made)]
     x, y = first_end(session.task, session.plan, session.seed).tolist()
@@ -56,7 +56,7 @@ def _bending(physics: WorldPhysics) -> dict[str, float]:
 
 
 def seal(path: Path, truth: dict[str, Any]) -> None:
-    """A new file that nobody can change, and its owner alone can read."""
+    """Write a new file that cannot be changed, and that its owner alone can read."""
     try:
         descriptor = os.open(path, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o400)
     except OSError as error:

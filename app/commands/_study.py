@@ -26,7 +26,7 @@ from app.tasks.base import Task
 from app.tasks.doubted import subject_of
 
 _BETWEEN_S = 10.0
-"""From the end of an episode to the start of one whose clock began anew."""
+"""Gap from the end of an episode to the start of one whose clock began anew."""
 
 
 def read_study(paths: Sequence[Path], *, task: str | None = None) -> Study:

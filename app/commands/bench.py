@@ -17,7 +17,7 @@ _OWN = ("-h", "--help", "--list-only", "--no-list-only", "--json")
 def bench(
     names: tyro.conf.Positional[tuple[str, ...]] = (), /, *, list_only: bool = False, json: Path | None = None
 ) -> None:
-    """Run the named benches one after the other, or all of them; `--list-only` says what there is.
+    """Run the named benches one after the other, or all of them; `--list-only` lists them.
 
     Benches live beside the package, in a checkout of the project, and each takes minutes. `--json FILE` also writes the
     rows of a single bench that makes them: sim. Options of a single bench that has some come last: discovery --n 20.
@@ -52,7 +52,7 @@ ARGUMENTS = _marked
 
 
 def _divided(words: Sequence[str]) -> tuple[tuple[str, ...], tuple[str, ...]]:
-    """The names of benches, and from the first option on what is for the bench."""
+    """The names of benches, and the options of the bench, from the first option on."""
     at = next((at for at, word in enumerate(words) if word[:1] == "-"), len(words))
     return tuple(words[:at]), tuple(words[at:])
 

@@ -44,8 +44,8 @@ def collect(
 
     Args:
         task: whose expert plays, such as rope_push; an unknown one is answered with all names.
-        episodes: how many.
-        seed: of the first problem; the next ones count up.
+        episodes: number of recordings.
+        seed: that of the first problem; the next ones count up.
         preset: whose number of particles the clouds have; auto asks this machine.
         eyes: rendered images, or the truth with the noise that particles from images have, which is faster.
         expert: the task's scripted policy, the same with its actions improved by descent, or the planner that it

@@ -52,18 +52,18 @@ def evaluate(
 
     Args:
         task: all tasks where none is named.
-        dynamics: how plans simulate the object: rods, for ropes, mpm, material points, or both, to compare them; each
+        dynamics: simulation of the object in plans: rods, for ropes, mpm, material points, or both; each
             task's own where none is named.
         planner: all planners where none is named, dipac, which is the paper's, where an ablation is. Besides: bc,
             transporter, act, diffusion and ild, a learned policy alone; dipac+bc and so on, the tree that it guides.
-        ablation: of dipac; all where none is named and no planner is; "none" for the whole planner alone.
+        ablation: one of dipac; all where none is named and no planner is; "none" for the whole planner alone.
         seeds: problems 0, 1, ... of each task.
-        demonstrations: by the scripted expert, which the model of each task is calibrated from first.
-        policies: where learned policies are, as `dipac train` writes them: TASK/KIND in this folder.
+        demonstrations: number by the scripted expert from which the model of each task is calibrated first.
+        policies: the folder of learned policies, as `dipac train` writes them: TASK/KIND.
         online: the model also learns from each action of an episode, as it always does where demonstrations are of
             another object.
         eyes: rendered images, or the truth with the noise that particles from images have, which is faster.
-        preset: how much is computed for a decision; auto asks this machine.
+        preset: size of the search for a decision; auto asks this machine.
         actions: at most, in an episode; the task's horizon where none is said.
         play_on: make all actions, also once the goal is reached, so that ends compare; success counts when it was seen.
         world: a simulated rope's: a chain of bodies joined by hinges, or an elastic cable of mass points.

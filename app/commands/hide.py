@@ -98,7 +98,7 @@ def _pushed(task: Task) -> Rope:
 
 
 def _check_places(output: Path, sealed: Path) -> None:
-    """Before the work: nothing is overwritten, and the truth does not lie with the recordings."""
+    """Check, before the work, that nothing is overwritten, and the truth does not lie with the recordings."""
     if output.is_dir() and any(output.iterdir()):
         raise UsageError(f"{output} is not empty; choose a new folder with -o, so that no two sessions mix.")
     if output.resolve() in sealed.resolve().parents:

@@ -58,7 +58,7 @@ def import_(
 
 
 def _sized(task: Task, plain: Plain) -> tuple[Task, list[str]]:
-    """The task about an object and a tool of the sizes that the file says, and which of these it cannot have."""
+    """The task with an object and a tool of the file's sizes, and those of the sizes that it cannot have."""
     said = {
         "length_m": (plain.about.get("object", {}).get("length_m"), task.rope.length_m),
         "radius_m": (plain.about.get("object", {}).get("radius_m"), task.rope.radius_m),

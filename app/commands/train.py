@@ -54,8 +54,8 @@ def train(
         policy: the way to learn; an unknown one is answered with all names.
         steps: at most; fewer where what is held out gains nothing any more.
         batch: situations that a step is made of.
-        model: of the simulator, for policies that learn by trying in it; the nominal one where none is named.
-        seed: of what is drawn: parameters to begin with, batches, symmetries, noise.
+        model: that of the simulator, for policies that learn by trying in it; the nominal one where none is named.
+        seed: that of all draws: initial parameters, batches, symmetries, noise.
         output: the folder to write: the policy, curves, and what is needed to go on.
     """
     terminal = Console(highlight=False, soft_wrap=True)
@@ -146,7 +146,7 @@ def _origin(
     hashes: dict[str, str],
     model: Path | None,
 ) -> Origin:
-    """With a command that names files and no folders of this machine."""
+    """Provenance, with a command that names files and no folders of this machine."""
     numbers = (("--steps", settings.steps), ("--batch", settings.batch), ("--seed", settings.seed))
     options = [text for name, number in numbers for text in (name, str(number))]
     started = ["--model", model.name] if model else []

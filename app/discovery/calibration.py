@@ -25,7 +25,7 @@ from app.sim.files import files_of
 
 TABLE: Final = "calibration.json"
 _LARGEST: Final = 15.0
-"""Evidence [nats] beyond which more of it says no more."""
+"""Evidence [nats] at which the feature saturates."""
 _DIRECT: Final = frozenset(name for name, _ in files_of(apparatus))
 """Causes of cameras and arm."""
 _TYPICAL_PRECISION: Final = 1.0
@@ -136,6 +136,6 @@ def _logarithmic(values: Float64[np.ndarray, " C"]) -> Float64[np.ndarray, " C"]
 
 
 def _best_of_others(values: Float64[np.ndarray, " C"]) -> Float64[np.ndarray, " C"]:
-    """For each the largest of the rest."""
+    """Largest value of the others, for each."""
     ordered = np.sort(values)
     return np.where(values == ordered[-1], ordered[-2], ordered[-1])

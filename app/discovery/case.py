@@ -145,7 +145,7 @@ class Example:
 @final
 @dataclass(frozen=True, kw_only=True)
 class Term:
-    """One term of a force field that was found: its formula in symbols, and what it is in words."""
+    """One term of a force field that was found: its formula in symbols, and its meaning in words."""
 
     formula: str
     words: str
@@ -168,7 +168,7 @@ class Formula:
 @final
 @dataclass(frozen=True, kw_only=True, eq=False)
 class NextPush:
-    """The push that would best tell apart what is left: its track, and where each model sees the object end."""
+    """The push that would best discriminate the remaining hypotheses: its track, and each model's prediction."""
 
     track: Track
     between: tuple[str, ...]
@@ -231,6 +231,6 @@ class Case:
     covariance: Float64[np.ndarray, "Q Q"]
     spent_s: tuple[tuple[str, float], ...]
     setup: MeasuredSetup | None = None
-    """Object, tool and table as they were simulated, and who says so."""
+    """Object, tool and table as they were simulated, with the sources of their sizes."""
     origin_m: tuple[float, float] = (0.0, 0.0)
-    """Origin of `about` and `extended` in the frame of the data, in which all else is told."""
+    """Origin of `about` and `extended` in the frame of the data, which all else is in."""

@@ -45,7 +45,7 @@ _BELOW_M = 0.004
 
 @threadpool_limits.wrap(limits=1, user_api="blas")
 def discover(study: Study, subject: Subject, said: Progress, about: Theta | None = None) -> Case:
-    """Everything that a study says about a task's simulator. `said` is told what is being done; `about`: see `judged`.
+    """Run the whole pipeline on a study of a task's simulator. `said` is called with progress; `about`: see `judged`.
 
     Registrations and fits are linear algebra so small that threads make it ten times slower.
     """
@@ -108,7 +108,7 @@ def discover(study: Study, subject: Subject, said: Progress, about: Theta | None
 @final
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Judged:
-    """A study as far as causes are concerned: what a verdict is made of.
+    """Intermediate results that a verdict is made of.
 
     `trials`: its pushes about the middle of the table, the object's ends as they were found; `about`: the refitted
     nominal model.
@@ -123,7 +123,7 @@ class Judged:
 
 
 def judged(study: Study, subject: Subject, stages: "Stages", about: Theta | None = None) -> Judged:
-    """Refit the nominal model, weigh every cause against it, and decide; with what the study cannot say anyway.
+    """Refit the nominal model, weigh every cause against it, and decide; with the limits of the study.
 
     `about`: the refitted nominal model, where it is known.
     """
@@ -153,7 +153,7 @@ def _model(verdict: Name, decision: Decision, open_ended: Opened) -> Model | Non
 
 @final
 class Stages:
-    """Clock of the pipeline: says which stage runs, and keeps how long each took [s]."""
+    """Clock of the pipeline: reports the running stage, and keeps the duration of each [s]."""
 
     def __init__(self, said: Progress) -> None:
         self.said = said
@@ -183,7 +183,7 @@ def _amount(study: Study, subject: Subject) -> Amount:
 def _causes(
     predictor: Predictor, ranking: tuple[Blame, ...], names: tuple[str, ...], model: Model | None
 ) -> tuple[Blame, ...]:
-    """Those of the verdict; where several act together, with the sizes of the model that has them all."""
+    """Causes of the verdict; if several act together, with the sizes of the model that has them all."""
     found = [next(blame for blame in ranking if blame.effect == name) for name in names]
     if model is None or len(model.causes) == 1:
         return tuple(found)

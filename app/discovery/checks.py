@@ -13,12 +13,12 @@ from app.discovery.sensitivity import change_of, switch_of
 from app.discovery.subject import Theta
 
 _ARM_M = 0.3
-"""As `direct` counts slopes of the table."""
+"""Lever arm of the table's slopes, as in `direct`."""
 _DEGREE = np.pi / 180
 
 
 def direct_checks(predictor: Predictor, trials: Trials, about: Theta) -> tuple[Check, ...]:
-    """Everything that these recordings allow; the arm's log and the finger against the model's own arm and cameras."""
+    """Direct checks that these recordings allow; the arm's log and the finger against the model's arm and cameras."""
     catalogue = predictor.catalogue
     asked = ("command_delay", "under_reach", "camera_time_offset")
     steps = [switch_of(catalogue, catalogue.cause(name), catalogue.cause(name).columns[0]) for name in asked]

@@ -48,7 +48,7 @@ def verdict_of(decision: Decision, limits: Sequence[Limit], opened: Opened) -> t
 
 
 def ranking_of(catalogue: Catalogue, subject: Subject, screening: Screening, decision: Decision) -> tuple[Blame, ...]:
-    """Every cause that was weighed, the most probable first; refitted sizes where there are some."""
+    """Causes that were weighed, the most probable first; with refitted sizes if there are some."""
     models = {model.causes[0]: model for model in decision.singles}
     blames = list[Blame]()
     for suspect in screening.suspects:
@@ -111,7 +111,7 @@ def estimate_of(
 
 
 def powers_of(catalogue: Catalogue, subject: Subject, screening: Screening) -> tuple[Power, ...]:
-    """For each switch the smallest size whose expected evidence, everything else being free, is enough for a name."""
+    """Smallest size of each switch whose expected evidence, everything else being free, is enough for a name."""
     A = screening.weighing.nothing.forms.A.sum(0) / screening.weighing.temper
     powers = list[Power]()
     for suspect in screening.suspects:
@@ -197,7 +197,7 @@ def _unnamed(left: float, formula: Formula | None, gain_text: str) -> tuple[str,
 
 
 def _sized(blame: Blame) -> str:
-    """Each parameter in words with its value; its name where nobody said what it is."""
+    """Each parameter in words with its value; its name if it has no description."""
     return "; ".join(f"{_meaning(it)}: {_amount(it.value, it.unit)}" for it in blame.estimates)
 
 

@@ -13,12 +13,12 @@ from app.sim.arc_length import arclength_labels, centreline_weights
 from app.sim.rods.rope_size import length_of_cloud
 
 _NEAR_M = 0.025
-"""From the tip to the nearest particle, seen from above: farther away it touched nothing, even if cameras err."""
+"""Distance from the tip to the nearest particle, from above, beyond which it touched nothing, even if cameras err."""
 _MOVED_M = 0.008
 """The object has moved where so far from it there is a tenth of what was seen before: particles lie 3 mm apart."""
 _TENTH = 0.9
 _SLACK_S = 0.2
-"""More than cameras and arms of one clock err; delays of this size are causes that can be named."""
+"""Tolerance of time stamps, above the errors of one clock; delays of this size are causes that can be named."""
 _MOST, _SOME = 0.5, 0.1
 _NODES = 24
 _CLEAR_M = 0.005
@@ -120,7 +120,7 @@ def _lengths(study: Study, subject: Subject) -> Iterator[Limit]:
 
 
 def _length_m(x: Points) -> float:
-    """Along the middle of a cloud, or across it where it is no rope on a table."""
+    """Length along the middle of a cloud, or across it if it is no rope on a table."""
     across = float(np.linalg.norm(np.ptp(x, axis=0)))
     nodes = centreline_weights(arclength_labels(x), _NODES) @ x
     along = float(np.linalg.norm(np.diff(nodes, axis=0), axis=1).sum()) * _NODES / (_NODES - 1)
@@ -227,7 +227,7 @@ def _came_near(push: Push, subject: Subject) -> bool:
 
 
 def _reach_m(subject: Subject) -> float:
-    """As `_NEAR_M`, or farther where the tool or the object is larger."""
+    """Distance of contact: `_NEAR_M`, or more if the tool or the object is larger."""
     finger = subject.finger
     own = 0.0 if finger is None else finger.radius_m + finger.half_width_m + subject.radius_m + _CLEAR_M
     return max(_NEAR_M, own)
@@ -244,5 +244,5 @@ def _moved_m(before: Points, after: Points) -> float:
 
 
 def _of(numbers: list[int], count: int) -> str:
-    """Some of `count` pushes, with the number of the first."""
+    """Text about some of `count` pushes, with the number of the first."""
     return f"{len(numbers)} of {count} pushes (the first is number {numbers[0]})"

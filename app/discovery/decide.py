@@ -1,4 +1,4 @@
-"""From suspects to a decision: the best of them refitted, a second and a third cause where the first is not enough.
+"""Decision between suspects: the best of them refitted, a second and a third cause if the first is not enough.
 
 A cause is accepted where it makes the data enough more likely, and where episodes that it was not fitted to are
 predicted better. Evidence is of two kinds. That of the screening weighs all causes with the same simulations, and so
@@ -27,7 +27,7 @@ from app.discovery.subject import Catalogue, Theta
 TEMPERATURE = 2.0
 """Temperature of the screening's log evidence: every simulator is wrong in ways that no cause of the catalogue is."""
 _LINEAR = 20.0
-"""Evidence of the screening above which only a refit counts: what is strong is not linear."""
+"""Evidence of the screening above which only a refit counts: strong effects are not linear."""
 CHANCE = 50.0
 """Evidence that refits find where nothing is: in 18 recordings the best cause had 32 in the median, 64 once."""
 _ROUGH = 10.0
@@ -57,7 +57,7 @@ ENOUGH = CHANCE + _ROUGH
 """Logarithm of the Bayes factor that a further cause must have against the model without it, both refitted."""
 
 Progress: TypeAlias = Callable[[str], None]
-"""Is told what is being done."""
+"""Callback for progress, in words."""
 
 
 class Held(NamedTuple):
@@ -118,7 +118,7 @@ def decide(predictor: Predictor, trials: Trials, screening: Screening, said: Pro
 
 
 def _probable(screening: Screening, probabilities: Mapping[str, float]) -> list[Suspect]:
-    """The suspects that are worth a refit by what is known of their probability; one at least."""
+    """The suspects that are worth a refit by their probability so far; one at least."""
     suspects = sorted(screening.suspects, key=lambda suspect: -probabilities[suspect.cause])
     return [suspect for suspect in suspects[:_SHORTLIST] if probabilities[suspect.cause] > _WORTH] or suspects[:1]
 
@@ -143,7 +143,7 @@ def is_sized(catalogue: Catalogue, model: Model) -> bool:
 
 
 def _refitted(predictor: Predictor, trials: Trials, screening: Screening, suspect: Suspect) -> Model:
-    """With this cause alone, from what the screening says of it; from less where that makes nothing more likely."""
+    """Refit with this cause alone, from the screening's estimate; from less if that improves nothing."""
     best: Model | None = None
     for share in _SHARES:
         start = started(predictor.catalogue, screening.about, suspect, share=share)

@@ -156,7 +156,7 @@ def _table(predictor: Predictor, trials: Trials, k: int, theta: Theta) -> Float6
 
 
 def _plane(points: Cloud | Float64[np.ndarray, "M 3"]) -> Float64[np.ndarray, "3"]:
-    """The plane through points, by least squares: height [m] in their middle, and what it rises over `_ARM_M` [m]."""
+    """Plane through points, by least squares: height [m] in their middle, and its rise over `_ARM_M` [m]."""
     xy = points[:, :2] - points[:, :2].mean(0)
     rows = np.concatenate([np.ones((len(xy), 1)), xy / _ARM_M], axis=1).astype(np.float64)
     return np.linalg.lstsq(rows, points[:, 2].astype(np.float64), rcond=None)[0]

@@ -56,11 +56,11 @@ class Residuals:
         return len(self.r)
 
     def without(self, episode: int) -> "Residuals":
-        """All episodes but one."""
+        """The data of all episodes but one."""
         return self.of(self.episode != episode)
 
     def of(self, chosen: Bool[np.ndarray, " K"] | Int[np.ndarray, " L"]) -> "Residuals":
-        """Some of the pushes."""
+        """The data of some of the pushes."""
         return Residuals(
             r=self.r[chosen],
             J=self.J[chosen],
@@ -112,7 +112,7 @@ def fitted(
     mean: Float64[np.ndarray, " P"] | None = None,
     starts: Sequence[Covariances | None] = (None,),
 ) -> Fit:
-    """Theta under a normal prior, and the covariance that makes what is left most likely, in turns.
+    """Theta under a normal prior, and the residuals' covariance by maximum likelihood, in turns.
 
     The likelihood has more than one maximum: noise can pass for an effect's work. The best from all `starts` is taken.
     """
@@ -222,7 +222,7 @@ def _roots(block: _Rows, covariance: Float64[np.ndarray, "S S"]) -> Float64[np.n
 def _distances(
     block: _Rows, roots: Float64[np.ndarray, "K S S"], theta: Float64[np.ndarray, " P"]
 ) -> Float64[np.ndarray, " K"]:
-    """Mahalanobis' squared distance of what is left of each push."""
+    """Squared Mahalanobis distance of each push's residuals at theta."""
     return (_times(roots, block.left(theta)) ** 2).sum(1)
 
 
@@ -257,7 +257,7 @@ def _scatter(
     theta: Float64[np.ndarray, " P"],
     size: Float64[np.ndarray, " K"],
 ) -> Float64[np.ndarray, "S S"]:
-    """The common covariance of what is left, for a push of usual size; a little of it is taken to be uncorrelated.
+    """Common covariance of the residuals, for a push of usual size; shrunk a little towards its diagonal.
 
     A step of expectation and maximisation from the one before: of what is left, what is expected to be common.
     """

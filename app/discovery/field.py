@@ -25,7 +25,7 @@ AFTER = slice(2 * MODES, 4 * MODES)
 WIDTH_M = 0.015
 """h, about the width of the ropes and beans on the table; and the lattice's spacing."""
 _WIDTHS_M = (0.03, WIDTH_M)
-"""The first finds what is more than a width away."""
+"""Kernel widths: the first finds matter that is more than a width away."""
 _REACH_M = 0.03
 _PRIOR_M = np.concatenate([np.full(MODES, 0.03), [0.03], np.full(MODES - 1, 0.002)])
 """Prior standard deviation of each mode, which keeps those that a view does not determine at zero. Ropes do not
@@ -49,7 +49,7 @@ class Basis:
 
     @classmethod
     def along(cls, cloud: Points, place: Float32[np.ndarray, " N"]) -> "Basis":
-        """For points at `place` (-1 to 1) along an object."""
+        """Basis for points at `place` (-1 to 1) along an object."""
         tangents = _directions(cloud[:, :2].astype(np.float64), place.astype(np.float64))
         normals = np.stack([-tangents[:, 1], tangents[:, 0]], axis=1)
         order = np.arange(MODES)

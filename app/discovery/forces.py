@@ -25,7 +25,7 @@ FEATURES: Mapping[str, tuple[str, ...]] = {
     "sideways_rate": ("sideways_rate",),
     "growth": ("growth_x", "growth_y"),
 }
-"""Parameters of each feature: what is about a point of the table needs the push that says which."""
+"""Parameters of each feature: those about a point of the table need the push, which locates it."""
 
 
 def parameters(features: Sequence[str] = tuple(FEATURES)) -> list[str]:

@@ -56,7 +56,7 @@ class _Rival(NamedTuple):
 
 
 def opened(predictor: Predictor, trials: Trials, screening: Screening, decision: Decision, said: Progress) -> Opened:
-    """Test what the decision leaves, and look for a formula that says it better."""
+    """Test the residuals of the decision, and look for a formula that explains them better."""
     known = library(predictor, trials, screening)
     nothing = known.beside_nothing(screening)
     beside = nothing if decision.accepted is None else known.beside(decision.accepted)
@@ -101,7 +101,7 @@ def _refined(
     about: Theta | None,
     suspect: Suspect,
 ) -> Found:
-    """These features together, the last as suspected and the others as in `about`."""
+    """Refit of these features together, the last from the screening and the others from `about`."""
     catalogue = with_formula(predictor.catalogue, features)
     start = started(catalogue, screening.about if about is None else about, suspect)
     model = refine(Predictor(predictor.subject, catalogue), trials, screening, [(FORMULA, start)])
@@ -137,7 +137,7 @@ def _suspect(steps: Sequence[Step], columns: Sequence[int], finding: Finding) ->
 
 
 def _rivals(known: Library, nothing: Widened, decision: Decision, beside: Widened) -> list[_Rival]:
-    """Nothing missing, what was accepted, and the likeliest cause where that was not accepted."""
+    """Rivals of a formula: nothing missing, the accepted causes, and the likeliest cause if it was not accepted."""
     temper = nothing.weighing.temper
 
     def rival(wide: Widened, causes: int, *, accepted: bool) -> _Rival:

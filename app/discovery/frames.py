@@ -121,7 +121,7 @@ def _angles(vectors: Float64[np.ndarray, "K 2"]) -> Float64[np.ndarray, " K"]:
 
 
 def _headings(trials: Trials) -> Float64[np.ndarray, " K"]:
-    """In which direction each push goes [rad]."""
+    """Direction of each push [rad]."""
     spans = zip(trials.study.pushes, trials.starts_s, trials.ends_s, strict=True)
     ways = [push.track.at(np.array([start, stop])) for push, start, stop in spans]
     return _angles(np.stack([way[1, :2] - way[0, :2] for way in ways]))

@@ -41,7 +41,7 @@ class Gained(NamedTuple):
 
 
 class Folds(NamedTuple):
-    """For each episode a nominal and an extended model that were fitted to the others."""
+    """Nominal and extended models for each episode, fitted to the others."""
 
     nominal: Mapping[int, Theta]
     extended: Mapping[int, Theta]
@@ -97,7 +97,7 @@ def _folds(predictor: Predictor, screening: Screening, model: Model | None) -> F
 
 
 def _as_planned(trials: Trials) -> Trials:
-    """With commands alone."""
+    """The trials with commands alone, without measured tracks."""
     pushes = tuple(replace(push, measured=None) for push in trials.study.pushes)
     return replace(trials, study=replace(trials.study, pushes=pushes))
 

@@ -15,9 +15,9 @@ from app.core.types import Path3, Points
 _SHARE = 0.25
 """Default of a prediction's error as a share of the motion: it only weighs long pushes against short ones."""
 _LEAST_M = 5e-4
-"""No prediction is expected to be nearer than this."""
+"""Floor of the expected error."""
 _DOWN_M = 4e-3
-"""As the planner's `LOW_ENOUGH_M`: a tip this far above its lowest is down."""
+"""Height above its lowest within which a tip is down, as the planner's `LOW_ENOUGH_M`."""
 
 
 @final
@@ -85,7 +85,7 @@ def _expected_m(moved_m: float, noise_m: float, share: float) -> float:
 
 
 def _followed(executed: Executed) -> tuple[Float64[np.ndarray, "2"], Float64[np.ndarray, "2"], float]:
-    """The push's direction, how far off it the log ends, and how late it is; nothing where nobody measured."""
+    """The push's direction, the offset of the log's end, and its delay; none if there is no log."""
     told = Track(times_s=executed.times_s, poses=executed.commanded)
     low = _low(told.positions)
     ahead = told.positions[low[-1], :2] - told.positions[low[0], :2]

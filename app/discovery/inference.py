@@ -131,7 +131,7 @@ class Finding(NamedTuple):
 @final
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Weighing:
-    """Nothing missing, and each hypothesis against it. `temper`: see `dispersion`."""
+    """The null hypothesis, and each other against it. `temper`: see `dispersion`."""
 
     nothing: Fit
     temper: float

@@ -21,12 +21,12 @@ from app.discovery.library import Widened
 LEFT = 0.95
 """Probability above which something is left."""
 _BEFORE = 0.25
-"""That something is, before anything was looked at."""
+"""Prior probability that something is left."""
 _DRAWS = 4000
 
 
 class Leftover(NamedTuple):
-    """The probability that something is left, and how often chance alone looks as much like it.
+    """The probability that something is left, and the p-value of that.
 
     Of E episodes chance can be excluded no further than to about one in 2^E, and the probability is no higher than
     what that leaves.

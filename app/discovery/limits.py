@@ -25,7 +25,7 @@ _MOST = 0.5
 
 
 def limits_of(study: Study, subject: Subject) -> tuple[Limit, ...]:
-    """Everything that narrows or forbids a conclusion; nothing where the study is good."""
+    """Deficiencies that narrow or forbid a conclusion; none if the study is good."""
     return (
         *_amount(study),
         *_simulated(study),
@@ -36,7 +36,7 @@ def limits_of(study: Study, subject: Subject) -> tuple[Limit, ...]:
 
 
 def _simulated(study: Study) -> Iterator[Limit]:
-    """Flaws of what imported data say of object, tool and table, and what of it says nothing of cameras."""
+    """Flaws of imported data about object, tool and table, and quantities in them that say nothing of cameras."""
     setup = study.setup
     if setup is None:
         return

@@ -36,7 +36,7 @@ def next_push(
     height_m: float,
     seed: int = 0,
 ) -> NextPush | None:
-    """Between two or more models, each with its probability; None where there is nothing to tell apart.
+    """Push that discriminates two or more models, each with its probability; None if there are fewer.
 
     None, too, where none of the pushes that were tried can be simulated by all of them. `height_m`: of the tool's tip
     above the table while it pushes.

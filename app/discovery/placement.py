@@ -1,4 +1,4 @@
-"""Placement of data: a study is simulated about the mean of where the object was, and told where they are.
+"""Placement of data: a study is simulated about the object's mean position, and reported in its own frame.
 
 Effects that have a place, and fields that are linear in it, are about the middle of the tasks' table. A table may lie
 anywhere in the frame of its data: those are then moved so that their middle is there, and never turned, so that
@@ -36,7 +36,7 @@ def centred(study: Study, subject: Subject) -> Study:
 
 
 def reach_m(study: Study, subject: Subject) -> tuple[float, float]:
-    """Along x and y, how far from the middle of the table something may have a place."""
+    """Bound on places, along x and y from the middle of the table [m]."""
     low, high = _extent(study, subject)
     needed = np.abs(np.stack([low, high]) - MIDDLE_M).max(0) + _MARGIN_M
     x, y = np.maximum(np.where(needed - _MARGIN_M > REACH_M, needed, 0.0), REACH_M).tolist()

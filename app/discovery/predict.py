@@ -29,7 +29,7 @@ _LEAD_S, _TAIL_S = 0.05, 0.35
 """Simulated before the tool is low, and after it has left or come to rest [s, real]."""
 _MIDWAY = 0.6
 _TOUCH_M = 0.018
-"""From the tip to the nearest particle when it touches."""
+"""Distance from the tip to the nearest particle at contact."""
 _SLOW_M_S = 0.01
 _STILL_M = 2e-3
 _LEAST_SHARE = 0.1
@@ -52,7 +52,7 @@ class Trials:
 
     study: Study
     clouds: Float32[np.ndarray, "K N 3"]
-    """Before each push, as they were seen, whatever is then taken to be wrong with that."""
+    """Particles before each push as observed, whatever errors of cameras are assumed later."""
     labels: Float32[np.ndarray, "K N 4"]
     middles: Float32[np.ndarray, "K N 3"]
     times: Float64[np.ndarray, " K"]
@@ -85,7 +85,7 @@ class Trials:
         return replace(self, study=replace(self.study, pushes=pushes))
 
     def _jittered(self, points: Points, along: Float32[np.ndarray, " N"], rng: np.random.Generator) -> Points:
-        """Elsewhere by `noise_m` an axis: each point by itself, or as far as is `smooth` along the object."""
+        """Points disturbed by `noise_m` an axis: each independently, or smoothly along the object if `smooth`."""
         moved = points.copy()
         if not self.smooth:
             moved[:, :2] += rng.normal(0, self.noise_m, (len(points), 2))
@@ -198,7 +198,7 @@ class Predictor:
         return self.carried_out(command, load, theta, lambda effect: effect.told)
 
     def carried_out(self, track: Track, load: Load, theta: Theta, by: Callable[[Apparatus], bool]) -> Track:
-        """The track after what goes wrong with it, by those effects that `by` names."""
+        """The track with the errors of those effects that `by` selects."""
         for effect, values in self.catalogue.wrong(theta):
             if effect.drive is not None and by(effect):
                 track = effect.drive(track, load, values)
@@ -316,7 +316,7 @@ def _chunks(jobs: list[tuple[int, int]], sizes: Sequence[int]) -> list[list[tupl
 
 
 def _low_interval(track: Track, low_m: float) -> tuple[float, float]:
-    """From when to when the tool is low enough to touch the object; its last moment twice where it never is."""
+    """Interval in which the tool is low enough to touch the object; its last moment twice if it never is."""
     low = np.flatnonzero(track.poses[:, 2] < low_m)
     if not len(low):
         return float(track.times_s[-1]), float(track.times_s[-1])

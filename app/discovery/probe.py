@@ -1,4 +1,4 @@
-"""Experiments that the program chooses: the next push by what it is expected to say about which cause is missing.
+"""Design of experiments: the next push by its expected information about the missing cause.
 
 A push is worth what it adds to the precision with which a cause's size would be known where the cause acts, in nats:
 half the logarithm of the ratio of variances, with the nuisances, the other causes as far as they seem to act where
@@ -39,7 +39,7 @@ _RIVAL: Final = 0.01
 _SURVIVOR: Final = 0.05
 """Probability that no cause has where none is left."""
 _EPISODES: Final = 3
-"""Before so many no cause is named: it could be one episode's chance."""
+"""Least number of episodes for a name: fewer could be chance."""
 _UNKNOWN_M: Final = 1.5e-3
 """Noise of an amplitude before any is learnt: the median of what screenings of ropes learn."""
 _NOTHING_FIRST: Final = 0.22
@@ -91,7 +91,7 @@ class Belief:
 
 
 def first_belief(subject: Subject) -> Belief:
-    """Before any push: every cause that needs no place is as probable as any other."""
+    """Belief before any push: all causes that need no place are equally probable."""
     known = catalogue(subject.rods)
     about = known.nominal(subject)
     steps = _one_way(steps_of(known, subject.calibrated, {}))
@@ -201,7 +201,7 @@ def is_none_left(belief: Belief) -> bool:
 
 
 def belief_words(belief: Belief) -> str:
-    """For example `after 16 pushes: table tilt 41 %, draught 22 %, viscous film 9 %, nothing missing 20 %`."""
+    """Text such as `after 16 pushes: table tilt 41 %, draught 22 %, viscous film 9 %, nothing missing 20 %`."""
     ranked = sorted(belief.probabilities.items(), key=lambda pair: -pair[1])[:_LISTED]
     shares = [f"{rival_words(cause)} {share:.0%}".replace("%", " %") for cause, share in ranked]
     nothing = f"{NOTHING} {belief.nothing:.0%}".replace("%", " %")

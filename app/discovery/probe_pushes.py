@@ -34,7 +34,7 @@ _WEIGHED: Final = 12
 _REPEATED: Final = 3
 """Earlier pushes, the last ones, that may be made again."""
 _LEAST_M: Final = 0.004
-"""An object that moves by less in the mean says little."""
+"""Least mean displacement of an informative push."""
 _MARGIN_M: Final = 0.02
 """The object stays so far within the region of pushes, or it could not be pushed back."""
 _NEAR_M, _ON_IT_M = 0.12, 0.02
@@ -133,7 +133,7 @@ def best_of(
 
 
 def candidates_of(belief: Belief, scene: Scene, rng: np.random.Generator) -> list[Candidate]:
-    """Those that begin beside the object, stay in the region of pushes, and are allowed."""
+    """Candidates that begin beside the object, stay in the region of pushes, and are allowed."""
     found = list[Candidate]()
     for stroke, kind in _strokes(belief, scene, rng):
         if not is_clear(stroke, scene.seen.points, scene.core_m):
@@ -145,7 +145,7 @@ def candidates_of(belief: Belief, scene: Scene, rng: np.random.Generator) -> lis
 
 
 def moving(predictor: Predictor, belief: Belief, scene: Scene, candidates: Sequence[Candidate]) -> list[Candidate]:
-    """Those that move the object by the model, and leave it where it can be pushed: of each kind the ones that do most.
+    """Candidates that move the object by the model, and leave it within reach: of each kind the most effective.
 
     None that does not; at most as many as are worth their slopes.
     """
@@ -179,7 +179,7 @@ def informations(
 
 
 def _told_apart(names: Sequence[str], gains: Float64[np.ndarray, "C C"]) -> tuple[str, str]:
-    """The pair of rivals that is told apart most; nothing missing is said last."""
+    """The pair of rivals that is discriminated most; the null hypothesis is last."""
     both = np.triu(gains + gains.T, 1)
     first, second = divmod(int(both.argmax()), len(names))
     return (names[second], names[first]) if names[first] == NOTHING else (names[first], names[second])
@@ -263,7 +263,7 @@ def _towards(
 
 
 def _trials(predictor: Predictor, scene: Scene, candidates: Sequence[Candidate], expected: Seen | None) -> Trials:
-    """The candidates as pushes whose outcome is as `expected`, or, where nobody knows, none.
+    """The candidates as pushes whose outcome is as `expected`, or unknown.
 
     The last push of the same episode stands before them, where there is one, so that it is known which end is which.
     """

@@ -31,7 +31,7 @@ _SETTLED = 0.15
 @final
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Model:
-    """Causes taken for present, with what they take, about which everything else is linear.
+    """Model with causes taken for present, at their estimates, about which everything else is linear.
 
     `own`: the first columns of the data, those of the causes and of the calibrated parameters; the rest are the
     screening's. `estimate`: `theta` moved by the fit, by the share of it that is trusted.
@@ -62,7 +62,7 @@ def refine(
     starts: Sequence[tuple[str, Theta]],
     noises: Sequence[Covariances] = (),
 ) -> Model:
-    """The best model with these causes; each start says a cause and a theta that has it.
+    """The best model with these causes; each start is a cause and a theta that has it.
 
     Where a step makes the data less likely, half of it is tried.
     """
@@ -86,7 +86,7 @@ def refine(
 
 
 def _ahead(catalogue: Catalogue, model: Model, share: float) -> Theta:
-    """The model's theta moved by a share of what its fit says."""
+    """The model's theta moved by a share of its fit."""
     estimate = model.theta
     shares = np.clip(model.fit.theta[: model.own], -_FARTHEST, _FARTHEST)
     for step, value in zip(model.steps[: model.own], shares, strict=True):

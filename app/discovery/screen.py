@@ -31,7 +31,7 @@ _PEAK_M = 0.03
 @final
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Suspect:
-    """A cause with what the screening says of it; `columns` of the data are its own, `steps` what they are.
+    """A cause with its result of the screening; `columns`: its own in the data, with their `steps`.
 
     `finding.mean` are their values in steps.
     """

@@ -112,7 +112,7 @@ def residuals(
     replicas: int = REPLICAS,
     starts: int = STARTS,
 ) -> Residuals:
-    """Residuals about a model, what each step changes, and what errs in each push by itself.
+    """Residuals about a model, their slopes for each step, and random effects of each push.
 
     That is what the noise of the cameras at its start does, and a share of every step of what is simulated. Of rods all
     of it is the mean over so many `starts`, which are the same for every model: a push that is chaotic says little.
@@ -191,13 +191,13 @@ def _told(catalogue: Catalogue) -> frozenset[int]:
 
 
 def apart(catalogue: Catalogue, one: Theta, other: Theta, step: Step) -> float:
-    """From one model to the other, in steps; less than was asked for at the end of a range."""
+    """Distance from one model to the other, in steps; less than requested at the end of a range."""
     spec = catalogue.specs[step.column]
     return (spec.coordinate(float(other[step.column])) - spec.coordinate(float(one[step.column]))) / step.size
 
 
 def ways_of(steps: Sequence[Step], columns: Iterable[int]) -> dict[Way, list[int]]:
-    """Those of the columns of `steps` that belong together: of one cause at one place, or in one way."""
+    """Groups of columns of `steps` that belong to one hypothesis: one cause at one place, or of one shape."""
     found = dict[Way, list[int]]()
     for column in columns:
         found.setdefault((steps[column].cause, steps[column].given), []).append(column)
@@ -237,7 +237,7 @@ def _is_compiled(predictor: Predictor, step: Step) -> bool:
 
 
 def _mean_of(runs: Sequence[tuple[Seen, list[tuple[Seen, Seen]]]]) -> tuple[Seen, list[Seen]]:
-    """The model's predictions, and by how much each change displaces them [m], each the mean over beginnings."""
+    """The model's predictions, and their displacements by each change [m], as means over starts."""
     changes = [[_apart(*ends) for ends in run[1]] for run in runs]
     return _mean([run[0] for run in runs]), [_mean(change) for change in zip(*changes, strict=True)]
 
@@ -247,7 +247,7 @@ def _apart(up: Seen, down: Seen) -> Seen:
 
 
 def _mean(seen: Sequence[Seen]) -> Seen:
-    """Over those that were simulated to their end; NaN where none was."""
+    """Mean over the simulations that reached their end; NaN if none did."""
     if len(seen) == 1:
         return seen[0]
     during, after = (_mean_of_known(np.stack(views)) for views in zip(*seen, strict=True))
@@ -270,7 +270,7 @@ def _felt(catalogue: Catalogue, trials: Trials) -> Bool[np.ndarray, " P"]:
 
 
 def _within(catalogue: Catalogue, trials: Trials, step: Step) -> Bool[np.ndarray, " K"]:
-    """In which pushes the object came near the place that a step is about."""
+    """Mask of the pushes in which the object came near the place of a step."""
     reach = next((cause.reach_m for cause in catalogue.causes if cause.name == step.cause), None)
     if reach is None or not step.given:
         return np.ones(len(trials), bool)
@@ -294,7 +294,7 @@ def _assembled(
     apart: Sequence[float],
     replicas: Sequence[Seen],
 ) -> Residuals:
-    """Amplitudes of the view during and after each push, in that order; 0 with no certainty for one nobody took."""
+    """Amplitudes of the view during and after each push, in that order; 0 and masked for a missing view."""
     count, width = len(trials), 2 * MODES
     r, known = np.zeros((count, 2 * width)), np.zeros((count, 2 * width), bool)
     J, spread = np.zeros((count, 2 * width, len(changes))), np.zeros((count, 2 * width, len(replicas)))

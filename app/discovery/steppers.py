@@ -29,7 +29,7 @@ _TRACED = 32
 _SHARES = "climb", "press", "permanent_set"
 """Fields of `RodPhysics` that are from 0 to 1."""
 _LEVER, _SLID_M = 2.0, 0.1
-"""No point of an object goes farther than so many ways of the tool that pushes it, and what it slides by itself."""
+"""Bound on an object's displacement, as a multiple of the tool's path, and a slide by itself [m]."""
 _LENGTHS = {"cpu": 1.0, "gpu": 2.0}
 """Ratio of one length of paths to the next: a GPU rather simulates more pushes at once, some of them for longer."""
 _ROD_LENGTHS = 1.5

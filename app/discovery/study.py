@@ -39,7 +39,7 @@ class Push:
 
     @property
     def track(self) -> Track:
-        """The tool as measured, or as commanded where nobody measured it."""
+        """The tool as measured, or else as commanded."""
         return self.measured or self.command
 
 

@@ -28,14 +28,14 @@ NUMERICS = {
     "contact_softness": "Share of the way to contacts half as wide again.",
     "contact_distance": "Share of the way to contacts that begin 1.5 mm earlier.",
 }
-"""Our own discretisation as pseudo-effects: what it explains is not taken for physics."""
+"""Our own discretisation as pseudo-effects, so that its errors are not taken for physics."""
 _EARLIER_M = 1.5e-3
 
 
 @final
 @dataclass(frozen=True, kw_only=True)
 class RodUnknown:
-    """A field of `RodPhysics` that differs from rope to rope and that nobody measures: a usual deviation is a `step`.
+    """A field of `RodPhysics` that differs from rope to rope and is not measured: a usual deviation is a `step`.
 
     `relative`: the step is of its logarithm. `about` says what a step more is.
     """
@@ -92,7 +92,7 @@ class RodModel:
     scene: RodScene
     contact: tuple[tuple[str, float], ...] = ()
     unknowns: tuple[tuple[str, RodUnknown], ...] = tuple(ROD_NUMERICS.items())
-    """`ROD_NUMERICS`, with longer steps of what nobody measured."""
+    """`ROD_NUMERICS`, with longer steps of unmeasured quantities."""
 
 
 @final
@@ -116,7 +116,7 @@ class Subject:
     calibrated: tuple[str, ...]
     rods: RodModel | None = None
     unsaid: frozenset[str] = frozenset()
-    """Sizes that whoever recorded the data did not say, by their names in `tasks.sizes.SIZES`."""
+    """Sizes that the data do not give, by their names in `tasks.sizes.SIZES`."""
     finger: Finger | None = None
     """The tool, where it is known which it is."""
 
@@ -185,7 +185,7 @@ class Catalogue:
     rods: bool = False
     """True for objects as rods."""
     origin_m: tuple[float, float] = (0.0, 0.0)
-    """Origin of its places in the frame in which they are told."""
+    """Origin of its places in the frame in which they are reported."""
     reach_m: tuple[float, float] = REACH_M
     """Farthest that something may have its place from the middle of the table, along x and y."""
 
@@ -198,7 +198,7 @@ class Catalogue:
         return next(cause for cause in self.causes if cause.name == name)
 
     def told_m(self, column: int) -> float:
-        """Offset of a place [m] where it is told; 0 for what is no place."""
+        """Offset of a place [m] when it is reported; 0 for other parameters."""
         return next((self.origin_m[axis] for cause in self.causes for axis in cause.axis_of(column)), 0.0)
 
     def wrong(self, theta: Theta) -> Iterator[tuple[Apparatus, Values]]:
@@ -235,7 +235,7 @@ def setup_of(subject: Subject) -> MeasuredSetup | None:
 
 
 def unknowns_of(unsaid: Collection[str]) -> tuple[tuple[str, RodUnknown], ...]:
-    """`ROD_NUMERICS` where these sizes were not said: one rule, steps and priors `_UNSAID` times as wide."""
+    """`ROD_NUMERICS` without these sizes: one rule, steps and priors `_UNSAID` times as wide."""
     wide = {_BY_SIZE[size] for size in unsaid if size in _BY_SIZE}
     return tuple(
         (name, replace(unknown, step=_UNSAID * unknown.step, about=f"{unknown.about[:-1]}, three times as wide."))
@@ -251,7 +251,7 @@ def catalogue(
     origin_m: tuple[float, float] = (0.0, 0.0),
     reach_m: tuple[float, float] = REACH_M,
 ) -> Catalogue:
-    """Every effect file of the simulator and of the apparatus, and numerics; all parameters, libraries' too.
+    """Catalogue of all effect files of simulator and apparatus, and numerics; all parameters, libraries' too.
 
     `rods`: of an object as a rod, on which not every effect acts. Parameters stand in the same columns, but numerics.
     `origin_m`, `reach_m`: see `Catalogue`.

@@ -63,7 +63,7 @@ def suspect(glances: Sequence[Glance]) -> tuple[Suspicion, ...]:
 
 
 def _late(glances: Sequence[Glance]) -> Suspicion | None:
-    """The arm's log behind its command: seen by itself, whatever the residuals."""
+    """Delay of the arm's log behind its command: measured directly, whatever the residuals."""
     late_s = float(np.median([glance.late_s for glance in glances]))
     if late_s < _LATE_S:
         return None
@@ -71,7 +71,7 @@ def _late(glances: Sequence[Glance]) -> Suspicion | None:
 
 
 def _arm(glances: Sequence[Glance], residuals: Vectors) -> Suspicion | None:
-    """The tip elsewhere than told, as the arm itself says."""
+    """Offset of the tip from its command, by the arm's own log."""
     strayed = np.stack([glance.strayed_m for glance in glances])
     length_m = float(np.linalg.norm(strayed, axis=1).mean())
     if length_m < _STRAYED_M:
@@ -84,7 +84,7 @@ def _arm(glances: Sequence[Glance], residuals: Vectors) -> Suspicion | None:
 
 
 def _frames(glances: Sequence[Glance], residuals: Vectors) -> list[Suspicion]:
-    """Constant on the table, or along and across the push. The tool is never turned: its frame is the table's."""
+    """Constant residual on the table, or along and across the push. The tool never turns: its frame is the table's."""
     along = _along(glances, residuals)
     x, y = residuals.mean(0) * _MM
     forth, left = along.mean(0) * _MM
@@ -104,7 +104,7 @@ def _frames(glances: Sequence[Glance], residuals: Vectors) -> list[Suspicion]:
 
 
 def _time(glances: Sequence[Glance], residuals: Vectors) -> Suspicion:
-    """Growing from push to push, on the table or along the push."""
+    """Growth of the residual from push to push, on the table or along the push."""
     order = np.arange(len(residuals), dtype=np.float64)[:, None]
     growing = max(_slope(order, residuals), _slope(order, _along(glances, residuals)))
     text = "the object ends farther away from push to push, as with something that wears, warms or drifts"
@@ -112,14 +112,14 @@ def _time(glances: Sequence[Glance], residuals: Vectors) -> Suspicion:
 
 
 def _place(glances: Sequence[Glance], residuals: Vectors) -> Suspicion:
-    """Changing with the place on the table, along x and y."""
+    """Dependence of the residual on the place on the table, along x and y."""
     places = np.stack([glance.place_m for glance in glances])
     text = "where the object ends is wrong by more in some places than in others"
     return Suspicion(kin="contact or table", text=text, explained=_slope(places, residuals))
 
 
 def _along(glances: Sequence[Glance], residuals: Vectors) -> Vectors:
-    """Along each push, and to its left."""
+    """Residuals along each push, and to its left."""
     ahead = np.stack([glance.ahead for glance in glances])
     across = np.stack([-ahead[:, 1], ahead[:, 0]], axis=1)
     return np.stack([(residuals * ahead).sum(1), (residuals * across).sum(1)], axis=1)

@@ -20,7 +20,7 @@ from app.sim.effects.place_force import MIDDLE_X, MIDDLE_Y
 _G = 9.81
 _PLACE = ("push_x", "push_y", "spread", "swirl", "stretch_axes", "stretch_diagonals")
 _FARTHEST_M = 0.6
-"""From the middle of the workspace: farther than the table is wide, and a point is none of it."""
+"""Distance from the middle of the workspace beyond which a point is not reported: the table is narrower."""
 _DRAWS = 1000
 
 

@@ -1,1 +1,1 @@
-"""Episodes of a task by a method, on the simulated cell in lock step, and what they say together."""
+"""Episodes of a task by a method, on the simulated cell in lock step, and their statistics."""

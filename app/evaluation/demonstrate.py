@@ -1,4 +1,4 @@
-"""Demonstrations by a task's scripted expert, what is recorded of them, and the model that they calibrate."""
+"""Demonstrations by a task's scripted expert, their recordings, and the model that they calibrate."""
 
 import itertools
 import json
@@ -41,7 +41,7 @@ FIRST_SEED = 1000
 
 
 class Demonstration(NamedTuple):
-    """An episode of the expert: what it was to do, every action, and what came of it."""
+    """An episode of the expert: its configuration, every action, and the outcome."""
 
     wish: Wish
     steps: Sequence[Step]
@@ -105,7 +105,7 @@ def record(shown: Demonstration, path: Path) -> int:
 
 
 def _world(wish: Wish) -> dict[str, str]:
-    """Configuration of a simulated rope, as an episode's recording says it."""
+    """Configuration of a simulated rope, as in an episode's recording."""
     body = wish.task.stage.body
     return {"world": body.model} if isinstance(body, Rope) else {}
 

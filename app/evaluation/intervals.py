@@ -21,7 +21,7 @@ class Measured(NamedTuple):
 
 
 def share(events: Iterable[bool]) -> Measured:
-    """The share of what is true, with Wilson's interval (1927, "Probable inference, the law of succession")."""
+    """The share of true values, with Wilson's interval (1927, "Probable inference, the law of succession")."""
     known = list(events)
     n = len(known)
     if n == 0:
@@ -31,7 +31,7 @@ def share(events: Iterable[bool]) -> Measured:
 
 
 def median(values: Iterable[float]) -> Measured:
-    """The median of what is finite, with the interval of order statistics that a binomial law gives."""
+    """The median of the finite values, with the interval of order statistics that a binomial law gives."""
     known = np.sort([value for value in values if math.isfinite(value)])
     n = len(known)
     if n == 0:
@@ -41,7 +41,7 @@ def median(values: Iterable[float]) -> Measured:
 
 
 def mean(values: Iterable[float]) -> Measured:
-    """The mean of what is finite, with Student's interval (1908, "The probable error of a mean"), of four or more.
+    """The mean of the finite values, with Student's interval (1908, "The probable error of a mean"), of four or more.
 
     Of ten values a bootstrap's interval covers the mean in nine cases of ten, of three in three of four.
     """

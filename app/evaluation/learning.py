@@ -1,4 +1,4 @@
-"""A training as a picture: what the steps lost, and the demonstration that was held out."""
+"""Plot of a training: losses of the steps, and of the demonstration that is held out."""
 
 from collections.abc import Sequence
 from pathlib import Path

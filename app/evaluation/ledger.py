@@ -1,4 +1,4 @@
-"""Lines of results in a file: what is done is not done again, also after a line that a kill cut off."""
+"""Results as lines of a file: finished episodes are not repeated, even after a line that a kill cut off."""
 
 import fcntl
 import json
@@ -13,7 +13,7 @@ from app.core.errors import UsageError
 
 @contextmanager
 def held(folder: Path) -> Generator[None]:
-    """Nobody else holds the folder meanwhile. Raises UsageError where somebody does."""
+    """Lock on the folder. Raises UsageError if another process holds it."""
     here = os.open(folder, os.O_RDONLY)
     try:
         fcntl.flock(here, fcntl.LOCK_EX | fcntl.LOCK_NB)
@@ -41,7 +41,7 @@ def latest(path: Path) -> list[dict[str, Any]]:
 
 
 def append(path: Path, line: dict[str, Any]) -> None:
-    """At the end of the file, as a whole, also after a line that was cut off."""
+    """Append the line to the file as a whole, even after a line that was cut off."""
     broken = path.exists() and path.stat().st_size and not path.read_bytes().endswith(b"\n")
     with path.open("a", encoding="utf-8") as file:
         file.write(("\n" if broken else "") + json.dumps(line) + "\n")

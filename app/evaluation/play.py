@@ -103,7 +103,7 @@ def play(order: Order, listen: Listener | None = None, site: Site | None = None)
 
 @final
 class _Episode:
-    """The cell and what is known of it."""
+    """The cell, and the method's knowledge of it."""
 
     def __init__(self, order: Order, site: Site) -> None:
         self._order, self._site, self._task = order, site, order.task
@@ -116,7 +116,7 @@ class _Episode:
         self._near: Centreline | None = None
 
     def run(self, played: Played, listen: Listener | None) -> None:
-        """Into `played`, which is told how far it got also where something fails."""
+        """Play into `played`, which holds the results so far even after a failure."""
         self._judge(played)
         before, actions = self._see(), self._order.actions
         limit = self._task.horizon if actions is None else actions
@@ -185,7 +185,7 @@ class _Episode:
         raise AssertionError("the last attempt returns or raises")
 
     def _remember(self, x: Points) -> None:
-        """A policy that acts alone remembers what it means to do next; in a tree something else may have been done."""
+        """Let a policy that acts alone remember its next actions; in a tree another action may have been made."""
         policy = self._method.policy
         if policy is not None and self._method.alone:
             self._method = replace(self._method, policy=policy.after(x, self._goal, self._cell.tool))

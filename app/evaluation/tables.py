@@ -18,7 +18,7 @@ _SHORT = ("method", "n", "success", "Chamfer [mm^2]", "more than dipac", "reward
 
 
 def tables(found: Sequence[Score]) -> Iterator[Table]:
-    """For the terminal, one a task, in 80 columns."""
+    """Tables for the terminal, one a task, in 80 columns."""
     for task, scores in groupby(found, key=lambda score: score.task):
         drawn = Table(
             title=f"{task}: means and shares with 95 % intervals", box=SIMPLE_HEAD, padding=(0, 0, 0, 1), pad_edge=False

@@ -27,7 +27,7 @@ WHOLE = "none"
 
 
 GUIDED = "+"
-"""Between a planner and the kind of learned policy that guides it."""
+"""Separator of a planner and the kind of learned policy that guides it."""
 POLICIES = Path("policies")
 """Default folder of learned policies."""
 ALONE = replace(Method.named(ablation="no_planning"), calibrated=False)
@@ -93,7 +93,7 @@ def playable() -> list[str]:
 
 
 def run_trial(trial: Trial) -> dict[str, Any]:
-    """Play it. The row says what came of it, `failure` included; what is wrong with the program itself is raised."""
+    """Play it, and return its row of results, `failure` included; errors of the program itself are raised."""
     began_s, method = time.perf_counter(), trial.method
     model = _model(trial, method)
     task = load(trial.task)
@@ -138,7 +138,7 @@ def _policy(folder: Path, task: str, kind: str) -> LearnedPolicy:
 
 
 def _model(trial: Trial, method: Method) -> Model:
-    """The calibrated one from its file; without calibration, what the simulator would be without any demonstration."""
+    """The calibrated model from its file; without calibration, the simulator's without any demonstration."""
     if not method.calibrated:
         return jobs.uncalibrated_model(trial.task)
     if trial.model is None:

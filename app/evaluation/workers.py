@@ -31,7 +31,7 @@ def finished(run: Run[JobT], jobs: Sequence[JobT], *, where: Where, processes: i
 
 
 def share_the_machine() -> None:
-    """Leave room for other processes; what the environment says already stands. Before JAX looks for devices."""
+    """Leave room for other processes, unless the environment sets it already. Before JAX looks for devices."""
     for name, value in _ENVIRONMENT.items():
         os.environ.setdefault(name, value)
 
@@ -74,7 +74,7 @@ def _pooled(run: Run[JobT], left: list[JobT], processes: int) -> Generator[Finis
 
 
 def _end_with_parent() -> None:
-    """A worker whose parent is killed would play on, and what it plays nobody would read."""
+    """End a worker with its parent; it would play on without a reader."""
     parent = multiprocessing.process.parent_process()
     assert parent is not None
 

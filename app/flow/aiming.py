@@ -31,7 +31,7 @@ _CALLED: Final[Mapping[GoalSource, str]] = {
 
 @final
 class Aiming:
-    """Makes a wish for another goal out of a request; where that cannot be, says so."""
+    """Conversion of goal requests to episode configurations; failures are announced."""
 
     def __init__(
         self, cameras: Mapping[str, CameraModel], perceiver: Worker, site: Site, announcer: Announcer, clock: Clock
@@ -42,9 +42,9 @@ class Aiming:
     async def aimed(
         self, wish: Wish, request: GoalRequest | PictureGoalRequest, how: Reconstruction, model: Model | None
     ) -> Wish | None:
-        """The wish with the goal that is asked for, which has been said; None where it cannot be one.
+        """The configuration with the requested goal, which has been published; None if it is invalid.
 
-        `how` the object is seen in pictures; `model` says what cameras get wrong, which moves the goal that they show.
+        `how`: perception settings for pictures; `model`: its errors of cameras move the goal that they show.
         """
         try:
             name, points = await self._points(request, how)

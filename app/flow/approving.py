@@ -54,7 +54,7 @@ class Approving:
         return moved
 
     async def looked_at(self, proposal: Proposal) -> None:
-        """Show it, for nobody to decide on, until it means nothing any more."""
+        """Show it without asking for a decision, until it is void."""
         self._gate.show(None)
         self.proposals.put(proposal)
         with self._modes.waiting(self._oldest_s) as waiting:
@@ -64,7 +64,7 @@ class Approving:
         self._given_up(proposal, waiting)
 
     def hear(self, decision: Decision) -> None:
-        """Somebody has decided. What nobody waits for is not kept: it could be on nothing that is still shown."""
+        """Queue a decision on the pending proposal; report any other as stale."""
         asked = self.asked
         if asked is None or asked.id != decision.proposal_id or self._modes.name == "automatic":
             self._other(decision)

@@ -1,4 +1,4 @@
-"""Pushes that somebody asked for, such as the next one of a discovery: each offered until it has been decided on."""
+"""Suggested pushes, such as the next one of a discovery: each is proposed until it has been decided on."""
 
 from typing import TYPE_CHECKING, final
 

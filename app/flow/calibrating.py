@@ -71,7 +71,7 @@ class Calibrating:
                     await self._look(frame, target)
 
     async def asked(self, request: CalibrationRequest, mode: ModeName) -> None:
-        """Do what is asked, or say why not."""
+        """Execute a request, or say why not."""
         try:
             await self._do(request, mode)
         except DipacError as error:

@@ -14,7 +14,7 @@ from app.core.takes import Take, TakeState
 
 @final
 class Demonstrating:
-    """Begins and ends demonstrations as they are asked for, and says a `Take` each time; without `studio`, says why."""
+    """Recorder of demonstrations on request; it publishes a `Take` each time, or the reason without `studio`."""
 
     def __init__(self, studio: Studio | None, announcer: Announcer, clock: Clock) -> None:
         self._announcer, self._clock, self._studio = announcer, clock, studio
@@ -22,7 +22,7 @@ class Demonstrating:
         self._path: Path | None = None
 
     async def asked(self, request: TakeRequest, opening: Callable[[], Sequence[Message]]) -> None:
-        """Do what is asked; `opening` is what a new file begins with."""
+        """Execute a request; `opening`: the first messages of a new file."""
         studio = self._studio
         if studio is None:
             self._announcer.notice("demonstration", "This session is not recorded; no demonstration can be.")

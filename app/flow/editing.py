@@ -26,7 +26,7 @@ class Editing:
         self._wanted: tuple[EditRequest, Proposal] | None = None
 
     def wanted(self, request: EditRequest, proposal: Proposal | None) -> bool:
-        """Note what the operator wants of the plan that is up; False, and said in words, where it is of another."""
+        """Note the operator's change of the plan that is up; False, with a notice, if it is of another."""
         if proposal is None or request.proposal_id != proposal.id:
             self._announcer.notice("edit", f"{request.proposal_id} is not the plan shown; edit the one that is.")
             return False
@@ -34,7 +34,7 @@ class Editing:
         return True
 
     def answered(self) -> None:
-        """The plan has been decided on, or is gone: no change of it is made any more."""
+        """Drop the change: the plan has been decided on, or is gone."""
         self._wanted = None
 
     async def plan(

@@ -68,7 +68,7 @@ from app.flow.watching import Push, Watching
 from app.tasks.base import Wish
 
 _CHORES = 8
-"""That wait; some hold pictures, and take seconds each."""
+"""Bound of waiting requests; some hold pictures, and take seconds each."""
 _LAST_CALIBRATION_S = 300.0
 """Timeout at the end of an episode for learning from its last pushes."""
 
@@ -120,7 +120,7 @@ class Flow:
         self._touched_s = clock.now()
 
     async def run(self) -> Summary:
-        """Push until the goal is reached or the pushes are used up; one that stays, until somebody ends it.
+        """Push until the goal is reached or the pushes are used up; if `staying`, until an operator ends it.
 
         Raises the first DipacError of any stage.
         """
@@ -169,7 +169,7 @@ class Flow:
                     self._put(request)
 
     def _put(self, chore: Chore) -> None:
-        """Do it soon; what is asked for besides never waits for it."""
+        """Queue a chore; other requests never wait for it."""
         try:
             self.chores.put_nowait(chore)
         except ChannelFull:
@@ -204,7 +204,7 @@ class Flow:
             self.modes.interrupt("is for another goal")
 
     async def _edit(self, request: EditRequest) -> None:
-        """Simulate a change of the plan that is shown, which stays up meanwhile, and offer it instead."""
+        """Simulate a change of the plan that is shown, which stays up until then, and propose it instead."""
         seen, shown = self.sensing.particles.value, self.approving.asked
         changed = await self.planning.changed(self.wish, request, shown, seen, self._model) if seen else None
         if changed is not None and self.approving.asked is shown:
@@ -212,7 +212,7 @@ class Flow:
             self.planning.offer_next(changed, self.modes.interruptions)
 
     async def _use(self, request: ModelRequest) -> None:
-        """Plan with another model, and for where that says that the goal is seen."""
+        """Plan with another model, and with the goal as its cameras observe it."""
         used = await self.learning.use(request, self.wish.goal.positions)
         if used is not None:
             self.wish = replace(self.wish, shown_goal=used[1])
@@ -344,7 +344,7 @@ class Flow:
 
     @contextmanager
     def _acting(self) -> Generator[None]:
-        """While a motion is made, or what came of it is looked at."""
+        """Mark the time of a motion and of the observation of its outcome."""
         self._acts = True
         try:
             yield

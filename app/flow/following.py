@@ -11,7 +11,7 @@ from app.core.ports import Clock, Posed
 from app.core.types import ToolPath
 
 _PERIOD_S = 0.040
-"""At 0.3 m/s the tool moves 12 mm meanwhile; between two samples it is taken to move evenly."""
+"""Sampling period: at 0.3 m/s the tool moves 12 mm in it; poses between samples are interpolated."""
 _KEPT = 250
 """Ten seconds: no camera is so late."""
 _HALF = 0.5
@@ -26,7 +26,7 @@ class Following:
         self._past = deque[tuple[float, Posture]](maxlen=_KEPT)
 
     async def run(self) -> None:
-        """For ever."""
+        """Sample for ever."""
         while True:
             self.sample()
             await self._clock.sleep(_PERIOD_S)

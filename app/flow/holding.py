@@ -19,11 +19,11 @@ _PAUSE_S, _MOST_PAUSES = 5.0, 3
 
 @final
 class Holding:
-    """`free`: nothing is held; `resumed_s`: when somebody resumed last, or the program began [s].
+    """Stop latch. `free`: motion is permitted; `resumed_s`: time of the last resume, or of the program's begin [s].
 
-    `tried`: somebody pressed STOP in this session, and the arm went on after it was lifted.
+    `tried`: STOP was pressed in this session, and the arm went on after it was lifted.
 
-    Where nobody is expected to be there, it is `unattended`: waiting ends with an error then, and after a stop that
+    A run without an operator is `unattended`: waiting ends with an error then, and after a stop that
     nobody pressed, most often of a computer that is too busy, it goes on by itself. Nothing real moves in such a run.
     """
 
@@ -43,12 +43,12 @@ class Holding:
         return self._free.is_set()
 
     def pressed(self, request: StopRequest) -> None:
-        """Somebody pressed STOP; the arm has stopped already."""
+        """React to an operator's STOP; the arm has stopped already."""
         self._pressed = True
         self.hold(f"Stopped by {request.operator}.")
 
     def hold(self, why: str, *, passes: bool = False) -> None:
-        """Nothing moves from now on until the operator resumes, and the plan that is shown never.
+        """Forbid motion until the operator resumes, and void the plan that is shown.
 
         `passes`: an unattended run may go on by itself.
         """
@@ -88,7 +88,7 @@ class Holding:
             self._announcer.notice("stop", f"Resumed by {request.operator}.")
 
     async def resumed(self, do: Callable[[str], None]) -> None:
-        """Wait until the operator resumes, if something stopped; for ever, unless nobody is expected to be there."""
+        """Wait until the operator resumes, if something stopped; for ever, unless the run is unattended."""
         while not self.free:
             do("stopped")
             passes = self._passes

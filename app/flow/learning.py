@@ -35,11 +35,11 @@ class Learning:
         self._transitions = Lossless[Transition]("transitions", bound=100)
 
     def begin(self, model: Model) -> None:
-        """With this, which has been said."""
+        """Start with this model, which has been published."""
         self.models.put(self._modelling.numbered(model))
 
     async def use(self, request: ModelRequest, goal: Points) -> tuple[Model, Points | None] | None:
-        """Plan with the model that somebody asks for, if it is sound, and learn from it on.
+        """Plan with the requested model, if it is valid, and continue to learn from it.
 
         Returns it, and where cameras that err show an object at the goal (M, 3) [m]; None where it is refused.
         """

@@ -53,7 +53,7 @@ class Modelling:
     async def _checked(
         self, model: Model, current: Model, goal: Points
     ) -> tuple[tuple[str, ...], tuple[str, ...], Points | None]:
-        """The planner's needs before and after, and the goal as shown. Raises what is wrong with the model."""
+        """The planner's needs before and after, and the goal as shown. Raises DipacError for an invalid model."""
         if model.task != self._task:
             raise UsageError(f"It is of task {model.task!r}, not of {self._task!r}; choose one of this task.")
         run = self._planner.run

@@ -12,7 +12,7 @@ from app.core.ports import Clock
 Automatic: TypeAlias = Literal["freely", "confirmed", "never"]
 """Policy for unattended motion: allowed on request, after confirmation, or never."""
 _MOST = 1000
-"""Motions without anybody's word."""
+"""Largest number of motions without approval."""
 
 
 @final
@@ -20,8 +20,8 @@ class Modes:
     """The present mode, and the cancellation of plans that a change of it, or another event, makes void.
 
     `interruptions` counts the times that plans became void; `interrupted` says why, the last time.
-    A mode that somebody asked for at a console lasts no longer than it is safe: automatic ends with a stop, and when
-    whoever asked for it has no control any more. The one that the program was `started` in ends with a request alone.
+    A mode requested at a console lasts no longer than it is safe: automatic ends with a stop, and when
+    the operator who asked for it loses control. The one that the program was `started` in ends with a request alone.
     """
 
     def __init__(
@@ -46,7 +46,7 @@ class Modes:
         self._announcer.say(self.now)
 
     def asked(self, request: ModeRequest) -> None:
-        """Somebody wants another."""
+        """Change the mode on request, or say why not."""
         if request.mode == "automatic" and (why := self._refusal(request)):
             self._announcer.notice("mode", why, request.id)
             return
@@ -73,7 +73,7 @@ class Modes:
         self._leave()
 
     def end(self) -> None:
-        """No more of anything."""
+        """End the session: cancel everything."""
         self.ended = True
         self._leave()
 
@@ -89,7 +89,7 @@ class Modes:
             self.set("approve each", "the arm was stopped")
 
     def moved(self) -> None:
-        """A motion was made by itself; the last one of those that somebody asked for ends it."""
+        """Count a motion without approval; the last one of a request ends the mode."""
         if self.name != "automatic":
             return
         left = max(self.now.motions - 1, 0)
@@ -104,17 +104,17 @@ class Modes:
         return self._changed
 
     def lasting(self) -> anyio.CancelScope:
-        """A scope of what is given up with the mode."""
+        """Cancel scope that ends with the mode."""
         self._lasting = anyio.CancelScope()
         return self._lasting
 
     def waiting(self, deadline_s: float) -> anyio.CancelScope:
-        """A scope of waiting for a decision, given up at the next interruption or after `deadline_s`."""
+        """Cancel scope of a wait for a decision, which ends at the next interruption or after `deadline_s`."""
         self._waiting = anyio.move_on_after(deadline_s)
         return self._waiting
 
     def interrupt(self, why: str) -> None:
-        """Nobody decides on what is planned now. `why` completes "the plan ..."."""
+        """Void the plan that is up or being made. `why` completes "the plan ..."."""
         self.interruptions, self.interrupted = self.interruptions + 1, why
         self._waiting.cancel()
 

@@ -30,7 +30,7 @@ _NOTHING = ""
 
 @final
 class Planning:
-    """Makes proposals. What somebody asked for goes before what the planner would do."""
+    """Maker of proposals. Requested pushes take precedence over the planner's."""
 
     def __init__(
         self, wish: Wish, planner: Worker, site: Site, probing: Probing, announcer: Announcer, clock: Clock
@@ -47,7 +47,7 @@ class Planning:
         self._near: Centreline | None = None
 
     async def begin(self, wish: Wish, do: Callable[[str], None]) -> Model:
-        """Start the planner's process, which is told to `do`; the model to begin with, which has been said."""
+        """Start the planner's process, reported to `do`, and return the initial model, which has been published."""
         do("starting the planner")
         known = nominal_model if wish.method.calibrated else uncalibrated_model
         return self._announcer.say(wish.model or await self._planner.run(known, wish.task.name))
@@ -61,14 +61,14 @@ class Planning:
         self._compiling.put(_NOTHING)
 
     async def warm(self, do: Callable[[str], None]) -> None:
-        """Wait until all is compiled; `do` is told each stage of it."""
+        """Wait until all is compiled; `do` reports each stage."""
         async for stage in self._compiling.changes():
             if stage == _NOTHING:
                 return
             do(f"compiling {stage}")
 
     def decided(self, proposal: Proposal, *, approved: bool) -> None:
-        """It has been decided on. What was rejected is not proposed again before something has moved."""
+        """React to a decision. A rejected plan is not proposed again before something has moved."""
         self._asking.answered()
         self._editing.answered()
         self._rejected = () if approved else (*self._rejected, proposal.chosen.tool_path)
@@ -76,23 +76,23 @@ class Planning:
             self._near = None
 
     def keep_prediction(self, proposal: Proposal) -> None:
-        """The motion is made, and the object lies about where it was predicted to: the next plan is told."""
+        """Keep the prediction for the next plan: the motion was made, and the object lies about as predicted."""
         self._near = self._predicted.get(proposal.id)
 
     def discard_prediction(self) -> None:
-        """The object lies where no plan predicted it, and what was rejected or changed was for before."""
+        """Forget the prediction, and rejected or changed plans: the object lies elsewhere."""
         self._near = None
         self.forget()
 
     def forget(self) -> None:
-        """The object may lie otherwise now, or shall lie elsewhere: what was rejected or changed was for before."""
+        """Forget rejected and changed plans: the object may have moved, or the goal is another."""
         self._rejected, self._changed = (), None
         self._editing.answered()
 
     async def changed(
         self, wish: Wish, request: EditRequest, shown: Proposal | None, observed: Particles, model: Model
     ) -> Proposal | None:
-        """The plan that is shown with the change that is asked for; None where it cannot be made, which is said."""
+        """The plan that is shown with the requested change; None if it is infeasible, which is announced."""
         started_s = self._clock.now()
         if not self._editing.wanted(request, shown):
             return None
@@ -101,7 +101,7 @@ class Planning:
         return self._propose(wish, found, observed, model, (started_s, now_s)) if found else None
 
     def offer_next(self, changed: Proposal, at: int) -> None:
-        """Before the planner is asked again, unless plans have become void since `at` (`Modes.interruptions`)."""
+        """Propose it before the next plan, unless plans have become void since `at` (`Modes.interruptions`)."""
         self._changed = at, changed
 
     async def proposal(

@@ -1,4 +1,4 @@
-"""Experiments: pushes chosen for what they say about what the model lacks, instead of plans for a goal."""
+"""Experiments: pushes chosen for their information about errors of the model, instead of plans for a goal."""
 
 from collections.abc import Callable
 from dataclasses import replace
@@ -42,7 +42,7 @@ class Probing:
         return self._experiment is not None
 
     def asked(self, request: ProbeRequest, interrupt: Callable[[str], None]) -> None:
-        """Begin an experiment of so many pushes more, or end it; `interrupt` is told why the plan shown is void."""
+        """Begin an experiment of so many pushes more, or end it; `interrupt` voids the plan shown, with the reason."""
         if request.pushes <= 0:
             self._experiment = None
             interrupt("is of an experiment, and plans are for the goal again")
@@ -54,7 +54,7 @@ class Probing:
         interrupt("is for the goal, and pushes are chosen now for what they say about the model")
 
     def conclusion(self) -> str:
-        """Why it is over, said once; empty where it is not. Afterwards plans are made as usual."""
+        """The reason of its end, once; empty while it lasts. Afterwards plans are made as usual."""
         over, self._over = self._over, ""
         return over
 

@@ -1,4 +1,4 @@
-"""The arm's state and the health strip, at a steady pace; and what the program is doing just now."""
+"""The arm's state and the health strip, at a steady pace; and the program's current activity."""
 
 from typing import final
 
@@ -30,11 +30,11 @@ class Reporting:
         self._since_s, self._longest_s = clock.now(), 0.0
 
     def do(self, doing: str) -> None:
-        """From now on this is being done."""
+        """Set the current activity."""
         self.doing, self._since_s = doing, self._clock.now()
 
     async def run(self, sensing: Sensing, learning: Learning, approving: Approving, modes: Modes) -> None:
-        """For ever."""
+        """Report for ever."""
         while True:
             disk_free_bytes = await to_thread.run_sync(free_bytes, self._site.recordings, abandon_on_cancel=True)
             arm = await self._state()
@@ -64,7 +64,7 @@ class Reporting:
             await self._until_next(lively=modes.name == "teleoperate")
 
     async def _until_next(self, *, lively: bool) -> None:
-        """Wait for the next period; whoever moves the tool by hand sees it more often than that."""
+        """Wait for the next period; the arm's state is published more often while jogging."""
         pieces = _LIVELY if lively else 1
         for piece in range(pieces):
             await self._clock.sleep(self._site.timing.health_period_s / pieces)
@@ -72,7 +72,7 @@ class Reporting:
                 await self._state()
 
     async def _state(self) -> ArmState:
-        """The arm now, which has been said; its longest period counts until it has been reported."""
+        """The arm's state now, which has been published; its longest period is kept until it is reported."""
         state = self._announcer.say(await self._rig.arm.state())
         self._longest_s = max(self._longest_s, state.period_s)
         return state

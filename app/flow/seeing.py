@@ -15,7 +15,7 @@ from app.perception.look import Look
 from app.perception.reconstruct import Reconstructed, Reconstruction
 
 _BEYOND_M = 1.0
-"""No part of an object is seen so far outside of where it can be."""
+"""Margin around the object's box: observations beyond it cannot be of an object."""
 
 
 def placed(frame: Frame) -> Frame:

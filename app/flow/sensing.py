@@ -163,7 +163,7 @@ def _newest_s(frames: Sequence[Frame]) -> float:
 
 
 def forgotten(how: Reconstruction) -> str:
-    """That a part of the object has been hidden for too long, in words."""
+    """Text of the notice that a part of the object has been hidden for too long."""
     return (
         f"A part of the object has been hidden from all cameras for {how.hidden_s:.0f} s; nobody knows whether it is "
         "still where it was, and it is no longer shown. Move the arm, or what else is in front of it, aside."

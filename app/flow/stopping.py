@@ -9,7 +9,7 @@ from app.core.types import Points
 from app.tasks.base import Wish
 
 _FUTILE_PLANS: Final = 2
-"""So many in a row, each with other random branches, that are no better than no motion are enough."""
+"""Plans in a row, each with other random branches, that end a run if they are no better than no motion."""
 _GAIN: Final = 0.05
 """Share of the Chamfer distance by which a branch has to bring the object nearer where it costs more than no motion:
 what contact costs is there to find the object, and no reason to leave off."""
@@ -35,7 +35,7 @@ class StoppingRule:
         return self._futile >= _FUTILE_PLANS
 
     def admits(self, proposal: Proposal, goal: Points) -> bool:
-        """True where the motion is worth making on the way to `goal` (M, 3) [m]; of one that is not, that is said."""
+        """True if the motion is worth making on the way to `goal` (M, 3) [m]; otherwise that is announced."""
         if not self._weighs or proposal.is_improvement or _brings_nearer(proposal, goal):
             self._futile = 0
             return True

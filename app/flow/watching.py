@@ -17,7 +17,7 @@ from app.discovery.watch import FIRST, Watch
 
 
 class Push(NamedTuple):
-    """A push that was made: the plan, what came of it, and the model that was in use by then."""
+    """A push that was made: the plan, its outcome, and the model in use at its end."""
 
     proposal: Proposal
     transition: Transition
@@ -26,7 +26,7 @@ class Push(NamedTuple):
 
 @final
 class Watching:
-    """Says a `Watched` after every push, and a notice when the model stops being right.
+    """Monitor of the model: publishes a `Watched` after every push, and a notice when the model stops being right.
 
     `seen` of the pushes that were `put_in` have been watched.
     `verdict`: of the discovery that the model in use is from, if it is from one; said at the beginning. `recording`:
@@ -77,7 +77,7 @@ class Watching:
 
 
 def alarm(watched: Watched) -> str:
-    """The alarm in words: since when, how sure, what is suspected and what to do."""
+    """Text of the alarm: its begin, its confidence, suspected causes, and what to do."""
     suspected = "; ".join(watched.suspicions) or "nothing stands out"
     to_know = f" To know, end the session and run `{watched.advice}`." if watched.advice else ""
     return (

@@ -17,7 +17,7 @@ from app.policy.base import Now
 from app.policy.symmetry import Isometry
 
 _CLEARING_STEPS = 12
-"""Between the parts of a curled rope a start needs a few steps to come free; alone beside one it needs two."""
+"""Steps that free a start: between the parts of a curled rope it needs a few, alone beside one two."""
 _SAMPLES_PER_BRANCH = 64
 _CLOSE_M = 1e-4
 """Tolerance on an allowed push's distance: rounding by the projection."""
@@ -137,7 +137,7 @@ class Pushes:
     displacements: int = 20
     keep_out: tuple[tuple[float, float, float, float], ...] = ()
     core_m: tuple[float, float] = (0.0, 0.0)
-    """From a flat finger's middle to an end of its core (`Finger.half_m`), beside which the object is."""
+    """Vector from a flat finger's middle to an end of its core (`Finger.half_m`), beside which the object is."""
 
     @property
     def anywhere(self) -> bool:
@@ -260,12 +260,12 @@ class Pushes:
         return jnp.concatenate([path, height], axis=-1)
 
     def after(self, actions: Float[Array, "B A"], tool: Float[Array, "B 8"]) -> Float[Array, "B 8"]:
-        """Wherever it is is of no account to the next push."""
+        """The tool's pose, unchanged: it does not matter to the next push."""
         del actions
         return tool
 
     def motion(self, action: Float32[np.ndarray, " A"], tool: ToolPose, site: Site) -> Motion:
-        """From above the start down to the push height, along the push, and up; no faster than the site allows."""
+        """Motion from above the start down to the push height, along the push, and up; within the site's speed."""
         del tool
         flat = np.cumsum(np.asarray(action, np.float64).reshape(-1, 2), axis=0)
         push = np.concatenate([flat, np.full((len(flat), 1), self.height_m)], axis=1)
@@ -283,7 +283,7 @@ class Pushes:
         return (self._interpolation() @ self._measured(tool)).astype(np.float32)
 
     def measured_action(self, tool: Float[np.ndarray, "M K"]) -> Float32[np.ndarray, " A"]:
-        """From where that part begins, in displacements of equal length. Raises ValueError as `measured_path`."""
+        """The action from the beginning of that part, in displacements of equal length. Raises as `measured_path`."""
         points = self._measured(tool)[:, :2]
         return np.concatenate([points[0], np.diff(points, axis=0).ravel()]).astype(np.float32)
 

@@ -11,7 +11,7 @@ from app.planner.plan import Command, Plan, Ways
 
 
 class Planner(Protocol):
-    """Decides by simulation. Frozen, so that what is compiled for it can be cached; P parameters of the simulator."""
+    """Decision by simulation. Frozen, so that compiled code can be cached by it; P parameters of the simulator."""
 
     def __call__(
         self,

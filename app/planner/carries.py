@@ -134,12 +134,12 @@ class Carries:
         return jnp.concatenate([path[..., :3], turn, path[..., 3:]], axis=-1)
 
     def after(self, actions: Float[Array, "B A"], tool: Float[Array, "B 8"]) -> Float[Array, "B 8"]:
-        """At the end of the last move."""
+        """Tool pose at the end of the last move."""
         last = self._waypoints(actions, tool)[:, -1]
         return jnp.concatenate([last[:, :3], tool[:, 3:7], last[:, 3:]], axis=1)
 
     def motion(self, action: Float32[np.ndarray, " A"], tool: ToolPose, site: Site) -> Motion:
-        """Along the moves from where the tool is, no faster than the site allows."""
+        """Motion along the moves from the tool's pose, within the site's speed."""
         way = np.asarray(self._waypoints(jnp.asarray(action)[None], jnp.asarray(tool, jnp.float32)[None])[0])
         # Rounding to float32 may leave the bounds by a ten-millionth of a metre.
         places = np.concatenate([tool[None, :3], np.clip(way[1:, :3].astype(np.float64), self.low, self.high)])

@@ -121,7 +121,7 @@ class Gaussian(NamedTuple):
 
 
 class _Kept(NamedTuple):
-    """The best of all generations so far, the cheapest first; what is not finite or not allowed costs infinity."""
+    """The best of all generations so far, the cheapest first; infeasible or non-finite ones cost infinity."""
 
     rollout: Rollout
     lost: Int[Array, " K"]
@@ -189,7 +189,7 @@ def fit(
 
 
 def _none(improve: Improve, first: Float[Array, "B D A"], kept: int) -> _Kept:
-    """Nothing kept yet, in the shapes of what will be."""
+    """Empty `_Kept`, in its final shapes."""
     shapes = jax.eval_shape(improve, first)
 
     def empty(a: jax.ShapeDtypeStruct) -> Array:

@@ -13,9 +13,9 @@ from app.planner.tree import Search
 from app.policy.base import Now
 
 MOMENTS: Final = 8
-"""After now; more where a branch has more actions: its ends of actions are moments."""
+"""Moments after now; more if a branch has more actions: the ends of actions are moments."""
 MOST_PARTICLES: Final = 600
-"""In a frame: of more, every second, third, ... is kept, so that recordings stay small."""
+"""Largest number in a frame: of more, every second, third, ... is kept, so that recordings stay small."""
 
 
 class Film(NamedTuple):

@@ -1,4 +1,4 @@
-"""A push that somebody drew, judged as the tree judges its branches: simulated, continued by the policy, and costed."""
+"""A push drawn by an operator, evaluated as a branch of the tree: simulated, continued by the policy, and costed."""
 
 from dataclasses import dataclass
 from functools import partial
@@ -23,7 +23,7 @@ from app.policy.base import AWAY
 
 _SHORTEST_M = 0.005
 _MENDED_M = 5e-4
-"""Projection mends what is wrong by less; an action that it changes by more is not the one that was asked for."""
+"""Largest correction by projection; an action that it changes by more is not the requested one."""
 _CM, _MM = 1e2, 1e3
 
 
@@ -52,7 +52,7 @@ class GivenPush:
         rejected: Ways = (),
         near: Centreline | None = None,
     ) -> Plan:
-        """A plan of one branch. Raises PlanningError with what is wrong with the push, in words."""
+        """A plan of one branch. Raises PlanningError with the defect of the push, in words."""
         del seed, rejected
         wanted = action_of(self.way, self.pushes)
         require(wanted, observed, self.pushes, site)
@@ -69,7 +69,7 @@ class GivenPush:
         return choose(*(self.search, jax.device_get(found), origins, observed, goal, site, tool, command), seen=seen)
 
     def compile(self, example: Points, phi: Float32[np.ndarray, " P"]) -> None:
-        """Nothing in advance: few are drawn, and each takes a second."""
+        """Do nothing in advance: few are drawn, and each takes a second."""
 
 
 def action_of(way: Path3, pushes: Pushes) -> Float32[np.ndarray, " A"]:

@@ -11,7 +11,7 @@ from app.planner.tree import Search
 
 
 def made(method: Method, search: Search, descent: Descent, gradient_steps: int) -> Planner:
-    """The planner for a task's search, as sized by its preset, without what the method leaves out.
+    """The planner for a task's search, as sized by its preset, with the method's ablations.
 
     Where nothing is chosen and nothing optimised, only the action that is executed is simulated.
     Raises TypeError where the planner's file defines no `planner`.

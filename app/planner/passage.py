@@ -25,7 +25,7 @@ class Passage:
     high_m: float
 
     def __call__(self, x: Float[Array, "B N 3"], goal: Float[Array, "M 3"]) -> Float[Array, " B"]:
-        """Both means of the squared lengths [m^2] of the shortest ways to the nearest point of the other cloud."""
+        """Sum of both clouds' mean squared lengths [m^2] of the shortest ways to the nearest point of the other."""
         squared = self._ways_m2(x[:, :, None], goal[None, None])
         return squared.min(2).mean(1) + squared.min(1).mean(1)
 

@@ -29,7 +29,7 @@ after it."""
 Ways: TypeAlias = Sequence[Float32[np.ndarray, "_ 3"]]
 """Tool paths [m], each of its own length."""
 _AGAIN_M = 0.02
-"""A motion whose tool path begins and ends this near to another's is the same to whoever rejected that."""
+"""Distance of the ends of two tool paths within which a motion counts as one that was rejected."""
 
 
 @final
@@ -131,7 +131,7 @@ def choose(
     seen: Film | None = None,
     rejected: Ways = (),
 ) -> Plan:
-    """The cheapest branch that is finite, whose actions may be made, and whose motion, as told, the site allows.
+    """The cheapest branch that is finite, whose actions are feasible, and whose commanded motion the site allows.
 
     `origins` says of each branch found where its actions came from; `seen` is what the branches look like. Where it is
     not the only one, none whose first action is much like one that was `rejected`.

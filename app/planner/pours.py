@@ -27,7 +27,7 @@ _EDGE_M, _EDGE_RAD = 1e-4, 1e-3
 @final
 @dataclass(frozen=True, kw_only=True)
 class Pours:
-    """An action is 6 numbers: by how much the bowl is shifted [m], and turned about the world's axes [rad].
+    """Actions of 6 numbers: shift of the bowl [m], and rotation vector in the world's frame [rad].
 
     Both happen at once, slowly at first and last, in `move_substeps`; in `rest_substeps` the liquid comes to rest
     behind it. The bowl's centre stays in the box `low` to `high` [m], whose floor is high enough for it to be over the

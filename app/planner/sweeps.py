@@ -99,7 +99,7 @@ class Sweeps:
         return np.concatenate([start, start + length[:, None] * ahead], axis=1)[chosen].astype(np.float32)
 
     def project(self, actions: Float[Array, "B 4"], now: Now) -> Float[Array, "B 4"]:
-        """Both ends in the region, a length within bounds, and the start moved along the sweep to where it is free.
+        """Project both ends into the region, the length to its bounds, and the start along the sweep to a free place.
 
         Where no place within reach is free, or the region leaves no room for the sweep, `allowed` says so.
         """
@@ -127,7 +127,7 @@ class Sweeps:
         return np.full(4, self.scale_m, np.float32)
 
     def moved(self, actions: Float[Array, "B 4"], by: Isometry) -> Float[Array, "B 4"]:
-        """Both ends."""
+        """Both ends, transformed."""
         return by.places(actions.reshape(-1, 2, 2)).reshape(actions.shape)
 
     def ends(self, actions: Float[Array, "B 4"]) -> Float[Array, "B 2 2"]:
@@ -144,7 +144,7 @@ class Sweeps:
         return ends.reshape(-1, 4)
 
     def tool_path(self, actions: Float[Array, "B 4"], tool: Float[Array, "B 8"]) -> Float[Array, "B T 7"]:
-        """From start to end, slowly at first and last, then at rest; the quaternion is that of the upright paddle."""
+        """Path from start to end, slowly at first and last, then at rest; quaternions of the upright paddle."""
         del tool
         start, end = actions[:, None, :2], actions[:, None, 2:]
         level = start + self._progress()[:, None] * (end - start)
@@ -155,12 +155,12 @@ class Sweeps:
         return jnp.concatenate([level, height, jnp.broadcast_to(turn, (*level.shape[:2], 4))], axis=-1)
 
     def after(self, actions: Float[Array, "B 4"], tool: Float[Array, "B 8"]) -> Float[Array, "B 8"]:
-        """Wherever it is is of no account to the next sweep."""
+        """The tool's pose, unchanged: it does not matter to the next sweep."""
         del actions
         return tool
 
     def motion(self, action: Float32[np.ndarray, "4"], tool: ToolPose, site: Site) -> Motion:
-        """From above the start down, along the sweep, and up; turned by the lesser angle that is across it."""
+        """Motion from above the start down, along the sweep, and up; yawed by the lesser angle that is across it."""
         del tool
         start, end = np.asarray(action[:2], np.float64), np.asarray(action[2:], np.float64)
         yaw = float(np.arctan2(*(end - start)[::-1])) - np.pi / 2

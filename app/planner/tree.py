@@ -62,7 +62,7 @@ class Search:
 
 
 class Rollout(NamedTuple):
-    """B branches as simulated. `actions` are those that were simulated: projected onto what is allowed.
+    """Rollouts of B branches. `actions` are those that were simulated: projected onto the feasible set.
 
     `first`: the particles after the first action, and `centreline` the nodes of a rope then [m]; `final`: at the end.
     """

@@ -57,7 +57,7 @@ class Acted(NamedTuple):
 
 
 class Policy(Protocol):
-    """Proposes the next action. Hashable, so that what is compiled for it can be cached."""
+    """Proposes the next action. Hashable, so that compiled code can be cached by it."""
 
     def prepare(self, observed: Points, goal: Points) -> Prepared:
         """Quantities computed once per observation, in NumPy: orderings, matches, embeddings."""
@@ -73,5 +73,5 @@ class Remembering(Protocol):
     """A stateful policy: conditions on the actions that it intended at earlier decisions, if it is given them."""
 
     def first(self, prepared: Prepared, now: Now) -> Acted:
-        """As `act`, on what is seen; rollouts, which nobody told it of, ask `act`."""
+        """Action distribution for an observation, with the memory of earlier decisions; rollouts use `act`."""
         ...

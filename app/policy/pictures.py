@@ -1,4 +1,4 @@
-"""Pictures of particles, for policies that look: of what is seen and of what is predicted alike, as JAX functions."""
+"""Pictures of observed and predicted particles, for policies that look, as JAX functions."""
 
 from dataclasses import dataclass
 from typing import Final, final
@@ -35,7 +35,7 @@ class View:
 
     @property
     def depth_m(self) -> float:
-        """From the lowest that is in it to the highest."""
+        """Range of depth from the lowest to the highest point in view."""
         return self.high[self.axes[2]] - self.low[self.axes[2]]
 
     def pixels(self, points: Float[Array, "*axes 3"]) -> Float[Array, "*axes 2"]:

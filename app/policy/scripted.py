@@ -15,7 +15,7 @@ from app.policy.base import Acted, Now
 from app.sim.arc_length import arclength_labels, centreline_weights
 
 _BLOCKED_M = 10.0
-"""More than any sum of errors on a table: a start on top of the rope is chosen only where there is no other."""
+"""Penalty above any sum of errors on a table: a start on top of the rope is chosen only if there is no other."""
 
 _UNDIRECTED_M = 1e-3
 """An error below this is noise, and its direction tells nothing: the push is then straight across the rope."""
@@ -38,7 +38,7 @@ class Matched(NamedTuple):
 @final
 @dataclass(frozen=True, kw_only=True)
 class ScriptedPush:
-    """Chooses where along the rope to push, which way and how far, from the error of each node of its centreline.
+    """Push chosen from the error of each node of the rope's centreline: its place along the rope, direction and length.
 
     A push at one node carries its neighbours along, over about `reach` of the length. It works best across the rope,
     so the direction is that of the error but at most `max_tilt_rad` from the normal. The finger starts `start_gap_m`

@@ -13,11 +13,11 @@ from app.policy.base import Acted, Now
 _NEAR_MIDDLE_M = 0.02
 """Particles this near to the line through the cloth's middle tell where its edge is there."""
 _IN_HAND_M = 0.045
-"""A closed gripper holds something where a particle is as near as this: its own fingers hide what is nearer."""
+"""Distance of a particle from a closed gripper that holds it: its own fingers hide nearer ones."""
 _DOWN_M = 0.01
 """Fingers as near as this to the height of a grasp have come down for one."""
 _DRAWN = 0.05
-"""With more of it than this on one side of the rack, a cloth that is held on the other is drawn over it."""
+"""Share of the cloth on one side of the rack above which a cloth held on the other is drawn over it."""
 _COARSE = 1e-6
 
 
@@ -81,7 +81,7 @@ class ScriptedCarry:
         return jnp.where(hung, jnp.concatenate([here[None], jnp.tile(away, (len(way) - 1, 1))]), way)
 
     def _onwards(self, x: Float[Array, "N 3"], tool_y: Float[Array, ""]) -> Float[Array, ""]:
-        """The side (1 or -1) to which what is held is carried: beyond the rack, from where most of it is.
+        """The side (1 or -1) to which the held cloth is carried: beyond the rack, from the side of most of it.
 
         A gripper that is beyond the rack and has drawn the cloth along goes on, wherever the cloth's middle is by now;
         one before it may have a cloth that swung ahead over the first rod.

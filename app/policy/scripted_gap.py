@@ -57,7 +57,7 @@ class ScriptedGap:
     displacements: int = 20
 
     def prepare(self, observed: Points, goal: Points) -> None:
-        """Nothing: where the gap is says it all."""
+        """Prepare nothing: the place of the gap is all that is needed."""
 
     def act(self, prepared: None, now: Now) -> Acted:
         """One push for each candidate."""
@@ -79,14 +79,14 @@ class ScriptedGap:
         return leads | ((ahead < self.half_length_m / 2) & (jnp.abs(rod.heading) < 2 * self.straight_rad))
 
     def _through(self, rod: Rod) -> Float[Array, "B 2 2"]:
-        """Along itself, from behind its tail until that is past the wall."""
+        """Push along the rod, from behind its tail until that is past the wall."""
         tail = rod.middle - self.half_length_m * rod.along
         missing = jnp.maximum(self.gap_m[0] - tail[:, 0], 0.0)[:, None] + 2 * self.contact_gap_m
         length = jnp.minimum(missing, self.through_m) + self.start_gap_m - self.contact_gap_m
         return jnp.stack([tail - self.start_gap_m * rod.along, length * rod.along], axis=1)
 
     def _turned(self, rod: Rod) -> Float[Array, "B 2 2"]:
-        """Across one end: to the right of the head and to the left of the tail turn clockwise, and vice versa."""
+        """Push across one end: to the right of the head and to the left of the tail turn clockwise, and vice versa."""
         turn = jnp.clip(rod.heading, -self.max_turn_rad, self.max_turn_rad)
         side = jnp.where(turn < 0, -1.0, 1.0)[:, None]
         home = jnp.asarray(self.from_m) - rod.middle
@@ -100,7 +100,7 @@ class ScriptedGap:
         return jnp.stack([start, chord * (travel + self.start_gap_m - self.contact_gap_m)], axis=1)
 
     def _shifted(self, rod: Rod) -> Float[Array, "B 2 2"]:
-        """Across its middle, towards the gap's."""
+        """Push across its middle, towards the gap's."""
         ahead = self.gap_m[0] - rod.middle[:, 0]
         missing = self.gap_m[1] - rod.middle[:, 1] - ahead * jnp.tan(jnp.clip(rod.heading, -1.0, 1.0))
         push = jnp.where(missing < 0, -1.0, 1.0)[:, None] * rod.normal
@@ -119,7 +119,7 @@ def fitted(x: Float[Array, "B N 2"]) -> Rod:
 
 
 def _rotated(vectors: Float[Array, "B 2"], angle: Float[Array, " B"]) -> Float[Array, "B 2"]:
-    """To the left by `angle` [rad]."""
+    """Vectors rotated to the left by `angle` [rad]."""
     cos, sin, (x, y) = jnp.cos(angle), jnp.sin(angle), (vectors[:, 0], vectors[:, 1])
     return jnp.stack([cos * x - sin * y, sin * x + cos * y], axis=-1)
 

@@ -1,4 +1,4 @@
-"""The scripted initial policy of sweeping: the stroke towards the goal that has most of what is outside in its way."""
+"""The scripted initial policy of sweeping: the stroke towards the goal that moves most of the object outside."""
 
 from dataclasses import dataclass
 from typing import NamedTuple, final

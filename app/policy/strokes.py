@@ -1,4 +1,4 @@
-"""Pushes drawn at random, at many speeds and in all directions: what it takes to tell causes apart."""
+"""Random pushes at many speeds and in all directions, as needed to tell causes apart."""
 
 from dataclasses import dataclass
 from typing import final
@@ -58,7 +58,7 @@ class Stroke:
         return self.start + self.length_m * self.ahead
 
     def track(self, *, start_s: float, height_m: float) -> Track:
-        """Down at its start, along it at its speed, a stop, and up. `height_m`: of the tip while it pushes."""
+        """Track down at its start, along it at its speed, a stop, and up. `height_m`: of the tip while it pushes."""
         side = np.array([-self.ahead[1], self.ahead[0]])
         share = _progress(self.length_m, self.speed_m_s)
         bowed = (4 * self.bow_m * share * (1 - share))[:, None] * side
@@ -83,7 +83,7 @@ def random_track(
     core_m: tuple[float, float] = (0.0, 0.0),
     region: tuple[float, float, float, float] = REGION,
 ) -> Track:
-    """Down beside the object, through it at a speed of its own in a slight bow, a stop, and up.
+    """Random track: down beside the object, through it at a random speed in a slight bow, a stop, and up.
 
     The tool is turned, but for a flat finger: `core_m` is from its middle to an end of its core (`Finger.half_m`).
     `region`: as `REGION`.
@@ -98,7 +98,7 @@ def random_stroke(
     core_m: tuple[float, float] = (0.0, 0.0),
     region: tuple[float, float, float, float] = REGION,
 ) -> Stroke:
-    """Through the object `x` (N, 3) [m], as `random_track` makes it."""
+    """Random stroke through the object `x` (N, 3) [m], as in `random_track`."""
     start, ahead, length = _stroke(rng, x, plan, core_m, region)
     speed = float(np.exp(rng.uniform(*np.log(plan.speeds_m_s))))
     bow = float(rng.uniform(-0.25, 0.25) * length)

@@ -1,4 +1,4 @@
-"""Symmetries of a table: what is turned, mirrored or shifted on it is done alike, so few demonstrations are many."""
+"""Symmetries of a table: rotations, reflections and shifts under which policies generalise demonstrations."""
 
 from dataclasses import dataclass
 from math import pi
@@ -17,7 +17,7 @@ are seldom exactly in their frame."""
 
 @final
 class Isometry(NamedTuple):
-    """For each of B: the table mirrored across its x axis or not (-1 or 1), turned [rad], and then shifted [m].
+    """B isometries of the table: reflection across the x axis or not (-1 or 1), rotation [rad], and then shift [m].
 
     Heights stay. Also a JAX pytree.
     """
@@ -28,7 +28,7 @@ class Isometry(NamedTuple):
 
     @classmethod
     def identity(cls, count: int) -> Self:
-        """Nothing is moved."""
+        """The identity."""
         return cls(jnp.ones(count), jnp.zeros(count), jnp.zeros((count, 2)))
 
     @property
@@ -113,7 +113,7 @@ class Symmetry:
         return turned._replace(shift=about - turned.directions(middle))
 
     def drawn(self, rng: np.random.Generator, count: int) -> Isometry:
-        """So many of them, evenly; of what is looked at in a frame, of those near that."""
+        """Random isometries, uniform; for a task with a frame, those near it."""
         if self.turns:
             angle = rng.choice([0.0, pi], count) + rng.uniform(-_ABOUT_RAD, _ABOUT_RAD, count)
             far = np.minimum(self.shift_m, _ABOUT_M)

@@ -87,7 +87,7 @@ class Trace:
         return len(self.speed_m_s)
 
     def columns(self) -> dict[str, list[str]]:
-        """The numbers for people, by what they are."""
+        """The numbers for people, by name."""
         volumes = zip(self.least_volume, self.greatest_volume, strict=True)
         return {
             "max speed [m/s]": [f"{speed:.4g}" for speed in self.speed_m_s],

@@ -54,7 +54,7 @@ def largest(needed: Bytes, free: int, limit: int) -> int:
 
 
 def available(device: Any) -> int:
-    """Free bytes of a device; for a CPU, what the system can give without swapping."""
+    """Free bytes of a device; for a CPU, those of the system without swapping."""
     stats = device.memory_stats()
     if stats:
         return int(stats["bytes_limit"]) - int(stats["bytes_in_use"])

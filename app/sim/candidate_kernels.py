@@ -45,7 +45,7 @@ class CandidateKernels:
 
 @functools.cache
 def candidate_kernels(code: Code) -> CandidateKernels:
-    """For scenes of this code. Cheap: compilation happens at the first launch, or in warm-up."""
+    """Kernels for scenes of this code. Cheap: compilation happens at the first launch, or in warm-up."""
     pieces = make_pieces(code)
     forward_module, adjoint_module = module_of("forward", code), adjoint_module_of("adjoint", code, pieces)
     types = pieces.types
@@ -144,7 +144,7 @@ def candidate_kernels(code: Code) -> CandidateKernels:
 
 @wp.func
 def _forget(slot: int, grid: Grid):
-    """Before the next candidate in this slot, with a list and stamps of its own."""
+    """Reset a slot for the next candidate, with its own list and stamps."""
     for block in range(grid.listed.shape[1]):
         grid.listed[slot, block] = 0
         grid.felt[slot, block] = 0

@@ -1,4 +1,4 @@
-"""Simulators that say what is wrong: before they run, and where they broke if they did."""
+"""Simulators with diagnosis: of their input before they run, and of a failure afterwards."""
 
 from pathlib import Path
 

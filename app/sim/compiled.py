@@ -45,7 +45,7 @@ class Code:
 
 
 def particle_function(code: Code, law: Law, hooks: Hooks) -> WarpFunction:
-    """`particle(k, m, phi, grain, x, v, C, F, now, then)`: what a particle of this law gives to the grid.
+    """`particle(k, m, phi, grain, x, v, C, F, now, then)`: contribution of a particle of this law to the grid.
 
     Its momentum [kg m/s], the slope of that a cell, its mass, its touch and aim (see `touching`), and its new F. The
     slope holds the stress: A = (-4 dt / cell^2 volume tau + m C) cell (Hu et al. 2018, eq. 29 and Alg. 1).

@@ -10,7 +10,7 @@ from app.sim.scene import Scene
 from app.sim.state import Setting
 
 _WIDTH_CELLS = 0.8
-"""Width, in cells, of the surroundings that a particle looks at: what is narrower than a cell is not simulated."""
+"""Width, in cells, of the neighbourhood of a particle: features narrower than a cell are not simulated."""
 _TOGETHER = 8
 """Candidates at once: the distances of all pairs take memory."""
 
@@ -32,7 +32,7 @@ def directed(scene: Scene, setting: Setting, x: Float[jax.Array, "B N 3"]) -> Se
 
 @partial(jax.jit, inline=True)
 def _label(x: Float[jax.Array, "N 3"], width_m: float | jax.Array) -> Float[jax.Array, "N 4"]:
-    """Offset and principal direction in the plane of what is around each particle; which way it points is arbitrary."""
+    """Offset and principal direction in the plane of each particle's neighbourhood; its sign is arbitrary."""
     place = jax.lax.stop_gradient(x[:, :2] - x[:, :2].mean(0)) / width_m
     apart = jnp.square(place[:, None] - place[None]).sum(-1)
     weight = jnp.exp(-0.5 * apart)

@@ -44,7 +44,7 @@ def versions() -> dict[str, str]:
 @final
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Dump:
-    """A case, what it was about in words, and the versions that computed it."""
+    """A case, its description in words, and the versions that computed it."""
 
     case: Case | RodCase
     about: str
@@ -199,7 +199,7 @@ def _scene_of(entry: Mapping[str, Any]) -> Scene:
 
 
 def _entry(kind: str, given: Any, known: Mapping[str, type]) -> dict[str, Any]:
-    """A material or tool by its name and fields; its law is what its class says."""
+    """A material or tool by its name and fields; its law is that of its class."""
     names = {each: name for name, each in known.items()}
     if type(given) not in names:
         raise UsageError.unknown(kind, type(given).__name__, known)

@@ -18,7 +18,7 @@ class StepTable(Protocol):
         ...
 
     def columns(self) -> Mapping[str, Sequence[str]]:
-        """The numbers for people, by what they are."""
+        """The numbers for people, by name."""
         ...
 
 
@@ -38,7 +38,7 @@ class Fault:
 
     @classmethod
     def after(cls, kind: str, step: int, index: int, text: str, *, unit: str = "substep") -> "Fault":
-        """With words that begin with the step: `text` is the rest of the sentence, without its full stop."""
+        """Fault in words that begin with the step: `text` is the rest of the sentence, without its full stop."""
         plural = unit if step == 1 else f"{unit}s"
         return cls(kind=kind, step=step, index=index, words=f"After {step} {plural} {text}.")
 
@@ -68,7 +68,7 @@ class Autopsy(Generic[TraceT, StateT]):
         return len(self.trace) - 1
 
     def verdict(self) -> str:
-        """In a few sentences: what happened, in order, and what to change."""
+        """Diagnosis in a few sentences: the faults in order, and the remedy."""
         outcome = "Finite throughout" if self.failed is None else f"Not finite from {self.unit} {self.failed} on"
         story = [f"{outcome} ({self.steps} {self.unit}s).", *(fault.words for fault in self.faults)]
         if self.objection:

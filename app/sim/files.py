@@ -7,6 +7,6 @@ from types import ModuleType
 
 
 def files_of(package: ModuleType) -> Iterator[tuple[str, ModuleType]]:
-    """Every module of a folder with its file's name, in alphabetical order, without `base`."""
+    """Modules of a folder with their files' names, in alphabetical order, without `base`."""
     for name in sorted(module.name for module in pkgutil.iter_modules(package.__path__) if module.name != "base"):
         yield name, importlib.import_module(f"{package.__name__}.{name}")

@@ -9,12 +9,12 @@ from app.sim.materials.base import Law
 
 
 def known_materials() -> dict[str, type]:
-    """Every material as `file.Class`: what has a `Law`."""
+    """Materials by `file.Class`: all classes with a `Law`."""
     return {name: kind for name, kind in _classes(materials).items() if isinstance(getattr(kind, "law", None), Law)}
 
 
 def known_tools() -> dict[str, type]:
-    """Every tool as `file.Class`: what has primitives."""
+    """Tools by `file.Class`: all classes with primitives."""
     return {name: kind for name, kind in _classes(tools).items() if hasattr(kind, "primitives")}
 
 

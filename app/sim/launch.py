@@ -41,7 +41,7 @@ class Operations:
 
 
 def make_operations(scene: Scene, counts: Sequence[int], schedule: Schedule) -> Operations:
-    """For one scene and the numbers of particles of its bodies."""
+    """Operations for one scene and the numbers of particles of its bodies."""
     wp.config.log_level = wp.LOG_WARNING  # Warp announces itself on stdout, which belongs to the command line.
     kernels = schedule.kernels
     types = kernels.pieces.types

@@ -6,5 +6,5 @@ from app.sim.rods.state import RodState
 from app.sim.state import State
 
 ObjectState: TypeAlias = State | RodState
-"""Has the positions of particles `x` (B, N, 3) [m], the nodes of a rope `centreline` (B, 2, n) [m] (of what is none,
+"""State with the positions of particles `x` (B, N, 3) [m], the nodes of a rope `centreline` (B, 2, n) [m] (of others
 n = 0), and `resting`."""

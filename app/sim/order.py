@@ -16,7 +16,7 @@ _BITS = 10
 
 
 def morton_order(x: Float[jax.Array, "B N 3"], cell_m: float, bodies: tuple[int, ...]) -> Int[jax.Array, "B N"]:
-    """For each candidate the particles' numbers in the order of the curve, one body after the other.
+    """Permutation of each candidate's particles into the order of the curve, one body after the other.
 
     `bodies`: how many particles each has. Positions beyond 2^10 steps of the curve share its ends.
     """

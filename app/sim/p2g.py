@@ -26,7 +26,7 @@ FAR_TOO_LARGE = wp.constant(1.0e30)
 
 @wp.func
 def finite(a: wp.vec3, A: wp.mat33) -> bool:
-    """False for NaN, infinity and what is on the way there."""
+    """False for NaN, infinity and numbers about to overflow."""
     return wp.dot(a, a) + wp.ddot(A, A) < FAR_TOO_LARGE
 
 

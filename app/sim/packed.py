@@ -84,7 +84,7 @@ def load_motion(state: wp.array4d[wp.vec4], b: int, row: int, p: int) -> Motion:
 """
 )
 def load_deformation(state: wp.array4d[wp.vec4], b: int, row: int, p: int) -> wp.mat33:
-    """F likewise."""
+    """Read F."""
 
 
 @wp.func_native(

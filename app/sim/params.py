@@ -1,4 +1,4 @@
-"""The physical parameters phi: what they are, their nominal values, and what makes an array of them valid.
+"""The physical parameters phi: their specifications, nominal values, and the validation of arrays.
 
 phi has one row a candidate, shape (B, P), float32, in physical units; the columns are those of `PARAMETERS`.
 """
@@ -61,7 +61,7 @@ def with_stiffness_between(specs: Sequence[ParameterSpec], low_pa: float, high_p
 
 
 def phi_with_nulls(values: Mapping[str, float]) -> Float32[np.ndarray, " P"]:
-    """`values` as phi; what effects are not told, as by a model that is older than they, is at its null.
+    """`values` as phi; parameters of effects that are missing, as in an older model, are at their nulls.
 
     Raises ParameterError where what every simulation needs is not among them.
     """

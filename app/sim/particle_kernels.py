@@ -40,7 +40,7 @@ BLOCK_DIM = 128
 
 SLOTS = 2
 SLOTS_BACK = 3
-"""Grids a candidate has: one that is given, one that is taken and, on the way back, one that is cleared meanwhile."""
+"""Grids of a candidate: one that is written, one that is read and, in the backward pass, one that is cleared."""
 
 
 @final
@@ -68,13 +68,13 @@ def forth(b: int, s: int) -> Place:
 
 @wp.func
 def back(b: int, s: int, steps: int) -> Place:
-    """On the way back, where s may be -1: what comes later has the greater stamp."""
+    """Place in the backward pass, where s may be -1: later launches have greater stamps."""
     return place_of(b, s, b, SLOTS_BACK * b + (s + SLOTS_BACK) % SLOTS_BACK, steps - s)
 
 
 @functools.cache
 def particle_kernels(code: Code) -> ParticleKernels:
-    """For scenes of this code. Cheap: compilation happens at the first launch, or in warm-up."""
+    """Kernels for scenes of this code. Cheap: compilation happens at the first launch, or in warm-up."""
     pieces = make_pieces(code)
     module = adjoint_module_of("particles", code, pieces)
     module.options["fast_math"] = True

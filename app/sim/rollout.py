@@ -34,7 +34,7 @@ class Sought:
 
 
 Kept: TypeAlias = tuple[jax.Array, jax.Array, jax.Array, Setting, jax.Array, Sought]
-"""For the backward pass: phi, history of the particles, tool path, setting, which candidates are finite, and that."""
+"""Residuals of the backward pass: phi, history, tool path, setting, mask of finite candidates, and the request."""
 
 
 class Simulate(Protocol):

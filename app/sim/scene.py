@@ -1,4 +1,4 @@
-"""Everything about a simulation that is not a parameter to be estimated: grid, time step, bodies, tools, smoothing."""
+"""Scene of a simulation, without parameters to be estimated: grid, time step, bodies, tools, smoothing."""
 
 from dataclasses import dataclass, field
 from typing import final
@@ -64,7 +64,7 @@ class Scene:
     """Lower corner of the grid [m]; a particle within half a cell of the grid's boundary makes its candidate NaN."""
     high: tuple[float, float, float] = (0.95, 0.45, 0.10)
     cell_m: float = 0.0125
-    """About twice the spacing of 300 particles in a rope of 0.4 m and 8 mm radius: finer cells tear soft ropes."""
+    """Cell size: about twice the spacing of 300 particles in a rope of 0.4 m and 8 mm radius; finer ones tear ropes."""
     dt_s: float = 7e-4
     stiffest_pa: float = 1e5
     """The largest stiffness of phi that is simulated: `dt_s` has to bear it."""
@@ -74,13 +74,13 @@ class Scene:
     contact_width_m: float = 0.002
     """The sigmoid's width: a fifth of a cell, so that the gradient reaches the particles next to the tool."""
     contact_substeps: float = 2.0
-    """In which a particle inside a tool is moved out again: fewer are stiffer, 2 is the edge of stability."""
+    """Substeps in which a particle inside a tool is moved out: fewer are stiffer, 2 is the edge of stability."""
     escape_speed_m_s: float = 2.0
     """The fastest that happens: a finger may start in the middle of the object."""
     slip_speed_m_s: float = 1e-3
     """Below it friction fades in linearly: Coulomb's law itself has no derivative at rest."""
     damping_1_s: float = 0.5
-    """Rate at which all motion decays: air and what the nominal model does not resolve."""
+    """Rate at which all motion decays: air, and dissipation that the nominal model does not resolve."""
 
     def __post_init__(self) -> None:
         for name, value in vars(self).items():

@@ -89,18 +89,18 @@ class Schedule(Protocol):
 @final
 @dataclass(frozen=True, kw_only=True)
 class ThreadedCandidates:
-    """For the CPU: one launch a candidate; a thread that has ended one takes the next, for cores are rarely equal."""
+    """CPU schedule: one launch a candidate; a thread takes the next when it is done, as cores are rarely equal."""
 
     kernels: CandidateKernels
     threads: int = field(default_factory=core_count)
     sorts: bool = False
 
     def lists(self, candidates: int) -> int:
-        """As many as there are threads."""
+        """Lists in use at once: one per thread."""
         return min(self.threads, candidates)
 
     def slots(self, candidates: int, *, backwards: bool) -> int:
-        """As many."""
+        """Grids in use at once: one per thread."""
         del backwards
         return self.lists(candidates)
 
@@ -132,7 +132,7 @@ class ThreadedCandidates:
 @final
 @dataclass(frozen=True, kw_only=True)
 class LaunchedSubsteps:
-    """For CUDA: two launches a substep, a thread a particle, and `lanes` threads a candidate for its active nodes."""
+    """CUDA schedule: two launches a substep, a thread a particle, `lanes` threads a candidate for its active nodes."""
 
     kernels: ParticleKernels
     lanes: int = LANES

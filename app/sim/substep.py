@@ -44,7 +44,7 @@ class Pieces:
 
 
 def make_pieces(code: Code) -> Pieces:
-    """For scenes of this code."""
+    """Kernel functions for scenes of this code."""
     types = types_of(code)
     hooks = compose(code.effects)
     hold = barrier(code.parts)
@@ -73,7 +73,7 @@ def make_pieces(code: Code) -> Pieces:
 
 
 def module_of(kind: str, code: Code) -> wp.Module:
-    """A module of its own for each kind of kernels, so that nobody compiles what another platform or way needs."""
+    """Warp module for each kind of kernels, so that none is compiled that another platform or direction needs."""
     return wp.get_module(f"dipac_sim_{kind}_{code.name()}")
 
 

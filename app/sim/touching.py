@@ -24,13 +24,13 @@ depth at 1, and by 1 % at 20.
 """
 
 CLOSING = wp.constant(0.002)
-"""Over this opening [m] a grasp closes and lets go: of a gripper that opens by 40 mm, hardly anything."""
+"""Range of opening [m] over which a grasp closes and releases: little for a gripper that opens by 40 mm."""
 
 
 @final
 @dataclass(frozen=True, kw_only=True)
 class Part:
-    """A primitive as code: its surface, how it moves, where its coordinates begin in the path, and what it is."""
+    """A primitive as code: its surface, its motion, the first of its coordinates in the path, and its kind."""
 
     surface: WarpFunction
     motion: Motion
@@ -156,7 +156,7 @@ def _holding_too(before: WarpFunction, part: Part, i: int) -> WarpFunction:
 
 
 def _grasping_too(before: WarpFunction, part: Part, i: int) -> WarpFunction:
-    """Particle by particle: of a node's matter only some is within reach, and what is held shall not slip."""
+    """Grasp particle by particle: only part of a node's matter is within reach, and held matter must not slip."""
     surface, (into, _turned, drift), closed = part.surface, _motion(part), _closed(part)
 
     @wp.func
@@ -245,7 +245,7 @@ def _turning(part: Part) -> tuple[WarpFunction, WarpFunction, WarpFunction]:
 
 
 def _opening(part: Part) -> tuple[WarpFunction, WarpFunction, WarpFunction]:
-    """As turning, with half of the opening along the tool's y, to the primitive's side."""
+    """Kinematics of turning, with half of the opening along the tool's y, to the primitive's side."""
     at, side = part.at, float(part.side)
     turning_into, turned, _ = _turning(part)
 

@@ -1,4 +1,4 @@
-"""Between particles and grid: quadratic B-splines over 27 nodes, and their adjoints written by hand.
+"""Transfer between particles and grid: quadratic B-splines over 27 nodes, and their adjoints written by hand.
 
 These four sums take most of a simulation's time. They are native code, because what makes them fast cannot be said in
 Warp's language: vectors of four numbers on a CPU, and on a GPU additions of four numbers that return nothing. The

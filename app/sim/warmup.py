@@ -1,4 +1,4 @@
-"""Compiles the kernels ahead of their first use, by name, so that nobody waits without knowing for what."""
+"""Compilation of the kernels ahead of their first use, by name, so that progress can be shown."""
 
 from collections.abc import Callable
 

@@ -1,4 +1,4 @@
-"""One file a task, named as the task; and what the application asks of a task: plan, calibrate, warm up."""
+"""Tasks, one a file named as the task; and the application's operations on a task: plan, calibrate, warm up."""
 
 import importlib
 import re
@@ -70,7 +70,7 @@ def _of_file(name: str) -> Task:
 
 @cache
 def _other(name: TaskName) -> Task:
-    """With other sizes or dynamics; what is compiled for it is found again."""
+    """The task with other sizes or dynamics; cached, so that compiled code is found again."""
     task = _of_file(name.problem)
     if name.sizes:
         task = task.with_sizes(dict(name.sizes))

@@ -1,4 +1,4 @@
-"""A push that somebody asked for as a plan: aimed at where the object is now, and simulated as any other."""
+"""A suggested push as a plan: aimed at the object's present position, and simulated as any other."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ _SLOWEST_M_S = 1e-3
 _THROUGH_M = 0.006
 """A way that comes this near to a particle goes through the object, and does not graze it."""
 _AHEAD_M = 0.034
-"""As pushes are drawn (`app.policy.strokes`): so far before a particle they begin."""
+"""Distance of a start before a particle, as in random pushes (`app.policy.strokes`)."""
 _STILL_M, _LOW_M = 1e-5, 1e-3
 """A tool that moves less than this between two moments stands; one that is this far above its lowest is down."""
 

@@ -46,7 +46,7 @@ _AROUND_M, _PIXEL_M = 0.04, 0.008
 _ROUNDED = 1e-6
 """Relative rounding error of a number in single precision."""
 _LONGEST, _HASTIEST, _MOST = 1e3, 1e2, 1e6
-"""No episode has more actions, no simulation is faster, no preset larger: such a number is a slip."""
+"""Upper bounds on actions, time scale and sizes of presets: a larger number is a mistake."""
 
 
 @final
@@ -198,7 +198,7 @@ class Task:
 
     @property
     def recorded(self) -> str:
-        """As recordings of it name it: without its dynamics."""
+        """Its name in recordings: without its dynamics."""
         return recorded(self.name)
 
     @property
@@ -327,7 +327,7 @@ class Task:
 @final
 @dataclass(frozen=True, kw_only=True)
 class Experiment:
-    """Pushes that are chosen for what they say about what the model lacks, instead of plans for a goal.
+    """Pushes that are chosen for their information about errors of the model, instead of plans for a goal.
 
     At most `budget` of them; after each `batch`, an episode of the recording, all causes are weighed anew.
     """

@@ -44,9 +44,9 @@ __all__ = ["advance", "calibrated", "nominal_model", "now", "phi_of", "planner",
 
 _CHUNK = 8
 NOWHERE_M = (0.0, 0.0, 0.0)
-"""The cameras' middle in a model that says nothing of the cameras: any."""
+"""Arbitrary middle of the cameras, for models without camera errors."""
 _AT_END = 1e-3
-"""In the logarithm."""
+"""Tolerance on the end of a range, in the logarithm."""
 _STARTS = (0.25, 0.5, 0.75)
 """Initial stiffnesses of fits in the other range, as shares of it in the logarithm."""
 _NOW = 0.5
@@ -143,7 +143,7 @@ def _moving_rod(task: Task, effects: tuple[Effect, ...], *, stiff: bool) -> Part
 
 
 def rod_now(rods: RodDynamics, candidates: int) -> RodSetting:
-    """As `now`, of rods."""
+    """Setting of an action on rods that is planned, as `now`."""
     unknown = RodSetting.unknown(candidates, rods.scene.nodes)
     return unknown._replace(session_time=jnp.full(candidates, _NOW))
 
@@ -365,7 +365,7 @@ class Stage:
 def stages(
     task: str, preset: str, model: Model | None = None, method: Method = DIPAC, confines: Confines = ANYWHERE
 ) -> list[Stage]:
-    """For `model`, or the nominal one, in order; each one after the first is quick where the first was done."""
+    """Compilation steps for `model`, or the nominal one, in order; each after the first is quick after it."""
     data, size = load(task), load(task).preset(preset)
     x = data.goal(0, size.particle_count)
     away = data.actions.measured_path(np.tile(AWAY, (2, 1)))[None, :2]

@@ -25,7 +25,7 @@ from app.tasks import load
 from app.tasks.doubted import subject_of
 
 _PAUSE_S = 1e4
-"""Between two positions of a way that is gone so slowly that no delay or lag shows."""
+"""Time between two positions of a path, so slow that no delay or lag shows."""
 _ROUNDS = 12
 """Iterations of an inverse: an arm that leaves out a fifth of a stroke, the most of all, is undone to a nanometre."""
 
@@ -94,7 +94,7 @@ class Correction:
         return Motion(positions=told, speeds=motion.speeds)
 
     def made(self, told: Path3, felt: Load) -> Path3:
-        """The way of the tip [m] of an arm that is told to go this one, slowly, against these forces."""
+        """Path of the tip [m] of an arm that is commanded this one, slowly, against these forces."""
         track = _track(told, _PAUSE_S * np.arange(len(told)))
         return self.predictor.carried_out(track, felt, self.theta, lambda _: True).positions
 

@@ -76,7 +76,7 @@ class Problems:
 @final
 @dataclass(frozen=True, kw_only=True)
 class RopeProblems:
-    """Those of `curves` for one rope: a world's nodes are its centreline."""
+    """Problems of `curves` for one rope: a world's nodes are its centreline."""
 
     rope: Rope
     curves: Problems = field(default_factory=Problems)

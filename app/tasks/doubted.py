@@ -28,7 +28,7 @@ _STIFFER: Final = (1.0, 4.0, 16.0)
 
 
 def subject_of(task: Task, setup: MeasuredSetup | None = None, *, stiff: bool = False) -> Subject:
-    """With the CPU preset's number of particles, and simulated as the task is: as a rod, of TASK@rods.
+    """Model under test of a task, with the CPU preset's number of particles, simulated as the task is.
 
     What is a cause of its own is not fitted whatever the cause. `setup`: what imported data say of object and tool; the
     task has their sizes. `stiff`: with the simulator of rods that are stiffer than the usual one bears; its nominal rod

@@ -119,7 +119,7 @@ def check(model: Model) -> None:
 
 
 def ends_of_ranges(model: Model) -> dict[str, str]:
-    """In words, of which estimates (those with an interval) are at an end of their range, by the parameters' names."""
+    """In words, the estimates (those with an interval) at an end of their range, by the parameters' names."""
     specs = {spec.name: spec for spec in load(model.task).parameters()} | _apparatus_specs()
     found = dict[str, str]()
     for parameter in (*model.parameters, *model.apparatus):

@@ -28,10 +28,10 @@ from app.tasks.base import Task
 from app.tasks.compiled import needs, now, rod_now
 
 DUMPS = 3
-"""That one process leaves at most, about 50 kB each: what fails after them fails alike."""
+"""Largest number of dumps by one process, about 50 kB each: later failures are alike."""
 
 FOLDER = "failed"
-"""In that of the recordings."""
+"""Folder of dumps, in that of the recordings."""
 
 
 def of_plan(

@@ -1,4 +1,4 @@
-"""A goal that somebody gave as points, as the particles that are planned for."""
+"""Requested goals: points to the particles that are planned for."""
 
 import numpy as np
 

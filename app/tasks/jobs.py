@@ -89,7 +89,7 @@ def calibrate(
 def calibration(
     task: str, preset: str, transitions: Sequence[Transition], model: Model, site: Site | None = None
 ) -> Calibrated:
-    """As `calibrate`, with every trial on the way; of rods also the tool's offset, and refusals of what tells nothing.
+    """As `calibrate`, with every trial on the way; of rods also the tool's offset, and checks of the data.
 
     Raises RecordingError where nothing can be learned from the transitions.
     """
@@ -97,7 +97,7 @@ def calibration(
 
 
 def _settings_of(task: str) -> Settings:
-    """With intervals from probes where a push takes a millisecond: of rods."""
+    """Settings with intervals from probes for rods, of which a push takes a millisecond."""
     from app.calibration.fit import Settings
     from app.tasks import load
 

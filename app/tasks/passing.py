@@ -68,7 +68,7 @@ class Passing:
         return self._curve(middle, np.pi / 2 + turn, 0.0 if self.rope.rigid else bend)
 
     def goal(self, seed: int, particle_count: int) -> Points:
-        """Behind the gap, pointing away from it."""
+        """Goal behind the gap, pointing away from it."""
         turn = float(np.random.default_rng([seed, 1]).uniform(-1, 1)) * self.goal_turn_rad
         away = self.goal_gap_m + self.rope.length_m / 2
         middle = np.array([self.wall.x_m, 0.0]) + away * np.array([np.cos(turn), np.sin(turn)])

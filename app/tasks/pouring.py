@@ -49,12 +49,12 @@ class PouringProblems:
         return self._pooled(middle, self.held.radius_m, self.liquid.drops).astype(np.float64)
 
     def goal(self, seed: int, particle_count: int) -> Points:
-        """At rest in the other bowl."""
+        """The liquid at rest in the other bowl."""
         del seed
         return self._pooled(np.asarray(self.target.place_m), self.target.radius_m, particle_count)
 
     def particles(self, nodes: Nodes, particle_count: int) -> Points:
-        """Those that share the world's."""
+        """Particles that share the world's volume."""
         return resample(nodes.astype(np.float32), particle_count, seed=0)
 
     def _pooled(self, middle: Float64[np.ndarray, "3"], radius_m: float, count: int) -> Points:
@@ -71,7 +71,7 @@ def pool_points(radius_m: float, volume_m3: float, count: int) -> Cloud:
 
 
 def pouring_scene(body: Liquid | Soup, held: HeldBowl, target: Bowl, *, particle_count: int) -> Scene:
-    """As the planner sees it: the held bowl turns, the other is fixed. Cells are twice the particles' spacing.
+    """The planner's scene: the held bowl turns, the other is fixed. Cells are twice the particles' spacing.
 
     All pieces in a soup are one body.
     """

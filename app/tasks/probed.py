@@ -98,7 +98,7 @@ class Weighed:
 @final
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Chosen:
-    """A push that was chosen, in words, and what is expected to be known once it is made."""
+    """A chosen push, in words, and the belief expected after it."""
 
     motion: Motion
     text: str

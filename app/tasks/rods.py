@@ -27,7 +27,7 @@ def rods_of(
     walls: tuple[Wall, ...] = (),
     stiffest_n_m2: float | None = None,
 ) -> RodDynamics:
-    """This rope as a rod, pushed by this finger, among these walls; the rest as in `RodScene`.
+    """Rod simulation of a rope, pushed by a finger, among walls; the rest as in `RodScene`.
 
     With `stiffest_n_m2` all ropes up to that are simulated by one scene, so that a model may become a limp rope's in
     the middle of an episode and the planner is not compiled anew.

@@ -35,7 +35,7 @@ BESIDE_M = 0.008
 
 
 def _task(rope: Rope, finger: Finger) -> Task:
-    """About this rope and this finger, which pushes a thinner rope nearer to the table."""
+    """The task with this rope and this finger, which pushes a thinner rope nearer to the table."""
     finger = replace(finger, push_height_m=min(finger.push_height_m, max(LOWEST_M, 0.75 * rope.radius_m)))
     touch_m = rope.radius_m + finger.radius_m
     volume_m3 = pi * rope.radius_m**2 * rope.length_m

@@ -88,7 +88,7 @@ class BeanProblems:
         return points.astype(np.float32)
 
     def _spill(self, rng: np.random.Generator) -> tuple[Place, float]:
-        """Its middle, and its spread."""
+        """Middle and spread of a spill."""
         for _ in range(_TRIES):
             angle, distance_m = rng.uniform(0, 2 * np.pi), rng.uniform(*self.distance_m)
             middle = self.mat.place_m + distance_m * np.array([np.cos(angle), np.sin(angle)])

@@ -39,7 +39,7 @@ class SoupProblems:
         return self._laid(self.held.radius_m, rng) + self.home_m + aside_m(seed)
 
     def goal(self, seed: int, particle_count: int) -> Points:
-        """At rest in the other bowl, wherever its pieces are."""
+        """The soup at rest in the other bowl, wherever its pieces are."""
         rng = np.random.default_rng([seed, 2])
         return self.particles(self._laid(self.target.radius_m, rng) + self.target.place_m, particle_count)
 
@@ -50,7 +50,7 @@ class SoupProblems:
         return np.concatenate([resample(part.astype(np.float32), count, seed=0) for part, count in parts])
 
     def _laid(self, radius_m: float, rng: np.random.Generator) -> Nodes:
-        """In a bowl about the origin: pieces under the surface, and the liquid around them."""
+        """Nodes in a bowl about the origin: pieces under the surface, and the liquid around them."""
         soup = self.soup
         level = cap_depth_m(soup.volume_m3, radius_m) - radius_m
         kinds = [kind for kind in soup.pieces for _ in range(kind.count)]

@@ -1,4 +1,4 @@
-"""Every fault many times over, several applications at once.
+"""Repeated injection of every fault, into several applications at once.
 
 `python -m bench.faults [TIMES]`: at the arm; `python -m bench.faults whole [MODE...]`: in the whole application.
 """
@@ -33,7 +33,7 @@ def suffered(doing: Doing) -> list[Outcome]:
 
 
 def every(times: int, at_once: int = _AT_ONCE) -> list[Outcome]:
-    """Every fault in every situation, so many times each."""
+    """Outcomes of every fault in every situation, repeated."""
     rounds = [doing for doing in FAULTS for _ in range(times)]
     with ThreadPoolExecutor(at_once) as pool:
         return [outcome for found in pool.map(suffered, rounds) for outcome in found]
@@ -53,7 +53,7 @@ def table(outcomes: Sequence[Outcome]) -> Table:
 
 
 def whole(modes: Sequence[ModeName]) -> None:
-    """Print what came of every fault in the whole application, one application after the other."""
+    """Print the outcomes of every fault in the whole application, one application after the other."""
     came = [
         each
         for mode in modes

@@ -1,4 +1,4 @@
-"""An application that moves an arm and does what it is told to do wrong, in a process of its own.
+"""An application that moves an arm, with injected faults, in a process of its own.
 
 It is to the arm what the real one is: it starts the arm's process, and watches from an event loop what it executes.
 """
@@ -48,7 +48,7 @@ class Application:
         self._hand = self._steady
 
     async def serve(self, inbox: Connection) -> None:
-        """Move, and do what is told from outside: the name of a fault, or `again` after one."""
+        """Move, and serve commands from outside: the name of a fault, or `again` after one."""
         async with anyio.create_task_group() as tasks:
             tasks.start_soon(self._moves)
             while True:
@@ -57,7 +57,7 @@ class Application:
                 getattr(self, name)()
 
     def again(self) -> None:
-        """Nothing: it goes on by itself once what stopped it is lifted."""
+        """Resume jogging; all else goes on by itself once the stop is lifted."""
         self._hand = self._steady
 
     def block(self) -> None:
@@ -65,12 +65,12 @@ class Application:
         time.sleep(_BLOCKED_S)
 
     def cancel(self) -> None:
-        """Whoever waits for the end of the motion is cancelled."""
+        """Cancel the task that waits for the end of the motion."""
         assert self._moving is not None, "a fault comes while it moves"
         self._moving.cancel()
 
     def fail(self) -> None:
-        """Something raises what nobody expects."""
+        """Raise an unexpected error."""
         raise RuntimeError("on purpose")
 
     def leave(self) -> None:
@@ -86,19 +86,19 @@ class Application:
         timer.start()
 
     def stop(self) -> None:
-        """STOP is pressed, by a thread that nobody waits for."""
+        """Press STOP in a thread."""
         threading.Thread(target=self._arm.stop).start()
 
     def hush(self) -> None:
-        """The hand says nothing any more."""
+        """Stop sending jog commands."""
         self._hand = self._silent
 
     def babble(self) -> None:
-        """The hand says numbers that are none."""
+        """Send non-finite jog commands."""
         self._hand = partial(self._arm.jog, Jog(linear=np.full(3, np.nan)))
 
     async def _moves(self) -> None:
-        """For ever: execute, or jog; after a stop, lift it a little later, as a person would."""
+        """Execute, or jog, for ever; after a stop, lift it a little later, as a person would."""
         for end_m in itertools.cycle(_ENDS_M):
             with anyio.CancelScope() as self._moving:  # Cancelled, it goes on only after a while, as a person would.
                 try:
@@ -124,12 +124,12 @@ class Application:
             let_go.set()
 
     def _holds(self, let_go: threading.Event) -> None:
-        """In a thread of its own, as a console's: what is held there goes on when the event loop does not."""
+        """Jog in a thread, as a console's: it goes on when the event loop hangs."""
         while not let_go.wait(_HAND_PERIOD_S):
             self._hand()
 
     def _steady(self) -> bool:
-        """As fast as may be, to and fro."""
+        """Jog to and fro at the largest speed."""
         toward = 1.0 if int(time.monotonic()) % 2 else -1.0
         return self._arm.jog(Jog(linear=np.array([0.0, toward * self._site.limits.speed_m_s, 0.0])))
 
@@ -152,7 +152,7 @@ def application(
     done_s: "Synchronized[float]",
     doing: Doing,
 ) -> None:
-    """The body of the process; `done_s`: when it last did what it was told.
+    """The body of the process; `done_s`: time of its last injected fault.
 
     It writes nothing of what goes wrong in it: that is on purpose.
     """

@@ -22,7 +22,7 @@ _NEAR_MM: Final = np.uint16(700)
 
 @final
 class FaultyClock:
-    """The machine's clock, which stands still until `thaws_s`: nobody who sleeps by it wakes up before."""
+    """The machine's clock, which stands still until `thaws_s`: sleepers do not wake up before."""
 
     def __init__(self) -> None:
         self._froze_s = self._thaws_s = 0.0
@@ -45,7 +45,7 @@ class FaultyClock:
 
 @final
 class FaultyCamera:
-    """A camera of the rig, whose frames are spoilt as `shows` says."""
+    """A camera of the rig, with frames corrupted by `shows`."""
 
     def __init__(self, camera: Camera) -> None:
         self._camera = camera
@@ -53,7 +53,7 @@ class FaultyCamera:
 
     @property
     def model(self) -> CameraModel:
-        """Its calibration."""
+        """Calibration of the camera."""
         return self._camera.model
 
     @property
@@ -87,7 +87,7 @@ class FaultyRig:
 
     @property
     def name(self) -> str:
-        """That of the rig."""
+        """Name of the rig."""
         return self._rig.name
 
     @property
@@ -97,12 +97,12 @@ class FaultyRig:
 
     @property
     def shape(self) -> ArmShape | None:
-        """That of its arm."""
+        """Shape of its arm."""
         return self._rig.shape
 
     @property
     def seen_arm(self) -> Posed:
-        """That of the rig."""
+        """Arm as seen by cameras: that of the rig."""
         return self._rig.seen_arm
 
     @property
@@ -112,5 +112,5 @@ class FaultyRig:
 
     @property
     def arm(self) -> Arm:
-        """Its arm."""
+        """Arm of the rig."""
         return self._rig.arm

@@ -1,4 +1,4 @@
-"""A whole application as it is seen from outside: told what to do, heard, watched, and its log read when it is over."""
+"""A whole application driven from outside: commanded, its messages read, watched, and its log read afterwards."""
 
 import json
 import os
@@ -26,7 +26,7 @@ PATIENCE_S: Final = 240.0
 _FAST_M_S: Final = 0.12
 _POLL_S: Final = 0.01
 _AGAIN_S: Final = 3.0
-"""After so long somebody presses Resume again."""
+"""Period of pressing Resume again."""
 
 
 @final
@@ -61,7 +61,7 @@ class Driven:
         return self._process.poll() is not None
 
     def order(self, order: str, **told: object) -> None:
-        """Have it do something; `Orders` says what there is."""
+        """Send it a command of `Orders`."""
         assert self._process.stdin is not None
         with suppress(BrokenPipeError):
             self._process.stdin.write(json.dumps({"order": order, **told}) + "\n")
@@ -116,7 +116,7 @@ class Driven:
         return quick and MODES[newest["mode"]] == "moving" and float(newest["time_s"]) > since_s
 
     def insists(self, mode: ModeName, done: Callable[[float], bool]) -> bool:
-        """Have the mode do what it does until that is `done` (since when); Resume is pressed where something stopped.
+        """Repeat the mode's activity until it is `done` (given its start); Resume is pressed after a stop.
 
         A machine that is too busy stops the arm as well, so that a person may have to press it more than once. False
         where the application ends instead.
@@ -137,7 +137,7 @@ class Driven:
         raise AssertionError(f"It did not do what it does in the mode {mode} for {PATIENCE_S:.0f} s; {self.errors()}")
 
     def _begins(self, mode: ModeName) -> None:
-        """Free what is stopped, and begin with the mode from its beginning."""
+        """Resume, and start the mode anew."""
         self.order("release")
         self.order("resume")
         self.order("mode", mode="idle")
@@ -157,7 +157,7 @@ class Driven:
         return f"it ended with {self._process.poll()}, said {last}, and wrote {text!r}"
 
     def join(self) -> dict[str, Any] | None:
-        """Wait for its end: what it said then, None where it could say nothing."""
+        """Wait for its exit: its last message, or None."""
         self._process.wait(PATIENCE_S)
         self._listening.join(PATIENCE_S)
         with self._changed:

@@ -84,7 +84,7 @@ def suffered(doing: Doing, *, alone: bool = False) -> list[Outcome]:
 
 
 def disturbed(doing: Doing, seconds: float, adversity: Adversity) -> list[str]:
-    """Why the arm stopped meanwhile, although nothing but that was wrong."""
+    """Reasons for stops of the arm under a disturbance that should cause none."""
     with FakeProcess() as fake:
         take = partial(taken, Address(host=fake.host, tcp_port=fake.ports[0], udp_port=fake.ports[1]))
         with subject(doing, SITE, take) as one:

@@ -10,7 +10,7 @@ from app.teleop import Pilot
 
 _PERIOD_S: Final = 0.033
 _TURNS_S: Final = 1.0
-"""After so long it pushes the other way."""
+"""Period after which it reverses."""
 Does: TypeAlias = Literal["holds", "releases", "nothing", "babbles"]
 
 
@@ -31,7 +31,7 @@ class Hand:
         self._does = "holds"
 
     def release(self) -> None:
-        """Nothing is held."""
+        """Release the key."""
         self._does = "releases"
 
     def vanish(self) -> None:

@@ -24,7 +24,7 @@ Others: TypeAlias = Mapping[str, Callable[[], None]]
 
 
 class Truth(Protocol):
-    """Somebody who knows more of the arm than its process does."""
+    """Ground truth of the arm, independent of its process."""
 
     def motion(self) -> Motion:
         """Recent motion of the tool."""
@@ -39,7 +39,7 @@ _FAST: Final = 0.5
 """A fault comes while the tool moves at least as fast as this share of the limit."""
 _REST_M_S: Final = 1e-3
 _WATCHED_S: Final = 0.6
-"""So long after a fault the arm's states are looked at: it shall not begin to move again by itself."""
+"""Time after a fault in which the arm's states are checked: it must not begin to move again by itself."""
 _START_S: Final = 60.0
 _POLL_S: Final = 0.005
 _HUNG_S: Final = 0.3
@@ -131,7 +131,7 @@ class Subject:
         return arm.pid
 
     def tell(self, name: str) -> None:
-        """Have the application do what is wrong."""
+        """Inject the fault into the application."""
         self._outbox.send(name)
 
     def _begin(self) -> None:
@@ -152,7 +152,7 @@ class Subject:
         self._begin()
 
     def wait_until_fast(self) -> float:
-        """Until the tool moves; how fast [m/s]."""
+        """Wait until the tool moves, and return its speed [m/s]."""
         until_s = time.monotonic() + _START_S
         while time.monotonic() < until_s and self.process.is_alive():
             newest = self.memory.states.newest()
@@ -198,12 +198,12 @@ def rest_s(states: Any) -> float:
 
 
 def motion(states: Any) -> Motion:
-    """As the arm's process measured it."""
+    """Motion as measured by the arm's process."""
     return states["time_s"], np.linalg.norm(states["velocity"], axis=1)
 
 
 def came_to_rest(times_s: np.ndarray, speeds: np.ndarray, since_s: float) -> float:
-    """From when on the tool did not move any more; infinite where it still did in the last of the times."""
+    """Time from which on the tool was at rest; infinite if it moved at the last of the times."""
     fast = np.flatnonzero((speeds > _REST_M_S) & (times_s >= since_s))
     if not len(fast):
         return since_s

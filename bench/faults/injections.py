@@ -1,4 +1,4 @@
-"""Every fault of the whole application: how it is done, what the arm shall do, and the modes in which it is one."""
+"""Faults of the whole application: injection, required reaction of the arm, and the modes that they apply to."""
 
 import os
 import resource
@@ -21,7 +21,7 @@ _LEARNING: Final[tuple[ModeName, ...]] = ("approve each", "automatic")
 
 _HUNG_S: Final = 1.0
 _ARM_HUNG_S: Final = 0.3
-"""Longer than the watchdog and shorter than what the application takes for the end of the arm's process."""
+"""Hang of the arm's process: longer than the watchdog's timeout, shorter than the application's."""
 _FLOOD: Final = 5000
 _WATCHED_S: Final = 0.6
 
@@ -105,7 +105,7 @@ def _shown(shows: str, one: Driven, _: ModeName) -> None:
 
 
 def _noticed(one: Driven, since_s: float) -> None:
-    """Wait until it was said, or something was found all the same."""
+    """Wait until the fault is announced, or an observation succeeds all the same."""
     until_s = time.monotonic() + PATIENCE_S
     while time.monotonic() < until_s and not one.ended:
         if one.heard("Fault", after_s=since_s) or len(one.heard("Particles", after_s=since_s + _WATCHED_S)) > 1:
@@ -114,7 +114,7 @@ def _noticed(one: Driven, since_s: float) -> None:
 
 
 def _filled(one: Driven, _: ModeName) -> None:
-    """From now on the recording cannot grow, as on a full disk."""
+    """Keep the recording from growing, as on a full disk."""
     size = one.recording.stat().st_size
     hard = resource.prlimit(one.pid, resource.RLIMIT_FSIZE)[1]
     resource.prlimit(one.pid, resource.RLIMIT_FSIZE, (size, hard))
@@ -122,7 +122,7 @@ def _filled(one: Driven, _: ModeName) -> None:
 
 
 def _waited(name: str, one: Driven, mode: ModeName) -> None:
-    """Kill a process without which nothing is seen, and wait until that is said."""
+    """Kill a process that perception needs, and wait until that is announced."""
     since_s = time.monotonic()
     _signalled(name, signal.SIGKILL, one, mode)
     one.wait("Fault", "close the rig", after_s=since_s)
@@ -189,11 +189,11 @@ KINDS: Final[tuple[Kind, ...]] = (
 
 
 def kinds(mode: ModeName) -> tuple[Kind, ...]:
-    """Those that mean something in this mode."""
+    """Faults that apply to this mode."""
     return tuple(kind for kind in KINDS if mode in kind.modes)
 
 
 def in_turn(mode: ModeName) -> list[tuple[Kind, ...]]:
-    """For one application each: all that it survives, and each that ends it."""
+    """Groups of faults for one application each: all that it survives, and each that ends it."""
     survived = tuple(kind for kind in kinds(mode) if not kind.ends)
     return [survived, *((kind,) for kind in kinds(mode) if kind.ends)]

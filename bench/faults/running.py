@@ -74,14 +74,14 @@ def wish(*, calibrating: bool) -> Wish:
 
 
 def said(event: str, **told: object) -> None:
-    """A line for whoever does the faults."""
+    """Print a line for the bench's driver."""
     sys.stdout.write(json.dumps({"event": event, "now_s": time.monotonic(), **told}) + "\n")
     sys.stdout.flush()
 
 
 @final
 class Attendant:
-    """The operator: says what is shown, approves where he is to, and asks for what is ordered."""
+    """The operator: reports shown messages, approves if told to, and sends requests."""
 
     def __init__(self) -> None:
         self.approves, self.names = True, ""
@@ -115,7 +115,7 @@ class Attendant:
         )
 
     def ask(self, request: Request) -> None:
-        """As the console does: what does not fit is lost."""
+        """Send a request as the console does: if the queue is full it is lost."""
         try:
             self._asked.put_nowait(request)
         except ChannelFull as error:
@@ -131,7 +131,7 @@ class Orders:
         self._clock = flow.clock
 
     def mode(self, mode: ModeName) -> None:
-        """Change to it."""
+        """Change the mode."""
         self._attendant.ask(Lease(**_named("lease"), holder=_OPERATOR, why="bench"))
         motions = 1000 if mode == "automatic" else 0
         self._attendant.ask(ModeRequest(**_named("mode"), operator=_OPERATOR, mode=mode, motions=motions))
@@ -154,39 +154,39 @@ class Orders:
         self._hand.hold()
 
     def release(self) -> None:
-        """Let go of it."""
+        """Release the key."""
         self._hand.release()
 
     def vanish(self) -> None:
-        """The page is gone without a word."""
+        """Drop the page without closing its connection."""
         self._hand.vanish()
 
     def cut(self) -> None:
-        """The connection is closed, which the console notices, and gives control back."""
+        """Close the connection, upon which the console gives control back."""
         self._hand.vanish()
         self._hand.pilot.let_go(_OPERATOR)
         self._attendant.ask(Lease(**_named("lease"), holder="", why="its page is gone"))
 
     def babble(self) -> None:
-        """The page says what makes no sense."""
+        """Send malformed messages from the page."""
         self._hand.babble()
 
     def block(self, duration_s: float) -> None:
-        """The event loop hangs."""
+        """Block the event loop."""
         time.sleep(duration_s)
 
     def freeze(self, duration_s: float) -> None:
-        """The clock stands still."""
+        """Stop the clock."""
         assert isinstance(self._clock, FaultyClock), "the bench brings its own"
         self._clock.freeze(duration_s)
 
     def cameras(self, shows: Shows) -> None:
-        """All cameras show this."""
+        """Set the content of all cameras' images."""
         for camera in self._cameras:
             camera.shows = shows
 
     def flood(self, count: int, what: str) -> None:
-        """So many requests at once, from pages that have gone mad."""
+        """Send so many requests at once, as from broken pages."""
         for number in range(count):
             match what:
                 case "modes":
@@ -264,7 +264,7 @@ async def application(folder: Path, *, calibrating: bool, budget_bytes: int | No
 
 
 async def _obeying(flow: Flow, orders: Orders, recording: Path) -> DipacError | None:
-    """Run the flow, and do what is ordered meanwhile; the error that ended it, if one did."""
+    """Run the flow, and execute orders; returns the error that ended it, if any."""
     async with BlockingPortal() as portal:
         threading.Thread(target=_obey, args=(portal, orders), daemon=True).start()
         said("begun", recording=str(recording))
@@ -285,7 +285,7 @@ def _straight() -> np.ndarray:
 
 
 async def _witnessed(rig: SimulatedRig, folder: Path) -> None:
-    """Have what the arm does written down, from before anything is asked of it."""
+    """Record the arm's states, from before its first motion."""
     states = folder / "states"
     watcher = process("witness", witness, rig.memory, states, os.getpid())
     watcher.daemon = False  # It outlives the application.

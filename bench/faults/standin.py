@@ -31,7 +31,7 @@ _TOO_MANY: Final = 1_000_000
 
 
 def stand_in(plans: Plans = "sound") -> None:
-    """From now on plan by strokes as fast as the site allows, spoilt so, in this process, and calibrate by waiting."""
+    """Plan, from now on and in this process, corrupted strokes as fast as the site allows, and calibrate by waiting."""
     take_up(Habits(thinking_s=_THINKING_S), partial(_fast, _SPOILT[plans]))
     compiled = cast(Any, sys.modules["app.tasks.compiled"])
     compiled.calibrated, compiled.now = _calibrated, None
@@ -78,7 +78,7 @@ def _calibrated(_task: str, _preset: str, transitions: Sequence[Transition], mod
 
 
 def spoil_particles(finds: Finds) -> None:
-    """From now on find such particles. To be run in perception's process."""
+    """Replace perception's results by such particles from now on. To be run in perception's process."""
     from app.perception import reconstruct as module
 
     true = getattr(module, "true_reconstruct", module.reconstruct)

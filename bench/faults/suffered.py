@@ -83,7 +83,7 @@ def sequence(mode: ModeName, kinds: Sequence[Kind], *options: str) -> list[Came]
 
 
 def suffered(one: Driven, mode: ModeName, kind: Kind) -> Came:
-    """Get into the middle of what the mode does, do it, and see what comes of it."""
+    """Reach the middle of the mode's activity, inject the fault, and observe the outcome."""
     assert _in_the_middle(one, mode), one.errors()
     fault_s = time.monotonic()
     noticed_s = kind.do(one, mode) or fault_s
@@ -106,12 +106,12 @@ def suffered(one: Driven, mode: ModeName, kind: Kind) -> Came:
 
 
 def _says_nothing(kind: Kind) -> bool:
-    """One that is killed can neither go on nor say anything; what is left of it is its log."""
+    """True for a fault that kills the application: only its log is left."""
     return kind.name in ("kill application", "terminate application")
 
 
 def logged(path: Path, came: Sequence[Came]) -> list[Came]:
-    """With what the log holds of each, once it has been recovered where it has to be."""
+    """The outcomes with the log's messages about each, after recovery of the log if needed."""
     try:
         found = recover(path)
         times_s = _times_s(found.path)
@@ -132,7 +132,7 @@ def _times_s(path: Path) -> np.ndarray:
 
 
 def _in_the_middle(one: Driven, mode: ModeName) -> bool:
-    """Until the arm is fast in a mode that moves it, and until the mode does what it does in the others."""
+    """Wait until the arm is fast in a mode that moves it, or until the mode's activity in the others."""
     if mode == "teleoperate":
         return one.insists(mode, lambda since_s: _held(one, since_s) and one.fast(since_s))
     if mode in MOVING:

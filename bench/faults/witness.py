@@ -1,4 +1,4 @@
-"""A process that writes down every state of the arm and outlives the application, to say what the arm did after it."""
+"""A process that records every state of the arm and outlives the application, for the arm's motion after it."""
 
 import os
 import signal
@@ -16,7 +16,7 @@ _AFTER_S: Final = 1.5
 
 
 def witness(memory: ArmMemory, path: Path, parent: int) -> None:
-    """The body of the process: append to `path` until nobody is left to be watched."""
+    """The body of the process: append to `path` until the watched process is gone."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     seen, until_s = 0, float("inf")
     with path.open("wb") as file:

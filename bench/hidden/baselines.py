@@ -40,7 +40,7 @@ TITLES: Final = {"all_at_once": "all parameters at once", "bic": "BIC of single 
 _MISSING: Final = 0.5
 """Typical sizes from which a fit of all parameters at once is taken to say that something is missing."""
 _MOST: Final = 2.0
-"""Typical sizes at most; of what is unknown of every rope, steps."""
+"""Bound on sizes, in typical ones; of every rope's unknowns, in steps."""
 _SET: Final = 0.9
 _LEAST_M: Final = 1e-4
 _MEDIAN: Final = 0.6745
@@ -68,7 +68,7 @@ class Linear:
 
     @classmethod
     def of(cls, screening: Screening) -> "Linear":
-        """With each row divided by its usual size after discovery's own fit of what is unknown of every rope."""
+        """Linear model with each row divided by its usual size after discovery's own fit of every rope's unknowns."""
         data = screening.data
         seen = data.known.any(0)
         usual = np.ones(data.r.shape[1])
@@ -85,7 +85,7 @@ class Linear:
         )
 
     def fit(self, columns: Sequence[int]) -> tuple[Float64[np.ndarray, " Q"], Float64[np.ndarray, "Q Q"], float]:
-        """The least squares of some columns, their inverse information, and what is left."""
+        """Least squares of some columns, their inverse information, and the residuals."""
         own = list(columns)
         inverse = np.linalg.pinv(self.A[np.ix_(own, own)])
         theta = inverse @ self.b[own]

@@ -50,7 +50,7 @@ WORLDS: Final[dict[World, float]] = {"chain": 0.55, "cable": 0.2, "own": 0.25}
 NONE, TWO, UNKNOWN = 0.22, 0.08, 0.08
 """Shares of studies with nothing hidden, with two effects, and with one that no catalogue has."""
 SIZES: Final = 0.7, 2.0
-"""In typical sizes, log-uniform."""
+"""Range of hidden sizes, in typical ones, log-uniform."""
 EPISODES: Final = (5, 6, 8, 10, 12)
 PUSHES: Final = (4, 6, 8)
 WHOLE: Final = Plan(episodes=10, pushes=10)
@@ -117,7 +117,7 @@ def studied(world: World, case: RopeCase | OwnRope) -> dict[str, Any]:
 @final
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Lines:
-    """Studies as arrays: features (S, C, F), and what is true (S, C + 1), the last column that nothing is."""
+    """Studies as arrays: features (S, C, F), and truth (S, C + 1), with nothing hidden as the last column."""
 
     causes: tuple[str, ...]
     features: Float64[np.ndarray, "S C F"]
@@ -126,7 +126,7 @@ class Lines:
 
     @classmethod
     def of(cls, read: Sequence[Mapping[str, Any]]) -> "Lines":
-        """Those that have all causes; what the catalogue lacks is a force of none of them."""
+        """Studies that have all causes; an effect outside the catalogue counts as the unknown force."""
         causes = max((tuple(line["causes"]) for line in read), key=len)
         whole = [line for line in read if tuple(line["causes"]) == causes]
         true = np.zeros((len(whole), len(causes) + 1))
@@ -182,7 +182,7 @@ def said(table: Calibration, known_lines: Lines) -> Float64[np.ndarray, "S D"]:
 
 
 def left_out(known_lines: Lines) -> Float64[np.ndarray, "S D"]:
-    """The same, of each study by what was learnt from the tenths that it is not in."""
+    """Cross-validated probabilities: of each study by what was learnt from the other tenths."""
     fold = np.random.default_rng(0).integers(0, FOLDS, len(known_lines))
     found = np.zeros_like(known_lines.true)
     for number in range(FOLDS):
@@ -192,7 +192,7 @@ def left_out(known_lines: Lines) -> Float64[np.ndarray, "S D"]:
 
 
 def of_other_worlds(known_lines: Lines) -> Float64[np.ndarray, "S D"]:
-    """The same, of each study by what was learnt in the worlds that it is not of."""
+    """Probabilities of each study by what was learnt in the other worlds."""
     worlds = np.array(known_lines.worlds)
     found = np.zeros_like(known_lines.true)
     for world in np.unique(worlds):
@@ -210,7 +210,7 @@ def main(
     workers: Annotated[int, tyro.conf.arg(help="processes")] = os.cpu_count() or 1,
     table: Annotated[Path | None, tyro.conf.arg(help="where to write what is learnt, as JSON")] = None,
 ) -> None:
-    """Make what is missing of the studies, learn from all of them, and say how often it is right."""
+    """Run the missing studies, learn from all of them, and print the reliability."""
     terminal = Console()
     done = {(line["seed"], line["number"]) for line in lines(path)} if path.exists() else set[tuple[int, int]]()
     missing = [number for number in range(studies) if (seed, number) not in done]

@@ -20,7 +20,7 @@ WORLDS: tuple[World, ...] = ("own", "mujoco")
 NONE, TWO, UNKNOWN = 0.25, 0.15, 0.15
 """Shares of cases with nothing hidden, with two effects, and with one that is in no catalogue; the rest have one."""
 SIZES = 0.25, 2.0
-"""In units of the typical size, log-uniform."""
+"""Range of hidden sizes, in typical ones, log-uniform."""
 _GRAINS_AND_LIQUIDS = frozenset({"cohesion", "shear_thinning"})
 
 
@@ -52,7 +52,7 @@ class Chosen:
 @final
 @dataclass(frozen=True, kw_only=True)
 class Case:
-    """A recording session to be made: its number, the world that makes it, and what is hidden."""
+    """A recording session to be made: its number, its world, and the hidden effects."""
 
     number: int
     world: World
@@ -96,7 +96,7 @@ def outsiders(world: World, making: Making = AS_RODS) -> tuple[str, ...]:
 
 
 def real_size(chosen: Chosen) -> float:
-    """Its size in the effect's own unit, as far as that can be; of what MuJoCo's world hides."""
+    """Size in the effect's own unit, clipped to its range; of effects in MuJoCo's world."""
     main = known()[chosen.effect].main
     assert main.typical is not None
     return float(np.clip(main.null + chosen.size * (main.typical - main.null), main.low, main.high))

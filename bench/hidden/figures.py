@@ -27,7 +27,7 @@ def write_figures(folder: Path, confusion: Confusion, bins: Sequence[Bin], power
 
 
 def confusion_svg(confusion: Confusion) -> str:
-    """Rows are what was hidden, columns what came first; a cell's depth is its share of the row."""
+    """Draw a confusion matrix: rows are the hidden causes, columns the first answers, shades shares of the row."""
     size = _NAMES + _CELL * len(confusion.names)
     parts = list[str]()
     totals = np.maximum(confusion.counts.sum(1, keepdims=True), 1)

@@ -22,9 +22,9 @@ from app.discovery.predict import labelled
 from app.discovery.study import Push, Study, View
 
 Undo: TypeAlias = Callable[[Track, Values], Track]
-"""The track that an arm was told if it went along this one, with an effect of these values."""
+"""Inverse of an arm's effect: the commanded track for a true one."""
 _LOW_M: Final = 0.004
-"""As `under_reach` takes the beginning of a stroke."""
+"""Height below which a stroke begins, as in `under_reach`."""
 
 
 def effect_of(name: str) -> Apparatus:
@@ -48,7 +48,7 @@ def with_error(study: Study, name: str, values: Values) -> Study:
 
 
 def _seen(study: Study, see: See, values: Values) -> Study:
-    """As cameras with this error show it."""
+    """The study as cameras with this error observe it."""
     position = np.asarray(study.camera)
 
     def shown(points: np.ndarray, middle: np.ndarray | None = None) -> np.ndarray:
@@ -67,7 +67,7 @@ def _seen(study: Study, see: See, values: Values) -> Study:
 
 
 def _stamped(study: Study, late_s: float) -> Study:
-    """With images that are younger than their stamps."""
+    """The study with images that are younger than their stamps."""
 
     def view(at: View) -> View:
         return replace(at, time_s=at.time_s - late_s)
@@ -80,7 +80,7 @@ def _stamped(study: Study, late_s: float) -> Study:
 
 
 def _told(push: Push, effect: Apparatus, undo: Undo, values: Values) -> Push:
-    """With the command that leads an arm of this effect where it went."""
+    """The push with the command that leads an arm of this effect along its true path."""
     blind = push.measured is not None and not effect.told
     measured = undo(push.measured, values) if push.measured is not None and blind else push.measured
     return replace(push, command=undo(push.command, values), measured=measured)

@@ -33,5 +33,5 @@ def read(paths: Iterable[Path]) -> list[dict[str, Any]]:
 
 
 def finished(known: Sequence[dict[str, Any]]) -> list[dict[str, Any]]:
-    """Those with a verdict."""
+    """Lines with a verdict."""
     return [line for line in known if "verdict" in line and "truth" in line]

@@ -33,7 +33,7 @@ _MATERIAL = frozenset(
 )
 _TIME = frozenset({"friction_drift", "abrupt_change"})
 _EITHER_END = frozenset({"mass_heterogeneity", "stiffness_heterogeneity", "rest_curvature"})
-"""Act along the object, whose ends nobody can tell apart: their signs say nothing."""
+"""Effects along the object, whose ends cannot be told apart: their signs have no meaning."""
 
 
 @final
@@ -65,7 +65,7 @@ class Blamed:
 @final
 @dataclass(frozen=True, kw_only=True)
 class Outcome:
-    """One case. Errors [mm] are on episodes left out; `oracle_mm` is NaN where nobody asked the oracle.
+    """Outcome of a case. Errors [mm] are on episodes left out; `oracle_mm` is NaN if the oracle was not run.
 
     `screening_s` and `whole_s`: how long the verdict took; `peak_mb`: the most memory that its process had.
     `world`: who made the recordings.
@@ -102,7 +102,7 @@ class Outcome:
 
     @property
     def named(self) -> tuple[str, ...]:
-        """The causes that the verdict says act, without those of our own numerics; none where it is a set."""
+        """The causes that the verdict names, without those of our own numerics; none if it is a set."""
         if self.verdict != "named":
             return ()
         return tuple(cause.effect for cause in self.causes if cause.category != NUMERICS)

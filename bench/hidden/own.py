@@ -154,7 +154,7 @@ def _told(
     values: Float64[np.ndarray, " V"],
     subject: Subject,
 ) -> dict[str, Any]:
-    """As `dipac hide` seals it: real values in SI units."""
+    """Entry of the truth in the format of `dipac hide`: real values in SI units."""
 
     def real(spec: ParameterSpec, value: float) -> float:
         return spec.real(value, subject.haste, subject.heft)

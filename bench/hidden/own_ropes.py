@@ -60,7 +60,7 @@ _CONTACT, _SEEN, _STARTS = 21, 22, 23
 @final
 @dataclass(frozen=True, kw_only=True)
 class OwnRope:
-    """A recording to be made: a seed, from which all else is drawn, and what is hidden.
+    """A recording to be made: a seed, from which all else is drawn, and the hidden effects.
 
     `flat`: the chance that the finger is a flat gripper; `noise_m`: of the depth that clouds are taken for.
     """
@@ -101,7 +101,7 @@ class OwnRope:
         return RodModel(scene=finer, contact=numbers)
 
     def record(self) -> Study:
-        """The pushes as discovery reads them. Raises ValueError where the rod leaves what it can simulate."""
+        """The pushes as a study. Raises ValueError if the rod leaves the range that it can simulate."""
         rng = np.random.default_rng([self.seed, _SEEN])
         predictor = Predictor(self.subject, catalogue(self.subject.rods))
         pushes = tuple(self._pushes(predictor, rng))

@@ -114,7 +114,7 @@ def main(
     seed: Annotated[int, tyro.conf.arg(help="of what is drawn")] = 0,
     workers: Annotated[int, tyro.conf.arg(help="processes")] = os.cpu_count() or 1,
 ) -> None:
-    """Play what is missing of the worlds, and compare all that there are."""
+    """Play the missing worlds, and compare all."""
     # Each process has a core to itself, and no accelerator: it would wait for its turn there.
     os.environ.setdefault("JAX_PLATFORMS", "cpu")
     terminal = Console()
@@ -155,7 +155,7 @@ def _line(order: tuple[int, int, By], pushes: int, batch: int) -> dict[str, Any]
 
 
 def compared(played_lines: Sequence[Mapping[str, Any]], setup: Mapping[str, int]) -> Table:
-    """Both ways side by side, in worlds that were played both ways; medians with bootstrapped 95 % intervals."""
+    """Comparison of both ways, in worlds that were played both ways; medians with bootstrapped 95 % intervals."""
     worlds = {(line["seed"], line["number"]): {} for line in played_lines}
     for line in played_lines:
         worlds[line["seed"], line["number"]][line["by"]] = line

@@ -1,4 +1,4 @@
-"""A study as recordings, one file an episode, in the words of any recording: nothing in them says where it is from.
+"""A study as recordings, one file an episode, in the common format: nothing in them reveals their origin.
 
 `dipac hide` writes those of MuJoCo's world the same way: a clock that begins at a fixed time, numbered ids, no seed.
 """

@@ -48,7 +48,7 @@ _SIZES, _SEEN = 11, 12
 @final
 @dataclass(frozen=True, kw_only=True)
 class RopeCase:
-    """A recording to be made: a seed, from which all else is drawn, and what is hidden.
+    """A recording to be made: a seed, from which all else is drawn, and the hidden effects.
 
     In a `world` of cables only errors of the arm can be hidden. `flat`: the chance that the finger is a flat gripper;
     `noise_m`: of the depth that clouds are taken for.

@@ -1,4 +1,4 @@
-"""The table of targets of docs/discovery.md: each a quantity of many outcomes, what is aimed at, and whether it is met.
+"""The table of targets of docs/discovery.md: each a quantity of many outcomes, its aim, and if that is met.
 
 "First" is what a verdict puts first: a cause, nothing, or that it is none of these.
 """
@@ -49,7 +49,7 @@ class Row:
 
 
 def rows(outcomes: Sequence[Outcome]) -> list[Row]:
-    """Every target in every world."""
+    """Rows of every target in every world."""
     return [
         _row(target, world, limit, [outcome for outcome in outcomes if outcome.world == world])
         for target in TARGETS
@@ -304,7 +304,7 @@ IN_FAMILY: Mapping[str, Score] = {
     GAIN: _gains,
     WORSE: _worse,
 }
-"""Scores that are told of each family of causes apart."""
+"""Scores that are reported for each family of causes."""
 IN_BASELINES: Mapping[str, Score] = {
     ALARMS: _alarms,
     SURE_ALARMS: _confident_alarms,

@@ -80,7 +80,7 @@ def world_title(world: World) -> str:
 
 
 def confusion_table(confusion: Confusion, world: World) -> Table:
-    """Rows are what was hidden, columns what came first; columns by number, which the rows say."""
+    """Table of a confusion matrix: rows are the hidden causes, columns the first answers, by number."""
     table = Table(title=f"What was taken for what, {_TITLES[world]}")
     table.add_column("hidden")
     for number in range(len(confusion.names)):

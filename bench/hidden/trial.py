@@ -38,9 +38,9 @@ _CURRENT = (
     "PYTHONPATH",
     "MUJOCO_GL",
 )
-"""Variables that a solver is given; others might say what is hidden."""
+"""Environment variables of a solver; others might reveal the truth."""
 _POLL_S = 0.05
-"""Between looks at whether a process has ended."""
+"""Polling period of a process's exit."""
 
 
 @final
@@ -72,7 +72,7 @@ class Spent:
 
 
 def tried(case: Case, setup: Setup) -> dict[str, Any]:
-    """A line of results; where something failed, `failure` says what."""
+    """A line of results; `failure` is the reason if something failed."""
     began = time.monotonic()
     line: dict[str, Any] = {"case": told(case, setup)}
     kept = _kept(case, setup)
@@ -171,7 +171,7 @@ def _kept(case: Case, setup: Setup) -> Path | None:
 
 
 def _way(setup: Setup) -> list[str]:
-    """Words for what is not as usual in how recordings are made."""
+    """Words for unusual conditions of the recordings."""
     return ["mpm"] * (setup.making.dynamics == "mpm") + ["blind"] * (not setup.making.images)
 
 

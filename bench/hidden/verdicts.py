@@ -39,7 +39,7 @@ class Verdict:
 
 
 def verdict(recordings: Sequence[Path]) -> Verdict:
-    """As `dipac discover` says it, but for what no cause explains."""
+    """The verdict of `dipac discover`, without the search for a formula."""
     study = read_study(recordings)
     doubted = doubted_in(study, load(full_name(study.task, dynamics=None)))
     return verdict_on(study, doubted.subject, doubted.about)

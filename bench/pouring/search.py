@@ -27,7 +27,7 @@ _SCRIPTS_LOW = np.array([0.25, 0.0, 0.15, 0.6, -0.04, 0.0, -0.02])
 _SCRIPTS_HIGH = np.array([0.65, 0.55, 0.6, 2.6, 0.16, 0.6, 0.02])
 """Bounds of the parameters of `scripted`."""
 _SPREAD = np.array([0.006, 0.006, 0.12, 0.03, 0.03])
-"""Standard deviation of a knot in the first generation [m, rad], or half of what the bound lets it be."""
+"""Standard deviation of a knot in the first generation [m, rad], or half of its bound."""
 _FORGETTING = 0.7
 """The share of a generation's spread that is its elite's."""
 _FIRST_STEP = 0.02
@@ -55,7 +55,7 @@ class Budget:
 
 @final
 class Found(NamedTuple):
-    """The best actions for one seed, what they lead to, and the best score after each stage."""
+    """The best actions for one seed, their outcome, and the best score after each stage."""
 
     actions: Float32[np.ndarray, "H 6"]
     outcome: Outcome
@@ -154,7 +154,7 @@ class Search:
         return jax.tree.map(joined, *got)
 
     def _scripted(self) -> tuple[Knots, Float64[np.ndarray, " S"]]:
-        """For each seed the best of the scripts that did best on the first."""
+        """The best script for each seed, of those that did best on the first."""
         rng, budget = np.random.default_rng(0), self._budget
         scripts = rng.uniform(_SCRIPTS_LOW, _SCRIPTS_HIGH, (budget.scripts, len(_SCRIPTS_LOW)))
         # The reference's z is our -y.
@@ -215,5 +215,5 @@ def _where(which: Bool[np.ndarray, " S"], yes: np.ndarray, no: np.ndarray) -> np
 
 
 def _smooth(t: Float64[np.ndarray, "..."]) -> Float64[np.ndarray, "..."]:
-    """From 0 to 1 with no speed at either end."""
+    """Smooth step from 0 to 1, without speed at either end."""
     return np.sin(np.pi / 2 * np.clip(t, 0.0, 1.0)) ** 2

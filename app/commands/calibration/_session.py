@@ -32,7 +32,7 @@ _UNIT = 1e-2
 @final
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Session:
-    """A camera, its images in order, and what each shows of the board; `unseen` says of the others why not."""
+    """A camera, its images in order, and their detections of the board; `unseen`: reasons for the others."""
 
     serial: str
     lens: Lens

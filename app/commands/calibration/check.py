@@ -23,8 +23,8 @@ def check(folder: tyro.conf.Positional[Path], /, *, board: Charuco = _A4, kept: 
 
     Args:
         folder: the images, with the maker's intrinsics in camera.toml.
-        board: what was printed.
-        kept: where calibrations are kept; what is found here is noted beside the camera's, where there is one.
+        board: the printed board.
+        kept: the calibration file; the result is noted beside the camera's entry, where there is one.
     """
     terminal = Console(highlight=False, soft_wrap=True)
     session = read_session(terminal, folder, board)

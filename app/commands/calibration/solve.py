@@ -40,7 +40,7 @@ def solve(
         folder: images, camera.toml with the serial number and the intrinsics, and poses.csv.
         setup: fixed: the camera stands and the gripper holds the board; wrist: the other way round.
         output: the calibration file; other cameras that are in it stay.
-        board: what was printed.
+        board: the printed board.
     """
     terminal = Console(highlight=False, soft_wrap=True)
     check_writable(output, "-o")

@@ -26,8 +26,8 @@ def label(
     Args:
         said: success, failure, or unlabelled.
         files: the recordings, or folders of them.
-        note: why, in words.
-        operator: who says so; whoever is logged in where none is named.
+        note: the reason, in words.
+        operator: name of the person; the user who is logged in where none is named.
     """
     if not files:
         raise UsageError(f"Name at least one recording: dipac recordings label {'|'.join(VERDICTS)} FILE...")

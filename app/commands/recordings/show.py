@@ -21,7 +21,7 @@ from app.ui.words import duration, number, size
 
 
 def show(file: tyro.conf.Positional[Path], /) -> None:
-    """Everything but images and clouds, which Foxglove shows.
+    """Print everything but images and clouds, which Foxglove shows.
 
     Args:
         file: the recording.

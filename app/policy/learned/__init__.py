@@ -1,1 +1,1 @@
-"""Policies learned from demonstrations: what they see, how they learn, and one file for each kind."""
+"""Policies learned from demonstrations: observations, training, and one file for each kind."""

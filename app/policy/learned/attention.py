@@ -21,7 +21,7 @@ class Tokens(nn.Module):
 
     @nn.compact
     def __call__(self, seen: Sight) -> Float[Array, "B P W"]:
-        """For each of B."""
+        """Tokens of each of B."""
         tokens = [nn.Dense(self.width)(seen.tool)[:, None]]
         for picture in seen.pictures:
             blocks = nn.Dense(self.width)(Eyes(self.eyes)(picture))
@@ -40,7 +40,7 @@ class Block(nn.Module):
 
     @nn.compact
     def __call__(self, x: Float[Array, "B T W"], others: Float[Array, "B P W"] | None = None) -> Float[Array, "B T W"]:
-        """The same tokens, with what they found out."""
+        """The tokens after attention."""
         width = x.shape[-1]
         y = nn.LayerNorm()(x)
         x = x + nn.MultiHeadDotProductAttention(_HEADS)(y, y)

@@ -23,7 +23,7 @@ Chunk: TypeAlias = tuple[int, int]
 """T small moves of K numbers each, of which an action of A = T K numbers is made."""
 
 _FADING = 0.01
-"""`m` of the paper's public program: by how much less what is meant now counts than what was meant just before."""
+"""`m` of the paper's public program: decay of the weights, from the oldest intended action to the present one."""
 
 
 class Space(Protocol):
@@ -31,7 +31,7 @@ class Space(Protocol):
 
     @property
     def chunk(self) -> Chunk:
-        """Its small moves."""
+        """Shape (T, K) of its small moves."""
         ...
 
     @property
@@ -159,7 +159,7 @@ class Learner(Protocol):
 
     @property
     def window(self) -> int:
-        """W: of how many actions in a row it asks what they were, and what came of them."""
+        """W: number of successive actions and outcomes that its loss uses."""
         ...
 
     def begin(self, key: PRNGKeyArray, seen: Sight, how: Lessons) -> Params:
@@ -171,7 +171,7 @@ class Learner(Protocol):
         ...
 
     def ahead(self, how: Lessons) -> int:
-        """L: of how many actions more than the next it tells what it means to do."""
+        """L: number of actions beyond the next that it predicts."""
         ...
 
     def act(self, params: Params, seen: Sight, how: Lessons, scale: Scale) -> Acted:
@@ -183,7 +183,7 @@ class NextOnly:
     """Mixin of a learner that predicts the next action alone."""
 
     def ahead(self, how: Lessons) -> int:
-        """None."""
+        """Number of further actions: none."""
         del how
         return 0
 
@@ -221,7 +221,7 @@ class LearnedPolicy:
 
     @classmethod
     def of(cls, learner: Learner, how: Lessons, params: Params, scale: Scale) -> Self:
-        """With the digest of these numbers."""
+        """The policy with the digest of these numbers."""
         digest = hashlib.sha256()
         for array in jax.tree_util.tree_leaves((params, tuple(scale))):
             digest.update(np.ascontiguousarray(np.asarray(array, np.float32)).tobytes())
@@ -239,7 +239,7 @@ class LearnedPolicy:
         return Prepared(self.params, self.scale, jnp.asarray(goal)[None], jnp.asarray(meant), known)
 
     def first(self, prepared: Prepared, now: Now) -> Acted:
-        """As `act`, and as was meant for now before: the mean of all these, weighed by exp(-m i), the oldest of i = 0.
+        """Mean of `act` and of the actions intended for now before, weighed by exp(-m i), the oldest of i = 0.
 
         Temporal ensembling: Zhao et al. 2023, "Learning fine-grained bimanual manipulation", algorithm 2, lines 5 to 7.
         """
@@ -252,7 +252,7 @@ class LearnedPolicy:
         return acted._replace(mean=mean)
 
     def after(self, observed: Points, goal: Points, tool: ToolPose | None) -> Self:
-        """The same once it has decided on that: it knows what it meant to do next."""
+        """The policy after that decision: it remembers the actions that it intends next."""
         if not self.learner.ahead(self.how):
             return self
         later = _later(self, self.prepare(observed, goal), Now.at_rest(jnp.asarray(observed)[None], tool))
@@ -260,7 +260,7 @@ class LearnedPolicy:
         return replace(self, meant=kept)
 
     def act(self, prepared: Prepared, now: Now) -> Acted:
-        """As the network acts on what there is to be seen."""
+        """Action distribution of the network for the observation of each candidate."""
         params, scale, one, *_ = prepared
         goal = jnp.broadcast_to(one, (len(now.x), *one.shape[1:]))
         return self.how.framed(goal, now, lambda seen: self.learner.act(params, seen, self.how, scale))

@@ -14,7 +14,7 @@ from app.policy.symmetry import Isometry
 _DRAWS = 32
 """Random symmetries per example from which the actions' mean and standard deviation are computed."""
 _LEAST, _ASSUMED = 1e-4, 1e-2
-"""A standard deviation [m, rad] below which a number of an action is always the same, and what it is taken for then."""
+"""Standard deviation [m, rad] below which a number of an action is taken for constant, and its value then."""
 
 
 @final
@@ -32,7 +32,7 @@ class Examples(NamedTuple):
     episode: Int[np.ndarray, " E"]
 
     def of(self, chosen: Bool[np.ndarray, " E"] | Int[np.ndarray, " C"]) -> Self:
-        """Some of them."""
+        """The chosen examples."""
         return type(self)(*(each[chosen] for each in self))
 
     def following(self, window: int) -> Int[np.ndarray, "E W"]:
@@ -66,7 +66,7 @@ class Examples(NamedTuple):
 
 @final
 class Batch(NamedTuple):
-    """B examples, with what came of each and of those after it, as `Shown` has it; a JAX pytree."""
+    """B examples, with the outcomes of each and of those after it, as in `Shown`; a JAX pytree."""
 
     x: Float[Array, "B N 3"]
     goal: Float[Array, "B M 3"]
@@ -98,7 +98,7 @@ class Batch(NamedTuple):
         window: int,
         rng: np.random.Generator,
     ) -> Self:
-        """The chosen ones, some in hindsight; what followed where their goal was reached is of no account."""
+        """The chosen examples, some relabelled in hindsight; actions after their goal was reached do not count."""
         goals, last = examples.goals(chosen, chances, rng)
         own = cls.of(examples, chosen, window)
         towards = chosen[:, None] + np.arange(window) <= last[:, None]
@@ -121,7 +121,7 @@ class Batch(NamedTuple):
         return type(self)(*(jnp.where(may.reshape(-1, *[1] * (there.ndim - 1)), there, here) for there, here in pairs))
 
     def shown(self, lessons: Lessons) -> Shown:
-        """As a learner sees it."""
+        """The batch as observed by a learner."""
         now = Now.at_rest(self.x)._replace(tool=self.tool)
         return Shown(lessons.seen(self.goal, now), self.goal, now, self.made, self.after, self.counts)
 

@@ -96,7 +96,7 @@ def _check(path: Path, policy: LearnedPolicy) -> None:
 
 
 def save_training(path: Path, training: Training, settings: Mapping[str, Any]) -> None:
-    """Write what is needed to go on, in full. Raises UsageError where the file cannot be written."""
+    """Write the whole state of training. Raises UsageError if the file cannot be written."""
     arrays = {f"params/{name}": value for name, value in _flat(training.params).items()}
     arrays |= {f"best/{name}": value for name, value in _flat(training.best).items()}
     leaves = jax.tree_util.tree_leaves(training.optimiser)

@@ -36,7 +36,7 @@ class Eyes(nn.Module):
 
 @final
 class Gist(nn.Module):
-    """A vector of what is seen: where each feature of each picture is, how strong it is there, and the tool.
+    """Feature vector of an observation: spatial softmax and strength of each feature of each picture, and the tool.
 
     Where: the expected pixel under a softmax of the feature over the picture (Levine et al. 2016, "End-to-end training
     of deep visuomotor policies", section 5.1).
@@ -77,7 +77,7 @@ class Dense(nn.Module):
 
 @final
 class Seeing(nn.Module):
-    """The gist of what is seen, and `size` numbers that follow from it."""
+    """A multilayer perceptron of `size` outputs on the feature vector of an observation."""
 
     width: int
     hidden: int

@@ -37,7 +37,7 @@ class Settings:
 
 @final
 class Progress(NamedTuple):
-    """After a check: mean loss of the steps since the last one, and of the demonstration that is held out."""
+    """Result of a check: mean loss of the steps since the last one, and of the demonstration that is held out."""
 
     step: int
     loss: float
@@ -51,7 +51,7 @@ Listener: TypeAlias = Callable[[Progress], None]
 @final
 @dataclass(kw_only=True, eq=False)
 class Training:
-    """A training that can be gone on with: parameters, those that were best, and what the optimiser knows.
+    """State of training: parameters, the best ones, and the optimiser's state.
 
     `curve`: every check that there was.
     """
@@ -71,7 +71,7 @@ class Training:
 
 
 def begin(learner: Learner, lessons: Lessons, examples: Examples, settings: Settings) -> Training:
-    """Before the first step."""
+    """State of training before the first step."""
     shown = Batch.of(examples, np.array([0])).framed(lessons).shown(lessons)
     # As one program: flax would have hundreds of small ones compiled, one after the other. It runs once, so that what
     # the compiler would need to make it fast is not worth it.
@@ -88,7 +88,7 @@ def learn(
     training: Training | None = None,
     listen: Listener | None = None,
 ) -> tuple[LearnedPolicy, Training]:
-    """Go on with `training`, or begin; to the end of `settings.steps`, or until the held out demonstration says so.
+    """Go on with `training`, or begin; to the end of `settings.steps`, or until the held out one gains nothing.
 
     The last demonstration is held out, where there are two at least. Both what a step is made of and what it draws
     follow from the seed and its number, so that a training that was broken off goes on as if it had not been.

@@ -19,7 +19,7 @@ WIDTH = wp.constant(0.01)
 
 @wp.func
 def rise(u: float) -> float:
-    """From -0.5 to 0.5, rational, so that a distant t0 still has a derivative."""
+    """Step from -0.5 to 0.5, rational, so that a distant t0 still has a derivative."""
     return 0.5 * u / (wp.abs(u) + WIDTH)
 
 

@@ -31,7 +31,7 @@ def moving_velocity(v: wp.vec3, node: Node, phi: Any, at: int) -> wp.vec3:
 
 
 def rates_of_step(phi: EffectParameters, rods: RodContext) -> EffectParameters:
-    """For rods, the share of velocity that drag leaves in a step, and the others as they are."""
+    """Parameters for rods: the share of velocity that drag leaves in a step, and the others unchanged."""
     return phi.at[:, 0].set(jnp.exp(-phi[:, 0] * rods.scene.dt_s))
 
 

@@ -1,4 +1,4 @@
-"""Elastic: ropes, rods, tofu and, stiff enough, what is nearly rigid. Neo-Hookean."""
+"""Elastic: ropes, rods, tofu and, stiff enough, nearly rigid bodies. Neo-Hookean."""
 
 # Warp reads its types at run time; as static types, its vectors, arrays and structs have no operators.
 # pyright: reportGeneralTypeIssues=false, reportArgumentType=false, reportCallIssue=false
@@ -45,5 +45,5 @@ class Elastic:
         return lame_of(self.poisson)
 
     def own(self) -> tuple[float, float, float, float]:
-        """None."""
+        """Further numbers of the law: none."""
         return (0.0, 0.0, 0.0, 0.0)

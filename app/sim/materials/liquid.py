@@ -39,7 +39,7 @@ _LAW = Law(name="liquid", make=_make, fluid=True)
 @final
 @dataclass(frozen=True, kw_only=True)
 class Liquid:
-    """Its bulk modulus [Pa] is phi's `stiffness`, times the body's share: 2e4 lets 5 cm of water shrink by 2.5 %.
+    """Liquid of bulk modulus [Pa] phi's `stiffness` times the body's share: 2e4 lets 5 cm of water shrink by 2.5 %.
 
     A drop's relative volume does not grow beyond `spray`: what flies apart is not thinner water. What it forgets so of
     how far it was apart, keeps it apart when it comes together: the upper tenth of 120 ml, poured from one bowl into

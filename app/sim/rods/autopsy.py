@@ -50,7 +50,7 @@ ADVICE: Mapping[str, str] = MappingProxyType(
     }
 )
 PRESSED_M = 0.001
-"""A finger that begins so far in the rope is told: the rope springs aside by three times as much and more."""
+"""Initial penetration of finger and rope that is reported: the rope springs aside by three times as much and more."""
 STRETCH = 0.05
 """Share of a segment's length by which it is longer or shorter where that is worth telling; see `domain.STRAIN`."""
 
@@ -105,7 +105,7 @@ class RodTrace:
         return len(self.speed_m_s)
 
     def columns(self) -> dict[str, list[str]]:
-        """The numbers for people, by what they are."""
+        """The numbers for people, by name."""
         return {
             "max speed [m/s]": [f"{speed:.4g}" for speed in self.speed_m_s],
             "stretch [%]": [f"{100 * share:+.3g}" for share in self.stretch],
@@ -189,12 +189,12 @@ class _View:
 
     @property
     def half(self) -> Float32[np.ndarray, "K 2"]:
-        """From the middle of the finger's core to an end of it, at every state [m]."""
+        """Vector from the middle of the finger's core to an end of it, at every state [m]."""
         return np.tile(np.asarray(self.case.physics.finger_half_m, np.float32), (len(self.nodes), 1))
 
 
 def _view(case: RodCase) -> _View:
-    """Nothing is simulated where what is given besides the nodes is not finite: no step of that begins."""
+    """View of a case; without any step if an input besides the nodes is not finite."""
     state = case.state
     given = jax.tree.leaves((case.physics, case.phi, case.tool, case.setting, state.place, state.offset))
     if not all(np.isfinite(leaf).all() for leaf in given):
@@ -362,7 +362,7 @@ def _trace(view: _View) -> RodTrace:
 
 
 def _last(view: _View) -> RodState:
-    """Up to `KEPT` of the last states."""
+    """The last states, up to `KEPT`."""
     nodes = view.nodes[-KEPT:]
     place, offset = (np.repeat(leaf, len(nodes), axis=0) for leaf in (view.case.state.place, view.case.state.offset))
     return RodState(nodes=nodes, place=place, offset=offset)  # pyright: ignore[reportArgumentType] - on the host

@@ -23,12 +23,12 @@ from app.sim.rods.polyline import distance, lengths, of_equal_steps, places, res
 _NOISE = 0.19
 """Standard deviation of a point's place, in radii: 1.5 mm for 8 mm."""
 _MOST_POINTS = 450
-"""More are averaged in cells of equal area."""
+"""Largest number of points; more are averaged in cells of equal area."""
 _ROUNDS = 8
 _SMOOTHING = (3.0, 1.0)
 """Weight of squared second differences in the first and in the last round of a hypothesis."""
 _REFINING_ROUNDS = 6
-"""For which hypotheses are refined once they are scored, with `SMOOTHING`."""
+"""Rounds for which scored hypotheses are refined, with `SMOOTHING`."""
 SMOOTHING = 0.2
 """Weight of a squared second difference beside the squared distances of a node's share of particles: waves of 6 nodes
 keep 0.81 of their height, of 8 nodes 0.93, and particles of a thick rope do not bend its middle."""
@@ -77,7 +77,7 @@ class RopeShape:
 @final
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Weighted:
-    """Points in the plane [m], relative to their mean `origin`, and what is known of each.
+    """Points in the plane [m], relative to their mean `origin`, with weights.
 
     `share` of the cloud; `variance` of its distance from the centreline [m^2].
 
@@ -159,7 +159,7 @@ def _traced(points: bytes, rope: RopeShape, prior: bytes | None) -> Trace:
 
 
 def weighted(x: Points, rope: RopeShape) -> Weighted:
-    """Points of the plane with what is known of their distance from the centreline."""
+    """Points of the plane with weights by their distance from the centreline."""
     at, variance = x[:, :2].astype(np.float64), _variance(x, rope.radius_m)
     share = np.full(len(x), 1 / len(x))
     if len(x) > _MOST_POINTS:
@@ -244,7 +244,7 @@ def _varied(
     rope: RopeShape,
     near: Float64[np.ndarray, "n 2"] | None,
 ) -> tuple[Float64[np.ndarray, "L n 2"], Float64[np.ndarray, " L"]]:
-    """With reconnections of the best line, then of the best that has none yet, for some rounds."""
+    """Lines with reconnections of the best one, then of the best that has none yet, for some rounds."""
     done = list[Float64[np.ndarray, "n 2"]]()
     for _ in range(_VARIATIONS):
         left = [line for line in lines[:2] if not any(line is other or (line == other).all() for other in done)]
@@ -344,7 +344,7 @@ def _spots(rope: RopeShape, points: int) -> int:
 def _sorted(
     lines: Float64[np.ndarray, "K n 2"], scores: Float64[np.ndarray, " K"]
 ) -> tuple[Float64[np.ndarray, "K n 2"], Float64[np.ndarray, " K"]]:
-    """The best first; what is not finite is left out."""
+    """Lines by score, the best first, without non-finite ones."""
     order = np.argsort(scores, kind="stable")
     order = order[np.isfinite(scores[order])]
     return lines[order], scores[order]

@@ -38,7 +38,7 @@ def are_whole(scene: RodScene, nodes: Float[Array, "B 8 n"]) -> Bool[Array, " B"
 
 
 def strains(rest_m: float, nodes: Float[Array, "B 8 n"]) -> Float[Array, "B n-1"]:
-    """Strain of each segment: how much longer it is than at rest, as a share."""
+    """Strain of each segment: relative elongation."""
     return jnp.linalg.norm(jnp.diff(nodes[:, :2], axis=2), axis=1) / rest_m - 1
 
 

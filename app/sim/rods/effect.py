@@ -49,7 +49,7 @@ class RodSetting(NamedTuple):
 @final
 @dataclass(frozen=True, kw_only=True, eq=False)
 class RodContext:
-    """The rods as an effect sees them: their scene, and what is known of the action."""
+    """The rods as an effect sees them: their scene, and the action's setting."""
 
     scene: RodScene
     setting: RodSetting

@@ -137,7 +137,7 @@ def keep(
     scratch: wp.array[float],
     kept: wp.array[float],
 ):
-    """The state, as a row of what is kept."""
+    """Write the state to a row of the history."""
 
 
 @wp.func_native(
@@ -159,7 +159,7 @@ def restore(
     scratch: wp.array[float],
     kept: wp.array[float],
 ):
-    """The state from a row of what is kept."""
+    """Read the state from a row of the history."""
 
 
 @wp.func_native(
@@ -279,7 +279,7 @@ class RodKernels:
 
 @functools.cache
 def rod_kernels(*, on_gpu: bool, laws: str = "") -> RodKernels:
-    """With these laws of effects (`laws.law_source`). Compilation happens at the first launch, or in warm-up."""
+    """Kernels with these laws of effects (`laws.law_source`). They are compiled at the first launch, or in warm-up."""
     every = EVERY[on_gpu]
     code = f"_{sha256(laws.encode()).hexdigest()[:10]}" if laws else ""
     module = wp.get_module(f"dipac_rods_{'gpu' if on_gpu else 'cpu'}{code}")

@@ -35,7 +35,7 @@ class RodOperations:
 
 
 def make_rod_operations(scene: RodScene, bending_n_m: float, damping_n_m_s: float, laws: str = "") -> RodOperations:
-    """For one scene, whose joints are at most so stiff and damped, with these laws of effects (`laws.law_source`)."""
+    """Operations for a scene, bounds on its joints' stiffness and damping, and laws of effects (`laws.law_source`)."""
     wp.config.log_level = wp.LOG_WARNING
     n = scene.nodes
     smoothing = smoothing_of(scene, bending_n_m, damping_n_m_s)

@@ -53,13 +53,13 @@ class RodPhysics(NamedTuple):
     mass: Float[jax.Array, " B"]
     """Mass of the rope [kg]."""
     finger_half_width: Float[jax.Array, " B"]
-    """Half width of a flat finger's core [m]; of no account where the scene's finger is round."""
+    """Half width of a flat finger's core [m]; unused if the scene's finger is round."""
     finger_yaw: Float[jax.Array, " B"]
-    """From the x axis to that core [rad]."""
+    """Angle from the x axis to that core [rad]."""
 
     @property
     def finger_half_m(self) -> Float[jax.Array, "B 2"]:
-        """From the middle of the finger's core to an end of it."""
+        """Vector from the middle of the finger's core to an end of it [m]."""
         along = jnp.stack([jnp.cos(self.finger_yaw), jnp.sin(self.finger_yaw)], axis=-1)
         return self.finger_half_width[:, None] * along
 
@@ -96,7 +96,7 @@ class RodHistory(NamedTuple):
     nodes: Float[jax.Array, "B T 8 n"]
     """The rows of `RodState.nodes` at the boundaries of all time steps."""
     finger: Float[jax.Array, "B T 4"]
-    """For the kernels: x, y, distance from the centreline at contact [m] (0: above the rope), sine from above."""
+    """Finger in kernels: x, y, distance from the centreline at contact [m] (0: above the rope), sine from above."""
     fields: Float[jax.Array, "B 3 n"]
     """Mass [kg], bending stiffness [N m] and rest angle [rad] of each node, with what effects make of them."""
     springback: Float[jax.Array, " B"]
@@ -108,7 +108,7 @@ SimulateRod: TypeAlias = OfRods[RodState]
 non-finite input, or that begins or has its finger out of the domain (`domain.is_in_domain`), becomes NaN throughout;
 the others are not touched."""
 TraceRod: TypeAlias = OfRods[RodHistory]
-"""Every state on the way. Not differentiable; 8 n T numbers for each candidate, for sixteen at least on a CPU."""
+"""Rollout that returns every state. Not differentiable; 8 n T numbers a candidate, for sixteen at least on a CPU."""
 
 
 def make_rod_rollout(scene: RodScene, effects: tuple[Effect, ...] = ()) -> SimulateRod:
@@ -189,7 +189,7 @@ def completed(
     phi: Float[jax.Array, "B P"] | None,
     setting: RodSetting | None,
 ) -> tuple[Float[jax.Array, "B P"], RodSetting]:
-    """Parameters of effects at their null values, and a setting that nobody knows, where none are given."""
+    """The given parameters and setting, or by default effects at their nulls and an unknown setting."""
     null = np.array([spec.nominal for effect in effects for spec in effect.parameters], np.float32)
     own = jnp.tile(null, (candidates, 1)) if phi is None else phi
     return own, RodSetting.unknown(candidates, scene.nodes) if setting is None else setting
@@ -243,7 +243,7 @@ def _fields(scene: RodScene, properties: RodProperties) -> Float[jax.Array, "B 3
 
 
 def _traits(scene: RodScene, physics: RodPhysics, properties: RodProperties) -> Float[jax.Array, "B _"]:
-    """In the order of `OwnTraits` and `CoreTraits` in rod.h."""
+    """Parameters in the order of `OwnTraits` and `CoreTraits` in rod.h."""
     half = physics.finger_half_m.T
     return jnp.stack(
         [

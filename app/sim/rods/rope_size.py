@@ -1,4 +1,4 @@
-"""Length and radius of a rope that lies on a table, from clouds of it: what whoever measured them did not say.
+"""Length and radius of a rope that lies on a table, from clouds of it, for data that do not give them.
 
 The table is at z = 0. Clouds may fill the rope, as reconstructions do, or show the surface that cameras see.
 """

@@ -15,9 +15,9 @@ _FEWEST, _MOST = 11, 129
 _TIGHTEST = 1.25
 _STEP_S = 1e-3
 _STIFFEST = 4
-"""As a multiple of the nominal rigidity, where nobody says."""
+"""Default of the largest rigidity, as a multiple of the nominal one."""
 _MOST_VISCOUS = 1.3
-"""As a multiple of the nominal viscosity."""
+"""Largest viscosity, as a multiple of the nominal one."""
 _FARTHEST_M = 100.0
 _YOUNG_PA, _VISCOSITY_PA_S = 1.865e4, 311.0
 """Bending modulus and viscosity: 6e-5 N m^2 and 1e-6 N m^2 s for a rope of 8 mm radius."""

@@ -28,7 +28,7 @@ class RodState(NamedTuple):
     place: Float[jax.Array, "B N"]
     """Arc position of each particle, in segments from the first node."""
     offset: Float[jax.Array, "B N 3"]
-    """From the centreline there: forward, to the left, and above the table [m]."""
+    """Offset from the centreline there: forward, to the left, and above the table [m]."""
 
     @property
     def x(self) -> Float[jax.Array, "B N 3"]:
@@ -105,7 +105,7 @@ def _unmoving(line: Float[jax.Array, "B 2 n"]) -> Float[jax.Array, "B 8 n"]:
 @final
 @dataclass(frozen=True)
 class RodStart:
-    """`RodState.at_rest` for one scene; equal where their numbers are, so that what is compiled is found again."""
+    """`RodState.at_rest` for one scene; hashable by its numbers, so that compiled code is found again."""
 
     count: int
     rest_m: float
@@ -120,7 +120,7 @@ class RodStart:
         return _labels(self.count, self.rest_m, self.radius_m, x, np.zeros((2, 0), np.float32))
 
     def moved(self, x: Float32[np.ndarray, "B N 3"], places: Float32[np.ndarray, "2 B N"]) -> RodState:
-        """Through particles that were moved a little since their `places` were found."""
+        """State through particles that were moved a little since their `places` were found."""
         return RodState(*_through(jnp.asarray(x), jnp.asarray(places), self.count, self.rest_m))
 
 

@@ -1,4 +1,4 @@
-"""Verdict on a centreline: how well a rod of known length and radius explains a cloud, and what is wrong with it."""
+"""Verdict on a centreline: its fit to a cloud as a rod of known length and radius, and its defects."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
@@ -34,7 +34,7 @@ _HIDDEN, _HIDDEN_BESIDE = 0.10, 0.02
 """Share of the length without a particle that is not told from a break, and where strands touch: then the order on the
 other side of a hole is a guess."""
 _AMBIGUOUS = 1.5
-"""Margin; see `bench.centrelines` for how often orders with less are wrong."""
+"""Margin; see `bench.centrelines` for the rate of wrong orders with less."""
 _ENDS_MEET = 2.8
 
 

@@ -1,4 +1,4 @@
-"""Boxes and what is made of them: a box, a tray, walls with a gap, and the two fingers of a gripper."""
+"""Boxes and their compositions: a box, a tray, walls with a gap, and the two fingers of a gripper."""
 
 # Warp reads its types at run time; as static types, its vectors, arrays and structs have no operators.
 # pyright: reportGeneralTypeIssues=false, reportIndexIssue=false, reportOperatorIssue=false, reportArgumentType=false

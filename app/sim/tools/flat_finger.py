@@ -17,7 +17,7 @@ from app.sim.tools.base import AXIS, Motion, Primitive
 
 @wp.func
 def flat_finger_surface(s: Shape, p: wp.vec3):
-    """As a finger's, about a line along x of the half length in the last of `size`."""
+    """Surface as a finger's, about a line along x of the half length in the last of `size`."""
     x = p[0] - wp.clamp(p[0], -s.size[3], s.size[3])
     distance = wp.sqrt(x * x + p[1] * p[1] + AXIS * AXIS)
     cover = sigmoid((p[2] + s.size[1]) / s.size[2])

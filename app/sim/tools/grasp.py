@@ -1,4 +1,4 @@
-"""A grasp: what is between a gripper's fingers when they close goes with them, and is let go when they open.
+"""A grasp: matter between a gripper's fingers when they close moves with them, and is released when they open.
 
 Fingers that pick a cloth up pinch a fold of a few millimetres, which no grid of a planner resolves; what they do to
 the rest is to hold it there. So this is the hold alone, without the fingers' bodies.
@@ -18,12 +18,12 @@ from app.sim.contact import sigmoid
 from app.sim.tools.base import AXIS, Motion, Primitive, Vector
 
 _FADE = wp.constant(0.1)
-"""The reach ends over this share of itself, so that the gradient knows what is just out of reach."""
+"""Share of the reach over which it fades, so that the gradient sees matter just out of reach."""
 
 
 @wp.func
 def reach_surface(s: Shape, p: wp.vec3):
-    """An ellipsoid of the half axes `size`: no side is its surface, for what is inside is held from all."""
+    """Ellipsoid of the half axes `size`, without a contact surface: matter inside is held from all sides."""
     scaled = wp.vec3(p[0] / s.size[0], p[1] / s.size[1], p[2] / s.size[2])
     away = wp.sqrt(wp.dot(scaled, scaled) + AXIS)
     return wp.vec3(), 0.0, sigmoid((1.0 - away) / _FADE)
@@ -32,7 +32,7 @@ def reach_surface(s: Shape, p: wp.vec3):
 @final
 @dataclass(frozen=True, kw_only=True)
 class Grasp:
-    """Holds what is within `reach_m` of the tool position, along x, y and z, while it opens less than `closed_m`."""
+    """Grasp of matter within `reach_m` of the tool position, along x, y and z, while it opens less than `closed_m`."""
 
     reach_m: Vector
     closed_m: float

@@ -15,7 +15,7 @@ from app.sim.tools.base import Motion, Primitive, Quaternion, Vector, safe_norm
 
 _AS_THEY_ARE: Quaternion = (1.0, 0.0, 0.0, 0.0)
 _QUARTER_TURN: Quaternion = (sqrt(0.5), 0.0, 0.0, sqrt(0.5))
-"""About the vertical: takes y to x."""
+"""Quarter turn about the vertical: takes y to x."""
 
 
 @wp.func
@@ -29,7 +29,7 @@ def rod_surface(s: Shape, p: wp.vec3):
 @final
 @dataclass(frozen=True, kw_only=True)
 class Rod:
-    """Along y, its middle at `place_m`."""
+    """Rod along y, its middle at `place_m`."""
 
     half_length_m: float
     radius_m: float

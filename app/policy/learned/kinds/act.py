@@ -27,7 +27,7 @@ _STYLES = 8
 @final
 @dataclass(frozen=True, kw_only=True)
 class Act:
-    """`style` numbers of z; `beta` weighs what they may tell (table III of the paper: 10).
+    """ACT. `style`: size of z; `beta`: weight of its Kullback-Leibler divergence (table III of the paper: 10).
 
     `window`: how many actions a chunk spans, where actions begin where the tool is.
     """
@@ -44,14 +44,14 @@ class Act:
         return 0 if how.space.anywhere else self.window - 1
 
     def begin(self, key: PRNGKeyArray, seen: Sight, how: Lessons) -> Params:
-        """As flax draws them."""
+        """Initial parameters, as flax draws them."""
         count, numbers = self._chunk(how)
         counts = jnp.ones((len(seen.tool), count))
         moves = jnp.zeros((len(seen.tool), count, numbers))
         return self._network(how).init(key, key, seen, moves, counts)["params"]
 
     def loss(self, params: Params, key: PRNGKeyArray, shown: Shown, how: Lessons, scale: Scale) -> Float[Array, ""]:
-        """Algorithm 1: the mean absolute error of the moves, and beta times how far z is from a unit Gaussian."""
+        """Algorithm 1: the mean absolute error of the moves, and beta times z's divergence from a unit Gaussian."""
         spanned, batch = 1 + self.ahead(how), len(shown.made)
         moves = scale.to(shown.made[:, :spanned].reshape(-1, shown.made.shape[-1]))
         moves = moves.reshape(batch, *self._chunk(how))
@@ -62,7 +62,7 @@ class Act:
         return (counts * off).sum() / counts.sum() + self.beta * divergence.mean()
 
     def act(self, params: Params, seen: Sight, how: Lessons, scale: Scale) -> Acted:
-        """Algorithm 2, line 3: z is the prior's mean, 0; other styles tell how far apart demonstrations were."""
+        """Algorithm 2, line 3: z is the prior's mean, 0; samples of z give the spread of the demonstrations."""
         network = self._network(how)
         styles = jax.random.normal(jax.random.key(0), (_STYLES, self.style)).at[0].set(0.0)
 

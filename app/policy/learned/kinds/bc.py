@@ -18,7 +18,7 @@ _LEAST, _MOST = -4.0, 1.0
 @final
 @dataclass(frozen=True, kw_only=True)
 class Cloning(NextOnly):
-    """A Gaussian about one action, whose mean and standard deviation the network says, by its likelihood."""
+    """A Gaussian over one action, whose mean and standard deviation the network predicts; fitted by likelihood."""
 
     width: int = 32
     hidden: int = 256
@@ -27,7 +27,7 @@ class Cloning(NextOnly):
     window: ClassVar[int] = 1
 
     def begin(self, key: PRNGKeyArray, seen: Sight, how: Lessons) -> Params:
-        """As flax draws them."""
+        """Initial parameters, as flax draws them."""
         return self._network(how.space.chunk).init(key, seen)["params"]
 
     def loss(self, params: Params, key: PRNGKeyArray, shown: Shown, how: Lessons, scale: Scale) -> Float[Array, ""]:

@@ -25,9 +25,9 @@ _OFFSET = 0.008
 """`s` of the squared cosine schedule (Nichol and Dhariwal 2021, "Improved denoising diffusion", equation 17)."""
 _LARGEST_NOISE = 0.999
 _FARTHEST = 4.0
-"""Standard deviations beyond which nothing is demonstrated: what is found is kept within, as the paper clips."""
+"""Bound on denoised moves, in standard deviations of the demonstrations, as the paper clips."""
 _DRAWN = 4
-"""Chunks that are found from as many noises, to see how far apart they are; the first is made."""
+"""Chunks denoised from as many noises, for the spread; the first is executed."""
 
 
 @final
@@ -44,12 +44,12 @@ class Diffusion(NextOnly):
     window: ClassVar[int] = 1
 
     def begin(self, key: PRNGKeyArray, seen: Sight, how: Lessons) -> Params:
-        """As flax draws them."""
+        """Initial parameters, as flax draws them."""
         count, chunk = len(seen.tool), how.space.chunk
         return self._network(chunk).init(key, seen, jnp.zeros((count, *chunk)), jnp.zeros(count, jnp.int32))["params"]
 
     def loss(self, params: Params, key: PRNGKeyArray, shown: Shown, how: Lessons, scale: Scale) -> Float[Array, ""]:
-        """Equation 5, of moves: their mean squared error, told from noised ones at a level drawn for each."""
+        """Equation 5, of moves: mean squared error of their prediction from noised ones, at a random level each."""
         moves, (drawn, noised) = scale.to(shown.actions), jax.random.split(key)
         level = jax.random.randint(drawn, (len(moves),), 0, self.noisy)
         noise = jax.random.normal(noised, moves.shape)
@@ -102,7 +102,7 @@ class Diffusion(NextOnly):
 
 @final
 class _Denoiser(nn.Module):
-    """The paper's transformer: moves look at each other and at what is seen (section III-A)."""
+    """The paper's transformer: moves attend to each other and to the observation (section III-A)."""
 
     eyes: int
     width: int

@@ -46,7 +46,7 @@ class Imitation(NextOnly):
     steepest: float = 0.3
 
     def begin(self, key: PRNGKeyArray, seen: Sight, how: Lessons) -> Params:
-        """As flax draws them. Raises UsageError where there is no simulator to try in."""
+        """Initial parameters, as flax draws them. Raises UsageError if there is no simulator to learn in."""
         _world(how)
         params: Params = self._network(how.space.chunk).init(key, seen)["params"]
         return params
@@ -79,7 +79,7 @@ class Imitation(NextOnly):
     def _made(
         self, params: Params, goal: Float[Array, "B M 3"], now: Now, how: Lessons, scale: Scale
     ) -> Float[Array, "B A"]:
-        """The action as it may be made; its slope passes that straight through, and is shortened."""
+        """The projected action; gradients pass the projection unchanged, and are clipped."""
         wanted = how.framed(goal, now, lambda seen: self.act(params, seen, how, scale)).mean
         here, start = jax.lax.stop_gradient((wanted, now))
         # The loss is a mean over the candidates.
@@ -96,7 +96,7 @@ def _world(how: Lessons) -> World:
 
 
 def _finite(state: ObjectState, before: ObjectState) -> ObjectState:
-    """As it was before, of each candidate of which the simulation ended in no numbers; that has no slopes either."""
+    """The state, with that before of each candidate whose simulation became non-finite; it has no gradient then."""
     fine = are_finite(*state)
     pairs = zip(state, before, strict=True)
     return type(state)(*(jnp.where(fine.reshape(-1, *[1] * (new.ndim - 1)), new, old) for new, old in pairs))

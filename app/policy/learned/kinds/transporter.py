@@ -26,7 +26,7 @@ from app.policy.learned.sight import Sight
 from app.policy.pictures import View
 
 _NEAR: Final = 1
-"""Pixels around the likeliest one among which a place is refined, by the mean of what is likely there."""
+"""Radius around the likeliest pixel within which it is refined, by the mean over the probabilities."""
 
 
 _FAINT: Final = nn.initializers.variance_scaling(0.01, "fan_in", "truncated_normal")
@@ -46,7 +46,7 @@ class Strokes(Protocol):
         ...
 
     def stroke(self, ends: Float[Array, "B 2 2"], bends: Float[Array, "B M"]) -> Float[Array, "B A"]:
-        """Both together."""
+        """Actions of these ends and bends."""
         ...
 
 
@@ -67,12 +67,12 @@ class Transporter(NextOnly):
     window: ClassVar[int] = 1
 
     def begin(self, key: PRNGKeyArray, seen: Sight, how: Lessons) -> Params:
-        """As flax draws them. Raises UsageError for actions that are no strokes over a table."""
+        """Initial parameters, as flax draws them. Raises UsageError for actions that are no strokes."""
         somewhere = jnp.full((len(seen.tool), 2), self.crop)
         return self._network(how).init(key, seen.pictures[0], somewhere, somewhere)["params"]
 
     def loss(self, params: Params, key: PRNGKeyArray, shown: Shown, how: Lessons, scale: Scale) -> Float[Array, ""]:
-        """Cross entropy of both pixels (section 3.3), and the mean squared error of what is between."""
+        """Cross entropy of both pixels (section 3.3), and the mean squared error of the bends."""
         del key, scale
         space, view = _strokes(how), how.views[0]
         first, last = jnp.moveaxis(_pixels(view, space.ends(shown.actions)), 1, 0)
@@ -119,7 +119,7 @@ class _Transporter(nn.Module):
     def __call__(
         self, picture: Float[Array, "B R C 4"], first: Int[Array, "B 2"], last: Int[Array, "B 2"]
     ) -> tuple[Float[Array, "B R C"], Float[Array, "B R C"], Float[Array, "B M"]]:
-        """Logits of beginnings, logits of ends of what begins there, and what is done between these two."""
+        """Logits of starts, logits of ends given the start, and the bends between them."""
         return self.beginning(picture), self.ending(picture, first), self.bending(picture, first, last)
 
     def beginning(self, picture: Float[Array, "B R C 4"]) -> Float[Array, "B R C"]:
@@ -127,7 +127,7 @@ class _Transporter(nn.Module):
         return self.begins(picture)[..., 0]
 
     def ending(self, picture: Float[Array, "B R C 4"], first: Int[Array, "B 2"]) -> Float[Array, "B R C"]:
-        """Equation 3: how well what is around the beginning, turned the best of all ways, goes with each pixel."""
+        """Equation 3: correlation of the crop around the start with each pixel, at the best of all angles."""
         queries, keys = self.queries(picture), self.keys(picture)
 
         def correlated(query: Float[Array, "R C F"], key: Float[Array, "R C F"], at: Int[Array, "2"]) -> Array:
@@ -167,7 +167,7 @@ class _Whole(nn.Module):
 
     @nn.compact
     def __call__(self, picture: Float[Array, "B R C K"]) -> Float[Array, "B R C F"]:
-        """As large as the picture."""
+        """Feature maps of the picture's size."""
         fine = self.eyes // 2
         near = nn.relu(nn.Conv(fine, (3, 3))(picture))
         far = nn.Conv(fine, (1, 1))(Eyes(self.eyes)(picture))
@@ -220,7 +220,7 @@ def _surprise(logits: Float[Array, "B R C"], pixel: Int[Array, "B 2"]) -> Float[
 
 
 def _likeliest(logits: Float[Array, "B R C"]) -> tuple[Float[Array, "B 2"], Float[Array, "B 1"]]:
-    """The likeliest pixel, refined, and how far about it likely ones are: a standard deviation [pixel]."""
+    """The likeliest pixel, refined, and the standard deviation about it [pixel]."""
     count, rows, columns = logits.shape
     share = jax.nn.softmax(logits.reshape(count, -1)).reshape(logits.shape)
     best = jnp.stack(jnp.unravel_index(jnp.argmax(logits.reshape(count, -1), axis=1), (rows, columns)), axis=-1)
