@@ -14,6 +14,7 @@ import jax.numpy as jnp
 import warp as wp
 
 from app.sim.budget import bytes_of, require
+from app.sim.calls import make_warp_call
 from app.sim.constants import BLOCK_NODES, Constants
 from app.sim.hooks import columns
 from app.sim.memory import Grid, GridBars
@@ -128,8 +129,9 @@ def make_operations(scene: Scene, counts: Sequence[int], schedule: Schedule) -> 
         work = Work(constants(history.device.alias), inputs, history, grid)
         schedule.adjoint(work, Bars(state_bar, grain_bar, node_bar, tool_bar, grid_bars))
 
-    forward_call = wp.jax_callable(forward, num_outputs=8)
-    backward_call = wp.jax_callable(backward, num_outputs=15)
+    made_for = kernels.pieces.code.name(), scene, counts, type(schedule).__name__
+    forward_call = make_warp_call(forward, made_for, num_outputs=8)
+    backward_call = make_warp_call(backward, made_for, num_outputs=15)
 
     def grid_dims(candidates: int, *, backwards: bool) -> dict[str, tuple[int, ...]]:
         slots, lists = schedule.slots(candidates, backwards=backwards), schedule.lists(candidates)
@@ -177,7 +179,7 @@ def make_operations(scene: Scene, counts: Sequence[int], schedule: Schedule) -> 
         }
         given = inputs(phi, tool, setting, kernels.modules[-1])
         state_bar, grain_bar, node_bar, tool_bar, *_ = backward_call(
-            *given, history, pack(end_bar)[:, None], int(every), output_dims=dims
+            *given, history, pack(end_bar)[:, None], numbers=(int(every),), output_dims=dims
         )
         phi_bar = jnp.zeros_like(phi)
         for bar, own in ((grain_bar, chosen.grain), (node_bar, chosen.node)):

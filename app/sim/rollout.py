@@ -110,7 +110,7 @@ def make_rollout(
         own = Setting(label=reordered(known.label, order, back), time=known.time)
         return reordered(rollout(phi, reordered(state, order, back), tool, own), back, order)
 
-    return simulate
+    return jax.jit(simulate)
 
 
 def _row(history: jax.Array, row: int) -> State:

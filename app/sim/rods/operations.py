@@ -13,6 +13,7 @@ import jax.numpy as jnp
 import numpy as np
 import warp as wp
 
+from app.sim.calls import make_warp_call
 from app.sim.rods.kernels import BAR_ROWS, EVERY, FIELDS, FINGER, LANES, ROWS, THREADS, TOOL, rod_kernels
 from app.sim.rods.scene import RodScene, factors_of, numbers_of, smoother_of, smoothing_of
 from app.sim.rods.state import STATE
@@ -99,8 +100,9 @@ def make_rod_operations(scene: RodScene, bending_n_m: float, damping_n_m_s: floa
         given = [constants, smoothing, start, fields, traits, tool, scratch, kept, rows, between, end_bar]
         launch(kernels.adjoint, groups, [*given, start_bar, fields_bar, traits_bar, tool_bar], start.device)
 
-    forward_call = wp.jax_callable(forward, num_outputs=3)
-    backward_call = wp.jax_callable(backward, num_outputs=6)
+    made_for = scene, bending_n_m, damping_n_m_s, laws
+    forward_call = make_warp_call(forward, made_for, num_outputs=3)
+    backward_call = make_warp_call(backward, made_for, num_outputs=6)
 
     def slots(candidates: int) -> int:
         groups = groups_of(candidates)
@@ -121,8 +123,8 @@ def make_rod_operations(scene: RodScene, bending_n_m: float, damping_n_m_s: floa
             "scratch": (slots(candidates) * ((ROWS + BAR_ROWS) * n + traits.shape[1] + FINGER) * width,),
         }
         constants = jnp.asarray(numbers), jnp.asarray(smoother)
-        given = (start, fields, traits.ravel(), tool, rows, apart)
-        end, kept, _ = forward_call(*constants, *given, output_dims=dims)
+        given = start, fields, traits.ravel(), tool
+        end, kept, _ = forward_call(*constants, *given, numbers=(rows, apart), output_dims=dims)
         return end, kept
 
     def run_forward(
@@ -161,7 +163,7 @@ def make_rod_operations(scene: RodScene, bending_n_m: float, damping_n_m_s: floa
             tool,
             kept,
             end_bar,
-            rows,
+            numbers=(rows,),
             output_dims=dims,
         )
         return start_bar, fields_bar, traits_bar.reshape(traits.shape), tool_bar

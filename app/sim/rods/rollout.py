@@ -145,7 +145,7 @@ def make_rod_rollout(scene: RodScene, effects: tuple[Effect, ...] = ()) -> Simul
         sound &= is_in_domain(scene, *jax.lax.stop_gradient((state.nodes, tool)))
         return jax.tree.map(as_float32, state)._replace(nodes=where_finite(sound, end))
 
-    return simulate
+    return jax.jit(simulate)
 
 
 def make_rod_trace(scene: RodScene, effects: tuple[Effect, ...] = ()) -> TraceRod:
@@ -163,7 +163,7 @@ def make_rod_trace(scene: RodScene, effects: tuple[Effect, ...] = ()) -> TraceRo
         springback = inputs[2][:, _SPRINGBACK]
         return RodHistory(operations.states(*inputs), finger=inputs[3], fields=inputs[1], springback=springback)
 
-    return trace
+    return jax.jit(trace)
 
 
 def rod_numbers(scene: RodScene) -> Numbers:
