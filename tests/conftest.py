@@ -67,7 +67,7 @@ _BLAS = threadpool_limits(limits=1, user_api="blas")
 # A program that a test compiles runs a few times: XLA spends less on making it fast. In the application's own processes
 # it spends what it does.
 with pytest.MonkeyPatch.context() as _environment:
-    _environment.setenv("XLA_FLAGS", f"{os.environ.get('XLA_FLAGS', '')} --xla_backend_optimization_level={os.environ.get('LEVEL', 0)}")
+    _environment.setenv("XLA_FLAGS", f"{os.environ.get('XLA_FLAGS', '')} --xla_backend_optimization_level=0")
     jax.devices()
 
 # Warp looks for a driver in a process of its own at its first use, which is no test's.

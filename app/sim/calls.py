@@ -3,11 +3,13 @@
 Warp names the target of a call by how many functions of the same name there were before it, and numbers how often the
 call was traced. Both are part of the program: outside of `jax.jit` each call would be compiled anew, and a process
 that makes its simulators in another order would find nothing of what was kept on disk. Here a target is named by what
-it is made for and by the shapes of its arguments, and is traced once for these.
+it is made for and by the shapes of its arguments, and is traced once for these. Two of one name that differ in what
+a name cannot tell, as functions of the same name do, are numbered.
 """
 
 import re
-from collections.abc import Callable, Mapping
+from collections import Counter
+from collections.abc import Callable, Hashable, Mapping
 from functools import cache, partial
 from hashlib import sha256
 from types import FunctionType
@@ -18,10 +20,8 @@ import warp as wp
 
 Dims = tuple[tuple[str, tuple[int, ...]], ...]
 """Names of outputs and their shapes."""
-
-
 _ADDRESS = re.compile(r" at 0x[0-9a-f]+")
-"""Of a function in a `repr`: another one in every process."""
+"""Address of a function in a `repr`: another one in every process."""
 
 
 class WarpCall(Protocol):
@@ -34,13 +34,27 @@ class WarpCall(Protocol):
         ...
 
 
-def make_warp_call(function: Callable[..., None], made_for: object, num_outputs: int) -> WarpCall:
+_calls: dict[tuple[str, Hashable], WarpCall] = {}
+_alike: Counter[str] = Counter()
+"""Calls in `_calls` by the words that tell them apart in a name."""
+
+
+def make_warp_call(function: Callable[..., None], made_for: Hashable, num_outputs: int) -> WarpCall:
     """The call of a function of Warp arrays, then numbers, then `num_outputs` arrays that it writes.
 
-    `made_for`: what the function has besides its arguments; it is told apart from others by its `repr`.
+    `made_for`: all that the function has besides its arguments. Functions that are defined at one place and made for
+    equal things are the same.
     """
+    key = f"{function.__module__}.{function.__qualname__}", made_for
+    if key not in _calls:
+        words = _ADDRESS.sub("", repr(key))
+        _calls[key] = _warp_call(function, f"{words}, {_alike[words]}", num_outputs)
+        _alike[words] += 1
+    return _calls[key]
+
+
+def _warp_call(function: Callable[..., None], words: str, num_outputs: int) -> WarpCall:
     assert isinstance(function, FunctionType)
-    words = _ADDRESS.sub("", repr(made_for))
 
     @cache
     def target(*signature: Any) -> Callable[..., Any]:

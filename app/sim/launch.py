@@ -129,7 +129,7 @@ def make_operations(scene: Scene, counts: Sequence[int], schedule: Schedule) -> 
         work = Work(constants(history.device.alias), inputs, history, grid)
         schedule.adjoint(work, Bars(state_bar, grain_bar, node_bar, tool_bar, grid_bars))
 
-    made_for = kernels.pieces.code.name(), scene, counts, type(schedule).__name__
+    made_for = kernels.pieces.code, scene, tuple(counts), schedule
     forward_call = make_warp_call(forward, made_for, num_outputs=8)
     backward_call = make_warp_call(backward, made_for, num_outputs=15)
 
