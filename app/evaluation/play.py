@@ -12,6 +12,7 @@ from app.config import Site
 from app.core.chamfer import chamfer_m2
 from app.core.errors import DipacError, PlanningError
 from app.core.messages import Executed, Frame, Model, Particles, Transition, fresh_id
+from app.core.orientation import UNKNOWN
 from app.core.types import Centreline, Points
 from app.perception.reconstruct import reconstruct
 from app.planner.method import Method
@@ -114,6 +115,7 @@ class _Episode:
         self._rng, self._learnt = np.random.default_rng([order.seed, 1]), list[Transition]()
         self._frames: Sequence[Frame] = ()
         self._near: Centreline | None = None
+        self._orientation = UNKNOWN
 
     def run(self, played: Played, listen: Listener | None) -> None:
         """Play into `played`, which holds the results so far even after a failure."""
@@ -178,6 +180,7 @@ class _Episode:
                     tool=self._cell.tool,
                     method=method,
                     near=self._near,
+                    orientation=self._orientation,
                 )
             except PlanningError:
                 if attempt + 1 == _ATTEMPTS:
@@ -193,6 +196,7 @@ class _Episode:
     def _learn(self, before: Particles, executed: Executed, after: Particles) -> Transition:
         transition = Transition.between(before, executed, after)
         self._learnt.append(transition)
+        self._orientation = jobs.followed(self._task.name, self._orientation, transition, self._model)
         if self._order.online:
             task, preset = self._task.name, self._order.preset
             with suppress(DipacError):  # What cannot be learnt from leaves the model as it was, as in the application.

@@ -9,6 +9,7 @@ from app.core.announcer import Announcer
 from app.core.errors import PlanningError, WorkerError
 from app.core.messages import Model, Particles
 from app.core.motion import Motion
+from app.core.orientation import UNKNOWN, Orientation
 from app.core.types import Centreline, Points
 from app.core.worker import Worker
 from app.flow.probing import Probing
@@ -38,7 +39,12 @@ class Asking:
         self._motions = self._motions[1:]
 
     async def plan(
-        self, observed: Particles, goal: Points, model: Model, near: Centreline | None = None
+        self,
+        observed: Particles,
+        goal: Points,
+        model: Model,
+        near: Centreline | None = None,
+        orientation: Orientation = UNKNOWN,
     ) -> "Plan | None":
         """The next push, aimed at where the object is now; None where none is asked for, or it does not fit here.
 
@@ -49,7 +55,9 @@ class Asking:
         if motion is None:
             return None
         try:
-            found = await self._planner.run(asked_plan, self._task, x, goal, model, motion, self._site, near)
+            found = await self._planner.run(
+                asked_plan, self._task, x, goal, model, motion, self._site, near, orientation
+            )
         except (PlanningError, WorkerError) as error:
             self.answered()
             self._announcer.notice("discovery", f"The push that discovery asks for cannot be offered: {error}")

@@ -6,6 +6,7 @@ from app.config import Site
 from app.core.announcer import Announcer
 from app.core.errors import PlanningError, WorkerError
 from app.core.messages import Model, Particles, Proposal
+from app.core.orientation import UNKNOWN, Orientation
 from app.core.requests import EditRequest
 from app.core.types import Centreline, Points
 from app.core.worker import Worker
@@ -38,7 +39,12 @@ class Editing:
         self._wanted = None
 
     async def plan(
-        self, observed: Particles, goal: Points, model: Model, near: Centreline | None = None
+        self,
+        observed: Particles,
+        goal: Points,
+        model: Model,
+        near: Centreline | None = None,
+        orientation: Orientation = UNKNOWN,
     ) -> "Plan | None":
         """The changed motion for where the object is now; None where none is wanted, or it cannot be made.
 
@@ -51,7 +57,7 @@ class Editing:
         try:
             return await self._planner.run(
                 *(edited_plan, self._task, self._preset, observed.positions, goal, model, proposal.branches, index),
-                *(request.start, request.end, self._site, near),
+                *(request.start, request.end, self._site, near, orientation),
             )
         except (PlanningError, WorkerError) as error:
             self._announcer.notice("edit", f"The edited motion cannot be offered. {error}")

@@ -197,8 +197,7 @@ class Flow:
                     await self.calibrating.asked(chore, self.modes.name)
 
     async def _aim(self, request: GoalRequest | PictureGoalRequest) -> None:
-        wish = await self.aiming.aimed(self.wish, request, self.sensing.seeing.how, self.learning.models.value)
-        if wish is not None:
+        if wish := await self.aiming.aimed(self.wish, request, self.sensing.seeing.how, self.learning.models.value):
             self.wish = wish
             self.planning.forget()
             self.modes.interrupt("is for another goal")
@@ -213,8 +212,7 @@ class Flow:
 
     async def _use(self, request: ModelRequest) -> None:
         """Plan with another model, and with the goal as its cameras observe it."""
-        used = await self.learning.use(request, self.wish.goal.positions)
-        if used is not None:
+        if used := await self.learning.use(request, self.wish.goal.positions):
             self.wish = replace(self.wish, shown_goal=used[1])
             self.planning.forget()
             self.modes.interrupt("is of another model")
@@ -340,6 +338,7 @@ class Flow:
             after = self._observed = await self._look()
             transition = self.say(Transition.between(before, executed, after, time_s=self.clock.now()))
             self.demonstrating.learned(transition)
+            self.planning.saw(transition, self._model)
             await self.learning.put(transition)
 
     @contextmanager
@@ -385,6 +384,7 @@ class Flow:
             return
         transition = self.say(Transition.between(before, executed, after, time_s=self.clock.now()))
         self.demonstrating.learned(transition)
+        self.planning.saw(transition, self._model)
         await self.watching.put(Push(proposal, transition, self.learning.models.value))
         await self.probing.put(transition, before, after, self.reporting.do)
         await self.learning.put(transition)

@@ -1,5 +1,6 @@
 """The planner's process: warmed up, asked for plans, and asked again where it fails."""
 
+from collections import deque
 from collections.abc import Callable
 from typing import TYPE_CHECKING, final
 
@@ -9,8 +10,9 @@ from jaxtyping import Float32
 from app.config import Site
 from app.core.announcer import Announcer
 from app.core.channel import Latest
-from app.core.errors import PlanningError, WorkerError
-from app.core.messages import MessageId, Model, Particles, Proposal
+from app.core.errors import DipacError, PlanningError, WorkerError
+from app.core.messages import MessageId, Model, Particles, Proposal, Transition
+from app.core.orientation import UNKNOWN, Orientation
 from app.core.ports import Clock
 from app.core.requests import EditRequest
 from app.core.types import Centreline, Points, ToolPose
@@ -19,7 +21,16 @@ from app.flow.asking import Asking
 from app.flow.editing import Editing
 from app.flow.probing import Probing
 from app.tasks.base import Wish
-from app.tasks.jobs import doubt, nominal_model, plan, uncalibrated_model, warm_up_stage, warm_up_stages
+from app.tasks.jobs import (
+    RECENT,
+    doubt,
+    followed,
+    nominal_model,
+    plan,
+    uncalibrated_model,
+    warm_up_stage,
+    warm_up_stages,
+)
 
 if TYPE_CHECKING:  # The planner is loaded in its own process alone.
     from app.planner.plan import Plan
@@ -45,6 +56,8 @@ class Planning:
         self._rejected: tuple[Float32[np.ndarray, "_ 3"], ...] = ()
         self._predicted: dict[MessageId, Centreline] = {}
         self._near: Centreline | None = None
+        self._orientation = UNKNOWN
+        self._seen = deque[tuple[Transition, Model]](maxlen=RECENT)
 
     async def begin(self, wish: Wish, do: Callable[[str], None]) -> Model:
         """Start the planner's process, reported to `do`, and return the initial model, which has been published."""
@@ -79,6 +92,10 @@ class Planning:
         """Keep the prediction for the next plan: the motion was made, and the object lies about as predicted."""
         self._near = self._predicted.get(proposal.id)
 
+    def saw(self, transition: Transition, model: Model) -> None:
+        """Note a motion that was seen, by which the next plan follows the object's ends."""
+        self._seen.append((transition, model))
+
     def discard_prediction(self) -> None:
         """Forget the prediction, and rejected or changed plans: the object lies elsewhere."""
         self._near = None
@@ -96,7 +113,7 @@ class Planning:
         started_s = self._clock.now()
         if not self._editing.wanted(request, shown):
             return None
-        found = await self._editing.plan(observed, wish.goal.positions, model, self._near)
+        found = await self._editing.plan(observed, wish.goal.positions, model, self._near, self._orientation)
         now_s = self._clock.now()
         return self._propose(wish, found, observed, model, (started_s, now_s)) if found else None
 
@@ -116,13 +133,17 @@ class Planning:
         if changed is not None and changed[0] == at:
             return self._announcer.say(changed[1])
         self._predicted.clear()
+        await self._follow(wish)
         started_s, x, goal = self._clock.now(), observed.positions, wish.goal.positions
+        lies = self._near, self._orientation
         for attempt in range(FAILURES_IN_A_ROW):
             seed = hash((*seeds, attempt)) % 2**31
             try:
-                found = await self._asking.plan(observed, goal, model, self._near) or await self._planner.run(
+                found = await self._asking.plan(
+                    observed, goal, model, self._near, self._orientation
+                ) or await self._planner.run(
                     *(plan, wish.task.name, wish.preset, x, goal, model, seed, self._site, tool, wish.method),
-                    *(self._rejected, self._near),
+                    *(self._rejected, *lies),
                 )
             except (PlanningError, WorkerError) as error:
                 self._announcer.fault("planner", error)
@@ -142,9 +163,28 @@ class Planning:
         self._predicted[proposal.id] = found.centreline
         return proposal
 
+    async def _follow(self, wish: Wish) -> None:
+        """Follow the object's ends through what was seen, and say it where they become known."""
+        while self._seen:
+            transition, model = self._seen.popleft()
+            before = self._orientation
+            try:
+                self._orientation = await self._planner.run(followed, wish.task.name, before, transition, model)
+            except DipacError as error:
+                self._announcer.fault("orientation", error)
+            if self._orientation.known and not before.known:
+                self._announcer.notice("orientation", _found(self._orientation), transition.id)
+
     async def _doubt(self, wish: Wish, x: Points) -> None:
         """Say, once, what makes it doubtful that the simulation begins where the object is."""
         said = await self._planner.run(doubt, wish.task.name, x, self._near)
         if said and said != self._doubted:
             self._announcer.notice("planner", f"{said} Until then what is predicted may be wrong.")
         self._doubted = said
+
+
+def _found(orientation: Orientation) -> str:
+    return (
+        f"Which end of the object is the model's first one is known now, with a probability of "
+        f"{orientation.probability:.2f}: plans heed all effects along it."
+    )

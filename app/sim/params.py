@@ -5,6 +5,7 @@ phi has one row a candidate, shape (B, P), float32, in physical units; the colum
 
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import replace
+from functools import cache
 
 import numpy as np
 from jaxtyping import Float, Float32
@@ -91,6 +92,18 @@ def columns_of(effects: Sequence[Effect]) -> list[int]:
     return [index(spec.name) for spec in parameters_with(effects)]
 
 
+def odd_values(phi: Float[np.ndarray, " P"]) -> tuple[float, ...]:
+    """Values of the parameters that change their sign with the end of the object that is called the first."""
+    return tuple(float(value) for value in phi[_odd_columns()])
+
+
+def turned(phi: Float32[np.ndarray, " P"], sign: float) -> Float32[np.ndarray, " P"]:
+    """`phi` of an object whose first end is the other one (`sign` -1), or nobody knows which (0: what is even acts)."""
+    other = phi.copy()
+    other[_odd_columns()] *= sign
+    return other
+
+
 def index(name: str) -> int:
     """The column of phi that holds `name`; UsageError with the known names where there is none."""
     names = [spec.name for spec in PARAMETERS]
@@ -127,3 +140,8 @@ def require_ranges(specs: Sequence[ParameterSpec], phi: Float32[np.ndarray, "B P
             f"{whose}{spec.name} = {phi[candidate, column]:g} is outside its range {spec.low:g} to {spec.high:g} "
             f"(unit {spec.unit})."
         )
+
+
+@cache
+def _odd_columns() -> list[int]:
+    return [index(name) for effect in EFFECTS for name in effect.odd]

@@ -12,6 +12,7 @@ from app.core.errors import PlanningError
 from app.core.finger_distance import nearest_m
 from app.core.messages import Branch
 from app.core.motion import Motion
+from app.core.orientation import UNKNOWN, Orientation
 
 if TYPE_CHECKING:
     from jaxtyping import Float64, Int
@@ -62,28 +63,31 @@ def asked_plan(
     asked: Motion,
     site: Site | None = None,
     near: Centreline | None = None,
+    orientation: Orientation = UNKNOWN,
 ) -> Plan:
     """`asked` as a plan of one branch for the object that the cameras say is at `observed` (N, 3) [m].
 
     The push keeps its direction, length and speed, and is moved to where the object is. What the model says of cameras
-    and arm is allowed for, and `near` is used, as in `jobs.plan`. Raises PlanningError where the push fits nowhere.
+    and arm is allowed for, and `near` and `orientation` are used, as in `jobs.plan`. Raises PlanningError where the
+    push fits nowhere.
     """
     import jax
     import jax.numpy as jnp
 
     from app.planner.plan import Plan
-    from app.tasks import compiled, load
+    from app.tasks import compiled, load, orienting
     from app.tasks.correction import correction
     from app.tasks.doubted import subject_of
 
-    data, where, phi = load(task), site or Site(), compiled.phi_of(model)
+    data, where = load(task), site or Site()
     subject_of(data)  # Says so where the task has no pushes.
     allowed_for = correction(model) if model.apparatus else None
     x = allowed_for.unseen(observed) if allowed_for else observed
     made = aimed(asked, x, data.actions, where)  # pyright: ignore[reportArgumentType] - checked by `subject_of`
     path = data.actions.measured_path(made.positions)
-    simulate = jax.jit(compiled.carried(task, len(x), *compiled.needs(task, phi)))
+    simulate = jax.jit(compiled.carried(task, len(x), *compiled.needs(task, compiled.phi_of(model))))
     before = data.begin(jnp.asarray(x)[None], None if near is None else jnp.asarray(near))
+    phi = orienting.as_it_lies(model, x, orientation, near)
     end = simulate(jnp.asarray(phi)[None], before, jnp.asarray(path)[None])
     predicted = np.asarray(end.x[0])
     if not np.isfinite(predicted).all():

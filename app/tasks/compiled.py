@@ -30,7 +30,7 @@ from app.sim.effects.base import Effect
 from app.sim.hooks import require_known
 from app.sim.object_state import ObjectState
 from app.sim.parameter import ParameterSpec
-from app.sim.params import PARAMETERS, acting, columns_of, index
+from app.sim.params import PARAMETERS, acting, columns_of, index, turned
 from app.sim.rods.effect import RodSetting
 from app.sim.rods.from_parameters import rod_columns, rod_physics
 from app.sim.rods.rollout import make_rod_rollout
@@ -102,14 +102,15 @@ def moving(task: str, particle_count: int, effects: tuple[Effect, ...] = (), sti
 
     Which way a slender object runs, and so its rest shape, is seen from the particles as the action began. It takes
     all of phi and heeds the nominal parameters and those of `effects`; see `params.acting`. What changes in the course
-    of a session is as at its end. Where along the object a particle is, nobody knows here: effects that depend on that
+    of a session is as at its end. A rod's first end is its first node: parameters that are odd along it have the sign
+    of that (`orienting.as_it_lies`). Where along other objects a particle is, nobody knows: effects that depend on that
     do nothing. `stiff`: of rods, that of `RodDynamics.stiff_scene`. Raises ParameterError, which names the parameters,
     for a model that needs effects that its engine lacks.
     """
-    known = tuple(effect for effect in effects if not effect.oriented)
     data = load(task)
     if data.dynamics == "rods":
-        return _moving_rod(data, known, stiff=stiff)
+        return _moving_rod(data, effects, stiff=stiff)
+    known = tuple(effect for effect in effects if not effect.oriented)
     require_known(known)
     simulate = make_rollout(data.scene, particle_count=data.scene.split(particle_count), effects=known)
     own = np.array(columns_of(known))
@@ -143,9 +144,9 @@ def _moving_rod(task: Task, effects: tuple[Effect, ...], *, stiff: bool) -> Part
 
 
 def rod_now(rods: RodDynamics, candidates: int) -> RodSetting:
-    """Setting of an action on rods that is planned, as `now`."""
-    unknown = RodSetting.unknown(candidates, rods.scene.nodes)
-    return unknown._replace(session_time=jnp.full(candidates, _NOW))
+    """Setting of an action on rods that is planned, as `now`; the first node is the first end."""
+    along = jnp.tile(jnp.linspace(-1.0, 1.0, rods.scene.nodes), (candidates, 1))
+    return RodSetting(material_coordinates=along, session_time=jnp.full(candidates, _NOW))
 
 
 def now(candidates: int, particle_count: int) -> Setting:
@@ -232,9 +233,9 @@ class Calibrated(NamedTuple):
 def calibrated(
     task: str, preset: str, transitions: Sequence[Transition], model: Model, settings: Settings
 ) -> Calibrated:
-    """The next version of `model`, fitted to all the transitions."""
+    """The next version of `model`, fitted to all the transitions, either end of the object first (`params.turned`)."""
     evidence = gather(transitions, load(task).actions.measured_path)
-    fitter, found = _fitted(task, preset, settings, phi_of(model), lambda by, phi: by.fit(evidence, phi))
+    fitter, found = _fitted(task, preset, settings, turned(phi_of(model), 0.0), lambda by, phi: by.fit(evidence, phi))
     new = next_model(model, found, fitter.names, transitions)
     return Calibrated(new, found.lost, fitter.names, found.trials)
 
@@ -246,7 +247,7 @@ def calibrated_from_recordings(
 
     Raises RecordingError where the transitions of a rod tell nothing (`app.calibration.checks`).
     """
-    data, phi = load(task), phi_of(model)
+    data, phi = load(task), turned(phi_of(model), 0.0)
     if _tool_offset(data) is None:
         return calibrated(task, preset, transitions, model, settings)
     evidence = gather(transitions, data.actions.measured_path)
@@ -370,11 +371,12 @@ def stages(
     x = data.goal(0, size.particle_count)
     away = data.actions.measured_path(np.tile(AWAY, (2, 1)))[None, :2]
     phi = phi_of(model or nominal_model(task))
-    needed = needs(task, phi, data.calibrated)
+    fitted = turned(phi, 0.0)
+    needed = needs(task, fitted, data.calibrated)
 
     def simulator() -> None:
         predictor = Predictor(advance=advance(task, size.particle_count, *needed), chunk=1)
-        predictor.slopes(phi, Evidence(before=x[None], tool=away, after=x[None]))
+        predictor.slopes(fitted, Evidence(before=x[None], tool=away, after=x[None]))
 
     return [
         Stage("the simulator and its adjoint", simulator),

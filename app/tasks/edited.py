@@ -8,6 +8,7 @@ import numpy as np
 
 from app.config import Site
 from app.core.errors import PlanningError
+from app.core.orientation import UNKNOWN, Orientation
 from app.core.reshaped import reshaped
 
 if TYPE_CHECKING:
@@ -34,30 +35,34 @@ def edited_plan(
     end: End,
     site: Site | None = None,
     near: Centreline | None = None,
+    orientation: Orientation = UNKNOWN,
 ) -> Plan:
     """The first motion of branch `index`, but from `start` to `end` (3,) [m], for the object as cameras see it (N, 3).
 
     Its branch comes first and is the one proposed, whatever it costs; behind it are `branches`, to compare it with.
-    What the model says of cameras and arm is allowed for, and `near` is used, as in `jobs.plan`. Raises PlanningError,
-    with what to change, where the task has no pushes, or this one cannot be made.
+    What the model says of cameras and arm is allowed for, and `near` and `orientation` are used, as in `jobs.plan`.
+    Raises PlanningError, with what to change, where the task has no pushes, or this one cannot be made.
     """
     from dataclasses import replace
 
     from app.planner.actions import Pushes
     from app.planner.given import GivenPush
-    from app.tasks import compiled, load
+    from app.tasks import compiled, load, orienting
     from app.tasks.correction import correction
 
-    pushes, where, phi = load(task).actions, site or Site(), compiled.phi_of(model)
+    pushes, where = load(task).actions, site or Site()
     if not isinstance(pushes, Pushes):
         raise PlanningError(f"Motions of {task} cannot be edited, only pushes over a table; approve or reject it.")
     if not 0 <= index < len(branches):
         raise PlanningError("That plan has no such branch; edit the one that is shown.")
     way = reshaped(branches[index].tool_path.astype(np.float64), start, end)
-    search = compiled.search(task, preset, phi, where.limits.confines)
+    search = compiled.search(task, preset, compiled.phi_of(model), where.limits.confines)
     planner = GivenPush(search=replace(search, branches=1), pushes=pushes, way=way)
-    if model.apparatus:
-        found = correction(model).plan(planner, observed, goal, phi, seed=0, site=where, near=near)
+    allowed_for = correction(model) if model.apparatus else None
+    x = allowed_for.unseen(observed) if allowed_for else observed
+    phi = orienting.as_it_lies(model, x, orientation, near)
+    if allowed_for:
+        found = allowed_for.plan(planner, observed, goal, phi, seed=0, site=where, near=near)
     else:
         found = planner(observed, goal, phi, seed=0, site=where, near=near)
     return replace(found, branches=(*found.branches, *branches), best=0)

@@ -81,8 +81,7 @@ def _case(task: Task, phi: Float32[np.ndarray, " P"], state: ObjectState, tool: 
         setup = Setup(scene=task.scene, counts=task.scene.split(state.x.shape[1]), effects=EFFECTS)
         return single(setup, phi[None], state, tool, now(1, state.x.shape[1]))
     assert task.rods is not None
-    acting, stiff = needs(task.name, phi)
-    effects = tuple(effect for effect in acting if not effect.oriented)
+    effects, stiff = needs(task.name, phi)
     own, physics = (
         phi[rod_columns(effects)][None],
         rod_physics(task.rods.scene, task.rods.physics, jnp.asarray(phi)[None]),

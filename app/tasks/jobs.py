@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING
 
 from app.config import Site
 from app.core.errors import PlanningError, SimulationError
+from app.core.orientation import UNKNOWN, Orientation
 from app.planner.method import DIPAC, Method
 
 _log = logging.getLogger(__name__)
@@ -45,6 +46,7 @@ def plan(
     method: Method = DIPAC,
     rejected: Ways = (),
     near: Centreline | None = None,
+    orientation: Orientation = UNKNOWN,
 ) -> Plan:
     """Decide on the next action for the object that the cameras say is at `observed` (N, 3) [m].
 
@@ -53,15 +55,15 @@ def plan(
     `goal` (M, 3) [m] is where the object shall truly be; `tool`, where the tool is: None for actions that begin
     anywhere; `method`, how it is decided; `rejected`, tool paths of first actions that somebody does not want: the plan
     is another one while there is one; `near`, where the plan before predicted a rope's nodes, if the object is as its
-    motion left it. Raises PlanningError where no branch stays finite, and leaves
-    a dump of one that did not; UsageError for an unknown task or preset.
+    motion left it; `orientation`, what is known of its ends. Raises PlanningError where no branch stays finite, and
+    leaves a dump of one that did not; UsageError for an unknown task or preset.
     """
-    from app.tasks import compiled
+    from app.tasks import compiled, orienting
 
-    phi = compiled.phi_of(model)
-    where = site or Site()
-    planner = compiled.planner(task, preset, phi, method, where.limits.confines)
-    allowed_for = _allowed_for(model)
+    where, allowed_for = site or Site(), _allowed_for(model)
+    planner = compiled.planner(task, preset, compiled.phi_of(model), method, where.limits.confines)
+    x = allowed_for.unseen(observed) if allowed_for else observed
+    phi = orienting.as_it_lies(model, x, orientation, near)
     decide = partial(allowed_for.plan, planner) if allowed_for else planner
     try:
         return decide(observed, goal, phi, seed=seed, site=where, tool=tool, rejected=rejected, near=near)
@@ -71,8 +73,17 @@ def plan(
             raise
         from app.tasks import failures
 
-        x = allowed_for.unseen(observed) if allowed_for else observed
         raise PlanningError(f"{error}{failures.of_plan(task, search, x, goal, phi, seed, where, tool, near)}") from None
+
+
+def followed(task: str, orientation: Orientation, transition: Transition, model: Model) -> Orientation:
+    """What is known after `transition` of which end of the object is the model's first (`orienting.followed`)."""
+    from app.tasks import orienting
+
+    allowed_for = _allowed_for(model)
+    return orienting.followed(
+        task, orientation, allowed_for.transition(transition) if allowed_for else transition, model
+    )
 
 
 def calibrate(
@@ -128,6 +139,7 @@ def _fitted(
     *,
     offline: bool = False,
 ) -> Calibrated:
+    from app.sim.params import turned
     from app.tasks import compiled, failures
 
     if allowed_for := _allowed_for(model):
@@ -136,11 +148,10 @@ def _fitted(
         way = compiled.calibrated_from_recordings if offline else compiled.calibrated
         found = way(task, preset, transitions, model, settings)
     except SimulationError as error:
-        left = failures.of_transitions(task, transitions, compiled.phi_of(model), site)
+        left = failures.of_transitions(task, transitions, turned(compiled.phi_of(model), 0.0), site)
         raise SimulationError(f"{error}{left}") from None
-    if left := failures.of_transitions(
-        task, [transitions[index] for index in found.lost], compiled.phi_of(found.model), site
-    ):
+    lost, phi = [transitions[index] for index in found.lost], turned(compiled.phi_of(found.model), 0.0)
+    if left := failures.of_transitions(task, lost, phi, site):
         _log.warning("A transition of the calibration is not predicted.%s", left)
     return found
 

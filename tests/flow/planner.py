@@ -23,6 +23,7 @@ from app.core.chamfer import chamfer_m2
 from app.core.errors import PlanningError
 from app.core.messages import Branch, Model
 from app.core.motion import Motion
+from app.core.orientation import Orientation
 from app.core.types import Centreline, Points, ToolPose
 from app.core.worker import Worker
 from app.planner.method import Method
@@ -32,7 +33,8 @@ from tests.flow.virtual import InsideWorker, is_virtual
 if TYPE_CHECKING:
     from app.planner.plan import Plan
 
-_COMPILED = "app.tasks.compiled"
+_LOADED = "compiled", "orienting"
+"""Modules of `app.tasks` that load the simulator."""
 _PUSH_HEIGHT_M, _TRAVEL_HEIGHT_M, _SPEED_M_S = 0.006, 0.05, 0.4
 _FREE_LOW_M, _FREE_HIGH_M = (0.32, -0.15), (0.40, 0.15)
 """Where the strokes are: 10 cm nearer to the arm than the rope, which therefore never moves by them."""
@@ -72,25 +74,30 @@ def take_up(habits: Habits, spoil: Callable[[Motion, Site], Motion] = unspoilt) 
         return [compiling] if habits.compiling_s else []
 
     compiled = SimpleNamespace(planner=planner, phi_of=_phi_of, stages=stages)
-    _put(cast(ModuleType, cast(object, compiled)))
+    orienting = SimpleNamespace(as_it_lies=_phi_of, followed=_as_before)
+    for name, module in zip(_LOADED, (compiled, orienting), strict=True):
+        _put(name, cast(ModuleType, cast(object, module)))
 
 
 @contextmanager
 def restored() -> Iterator[None]:
     """Afterwards, whoever plans in this process does as before."""
-    before = sys.modules.get(_COMPILED)
+    before = {name: sys.modules.get(f"{app.tasks.__name__}.{name}") for name in _LOADED}
     try:
         yield
     finally:
-        _put(before)
+        for name, module in before.items():
+            _put(name, module)
 
 
-def _put(module: ModuleType | None) -> None:
-    """Let `module` be what a task compiles; None where that is yet to be loaded."""
+def _put(name: str, module: ModuleType | None) -> None:
+    """Let `module` be that part of what a task compiles; None where that is yet to be loaded."""
+    whole = f"{app.tasks.__name__}.{name}"
     if module is not None:
-        sys.modules[_COMPILED] = app.tasks.compiled = module
-    elif sys.modules.pop(_COMPILED, None) is not None:
-        del app.tasks.compiled
+        sys.modules[whole] = module
+        setattr(app.tasks, name, module)
+    elif sys.modules.pop(whole, None) is not None:
+        delattr(app.tasks, name)
 
 
 def planner_here() -> Worker:
@@ -181,8 +188,12 @@ def _branch(
     )
 
 
-def _phi_of(model: Model) -> np.ndarray:
+def _phi_of(model: Model, *_: object) -> np.ndarray:
     return np.array([parameter.value for parameter in model.parameters], np.float32)
+
+
+def _as_before(_: str, orientation: Orientation, *__: object) -> Orientation:
+    return orientation
 
 
 _Fields = tuple[tuple[Branch, ...], int, Motion, Points, Centreline, float, float]

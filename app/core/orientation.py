@@ -1,0 +1,94 @@
+"""Belief about which end of a rope is the first one of a model, tracked from view to view.
+
+A view of a rope does not tell its ends apart, but some parameters of a model do: those that change their sign with the
+end that is called the first (`Effect.odd`). Each push whose outcome the two ways round predict differently says which
+of them is right, and nodes that are followed from view to view keep what is known.
+"""
+
+import math
+from dataclasses import dataclass, field, replace
+from typing import Final, Self, final
+
+import numpy as np
+from jaxtyping import Float32
+
+from app.core.types import Centreline
+
+SURE: Final = 0.95
+"""Posterior probability of a way round from which on it is taken for known."""
+_LEAST_LOG_ODDS: Final = math.log(SURE / (1 - SURE))
+_NOISE_M: Final = 1.5e-3
+"""Scale of the distance, root mean square over the nodes, of a good prediction from what is seen."""
+_DEGREES: Final = 2.0
+"""Degrees of freedom of that distance's distribution, Student's t, as of discovery's residuals: simulations err by more
+than views do, and by how much differs from push to push."""
+_DIRECTIONS: Final = 4.0
+"""Number of independent ways in which a prediction errs: a shift, a turn and a bend."""
+_NEARER: Final = 2.0
+"""Nodes are followed where one order is so many times nearer to the last ones than the other is."""
+
+
+@final
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Orientation:
+    """Logarithm of the odds that the nodes `line` [m], as last seen, begin at the model's first end.
+
+    `about`: the model's odd parameters; what is known is not about a model with others.
+    """
+
+    line: Centreline = field(default_factory=lambda: np.zeros((2, 0), np.float32))
+    log_odds: float = 0.0
+    about: tuple[float, ...] = ()
+
+    @property
+    def probability(self) -> float:
+        """Posterior probability of the likelier way round, from 0.5."""
+        return 1 / (1 + math.exp(-abs(self.log_odds)))
+
+    @property
+    def known(self) -> bool:
+        """True if one way round is as good as certain."""
+        return abs(self.log_odds) >= _LEAST_LOG_ODDS
+
+    def of(self, about: tuple[float, ...]) -> Self:
+        """The same for a model with these odd parameters: unknown if it was about others."""
+        return self if about == self.about else type(self)(line=self.line, about=about)
+
+    def sign(self, line: Centreline) -> float:
+        """1 if a rope that is seen along the nodes `line` begins at the model's first end, -1 if it ends there.
+
+        0 if that is unknown.
+        """
+        return self._matched(line) * math.copysign(1.0, self.log_odds) if self.known else 0.0
+
+    def observe(self, before: Centreline, predicted: Float32[np.ndarray, "2 2 n"], after: Centreline) -> Self:
+        """The belief after a push that moved the rope from the nodes `before` to `after` [m], in the same order.
+
+        `predicted`: nodes after it, in that order, if `before` begins at the model's first end, and if it ends there.
+        A prediction that is not finite says nothing.
+        """
+        errors_m2 = ((predicted - after) ** 2).sum(1).mean(1)
+        gained = 0.0
+        if np.isfinite(errors_m2).all():
+            first, last = (_log_likelihood(float(error)) for error in errors_m2)
+            gained = first - last
+        return replace(self, line=after, log_odds=self._matched(before) * self.log_odds + gained)
+
+    def _matched(self, line: Centreline) -> float:
+        """1 if `line` runs as the last nodes did, -1 if the other way; 0 if it lies elsewhere or there were none."""
+        if line.shape != self.line.shape or not line.size:
+            return 0.0
+        along, against = (float(np.linalg.norm(each - self.line, axis=0).mean()) for each in (line, line[:, ::-1]))
+        if max(along, against) < _NEARER * min(along, against):
+            return 0.0
+        return 1.0 if along < against else -1.0
+
+
+UNKNOWN: Final = Orientation()
+"""Nothing has been seen yet."""
+
+
+def _log_likelihood(error_m2: float) -> float:
+    """Of a mean squared distance of nodes, up to a constant: a multivariate Student's t."""
+    squares = _DIRECTIONS * error_m2 / _NOISE_M**2
+    return -(_DEGREES + _DIRECTIONS) / 2 * math.log1p(squares / _DEGREES)
