@@ -22,8 +22,9 @@ from app.evaluation.tables import markdown, tables
 from app.evaluation.trial import POLICIES, WHOLE, Trial, playable, run_trial
 from app.evaluation.workers import Where, finished, share_the_machine
 from app.planner.method import ABLATIONS, NO_ONLINE, PAPER, planners
+from app.recording.model_file import load_model
 from app.tasks import load, names
-from app.tasks.jobs import choose_preset
+from app.tasks.jobs import check_model, choose_preset
 
 EPISODES: Final = "episodes.jsonl"
 _Names = Annotated[tuple[str, ...], tyro.conf.arg(metavar="NAME [NAME ...]")]
@@ -37,6 +38,7 @@ def evaluate(
     ablation: _Names = (),
     seeds: int = 10,
     demonstrations: int = 10,
+    model: Path | None = None,
     policies: Path = POLICIES,
     online: bool = False,
     eyes: Eyes = "cameras",
@@ -59,6 +61,7 @@ def evaluate(
         ablation: one of dipac; all where none is named and no planner is; "none" for the whole planner alone.
         seeds: problems 0, 1, ... of each task.
         demonstrations: number by the scripted expert from which the model of each task is calibrated first.
+        model: a model of one task, calibrated or by `dipac discover`, in place of that; OUTPUT/models keeps a copy.
         policies: the folder of learned policies, as `dipac train` writes them: TASK/KIND.
         online: the model also learns from each action of an episode, as it always does where demonstrations are of
             another object.
@@ -104,6 +107,8 @@ def evaluate(
         raise UsageError(f"--ablation {NO_ONLINE} leaves nothing out where no model learns in use; add --online.")
     make_folder(output / "models", "-o")
     with ledger.held(output):
+        if model is not None:
+            _keep(model, models)
         _calibrate(terminal, [trial for trial in trials if trial.seed == 0], models, demonstrations)
         _play(terminal, trials, output / EPISODES, workers, jobs)
         _report(terminal, _rows(output / EPISODES, tasks), output)
@@ -146,6 +151,16 @@ def _methods(chosen: Sequence[str], left_out: Sequence[str]) -> list[tuple[str, 
     if left_out and PAPER not in among:
         raise UsageError(f"--ablation {left_out[0]} is of {PAPER}, which --planner leaves out; add it there.")
     return list(dict.fromkeys((name, part) for name in among for part in (parts if name == PAPER else (WHOLE,))))
+
+
+def _keep(model: Path, models: dict[str, Path]) -> None:
+    """Copy the model to where those of these tasks are. Raises UsageError where it is of another task than any."""
+    for name, path in models.items():
+        check_model(load_model(model, task=name, time_s=0.0))
+        content = model.read_bytes()
+        if path.exists() and path.read_bytes() != content:
+            raise UsageError(f"{path} is another model than {model}; choose another folder with -o.")
+        path.write_bytes(content)
 
 
 def _calibrate(terminal: Console, trials: Sequence[Trial], models: dict[str, Path], episodes: int) -> None:

@@ -89,6 +89,6 @@ UNKNOWN: Final = Orientation()
 
 
 def _log_likelihood(error_m2: float) -> float:
-    """Of a mean squared distance of nodes, up to a constant: a multivariate Student's t."""
+    """Log likelihood of a mean squared distance of nodes, up to a constant: a multivariate Student's t."""
     squares = _DIRECTIONS * error_m2 / _NOISE_M**2
     return -(_DEGREES + _DIRECTIONS) / 2 * math.log1p(squares / _DEGREES)

@@ -134,13 +134,13 @@ def _rod_stepper(rods: RodModel) -> Stepper:
         setting = RodSetting(material_coordinates=along, session_time=time)
         stopped = simulate(physics, state, first, phi[:, own], setting)
         end = simulate(physics, stopped, second, phi[:, own], setting)
-        flung = _is_flung(state.x, end.x, jnp.concatenate([first, second], axis=1))[:, None, None]
+        flung = is_flung(state.x, end.x, jnp.concatenate([first, second], axis=1))[:, None, None]
         return jnp.where(flung, jnp.nan, stopped.x), jnp.where(flung, jnp.nan, end.x)
 
     return Stepper(begin=begin, move=stepped)
 
 
-def _is_flung(
+def is_flung(
     start: Float[jax.Array, "B N 3"], end: Float[jax.Array, "B N 3"], tool: Float[jax.Array, "B T 3"]
 ) -> jax.Array:
     """True if a point of an object (B) went farther than a tool that pushes it can take it: its time steps failed."""

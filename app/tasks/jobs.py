@@ -77,7 +77,7 @@ def plan(
 
 
 def followed(task: str, orientation: Orientation, transition: Transition, model: Model) -> Orientation:
-    """What is known after `transition` of which end of the object is the model's first (`orienting.followed`)."""
+    """The belief after `transition` about which end of the object is the model's first (`orienting.followed`)."""
     from app.tasks import orienting
 
     allowed_for = _allowed_for(model)

@@ -14,6 +14,7 @@ from jaxtyping import Array, Float, Float32
 from app.core.messages import Model, Transition
 from app.core.orientation import Orientation
 from app.core.types import Centreline, Points
+from app.discovery.steppers import is_flung
 from app.planner.tree import Advance
 from app.sim.object_state import ObjectState
 from app.sim.params import odd_values, turned
@@ -34,7 +35,7 @@ def as_it_lies(
 
 
 def followed(task: str, orientation: Orientation, transition: Transition, model: Model) -> Orientation:
-    """What is known of the rope's ends after `transition`, which is simulated either way round.
+    """The belief about the rope's ends after `transition`, which is simulated either way round.
 
     Nothing changes for a model without odd parameters, and for other objects than rods.
     """
@@ -66,6 +67,7 @@ def _nodes(task: str, x: Points, near: Centreline | None) -> Centreline:
 def _either(
     simulate: Advance, phi: Float[Array, "2 P"], state: ObjectState, tool: Float[Array, "T C"]
 ) -> Float[Array, "2 2 n"]:
-    """Nodes after a push of the same rope by two models."""
-    both = jax.tree.map(partial(jnp.repeat, repeats=2, axis=0), state)
-    return simulate(phi, both, jnp.repeat(tool[None], 2, axis=0)).centreline
+    """Nodes after a push of the same rope by two models; NaN where time steps failed."""
+    both, tools = jax.tree.map(partial(jnp.repeat, repeats=2, axis=0), state), jnp.repeat(tool[None], 2, axis=0)
+    end = simulate(phi, both, tools)
+    return jnp.where(is_flung(both.x, end.x, tools)[:, None, None], jnp.nan, end.centreline)

@@ -6,6 +6,7 @@ import signal
 import subprocess
 import sys
 import time
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -98,6 +99,26 @@ def test_an_episode_whose_process_was_lost_is_played_again(folder: Path) -> None
     assert [row.get("lost", False) for row in again] == [True, False]
     assert again[1]["chamfers_m2"] == played["chamfers_m2"]
     assert "| dipac, no planning | 1 | 0 |" in (folder / "table.md").read_text()
+
+
+def extended(path: Path, task: str = "rope_push@rods") -> Path:
+    """The file of a model with effects along the rope."""
+    values = {"stiffness_slope": 0.6, "stiffness_bow": 0.3}
+    nominal = nominal_model(task)
+    parameters = tuple(replace(each, value=values.get(each.name, each.value)) for each in nominal.parameters)
+    save_model(path, replace(nominal, parameters=parameters))
+    return path
+
+
+def test_a_given_model_is_of_the_task_and_no_other_than_the_results_are_of(
+    folder: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    order = ["evaluate", *SHORT, "-o", str(folder)]
+    assert main([*order, "--model", str(extended(tmp_path / "mpm.toml", "rope_push"))]) == UsageError.exit_code
+    assert "is a model of task 'rope_push'" in capsys.readouterr().err.replace("\n", " ")
+    assert main([*order, "--model", str(extended(tmp_path / "rods.toml"))]) == UsageError.exit_code
+    assert "is another model than" in capsys.readouterr().err.replace("\n", " ")
+    assert not (folder / "episodes.jsonl").exists()
 
 
 def test_two_evaluations_do_not_write_to_one_folder(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -5,7 +5,7 @@ The world is our own rod with effects along it, seen as a cloud without order; i
 
 from dataclasses import dataclass, replace
 from functools import cache
-from typing import final
+from typing import Any, final
 
 import jax.numpy as jnp
 import numpy as np
@@ -15,9 +15,12 @@ from app.core.messages import Executed, MessageId, Model, Transition, fresh_id
 from app.core.motion import TOOL_DOWN
 from app.core.orientation import UNKNOWN, Orientation
 from app.core.types import Centreline, Points
+from app.evaluation.play import Order, play
+from app.planner.method import DIPAC
+from app.planner.plan import Plan
 from app.sim.params import index, turned
 from app.sim.rods.state import RodState
-from app.tasks import compiled, load
+from app.tasks import compiled, jobs, load
 from app.tasks.jobs import followed, nominal_model, plan, update
 from app.tasks.orienting import as_it_lies
 
@@ -204,6 +207,27 @@ def test_a_model_with_stiffness_along_the_rope_plans_whether_its_ends_are_known_
     ways = [found.branches[0].final for found in plans]
     assert np.abs(ways[1] - ways[2]).max() > 1e-3
     assert np.abs(ways[0] - ways[1]).max() > 1e-4
+
+
+def test_an_episode_follows_the_ends_of_its_rope_from_plan_to_plan(monkeypatch: pytest.MonkeyPatch) -> None:
+    model, found, told = knowing(stiffness_slope=0.9, stiffness_bow=0.4), list[Orientation](), list[Orientation]()
+    follow, decide = jobs.followed, jobs.plan
+
+    def followed(task: str, orientation: Orientation, made: Transition, by: Model) -> Orientation:
+        found.append(follow(task, orientation, made, by))
+        return found[-1]
+
+    def planned(*decision: Any, orientation: Orientation, **rest: Any) -> Plan:
+        told.append(orientation)
+        return decide(*decision, orientation=orientation, **rest)
+
+    monkeypatch.setattr(jobs, "followed", followed)
+    monkeypatch.setattr(jobs, "plan", planned)
+    order = Order(task=TASK, preset="cpu", seed=0, method=DIPAC, model=model, eyes="truth", actions=2, play_on=True)
+    played = play(order)
+    assert (played.failure, len(played.decision_s)) == ("", 2)
+    assert told == [UNKNOWN, found[0]]
+    assert all(known.log_odds != 0.0 for known in found)
 
 
 def test_calibration_keeps_what_is_odd_and_fits_with_what_is_even() -> None:
