@@ -33,12 +33,12 @@ _NEARER: Final = 2.0
 class Orientation:
     """Logarithm of the odds that the nodes `line` [m], as last seen, begin at the model's first end.
 
-    `about`: the model's odd parameters; what is known is not about a model with others.
+    `odd_parameters`: of the model; what is known is not about a model with others.
     """
 
     line: Centreline = field(default_factory=lambda: np.zeros((2, 0), np.float32))
     log_odds: float = 0.0
-    about: tuple[float, ...] = ()
+    odd_parameters: tuple[float, ...] = ()
 
     @property
     def probability(self) -> float:
@@ -50,9 +50,9 @@ class Orientation:
         """True if one way round is as good as certain."""
         return abs(self.log_odds) >= _LEAST_LOG_ODDS
 
-    def of(self, about: tuple[float, ...]) -> Self:
+    def for_odd_parameters(self, values: tuple[float, ...]) -> Self:
         """The same for a model with these odd parameters: unknown if it was about others."""
-        return self if about == self.about else type(self)(line=self.line, about=about)
+        return self if values == self.odd_parameters else type(self)(line=self.line, odd_parameters=values)
 
     def sign(self, line: Centreline) -> float:
         """1 if a rope that is seen along the nodes `line` begins at the model's first end, -1 if it ends there.

@@ -196,7 +196,7 @@ class _Episode:
     def _learn(self, before: Particles, executed: Executed, after: Particles) -> Transition:
         transition = Transition.between(before, executed, after)
         self._learnt.append(transition)
-        self._orientation = jobs.followed(self._task.name, self._orientation, transition, self._model)
+        self._orientation = jobs.track_orientation(self._task.name, self._orientation, transition, self._model)
         if self._order.online:
             task, preset = self._task.name, self._order.preset
             with suppress(DipacError):  # What cannot be learnt from leaves the model as it was, as in the application.

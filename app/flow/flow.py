@@ -338,7 +338,7 @@ class Flow:
             after = self._observed = await self._look()
             transition = self.say(Transition.between(before, executed, after, time_s=self.clock.now()))
             self.demonstrating.learned(transition)
-            self.planning.saw(transition, self._model)
+            self.planning.note_transition(transition, self._model)
             await self.learning.put(transition)
 
     @contextmanager
@@ -384,7 +384,7 @@ class Flow:
             return
         transition = self.say(Transition.between(before, executed, after, time_s=self.clock.now()))
         self.demonstrating.learned(transition)
-        self.planning.saw(transition, self._model)
+        self.planning.note_transition(transition, self._model)
         await self.watching.put(Push(proposal, transition, self.learning.models.value))
         await self.probing.put(transition, before, after, self.reporting.do)
         await self.learning.put(transition)

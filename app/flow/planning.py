@@ -24,9 +24,9 @@ from app.tasks.base import Wish
 from app.tasks.jobs import (
     RECENT,
     doubt,
-    followed,
     nominal_model,
     plan,
+    track_orientation,
     uncalibrated_model,
     warm_up_stage,
     warm_up_stages,
@@ -92,7 +92,7 @@ class Planning:
         """Keep the prediction for the next plan: the motion was made, and the object lies about as predicted."""
         self._near = self._predicted.get(proposal.id)
 
-    def saw(self, transition: Transition, model: Model) -> None:
+    def note_transition(self, transition: Transition, model: Model) -> None:
         """Note a motion that was seen, by which the next plan follows the object's ends."""
         self._seen.append((transition, model))
 
@@ -133,7 +133,7 @@ class Planning:
         if changed is not None and changed[0] == at:
             return self._announcer.say(changed[1])
         self._predicted.clear()
-        await self._follow(wish)
+        await self._track(wish)
         started_s, x, goal = self._clock.now(), observed.positions, wish.goal.positions
         lies = self._near, self._orientation
         for attempt in range(FAILURES_IN_A_ROW):
@@ -163,13 +163,15 @@ class Planning:
         self._predicted[proposal.id] = found.centreline
         return proposal
 
-    async def _follow(self, wish: Wish) -> None:
+    async def _track(self, wish: Wish) -> None:
         """Follow the object's ends through what was seen, and say it where they become known."""
         while self._seen:
             transition, model = self._seen.popleft()
             before = self._orientation
             try:
-                self._orientation = await self._planner.run(followed, wish.task.name, before, transition, model)
+                self._orientation = await self._planner.run(
+                    track_orientation, wish.task.name, before, transition, model
+                )
             except DipacError as error:
                 self._announcer.fault("orientation", error)
             if self._orientation.known and not before.known:

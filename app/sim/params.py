@@ -97,7 +97,7 @@ def odd_values(phi: Float[np.ndarray, " P"]) -> tuple[float, ...]:
     return tuple(float(value) for value in phi[_odd_columns()])
 
 
-def turned(phi: Float32[np.ndarray, " P"], sign: float) -> Float32[np.ndarray, " P"]:
+def with_orientation(phi: Float32[np.ndarray, " P"], sign: float) -> Float32[np.ndarray, " P"]:
     """`phi` of an object whose first end is the other one (`sign` -1), or nobody knows which (0: what is even acts)."""
     other = phi.copy()
     other[_odd_columns()] *= sign

@@ -75,7 +75,7 @@ def asked_plan(
     import jax.numpy as jnp
 
     from app.planner.plan import Plan
-    from app.tasks import compiled, load, orienting
+    from app.tasks import compiled, load, rope_orientation
     from app.tasks.correction import correction
     from app.tasks.doubted import subject_of
 
@@ -87,7 +87,7 @@ def asked_plan(
     path = data.actions.measured_path(made.positions)
     simulate = jax.jit(compiled.carried(task, len(x), *compiled.needs(task, compiled.phi_of(model))))
     before = data.begin(jnp.asarray(x)[None], None if near is None else jnp.asarray(near))
-    phi = orienting.as_it_lies(model, x, orientation, near)
+    phi = rope_orientation.oriented_phi(model, x, orientation, near)
     end = simulate(jnp.asarray(phi)[None], before, jnp.asarray(path)[None])
     predicted = np.asarray(end.x[0])
     if not np.isfinite(predicted).all():

@@ -30,7 +30,7 @@ from app.sim.effects.base import Effect
 from app.sim.hooks import require_known
 from app.sim.object_state import ObjectState
 from app.sim.parameter import ParameterSpec
-from app.sim.params import PARAMETERS, acting, columns_of, index, turned
+from app.sim.params import PARAMETERS, acting, columns_of, index, with_orientation
 from app.sim.rods.effect import RodSetting
 from app.sim.rods.from_parameters import rod_columns, rod_physics
 from app.sim.rods.rollout import make_rod_rollout
@@ -103,9 +103,9 @@ def moving(task: str, particle_count: int, effects: tuple[Effect, ...] = (), sti
     Which way a slender object runs, and so its rest shape, is seen from the particles as the action began. It takes
     all of phi and heeds the nominal parameters and those of `effects`; see `params.acting`. What changes in the course
     of a session is as at its end. A rod's first end is its first node: parameters that are odd along it have the sign
-    of that (`orienting.as_it_lies`). Where along other objects a particle is, nobody knows: effects that depend on that
-    do nothing. `stiff`: of rods, that of `RodDynamics.stiff_scene`. Raises ParameterError, which names the parameters,
-    for a model that needs effects that its engine lacks.
+    of that (`rope_orientation.oriented_phi`). Of other objects nobody knows where along them a particle is: effects
+    that depend on that do nothing. `stiff`: of rods, that of `RodDynamics.stiff_scene`. Raises ParameterError, which
+    names the parameters, for a model that needs effects that its engine lacks.
     """
     data = load(task)
     if data.dynamics == "rods":
@@ -233,9 +233,10 @@ class Calibrated(NamedTuple):
 def calibrated(
     task: str, preset: str, transitions: Sequence[Transition], model: Model, settings: Settings
 ) -> Calibrated:
-    """The next version of `model`, fitted to all the transitions, either end of the object first (`params.turned`)."""
+    """The next version of `model`, fitted to all the transitions; what is odd along the object is 0 meanwhile."""
     evidence = gather(transitions, load(task).actions.measured_path)
-    fitter, found = _fitted(task, preset, settings, turned(phi_of(model), 0.0), lambda by, phi: by.fit(evidence, phi))
+    even = with_orientation(phi_of(model), 0.0)
+    fitter, found = _fitted(task, preset, settings, even, lambda by, phi: by.fit(evidence, phi))
     new = next_model(model, found, fitter.names, transitions)
     return Calibrated(new, found.lost, fitter.names, found.trials)
 
@@ -247,7 +248,7 @@ def calibrated_from_recordings(
 
     Raises RecordingError where the transitions of a rod tell nothing (`app.calibration.checks`).
     """
-    data, phi = load(task), turned(phi_of(model), 0.0)
+    data, phi = load(task), with_orientation(phi_of(model), 0.0)
     if _tool_offset(data) is None:
         return calibrated(task, preset, transitions, model, settings)
     evidence = gather(transitions, data.actions.measured_path)
@@ -371,7 +372,7 @@ def stages(
     x = data.goal(0, size.particle_count)
     away = data.actions.measured_path(np.tile(AWAY, (2, 1)))[None, :2]
     phi = phi_of(model or nominal_model(task))
-    fitted = turned(phi, 0.0)
+    fitted = with_orientation(phi, 0.0)
     needed = needs(task, fitted, data.calibrated)
 
     def simulator() -> None:

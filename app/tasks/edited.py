@@ -47,7 +47,7 @@ def edited_plan(
 
     from app.planner.actions import Pushes
     from app.planner.given import GivenPush
-    from app.tasks import compiled, load, orienting
+    from app.tasks import compiled, load, rope_orientation
     from app.tasks.correction import correction
 
     pushes, where = load(task).actions, site or Site()
@@ -60,7 +60,7 @@ def edited_plan(
     planner = GivenPush(search=replace(search, branches=1), pushes=pushes, way=way)
     allowed_for = correction(model) if model.apparatus else None
     x = allowed_for.unseen(observed) if allowed_for else observed
-    phi = orienting.as_it_lies(model, x, orientation, near)
+    phi = rope_orientation.oriented_phi(model, x, orientation, near)
     if allowed_for:
         found = allowed_for.plan(planner, observed, goal, phi, seed=0, site=where, near=near)
     else:

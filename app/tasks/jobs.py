@@ -58,12 +58,12 @@ def plan(
     motion left it; `orientation`, what is known of its ends. Raises PlanningError where no branch stays finite, and
     leaves a dump of one that did not; UsageError for an unknown task or preset.
     """
-    from app.tasks import compiled, orienting
+    from app.tasks import compiled, rope_orientation
 
     where, allowed_for = site or Site(), _allowed_for(model)
     planner = compiled.planner(task, preset, compiled.phi_of(model), method, where.limits.confines)
     x = allowed_for.unseen(observed) if allowed_for else observed
-    phi = orienting.as_it_lies(model, x, orientation, near)
+    phi = rope_orientation.oriented_phi(model, x, orientation, near)
     decide = partial(allowed_for.plan, planner) if allowed_for else planner
     try:
         return decide(observed, goal, phi, seed=seed, site=where, tool=tool, rejected=rejected, near=near)
@@ -76,14 +76,13 @@ def plan(
         raise PlanningError(f"{error}{failures.of_plan(task, search, x, goal, phi, seed, where, tool, near)}") from None
 
 
-def followed(task: str, orientation: Orientation, transition: Transition, model: Model) -> Orientation:
-    """The belief after `transition` about which end of the object is the model's first (`orienting.followed`)."""
-    from app.tasks import orienting
+def track_orientation(task: str, orientation: Orientation, transition: Transition, model: Model) -> Orientation:
+    """The belief after `transition` about which end of the object is the model's first (see `rope_orientation`)."""
+    from app.tasks import rope_orientation
 
-    allowed_for = _allowed_for(model)
-    return orienting.followed(
-        task, orientation, allowed_for.transition(transition) if allowed_for else transition, model
-    )
+    if allowed_for := _allowed_for(model):
+        transition = allowed_for.transition(transition)
+    return rope_orientation.track_orientation(task, orientation, transition, model)
 
 
 def calibrate(
@@ -139,7 +138,7 @@ def _fitted(
     *,
     offline: bool = False,
 ) -> Calibrated:
-    from app.sim.params import turned
+    from app.sim.params import with_orientation
     from app.tasks import compiled, failures
 
     if allowed_for := _allowed_for(model):
@@ -148,9 +147,9 @@ def _fitted(
         way = compiled.calibrated_from_recordings if offline else compiled.calibrated
         found = way(task, preset, transitions, model, settings)
     except SimulationError as error:
-        left = failures.of_transitions(task, transitions, turned(compiled.phi_of(model), 0.0), site)
+        left = failures.of_transitions(task, transitions, with_orientation(compiled.phi_of(model), 0.0), site)
         raise SimulationError(f"{error}{left}") from None
-    lost, phi = [transitions[index] for index in found.lost], turned(compiled.phi_of(found.model), 0.0)
+    lost, phi = [transitions[index] for index in found.lost], with_orientation(compiled.phi_of(found.model), 0.0)
     if left := failures.of_transitions(task, lost, phi, site):
         _log.warning("A transition of the calibration is not predicted.%s", left)
     return found

@@ -24,10 +24,10 @@ from app.policy.strokes import Plan
 from app.rig.simulated.hiding import Wish, draw, known, mistuned
 from app.rig.simulated.rehearsal import Rehearsal, Take
 from app.rig.simulated.rope import resample
-from app.sim.params import PARAMETERS, turned
+from app.sim.params import PARAMETERS, with_orientation
 from app.tasks import compiled, load
-from app.tasks.jobs import followed, nominal_model
-from app.tasks.orienting import as_it_lies
+from app.tasks.jobs import nominal_model, track_orientation
+from app.tasks.rope_orientation import oriented_phi
 from bench.hidden.ropes import view_of
 
 TASK: Final = "rope_push@rods"
@@ -38,7 +38,7 @@ _SEEN, _SIZE = 31, 32
 
 @final
 @dataclass(frozen=True, kw_only=True)
-class Line:
+class PredictedPush:
     """One push. `sign`: of the ends as they were taken for before it, times the true one; `log_odds` for the truth.
 
     `errors_mm`: of the nominal model, with what is even, with what was known, with the truth, and with its contrary.
@@ -56,7 +56,7 @@ class Line:
     seen_mm: tuple[float, ...]
 
 
-def played(effect: str, size: float, seed: int, pushes: int) -> Iterator[Line]:
+def predicted_pushes(effect: str, size: float, seed: int, pushes: int) -> Iterator[PredictedPush]:
     """An episode of random pushes in one world; `size` in typical ones."""
     task, rng = load(TASK), np.random.default_rng([seed, _SEEN])
     hidden = draw([Wish(effect, size * float(known()[effect].main.typical or 0.0))], seed)
@@ -71,15 +71,21 @@ def played(effect: str, size: float, seed: int, pushes: int) -> Iterator[Line]:
         line, truth = _nodes(before, orientation.line), _true(take.before.snapshot.nodes)
         first = 1.0 if np.linalg.norm(line - truth) < np.linalg.norm(line[:, ::-1] - truth) else -1.0
         phi = compiled.phi_of(model)
-        told = as_it_lies(model, before, orientation, line)
-        tried = [compiled.phi_of(nominal), turned(phi, 0.0), told, turned(phi, first), turned(phi, -first)]
+        told = oriented_phi(model, before, orientation, line)
+        tried = [
+            compiled.phi_of(nominal),
+            with_orientation(phi, 0.0),
+            told,
+            with_orientation(phi, first),
+            with_orientation(phi, -first),
+        ]
         there = _true(take.after.snapshot.nodes)[:, :: int(first)]
         made = _transition(before, take, after)
         predicted = _predicted(model, before, line, made, np.stack(tried))
         shown = _nodes(after, predicted[3:].mean(0))
         sign = orientation.sign(line) * first
-        orientation = followed(TASK, orientation, made, model)
-        yield Line(
+        orientation = track_orientation(TASK, orientation, made, model)
+        yield PredictedPush(
             effect=effect,
             size=size,
             seed=seed,
@@ -139,7 +145,7 @@ def _transition(before: Points, take: Take, after: Points) -> Transition:
     )
 
 
-def summary(lines: Sequence[Line]) -> dict[str, float]:
+def summary(lines: Sequence[PredictedPush]) -> dict[str, float]:
     """Mean errors by model, shares of signs that were right, wrong and unknown, and how far the rope moved."""
     errors = np.array([line.errors_mm for line in lines])
     signs = np.array([line.sign for line in lines])
@@ -163,10 +169,10 @@ def main() -> None:
     options = parser.parse_args()
     with options.output.open("a", encoding="utf-8") as file:
         for effect in options.effects:
-            found = list[Line]()
+            found = list[PredictedPush]()
             for seed in range(options.seed, options.seed + options.worlds):
                 size = float(np.exp(np.random.default_rng([seed, _SIZE]).uniform(*np.log(options.sizes))))
-                for line in played(effect, size, seed, options.pushes):
+                for line in predicted_pushes(effect, size, seed, options.pushes):
                     found.append(line)
                     file.write(f"{json.dumps(asdict(line))}\n")
                     file.flush()

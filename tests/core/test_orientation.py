@@ -93,14 +93,14 @@ def test_ends_are_kept_as_the_rope_turns_over() -> None:
 def test_of_a_rope_that_may_lie_either_way_round_nothing_is_known_any_more(there: Centreline) -> None:
     known = sure()
     assert known.sign(there) == 0.0
-    again = known.observe(there, errors(there, 0.005, 0.005), there) if there.size else known.of((1.0,))
+    again = known.observe(there, errors(there, 0.005, 0.005), there) if there.size else known.for_odd_parameters((1.0,))
     assert again.log_odds == 0.0
 
 
 def test_it_is_about_one_model_and_sent_to_other_processes() -> None:
-    known = pushed(UNKNOWN.of((0.5,)), 0.001, 0.02)
-    assert known.of((0.5,)) is known
-    assert known.of((-0.5,)).log_odds == 0.0
+    known = pushed(UNKNOWN.for_odd_parameters((0.5,)), 0.001, 0.02)
+    assert known.for_odd_parameters((0.5,)) is known
+    assert known.for_odd_parameters((-0.5,)).log_odds == 0.0
     sent = pickle.loads(pickle.dumps(known))
     assert sent.log_odds == known.log_odds
     np.testing.assert_array_equal(sent.line, known.line)

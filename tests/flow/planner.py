@@ -33,7 +33,7 @@ from tests.flow.virtual import InsideWorker, is_virtual
 if TYPE_CHECKING:
     from app.planner.plan import Plan
 
-_LOADED = "compiled", "orienting"
+_LOADED = "compiled", "rope_orientation"
 """Modules of `app.tasks` that load the simulator."""
 _PUSH_HEIGHT_M, _TRAVEL_HEIGHT_M, _SPEED_M_S = 0.006, 0.05, 0.4
 _FREE_LOW_M, _FREE_HIGH_M = (0.32, -0.15), (0.40, 0.15)
@@ -74,8 +74,8 @@ def take_up(habits: Habits, spoil: Callable[[Motion, Site], Motion] = unspoilt) 
         return [compiling] if habits.compiling_s else []
 
     compiled = SimpleNamespace(planner=planner, phi_of=_phi_of, stages=stages)
-    orienting = SimpleNamespace(as_it_lies=_phi_of, followed=_as_before)
-    for name, module in zip(_LOADED, (compiled, orienting), strict=True):
+    rope_orientation = SimpleNamespace(oriented_phi=_phi_of, track_orientation=_unchanged)
+    for name, module in zip(_LOADED, (compiled, rope_orientation), strict=True):
         _put(name, cast(ModuleType, cast(object, module)))
 
 
@@ -192,7 +192,7 @@ def _phi_of(model: Model, *_: object) -> np.ndarray:
     return np.array([parameter.value for parameter in model.parameters], np.float32)
 
 
-def _as_before(_: str, orientation: Orientation, *__: object) -> Orientation:
+def _unchanged(_: str, orientation: Orientation, *__: object) -> Orientation:
     return orientation
 
 

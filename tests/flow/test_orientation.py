@@ -25,7 +25,7 @@ async def test_the_ends_are_followed_through_every_push_and_it_is_said_once_when
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     TOLD.clear()
-    monkeypatch.setattr("app.flow.planning.followed", surer)
+    monkeypatch.setattr("app.flow.planning.track_orientation", surer)
     async with running(small_site(tmp_path), small_wish()) as run:
         for _ in range(4):
             await run.person.decides(await run.person.sees(Proposal))

@@ -4,9 +4,9 @@ from dataclasses import replace
 
 import pytest
 
-from bench.hidden.ends import Line, played, summary
+from bench.hidden.ends import PredictedPush, predicted_pushes, summary
 
-LINE = Line(
+LINE = PredictedPush(
     effect="mass_heterogeneity",
     size=1.0,
     seed=0,
@@ -21,7 +21,7 @@ LINE = Line(
 
 @pytest.mark.slow
 def test_before_the_first_push_is_seen_what_is_followed_is_what_is_even() -> None:
-    first, second = played("mass_heterogeneity", 1.5, 3, 2)
+    first, second = predicted_pushes("mass_heterogeneity", 1.5, 3, 2)
     _, even, known, true, contrary = first.errors_mm
     assert first.sign == 0.0
     assert known == even

@@ -18,12 +18,12 @@ from app.core.types import Centreline, Points
 from app.evaluation.play import Order, play
 from app.planner.method import DIPAC
 from app.planner.plan import Plan
-from app.sim.params import index, turned
+from app.sim.params import index, with_orientation
 from app.sim.rods.polyline import distance
 from app.sim.rods.state import RodState
 from app.tasks import compiled, jobs, load
-from app.tasks.jobs import followed, nominal_model, plan, update
-from app.tasks.orienting import as_it_lies
+from app.tasks.jobs import nominal_model, plan, track_orientation, update
+from app.tasks.rope_orientation import oriented_phi
 
 RODS = "rope_push@rods"
 TASK = load(RODS)
@@ -119,7 +119,7 @@ def sequence(first: float) -> tuple[Seen, ...]:
     """Twelve pushes of a rope, by which it turns over."""
     here, known, seen = world(0, first), UNKNOWN, list[Seen]()
     for _ in range(12):
-        known = followed(RODS, known, here.pushed(CURVED), CURVED)
+        known = track_orientation(RODS, known, here.pushed(CURVED), CURVED)
         seen.append(Seen(known=known, nodes=here.nodes, x=here.seen()))
     return tuple(seen)
 
@@ -147,7 +147,7 @@ def test_the_first_end_is_found_and_kept_as_the_rope_turns(first: float) -> None
 def test_parameters_that_are_odd_along_the_rope_have_the_sign_of_its_nodes_order(first: float) -> None:
     signs = list[float]()
     for each in sequence(first)[SURE - 1 :]:
-        line, phi = canonical(each.x), as_it_lies(CURVED, each.x, each.known)
+        line, phi = canonical(each.x), oriented_phi(CURVED, each.x, each.known)
         signs.append(float(np.sign(phi[index("rest_curvature")])))
         told = 1.0 if runs_along(line, each.nodes) else -1.0
         # A rope that lies folded is not traced without a prediction, and then no sign would be right.
@@ -156,7 +156,7 @@ def test_parameters_that_are_odd_along_the_rope_have_the_sign_of_its_nodes_order
         assert phi[index("rest_curvature")] == pytest.approx(signs[-1] * 8.0)
         assert phi[index("stiffness_slope")] == pytest.approx(signs[-1] * 0.6)
         for near in (each.nodes, np.ascontiguousarray(each.nodes[:, ::-1])):
-            known = as_it_lies(CURVED, each.x, each.known, near)
+            known = oriented_phi(CURVED, each.x, each.known, near)
             assert known[index("rest_curvature")] == pytest.approx(8.0 if near is each.nodes else -8.0)
     assert signs.count(0.0) < len(signs) / 4
 
@@ -164,25 +164,25 @@ def test_parameters_that_are_odd_along_the_rope_have_the_sign_of_its_nodes_order
 def test_while_nobody_knows_the_ends_what_is_even_along_the_rope_acts_alone() -> None:
     model = knowing(stiffness_slope=0.5, stiffness_bow=0.4, rest_curvature=4.0, friction_drift=0.2)
     even = compiled.phi_of(knowing(stiffness_bow=0.4, friction_drift=0.2))
-    np.testing.assert_array_equal(as_it_lies(model, world(1).seen(), UNKNOWN), even)
+    np.testing.assert_array_equal(oriented_phi(model, world(1).seen(), UNKNOWN), even)
 
 
 def test_what_is_known_of_a_rope_that_lies_elsewhere_or_of_another_model_is_nothing() -> None:
     last = sequence(1.0)[-1]
     aside = last.x + np.array([0.0, 0.6, 0.0], np.float32)
-    assert as_it_lies(CURVED, aside, last.known)[index("rest_curvature")] == 0.0
+    assert oriented_phi(CURVED, aside, last.known)[index("rest_curvature")] == 0.0
     other = knowing(rest_curvature=-8.0)
-    assert as_it_lies(other, last.x, last.known)[index("rest_curvature")] == 0.0
-    again = followed(RODS, last.known, world(0).pushed(other), other)
+    assert oriented_phi(other, last.x, last.known)[index("rest_curvature")] == 0.0
+    again = track_orientation(RODS, last.known, world(0).pushed(other), other)
     assert abs(again.log_odds) < abs(last.known.log_odds)
 
 
 def test_nothing_is_followed_for_models_whose_effects_have_no_ends() -> None:
     made = world(1).pushed(CURVED)
     for model in (nominal_model(RODS), knowing(stiffness_bow=0.4)):
-        assert followed(RODS, UNKNOWN, made, model) is UNKNOWN
+        assert track_orientation(RODS, UNKNOWN, made, model) is UNKNOWN
     points = knowing("rope_push", rest_curvature=6.0)
-    assert followed("rope_push", UNKNOWN, made, points) is UNKNOWN
+    assert track_orientation("rope_push", UNKNOWN, made, points) is UNKNOWN
 
 
 def test_stiffness_along_the_rope_acts_in_its_prediction_by_the_end_that_is_first() -> None:
@@ -191,11 +191,11 @@ def test_stiffness_along_the_rope_acts_in_its_prediction_by_the_end_that_is_firs
     path = jnp.asarray(TASK.actions.measured_path(here.way()))[None]
     simulate = compiled.carried(RODS, COUNT, *compiled.needs(RODS, phi))
     ends = [
-        np.asarray(simulate(jnp.asarray(turned(phi, sign))[None], here.state, path).centreline[0])
+        np.asarray(simulate(jnp.asarray(with_orientation(phi, sign))[None], here.state, path).centreline[0])
         for sign in (1.0, 0.0, -1.0)
     ]
     reversed_ = RodState(here.state.nodes[..., ::-1] * MIRRORED, *here.state[1:])
-    again = simulate(jnp.asarray(turned(phi, -1.0))[None], reversed_, path).centreline[0, :, ::-1]
+    again = simulate(jnp.asarray(with_orientation(phi, -1.0))[None], reversed_, path).centreline[0, :, ::-1]
     np.testing.assert_allclose(ends[0], again, atol=2e-4)
     apart = np.linalg.norm(ends[0] - ends[2], axis=0).max()
     assert apart > 1e-3
@@ -205,9 +205,9 @@ def test_stiffness_along_the_rope_acts_in_its_prediction_by_the_end_that_is_firs
 def test_a_model_with_stiffness_along_the_rope_plans_whether_its_ends_are_known_or_not() -> None:
     model = knowing(stiffness_slope=0.9, stiffness_bow=0.4)
     x, goal = TASK.particles(TASK.start(0), COUNT), TASK.goal(0, COUNT)
-    line, about = canonical(x), (0.0, 0.0, pytest.approx(0.9))
-    known = replace(followed(RODS, UNKNOWN, world(0).pushed(model), model), line=line)
-    assert known.about == about
+    line, odd = canonical(x), (0.0, 0.0, pytest.approx(0.9))
+    known = replace(track_orientation(RODS, UNKNOWN, world(0).pushed(model), model), line=line)
+    assert known.odd_parameters == odd
     plans = [
         plan(RODS, "cpu", x, goal, model, 0, orientation=replace(known, log_odds=log_odds))
         for log_odds in (0.0, 5.0, -5.0)
@@ -221,9 +221,9 @@ def test_a_model_with_stiffness_along_the_rope_plans_whether_its_ends_are_known_
 
 def test_an_episode_follows_the_ends_of_its_rope_from_plan_to_plan(monkeypatch: pytest.MonkeyPatch) -> None:
     model, found, told = knowing(stiffness_slope=0.9, stiffness_bow=0.4), list[Orientation](), list[Orientation]()
-    follow, decide = jobs.followed, jobs.plan
+    follow, decide = jobs.track_orientation, jobs.plan
 
-    def followed(task: str, orientation: Orientation, made: Transition, by: Model) -> Orientation:
+    def track(task: str, orientation: Orientation, made: Transition, by: Model) -> Orientation:
         found.append(follow(task, orientation, made, by))
         return found[-1]
 
@@ -231,7 +231,7 @@ def test_an_episode_follows_the_ends_of_its_rope_from_plan_to_plan(monkeypatch: 
         told.append(orientation)
         return decide(*decision, orientation=orientation, **rest)
 
-    monkeypatch.setattr(jobs, "followed", followed)
+    monkeypatch.setattr(jobs, "track_orientation", track)
     monkeypatch.setattr(jobs, "plan", planned)
     order = Order(task=TASK, preset="cpu", seed=0, method=DIPAC, model=model, eyes="truth", actions=2, play_on=True)
     played = play(order)

@@ -17,24 +17,25 @@ from app.core.types import Centreline, Points
 from app.discovery.steppers import is_flung
 from app.planner.tree import Advance
 from app.sim.object_state import ObjectState
-from app.sim.params import odd_values, turned
+from app.sim.params import odd_values, with_orientation
 from app.tasks import compiled, load
 
 
-def as_it_lies(
+def oriented_phi(
     model: Model, observed: Points, orientation: Orientation, near: Centreline | None = None
 ) -> Float32[np.ndarray, " P"]:
-    """The parameters of `model` for a simulation that from an object `observed` (N, 3) [m].
+    """The parameters of `model` for a simulation from an object `observed` (N, 3) [m].
 
     Odd parameters have the sign of its nodes' order, or are 0 where that is unknown. `near`: as in `jobs.plan`.
     """
     phi = compiled.phi_of(model)
     if not any(odd_values(phi)) or load(model.task).dynamics != "rods":
         return phi
-    return turned(phi, orientation.of(odd_values(phi)).sign(_nodes(model.task, observed, near)))
+    known = orientation.for_odd_parameters(odd_values(phi))
+    return with_orientation(phi, known.sign(_nodes(model.task, observed, near)))
 
 
-def followed(task: str, orientation: Orientation, transition: Transition, model: Model) -> Orientation:
+def track_orientation(task: str, orientation: Orientation, transition: Transition, model: Model) -> Orientation:
     """The belief about the rope's ends after `transition`, which is simulated either way round.
 
     Nothing changes for a model without odd parameters, and for other objects than rods.
@@ -42,7 +43,7 @@ def followed(task: str, orientation: Orientation, transition: Transition, model:
     data, phi = load(task), compiled.phi_of(model)
     if not any(odd_values(phi)) or data.dynamics != "rods":
         return orientation
-    known = orientation.of(odd_values(phi))
+    known = orientation.for_odd_parameters(odd_values(phi))
     before = _nodes(task, transition.before, known.line if known.line.size else None)
     path = data.actions.measured_path(transition.executed.tool)
     state = data.begin(jnp.asarray(transition.before)[None], jnp.asarray(before))
@@ -54,7 +55,7 @@ def followed(task: str, orientation: Orientation, transition: Transition, model:
 
 
 def _either_way(phi: Float32[np.ndarray, " P"]) -> Float32[np.ndarray, "2 P"]:
-    return np.stack([turned(phi, sign) for sign in (1.0, -1.0)])
+    return np.stack([with_orientation(phi, sign) for sign in (1.0, -1.0)])
 
 
 def _nodes(task: str, x: Points, near: Centreline | None) -> Centreline:
