@@ -20,9 +20,10 @@ from app.discovery.apparatus.base import Apparatus, Eye, Load, Places
 from app.discovery.centreline_noise import smooth_noise
 from app.discovery.steppers import BLOCK, Start, Stepper, chunks, length_ratio, of_one_length, stepper
 from app.discovery.study import Push, Study, View
-from app.discovery.subject import ROD_NUMERICS, Catalogue, Subject, Theta
+from app.discovery.subject import ROD_NUMERICS, Catalogue, RodModel, Subject, Theta
 from app.sim.arc_length import arclength_labels, centreline_weights
 from app.sim.params import PARAMETERS, index
+from app.sim.rods.state import RodStart
 
 _NODES = 24
 _LEAD_S, _TAIL_S = 0.05, 0.35
@@ -97,7 +98,7 @@ class Trials:
 def prepare(study: Study, subject: Subject) -> Trials:
     """Label particles by their place along the object, and find when the tool could touch it."""
     pushes = study.pushes
-    labels, middles = labelled([push.before.points for push in pushes])
+    labels, middles = labelled([push.before.points for push in pushes], subject.rods)
     during = [_midway(push, subject) for push in pushes]
     low = [_low_interval(push.track, subject.low_m) for push in pushes]
     starts = np.array([first - _LEAD_S for first, _ in low])
@@ -332,15 +333,18 @@ def _midway(push: Push, subject: Subject) -> View | None:
     return min(push.during, key=lambda view: abs(view.time_s - wanted))
 
 
-def labelled(clouds: Sequence[Points]) -> tuple[Float32[np.ndarray, "K N 4"], Float32[np.ndarray, "K N 3"]]:
+def labelled(
+    clouds: Sequence[Points], rods: RodModel | None = None
+) -> tuple[Float32[np.ndarray, "K N 4"], Float32[np.ndarray, "K N 3"]]:
     """Labels of particles (see `state.Setting`) and the middle of the object nearest to each.
 
-    Which end is the first is kept from cloud to cloud, by which lies nearer to where it was.
+    Which end is the first is kept from cloud to cloud, by which lies nearer to where it was. `rods`: the order along
+    the object is that of its rod, which is right where strands touch, too.
     """
     labels, middles = list[np.ndarray](), list[np.ndarray]()
     last: np.ndarray | None = None
     for cloud in clouds:
-        along = arclength_labels(cloud)
+        along = arclength_labels(cloud) if rods is None else _along_rod(cloud, rods)
         nodes = centreline_weights(along, _NODES) @ cloud
         if last is not None and np.linalg.norm(nodes - last) > np.linalg.norm(nodes[::-1] - last):
             along, nodes = 1 - along, nodes[::-1]
@@ -354,6 +358,14 @@ def labelled(clouds: Sequence[Points]) -> tuple[Float32[np.ndarray, "K N 4"], Fl
         labels.append(np.concatenate([2 * along[:, None] - 1, left[:, None], tangent], axis=1))
         middles.append(middle)
     return np.stack(labels).astype(np.float32), np.stack(middles).astype(np.float32)
+
+
+def _along_rod(cloud: Points, rods: RodModel) -> Float32[np.ndarray, " N"]:
+    """Normalised arc length in 0..1 of the points of a rope; as they stand for equal volumes, by their ranks."""
+    start = RodStart(rods.scene.nodes, rods.scene.rest_m, rods.scene.radius_m)
+    place = start.places(cloud[None].astype(np.float32))[0, 0]
+    rank = np.argsort(np.argsort(place, kind="stable"), kind="stable")
+    return ((rank + 0.5) / len(cloud)).astype(np.float32)
 
 
 def _middles(
