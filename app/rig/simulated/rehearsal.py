@@ -138,8 +138,8 @@ class Rehearsal:
         )
 
 
-def push_again(task: Task, physics: WorldPhysics, start: Centreline, command: Track) -> Centreline:
-    """Rest positions of the nodes [m] of a rope laid along `start (K, 3)` after the push `command`."""
+def push_again(task: Task, physics: WorldPhysics, start: Centreline, command: Track) -> Float64[np.ndarray, "N 3"]:
+    """Rest positions of the world's nodes [m] of a rope laid along `start (K, 3)` after the push `command`."""
     begin_s = float(command.times_s[0]) - _SETTLE_S
     world = RopeWorld(task.rope, task.finger, start, physics=physics, time_s=begin_s)
     _wait(world, float(command.times_s[0]))
