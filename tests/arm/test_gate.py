@@ -25,13 +25,13 @@ REACH = Reach(middle=(0.0, 0.0, 0.3), radius_m=0.8, hand_m=0.25)
 SITE = Site(limits=Limits(keep_out=(STAND, CUP), reach=REACH))
 BOX = SITE.limits.workspace
 COUNTS = {0: 0.01, 1: 0.2, 2: 0.35, 3: 0.2, 5: 0.2, 20: 0.02, MAX_WAYPOINTS: 0.01, MAX_WAYPOINTS + 1: 0.01}
-"""How many positions a motion has, and how often."""
+"""Numbers of positions in a motion, with the probability of each."""
 ODD = [np.nan, np.inf, -np.inf, 1e308, -1e308, 1e-308, 0.0, -0.0]
 """Numbers that programs send by mistake."""
 
 
 def around(rng: np.random.Generator, low: float, high: float) -> float:
-    """A number in the range as a rule; else at an end of it or just beyond, or none at all."""
+    """A number within the range as a rule; else one at an end of it or just beyond, or not a finite number."""
     kind = rng.random()
     if kind < 0.9:
         return float(rng.uniform(low, high))
@@ -41,7 +41,7 @@ def around(rng: np.random.Generator, low: float, high: float) -> float:
 
 
 def place(rng: np.random.Generator) -> list[float]:
-    """A place in the workspace as a rule, sometimes at a face of what is kept free."""
+    """A place in the workspace as a rule, sometimes on a face of a keep-out volume."""
     if rng.random() < 0.05:
         volume = (STAND, CUP)[rng.integers(2)]
         corner = [float(rng.choice([low, high])) for low, high in zip(volume.low, volume.high, strict=True)]
@@ -80,7 +80,7 @@ def command(rng: np.random.Generator) -> Motion:
 
 
 def crosses(start: list[float], end: list[float], volume: KeepOut) -> bool:
-    """Whether a line enters a box: by separating axes, Gottschalk, Lin and Manocha 1996."""
+    """True if a line segment enters a box: separating axes, Gottschalk, Lin and Manocha 1996."""
     half = [(high - low) / 2 for low, high in zip(volume.low, volume.high, strict=True)]
     middle = [(high + low) / 2 for low, high in zip(volume.low, volume.high, strict=True)]
     centre = [(a + b) / 2 - m for a, b, m in zip(start, end, middle, strict=True)]
@@ -99,7 +99,7 @@ def crosses(start: list[float], end: list[float], volume: KeepOut) -> bool:
 
 
 def along(motion: Motion, tool: ToolPose) -> list[list[float]]:
-    """Place and turn at all points of the way, in plain numbers."""
+    """Position [m] and turn (quaternion) of the tool at all points of its path, as plain numbers."""
     turns = motion.turns.tolist() or [list(TOOL_DOWN)] * len(motion.positions)
     told = [[*row, *turn] for row, turn in zip(motion.positions.tolist(), turns, strict=True)]
     here = tool.tolist()[:7]
@@ -110,7 +110,7 @@ def along(motion: Motion, tool: ToolPose) -> list[list[float]]:
 
 
 def reached_m(pose: list[float]) -> float:
-    """From the shoulder to the wrist: SciPy turns the way from the tip to the wrist."""
+    """Distance from the shoulder to the wrist [m]; SciPy turns the offset from tip to wrist."""
     back = Rotation.from_quat(pose[3:], scalar_first=True).apply([0.0, 0.0, -REACH.hand_m]).tolist()
     return math.dist([tip + to for tip, to in zip(pose[:3], back, strict=True)], REACH.middle)
 
@@ -153,7 +153,7 @@ def broken(motion: Motion, tool: ToolPose) -> set[Refusal]:
 
 
 def answered(arm: ArmControl, motion: Motion) -> str:
-    """What the gate says to the motion: the code of its refusal, or that it passed."""
+    """Answer of the gate to the motion: the code of its refusal, or "passed"."""
     try:
         begin(arm, motion, motion.digest(), SITE)
     except MotionRefused as refusal:

@@ -20,7 +20,7 @@ paths = st.lists(places, min_size=2, max_size=5, unique=True).filter(
 
 
 def run(points: np.ndarray, speeds: np.ndarray) -> np.ndarray:
-    """Where the follower is at every tick, the start included; `points` are places of a tool that points down."""
+    """Places of the follower at every tick, from the start on; `points` are places of a tool that points down."""
     follower, seen = PathFollower(poses(points), speeds, ACCELERATION), [points[0]]
     while not follower.at_rest:
         seen.append(follower.advance(TICK_S)[:3])

@@ -1,4 +1,4 @@
-"""What the bench of the real rope stands on: folds that look at their own pushes alone, clouds that become a rope."""
+"""Parts of the bench on the real rope: each fold reads its own pushes alone, and clouds become a rope."""
 
 from collections.abc import Sequence
 from pathlib import Path
@@ -14,7 +14,7 @@ from bench import rope_pushes
 from bench.leave_one_out import Fitted, Place, descend, folds, loss, paired, placed
 
 TRUTHS = np.array([2.0, 3.0, 2.0, 9.0])
-"""Where along an axis each of four pushes has its least error."""
+"""Place along an axis at which each of four pushes has its least error."""
 
 
 def distances(places: Sequence[Place]) -> Float64[np.ndarray, "Q K"]:
@@ -22,7 +22,7 @@ def distances(places: Sequence[Place]) -> Float64[np.ndarray, "Q K"]:
 
 
 def straight(angle: float) -> np.ndarray:
-    """A flat band 0.4 m long and 10 mm wide, as the cameras' points lie, at heights that mean nothing."""
+    """A flat band 0.4 m long and 10 mm wide, as the cameras' points lie, with heights that are noise."""
     along, across = np.meshgrid(np.linspace(-0.2, 0.2, 160), np.linspace(-0.005, 0.005, 5), indexing="ij")
     flat = np.stack([along.ravel(), across.ravel()], axis=1)
     turn = np.array([[np.cos(angle), np.sin(angle)], [-np.sin(angle), np.cos(angle)]])

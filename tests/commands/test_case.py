@@ -1,4 +1,4 @@
-"""What the console reads of a discovery's folder, and how it says what is wrong with one."""
+"""Reading a discovery's folder for the console: the verdict in it, and errors that say what is wrong with it."""
 
 from dataclasses import replace
 from pathlib import Path

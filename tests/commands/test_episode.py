@@ -1,4 +1,4 @@
-"""What is wrong with an order is said before a process, a file or the cell is started."""
+"""Options of an episode are checked before a process, a file or the cell is started."""
 
 import pytest
 

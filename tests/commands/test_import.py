@@ -1,4 +1,4 @@
-"""What others measured is in the recording as they measured it, or nothing is, and the error says why."""
+"""Importing measured data: a recording holds it as it was measured, or nothing is written and the error says why."""
 
 import json
 import subprocess
@@ -171,7 +171,7 @@ def gone(name: str) -> Callable[[Arrays], None]:
 
 
 def commands_of_one_push_missing(arrays: Arrays) -> None:
-    """Of the second push of the first episode."""
+    """Drop the commands of the second push of the first episode."""
     first, last = arrays["cloud_time"][3], arrays["cloud_time"][5]
     kept = (arrays["command_time"] < first) | (arrays["command_time"] > last)
     for name in ("command_time", "command_pose", "command_episode"):

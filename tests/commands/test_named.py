@@ -1,4 +1,4 @@
-"""Which task a command line is about: its sizes, and how its object is simulated."""
+"""Task that a command line names: the sizes of its object, and the dynamics that simulate it."""
 
 from pathlib import Path
 

@@ -1,4 +1,4 @@
-"""What cannot be written or listened on is refused before the work, and looking leaves nothing behind."""
+"""Files and ports that cannot be used are refused before the work; checking them leaves nothing behind."""
 
 import socket
 from pathlib import Path

@@ -26,7 +26,7 @@ ROOT = Path(__file__).parents[2]
 
 
 def dipac(*arguments: str) -> str:
-    """What the program says."""
+    """Standard output of the program."""
     command = [sys.executable, "-m", "app", *arguments]
     return subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=True).stdout
 

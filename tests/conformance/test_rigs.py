@@ -1,4 +1,4 @@
-"""What every rig does, tested through the ports alone: a new cell is tested by its presence.
+"""Conformance of rigs, tested through the ports alone: a new cell is tested by its presence.
 
 One rig serves the whole file, as it serves a whole episode; each test leaves the arm ready for the next.
 """
@@ -39,7 +39,7 @@ LOOKS = 3
 
 
 async def recorded(folder: Path) -> Path:
-    """What the cameras of the simulated cell see in its first seconds, as the product records it."""
+    """Recording of the first frames of the simulated cell's cameras, made as the product makes one."""
     simulated = cells.load("simulated").open(WANTED)
     episode = Episode(
         id=fresh_id("episode"),
@@ -63,7 +63,7 @@ def opened(cell: Cell, file: Path | None) -> AbstractAsyncContextManager[Rig]:
 
 
 CELLS = [cell for cell in map(cells.load, cells.names()) if cell.simulated]
-"""What needs hardware is left out."""
+"""Cells that need no hardware."""
 
 
 @pytest.fixture(scope="module")
@@ -72,7 +72,7 @@ def anyio_backend() -> str:
 
 
 QUICK = {"simulated"}
-"""The others are tested by `make test-slow`, and by tests of their own."""
+"""Cells tested in every run; the others are tested by `make test-slow`, and by tests of their own."""
 
 
 @pytest.fixture(
@@ -90,7 +90,7 @@ async def rig(
 
 @pytest.fixture
 async def arm(rig: Rig) -> Arm:
-    """The arm, lifted of any stop."""
+    """The arm, with any stop lifted."""
     await rig.arm.reset(asked_s=time.monotonic())
     return rig.arm
 
@@ -111,7 +111,7 @@ async def moving(arm: Arm, motion: Motion, meanwhile: Callable[[], None], after_
 
 
 async def until(arm: Arm, *modes: ArmMode) -> np.ndarray:
-    """Where the tool is, once the arm is in one of `modes`."""
+    """Place of the tool [m], once the arm is in one of `modes`."""
     with anyio.fail_after(5):
         while True:
             state = await arm.state()
@@ -279,7 +279,7 @@ def along_y(speed_m_s: float) -> Jog:
 
 
 async def held(arm: Arm, jog: Jog, duration_s: float) -> list[bool]:
-    """Jog at 30 Hz, as a hand does; what was heeded."""
+    """Jog at 30 Hz, as a person does; True for each jog that the arm heeded."""
     heeded = list[bool]()
     for _ in range(round(duration_s * 30)):
         heeded.append(arm.jog(jog))
@@ -288,7 +288,7 @@ async def held(arm: Arm, jog: Jog, duration_s: float) -> list[bool]:
 
 
 async def by_hand(arm: Arm, *acts: Callable[[], Awaitable[object]]) -> Executed:
-    """What comes of it where `acts` are done one after the other while somebody waits for the hand."""
+    """Result of jogging where `acts` are done one after the other while somebody waits for it."""
     result: list[Executed] = []
 
     async def wait() -> None:

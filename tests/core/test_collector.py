@@ -1,4 +1,4 @@
-"""Where the garbage collector is spared, it passes over what was made before, and over nothing made since."""
+"""While the garbage collector is spared, it skips all objects made before, and none made since."""
 
 import gc
 import weakref
@@ -11,20 +11,20 @@ from app.core.collector import paused_collection, spared_collection
 
 
 class Knot:
-    """Refers to itself: freed by the collector alone."""
+    """Object that refers to itself: freed by the collector alone."""
 
     def __init__(self) -> None:
         self.itself = self
 
 
 def collected(knot: Knot) -> bool:
-    """Whether the collector goes through it."""
+    """True if the collector examines `knot`."""
     return any(each is knot for each in gc.get_objects())
 
 
 @pytest.fixture(autouse=True)
 def alone(monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
-    """As in a process in which nothing is spared yet, which the tests' own is not."""
+    """Collector state of a process in which nothing is spared yet, unlike the one that runs the tests."""
     monkeypatch.setattr(collector, "_open", list[None]())
     gc.unfreeze()
     yield

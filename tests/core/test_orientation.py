@@ -1,4 +1,4 @@
-"""What is known of a rope's ends: by how much better one way round predicts what is seen, and as it is followed."""
+"""Belief about a rope's ends: learnt from which way round predicts better, and kept as the rope is followed."""
 
 import math
 import pickle
@@ -20,7 +20,7 @@ def line(turn_rad: float = 0.0, aside_m: float = 0.0) -> Centreline:
 
 
 def sure() -> Orientation:
-    """The first node is the first end."""
+    """A belief that is sure that the first node is the first end."""
     known = UNKNOWN
     for _ in range(3):
         known = pushed(known, 0.001, 0.02)
@@ -28,7 +28,7 @@ def sure() -> Orientation:
 
 
 def errors(after: Centreline, first_m: float, last_m: float) -> np.ndarray:
-    """Predictions that are off by so much, if the first node is the first end, and if the last one is."""
+    """Predictions with these errors: one if the first node is the first end, one if the last node is."""
     up = np.array([[0.0], [1.0]], np.float32)
     return np.stack([after + first_m * up, after + last_m * up])
 

@@ -1,4 +1,4 @@
-"""What has to be in time goes before what may wait, where the system allows it."""
+"""Real-time priority: urgent threads run before ordinary programs, where the system allows it."""
 
 import os
 import threading
@@ -11,7 +11,7 @@ from app.core.ring import SPAWN
 
 
 def _policy_of_thread() -> int:
-    """Of a thread that is started now."""
+    """Scheduling policy of a thread that is started now."""
     found = list[int]()
     thread = threading.Thread(target=lambda: found.append(os.sched_getscheduler(0)))
     thread.start()

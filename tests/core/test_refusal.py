@@ -1,4 +1,4 @@
-"""What an arm may say against a motion is known to its users."""
+"""Codes by which an arm refuses a motion are all documented for its users."""
 
 import re
 
