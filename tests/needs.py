@@ -11,9 +11,9 @@ from contextlib import contextmanager
 from typing import Any
 
 FIXTURES = frozenset({"anyio_backend", "browser_address", "served"})
-"""Whoever uses one has an event loop, a served console or a browser."""
+"""Fixtures whose users have an event loop, a served console or a browser."""
 VIRTUAL = "virtual_time"
-"""Whoever uses this fixture has an event loop that waits for nothing, which needs a core alone."""
+"""Fixture whose users have an event loop that waits for nothing, which needs a core alone."""
 _AUDITED = {
     "os.fork": "a process",
     "os.posix_spawn": "a process",
@@ -31,7 +31,7 @@ def _hear(event: str, _: tuple[Any, ...]) -> None:
 
 
 def _is_importing() -> bool:
-    """A library is being loaded: some look around then, as urllib3 does for IPv6."""
+    """True while a library is imported: some look for processes or sockets then, as urllib3 does for IPv6."""
     frame = sys._getframe()
     while frame := frame.f_back:
         if frame.f_code.co_filename.startswith("<frozen importlib"):
@@ -57,7 +57,7 @@ def undeclared() -> Iterator[set[str]]:
         sleep(seconds)
 
     def heard_spawn(path: bytes, args: Sequence[Any], passfds: Sequence[int]) -> int:
-        """Of `multiprocessing`, which the interpreter does not tell of; what tracks shared memory does nothing."""
+        """Note a spawn of `multiprocessing`, which raises no audit event; the shared memory tracker does not count."""
         if not any("resource_tracker" in str(arg) for arg in args):
             used.add("a process")
         return spawn(path, args, passfds)

@@ -1,4 +1,4 @@
-"""What every effect of cameras and arm keeps, found by itself: nulls that vanish, names, units, sources."""
+"""Conformance of the effects of cameras and arm, found by itself: nulls that vanish, names, units, sources."""
 
 import inspect
 from pathlib import Path
@@ -19,7 +19,7 @@ EYE = Eye(position=np.array([0.5, -0.2, 0.9]), middle=None)
 
 
 def track() -> Track:
-    """Down, forth, back and up, with the tool turned by a quarter."""
+    """A track that goes down, forth, back and up, with the tool turned by a quarter."""
     times = np.linspace(0.0, 3.0, 151)
     x = 0.5 + 0.1 * np.interp(times, [0.5, 1.5, 2.5], [0.0, 1.0, 0.4])
     z = np.interp(times, [0.0, 0.4, 2.6, 3.0], [0.1, 0.006, 0.006, 0.1])
@@ -28,7 +28,7 @@ def track() -> Track:
 
 
 def load() -> Load:
-    """One newton against x."""
+    """A load of one newton against x."""
     return Load(np.tile([-1.0, 0.0, 0.0], (151, 1)))
 
 

@@ -1,4 +1,4 @@
-"""What a decision becomes: a name, a set, or nothing; and never a name from data that cannot carry one."""
+"""Verdicts: a decision becomes a named cause, a set or nothing, and never a name from data that cannot carry one."""
 
 from dataclasses import replace
 

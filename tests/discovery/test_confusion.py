@@ -1,4 +1,4 @@
-"""What pushes would confuse: causes with the same slopes, and nothing else; what is too weak stays unseen."""
+"""Confusions that pushes would leave: causes with the same slopes, and no others; too weak a cause stays unseen."""
 
 from collections.abc import Callable
 
@@ -61,7 +61,7 @@ def test_what_is_too_weak_for_these_pushes_stays_unseen() -> None:
 
 
 def test_it_agrees_with_looking_for_causes_in_made_up_residuals() -> None:
-    """A cause that is half seen: named 30 times of 60 by the whole inference, and in 80 % by the linear bootstrap.
+    """Confusion of a cause that is half seen: the whole inference names it 30 times of 60, the linear bootstrap 80 %.
 
     Student's t counts on wider noise than these residuals have, which makes the bootstrap a little too hopeful.
     """
@@ -82,7 +82,7 @@ def _with(data: Residuals, r: np.ndarray) -> Residuals:
 
 
 def _first(findings: tuple[Finding, ...]) -> int | None:
-    """The likeliest cause, None where nothing missing is likelier."""
+    """The likeliest cause; None where the null hypothesis is likelier."""
     logs = {str(n): finding.log_bayes for n, finding in enumerate(findings)}
     found = named_of(logs)
     return int(found) if found is not None else None

@@ -41,7 +41,7 @@ def trials() -> Trials:
 
 
 def judged(residuals: np.ndarray) -> dict[str, FrameTest]:
-    """Of residuals (K, N, 2) with a millimetre of noise a push and two a point."""
+    """Frame tests of residuals (K, N, 2) with noise of a millimetre per push and two per point."""
     rng = np.random.default_rng(1)
     noisy = residuals + rng.normal(0, 1e-3, (PUSHES, 1, 2)) + rng.normal(0, 2e-3, residuals.shape)
     places = np.stack([push.before.points[:, :2] for push in trials().study.pushes]).astype(np.float64)
@@ -49,7 +49,7 @@ def judged(residuals: np.ndarray) -> dict[str, FrameTest]:
 
 
 def every(vectors: np.ndarray) -> np.ndarray:
-    """The same vector (K, 2) for all points of a push."""
+    """One vector (K, 2) per push, repeated for all of its points."""
     return np.repeat(vectors[:, None], 300, axis=1)
 
 
@@ -60,7 +60,7 @@ def headings() -> np.ndarray:
 
 
 def yaws() -> np.ndarray:
-    """The tool's own x axis on the table."""
+    """Direction of the tool's own x axis on the table."""
     q = np.stack([push.command.poses[0, 3:] for push in trials().study.pushes])
     return np.stack([1 - 2 * (q[:, 2] ** 2 + q[:, 3] ** 2), 2 * (q[:, 0] * q[:, 3] + q[:, 1] * q[:, 2])], axis=1)
 

@@ -1,4 +1,4 @@
-"""What is left is told from chance: rarely where nothing is, and nearly always where something is."""
+"""Test of unexplained residuals: it finds little where only chance is, and nearly always finds what is there."""
 
 import numpy as np
 import pytest
@@ -18,7 +18,7 @@ AT = {feature: tuple(NUISANCES + NAMES.index(name) for name in own) for feature,
 def widened(
     seed: int, *, swirl: float = 0.0, heavy: bool = False, episodes: int = EPISODES, habit: float = HABIT
 ) -> Widened:
-    """Pushes with errors of 2 mm that are alike within an episode, a millimetre by what features do, and a swirl."""
+    """Pushes with errors of 2 mm that are alike within an episode, features that act by a millimetre, and a swirl."""
     rng = np.random.default_rng(seed)
     count, width = episodes * PUSHES, NUISANCES + len(NAMES)
     J = 1e-3 * rng.normal(size=(count, ROWS, width))
@@ -75,7 +75,7 @@ def test_by_chance_is_even_where_only_chance_is() -> None:
 
 
 def forms_of(J: np.ndarray, r: np.ndarray) -> Forms:
-    """Of errors of unit size: J (E, R, F), r (E, R)."""
+    """Quadratic forms of errors of unit size: J (E, R, F), r (E, R)."""
     return Forms(np.einsum("erp,erq->epq", J, J), np.einsum("erp,er->ep", J, r), np.arange(len(J)))
 
 

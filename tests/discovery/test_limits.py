@@ -1,4 +1,4 @@
-"""What a study lacks is said, with what to do next time; of a good study nothing is said."""
+"""Limits of a study are stated, with what to do next time; a good study has none."""
 
 from collections.abc import Callable
 from dataclasses import replace
@@ -56,7 +56,7 @@ def each(change: Callable[[Push], Push]) -> Study:
 
 
 def some(every: int, change: Callable[[Push], Push]) -> Study:
-    """Only every so manieth push changed."""
+    """The good study with every `every`-th push changed."""
     return replace(GOOD, pushes=tuple(change(push) if n % every == 0 else push for n, push in enumerate(GOOD.pushes)))
 
 
@@ -66,7 +66,7 @@ def first(count: int, *, an_episode: int = 6) -> Study:
 
 
 def along(push: Push, angle: float) -> Push:
-    """Through the middle of the object in this direction."""
+    """A push through the middle of the object in this direction."""
     middle, ahead = push.before.points.mean(0)[:2], np.array([np.cos(angle), np.sin(angle)])
     nearest = push.before.points[np.argmin(np.linalg.norm(push.before.points[:, :2] - middle, axis=1)), :2]
     poses, low = push.command.poses.copy(), push.command.poses[:, 2] < SUBJECT.low_m
@@ -81,7 +81,7 @@ def with_track(push: Push, track: Track) -> Push:
 
 
 def at_speed(push: Push, speed_m_s: float) -> Push:
-    """The same way at one speed all along."""
+    """The same path at one constant speed."""
     steps = np.linalg.norm(np.diff(push.command.positions[:, :2], axis=0), axis=1)
     times = push.command.times_s[0] + np.concatenate([[0.0], np.cumsum(np.maximum(steps / speed_m_s, 0.005))])
     moved = with_track(push, replace(push.command, times_s=times))
@@ -95,12 +95,12 @@ def at_speed(push: Push, speed_m_s: float) -> Push:
 
 
 def seen(push: Push, **values: Any) -> Push:
-    """With its view on the way changed."""
+    """A push with its view during the motion changed."""
     return replace(push, during=tuple(replace(view, **values) for view in push.during))
 
 
 def aside(push: Push) -> Push:
-    """The tool half a metre from the object."""
+    """A push whose tool is half a metre from the object."""
     poses = push.command.poses + np.array([0.5, 0, 0, 0, 0, 0, 0])
     return with_track(push, replace(push.command, poses=poses))
 
@@ -202,7 +202,7 @@ def test_an_object_that_is_coiled_up_now_and_then_is_not_another_one() -> None:
 
 
 def coiled_up(push: Push) -> Push:
-    """The object as a ring of half of its length's way round: it touches itself and looks short."""
+    """A push of an object coiled up in a ring of half its length: it touches itself and looks short."""
     turn = np.linspace(0, 4 * np.pi, 200)
     ring = np.stack([0.05 * np.cos(turn), 0.05 * np.sin(turn), np.zeros(200)], 1) + push.before.points.mean(0)
     x = fill_tube(ring, TASK.rope.radius_m, 300)

@@ -48,7 +48,7 @@ FRICTION, FILM, TILT = range(3)
 
 
 def belief(probabilities: Mapping[str, float], *, nothing: float, pushes: int = 16, episodes: int = 4) -> Belief:
-    """Of Coulomb's friction, which is fitted whatever the cause, a film and a tilt, a column each."""
+    """Belief about three columns: Coulomb's friction, which is fitted whatever the cause, a film and a tilt."""
     steps = [Step(cause=cause, column=0, size=1.0, sides=2) for cause in ("table_friction", "viscous_film", "tilt")]
     return Belief(
         about=np.zeros(3),
@@ -67,7 +67,7 @@ def belief(probabilities: Mapping[str, float], *, nothing: float, pushes: int = 
 
 
 def said_by(*slopes: float) -> Float64[np.ndarray, "3 3"]:
-    """The information of a push that shows one number, with these slopes in units of its noise."""
+    """Information of a push that observes one number with these slopes, in units of its noise."""
     return np.outer(slopes, slopes)
 
 
@@ -76,7 +76,7 @@ def flat(stroke: Stroke) -> Candidate:
 
 
 def stroke(speed_m_s: float = 0.1) -> Stroke:
-    """Across the middle of the rope."""
+    """A stroke across the middle of the rope."""
     return stroke_through(rope()[150, :2].astype(float), np.array([1.0, 0.0]), length_m=0.1, speed_m_s=speed_m_s)
 
 
@@ -113,7 +113,7 @@ def test_a_push_that_shows_nothing_gains_nothing_and_one_that_is_made_again_less
 
 
 def test_of_a_film_and_coulomb_friction_the_other_speed_is_chosen_after_a_slow_push() -> None:
-    """At one speed a film is a larger friction, which is fitted whatever the cause."""
+    """At one speed, a film cannot be told from a larger friction, which is fitted whatever the cause."""
     slow, fast = said_by(4.0, 1.0, 0.0), said_by(4.0, 4.0, 0.0)
     held = belief({"viscous_film": 0.5, "tilt": 0.0}, nothing=0.5).expecting(slow)
     again, other = flat(stroke(0.05)), flat(stroke(0.3))
@@ -145,7 +145,7 @@ def test_a_push_beside_the_rope_is_not_weighed_and_one_that_moves_it_is() -> Non
 
 @cache
 def _film() -> Belief:
-    """A film or nothing, and what is fitted whatever the cause; by the rod's own columns."""
+    """Belief of a film or nothing, with the columns that are fitted whatever the cause, taken from the rod's own."""
     held = first_belief(SUBJECT)
     kept = sorted({*held.prior.nuisance, *held.causes["viscous_film"]})
     at = {column: number for number, column in enumerate(kept)}

@@ -1,4 +1,4 @@
-"""No cause is named by a model that does not work: what forbids it, on pushes that were made up."""
+"""Soundness of the model: on made-up pushes, no cause is named by a model that does not work."""
 
 from dataclasses import replace
 
@@ -19,7 +19,7 @@ SUBJECT, CATALOGUE = subject_of(load("rope_push")), catalogue()
 
 
 def residuals(error_m: float, simulated: float = 1.0) -> Residuals:
-    """Of the pushes of `trials`, each elsewhere by so much, and so many of them simulated."""
+    """Residuals of the pushes of `trials`: each off by `error_m`, and a share of them `simulated`."""
     count, rows = len(trials()), 4 * MODES
     r, known = np.zeros((count, rows)), np.ones((count, rows), bool)
     r[:, 2 * MODES] = error_m

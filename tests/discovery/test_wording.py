@@ -1,4 +1,4 @@
-"""A formula in words: what swirls, drags or pulls is said so, in real units and about the right point."""
+"""Formulas in words: a swirl, a drag or a pull is called so, in real units and about the right point."""
 
 import pytest
 
@@ -16,14 +16,14 @@ FASTER, HEAVIER = SUBJECT.haste, SUBJECT.heft
 
 
 def said(*features: str, **values: float) -> Formula:
-    """Of a fit that is exact, of these features with these values of the simulator's parameters."""
+    """Formula of an exact fit of these features, with these values of the simulator's parameters."""
     known = with_formula(CATALOGUE, features)
     model = exact_model(SUBJECT, known, (FORMULA,), values)
     return formula_of(SUBJECT, Found(features=features, model=model, catalogue=known))
 
 
 def about(x: float, y: float, swirl: float) -> dict[str, float]:
-    """A swirl about a point: the push at the middle of the workspace is what makes it vanish there."""
+    """A swirl about a point: the push at the middle of the workspace makes the force vanish at that point."""
     return {"swirl": swirl, "push_x": swirl * y, "push_y": -swirl * (x - 0.55)}
 
 

@@ -1,4 +1,4 @@
-"""What episodes say together: known rows give known scores."""
+"""Scores over many episodes: known rows give known scores."""
 
 from pathlib import Path
 

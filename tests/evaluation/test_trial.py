@@ -1,4 +1,4 @@
-"""What a trial does without: the ablation of online learning, and who learns in use at all."""
+"""Trials and their ablations: which of them learn online, and which count as a success."""
 
 import pytest
 

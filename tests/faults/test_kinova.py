@@ -1,4 +1,4 @@
-"""Whatever goes wrong between the program and a Gen3, the arm is at rest in time and was told nothing out of bounds."""
+"""After any fault between the program and a Gen3, the arm rests in time and was sent nothing out of bounds."""
 
 import time
 from collections.abc import Callable
@@ -25,7 +25,7 @@ WIRE = ("cut", "deaf", "feedback lost", "another commands", "joint fault", "base
 
 @cache
 def outcomes(doing: Doing) -> dict[str, Outcome]:
-    """Of the faults at the wire, each done once."""
+    """Outcomes of the faults on the wire, each injected once."""
     return {each.fault: each for each in suffered(doing, alone=True)}
 
 

@@ -40,11 +40,11 @@ MessageT = TypeVar("MessageT", bound=Message)
 A_WHILE = 12
 """Reports of health in which the run would have looked, planned and begun to push, were it allowed to."""
 PATIENCE_S = 60.0
-"""A test that has waited this long for something fails; nothing here takes a tenth of it."""
+"""Longest time [s] that a test waits for anything before it fails; nothing here takes a tenth of it."""
 
 
 def small_site(folder: Path, **timing: float) -> Site:
-    """A site where everything happens soon; `timing` as in `Timing`."""
+    """A site whose waits are all short; `timing` as in `Timing`."""
     soon = {
         "camera_period_s": 0.2,
         "settle_s": 0.05,
@@ -105,7 +105,7 @@ class Person:
         return [message for message in self.seen if isinstance(message, kind)]
 
     def look_away(self) -> None:
-        """Go on with what is shown from now on."""
+        """Skip what was shown so far: read on from now."""
         self._read = len(self.seen)
 
     async def sees(self, kind: type[MessageT], says: str = "") -> MessageT:
@@ -162,7 +162,7 @@ class Person:
             await self.asks(ChecklistRequest(id=fresh_id("checklist"), time_s=now_s, operator="tests", key=key))
 
     async def presses_stop(self) -> None:
-        """The arm is told first, and then the flow, as the console does it."""
+        """Press STOP: the arm is told first, and then the flow, as the console does it."""
         self._stop()
         await self._asked.put(StopRequest(id=fresh_id("stop"), time_s=anyio.current_time(), operator="tests"))
 
@@ -170,7 +170,7 @@ class Person:
         await self._asked.put(ResumeRequest(id=fresh_id("resume"), time_s=anyio.current_time(), operator="tests"))
 
     def hears_of_the_end(self, error: Exception | None) -> None:
-        """The run has ended, with `error` where it has failed."""
+        """Note that the run has ended, with `error` where it has failed."""
         self._over, self._error = True, error
         self._wake()
 
@@ -180,7 +180,7 @@ class Person:
 
 
 def _words(message: Message) -> str:
-    """What a message says in words: its text, what the program does, its or an arm's mode, an outcome, a reason."""
+    """Text of a message: its text, what the program does, its or an arm's mode, an outcome, a reason."""
     return " ".join(str(getattr(message, name, "")) for name in ("where", "text", "doing", "mode", "outcome", "why"))
 
 
@@ -239,7 +239,7 @@ class Run:
             self.person.hears_of_the_end(self._error)
 
     async def end(self) -> Exception | None:
-        """What ended the run, None where it came to its proper end; waits for it."""
+        """Error that ended the run, None if it ended as it should; waits for the end."""
         with anyio.fail_after(PATIENCE_S):
             await self._ended.wait()
         return self._error
@@ -251,7 +251,7 @@ class Run:
         return self.person.all(Proposal)[-1]
 
     async def plans_with(self, habits: Habits) -> None:
-        """Let the planner plan so from its next plan on."""
+        """Make the planner work with these habits from its next plan on."""
         await self.planner.run(take_up, habits)
 
 
@@ -271,7 +271,7 @@ async def running(
 
 
 def withdrawn(notice: Notice, proposal: Proposal) -> bool:
-    """Whether `notice` takes `proposal` away from the operator."""
+    """True if `notice` takes `proposal` away from the operator."""
     return proposal.id in notice.cause
 
 
@@ -299,7 +299,7 @@ async def pushes(run: Run, proposal: Proposal) -> Executed:
 
 
 async def for_a_while(run: Run) -> list[Message]:
-    """Everything said meanwhile."""
+    """Messages shown while the run goes on for a while."""
     before = len(run.person.seen)
     for _ in range(A_WHILE):
         await run.person.sees(Health)
@@ -307,7 +307,7 @@ async def for_a_while(run: Run) -> list[Message]:
 
 
 async def jogs(run: Run, linear: tuple[float, float, float], samples: int = 12) -> int:
-    """Hold something for a little; how many samples of it were heeded."""
+    """Jog with this velocity for a little; number of samples that the arm heeded."""
     heeded = 0
     for _ in range(samples):
         heeded += run.rig.arm.jog(Jog(linear=np.array(linear)))

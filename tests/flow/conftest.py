@@ -1,4 +1,4 @@
-"""What every test of the flow has: virtual time, and photographs of the small cell, taken before any loop runs."""
+"""Fixtures of all tests of the flow: virtual time, and photographs of the small cell, taken before any loop runs."""
 
 from collections.abc import Iterator
 from typing import Any

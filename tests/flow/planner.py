@@ -1,7 +1,7 @@
-"""What the planner's process does in the tests of the flow: it draws strokes over the free part of the table, at once.
+"""Planner for the tests of the flow: its process draws strokes over the free part of the table, at once.
 
-The jobs of `app.tasks.jobs` stay what they are; what a task compiles is this process's own to say, and here it is this.
-Nothing of it loads JAX or the simulator, so that a run starts in a second.
+The jobs of `app.tasks.jobs` are those of the program; only what a task compiles is replaced in this process.
+Nothing here loads JAX or the simulator, so that a run starts in a second.
 """
 
 import os
@@ -37,15 +37,17 @@ _LOADED = "compiled", "rope_orientation"
 """Modules of `app.tasks` that load the simulator."""
 _PUSH_HEIGHT_M, _TRAVEL_HEIGHT_M, _SPEED_M_S = 0.006, 0.05, 0.4
 _FREE_LOW_M, _FREE_HIGH_M = (0.32, -0.15), (0.40, 0.15)
-"""Where the strokes are: 10 cm nearer to the arm than the rope, which therefore never moves by them."""
+"""Range of the strokes: 10 cm nearer to the arm than the rope, which they therefore never move."""
 
 
 @final
 @dataclass(frozen=True, kw_only=True)
 class Habits:
-    """How the planner behaves: `compiling_s` before its first plan where that is not 0, `thinking_s` a plan, and its
-    first `failures` plans fail as `trouble` says. A plan costs `cost` and 1 more for each that was rejected, and at its
-    end promises the object nearer to the goal by a `share` of the way; its branches have these `terms`.
+    """Behaviour of the planner.
+
+    It takes `compiling_s` before its first plan where that is not 0, and `thinking_s` for each plan; its first
+    `failures` plans fail as `trouble` says. A plan costs `cost`, and 1 more for each that was rejected, and promises
+    the object nearer to the goal by a `share` of the way; its branches have these `terms`.
     """
 
     compiling_s: float = 0.0
@@ -63,7 +65,7 @@ def unspoilt(motion: Motion, _: Site) -> Motion:
 
 
 def take_up(habits: Habits, spoil: Callable[[Motion, Site], Motion] = unspoilt) -> None:
-    """From now on, plan by strokes with these habits, `spoil`ed. To be run in the planner's process."""
+    """Plan with strokes of these habits from now on, each changed by `spoil`. To be run in the planner's process."""
     strokes = Strokes(habits, spoil)
 
     def planner(task: str, preset: str, phi: np.ndarray, method: Method, kept_out: tuple[KeepOut, ...]) -> Strokes:
@@ -81,7 +83,7 @@ def take_up(habits: Habits, spoil: Callable[[Motion, Site], Motion] = unspoilt) 
 
 @contextmanager
 def restored() -> Generator[None]:
-    """Afterwards, whoever plans in this process does as before."""
+    """Restore the planning of this process at the end of the block."""
     before = {name: sys.modules.get(f"{app.tasks.__name__}.{name}") for name in _LOADED}
     try:
         yield
@@ -91,7 +93,7 @@ def restored() -> Generator[None]:
 
 
 def _put(name: str, module: ModuleType | None) -> None:
-    """Let `module` be that part of what a task compiles; None where that is yet to be loaded."""
+    """Replace `module` in what a task compiles; None removes it, so that it is loaded again."""
     whole = f"{app.tasks.__name__}.{name}"
     if module is not None:
         sys.modules[whole] = module
@@ -106,7 +108,7 @@ def planner_here() -> Worker:
 
 
 class StrokesWorker(InsideWorker):
-    """Takes the time [s] of its habits, in the loop's time, for what they are about."""
+    """Worker that takes the time [s] of its habits for planning and compiling, in the loop's time."""
 
     _takes_s: Mapping[Callable[..., object], float] = {}
 

@@ -33,10 +33,10 @@ from app.rig.simulated.world import Snapshot
 from app.tasks.rope_push import TASK
 
 Place: TypeAlias = Literal["here", "aside", "covered"]
-"""The rope lies in one place, 40 mm from there, or out of sight under the table."""
+"""Place of the rope: here, 40 mm aside, or out of sight under the table."""
 
 _ROPE_M: Mapping[Place, tuple[float, float]] = {"here": (0.54, 0.008), "aside": (0.58, 0.008), "covered": (0.54, -0.3)}
-"""x and z [m] of a straight rope along y."""
+"""x and z [m] of a straight rope along y, for each place."""
 _TAKES = 3
 _MAX_TICKS = 3.0
 
@@ -66,7 +66,7 @@ def photographs() -> Mapping[tuple[Place, str], Sequence[tuple[ColourImage, Dept
 
 @final
 class Table:
-    """Where the rope lies; a test moves it by hand."""
+    """Place of the rope on the table; a test moves it by hand."""
 
     def __init__(self) -> None:
         self.place: Place = "here"
@@ -209,7 +209,7 @@ class TickedArm:
         return self._stop_s > self._reset_s
 
     def trips(self) -> None:
-        """As where the watchdog of the arm's own process stops it."""
+        """Stop as the watchdog of the arm's own process does."""
         self._control.stop("Watchdog: nothing was heard.")
 
     def stop(self) -> None:

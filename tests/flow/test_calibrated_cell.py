@@ -31,7 +31,7 @@ pytestmark = [pytest.mark.anyio, pytest.mark.slow]
 
 @pytest.fixture(scope="module")
 def anyio_backend() -> str:
-    """Its processes take their own time."""
+    """The backend with real time, since the cell's processes take their own."""
     return "asyncio"
 
 
@@ -43,7 +43,7 @@ TURNS_RAD = [
     (0.1, 0.2, 0.3),
     (0.0, 0.0, -0.6),
 ]
-"""Of the tool, one after the other, about the world's axes."""
+"""Turns of the tool about the world's axes, one after the other."""
 STEP_S, JOG_S = 0.03, 1.5
 
 

@@ -87,7 +87,7 @@ class Calibrated:
             yield request
 
     async def photograph(self) -> None:
-        """Pictures of the board where the arm has it, for ever."""
+        """Put pictures of the board where the arm holds it, for ever."""
         while True:
             C = inverse(TRUTH.X @ self.knocked) @ self.arm.gripper @ TRUTH.Y
             taken = image(C, Camera(), self._rng)
@@ -98,7 +98,7 @@ class Calibrated:
             await anyio.sleep(0.1)
 
     async def asks(self, act: CalibrationAct, mode: ModeName = "teleoperate", camera: str = "camera0") -> Message:
-        """What was said last of what came of it."""
+        """Answer to a request of calibration: the last message about it."""
         request = CalibrationRequest(
             id=fresh_id("request"), time_s=anyio.current_time(), operator="client 1", act=act, camera=camera
         )
@@ -111,7 +111,7 @@ class Calibrated:
         return said
 
     async def sees(self, wanted: bool) -> BoardSeen:
-        """The next look at the board that finds it, or does not."""
+        """The next view of the board in which it is found, or is not."""
         begun = len(self.seen)
         with anyio.fail_after(30):
             while True:

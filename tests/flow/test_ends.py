@@ -1,4 +1,4 @@
-"""How a run of the flow ends, and what it says then; each test has a run of its own, in a small cell."""
+"""Ends of a run of the flow, and the errors that they give; each test has a run of its own, in a small cell."""
 
 from dataclasses import replace
 from pathlib import Path

@@ -1,7 +1,7 @@
-"""What the flow does when people, cameras, arm and planner do not do what is best, in a small cell.
+"""Faults of people, cameras, arm and planner, and how the flow takes them, in a small cell.
 
 One run serves the whole file, as it serves an episode: each test begins with a plan of its own and leaves the run
-going. What ends a run is in `test_ends.py`.
+going. Faults that end a run are in `test_ends.py`.
 """
 
 from collections.abc import AsyncIterator

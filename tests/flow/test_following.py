@@ -1,4 +1,4 @@
-"""Where the arm was when a camera looked: between two samples it moved evenly."""
+"""Pose of the arm when a camera took its image: linear between two samples."""
 
 import numpy as np
 import pytest
@@ -44,7 +44,7 @@ def test_the_way_of_the_tool_begins_and_ends_where_it_was_then():
 
 
 class SteppedClock:
-    """Goes on when it is told to."""
+    """Clock that goes on only by its sleeps."""
 
     def __init__(self) -> None:
         self.time_s = 0.0

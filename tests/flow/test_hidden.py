@@ -1,4 +1,4 @@
-"""What is hidden while the application looks: kept, marked, and given up in words."""
+"""Occlusion while the application looks: what is hidden is kept, marked as predicted, and given up with a notice."""
 
 from collections.abc import AsyncIterator, Sequence
 from contextlib import asynccontextmanager
@@ -30,14 +30,14 @@ MIDDLE = np.stack([np.full(9, 0.54), np.linspace(-0.04, 0.04, 9), np.full(9, 0.0
 
 
 class Screen:
-    """Whether somebody holds something in front of the cameras."""
+    """Screen that is held in front of the cameras, or is not."""
 
     def __init__(self) -> None:
         self.held = False
 
 
 class ScreenedCamera:
-    """Photographs of the rope, some of them with a screen in front of its middle."""
+    """Camera with photographs of the rope, some of them with a screen in front of its middle."""
 
     def __init__(self, model: CameraModel, screen: Screen) -> None:
         self._model, self._screen = model, screen
@@ -54,7 +54,7 @@ class ScreenedCamera:
 
 
 class ScreenedRig:
-    """The cameras, and an arm at its home."""
+    """Rig of these cameras, and an arm at its home."""
 
     def __init__(self, screen: Screen) -> None:
         self._cameras = [ScreenedCamera(model, screen) for model in small_cameras()]
@@ -104,7 +104,7 @@ class Watcher:
 
 @asynccontextmanager
 async def looking(how: Reconstruction) -> AsyncIterator[tuple[Sensing, Screen, Watcher]]:
-    """Perception at work until the block ends."""
+    """Run perception until the block ends."""
     photographs()
     screen, watcher, clock, summary = Screen(), Watcher(), LoopClock(), Summary()
     announcer = Announcer(operator=watcher, recorder=MemoryLog(), clock=clock, summary=summary)
@@ -117,7 +117,7 @@ async def looking(how: Reconstruction) -> AsyncIterator[tuple[Sensing, Screen, W
 
 
 async def seen_with(sensing: Sensing, *, predicted: bool) -> Particles:
-    """The next particles of which some, or none, are predicted."""
+    """The next particles of which some are predicted, or none."""
     async for particles in sensing.particles.changes():
         if particles.predicted.any() == predicted:
             return particles

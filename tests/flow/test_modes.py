@@ -1,4 +1,4 @@
-"""What the program does by itself, and what it leaves alone, in each of its modes; goals that come while it runs."""
+"""Modes of the program: what it does by itself in each and what it leaves alone; goals that come while it runs."""
 
 from collections.abc import AsyncIterator
 

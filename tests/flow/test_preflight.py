@@ -1,4 +1,4 @@
-"""What has to be so before a real arm moves for the first time, and that nothing moves until it is."""
+"""The checklist before a real arm moves for the first time: nothing moves until it is complete."""
 
 from collections.abc import AsyncIterator
 from dataclasses import replace
@@ -50,12 +50,12 @@ async def completes(run: Run) -> None:
 
 
 def wrong(run: Run) -> dict[str, str]:
-    """What is not right by the newest checklist, and why."""
+    """Reasons why items of the newest checklist are not right, by key."""
     return {item.key: item.said for item in run.person.all(Checklist)[-1].items if not item.right}
 
 
 async def until(run: Run, **said: str) -> None:
-    """Wait until by the checklist these items are wrong, for these reasons, and no others."""
+    """Wait until exactly these items of the checklist are wrong, for these reasons."""
     while wrong(run).keys() != said.keys():
         await run.person.sees(Checklist)
     assert all(text in wrong(run)[key] for key, text in said.items())

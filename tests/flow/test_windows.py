@@ -1,4 +1,4 @@
-"""What somebody asks for at an awkward moment: while the program looks, while it is stopped, amid a motion."""
+"""Requests at awkward moments: while the program looks, while it is stopped, amid a motion."""
 
 from collections.abc import AsyncIterator
 

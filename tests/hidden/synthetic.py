@@ -17,7 +17,7 @@ Solver = Callable[[Case, np.random.Generator], Told]
 
 
 def outcomes(solver: Solver, count: int = 600, world: World = "own", *, shuffled: bool = False) -> list[Outcome]:
-    """What a solver makes of so many cases; `shuffled`: scored by the truths of others."""
+    """Outcomes of a solver on so many cases; `shuffled`: scored by the truths of others."""
     rng = np.random.default_rng(SEED)
     cases = [drawn(SEED, number, world) for number in range(count)]
     verdicts = [solver(case, rng) for case in cases]
@@ -89,13 +89,13 @@ def others(effect: str, rng: np.random.Generator) -> list[str]:
 
 
 def ranked(first: Sequence[dict[str, Any]], rng: np.random.Generator) -> list[dict[str, Any]]:
-    """A whole ranking that begins so."""
+    """A whole ranking that begins with `first`."""
     named = [each["effect"] for each in first]
     return [*first, *(blamed(name, 1e-3) for name in others(named[0], rng) if name not in named)]
 
 
 def good(case: Case, rng: np.random.Generator) -> Told:
-    """Right as often as it is asked for, and a little more; nineteen of twenty sizes have their interval."""
+    """A solver that is right as often as is asked for, and a little more; 19 of 20 sizes lie in their intervals."""
     outside = any(each.effect not in FAMILIES for each in case.hidden)
     if not case.hidden or (outside and rng.uniform() > 0.9):
         return "none", [], ranked([blamed(others("", rng)[0], 0.02)], rng)
@@ -111,7 +111,7 @@ def good(case: Case, rng: np.random.Generator) -> Told:
 
 
 def guessing(case: Case, rng: np.random.Generator) -> Told:
-    """Draws as the suite does, from nothing that it saw."""
+    """A solver that draws causes as the suite does, and looks at nothing."""
     if rng.uniform() < 0.25:
         return "none", [], ranked([blamed(others("", rng)[0], 0.3)], rng)
     named = blamed(others("", rng)[0], 0.9, float(rng.uniform(0.25, 2)))
@@ -119,13 +119,13 @@ def guessing(case: Case, rng: np.random.Generator) -> Told:
 
 
 def always_friction(case: Case, rng: np.random.Generator) -> Told:
-    """Friction is different in different places, whatever was seen."""
+    """A solver that always says that friction differs from place to place, whatever was seen."""
     named = blamed("friction_map", 0.95)
     return "named", [named], ranked([named], rng)
 
 
 def never(case: Case, rng: np.random.Generator) -> Told:
-    """Nothing is ever missing."""
+    """A solver that always says that nothing is missing."""
     return "none", [], ranked([blamed(others("", rng)[0], 0.1)], rng)
 
 

@@ -1,4 +1,4 @@
-"""What confidence is learnt from: on made-up studies it is as right as it says, and from shuffled ones nothing is."""
+"""Confidence learnt from studies: as right as it says on made-up ones, and none is learnt from shuffled ones."""
 
 from collections.abc import Callable
 from dataclasses import replace
@@ -13,7 +13,7 @@ COUNT = 1500
 
 
 def studies(seed: int = 0, *, strength: float = 3.0, shuffled: bool = False) -> Lines:
-    """Studies whose evidence for what was hidden is that much more than chance; nothing is hidden in every fourth."""
+    """Studies whose evidence for the hidden cause is `strength` above chance; in one of four nothing is hidden."""
     rng = np.random.default_rng(seed)
     true = np.zeros((COUNT, len(CAUSES) + 1))
     true[np.arange(COUNT), rng.integers(0, len(CAUSES) + 1, COUNT)] = 1.0
@@ -86,4 +86,4 @@ _ARM = {
     "under_reach",
     "camera_time_offset",
 }
-"""All that can be wrong in a world whose rope no effect acts on, and whose cameras show no images."""
+"""Effects that can be hidden in a world whose rope no effect acts on, and whose cameras show no images."""

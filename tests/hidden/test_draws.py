@@ -1,4 +1,4 @@
-"""What is hidden is drawn by the stated shares, and a number and a seed say it all."""
+"""Draws of hidden effects: by the stated shares, and fully determined by a number and a seed."""
 
 import numpy as np
 import pytest

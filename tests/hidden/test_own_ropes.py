@@ -1,4 +1,4 @@
-"""Ropes of our own rod: other numerics, another contact, and what is hidden is in what discovery reads."""
+"""Ropes of our own rod: other numerics, another contact; what is hidden in them is in what discovery reads."""
 
 from pathlib import Path
 
@@ -35,7 +35,7 @@ def control() -> tuple[OwnRope, Study]:
 
 
 def middles(study: Study) -> np.ndarray:
-    """Of each cloud (K, 3, 3) [m]: before, during, after."""
+    """Middle of each cloud [m], shape (K, 3, 3): before, during, after."""
     return np.array(
         [[view.points.mean(0) for view in (push.before, push.during[0], push.after)] for push in study.pushes]
     )
@@ -124,13 +124,13 @@ def moved(name: str, phi: list[float], velocity: tuple[float, float], seconds: f
 
 
 def test_a_quadratic_drag_slows_a_rope_as_the_square_of_its_speed() -> None:
-    """v = v0 / (1 + q h v0 t), of which h is the share of the section that is near the table: 1 - 8 mm / 20 mm."""
+    """v = v0 / (1 + q h v0 t), where h is the share of the section that is near the table: 1 - 8 mm / 20 mm."""
     state = moved("quadratic_drag", [20.0], (0.0, 0.4), 0.2)
     np.testing.assert_allclose(state.nodes[0, 3], 0.4 / (1 + 20 * 0.6 * 0.4 * 0.2), rtol=2e-3)
 
 
 def test_a_sideways_pull_turns_the_motion_and_does_no_work() -> None:
-    """The heading turns by a / v a second, of the acceleration a = f g."""
+    """The heading turns at the rate a / v, with the acceleration a = f g."""
     state = moved("sideways_drift", [0.15], (0.4, 0.0), 0.1)
     vx, vy = np.asarray(state.nodes[0, 2:4], np.float64).mean(1)
     assert np.arctan2(vy, vx) == pytest.approx(0.15 * G * 0.1 / 0.4, rel=0.01)

@@ -1,7 +1,7 @@
-"""Twenty-four ropes, each with its truth in another process: what is hidden has to be found, or nothing is said.
+"""Twenty-four ropes, each simulated in another process: a hidden effect has to be found, or nothing is named.
 
-The world is MuJoCo's chain; rope, finger, frictions and noise are drawn anew for each. What is hidden and what is asked
-was fixed before any solver saw it. What cameras alone get wrong cannot be hidden where there are no images.
+The world is MuJoCo's chain; rope, finger, frictions and noise are drawn anew for each. The hidden effects and the
+questions were fixed before any solver saw them. Errors of cameras alone cannot be hidden where there are no images.
 """
 
 import hashlib
@@ -27,7 +27,7 @@ pytestmark = [pytest.mark.serial, pytest.mark.timeout(1800)]
 
 ROOT = Path(__file__).parents[2]
 KEPT = ROOT / ".pytest_cache" / "ropes"
-"""Recordings, beside the checkout, under the hash of what made them."""
+"""Folder of the recordings, each under the hash of what made it."""
 PLAN = Plan(episodes=5, pushes=4)
 SIZE = 1.25
 PHYSICS = (
@@ -54,14 +54,14 @@ CASES = {
     for number, names in enumerate(HIDDEN)
 }
 OFTEN = [name for name in CASES if name.split("-")[0] in ("11", "12", "18", "19")]
-"""Of these every `make test` asks; of all `make test-slow`: a case takes three quarters of a minute of a core."""
+"""Cases of every `make test`; `make test-slow` runs all: a case takes three quarters of a minute of a core."""
 LIKE = {"draught": "table_tilt"}
-"""Of a level table in no wind, a draught is a tilt: without a look at the table nothing tells them apart."""
+"""Causes that count as others: without a look at the table, a draught cannot be told from a tilt."""
 SURE = 0.8
 
 
 def concluded(case: RopeCase) -> Verdict:
-    """What the solver makes of the recordings of a case: it is given their folder, whose name says nothing."""
+    """Verdict of the solver on the recordings of a case: it is given their folder, whose name says nothing."""
     return verdict(sorted(recorded(case).iterdir()))
 
 
@@ -77,7 +77,7 @@ def recorded(case: RopeCase) -> Path:
 
 
 def sources() -> str:
-    """The hash of all that makes recordings."""
+    """Hash of all that makes recordings."""
     paths = [*(ROOT / "app" / "rig" / "simulated").rglob("*.py"), *(ROOT / "app" / "tasks").rglob("*.py")]
     paths += [*(ROOT / "bench" / "hidden").glob("*.py"), ROOT / "app" / "policy" / "strokes.py"]
     return hashlib.sha256(b"".join(path.read_bytes() for path in sorted(paths))).hexdigest()
@@ -85,7 +85,7 @@ def sources() -> str:
 
 @pytest.fixture(scope="module")
 def verdicts(request: pytest.FixtureRequest) -> Iterator[dict[str, Future[Verdict]]]:
-    """Of all cases if any of the slow tests runs, else of a few."""
+    """Verdicts on all cases if any of the slow tests runs, else on a few."""
     KEPT.mkdir(parents=True, exist_ok=True)
     own = [item for item in request.session.items if item.path == request.path]
     wanted = CASES if any(item.get_closest_marker("slow") for item in own) else OFTEN

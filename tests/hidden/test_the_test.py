@@ -1,4 +1,4 @@
-"""The suite can tell: a good solver passes it, and one that guesses, parrots or skips a step of inference does not."""
+"""The suite itself: a good solver passes it, and one that guesses, parrots or skips a step of inference does not."""
 
 from collections.abc import Callable
 
@@ -62,9 +62,9 @@ K, R, CAUSES = 48, 12, 8
 NAMES = [name for name in kinds("own") if category_of(name, synthetic.FAMILIES[name]) not in (ACTUATION, SENSING)][
     :CAUSES
 ]
-"""Of physics."""
+"""Effects that are neither of the actuation nor of the sensing: the causes in the linear world."""
 HABIT = 0.02
-"""Of the causes in this world, where nothing is missing."""
+"""Prior standard deviation of each cause where nothing is missing, in steps."""
 CAMERA_M = 3e-4
 World = tuple[Case, Residuals]
 Inference = Callable[[Residuals], np.ndarray]
@@ -112,12 +112,12 @@ def whole(data: Residuals) -> np.ndarray:
 
 
 def without_projection(data: Residuals) -> np.ndarray:
-    """Friction and stiffness are taken to be what they were."""
+    """An inference that holds friction and stiffness at their nominal values."""
     return np.array([found.log_bayes for found in weighed(data, 1e-4)])
 
 
 def without_noise(data: Residuals) -> np.ndarray:
-    """Noise is taken to be what a camera leaves in a mode, and not what these residuals scatter by."""
+    """An inference whose noise is that of a camera in one mode, instead of the scatter of these residuals."""
     J, r = data.J.reshape(-1, 2 + CAUSES) / CAMERA_M, data.r.ravel() / CAMERA_M
 
     def evidence(variance: np.ndarray) -> float:
