@@ -1,4 +1,4 @@
-"""What the simulated cell's cameras see of a rope that the finger is pushing."""
+"""Images that the simulated cell's cameras take of a rope while the finger pushes it."""
 
 import numpy as np
 
@@ -14,7 +14,7 @@ _LIFT_M = np.array([0.0, 0.0, 0.06])
 
 
 def pushing(seed: int) -> Snapshot:
-    """The finger in the middle of a push across some place of the rope."""
+    """Snapshot with the finger in the middle of a push across some place of the rope."""
     rng = np.random.default_rng(seed)
     world = RopeWorld(TASK.rope, TASK.finger, TASK.start(seed))
     world.step(world.tool, 0.2)
@@ -28,7 +28,7 @@ def pushing(seed: int) -> Snapshot:
 
 
 def photographed(snapshot: Snapshot, seed: int, cameras: int = 2) -> list[Frame]:
-    """From so many sides."""
+    """Frames of the snapshot from so many cameras."""
     rng, frames = np.random.default_rng(seed), list[Frame]()
     for camera in table_cameras(cameras):
         color, depth = render(snapshot, camera, rng, stage=TASK.stage)

@@ -47,7 +47,7 @@ def camera_at(
 
 
 def two_cameras() -> tuple[CameraModel, CameraModel]:
-    """One on either side of the table, 0.75 m from its middle."""
+    """Two cameras, one on either side of the table, 0.75 m from its middle."""
     return camera_at((0.55, 0.50, 0.56), name="left"), camera_at((0.55, -0.50, 0.56), name="right")
 
 
@@ -62,7 +62,7 @@ def render(
     finger_xy: tuple[float, float] | None = None,
     time_s: float = 0.0,
 ) -> Frame:
-    """What `camera` sees of the tube on the table, and of a finger over it.
+    """Frame that `camera` takes of the tube on the table, and of a finger over it.
 
     `noise_m`: standard deviation of the depth. `dropout`: share of the pixels without a reading, half of them in
     patches. `flying`: share of the pixels at depth edges that report a mixture of front and background.

@@ -1,4 +1,4 @@
-"""What a tool pushes while nobody looks goes ahead of it, and nothing else moves."""
+"""Occluded motion: points that a tool pushes while nobody looks go ahead of it, and nothing else moves."""
 
 from dataclasses import replace
 
@@ -32,7 +32,7 @@ def grid(z: float = 0.01) -> np.ndarray:
 
 @pytest.mark.parametrize("yaw", [0.0, 0.6, 1.57, 2.5])
 def test_a_flat_finger_leaves_nothing_where_it_is_and_a_finger_a_radius_beside_it_does_no_more(yaw: float):
-    """What is left aside of it stays."""
+    """Points that are aside of the finger by more than `WIDTH_M` stay."""
     tool = replace(FINGER, radius_m=0.006, half_width_m=0.02, yaw_rad=yaw)
     points = grid()
     moved = carried(points, tool, way((0.5, -0.10), (0.5, 0.02), 0.006), WIDTH_M)

@@ -1,4 +1,4 @@
-"""What views show before there are particles: masks, counts, and how far the cameras are apart."""
+"""Diagnostics of the views before there are particles: masks, counts, and distances between the cameras' points."""
 
 from dataclasses import replace
 

@@ -1,4 +1,4 @@
-"""What is hidden is kept, what is seen to be gone is dropped, and nothing is there that an image contradicts."""
+"""Occlusion memory: hidden points are kept, points seen to be gone are dropped, and no image contradicts any."""
 
 from collections.abc import Sequence
 from dataclasses import replace
@@ -40,7 +40,7 @@ def shifted(tube: Tube, x: float, y: float) -> Tube:
 
 
 def away(part: np.ndarray, positions: np.ndarray) -> np.ndarray:
-    """How far each point of a part of the tube's axis is from the nearest particle [m]."""
+    """Distance [m] from each point of a part of the tube's axis to the nearest particle."""
     return KDTree(positions).query(part)[0]
 
 
@@ -56,7 +56,7 @@ def first(frames) -> Reconstructed:
 
 @pytest.fixture(scope="module")
 def hidden(tube) -> list[Frame]:
-    """The same a second later, with a screen in front of the middle."""
+    """Views of the tube a second later, with a screen in front of its middle."""
     return at(screened(views(tube, 1), middle(tube)), 1.0)
 
 

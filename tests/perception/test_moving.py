@@ -1,4 +1,4 @@
-"""What hangs or flows is seen as if nothing had been seen before."""
+"""Objects that hang or flow are seen as if there were no frames before."""
 
 from dataclasses import replace
 

@@ -16,7 +16,7 @@ def block(side: int = 18) -> np.ndarray:
 
 
 def shares(particles: np.ndarray, body: np.ndarray) -> np.ndarray:
-    """How many points of the body are nearest to each particle."""
+    """Number of points of the body that are nearest to each particle."""
     return np.bincount(KDTree(particles).query(body)[1], minlength=len(particles))
 
 

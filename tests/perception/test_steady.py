@@ -1,4 +1,4 @@
-"""What a frame lacks or invents for a moment is settled by the frame before."""
+"""Temporal depth filter: the frame before fills missing readings and removes readings that last one frame only."""
 
 from dataclasses import replace
 
@@ -16,7 +16,7 @@ def pair(tube):
 
 
 def exact(tube):
-    """The depth without any flaw."""
+    """Depth image without noise, dropout or flying pixels."""
     return render(tube, two_cameras()[0], np.random.default_rng(0), noise_m=0.0, dropout=0.0, flying=0.0).depth
 
 

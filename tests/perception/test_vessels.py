@@ -1,4 +1,4 @@
-"""What stands in a bowl is level, inside of it, and as much as it is."""
+"""Liquid in a bowl: its surface is level, it lies inside of the bowl, and it keeps its volume."""
 
 import numpy as np
 import pytest

@@ -44,7 +44,7 @@ def wild(seed: int, count: int = 16) -> jnp.ndarray:
 
 
 def places(actions: jnp.ndarray, tool: np.ndarray) -> np.ndarray:
-    """Where each move ends."""
+    """Place at which each move ends."""
     return tool[:3] + np.cumsum(np.asarray(actions, np.float64).reshape(len(actions), -1, 4)[..., :3], axis=1)
 
 

@@ -1,4 +1,4 @@
-"""What was made is read back from measured poses: the teaching of a demonstration."""
+"""Actions read back from measured poses, as learning from a demonstration needs them."""
 
 import jax.numpy as jnp
 import numpy as np
@@ -28,6 +28,6 @@ def test_an_action_is_read_back_from_the_poses_of_its_motion(name: str) -> None:
 
 
 def finely(poses: np.ndarray) -> np.ndarray:
-    """As a log has them: many on each segment."""
+    """Poses as in a log: many on each segment."""
     at = np.linspace(0, len(poses) - 1, 40 * (len(poses) - 1) + 1)
     return np.stack([np.interp(at, np.arange(len(poses)), column) for column in poses.T], axis=1)

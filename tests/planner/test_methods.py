@@ -28,7 +28,7 @@ DESCENT = Descent(learning_rate=1.0, clip=1.0, shrink=0.5)
 
 
 def simulated(planner: Planner) -> int:
-    """How many rollouts a decision of it takes, counted from what it will do and not from what it was budgeted."""
+    """Number of rollouts of one decision, counted from the planner's settings and not from its budget."""
     assert isinstance(planner, TreePlanner | CemPlanner)
     if isinstance(planner, TreePlanner):
         return planner.search.branches * SLOPE_ROLLOUTS * planner.gradient_steps
@@ -86,7 +86,7 @@ def test_methods_that_make_no_sense_are_refused(options: dict[str, object]) -> N
 
 
 def bowl(actions: Float[Array, "B D A"]) -> Rollout:
-    """Costs their squared distance from 1; below -0.5 nothing is finite, and above 2 nothing allowed."""
+    """Rollout whose cost is the squared distance from 1; not finite below -0.5, and not allowed above 2."""
     cost = jnp.where((actions < -0.5).any((1, 2)), jnp.nan, ((actions - 1.0) ** 2).sum((1, 2)))
     points = jnp.zeros((len(actions), 1, 3))
     terms = Terms(cost, *jnp.zeros((2, len(cost))))

@@ -31,11 +31,11 @@ PHI = jnp.array(WORLD.phi)[None]
 HOW = lessons(TASK, WORLD)
 COARSE = replace(HOW, symmetry=Symmetry(), views=(replace(HOW.views[0], pixel_m=0.016),))
 NEAR_M = {"act": 0.012, "bc": 0.004, "diffusion": 0.02, "ild": 0.005, "transporter": 0.016}
-"""Of both ends of each push, after the few steps that a test has; a pixel of theirs has 16 mm."""
+"""Largest error [m] at both ends of each push after a test's few steps of training; a pixel of the views is 16 mm."""
 
 
 def taught(count: int) -> Examples:
-    """Demonstrations of the scripted expert in the simulator: so many, of three pushes each."""
+    """Demonstrations of the scripted expert in the simulator: `count` of them, of three pushes each."""
     rows = []
     for seed in range(count):
         x, goal = TASK.particles(TASK.start(seed), COUNT), TASK.goal(seed, COUNT)
@@ -55,7 +55,7 @@ def one() -> Examples:
 
 
 def enough(kind: str) -> Settings:
-    """Of steps, for a demonstration of three pushes."""
+    """Settings with steps enough to learn a demonstration of three pushes."""
     steps = {"act": 400, "diffusion": 800, "ild": 250, "transporter": 150}.get(kind, 300)
     return Settings(steps=steps, batch=3, warm_up=20, patience=steps, learning_rate=1e-3 if kind != "bc" else 5e-4)
 
@@ -121,7 +121,7 @@ def test_a_rollout_that_ends_in_no_numbers_counts_as_one_that_moved_nothing(one:
     @jax.jit
     @jax.value_and_grad
     def loss(at: Params, shares: jax.Array) -> jax.Array:
-        """The object goes with the tool, by the candidate's share of its way."""
+        """Loss in a world where the object goes with the tool, by the candidate's share of its path."""
 
         def advance(phi: jax.Array, state: State, path: jax.Array) -> State:
             went = (path[:, -1, :3] - path[:, 0, :3])[:, None]
@@ -172,7 +172,7 @@ def test_a_training_that_was_broken_off_goes_on_as_if_it_had_not_been(tmp_path: 
 
 
 def unlearned(kind: str, shown: Examples) -> LearnedPolicy:
-    """It acts by the parameters that it would begin to learn with."""
+    """Policy with the parameters at which learning begins."""
     learner = kinds.load(kind)
     params = begin(learner, COARSE, shown, Settings()).params
     return LearnedPolicy.of(learner, COARSE, params, scale_of(COARSE, shown, 0))
@@ -185,7 +185,7 @@ def origin_of(kind: str) -> Origin:
 
 
 def acting(policy: LearnedPolicy, shown: Examples) -> np.ndarray:
-    """What it does in all the situations, as candidates side by side."""
+    """Actions of the policy in all the situations, as candidates side by side."""
     prepared = policy.prepare(shown.x[0], shown.goal[0])
     now = Now.at_rest(jnp.asarray(shown.x))
     return np.asarray(first_action(policy, prepared, now))

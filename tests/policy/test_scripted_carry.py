@@ -35,7 +35,7 @@ def action(x: Points, tool: ToolPose) -> np.ndarray:
 
 
 def way(x: Points, tool: ToolPose) -> np.ndarray:
-    """Where the moves of an action end (8, 4): x, y, z and opening."""
+    """Ends of the moves of an action (8, 4): x, y, z and opening."""
     moves = action(x, tool).reshape(8, 4)
     return np.concatenate([tool[:3] + np.cumsum(moves[:, :3], axis=0), moves[:, 3:]], axis=1)
 
@@ -45,7 +45,7 @@ def lying(seed: int) -> Points:
 
 
 def hanging(x_m: float, y_m: float, z_m: float) -> Points:
-    """A cloth that hangs straight down from there."""
+    """A cloth that hangs straight down from this place."""
     across, down = np.meshgrid(np.linspace(-0.12, 0.12, 16), np.linspace(0.0, 0.24, 16), indexing="ij")
     return np.stack([x_m + across.ravel(), np.full(256, y_m), z_m - down.ravel()], axis=1).astype(np.float32)
 

@@ -1,4 +1,4 @@
-"""What is moved on the table is done alike: the simulator's tool goes the moved way, and scripted experts agree."""
+"""Symmetry: actions moved on the table move the simulator's tool along the moved path, and scripted experts agree."""
 
 from dataclasses import replace
 

@@ -1,4 +1,4 @@
-"""What the tests of recordings share."""
+"""Fixtures shared by the tests of recordings."""
 
 import pytest
 

@@ -17,19 +17,19 @@ WIDTH, HEIGHT = 32, 24
 
 
 def camera(name: str, make: Maker, **fields: Any) -> CameraModel:
-    """Some small camera of that name."""
+    """A small camera of that name."""
     return replace(make(CameraModel, name=name, width=WIDTH, height=HEIGHT), depth_unit_m=0.001, **fields)
 
 
 def frame(model: CameraModel, time_s: float, number: int) -> Frame:
-    """An image of one grey, and one depth, that say which it is."""
+    """Frame of one grey and one depth that encode its number."""
     color = np.full((model.height, model.width, 3), 10 * number % 250, np.uint8)
     depth = np.full((model.height, model.width), number, np.uint16)
     return Frame(id=fresh_id("frame"), time_s=time_s, camera=model, color=color, depth=depth)
 
 
 def frames(times_s: Mapping[str, Sequence[float]], make: Maker) -> list[Frame]:
-    """Of each camera at its times, counted from the beginning, numbered from 1; in the order of time."""
+    """Frames of each camera at its times, counted from the beginning, numbered from 1; in the order of time."""
     found = list[Frame]()
     for name, times in times_s.items():
         model = camera(name, make)
@@ -49,5 +49,5 @@ def filmed(path: Path, messages: Sequence[Message], make: Maker, *, rig: str = "
 
 
 def states(times_s: Sequence[float], make: Maker) -> list[ArmState]:
-    """Of an arm, at these times from the beginning."""
+    """States of an arm at these times from the beginning."""
     return [make(ArmState, cause=(), time_s=BEGIN_S + time_s) for time_s in times_s]

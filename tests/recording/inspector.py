@@ -1,4 +1,4 @@
-"""What Foxglove's open parser makes of a JSON schema: its rules in our words, to try our schemas on.
+"""Foxglove's open parser of JSON schemas: its rules in our words, to try our schemas on.
 
 Read in foxglove/studio (9abf665) and Lichtblick (9554e1e), `packages/mcap-support/src/parseJsonSchema.ts`, which
 `parseChannel.ts` calls for each JSON channel after `JSON.parse`. Where the two differ, this is the stricter one:
@@ -13,7 +13,7 @@ SCALARS = ("boolean", "string", "number", "integer")
 
 
 class RefusedError(Exception):
-    """The parser would throw: no message of the channel is shown."""
+    """Raised where the parser would throw: no message of the channel is shown."""
 
 
 def parsed(text: bytes) -> dict[str, str]:

@@ -50,7 +50,7 @@ def all_kinds() -> list[type[Message]]:
 
 
 class Maker:
-    """Makes values of annotated types: `make(kind, **fields)`; the fields given stand as they are."""
+    """Maker of values of annotated types: `make(kind, **fields)`; the fields given stand as they are."""
 
     def __init__(self, seed: int) -> None:
         self.rng = np.random.default_rng(seed)
@@ -111,7 +111,7 @@ class Maker:
         return self.rng.normal(size=shape).astype(kind.dtypes[0])
 
     def approved(self, **proposed: Any) -> Approved:
-        """Leave to move, made by the gate."""
+        """Approval of a motion, made by the gate."""
         gate = ApprovalGate(max_age_s=1e9, max_unseen_s=1e9, max_drift_m=1e9)
         proposal = self(Proposal, **proposed)
         gate.show(proposal)
@@ -127,7 +127,7 @@ class Maker:
 
 
 def same(a: Any, b: Any) -> bool:
-    """Whether two values of the vocabulary are equal, number by number; NaN equals NaN."""
+    """True if two values of the vocabulary are equal, number by number; NaN equals NaN."""
     if dataclasses.is_dataclass(a):
         names = [field.name for field in dataclasses.fields(a)]
         return type(a) is type(b) and all(same(getattr(a, name), getattr(b, name)) for name in names)
@@ -141,7 +141,7 @@ def same(a: Any, b: Any) -> bool:
 
 
 def same_as_read(written: Message, read: Message) -> bool:
-    """Whether `read` is what the reader owes for `written`: exact, but for JPEG's colours and the gate's seal."""
+    """True if `read` is `written` as a reader has to return it: exact, but for JPEG's colours and the gate's seal."""
     if isinstance(written, Approved):
         names = [field.name for field in dataclasses.fields(ApprovalRecord)]
         return isinstance(read, ApprovalRecord) and all(same(getattr(written, n), getattr(read, n)) for n in names)

@@ -40,7 +40,7 @@ async def main():
 
 anyio.run(main)
 """
-"""Fifty notices and five image pairs a second, each notice printed once the recorder has it; after one it may rest."""
+"""Episode of fifty notices and five image pairs a second; prints each notice's number, and may rest after one."""
 
 _LAST = 120
 """The notice after which the kill comes."""
@@ -49,12 +49,12 @@ _NEVER = -1
 
 @pytest.fixture(scope="module")
 def killed(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, int, float]:
-    """What an episode left that was killed while it wrote."""
+    """Remains of an episode that was killed while it wrote."""
     return _killed(tmp_path_factory.mktemp("killed"), rest_after=_NEVER)
 
 
 def _killed(folder: Path, rest_after: int) -> tuple[Path, int, float]:
-    """What a killed episode left: its file, the last notice that the recorder took, and the moment of the kill."""
+    """Remains of a killed episode: its file, the last notice that the recorder took, and the moment of the kill [s]."""
     episode = [sys.executable, "-c", _EPISODE, str(folder), str(rest_after)]
     with subprocess.Popen(episode, stdout=subprocess.PIPE, text=True) as child:
         assert child.stdout is not None

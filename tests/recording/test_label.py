@@ -1,4 +1,4 @@
-"""What is said of a recording becomes part of it, and nothing else in it changes."""
+"""Labels of a recording: a label becomes part of the file, and nothing else in it changes."""
 
 import signal
 import struct

@@ -1,4 +1,4 @@
-"""What an older version wrote is read as if this one had, and can be rewritten so."""
+"""Migration: recordings of an older version are read as if this one had written them, and can be rewritten so."""
 
 import json
 from pathlib import Path

@@ -1,4 +1,4 @@
-"""What cannot be read is said in one line."""
+"""Recordings that cannot be read are refused with an error of one line."""
 
 from collections.abc import Callable
 from pathlib import Path

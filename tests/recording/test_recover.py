@@ -23,7 +23,7 @@ _numbers = itertools.count()
 
 
 class Chunks:
-    """Where the chunks of a whole file end, and how many messages of ours there are up to there."""
+    """Ends of the chunks of a whole file, each with the number of our messages up to it."""
 
     def __init__(self, path: Path) -> None:
         self.ends: list[tuple[int, int]] = []

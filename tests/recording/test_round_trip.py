@@ -1,4 +1,4 @@
-"""What is written is what is read."""
+"""Round trip: every message is read as it was written."""
 
 import base64
 import dataclasses
@@ -32,7 +32,7 @@ def test_every_kind_of_message_comes_back_as_it_was_written(kind: type[Message],
 
 
 def test_arrays_are_read_in_types_that_libraries_in_c_take(make: Maker) -> None:
-    """A type that names its order of bytes is refused there, be it the computer's own."""
+    """Such libraries refuse a type that names its byte order, even that of the computer itself."""
     frame, particles = make(Frame), make(Particles)
     camera = decode(encode(frame, FrameRecord), FrameRecord).camera
     read = decode(encode(particles, ParticlesRecord), ParticlesRecord)

@@ -11,7 +11,7 @@ from app.recording.copying import write_records
 
 
 def as_version_1(path: Path, goal: Path) -> Path:
-    """What is in the recording at `path` as version 1 wrote it: what the program was doing was its `mode` in Health."""
+    """Copy at `goal` of the recording at `path`, as version 1 wrote it: there the `doing` of Health was its `mode`."""
     goal.parent.mkdir(parents=True, exist_ok=True)
     write_records(_old(path), goal)
     return goal

@@ -1,4 +1,4 @@
-"""What the arm refuses, and what it does when it is stopped and reset."""
+"""Control of the arm: motions that it refuses, and its behaviour when it is stopped and reset."""
 
 import dataclasses
 

@@ -68,13 +68,13 @@ def wait(table: BeansWorld, duration_s: float) -> np.ndarray:
 
 
 def from_paddle(tool: ToolPose, points: np.ndarray) -> np.ndarray:
-    """Points in the frame of the paddle, so that its half sides bound it."""
+    """Points in the frame of the paddle, which lies within its half sides there."""
     turn = Rotation.from_quat(tool[3:7], scalar_first=True) * Rotation.from_quat(TOOL_DOWN, scalar_first=True).inv()
     return turn.inv().apply(points - tool[:3])
 
 
 def depth_in_paddle(tool: ToolPose, nodes: np.ndarray) -> float:
-    """How deep the middles of round ends are in the paddle grown by a bean's radius, at the deepest [m]."""
+    """Largest depth [m] of the beans' end middles in the paddle grown by a bean's radius."""
     beyond = np.abs(from_paddle(tool, nodes)) - PADDLE.half_m
     outside = np.linalg.norm(np.maximum(beyond, 0.0), axis=1) + np.minimum(beyond.max(axis=1), 0.0)
     return float((BEANS.radius_m - outside).max())
@@ -115,7 +115,7 @@ def test_swept_beans_end_in_front_of_the_paddle_or_beside_it_and_never_behind() 
 @pytest.mark.parametrize("speed_m_s", [0.05, 0.15, 0.30])
 @pytest.mark.parametrize("end", [(0.64, 0.0), (0.60, 0.12)])
 def test_no_bean_enters_the_paddle_the_table_or_another_bean(end: tuple[float, float], speed_m_s: float) -> None:
-    """Beyond the way that the paddle makes in the time in which contacts push apart."""
+    """Depths up to the paddle's path in the time that contacts take to push apart are allowed."""
     table, soft = world(), speed_m_s * WorldPhysics().contact_time_s
     for tool, nodes in sweep(table, (0.43, 0.0), end, speed_m_s):
         assert depth_in_paddle(tool, nodes) < soft + 0.05 * BEANS.radius_m
@@ -149,7 +149,7 @@ def test_swept_beans_come_to_rest_within_a_second_and_near_the_paddle(speed_m_s:
 
 
 def test_beans_that_hit_each_other_share_their_momentum() -> None:
-    """Without friction with the table, what the paddle gave to both is theirs for good."""
+    """Without friction on the table, both beans keep all the momentum that the paddle gave them."""
     free = BeanPhysics(world=WorldPhysics(table_friction=1e-4), rolling_m=1e-9, spin_m=1e-9)
     table = world(bed(2, 1), physics=free)
     sweep(table, (0.475, 0.0), (0.500, 0.0), 0.2)

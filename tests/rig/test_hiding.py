@@ -1,4 +1,4 @@
-"""What may be wished for, and what is drawn for it."""
+"""Requests of hidden effects: the ones that can be made, and the values that are drawn for them."""
 
 import numpy as np
 import pytest
@@ -68,7 +68,7 @@ def test_a_cable_is_as_much_off_as_a_chain_of_the_same_seed() -> None:
 
 
 def test_a_rope_of_another_size_is_of_the_same_material() -> None:
-    """The flexural rigidity E I goes with the fourth power of the radius; it yields at the same curvature."""
+    """The flexural rigidity E I goes with the fourth power of the radius; the rope yields at the same curvature."""
     cell = Rope(length_m=0.40, radius_m=0.008, mass_kg=0.064, colour=(0.8, 0.2, 0.1))
     thin = Rope(length_m=0.60, radius_m=0.004, mass_kg=0.03, colour=(0.8, 0.2, 0.1))
     for nominal in ROPE_WORLDS.values():

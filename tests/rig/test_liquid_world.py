@@ -29,7 +29,7 @@ def world(name: str) -> LiquidWorld:
 
 
 def outside(name: str, x: Nodes, place: np.ndarray) -> np.ndarray:
-    """How far particles are beyond the inner wall of a held bowl there [m]."""
+    """Distance [m] of particles beyond the inner wall of a bowl held at `place`."""
     return np.linalg.norm(x - place, axis=1) - task(name).stage.tool.radius_m
 
 
@@ -43,7 +43,7 @@ def tilted(pose: ToolPose, angle_rad: float) -> ToolPose:
 
 
 def over_the_target(name: str) -> ToolPose:
-    """Where the lip of a bowl that is tilted forward by 100 degrees is over the target's middle."""
+    """Pose of a bowl whose lip, once it is tilted forward by 100 degrees, is over the target's middle."""
     x, y, z = task(name).stage.fixtures[0].place_m
     return pointing_down(np.array([x - 0.02, y, z + 0.10]))
 

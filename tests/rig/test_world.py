@@ -21,12 +21,12 @@ from tests.rig.scene import FINGER, PUSH_Z, ROPE, straight_rope
 
 TICK_S = 0.01
 LENGTH_M = {"chain": 1e-9, "cable": 2e-3}
-"""By which the rope's length changes at most: hinges keep it, and elastic segments half a percent."""
+"""Largest change of the rope's length [m]: hinges keep it, and elastic segments give half a percent."""
 
 
 @pytest.fixture(params=get_args(RopeModel))
 def physics(request: pytest.FixtureRequest) -> WorldPhysics:
-    """One for each world of ropes."""
+    """Physics of each world of ropes."""
     return ROPE_WORLDS[request.param]
 
 
@@ -130,7 +130,7 @@ def test_the_finger_never_passes_through_the_rope_at_full_speed(
 
 
 def test_which_end_of_the_rope_is_the_first_does_not_matter(physics: WorldPhysics) -> None:
-    """The root of a chain of bodies, which cannot roll, stands in its middle."""
+    """The root body of the chain, which cannot roll, is in its middle."""
     apart = list[float]()
     for seed in range(4):
         laid = curve(seed)
@@ -159,7 +159,7 @@ def test_a_mirrored_push_leaves_a_mirrored_rope(seed: int, physics: WorldPhysics
 
 @pytest.mark.parametrize("seed", [0, 1])
 def test_less_friction_lets_a_pushed_rope_slide_on(seed: int, physics: WorldPhysics) -> None:
-    """The finger that goes away leaves it with its speed, which friction takes."""
+    """The finger leaves the rope with its speed, which friction takes."""
 
     def coasts_m(friction: float) -> float:
         table = world(dataclasses.replace(physics, table_friction=friction), straight_rope())
@@ -198,7 +198,7 @@ def test_the_same_push_gives_the_same_rope_to_the_last_bit(physics: WorldPhysics
 
 
 def test_more_friction_between_finger_and_rope_drags_it_further_along(physics: WorldPhysics) -> None:
-    """A finger that slides along the rope takes it along the more, the rougher it is."""
+    """A finger that slides along the rope drags it the farther, the rougher it is."""
 
     def dragged(friction: float) -> float:
         _, rope = drive(
@@ -228,7 +228,7 @@ def test_a_cell_has_room_for_the_nodes_of_its_world(physics: WorldPhysics) -> No
 
 
 def test_a_cable_opens_where_nothing_holds_it_and_a_rough_table_holds_it() -> None:
-    """It is elastic about a straight line."""
+    """The cable is elastic about a straight line."""
 
     def spans_m(friction: float) -> float:
         table = world(dataclasses.replace(ROPE_WORLDS["cable"], table_friction=friction), curve(0))

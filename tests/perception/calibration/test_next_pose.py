@@ -1,4 +1,4 @@
-"""Where to go next: possible, in sight of the camera, and worth what it promises."""
+"""The next pose of a calibration: possible, in sight of the camera, and as informative as it promises."""
 
 import numpy as np
 import pytest

@@ -1,4 +1,4 @@
-"""What every hidden effect keeps, found by itself: nulls that change nothing, and the catalogue's names and sizes."""
+"""Conformance of hidden effects, found by itself: nulls that change nothing, and the catalogue's names and sizes."""
 
 import ast
 import inspect

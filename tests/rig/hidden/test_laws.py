@@ -300,7 +300,7 @@ def test_a_tip_that_is_mounted_askew_turns_with_the_tool() -> None:
 
 
 def seen_at(name: str, values: np.ndarray, middle: np.ndarray, x: np.ndarray) -> np.ndarray:
-    """Where the calibration puts points `x` that a camera sees which stands elsewhere."""
+    """Places that the calibration assigns to points `x` seen by a camera that the effect has displaced."""
     believed, stands = table_cameras()[1].T_world_camera, effect(name).stands
     assert stands is not None
     true = stands(believed, middle, values)

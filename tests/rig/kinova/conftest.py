@@ -1,4 +1,4 @@
-"""An arm that is not there, for all tests of the folder, and whoever speaks with it."""
+"""Fixtures for all tests of the folder: an emulated arm, and clients that speak with it."""
 
 import contextlib
 import importlib.util
@@ -24,7 +24,7 @@ CLIENTS = [OwnLink, pytest.param(OfficialLink, marks=pytest.mark.skipif(not INST
 
 
 PATIENT_S = 2.0
-"""Of an arm that is not tested for how soon it notices silence: a thread of a test may be late on a busy machine."""
+"""Time [s] of silence after which an arm stops, where that is not tested: threads may be late on a busy machine."""
 
 
 @pytest.fixture(scope="package")
@@ -36,7 +36,7 @@ def process() -> Iterator[FakeProcess]:
 
 @pytest.fixture
 def arm(process: FakeProcess) -> FakeProcess:
-    """An arm where it starts, ready, that nobody is connected to."""
+    """The emulated arm in its first state, ready, and with nobody connected."""
     process.reset()
     return process
 
@@ -55,7 +55,7 @@ def link(request: pytest.FixtureRequest, arm: FakeProcess) -> Iterator[Link]:
 
 @pytest.fixture
 def kortex(link: Link) -> Iterator[Kortex]:
-    """Connected, and kept alive as the driver's thread does."""
+    """Client that is connected, and kept alive as the driver's thread does."""
     kortex, over = Kortex(link), threading.Event()
     kortex.open()
     alive = threading.Thread(target=keep_alive, args=(kortex, over))
@@ -97,5 +97,5 @@ def way(
 
 
 def tool(arm: FakeProcess) -> np.ndarray:
-    """Where its tool is in truth [m]."""
+    """True place of the emulated arm's tool [m]."""
     return np.array(arm.look()["tool"])

@@ -1,4 +1,4 @@
-"""Where a tool is on its way is told by where it was measured, whatever clock the arm goes by."""
+"""Progress along a path is told by where the tool was measured, whatever clock the arm goes by."""
 
 import numpy as np
 import pytest
@@ -22,7 +22,7 @@ def poses(*places: tuple[float, float, float]) -> np.ndarray:
 
 
 def gone(points: np.ndarray, speed: float = 0.25) -> list[np.ndarray]:
-    """Where a tool is at every tick that goes along them by a clock of its own."""
+    """Places at every tick of a tool that goes along the path by a clock of its own."""
     follower, at = PathFollower(points, np.full(len(points) - 1, speed), ACCELERATION_M_S2), [points[0]]
     while not follower.at_rest:
         at.append(follower.advance(TICK_S))
@@ -46,7 +46,7 @@ def test_a_tool_is_found_where_it_is_on_any_way_that_it_goes_along(
 def test_who_looks_late_knows_as_well_how_far_beside_its_way_a_tool_is(
     path: list[tuple[float, float, float]], late: int
 ) -> None:
-    """What is said of where it is falls behind meanwhile: a tick of a late process is no longer than others."""
+    """Progress falls behind meanwhile, as a late process's tick advances no farther than others."""
     along = Along(poses(*path))
     for tool in gone(poses(*path), 0.25)[::late]:
         along.advance(tool, FAST_M / 4, 0.25 * late * TICK_S)

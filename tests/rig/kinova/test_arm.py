@@ -133,7 +133,7 @@ async def test_an_arm_whose_process_is_killed_stops_by_itself(arm: FakeProcess) 
 
 
 def _is_arm(child: psutil.Process) -> bool:
-    """Whether it is the process that was started last: that of the arm's control."""
+    """True if `child` is the process that was started last: that of the arm's control."""
     others = [each for each in psutil.Process().children() if "multiprocessing.spawn" in " ".join(each.cmdline())]
     return child.pid == max(others, key=lambda each: each.create_time()).pid
 

@@ -30,7 +30,7 @@ STILL, STRAIGHT_UP = np.zeros(3), np.array([0.0, 0.0, 0.05])
 
 
 def events(kortex: Kortex) -> list[ActionEvent]:
-    """Of the action that runs, until it has ended."""
+    """Events of the running action, until it has ended."""
     heard: list[ActionNotification] = []
 
     def ended() -> bool:

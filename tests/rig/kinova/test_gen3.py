@@ -21,7 +21,7 @@ TABLE = [
     (np.pi, -(0.1059 + 0.0615), np.pi),
 ]
 ROUNDING_M = 6e-4
-"""Of eleven lengths that are rounded to 0.1 mm."""
+"""Error of a place [m] from eleven lengths that are rounded to 0.1 mm."""
 RNG = np.random.default_rng(0)
 DOWN = np.diag([1.0, -1.0, -1.0, 1.0])
 
@@ -39,7 +39,7 @@ def anywhere() -> Float64[np.ndarray, "7"]:
 
 
 def with_its_elbow_aside(arc_rad: float) -> Float64[np.ndarray, "7"]:
-    """Joints that have moved so far without moving the tool, as they drift in the course of many motions."""
+    """Joints moved by so much without moving the tool, as they drift in the course of many motions."""
     joints, step_rad = gen3.HOME, 0.05
     target = DOWN.copy()
     target[:3, 3] = 0.45, 0.0, 0.12
@@ -109,7 +109,7 @@ def test_what_is_said_of_the_reach_is_what_the_inverse_finds() -> None:
 
 @pytest.mark.parametrize("arc_rad", [0.0, 1.0, 2.0])
 def test_wherever_its_elbow_is_the_arm_gets_to_all_of_the_workspace_that_is_within_reach(arc_rad: float) -> None:
-    """Ranges of joints are in the way nowhere there, so that the distance alone says what the arm would refuse."""
+    """No joint is at the end of its range there, so that the distance alone decides what the arm refuses."""
     reach, workspace, joints = gen3.reach(gen3.GRIPPER_M), Workspace(), with_its_elbow_aside(arc_rad)
     places = RNG.uniform(workspace.low, workspace.high, (80, 3))
     within = [place for place in places if reach.beyond_m(pointing_down(place)) < 0]

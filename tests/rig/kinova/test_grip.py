@@ -27,7 +27,7 @@ OBJECT = 0.5
 
 
 def told(arm: FakeProcess) -> list[float]:
-    """Where the fingers were told to go, in order."""
+    """Positions that the fingers were commanded to, in order."""
     return [each["value"] for each in arm.commands() if each["call"] == "SendGripperCommand"]
 
 
@@ -108,7 +108,7 @@ def measured(kortex: Kortex) -> Seen:
 
 
 def looked(kortex: Kortex, arm: FakeProcess, measured: Seen, currents_ma: list[float]) -> list[float]:
-    """What fingers are told that draw these currents, one every 10 ms, where they are closed by 0.6."""
+    """Commands to fingers that draw these currents, one every 10 ms, while they are closed by 0.6."""
     grip, over = Grip(kortex, MOST_MA), threading.Event()
     thread = threading.Thread(target=grip.watch, args=(over,))
     thread.start()

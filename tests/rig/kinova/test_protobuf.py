@@ -122,7 +122,7 @@ def test_no_two_fields_of_a_message_share_a_number(cls: type[Any]) -> None:
 
 
 def plain(cls: type[Any]) -> st.SearchStrategy[dict[str, Any]]:
-    """What any message of this class holds, messages as dictionaries."""
+    """Contents of any message of this class, with messages as dictionaries."""
     hints = get_type_hints(cls, include_extras=True)
     return st.fixed_dictionaries({name: _values(hint) for name, hint in hints.items()})
 
@@ -137,7 +137,7 @@ def _values(hint: Any) -> st.SearchStrategy[Any]:
 
 
 def made(cls: type[Any], values: dict[str, Any]) -> Any:
-    """The message that holds these."""
+    """Message with these contents."""
     hints, filled = get_type_hints(cls, include_extras=True), dict[str, Any]()
     for name, value in values.items():
         inner = get_args(hints[name])[0]

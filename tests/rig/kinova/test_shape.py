@@ -1,4 +1,4 @@
-"""What a Gen3 looks like: its capsules move as its kinematics do, and its published surface lies inside of them."""
+"""Shape of a Gen3: its capsules move as its kinematics do, and its published surface lies inside of them."""
 
 import itertools
 
@@ -48,7 +48,7 @@ GRIPPER_SURFACE = (
     "-67,12,64 -53,12,113 -48,14,112 61,-12,75 61,12,75 24,-14,113 32,-7,113 -61,12,75 -61,-12,75 -24,14,113 -32,7,113"
 )
 FITTED_M = 0.0058
-"""How far outside of all capsules a point of the surface may be."""
+"""Largest distance [m] of a point of the surface outside of all capsules."""
 DOWN = np.diag([1.0, -1.0, -1.0, 1.0])
 RNG = np.random.default_rng(5)
 
@@ -68,7 +68,7 @@ def tool_pose(joints: gen3.Joints) -> Float64[np.ndarray, "8"]:
 
 
 def surface(joints: gen3.Joints) -> Points:
-    """Points [m] of the whole arm with its gripper where it is."""
+    """Points [m] on the surface of the whole arm, gripper included, at these joints."""
     links = np.concatenate([np.eye(4)[None], gen3.frames(joints)])
     parts = [points_m(said) @ link[:3, :3].T + link[:3, 3] for said, link in zip(SURFACE, links[:8], strict=True)]
     flange = links[8] @ np.array([[1, 0, 0, 0], [0, 1, 0, 0], [0, 0, 1, -gen3.GRIPPER_M], [0, 0, 0, 1]])
@@ -76,7 +76,7 @@ def surface(joints: gen3.Joints) -> Points:
 
 
 def outside_m(shape: ArmShape, joints: gen3.Joints, points: Points) -> Float64[np.ndarray, " N"]:
-    """How far outside of the nearest capsule each point is; below zero inside."""
+    """Distance [m] of each point to the nearest capsule; below zero inside."""
     links, nearest = shape.links(joints), np.full(len(points), np.inf)
     for limb in shape.limbs:
         frame = links[limb.link]
@@ -128,7 +128,7 @@ def test_the_published_surface_of_arm_and_gripper_is_inside_of_the_capsules() ->
 
 
 def seen(camera: CameraModel, points: Points) -> tuple[np.ndarray, np.ndarray]:
-    """Rows and columns of the points that the image holds."""
+    """Rows and columns of the points that lie within the image."""
     rotation, eye = camera.T_world_camera[:3, :3], camera.T_world_camera[:3, 3]
     pixels = (points - eye) @ rotation @ camera.K.T
     pixels = pixels[pixels[:, 2] > 0.1]

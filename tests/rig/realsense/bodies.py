@@ -1,4 +1,4 @@
-"""Small cameras, and what they see: a plane with a box before it."""
+"""Small cameras, and the scene before them: a plane with a box before it."""
 
 import time
 from collections.abc import Iterator
@@ -31,13 +31,13 @@ def aside() -> Body:
 
 
 def together(serial: str = "0123") -> Body:
-    """A camera with both imagers in one place, of which the one for depth sees more."""
+    """A camera with both imagers in one place, whose depth imager has the wider view."""
     return Body(serial=serial, depth=imager(120.0), color=imager(150.0), depth_unit_m=UNIT_M)
 
 
 @dataclass(frozen=True, kw_only=True)
 class Scene:
-    """What `body` sees; `hole`: rows and columns of the depth image without a reading."""
+    """Scene before `body`; `hole`: rows and columns of the depth image without a reading."""
 
     body: Body
     hole: tuple[slice, slice] | None = None
@@ -54,7 +54,7 @@ class Scene:
         return (np.abs(x) < HALF_M[0]) & (np.abs(y) < HALF_M[1])
 
     def corners_in_color(self) -> np.ndarray:
-        """Where the box's corners are in the colour image [pixel]: left, right; top, bottom, in that order."""
+        """Corners of the box in the colour image [pixel]: left, right; top, bottom, in that order."""
         signs = np.array([[-1, -1], [-1, 1], [1, -1], [1, 1]])
         corners = np.column_stack([signs * HALF_M, np.full(4, BOX_M)])
         pose = self.body.T_color_depth
@@ -62,7 +62,7 @@ class Scene:
         return seen[:, :2] / seen[:, 2:]
 
     def hole_in_color(self) -> tuple[slice, slice]:
-        """Where a camera with its imagers in one place lacks depth for certain: a pixel less at each side."""
+        """Rows and columns of the colour image without depth for certain, with both imagers in one place."""
         assert self.hole is not None
         rows, columns = self.hole
         turn = self.body.color.K @ np.linalg.inv(self.body.depth.K)
@@ -74,7 +74,7 @@ class Scene:
         return np.full((HEIGHT, WIDTH, 3), (number % 250, 100, 200), np.uint8)
 
     def views(self, count: int, *, start_s: float | None = None) -> Iterator[View]:
-        """`count` views at the camera's rate; the number of each is its red."""
+        """`count` views at the camera's rate; the red of each is its number."""
         start_s = time.time() if start_s is None else start_s
         for number in range(count):
             yield View(color=self.color(number), depth=self.depth(), stamp_s=start_s + number / RATE_HZ)

@@ -23,7 +23,7 @@ PATIENCE_S = 30.0
 
 @dataclass(frozen=True, kw_only=True)
 class Lasting:
-    """A recorded camera, which is on the SDK's list once it was opened, and stays there when it is reset."""
+    """Recorded camera that enters the SDK's list when it is opened, and stays there when it is reset."""
 
     file: Path
     serial: str = "0123"
@@ -39,12 +39,12 @@ class Lasting:
 
 
 _LISTED: list[object] = []
-"""What is listed no longer than somebody holds it."""
+"""Devices on the SDK's list: each is listed only as long as it is held here."""
 
 
 @pytest.fixture
 def memory(tmp_path: Path) -> Iterator[CaptureMemory]:
-    """That of a process of such a camera, which has been told nothing yet."""
+    """Shared memory of a capture process with such a camera, which has had no command yet."""
     record(tmp_path / "left.db3", together(), Scene(body=together()).views(30))
     memory = CaptureMemory(SETTINGS)
     source = Lasting(file=tmp_path / "left.db3")

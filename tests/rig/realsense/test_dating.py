@@ -1,4 +1,4 @@
-"""Stamps of a camera's clock as monotonic time: what is known of it, and within what."""
+"""Timestamps of a camera's clock as monotonic time, with the bound of their error."""
 
 import numpy as np
 import pytest
@@ -7,7 +7,7 @@ from app.rig.realsense.dating import GLOBAL_ERROR_S, Dated, Dating, Domain, Mome
 
 PERIOD_S = 1 / 30
 CALENDAR_S = 1.7e9
-"""What the calendar is ahead of monotonic time."""
+"""Calendar time minus monotonic time [s]."""
 
 
 def moment(monotonic_s: float) -> Moment:

@@ -1,4 +1,4 @@
-"""Where a calibration has a camera, and that it is still the camera that was calibrated."""
+"""Calibrated cameras: each stands where its calibration has it, and is still the camera that was calibrated."""
 
 from dataclasses import replace
 from datetime import date

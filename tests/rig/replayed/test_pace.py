@@ -10,7 +10,7 @@ RECORDED_S = [7.0, 7.01, 7.5, 7.52, 8.1]
 
 
 def dues(pace: Pace, recorded_s: list[float], now_s: float) -> list[float]:
-    """When each is due where it is read as soon as the one before was shown."""
+    """Times [s] at which the messages are due if each is read as soon as the one before was shown."""
     found = list[float]()
     pace.begin()
     for each in recorded_s:
