@@ -34,12 +34,12 @@ from tests.conftest import ROOT
 pytestmark = pytest.mark.serial
 
 SEED, PUSHES = 8, 1
-"""A rope so far from its goal that so many pushes do not bring it there."""
+"""Seed of a rope so far from its goal that so many pushes do not bring it there."""
 
 
 @dataclass
 class Ran:
-    """What one run left behind."""
+    """Results of one run."""
 
     process: "subprocess.CompletedProcess[str]"
     outcome: dict[str, Any]

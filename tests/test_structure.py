@@ -14,6 +14,7 @@ ROOT = Path(__file__).parent.parent
 MODULES = sorted(ROOT.glob("app/**/*.py"))
 COMMANDS = sorted(file for file in ROOT.glob("app/commands/**/*.py") if not file.stem.startswith("_"))
 BENCHES = sorted(ROOT.glob("bench/**/*.py"))
+TESTS = sorted(ROOT.glob("tests/**/*.py"))
 MAX_LINES = 400
 ROUNDABOUT = {"What", "Which", "Where", "Who", "Whether", "How", "When", "Of", "By"}
 """First words of docstrings that talk about a thing before they say what it is."""
@@ -34,7 +35,7 @@ def tree(file: Path) -> ast.Module:
 
 
 def defined(file: Path) -> dict[str, ast.stmt]:
-    """What a module defines at its top, by name."""
+    """Statements that define the names at the top of a module, by name."""
     names: dict[str, ast.stmt] = {}
     for node in tree(file).body:
         if isinstance(node, (ast.FunctionDef, ast.AsyncFunctionDef, ast.ClassDef)):
@@ -66,7 +67,7 @@ def docstrings(file: Path) -> dict[int, str]:
     return {line: value.value for line, value in values if isinstance(value.value, str)}
 
 
-@pytest.mark.parametrize("file", [*MODULES, *BENCHES], ids=name)
+@pytest.mark.parametrize("file", [*MODULES, *BENCHES, *TESTS], ids=name)
 def test_a_docstring_begins_with_what_the_thing_is(file):
     found = {
         line: text

@@ -19,7 +19,7 @@ SPEED_M_S = 0.2
 
 
 def path(start: tuple[float, float] = (0.02, -0.03), speed_m_s: float = SPEED_M_S, steps: int = STEPS) -> np.ndarray:
-    """A finger's way (T, 3) towards larger y."""
+    """Path (T, 3) of a finger towards larger y."""
     y = start[1] + speed_m_s * SCENE.dt_s * np.arange(steps + 1)
     return np.stack([np.full(len(y), start[0]), y, np.full(len(y), 0.006)], axis=1).astype(np.float32)
 
@@ -43,7 +43,7 @@ def problem(tool: np.ndarray | None = None, lines: tuple[np.ndarray, ...] = ()) 
 
 
 def case_of(given: Given, candidate: int = 0, setup: RodSetup = SETUP) -> RodCase:
-    """One of them as a case."""
+    """One of the candidates as a case."""
     physics, phi, state, tool, setting = given
     return single_rod(setup, physics, state, tool, phi, setting, candidate=candidate)
 
@@ -56,13 +56,13 @@ def too_stiff() -> RodCase:
 
 
 def simulated(given: Given) -> RodState:
-    """The end by the ordinary simulator."""
+    """State at the end by the ordinary simulator."""
     physics, phi, state, tool, setting = jax.tree.map(jnp.asarray, given)
     return ROLLOUT(physics, state, tool, phi, setting)
 
 
 def is_first_bad_step(case: RodCase, steps: int | None) -> bool:
-    """Whether the ordinary simulator is finite for a step less than these, and not for these."""
+    """True if the simulator is finite after `steps` - 1 steps and not after `steps`; for None, finite to the end."""
     if steps is None:
         return bool(np.isfinite(simulated((*_start(case), case.tool, case.setting)).nodes).all())
     ends = [simulated((*_start(case), case.tool[:, : count + 1], case.setting)).nodes for count in (steps - 1, steps)]

@@ -45,7 +45,7 @@ def refused(phi: np.ndarray, state: State, tool: np.ndarray, setting: Setting, s
 
 
 def jumping() -> Case:
-    """The finger jumps into the rope and through it."""
+    """A case in which the finger jumps into the rope and through it."""
     tool = BESIDE.copy()
     tool[20:, 1] += 0.5
     tool[21::2, 1] -= 0.497
@@ -54,7 +54,7 @@ def jumping() -> Case:
 
 
 def first_bad_substep(case: Case) -> int | None:
-    """By brute force: the ordinary simulator, a substep at a time."""
+    """First substep that is not finite, by brute force: the ordinary simulator, a substep at a time."""
     state = case.state
     for substep in range(1, case.substeps + 1):
         state = simulated(case.phi, state, case.tool[:, substep - 1 : substep + 1], case.setting)
@@ -105,7 +105,7 @@ def test_a_particle_off_the_grid_is_named_with_its_place_and_the_grid_s_bounds()
 
 
 def test_the_bounds_are_those_of_the_kernels() -> None:
-    """What the checks accept stays finite for a substep, and what they refuse does not."""
+    """Input that the checks accept stays finite for a substep, and input that they refuse does not."""
     phi, state, tool, setting = problem(BESIDE[:2])
     for y, sound in ((0.0949, True), (0.0951, False)):
         state.x[:, 0, 1] = y

@@ -44,7 +44,7 @@ def refused(given: Given, setup: RodSetup = SETUP) -> str:
 
 
 def assert_nan(given: Given, candidate: int) -> None:
-    """The simulator says so of this candidate, and of no other."""
+    """Check that the simulator's result is not finite for this candidate, and finite for the other."""
     whole = np.isfinite(np.asarray(simulated(given).nodes)).all((1, 2))
     assert whole.tolist() == [index != candidate for index in range(2)]
 
@@ -124,7 +124,7 @@ def test_a_finger_that_begins_inside_the_rope_is_named_with_place_depth_and_segm
 
 
 def test_the_bounds_are_those_of_the_simulator():
-    """What the checks accept stays finite, and what they refuse does not."""
+    """Input that the checks accept stays finite, and input that they refuse does not."""
     for change, sound in ((0.0079, True), (0.0081, False)):
         given = problem()
         given[3][1, 101:, 1] += np.float32(change - 0.2e-3)

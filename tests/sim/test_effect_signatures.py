@@ -1,4 +1,4 @@
-"""What one would see of each effect: a law of physics, or the sign by which an experimenter knows it."""
+"""Signatures of the effects: each obeys a law of physics, or shows the sign by which an experimenter knows it."""
 
 from dataclasses import replace
 from functools import cache
@@ -38,7 +38,7 @@ def run(
     label: np.ndarray | None = None,
     times: tuple[float, ...] = (),
 ) -> list[State]:
-    """The end of one candidate a model, or of one model at each of these times of a session."""
+    """Ends of one candidate per model, or of one model at each of these times of a session."""
     count = max(len(models), len(times))
     phi = np.stack([phi_with(**model) for model in models] * (count // len(models)))
     setting = Setting.unknown(count, start.x.shape[1])
@@ -66,7 +66,7 @@ def slides(
     x_m: float = 0.46,
     **more: tuple[float, ...],
 ) -> list[float]:
-    """How far [m] the cube slides on the table for each model."""
+    """Distances [m] that the cube slides on the table, one per model."""
     rest = resting_cube(x_m)
     moving = rest._replace(v=rest.v + np.array([*velocity, 0.0]))
     stiff = [{"stiffness": 1e5, "table_friction": FRICTION} | model for model in models]
@@ -83,7 +83,7 @@ def still(x: np.ndarray) -> State:
 
 
 def flung(x: np.ndarray, v: np.ndarray, C: np.ndarray | None = None) -> State:
-    """At x with velocities v, and velocity gradients C."""
+    """State at x with velocities v, and velocity gradients C."""
     start = still(x)._replace(v=jnp.asarray(v, jnp.float32)[None])
     return start if C is None else start._replace(C=jnp.tile(jnp.asarray(C, jnp.float32), (*start.x.shape[:2], 1, 1)))
 
@@ -221,7 +221,7 @@ def bending(rate: float) -> State:
 
 
 def bend(end: State) -> float:
-    """How far [m] a rope's ends have come towards +y against its middle."""
+    """Distance [m] that a rope's ends have come towards +y against its middle."""
     y = end.x[:, 1] - ROPE[:, 1]
     return float(y[np.abs(ALONG) > 0.8].mean() - y[np.abs(ALONG) < 0.2].mean())
 
@@ -349,7 +349,7 @@ def test_after_an_abrupt_change_of_stiffness_a_rope_gives_more():
 
 
 def drawn_off(x: np.ndarray, model: dict[str, float], velocity: tuple[float, float, float] = (0, 0, 0)) -> np.ndarray:
-    """How far [m] a rope without friction on the table gets in 70 ms that it would not without the model."""
+    """Shift (2,) [m] of a rope without friction on the table in 70 ms: with the model, less that without it."""
     start = flung(x, np.tile(velocity, (PARTICLES, 1)))
     free, moved = run(TABLE, start, far_tool(140), {"table_friction": 0.0}, {"table_friction": 0.0, **model})
     return (moved.x - free.x).mean(0)[:2]
@@ -357,7 +357,7 @@ def drawn_off(x: np.ndarray, model: dict[str, float], velocity: tuple[float, flo
 
 FALL_M = G * 0.07**2 / 2
 AWAY = np.float32([0.02, 0.03, 0.0])
-"""Of a rope about (0.51, 0), to (-0.02, 0.03) m from the middle of the workspace."""
+"""Shift of a rope about (0.51, 0), which brings it to (-0.02, 0.03) m from the middle of the workspace."""
 
 
 @pytest.mark.parametrize(

@@ -1,4 +1,4 @@
-"""What every effect file keeps, found by itself, and what it takes to add one; `docs/effects.md` says it for people."""
+"""Conformance of effect files, found by itself, and adding one as `docs/effects.md` says."""
 
 import inspect
 import re
@@ -39,7 +39,7 @@ OF_POINTS = [
 of_material_points = pytest.mark.parametrize("name", OF_POINTS)
 
 EXACT = 1e-6 if jax.default_backend() == "cpu" else 1e-4
-"""On a GPU two runs of the same model differ by this much, as its threads add up in any order."""
+"""Largest relative difference between two runs of one model; on a GPU, threads add up in any order."""
 
 
 @final
@@ -57,11 +57,11 @@ class Case:
         return make_rollout(self.scene, particle_count=self.start.x.shape[1], **({"effects": ()} if nominal else {}))
 
     def weights(self) -> jax.Array:
-        """Random, (2, N, 3): what is differentiated is a sum in which nothing cancels."""
+        """Random weights (2, N, 3), by which the differentiated value is a sum in which nothing cancels."""
         return jnp.asarray(np.random.default_rng(5).normal(0.5, 1.0, (2, *self.start.x.shape[1:])), jnp.float32)
 
     def ends(self, phi: np.ndarray) -> State:
-        """Of one candidate for each row of phi."""
+        """State at the end, with one candidate for each row of phi."""
         many = jax.tree.map(lambda part: jnp.repeat(part, len(phi), axis=0), (self.start, self.tool, self.setting))
         return self.simulate()(jnp.asarray(phi, jnp.float32), *many)
 
@@ -108,7 +108,7 @@ CASES = {"rope": roped(), "beans": piled(Granular(), speed=0.02), "syrup": piled
 
 
 def switches(effect: Effect) -> list[int]:
-    """The columns of phi that make it vanish."""
+    """Columns of phi that switch the effect off."""
     return [PARAMETERS.index(spec) for spec in effect.parameters[: effect.switches]]
 
 
@@ -133,7 +133,7 @@ every_point = pytest.mark.parametrize("point", POINTS)
 
 @cache
 def gradient(case: str, point: str) -> np.ndarray:
-    """Of a weighted sum of positions [mm] and velocities [dm/s], by one backward pass."""
+    """Gradient of a weighted sum of positions [mm] and velocities [dm/s], by one backward pass."""
     it = CASES[case]
     w, u = it.weights()
 
@@ -146,14 +146,14 @@ def gradient(case: str, point: str) -> np.ndarray:
 
 STEPS_OF_SPAN = (3e-4, 3e-3, 2e-2)
 ONE_SIDED = np.array([-7 / 4, 8 / 3, -1, 1 / 12])
-"""Shares of the values at 0, 1, 2 and 4 steps in a slope."""
+"""Weights of the values at 0, 1, 2 and 4 steps in a one-sided slope."""
 
 
 @cache
 def differences(case: str, point: str) -> np.ndarray:
-    """The same (3, P) with three sizes of steps, in one batch.
+    """Gradient (3, P) by differences with three sizes of steps, in one batch.
 
-    Of fourth order where the range goes on, else one-sided (Fornberg 1988).
+    Central of fourth order where the range goes on, else one-sided (Fornberg 1988).
     """
     it, phi = CASES[case], POINTS[point]()
     step = np.array(STEPS_OF_SPAN)[:, None] * SPAN
@@ -169,7 +169,7 @@ def differences(case: str, point: str) -> np.ndarray:
 
 
 def where_it_acts(column: int, point: str) -> list[str]:
-    """The cases in which a parameter changes something, against where it changes most."""
+    """Cases in which a parameter acts by at least a tenth of the most that it does in any."""
     sizes = {case: abs(gradient(case, point)[column]) for case in CASES}
     return [case for case, size in sizes.items() if size >= 0.1 * max(sizes.values())]
 
@@ -208,7 +208,7 @@ def test_at_the_null_the_backward_pass_is_the_nominal_models_too(case: str):
 @every_point
 @every_effect
 def test_its_gradient_is_finite_and_equals_differences(name: str, point: str):
-    """In one of the cases where it acts and for one of the steps.
+    """Equal in one of the cases where it acts, for one of the steps.
 
     Small steps drown in rounding where a parameter does little, and large ones cross kinks where it does much.
     """
@@ -230,7 +230,7 @@ def test_its_gradient_is_finite_and_equals_differences(name: str, point: str):
 
 @of_material_points
 def test_one_of_its_switches_has_a_response(name: str):
-    """At the null, or where its physics is one-sided there (a yield stress), at a typical size."""
+    """Response at the null, or at a typical size where its physics is one-sided there (a yield stress)."""
     columns = switches(CATALOGUE[name])
     assert columns
     assert max(np.abs(differences(case, point)[-1] * SPAN)[columns].max() for case in CASES for point in POINTS) > 0.02

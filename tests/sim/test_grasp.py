@@ -46,7 +46,7 @@ def simulate() -> Simulate:
 
 
 def path(*marks: tuple[float, float]) -> jnp.ndarray:
-    """Upright over the middle: heights and openings [m], evenly in time."""
+    """Path of a gripper upright over the middle, through these heights and openings [m], evenly in time."""
     z, opening = np.array(marks).T
     at = np.linspace(0, len(marks) - 1, STEPS + 1)
     told = np.zeros((1, STEPS + 1, 8), np.float32)
@@ -87,7 +87,7 @@ def test_the_gradient_of_what_is_held_with_respect_to_the_fingers_equals_central
     ramp = jnp.linspace(0.0, 1.0, STEPS + 1)
 
     def cost(shift: jnp.ndarray) -> jnp.ndarray:
-        """Of fingers that end elsewhere by `shift` (x, y, z)."""
+        """Cost if the fingers end elsewhere by `shift` (x, y, z)."""
         told = LIFT.at[0, :, :3].add(ramp[:, None] * shift)
         return (weights * simulate(PHI, before, told).x).sum()
 

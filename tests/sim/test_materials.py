@@ -36,14 +36,14 @@ def run(
     stiffness: float = STIFFNESS,
     friction: float = FRICTION,
 ) -> State:
-    """One candidate, without effects; `path` (T, A), or the number of substeps where nothing moves."""
+    """End of one candidate, without effects; `path` (T, A), or the number of substeps in which no tool moves."""
     simulate = make_rollout(scene, particle_count=counts or start.x.shape[1], effects=())
     tool = np.zeros((path + 1, 0), np.float32) if isinstance(path, int) else path
     return simulate(jnp.float32([[stiffness, friction]]), start, jnp.asarray(tool, jnp.float32)[None])
 
 
 def at_rest(*bodies: np.ndarray) -> State:
-    """Of the particles of all bodies."""
+    """State at rest of the particles of all bodies."""
     return State.at_rest(jnp.asarray(np.concatenate(bodies), jnp.float32)[None])
 
 
@@ -62,7 +62,7 @@ def lattice(low: tuple[float, float, float], high: tuple[float, float, float], s
 
 
 def shaken(x: np.ndarray, by_m: float, seed: int = 0) -> np.ndarray:
-    """Moved at random, up to `by_m` along each axis."""
+    """Particles moved at random, up to `by_m` along each axis."""
     return x + np.random.default_rng(seed).uniform(-by_m, by_m, x.shape)
 
 
@@ -101,7 +101,7 @@ TRAY = Scene(
 
 @cache
 def still_water() -> State:
-    """In a tray, after a second."""
+    """Water in a tray, after a second."""
     x = lattice((-HALF_M, -HALF_M, FLOOR_M), (HALF_M, HALF_M, FLOOR_M + DEPTH_M), WATER_SPACING_M)
     return run(TRAY, at_rest(x), 2000)
 
@@ -148,7 +148,7 @@ def bowl_path(seconds: float, shift_m: float = 0.0, tilt_rad: float = 0.0, *, ba
 
 @cache
 def bowl_of_water() -> State:
-    """Whose wall is thinner than a third of a cell, after two seconds of rest."""
+    """Water in a bowl whose wall is thinner than a third of a cell, after two seconds of rest."""
     x = filled(
         lambda p: (np.linalg.norm(p, axis=1) < RADIUS_M) & (p[:, 2] < FILL_M - RADIUS_M),
         np.array([-RADIUS_M, -RADIUS_M, -RADIUS_M]),
@@ -159,7 +159,7 @@ def bowl_of_water() -> State:
 
 
 def in_bowl(state: State, shift_m: float = 0.0) -> np.ndarray:
-    """Which particles are inside of the bowl's inner sphere."""
+    """Mask of the particles inside of the bowl's inner sphere."""
     return np.linalg.norm(positions(state) - [shift_m, 0, CENTRE_M], axis=1) < RADIUS_M
 
 
@@ -248,7 +248,7 @@ def grains(x: np.ndarray, angle_deg: float = 30.0, cohesion_pa: float = 0.0) -> 
 
 @cache
 def slumped_cone(angle_deg: float) -> float:
-    """Slope [deg] of what becomes of a cone of 45 degrees."""
+    """Slope [deg] of the heap that a cone of 45 degrees becomes."""
     x = shaken(lattice((-0.07, -0.07, 0.0), (0.07, 0.07, 0.07), BEAN_M), 0.15 * BEAN_M)
     x = x[np.linalg.norm(x[:, :2], axis=1) + x[:, 2] < 0.07]
     scene = replace(PILE, bodies=(grains(x, angle_deg),))
@@ -301,7 +301,7 @@ SWEEP = replace(PILE, low=(-0.20, -0.20, -0.025), high=(0.25, 0.20, 0.125), bodi
 
 
 def occupied_m3(x: np.ndarray, column_m: float = 0.0125) -> float:
-    """Under the surface of a heap: what columns of beans contain up to their highest one."""
+    """Volume under the surface of a heap: columns of beans, each filled up to its highest one."""
     columns = np.unique(np.floor(x[:, :2] / column_m), axis=0, return_inverse=True)[1].ravel()
     tops = [x[columns == column, 2].max() for column in np.unique(columns)]
     return float((np.array(tops) + BEAN_M / 2).sum() * column_m**2)
@@ -309,7 +309,7 @@ def occupied_m3(x: np.ndarray, column_m: float = 0.0125) -> float:
 
 @cache
 def heap(times: int) -> np.ndarray:
-    """After this many strokes of the paddle."""
+    """Beans after this many strokes of the paddle."""
     return swept(LAYER, SWEEP, there_and_back=times)
 
 
@@ -435,7 +435,7 @@ def sheared(rates: tuple[float, ...], seconds: float = 0.05) -> np.ndarray:
 
 
 def shear_stress(F: np.ndarray) -> float:
-    """Neo-Hookean, tau_xz."""
+    """Shear stress tau_xz of a Neo-Hookean solid."""
     return float(SHEAR_MODULUS * (F @ F.T)[0, 2])
 
 

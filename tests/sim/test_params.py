@@ -1,4 +1,4 @@
-"""What makes parameters and scenes valid, and what is said where they are not."""
+"""Validity of parameters and scenes, and the errors for those that are not valid."""
 
 import re
 from dataclasses import replace

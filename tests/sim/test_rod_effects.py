@@ -28,7 +28,7 @@ LOW, NULL, HIGH = (np.array([getattr(spec, end) for spec in SPECS]) for end in (
 SPAN = HIGH - LOW
 SCENE = RodScene(length_m=0.40, radius_m=0.008, mass_kg=0.064, finger_radius_m=0.009)
 MIDDLE = np.array([0.55, 0.0])
-"""Of the workspace: where ropes are."""
+"""Middle of the workspace, about which the ropes lie."""
 PUSHES, STEPS = 16, 300
 every_effect = pytest.mark.parametrize("name", CATALOGUE)
 
@@ -39,19 +39,19 @@ def index(parameter: str) -> int:
 
 
 def columns(name: str) -> range:
-    """Of an effect's parameters."""
+    """Columns of an effect's parameters."""
     return range(FIRST[name], FIRST[name] + len(CATALOGUE[name].parameters))
 
 
 def switches(name: str) -> list[int]:
-    """The columns that make an effect vanish."""
+    """Columns that switch an effect off."""
     effect = CATALOGUE[name]
     return list(columns(name))[: effect.switches]
 
 
 @cache
 def simulator(*, acts: bool = True) -> SimulateRod:
-    """With all effects in one module, or with none."""
+    """Simulator with all effects in one module, or with none."""
     return jax.jit(make_rod_rollout(SCENE, EFFECTS if acts else ()))
 
 
@@ -107,7 +107,7 @@ every_point = pytest.mark.parametrize("point", POINTS)
 
 
 def weights() -> jax.Array:
-    """Random, (2, B, 2, n): what is differentiated is a sum in which nothing cancels."""
+    """Random weights (2, B, 2, n), by which the differentiated value is a sum in which nothing cancels."""
     return jnp.asarray(np.random.default_rng(5).normal(0.5, 1.0, (2, PUSHES, 2, SCENE.nodes)), jnp.float32)
 
 
@@ -122,7 +122,7 @@ def value(end: RodState) -> jax.Array:
 
 
 def ends(phi: np.ndarray, steps: int = STEPS) -> RodState:
-    """Of all pushes for each row of phi, one row after the other."""
+    """State at the end of all pushes for each row of phi, one row after the other."""
 
     def many(part: jax.Array) -> jax.Array:
         return jnp.tile(part, (len(phi), *(1,) * (part.ndim - 1)))
@@ -134,7 +134,7 @@ def ends(phi: np.ndarray, steps: int = STEPS) -> RodState:
 
 @cache
 def gradient(point: str) -> np.ndarray:
-    """Of each push (B, P), by one backward pass."""
+    """Gradient of the value of each push (B, P), by one backward pass."""
     physics, state, tool, setting = pushes()
 
     def total(phi: jax.Array) -> jax.Array:
@@ -146,12 +146,12 @@ def gradient(point: str) -> np.ndarray:
 
 STEPS_OF_SPAN = (2.5e-4, 1e-3, 4e-3, 1.5e-2, 6e-2)
 CENTRAL, ONE_SIDED = np.array([1 / 12, -2 / 3, 2 / 3, -1 / 12]), np.array([-7 / 4, 8 / 3, -1, 1 / 12])
-"""Shares of the values at -2, -1, 1 and 2, or at 0, 1, 2 and 4 steps, in a slope of fourth order (Fornberg 1988)."""
+"""Weights of the values at -2, -1, 1 and 2, or at 0, 1, 2 and 4 steps, in a slope of fourth order (Fornberg 1988)."""
 
 
 @cache
 def differences(point: str) -> np.ndarray:
-    """The same (5, B, P) with five sizes of steps; one-sided where the range ends."""
+    """Gradient (5, B, P) by differences with five sizes of steps; one-sided where the range ends."""
     phi, step = POINTS[point], np.array(STEPS_OF_SPAN)[:, None] * SPAN
     up, down = (phi + 4 * step <= HIGH)[..., None], (phi - 4 * step >= LOW)[..., None]
     side = np.where(up, 1, -1)
@@ -191,7 +191,7 @@ def test_at_the_null_the_backward_pass_is_the_nominal_models_too():
 @every_point
 @every_effect
 def test_its_gradient_is_finite_and_equals_differences(name: str, point: str):
-    """In nearly all pushes and for one of the steps: a few pushes are at a kink, and small steps drown in rounding."""
+    """Equal in nearly all pushes for one of the steps: few pushes are at a kink, and small steps drown in rounding."""
     for column in columns(name):
         slope = gradient(point)[:, column] * SPAN[column]
         expected = differences(point)[..., column] * SPAN[column]
@@ -203,7 +203,7 @@ def test_its_gradient_is_finite_and_equals_differences(name: str, point: str):
 
 @every_effect
 def test_one_of_its_switches_has_a_response(name: str):
-    """At the null, or where its physics is one-sided there, at a typical size."""
+    """Response at the null, or at a typical size where its physics is one-sided there."""
     found = max(np.abs(differences(point)[-1] * SPAN)[:, switches(name)].max() for point in POINTS)
     assert found > 0.02
 
@@ -225,7 +225,7 @@ def at_the_ends(upper: bool) -> np.ndarray:
 # The same physics as that of material points: one law, written for each of the two.
 
 THIN = RodScene(length_m=0.40, radius_m=5e-4, mass_kg=0.064, finger_radius_m=0.009)
-"""So limp that its nodes move by themselves, and as low as its radius."""
+"""A rope so limp that its nodes move independently, and so thin that they are almost on the table."""
 AWAY = (0.0, 0.0, 0.3)
 G = SCENE.gravity_m_s2
 TIME = 0.2
@@ -246,7 +246,7 @@ def with_random(name: str, count: int) -> np.ndarray:
 
 
 def at_nodes(name: str, hook: str, phi: np.ndarray, x: np.ndarray, v: np.ndarray, value: np.ndarray) -> np.ndarray:
-    """What an effect's Warp function makes of values (M, D) at places (M, 3) and velocities (M, 3), phi (M, P)."""
+    """Values that an effect's Warp function returns for `value` (M, D) at x (M, 3), velocities v (M, 3), phi (M, P)."""
     function = getattr(CATALOGUE[name], hook)
     Value = wp.vec3 if hook == "node_velocity" else float
     Phi = wp.types.vector(length=phi.shape[1], dtype=float)
@@ -293,7 +293,7 @@ def after_one_step(phi: np.ndarray, friction: float, z: np.ndarray | float = 0.0
 
 
 def at_the_null(friction: float, z: np.ndarray | float = 0.0) -> np.ndarray:
-    """The same without the effect: what rounding of positions stretches, and even friction."""
+    """Changes of velocity without the effect: from positions that rounding has stretched, and from even friction."""
     return after_one_step(np.tile(NULL, (PUSHES, 1)), friction, z)
 
 
@@ -326,7 +326,7 @@ def test_a_node_is_moved_as_a_node_of_the_grid_is(name: str):
 
 @pytest.mark.parametrize("name", which_have("table_friction"))
 def test_the_table_rubs_as_it_does_on_a_node_of_the_grid(name: str):
-    """Bristles start as they are in even sliding: a step of it loses mu g dt."""
+    """Bristles start as they are in even sliding: a step takes mu g dt off the speed."""
     phi, friction = with_random(name, PUSHES), 0.4
     own, x, v = samples(name, phi, THIN.radius_m)
     mu = at_nodes(name, "table_friction", own, x, v, np.full(len(x), friction)).reshape(PUSHES, THIN.nodes)
@@ -339,7 +339,7 @@ def test_the_table_rubs_as_it_does_on_a_node_of_the_grid(name: str):
 
 
 def of_particles(name: str, hook: str, phi: np.ndarray, s: np.ndarray) -> np.ndarray:
-    """What an effect's Warp function makes of 1 at places s (M,) along the object."""
+    """Values that an effect's Warp function returns for 1 at places s (M,) along the object."""
     function = getattr(CATALOGUE[name], hook)
     Phi = wp.types.vector(length=phi.shape[1], dtype=float)
 
@@ -357,11 +357,11 @@ def of_particles(name: str, hook: str, phi: np.ndarray, s: np.ndarray) -> np.nda
 
 
 OF_HOOK = {"mass": "mass", "stiffness": "rigidity", "tool_friction": "finger_friction"}
-"""The property of a rod that a hook of particles is about."""
+"""Property of a rod that each hook of particles scales."""
 
 
 def properties() -> RodProperties:
-    """Of rods of which everything is 1."""
+    """Properties of rods, all of them 1."""
     per_node, one = jnp.ones((PUSHES, SCENE.nodes)), jnp.ones(PUSHES)
     return RodProperties(per_node, per_node, per_node, one, one, one, one, one)
 
@@ -418,7 +418,7 @@ def still(turn_rad: float = 0.0, velocity: tuple[float, float] = (0.0, 0.0), pla
 
 
 def slide(model: dict[str, float], velocity: tuple[float, float] = (0.0, SPEED), time: float = 0.0) -> np.ndarray:
-    """How far [m] a straight rope along x slides until it stops, (2,)."""
+    """Displacement (2,) [m] of a straight rope along x that slides until it stops."""
     return (run(still(velocity=velocity), model, 0.4, time=time, table_friction=0.4) - arc(0.0) - MIDDLE).mean(0)
 
 
@@ -449,7 +449,7 @@ def test_on_a_tilted_table_a_rope_drifts_downhill_by_g_sin_a_t_squared_over_2():
 
 
 def test_a_film_stops_a_rope_after_v_over_c():
-    """c is the film's, times how near to the table the rope's cross section is on average: 1 - 8 mm / 20 mm."""
+    """c is the film's, times the average nearness of the rope's cross section to the table: 1 - 8 mm / 20 mm."""
     end = run(still(velocity=(0.0, 0.2)), {"film_drag": 20.0}, 1.0, table_friction=1e-6)
     assert (end - arc(0.0) - MIDDLE)[:, 1].mean() == pytest.approx(0.2 / (0.6 * 20.0), rel=0.02)
 
@@ -490,7 +490,7 @@ def sprung() -> RodState:
 
 
 def test_internal_viscosity_damps_the_swing_of_a_free_beam():
-    """exp(-c b^4 t / 2 rho) with b = 4.730 / L, mass a length rho and c = (2 + 4 nu^2) eta I, nu = 0.2."""
+    """exp(-c b^4 t / 2 rho) with b = 4.730 / L, mass per length rho and c = (2 + 4 nu^2) eta I, nu = 0.2."""
     scene = RodScene(length_m=0.12, radius_m=0.008, mass_kg=0.0192, finger_radius_m=0.009)
     s, k, eta, seconds = np.linspace(-0.5, 0.5, scene.nodes), 4.730041, 20.0, 0.62
     shape = np.cos(k * s) / np.cos(k / 2) + np.cosh(k * s) / np.cosh(k / 2)

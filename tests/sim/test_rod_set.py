@@ -36,18 +36,18 @@ def arc(curvature: float) -> np.ndarray:
 
 
 def wave(curvature: float) -> np.ndarray:
-    """Bent most in its middle, and straight at its ends, as what no moment acts on there."""
+    """Nodes of a line bent most in its middle, and straight at its ends, where no moment acts."""
     return curved(lambda s: curvature * np.sin(np.pi * s) ** 2)
 
 
 def physics(shares: tuple[float, ...], **values: float) -> RodPhysics:
-    """A candidate a share."""
+    """Physics of one candidate per share."""
     given = {name: jnp.full(len(shares), value) for name, value in values.items()}
     return RodPhysics.nominal(SCENE, len(shares))._replace(permanent_set=jnp.asarray(shares), **given)
 
 
 def still(count: int, seconds: float) -> jax.Array:
-    """A finger (B, T, 3) that is up."""
+    """A finger (B, T, 3) that stays up."""
     return jnp.tile(jnp.asarray([0.0, 0.0, 0.3]), (count, round(seconds / SCENE.dt_s) + 1, 1))
 
 
@@ -73,7 +73,7 @@ def test_it_does_not_spring_as_it_would_if_friction_had_to_begin():
 
 
 def test_one_whose_stress_is_beyond_friction_comes_to_rest_with_less_bend():
-    """On a table a tenth as rough the elastic one gives way, until what is left is within the bound; others hold."""
+    """On a table a tenth as rough the elastic rope unbends until friction holds the rest; the others stay."""
     start = lying(*[wave(20.0)] * len(SHARES))
     end = simulator()(physics(SHARES, table_friction=0.05), start, still(len(SHARES), 2.0))
     bent = np.asarray(bends(end.nodes[:, :2])).max(1) / np.asarray(bends(start.nodes[:, :2])).max(1)
@@ -94,7 +94,7 @@ def test_without_load_a_rope_keeps_its_share_of_the_bend_that_it_was_seen_with(s
 
 @pytest.mark.parametrize("share", [0.75, 1.0])
 def test_of_what_it_is_bent_beyond_its_yield_curvature_a_rope_keeps_its_share(share: float):
-    """Of 2.5 / m, 1 / m are elastic in any case. With smaller shares it swings back so far that it yields once more."""
+    """1 / m of 2.5 / m are elastic in any case. With smaller shares it swings back so far that it yields once more."""
     bent = lying(arc(2.5))
     bent = bent._replace(nodes=bent.nodes.at[:, 7].set(0.0))
     slippery = physics((share,), table_friction=1e-3, viscosity=3e-6, yield_curvature=1.0)
@@ -120,7 +120,7 @@ def pushes() -> tuple[RodPhysics, RodState, jax.Array]:
 
 
 def cost(given: RodPhysics, state: RodState, tool: jax.Array) -> jax.Array:
-    """From where each rope begins."""
+    """Cost (B,) of the distances [cm^2] from each rope's start, shifted."""
     return pushed_ropes.cost(simulator(), given, state, tool, state)
 
 
@@ -163,7 +163,7 @@ def test_an_action_in_two_pieces_is_the_whole_action():
 
 
 def test_a_second_action_goes_on_from_the_friction_and_the_bends_of_the_first():
-    """What came to rest without the finger stays there, though friction holds what would spring back."""
+    """A rope that came to rest without the finger stays there, though friction holds what would spring back."""
     given, state, tool = pushes()
     given = given._replace(creep=jnp.full(PUSHES, 1e-4))
     first = simulator()(given, simulator()(given, state, tool), still(PUSHES, 0.9)).resting()

@@ -1,4 +1,4 @@
-"""Where a rope is seen: its centreline from unordered points, and what is said where it cannot be told."""
+"""Centreline of a seen rope from unordered points, and the errors where it is ambiguous."""
 
 from types import SimpleNamespace
 
@@ -70,7 +70,7 @@ TOUCHING = {"serpentine": serpentine(2.0 * R), "hook": hook(2.0 * R), "spiral": 
 
 
 def seen(nodes: np.ndarray, seed: int, *, count: int = 300, noise_m: float = 0.001) -> np.ndarray:
-    """Its particles in any order, with noise."""
+    """Particles of the rope in any order, with noise."""
     rng = np.random.default_rng(seed)
     x = fill_tube(nodes, R, count)[rng.permutation(count)]
     return (x + noise_m * rng.standard_normal(x.shape)).astype(np.float32)

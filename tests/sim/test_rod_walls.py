@@ -22,7 +22,7 @@ SCENE = RodScene(
     walls=Wall.with_gap(x_m=X_M, gap_m=GAP_M, half_length_m=0.35, thickness_m=THICK_M),
 )
 MOST_M = 0.004
-"""Half of the rope's radius: so far a wall may be pressed into it."""
+"""Largest depth [m] to which a wall may be pressed into the rope: half of its radius."""
 AWAY = np.array([0.0, 0.0, 0.3])
 
 
@@ -58,7 +58,7 @@ def still(seconds: float) -> jax.Array:
 
 
 def depth(nodes: np.ndarray) -> float:
-    """How far [m] the rope is inside of the walls at its deepest node."""
+    """Depth [m] of the rope in the walls at its deepest node."""
     deepest = -np.inf
     for wall in SCENE.walls:
         nearest = np.clip(nodes[:2].T, wall.low_m, wall.high_m)
@@ -77,7 +77,7 @@ def test_a_rope_that_is_flung_at_a_wall_stops_or_comes_back_and_is_on_its_side(h
 
 
 def test_a_rope_that_is_pushed_through_the_gap_folds_gets_through_and_is_never_in_the_walls():
-    """It lies across, three times as long as the gap is wide; a finger takes its middle along at 0.3 m/s."""
+    """The rope lies across, three times as long as the gap is wide; a finger takes its middle along at 0.3 m/s."""
     start = lying(0.52, 0.002, np.pi / 2)
     for seconds in np.linspace(0.1, 1.0, 10):
         nodes = run(start, straight((0.49, 0.0), (0.3, 0.0), float(seconds)))

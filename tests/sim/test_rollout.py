@@ -35,7 +35,7 @@ def problem() -> tuple[jax.Array, State, jax.Array]:
 
 @cache
 def gradient_of(simulate: Simulate) -> Callable[..., tuple[jax.Array, State, jax.Array]]:
-    """Of the sum of squared positions and velocities, with respect to phi, state and tool."""
+    """Gradient of the sum of squared positions and velocities, with respect to phi, state and tool."""
 
     def value(*at) -> jax.Array:
         end = simulate(*at)

@@ -26,7 +26,7 @@ TIP, SPEED = np.array([0.51, -0.022, 0.006]), 0.75
 
 
 def made_of(material: Material) -> Scene:
-    """The rope that is pushed, weighed as the task's."""
+    """Scene of the pushed rope, with the mass of the task's."""
     (body,) = TASK.scene.bodies
     return replace(TASK.scene, damping_1_s=4.0, bodies=(replace(body, material=material),))
 
@@ -46,12 +46,12 @@ def bent(material: Material) -> tuple[np.ndarray, np.ndarray]:
 
 
 def length_m(x: np.ndarray) -> float:
-    """Of the line through the middles of its tenths and their thirds."""
+    """Length of the line through the means of each ten particles of the rope's 300."""
     return float(np.linalg.norm(np.diff(x.reshape(30, 10, 3).mean(1), axis=0), axis=1).sum())
 
 
 def peak_m(x: np.ndarray) -> float:
-    """How far the middle of the rope is before its ends."""
+    """Distance [m] of the rope's middle ahead of its ends."""
     return float(x[140:160, 1].mean() - np.concatenate([x[:10], x[-10:]])[:, 1].mean())
 
 

@@ -246,12 +246,12 @@ SHARP = {"phi": 1e-2, "x": 1e-4, "v": 3e-3, "tool": 1e-4}
 
 
 def wave(rng: np.random.Generator, shape: tuple[int, ...]) -> np.ndarray:
-    """Varies with component, and slowly from particle to particle."""
+    """Random values that vary with component, and slowly from particle to particle."""
     return rng.normal(size=(1, *shape[1:])) * (1 + 0.5 * np.sin(np.linspace(0, 4, shape[0])))[:, None]
 
 
 def turning_bowl(steps: int) -> np.ndarray:
-    """That shakes and tilts."""
+    """Path of a bowl that shakes and tilts."""
     t = np.linspace(0, 1, steps + 1)
     path = np.zeros((steps + 1, 7))
     path[:, 0], path[:, 2], angle = 0.01 * t**2, 0.07 + 0.004 * t, 0.3 * t
@@ -260,7 +260,7 @@ def turning_bowl(steps: int) -> np.ndarray:
 
 
 def closing_hand(steps: int, opening_m: float) -> np.ndarray:
-    """By 8 mm."""
+    """Path of a gripper that closes by 8 mm."""
     t = np.linspace(0, 1, steps + 1)
     path = np.zeros((steps + 1, 8))
     path[:, 2], path[:, 3], path[:, 7] = 0.052, 1.0, opening_m - 0.008 * t
@@ -301,7 +301,7 @@ def problem(material: str, tool: str) -> tuple[Scene, np.ndarray, State, np.ndar
 
 @cache
 def gradient(material: str, tool: str) -> tuple[np.ndarray, State, np.ndarray]:
-    """Of the weighted sum of the last state, with respect to phi, state and tool."""
+    """Gradient of the weighted sum of the last state, with respect to phi, state and tool."""
     scene, phi, state, path = problem(material, tool)
     simulate = make_rollout(scene, particle_count=state.x.shape[1], effects=())
 
@@ -315,7 +315,7 @@ def gradient(material: str, tool: str) -> tuple[np.ndarray, State, np.ndarray]:
 
 
 def weights_of(state: State) -> tuple[np.ndarray, np.ndarray]:
-    """Of final positions and velocities, smooth in the particles' order."""
+    """Weights of final positions and velocities, smooth in the particles' order."""
     rng = np.random.default_rng(7)
     shape = state.x.shape[1:]
     return np.float32(1e3 * wave(rng, shape)[None]), np.float32(wave(rng, shape)[None])

@@ -1,4 +1,4 @@
-"""What every task must be: each file in `app/tasks` that defines one is tested by its presence."""
+"""Conformance of tasks: each file in `app/tasks` that defines one is tested by its presence."""
 
 from functools import cache
 from pathlib import Path
@@ -21,7 +21,7 @@ from tests.programs import program
 TASKS = names()
 DOCS = Path(__file__).parents[2] / "docs"
 SEEN_M = 0.008
-"""Root of half the Chamfer distance between what cameras see and the truth."""
+"""Largest root of half the Chamfer distance between seen and true object [m]."""
 SEED = 3
 
 

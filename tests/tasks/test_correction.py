@@ -1,4 +1,4 @@
-"""What cameras and arm get wrong is undone: in what is seen, in what the arm is told, and so in what plans come to."""
+"""Errors of cameras and arm are corrected: in observations, in commands to the arm, and so in predictions."""
 
 from dataclasses import replace
 
@@ -24,13 +24,13 @@ SENSING = {
     "mask_erosion": 0.001,
 }
 WAYS = {"tcp_y": 0.006, "under_reach": 0.05, "backlash": 0.002, "tool_compliance": 0.05}
-"""What changes the way of the tip, and "when" only when it is there."""
+"""Errors that change the path of the tip; those of `WHEN` change only its times."""
 WHEN = {"command_delay": 0.1, "actuator_lag": 0.08, "camera_time_offset": 0.03}
 NO_LOAD = Load(np.zeros((23, 3)))
 
 
 def model(**apparatus: float) -> Model:
-    """The nominal model with cameras and arm that err so."""
+    """The nominal model with these errors of cameras and arm."""
     return replace(
         nominal_model("rope_push"),
         apparatus=tuple(

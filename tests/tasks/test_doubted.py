@@ -1,4 +1,4 @@
-"""Which simulator of a rope is doubted: that of stiff rods where pushes are of one, the usual one elsewhere."""
+"""Model under test for a rope: the simulator of stiff rods if the pushes are of one, else the usual one."""
 
 from dataclasses import replace
 

@@ -1,4 +1,4 @@
-"""What the simulator could not finish is left behind as a dump, a few times a process."""
+"""Failed simulations leave dumps behind, a few per process."""
 
 from collections.abc import Iterator
 from dataclasses import replace
@@ -32,12 +32,12 @@ def fresh_process() -> Iterator[None]:
 
 
 def still(phi: jax.Array, state: State, tool: jax.Array) -> State:
-    """Nothing moves."""
+    """Simulator in which nothing moves."""
     return state
 
 
 def breaking(phi: jax.Array, state: State, tool: jax.Array) -> State:
-    """Nothing moves, and one branch becomes NaN."""
+    """Simulator in which nothing moves, and one branch becomes NaN."""
     return state._replace(x=state.x.at[BAD].set(jnp.nan))
 
 
@@ -46,7 +46,7 @@ def of_plan(tree: Search, folder: Path, seed: int = 0) -> str:
 
 
 def seen_after(before: np.ndarray, poses: np.ndarray, after: np.ndarray) -> Transition:
-    """A transition as it was seen before and after a motion along poses (M, 7)."""
+    """A transition seen before and after a motion along poses (M, 7)."""
     executed = Executed(
         id=fresh_id("executed"),
         time_s=0.0,
@@ -90,7 +90,7 @@ def test_a_folder_that_cannot_be_written_is_said_beside_the_failure(tmp_path: Pa
 
 
 def test_a_transition_of_a_rope_whose_tool_begins_in_it_is_dumped_as_a_rod(tmp_path: Path) -> None:
-    """The recording says that the finger came down where the rope is: table and cameras do not agree."""
+    """A finger that comes down inside of the rope: the calibration of table and cameras does not agree."""
     name = "rope_push@rods"
     x = load(name).goal(0, 300)
     through = x[len(x) // 2, :2] + 0.02 * np.linspace(0, 1, 30)[:, None]

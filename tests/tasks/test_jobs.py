@@ -1,4 +1,4 @@
-"""What the jobs of a task make of what a model says of cameras and arm, with a small planner."""
+"""Jobs of a task apply a model's errors of cameras and arm; with a small planner."""
 
 from collections.abc import Sequence
 from dataclasses import replace

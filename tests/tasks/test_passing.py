@@ -18,7 +18,7 @@ SEEDS = range(20)
 
 
 def within(points: np.ndarray, beside_m: float) -> np.ndarray:
-    """Which points (..., 2) are in a block or nearer to it than `beside_m`, along x or y."""
+    """Mask of the points (..., 2) in a block, or nearer to it than `beside_m` along x and y."""
     blocks = [(np.array(block.place_m[:2]), np.array(block.half_m[:2])) for block in WALL.blocks]
     return np.any([np.all(np.abs(points - at) < half + beside_m, axis=-1) for at, half in blocks], axis=0)
 

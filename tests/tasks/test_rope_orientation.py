@@ -1,6 +1,7 @@
-"""Which end of a rope is a model's first one: found from pushes that are simulated, and kept as the rope turns.
+"""Orientation of a rope: its first end is found from simulated pushes, and kept as the rope turns.
 
-The world is our own rod with effects along it, seen as a cloud without order; it is never told to what is tested.
+The world is our own rod with effects along it, seen as a cloud without order; its true ends are hidden from the
+code under test.
 """
 
 from dataclasses import dataclass, replace
@@ -31,7 +32,7 @@ COUNT = 300
 NOISE_M = 8e-4
 PUSH_M, BESIDE_M = 0.12, 0.03
 MIRRORED = jnp.array([1, 1, 1, 1, 1, 1, 1, -1], jnp.float32)[:, None]
-"""Signs of a state's rows as its nodes are told from the other end: bends are to the left of their order."""
+"""Signs of a state's rows when its nodes are counted from the other end: bends are to the left of their order."""
 
 
 def knowing(task: str = RODS, **values: float) -> Model:
@@ -43,7 +44,7 @@ def knowing(task: str = RODS, **values: float) -> Model:
 
 CURVED = knowing(rest_curvature=8.0, stiffness_slope=0.6)
 SURE = 4
-"""Pushes by which the ends of that rope are known."""
+"""Number of pushes after which the ends of that rope are known."""
 
 
 @final
@@ -95,7 +96,7 @@ def transition(before: Points, way: np.ndarray, after: Points) -> Transition:
 
 
 def world(seed: int, first: float = 1.0) -> World:
-    """A rope at rest whose first end is the one with the smaller x, or with `first` -1 the other."""
+    """A rope at rest whose first end is the one with the smaller x, or the other one if `first` is -1."""
     x = jnp.asarray(TASK.particles(TASK.start(seed), COUNT))[None]
     begun = TASK.begin(x)
     if first < 0:
@@ -125,7 +126,7 @@ def sequence(first: float) -> tuple[Seen, ...]:
 
 
 def canonical(x: Points) -> Centreline:
-    """Nodes of a rope as a view shows them that nothing is known of."""
+    """Nodes of a rope from a view, with nothing known of its ends."""
     return np.asarray(TASK.begin(jnp.asarray(x)[None]).centreline[0])
 
 

@@ -1,4 +1,4 @@
-"""Where beans are spilt, where they shall go, and what perfect cameras would see of them."""
+"""Spilt beans, the goal that they are swept to, and the particles that perfect cameras would see of them."""
 
 from dataclasses import replace
 
@@ -15,7 +15,7 @@ PROBLEMS: BeanProblems = TASK.problems
 
 
 def in_bean(points: np.ndarray, bean: np.ndarray) -> np.ndarray:
-    """How far outside the bean with the end middles `bean` (2, 3) points are [m]; negative inside."""
+    """Distance [m] of points from the bean with the end middles `bean` (2, 3); negative inside."""
     along = bean[1] - bean[0]
     share = np.clip((points - bean[0]) @ along / (along @ along), 0, 1)
     return np.linalg.norm(points - bean[0] - share[:, None] * along, axis=1) - BEANS.radius_m

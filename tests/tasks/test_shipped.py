@@ -44,7 +44,7 @@ def test_its_first_actions_bring_objects_nearer_to_their_goals(name: str) -> Non
 
 
 def acted(policy: LearnedPolicy, x: np.ndarray, goals: np.ndarray) -> jax.Array:
-    """What it does in each situation."""
+    """Actions of the policy, one for each situation."""
     act, each = jax.jit(policy.act), zip(x, goals, strict=True)
     made = [act(policy.prepare(one, goal), Now.at_rest(jnp.asarray(one)[None])).mean for one, goal in each]
     return jnp.concatenate(made)

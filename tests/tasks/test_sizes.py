@@ -30,7 +30,7 @@ def named(sizes: dict[str, float], dynamics: str) -> str:
 
 
 def pushed(task: str, stiffness_pa: float | None = None) -> tuple[RodState, RodState]:
-    """The rope, of nominal stiffness or another, before and after a push through its middle, across it."""
+    """Rope before and after a push through its middle, across it; of nominal stiffness, or of `stiffness_pa`."""
     data = load(task)
     x = data.particles(data.start(0), COUNT)
     middle = x.mean(0)
@@ -100,7 +100,7 @@ def test_sizes_change_what_is_simulated_seen_and_shown():
 @pytest.mark.parametrize("yaw", [0.0, 0.8, np.pi / 2])
 @pytest.mark.parametrize("dynamics", ["rods", "mpm"])
 def test_a_flat_finger_stands_in_the_name_and_pushes_the_rope_before_all_of_its_width(dynamics: str, yaw: float):
-    """By rods and by material points alike."""
+    """A wide finger pushes alike with rods and with material points."""
     named_ = named({"finger_radius_m": 0.006, "finger_half_width_m": 0.015, "finger_yaw_rad": yaw}, dynamics)
     task = load(named_)
     assert task.finger == Finger(radius_m=0.006, push_height_m=0.006, half_width_m=0.015, yaw_rad=float(f"{yaw:.6g}"))

@@ -1,4 +1,4 @@
-"""What tasks offer the application: jobs that cross pipes, and learning."""
+"""Tasks as the application uses them: jobs that cross pipes, and learning."""
 
 import pickle
 import subprocess

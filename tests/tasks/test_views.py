@@ -1,4 +1,4 @@
-"""What policies see of the table: all that actions reach, however that is turned."""
+"""Views of policies hold all of the table that actions reach, however that is turned."""
 
 import itertools
 from math import pi

@@ -1,4 +1,4 @@
-"""What is held becomes a velocity within the limits, along the axes that were meant."""
+"""Mapping of held axes to velocities: within the limits, and along the axes of the chosen frame."""
 
 import numpy as np
 import pytest

@@ -1,4 +1,4 @@
-"""What of a browser's words is believed."""
+"""Samples from a browser: valid ones are read, and all others are refused."""
 
 import json
 

@@ -32,9 +32,9 @@ UNATTENDED = (
     "--disable-backgrounding-occluded-windows",
     "--disable-renderer-backgrounding",
 )
-"""A page works as if somebody looked at it, whichever other pages there are."""
+"""Options by which a page works as if somebody looked at it, whichever other pages there are."""
 THROTTLED_S = 0.05
-"""viser's page sends one message in this time [s]; of those that wait for the next one, all but the last are lost."""
+"""Time [s] in which viser's page sends one message; of those that wait for the next one, all but the last are lost."""
 
 UNHURRIED = """{
   let drawn = 0, last = 0, took = 0, frames = 0, draws = true;
@@ -52,10 +52,11 @@ UNHURRIED = """{
     gl[name] = function (...given) { if (draws) call.apply(this, given); };
   }
 }"""
-"""Leaves out most frames of the scene, and more where one takes long.
+"""Script that skips most frames of the scene, and more where one takes long.
 
 In software each takes two processors 0.2 s, beside other work 4 s, which page, server and arm need; and a click waits
-for two frames of its page."""
+for two frames of its page.
+"""
 
 
 @final
@@ -71,7 +72,7 @@ class Held:
 
     @property
     def holds(self) -> bool:
-        """Whether anything is held, by the last sample."""
+        """True if anything is held, by the last sample."""
         return bool(self.samples) and self.samples[-1][1].held
 
     def sample(self, operator: str, data: bytes, *, refused: str | None) -> str:
@@ -106,9 +107,9 @@ class Served:
     heard: threading.Semaphore = field(default_factory=lambda: threading.Semaphore(0))
 
     def next_request(self) -> Request:
-        """The next request that has not been taken yet, without who took control for it.
+        """The next request that has not been taken yet, apart from those that take control for it.
 
-        The page may be touched again afterwards: what it would say sooner, viser's client may never send.
+        The page may be touched again afterwards: whatever it sends sooner, viser's client may drop.
         """
         while True:
             assert self.heard.acquire(timeout=20), "The console sent no request."
@@ -214,5 +215,5 @@ def is_local(url: str) -> bool:
 
 
 def complains(said: ConsoleMessage) -> bool:
-    """Whether it is an error; a picture that the next one replaces before it was drawn is none."""
+    """True if the page reports an error, unless it is about a picture that was replaced before it was drawn."""
     return said.type == "error" and not said.location["url"].startswith("blob:")

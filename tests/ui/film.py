@@ -12,7 +12,7 @@ from tests.ui import synthetic
 
 PERIOD_S = 0.5
 DISTANCES_MM = ("22.4", "31.6", "38.7")
-"""Of each motion's plan, as the card shows it."""
+"""Distances [mm] of the motions' plans, as the card shows them."""
 _CHAMFER_M2 = (1e-3, 2e-3, 3e-3)
 
 
@@ -31,7 +31,7 @@ def film(folder: Path) -> Path:
 
 
 def session() -> Iterator[Message]:
-    """Everything but the episode, in order."""
+    """Messages of the session apart from the episode, in order."""
     yield synthetic.goal()
     yield synthetic.model(1, 6e-5)
     for index, chamfer_m2 in enumerate(_CHAMFER_M2):

@@ -31,9 +31,9 @@ from app.core.seeing import Seen
 
 N = 300
 MOMENTS = 9
-"""Of a branch, from now to its end."""
+"""Number of moments of a branch, from now to its end."""
 COLOUR = ColourRange.around((232 / 255, 120 / 255, 40 / 255))
-"""Of the dots that are the object in the frames."""
+"""Colours of the dots that are the object in the frames."""
 
 
 def rope(bend: float, seed: int = 0, *, centre: tuple[float, float] = (0.55, 0.0)) -> np.ndarray:
@@ -60,7 +60,7 @@ def camera(name: str, azimuth: float) -> CameraModel:
 
 
 def frame(model: CameraModel, points: np.ndarray) -> Frame:
-    """What the camera sees of the points: dots on a grey table."""
+    """Frame that the camera takes of the points: dots on a grey table."""
     rng = np.random.default_rng(1)
     image = np.full((model.height, model.width, 3), (96, 104, 112), np.uint8)
     image += rng.integers(0, 9, image.shape, dtype=np.uint8)
@@ -74,7 +74,7 @@ def frame(model: CameraModel, points: np.ndarray) -> Frame:
 
 
 def seen(*frames: Frame, colour: ColourRange = COLOUR, apart_m: float = 0.0016) -> Seen:
-    """What is taken for the object in these frames."""
+    """Segmentation of the object in these frames."""
     masks = {each.camera.name: colour_mask(each.color, colour) for each in frames}
     pixels = {name: int(mask.sum()) for name, mask in masks.items()}
     return Seen(
@@ -260,7 +260,7 @@ def goal() -> Goal:
 
 
 def scene(*, pushes: int = 3) -> list[Message]:
-    """Everything that has been said by the time the third push is up for approval, the proposal last."""
+    """All messages up to the third push's proposal for approval, which is the last."""
     observed = rope(0.5)
     return [
         episode(),

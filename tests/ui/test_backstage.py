@@ -1,4 +1,4 @@
-"""What viser is given of a browser's messages: values of the kind that their widgets hold."""
+"""Messages of a browser that reach viser: values of the kind that their widgets hold."""
 
 from collections.abc import Iterator
 

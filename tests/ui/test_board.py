@@ -1,4 +1,4 @@
-"""What the console knows follows from the messages alone, in spite of echoes."""
+"""State of the console: it follows from the messages alone, in spite of echoes."""
 
 import itertools
 from dataclasses import replace

@@ -23,7 +23,7 @@ APPROVE, REJECT, RESUME, STOP = "Approve this motion", "Reject and plan again", 
 
 
 def pixels(page: Page, colour: palette.Colour) -> int:
-    """How many pixels between the panels have about the hue of `colour`, in whatever light."""
+    """Number of pixels between the panels that have about the hue of `colour`, in whatever light."""
     image = cv2.imdecode(np.frombuffer(page.screenshot(), np.uint8), cv2.IMREAD_COLOR)[:, 340:1180]
     hue = cv2.cvtColor(np.uint8([[colour[::-1]]]), cv2.COLOR_BGR2HSV)[0, 0, 0]
     near = cv2.inRange(cv2.cvtColor(image, cv2.COLOR_BGR2HSV), (int(hue) - 6, 120, 80), (int(hue) + 6, 255, 255))

@@ -1,4 +1,4 @@
-"""What the panel says in words and numbers."""
+"""Cards of the panel: their words and numbers."""
 
 import math
 from dataclasses import replace

@@ -1,4 +1,4 @@
-"""What a press does, from whatever thread it comes."""
+"""Presses in the console, and the requests that they become, from whatever thread they come."""
 
 import itertools
 import threading
@@ -28,12 +28,12 @@ class Program:
 
     @property
     def requests(self) -> list[Request]:
-        """What was asked of the program, without who took control for it."""
+        """Requests to the program, without those that took control for them."""
         return [entry for entry in self.heard if not isinstance(entry, str | Lease)]
 
     @property
     def said(self) -> list[str]:
-        """Who got control and why, and what was refused."""
+        """Texts of the record: who got control and why, and refusals."""
         return [
             f"{entry.holder or 'nobody'}: {entry.why}" if isinstance(entry, Lease) else entry.text
             for entry in self.heard

@@ -1,4 +1,4 @@
-"""What a browser may say: what viser's page says, and nothing else."""
+"""Messages that a browser may send: those of viser's page, and no others."""
 
 import math
 import time

@@ -1,4 +1,4 @@
-"""What the console says about a model that may be wrong."""
+"""Display of a model that may be wrong: the model monitor's card, and the tab with the verdict."""
 
 from dataclasses import replace
 

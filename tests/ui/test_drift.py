@@ -1,4 +1,4 @@
-"""How far the object has moved since the plan was made, as the card says it."""
+"""Drift of the object since the plan was made, as the card shows it."""
 
 import math
 from dataclasses import replace

@@ -27,7 +27,7 @@ async def test_what_a_page_holds_moves_the_arm_while_the_program_waits_for_it_an
         sequence = 0
 
         async def held(pressed: int, count: int, **more: object) -> set[str]:
-            """What is answered to so many samples."""
+            """Answers to so many samples."""
             nonlocal sequence
             answers = set[str]()
             for _ in range(count):

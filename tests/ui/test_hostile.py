@@ -32,7 +32,7 @@ from tests.ui.test_doorkeeper import CAMERA
 pytestmark = pytest.mark.anyio
 
 ZSTD = b"\x28\xb5\x2f\xfd"
-"""What a compressed frame begins with, as in viser's messages."""
+"""First bytes of a compressed frame, as in viser's messages."""
 HUGE = 5 * 2**20
 BEGINNINGS = (b"", b"GET / HTTP/1.1\r\n", b"POST /stop HTTP/1.1\r\nContent-Length: 99999999999\r\n\r\n")
 
@@ -132,7 +132,7 @@ async def test_messages_with_the_token_that_no_page_says_close_their_own_connect
 
 
 async def ends(websocket: aiohttp.ClientWebSocketResponse) -> bool:
-    """Whether the other side hangs up within half a second of what was said."""
+    """True if the other side hangs up within half a second."""
     with anyio.move_on_after(0.5):
         while True:
             answer = await websocket.receive()
@@ -225,7 +225,7 @@ def sample(sequence: int = 0, **more: object) -> dict[str, object]:
 
 
 def poor_samples(rng: np.random.Generator) -> Iterator[bytes | str]:
-    """What no page says on the line of a hand."""
+    """Samples that no page sends over the line of a hand."""
     for number in ("NaN", "Infinity", "1e400", "-1e308", "2", '"1"', "null", "[1]", "{}", "true"):
         for field in ("x", "speed", "pressed", "sequence", "held"):
             if number == "2" and field in ("pressed", "sequence"):
@@ -241,7 +241,7 @@ def poor_samples(rng: np.random.Generator) -> Iterator[bytes | str]:
 
 @asynccontextmanager
 async def commanded(arm: Arm) -> AsyncIterator[tuple[Opened, str]]:
-    """A console in teleoperation; with the key of a page that has control."""
+    """A console in teleoperation, and the key of a page that has control."""
     async with opened(hand=arm.hand) as it:
         it.console.show(synthetic.mode("teleoperate"))
         async with page(it) as (key, _):
@@ -251,7 +251,7 @@ async def commanded(arm: Arm) -> AsyncIterator[tuple[Opened, str]]:
 
 @asynccontextmanager
 async def page(it: Opened) -> AsyncIterator[tuple[str, aiohttp.ClientWebSocketResponse]]:
-    """The key that the console tells a page in the viser message that holds its name, and the page's websocket."""
+    """The key that the console sends a page, in the viser message that holds its name, and the page's websocket."""
     async with it.browser.ws_connect(
         it.origin, protocols=[PROTOCOL], headers={"Origin": it.origin}, max_msg_size=0
     ) as websocket:
@@ -275,7 +275,7 @@ def line(it: Opened, **headers: str) -> AbstractAsyncContextManager[aiohttp.Clie
 
 
 async def told(hand: aiohttp.ClientWebSocketResponse) -> str:
-    """What a sample is answered."""
+    """Answer to a sample."""
     return (await hand.receive_json(timeout=5))["says"]
 
 
@@ -423,7 +423,7 @@ async def test_the_handle_is_dragged_by_whoever_has_control_alone_and_no_further
             await hand.send_str(key)
 
             async def goes(sequence: int) -> np.ndarray:
-                """The way that the arm is told to go when there is held "Go there"."""
+                """Velocity that the arm is told while "Go there" is held."""
                 await hand.send_json(sample(sequence, towards=True))
                 await hand.receive_str(timeout=5)
                 return arm.jogs[-1].linear

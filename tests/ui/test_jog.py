@@ -16,7 +16,7 @@ pytestmark = pytest.mark.browser
 
 
 def opened(page: Page, served: Served) -> Page:
-    """The page of somebody who has control, in teleoperation."""
+    """Page of somebody who has control, in teleoperation."""
     for message in synthetic.scene()[:-1]:
         served.console.show(message)
     page.set_default_timeout(30 * SECONDS)
@@ -32,21 +32,21 @@ def opened(page: Page, served: Served) -> Page:
 
 
 def held_by(served: Served, press: Callable[[], object]) -> Axes:
-    """What the samples say once `press` has been done and something is held."""
+    """Axes in the samples once `press` has been done and something is held."""
     press()
     wait_until(lambda: served.held.holds)
     return served.held.samples[-1][1].axes
 
 
 def quiet(held: Held) -> bool:
-    """Whether nothing is held, and nothing is said any more."""
+    """True if nothing is held, and no more samples come."""
     count = len(held.samples)
     time.sleep(0.3)
     return not held.holds and len(held.samples) == count
 
 
 def connected(page: Page, served: Served) -> None:
-    """Until a press is heard."""
+    """Press a key until the press is heard."""
 
     def heard() -> bool:
         page.keyboard.press("h", delay=150)

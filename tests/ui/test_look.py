@@ -1,4 +1,4 @@
-"""What is looked at of a plan, and what the tab Plans says of it, without a browser."""
+"""Looking at a plan: the branch and the moment that are shown, and the text of the tab Plans; without a browser."""
 
 import math
 from dataclasses import replace

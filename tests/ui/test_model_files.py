@@ -1,4 +1,4 @@
-"""Which files a browser may name as a model, and what it is told of others."""
+"""Model files that a browser may name, and the answers about all others."""
 
 import os
 from pathlib import Path

@@ -1,4 +1,4 @@
-"""What the console says about models: estimates, differences, and the last motion."""
+"""Display of models: estimates, differences, and the last motion."""
 
 from dataclasses import replace
 

@@ -20,7 +20,7 @@ pytestmark = pytest.mark.browser
 SECONDS = 1000
 FIELD_OF_VIEW_RAD = math.radians(75)
 GRIP_M = 0.255 * 0.12
-"""From a handle's middle along x and y to where it is dragged over the plane of both."""
+"""Offset along x and y from a handle's middle to the place where it is dragged over the plane of both."""
 MOVED = np.array([0.05, -0.06, 0.0])
 SIMULATE = "Simulate this instead"
 
@@ -43,12 +43,12 @@ def set_moment(page: Page, moment: int) -> None:
 
 
 def cell(page: Page, row: str) -> Locator:
-    """What the card of the moment says in a row."""
+    """Cell of a row in the card of the moment."""
     return page.locator(".dp-moment tr", has_text=row).locator("td").last
 
 
 def pixel(page: Page, place: np.ndarray) -> tuple[float, float]:
-    """Where a place [m] is on the screen in the first view, see `app.ui.scene`."""
+    """Pixel of a place [m] on the screen in the first view, see `app.ui.scene`."""
     middle = (np.array(Workspace().low) + np.array(Workspace().high)) / 2
     eye = np.array([middle[0] + 0.75, middle[1] - 0.12, 0.66])
     ahead = np.array([middle[0] - 0.02, middle[1], 0.0]) - eye

@@ -1,4 +1,4 @@
-"""Where a replay is and how fast it goes on, and how a plan that was made again compares."""
+"""Position and speed of a replay, and the comparison of a plan with one that was made again."""
 
 import math
 from dataclasses import replace

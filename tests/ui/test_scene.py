@@ -1,4 +1,4 @@
-"""What is drawn of the site, as its scene goes to a browser."""
+"""Drawing of the site, as its scene goes to a browser."""
 
 import numpy as np
 import pytest
@@ -12,7 +12,7 @@ from app.ui.scene import Scene
 from app.ui.tool import Flat, Tool
 
 _HEADER_BYTES = 8
-"""Before the packed scene stands its size, unpacked."""
+"""Length of the header before the packed scene: its size, unpacked."""
 
 
 def drawn(limits: Limits, table: TablePlace = AT_BASE) -> bytes:
@@ -26,7 +26,7 @@ def drawn(limits: Limits, table: TablePlace = AT_BASE) -> bytes:
 
 
 def drawn_tool(task: str) -> bytes:
-    """A tool that was two fingers, and is the one of that task."""
+    """Packed scene of a tool that was two fingers and became the one of that task."""
     server = viser.ViserServer(host="127.0.0.1", port=0, verbose=False)
     try:
         tool = Tool(server, "/tool", palette.STEEL, opacity=None)
@@ -48,7 +48,7 @@ def test_a_flat_finger_is_drawn_as_one_plate_and_a_round_one_as_two_fingers() ->
 
 @pytest.mark.serial
 def test_the_arm_stands_where_it_does_beside_the_table() -> None:
-    """Half a metre before the table's origin, which is turned by a quarter."""
+    """The base is half a metre before the table's origin, and turned by a quarter."""
     there = TablePlace(place_m=(0.5, 0.0, -0.125), turn_deg=90.0)
     base = np.float32([0.0, 0.5, 0.125])
     assert there.table_from_base[:3, 3] == pytest.approx(base)

@@ -1,4 +1,4 @@
-"""What the tabs about model and cell put into their widgets, at a viser server and without a browser."""
+"""Tabs about model and cell: the contents of their widgets, at a viser server and without a browser."""
 
 from collections.abc import Iterator
 from dataclasses import replace

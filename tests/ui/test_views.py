@@ -1,4 +1,4 @@
-"""What is said of the cameras, what is painted into their pictures, and the clouds over the scene."""
+"""Display of the cameras: their cards, the masks painted into their pictures, and the clouds over the scene."""
 
 from collections.abc import Iterator
 from dataclasses import replace

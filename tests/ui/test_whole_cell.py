@@ -22,18 +22,19 @@ from tests.ui.test_browser import APPROVE, RESUME, SECONDS, STOP, pixels, wait_u
 pytestmark = [pytest.mark.browser, pytest.mark.slow]
 
 PATIENCE = 250 * SECONDS
-"""For a first start: kernels are compiled while a browser renders in software on the same cores."""
+"""Time for a first start: kernels are compiled while a browser renders in software on the same cores."""
 
 
 SPEED = "0.02"
-"""[m/s] A push then takes so long that a browser which renders in software still stops it in the middle."""
+"""Speed [m/s] at which a push takes so long that a browser which renders in software still stops it in the middle."""
 
 
 @pytest.fixture
 def heeding_interrupts() -> Iterator[None]:
-    """What a script starts in the background ignores SIGINT, and so does what that starts: tests, and this program.
+    """Handle SIGINT here, so that programs started from here do not ignore it.
 
-    A signal that is handled here has its default action in a program started from here; one that is ignored stays so.
+    Jobs in the background of a script ignore SIGINT, and so do the programs that they start, such as these tests. A
+    signal that is handled here has its default action in a program started from here; one that is ignored stays so.
     """
     before = signal.signal(signal.SIGINT, signal.default_int_handler)
     try:

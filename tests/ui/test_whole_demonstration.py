@@ -29,17 +29,17 @@ __all__ = ["heeding_interrupts"]
 
 PATIENCE_S = 120
 SEED = "10"
-"""Of a rope that lies across the way of a tool which comes from where the arm waits."""
+"""Seed of a rope that lies across the path of a tool which comes from the arm's waiting place."""
 SHARE = 0.5
 X, Y, Z = 0, 1, 2
 ASIDE_M, THERE_M, DOWN_M, PUSH_M, UP_M = 0.08, 0.10, 0.292, 0.13, 0.15
-"""Where the rope lies across; nearer to it; to the table, nearly; into the rope; up again."""
+"""Distances [m] of the hand: aside to where the rope lies across; nearer to it; almost to the table; into it; up."""
 SELDOM_DRAWN = "requestAnimationFrame = (draw) => setTimeout(() => draw(performance.now()), 1000)"
-"""Drawing the scene in software takes longer than a held key may wait, and the processors from who draws nothing."""
+"""Script for fewer drawings: in software one takes longer than a held key may wait, and cores that others need."""
 
 
 def dipac(*words: object) -> str:
-    """What a command of the program prints, which ends well."""
+    """Output of a command of the program, which has to succeed."""
     done = subprocess.run(command(*words), cwd=ROOT, capture_output=True, text=True, timeout=120, check=False)
     assert done.returncode == 0, done.stdout + done.stderr
     return done.stdout
@@ -55,7 +55,7 @@ def console(heeding_interrupts: None, tmp_path: Path) -> Iterator["subprocess.Po
 
 @final
 class Hand:
-    """Holds keys of the page until the tool is somewhere, as that says; whatever has to be pressed again is."""
+    """Holds keys of the page until the tool is somewhere, and presses again those that the page asks for."""
 
     def __init__(self, page: Page) -> None:
         self._page = page
@@ -106,7 +106,7 @@ def opened(console: "subprocess.Popen[str]", page: Page) -> Page:
 
 
 def demonstrate(page: Page, hand: Hand) -> None:
-    """Motions by hand, recorded as a success: one, or more where the machine is too busy to keep a key held."""
+    """Move by hand, recorded as a success: one motion, or more where the machine is too busy to keep a key held."""
     page.get_by_role("button", name="By hand").click()
     expect(page.get_by_text("Waiting to be moved by hand")).to_be_visible()
     page.get_by_text("Demonstrations", exact=True).click()
@@ -121,7 +121,7 @@ def demonstrate(page: Page, hand: Hand) -> None:
 
 
 def keep(page: Page) -> None:
-    """What is seen becomes the goal, and what was recorded a file of its own."""
+    """Make the view the goal, and keep the last recording as a file of its own."""
     page.get_by_role("tab", name="Goal").click()
     page.get_by_role("button", name="Current view as goal").click()
     page.get_by_role("button", name="Save the last 30 seconds").click()
@@ -131,7 +131,7 @@ def keep(page: Page) -> None:
 
 
 def end(console: "subprocess.Popen[str]", page: Page) -> None:
-    """End the session, from a page that may complain that nobody answers any more; what that says nobody heeds."""
+    """End the session, from a page that may complain that nobody answers any more; its complaints are ignored."""
     other = page.context.new_page()
     other.goto(page.url)
     page.close()
@@ -150,12 +150,12 @@ def files(folder: Path) -> tuple[Path, Path, Path]:
 
 
 def index(messages: list[Message], kind: type[Message]) -> int:
-    """Where the first of `kind` is."""
+    """Index of the first message of `kind`."""
     return next(number for number, message in enumerate(messages) if isinstance(message, kind))
 
 
 def check_demonstration(path: Path) -> int:
-    """It has motions, which moved the rope, and before them all that one needs to learn from it; how many they are."""
+    """Check that it has motions, which moved the rope, and before them all that learning needs; return their number."""
     said = list(read_messages(path))
     assert isinstance(said[0], Episode)
     first = index(said, Transition)
@@ -171,7 +171,7 @@ def check_demonstration(path: Path) -> int:
 
 
 def check_commands(session: Path, demo: Path, clip: Path, folder: Path, motions: int) -> None:
-    """Its commands read what the program wrote."""
+    """Check that the program's commands read its recordings."""
     assert "3 of 3 recordings are good" in dipac("recordings", "check", session, demo, clip)
     shown = dipac("recordings", "show", demo)
     assert "success (client 0)" in shown
@@ -184,7 +184,7 @@ def check_commands(session: Path, demo: Path, clip: Path, folder: Path, motions:
 
 
 def check_replay(demo: Path) -> None:
-    """It is served from any moment on, until somebody ends that."""
+    """Check that a replay is served from any moment on, until it is interrupted."""
     with started("replay", demo, "--at", 1, "--port", 0) as replay:
         assert address(replay).startswith("http://127.0.0.1:")
         replay.send_signal(signal.SIGINT)
@@ -192,14 +192,14 @@ def check_replay(demo: Path) -> None:
 
 
 def check_calibration(demo: Path, folder: Path, motions: int) -> None:
-    """A model is learnt from it."""
+    """Check that a model is learnt from it."""
     said = dipac("calibrate", demo, "-o", folder / "model.toml")
     assert f"to {motions} transitions of 1 recordings" in said
     assert load_model(folder / "model.toml", task="rope_push", time_s=0.0).transition_count == motions
 
 
 def check_dataset(demo: Path, folder: Path) -> None:
-    """Another program reads it as one episode that succeeded."""
+    """Check that another program reads it as one episode that succeeded."""
     datasets = pytest.importorskip("datasets", reason="The package `datasets` is missing; install dipac[lerobot].")
     assert "1 episodes" in dipac("recordings", "export", demo, "--to", "lerobot", "-o", folder / "lerobot")
     rows = datasets.Dataset.from_parquet(
