@@ -50,7 +50,7 @@ def jogged(arm: ArmControl, jog: Jog, ticks: int) -> None:
 
 
 def come_to_rest(arm: ArmControl) -> float:
-    """Until it is at rest; how long that took [s]."""
+    """Advance the arm until it is at rest; the time that this took [s]."""
     for tick in range(300):
         if arm.mode not in ("moving", "stopping"):
             return tick * TICK_S

@@ -44,7 +44,7 @@ def imported(folder: Path, arrays: dict[str, Any], name: str = "measured") -> St
 
 
 def ready(study: Study) -> tuple[Predictor, Trials, Subject]:
-    """As discovery begins."""
+    """Predictor, trials and model under test, as at the start of a discovery."""
     subject = subject_of(load(f"{study.task}@rods"), study.setup)
     here = centred(study, subject)
     known = catalogue(subject.rods, origin_m=here.origin_m, reach_m=reach_m(here, subject))

@@ -52,7 +52,7 @@ def studies() -> dict[str, Study]:
 
 @cache
 def decided(name: str) -> tuple[Trials, Screening, Decision, Opened]:
-    """With a tilted table as the only known cause, which is what a swirl looks most like."""
+    """Decision with a tilted table as the only known cause, the one most like a swirl."""
     trials = prepare(studies()[name], SUBJECT)
     screening = screen(PREDICTOR, trials, refit(PREDICTOR, trials), only=("table_tilt",))
     decision = decide(PREDICTOR, trials, screening, lambda _: None)

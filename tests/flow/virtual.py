@@ -70,7 +70,7 @@ class InsideWorker(Worker):
 
 
 def _answered(function: Callable[..., object], arguments: tuple[object, ...]) -> tuple[bool, object]:
-    """As a worker's process answers."""
+    """Answer of a worker's process: call and result cross a pickle, and errors are returned."""
     try:
         call, given = pickle.loads(pickle.dumps((function, arguments)))
         return True, pickle.loads(pickle.dumps(call(*given)))

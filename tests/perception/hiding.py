@@ -11,7 +11,7 @@ from app.perception.depth import project
 
 SCREEN_RGB = (90, 95, 100)
 _SCREEN_M = 0.30
-"""From each camera: nearer than the table by far."""
+"""Distance of the screen from each camera [m]: nearer than the table by far."""
 _AROUND_PIXELS = 25
 
 

@@ -12,7 +12,7 @@ from app.sim.rods.state import RodState
 
 SCENE = RodScene(length_m=0.40, radius_m=0.008, mass_kg=0.064, finger_radius_m=0.009)
 REACH_M = np.sqrt(0.017**2 - 0.007**2)
-"""From the centreline to a finger whose tip is 6 mm above the table."""
+"""Distance [m] from the centreline to a touching finger whose tip is 6 mm above the table."""
 Change = Callable[[float], tuple[RodPhysics, RodState, jax.Array]]
 """Physics, states and paths, changed by an amount."""
 
@@ -66,7 +66,7 @@ def central(costs: Callable[..., jax.Array], change: Change, step: float) -> np.
 
 
 def assert_agree(slope: np.ndarray, differences: list[np.ndarray]) -> None:
-    """In nearly all pushes: a few end near a kink, where the finger just leaves the rope, or just does not."""
+    """Check slopes against differences in nearly all pushes; a few end as the finger just leaves the rope: a kink."""
     size = max(np.abs(each).max() for each in differences)
     off = np.min([np.abs(slope - each) - 0.1 * np.abs(each) for each in differences], axis=0)
     assert np.isfinite(slope).all()

@@ -31,7 +31,7 @@ def physics(candidates: int = 1, **values: float) -> RodPhysics:
 
 
 def gap_m(line: np.ndarray, middle: np.ndarray, yaw: float, half_width_m: float) -> float:
-    """From a centreline (n, 2) to a finger's core."""
+    """Least distance [m] between a centreline (n, 2) and a finger's core."""
     ends = np.stack([line[:-1], line[1:]])
     points = (ends[0] + np.linspace(0, 1, 21)[:, None, None] * (ends[1] - ends[0])).reshape(-1, 2)
     core = middle + np.linspace(-half_width_m, half_width_m, 101)[:, None] * [np.cos(yaw), np.sin(yaw)]
@@ -107,7 +107,7 @@ def pushes() -> tuple[RodPhysics, RodState, jax.Array]:
 
 
 def cost(given: RodPhysics, state: RodState, tool: jax.Array) -> jax.Array:
-    """From where the ropes were at first."""
+    """Cost (B,) of squared distances [cm^2] from each rope's first place, shifted."""
     return pushed_ropes.cost(simulator(), given, state, tool, pushes()[1])
 
 
@@ -150,7 +150,7 @@ def test_gradients_of_action_and_state_equal_central_differences(part: str, axis
 
 
 def assert_differences(slope: jax.Array, change: Change, step: float) -> None:
-    """With two steps."""
+    """Check slopes against differences with two sizes of steps."""
     assert_agree(np.asarray(slope, np.float64), [central(cost, change, size) for size in (step, 4 * step)])
 
 

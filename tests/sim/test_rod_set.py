@@ -120,7 +120,7 @@ def pushes() -> tuple[RodPhysics, RodState, jax.Array]:
 
 
 def cost(given: RodPhysics, state: RodState, tool: jax.Array) -> jax.Array:
-    """Cost (B,) of the distances [cm^2] from each rope's start, shifted."""
+    """Cost (B,) of squared distances [cm^2] from each rope's start, shifted."""
     return pushed_ropes.cost(simulator(), given, state, tool, state)
 
 

@@ -68,7 +68,7 @@ def test_the_mode_is_always_in_view_and_each_is_one_press_away(served: Served, b
 
 
 def checklist(**right: bool) -> Checklist:
-    """With two things that the program sees, and two that a person confirms."""
+    """Checklist of two items that the program sees, and two that a person confirms."""
     told: dict[str, CheckedBy] = {"arm": "program", "stop": "program", "emergency": "operator", "limits": "operator"}
     items = tuple(
         CheckItem(key=key, text=f"About {key}.", by=by, right=right.get(key, False), said=f"why {key} is so")

@@ -40,7 +40,7 @@ def held(arm: FakeProcess, holds: Holds | None = None) -> KinovaControl:
 
 
 def tick(control: KinovaControl) -> bool:
-    """As its process does; whether it is idle."""
+    """Advance the control by a tick, as its process does; True if it is idle."""
     control.advance(0.01)
     return control.mode == "idle"
 

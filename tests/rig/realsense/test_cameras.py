@@ -90,7 +90,7 @@ async def opened(anyio_backend: str) -> AsyncIterator[tuple[RealSenseCamera, Ren
 
 
 def pid(name: str = "left") -> int:
-    """That of the camera's process now."""
+    """Process number of the camera's present process."""
     (process,) = [child for child in multiprocessing.active_children() if child.name == f"dipac camera {name}"]
     assert process.pid is not None
     return process.pid
