@@ -21,7 +21,7 @@ from app.discovery.centreline_noise import smooth_noise
 from app.discovery.steppers import BLOCK, Start, Stepper, chunks, length_ratio, of_one_length, stepper
 from app.discovery.study import Push, Study, View
 from app.discovery.subject import ROD_NUMERICS, Catalogue, RodModel, Subject, Theta
-from app.sim.arc_length import arclength_labels, centreline_weights
+from app.sim.arc_length import arclength_labels, centreline_weights, labels_by_rank
 from app.sim.params import PARAMETERS, index
 from app.sim.rods.state import RodStart
 
@@ -361,11 +361,8 @@ def labelled(
 
 
 def _along_rod(cloud: Points, rods: RodModel) -> Float32[np.ndarray, " N"]:
-    """Normalised arc length in 0..1 of the points of a rope; as they stand for equal volumes, by their ranks."""
-    start = RodStart(rods.scene.nodes, rods.scene.rest_m, rods.scene.radius_m)
-    place = start.places(cloud[None].astype(np.float32))[0, 0]
-    rank = np.argsort(np.argsort(place, kind="stable"), kind="stable")
-    return ((rank + 0.5) / len(cloud)).astype(np.float32)
+    """Normalised arc length in 0..1 of the points of a rope."""
+    return labels_by_rank(RodStart.of(rods.scene).places(cloud[None].astype(np.float32))[0, 0])
 
 
 def _middles(

@@ -21,7 +21,7 @@ from app.discovery.predict import Predictor, Seen, Trials, labelled, prepare
 from app.discovery.probe import NOTHING, Belief, gains_of, rival_words, weighted
 from app.discovery.sensitivity import residuals
 from app.discovery.study import Push, Study, View
-from app.discovery.subject import Subject, catalogue
+from app.discovery.subject import RodModel, Subject, catalogue
 from app.policy.strokes import REGION, Plan, Stroke, is_clear, midway_s, random_stroke, stroke_through
 
 Allowed: TypeAlias = Callable[[Track], bool]
@@ -77,7 +77,7 @@ class Scene:
     """Situation in which a push is chosen: the object as it is `seen`, in an `episode`, after those `made` before.
 
     `plan`: speeds and lengths of pushes, and whether the arm measures its path; `height_m`: of the tip while it pushes;
-    `core_m`: from a finger's middle to an end of its core; `camera`: see `Study`.
+    `core_m`: from a finger's middle to an end of its core; `camera`: see `Study`; `rods`: see `predict.labelled`.
     """
 
     task: str
@@ -89,6 +89,7 @@ class Scene:
     allowed: Allowed
     core_m: tuple[float, float] = (0.0, 0.0)
     camera: tuple[float, float, float] = (0.55, 0.0, 0.9)
+    rods: RodModel | None = None
 
 
 @threadpool_limits.wrap(limits=1, user_api="blas")
@@ -205,11 +206,11 @@ def _strokes(belief: Belief, scene: Scene, rng: np.random.Generator) -> Iterator
 
 def _again(push: Push, number: int, scene: Scene) -> Iterator[tuple[Stroke, str]]:
     """A push that was made, at the same place of the object and angle to it: at another speed, and backwards."""
-    found = _touch(push, scene.height_m)
+    found = _touch(push, scene)
     if found is None:
         return
     along, angle, length_m, speed_m_s = found
-    labels = labelled([scene.seen.points])[0][0]
+    labels = labelled([scene.seen.points], scene.rods)[0][0]
     at = int(np.abs(labels[:, 0] - along).argmin())
     heading = angle + float(np.arctan2(labels[at, 3], labels[at, 2]))
     ahead = np.array([np.cos(heading), np.sin(heading)])
@@ -222,10 +223,10 @@ def _again(push: Push, number: int, scene: Scene) -> Iterator[tuple[Stroke, str]
     yield back, f", backwards, as push {number}"
 
 
-def _touch(push: Push, height_m: float) -> tuple[float, float, float, float] | None:
+def _touch(push: Push, scene: Scene) -> tuple[float, float, float, float] | None:
     """The place along the object that a push went through, its angle to it [rad], length [m] and speed [m/s]."""
     way, times = push.command.positions, push.command.times_s
-    low = np.flatnonzero(way[:, 2] < height_m + 1e-3)
+    low = np.flatnonzero(way[:, 2] < scene.height_m + 1e-3)
     if not len(low):
         return None
     steps = np.linalg.norm(np.diff(way[low, :2], axis=0), axis=1)
@@ -238,7 +239,7 @@ def _touch(push: Push, height_m: float) -> tuple[float, float, float, float] | N
     offsets = push.before.points[:, :2] - way[low[0], :2]
     beside = np.abs(offsets @ np.array([-ahead[1], ahead[0]])) + 1e3 * (offsets @ ahead < 0)
     at = int(beside.argmin())
-    labels = labelled([push.before.points])[0][0]
+    labels = labelled([push.before.points], scene.rods)[0][0]
     angle = float(np.arctan2(ahead[1], ahead[0]) - np.arctan2(labels[at, 3], labels[at, 2]))
     lasts_s = float(times[low][going[-1] + 1] - times[low][going[0]])
     return float(labels[at, 0]), angle, length_m, float(steps.sum()) / lasts_s

@@ -109,7 +109,7 @@ def _particle_stepper(scene: Scene, particles: int) -> Stepper:
 def _rod_stepper(rods: RodModel) -> Stepper:
     scene, effects = rods.scene, tuple(effect for effect in EFFECTS if effect.rod is not None)
     simulate, own = make_rod_rollout(scene, effects), np.array(rod_columns(effects), int)
-    at_rest = RodStart(scene.nodes, scene.rest_m, scene.radius_m)
+    at_rest = RodStart.of(scene)
 
     def begin(x: Clouds, seen: Clouds) -> Start:
         full = np.concatenate([np.arange(len(x)), np.full(-len(x) % _TRACED, len(x) - 1)])

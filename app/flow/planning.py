@@ -139,9 +139,7 @@ class Planning:
         for attempt in range(FAILURES_IN_A_ROW):
             seed = hash((*seeds, attempt)) % 2**31
             try:
-                found = await self._asking.plan(
-                    observed, goal, model, self._near, self._orientation
-                ) or await self._planner.run(
+                found = await self._asking.plan(observed, goal, model, *lies) or await self._planner.run(
                     *(plan, wish.task.name, wish.preset, x, goal, model, seed, self._site, tool, wish.method),
                     *(self._rejected, *lies),
                 )

@@ -21,9 +21,13 @@ def arclength_labels(x: Points) -> Float32[np.ndarray, " N"]:
     """
     graph = _neighbour_graph(np.asarray(x, np.float64))
     end = int(np.argmax(dijkstra(graph, directed=False, indices=0)))
-    distance = dijkstra(graph, directed=False, indices=end)
+    return labels_by_rank(dijkstra(graph, directed=False, indices=end))
+
+
+def labels_by_rank(distance: Float[np.ndarray, " N"]) -> Float32[np.ndarray, " N"]:
+    """Normalised arc length in 0..1 of particles that stand for equal volumes, by any distance along it."""
     rank = np.argsort(np.argsort(distance, kind="stable"), kind="stable")
-    return ((rank + 0.5) / len(x)).astype(np.float32)
+    return ((rank + 0.5) / len(distance)).astype(np.float32)
 
 
 def centreline_weights(labels: Float32[np.ndarray, " N"], nodes: int) -> Float32[np.ndarray, "nodes N"]:

@@ -233,7 +233,7 @@ class Task:
             nominal=self.rods.nominal,
             calibrated=self.rods.calibrated,
             presets=self.rods.presets,
-            begin=RodStart(self.rods.scene.nodes, self.rods.scene.rest_m, self.rods.scene.radius_m),
+            begin=RodStart.of(self.rods.scene),
             haste=1.0,
         )
 

@@ -112,7 +112,7 @@ class Correction:
         return replace(branch, predicted=self.seen(branch.predicted), final=self.seen(branch.final), frames=frames)
 
     def _eye(self, points: Points) -> Eye:
-        return Eye(self.camera_m, labelled([points])[1][0].astype(np.float64))
+        return Eye(self.camera_m, labelled([points], self.predictor.subject.rods)[1][0].astype(np.float64))
 
     def _felt(self, motion: Motion, before: Points, after: Points) -> Load:
         lengths = np.linalg.norm(np.diff(motion.positions, axis=0), axis=1)

@@ -175,6 +175,7 @@ def scene(task: Task, seen: View, episode: int, made: Sequence[Push], plan: Plan
         height_m=task.finger.push_height_m,
         allowed=lambda track: refusal(probe_motion(task, track, site), site) == "",
         core_m=task.finger.half_m,
+        rods=probed_subject(task).rods,
     )
 
 

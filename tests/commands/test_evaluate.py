@@ -6,7 +6,6 @@ import signal
 import subprocess
 import sys
 import time
-from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -17,6 +16,7 @@ from app.core.errors import UsageError
 from app.evaluation import ledger
 from app.recording.model_file import save_model
 from app.tasks import nominal_model
+from tests.models import model_with
 
 POLICY = ["--task", "rope_push", "--planner", "dipac", "--ablation", "no_planning", "--preset", "cpu"]
 SHORT = [*POLICY, "--eyes", "truth", "--actions", "1", "--seeds", "3"]
@@ -104,10 +104,7 @@ def test_an_episode_whose_process_was_lost_is_played_again(folder: Path) -> None
 
 def extended(path: Path, task: str = "rope_push@rods") -> Path:
     """The file of a model with effects along the rope."""
-    values = {"stiffness_slope": 0.6, "stiffness_bow": 0.3}
-    nominal = nominal_model(task)
-    parameters = tuple(replace(each, value=values.get(each.name, each.value)) for each in nominal.parameters)
-    save_model(path, replace(nominal, parameters=parameters))
+    save_model(path, model_with(task, stiffness_slope=0.6, stiffness_bow=0.3))
     return path
 
 

@@ -5,7 +5,7 @@ code under test.
 """
 
 from dataclasses import dataclass, replace
-from functools import cache
+from functools import cache, partial
 from typing import Any, final
 
 import jax.numpy as jnp
@@ -25,6 +25,7 @@ from app.sim.rods.state import RodState
 from app.tasks import compiled, jobs, load
 from app.tasks.jobs import nominal_model, plan, track_orientation, update
 from app.tasks.rope_orientation import oriented_phi
+from tests.models import model_with
 
 RODS = "rope_push@rods"
 TASK = load(RODS)
@@ -35,13 +36,8 @@ MIRRORED = jnp.array([1, 1, 1, 1, 1, 1, 1, -1], jnp.float32)[:, None]
 """Signs of a state's rows when its nodes are counted from the other end: bends are to the left of their order."""
 
 
-def knowing(task: str = RODS, **values: float) -> Model:
-    """The nominal model with other values of these parameters."""
-    nominal = nominal_model(task)
-    parameters = tuple(replace(each, value=values.get(each.name, each.value)) for each in nominal.parameters)
-    return replace(nominal, parameters=parameters)
-
-
+knowing = partial(model_with, RODS)
+"""The model of rods with other values of these parameters."""
 CURVED = knowing(rest_curvature=8.0, stiffness_slope=0.6)
 SURE = 4
 """Number of pushes after which the ends of that rope are known."""
@@ -182,7 +178,7 @@ def test_nothing_is_followed_for_models_whose_effects_have_no_ends() -> None:
     made = world(1).pushed(CURVED)
     for model in (nominal_model(RODS), knowing(stiffness_bow=0.4)):
         assert track_orientation(RODS, UNKNOWN, made, model) is UNKNOWN
-    points = knowing("rope_push", rest_curvature=6.0)
+    points = model_with("rope_push", rest_curvature=6.0)
     assert track_orientation("rope_push", UNKNOWN, made, points) is UNKNOWN
 
 

@@ -10,6 +10,7 @@ import numpy as np
 from jaxtyping import Float, Float32
 
 from app.sim.rods.centreline import SMOOTHING, RopeShape, placed, radius_of, traced
+from app.sim.rods.scene import RodScene
 
 STATE = 8
 """Rows of `RodState.nodes`."""
@@ -110,6 +111,11 @@ class RodStart:
     count: int
     rest_m: float
     radius_m: float | None = None
+
+    @classmethod
+    def of(cls, scene: RodScene) -> Self:
+        """Start of the rope of a scene."""
+        return cls(scene.nodes, scene.rest_m, scene.radius_m)
 
     def __call__(self, x: Float[jax.Array, "B N 3"], near: Float[jax.Array, "2 n"] | None = None) -> RodState:
         """Unmoving, its bends at the centre of yield."""
