@@ -23,7 +23,7 @@ from app.rig.kinova.control import taken
 from app.rig.kinova.fake.process import FakeProcess
 from app.rig.kinova.gen3 import GRIPPER_M, Joints, reach_over
 from app.rig.kinova.link import Address
-from app.rig.kinova.seen import Seen
+from app.rig.kinova.seen import ArmFeedback
 from app.rig.realsense.camera import RealSenseCamera
 from app.rig.realsense.cameras import realsense_cameras
 from app.rig.realsense.ladder import Patience
@@ -128,7 +128,7 @@ def _reached(site: Site, file: Path | None) -> Site:
     return replace(own, limits=replace(own.limits, reach=reach_over(own.table, GRIPPER_M)))
 
 
-def _drawn(seen: Seen) -> Joints:
+def _drawn(seen: ArmFeedback) -> Joints:
     """Joint angles of the drawn arm with its tool at this one's: a Gen3's links are shorter."""
     return solve_joints(seen.tool)
 
