@@ -29,8 +29,8 @@ from app.rig.realsense.cameras import realsense_cameras
 from app.rig.realsense.ladder import Patience
 from app.rig.realsense.mounted import Mounted
 from app.rig.realsense.rendered import Feed, Rendered
-from app.rig.realsense.settings import Settings
-from app.rig.realsense.software import Body
+from app.rig.realsense.settings import StreamSettings
+from app.rig.realsense.software import CameraDescription
 from app.rig.simulated.arm_model import solve_joints
 from app.rig.simulated.cameras import table_cameras
 from app.rig.simulated.held_board import HeldBoard
@@ -87,7 +87,7 @@ class Rehearsal:
 async def _opened(wanted: Wanted) -> AsyncGenerator[Rehearsal]:
     """The opened cell. Raises DeviceError on entry where a process does not start."""
     models = table_cameras()
-    bodies = {model.name: Body.like_d435(model, f"rehearsal-{model.name}") for model in models}
+    bodies = {model.name: CameraDescription.like_d435(model, f"rehearsal-{model.name}") for model in models}
     depth = {model.name: bodies[model.name].depth_view(model) for model in models}
     site = wanted.site
     async with AsyncExitStack() as opened:
@@ -112,7 +112,7 @@ async def _opened(wanted: Wanted) -> AsyncGenerator[Rehearsal]:
                 name=model.name,
                 source=Rendered(body=bodies[model.name], feed=await to_thread.run_sync(Feed, world.images[model.name])),
                 T_world_camera=model.T_world_camera,
-                settings=Settings(width=model.width, height=model.height, warm_up=0),
+                settings=StreamSettings(width=model.width, height=model.height, warm_up=0),
             )
             for model in models
         ]
