@@ -27,7 +27,7 @@ from app.core.stage import RopeModel
 from app.discovery.centreline_noise import smooth_noise
 from app.policy.strokes import Plan
 from app.rig.simulated.physics import ROPE_WORLDS
-from app.rig.simulated.rehearsal import Take, push_again, rehearse
+from app.rig.simulated.rehearsal import PushSample, push_again, rehearse
 from app.rig.simulated.rope import resample
 from app.sim.rods.rollout import RodPhysics, make_rod_rollout
 from app.sim.rods.state import RodState
@@ -64,7 +64,7 @@ class Pushes:
 
 
 @cache
-def takes(world: RopeModel, seed: int) -> tuple[Take, ...]:
+def takes(world: RopeModel, seed: int) -> tuple[PushSample, ...]:
     """Random pushes of a nominal world."""
     return tuple(rehearse(TASK, PLAN, ROPE_WORLDS[world], (), seed))
 

@@ -20,7 +20,7 @@ from app.discovery.study import Push, Study, View
 from app.discovery.subject import Subject, catalogue
 from app.policy.strokes import Plan
 from app.rig.simulated.physics import WorldPhysics
-from app.rig.simulated.rehearsal import Look, rehearse
+from app.rig.simulated.rehearsal import StampedSnapshot, rehearse
 from app.sim.materials.base import Material
 from app.sim.materials.elastic import Elastic
 from app.sim.materials.rope import Rope
@@ -55,7 +55,7 @@ def study(seed: int) -> Study:
     return Study(task=TASK.name, pushes=tuple(pushes))
 
 
-def _view(look: Look) -> View:
+def _view(look: StampedSnapshot) -> View:
     points = fill_tube(look.snapshot.nodes, TASK.rope.radius_m, TASK.preset("cpu").particle_count)
     return View(time_s=look.stamp_s, points=points)
 

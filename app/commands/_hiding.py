@@ -24,10 +24,10 @@ from app.policy.strokes import Plan
 from app.recording.epoch import Epoch
 from app.recording.file import EpisodeFile
 from app.rig.simulated.cameras import CameraNoise
-from app.rig.simulated.eyes import Eyes
+from app.rig.simulated.eyes import SimulatedCameras
 from app.rig.simulated.hidden.base import Injected
 from app.rig.simulated.physics import WorldPhysics
-from app.rig.simulated.rehearsal import Look, Take, rehearse
+from app.rig.simulated.rehearsal import PushSample, StampedSnapshot, rehearse
 from app.tasks.base import Task
 
 Some: TypeAlias = Float32[np.ndarray, "_ 3"]
@@ -132,15 +132,17 @@ class Scribe:
 
     def __init__(self, session: Session, watch: Stopwatch) -> None:
         self._watch, self._pushes, self._finger = watch, session.plan.pushes, session.task.finger
-        self._eyes = Eyes(session.task.stage, session.hidden, session.seed, count=session.cameras, noise=session.noise)
+        self._eyes = SimulatedCameras(
+            session.task.stage, session.hidden, session.seed, count=session.cameras, noise=session.noise
+        )
         self._how = session.task.reconstruction(_PRESET)
 
-    def told(self, take: Take, number: int) -> list[Message]:
+    def told(self, take: PushSample, number: int) -> list[Message]:
         """The messages of push `number` in their order: seen, made, seen, learnt. The first ones bring images."""
         before, messages = self.before(take.before, number)
         return [*messages, *self.after(before, take, number)]
 
-    def before(self, look: Look, number: int) -> tuple[Particles, list[Message]]:
+    def before(self, look: StampedSnapshot, number: int) -> tuple[Particles, list[Message]]:
         """The object before push `number`, and all messages of then."""
         before, images = self._seen(look, _LOOKS * number)
         first = number % self._pushes == 0
@@ -149,7 +151,7 @@ class Scribe:
         shown: list[Message] = [*images] if first else []
         return before, [*shown, before, _sighting(before, tool=_nothing(), table=table)]
 
-    def after(self, before: Particles, take: Take, number: int) -> list[Message]:
+    def after(self, before: Particles, take: PushSample, number: int) -> list[Message]:
         """Messages observed and measured of push `number` once it is made."""
         during, views = self._seen(take.during, _LOOKS * number + 1)
         after, _ = self._seen(take.after, _LOOKS * number + 2)
@@ -165,7 +167,7 @@ class Scribe:
             Transition.between(before, executed, after, named=MessageId(f"transition-{number:06d}")),
         ]
 
-    def _seen(self, look: Look, number: int) -> tuple[Particles, list[Frame]]:
+    def _seen(self, look: StampedSnapshot, number: int) -> tuple[Particles, list[Frame]]:
         with self._watch.on("images"):
             frames = self._eyes.look(look.snapshot, stamp_s=look.stamp_s, number=number)
         with self._watch.on("particles"):
@@ -187,7 +189,7 @@ def _sighting(particles: Particles, *, tool: Some, table: Some) -> Sighting:
     return Sighting(id=identity, cause=particles.cause, time_s=particles.time_s, tool=tool, table=table)
 
 
-def _executed(take: Take, number: int, before: Particles) -> Executed:
+def _executed(take: PushSample, number: int, before: Particles) -> Executed:
     return Executed(
         id=MessageId(f"executed-{number:06d}"),
         cause=(before.id,),

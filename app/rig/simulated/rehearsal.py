@@ -39,7 +39,7 @@ _STARTS, _TRACKS, _ENCODERS = 4, 5, 6
 
 @final
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Look:
+class StampedSnapshot:
     """Snapshot of the world at a moment that cameras stamp `stamp_s`."""
 
     stamp_s: float
@@ -48,27 +48,29 @@ class Look:
 
 @final
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Take:
+class PushSample:
     """One push: snapshots before, in the middle and after it, and the tool's path as commanded and as measured."""
 
     episode: int
-    before: Look
-    during: Look
-    after: Look
+    before: StampedSnapshot
+    during: StampedSnapshot
+    after: StampedSnapshot
     command: Track
     measured: Track
 
 
-def rehearse(task: Task, plan: Plan, physics: WorldPhysics, hidden: Sequence[Injected], seed: int) -> Iterator[Take]:
+def rehearse(
+    task: Task, plan: Plan, physics: WorldPhysics, hidden: Sequence[Injected], seed: int
+) -> Iterator[PushSample]:
     """All pushes of all episodes in order; each episode lays the rope anew, its ends nearest to where they were."""
-    session = Rehearsal(task, plan, physics, hidden, seed)
+    session = PushSession(task, plan, physics, hidden, seed)
     for _ in range(plan.episodes * plan.pushes):
         session.look()
         yield session.push(session.random())
 
 
 @final
-class Rehearsal:
+class PushSession:
     """Session of single pushes, driven by the caller: `look`, then `push`, and so on for as many as are planned."""
 
     def __init__(self, task: Task, plan: Plan, physics: WorldPhysics, hidden: Sequence[Injected], seed: int) -> None:
@@ -79,14 +81,14 @@ class Rehearsal:
         self._starts = np.random.default_rng([seed, _STARTS]).integers(2**31, size=plan.episodes).tolist()
         self._arm, self._intrusion = _Arm(hidden), Intrusion(hidden)
         self._world: RopeWorld | None = None
-        self._before: Look | None = None
+        self._before: StampedSnapshot | None = None
 
     @property
     def episode(self) -> int:
         """Index of the next push's episode, from 0."""
         return self.number // self.plan.pushes
 
-    def look(self) -> Look:
+    def look(self) -> StampedSnapshot:
         """The object at rest before the next push; at the beginning of an episode it is laid anew."""
         if self.number >= self.plan.episodes * self.plan.pushes:
             raise UsageError(f"All {self.number} pushes that were planned are made; plan more episodes.")
@@ -111,7 +113,7 @@ class Rehearsal:
             core_m=self.task.finger.half_m,
         )
 
-    def push(self, command: Track) -> Take:
+    def push(self, command: Track) -> PushSample:
         """Execute the push, which must begin after `look`, and take snapshots in its middle and after it."""
         world, before = self._looked_at()
         encoders = np.random.default_rng([self._seed, _ENCODERS, self.number])
@@ -119,7 +121,7 @@ class Rehearsal:
         self.number, self._before = self.number + 1, None
         return take
 
-    def _looked_at(self) -> tuple[RopeWorld, Look]:
+    def _looked_at(self) -> tuple[RopeWorld, StampedSnapshot]:
         if self._world is None or self._before is None:
             raise UsageError("Look at the object before a push is chosen and made.")
         return self._world, self._before
@@ -174,17 +176,17 @@ class _Arm:
 
 
 def _pushed(
-    world: RopeWorld, arm: _Arm, before: Look, command: Track, episode: int, encoders: np.random.Generator
-) -> Take:
+    world: RopeWorld, arm: _Arm, before: StampedSnapshot, command: Track, episode: int, encoders: np.random.Generator
+) -> PushSample:
     """Execute a push in the world, which is at rest."""
     made = arm.goes(command, told_only=False)
     stamp_s = midway_s(command.times_s)
     world.place(made.positions[0])
     _follow(world, made, stamp_s + arm.late_s)
-    during = Look(stamp_s=stamp_s, snapshot=world.snapshot())
+    during = StampedSnapshot(stamp_s=stamp_s, snapshot=world.snapshot())
     _follow(world, made, max(made.end_s, command.end_s))
     _withdraw(world)
-    return Take(
+    return PushSample(
         episode=episode,
         before=before,
         during=during,
@@ -200,9 +202,9 @@ def _withdraw(world: RopeWorld) -> None:
     _wait(world, world.time_s + _REST_S)
 
 
-def _rest(world: RopeWorld) -> Look:
+def _rest(world: RopeWorld) -> StampedSnapshot:
     """Snapshot of a world at rest, when time offsets have no effect."""
-    return Look(stamp_s=round(world.time_s, _DIGITS), snapshot=world.snapshot())
+    return StampedSnapshot(stamp_s=round(world.time_s, _DIGITS), snapshot=world.snapshot())
 
 
 def _measured(arm: _Arm, command: Track, rng: np.random.Generator) -> Track:
