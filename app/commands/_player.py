@@ -22,7 +22,7 @@ from app.core.worker import Worker
 from app.recording.timeline import Timeline, open_timeline
 from app.ui.console import Console, open_console
 from app.ui.player import FASTEST, Player, Reel
-from app.ui.replanning import Order, Replanned, rows
+from app.ui.replanning import Replanned, ReplanRequest, rows
 from app.ui.terminal import Output
 
 _NICENESS = 10
@@ -30,7 +30,7 @@ _NICENESS = 10
 _PERIOD_S = 1 / 15
 _ASKED_PERIOD_S = 0.1
 
-Plan: TypeAlias = Callable[[Order, Callable[[str], None]], Awaitable[Replanned]]
+Plan: TypeAlias = Callable[[ReplanRequest, Callable[[str], None]], Awaitable[Replanned]]
 """Function that makes the plan of an order, and reports progress."""
 
 
@@ -73,7 +73,7 @@ async def compare(file: Path, output: Output, *, at_s: float, model: str) -> Non
                 f"--at = {at_s:g} is after the end of {file}, which is {timeline.duration_s:.2f} s long."
             )
         with output.status("planning") as status:
-            found = await replanned(planner, timeline, Order(time_s=at_s, path=model), status.update)
+            found = await replanned(planner, timeline, ReplanRequest(time_s=at_s, path=model), status.update)
     table = Table("", "then", "planned again")
     for row in rows(found):
         table.add_row(*row)

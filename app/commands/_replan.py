@@ -23,7 +23,7 @@ from app.tasks import Task, load
 from app.tasks.base import Wish
 from app.tasks.jobs import check_model, choose_preset, nominal_model, plan, warm_up_stage, warm_up_stages
 from app.ui.board import Board
-from app.ui.replanning import AS_RECORDED, Order, Replanned
+from app.ui.replanning import AS_RECORDED, Replanned, ReplanRequest
 
 
 @final
@@ -80,7 +80,9 @@ def model_names(timeline: Timeline) -> dict[str, Model]:
     return {f"{number}: version {model.version}": model for number, model in enumerate(timeline.models, start=1)}
 
 
-async def replanned(planner: Worker, timeline: Timeline, order: Order, said: Callable[[str], None]) -> Replanned:
+async def replanned(
+    planner: Worker, timeline: Timeline, order: ReplanRequest, said: Callable[[str], None]
+) -> Replanned:
     """Plan the moment of `order` again, in the process `planner`; `said` is called with progress.
 
     Raises UsageError where that moment cannot be planned, and what loading the model and `app.tasks.jobs.plan` raise.
@@ -134,7 +136,7 @@ async def _preset(planner: Worker, task: Task, seen: Moment) -> str:
     return best if best in fitting else fitting[0]
 
 
-async def _model(planner: Worker, timeline: Timeline, order: Order, seen: Moment) -> tuple[Model, str]:
+async def _model(planner: Worker, timeline: Timeline, order: ReplanRequest, seen: Moment) -> tuple[Model, str]:
     """The model to plan with, and its name. Raises UsageError, RecordingError or ParameterError."""
     if order.path:
         path = Path(order.path)
