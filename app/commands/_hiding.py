@@ -44,7 +44,7 @@ _NOBODY: Final = MessageId("rehearsed")
 
 @final
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Session:
+class PushRecordingConfig:
     """Random pushes to be recorded, and the folder for them; `cameras`: their number, with `noise`."""
 
     task: Task
@@ -78,7 +78,7 @@ class Stopwatch:
             self.spent_s[part] = self.spent_s.get(part, 0.0) + time.perf_counter() - began_s
 
 
-def record(session: Session, watch: Stopwatch) -> Iterator[Path]:
+def record(session: PushRecordingConfig, watch: Stopwatch) -> Iterator[Path]:
     """Rehearse and write everything; after each push, the recording that it stands in.
 
     Raises PerceptionError where the object cannot be seen any more, RecordingError where a file cannot be written.
@@ -104,7 +104,7 @@ def record(session: Session, watch: Stopwatch) -> Iterator[Path]:
         _close(file)
 
 
-def begun_file(session: Session, episode: int, time_s: float) -> EpisodeFile:
+def begun_file(session: PushRecordingConfig, episode: int, time_s: float) -> EpisodeFile:
     """A new file with its first message, which says no more than any episode of a simulated cell would."""
     first = Episode(
         id=MessageId(f"episode-{episode:06d}"),
@@ -130,7 +130,7 @@ def _close(file: EpisodeFile | None) -> None:
 class Scribe:
     """Says what cameras and encoders say of a push."""
 
-    def __init__(self, session: Session, watch: Stopwatch) -> None:
+    def __init__(self, session: PushRecordingConfig, watch: Stopwatch) -> None:
         self._watch, self._pushes, self._finger = watch, session.plan.pushes, session.task.finger
         self._eyes = SimulatedCameras(
             session.task.stage, session.hidden, session.seed, count=session.cameras, noise=session.noise

@@ -34,7 +34,7 @@ Plan: TypeAlias = Callable[[ReplanRequest, Callable[[str], None]], Awaitable[Rep
 """Function that makes the plan of an order, and reports progress."""
 
 
-class Film(Protocol):
+class Playable(Protocol):
     """Interface of a recording that a player needs; see `Timeline`."""
 
     def at(self, time_s: float) -> list[Message]:
@@ -105,7 +105,7 @@ def reel(timeline: Timeline) -> Reel:
     )
 
 
-async def show(player: Player, film: Film, console: Console, plan: Plan) -> None:
+async def show(player: Player, film: Playable, console: Console, plan: Plan) -> None:
     """Show the player's position, and serve its requests, for ever."""
     async with anyio.create_task_group() as tasks:
         tasks.start_soon(_play, player, film, console)
@@ -113,7 +113,7 @@ async def show(player: Player, film: Film, console: Console, plan: Plan) -> None
         tasks.start_soon(_listen, console)
 
 
-async def _play(player: Player, film: Film, console: Console) -> None:
+async def _play(player: Player, film: Playable, console: Console) -> None:
     shown_s, last_s = 0.0, time.monotonic()
     while True:
         now_s = time.monotonic()

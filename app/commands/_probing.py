@@ -7,7 +7,7 @@ from typing import final
 
 import numpy as np
 
-from app.commands._hiding import Scribe, Session, Stopwatch, begun_file
+from app.commands._hiding import PushRecordingConfig, Scribe, Stopwatch, begun_file
 from app.config import Site
 from app.core.errors import PlanningError, RecordingError, UsageError
 from app.core.messages import Message, Particles, Transition
@@ -36,7 +36,7 @@ class ProbedCell:
 
     def __init__(
         self,
-        session: Session,
+        session: PushRecordingConfig,
         task: Task,
         *,
         site: Site,

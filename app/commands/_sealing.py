@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from app import __version__
-from app.commands._hiding import Session
+from app.commands._hiding import PushRecordingConfig
 from app.commands._preflight import unwritable
 from app.core.errors import UsageError
 from app.rig.simulated.hiding import InjectionRequest, described
@@ -26,7 +26,7 @@ def wish_of(text: str) -> InjectionRequest:
         ) from None
 
 
-def truth_of(session: Session, episodes: int | None = None) -> dict[str, Any]:
+def truth_of(session: PushRecordingConfig, episodes: int | None = None) -> dict[str, Any]:
     """Truth that the solver must not know. `episodes`: number recorded, if fewer than planned."""
     made = session.plan.episodes if episodes is None else episodes
     physics, paths = session.physics, [session.path(episode) for episode in range(made)]

@@ -7,7 +7,7 @@ from typing import Annotated
 import tyro
 from rich.console import Console
 
-from app.commands._hiding import Session, Stopwatch, record
+from app.commands._hiding import PushRecordingConfig, Stopwatch, record
 from app.commands._progress import counting
 from app.commands._sealing import seal, truth_of, wish_of
 from app.config import Site
@@ -56,7 +56,7 @@ def hide(
     hidden = draw([wish_of(text) for text in effects], seed)
     check_world(hidden, world)
     _check_places(output, sealed)
-    session = Session(
+    session = PushRecordingConfig(
         task=known,
         plan=Plan(episodes=episodes, pushes=pushes),
         physics=physics,
@@ -110,7 +110,7 @@ def _check_places(output: Path, sealed: Path) -> None:
     check_folder(output, Room(min_free_bytes=Site().min_free_bytes))
 
 
-def _record(terminal: Console, session: Session, watch: Stopwatch) -> None:
+def _record(terminal: Console, session: PushRecordingConfig, watch: Stopwatch) -> None:
     total = session.plan.episodes * session.plan.pushes
     with counting(terminal) as progress:
         bar = progress.add_task("pushes", total=total)

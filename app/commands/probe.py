@@ -8,7 +8,7 @@ import tyro
 from rich.console import Console
 from rich.prompt import Confirm
 
-from app.commands._hiding import Session
+from app.commands._hiding import PushRecordingConfig
 from app.commands._named import full_name
 from app.commands._preflight import make_folder
 from app.commands._probing import ProbedCell, believed_of, recommended
@@ -112,7 +112,7 @@ def _experiment(
         raise UsageError(f"{output} is not empty; choose a new folder with -o, so that no two experiments mix.")
     check_folder(output, Room(min_free_bytes=Site().min_free_bytes))
     plan = Plan(episodes=-(-budget // batch), pushes=batch)
-    session = Session(
+    session = PushRecordingConfig(
         task=load(task.recorded), plan=plan, physics=mistuned(seed), hidden=hidden, seed=seed, folder=output
     )
 

@@ -14,7 +14,7 @@ from app.core.errors import RecordingError
 from app.core.messages import Episode, Goal, Message, Transition, fresh_id
 from app.core.stage import Rope, RopeModel
 from app.core.summary import Summary
-from app.evaluation.play import Eyes, Order, Played, Step, play
+from app.evaluation.play import EpisodeResults, EpisodeStep, EvaluationConfig, Eyes, play
 from app.planner.method import Method
 from app.recording import digests
 from app.recording.epoch import Epoch
@@ -44,8 +44,8 @@ class Demonstration(NamedTuple):
     """An episode of the expert: its configuration, every action, and the outcome."""
 
     wish: Wish
-    steps: Sequence[Step]
-    played: Played
+    steps: Sequence[EpisodeStep]
+    played: EpisodeResults
 
 
 def demonstrations(
@@ -55,7 +55,7 @@ def demonstrations(
     known = load(task).demonstrated
     known, model, method = replace(known, stage=known.stage.in_world(world)), nominal_model(task), EXPERTS[expert]
     for seed in seeds:
-        steps = list[Step]()
+        steps = list[EpisodeStep]()
         goal = known.goal(seed, known.preset(preset).particle_count)
         wish = Wish(
             task=known,
@@ -69,7 +69,9 @@ def demonstrations(
             method=method,
         )
         otherwise = EXPERTS["planned"] if expert == "descended" else None
-        order = Order(task=known, preset=preset, seed=seed, method=method, model=model, eyes=eyes, otherwise=otherwise)
+        order = EvaluationConfig(
+            task=known, preset=preset, seed=seed, method=method, model=model, eyes=eyes, otherwise=otherwise
+        )
         yield Demonstration(wish, steps, play(order, steps.append))
 
 

@@ -31,7 +31,7 @@ _UNIT = 1e-2
 
 @final
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Session:
+class BoardImages:
     """A camera, its images in order, and their detections of the board; `unseen`: reasons for the others."""
 
     serial: str
@@ -40,7 +40,7 @@ class Session:
     unseen: Mapping[str, str]
 
 
-def read_session(terminal: Console, folder: Path, board: Charuco, images: Sequence[str] | None = None) -> Session:
+def read_session(terminal: Console, folder: Path, board: Charuco, images: Sequence[str] | None = None) -> BoardImages:
     """Look for the board in the images, in all of the folder or those that are named.
 
     Raises UsageError where there is nothing to look at, RecordingError where a file is not what it should be.
@@ -59,7 +59,7 @@ def read_session(terminal: Console, folder: Path, board: Charuco, images: Sequen
             unseen[name] = str(error)
     for name, why in unseen.items():
         terminal.print(Text(f"{name} is left out: {why}", "yellow"))
-    return Session(serial=serial, lens=lens, sights=sights, unseen=unseen)
+    return BoardImages(serial=serial, lens=lens, sights=sights, unseen=unseen)
 
 
 def read_poses(path: Path) -> dict[str, Transform]:
