@@ -12,7 +12,7 @@ from app.core.types import Points
 from app.evaluation.play import EpisodeStep, EvaluationConfig, Eyes, play
 from app.planner.method import Method
 from app.tasks import load, nominal_model
-from app.tasks.aim import Aim
+from app.tasks.aim import SuccessCriterion
 
 
 @final
@@ -35,7 +35,7 @@ class Sweep:
     moved_m2: float
 
 
-def sweep(seed: int, step: EpisodeStep, aim: Aim, goal: Points) -> Sweep:
+def sweep(seed: int, step: EpisodeStep, aim: SuccessCriterion, goal: Points) -> Sweep:
     """Quantities of a step that tell how good the model is."""
     before, plan, after = step.before.positions, step.plan, step.after.positions
     return Sweep(

@@ -13,7 +13,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from app.calibration.evidence import Evidence, Predictor
+from app.calibration.evidence import Evidence, ModelScorer
 from app.config import Site
 from app.core.chamfer import chamfer_m2
 from app.planner.actions import Pushes
@@ -153,7 +153,7 @@ def calibration(repeats: int) -> Decision:
         tool=np.asarray(task.actions.tool_path(jnp.asarray(actions), away)),
         after=np.tile(after, (transitions, 1, 1)),
     )
-    predictor = Predictor(advance=compiled.advance("rope_push", particles), chunk=50)
+    predictor = ModelScorer(advance=compiled.advance("rope_push", particles), chunk=50)
     phi = compiled.phi_of(compiled.nominal_model("rope_push"))
     seconds = timed(lambda _seed: predictor.slopes(phi, evidence), repeats)
     return Decision(

@@ -55,7 +55,7 @@ def gather(transitions: Sequence[Transition], tool_path: ToolPath) -> Evidence:
 
 @final
 @dataclass(frozen=True, kw_only=True)
-class Predictor:
+class ModelScorer:
     """Scores models on evidence, `chunk` transitions at a time: one compiled shape for any number of them."""
 
     advance: Advance

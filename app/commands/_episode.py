@@ -44,7 +44,7 @@ from app.recording.model_file import load_model
 from app.recording.preflight import Room
 from app.recording.studio import SessionRecorder, open_studio
 from app.tasks import Task, load
-from app.tasks.base import Experiment, Wish
+from app.tasks.base import EpisodeConfig, Experiment
 from app.tasks.goals import goal_of
 from app.tasks.jobs import check_model, choose_preset, shown_goal
 from app.tasks.probed import probed_subject
@@ -211,7 +211,7 @@ async def episode(order: RunOptions, output: Output) -> EpisodeReport:
     )
 
 
-async def _doubted(wish: Wish, order: RunOptions, site: Site, planner: Worker) -> Wish:
+async def _doubted(wish: EpisodeConfig, order: RunOptions, site: Site, planner: Worker) -> EpisodeConfig:
     """The configuration with the model's and the case's corrections. Raises ParameterError, which names the file."""
     if order.case:
         own = order.options.model is None
@@ -242,7 +242,13 @@ def _announced_if_interrupted(output: Output, recording: Path) -> Generator[None
 
 
 async def _run(
-    wish: Wish, site: Site, rig: Rig, audience: Audience, recorder: SessionRecorder, planner: Worker, shelf: CameraShelf
+    wish: EpisodeConfig,
+    site: Site,
+    rig: Rig,
+    audience: Audience,
+    recorder: SessionRecorder,
+    planner: Worker,
+    shelf: CameraShelf,
 ) -> tuple[Summary, DipacError | None]:
     flow = Flow(
         wish,
@@ -264,7 +270,7 @@ async def _run(
         return flow.summary, error
 
 
-def _wish(task: Task, order: RunOptions, preset: str, method: Method) -> Wish:
+def _wish(task: Task, order: RunOptions, preset: str, method: Method) -> EpisodeConfig:
     """Reads the goal and the model from their files where the order names some."""
     now_s = time.monotonic()
     particle_count = task.preset(preset).particle_count
@@ -276,7 +282,7 @@ def _wish(task: Task, order: RunOptions, preset: str, method: Method) -> Wish:
     else:
         positions = task.goal(options.seed, particle_count)
     model = load_model(order.model, task=task.name, time_s=now_s) if order.model else None
-    return Wish(
+    return EpisodeConfig(
         task=task,
         preset=preset,
         goal=Goal(id=fresh_id("goal"), time_s=now_s, positions=positions),

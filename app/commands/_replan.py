@@ -20,7 +20,7 @@ from app.planner.method import PAPER, Method
 from app.recording.model_file import load_model
 from app.recording.timeline import Timeline
 from app.tasks import Task, load
-from app.tasks.base import Wish
+from app.tasks.base import EpisodeConfig
 from app.tasks.jobs import check_model, choose_preset, nominal_model, plan, warm_up_stage, warm_up_stages
 from app.ui.board import Board
 from app.ui.replanning import AS_RECORDED, Replanned, ReplanRequest
@@ -95,7 +95,7 @@ async def replanned(
     method = Method.named(str(seen.options.get("planner") or PAPER), seen.options.get("ablation"))
     if policy := seen.options.get("policy"):
         method = await to_thread.run_sync(guided, method, Path(str(policy)), task.name)
-    wish = Wish(
+    wish = EpisodeConfig(
         task=task,
         preset=preset,
         goal=seen.goal,

@@ -21,7 +21,7 @@ from app.recording.epoch import Epoch
 from app.recording.file import EpisodeFile
 from app.recording.model_file import save_model
 from app.tasks import load
-from app.tasks.base import Wish
+from app.tasks.base import EpisodeConfig
 from app.tasks.jobs import calibrate, nominal_model
 
 Expert: TypeAlias = Literal["scripted", "descended", "planned"]
@@ -43,7 +43,7 @@ FIRST_SEED = 1000
 class Demonstration(NamedTuple):
     """An episode of the expert: its configuration, every action, and the outcome."""
 
-    wish: Wish
+    wish: EpisodeConfig
     steps: Sequence[EpisodeStep]
     played: EpisodeResults
 
@@ -57,7 +57,7 @@ def demonstrations(
     for seed in seeds:
         steps = list[EpisodeStep]()
         goal = known.goal(seed, known.preset(preset).particle_count)
-        wish = Wish(
+        wish = EpisodeConfig(
             task=known,
             preset=preset,
             goal=Goal(id=fresh_id("goal"), time_s=0.0, positions=goal),
@@ -106,7 +106,7 @@ def record(shown: Demonstration, path: Path) -> int:
     return len(said)
 
 
-def _world(wish: Wish) -> dict[str, str]:
+def _world(wish: EpisodeConfig) -> dict[str, str]:
     """Configuration of a simulated rope, as in an episode's recording."""
     body = wish.task.stage.body
     return {"world": body.model} if isinstance(body, Rope) else {}

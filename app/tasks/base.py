@@ -37,7 +37,7 @@ if TYPE_CHECKING:  # Whoever needs these names alone shall not load JAX and Warp
     from app.sim.rods.scene import RodScene
     from app.sim.scene import Scene
     from app.sim.state import State
-    from app.tasks.aim import Aim
+    from app.tasks.aim import SuccessCriterion
     from app.tasks.sizes import Sized
 
 
@@ -106,7 +106,7 @@ def _at_rest(x: Float[Array, "B N 3"], near: Float[Array, "2 n"] | None = None) 
     return at_rest(x, near)
 
 
-class Problems(Protocol):
+class ProblemSampler(Protocol):
     """Initial and goal configurations of the object, by seed."""
 
     def start(self, seed: int) -> Nodes:
@@ -128,7 +128,7 @@ class Lesson:
     """Another object, and the problems with it, that demonstrations of a task are about."""
 
     stage: Stage
-    problems: Problems
+    problems: ProblemSampler
 
 
 @final
@@ -159,16 +159,16 @@ class Task:
     symmetry: Symmetry
     weights: Weights
     descent: Descent
-    problems: Problems
+    problems: ProblemSampler
     nominal: Mapping[str, float]
     calibrated: tuple[str, ...]
-    aim: Aim
+    aim: SuccessCriterion
     horizon: int
     presets: Mapping[str, Preset]
     haste: float = 1.0
     begin: Begin = _at_rest
     at_rest: bool = True
-    ends: Aim | None = None
+    ends: SuccessCriterion | None = None
     empty_m: float = 0.0
     side: View | None = None
     lesson: Lesson | None = None
@@ -338,7 +338,7 @@ class Experiment:
 
 @final
 @dataclass(frozen=True, kw_only=True)
-class Wish:
+class EpisodeConfig:
     """Configuration of an episode. `model` None starts from the task's nominal one; `method`: how it is decided.
 
     `goal` is in the true world frame; `shown_goal` is its image in the frame of cameras that err, None if they do not.

@@ -14,8 +14,8 @@ from scipy.spatial.transform import Rotation
 from app.calibration.calibrate import Calibrator, ToolOffset, next_model, phi_of
 from app.calibration.checks import check_better_than_no_motion, check_contact
 from app.calibration.evidence import Advance as FromRest
-from app.calibration.evidence import Evidence, Predictor, gather
-from app.calibration.fit import Fit, Settings, Tried
+from app.calibration.evidence import Evidence, ModelScorer, gather
+from app.calibration.fit import Fit, FitSettings, Tried
 from app.config import ANYWHERE, Confines
 from app.core.errors import SimulationError
 from app.core.messages import MessageId, Model, Parameter, Transition
@@ -190,15 +190,15 @@ def _search(task: str, preset: str, needed: Needs, confines: Confines) -> Search
     )
 
 
-def calibrator(task: str, preset: str, settings: Settings, phi: Float32[np.ndarray, " P"]) -> Calibrator:
+def calibrator(task: str, preset: str, settings: FitSettings, phi: Float32[np.ndarray, " P"]) -> Calibrator:
     """The task's calibrator, for models that need the effects that `phi` does; of rods also of the tool's offset."""
     return _calibrator(task, preset, settings, needs(task, phi, load(task).calibrated))
 
 
 @lru_cache
-def _calibrator(task: str, preset: str, settings: Settings, needed: Needs) -> Calibrator:
+def _calibrator(task: str, preset: str, settings: FitSettings, needed: Needs) -> Calibrator:
     data = load(task)
-    predictor = Predictor(advance=advance(task, data.preset(preset).particle_count, *needed), chunk=_CHUNK)
+    predictor = ModelScorer(advance=advance(task, data.preset(preset).particle_count, *needed), chunk=_CHUNK)
     known = data.parameters(stiff=needed.stiff)
     specs = tuple(known[index(name)] for name in data.calibrated)
     return Calibrator(predictor=predictor, specs=specs, settings=settings, offset=_tool_offset(data))
@@ -231,7 +231,7 @@ class Calibrated(NamedTuple):
 
 
 def calibrated(
-    task: str, preset: str, transitions: Sequence[Transition], model: Model, settings: Settings
+    task: str, preset: str, transitions: Sequence[Transition], model: Model, settings: FitSettings
 ) -> Calibrated:
     """The next version of `model`, fitted to all the transitions; what is odd along the object is 0 meanwhile."""
     evidence = gather(transitions, load(task).actions.measured_path)
@@ -242,7 +242,7 @@ def calibrated(
 
 
 def calibrated_from_recordings(
-    task: str, preset: str, transitions: Sequence[Transition], model: Model, settings: Settings
+    task: str, preset: str, transitions: Sequence[Transition], model: Model, settings: FitSettings
 ) -> Calibrated:
     """As `calibrated`; of rods also the tool's offset, as far as an interval tells it from none.
 
@@ -270,7 +270,7 @@ _FitFrom = Callable[[Calibrator, Float32[np.ndarray, " P"]], Fit]
 
 
 def _fitted(
-    task: str, preset: str, settings: Settings, phi: Float32[np.ndarray, " P"], fit: _FitFrom
+    task: str, preset: str, settings: FitSettings, phi: Float32[np.ndarray, " P"], fit: _FitFrom
 ) -> tuple[Calibrator, Fit]:
     """The fit from a model `phi`, and the calibrator that made it.
 
@@ -301,7 +301,7 @@ def _best_within(
     stiffness: ParameterSpec,
     task: str,
     preset: str,
-    settings: Settings,
+    settings: FitSettings,
     phi: Float32[np.ndarray, " P"],
     fit: _FitFrom,
 ) -> Fit | None:
@@ -357,7 +357,7 @@ def _nominal_values(task: Task) -> list[float]:
 
 @final
 @dataclass(frozen=True)
-class Stage:
+class CompileStep:
     """A compilation step: its name, and the function that does it."""
 
     name: str
@@ -366,7 +366,7 @@ class Stage:
 
 def stages(
     task: str, preset: str, model: Model | None = None, method: Method = DIPAC, confines: Confines = ANYWHERE
-) -> list[Stage]:
+) -> list[CompileStep]:
     """Compilation steps for `model`, or the nominal one, in order; each after the first is quick after it."""
     data, size = load(task), load(task).preset(preset)
     x = data.goal(0, size.particle_count)
@@ -376,10 +376,10 @@ def stages(
     needed = needs(task, fitted, data.calibrated)
 
     def simulator() -> None:
-        predictor = Predictor(advance=advance(task, size.particle_count, *needed), chunk=1)
+        predictor = ModelScorer(advance=advance(task, size.particle_count, *needed), chunk=1)
         predictor.slopes(fitted, Evidence(before=x[None], tool=away, after=x[None]))
 
     return [
-        Stage("the simulator and its adjoint", simulator),
-        Stage("the planner's search", lambda: planner(task, preset, phi, method, confines).compile(x, phi)),
+        CompileStep("the simulator and its adjoint", simulator),
+        CompileStep("the planner's search", lambda: planner(task, preset, phi, method, confines).compile(x, phi)),
     ]

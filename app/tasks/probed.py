@@ -25,7 +25,7 @@ if TYPE_CHECKING:
     from app.core.track import Track
     from app.core.types import Points
     from app.discovery.probe import Belief
-    from app.discovery.probe_pushes import Probe, Scene
+    from app.discovery.probe_pushes import Probe, PushSituation
     from app.discovery.study import Push, Study, View
     from app.discovery.subject import Subject
     from app.policy.strokes import Plan
@@ -162,11 +162,11 @@ def _counted(push: Push, count: int) -> Push:
     return replace(push, before=view(push.before), during=tuple(map(view, push.during)), after=view(push.after))
 
 
-def scene(task: Task, seen: View, episode: int, made: Sequence[Push], plan: Plan, site: Site) -> Scene:
+def scene(task: Task, seen: View, episode: int, made: Sequence[Push], plan: Plan, site: Site) -> PushSituation:
     """Inputs of the choice of a push."""
-    from app.discovery.probe_pushes import Scene
+    from app.discovery.probe_pushes import PushSituation
 
-    return Scene(
+    return PushSituation(
         task=task.recorded,
         seen=seen,
         episode=episode,

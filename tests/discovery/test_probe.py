@@ -26,7 +26,7 @@ from app.discovery.probe import (
 )
 from app.discovery.probe_pushes import (
     Candidate,
-    Scene,
+    PushSituation,
     best_of,
     candidates_of,
     chosen,
@@ -85,7 +85,7 @@ def rope() -> np.ndarray:
     return fill_tube(TASK.start(0), TASK.rope.radius_m, SUBJECT.particle_count).astype(np.float32)
 
 
-def table(site: Site | None = None, plan: Plan | None = None) -> Scene:
+def table(site: Site | None = None, plan: Plan | None = None) -> PushSituation:
     seen = View(time_s=0.0, points=rope())
     return scene(TASK, seen, 0, (), plan or Plan(), site or Site())
 

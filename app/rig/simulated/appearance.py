@@ -8,7 +8,6 @@ from jaxtyping import Float64
 from scipy.spatial.transform import Rotation
 
 from app.core.stage import (
-    Block,
     Bowl,
     Colour,
     Finger,
@@ -16,6 +15,7 @@ from app.core.stage import (
     Gripper,
     HeldBowl,
     Mat,
+    Obstacle,
     Paddle,
     Rack,
     Stage,
@@ -99,7 +99,7 @@ def _tool(tool: Tool, pose: ToolPose, tip: Frame) -> list[Surface]:
 def _fixture(fixture: Fixture) -> list[Surface]:
     """Surfaces of a fixture on the table."""
     match fixture:
-        case Block():
+        case Obstacle():
             frame = np.eye(4)
             frame[:3, 3] = fixture.place_m
             return [box(fixture.half_m, frame, fixture.colour)]

@@ -16,7 +16,7 @@ from scipy.spatial.transform import Rotation
 from app.core.bowls import centre_of_bowl
 from app.core.errors import SimulationError
 from app.core.motion import pointing_down
-from app.core.stage import Block, Bowl, HeldBowl, Liquid, Mat, Soup, Stage
+from app.core.stage import Bowl, HeldBowl, Liquid, Mat, Obstacle, Soup, Stage
 from app.core.types import ToolPose
 from app.rig.simulated.arm_model import solve_joints
 from app.rig.simulated.rest import Rest
@@ -146,7 +146,7 @@ def _scene(stage: Stage, body: Liquid | Soup, held: HeldBowl, count: int) -> Sce
                         motion="fixed",
                     )
                 )
-            case Block():
+            case Obstacle():
                 tools.append(Box(half_m=each.half_m, place_m=each.place_m, friction=each.friction))
             case Mat():
                 pass
