@@ -18,7 +18,7 @@ from app.discovery.predict import Predictor, Trials, prepare
 from app.discovery.screen import refit
 from app.discovery.study import Push, Study, View
 from app.discovery.subject import Subject, catalogue
-from app.policy.strokes import Plan
+from app.policy.strokes import PushDesign
 from app.rig.simulated.physics import WorldPhysics
 from app.rig.simulated.rehearsal import StampedSnapshot, rehearse
 from app.sim.materials.base import Material
@@ -30,7 +30,7 @@ from app.tasks.curves import fill_tube
 from app.tasks.doubted import subject_of
 
 SEEDS = (1, 2, 3)
-PLAN = Plan(episodes=3, pushes=6)
+PLAN = PushDesign(episodes=3, pushes=6)
 TASK = load("rope_push")
 ROPE = Rope(fibre_pa=2.5e5, core_m=0.004, yield_strain=0.1)
 """Yields at the moment at which the world's hinges do: 0.3 mN m, times the task's heft."""

@@ -20,7 +20,7 @@ from app.core.errors import RecordingError
 from app.core.messages import Episode, Executed, Frame, Message, MessageId, Particles, Sighting, Transition
 from app.perception.reconstruct import reconstruct
 from app.perception.surroundings import table_points, tool_points
-from app.policy.strokes import Plan
+from app.policy.strokes import PushDesign
 from app.recording.epoch import Epoch
 from app.recording.file import EpisodeFile
 from app.rig.simulated.cameras import CameraNoise
@@ -48,7 +48,7 @@ class PushRecordingConfig:
     """Random pushes to be recorded, and the folder for them; `cameras`: their number, with `noise`."""
 
     task: Task
-    plan: Plan
+    plan: PushDesign
     physics: WorldPhysics
     hidden: tuple[Injected, ...]
     seed: int

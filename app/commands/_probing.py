@@ -155,11 +155,11 @@ def recommended(task: Task, study: Study, held: Belief, count: int, *, seed: int
 
     Raises PlanningError where not one may be made; fewer are given where the rope would then leave the table.
     """
-    from app.policy.strokes import Plan
+    from app.policy.strokes import PushDesign
 
     last = study.pushes[-1]
     measured = all(push.measured is not None for push in study.pushes)
-    plan = Plan(measured=measured, during=all(push.during for push in study.pushes))
+    plan = PushDesign(measured=measured, during=all(push.during for push in study.pushes))
     seen, made, found = last.after, list(study.pushes), list[Probe]()
     for number in range(count):
         try:

@@ -14,7 +14,7 @@ from app.config import Site
 from app.core.errors import UsageError
 from app.core.stage import Rope, RopeModel
 from app.core.task_name import TaskName, recorded
-from app.policy.strokes import Plan
+from app.policy.strokes import PushDesign
 from app.recording.preflight import Room, check_folder
 from app.rig.simulated.cameras import CameraNoise
 from app.rig.simulated.hiding import check_world, draw, mistuned
@@ -58,7 +58,7 @@ def hide(
     _check_places(output, sealed)
     session = PushRecordingConfig(
         task=known,
-        plan=Plan(episodes=episodes, pushes=pushes),
+        plan=PushDesign(episodes=episodes, pushes=pushes),
         physics=physics,
         hidden=hidden,
         seed=seed,

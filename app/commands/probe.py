@@ -19,7 +19,7 @@ from app.commands._study import read_study
 from app.config import Site
 from app.core.errors import UsageError
 from app.discovery.probe import belief_words, stop_of, stop_words
-from app.policy.strokes import Plan
+from app.policy.strokes import PushDesign
 from app.recording.preflight import Room, check_folder
 from app.rig.simulated.hiding import draw, mistuned
 from app.tasks import load
@@ -111,7 +111,7 @@ def _experiment(
     if output.is_dir() and any(output.iterdir()):
         raise UsageError(f"{output} is not empty; choose a new folder with -o, so that no two experiments mix.")
     check_folder(output, Room(min_free_bytes=Site().min_free_bytes))
-    plan = Plan(episodes=-(-budget // batch), pushes=batch)
+    plan = PushDesign(episodes=-(-budget // batch), pushes=batch)
     session = PushRecordingConfig(
         task=load(task.recorded), plan=plan, physics=mistuned(seed), hidden=hidden, seed=seed, folder=output
     )

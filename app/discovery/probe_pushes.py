@@ -22,7 +22,7 @@ from app.discovery.probe import NOTHING, Belief, gains_of, rival_words, weighted
 from app.discovery.sensitivity import residuals
 from app.discovery.study import Push, Study, View
 from app.discovery.subject import RodModel, Subject, catalogue
-from app.policy.strokes import REGION, Plan, Stroke, is_clear, midway_s, random_stroke, stroke_through
+from app.policy.strokes import REGION, PushDesign, Stroke, is_clear, midway_s, random_stroke, stroke_through
 
 Allowed: TypeAlias = Callable[[Track], bool]
 """Predicate: the arm would make this, by the checks of every motion."""
@@ -84,7 +84,7 @@ class PushSituation:
     seen: View
     episode: int
     made: tuple[Push, ...]
-    plan: Plan
+    plan: PushDesign
     height_m: float
     allowed: Allowed
     core_m: tuple[float, float] = (0.0, 0.0)

@@ -20,7 +20,7 @@ from jaxtyping import Float64
 from app.core.messages import Executed, MessageId, Model, Transition, fresh_id
 from app.core.orientation import UNKNOWN
 from app.core.types import Centreline, Points
-from app.policy.strokes import Plan
+from app.policy.strokes import PushDesign
 from app.rig.simulated.hiding import InjectionRequest, draw, known, mistuned
 from app.rig.simulated.rehearsal import PushSample, PushSession
 from app.rig.simulated.rope import resample
@@ -60,7 +60,7 @@ def predicted_pushes(effect: str, size: float, seed: int, pushes: int) -> Iterat
     """An episode of random pushes in one world; `size` in typical ones."""
     task, rng = load(TASK), np.random.default_rng([seed, _SEEN])
     hidden = draw([InjectionRequest(effect, size * float(known()[effect].main.typical or 0.0))], seed)
-    session = PushSession(task, Plan(episodes=1, pushes=pushes), mistuned(seed, rope=task.rope), hidden, seed)
+    session = PushSession(task, PushDesign(episodes=1, pushes=pushes), mistuned(seed, rope=task.rope), hidden, seed)
     nominal = nominal_model(TASK)
     names = [quantity.name for quantity in hidden[0].effect.quantities]
     model = _with(nominal, dict(zip(names, hidden[0].values.tolist(), strict=True)))

@@ -18,7 +18,7 @@ from app.core.types import Cloud, Points
 from app.discovery.centreline_noise import smooth_noise
 from app.discovery.study import Push, Study, View
 from app.perception.resample import resample
-from app.policy.strokes import REGION, Plan
+from app.policy.strokes import REGION, PushDesign
 from app.rig.simulated.hidden.base import Injected
 from app.rig.simulated.hiding import InjectionRequest, draw, mistuned
 from app.rig.simulated.physics import WorldPhysics
@@ -57,7 +57,7 @@ class RopeCase:
     seed: int
     world: RopeModel = "chain"
     hidden: tuple[Chosen, ...] = ()
-    plan: Plan = field(default_factory=Plan)
+    plan: PushDesign = field(default_factory=PushDesign)
     flat: float = 0.0
     noise_m: float = USUAL_NOISE_M
 

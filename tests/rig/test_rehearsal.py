@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from app.policy.strokes import REGION, Plan
+from app.policy.strokes import REGION, PushDesign
 from app.rig.simulated.hidden.base import Injected
 from app.rig.simulated.physics import WorldPhysics
 from app.rig.simulated.rehearsal import BEGIN_S, SLOT_S, PushSample, first_end, rehearse
@@ -11,10 +11,10 @@ from app.tasks import load
 from tests.rig.hidden.moments import injected
 
 TASK = load("rope_push")
-PLAN = Plan(episodes=2, pushes=2, speeds_m_s=(0.15, 0.30), lengths_m=(0.06, 0.08))
+PLAN = PushDesign(episodes=2, pushes=2, speeds_m_s=(0.15, 0.30), lengths_m=(0.06, 0.08))
 
 
-def takes(*hidden: Injected, seed: int = 1, plan: Plan = PLAN) -> list[PushSample]:
+def takes(*hidden: Injected, seed: int = 1, plan: PushDesign = PLAN) -> list[PushSample]:
     return list(rehearse(TASK, plan, WorldPhysics(), hidden, seed))
 
 
@@ -64,13 +64,15 @@ def test_the_rope_is_laid_anew_in_each_episode_with_its_ends_nearest_to_where_th
 
 
 def test_a_late_image_shows_a_later_world_and_is_stamped_as_any(plain: list[PushSample]) -> None:
-    late = takes(injected("camera_time_offset", 0.05), plan=Plan(**(vars(PLAN) | {"episodes": 1, "pushes": 1})))[0]
+    late = takes(injected("camera_time_offset", 0.05), plan=PushDesign(**(vars(PLAN) | {"episodes": 1, "pushes": 1})))[
+        0
+    ]
     assert late.during.stamp_s == plain[0].during.stamp_s
     assert late.during.snapshot.time_s == pytest.approx(late.during.stamp_s + 0.05, abs=1.1e-3)
 
 
 def test_what_encoders_see_is_measured_and_what_they_do_not_is_only_done() -> None:
-    once = Plan(**(vars(PLAN) | {"episodes": 1, "pushes": 1}))
+    once = PushDesign(**(vars(PLAN) | {"episodes": 1, "pushes": 1}))
     told = takes(injected("command_delay", 0.2), plan=once)[0]
     behind = told.command.at(told.command.times_s - 0.2)
     assert np.abs(told.measured.positions - behind).max() < 6e-4

@@ -13,7 +13,7 @@ from jaxtyping import Float64
 
 from app.core.errors import UsageError
 from app.core.track import Track
-from app.policy.strokes import Plan, midway_s, random_track
+from app.policy.strokes import PushDesign, midway_s, random_track
 from app.rig.simulated.hidden.base import Injected
 from app.rig.simulated.intrusion import Intrusion
 from app.rig.simulated.physics import HOME_TOOL_M, Centreline, WorldPhysics
@@ -60,7 +60,7 @@ class PushSample:
 
 
 def rehearse(
-    task: Task, plan: Plan, physics: WorldPhysics, hidden: Sequence[Injected], seed: int
+    task: Task, plan: PushDesign, physics: WorldPhysics, hidden: Sequence[Injected], seed: int
 ) -> Iterator[PushSample]:
     """All pushes of all episodes in order; each episode lays the rope anew, its ends nearest to where they were."""
     session = PushSession(task, plan, physics, hidden, seed)
@@ -73,7 +73,9 @@ def rehearse(
 class PushSession:
     """Session of single pushes, driven by the caller: `look`, then `push`, and so on for as many as are planned."""
 
-    def __init__(self, task: Task, plan: Plan, physics: WorldPhysics, hidden: Sequence[Injected], seed: int) -> None:
+    def __init__(
+        self, task: Task, plan: PushDesign, physics: WorldPhysics, hidden: Sequence[Injected], seed: int
+    ) -> None:
         self.task, self.plan = task, plan
         self.number = 0
         """Index of the next push, or of the one that was looked at for, from 0."""
@@ -151,7 +153,7 @@ def push_again(task: Task, physics: WorldPhysics, start: Centreline, command: Tr
     return world.nodes()
 
 
-def first_end(task: Task, plan: Plan, seed: int) -> Float64[np.ndarray, "2"]:
+def first_end(task: Task, plan: PushDesign, seed: int) -> Float64[np.ndarray, "2"]:
     """Initial position of the rope's end s = -1 [m]."""
     starts = np.random.default_rng([seed, _STARTS]).integers(2**31, size=plan.episodes).tolist()
     return task.start(starts[0])[0, :2]
@@ -226,7 +228,7 @@ def _wait(world: RopeWorld, until_s: float) -> None:
         world.step(world.tool, until_s - world.time_s)
 
 
-def _session(number: int, plan: Plan) -> float:
+def _session(number: int, plan: PushDesign) -> float:
     """Position of a push between the first of all (-0.5) and the last (0.5)."""
     return number / max(plan.episodes * plan.pushes - 1, 1) - 0.5
 
