@@ -19,7 +19,7 @@ from app.core.errors import PerceptionError, RecordingError, UsageError
 from app.core.lens import Lens
 from app.core.types import ColourImage, Transform
 from app.perception.calibration.se3 import transform
-from app.perception.calibration.sight import Sight, sight
+from app.perception.calibration.sight import BoardDetection, sight
 from app.recording.calibration_file import load_lens
 
 CAMERA, POSES = "camera.toml", "poses.csv"
@@ -36,7 +36,7 @@ class BoardImages:
 
     serial: str
     lens: Lens
-    sights: Mapping[str, Sight]
+    sights: Mapping[str, BoardDetection]
     unseen: Mapping[str, str]
 
 
@@ -51,7 +51,7 @@ def read_session(terminal: Console, folder: Path, board: Charuco, images: Sequen
     )
     if not names:
         raise UsageError(f"There is no image in {folder}; its files end in {', '.join(_IMAGES)}.")
-    sights, unseen = dict[str, Sight](), dict[str, str]()
+    sights, unseen = dict[str, BoardDetection](), dict[str, str]()
     for name in track(names, "looking", console=terminal, transient=True):
         try:
             sights[name] = sight(_image(folder / name), board, lens)
