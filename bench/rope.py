@@ -23,7 +23,7 @@ from app.rig.simulated.physics import WorldPhysics
 from app.rig.simulated.rehearsal import StampedSnapshot, rehearse
 from app.sim.materials.base import Material
 from app.sim.materials.elastic import Elastic
-from app.sim.materials.rope import Rope
+from app.sim.materials.rope import RopeMaterial
 from app.sim.scene import Scene
 from app.tasks import load
 from app.tasks.curves import fill_tube
@@ -32,7 +32,7 @@ from app.tasks.doubted import subject_of
 SEEDS = (1, 2, 3)
 PLAN = PushDesign(episodes=3, pushes=6)
 TASK = load("rope_push")
-ROPE = Rope(fibre_pa=2.5e5, core_m=0.004, yield_strain=0.1)
+ROPE = RopeMaterial(fibre_pa=2.5e5, core_m=0.004, yield_strain=0.1)
 """Yields at the moment at which the world's hinges do: 0.3 mN m, times the task's heft."""
 DAMPING_1_S = 4.0
 """The task's, too. The 20 that it had with the elastic rope are a fifth of the friction that the moving rope feels."""

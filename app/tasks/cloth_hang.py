@@ -13,11 +13,11 @@ from app.planner.optimise import Descent
 from app.policy.pictures import OrthographicView
 from app.policy.scripted_carry import ScriptedCarry
 from app.policy.symmetry import Symmetry
-from app.sim.materials.cloth import Cloth as ClothMaterial
+from app.sim.materials.cloth import ClothMaterial
 from app.sim.materials.threads import unstretched
 from app.sim.scene import Body, Scene
 from app.sim.tools.grasp import Grasp
-from app.sim.tools.rod import Rack as SimRack
+from app.sim.tools.rod import RackCollider
 from app.tasks.aim import Hung
 from app.tasks.base import Preset, Task
 from app.tasks.sheets import ClothProblems
@@ -62,7 +62,7 @@ TASK = Task(
         ),
         tools=(
             Grasp(reach_m=_HOLD_M, closed_m=GRIPPER.closed_m),
-            SimRack(
+            RackCollider(
                 count=RACK.count,
                 spacing_m=RACK.spacing_m,
                 half_length_m=RACK.half_length_m,
