@@ -7,11 +7,14 @@ from jaxtyping import Array, Float, Int
 Nearest = tuple[Int[Array, "*batch N"], Int[Array, "*batch M"]]
 """Indices of the nearest point of the other set, of each point."""
 
+_ROUNDED = 4
+"""Units of rounding within which squared distances are equal."""
+
 
 def chamfer_of_pairs_m2(x: Float[Array, "*#batch N 3"], y: Float[Array, "*#batch M 3"]) -> Float[Array, "*batch"]:
     """Symmetric squared Chamfer distance [m^2] over all pairs; leading axes are broadcast; differentiable in reverse.
 
-    Where several points are equally near, the slope is by the first of them. NaN where any number of a cloud is.
+    Where several points are equally near, the slope is by the first of them. NaN where a number of either cloud is.
     """
     leading = jnp.broadcast_shapes(x.shape[:-2], y.shape[:-2])
     return _chamfer_m2(jnp.broadcast_to(x, (*leading, *x.shape[-2:])), jnp.broadcast_to(y, (*leading, *y.shape[-2:])))
@@ -26,8 +29,7 @@ def _chamfer_m2(x: Float[Array, "*batch N 3"], y: Float[Array, "*batch M 3"]) ->
 def _forward(
     x: Float[Array, "*batch N 3"], y: Float[Array, "*batch M 3"]
 ) -> tuple[Float[Array, "*batch"], tuple[Array, Array, Nearest]]:
-    nearest = _squared(x, y).argmin(-1), _squared(y, x).argmin(-1)
-    return _chamfer_m2(x, y), (x, y, nearest)
+    return _chamfer_m2(x, y), (x, y, (_nearest(x, y), _nearest(y, x)))
 
 
 def _backward(kept: tuple[Array, Array, Nearest], bar: Float[Array, "*batch"]) -> tuple[Array, Array]:
@@ -42,6 +44,17 @@ def _backward(kept: tuple[Array, Array, Nearest], bar: Float[Array, "*batch"]) -
 
 
 _chamfer_m2.defvjp(_forward, _backward)
+
+
+def _nearest(x: Float[Array, "*batch N 3"], y: Float[Array, "*batch M 3"]) -> Int[Array, "*batch N"]:
+    """Index of the point of `y` nearest to each of `x`, the first of those that rounding does not tell apart.
+
+    Two minima, of distances and of indices, are vectorised, where one of pairs (`argmin`) takes seven times as long.
+    """
+    squared = _squared(x, y)
+    least = jax.lax.optimization_barrier(squared.min(-1, keepdims=True))
+    within = squared <= least * (1 + _ROUNDED * jnp.finfo(squared.dtype).eps)
+    return jnp.where(within, jnp.arange(y.shape[-2], dtype=squared.dtype), jnp.inf).min(-1).astype(int)
 
 
 def _squared(x: Float[Array, "*batch N 3"], y: Float[Array, "*batch M 3"]) -> Float[Array, "*batch N M"]:
