@@ -23,7 +23,7 @@ from app.commands._named import full_name
 from app.core.types import Points
 from app.discovery.case import Blame, Limit
 from app.discovery.conclude import ranking_of, verdict_of
-from app.discovery.decide import NAMED, Decision, decide, is_sized
+from app.discovery.decide import NAMED, Decision, decide, held_out, is_sized
 from app.discovery.formula import Opened
 from app.discovery.gain import error_mm
 from app.discovery.leftover import Leftover
@@ -91,7 +91,8 @@ class Investigated:
 
     def _reasons(self) -> Iterator[str]:
         yield from (limit.text for limit in self.limits if limit.fatal)
-        best, held, nothing = self.decision.singles[0], self.decision.held, self.decision.nothing
+        best, nothing, screened = self.decision.singles[0], self.decision.nothing, self.screening
+        held = self.decision.held or held_out((screened.data, screened.prior), best)
         if nothing >= _DOUBT:
             yield f"nothing missing has {nothing:.0%}, and no name is given above {_DOUBT:.0%}"
         if held.gain <= 2 * held.error:

@@ -11,7 +11,7 @@ from app.calibration.evidence import Evidence, ModelScorer
 from app.calibration.fit import Fit, FitSettings, fit
 from app.core.messages import Model, Parameter, Transition, fresh_id
 from app.sim.parameter import ParameterSpec
-from app.sim.params import PARAMETERS, index, phi_with_nulls
+from app.sim.params import PARAMETERS, ROD_PARAMETERS, index, phi_with_nulls
 
 
 @final
@@ -81,7 +81,8 @@ class Calibrator:
 def phi_of(model: Model) -> Float32[np.ndarray, " P"]:
     """The model's parameters in the simulator's order, clipped into their widest ranges against rounding errors."""
     values = phi_with_nulls({parameter.name: parameter.value for parameter in model.parameters})
-    return np.clip(values, [spec.low for spec in PARAMETERS], [spec.high for spec in PARAMETERS]).astype(np.float32)
+    ends = [(spec.low, spec.high, rod.low, rod.high) for spec, rod in zip(PARAMETERS, ROD_PARAMETERS, strict=True)]
+    return np.clip(values, np.min(ends, axis=1), np.max(ends, axis=1)).astype(np.float32)
 
 
 def next_model(

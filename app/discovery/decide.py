@@ -39,6 +39,8 @@ _DOUBT = 0.1
 """Probability of nothing missing from which no cause is taken for present: a set that holds 90 % would hold it, too."""
 _SHARES = 1.0, 0.4
 """Shares of the screening's estimate at which refits start: strong effects are often overestimated there."""
+_STRONG = 1.5
+"""Typical sizes from which a rope's effect is strong."""
 NAMED = 0.8
 """Probability above which a cause is named alone."""
 _SHORTLIST = 5
@@ -73,14 +75,14 @@ class Decision:
     """The refitted singles, the most probable first, and the model that is accepted, if any.
 
     `probabilities` of each cause alone, `unknown` of a force of none of them, which is not weighed in material points;
-    what is left to 1 is that nothing is missing.
+    what is left to 1 is that nothing is missing. `held`: of the best, None where it is too improbable to be accepted.
     """
 
     singles: tuple[Model, ...]
     probabilities: Mapping[str, float]
     nothing: float
     accepted: Model | None
-    held: Held
+    held: Held | None
     unknown: float = 0.0
 
 
@@ -95,23 +97,24 @@ def decide(predictor: Predictor, trials: Trials, screening: Screening, said: Pro
     unknown = 0.0 if measured is None else measured[0].get(FORMULA, 0.0)
     for suspect in shortlist(screening) if measured is None else _probable(screening, measured[0]):
         said(f"refitting {suspect.cause}")
-        singles.append(_refitted(predictor, trials, screening, suspect))
+        probable = measured is None or measured[0][suspect.cause] > _WORTH
+        singles.append(_refitted(predictor, trials, screening, suspect, thorough=probable))
     probabilities, nothing = measured or probabilities_of(screening, singles)
     probabilities = {cause: value for cause, value in probabilities.items() if cause != FORMULA}
     singles.sort(key=lambda model: -probabilities[model.causes[0]])
     best = singles[0]
     sure = nothing < _DOUBT and (unknown < _DOUBT or probabilities[best.causes[0]] > NAMED)
-    held = held_out((screening.data, screening.prior), best)
-    if sure and (not catalogue.rods or held.gain > held.error):
+    held = held_out((screening.data, screening.prior), best) if sure else None
+    if held is not None and (not catalogue.rods or held.gain > held.error):
         best = _extended(predictor, trials, screening, best, singles, said)
         held = held_out((screening.data, screening.prior), best)
-    earned = held.gain > (_ERRORS if catalogue.rods else 1) * held.error
+    earned = held is not None and held.gain > (_ERRORS if catalogue.rods else 1) * held.error
     earned &= not catalogue.rods or is_sized(catalogue, best)
     return Decision(
         singles=tuple(singles),
         probabilities=probabilities,
         nothing=nothing,
-        accepted=best if sure and earned else None,
+        accepted=best if earned else None,
         held=held,
         unknown=unknown,
     )
@@ -142,15 +145,19 @@ def is_sized(catalogue: Catalogue, model: Model) -> bool:
     return True
 
 
-def _refitted(predictor: Predictor, trials: Trials, screening: Screening, suspect: Suspect) -> Model:
-    """Refit with this cause alone, from the screening's estimate; from less if that improves nothing."""
+def _refitted(predictor: Predictor, trials: Trials, screening: Screening, suspect: Suspect, *, thorough: bool) -> Model:
+    """Refit with this cause alone, from the screening's estimate; if `thorough` from less if that improves nothing."""
+    if not thorough:
+        start = started(predictor.catalogue, screening.about, suspect)
+        return refine(predictor, trials, screening, [(suspect.cause, start)], rounds=1)
     best: Model | None = None
     for share in _SHARES:
         start = started(predictor.catalogue, screening.about, suspect, share=share)
         model = refine(predictor, trials, screening, [(suspect.cause, start)])
         if best is None or model.log_evidence > best.log_evidence:
             best = model
-        if best.log_evidence > screening.weighing.log_evidence:
+        weak = predictor.catalogue.rods and float(np.linalg.norm(suspect.finding.mean)) < _STRONG
+        if weak or best.log_evidence > screening.weighing.log_evidence:
             break
     assert best is not None
     return best

@@ -91,12 +91,12 @@ class MixedEffectsFit(NamedTuple):
 class _Rows(NamedTuple):
     """The rows of one block, of the pushes in which something of it was seen; 0 where nothing was.
 
-    `own`: the covariance of what errs in each push by itself [m^2].
+    `own`: the covariance of what errs in each push by itself [m^2]; of one push where nothing does.
     """
 
     r: Float64[np.ndarray, "K S"]
     J: Float64[np.ndarray, "K S P"]
-    own: Float64[np.ndarray, "K S S"]
+    own: Float64[np.ndarray, "_ S S"]
     known: Bool[np.ndarray, "K S"]
     seen: Float64[np.ndarray, " K"]
     episode: Int[np.ndarray, " K"]
@@ -162,6 +162,7 @@ def _blocks(data: Residuals) -> list[_Rows]:
         use = data.known[:, rows].any(1)
         known = data.known[use, rows]
         spread = data.spread[use, rows] * known[:, :, None]
+        spread = spread if spread.any() else spread[:1]
         found.append(
             _Rows(
                 r=data.r[use, rows] * known,
@@ -214,46 +215,46 @@ def _first(block: _Rows) -> Float64[np.ndarray, "S S"]:
     return np.diag(np.median(np.abs(block.r), 0) ** 2 / 0.45 + (block.least_m or _LEAST_M) ** 2)
 
 
-def _roots(block: _Rows, covariance: Float64[np.ndarray, "S S"]) -> Float64[np.ndarray, "K S S"]:
-    """Whitening matrices of each push's errors: the learnt ones, and its own."""
+def _roots(block: _Rows, covariance: Float64[np.ndarray, "S S"]) -> Float64[np.ndarray, "_ S S"]:
+    """Whitening matrices of each push's errors, the learnt ones and its own; one where they are all the same."""
     return np.linalg.inv(np.linalg.cholesky(covariance + block.own))
 
 
 def _distances(
-    block: _Rows, roots: Float64[np.ndarray, "K S S"], theta: Float64[np.ndarray, " P"]
+    block: _Rows, roots: Float64[np.ndarray, "_ S S"], theta: Float64[np.ndarray, " P"]
 ) -> Float64[np.ndarray, " K"]:
     """Squared Mahalanobis distance of each push's residuals at theta."""
     return (_times(roots, block.left(theta)) ** 2).sum(1)
 
 
 def _size(
-    block: _Rows, roots: Float64[np.ndarray, "K S S"], theta: Float64[np.ndarray, " P"]
+    block: _Rows, roots: Float64[np.ndarray, "_ S S"], theta: Float64[np.ndarray, " P"]
 ) -> Float64[np.ndarray, " K"]:
     """Scale of each push's errors over the usual one, as in Student's t."""
     return (_DEGREES + _distances(block, roots, theta)) / (_DEGREES + block.seen)
 
 
-def _log_likelihood(block: _Rows, roots: Float64[np.ndarray, "K S S"], theta: Float64[np.ndarray, " P"]) -> float:
+def _log_likelihood(block: _Rows, roots: Float64[np.ndarray, "_ S S"], theta: Float64[np.ndarray, " P"]) -> float:
     volume = -2 * np.log(np.diagonal(roots, axis1=1, axis2=2)).mean(1)
     distance = _distances(block, roots, theta)
     return -0.5 * float(((_DEGREES + block.seen) * np.log1p(distance / _DEGREES) + block.seen * volume).sum())
 
 
 def _whitened(
-    block: _Rows, roots: Float64[np.ndarray, "K S S"], size: Float64[np.ndarray, " K"]
+    block: _Rows, roots: Float64[np.ndarray, "_ S S"], size: Float64[np.ndarray, " K"]
 ) -> tuple[Float64[np.ndarray, "K S P"], Float64[np.ndarray, "K S"]]:
     weight = 1 / np.sqrt(size)
     return (roots @ block.J) * weight[:, None, None], _times(roots, block.r) * weight[:, None]
 
 
-def _times(matrices: Float64[np.ndarray, "K S S"], vectors: Float64[np.ndarray, "K S"]) -> Float64[np.ndarray, "K S"]:
+def _times(matrices: Float64[np.ndarray, "_ S S"], vectors: Float64[np.ndarray, "K S"]) -> Float64[np.ndarray, "K S"]:
     return (matrices @ vectors[:, :, None])[:, :, 0]
 
 
 def _scatter(
     block: _Rows,
     covariance: Float64[np.ndarray, "S S"],
-    roots: Float64[np.ndarray, "K S S"],
+    roots: Float64[np.ndarray, "_ S S"],
     theta: Float64[np.ndarray, " P"],
     size: Float64[np.ndarray, " K"],
 ) -> Float64[np.ndarray, "S S"]:

@@ -71,8 +71,8 @@ class Basis:
 def registered(predicted: Points, observed: Points, basis: Basis) -> Float64[np.ndarray, " Q"]:
     """The amplitudes [m] that move the predicted cloud onto the observed one."""
     x, y = predicted[:, :2].astype(np.float64), observed[:, :2].astype(np.float64)
-    flat = basis.vectors.transpose(0, 2, 1).reshape(-1, basis.vectors.shape[1])
-    amplitudes = np.zeros(flat.shape[1])
+    forth, left = basis.vectors[:, :, 0], basis.vectors[:, :, 1]
+    amplitudes = np.zeros(forth.shape[1])
     for width in _WIDTHS_M:
         centres = _lattice(np.concatenate([x, y]), width)
         target = _kernel(y, centres, width).mean(1)
@@ -80,8 +80,9 @@ def registered(predicted: Points, observed: Points, basis: Basis) -> Float64[np.
         for _ in range(_ROUNDS):
             here = x + basis.field(amplitudes)
             k = _kernel(here, centres, width) / len(here)
-            pull = k[:, :, None] * (centres[:, None] - here[None]) / width**2
-            slope = pull.reshape(len(centres), -1) @ flat
+            # The slope of sum_n k_n by a mode is sum_n k_n (c - x_n) . v_n / h^2.
+            along = here[:, :1] * forth + here[:, 1:] * left
+            slope = (centres[:, :1] * (k @ forth) + centres[:, 1:] * (k @ left) - k @ along) / width**2
             W, r = root @ slope, root @ (target - k.sum(1))
             normal = W.T @ W + np.diag(1 / _PRIOR_M**2)
             step = np.linalg.solve(normal, W.T @ r - amplitudes / _PRIOR_M**2)

@@ -16,7 +16,7 @@ from app.discovery.case import Example, Gain
 from app.discovery.decide import left_out_thetas, theta_of
 from app.discovery.evidence import fitted
 from app.discovery.field import Basis, registered
-from app.discovery.predict import Predictor, Trials, prepare
+from app.discovery.predict import Predictor, Trials
 from app.discovery.refine import Model
 from app.discovery.screen import Screening
 from app.discovery.sensitivity import moved
@@ -130,25 +130,24 @@ def _further(
     """Mean errors over two and more pushes, each begun where the one before it was predicted to end."""
     episode = np.array([push.episode for push in trials.study.pushes])
     errors = list[Float64[np.ndarray, "2"]]()
-    starts = [dict(enumerate(end)) for end in ends]
+    starts = [{k: (k, cloud) for k, cloud in enumerate(end)} for end in ends]
     for _ in range(1, _HORIZON):
         row = list[float]()
         for side, thetas in enumerate(folds):
+            if side == 1 and folds.extended is folds.nominal:
+                row.append(row[0])
+                continue
             follow = [
                 k
                 for k in starts[side]
-                if k + 1 < len(episode) and episode[k + 1] == episode[k] and np.isfinite(starts[side][k]).all()
+                if k + 1 < len(episode) and episode[k + 1] == episode[k] and np.isfinite(starts[side][k][1]).all()
             ]
             if not follow:
                 return errors
-            pushes = tuple(
-                replace(push, before=replace(push.before, points=starts[side][k]))
-                for k, push in ((k, trials.study.pushes[k + 1]) for k in follow)
-            )
-            chained = prepare(replace(trials.study, pushes=pushes), predictor.subject)
+            chained = trials.begun_from({k + 1: starts[side][k] for k in follow})
             found = _predicted(predictor, chained, thetas)
             row.append(float(np.nanmean(_errors_mm(chained, found))))
-            starts[side] = {k + 1: cloud for k, cloud in zip(follow, found, strict=True)}
+            starts[side] = {k + 1: (starts[side][k][0], cloud) for k, cloud in zip(follow, found, strict=True)}
         errors.append(np.array(row))
     return errors
 

@@ -26,7 +26,7 @@ from app.sim.params import PARAMETERS, index
 from app.sim.rods.state import RodStart
 
 _NODES = 24
-_LEAD_S, _TAIL_S = 0.05, 0.35
+_LEAD_S, _TAIL_S = 0.05, 0.7
 """Simulated before the tool is low, and after it has left or come to rest [s, real]."""
 _MIDWAY = 0.6
 _TOUCH_M = 0.018
@@ -84,6 +84,31 @@ class Trials:
             for push, along in zip(self.study.pushes, self.labels[:, :, 0], strict=True)
         )
         return replace(self, study=replace(self.study, pushes=pushes))
+
+    def begun_from(self, starts: Mapping[int, tuple[int, Points]]) -> "Trials":
+        """Some of the pushes, with the object elsewhere at their beginning.
+
+        `starts`: for each push the one from whose cloud the particles are, and their places now.
+        """
+        rows, owners = np.array(list(starts)), np.array([owner for owner, _ in starts.values()])
+        clouds = [points for _, points in starts.values()]
+        made = [_label_of((self.labels[k, :, 0] + 1) / 2, cloud) for k, cloud in zip(owners, clouds, strict=True)]
+        pushes = (self.study.pushes[k] for k in starts)
+        begun = (replace(push, before=replace(push.before, points=x)) for push, x in zip(pushes, clouds, strict=True))
+        return replace(
+            self,
+            study=replace(self.study, pushes=tuple(begun)),
+            clouds=self.clouds[owners],
+            labels=np.stack([label for label, _ in made]).astype(np.float32),
+            middles=np.stack([middle for _, middle in made]).astype(np.float32),
+            times=self.times[rows],
+            starts_s=self.starts_s[rows],
+            stops_s=self.stops_s[rows],
+            ends_s=self.ends_s[rows],
+            loads=tuple(self.loads[k] for k in starts),
+            has_during=self.has_during[rows],
+            observed=Seen(self.observed.during[rows], self.observed.after[rows]),
+        )
 
     def _jittered(self, points: Points, along: Float32[np.ndarray, " N"], rng: np.random.Generator) -> Points:
         """Points disturbed by `noise_m` an axis: each independently, or smoothly along the object if `smooth`."""
@@ -155,10 +180,11 @@ class Predictor:
         own = subject or self.subject
         simulate = stepper(own)
         for group in self._groups(trials, own):
-            jobs = [(q, k) for q in range(len(thetas)) for k in group.pushes if where is None or where[q, k]]
+            pushes = sorted(group.needed, key=lambda k: sum(group.needed[k]))
+            jobs = [(q, k) for k in pushes for q in range(len(thetas)) if where is None or where[q, k]]
             ways = self._ways(trials, thetas, jobs, group, simulate)
             for chunk in _chunks(jobs, chunks(own, self._platform)):
-                found = simulate.move(*self._inputs(trials, thetas, chunk, ways))
+                found = simulate.move(*self._inputs(trials, thetas, chunk, ways, group.needed))
                 for (q, k), mid, end in zip(chunk, *map(np.asarray, found), strict=False):
                     during[q, k] = self._seen(trials, k, mid, thetas[q])
                     after[q, k] = self._seen(trials, k, end, thetas[q])
@@ -213,15 +239,14 @@ class Predictor:
     def _groups(self, trials: Trials, subject: Subject) -> list["_Group"]:
         """Pushes whose paths have as many blocks of time steps together."""
         step_s, ratio = subject.step_s, length_ratio(subject, self._platform)
-        found = dict[tuple[int, int], list[int]]()
+        found = dict[tuple[int, int], dict[int, tuple[int, int]]]()
         for k, (start, stop, end) in enumerate(zip(trials.starts_s, trials.stops_s, trials.ends_s, strict=True)):
-            steps = [math.ceil((stop - start) / step_s), math.ceil((end - stop) / step_s)]
-            first, second = (_blocks(count, ratio) for count in steps)
-            found.setdefault((first, second), []).append(k)
+            steps = math.ceil((stop - start) / step_s), math.ceil((end - stop) / step_s)
+            found.setdefault((_blocks(steps[0], ratio), _blocks(steps[1], ratio)), {})[k] = steps
         if of_one_length(subject) and found:
             longest = max(first for first, _ in found), max(second for _, second in found)
-            found = {longest: list(range(len(trials)))}
-        return [_Group(tuple(pushes), *lengths, step_s) for lengths, pushes in found.items()]
+            found = {longest: {k: steps for own in found.values() for k, steps in own.items()}}
+        return [_Group(needed, *lengths, step_s) for lengths, needed in found.items()]
 
     def _inputs(
         self,
@@ -229,6 +254,7 @@ class Predictor:
         thetas: Sequence[Theta],
         jobs: Sequence[tuple[int, int]],
         ways: "_Ways",
+        needed: Mapping[int, tuple[int, int]],
     ) -> tuple[np.ndarray | Start, ...]:
         theta = np.stack([thetas[q] for q, _ in jobs]).astype(np.float32)
         rows = [ways.row[self._way(k, thetas[q])] for q, k in jobs]
@@ -241,6 +267,7 @@ class Predictor:
             trials.times[pushes].astype(np.float32),
             ways.to_stop[rows],
             ways.to_end[rows],
+            np.array([needed[k] for k in pushes], np.int32),
         )
 
     def _ways(
@@ -280,9 +307,12 @@ class Predictor:
 
 
 class _Group(NamedTuple):
-    """Pushes whose view on the way is after `to_stop` blocks, and whose end is `to_end` after that."""
+    """Pushes whose view on the way is after `to_stop` blocks, and whose end is `to_end` after that.
 
-    pushes: tuple[int, ...]
+    `needed`: the time steps that each really takes to either.
+    """
+
+    needed: Mapping[int, tuple[int, int]]
     to_stop: int
     to_end: int
     step_s: float
@@ -349,15 +379,24 @@ def labelled(
         if last is not None and np.linalg.norm(nodes - last) > np.linalg.norm(nodes[::-1] - last):
             along, nodes = 1 - along, nodes[::-1]
         last = nodes
-        tangents = np.gradient(nodes[:, :2], axis=0)
-        tangents /= np.maximum(np.linalg.norm(tangents, axis=1, keepdims=True), 1e-9)
-        at, middle = _middles(along, cloud)
-        tangent = np.stack([np.interp(at, np.arange(_NODES), tangents[:, axis]) for axis in range(2)], axis=1)
-        offset = (cloud[:, :2] - middle[:, :2]) @ np.array([[0.0, 1.0], [-1.0, 0.0]])
-        left = (offset * tangent).sum(1)
-        labels.append(np.concatenate([2 * along[:, None] - 1, left[:, None], tangent], axis=1))
+        label, middle = _label_of(along, cloud)
+        labels.append(label)
         middles.append(middle)
     return np.stack(labels).astype(np.float32), np.stack(middles).astype(np.float32)
+
+
+def _label_of(
+    along: Float32[np.ndarray, " N"], cloud: Points
+) -> tuple[Float64[np.ndarray, "N 4"], Float64[np.ndarray, "N 3"]]:
+    """Labels of points that are so far `along` an object (0 to 1), and its middle [m] there."""
+    nodes = centreline_weights(along, _NODES) @ cloud
+    tangents = np.gradient(nodes[:, :2], axis=0)
+    tangents /= np.maximum(np.linalg.norm(tangents, axis=1, keepdims=True), 1e-9)
+    at, middle = _middles(along, cloud)
+    tangent = np.stack([np.interp(at, np.arange(_NODES), tangents[:, axis]) for axis in range(2)], axis=1)
+    offset = (cloud[:, :2] - middle[:, :2]) @ np.array([[0.0, 1.0], [-1.0, 0.0]])
+    left = (offset * tangent).sum(1)
+    return np.concatenate([2 * along[:, None] - 1, left[:, None], tangent], axis=1), middle
 
 
 def _along_rod(cloud: Points, rods: RodModel) -> Float32[np.ndarray, " N"]:

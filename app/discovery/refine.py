@@ -61,17 +61,19 @@ def refine(
     screening: Screening,
     starts: Sequence[tuple[str, Theta]],
     noises: Sequence[Covariances] = (),
+    *,
+    rounds: int = _ROUNDS,
 ) -> Model:
     """The best model with these causes; each start is a cause and a theta that has it.
 
-    Where a step makes the data less likely, half of it is tried.
+    Where a step makes the data less likely, half of it is tried. It is linear about `rounds` models at most.
     """
     catalogue = predictor.catalogue
     causes = tuple(name for name, _ in starts)
     theta = _joined(catalogue, screening.about, starts)
     own = own_steps(catalogue, predictor.subject.calibrated, causes)
     best: Model | None = None
-    for _ in range(_ROUNDS):
+    for _ in range(rounds):
         sloped = residuals(predictor, trials, theta, own, replicas=0)
         model = _fitted(catalogue, screening, causes, theta, own, sloped, noises)
         if best is None or model.log_evidence > best.log_evidence:

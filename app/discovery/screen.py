@@ -15,7 +15,7 @@ from app.discovery.forces import FORMULA, columns_of_features, force_steps, with
 from app.discovery.inference import CALIBRATED, Finding, Prior, Weighing, habit, weigh
 from app.discovery.localize import Located, localized
 from app.discovery.predict import Predictor, Trials
-from app.discovery.sensitivity import Step, apart, moved, residuals, steps_of, ways_of
+from app.discovery.sensitivity import STARTS, Step, apart, moved, residuals, steps_of, ways_of
 from app.discovery.subject import ANY_NUMERICS, ROD_NUMERICS, Catalogue, Theta
 
 _REFITS = 5
@@ -70,15 +70,19 @@ def refit(predictor: Predictor, trials: Trials) -> Theta:
     """The nominal model with the calibrated parameters that fit these pushes, and of rods the unknown ones, too."""
     catalogue, calibrated = predictor.catalogue, predictor.subject.calibrated
     own = _fitted_first(predictor)
-    about = catalogue.nominal(predictor.subject)
-    for _ in range(_REFITS):
+    about, starts = catalogue.nominal(predictor.subject), 1
+    for turn in range(_REFITS):
         prior = prior_of(catalogue, calibrated, about, own)
-        found = fitted(residuals(predictor, trials, about, own, replicas=2), prior.variance, prior.mean)
+        sloped = residuals(predictor, trials, about, own, replicas=2, starts=starts)
+        found = fitted(sloped, prior.variance, prior.mean)
         before = about
         for step, share in zip(own, np.clip(found.theta, -_FAR, _FAR), strict=True):
             about = moved(catalogue, about, step, float(share))
-        if max(abs(apart(catalogue, before, about, step)) for step in own) < _SETTLED:
+        settled = max(abs(apart(catalogue, before, about, step)) for step in own) < _SETTLED
+        if settled and starts == STARTS:
             break
+        if settled or turn == _REFITS - 2:  # The way there needs no more than one beginning of each push.
+            starts = STARTS
     return about
 
 

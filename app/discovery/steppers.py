@@ -47,8 +47,8 @@ class Stepper:
 
     `begin` takes clouds (B, N, 3) [m] and those that were seen, if cameras are taken to err. `move` takes parameters
     phi (B, P), values of `ROD_NUMERICS` (B, U) or none, a start, labels (B, N, 4) and session times (B) as
-    `sim.state.Setting` has them, and paths of the tool (B, T, 3) [m] to the view on the way and from there; it returns
-    the clouds then.
+    `sim.state.Setting` has them, paths of the tool (B, T, 3) [m] to the view on the way and from there, and how many
+    time steps (B, 2) of each are needed, the last of the first and the first of the second; it returns the clouds then.
     """
 
     begin: Callable[[Clouds, Clouds], Start]
@@ -73,7 +73,7 @@ def length_ratio(subject: Subject, platform: str) -> float:
 
 
 def of_one_length(subject: Subject) -> bool:
-    """True if all pushes of a study are simulated for as long as the longest: to compile another length costs more."""
+    """True if paths of all pushes of a study are as long as the longest, of which rods make what they need."""
     return subject.rods is not None
 
 
@@ -98,6 +98,7 @@ def _particle_stepper(scene: Scene, particles: int) -> Stepper:
         time: np.ndarray,
         first: np.ndarray,
         second: np.ndarray,
+        _needed: np.ndarray,
     ) -> tuple[jax.Array, jax.Array]:
         stopped = moved(phi, State.at_rest(jnp.asarray(start[0])), first, label, time)
         return stopped.x, moved(phi, stopped, second, label, time).x
@@ -128,12 +129,16 @@ def _rod_stepper(rods: RodModel) -> Stepper:
         time: jax.Array,
         first: jax.Array,
         second: jax.Array,
+        needed: jax.Array,
     ) -> tuple[jax.Array, jax.Array]:
         state, physics = RodState(*start), rod_physics(scene, contact_of(rods, unknowns), phi)
         along = material_coordinates(state.place, label[..., 0], scene.nodes)
         setting = RodSetting(material_coordinates=along, session_time=time)
-        stopped = simulate(physics, state, first, phi[:, own], setting)
-        end = simulate(physics, stopped, second, phi[:, own], setting)
+        to_stop, none = first.shape[1] - 1, jnp.zeros_like(needed[:, 0])
+        late = jnp.stack([to_stop - needed[:, 0], none + to_stop], axis=1)
+        early = jnp.stack([none, needed[:, 1]], axis=1)
+        stopped = simulate(physics, state, first, phi[:, own], setting, spans=late)
+        end = simulate(physics, stopped, second, phi[:, own], setting, spans=early)
         flung = is_flung(state.x, end.x, jnp.concatenate([first, second], axis=1))[:, None, None]
         return jnp.where(flung, jnp.nan, stopped.x), jnp.where(flung, jnp.nan, end.x)
 

@@ -15,7 +15,7 @@ from app.sim import effects
 from app.sim.effects.base import MIDDLE, MIDDLE_M, REACH_M, Effect
 from app.sim.files import files_of
 from app.sim.parameter import ParameterSpec
-from app.sim.params import PARAMETERS, index, with_stiffness_up_to
+from app.sim.params import PARAMETERS, ROD_PARAMETERS, index, with_stiffness_up_to
 from app.sim.rods.scene import RodScene
 from app.sim.scene import Scene
 
@@ -257,7 +257,8 @@ def catalogue(
     `origin_m`, `reach_m`: see `Catalogue`.
     """
     stiffest = Scene.stiffest_pa if rods is None else rods.scene.max_rigidity_n_m2 / rods.scene.second_moment_m4
-    specs, causes = list(with_stiffness_up_to(PARAMETERS, stiffest)), list[Cause]()
+    specs = list(with_stiffness_up_to(PARAMETERS if rods is None else ROD_PARAMETERS, stiffest))
+    causes = list[Cause]()
     for name, module in files_of(effects):
         effect = module.EFFECT
         if not effect.catalogued or (rods is not None and effect.rod is None):

@@ -53,11 +53,20 @@ class Descended(NamedTuple):
 
 
 class _Climber(NamedTuple):
+    """Best iterates, what the optimiser knows there, and the step to try next."""
+
     best: Rollout
     gradient: Float[Array, "B D A"]
     memory: Any
     rate: Float[Array, " B"]
     lost: Int[Array, " B"]
+
+
+class _Trial(NamedTuple):
+    """Actions to try, and the optimiser's memory if they are taken."""
+
+    actions: Float[Array, "B D A"]
+    memory: Any
 
 
 def descend(
@@ -86,27 +95,30 @@ def descend(
         usable = jnp.isfinite(gradient).all((1, 2))
         return rollout, jnp.where(usable[:, None, None], gradient * scale, 0.0), usable
 
-    def propose(climber: _Climber) -> tuple[Float[Array, "B D A"], Any]:
+    def propose(climber: _Climber) -> _Trial:
         updates, memory = cast(tuple[Any, Any], jax.vmap(optimiser.update)(climber.gradient, climber.memory))
-        return climber.best.actions - climber.rate[:, None, None] * scale * updates, memory
+        return _Trial(climber.best.actions - climber.rate[:, None, None] * scale * updates, memory)
 
-    def step(climber: _Climber, _: None) -> tuple[_Climber, Float[Array, " B"]]:
-        trial, memory = propose(climber)
-        rollout, gradient, usable = slope(trial)
-        better = _better(rollout, climber.best)
+    # The first iterate is tried as all others are: with one simulation and its adjoint a program is made faster.
+    def step(
+        carry: tuple[_Climber, _Trial], is_first: Bool[Array, ""]
+    ) -> tuple[tuple[_Climber, _Trial], Float[Array, " B"]]:
+        climber, trial = carry
+        rollout, gradient, usable = slope(trial.actions)
+        better = _better(rollout, climber.best) | is_first
         rate = jnp.where(better, climber.rate, climber.rate * descent.shrink)
-        moved = _Climber(rollout, gradient, memory, rate, climber.lost)
-        return _choose(better, moved, climber._replace(rate=rate))._replace(lost=climber.lost + ~usable), rollout.cost
+        moved = _Climber(rollout, gradient, trial.memory, rate, climber.lost)
+        climber = _choose(better, moved, climber._replace(rate=rate))._replace(lost=climber.lost + ~usable)
+        return (climber, propose(climber)), rollout.cost
 
-    first, gradient, usable = slope(actions)
-    memory = jax.vmap(optimiser.init)(actions)
-    rate = jnp.full(len(actions), descent.learning_rate)
-    climber = _Climber(first, gradient, memory, rate, jnp.where(usable, 0, 1))
-    climber, costs = jax.lax.scan(step, climber, None, length=steps - 1)
-    last = evaluate(propose(climber)[0])
+    none = jax.tree.map(jnp.zeros_like, jax.eval_shape(evaluate, actions))
+    memory, count = jax.vmap(optimiser.init)(actions), len(actions)
+    rate, lost = jnp.full(count, descent.learning_rate), jnp.zeros(count, jnp.int32)
+    begun = _Climber(none, jnp.zeros_like(actions), memory, rate, lost), _Trial(actions, memory)
+    (climber, trial), costs = jax.lax.scan(step, begun, jnp.arange(steps) == 0)
+    last = evaluate(trial.actions)
     best = _choose(_better(last, climber.best), last, climber.best)
-    iterates = jnp.concatenate([first.cost[None], costs, last.cost[None]])
-    return Descended(best, first.cost, iterates, climber.lost, best.finite)
+    return Descended(best, costs[0], jnp.concatenate([costs, last.cost[None]]), climber.lost, best.finite)
 
 
 def _better(new: Rollout, old: Rollout) -> Bool[Array, " B"]:

@@ -4,7 +4,7 @@ from pathlib import Path
 
 import jax
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Float, Int
 
 from app.core.errors import SimulationError
 from app.sim.autopsy import MpmCase, single
@@ -56,10 +56,11 @@ def checked_rods(setup: RodSetup, folder: Path, simulate: SimulateRod | None = N
         tool: Float[jax.Array, "B T 3"],
         phi: Float[jax.Array, "B P"] | None = None,
         setting: RodSetting | None = None,
+        spans: Int[jax.Array, "B 2"] | None = None,
     ) -> RodState:
         own, known = completed(setup.scene, setup.effects, len(tool), phi, setting)
         require_rod_inputs(setup, physics, own, state, tool, known)
-        end = run(physics, state, tool, own, known)
+        end = run(physics, state, tool, own, known, spans)
         broken = first(~np.asarray(are_whole(setup.scene, end.nodes)))
         if broken is None:
             return end

@@ -1,8 +1,8 @@
 """Specification of a physical parameter: name, unit, range, and the scale on which it is searched."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from math import exp, log
-from typing import Final, Literal, final
+from typing import Final, Literal, Self, final
 
 _AT_END: Final = 1e-3
 
@@ -56,3 +56,9 @@ class ParameterSpec:
         quasi-static motion depends on (dynamic similarity; Bridgman 1922, "Dimensional Analysis").
         """
         return value * haste ** self.scaling[0] * heft ** self.scaling[1]
+
+    def in_real_units(self, haste: float, heft: float) -> Self:
+        """The same parameter where nothing runs faster or weighs more: its nominal and typical values and its ends."""
+        nominal, low, high = (self.real(value, haste, heft) for value in (self.nominal, self.low, self.high))
+        typical = None if self.typical is None else self.real(self.typical, haste, heft)
+        return replace(self, nominal=nominal, low=low, high=high, typical=typical)

@@ -45,6 +45,18 @@ def parameters_with(effects: Sequence[Effect]) -> tuple[ParameterSpec, ...]:
 
 PARAMETERS = parameters_with(EFFECTS)
 
+_HASTE, _HEFT = 5.0, 12.0
+"""Of the simulated rope of material points (`tasks.rope_push`), for which effects say what is typical."""
+
+
+def rod_parameters_of(effects: Sequence[Effect]) -> tuple[ParameterSpec, ...]:
+    """The parameters of effects on rods, which move in real time under their real weight."""
+    return tuple(spec.in_real_units(_HASTE, _HEFT) for effect in effects for spec in effect.parameters)
+
+
+ROD_PARAMETERS = NOMINAL_PHYSICS + rod_parameters_of(EFFECTS)
+"""`PARAMETERS` as rods have them: in the same columns, with other ranges and typical values of the effects."""
+
 
 def with_stiffness_up_to(specs: Sequence[ParameterSpec], stiffest_pa: float) -> tuple[ParameterSpec, ...]:
     """`specs`, with the range of stiffness ending at `stiffest_pa`, the most that a simulator's time steps bear."""

@@ -183,7 +183,7 @@ class Task:
         `stiff`: of rods, those that the simulator of `rods.scene` bears (False), or that of `rods.stiff_scene` is for
         (True): the ranges of stiffness of the two adjoin. Where one simulates all, so does its range.
         """
-        from app.sim.params import PARAMETERS, with_stiffness_between, with_stiffness_up_to
+        from app.sim.params import PARAMETERS, ROD_PARAMETERS, with_stiffness_between, with_stiffness_up_to
 
         if self.dynamics != "rods" or self.rods is None:
             return with_stiffness_up_to(PARAMETERS, self.scene.stiffest_pa)
@@ -193,8 +193,8 @@ class Task:
         )
         above = usual * (1 + 2 * _ROUNDED)
         if stiff and above < most:
-            return with_stiffness_between(PARAMETERS, above, most)
-        return with_stiffness_up_to(PARAMETERS, most if stiff is None else usual)
+            return with_stiffness_between(ROD_PARAMETERS, above, most)
+        return with_stiffness_up_to(ROD_PARAMETERS, most if stiff is None else usual)
 
     @property
     def recorded(self) -> str:

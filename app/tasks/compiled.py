@@ -1,11 +1,12 @@
-"""Compiled functions of a task, cached per process: simulator, planner, calibrator, and stages of their warm-up."""
+"""Compiled functions of a task, cached per process: simulator, planner and calibrator."""
 
 from collections.abc import Callable, Collection, Sequence
 from contextlib import suppress
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import lru_cache
 from typing import NamedTuple, final
 
+import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float, Float32
@@ -13,8 +14,8 @@ from scipy.spatial.transform import Rotation
 
 from app.calibration.calibrate import Calibrator, ToolOffset, next_model, phi_of
 from app.calibration.checks import check_better_than_no_motion, check_contact
-from app.calibration.evidence import Advance as FromRest
-from app.calibration.evidence import Evidence, ModelScorer, gather
+from app.calibration.evidence import Advance as FromState
+from app.calibration.evidence import Begin, ModelScorer, gather
 from app.calibration.fit import Fit, FitSettings, Tried
 from app.config import ANYWHERE, Confines
 from app.core.errors import SimulationError
@@ -24,7 +25,6 @@ from app.planner.base import Planner
 from app.planner.made import made
 from app.planner.method import DIPAC, Method
 from app.planner.tree import Advance, Part, Search
-from app.policy.base import AWAY
 from app.sim.directions import directed
 from app.sim.effects.base import Effect
 from app.sim.hooks import require_known
@@ -34,15 +34,18 @@ from app.sim.params import PARAMETERS, acting, columns_of, index, with_orientati
 from app.sim.rods.effect import RodSetting
 from app.sim.rods.from_parameters import rod_columns, rod_physics
 from app.sim.rods.rollout import make_rod_rollout
-from app.sim.rods.state import RodState
+from app.sim.rods.state import RodStart, RodState
 from app.sim.rollout import make_rollout
 from app.sim.state import Setting, State
 from app.tasks import load
 from app.tasks.base import RodDynamics, Task
 
-__all__ = ["advance", "calibrated", "nominal_model", "now", "phi_of", "planner", "search", "stages"]
+__all__ = ["advance", "calibrated", "nominal_model", "now", "phi_of", "planner", "search"]
 
-_CHUNK = 8
+FromRest = Callable[[Float[Array, "B P"], Float[Array, "B N 3"], Float[Array, "B T C"]], Float[Array, "B N 3"]]
+"""Simulator of an observed object at rest: parameters, particles before, tool path -> particles after."""
+_CHUNKS = {"mpm": 8, "rods": 16}
+"""Transitions that are simulated at once. Sixteen rods take as long as one on a CPU."""
 NOWHERE_M = (0.0, 0.0, 0.0)
 """Arbitrary middle of the cameras, for models without camera errors."""
 _AT_END = 1e-3
@@ -71,14 +74,38 @@ def needs(task: str, phi: Float32[np.ndarray, " P"], names: Collection[str] = ()
 @lru_cache
 def advance(task: str, particle_count: int, effects: tuple[Effect, ...] = (), stiff: bool = False) -> FromRest:
     """The task's simulator of one action on an object that is seen at rest, as `particle_count` particles."""
-    carry, begin = carried(task, particle_count, effects, stiff), load(task).begin
+    end, begin = ended(task, particle_count, effects, stiff), load(task).begin
 
     def from_rest(
         phi: Float[Array, "B P"], x: Float[Array, "B N 3"], tool: Float[Array, "B T C"]
     ) -> Float[Array, "B N 3"]:
-        return carry(phi, begin(x), tool).x
+        return end(phi, begin(x), tool)
 
     return from_rest
+
+
+@lru_cache
+def ended(task: str, particle_count: int, effects: tuple[Effect, ...] = (), stiff: bool = False) -> FromState:
+    """The same from a state, as the particles come to rest."""
+    carry = carried(task, particle_count, effects, stiff)
+
+    def end(phi: Float[Array, "B P"], state: ObjectState, tool: Float[Array, "B T C"]) -> Float[Array, "B N 3"]:
+        return carry(phi, state, tool).x
+
+    return end
+
+
+@lru_cache
+def begun(task: str) -> Begin:
+    """States of observed objects at rest, for use outside of compiled code, where a rope's order is found first."""
+    begin = load(task).begin
+    if not isinstance(begin, RodStart):
+        return jax.jit(begin)
+
+    def along(x: Float32[np.ndarray, "B N 3"]) -> RodState:
+        return begin.moved(x, begin.places(x))
+
+    return along
 
 
 @lru_cache
@@ -198,7 +225,8 @@ def calibrator(task: str, preset: str, settings: FitSettings, phi: Float32[np.nd
 @lru_cache
 def _calibrator(task: str, preset: str, settings: FitSettings, needed: Needs) -> Calibrator:
     data = load(task)
-    predictor = ModelScorer(advance=advance(task, data.preset(preset).particle_count, *needed), chunk=_CHUNK)
+    simulator = ended(task, data.preset(preset).particle_count, *needed)
+    predictor = ModelScorer(advance=simulator, begin=begun(task), chunk=_CHUNKS[data.dynamics])
     known = data.parameters(stiff=needed.stiff)
     specs = tuple(known[index(name)] for name in data.calibrated)
     return Calibrator(predictor=predictor, specs=specs, settings=settings, offset=_tool_offset(data))
@@ -353,33 +381,3 @@ def uncalibrated_model(task: str) -> Model:
 
 def _nominal_values(task: Task) -> list[float]:
     return [task.nominal.get(spec.name, spec.nominal) for spec in PARAMETERS]
-
-
-@final
-@dataclass(frozen=True)
-class CompileStep:
-    """A compilation step: its name, and the function that does it."""
-
-    name: str
-    run: Callable[[], object]
-
-
-def stages(
-    task: str, preset: str, model: Model | None = None, method: Method = DIPAC, confines: Confines = ANYWHERE
-) -> list[CompileStep]:
-    """Compilation steps for `model`, or the nominal one, in order; each after the first is quick after it."""
-    data, size = load(task), load(task).preset(preset)
-    x = data.goal(0, size.particle_count)
-    away = data.actions.measured_path(np.tile(AWAY, (2, 1)))[None, :2]
-    phi = phi_of(model or nominal_model(task))
-    fitted = with_orientation(phi, 0.0)
-    needed = needs(task, fitted, data.calibrated)
-
-    def simulator() -> None:
-        predictor = ModelScorer(advance=advance(task, size.particle_count, *needed), chunk=1)
-        predictor.slopes(fitted, Evidence(before=x[None], tool=away, after=x[None]))
-
-    return [
-        CompileStep("the simulator and its adjoint", simulator),
-        CompileStep("the planner's search", lambda: planner(task, preset, phi, method, confines).compile(x, phi)),
-    ]

@@ -237,9 +237,9 @@ def warm_up_stages(
 
     The nominal model is used if none is given.
     """
-    from app.tasks import compiled
+    from app.tasks.stages import stages
 
-    return [stage.name for stage in compiled.stages(task, preset, model, method, (site or Site()).limits.confines)]
+    return [stage.name for stage in stages(task, preset, model, method, (site or Site()).limits.confines)]
 
 
 def warm_up_stage(
@@ -251,6 +251,6 @@ def warm_up_stage(
     site: Site | None = None,
 ) -> None:
     """Compile stage `index` of `warm_up_stages`, in the process that is going to plan."""
-    from app.tasks import compiled
+    from app.tasks.stages import stages
 
-    compiled.stages(task, preset, model, method, (site or Site()).limits.confines)[index].run()
+    stages(task, preset, model, method, (site or Site()).limits.confines)[index].run()

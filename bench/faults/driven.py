@@ -101,14 +101,14 @@ class Driven:
         told = self.wait("processes", after_s=asked_s)
         return int(told["pids"].get(name, 0)) if told else 0
 
-    def states(self) -> Any:
-        """All states of the arm so far."""
+    def states(self, newest: int | None = None) -> Any:
+        """All states of the arm so far, or the `newest` so many."""
         path = self.folder / "states"
-        return witnessed(path) if path.exists() else None
+        return witnessed(path, newest) if path.exists() else None
 
     def fast(self, since_s: float) -> bool:
         """True if the arm moves fast now, by a state newer than `since_s`."""
-        states = self.states()
+        states = self.states(newest=1)
         if states is None or not len(states):
             return False
         newest = states[-1]
@@ -125,7 +125,7 @@ class Driven:
         since_s = due_s = -np.inf
         while time.monotonic() < until_s and not self.ended:
             now_s = time.monotonic()
-            stopped = MODES[self.states()[-1]["mode"]] == "stopped"
+            stopped = MODES[self.states(newest=1)[-1]["mode"]] == "stopped"
             if since_s < 0 or (now_s > due_s and (stopped or self._idle(mode, since_s))):
                 self._begins(mode)
                 since_s, due_s = now_s, now_s + _AGAIN_S

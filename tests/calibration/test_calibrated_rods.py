@@ -55,6 +55,13 @@ def test_the_slope_by_the_offset_agrees_with_central_differences() -> None:
     assert slopes == pytest.approx(secants, rel=0.15, abs=2e-4)
 
 
+def test_a_rope_begins_outside_of_compiled_code_as_within() -> None:
+    before = hidden().evidence.before
+    outside, within = compiled.begun(TASK.name)(before), TASK.begin(before)
+    for mine, its in zip(outside, within, strict=True):
+        np.testing.assert_allclose(mine, its, atol=1e-6)
+
+
 @cache
 def transitions() -> tuple[Transition, ...]:
     """The pushes as a recording has them."""

@@ -99,3 +99,25 @@ def test_descending_it_brings_a_cloud_to_its_goal(clouds):
     for _ in range(50):
         x = step(x)
     assert chamfer_m2(x, goal) < 0.2 * start
+
+
+def test_its_gradient_is_that_of_all_pairs_for_clouds_that_share_a_goal(clouds):
+    x, goal = (jnp.asarray(cloud, jnp.float32) for cloud in clouds)
+    batch = jnp.stack([x, x + 0.3, 0.7 * x])
+
+    def of_all_pairs(x, y):
+        squared = ((x[..., :, None, :] - y[..., None, :, :]) ** 2).sum(-1)
+        return squared.min(-1).mean(-1) + squared.min(-2).mean(-1)
+
+    for argument in (0, 1):
+        found, expected = (
+            jax.grad(lambda *given, by=by: by(*given).sum(), argument)(batch, goal[None])
+            for by in (chamfer_m2, of_all_pairs)
+        )
+        np.testing.assert_allclose(found, expected, rtol=1e-4, atol=1e-7)
+
+
+def test_its_gradient_has_no_number_where_a_point_has_none(clouds):
+    x, y = (jnp.asarray(cloud) for cloud in clouds)
+    gradient = jax.grad(chamfer_m2)(x.at[3, 1].set(jnp.nan), y)
+    assert not np.isfinite(gradient).all()

@@ -33,7 +33,7 @@ from tests.flow.virtual import InsideWorker, is_virtual
 if TYPE_CHECKING:
     from app.planner.plan import Plan
 
-_LOADED = "compiled", "rope_orientation"
+_LOADED = "compiled", "rope_orientation", "stages"
 """Modules of `app.tasks` that load the simulator."""
 _PUSH_HEIGHT_M, _TRAVEL_HEIGHT_M, _SPEED_M_S = 0.006, 0.05, 0.4
 _FREE_LOW_M, _FREE_HIGH_M = (0.32, -0.15), (0.40, 0.15)
@@ -75,9 +75,10 @@ def take_up(habits: Habits, spoil: Callable[[Motion, Site], Motion] = unspoilt) 
         compiling = SimpleNamespace(name="strokes", run=lambda: None)
         return [compiling] if habits.compiling_s else []
 
-    compiled = SimpleNamespace(planner=planner, phi_of=_phi_of, stages=stages)
+    compiled = SimpleNamespace(planner=planner, phi_of=_phi_of)
     rope_orientation = SimpleNamespace(oriented_phi=_phi_of, track_orientation=_unchanged)
-    for name, module in zip(_LOADED, (compiled, rope_orientation), strict=True):
+    warming_up = SimpleNamespace(stages=stages)
+    for name, module in zip(_LOADED, (compiled, rope_orientation, warming_up), strict=True):
         _put(name, cast(ModuleType, cast(object, module)))
 
 

@@ -35,6 +35,15 @@ def still(seconds: float, place: tuple[float, float, float] = AWAY) -> jax.Array
     return jnp.tile(jnp.asarray(place), (1, round(seconds / SCENE.dt_s) + 1, 1))
 
 
+def test_a_span_of_a_path_is_what_the_same_part_of_it_would_be():
+    given, state, tool = pushes()
+    steps = tool.shape[1] - 1
+    for first, last in ((0, steps), (20, steps - 30)):
+        span = simulator()(given, state, tool, spans=jnp.tile(jnp.array([[first, last]]), (len(tool), 1)))
+        part = simulator()(given, state, tool[:, first : last + 1])
+        assert np.array_equal(span.nodes, part.nodes)
+
+
 @pytest.mark.parametrize("friction", [0.2, 0.5])
 def test_a_sliding_rope_stops_after_v_squared_over_2_mu_g(friction: float):
     speed = 0.5

@@ -1,7 +1,9 @@
 """Training examples from demonstrations, and batches of them, augmented by the task's symmetries."""
 
+from functools import partial
 from typing import NamedTuple, Self, final
 
+import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool, Float, Float32, Float64, Int
@@ -136,6 +138,12 @@ def scale_of(lessons: Lessons, examples: Examples, seed: int) -> Scale:
     rng, count = np.random.default_rng([seed, len(examples.x)]), len(examples.x)
     many = Batch.of(examples, np.repeat(np.arange(count), _DRAWS))
     by = lessons.symmetry.drawn(rng, _DRAWS * count)
-    actions = np.asarray(many.framed(lessons).moved(lessons, by).actions)
+    actions = np.asarray(_moved_actions(lessons, many, by))
     mean, std = (each(actions, axis=0).reshape(lessons.space.chunk).astype(np.float32) for each in (np.mean, np.std))
     return Scale(mean, np.where(std < _LEAST, np.float32(_ASSUMED), std))
+
+
+@partial(jax.jit, static_argnums=0)
+def _moved_actions(lessons: Lessons, batch: Batch, by: Isometry) -> Float[Array, "B A"]:
+    """Actions of a batch in its frames, moved on the table."""
+    return batch.framed(lessons).moved(lessons, by).actions

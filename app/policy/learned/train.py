@@ -72,12 +72,17 @@ class Training:
 
 def begin(learner: Learner, lessons: Lessons, examples: Examples, settings: TrainingSettings) -> Training:
     """State of training before the first step."""
-    shown = Batch.of(examples, np.array([0])).framed(lessons).shown(lessons)
-    # As one program: flax would have hundreds of small ones compiled, one after the other. It runs once, so that what
-    # the compiler would need to make it fast is not worth it.
-    drawn = jax.jit(learner.begin, static_argnums=2, compiler_options={"xla_backend_optimization_level": 0})
-    params = drawn(jax.random.key(settings.seed), shown.seen, lessons)
-    return Training(params=params, best=params, optimiser=_optimiser(settings).init(params))
+    params, optimiser = _drawn(learner, lessons, jax.random.key(settings.seed), Batch.of(examples, np.array([0])))
+    return Training(params=params, best=params, optimiser=optimiser)
+
+
+# One program: flax would have hundreds of small ones compiled, one after the other. It runs once, so that what the
+# compiler would need to make it fast is not worth it.
+@partial(jax.jit, static_argnums=(0, 1), compiler_options={"xla_backend_optimization_level": 0})
+def _drawn(learner: Learner, lessons: Lessons, key: PRNGKeyArray, first: Batch) -> tuple[Params, Any]:
+    """Parameters, and the optimiser's state, which begins alike whatever its settings."""
+    params = learner.begin(key, first.framed(lessons).shown(lessons).seen, lessons)
+    return params, _optimiser(TrainingSettings()).init(params)
 
 
 def learn(

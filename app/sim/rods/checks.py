@@ -11,7 +11,7 @@ from app.core.errors import ParameterError
 from app.sim.checks import Arrays, first, require_finite, words
 from app.sim.effects.base import Effect
 from app.sim.parameter import ParameterSpec
-from app.sim.params import require_ranges
+from app.sim.params import require_ranges, rod_parameters_of
 from app.sim.rods.domain import ROOM_M, STRAIN, distances_m, gap_m, strains, strides_m
 from app.sim.rods.effect import RodSetting
 from app.sim.rods.rollout import RodPhysics
@@ -34,7 +34,7 @@ class RodSetup:
 
     def specs(self) -> tuple[ParameterSpec, ...]:
         """Specifications of the columns of phi."""
-        return tuple(spec for effect in self.effects for spec in effect.parameters)
+        return rod_parameters_of(self.effects)
 
 
 def require_rod_shapes(

@@ -296,6 +296,7 @@ def rod_kernels(*, on_gpu: bool, laws: str = "") -> RodKernels:
         fields: wp.array3d[float],
         traits: wp.array[float],
         tool: wp.array3d[float],
+        spans: wp.array2d[int],
         scratch: wp.array[float],
         kept: wp.array[float],
         rows: int,
@@ -306,7 +307,7 @@ def rod_kernels(*, on_gpu: bool, laws: str = "") -> RodKernels:
         group = first_group + at
         slot = first_slot + at
         load_start(group, slot, numbers, start, fields, scratch)
-        for s in range(tool.shape[1] - 1):
+        for s in range(spans[group, 0], spans[group, 1]):
             if rows > 0 and s % apart == 0:
                 keep(group, slot, group, rows, s // apart, numbers, start, scratch, kept)
             step(group, slot, s, numbers, smoother, start, traits, tool, scratch)

@@ -25,12 +25,15 @@ from app.sim.threads import core_count, run_jobs
 class RodOperations:
     """The calls of a rollout of rods.
 
-    `forward(start, fields, traits, tool, keeps)` returns the end and what the adjoint needs if `keeps`;
+    `forward(start, fields, traits, tool, spans)` returns the end: `spans` (B, 2) are the first time step of each
+    candidate and the one that it ends before. `kept_forward(start, fields, traits, tool)` makes all steps, and returns
+    the end and what the adjoint needs;
     `backward(kept, start, fields, traits, tool, end_bar)` the cotangents of start, fields, traits and tool;
     `states(start, fields, traits, tool)` every state from the start to the end, shape (B, T, 8, n).
     """
 
-    forward: Callable[..., tuple[jax.Array, jax.Array]]
+    forward: Callable[..., jax.Array]
+    kept_forward: Callable[..., tuple[jax.Array, jax.Array]]
     states: Callable[..., jax.Array]
     backward: Callable[..., tuple[jax.Array, jax.Array, jax.Array, jax.Array]]
 
@@ -68,6 +71,7 @@ def make_rod_operations(scene: RodScene, bending_n_m: float, damping_n_m_s: floa
         fields: wp.array3d(dtype=float),
         traits: wp.array(dtype=float),
         tool: wp.array3d(dtype=float),
+        spans: wp.array2d(dtype=int),
         rows: int,
         apart: int,
         end: wp.array3d(dtype=float),
@@ -75,7 +79,7 @@ def make_rod_operations(scene: RodScene, bending_n_m: float, damping_n_m_s: floa
         scratch: wp.array(dtype=float),
     ):
         groups = groups_of(start.shape[0])
-        arguments = [constants, smoothing, start, fields, traits, tool, scratch, kept, rows, apart, end]
+        arguments = [constants, smoothing, start, fields, traits, tool, spans, scratch, kept, rows, apart, end]
         launch(kernels.forward, groups, arguments, start.device)
 
     def backward(
@@ -112,10 +116,11 @@ def make_rod_operations(scene: RodScene, bending_n_m: float, damping_n_m_s: floa
         for device in jax.local_devices():
             wp.load_module(kernels.module, wp.device_from_jax(device))
 
-    def run_kept(
-        start: jax.Array, fields: jax.Array, traits: jax.Array, tool: jax.Array, rows: int, apart: int
+    def run(
+        inputs: tuple[jax.Array, ...], spans: jax.Array | None = None, rows: int = 0, apart: int = 1
     ) -> tuple[jax.Array, jax.Array]:
         compiled()
+        start, fields, traits, tool = inputs
         candidates = start.shape[0]
         dims = {
             "end": start.shape,
@@ -123,19 +128,30 @@ def make_rod_operations(scene: RodScene, bending_n_m: float, damping_n_m_s: floa
             "scratch": (slots(candidates) * ((ROWS + BAR_ROWS) * n + traits.shape[1] + FINGER) * width,),
         }
         constants = jnp.asarray(numbers), jnp.asarray(smoother)
-        given = start, fields, traits.ravel(), tool
+        whole = jnp.tile(jnp.array([[0, tool.shape[1] - 1]], jnp.int32), (groups_of(candidates), 1))
+        given = start, fields, traits.ravel(), tool, whole if spans is None else of_groups(spans)
         end, kept, _ = forward_call(*constants, *given, numbers=(rows, apart), output_dims=dims)
         return end, kept
 
+    def of_groups(spans: jax.Array) -> jax.Array:
+        """The time steps that some candidate of a group makes, shape (groups, 2)."""
+        whole = jnp.pad(spans.astype(jnp.int32), ((0, -len(spans) % width), (0, 0)), mode="edge")
+        grouped = whole.reshape(-1, width, 2)
+        return jnp.stack([grouped[..., 0].min(1), grouped[..., 1].max(1)], axis=1)
+
     def run_forward(
-        start: jax.Array, fields: jax.Array, traits: jax.Array, tool: jax.Array, keeps: bool
+        start: jax.Array, fields: jax.Array, traits: jax.Array, tool: jax.Array, spans: jax.Array | None = None
+    ) -> jax.Array:
+        return run((start, fields, traits, tool), spans)[0]
+
+    def run_kept_forward(
+        start: jax.Array, fields: jax.Array, traits: jax.Array, tool: jax.Array
     ) -> tuple[jax.Array, jax.Array]:
-        rows = -(-(tool.shape[1] - 1) // every) if keeps else 0
-        return run_kept(start, fields, traits, tool, rows, every)
+        return run((start, fields, traits, tool), rows=-(-(tool.shape[1] - 1) // every), apart=every)
 
     def run_states(start: jax.Array, fields: jax.Array, traits: jax.Array, tool: jax.Array) -> jax.Array:
         rows = tool.shape[1] - 1
-        end, kept = run_kept(start, fields, traits, tool, rows, 1)
+        end, kept = run((start, fields, traits, tool), rows=rows)
         lanes = kept.reshape(groups_of(len(start)), rows, STATE, n, width)
         states = jnp.moveaxis(lanes, -1, 1).reshape(-1, rows, STATE, n)
         return jnp.concatenate([states[: len(start)], end[:, None]], axis=1)
@@ -168,4 +184,4 @@ def make_rod_operations(scene: RodScene, bending_n_m: float, damping_n_m_s: floa
         )
         return start_bar, fields_bar, traits_bar.reshape(traits.shape), tool_bar
 
-    return RodOperations(forward=run_forward, states=run_states, backward=run_backward)
+    return RodOperations(forward=run_forward, kept_forward=run_kept_forward, states=run_states, backward=run_backward)

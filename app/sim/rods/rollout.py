@@ -6,7 +6,7 @@ from typing import Any, NamedTuple, Protocol, TypeAlias, TypeVar, final
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Float, Int
 
 from app.core.errors import ParameterError
 from app.sim.candidates import are_finite, as_float32, where_finite
@@ -103,10 +103,30 @@ class RodHistory(NamedTuple):
     """Share of bends that does not last."""
 
 
-SimulateRod: TypeAlias = OfRods[RodState]
-"""x' = f(x, u; phi): the last state. Differentiable once, in reverse mode, but by the setting. A candidate with a
-non-finite input, or that begins or has its finger out of the domain (`domain.is_in_domain`), becomes NaN throughout;
-the others are not touched."""
+class SimulateRod(OfRods[RodState], Protocol):
+    """x' = f(x, u; phi): the last state. Differentiable once, in reverse mode, but by the setting.
+
+    A candidate with a non-finite input, or that begins or has its finger out of the domain (`domain.is_in_domain`),
+    becomes NaN throughout; the others are not touched.
+    """
+
+    def __call__(
+        self,
+        physics: RodPhysics,
+        state: RodState,
+        tool: Float[jax.Array, "B T 3"],
+        phi: Float[jax.Array, "B P"] | None = None,
+        setting: RodSetting | None = None,
+        spans: Int[jax.Array, "B 2"] | None = None,
+    ) -> RodState:
+        """As `OfRods`, of each candidate from one of its time steps to before another, where they are given as `spans`.
+
+        Candidates that are simulated together make the steps that one of them makes. With spans it is not
+        differentiable.
+        """
+        ...
+
+
 TraceRod: TypeAlias = OfRods[RodHistory]
 """Rollout that returns every state. Not differentiable; 8 n T numbers a candidate, for sixteen at least on a CPU."""
 
@@ -120,10 +140,10 @@ def make_rod_rollout(scene: RodScene, effects: tuple[Effect, ...] = ()) -> Simul
 
     @jax.custom_vjp
     def rollout(start: jax.Array, fields: jax.Array, traits: jax.Array, tool: jax.Array) -> jax.Array:
-        return operations.forward(start, fields, traits, tool, False)[0]
+        return operations.forward(start, fields, traits, tool)
 
     def rollout_forward(*given: jax.Array) -> tuple[jax.Array, Any]:
-        end, kept = operations.forward(*given, True)
+        end, kept = operations.kept_forward(*given)
         return end, (kept, *given)
 
     def rollout_backward(residuals: Any, end_bar: jax.Array) -> tuple[jax.Array, ...]:
@@ -138,9 +158,10 @@ def make_rod_rollout(scene: RodScene, effects: tuple[Effect, ...] = ()) -> Simul
         tool: Float[jax.Array, "B T 3"],
         phi: Float[jax.Array, "B P"] | None = None,
         setting: RodSetting | None = None,
+        spans: Int[jax.Array, "B 2"] | None = None,
     ) -> RodState:
         inputs = _inputs(scene, effects, physics, state, tool, phi, setting)
-        end = rollout(*inputs)
+        end = rollout(*inputs) if spans is None else operations.forward(*inputs, spans)
         sound = are_finite(end, physics, state, tool, () if phi is None else phi)
         sound &= is_in_domain(scene, *jax.lax.stop_gradient((state.nodes, tool)))
         return jax.tree.map(as_float32, state)._replace(nodes=where_finite(sound, end))

@@ -20,7 +20,7 @@ from tests.rig.hidden.moments import track, world
 from tests.rig.scene import PUSH_Z, ROPE
 
 FILES, MODULES = known(), dict(files_of(hidden))
-CATALOGUE = catalogue()
+CATALOGUE, ROD_CATALOGUE = catalogue(), catalogue(subject_of(load("rope_push@rods")).rods)
 TASK = load("rope_push")
 PAGE = (Path(__file__).parents[3] / "docs" / "hidden-effects.md").read_text(encoding="utf-8")
 HEFT = TASK.scene.gravity_m_s2 / 9.81
@@ -132,6 +132,15 @@ def test_an_effect_has_the_names_units_nulls_and_typical_sizes_of_the_catalogue_
         else:
             assert quantity.typical == pytest.approx(spec.real(spec.typical, TASK.haste, HEFT), rel=0.01)
             assert quantity.high <= 1.01 * spec.real(spec.high, TASK.haste, HEFT)
+
+
+@catalogued
+def test_an_effect_has_the_typical_sizes_of_the_catalogue_of_rods(name: str) -> None:
+    sizes = {quantity.name: quantity.typical for quantity in FILES[name].quantities}
+    columns = [column for cause in ROD_CATALOGUE.causes if cause.name == name for column in cause.columns]
+    for spec in (ROD_CATALOGUE.specs[column] for column in columns):
+        if sizes[spec.name] is not None:
+            assert spec.typical == pytest.approx(sizes[spec.name], rel=0.01)
 
 
 @every_effect

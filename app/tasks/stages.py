@@ -1,0 +1,45 @@
+"""Stages in which a task's programs are compiled before its first decision."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import final
+
+import numpy as np
+
+from app.calibration.evidence import Evidence
+from app.calibration.fit import FitSettings
+from app.config import ANYWHERE, Confines
+from app.core.messages import Model
+from app.planner.method import DIPAC, Method
+from app.policy.base import AWAY
+from app.sim.params import with_orientation
+from app.tasks import load
+from app.tasks.compiled import calibrator, nominal_model, phi_of, planner
+
+
+@final
+@dataclass(frozen=True)
+class CompileStage:
+    """A compilation step: its name, and the function that does it."""
+
+    name: str
+    run: Callable[[], object]
+
+
+def stages(
+    task: str, preset: str, model: Model | None = None, method: Method = DIPAC, confines: Confines = ANYWHERE
+) -> list[CompileStage]:
+    """Compilation steps for `model`, or the nominal one, in order; each after the first is quick after it."""
+    data, size = load(task), load(task).preset(preset)
+    x = data.goal(0, size.particle_count)
+    phi = phi_of(model or nominal_model(task))
+    fitted = with_orientation(phi, 0.0)
+
+    def simulator() -> None:
+        example = Evidence(before=x[None], tool=data.actions.measured_path(np.tile(AWAY, (2, 1)))[None], after=x[None])
+        calibrator(task, preset, FitSettings(), fitted).predictor.compile(fitted, example)
+
+    return [
+        CompileStage("the simulator and its adjoint", simulator),
+        CompileStage("the planner's search", lambda: planner(task, preset, phi, method, confines).compile(x, phi)),
+    ]
