@@ -4,6 +4,7 @@ import ast
 import re
 import subprocess
 import sys
+from collections import defaultdict
 from pathlib import Path
 
 import pytest
@@ -18,6 +19,15 @@ TESTS = sorted(ROOT.glob("tests/**/*.py"))
 MAX_LINES = 400
 ROUNDABOUT = {"What", "Which", "Where", "Who", "Whether", "How", "When", "Of", "By"}
 """First words of docstrings that talk about a thing before they say what it is."""
+HOMONYMS = {
+    "Decision": "a recorded message: an operator's; and discovery's choice among refitted models",
+    "Fault": "a recorded message: a failure of the session; and the first bad step of a simulation",
+    "Model": "a recorded message: the simulator's parameters; and discovery's model with its causes refitted",
+    "Seen": "a recorded message: the segmented cameras; and the particles of pushes, predicted or observed",
+    "Verdict": "a recorded message: that of a discovery; and the quality of a rope's centreline",
+}
+"""Public class names that two modules define, and what they are. The name of a message is that of its schema in
+recordings, so the other one has to give way; none may be added."""
 MACHINE_SPECIFIC = re.compile(
     r"(?<![\w.])/(home|root|Users|work|opt|mnt)/\w"  # a folder of one machine
     r"|https?://[^/\s]*(pypi|pythonhosted|artifactory|nexus)[^/\s]*"  # a package registry
@@ -81,6 +91,18 @@ def test_a_docstring_begins_with_what_the_thing_is(file):
 def test_a_module_is_short_enough_to_be_read(file):
     lines = len(file.read_text(encoding="utf-8").splitlines())
     assert lines <= MAX_LINES, f"{name(file)} has {lines} lines; split it by what it does"
+
+
+def test_a_public_class_name_is_defined_once():
+    files = defaultdict[str, list[str]](list)
+    for file in MODULES:
+        for node in tree(file).body:
+            if isinstance(node, ast.ClassDef) and not node.name.startswith("_"):
+                files[node.name].append(name(file))
+    several = {key: where for key, where in files.items() if len(where) > 1}
+    added = {key: where for key, where in several.items() if key not in HOMONYMS}
+    assert not added, "give the less central of them a more specific name, in the field's words"
+    assert several.keys() == HOMONYMS.keys(), "take from HOMONYMS the names that are defined once now"
 
 
 @pytest.mark.parametrize("file", COMMANDS, ids=name)
