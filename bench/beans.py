@@ -9,10 +9,10 @@ import tyro
 
 from app.core.chamfer import chamfer_m2
 from app.core.types import Points
-from app.evaluation.play import Eyes, Order, Step, play
+from app.evaluation.play import EpisodeStep, EvaluationConfig, Eyes, play
 from app.planner.method import Method
 from app.tasks import load, nominal_model
-from app.tasks.aim import Aim
+from app.tasks.aim import SuccessCriterion
 
 
 @final
@@ -35,7 +35,7 @@ class Sweep:
     moved_m2: float
 
 
-def sweep(seed: int, step: Step, aim: Aim, goal: Points) -> Sweep:
+def sweep(seed: int, step: EpisodeStep, aim: SuccessCriterion, goal: Points) -> Sweep:
     """Quantities of a step that tell how good the model is."""
     before, plan, after = step.before.positions, step.plan, step.after.positions
     return Sweep(
@@ -62,9 +62,9 @@ def main(
     for seed in seeds:
         goal, model = task.goal(seed, task.preset(preset).particle_count), nominal_model(task.name)
         method = Method.named(ablation=ablation)
-        order = Order(task=task, preset=preset, seed=seed, method=method, model=model, eyes=eyes)
+        order = EvaluationConfig(task=task, preset=preset, seed=seed, method=method, model=model, eyes=eyes)
 
-        def tell(step: Step, seed: int = seed, goal: Points = goal) -> None:
+        def tell(step: EpisodeStep, seed: int = seed, goal: Points = goal) -> None:
             made.append(sweep(seed, step, task.aim, goal))
             print(json.dumps(asdict(made[-1])), flush=True)
 

@@ -17,8 +17,8 @@ from app.core.lens import Lens
 from app.core.types import ColourImage, Transform
 from app.perception.calibration.chain import outer
 from app.perception.calibration.se3 import exp, inverse, moved, transform
-from app.perception.calibration.sight import Sight, opencv_board, sight
-from app.perception.calibration.solve import View
+from app.perception.calibration.sight import BoardDetection, opencv_board, sight
+from app.perception.calibration.solve import CalibrationView
 
 BOARD = Charuco()
 LENS = Lens(width=640, height=480, K=np.array([[605.0, 0.0, 319.5], [0.0, 603.0, 239.5], [0.0, 0.0, 1.0]]))
@@ -76,18 +76,20 @@ def cell(seed: int, views: int, setup: Setup = "fixed", *, tilt_deg: float = 35.
     return Cell(setup=setup, X=X, Y=Y, C=np.array([_before(rng, tilt_deg, distance_m) for _ in range(views)]))
 
 
-def seen(truth: Cell, seed: int, errors: Errors, camera: Camera | None = None, noise_px: float = 0.15) -> list[View]:
+def seen(
+    truth: Cell, seed: int, errors: Errors, camera: Camera | None = None, noise_px: float = 0.15
+) -> list[CalibrationView]:
     """Views as cameras and arm report them: of rendered images, or of exact corners with noise where no camera is.
 
     An image in which the board is not found is no view.
     """
     rng = np.random.default_rng([seed, 2])
     told = reported(truth, rng, errors)
-    views = list[View]()
+    views = list[CalibrationView]()
     for C, gripper in zip(truth.C, told, strict=True):
         with suppress(PerceptionError):
             found = sight(image(C, camera, rng), BOARD, LENS) if camera else exact(C, noise_px, rng)
-            views.append(View(sight=found, T_world_gripper=gripper))
+            views.append(CalibrationView(sight=found, T_world_gripper=gripper))
     return views
 
 
@@ -103,14 +105,14 @@ def reported(truth: Cell, rng: np.random.Generator, errors: Errors) -> Float64[n
     return told
 
 
-def exact(C: Transform, noise_px: float, rng: np.random.Generator) -> Sight:
+def exact(C: Transform, noise_px: float, rng: np.random.Generator) -> BoardDetection:
     """Corners where the pinhole has them, with noise, and the true pose turned and shifted by what that noise does."""
     pixels = LENS.project(moved(C, BOARD.corners()))
     noisy = pixels + noise_px * rng.standard_normal(pixels.shape)
     turn, place = cv2.Rodrigues(C[:3, :3])[0], C[:3, 3].copy()
     _, turn, place = cv2.solvePnP(BOARD.corners(), noisy, LENS.K, np.zeros(5), turn, place, useExtrinsicGuess=True)
     T = transform(cv2.Rodrigues(turn)[0], np.ravel(place))
-    return Sight(ids=np.arange(BOARD.corner_count), pixels=noisy, T_camera_board=T, error_px=noise_px)
+    return BoardDetection(ids=np.arange(BOARD.corner_count), pixels=noisy, T_camera_board=T, error_px=noise_px)
 
 
 def image(C: Transform, camera: Camera, rng: np.random.Generator, lens: Lens = LENS) -> ColourImage:

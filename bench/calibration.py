@@ -16,8 +16,8 @@ import tyro
 from jaxtyping import Float32
 
 from app.calibration.calibrate import Calibrator, phi_of
-from app.calibration.evidence import Evidence, Predictor, gather
-from app.calibration.fit import Settings
+from app.calibration.evidence import Evidence, ModelScorer, gather
+from app.calibration.fit import FitSettings
 from app.config import Site
 from app.core.messages import Transition
 from app.policy.base import AWAY, Now
@@ -82,8 +82,8 @@ def main(
     count = data.preset(preset).particle_count
     drawn = [_gathered(data, episode(data, seed, pushes, count)) for seed in range(2 * episodes)]
     print(f"{len(drawn)} episodes of {pushes} pushes", flush=True)
-    predictor, phi = Predictor(advance=advance(task, count), chunk=8), phi_of(nominal_model(task))
-    still_m2 = np.array([_mean(Predictor(advance=lambda _phi, x, _tool: x, chunk=8), phi, part) for part in drawn])
+    predictor, phi = ModelScorer(advance=advance(task, count), chunk=8), phi_of(nominal_model(task))
+    still_m2 = np.array([_mean(ModelScorer(advance=lambda _phi, x, _tool: x, chunk=8), phi, part) for part in drawn])
     points = grid(data, grid_points)
     scores_m2 = np.array([[_mean(predictor, with_values(phi, values), part) for part in drawn] for values in points])
     rows: list[dict[str, object]] = []
@@ -132,7 +132,7 @@ def _joined(drawn: list[Evidence], episodes: list[int]) -> Evidence:
 
 def _fitted(
     data: Task,
-    predictor: Predictor,
+    predictor: ModelScorer,
     phi: Float32[np.ndarray, " P"],
     known: Evidence,
     held_out: Evidence,
@@ -142,7 +142,7 @@ def _fitted(
     every = data.parameters(stiff=False)
     specs = tuple(every[index(name)] for name in data.calibrated)
     wrong = {spec.name: spec.value(spec.coordinate(float(phi[index(spec.name)]) * factor)) for spec in specs}
-    calibrator = Calibrator(predictor=predictor, specs=specs, settings=Settings())
+    calibrator = Calibrator(predictor=predictor, specs=specs, settings=FitSettings())
     wall_s, cpu_s = time.perf_counter(), time.process_time()
     found = calibrator.fit(known, with_values(phi, wrong))
     wall_s, cpu_s = time.perf_counter() - wall_s, time.process_time() - cpu_s
@@ -153,7 +153,7 @@ def _fitted(
     return row | {"fitted_m2": found.loss_m2, "held_out_m2": _mean(predictor, with_values(phi, values), held_out)}
 
 
-def _mean(predictor: Predictor, phi: Float32[np.ndarray, " P"], evidence: Evidence) -> float:
+def _mean(predictor: ModelScorer, phi: Float32[np.ndarray, " P"], evidence: Evidence) -> float:
     """Mean one-step Chamfer distance [m^2]; infinite where the simulation fails."""
     losses = predictor.losses(phi, evidence)
     return float(losses.mean()) if np.isfinite(losses).all() else float("inf")

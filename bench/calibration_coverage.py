@@ -17,7 +17,7 @@ from scipy.stats import binomtest
 
 from app.calibration.calibrate import Calibrator, phi_of
 from app.calibration.evidence import Evidence
-from app.calibration.fit import Fit, Settings
+from app.calibration.fit import Fit, FitSettings
 from app.policy.base import AWAY
 from app.sim.params import index
 from app.sim.rods.rollout import RodPhysics, make_rod_rollout
@@ -71,21 +71,21 @@ def data_set(
     return DataSet(Evidence(before=clouds[0], tool=tool.astype(np.float32), after=clouds[1]), truth)
 
 
-def fitted(evidence: Evidence, settings: Settings | None = None) -> Fit:
+def fitted(evidence: Evidence, settings: FitSettings | None = None) -> Fit:
     """Fit by the task's calibrator from the nominal model, with the tool's offset."""
-    return _calibrator(evidence.before.shape[1], settings or Settings(probes=96)).fit_with_offset(
+    return _calibrator(evidence.before.shape[1], settings or FitSettings(probes=96)).fit_with_offset(
         evidence, phi_of(nominal_model(TASK.name))
     )
 
 
-def _calibrator(particles: int, settings: Settings) -> Calibrator:
+def _calibrator(particles: int, settings: FitSettings) -> Calibrator:
     if particles == TASK.preset("cpu").particle_count:
         return compiled.calibrator(TASK.name, "cpu", settings, phi_of(nominal_model(TASK.name)))
     raise ValueError(f"{particles} particles are not those of the preset cpu.")
 
 
 def _offset_m(truth: Truth) -> Float32[np.ndarray, "3"]:
-    offset = compiled.calibrator(TASK.name, "cpu", Settings(), phi_of(nominal_model(TASK.name))).offset
+    offset = compiled.calibrator(TASK.name, "cpu", FitSettings(), phi_of(nominal_model(TASK.name))).offset
     assert offset is not None
     return np.array([*(offset.matrix @ [truth.tcp_x, truth.tcp_y]), 0.0], np.float32)
 

@@ -18,7 +18,7 @@ from rich.table import Table
 
 from app.core.track import Track
 from app.core.types import Points
-from app.policy.strokes import Plan
+from app.policy.strokes import PushDesign
 from app.rig.simulated.physics import WorldPhysics
 from app.rig.simulated.rehearsal import rehearse
 from app.sim.arc_length import arclength_labels
@@ -56,7 +56,9 @@ class Found(NamedTuple):
 
 def episodes(count: int, pushes: int) -> list[Start]:
     """Episodes of random pushes, each up to 18 cm long."""
-    takes = list(rehearse(TASK, Plan(episodes=count, pushes=pushes, lengths_m=(0.06, 0.18)), WorldPhysics(), (), SEED))
+    takes = list(
+        rehearse(TASK, PushDesign(episodes=count, pushes=pushes, lengths_m=(0.06, 0.18)), WorldPhysics(), (), SEED)
+    )
     paths = [pushing(take.command) for take in takes]
     longest = max(map(len, paths)) + round(_REST_S / SCENE.dt_s)
     nodes = np.stack([take.after.snapshot.nodes for take in takes]).reshape(count, pushes, -1, 3)

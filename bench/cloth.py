@@ -19,18 +19,18 @@ from rich.console import Console
 from rich.table import Table
 
 from app.core.errors import ParameterError
-from app.sim.materials.cloth import Cloth
+from app.sim.materials.cloth import ClothMaterial
 from app.sim.rollout import make_rollout
 from app.sim.scene import Body, Scene
 from app.sim.state import State
-from app.sim.tools.rod import Rod
+from app.sim.tools.rod import RodCollider
 
 ROWS = 32
 SIDE_M, THICK_M, AREAL_KG_M2 = 0.30, 0.001, 0.2
 SPACING_M = SIDE_M / ROWS
 ROD_M, ROD_HEIGHT_M = 0.010, 0.20
 STIFFNESS_PA, FRICTION, SECONDS = 2e4, 0.5, 1.2
-CLOTH = Cloth()
+CLOTH = ClothMaterial()
 SCENE = Scene(
     low=(-0.20, -0.20, -0.025),
     high=(0.20, 0.20, 0.275),
@@ -40,7 +40,7 @@ SCENE = Scene(
     contact_margin_m=0.002,
     contact_width_m=1e-3,
     bodies=(Body(volume_m3=SIDE_M**2 * THICK_M, density_kg_m3=AREAL_KG_M2 / THICK_M, material=CLOTH),),
-    tools=(Rod(half_length_m=0.18, radius_m=ROD_M, place_m=(0.0, 0.0, ROD_HEIGHT_M), friction=FRICTION),),
+    tools=(RodCollider(half_length_m=0.18, radius_m=ROD_M, place_m=(0.0, 0.0, ROD_HEIGHT_M), friction=FRICTION),),
 )
 """32 x 32 particles, 9.4 mm apart, on cells of 12.5 mm; a rod along y under the cloth's middle."""
 

@@ -13,20 +13,20 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from app.calibration.evidence import Evidence, Predictor
+from app.calibration.evidence import Evidence, ModelScorer
 from app.config import Site
 from app.core.chamfer import chamfer_m2
 from app.planner.actions import Pushes
 from app.planner.plan import TreePlanner
 from app.planner.tree import Search
 from app.policy.base import AWAY, Now
-from app.sim.materials.cloth import Cloth
+from app.sim.materials.cloth import ClothMaterial
 from app.sim.materials.granular import Granular
 from app.sim.params import NOMINAL_PHYSICS, nominal_phi
 from app.sim.rollout import Simulate, make_rollout
 from app.sim.scene import Body, Scene
 from app.sim.state import State
-from app.sim.tools.box import Box, Gripper
+from app.sim.tools.box import BoxCollider, GripperCollider
 from app.tasks import compiled, load
 
 GRADIENT_STEPS = 10
@@ -86,7 +86,7 @@ def beans(repeats: int) -> Decision:
     count, branches, substeps = 300, 150, 20 * SUBSTEPS
     scene = Scene(
         bodies=(Body(volume_m3=count * 5e-7, density_kg_m3=800.0, material=Granular()),),
-        tools=(Box(half_m=(0.04, 0.006, 0.03), motion="slides"),),
+        tools=(BoxCollider(half_m=(0.04, 0.006, 0.03), motion="slides"),),
         low=(-0.25, -0.25, -0.025),
         high=(0.25, 0.25, 0.10),
         dt_s=5e-4,
@@ -110,8 +110,8 @@ def cloth(repeats: int) -> Decision:
     """16 branches, depth 3, 1000 particles, 8 small actions of x, y, z and gripper of 20 substeps each."""
     side, branches, depth, moves = 32, 16, 3, 8
     scene = Scene(
-        bodies=(Body(volume_m3=0.3 * 0.3 * 0.002, density_kg_m3=100.0, material=Cloth()),),
-        tools=(Gripper(),),
+        bodies=(Body(volume_m3=0.3 * 0.3 * 0.002, density_kg_m3=100.0, material=ClothMaterial()),),
+        tools=(GripperCollider(),),
         low=(-0.30, -0.30, -0.025),
         high=(0.30, 0.30, 0.30),
         dt_s=2e-4,
@@ -153,7 +153,7 @@ def calibration(repeats: int) -> Decision:
         tool=np.asarray(task.actions.tool_path(jnp.asarray(actions), away)),
         after=np.tile(after, (transitions, 1, 1)),
     )
-    predictor = Predictor(advance=compiled.advance("rope_push", particles), chunk=50)
+    predictor = ModelScorer(advance=compiled.advance("rope_push", particles), chunk=50)
     phi = compiled.phi_of(compiled.nominal_model("rope_push"))
     seconds = timed(lambda _seed: predictor.slopes(phi, evidence), repeats)
     return Decision(

@@ -19,7 +19,7 @@ from rich.console import Console
 from app.core.errors import UsageError
 from app.evaluation.ledger import append
 from app.evaluation.workers import Where, finished
-from app.policy.strokes import Plan
+from app.policy.strokes import PushDesign
 from bench.hidden import ledger
 from bench.hidden.baselines import TITLES
 from bench.hidden.curves import calibration_error, confusion, confusion_of_classes, power, reliability
@@ -51,7 +51,7 @@ def main(options: Sequence[str] | None = None) -> None:
     output = Console(highlight=False)
     setup = Setup(
         seed=given.seed,
-        plan=Plan(episodes=given.episodes, pushes=given.pushes),
+        plan=PushDesign(episodes=given.episodes, pushes=given.pushes),
         oracle=not given.no_oracle,
         deadline_s=given.deadline,
         making=Making(dynamics=given.dynamics, images=not given.light),

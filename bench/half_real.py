@@ -21,13 +21,13 @@ from rich.table import Table
 from app.discovery.study import Study
 from app.evaluation.intervals import share
 from app.evaluation.ledger import lines
-from app.policy.strokes import Plan
+from app.policy.strokes import PushDesign
 from app.tasks.doubted import subject_of
 from bench.hidden.known_errors import effect_of, with_error
 from bench.hidden.ropes import RopeCase
 from bench.hidden.verdicts import Verdict, verdict_on
 
-PLAN: Final = Plan(episodes=5, pushes=4)
+PLAN: Final = PushDesign(episodes=5, pushes=4)
 FIRST_SEED: Final = 7100
 """First seed of the recordings: other ones than confidence was learnt from, or tests use."""
 TYPICAL: Final = (1.0, -1.25, 1.5, -1.75, 2.0, -1.0)

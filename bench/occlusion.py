@@ -25,7 +25,7 @@ from app.core.errors import PerceptionError
 from app.core.limbs import ArmShape, Limb, Posture
 from app.core.messages import Frame, fresh_id
 from app.core.motion import pointing_down
-from app.core.stage import Block, Colour, Stage, Vector
+from app.core.stage import Colour, Obstacle, Stage, Vector
 from app.core.types import Cloud, Points
 from app.perception.memory import Memory
 from app.perception.reconstruct import Known, Reconstruction, reconstruct
@@ -59,7 +59,7 @@ class Scene:
     task: Task
     before: Snapshot
     now: Snapshot
-    board: Block | None
+    board: Obstacle | None
     hidden: float
 
 
@@ -169,7 +169,7 @@ def scene(task: Task, seed: int, share: float, colour: str, moved_m: float) -> S
 
 def _board(
     task: Task, snapshot: Snapshot, share: float, rng: np.random.Generator, colour: Colour
-) -> tuple[Block | None, float]:
+) -> tuple[Obstacle | None, float]:
     """The square board that hides the share of the object from every camera, and the hidden share."""
     if share == 0:
         return None, 0.0
@@ -183,16 +183,16 @@ def _board(
     return board, _hidden(board, points)
 
 
-def _square(half: float, at: tuple[float, float], colour: Colour) -> Block:
-    return Block(half_m=(half, half, _THICK_M / 2), place_m=(*at, _OVER_M), colour=colour)
+def _square(half: float, at: tuple[float, float], colour: Colour) -> Obstacle:
+    return Obstacle(half_m=(half, half, _THICK_M / 2), place_m=(*at, _OVER_M), colour=colour)
 
 
-def _hidden(board: Block, points: Cloud) -> float:
+def _hidden(board: Obstacle, points: Cloud) -> float:
     """The share of the points that no camera sees for it."""
     return float(np.all([_hides(board, camera, points) for camera in table_cameras()], axis=0).mean())
 
 
-def _hides(board: Block, camera: CameraModel, points: Cloud) -> np.ndarray:
+def _hides(board: Obstacle, camera: CameraModel, points: Cloud) -> np.ndarray:
     """Mask of the points behind the board: the ray from the camera to them crosses its middle plane within it."""
     eye = camera.T_world_camera[:3, 3]
     along = (board.place_m[2] - eye[2]) / (points[:, 2] - eye[2])
@@ -200,7 +200,7 @@ def _hides(board: Block, camera: CameraModel, points: Cloud) -> np.ndarray:
     return np.all(np.abs(crossing - board.place_m[:2]) < board.half_m[:2], axis=1)
 
 
-def _with_board(stage: Stage, board: Block | None) -> Stage:
+def _with_board(stage: Stage, board: Obstacle | None) -> Stage:
     return stage if board is None else replace(stage, fixtures=(*stage.fixtures, board))
 
 
@@ -210,7 +210,7 @@ def _arm(scene: Scene) -> ArmShape:
     return arm if scene.board is None else replace(arm, limbs=(*arm.limbs, *slats(scene.board)))
 
 
-def slats(board: Block) -> Iterator[Limb]:
+def slats(board: Obstacle) -> Iterator[Limb]:
     """The board as capsules side by side."""
     (x, y, z), (wide, long, thick) = board.place_m, board.half_m
     count = int(np.ceil(long / thick))

@@ -22,7 +22,7 @@ from app.discovery.predict import Predictor, resisting
 from app.discovery.study import Push, Study, View
 from app.discovery.subject import Theta
 from app.perception.resample import resample
-from app.policy.strokes import REGION, Plan, midway_s, random_track
+from app.policy.strokes import REGION, PushDesign, midway_s, random_track
 from app.sim.arc_length import arclength_labels, centreline_weights
 from app.sim.catalogue import EFFECTS
 from app.sim.effects.base import Effect
@@ -71,7 +71,7 @@ class OwnWorld:
 
     predictor: Predictor
     scene: Scene
-    plan: Plan
+    plan: PushDesign
     outside: tuple[Effect, ...] = ()
 
     def record(
@@ -238,7 +238,9 @@ class Move(NamedTuple):
         return self.command.moved(told + rng.normal(0, _ENCODER_M, told.shape))
 
 
-def move_of(rng: np.random.Generator, predictor: Predictor, plan: Plan, x: Points, truth: Theta, now_s: float) -> Move:
+def move_of(
+    rng: np.random.Generator, predictor: Predictor, plan: PushDesign, x: Points, truth: Theta, now_s: float
+) -> Move:
     """The next push of an object at `x` [m], drawn at random, and what an arm that errs as `truth` has it makes of it.
 
     `now_s`: when the one before it was over.

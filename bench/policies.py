@@ -17,7 +17,7 @@ from app.planner.tree import first_action
 from app.policy.base import Now
 from app.policy.learned import kinds
 from app.policy.learned.examples import Examples
-from app.policy.learned.train import Progress, Settings, learn
+from app.policy.learned.train import Progress, TrainingSettings, learn
 from app.tasks import load
 from app.tasks.base import Task
 from app.tasks.compiled import nominal_model
@@ -59,7 +59,7 @@ def row(task: Task, kind: str, shown: Examples) -> Sequence[str]:
         moments.append(time.perf_counter())
 
     world = simulator(task, nominal_model(task.name), shown.x.shape[1])
-    settings = Settings(steps=2 * _TIMED, batch=_BATCH, check_every=_TIMED)
+    settings = TrainingSettings(steps=2 * _TIMED, batch=_BATCH, check_every=_TIMED)
     policy, _ = learn(kinds.load(kind), lessons(task, world), shown, settings, None, listen)
     step_s = (moments[1] - moments[0]) / _TIMED
     prepared = policy.prepare(shown.x[0], shown.goal[0])

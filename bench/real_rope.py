@@ -23,7 +23,7 @@ from app.discovery.predict import Predictor, Trials, prepare
 from app.discovery.sensitivity import Step, moved
 from app.discovery.study import Study
 from app.discovery.subject import Catalogue, Cause, Theta, catalogue
-from app.sim.tools.finger import Finger
+from app.sim.tools.finger import FingerCollider
 from bench.leave_one_out import Fitted, Place, chosen, descend, folds, loss, paired, placed
 from bench.rope_pictures import picture
 from bench.rope_pushes import FOLDER, Recorded, real_rope, recorded_pushes, write_plain
@@ -99,7 +99,7 @@ class Rope:
     def radius_m(self, place: Place) -> float:
         """The tool's radius there."""
         (finger,) = self.subject.scene.tools
-        assert isinstance(finger, Finger)
+        assert isinstance(finger, FingerCollider)
         return float(np.clip(finger.radius_m + _STEP_M * dict(place).get("tool_radius", 0), _STEP_M, _WIDEST_M))
 
     def still(self) -> Predicted:
@@ -112,7 +112,7 @@ class Rope:
             by_radius.setdefault(self.radius_m(place), []).append(place)
         for radius, group in by_radius.items():
             (finger,) = self.subject.scene.tools
-            assert isinstance(finger, Finger)
+            assert isinstance(finger, FingerCollider)
             scene = replace(self.subject.scene, tools=(replace(finger, radius_m=radius),))
             subject = replace(self.subject, scene=scene)
             found = self._predictor(self.trials, [self.theta(place) for place in group], subject=subject).after

@@ -26,8 +26,8 @@ from app.rig.realsense.cameras import realsense_cameras
 from app.rig.realsense.mounted import Mounted
 from app.rig.realsense.rendered import Feed, Rendered
 from app.rig.realsense.sdk import Opening, Sdk
-from app.rig.realsense.settings import Filters, Settings
-from app.rig.realsense.software import Body, SoftwareCamera
+from app.rig.realsense.settings import Filters, StreamSettings
+from app.rig.realsense.software import CameraDescription, SoftwareCamera
 
 _RATE_HZ, _SECONDS = 30, 10.0
 _WAIT_S = 1.0
@@ -55,7 +55,7 @@ def main() -> None:
 def _let_run() -> float:
     """Counting speed of another Python thread while this one waits for images in the SDK, over that while it sleeps."""
     sdk = Sdk.loaded()
-    camera = SoftwareCamera(sdk.rs, Body.like_d435(_MODEL, "1"))
+    camera = SoftwareCamera(sdk.rs, CameraDescription.like_d435(_MODEL, "1"))
     opening = Opening.of(sdk)
     opening.pipeline.set_device(camera.device)
     opening.config.enable_stream(sdk.rs.stream.depth, _MODEL.width, _MODEL.height, sdk.rs.format.z16, _RATE_HZ)
@@ -88,7 +88,7 @@ def _counted(meanwhile: Callable[[], object]) -> float:
 class _Renderer:
     """Appends the same images to `feeds` 30 times a second, each stamped when it was appended."""
 
-    def __init__(self, bodies: Sequence[Body]) -> None:
+    def __init__(self, bodies: Sequence[CameraDescription]) -> None:
         self.feeds = [Feed.of(body) for body in bodies]
         rng = np.random.default_rng(0)
         size = (_MODEL.height, _MODEL.width)
@@ -116,9 +116,9 @@ class _Renderer:
 
 async def _captured(filters: Filters) -> list[tuple[str, str]]:
     """Rows of two cameras that stream for a while and are read as fast as images come."""
-    bodies = [Body.like_d435(_MODEL, serial) for serial in ("1", "2")]
+    bodies = [CameraDescription.like_d435(_MODEL, serial) for serial in ("1", "2")]
     timing = replace(Site().timing, camera_period_s=0.0)
-    settings = Settings(filters=filters)
+    settings = StreamSettings(filters=filters)
     async with AsyncExitStack() as stack:
         renderer = await stack.enter_async_context(await to_thread.run_sync(_Renderer, bodies))
         mounted = [

@@ -25,9 +25,9 @@ from scipy.optimize import least_squares
 
 from app.core.stage import RopeModel
 from app.discovery.centreline_noise import smooth_noise
-from app.policy.strokes import Plan
+from app.policy.strokes import PushDesign
 from app.rig.simulated.physics import ROPE_WORLDS
-from app.rig.simulated.rehearsal import Take, push_again, rehearse
+from app.rig.simulated.rehearsal import PushSample, push_again, rehearse
 from app.rig.simulated.rope import resample
 from app.sim.rods.rollout import RodPhysics, make_rod_rollout
 from app.sim.rods.state import RodState
@@ -38,7 +38,7 @@ TASK: Final = load("rope_push")
 assert TASK.rods is not None
 SCENE: Final = TASK.rods.scene
 SIMULATE: Final = jax.jit(make_rod_rollout(SCENE))
-PLAN: Final = Plan(episodes=10, pushes=6)
+PLAN: Final = PushDesign(episodes=10, pushes=6)
 SEEDS: Final = (0, 77)
 FITTED: Final = {"table_friction": 0.05, "finger_friction": 0.05, "climb": 0.2, "press": 0.2, "margin": 5e-4}
 """Parameters that are fitted, and a small step of each."""
@@ -64,7 +64,7 @@ class Pushes:
 
 
 @cache
-def takes(world: RopeModel, seed: int) -> tuple[Take, ...]:
+def takes(world: RopeModel, seed: int) -> tuple[PushSample, ...]:
     """Random pushes of a nominal world."""
     return tuple(rehearse(TASK, PLAN, ROPE_WORLDS[world], (), seed))
 

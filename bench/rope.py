@@ -18,21 +18,21 @@ from app.discovery.predict import Predictor, Trials, prepare
 from app.discovery.screen import refit
 from app.discovery.study import Push, Study, View
 from app.discovery.subject import Subject, catalogue
-from app.policy.strokes import Plan
+from app.policy.strokes import PushDesign
 from app.rig.simulated.physics import WorldPhysics
-from app.rig.simulated.rehearsal import Look, rehearse
+from app.rig.simulated.rehearsal import StampedSnapshot, rehearse
 from app.sim.materials.base import Material
 from app.sim.materials.elastic import Elastic
-from app.sim.materials.rope import Rope
+from app.sim.materials.rope import RopeMaterial
 from app.sim.scene import Scene
 from app.tasks import load
 from app.tasks.curves import fill_tube
 from app.tasks.doubted import subject_of
 
 SEEDS = (1, 2, 3)
-PLAN = Plan(episodes=3, pushes=6)
+PLAN = PushDesign(episodes=3, pushes=6)
 TASK = load("rope_push")
-ROPE = Rope(fibre_pa=2.5e5, core_m=0.004, yield_strain=0.1)
+ROPE = RopeMaterial(fibre_pa=2.5e5, core_m=0.004, yield_strain=0.1)
 """Yields at the moment at which the world's hinges do: 0.3 mN m, times the task's heft."""
 DAMPING_1_S = 4.0
 """The task's, too. The 20 that it had with the elastic rope are a fifth of the friction that the moving rope feels."""
@@ -55,7 +55,7 @@ def study(seed: int) -> Study:
     return Study(task=TASK.name, pushes=tuple(pushes))
 
 
-def _view(look: Look) -> View:
+def _view(look: StampedSnapshot) -> View:
     points = fill_tube(look.snapshot.nodes, TASK.rope.radius_m, TASK.preset("cpu").particle_count)
     return View(time_s=look.stamp_s, points=points)
 

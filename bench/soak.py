@@ -33,7 +33,7 @@ from app.recording.preflight import Room
 from app.recording.reader import read_messages
 from app.recording.studio import open_studio
 from app.tasks import Task, load
-from app.tasks.base import Wish
+from app.tasks.base import EpisodeConfig
 
 _MINUTES, _RIG, _TASK, _PRESET = 10.0, "rehearsal", "rope_push", "cpu"
 _SAMPLE_S = 10.0
@@ -133,7 +133,7 @@ async def soak(minutes: float, rig_name: str, folder: Path) -> tuple[Soaked, int
     )
     count = task.preset(_PRESET).particle_count
     goal = Goal(id=fresh_id("goal"), time_s=time.monotonic(), positions=await to_thread.run_sync(task.goal, 0, count))
-    wish = Wish(
+    wish = EpisodeConfig(
         task=task,
         preset=_PRESET,
         goal=goal,

@@ -7,7 +7,7 @@ import numpy as np
 from app.config import Site
 from app.core.messages import Executed, Transition, fresh_id
 from app.core.motion import Motion, pointing_down
-from app.core.stage import Block
+from app.core.stage import Obstacle
 from app.core.types import Points
 from app.rig.simulated.rope_world import RopeWorld
 from app.tasks import Task
@@ -27,7 +27,7 @@ class Table:
         self._task = task
         self._particle_count = particle_count
         self._rng = np.random.default_rng([seed, 1])
-        walls = [fixture for fixture in task.stage.fixtures if isinstance(fixture, Block)]
+        walls = [fixture for fixture in task.stage.fixtures if isinstance(fixture, Obstacle)]
         self._world = RopeWorld(task.rope, task.finger, task.start(seed), fixtures=walls)
 
     def observe(self) -> Points:

@@ -18,7 +18,7 @@ from app.core.messages import Model
 from app.core.motion import Motion
 from app.core.types import ColourImage
 from app.evaluation import ledger
-from app.evaluation.play import Order, play
+from app.evaluation.play import EvaluationConfig, play
 from app.evaluation.trial import ALONE, WHOLE
 from app.planner.method import DIPAC, PAPER, Method
 from app.recording.model_file import load_model
@@ -100,7 +100,7 @@ def guided(
 def _seen(method: Method, model: Model, seed: int, camera: int) -> Sequence[ColourImage]:
     """Images of a camera in an episode, before and after each push."""
     task, motions = load(TASK), list[Motion]()
-    order = Order(task=task, preset="cpu", seed=seed, method=method, model=model, online=method.branching)
+    order = EvaluationConfig(task=task, preset="cpu", seed=seed, method=method, model=model, online=method.branching)
     played = play(order, lambda step: motions.append(step.plan.motion))
     if played.failure:
         raise SystemExit(played.failure)

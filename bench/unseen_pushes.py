@@ -19,7 +19,7 @@ from rich.table import Table
 
 from app.core.chamfer import chamfer_m2
 from app.core.limbs import Posture
-from app.core.stage import Block
+from app.core.stage import Obstacle
 from app.core.types import ToolPose
 from app.perception.reconstruct import Known, Reconstructed, reconstruct
 from app.rig.simulated.kinds import kind_of
@@ -111,7 +111,7 @@ def _look(task: Task, snapshot: Snapshot, rng: np.random.Generator, *, board: bo
     stage, arm = task.stage, known_arm(task.stage.tool)
     if board:
         half = (_HALF_BOARD_M, _HALF_BOARD_M, 0.006)
-        over = Block(half_m=half, place_m=(float(snapshot.tool[0]), float(snapshot.tool[1]), _OVER_M))
+        over = Obstacle(half_m=half, place_m=(float(snapshot.tool[0]), float(snapshot.tool[1]), _OVER_M))
         stage = replace(stage, fixtures=(*stage.fixtures, over))
         arm = replace(arm, limbs=(*arm.limbs, *slats(over)))
     frames = photographed(stage, snapshot, rng, time_s=snapshot.time_s)

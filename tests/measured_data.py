@@ -12,7 +12,7 @@ from scipy.spatial.transform import Rotation
 
 from app.core.stage import Finger
 from app.discovery.study import Study
-from app.policy.strokes import Plan
+from app.policy.strokes import PushDesign
 from app.tasks.base import Task
 from bench.hidden.ropes import RopeCase
 from tests.plain_data import offsets_of
@@ -49,7 +49,7 @@ class Place:
 @cache
 def recorded(seed: int, episodes: int = 2, pushes: int = 3) -> tuple[Task, Study]:
     """A rope of drawn size, and pushes of it. Nothing is hidden."""
-    case = RopeCase(seed=seed, plan=Plan(episodes=episodes, pushes=pushes))
+    case = RopeCase(seed=seed, plan=PushDesign(episodes=episodes, pushes=pushes))
     return case.task, case.record()
 
 

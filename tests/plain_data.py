@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from app.core.track import Track
-from app.policy.strokes import Plan, midway_s, random_track
+from app.policy.strokes import PushDesign, midway_s, random_track
 from app.tasks import load
 from app.tasks.curves import fill_tube
 
@@ -25,7 +25,7 @@ def plain_arrays(*, without: tuple[str, ...] = (), points: int = POINTS, seed: i
     for episode in range(EPISODES):
         x = fill_tube(TASK.start(episode), TASK.rope.radius_m, points)
         for push in range(PUSHES):
-            track = random_track(rng, x, Plan(), start_s=now_s + 1.0, height_m=TASK.finger.push_height_m)
+            track = random_track(rng, x, PushDesign(), start_s=now_s + 1.0, height_m=TASK.finger.push_height_m)
             middle_s, end_s = midway_s(track.times_s), float(track.times_s[-1]) + 0.5
             for time_s, phase in ((now_s + 0.5, "before"), (middle_s, "during"), (end_s, "after")):
                 if phase == "during" and "during" in without:

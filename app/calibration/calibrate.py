@@ -7,8 +7,8 @@ from typing import final
 import numpy as np
 from jaxtyping import Float32, Float64
 
-from app.calibration.evidence import Evidence, Predictor
-from app.calibration.fit import Fit, Settings, fit
+from app.calibration.evidence import Evidence, ModelScorer
+from app.calibration.fit import Fit, FitSettings, fit
 from app.core.messages import Model, Parameter, Transition, fresh_id
 from app.sim.parameter import ParameterSpec
 from app.sim.params import PARAMETERS, ROD_PARAMETERS, index, phi_with_nulls
@@ -40,9 +40,9 @@ class Calibrator:
     (`fit_with_offset`).
     """
 
-    predictor: Predictor
+    predictor: ModelScorer
     specs: tuple[ParameterSpec, ...]
-    settings: Settings
+    settings: FitSettings
     offset: ToolOffset | None = None
 
     @property

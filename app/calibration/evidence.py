@@ -72,7 +72,7 @@ class _Part(NamedTuple):
 
 @final
 @dataclass(frozen=True, kw_only=True)
-class Predictor:
+class ModelScorer:
     """Scores models on evidence, `chunk` transitions at a time: one compiled shape for any number of them.
 
     `begin` is asked once for the states that evidence begins with, outside of compiled code: what asks the host for
@@ -111,7 +111,7 @@ class Predictor:
 
 
 @lru_cache(maxsize=2)
-def _parts(predictor: Predictor, evidence: Evidence) -> list[_Part]:
+def _parts(predictor: ModelScorer, evidence: Evidence) -> list[_Part]:
     """Chunks of equal size; the last one is padded by repetitions, whose results are cut off."""
     count, chunk = len(evidence), predictor.chunk
     rows = np.arange(-(-count // chunk) * chunk) % count

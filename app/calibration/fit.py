@@ -47,7 +47,7 @@ _SMALLEST_M = 1e-5
 
 @final
 @dataclass(frozen=True, kw_only=True)
-class Settings:
+class FitSettings:
     """Settings of a fit: `steps` trial steps at most, each a factor `max_factor` at most (on a logarithmic scale).
 
     `trust_factor`: prior standard deviation of the start on a logarithmic scale. Infinite for an arbitrary start;
@@ -132,7 +132,7 @@ class _Objective:
         return np.minimum(1, self.threshold_m / point.r)
 
 
-def fit(slopes: Slopes, start: Vector, specs: Sequence[ParameterSpec], settings: Settings) -> Fit:
+def fit(slopes: Slopes, start: Vector, specs: Sequence[ParameterSpec], settings: FitSettings) -> Fit:
     """Descend from `start` within the parameters' ranges; transitions whose prediction is non-finite are left out.
 
     Raises SimulationError where no transition can be predicted at `start`.
@@ -164,7 +164,7 @@ def fit(slopes: Slopes, start: Vector, specs: Sequence[ParameterSpec], settings:
 
 
 def _descended(
-    slopes: Slopes, start: _Point, trust: float, specs: Sequence[ParameterSpec], settings: Settings
+    slopes: Slopes, start: _Point, trust: float, specs: Sequence[ParameterSpec], settings: FitSettings
 ) -> tuple[_Point, list[Tried]]:
     """The best point of at most `steps` trials from `start`, and all of them, beginning with it."""
     here, damping, trials = start, settings.damping, [Tried(_values(start.u, specs), start.loss_m2)]

@@ -27,14 +27,14 @@ class _Entry(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=Tr
     """A table of the file. A misspelt key is an error: it might have been a limit."""
 
 
-class Box(_Entry, frozen=True):
+class BoxEntry(_Entry, frozen=True):
     """A box between two corners [m]."""
 
     low: Point
     high: Point
 
 
-class Volume(Box, frozen=True):
+class Volume(BoxEntry, frozen=True):
     """A box that the tool's tip may not enter [m]."""
 
     name: str
@@ -53,7 +53,7 @@ class TableEntry(_Entry, frozen=True):
 class Within(_Entry, frozen=True):
     """Limits of the arm in this cell: those of `Limits` at most."""
 
-    workspace: Box
+    workspace: BoxEntry
     keep_out: tuple[Volume, ...] = ()
     speed_m_s: Annotated[float, msgspec.Meta(gt=0, le=_MOST.speed_m_s)] = 0.10
     acceleration_m_s2: Annotated[float, msgspec.Meta(gt=0, le=_MOST.acceleration_m_s2)] = 0.5

@@ -26,7 +26,7 @@ from app.rig.kinova.link import Address
 from app.rig.kinova.shape import known_gen3, tip_m
 from app.rig.realsense.cameras import realsense_cameras
 from app.rig.realsense.mounted import Mounted
-from app.rig.realsense.settings import Settings
+from app.rig.realsense.settings import StreamSettings
 from app.rig.realsense.sources import Live
 
 USER, PASSWORD = "DIPAC_ARM_USER", "DIPAC_ARM_PASSWORD"
@@ -101,7 +101,7 @@ def _mounted(camera: CameraEntry, places: dict[str, HandEye], file: Path) -> Mou
             f"`dipac calibration solve FOLDER -o {file}`.\n"
         )
         return Mounted(name=camera.name, source=Live(serial=camera.serial))
-    return Mounted.calibrated(places[camera.serial], name=camera.name, settings=Settings())
+    return Mounted.calibrated(places[camera.serial], name=camera.name, settings=StreamSettings())
 
 
 def _pictured(tool: Tool, state: ArmState, table: TablePlace) -> ArmShape:

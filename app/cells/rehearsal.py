@@ -23,14 +23,14 @@ from app.rig.kinova.control import taken
 from app.rig.kinova.fake.process import FakeProcess
 from app.rig.kinova.gen3 import GRIPPER_M, Joints, reach_over
 from app.rig.kinova.link import Address
-from app.rig.kinova.seen import Seen
+from app.rig.kinova.seen import ArmFeedback
 from app.rig.realsense.camera import RealSenseCamera
 from app.rig.realsense.cameras import realsense_cameras
 from app.rig.realsense.ladder import Patience
 from app.rig.realsense.mounted import Mounted
 from app.rig.realsense.rendered import Feed, Rendered
-from app.rig.realsense.settings import Settings
-from app.rig.realsense.software import Body
+from app.rig.realsense.settings import StreamSettings
+from app.rig.realsense.software import CameraDescription
 from app.rig.simulated.arm_model import solve_joints
 from app.rig.simulated.cameras import table_cameras
 from app.rig.simulated.held_board import HeldBoard
@@ -87,7 +87,7 @@ class Rehearsal:
 async def _opened(wanted: Wanted) -> AsyncGenerator[Rehearsal]:
     """The opened cell. Raises DeviceError on entry where a process does not start."""
     models = table_cameras()
-    bodies = {model.name: Body.like_d435(model, f"rehearsal-{model.name}") for model in models}
+    bodies = {model.name: CameraDescription.like_d435(model, f"rehearsal-{model.name}") for model in models}
     depth = {model.name: bodies[model.name].depth_view(model) for model in models}
     site = wanted.site
     async with AsyncExitStack() as opened:
@@ -112,7 +112,7 @@ async def _opened(wanted: Wanted) -> AsyncGenerator[Rehearsal]:
                 name=model.name,
                 source=Rendered(body=bodies[model.name], feed=await to_thread.run_sync(Feed, world.images[model.name])),
                 T_world_camera=model.T_world_camera,
-                settings=Settings(width=model.width, height=model.height, warm_up=0),
+                settings=StreamSettings(width=model.width, height=model.height, warm_up=0),
             )
             for model in models
         ]
@@ -128,7 +128,7 @@ def _reached(site: Site, file: Path | None) -> Site:
     return replace(own, limits=replace(own.limits, reach=reach_over(own.table, GRIPPER_M)))
 
 
-def _drawn(seen: Seen) -> Joints:
+def _drawn(seen: ArmFeedback) -> Joints:
     """Joint angles of the drawn arm with its tool at this one's: a Gen3's links are shorter."""
     return solve_joints(seen.tool)
 

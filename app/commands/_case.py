@@ -19,14 +19,14 @@ _UNKNOWN = float("nan")
 
 @final
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Found:
+class DiscoveryResults:
     """Results of a discovery. `asked`: the suggested next push as a motion of the tool, or none."""
 
     verdict: Verdict
     asked: tuple[Motion, ...]
 
 
-def read_case(folder: Path, task: str, site: Site, time_s: float, own_model: bool) -> Found:
+def read_case(folder: Path, task: str, site: Site, time_s: float, own_model: bool) -> DiscoveryResults:
     """The verdict in `folder`, as a message of now; to be run in a process that may load the simulator.
 
     `own_model`: whether the model in use is the one beside it, which the verdict says the errors of.
@@ -59,7 +59,7 @@ def read_case(folder: Path, task: str, site: Site, time_s: float, own_model: boo
         next_push=file.next_push.text if file.next_push else "",
         promised_share=_promised(file.heldout) if own_model else _UNKNOWN,
     )
-    return Found(verdict=verdict, asked=(_asked(file.next_push, task, site),) if file.next_push else ())
+    return DiscoveryResults(verdict=verdict, asked=(_asked(file.next_push, task, site),) if file.next_push else ())
 
 
 def _blamed(cause: "CauseEntry") -> Blamed:

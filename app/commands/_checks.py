@@ -40,7 +40,7 @@ KORTEX = f"not needed, dipac's own client speaks with the arm (docs/kinova.md); 
 
 @final
 @dataclass(frozen=True, kw_only=True)
-class Finding:
+class CheckResult:
     """One row: the thing checked, its state, what was found, and the remedy if it is not ok."""
 
     what: str
@@ -51,14 +51,14 @@ class Finding:
 
 @final
 @dataclass(frozen=True, kw_only=True)
-class Probe:
+class ProbeResult:
     """Result of a probe, or the reason of its failure."""
 
     said: Any = None
     failure: str = ""
 
 
-Check: TypeAlias = Callable[[], list[Finding]]
+Check: TypeAlias = Callable[[], list[CheckResult]]
 
 
 def checks(site: Site) -> tuple[Check, ...]:
@@ -80,157 +80,157 @@ def checks(site: Site) -> tuple[Check, ...]:
     )
 
 
-def _machine() -> list[Finding]:
+def _machine() -> list[CheckResult]:
     version = platform.python_version()
     supported = (3, 11) <= sys.version_info[:2] <= (3, 14)
     memory = psutil.virtual_memory()
     system = " ".join([platform.system(), platform.release(), platform.machine(), *platform.libc_ver()])
     linux = sys.platform == "linux"
     return [
-        Finding(what="dipac", state="ok", found=__version__),
-        Finding(
+        CheckResult(what="dipac", state="ok", found=__version__),
+        CheckResult(
             what="Python",
             state="ok" if supported else "missing",
             found=version,
             mend="" if supported else "make clean setup PYTHON=python3.11",
         ),
-        Finding(
+        CheckResult(
             what="platform",
             state="ok" if linux else "missing",
             found=system.strip(),
             mend="" if linux else "use Linux; nothing else has been tried",
         ),
-        Finding(what="cores", state="ok", found=f"{len(os.sched_getaffinity(0))} of {os.cpu_count()}"),
-        Finding(what="memory", state="ok", found=f"{_size(memory.available)} available of {_size(memory.total)}"),
+        CheckResult(what="cores", state="ok", found=f"{len(os.sched_getaffinity(0))} of {os.cpu_count()}"),
+        CheckResult(what="memory", state="ok", found=f"{_size(memory.available)} available of {_size(memory.total)}"),
     ]
 
 
-def _priority() -> list[Finding]:
+def _priority() -> list[CheckResult]:
     """Check that arm and application may take precedence over other programs."""
     if may_run_in_real_time():
-        return [Finding(what="real-time priority", state="ok", found="allowed")]
+        return [CheckResult(what="real-time priority", state="ok", found="allowed")]
     mend = "arms stop beside busy programs: `USER - rtprio 2` in /etc/security/limits.conf, for whoever starts dipac"
-    return [Finding(what="real-time priority", state="optional", found="not allowed", mend=mend)]
+    return [CheckResult(what="real-time priority", state="optional", found="not allowed", mend=mend)]
 
 
-def _libraries() -> list[Finding]:
+def _libraries() -> list[CheckResult]:
     """Versions of the declared libraries; that the native ones load is for the checks below."""
     try:
         declared = metadata.requires("dipac") or []
     except metadata.PackageNotFoundError:
-        return [Finding(what="installation", state="missing", found="dipac is not installed", mend=SETUP)]
+        return [CheckResult(what="installation", state="missing", found="dipac is not installed", mend=SETUP)]
     return [_library(requirement) for requirement in declared]
 
 
-def _library(requirement: str) -> Finding:
+def _library(requirement: str) -> CheckResult:
     """`requirement` is as in the metadata: `ray>=2.50; extra == "ray"` is of an extra, which most do without."""
     name = re.split(r"[^\w.-]", requirement)[0]
     extra = re.search(r"extra == ['\"]([\w.-]+)", requirement)
     try:
-        return Finding(what=name, state="ok", found=metadata.version(name))
+        return CheckResult(what=name, state="ok", found=metadata.version(name))
     except metadata.PackageNotFoundError:
         if extra:
             mend = f'{EXTRAS[extra[1]]}: .venv/bin/pip install -e ".[{extra[1]}]"'
-            return Finding(what=name, state="optional", found="not installed", mend=mend)
-        return Finding(what=name, state="missing", found="not installed", mend=SETUP)
+            return CheckResult(what=name, state="optional", found="not installed", mend=mend)
+        return CheckResult(what=name, state="missing", found="not installed", mend=SETUP)
 
 
-def _open3d() -> list[Finding]:
+def _open3d() -> list[CheckResult]:
     return [_loads("open3d loads", "from app.core.native import load_open3d; load_open3d()")]
 
 
-def census() -> Probe:
+def census() -> ProbeResult:
     """Census of the RealSense cameras on the bus, as `app.rig.realsense.bus.census` returns it."""
     return _probe(
         "from app.rig.realsense.bus import census\nfrom app.rig.realsense.sdk import Sdk\nsay(census(Sdk.loaded()))"
     )
 
 
-def _realsense() -> list[Finding]:
+def _realsense() -> list[CheckResult]:
     probe = census()
     what = "pyrealsense2 loads"
     if probe.failure:
-        return [Finding(what=what, state="missing", found=probe.failure, mend=SETUP)]
-    loads = Finding(what=what, state="ok", found=f"SDK {probe.said['version']}")
+        return [CheckResult(what=what, state="missing", found=probe.failure, mend=SETUP)]
+    loads = CheckResult(what=what, state="ok", found=f"SDK {probe.said['version']}")
     return [loads, _cameras(probe.said["cameras"], probe.said["warnings"])]
 
 
-def _cameras(cameras: list[str], warnings: list[str]) -> Finding:
+def _cameras(cameras: list[str], warnings: list[str]) -> CheckResult:
     """The RealSense cameras on the bus; one on a slow port works, with smaller images."""
     what = "RealSense cameras"
     if not cameras:
         mend = "plug one into a USB 3 port; not needed for the simulated cell"
-        return Finding(what=what, state="optional", found="0", mend=mend)
+        return CheckResult(what=what, state="optional", found="0", mend=mend)
     found = f"{len(cameras)}: {'; '.join(cameras)}"
-    return Finding(what=what, state="optional" if warnings else "ok", found=found, mend=" ".join(warnings))
+    return CheckResult(what=what, state="optional" if warnings else "ok", found=found, mend=" ".join(warnings))
 
 
-def _opencv() -> list[Finding]:
+def _opencv() -> list[CheckResult]:
     return [_loads("cv2 loads", "import cv2")]
 
 
-def _mujoco() -> list[Finding]:
+def _mujoco() -> list[CheckResult]:
     return [_loads("mujoco loads", "import mujoco")]
 
 
-def _jax() -> list[Finding]:
+def _jax() -> list[CheckResult]:
     code = "import jax; say(', '.join(f'{d.platform}:{d.id} {d.device_kind}' for d in jax.devices()))"
     return [_loads("JAX devices", code)]
 
 
-def _warp() -> list[Finding]:
+def _warp() -> list[CheckResult]:
     code = (
         "import warp; warp.config.quiet = True; warp.init(); say({'cache': warp.config.kernel_cache_dir, "
         "'devices': ', '.join(f'{d.alias} {d.name}' for d in warp.get_devices())})"
     )
     probe = _probe(code)
     if probe.failure:
-        return [Finding(what="Warp devices", state="missing", found=probe.failure, mend=SETUP)]
+        return [CheckResult(what="Warp devices", state="missing", found=probe.failure, mend=SETUP)]
     return [
-        Finding(what="Warp devices", state="ok", found=str(probe.said["devices"])),
+        CheckResult(what="Warp devices", state="ok", found=str(probe.said["devices"])),
         _kernels(Path(probe.said["cache"])),
     ]
 
 
-def _kernels(cache: Path) -> Finding:
+def _kernels(cache: Path) -> CheckResult:
     """Warp names a compiled module's folder after the module: ours contain `dipac` or start with `app`."""
     ours = [folder for folder in cache.glob("wp_*") if re.match(r"wp_(app\.|.*dipac)", folder.name)]
     if not ours:
         mend = "the first run compiles them, in a minute or two"
-        return Finding(what="compiled kernels", state="optional", found=f"none in {cache}", mend=mend)
+        return CheckResult(what="compiled kernels", state="optional", found=f"none in {cache}", mend=mend)
     size = sum(file.stat().st_size for folder in ours for file in folder.rglob("*") if file.is_file())
-    return Finding(what="compiled kernels", state="ok", found=f"{len(ours)} modules, {_size(size)} in {cache}")
+    return CheckResult(what="compiled kernels", state="ok", found=f"{len(ours)} modules, {_size(size)} in {cache}")
 
 
-def _kortex() -> list[Finding]:
+def _kortex() -> list[CheckResult]:
     """The client that speaks with a Kinova arm; Kinova's own is not on PyPI."""
-    used = Finding(what="Kinova client", state="ok", found=f"{DEFAULT} (of {', '.join(CLIENTS)})")
+    used = CheckResult(what="Kinova client", state="ok", found=f"{DEFAULT} (of {', '.join(CLIENTS)})")
     try:
-        return [used, Finding(what="kortex_api", state="ok", found=metadata.version("kortex_api"))]
+        return [used, CheckResult(what="kortex_api", state="ok", found=metadata.version("kortex_api"))]
     except metadata.PackageNotFoundError:
-        return [used, Finding(what="kortex_api", state="optional", found="not installed", mend=KORTEX)]
+        return [used, CheckResult(what="kortex_api", state="optional", found="not installed", mend=KORTEX)]
 
 
-def _chromium() -> list[Finding]:
+def _chromium() -> list[CheckResult]:
     path = next(filter(None, map(shutil.which, ("chromium", "chromium-browser", "google-chrome"))), None)
     mend = "" if path else "apt-get install chromium; only the browser tests need it"
-    return [Finding(what="Chromium", state="ok" if path else "optional", found=path or "not found", mend=mend)]
+    return [CheckResult(what="Chromium", state="ok" if path else "optional", found=path or "not found", mend=mend)]
 
 
-def _recordings(site: Site) -> list[Finding]:
+def _recordings(site: Site) -> list[CheckResult]:
     folder = site.recordings.absolute()
     there = next(place for place in (folder, *folder.parents) if place.exists())
     writable = there.is_dir() and os.access(there, os.W_OK | os.X_OK)
     free = shutil.disk_usage(there).free
     enough = free >= site.min_free_bytes
     return [
-        Finding(
+        CheckResult(
             what="recordings",
             state="ok" if writable else "missing",
             found=f"{folder} {'is' if writable else 'is not'} writable",
             mend="" if writable else f"chmod u+w {there}, or choose another folder with --recordings",
         ),
-        Finding(
+        CheckResult(
             what="free disk",
             state="ok" if enough else "missing",
             found=_size(free),
@@ -239,7 +239,7 @@ def _recordings(site: Site) -> list[Finding]:
     ]
 
 
-def _port(site: Site) -> list[Finding]:
+def _port(site: Site) -> list[CheckResult]:
     address = f"{site.console_host}:{site.console_port}"
     with socket.socket() as listening:
         listening.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
@@ -247,18 +247,18 @@ def _port(site: Site) -> list[Finding]:
             listening.bind((site.console_host, site.console_port))
         except OSError as error:
             mend = "end what uses it (ss -ltnp shows it), or choose another with --port"
-            return [Finding(what="console port", state="missing", found=f"{address}: {error.strerror}", mend=mend)]
-    return [Finding(what="console port", state="ok", found=f"{address} is free")]
+            return [CheckResult(what="console port", state="missing", found=f"{address}: {error.strerror}", mend=mend)]
+    return [CheckResult(what="console port", state="ok", found=f"{address} is free")]
 
 
-def _loads(what: str, code: str) -> Finding:
+def _loads(what: str, code: str) -> CheckResult:
     probe = _probe(code)
     if probe.failure:
-        return Finding(what=what, state="missing", found=probe.failure, mend=SETUP)
-    return Finding(what=what, state="ok", found=str(probe.said or "yes"))
+        return CheckResult(what=what, state="missing", found=probe.failure, mend=SETUP)
+    return CheckResult(what=what, state="ok", found=str(probe.said or "yes"))
 
 
-def _probe(code: str) -> Probe:
+def _probe(code: str) -> ProbeResult:
     """Run `code` in a process of its own, which a broken native library may take down.
 
     In the code, `say(value)` reports a value that JSON can carry.
@@ -269,13 +269,13 @@ def _probe(code: str) -> Probe:
             [sys.executable, "-c", program], capture_output=True, text=True, timeout=PROBE_TIMEOUT_S
         )
     except subprocess.TimeoutExpired:
-        return Probe(failure=f"no answer in {PROBE_TIMEOUT_S:.0f} s")
+        return ProbeResult(failure=f"no answer in {PROBE_TIMEOUT_S:.0f} s")
     if result.returncode < 0:
-        return Probe(failure=f"crashed with {signal.Signals(-result.returncode).name}")
+        return ProbeResult(failure=f"crashed with {signal.Signals(-result.returncode).name}")
     if result.returncode > 0:
-        return Probe(failure=(result.stderr.strip().splitlines() or ["failed without a word"])[-1])
+        return ProbeResult(failure=(result.stderr.strip().splitlines() or ["failed without a word"])[-1])
     last = (result.stdout.strip().splitlines() or ["null"])[-1]
-    return Probe(said=json.loads(last) if "say(" in code else None)
+    return ProbeResult(said=json.loads(last) if "say(" in code else None)
 
 
 def _size(count: int) -> str:

@@ -16,7 +16,7 @@ from rich.text import Text
 from app.cells import load as load_cell
 from app.cells.base import Wanted
 from app.commands._audience import Audience
-from app.commands._case import MODEL, Found, read_case
+from app.commands._case import MODEL, DiscoveryResults, read_case
 from app.commands._cell import cell
 from app.commands._clock import SystemClock
 from app.commands._goal import read_goal
@@ -42,9 +42,9 @@ from app.flow import Flow
 from app.planner.method import Method
 from app.recording.model_file import load_model
 from app.recording.preflight import Room
-from app.recording.studio import Studio, open_studio
+from app.recording.studio import SessionRecorder, open_studio
 from app.tasks import Task, load
-from app.tasks.base import Experiment, Wish
+from app.tasks.base import EpisodeConfig, Experiment
 from app.tasks.goals import goal_of
 from app.tasks.jobs import check_model, choose_preset, shown_goal
 from app.tasks.probed import probed_subject
@@ -60,7 +60,7 @@ PLANNER_NICENESS = 10
 
 @final
 @dataclass(frozen=True, kw_only=True)
-class Order:
+class RunOptions:
     """Request of the command line for the task `asked`.
 
     `case`: a folder that a discovery wrote; `board`: a calibration board is in the gripper.
@@ -117,13 +117,13 @@ class Order:
 
 @final
 @dataclass(frozen=True, kw_only=True)
-class Report:
+class EpisodeReport:
     """Result of an episode.
 
     `recorded` counts the messages in the recording; `failure` is the error that ended the episode early, if one did.
     """
 
-    order: Order
+    order: RunOptions
     rig: str
     summary: Summary
     recording: Path
@@ -156,7 +156,7 @@ class Report:
         return json.dumps(row, indent=2)
 
 
-async def episode(order: Order, output: Output) -> Report:
+async def episode(order: RunOptions, output: Output) -> EpisodeReport:
     """Run one episode to its end.
 
     What is wrong with the order or the machine is raised before anything moves; what fails later is in the report.
@@ -201,7 +201,7 @@ async def episode(order: Order, output: Output) -> Report:
                     audience = Audience(console, terminal)
                     audience.show(start)
                     summary, failure = await _run(wish, site, rig, audience, recorder, planner, shelf)
-    return Report(
+    return EpisodeReport(
         order=order,
         rig=rig.name,
         summary=summary,
@@ -211,11 +211,13 @@ async def episode(order: Order, output: Output) -> Report:
     )
 
 
-async def _doubted(wish: Wish, order: Order, site: Site, planner: Worker) -> Wish:
+async def _doubted(wish: EpisodeConfig, order: RunOptions, site: Site, planner: Worker) -> EpisodeConfig:
     """The configuration with the model's and the case's corrections. Raises ParameterError, which names the file."""
     if order.case:
         own = order.options.model is None
-        case: Found = await planner.run(read_case, order.case, recorded(order.task), site, time.monotonic(), own)
+        case: DiscoveryResults = await planner.run(
+            read_case, order.case, recorded(order.task), site, time.monotonic(), own
+        )
         wish = replace(wish, verdict=case.verdict, asked=case.asked)
     if order.options.asked:
         asked = await planner.run(motions_in, order.options.asked, recorded(order.task), order.task, site)
@@ -240,7 +242,13 @@ def _announced_if_interrupted(output: Output, recording: Path) -> Generator[None
 
 
 async def _run(
-    wish: Wish, site: Site, rig: Rig, audience: Audience, recorder: Studio, planner: Worker, shelf: CameraShelf
+    wish: EpisodeConfig,
+    site: Site,
+    rig: Rig,
+    audience: Audience,
+    recorder: SessionRecorder,
+    planner: Worker,
+    shelf: CameraShelf,
 ) -> tuple[Summary, DipacError | None]:
     flow = Flow(
         wish,
@@ -262,7 +270,7 @@ async def _run(
         return flow.summary, error
 
 
-def _wish(task: Task, order: Order, preset: str, method: Method) -> Wish:
+def _wish(task: Task, order: RunOptions, preset: str, method: Method) -> EpisodeConfig:
     """Reads the goal and the model from their files where the order names some."""
     now_s = time.monotonic()
     particle_count = task.preset(preset).particle_count
@@ -274,7 +282,7 @@ def _wish(task: Task, order: Order, preset: str, method: Method) -> Wish:
     else:
         positions = task.goal(options.seed, particle_count)
     model = load_model(order.model, task=task.name, time_s=now_s) if order.model else None
-    return Wish(
+    return EpisodeConfig(
         task=task,
         preset=preset,
         goal=Goal(id=fresh_id("goal"), time_s=now_s, positions=positions),
@@ -306,7 +314,7 @@ def _take_bytes(site: Site) -> int:
     return round(_LONGEST_TAKE_S * site.recording_bytes_s)
 
 
-def _start(order: Order, preset: str) -> Episode:
+def _start(order: RunOptions, preset: str) -> Episode:
     table = order.options.site().table
     config = asdict(order) | {"task": order.task, "preset": preset, "table": asdict(table)}
     return Episode(

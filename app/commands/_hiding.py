@@ -20,14 +20,14 @@ from app.core.errors import RecordingError
 from app.core.messages import Episode, Executed, Frame, Message, MessageId, Particles, Sighting, Transition
 from app.perception.reconstruct import reconstruct
 from app.perception.surroundings import table_points, tool_points
-from app.policy.strokes import Plan
+from app.policy.strokes import PushDesign
 from app.recording.epoch import Epoch
 from app.recording.file import EpisodeFile
 from app.rig.simulated.cameras import CameraNoise
-from app.rig.simulated.eyes import Eyes
+from app.rig.simulated.eyes import SimulatedCameras
 from app.rig.simulated.hidden.base import Injected
 from app.rig.simulated.physics import WorldPhysics
-from app.rig.simulated.rehearsal import Look, Take, rehearse
+from app.rig.simulated.rehearsal import PushSample, StampedSnapshot, rehearse
 from app.tasks.base import Task
 
 Some: TypeAlias = Float32[np.ndarray, "_ 3"]
@@ -44,11 +44,11 @@ _NOBODY: Final = MessageId("rehearsed")
 
 @final
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Session:
+class PushRecordingConfig:
     """Random pushes to be recorded, and the folder for them; `cameras`: their number, with `noise`."""
 
     task: Task
-    plan: Plan
+    plan: PushDesign
     physics: WorldPhysics
     hidden: tuple[Injected, ...]
     seed: int
@@ -78,7 +78,7 @@ class Stopwatch:
             self.spent_s[part] = self.spent_s.get(part, 0.0) + time.perf_counter() - began_s
 
 
-def record(session: Session, watch: Stopwatch) -> Iterator[Path]:
+def record(session: PushRecordingConfig, watch: Stopwatch) -> Iterator[Path]:
     """Rehearse and write everything; after each push, the recording that it stands in.
 
     Raises PerceptionError where the object cannot be seen any more, RecordingError where a file cannot be written.
@@ -104,7 +104,7 @@ def record(session: Session, watch: Stopwatch) -> Iterator[Path]:
         _close(file)
 
 
-def begun_file(session: Session, episode: int, time_s: float) -> EpisodeFile:
+def begun_file(session: PushRecordingConfig, episode: int, time_s: float) -> EpisodeFile:
     """A new file with its first message, which says no more than any episode of a simulated cell would."""
     first = Episode(
         id=MessageId(f"episode-{episode:06d}"),
@@ -130,17 +130,19 @@ def _close(file: EpisodeFile | None) -> None:
 class Scribe:
     """Says what cameras and encoders say of a push."""
 
-    def __init__(self, session: Session, watch: Stopwatch) -> None:
+    def __init__(self, session: PushRecordingConfig, watch: Stopwatch) -> None:
         self._watch, self._pushes, self._finger = watch, session.plan.pushes, session.task.finger
-        self._eyes = Eyes(session.task.stage, session.hidden, session.seed, count=session.cameras, noise=session.noise)
+        self._eyes = SimulatedCameras(
+            session.task.stage, session.hidden, session.seed, count=session.cameras, noise=session.noise
+        )
         self._how = session.task.reconstruction(_PRESET)
 
-    def told(self, take: Take, number: int) -> list[Message]:
+    def told(self, take: PushSample, number: int) -> list[Message]:
         """The messages of push `number` in their order: seen, made, seen, learnt. The first ones bring images."""
         before, messages = self.before(take.before, number)
         return [*messages, *self.after(before, take, number)]
 
-    def before(self, look: Look, number: int) -> tuple[Particles, list[Message]]:
+    def before(self, look: StampedSnapshot, number: int) -> tuple[Particles, list[Message]]:
         """The object before push `number`, and all messages of then."""
         before, images = self._seen(look, _LOOKS * number)
         first = number % self._pushes == 0
@@ -149,7 +151,7 @@ class Scribe:
         shown: list[Message] = [*images] if first else []
         return before, [*shown, before, _sighting(before, tool=_nothing(), table=table)]
 
-    def after(self, before: Particles, take: Take, number: int) -> list[Message]:
+    def after(self, before: Particles, take: PushSample, number: int) -> list[Message]:
         """Messages observed and measured of push `number` once it is made."""
         during, views = self._seen(take.during, _LOOKS * number + 1)
         after, _ = self._seen(take.after, _LOOKS * number + 2)
@@ -165,7 +167,7 @@ class Scribe:
             Transition.between(before, executed, after, named=MessageId(f"transition-{number:06d}")),
         ]
 
-    def _seen(self, look: Look, number: int) -> tuple[Particles, list[Frame]]:
+    def _seen(self, look: StampedSnapshot, number: int) -> tuple[Particles, list[Frame]]:
         with self._watch.on("images"):
             frames = self._eyes.look(look.snapshot, stamp_s=look.stamp_s, number=number)
         with self._watch.on("particles"):
@@ -187,7 +189,7 @@ def _sighting(particles: Particles, *, tool: Some, table: Some) -> Sighting:
     return Sighting(id=identity, cause=particles.cause, time_s=particles.time_s, tool=tool, table=table)
 
 
-def _executed(take: Take, number: int, before: Particles) -> Executed:
+def _executed(take: PushSample, number: int, before: Particles) -> Executed:
     return Executed(
         id=MessageId(f"executed-{number:06d}"),
         cause=(before.id,),

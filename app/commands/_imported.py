@@ -12,7 +12,7 @@ from app.core.measured_setup import KEY, MeasuredSetup
 from app.core.messages import Episode, Executed, Message, MessageId, Particles, Sighting, Transition, fresh_id
 from app.core.track import poses_at
 from app.perception.recount import recounted
-from app.recording.plain import Plain, PlainEpisode, Sight
+from app.recording.plain import Plain, PlainEpisode, PlainObservation
 
 NOBODY: Final = MessageId("imported")
 """Stands for the approval that imported motions did not have."""
@@ -54,7 +54,7 @@ def imported_messages(
             yield from _made(episode, seen)
 
 
-def _particles(sight: Sight, count: int) -> Particles:
+def _particles(sight: PlainObservation, count: int) -> Particles:
     return Particles(
         id=fresh_id("particles"),
         time_s=sight.time_s,

@@ -18,7 +18,7 @@ from app.core.tool_surface import ToolView, fitted_tool
 from app.core.track import poses_at
 from app.core.types import Poses
 from app.perception.table_plane import TablePlane, plane_of_clouds, plane_of_points
-from app.recording.plain import Plain, PlainEpisode, Sight
+from app.recording.plain import Plain, PlainEpisode, PlainObservation
 from app.recording.plain_checks import half_sides
 from app.sim.rods.rope_size import rope_size
 from app.tasks import load
@@ -298,22 +298,22 @@ def _volume_m3(length_m: float, radius_m: float) -> float:
     return pi * radius_m**2 * length_m
 
 
-def _pushes(plain: Plain) -> list[tuple[PlainEpisode, tuple[Sight, ...]]]:
+def _pushes(plain: Plain) -> list[tuple[PlainEpisode, tuple[PlainObservation, ...]]]:
     return [(episode, push) for episode in plain.episodes for push in episode.pushes]
 
 
-def _poses(episode: PlainEpisode, sights: Sequence[Sight]) -> Poses:
+def _poses(episode: PlainEpisode, sights: Sequence[PlainObservation]) -> Poses:
     """Poses of a push, as measured if they were."""
     first, last = sights[0].time_s, sights[-1].time_s
     measured = episode.state.between(first, last) if episode.state is not None else None
     return (measured if measured is not None and len(measured.times_s) else episode.command.between(first, last)).poses
 
 
-def _lowest_m(episode: PlainEpisode, sights: Sequence[Sight]) -> float:
+def _lowest_m(episode: PlainEpisode, sights: Sequence[PlainObservation]) -> float:
     return float(_poses(episode, sights)[:, 2].min())
 
 
-def _low_poses(episode: PlainEpisode, sights: Sequence[Sight]) -> Poses:
+def _low_poses(episode: PlainEpisode, sights: Sequence[PlainObservation]) -> Poses:
     poses = _poses(episode, sights)
     return poses[poses[:, 2] <= poses[:, 2].min() + 0.004]
 

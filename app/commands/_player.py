@@ -22,7 +22,7 @@ from app.core.worker import Worker
 from app.recording.timeline import Timeline, open_timeline
 from app.ui.console import Console, open_console
 from app.ui.player import FASTEST, Player, Reel
-from app.ui.replanning import Order, Replanned, rows
+from app.ui.replanning import Replanned, ReplanRequest, rows
 from app.ui.terminal import Output
 
 _NICENESS = 10
@@ -30,11 +30,11 @@ _NICENESS = 10
 _PERIOD_S = 1 / 15
 _ASKED_PERIOD_S = 0.1
 
-Plan: TypeAlias = Callable[[Order, Callable[[str], None]], Awaitable[Replanned]]
+Plan: TypeAlias = Callable[[ReplanRequest, Callable[[str], None]], Awaitable[Replanned]]
 """Function that makes the plan of an order, and reports progress."""
 
 
-class Film(Protocol):
+class Playable(Protocol):
     """Interface of a recording that a player needs; see `Timeline`."""
 
     def at(self, time_s: float) -> list[Message]:
@@ -73,7 +73,7 @@ async def compare(file: Path, output: Output, *, at_s: float, model: str) -> Non
                 f"--at = {at_s:g} is after the end of {file}, which is {timeline.duration_s:.2f} s long."
             )
         with output.status("planning") as status:
-            found = await replanned(planner, timeline, Order(time_s=at_s, path=model), status.update)
+            found = await replanned(planner, timeline, ReplanRequest(time_s=at_s, path=model), status.update)
     table = Table("", "then", "planned again")
     for row in rows(found):
         table.add_row(*row)
@@ -105,7 +105,7 @@ def reel(timeline: Timeline) -> Reel:
     )
 
 
-async def show(player: Player, film: Film, console: Console, plan: Plan) -> None:
+async def show(player: Player, film: Playable, console: Console, plan: Plan) -> None:
     """Show the player's position, and serve its requests, for ever."""
     async with anyio.create_task_group() as tasks:
         tasks.start_soon(_play, player, film, console)
@@ -113,7 +113,7 @@ async def show(player: Player, film: Film, console: Console, plan: Plan) -> None
         tasks.start_soon(_listen, console)
 
 
-async def _play(player: Player, film: Film, console: Console) -> None:
+async def _play(player: Player, film: Playable, console: Console) -> None:
     shown_s, last_s = 0.0, time.monotonic()
     while True:
         now_s = time.monotonic()

@@ -7,7 +7,7 @@ from typing import final
 
 import numpy as np
 
-from app.commands._hiding import Scribe, Session, Stopwatch, begun_file
+from app.commands._hiding import PushRecordingConfig, Scribe, Stopwatch, begun_file
 from app.config import Site
 from app.core.errors import PlanningError, RecordingError, UsageError
 from app.core.messages import Message, Particles, Transition
@@ -18,7 +18,7 @@ from app.discovery.probe_pushes import Probe
 from app.discovery.study import Push, Study, View
 from app.perception.recount import recounted
 from app.recording.file import EpisodeFile
-from app.rig.simulated.rehearsal import Look, Rehearsal, Take
+from app.rig.simulated.rehearsal import PushSample, PushSession, StampedSnapshot
 from app.tasks.base import Task
 from app.tasks.probed import belief, next_probe, probe_motion, probed_subject, refusal
 
@@ -36,7 +36,7 @@ class ProbedCell:
 
     def __init__(
         self,
-        session: Session,
+        session: PushRecordingConfig,
         task: Task,
         *,
         site: Site,
@@ -46,7 +46,7 @@ class ProbedCell:
         self.session = session
         self._task, self._site, self._approve, self._asked = task, site, approve, list(asked)
         self._count = probed_subject(task).particle_count
-        self._world = Rehearsal(session.task, session.plan, session.physics, session.hidden, session.seed)
+        self._world = PushSession(session.task, session.plan, session.physics, session.hidden, session.seed)
         self._scribe = Scribe(session, Stopwatch())
         self._made, self._draws = list[Push](), 0
 
@@ -73,7 +73,7 @@ class ProbedCell:
             if file is not None:
                 file.close()
 
-    def _push(self, file: EpisodeFile, look: Look, held: Belief) -> Belief:
+    def _push(self, file: EpisodeFile, look: StampedSnapshot, held: Belief) -> Belief:
         """See, choose, ask, make, see; the belief once this push is expected."""
         number, episode = self._world.number, self._world.episode
         before, messages = self._scribe.before(look, number)
@@ -137,7 +137,7 @@ class ProbedCell:
     def _view(self, particles: Particles) -> View:
         return View(time_s=particles.time_s, points=recounted(particles.positions, self._count))
 
-    def _seen_push(self, before: View, take: Take, told: Sequence[Message]) -> Push:
+    def _seen_push(self, before: View, take: PushSample, told: Sequence[Message]) -> Push:
         during, after = (message for message in told if isinstance(message, Particles))
         assert any(isinstance(message, Transition) for message in told)
         return Push(
@@ -155,11 +155,11 @@ def recommended(task: Task, study: Study, held: Belief, count: int, *, seed: int
 
     Raises PlanningError where not one may be made; fewer are given where the rope would then leave the table.
     """
-    from app.policy.strokes import Plan
+    from app.policy.strokes import PushDesign
 
     last = study.pushes[-1]
     measured = all(push.measured is not None for push in study.pushes)
-    plan = Plan(measured=measured, during=all(push.during for push in study.pushes))
+    plan = PushDesign(measured=measured, during=all(push.during for push in study.pushes))
     seen, made, found = last.after, list(study.pushes), list[Probe]()
     for number in range(count):
         try:

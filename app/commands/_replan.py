@@ -20,15 +20,15 @@ from app.planner.method import PAPER, Method
 from app.recording.model_file import load_model
 from app.recording.timeline import Timeline
 from app.tasks import Task, load
-from app.tasks.base import Wish
+from app.tasks.base import EpisodeConfig
 from app.tasks.jobs import check_model, choose_preset, nominal_model, plan, warm_up_stage, warm_up_stages
 from app.ui.board import Board
-from app.ui.replanning import AS_RECORDED, Order, Replanned
+from app.ui.replanning import AS_RECORDED, Replanned, ReplanRequest
 
 
 @final
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Moment:
+class RecordedState:
     """State of a session at some time. `then`: the plan that was up or being executed, or else the next one."""
 
     time_s: float
@@ -55,7 +55,7 @@ class Moment:
         return cast(dict[str, Any], said) if isinstance(said, dict) else {}
 
 
-def moment(timeline: Timeline, time_s: float) -> Moment:
+def moment(timeline: Timeline, time_s: float) -> RecordedState:
     """State at `time_s` [s]. Raises UsageError if that is too little to plan with."""
     board = reduce(Board.after, timeline.at(time_s), Board(replay=True))
     lacking = [name for name, seen in (("object", board.particles), ("goal", board.goal)) if seen is None]
@@ -64,7 +64,7 @@ def moment(timeline: Timeline, time_s: float) -> Moment:
             f"At {time_s:.2f} s of {timeline.path} no {' and no '.join(lacking)} had been seen, so that nothing can be "
             "planned; choose a later moment, or a recording that has them."
         )
-    return Moment(
+    return RecordedState(
         time_s=timeline.clock(time_s),
         episode=timeline.episode(time_s),
         particles=board.particles,
@@ -80,7 +80,9 @@ def model_names(timeline: Timeline) -> dict[str, Model]:
     return {f"{number}: version {model.version}": model for number, model in enumerate(timeline.models, start=1)}
 
 
-async def replanned(planner: Worker, timeline: Timeline, order: Order, said: Callable[[str], None]) -> Replanned:
+async def replanned(
+    planner: Worker, timeline: Timeline, order: ReplanRequest, said: Callable[[str], None]
+) -> Replanned:
     """Plan the moment of `order` again, in the process `planner`; `said` is called with progress.
 
     Raises UsageError where that moment cannot be planned, and what loading the model and `app.tasks.jobs.plan` raise.
@@ -93,7 +95,7 @@ async def replanned(planner: Worker, timeline: Timeline, order: Order, said: Cal
     method = Method.named(str(seen.options.get("planner") or PAPER), seen.options.get("ablation"))
     if policy := seen.options.get("policy"):
         method = await to_thread.run_sync(guided, method, Path(str(policy)), task.name)
-    wish = Wish(
+    wish = EpisodeConfig(
         task=task,
         preset=preset,
         goal=seen.goal,
@@ -115,7 +117,7 @@ async def replanned(planner: Worker, timeline: Timeline, order: Order, said: Cal
     return Replanned(then=seen.then, again=again, model=called)
 
 
-async def _preset(planner: Worker, task: Task, seen: Moment) -> str:
+async def _preset(planner: Worker, task: Task, seen: RecordedState) -> str:
     """Preset of the episode; if unknown, one for so many particles, and of several the one for this machine.
 
     Raises UsageError where there is none.
@@ -134,7 +136,7 @@ async def _preset(planner: Worker, task: Task, seen: Moment) -> str:
     return best if best in fitting else fitting[0]
 
 
-async def _model(planner: Worker, timeline: Timeline, order: Order, seen: Moment) -> tuple[Model, str]:
+async def _model(planner: Worker, timeline: Timeline, order: ReplanRequest, seen: RecordedState) -> tuple[Model, str]:
     """The model to plan with, and its name. Raises UsageError, RecordingError or ParameterError."""
     if order.path:
         path = Path(order.path)
@@ -157,7 +159,7 @@ def _sendable(model: Model) -> Model:
     return replace(model, extension=replace(model.extension, recordings=dict(model.extension.recordings)))
 
 
-def _site(seen: Moment) -> Site:
+def _site(seen: RecordedState) -> Site:
     """The default site with the speed that was allowed then."""
     speed = seen.options.get("speed")
     most = Limits().speed_m_s

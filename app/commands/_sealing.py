@@ -7,26 +7,26 @@ from pathlib import Path
 from typing import Any
 
 from app import __version__
-from app.commands._hiding import Session
+from app.commands._hiding import PushRecordingConfig
 from app.commands._preflight import unwritable
 from app.core.errors import UsageError
-from app.rig.simulated.hiding import Wish, described
+from app.rig.simulated.hiding import InjectionRequest, described
 from app.rig.simulated.physics import WorldPhysics
 from app.rig.simulated.rehearsal import first_end
 
 
-def wish_of(text: str) -> Wish:
+def wish_of(text: str) -> InjectionRequest:
     """Parse EFFECT or EFFECT=SIZE. Raises UsageError if SIZE is no number."""
     name, equals, size = text.partition("=")
     try:
-        return Wish(name, float(size) if equals else None)
+        return InjectionRequest(name, float(size) if equals else None)
     except ValueError:
         raise UsageError(
             f"{text!r} has no number after its =; write EFFECT or EFFECT=SIZE, such as table_tilt=1.5."
         ) from None
 
 
-def truth_of(session: Session, episodes: int | None = None) -> dict[str, Any]:
+def truth_of(session: PushRecordingConfig, episodes: int | None = None) -> dict[str, Any]:
     """Truth that the solver must not know. `episodes`: number recorded, if fewer than planned."""
     made = session.plan.episodes if episodes is None else episodes
     physics, paths = session.physics, [session.path(episode) for episode in range(made)]

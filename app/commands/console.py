@@ -7,7 +7,7 @@ import anyio
 import tyro
 from rich.text import Text
 
-from app.commands._episode import Order, episode
+from app.commands._episode import RunOptions, episode
 from app.commands._options import Options
 from app.ui.terminal import Output
 
@@ -40,7 +40,9 @@ def console(
     Where the goal is reached, or --pushes motions are made, it waits for another goal or mode.
     """
     output = Output()
-    order = Order(asked=task, options=options, automatic=False, case=case, board=board, allow_automatic=allow_automatic)
+    order = RunOptions(
+        asked=task, options=options, automatic=False, case=case, board=board, allow_automatic=allow_automatic
+    )
     report = anyio.run(episode, order, output)
     output.print(Text(f"Recording: {report.recording}"), soft_wrap=True)
     if report.failure is not None:

@@ -11,7 +11,7 @@ from rich.markup import escape
 from rich.progress import track
 from rich.table import Table
 
-from app.commands._checks import Check, Finding, State, checks
+from app.commands._checks import Check, CheckResult, State, checks
 from app.config import Site
 from app.core.errors import PreflightError
 
@@ -46,7 +46,7 @@ def doctor(
         raise PreflightError(f"{len(missing)} required: {', '.join(finding.what for finding in missing)}.")
 
 
-def _examine(site: Site, cell: Path | None) -> list[Finding]:
+def _examine(site: Site, cell: Path | None) -> list[CheckResult]:
     todo = (*checks(site), *(_of_cell(cell) if cell else ()))
     with ThreadPoolExecutor(max_workers=_AT_ONCE) as pool:
         results = pool.map(_carry_out, todo)
@@ -67,15 +67,15 @@ def _of_cell(file: Path) -> tuple[Check, ...]:
     return cell_checks(file)
 
 
-def _carry_out(check: Check) -> list[Finding]:
+def _carry_out(check: Check) -> list[CheckResult]:
     return check()
 
 
-def _missing(findings: list[Finding]) -> list[Finding]:
+def _missing(findings: list[CheckResult]) -> list[CheckResult]:
     return [finding for finding in findings if finding.state == "missing"]
 
 
-def _table(findings: list[Finding]) -> Table:
+def _table(findings: list[CheckResult]) -> Table:
     table = Table("what", "state", "found", box=None, header_style="bold")
     table.columns[0].no_wrap = True
     table.columns[2].overflow = "fold"
@@ -84,7 +84,7 @@ def _table(findings: list[Finding]) -> Table:
     return table
 
 
-def _print(findings: list[Finding], output: Console) -> None:
+def _print(findings: list[CheckResult], output: Console) -> None:
     """The table; what mends each row stands below it unwrapped, to be copied."""
     output.print(_table(findings))
     for finding in findings:

@@ -7,14 +7,14 @@ from typing import Annotated
 import tyro
 from rich.console import Console
 
-from app.commands._hiding import Session, Stopwatch, record
+from app.commands._hiding import PushRecordingConfig, Stopwatch, record
 from app.commands._progress import counting
 from app.commands._sealing import seal, truth_of, wish_of
 from app.config import Site
 from app.core.errors import UsageError
 from app.core.stage import Rope, RopeModel
 from app.core.task_name import TaskName, recorded
-from app.policy.strokes import Plan
+from app.policy.strokes import PushDesign
 from app.recording.preflight import Room, check_folder
 from app.rig.simulated.cameras import CameraNoise
 from app.rig.simulated.hiding import check_world, draw, mistuned
@@ -56,9 +56,9 @@ def hide(
     hidden = draw([wish_of(text) for text in effects], seed)
     check_world(hidden, world)
     _check_places(output, sealed)
-    session = Session(
+    session = PushRecordingConfig(
         task=known,
-        plan=Plan(episodes=episodes, pushes=pushes),
+        plan=PushDesign(episodes=episodes, pushes=pushes),
         physics=physics,
         hidden=hidden,
         seed=seed,
@@ -110,7 +110,7 @@ def _check_places(output: Path, sealed: Path) -> None:
     check_folder(output, Room(min_free_bytes=Site().min_free_bytes))
 
 
-def _record(terminal: Console, session: Session, watch: Stopwatch) -> None:
+def _record(terminal: Console, session: PushRecordingConfig, watch: Stopwatch) -> None:
     total = session.plan.episodes * session.plan.pushes
     with counting(terminal) as progress:
         bar = progress.add_task("pushes", total=total)

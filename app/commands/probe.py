@@ -8,7 +8,7 @@ import tyro
 from rich.console import Console
 from rich.prompt import Confirm
 
-from app.commands._hiding import Session
+from app.commands._hiding import PushRecordingConfig
 from app.commands._named import full_name
 from app.commands._preflight import make_folder
 from app.commands._probing import ProbedCell, believed_of, recommended
@@ -19,7 +19,7 @@ from app.commands._study import read_study
 from app.config import Site
 from app.core.errors import UsageError
 from app.discovery.probe import belief_words, stop_of, stop_words
-from app.policy.strokes import Plan
+from app.policy.strokes import PushDesign
 from app.recording.preflight import Room, check_folder
 from app.rig.simulated.hiding import draw, mistuned
 from app.tasks import load
@@ -111,8 +111,8 @@ def _experiment(
     if output.is_dir() and any(output.iterdir()):
         raise UsageError(f"{output} is not empty; choose a new folder with -o, so that no two experiments mix.")
     check_folder(output, Room(min_free_bytes=Site().min_free_bytes))
-    plan = Plan(episodes=-(-budget // batch), pushes=batch)
-    session = Session(
+    plan = PushDesign(episodes=-(-budget // batch), pushes=batch)
+    session = PushRecordingConfig(
         task=load(task.recorded), plan=plan, physics=mistuned(seed), hidden=hidden, seed=seed, folder=output
     )
 

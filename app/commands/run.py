@@ -7,7 +7,7 @@ import anyio
 import tyro
 from rich.text import Text
 
-from app.commands._episode import Order, Report, episode
+from app.commands._episode import EpisodeReport, RunOptions, episode
 from app.commands._options import Options
 from app.commands._preflight import check_writable, unwritable
 from app.ui.terminal import Output
@@ -23,7 +23,7 @@ def run(
 ) -> None:
     """Push the object to its goal; the console is served meanwhile, and STOP works there."""
     output = Output()
-    order = Order(asked=task, options=options, automatic=True)
+    order = RunOptions(asked=task, options=options, automatic=True)
     if json is not None:
         check_writable(json, "--json")
     report = anyio.run(episode, order, output)
@@ -34,14 +34,14 @@ def run(
         raise report.failure
 
 
-def _write(path: Path, report: Report) -> None:
+def _write(path: Path, report: EpisodeReport) -> None:
     try:
         path.write_text(report.to_json(), encoding="utf-8")
     except OSError as error:
         raise unwritable(path, "--json", error) from None
 
 
-def _came(report: Report) -> str:
+def _came(report: EpisodeReport) -> str:
     """Text about the outcome: whether the goal is reached, and what would bring it nearer."""
     if report.summary.reached:
         return "The goal is reached."
@@ -50,7 +50,7 @@ def _came(report: Report) -> str:
     return "The goal is not reached." + ("" if report.failure else " More pushes: --pushes.")
 
 
-def _summarise(report: Report, output: Output) -> None:
+def _summarise(report: EpisodeReport, output: Output) -> None:
     chamfer_m2, last_m2 = report.summary.chamfer_m2, report.summary.last_chamfer_m2
     if last_m2 is not None:
         pushes = "1 push" if report.summary.pushes == 1 else f"{report.summary.pushes} pushes"

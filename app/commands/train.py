@@ -21,7 +21,7 @@ from app.evaluation.learning import draw_learning
 from app.policy.learned import kinds
 from app.policy.learned.base import Lessons
 from app.policy.learned.file import CHECKPOINT, FILE, Origin, load_training, save_policy, save_training, shape_of
-from app.policy.learned.train import Progress, Settings, Training, begin, learn
+from app.policy.learned.train import Progress, Training, TrainingSettings, begin, learn
 from app.recording.digests import check_distinct
 from app.recording.model_file import load_model
 from app.recording.shelf import counted_once
@@ -71,7 +71,7 @@ def train(
     start = load_model(model, task=known.name, time_s=0.0) if model else nominal_model(known.name)
     check_model(start)
     how = lessons(known, simulator(known, start, taught.x.shape[1]))
-    settings = Settings(steps=steps, batch=batch, seed=seed)
+    settings = TrainingSettings(steps=steps, batch=batch, seed=seed)
     hashes = {path.name: each.digest for path, each in shown.items()}
     told = _settings(task, policy, settings, hashes, how) | {"learner": asdict(learner)}  # type: ignore[call-overload]
     training = begin(learner, how, taught, settings)
@@ -122,7 +122,7 @@ def _shown(demos: tuple[Path, ...], task: str) -> dict[Path, Taught]:
     return shown
 
 
-def _settings(task: str, kind: str, settings: Settings, hashes: dict[str, str], how: Lessons) -> dict[str, Any]:
+def _settings(task: str, kind: str, settings: TrainingSettings, hashes: dict[str, str], how: Lessons) -> dict[str, Any]:
     """Settings that a resumed training must share; the order of demonstrations tells which one is held out."""
     phi = how.world.phi if how.world else ()
     told = {"task": task, "kind": kind, "demonstrations": list(hashes.items()), "phi": phi, "shape": shape_of(how)}
@@ -141,7 +141,7 @@ def _origin(
     problem: str,
     task: str,
     kind: str,
-    settings: Settings,
+    settings: TrainingSettings,
     training: Training,
     hashes: dict[str, str],
     model: Path | None,

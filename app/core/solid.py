@@ -3,7 +3,7 @@
 import numpy as np
 from jaxtyping import Bool
 
-from app.core.stage import Block, Bowl, Fixture, Mat, Rack
+from app.core.stage import Bowl, Fixture, Mat, Obstacle, Rack
 from app.core.types import Cloud
 
 
@@ -13,7 +13,7 @@ def inside(fixture: Fixture, points: Cloud, margin_m: float) -> Bool[np.ndarray,
     match fixture:
         case Mat():
             return np.zeros(len(x), np.bool_)
-        case Block():
+        case Obstacle():
             return np.all(np.abs(x - fixture.place_m) < np.asarray(fixture.half_m) - margin_m, axis=1)
         case Bowl():
             away = x - fixture.place_m

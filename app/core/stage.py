@@ -197,7 +197,7 @@ class Gripper:
 
 @final
 @dataclass(frozen=True, kw_only=True)
-class Block:
+class Obstacle:
     """An upright box that stands on the table or floats: half sides and middle [m]."""
 
     half_m: Vector
@@ -238,7 +238,7 @@ class Rack:
 
 Body: TypeAlias = Rope | Beans | Cloth | Liquid | Soup
 Tool: TypeAlias = Finger | Paddle | Gripper | HeldBowl
-Fixture: TypeAlias = Block | Bowl | Mat | Rack
+Fixture: TypeAlias = Obstacle | Bowl | Mat | Rack
 
 
 @final

@@ -21,7 +21,7 @@ def image_ring(width: int, height: int, *, kept: int) -> Ring:
 
 
 @final
-class View:
+class SharedMemoryCamera:
     """The newest images of the camera `model`, each read once.
 
     `timeout_s`: time to wait for an image. `oldest_s`: older ones are discarded. `period_s`: shortest time between

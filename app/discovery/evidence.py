@@ -79,7 +79,7 @@ class Forms(NamedTuple):
     episode: Int[np.ndarray, " E"]
 
 
-class Fit(NamedTuple):
+class MixedEffectsFit(NamedTuple):
     """The most probable theta, the noise about it, the likelihood's forms there, and its logarithm."""
 
     theta: Float64[np.ndarray, " P"]
@@ -111,7 +111,7 @@ def fitted(
     variance: Float64[np.ndarray, " P"],
     mean: Float64[np.ndarray, " P"] | None = None,
     starts: Sequence[Covariances | None] = (None,),
-) -> Fit:
+) -> MixedEffectsFit:
     """Theta under a normal prior, and the residuals' covariance by maximum likelihood, in turns.
 
     The likelihood has more than one maximum: noise can pass for an effect's work. The best from all `starts` is taken.
@@ -127,7 +127,7 @@ def log_likelihood(data: Residuals, theta: Float64[np.ndarray, " P"], covariance
     return float(sum(_log_likelihood(block, _roots(block, covariance), theta) for block, covariance in rows))
 
 
-def scores(data: Residuals, fit: Fit) -> Float64[np.ndarray, "K P"]:
+def scores(data: Residuals, fit: MixedEffectsFit) -> Float64[np.ndarray, "K P"]:
     """Each push's slope of the log likelihood at the fit, for every column."""
     found = np.zeros((len(data), len(fit.theta)))
     for (rows, _), block, covariance in zip(data.blocks, _blocks(data), fit.covariances, strict=True):
@@ -182,7 +182,7 @@ def _climbed(
     variance: Float64[np.ndarray, " P"],
     centre: Float64[np.ndarray, " P"],
     start: Covariances | None,
-) -> Fit:
+) -> MixedEffectsFit:
     theta, precision = centre.copy(), np.diag(1 / variance)
     covariances = start or tuple(_first(block) for block in blocks)
     roots = [_roots(block, covariance) for block, covariance in zip(blocks, covariances, strict=True)]
@@ -205,7 +205,7 @@ def _climbed(
         if max(changes) < _SETTLED:
             break
     likelihood = sum(_log_likelihood(block, root, theta) for block, root in zip(blocks, roots, strict=True))
-    return Fit(theta, covariances, _forms(blocks, roots, theta), float(likelihood))
+    return MixedEffectsFit(theta, covariances, _forms(blocks, roots, theta), float(likelihood))
 
 
 def _first(block: _Rows) -> Float64[np.ndarray, "S S"]:

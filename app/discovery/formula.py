@@ -30,7 +30,7 @@ _WORTH = 5.0
 
 @final
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Found:
+class AcceptedFormula:
     """A formula that was accepted: its features and their fit, whose only cause is `FORMULA` of `catalogue`."""
 
     features: tuple[str, ...]
@@ -42,7 +42,7 @@ class Opened(NamedTuple):
     """Result of the open-ended part: the residual test of the accepted model, and a formula that is better than it."""
 
     left: Leftover
-    found: Found | None
+    found: AcceptedFormula | None
 
 
 class _Rival(NamedTuple):
@@ -73,9 +73,9 @@ def opened(predictor: Predictor, trials: Trials, screening: Screening, decision:
 
 def _searched(
     predictor: Predictor, trials: Trials, screening: Screening, wide: Widened, said: Progress
-) -> Found | None:
+) -> AcceptedFormula | None:
     """The best feature, and further ones while each is needed."""
-    best: Found | None = None
+    best: AcceptedFormula | None = None
     suspects = {
         feature: _suspect(screening.steps, columns, finding)
         for (feature, columns), finding in zip(wide.at.items(), wide.weighing.findings, strict=True)
@@ -100,12 +100,12 @@ def _refined(
     features: tuple[str, ...],
     about: Theta | None,
     suspect: Suspect,
-) -> Found:
+) -> AcceptedFormula:
     """Refit of these features together, the last from the screening and the others from `about`."""
     catalogue = with_formula(predictor.catalogue, features)
     start = started(catalogue, screening.about if about is None else about, suspect)
     model = refine(Predictor(predictor.subject, catalogue), trials, screening, [(FORMULA, start)])
-    return Found(features=features, model=model, catalogue=catalogue)
+    return AcceptedFormula(features=features, model=model, catalogue=catalogue)
 
 
 def _needed(simpler: Model, model: Model) -> bool:
@@ -116,7 +116,7 @@ def _needed(simpler: Model, model: Model) -> bool:
     return held.gain > 2 * held.error
 
 
-def _further(found: Found) -> dict[str, Suspect]:
+def _further(found: AcceptedFormula) -> dict[str, Suspect]:
     """Features that the formula does not have, as its own residuals see them."""
     model, at = found.model, dict[str, tuple[int, ...]]()
     for feature in FEATURES:
@@ -149,7 +149,7 @@ def _rivals(known: Library, nothing: Widened, decision: Decision, beside: Widene
     return [rival(nothing, 0, accepted=True), rival(known.beside(decision.singles[0]), 1, accepted=False)]
 
 
-def _beats(found: Found, rival: _Rival) -> bool:
+def _beats(found: AcceptedFormula, rival: _Rival) -> bool:
     """True if the formula is clearly better than an accepted model, or at all better than one that is not.
 
     Each feature needs the evidence of a cause, and being unknown as much again against a cause with a name.

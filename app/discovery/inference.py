@@ -14,7 +14,7 @@ from typing import NamedTuple, final
 import numpy as np
 from jaxtyping import Float64
 
-from app.discovery.evidence import Covariances, Fit, Forms, Residuals, fitted
+from app.discovery.evidence import Covariances, Forms, MixedEffectsFit, Residuals, fitted
 from app.discovery.subject import Cause, Family
 
 HABITS: Mapping[Family, float] = {"sensing": 0.03, "actuation": 0.01, "physics": 0.1}
@@ -133,7 +133,7 @@ class Finding(NamedTuple):
 class Weighing:
     """The null hypothesis, and each other against it. `temper`: see `dispersion`."""
 
-    nothing: Fit
+    nothing: MixedEffectsFit
     temper: float
     log_evidence: float
     findings: tuple[Finding, ...]
@@ -195,7 +195,7 @@ def log_bayes_of(
     return 0.5 * ((scores[:, own].T * pull).sum(0) - np.linalg.slogdet(precision)[1])
 
 
-def log_evidence(fit: Fit, prior: Prior, temper: float) -> float:
+def log_evidence(fit: MixedEffectsFit, prior: Prior, temper: float) -> float:
     """Laplace's approximation, likelihoods tempered; but for a constant of the data."""
     precision = fit.forms.A.sum(0) / temper + np.diag(1 / prior.variance)
     occam = np.log(prior.variance).sum() + np.linalg.slogdet(precision)[1]
@@ -203,12 +203,12 @@ def log_evidence(fit: Fit, prior: Prior, temper: float) -> float:
     return fit.log_likelihood / temper - 0.5 * float(misfit + occam)
 
 
-def posterior(fit: Fit, prior: Prior, temper: float) -> Float64[np.ndarray, "P P"]:
+def posterior(fit: MixedEffectsFit, prior: Prior, temper: float) -> Float64[np.ndarray, "P P"]:
     """The covariance of all columns, in steps."""
     return np.linalg.inv(fit.forms.A.sum(0) / temper + np.diag(1 / prior.variance))
 
 
-def dispersion(fit: Fit, nuisance: Sequence[int]) -> float:
+def dispersion(fit: MixedEffectsFit, nuisance: Sequence[int]) -> float:
     """Overdispersion of the episodes' scores relative to independent pushes, at least 1.
 
     Median over the columns of the ratio of the cluster-robust variance of the efficient score to the model's.
@@ -243,10 +243,10 @@ def _strength(finding: Finding) -> float:
     return finding.log_bayes
 
 
-def _fit(data: Residuals, prior: Prior, starts: Sequence[Covariances | None]) -> Fit:
+def _fit(data: Residuals, prior: Prior, starts: Sequence[Covariances | None]) -> MixedEffectsFit:
     return fitted(data, prior.variance, prior.mean, starts)
 
 
-def _finding(fit: Fit, prior: Prior, columns: Sequence[int], log_bayes: float, temper: float) -> Finding:
+def _finding(fit: MixedEffectsFit, prior: Prior, columns: Sequence[int], log_bayes: float, temper: float) -> Finding:
     own = list(columns)
     return Finding(log_bayes, fit.theta[own], posterior(fit, prior, temper)[np.ix_(own, own)])

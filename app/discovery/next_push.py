@@ -17,7 +17,7 @@ from app.discovery.case import NextPush
 from app.discovery.predict import Predictor, Trials, prepare
 from app.discovery.study import Push, Study, View
 from app.discovery.subject import Theta
-from app.policy.strokes import Plan, random_track
+from app.policy.strokes import PushDesign, random_track
 from app.sim.effects.base import MIDDLE_M
 
 _CANDIDATES = {"cpu": 24, "gpu": 200}
@@ -68,7 +68,7 @@ def next_push(
 def _asked(predictor: Predictor, study: Study, last: View, count: int, height_m: float, seed: int) -> Study:
     """Pushes that might be made from where the object is now."""
     rng, start_s = np.random.default_rng(seed), last.time_s + _PAUSE_S
-    before, plan = replace(last, time_s=start_s), Plan()
+    before, plan = replace(last, time_s=start_s), PushDesign()
     pushes, finger = list[Push](), predictor.subject.finger
     core_m = (0.0, 0.0) if finger is None else finger.half_m
     x, y = (reach - _EDGE_M for reach in predictor.catalogue.reach_m)

@@ -22,7 +22,7 @@ from app.discovery.probe import NOTHING, Belief, gains_of, rival_words, weighted
 from app.discovery.sensitivity import residuals
 from app.discovery.study import Push, Study, View
 from app.discovery.subject import RodModel, Subject, catalogue
-from app.policy.strokes import REGION, Plan, Stroke, is_clear, midway_s, random_stroke, stroke_through
+from app.policy.strokes import REGION, PushDesign, Stroke, is_clear, midway_s, random_stroke, stroke_through
 
 Allowed: TypeAlias = Callable[[Track], bool]
 """Predicate: the arm would make this, by the checks of every motion."""
@@ -73,7 +73,7 @@ class Probe:
 
 @final
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Scene:
+class PushSituation:
     """Situation in which a push is chosen: the object as it is `seen`, in an `episode`, after those `made` before.
 
     `plan`: speeds and lengths of pushes, and whether the arm measures its path; `height_m`: of the tip while it pushes;
@@ -84,7 +84,7 @@ class Scene:
     seen: View
     episode: int
     made: tuple[Push, ...]
-    plan: Plan
+    plan: PushDesign
     height_m: float
     allowed: Allowed
     core_m: tuple[float, float] = (0.0, 0.0)
@@ -93,7 +93,7 @@ class Scene:
 
 
 @threadpool_limits.wrap(limits=1, user_api="blas")
-def chosen(subject: Subject, belief: Belief, scene: Scene, *, seed: int) -> Probe:
+def chosen(subject: Subject, belief: Belief, scene: PushSituation, *, seed: int) -> Probe:
     """The push of those drawn by `seed` that is expected to say most about which rival of the belief is right.
 
     Raises PlanningError where none that was drawn may be made and moves the object.
@@ -133,7 +133,7 @@ def best_of(
     )
 
 
-def candidates_of(belief: Belief, scene: Scene, rng: np.random.Generator) -> list[Candidate]:
+def candidates_of(belief: Belief, scene: PushSituation, rng: np.random.Generator) -> list[Candidate]:
     """Candidates that begin beside the object, stay in the region of pushes, and are allowed."""
     found = list[Candidate]()
     for stroke, kind in _strokes(belief, scene, rng):
@@ -145,7 +145,9 @@ def candidates_of(belief: Belief, scene: Scene, rng: np.random.Generator) -> lis
     return found
 
 
-def moving(predictor: Predictor, belief: Belief, scene: Scene, candidates: Sequence[Candidate]) -> list[Candidate]:
+def moving(
+    predictor: Predictor, belief: Belief, scene: PushSituation, candidates: Sequence[Candidate]
+) -> list[Candidate]:
     """Candidates that move the object by the model, and leave it within reach: of each kind the most effective.
 
     None that does not; at most as many as are worth their slopes.
@@ -168,7 +170,7 @@ def moving(predictor: Predictor, belief: Belief, scene: Scene, candidates: Seque
 
 
 def informations(
-    predictor: Predictor, belief: Belief, scene: Scene, candidates: Sequence[Candidate]
+    predictor: Predictor, belief: Belief, scene: PushSituation, candidates: Sequence[Candidate]
 ) -> tuple[Float64[np.ndarray, "K S S"], Float32[np.ndarray, "K N 3"]]:
     """Information of each candidate on the belief's columns, by its slopes about the belief's model, and its end."""
     blind = _trials(predictor, scene, candidates, None)
@@ -186,7 +188,7 @@ def _told_apart(names: Sequence[str], gains: Float64[np.ndarray, "C C"]) -> tupl
     return (names[second], names[first]) if names[first] == NOTHING else (names[first], names[second])
 
 
-def _strokes(belief: Belief, scene: Scene, rng: np.random.Generator) -> Iterator[tuple[Stroke, str]]:
+def _strokes(belief: Belief, scene: PushSituation, rng: np.random.Generator) -> Iterator[tuple[Stroke, str]]:
     slow, fast = scene.plan.speeds_m_s
     x = scene.seen.points
     for _ in range(_DRAWN):
@@ -204,7 +206,7 @@ def _strokes(belief: Belief, scene: Scene, rng: np.random.Generator) -> Iterator
                 yield stroke, f", where {cause.replace('_', ' ')} may be"
 
 
-def _again(push: Push, number: int, scene: Scene) -> Iterator[tuple[Stroke, str]]:
+def _again(push: Push, number: int, scene: PushSituation) -> Iterator[tuple[Stroke, str]]:
     """A push that was made, at the same place of the object and angle to it: at another speed, and backwards."""
     found = _touch(push, scene)
     if found is None:
@@ -223,7 +225,7 @@ def _again(push: Push, number: int, scene: Scene) -> Iterator[tuple[Stroke, str]
     yield back, f", backwards, as push {number}"
 
 
-def _touch(push: Push, scene: Scene) -> tuple[float, float, float, float] | None:
+def _touch(push: Push, scene: PushSituation) -> tuple[float, float, float, float] | None:
     """The place along the object that a push went through, its angle to it [rad], length [m] and speed [m/s]."""
     way, times = push.command.positions, push.command.times_s
     low = np.flatnonzero(way[:, 2] < scene.height_m + 1e-3)
@@ -246,7 +248,7 @@ def _touch(push: Push, scene: Scene) -> tuple[float, float, float, float] | None
 
 
 def _towards(
-    place: Float64[np.ndarray, "2"], x: Points, scene: Scene, rng: np.random.Generator, speed_m_s: float
+    place: Float64[np.ndarray, "2"], x: Points, scene: PushSituation, rng: np.random.Generator, speed_m_s: float
 ) -> Stroke | None:
     """A push that brings the nearest part of the object to a place, or off it; None where that is too far."""
     away = place - x[:, :2].astype(np.float64)
@@ -263,7 +265,9 @@ def _towards(
     return stroke_through(through, ahead, length_m=length_m, speed_m_s=speed_m_s, core_m=scene.core_m)
 
 
-def _trials(predictor: Predictor, scene: Scene, candidates: Sequence[Candidate], expected: Seen | None) -> Trials:
+def _trials(
+    predictor: Predictor, scene: PushSituation, candidates: Sequence[Candidate], expected: Seen | None
+) -> Trials:
     """The candidates as pushes whose outcome is as `expected`, or unknown.
 
     The last push of the same episode stands before them, where there is one, so that it is known which end is which.

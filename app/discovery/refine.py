@@ -10,7 +10,7 @@ from typing import final
 import numpy as np
 from jaxtyping import Float64
 
-from app.discovery.evidence import Covariances, Fit, Residuals, fitted
+from app.discovery.evidence import Covariances, MixedEffectsFit, Residuals, fitted
 from app.discovery.inference import Prior, log_evidence, posterior
 from app.discovery.predict import Predictor, Trials
 from app.discovery.screen import Screening, Suspect
@@ -44,7 +44,7 @@ class Model:
     own: int
     data: Residuals
     prior: Prior
-    fit: Fit
+    fit: MixedEffectsFit
     log_evidence: float
     temper: float
     trust: float = 1.0

@@ -13,7 +13,7 @@ from jaxtyping import Float64
 from app.discovery.case import Estimate, Formula, Term
 from app.discovery.conclude import estimates_of
 from app.discovery.forces import FEATURES, FORMULA, parameters
-from app.discovery.formula import Found
+from app.discovery.formula import AcceptedFormula
 from app.discovery.subject import Subject
 from app.sim.effects.place_force import MIDDLE_X, MIDDLE_Y
 
@@ -30,7 +30,7 @@ class _Said(NamedTuple):
     words: str
 
 
-def formula_of(subject: Subject, found: Found) -> Formula:
+def formula_of(subject: Subject, found: AcceptedFormula) -> Formula:
     """The formula with the values that its model has."""
     estimates = {it.name: it for it in estimates_of(found.catalogue, subject, found.model, FORMULA)}
     values = {name: it.value for name, it in estimates.items()}
@@ -100,7 +100,7 @@ def _middle(values: Mapping[str, float], about_m: Float64[np.ndarray, "2"]) -> F
     return away + about_m if np.linalg.norm(away) < _FARTHEST_M else None
 
 
-def _about(found: Found, middle: Float64[np.ndarray, "2"] | None) -> tuple[Estimate, ...]:
+def _about(found: AcceptedFormula, middle: Float64[np.ndarray, "2"] | None) -> tuple[Estimate, ...]:
     """Coordinates of that point, with the interval by the parameters' covariance."""
     if middle is None:
         return ()

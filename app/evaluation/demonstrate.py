@@ -14,14 +14,14 @@ from app.core.errors import RecordingError
 from app.core.messages import Episode, Goal, Message, Transition, fresh_id
 from app.core.stage import Rope, RopeModel
 from app.core.summary import Summary
-from app.evaluation.play import Eyes, Order, Played, Step, play
+from app.evaluation.play import EpisodeResults, EpisodeStep, EvaluationConfig, Eyes, play
 from app.planner.method import Method
 from app.recording import digests
 from app.recording.epoch import Epoch
 from app.recording.file import EpisodeFile
 from app.recording.model_file import save_model
 from app.tasks import load
-from app.tasks.base import Wish
+from app.tasks.base import EpisodeConfig
 from app.tasks.jobs import calibrate, nominal_model
 
 Expert: TypeAlias = Literal["scripted", "descended", "planned"]
@@ -43,9 +43,9 @@ FIRST_SEED = 1000
 class Demonstration(NamedTuple):
     """An episode of the expert: its configuration, every action, and the outcome."""
 
-    wish: Wish
-    steps: Sequence[Step]
-    played: Played
+    wish: EpisodeConfig
+    steps: Sequence[EpisodeStep]
+    played: EpisodeResults
 
 
 def demonstrations(
@@ -55,9 +55,9 @@ def demonstrations(
     known = load(task).demonstrated
     known, model, method = replace(known, stage=known.stage.in_world(world)), nominal_model(task), EXPERTS[expert]
     for seed in seeds:
-        steps = list[Step]()
+        steps = list[EpisodeStep]()
         goal = known.goal(seed, known.preset(preset).particle_count)
-        wish = Wish(
+        wish = EpisodeConfig(
             task=known,
             preset=preset,
             goal=Goal(id=fresh_id("goal"), time_s=0.0, positions=goal),
@@ -69,7 +69,9 @@ def demonstrations(
             method=method,
         )
         otherwise = EXPERTS["planned"] if expert == "descended" else None
-        order = Order(task=known, preset=preset, seed=seed, method=method, model=model, eyes=eyes, otherwise=otherwise)
+        order = EvaluationConfig(
+            task=known, preset=preset, seed=seed, method=method, model=model, eyes=eyes, otherwise=otherwise
+        )
         yield Demonstration(wish, steps, play(order, steps.append))
 
 
@@ -104,7 +106,7 @@ def record(shown: Demonstration, path: Path) -> int:
     return len(said)
 
 
-def _world(wish: Wish) -> dict[str, str]:
+def _world(wish: EpisodeConfig) -> dict[str, str]:
     """Configuration of a simulated rope, as in an episode's recording."""
     body = wish.task.stage.body
     return {"world": body.model} if isinstance(body, Rope) else {}

@@ -32,7 +32,7 @@ _ATTEMPTS = 3
 
 @final
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Order:
+class EvaluationConfig:
     """Configuration of an episode. `online`: the model learns from every action; `actions` at most, the task's horizon.
 
     `play_on`: all actions are made, even after the goal is observed to be reached, so that all methods make as many.
@@ -53,7 +53,7 @@ class Order:
 
 @final
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Step:
+class EpisodeStep:
     """One action: what was seen, planned and made, and what was seen then. `frames` are those of `before`."""
 
     frames: Sequence[Frame]
@@ -66,7 +66,7 @@ class Step:
 
 @final
 @dataclass(kw_only=True, eq=False)
-class Played:
+class EpisodeResults:
     """Results of an episode so far. Distances, shares and successes are of the truth, initially and after each action.
 
     `done`: number of actions after which the object was first observed at the goal, which is when an operator would
@@ -89,12 +89,12 @@ class Played:
         return not self.failure and bool(self.reached) and self.reached[-1]
 
 
-Listener: TypeAlias = Callable[[Step], None]
+Listener: TypeAlias = Callable[[EpisodeStep], None]
 
 
-def play(order: Order, listen: Listener | None = None, site: Site | None = None) -> Played:
+def play(order: EvaluationConfig, listen: Listener | None = None, site: Site | None = None) -> EpisodeResults:
     """Play until the object is seen where it shall be, the actions are used up, or something fails."""
-    episode, played = _Episode(order, site or Site()), Played()
+    episode, played = _Episode(order, site or Site()), EpisodeResults()
     try:
         episode.run(played, listen)
     except DipacError as error:
@@ -106,7 +106,7 @@ def play(order: Order, listen: Listener | None = None, site: Site | None = None)
 class _Episode:
     """The cell, and the method's knowledge of it."""
 
-    def __init__(self, order: Order, site: Site) -> None:
+    def __init__(self, order: EvaluationConfig, site: Site) -> None:
         self._order, self._site, self._task = order, site, order.task
         self._count = order.task.preset(order.preset).particle_count
         self._cell = LockStep(order.task.stage, order.task.start(order.seed), site, order.seed)
@@ -117,7 +117,7 @@ class _Episode:
         self._near: Centreline | None = None
         self._orientation = UNKNOWN
 
-    def run(self, played: Played, listen: Listener | None) -> None:
+    def run(self, played: EpisodeResults, listen: Listener | None) -> None:
         """Play into `played`, which holds the results so far even after a failure."""
         self._judge(played)
         before, actions = self._see(), self._order.actions
@@ -137,10 +137,14 @@ class _Episode:
             learnt = self._learn(before, executed, after)
             played.models.append(self._model)
             if listen is not None:
-                listen(Step(frames=frames, before=before, plan=plan, transition=learnt, after=after, model=self._model))
+                listen(
+                    EpisodeStep(
+                        frames=frames, before=before, plan=plan, transition=learnt, after=after, model=self._model
+                    )
+                )
             before = after
 
-    def _judge(self, played: Played) -> None:
+    def _judge(self, played: EpisodeResults) -> None:
         """Score the state by the truth."""
         x = self._task.particles(self._cell.nodes(), self._count)
         played.chamfer_m2.append(float(chamfer_m2(x, self._goal)))

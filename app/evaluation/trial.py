@@ -13,7 +13,7 @@ import numpy as np
 from app.config import Site
 from app.core.messages import Model
 from app.core.stage import RopeModel
-from app.evaluation.play import Eyes, Order, play
+from app.evaluation.play import EvaluationConfig, Eyes, play
 from app.planner.method import PAPER, Method, planners
 from app.policy.learned import kinds
 from app.recording.model_file import load_model
@@ -97,7 +97,7 @@ def run_trial(trial: Trial) -> dict[str, Any]:
     began_s, method = time.perf_counter(), trial.method
     model = _model(trial, method)
     task = load(trial.task)
-    order = Order(
+    order = EvaluationConfig(
         task=replace(task, stage=task.stage.in_world(trial.world)),
         preset=trial.preset,
         seed=trial.seed,

@@ -16,7 +16,7 @@ from app.core.requests import GoalRequest, GoalSource, PictureGoalRequest
 from app.core.types import Cloud
 from app.core.worker import Worker
 from app.perception.reconstruct import Reconstruction, reconstruct
-from app.tasks.base import Wish
+from app.tasks.base import EpisodeConfig
 from app.tasks.goals import goal_of
 from app.tasks.jobs import shown_goal
 
@@ -40,8 +40,8 @@ class Aiming:
         self._perceiver, self._cameras = perceiver, cameras
 
     async def aimed(
-        self, wish: Wish, request: GoalRequest | PictureGoalRequest, how: Reconstruction, model: Model | None
-    ) -> Wish | None:
+        self, wish: EpisodeConfig, request: GoalRequest | PictureGoalRequest, how: Reconstruction, model: Model | None
+    ) -> EpisodeConfig | None:
         """The configuration with the requested goal, which has been published; None if it is invalid.
 
         `how`: perception settings for pictures; `model`: its errors of cameras move the goal that they show.

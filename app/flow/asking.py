@@ -14,7 +14,7 @@ from app.core.types import Centreline, Points
 from app.core.worker import Worker
 from app.flow.probing import Probing
 from app.tasks.asked import asked_plan
-from app.tasks.base import Wish
+from app.tasks.base import EpisodeConfig
 
 if TYPE_CHECKING:  # The planner is loaded in its own process alone.
     from app.planner.plan import Plan
@@ -29,7 +29,9 @@ class Asking:
     Like any plan they are shown, approved and checked before the arm moves.
     """
 
-    def __init__(self, wish: Wish, announcer: Announcer, planner: Worker, site: Site, probing: Probing) -> None:
+    def __init__(
+        self, wish: EpisodeConfig, announcer: Announcer, planner: Worker, site: Site, probing: Probing
+    ) -> None:
         self._task, self._site = wish.task.name, site
         self._announcer, self._planner = announcer, planner
         self._motions, self._probing = wish.asked, probing

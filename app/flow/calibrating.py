@@ -27,8 +27,8 @@ from app.flow.resting import rested
 from app.perception.calibration.assess import Assessment, Target, assess
 from app.perception.calibration.drift import drift
 from app.perception.calibration.se3 import angle, inverse, transform
-from app.perception.calibration.sight import Sight, sight
-from app.perception.calibration.solve import View
+from app.perception.calibration.sight import BoardDetection, sight
+from app.perception.calibration.solve import CalibrationView
 
 Frames: TypeAlias = Mapping[str, Latest[Frame]]
 """The newest of each camera, by its name."""
@@ -52,7 +52,7 @@ class Calibrating:
         self._models = {camera.model.name: camera.model for camera in rig.cameras}
         self._target: Target | None = None
         self._kept: HandEye | None = None
-        self._views, self._checked = list[View](), tuple[Checked, ...]()
+        self._views, self._checked = list[CalibrationView](), tuple[Checked, ...]()
         self._assessed: Assessment | None = None
         self._begun = anyio.Event()
 
@@ -116,7 +116,7 @@ class Calibrating:
         self._begun.set()
         self._say(self._target, said="Bring the board before the camera, let the arm rest, and take a view.")
 
-    async def _view(self, target: Target, mode: ModeName) -> View:
+    async def _view(self, target: Target, mode: ModeName) -> CalibrationView:
         """The board in a frame that was taken while the arm was at rest. Raises DipacError where that cannot be."""
         if mode not in _BY_HAND:
             raise UsageError("Views are taken in the modes Idle and By hand, in which nothing is planned; choose one.")
@@ -130,7 +130,7 @@ class Calibrating:
         after = await self._rig.arm.state()
         if _moved(before, after):
             raise DeviceError("The arm moved while the view was taken; let it rest, and take it again.")
-        return View(sight=seen, T_world_gripper=_transform(before))
+        return CalibrationView(sight=seen, T_world_gripper=_transform(before))
 
     async def _newer(self, target: Target, due_s: float) -> Frame:
         with anyio.move_on_after(_FRAME_S):
@@ -205,7 +205,7 @@ class Calibrating:
         )
 
 
-def _told(frame: Frame, seen: Sight | None, why: str, target: Target) -> BoardSeen:
+def _told(frame: Frame, seen: BoardDetection | None, why: str, target: Target) -> BoardSeen:
     middle = np.array([*target.board.size_m, 0.0]) / 2
     place = seen.T_camera_board[:3, :3] @ middle + seen.T_camera_board[:3, 3] if seen else np.full(3, np.nan)
     return BoardSeen(

@@ -10,7 +10,7 @@ from app.core.orientation import UNKNOWN, Orientation
 from app.core.requests import EditRequest
 from app.core.types import Centreline, Points
 from app.core.worker import Worker
-from app.tasks.base import Wish
+from app.tasks.base import EpisodeConfig
 from app.tasks.edited import edited_plan
 
 if TYPE_CHECKING:  # The planner is loaded in its own process alone.
@@ -21,7 +21,7 @@ if TYPE_CHECKING:  # The planner is loaded in its own process alone.
 class Editing:
     """Makes a plan of the latest change. Like any plan it is shown, approved and checked before the arm moves."""
 
-    def __init__(self, wish: Wish, announcer: Announcer, planner: Worker, site: Site) -> None:
+    def __init__(self, wish: EpisodeConfig, announcer: Announcer, planner: Worker, site: Site) -> None:
         self._task, self._preset, self._site = wish.task.name, wish.preset, site
         self._announcer, self._planner = announcer, planner
         self._wanted: tuple[EditRequest, Proposal] | None = None

@@ -64,8 +64,8 @@ from app.flow.reporting import Reporting
 from app.flow.resting import rested
 from app.flow.sensing import Sensing
 from app.flow.stopping import EXHAUSTED, StoppingRule
-from app.flow.watching import Push, Watching
-from app.tasks.base import Wish
+from app.flow.watching import ExecutedPush, Watching
+from app.tasks.base import EpisodeConfig
 
 _CHORES = 8
 """Bound of waiting requests; some hold pictures, and take seconds each."""
@@ -79,7 +79,7 @@ class Flow:
 
     def __init__(
         self,
-        wish: Wish,
+        wish: EpisodeConfig,
         *,
         site: Site,
         rig: Rig,
@@ -385,7 +385,7 @@ class Flow:
         transition = self.say(Transition.between(before, executed, after, time_s=self.clock.now()))
         self.demonstrating.learned(transition)
         self.planning.note_transition(transition, self._model)
-        await self.watching.put(Push(proposal, transition, self.learning.models.value))
+        await self.watching.put(ExecutedPush(proposal, transition, self.learning.models.value))
         await self.probing.put(transition, before, after, self.reporting.do)
         await self.learning.put(transition)
 

@@ -13,7 +13,7 @@ from app.core.requests import ModelRequest
 from app.core.types import Points
 from app.core.worker import Worker
 from app.flow.modelling import Modelling
-from app.tasks.base import Wish
+from app.tasks.base import EpisodeConfig
 from app.tasks.jobs import RECENT, update
 
 
@@ -24,7 +24,7 @@ class Learning:
     `done` of the transitions that were `put_in` have been dealt with.
     """
 
-    def __init__(self, wish: Wish, planner: Worker, site: Site, announcer: Announcer, clock: Clock) -> None:
+    def __init__(self, wish: EpisodeConfig, planner: Worker, site: Site, announcer: Announcer, clock: Clock) -> None:
         self.models = Latest[Model]("models")
         # A decision waits for the planner, only the end of an episode for this: a tenth of a core that all others want.
         self.calibrator = Worker("calibrator", niceness=10)

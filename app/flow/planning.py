@@ -20,7 +20,7 @@ from app.core.worker import Worker
 from app.flow.asking import Asking
 from app.flow.editing import Editing
 from app.flow.probing import Probing
-from app.tasks.base import Wish
+from app.tasks.base import EpisodeConfig
 from app.tasks.jobs import (
     RECENT,
     doubt,
@@ -44,7 +44,7 @@ class Planning:
     """Maker of proposals. Requested pushes take precedence over the planner's."""
 
     def __init__(
-        self, wish: Wish, planner: Worker, site: Site, probing: Probing, announcer: Announcer, clock: Clock
+        self, wish: EpisodeConfig, planner: Worker, site: Site, probing: Probing, announcer: Announcer, clock: Clock
     ) -> None:
         self._announcer, self._clock = announcer, clock
         self._planner, self._site = planner, site
@@ -59,13 +59,13 @@ class Planning:
         self._orientation = UNKNOWN
         self._seen = deque[tuple[Transition, Model]](maxlen=RECENT)
 
-    async def begin(self, wish: Wish, do: Callable[[str], None]) -> Model:
+    async def begin(self, wish: EpisodeConfig, do: Callable[[str], None]) -> Model:
         """Start the planner's process, reported to `do`, and return the initial model, which has been published."""
         do("starting the planner")
         known = nominal_model if wish.method.calibrated else uncalibrated_model
         return self._announcer.say(wish.model or await self._planner.run(known, wish.task.name))
 
-    async def warm_up(self, wish: Wish, model: Model) -> None:
+    async def warm_up(self, wish: EpisodeConfig, model: Model) -> None:
         """Compile what planning needs. Whoever moves the tool by hand need not wait for it."""
         planner, task, preset, method = self._planner, wish.task.name, wish.preset, wish.method
         for index, stage in enumerate(await planner.run(warm_up_stages, task, preset, model, method, self._site)):
@@ -107,7 +107,7 @@ class Planning:
         self._editing.answered()
 
     async def changed(
-        self, wish: Wish, request: EditRequest, shown: Proposal | None, observed: Particles, model: Model
+        self, wish: EpisodeConfig, request: EditRequest, shown: Proposal | None, observed: Particles, model: Model
     ) -> Proposal | None:
         """The plan that is shown with the requested change; None if it is infeasible, which is announced."""
         started_s = self._clock.now()
@@ -122,7 +122,7 @@ class Planning:
         self._changed = at, changed
 
     async def proposal(
-        self, wish: Wish, observed: Particles, model: Model, tool: ToolPose, seeds: tuple[int, ...], *, at: int
+        self, wish: EpisodeConfig, observed: Particles, model: Model, tool: ToolPose, seeds: tuple[int, ...], *, at: int
     ) -> Proposal:
         """A plan; where the planner fails, another with other random branches. The third error in a row is raised.
 
@@ -154,14 +154,14 @@ class Planning:
         raise AssertionError("the last attempt returns or raises")
 
     def _propose(
-        self, wish: Wish, found: "Plan", observed: Particles, model: Model, lasted_s: tuple[float, float]
+        self, wish: EpisodeConfig, found: "Plan", observed: Particles, model: Model, lasted_s: tuple[float, float]
     ) -> Proposal:
         """A plan made from one time to another, whose prediction helps to find the rope once it is carried out."""
         proposal = wish.proposal(found, observed, model, began_s=lasted_s[0], now_s=lasted_s[1])
         self._predicted[proposal.id] = found.centreline
         return proposal
 
-    async def _track(self, wish: Wish) -> None:
+    async def _track(self, wish: EpisodeConfig) -> None:
         """Follow the object's ends through what was seen, and say it where they become known."""
         while self._seen:
             transition, model = self._seen.popleft()
@@ -175,7 +175,7 @@ class Planning:
             if self._orientation.known and not before.known:
                 self._announcer.notice("orientation", _found(self._orientation), transition.id)
 
-    async def _doubt(self, wish: Wish, x: Points) -> None:
+    async def _doubt(self, wish: EpisodeConfig, x: Points) -> None:
         """Say, once, what makes it doubtful that the simulation begins where the object is."""
         said = await self._planner.run(doubt, wish.task.name, x, self._near)
         if said and said != self._doubted:

@@ -13,7 +13,7 @@ from app.core.requests import ProbeRequest
 from app.core.track import Track
 from app.core.worker import Worker
 from app.flow.sensing import Sensing
-from app.tasks.base import Experiment, Wish
+from app.tasks.base import EpisodeConfig, Experiment
 from app.tasks.probed import Chosen, Weighed, chosen_motion, unprobed, weighed
 
 if TYPE_CHECKING:  # The simulator is loaded in the planner's process alone.
@@ -25,7 +25,7 @@ class Probing:
     """Chooses the pushes of the wish's experiment in the planner's process, and weighs causes after each batch."""
 
     def __init__(
-        self, wish: Wish, planner: Worker, site: Site, sensing: Sensing, announcer: Announcer, clock: Clock
+        self, wish: EpisodeConfig, planner: Worker, site: Site, sensing: Sensing, announcer: Announcer, clock: Clock
     ) -> None:
         self._task, self._seed, self._experiment = wish.task, wish.seed, wish.experiment
         self._opening = wish.opening

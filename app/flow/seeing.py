@@ -11,7 +11,7 @@ from app.core.errors import DeviceError, PerceptionError, UsageError
 from app.core.messages import Frame, fresh_id
 from app.core.requests import ColourRequest
 from app.core.seeing import Seen
-from app.perception.look import Look
+from app.perception.look import ViewDiagnostics
 from app.perception.reconstruct import Reconstructed, Reconstruction
 
 _BEYOND_M = 1.0
@@ -65,7 +65,7 @@ class Seeing:
         )
 
 
-def seen(frames: Sequence[Frame], looks: Sequence[Look], how: Reconstruction, *, now_s: float) -> Seen:
+def seen(frames: Sequence[Frame], looks: Sequence[ViewDiagnostics], how: Reconstruction, *, now_s: float) -> Seen:
     """Message about the frames as segmented with these settings."""
     return Seen(
         id=fresh_id("seen"),

@@ -6,7 +6,7 @@ from app.core.announcer import Announcer
 from app.core.chamfer import chamfer_m2
 from app.core.messages import Proposal
 from app.core.types import Points
-from app.tasks.base import Wish
+from app.tasks.base import EpisodeConfig
 
 _FUTILE_PLANS: Final = 2
 """Plans in a row, each with other random branches, that end a run if they are no better than no motion."""
@@ -24,7 +24,7 @@ class StoppingRule:
     that acts without a planner is not weighed.
     """
 
-    def __init__(self, wish: Wish, announcer: Announcer) -> None:
+    def __init__(self, wish: EpisodeConfig, announcer: Announcer) -> None:
         self._weighs = wish.task.at_rest and not wish.method.alone
         self._announcer = announcer
         self._futile = 0

@@ -16,7 +16,7 @@ from app.discovery.suspicion import suspect
 from app.discovery.watch import FIRST, Watch
 
 
-class Push(NamedTuple):
+class ExecutedPush(NamedTuple):
     """A push that was made: the plan, its outcome, and the model in use at its end."""
 
     proposal: Proposal
@@ -37,10 +37,10 @@ class Watching:
         self.seen = self.put_in = 0
         self._announcer, self._clock = announcer, clock
         self._verdict, self._recording = verdict, recording
-        self._pushes = Lossless[Push]("watched pushes", bound=100)
+        self._pushes = Lossless[ExecutedPush]("watched pushes", bound=100)
         self._watch = Watch()
 
-    async def put(self, push: Push) -> None:
+    async def put(self, push: ExecutedPush) -> None:
         """Watch this push, soon."""
         self.put_in += 1
         await self._pushes.put(push)
@@ -56,7 +56,7 @@ class Watching:
                 self._announcer.notice("watch", alarm(watched))
             self.seen += 1
 
-    def _looked(self, push: Push) -> tuple[Watch, Watched]:
+    def _looked(self, push: ExecutedPush) -> tuple[Watch, Watched]:
         seen = _glanced(push, self._verdict.promised_share if self._verdict else float("nan"))
         watch = self._watch.after(seen)
         return watch, Watched(
@@ -86,7 +86,7 @@ def alarm(watched: Watched) -> str:
     )
 
 
-def _glanced(push: Push, share: float) -> Glance:
+def _glanced(push: ExecutedPush, share: float) -> Glance:
     proposal, transition, model = push
     promised_m = float("nan")
     if model is not None and model.transition_count >= FIRST and math.isfinite(model.loss_m2):

@@ -21,7 +21,7 @@ from app.core.types import Cloud
 from app.perception.depth import project
 from app.perception.fuse import Box
 from app.perception.look import Some
-from app.perception.memory import Sight
+from app.perception.memory import CameraObservation
 
 Solid: TypeAlias = Bool[np.ndarray, "a b c"]
 Pixels: TypeAlias = Float32[np.ndarray, "height width"]
@@ -40,7 +40,7 @@ class Hull:
     surface: Some
 
 
-def hull(sights: Sequence[Sight], box: Box, kept: Float32[np.ndarray, "R 3"], *, at_least: int = 1) -> Hull:
+def hull(sights: Sequence[CameraObservation], box: Box, kept: Float32[np.ndarray, "R 3"], *, at_least: int = 1) -> Hull:
     """The largest body in the box that the silhouettes allow; empty where they agree on nothing.
 
     `kept`: remembered surface that is hidden from all views: voxels under it stay, too. Fewer than `at_least` voxels
@@ -73,7 +73,7 @@ class _Silhouette:
     to_own: Pixels
 
 
-def _silhouette(sight: Sight) -> _Silhouette:
+def _silhouette(sight: CameraObservation) -> _Silhouette:
     allowed = sight.mask if sight.shadow is None else sight.mask | np.isfinite(sight.shadow)
     return _Silhouette(camera=sight.camera, to_allowed=_away(allowed), to_own=_away(sight.mask))
 

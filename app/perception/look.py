@@ -23,7 +23,7 @@ _ASKED, _KNOWN = 200, 1500
 
 @final
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Look:
+class ViewDiagnostics:
     """Diagnostics of one camera's view: the object's mask, thinned, its pixel count, and its points in the box.
 
     `apart_m`: median distance of its points to the other views', NaN where there is nothing to compare.

@@ -44,7 +44,7 @@ class Memory:
 NOTHING = Memory(points=np.zeros((0, 3), np.float32), seen_s=np.zeros(0))
 
 
-class Sight(NamedTuple):
+class CameraObservation(NamedTuple):
     """Evidence of one image: `mask` of the object, and `shadow` of the arm, where that is known."""
 
     camera: CameraModel
@@ -60,7 +60,7 @@ class Recalled(NamedTuple):
     expired: int
 
 
-def recalled(memory: Memory, sights: Sequence[Sight], table_m: float, *, since_s: float) -> Recalled:
+def recalled(memory: Memory, sights: Sequence[CameraObservation], table_m: float, *, since_s: float) -> Recalled:
     """The part of `memory` that is hidden now and was seen after `since_s` [s]."""
     keeps, goes = np.zeros(len(memory.points), bool), np.zeros(len(memory.points), bool)
     for sight in sights:
@@ -89,7 +89,7 @@ def renewed(seen: Cloud, kept: Memory, now_s: float) -> Memory:
     )
 
 
-def _judged(points: Float32[np.ndarray, "R 3"], sight: Sight, table_m: float) -> tuple[Which, Which]:
+def _judged(points: Float32[np.ndarray, "R 3"], sight: CameraObservation, table_m: float) -> tuple[Which, Which]:
     """Masks of the points that this image hides, and of those that it locates or contradicts.
 
     Neither holds for points outside the image and those that the object itself hides: it may have moved over them.

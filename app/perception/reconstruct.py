@@ -18,7 +18,7 @@ from app.perception.carried import carried
 from app.perception.fill import Solid, Underside, fill, points_inside
 from app.perception.fuse import Box
 from app.perception.hull import Hull, hull
-from app.perception.look import Look, Some
+from app.perception.look import Some, ViewDiagnostics
 from app.perception.memory import NOTHING, Memory, beside, recalled, renewed
 from app.perception.resample import resample
 from app.perception.segment import ByColour, Segmenter
@@ -26,7 +26,7 @@ from app.perception.shadow import pieces, shadow
 from app.perception.steady import steadied
 from app.perception.swimming import Swimming
 from app.perception.vessels import Pool, Vessel, level_of
-from app.perception.views import Sieve, View, surface, told, view
+from app.perception.views import ObjectView, Sieve, surface, told, view
 
 _BODY_POINTS = 6000
 _POINTS_A_PARTICLE = 8
@@ -132,7 +132,7 @@ class Reconstructed:
 
     positions: Points
     surface: Cloud
-    looks: tuple[Look, ...]
+    looks: tuple[ViewDiagnostics, ...]
     predicted: Bool[np.ndarray, " N"]
     memory: Memory
     expired: int = 0
@@ -175,12 +175,12 @@ def reconstruct(
     )
 
 
-def looked(frames: Sequence[Frame], how: Reconstruction, known: Known | None = None) -> tuple[Look, ...]:
+def looked(frames: Sequence[Frame], how: Reconstruction, known: Known | None = None) -> tuple[ViewDiagnostics, ...]:
     """Diagnostics of each view, also where they are insufficient for `reconstruct`."""
     return told(_views(frames, how, known or Known())[0])
 
 
-def _carved(views: Sequence[View], how: Reconstruction, kept: Memory) -> Hull:
+def _carved(views: Sequence[ObjectView], how: Reconstruction, kept: Memory) -> Hull:
     """Visual hull of the silhouettes. Raises PerceptionError for a liquid: its level is not in its outline."""
     if how.standing:
         raise PerceptionError(
@@ -244,7 +244,7 @@ def _under(surface: Cloud, how: Reconstruction) -> Solid:
     return fill(surface, table_m=how.table_m, half_width_m=how.half_width_m, underside=how.underside)
 
 
-def _enough(seen: Cloud, views: Sequence[View], how: Reconstruction) -> Cloud:
+def _enough(seen: Cloud, views: Sequence[ObjectView], how: Reconstruction) -> Cloud:
     """The visible surface. Raises PerceptionError where there is too little of it."""
     if not views:
         raise PerceptionError("There is no frame to reconstruct from; wait for the cameras or check `dipac doctor`.")
@@ -257,7 +257,7 @@ def _enough(seen: Cloud, views: Sequence[View], how: Reconstruction) -> Cloud:
     return seen
 
 
-def _views(frames: Sequence[Frame], how: Reconstruction, known: Known) -> list[list[View]]:
+def _views(frames: Sequence[Frame], how: Reconstruction, known: Known) -> list[list[ObjectView]]:
     """The views of the object, then those of each kind that swims in it; each in the order of the cameras' names."""
     postures = known.postures or (None,) * len(frames)
     ordered = sorted(zip(frames, postures, strict=True), key=lambda pair: (pair[0].camera.name, pair[0].time_s))
@@ -268,7 +268,7 @@ def _views(frames: Sequence[Frame], how: Reconstruction, known: Known) -> list[l
 
 def _seen(
     frame: Frame, before: Frame | None, posture: Posture | None, how: Reconstruction, arm: ArmShape | None
-) -> list[View]:
+) -> list[ObjectView]:
     if not how.depth:
         frame = replace(frame, depth=np.zeros_like(frame.depth))
     elif how.hidden_s > 0:
@@ -279,7 +279,7 @@ def _seen(
     return [view(frame, mask, dark, how.sieve) for mask in how.segmenting.masks(frame.color)]
 
 
-def _too_little(what: str, views: Sequence[View], how: Reconstruction) -> str:
+def _too_little(what: str, views: Sequence[ObjectView], how: Reconstruction) -> str:
     """Error message: the lack, each camera's observation, and the remedy."""
     seen = "; ".join(
         f"camera {view.frame.camera.name!r} saw {view.pixel_count} pixels of its colour, "

@@ -11,8 +11,8 @@ from app.core.messages import Frame
 from app.core.types import Cloud
 from app.perception.depth import behind_an_edge, deproject
 from app.perception.fuse import Box, merge, not_seen_through, without_outliers
-from app.perception.look import Look, apart_m, thinned
-from app.perception.memory import Sight
+from app.perception.look import ViewDiagnostics, apart_m, thinned
+from app.perception.memory import CameraObservation
 from app.perception.shadow import Shadow
 
 _NEIGHBOURS = 8
@@ -37,7 +37,7 @@ class Sieve:
 
 @final
 @dataclass(frozen=True, kw_only=True, eq=False)
-class View:
+class ObjectView:
     """The object in one frame: its mask without the arm, and its accepted readings."""
 
     frame: Frame
@@ -46,9 +46,9 @@ class View:
     points: Cloud
 
     @property
-    def sight(self) -> Sight:
+    def sight(self) -> CameraObservation:
         """Its evidence about points of the world."""
-        return Sight(self.frame.camera, self.frame.depth, self.mask, self.shadow)
+        return CameraObservation(self.frame.camera, self.frame.depth, self.mask, self.shadow)
 
     @property
     def pixel_count(self) -> int:
@@ -56,17 +56,17 @@ class View:
         return int(np.count_nonzero(self.mask))
 
 
-def view(frame: Frame, mask: Mask, shadow: Shadow | None, sieve: Sieve) -> View:
+def view(frame: Frame, mask: Mask, shadow: Shadow | None, sieve: Sieve) -> ObjectView:
     """The object's pixels in one frame, as points."""
     camera = frame.camera
     if shadow is not None:
         mask = mask & np.isinf(shadow)
     points = deproject(frame.depth, mask & ~behind_an_edge(frame.depth, sieve.edge_step_m, camera), camera)
     keep = sieve.box.holds(points) & (points[:, 2] >= sieve.low_m)
-    return View(frame=frame, mask=mask, shadow=shadow, points=points[keep])
+    return ObjectView(frame=frame, mask=mask, shadow=shadow, points=points[keep])
 
 
-def surface(views: Sequence[View], sieve: Sieve) -> Cloud:
+def surface(views: Sequence[ObjectView], sieve: Sieve) -> Cloud:
     """The surface that the views agree on, without outliers; empty where they show nothing."""
     clouds = [_uncontradicted(view, views, sieve) for view in views]
     if not any(len(cloud) for cloud in clouds):
@@ -74,11 +74,11 @@ def surface(views: Sequence[View], sieve: Sieve) -> Cloud:
     return without_outliers(merge(clouds, sieve.voxel_m), _NEIGHBOURS, _SPREAD)
 
 
-def told(views: Sequence[View]) -> tuple[Look, ...]:
+def told(views: Sequence[ObjectView]) -> tuple[ViewDiagnostics, ...]:
     """Diagnostics of each view, for the operator."""
     apart = apart_m([view.points for view in views])
     return tuple(
-        Look(
+        ViewDiagnostics(
             camera=view.frame.camera.name,
             mask=thinned(view.mask),
             pixels=view.pixel_count,
@@ -89,7 +89,7 @@ def told(views: Sequence[View]) -> tuple[Look, ...]:
     )
 
 
-def _uncontradicted(view: View, views: Sequence[View], sieve: Sieve) -> Cloud:
+def _uncontradicted(view: ObjectView, views: Sequence[ObjectView], sieve: Sieve) -> Cloud:
     """The points of `view` that no other view sees through."""
     keep = np.ones(len(view.points), bool)
     for other in views:

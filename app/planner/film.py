@@ -18,7 +18,7 @@ MOST_PARTICLES: Final = 600
 """Largest number in a frame: of more, every second, third, ... is kept, so that recordings stay small."""
 
 
-class Film(NamedTuple):
+class RolloutFrames(NamedTuple):
     """B branches at F moments, evenly spread from now to the end; the first moment is now.
 
     `frames`: the particles [m], thinned to at most `MOST_PARTICLES`; `tools`: the tool's tip [m].
@@ -30,7 +30,7 @@ class Film(NamedTuple):
 
 def film(
     search: Search, phi: Float[Array, "B P"], now: Now, actions: Float[Array, "B D A"], final: Float[Array, "B N 3"]
-) -> Film:
+) -> RolloutFrames:
     """The branches that make `actions` from `now` on, which end in `final`, or no moments where `search` has no `part`.
 
     It costs one simulation of the branches: 0.19 s beside the 3.7 s of a rope's decision on two cores. On a GPU, one
@@ -38,9 +38,9 @@ def film(
     decided by.
     """
     if search.part is None:
-        return Film(np.zeros((len(actions), 0, 0, 3), np.float32), np.zeros((len(actions), 0, 3), np.float32))
+        return RolloutFrames(np.zeros((len(actions), 0, 0, 3), np.float32), np.zeros((len(actions), 0, 3), np.float32))
     frames, tools = jax.device_get(_filmed(search, phi, now, jnp.asarray(actions)))
-    return Film(np.concatenate([frames[:, :-1], thinned(np.asarray(final))[:, None]], axis=1), tools)
+    return RolloutFrames(np.concatenate([frames[:, :-1], thinned(np.asarray(final))[:, None]], axis=1), tools)
 
 
 def compile_film(search: Search, phi: Float[Array, "B P"], now: Now, actions: Float[Array, "B D A"]) -> None:

@@ -18,7 +18,7 @@ from app.core.errors import MotionRefused, PlanningError
 from app.core.messages import Branch, Origin
 from app.core.motion import Motion
 from app.core.types import Centreline, Points, ToolPose
-from app.planner.film import Film, compile_film, film
+from app.planner.film import RolloutFrames, compile_film, film
 from app.planner.optimise import Descended, Descent, descend
 from app.planner.tree import Search, roll_out, simulate, start
 from app.policy.base import AWAY, Now
@@ -128,7 +128,7 @@ def choose(
     tool: ToolPose | None = None,
     command: Command | None = None,
     *,
-    seen: Film | None = None,
+    seen: RolloutFrames | None = None,
     rejected: Ways = (),
 ) -> Plan:
     """The cheapest branch that is finite, whose actions are feasible, and whose commanded motion the site allows.
@@ -201,7 +201,7 @@ def _branch(
     way: Float32[np.ndarray, "T 3"],
     index: int,
     origin: Origin,
-    seen: Film | None,
+    seen: RolloutFrames | None,
 ) -> Branch:
     best, weights = found.best, search.weights
     moments = {"frames": seen.frames[index], "tools": seen.tools[index]} if seen else {}

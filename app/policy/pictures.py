@@ -14,7 +14,7 @@ _BLOCK: Final = 16
 
 @final
 @dataclass(frozen=True, kw_only=True)
-class View:
+class OrthographicView:
     """A picture as an orthographic camera takes it: pixels of `pixel_m` between corners `low` and `high` [m].
 
     Rows go along the first of `axes`, columns along the second, and what rises does so along the third, all upwards;

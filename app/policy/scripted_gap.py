@@ -18,7 +18,7 @@ Operations", has the centre of rotation of pushed objects in general)."""
 _SMOOTH_M2 = 1e-12
 
 
-class Rod(NamedTuple):
+class StraightRods(NamedTuple):
     """B straight rods seen from above: middles, unit vectors along them towards the gap, normals, and headings [rad].
 
     A heading of 0 leads along x; the normal is a quarter turn to the left of the direction.
@@ -71,21 +71,21 @@ class ScriptedGap:
         steps = jnp.tile(way / self.displacements, (1, self.displacements))
         return Acted.surely(jnp.concatenate([start, steps], axis=1))
 
-    def _aligned(self, rod: Rod) -> Bool[Array, " B"]:
+    def _aligned(self, rod: StraightRods) -> Bool[Array, " B"]:
         """True if the rod points through the gap, or is half through."""
         ahead = self.gap_m[0] - rod.middle[:, 0]
         meets = rod.middle[:, 1] + ahead * jnp.tan(jnp.clip(rod.heading, -1.0, 1.0)) - self.gap_m[1]
         leads = (jnp.abs(rod.heading) < self.straight_rad) & (jnp.abs(meets) < self.room_m)
         return leads | ((ahead < self.half_length_m / 2) & (jnp.abs(rod.heading) < 2 * self.straight_rad))
 
-    def _through(self, rod: Rod) -> Float[Array, "B 2 2"]:
+    def _through(self, rod: StraightRods) -> Float[Array, "B 2 2"]:
         """Push along the rod, from behind its tail until that is past the wall."""
         tail = rod.middle - self.half_length_m * rod.along
         missing = jnp.maximum(self.gap_m[0] - tail[:, 0], 0.0)[:, None] + 2 * self.contact_gap_m
         length = jnp.minimum(missing, self.through_m) + self.start_gap_m - self.contact_gap_m
         return jnp.stack([tail - self.start_gap_m * rod.along, length * rod.along], axis=1)
 
-    def _turned(self, rod: Rod) -> Float[Array, "B 2 2"]:
+    def _turned(self, rod: StraightRods) -> Float[Array, "B 2 2"]:
         """Push across one end: to the right of the head and to the left of the tail turn clockwise, and vice versa."""
         turn = jnp.clip(rod.heading, -self.max_turn_rad, self.max_turn_rad)
         side = jnp.where(turn < 0, -1.0, 1.0)[:, None]
@@ -99,7 +99,7 @@ class ScriptedGap:
         start = at - self.start_gap_m * push
         return jnp.stack([start, chord * (travel + self.start_gap_m - self.contact_gap_m)], axis=1)
 
-    def _shifted(self, rod: Rod) -> Float[Array, "B 2 2"]:
+    def _shifted(self, rod: StraightRods) -> Float[Array, "B 2 2"]:
         """Push across its middle, towards the gap's."""
         ahead = self.gap_m[0] - rod.middle[:, 0]
         missing = self.gap_m[1] - rod.middle[:, 1] - ahead * jnp.tan(jnp.clip(rod.heading, -1.0, 1.0))
@@ -108,14 +108,14 @@ class ScriptedGap:
         return jnp.stack([rod.middle - self.start_gap_m * push, length * push], axis=1)
 
 
-def fitted(x: Float[Array, "B N 2"]) -> Rod:
+def fitted(x: Float[Array, "B N 2"]) -> StraightRods:
     """The straight rods that particles `x` [m] lie along: their principal axes, led towards +x."""
     middle = x.mean(1)
     off = x - middle[:, None]
     xx, yy, xy = (off[..., 0] ** 2).mean(1), (off[..., 1] ** 2).mean(1), (off[..., 0] * off[..., 1]).mean(1)
     heading = 0.5 * jnp.arctan2(2 * xy, xx - yy + _SMOOTH_M2)
     along = jnp.stack([jnp.cos(heading), jnp.sin(heading)], axis=-1)
-    return Rod(middle, along, jnp.stack([-along[:, 1], along[:, 0]], axis=-1), heading)
+    return StraightRods(middle, along, jnp.stack([-along[:, 1], along[:, 0]], axis=-1), heading)
 
 
 def _rotated(vectors: Float[Array, "B 2"], angle: Float[Array, " B"]) -> Float[Array, "B 2"]:

@@ -14,7 +14,7 @@ from app.policy.base import Acted, Now
 _TINY_M = 1e-6
 
 
-class Aim(NamedTuple):
+class SweepTarget(NamedTuple):
     """Prepared once per observation: middle of the goal, and radius of the disc of the same extent [m]."""
 
     middle: Float32[np.ndarray, "2"]
@@ -46,16 +46,16 @@ class ScriptedSweep:
     angles: int = 16
     starts: int = 14
 
-    def prepare(self, observed: Points, goal: Points) -> Aim:
+    def prepare(self, observed: Points, goal: Points) -> SweepTarget:
         """Middle and radius of the goal.
 
         The mean square distance from the middle, of points that fill a disc evenly, is half the squared radius.
         """
         del observed
         middle = goal[:, :2].mean(axis=0)
-        return Aim(middle, np.sqrt(2 * ((goal[:, :2] - middle) ** 2).sum(1).mean()))
+        return SweepTarget(middle, np.sqrt(2 * ((goal[:, :2] - middle) ** 2).sum(1).mean()))
 
-    def act(self, prepared: Aim, now: Now) -> Acted:
+    def act(self, prepared: SweepTarget, now: Now) -> Acted:
         """The stroke that gains most, for each candidate."""
         angle = jnp.asarray(np.linspace(0, 2 * np.pi, self.angles, endpoint=False), jnp.float32)
         ahead = jnp.stack([jnp.cos(angle), jnp.sin(angle)], axis=-1)

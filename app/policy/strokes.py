@@ -26,7 +26,7 @@ _HOMEWARD = 0.5
 
 @final
 @dataclass(frozen=True, kw_only=True)
-class Plan:
+class PushDesign:
     """Design of a random-push experiment: episodes, pushes in each, speeds [m/s], lengths [m], and what is recorded."""
 
     episodes: int = 8
@@ -76,7 +76,7 @@ class Stroke:
 def random_track(
     rng: np.random.Generator,
     x: Points,
-    plan: Plan,
+    plan: PushDesign,
     *,
     start_s: float,
     height_m: float,
@@ -94,7 +94,7 @@ def random_track(
 def random_stroke(
     rng: np.random.Generator,
     x: Points,
-    plan: Plan,
+    plan: PushDesign,
     core_m: tuple[float, float] = (0.0, 0.0),
     region: tuple[float, float, float, float] = REGION,
 ) -> Stroke:
@@ -137,7 +137,7 @@ def midway_s(times_s: Float64[np.ndarray, " T"]) -> float:
 def _stroke(
     rng: np.random.Generator,
     x: Points,
-    plan: Plan,
+    plan: PushDesign,
     core_m: tuple[float, float],
     region: tuple[float, float, float, float],
 ) -> tuple[Float64[np.ndarray, "2"], Float64[np.ndarray, "2"], float]:
@@ -153,7 +153,7 @@ def _stroke(
 
 
 def _drawn(
-    rng: np.random.Generator, x: Points, plan: Plan, home: Float64[np.ndarray, "2"], core_m: tuple[float, float]
+    rng: np.random.Generator, x: Points, plan: PushDesign, home: Float64[np.ndarray, "2"], core_m: tuple[float, float]
 ) -> tuple[Float64[np.ndarray, "2"], Float64[np.ndarray, "2"], float]:
     through = x[rng.integers(len(x)), :2].astype(np.float64)
     angle = rng.uniform(0, 2 * np.pi)

@@ -31,19 +31,19 @@ _CAUSE: Final = "name a cause that is not in the recording before them"
 
 @final
 @dataclass(frozen=True, kw_only=True)
-class Finding:
+class RecordingIssue:
     """A deviation in a recording. `grave`: part of the recording is lost or cannot be trusted."""
 
     grave: bool
     text: str
 
 
-def check(path: Path) -> Sequence[Finding]:
+def check(path: Path) -> Sequence[RecordingIssue]:
     """Findings on the recording at `path`, empty for a sound one. Reads all of it."""
     found = entry(path)
     if found.condition != "whole":
         said = "it is being written" if found.condition == "recording" else found.why
-        return [Finding(grave=found.condition != "recording", text=f"{found.condition}: {said}")]
+        return [RecordingIssue(grave=found.condition != "recording", text=f"{found.condition}: {said}")]
     with path.open("rb") as stream:
         try:
             # Without the index, and the checksums of chunks and of the data section with it.
@@ -53,22 +53,26 @@ def check(path: Path) -> Sequence[Finding]:
             return [*_version(found), *_checksum(path), *_contents(found)]
         except DAMAGE as error:
             why = str(error) or type(error).__name__
-            return [Finding(grave=True, text=f"damaged: {why}; `dipac recordings recover {path}` saves what is intact")]
+            return [
+                RecordingIssue(
+                    grave=True, text=f"damaged: {why}; `dipac recordings recover {path}` saves what is intact"
+                )
+            ]
 
 
-def _version(found: Entry) -> Iterator[Finding]:
+def _version(found: Entry) -> Iterator[RecordingIssue]:
     version = version_of(found.metadata)
     if version < SCHEMA_VERSION:
         next_step = f"`dipac recordings migrate {found.path}` rewrites it"
-        yield Finding(grave=False, text=f"of version {version}, read as if of {SCHEMA_VERSION}; {next_step}")
+        yield RecordingIssue(grave=False, text=f"of version {version}, read as if of {SCHEMA_VERSION}; {next_step}")
 
 
-def _checksum(path: Path) -> Iterator[Finding]:
+def _checksum(path: Path) -> Iterator[RecordingIssue]:
     noted = digests.noted(path)
     if noted is None:
-        yield Finding(grave=False, text=f"no checksum of it in {digests.SUMS}")
+        yield RecordingIssue(grave=False, text=f"no checksum of it in {digests.SUMS}")
     elif noted != digests.digest(path):
-        yield Finding(grave=True, text=f"its SHA-256 is not the one in {digests.SUMS}: somebody changed it")
+        yield RecordingIssue(grave=True, text=f"its SHA-256 is not the one in {digests.SUMS}: somebody changed it")
 
 
 @dataclass(kw_only=True)
@@ -83,7 +87,7 @@ class _Seen:
     faults: Counter[str] = field(default_factory=Counter[str])
 
 
-def _contents(found: Entry) -> Iterator[Finding]:
+def _contents(found: Entry) -> Iterator[RecordingIssue]:
     """One pass over all messages, in the order in which they were written."""
     seen, version, counted = _Seen(), version_of(found.metadata), sum(found.counts.values())
     with found.path.open("rb") as stream:
@@ -101,12 +105,12 @@ def _contents(found: Entry) -> Iterator[Finding]:
             else:
                 seen.parts[channel.topic] = written.log_time
     if seen.count != counted:
-        yield Finding(grave=True, text=f"{seen.count} messages, where its summary counts {counted}")
+        yield RecordingIssue(grave=True, text=f"{seen.count} messages, where its summary counts {counted}")
     if found.session:
         # Its messages' causes from before it are in the session's own recording.
         seen.faults.pop(_CAUSE, None)
     for text, count in seen.faults.items():
-        yield Finding(grave=text != _CAUSE, text=f"messages that {text}: {count}")
+        yield RecordingIssue(grave=text != _CAUSE, text=f"messages that {text}: {count}")
 
 
 def _look(message: Message, kind: type[Message], log_time_ns: int, seen: _Seen) -> None:

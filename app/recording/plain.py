@@ -49,7 +49,7 @@ _TOGETHER: Final = (
 
 @final
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Sight:
+class PlainObservation:
     """One moment: the object, and the finger's points in the same images (maybe none)."""
 
     time_s: float
@@ -78,7 +78,7 @@ class PlainEpisode:
     """One episode: each push as its observations before, during and after it; tracks; points of the bare table."""
 
     number: int
-    pushes: tuple[tuple[Sight, ...], ...]
+    pushes: tuple[tuple[PlainObservation, ...], ...]
     command: Poseline
     state: Poseline | None
     table: Cloud
@@ -106,7 +106,7 @@ class Plain:
         def line(given: Poseline) -> Poseline:
             return Poseline(times_s=given.times_s, poses=poses(given.poses))
 
-        def sight(given: Sight) -> Sight:
+        def sight(given: PlainObservation) -> PlainObservation:
             return replace(given, cloud=cloud(given.cloud), tool=cloud(given.tool))
 
         def episode(given: PlainEpisode) -> PlainEpisode:
@@ -189,7 +189,8 @@ def _parsed(arrays: Mapping[str, np.ndarray]) -> Plain:
                 number=number,
                 pushes=tuple(
                     tuple(
-                        Sight(time_s=float(times[k]), phase=phases[k], cloud=clouds[k], tool=tools[k]) for k in members
+                        PlainObservation(time_s=float(times[k]), phase=phases[k], cloud=clouds[k], tool=tools[k])
+                        for k in members
                     )
                     for members in pushes
                 ),

@@ -25,7 +25,9 @@ from app.recording.writer import EpisodeRecorder, open_recording, start, unused
 
 
 @asynccontextmanager
-async def open_studio(folder: Path, episode: Episode, room: Room, *, take_bytes: int = 0) -> AsyncGenerator["Studio"]:
+async def open_studio(
+    folder: Path, episode: Episode, room: Room, *, take_bytes: int = 0
+) -> AsyncGenerator["SessionRecorder"]:
     """A recorder like `open_recording`, with demonstrations of up to `take_bytes` each, and clips.
 
     A demonstration that is open when the context is left is closed and kept, unlabelled. Raises as `open_recording`,
@@ -33,7 +35,7 @@ async def open_studio(folder: Path, episode: Episode, room: Room, *, take_bytes:
     """
     take: EpisodeRecorder | None = None
     async with open_recording(folder, episode, room) as recorder:
-        studio = Studio(recorder, episode, room, take_bytes=take_bytes)
+        studio = SessionRecorder(recorder, episode, room, take_bytes=take_bytes)
         try:
             yield studio
         finally:
@@ -44,7 +46,7 @@ async def open_studio(folder: Path, episode: Episode, room: Room, *, take_bytes:
 
 
 @final
-class Studio:
+class SessionRecorder:
     """Recorder into the session's file, and into that of the open demonstration.
 
     `room`: disk limits of the session; a demonstration is expected to take `take_bytes`.

@@ -17,6 +17,7 @@ from jaxtyping import Bool, Float32, Float64, Int64
 from app.core.errors import ParameterError
 from app.sim.checks import Arrays, Setup, first, inside, require_inputs, require_shapes, room, words
 from app.sim.faults import KEPT, Autopsy, Fault
+from app.sim.known import kind_name
 from app.sim.launch import make_operations
 from app.sim.packed import unpack
 from app.sim.schedule import schedule_for
@@ -39,7 +40,7 @@ ADVICE: Mapping[str, str] = MappingProxyType(
 
 @final
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Case:
+class MpmCase:
     """One candidate's simulation: arrays as a simulator takes them, with one candidate."""
 
     setup: Setup
@@ -57,21 +58,21 @@ class Case:
     def summary(self) -> str:
         """The simulated objects and their numbers, in words."""
         scene = self.setup.scene
-        materials = ", ".join(type(body.material).__name__.lower() for body in scene.bodies)
-        tools = ", ".join(type(tool).__name__.lower() for tool in scene.tools) or "none"
+        materials = ", ".join(kind_name(type(body.material)).lower() for body in scene.bodies)
+        tools = ", ".join(kind_name(type(tool)).lower() for tool in scene.tools) or "none"
         return (
             f"{sum(self.setup.counts)} particles ({materials}), {self.substeps} substeps of {scene.dt_s:g} s, "
             f"tools: {tools}, {len(self.setup.effects)} effects"
         )
 
-    def dissect(self) -> "Autopsy[Trace, State]":
+    def dissect(self) -> "Autopsy[SimulationTrace, State]":
         """See `dissect`."""
         return dissect(self)
 
 
 @final
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Trace:
+class SimulationTrace:
     """Numbers of the states after 0, 1, 2, ... substeps: greatest speed, range of det F, particles off the grid.
 
     `cells`: how many cells the fastest particle crosses in a substep.
@@ -99,14 +100,14 @@ class Trace:
 
 def single(
     setup: Setup, phi: Arrays, state: State, tool: Arrays, setting: Setting | None = None, *, candidate: int = 0
-) -> Case:
+) -> MpmCase:
     """One of many candidates as a case, on the host."""
     known = setting or Setting.unknown(len(phi), sum(setup.counts))
 
     def row(leaf: Arrays) -> np.ndarray:
         return np.asarray(leaf, np.float32)[candidate : candidate + 1]
 
-    return Case(
+    return MpmCase(
         setup=setup,
         phi=row(phi),
         state=jax.tree.map(row, state),
@@ -115,12 +116,12 @@ def single(
     )
 
 
-def dissect(case: Case) -> Autopsy[Trace, State]:
+def dissect(case: MpmCase) -> Autopsy[SimulationTrace, State]:
     """Simulate the case, and find where it broke. Raises ParameterError where its arrays do not fit its setup."""
     require_shapes(case.phi, case.state, case.tool, case.setting, case.setup.sizes())
     objection = _objection(case)
     faults: dict[str, Fault] = {}
-    rows: list[Trace] = []
+    rows: list[SimulationTrace] = []
     last = _rows(case.state, slice(0))
     failed = None if _usable(case) else 0
     at = 0
@@ -148,7 +149,7 @@ def dissect(case: Case) -> Autopsy[Trace, State]:
     )
 
 
-def _objection(case: Case) -> str | None:
+def _objection(case: MpmCase) -> str | None:
     try:
         require_inputs(case.setup, case.phi, case.state, case.tool, case.setting)
     except ParameterError as error:
@@ -156,12 +157,12 @@ def _objection(case: Case) -> str | None:
     return None
 
 
-def _usable(case: Case) -> bool:
+def _usable(case: MpmCase) -> bool:
     """True if there is anything to simulate: non-finite phi or tool make their candidate NaN by themselves."""
     return bool(np.isfinite(case.phi).all() and np.isfinite(case.tool).all())
 
 
-def _pieces(case: Case) -> Iterator[State]:
+def _pieces(case: MpmCase) -> Iterator[State]:
     """The states after 0, 1, 2, ... substeps, some at a time, as the kernels leave them, shape (K, N, ...)."""
     setup = case.setup
     schedule = schedule_for(jax.default_backend(), setup.scene, setup.effects)
@@ -185,7 +186,7 @@ def _broken(states: State) -> Bool[np.ndarray, "K N"]:
     return ~np.logical_and.reduce(flat)
 
 
-def _faults(case: Case, states: State, at: int, count: int) -> Iterator[Fault]:
+def _faults(case: MpmCase, states: State, at: int, count: int) -> Iterator[Fault]:
     """The first fault of each kind among the first `count` states, and what broke the one after them."""
     scene = case.setup.scene
     x = np.asarray(states.x)[:count]
@@ -217,10 +218,10 @@ def _measured(states: State) -> tuple[Float64[np.ndarray, "K N"], Float64[np.nda
     return np.linalg.norm(v, axis=-1), np.linalg.det(F)
 
 
-def _trace(case: Case, states: State) -> Trace:
+def _trace(case: MpmCase, states: State) -> SimulationTrace:
     speed, volume = _measured(states)
     scene, fastest = case.setup.scene, speed.max(axis=1, initial=0)
-    return Trace(
+    return SimulationTrace(
         speed_m_s=fastest,
         cells=fastest * scene.dt_s / scene.cell_m,
         least_volume=volume.min(axis=1, initial=np.inf),
@@ -229,11 +230,11 @@ def _trace(case: Case, states: State) -> Trace:
     )
 
 
-def _joined(rows: list[Trace]) -> Trace:
+def _joined(rows: list[SimulationTrace]) -> SimulationTrace:
     def column(name: str, kind: type) -> np.ndarray:
         return np.concatenate([np.zeros(0, kind), *(getattr(row, name) for row in rows)])
 
-    return Trace(
+    return SimulationTrace(
         speed_m_s=column("speed_m_s", np.float64),
         cells=column("cells", np.float64),
         least_volume=column("least_volume", np.float64),

@@ -26,7 +26,7 @@ from app.sim.packed import (
     store_motion,
     velocity,
 )
-from app.sim.substep import Pieces, adjoint_module_of, make_pieces, module_of
+from app.sim.substep import KernelFunctions, adjoint_module_of, make_pieces, module_of
 
 
 @final
@@ -38,7 +38,7 @@ class CandidateKernels:
     """
 
     modules: tuple[wp.Module, wp.Module]
-    pieces: Pieces
+    pieces: KernelFunctions
     forward: wp.Kernel
     adjoint: wp.Kernel
 

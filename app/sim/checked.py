@@ -7,7 +7,7 @@ import numpy as np
 from jaxtyping import Float, Int
 
 from app.core.errors import SimulationError
-from app.sim.autopsy import Case, single
+from app.sim.autopsy import MpmCase, single
 from app.sim.checks import Setup, first, require_inputs
 from app.sim.dump import Dump, leave_dump
 from app.sim.rods.autopsy import RodCase, single_rod
@@ -70,7 +70,7 @@ def checked_rods(setup: RodSetup, folder: Path, simulate: SimulateRod | None = N
     return simulate_checked
 
 
-def _failed(case: Case | RodCase, folder: Path, candidate: int, count: int) -> SimulationError:
+def _failed(case: MpmCase | RodCase, folder: Path, candidate: int, count: int) -> SimulationError:
     """The error of a candidate that did not stay finite, whose dump is left in `folder`."""
     path = leave_dump(folder, Dump(case=case, about=f"candidate {candidate} of {count}"))
     return SimulationError(

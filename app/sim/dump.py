@@ -21,7 +21,7 @@ import numpy as np
 
 from app import __version__
 from app.core.errors import DipacError, RecordingError, UsageError
-from app.sim.autopsy import Case
+from app.sim.autopsy import MpmCase
 from app.sim.checks import Setup, require_shapes
 from app.sim.entries import check_parameters, effect_names, fields_entry, from_entry, named_effects
 from app.sim.known import known_materials, known_tools
@@ -46,7 +46,7 @@ def versions() -> dict[str, str]:
 class Dump:
     """A case, its description in words, and the versions that computed it."""
 
-    case: Case | RodCase
+    case: MpmCase | RodCase
     about: str
     versions: Mapping[str, str] = field(default_factory=versions)
 
@@ -145,7 +145,7 @@ def _dump_of(header: dict[str, Any], entries: Mapping[str, np.ndarray]) -> Dump:
     return Dump(case=engines[engine](header, arrays), about=str(header["about"]), versions=header["versions"])
 
 
-def _header(case: Case) -> dict[str, Any]:
+def _header(case: MpmCase) -> dict[str, Any]:
     return {
         "scene": _scene_entry(case.setup.scene),
         "counts": list(case.setup.counts),
@@ -154,18 +154,18 @@ def _header(case: Case) -> dict[str, Any]:
     }
 
 
-def _arrays(case: Case) -> dict[str, Any]:
+def _arrays(case: MpmCase) -> dict[str, Any]:
     return {"phi": case.phi, "tool": case.tool, **case.state._asdict(), **case.setting._asdict()}
 
 
-def _case_of(header: Mapping[str, Any], values: Mapping[str, np.ndarray]) -> Case:
+def _case_of(header: Mapping[str, Any], values: Mapping[str, np.ndarray]) -> MpmCase:
     setup = Setup(
         scene=_scene_of(header["scene"]),
         counts=tuple(int(count) for count in header["counts"]),
         effects=named_effects(header["effects"]),
     )
     check_parameters(setup.specs(), header["parameters"])
-    case = Case(
+    case = MpmCase(
         setup=setup,
         phi=values["phi"],
         state=State(**{name: jnp.asarray(values[name]) for name in State._fields}),

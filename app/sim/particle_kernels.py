@@ -31,7 +31,7 @@ from app.sim.packed import (
     store_motion,
     velocity,
 )
-from app.sim.substep import Pieces, adjoint_module_of, make_pieces
+from app.sim.substep import KernelFunctions, adjoint_module_of, make_pieces
 
 WARP_SIZE = 32
 
@@ -53,7 +53,7 @@ class ParticleKernels:
     """
 
     modules: tuple[wp.Module]
-    pieces: Pieces
+    pieces: KernelFunctions
     particles: wp.Kernel
     nodes: wp.Kernel
     particles_adjoint: wp.Kernel

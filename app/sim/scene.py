@@ -10,7 +10,7 @@ from app.sim.known import known_materials
 from app.sim.materials.base import Law, Material
 from app.sim.materials.elastic import Elastic
 from app.sim.tools.base import Tool
-from app.sim.tools.finger import Finger
+from app.sim.tools.finger import FingerCollider
 
 CFL = 0.7
 """Largest allowed `dt c / cell` for the elastic wave speed c. Measured on ropes with 25 % of random deformation that a
@@ -59,7 +59,7 @@ class Scene:
     """
 
     bodies: tuple[Body, ...]
-    tools: tuple[Tool, ...] = (Finger(radius_m=0.009),)
+    tools: tuple[Tool, ...] = (FingerCollider(radius_m=0.009),)
     low: tuple[float, float, float] = (0.15, -0.45, -0.025)
     """Lower corner of the grid [m]; a particle within half a cell of the grid's boundary makes its candidate NaN."""
     high: tuple[float, float, float] = (0.95, 0.45, 0.10)

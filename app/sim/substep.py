@@ -28,7 +28,7 @@ from app.sim.touching import barrier
 
 @final
 @dataclass(frozen=True, kw_only=True)
-class Pieces:
+class KernelFunctions:
     """Warp functions of one particle or node, and the types that they share; see `p2g`, `g2p` and `nodes`."""
 
     code: Code
@@ -43,7 +43,7 @@ class Pieces:
     """Calls every function whose gradient the adjoints take: `worked(k, phi_grain, phi_node, pose, a, A)`."""
 
 
-def make_pieces(code: Code) -> Pieces:
+def make_pieces(code: Code) -> KernelFunctions:
     """Kernel functions for scenes of this code."""
     types = types_of(code)
     hooks = compose(code.effects)
@@ -59,7 +59,7 @@ def make_pieces(code: Code) -> Pieces:
         back = to_grid_adjoint_of(particle, work, types, body, back)
         if body > 0:
             to_grid[0] = to_grid_by_body(to_grid[0], to_grid[body], body, types)
-    return Pieces(
+    return KernelFunctions(
         code=code,
         types=types,
         to_grid=to_grid[0],
@@ -77,7 +77,7 @@ def module_of(kind: str, code: Code) -> wp.Module:
     return wp.get_module(f"dipac_sim_{kind}_{code.name()}")
 
 
-def adjoint_module_of(kind: str, code: Code, pieces: Pieces) -> wp.Module:
+def adjoint_module_of(kind: str, code: Code, pieces: KernelFunctions) -> wp.Module:
     """A module whose kernels may call adjoints.
 
     Warp emits the adjoints of nested functions only where a differentiable kernel calls them; it is put in here.

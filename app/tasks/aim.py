@@ -11,7 +11,7 @@ from app.core.stage import Mat
 from app.core.types import Points
 
 
-class Aim(Protocol):
+class SuccessCriterion(Protocol):
     """Criterion on particles `x` (N, 3) [m], given the goal (M, 3) [m]."""
 
     def reached(self, x: Points, goal: Points) -> bool:

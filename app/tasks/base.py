@@ -31,13 +31,13 @@ if TYPE_CHECKING:  # Whoever needs these names alone shall not load JAX and Warp
     from app.planner.plan import Plan
     from app.planner.tree import Begin
     from app.policy.base import Policy
-    from app.policy.pictures import View
+    from app.policy.pictures import OrthographicView
     from app.policy.symmetry import Symmetry
     from app.sim.parameter import ParameterSpec
     from app.sim.rods.scene import RodScene
     from app.sim.scene import Scene
     from app.sim.state import State
-    from app.tasks.aim import Aim
+    from app.tasks.aim import SuccessCriterion
     from app.tasks.sizes import Sized
 
 
@@ -106,7 +106,7 @@ def _at_rest(x: Float[Array, "B N 3"], near: Float[Array, "2 n"] | None = None) 
     return at_rest(x, near)
 
 
-class Problems(Protocol):
+class ProblemSampler(Protocol):
     """Initial and goal configurations of the object, by seed."""
 
     def start(self, seed: int) -> Nodes:
@@ -128,7 +128,7 @@ class Lesson:
     """Another object, and the problems with it, that demonstrations of a task are about."""
 
     stage: Stage
-    problems: Problems
+    problems: ProblemSampler
 
 
 @final
@@ -159,18 +159,18 @@ class Task:
     symmetry: Symmetry
     weights: Weights
     descent: Descent
-    problems: Problems
+    problems: ProblemSampler
     nominal: Mapping[str, float]
     calibrated: tuple[str, ...]
-    aim: Aim
+    aim: SuccessCriterion
     horizon: int
     presets: Mapping[str, Preset]
     haste: float = 1.0
     begin: Begin = _at_rest
     at_rest: bool = True
-    ends: Aim | None = None
+    ends: SuccessCriterion | None = None
     empty_m: float = 0.0
-    side: View | None = None
+    side: OrthographicView | None = None
     lesson: Lesson | None = None
     rods: RodDynamics | None = None
     dynamics: str = "mpm"
@@ -261,9 +261,9 @@ class Task:
                 checked(f"presets[{kind!r}].{name}", float(value), float(name != "gradient_steps"), _MOST)
 
     @property
-    def views(self) -> tuple[View, ...]:
+    def views(self) -> tuple[OrthographicView, ...]:
         """Views of policies that look: the whole reach of actions from above, and from the side if the task has one."""
-        from app.policy.pictures import View
+        from app.policy.pictures import OrthographicView
 
         (x0, y0, z0), (x1, y1, z1) = self.actions.reach
         if self.symmetry.turns and not any(self.symmetry.shift_m):
@@ -271,7 +271,7 @@ class Task:
             (x, y), half = self.symmetry.about_m, max(x1 - x0, y1 - y0) / 2
             x0, y0, x1, y1 = x - half, y - half, x + half, y + half
         around = ((x0 - _AROUND_M, y0 - _AROUND_M, z0), (x1 + _AROUND_M, y1 + _AROUND_M, z1))
-        top = View(low=around[0], high=around[1], pixel_m=_PIXEL_M)
+        top = OrthographicView(low=around[0], high=around[1], pixel_m=_PIXEL_M)
         return (top,) if self.side is None else (top, self.side)
 
     @property
@@ -338,7 +338,7 @@ class Experiment:
 
 @final
 @dataclass(frozen=True, kw_only=True)
-class Wish:
+class EpisodeConfig:
     """Configuration of an episode. `model` None starts from the task's nominal one; `method`: how it is decided.
 
     `goal` is in the true world frame; `shown_goal` is its image in the frame of cameras that err, None if they do not.

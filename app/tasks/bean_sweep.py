@@ -13,7 +13,7 @@ from app.policy.scripted_sweep import ScriptedSweep
 from app.policy.symmetry import Symmetry
 from app.sim.materials.granular import Granular
 from app.sim.scene import Body, Scene
-from app.sim.tools.box import Box
+from app.sim.tools.box import BoxCollider
 from app.tasks.aim import OnMat
 from app.tasks.base import Preset, Task
 from app.tasks.scatter import BeanProblems
@@ -48,7 +48,7 @@ TASK = Task(
                 stiffness=0.1,
             ),
         ),
-        tools=(Box(half_m=PADDLE.half_m, motion="turns"),),
+        tools=(BoxCollider(half_m=PADDLE.half_m, motion="turns"),),
         contact_margin_m=0.005,
         damping_1_s=15.0,
     ),

@@ -10,14 +10,14 @@ from app.perception.reconstruct import Reconstruction
 from app.planner.carries import Carries, KeptClear
 from app.planner.cost import Weights
 from app.planner.optimise import Descent
-from app.policy.pictures import View
+from app.policy.pictures import OrthographicView
 from app.policy.scripted_carry import ScriptedCarry
 from app.policy.symmetry import Symmetry
-from app.sim.materials.cloth import Cloth as ClothMaterial
+from app.sim.materials.cloth import ClothMaterial
 from app.sim.materials.threads import unstretched
 from app.sim.scene import Body, Scene
 from app.sim.tools.grasp import Grasp
-from app.sim.tools.rod import Rack as SimRack
+from app.sim.tools.rod import RackCollider
 from app.tasks.aim import Hung
 from app.tasks.base import Preset, Task
 from app.tasks.sheets import ClothProblems
@@ -62,7 +62,7 @@ TASK = Task(
         ),
         tools=(
             Grasp(reach_m=_HOLD_M, closed_m=GRIPPER.closed_m),
-            SimRack(
+            RackCollider(
                 count=RACK.count,
                 spacing_m=RACK.spacing_m,
                 half_length_m=RACK.half_length_m,
@@ -100,7 +100,7 @@ TASK = Task(
     ),
     symmetry=Symmetry(about_m=(0.55, CLEAR.y_m), angles_rad=(0.0, pi), mirrored=True, shift_m=(0.04, 0.0)),
     # Along the rods, which a cloth hangs over on both sides.
-    side=View(low=(0.22, -0.38, 0.0), high=(0.88, 0.38, 0.40), pixel_m=0.008, axes=(1, 2, 0)),
+    side=OrthographicView(low=(0.22, -0.38, 0.0), high=(0.88, 0.38, 0.40), pixel_m=0.008, axes=(1, 2, 0)),
     weights=Weights(progress=1.0, contact=0.0005, discount=0.9, level=False),
     descent=Descent(learning_rate=1.0, clip=1.0, shrink=0.5),
     problems=ClothProblems(cloth=CLOTH, rack=RACK, middle_m=(0.55, -0.175), shift_m=(0.06, 0.02), turn_rad=0.15),

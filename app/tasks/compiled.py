@@ -15,8 +15,8 @@ from scipy.spatial.transform import Rotation
 from app.calibration.calibrate import Calibrator, ToolOffset, next_model, phi_of
 from app.calibration.checks import check_better_than_no_motion, check_contact
 from app.calibration.evidence import Advance as FromState
-from app.calibration.evidence import Begin, Predictor, gather
-from app.calibration.fit import Fit, Settings, Tried
+from app.calibration.evidence import Begin, ModelScorer, gather
+from app.calibration.fit import Fit, FitSettings, Tried
 from app.config import ANYWHERE, Confines
 from app.core.errors import SimulationError
 from app.core.messages import MessageId, Model, Parameter, Transition
@@ -217,16 +217,16 @@ def _search(task: str, preset: str, needed: Needs, confines: Confines) -> Search
     )
 
 
-def calibrator(task: str, preset: str, settings: Settings, phi: Float32[np.ndarray, " P"]) -> Calibrator:
+def calibrator(task: str, preset: str, settings: FitSettings, phi: Float32[np.ndarray, " P"]) -> Calibrator:
     """The task's calibrator, for models that need the effects that `phi` does; of rods also of the tool's offset."""
     return _calibrator(task, preset, settings, needs(task, phi, load(task).calibrated))
 
 
 @lru_cache
-def _calibrator(task: str, preset: str, settings: Settings, needed: Needs) -> Calibrator:
+def _calibrator(task: str, preset: str, settings: FitSettings, needed: Needs) -> Calibrator:
     data = load(task)
     simulator = ended(task, data.preset(preset).particle_count, *needed)
-    predictor = Predictor(advance=simulator, begin=begun(task), chunk=_CHUNKS[data.dynamics])
+    predictor = ModelScorer(advance=simulator, begin=begun(task), chunk=_CHUNKS[data.dynamics])
     known = data.parameters(stiff=needed.stiff)
     specs = tuple(known[index(name)] for name in data.calibrated)
     return Calibrator(predictor=predictor, specs=specs, settings=settings, offset=_tool_offset(data))
@@ -259,7 +259,7 @@ class Calibrated(NamedTuple):
 
 
 def calibrated(
-    task: str, preset: str, transitions: Sequence[Transition], model: Model, settings: Settings
+    task: str, preset: str, transitions: Sequence[Transition], model: Model, settings: FitSettings
 ) -> Calibrated:
     """The next version of `model`, fitted to all the transitions; what is odd along the object is 0 meanwhile."""
     evidence = gather(transitions, load(task).actions.measured_path)
@@ -270,7 +270,7 @@ def calibrated(
 
 
 def calibrated_from_recordings(
-    task: str, preset: str, transitions: Sequence[Transition], model: Model, settings: Settings
+    task: str, preset: str, transitions: Sequence[Transition], model: Model, settings: FitSettings
 ) -> Calibrated:
     """As `calibrated`; of rods also the tool's offset, as far as an interval tells it from none.
 
@@ -298,7 +298,7 @@ _FitFrom = Callable[[Calibrator, Float32[np.ndarray, " P"]], Fit]
 
 
 def _fitted(
-    task: str, preset: str, settings: Settings, phi: Float32[np.ndarray, " P"], fit: _FitFrom
+    task: str, preset: str, settings: FitSettings, phi: Float32[np.ndarray, " P"], fit: _FitFrom
 ) -> tuple[Calibrator, Fit]:
     """The fit from a model `phi`, and the calibrator that made it.
 
@@ -329,7 +329,7 @@ def _best_within(
     stiffness: ParameterSpec,
     task: str,
     preset: str,
-    settings: Settings,
+    settings: FitSettings,
     phi: Float32[np.ndarray, " P"],
     fit: _FitFrom,
 ) -> Fit | None:

@@ -19,7 +19,7 @@ _MIN_GAP_M = 0.04
 
 @final
 @dataclass(frozen=True, kw_only=True)
-class Problems:
+class CurveSampler:
     """Initial and goal shapes of a rope: the goal is the start, shifted, turned and bent at random.
 
     `gap_m` bounds how far apart start and goal are as clouds (root of half their Chamfer distance): near enough to be
@@ -79,7 +79,7 @@ class RopeProblems:
     """Problems of `curves` for one rope: a world's nodes are its centreline."""
 
     rope: Rope
-    curves: Problems = field(default_factory=Problems)
+    curves: CurveSampler = field(default_factory=CurveSampler)
 
     def start(self, seed: int) -> Nodes:
         """The centreline at the start."""

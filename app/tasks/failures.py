@@ -14,7 +14,7 @@ from app.core.messages import Transition
 from app.core.types import Centreline, Points, ToolPose
 from app.planner.failure import failed_action
 from app.planner.tree import Search
-from app.sim.autopsy import Case, single
+from app.sim.autopsy import MpmCase, single
 from app.sim.catalogue import EFFECTS
 from app.sim.checks import Arrays, Setup
 from app.sim.dump import Dump, leave_dump
@@ -75,7 +75,7 @@ def _left(task: str, about: str, phi: Float32[np.ndarray, " P"], state: ObjectSt
     return f" `dipac replay {path}` shows what broke."
 
 
-def _case(task: Task, phi: Float32[np.ndarray, " P"], state: ObjectState, tool: Arrays) -> Case | RodCase:
+def _case(task: Task, phi: Float32[np.ndarray, " P"], state: ObjectState, tool: Arrays) -> MpmCase | RodCase:
     """One candidate's simulation by whichever engine simulates the task."""
     if not isinstance(state, RodState):
         setup = Setup(scene=task.scene, counts=task.scene.split(state.x.shape[1]), effects=EFFECTS)

@@ -26,7 +26,7 @@ _TRUSTED, _TRUSTED_OF_ANOTHER = 1.5, 4.0
 """Factors by which a model in use may be off. With 4, a rod's stiffness falls to a rope's, a fifth, in 3 pushes."""
 
 if TYPE_CHECKING:
-    from app.calibration.fit import Settings
+    from app.calibration.fit import FitSettings
     from app.core.messages import Model, Transition
     from app.core.types import Centreline, Points, ToolPose
     from app.planner.plan import Plan, Ways
@@ -106,12 +106,12 @@ def calibration(
     return _fitted(task, preset, transitions, model, _settings_of(task), site or Site(), offline=True)
 
 
-def _settings_of(task: str) -> Settings:
+def _settings_of(task: str) -> FitSettings:
     """Settings with intervals from probes for rods, of which a push takes a millisecond."""
-    from app.calibration.fit import Settings
+    from app.calibration.fit import FitSettings
     from app.tasks import load
 
-    return Settings(probes=_PROBES if load(task).dynamics == "rods" else 0)
+    return FitSettings(probes=_PROBES if load(task).dynamics == "rods" else 0)
 
 
 def update(task: str, preset: str, transitions: Sequence[Transition], model: Model, site: Site | None = None) -> Model:
@@ -120,11 +120,11 @@ def update(task: str, preset: str, transitions: Sequence[Transition], model: Mod
     The model in use is trusted to a factor of 1.5, so that one odd transition does not throw it off; one that was
     calibrated on another object, to a factor of 4, so that a handful of transitions makes it this one's.
     """
-    from app.calibration.fit import Settings
+    from app.calibration.fit import FitSettings
     from app.tasks import load
 
     trust_factor = _TRUSTED if load(task).lesson is None else _TRUSTED_OF_ANOTHER
-    settings = Settings(steps=2, trust_factor=trust_factor)
+    settings = FitSettings(steps=2, trust_factor=trust_factor)
     return _fitted(task, preset, transitions[-RECENT:], model, settings, site or Site()).model
 
 
@@ -133,7 +133,7 @@ def _fitted(
     preset: str,
     transitions: Sequence[Transition],
     model: Model,
-    settings: Settings,
+    settings: FitSettings,
     site: Site,
     *,
     offline: bool = False,

@@ -5,7 +5,7 @@ from typing import TypeAlias, final
 
 import numpy as np
 
-from app.core.stage import Block, Rope
+from app.core.stage import Obstacle, Rope
 from app.core.types import Points
 from app.tasks.base import Nodes
 from app.tasks.curves import fill_tube
@@ -26,12 +26,12 @@ class GappedWall:
     thickness_m: float
 
     @property
-    def blocks(self) -> tuple[Block, ...]:
+    def blocks(self) -> tuple[Obstacle, ...]:
         """Blocks that make up the wall."""
         along, up = (self.reach_m - self.gap_m / 2) / 2, self.height_m / 2
         middle = self.gap_m / 2 + along
         half = (self.thickness_m / 2, along, up)
-        return tuple(Block(half_m=half, place_m=(self.x_m, side * middle, up)) for side in (-1, 1))
+        return tuple(Obstacle(half_m=half, place_m=(self.x_m, side * middle, up)) for side in (-1, 1))
 
     def keep_out(self, beside_m: float) -> tuple[Rectangle, ...]:
         """Rectangles forbidden to a body that reaches `beside_m` from its middle: x low, y low, x high, y high [m]."""

@@ -14,7 +14,7 @@ from app.perception.vessels import Vessel
 from app.planner.cost import Weights
 from app.planner.optimise import Descent
 from app.planner.pours import Pours
-from app.policy.pictures import View
+from app.policy.pictures import OrthographicView
 from app.policy.scripted_pour import ScriptedPour
 from app.policy.symmetry import Symmetry
 from app.tasks.aim import InBowl
@@ -63,7 +63,7 @@ TASK = Task(
     ),
     symmetry=Symmetry(mirrored=True),
     # Across the way that is poured: the levels in both bowls, and the jet.
-    side=View(low=(0.24, -0.19, 0.0), high=(0.74, 0.19, 0.38), pixel_m=0.008, axes=(0, 2, 1)),
+    side=OrthographicView(low=(0.24, -0.19, 0.0), high=(0.74, 0.19, 0.38), pixel_m=0.008, axes=(0, 2, 1)),
     weights=Weights(progress=1.0, contact=0.0, discount=0.9),
     descent=Descent(learning_rate=0.5, clip=1.0, shrink=0.5),
     problems=PouringProblems(liquid=WATER, held=HELD, target=TARGET, home_m=HOME_M),

@@ -12,9 +12,9 @@ from app.core.stage import Bowl, HeldBowl, Liquid, Soup
 from app.core.types import Cloud, Points
 from app.perception.resample import resample
 from app.sim.materials.elastic import Elastic
-from app.sim.materials.liquid import Liquid as LiquidMaterial
+from app.sim.materials.liquid import LiquidMaterial
 from app.sim.scene import Body, Scene
-from app.sim.tools.bowl import Bowl as SimBowl
+from app.sim.tools.bowl import BowlCollider
 from app.tasks.base import Nodes
 
 _POINTS_A_PARTICLE = 8
@@ -77,7 +77,8 @@ def pouring_scene(body: Liquid | Soup, held: HeldBowl, target: Bowl, *, particle
     """
     spacing = float(np.cbrt(body.volume_m3 / particle_count))
     bowls = [
-        SimBowl(radius_m=bowl.radius_m, thickness_m=bowl.thickness_m, friction=bowl.friction) for bowl in (held, target)
+        BowlCollider(radius_m=bowl.radius_m, thickness_m=bowl.thickness_m, friction=bowl.friction)
+        for bowl in (held, target)
     ]
     return Scene(
         low=(0.15, -0.30, -0.03),

@@ -25,10 +25,10 @@ if TYPE_CHECKING:
     from app.core.track import Track
     from app.core.types import Points
     from app.discovery.probe import Belief
-    from app.discovery.probe_pushes import Probe, Scene
+    from app.discovery.probe_pushes import Probe, PushSituation
     from app.discovery.study import Push, Study, View
     from app.discovery.subject import Subject
-    from app.policy.strokes import Plan
+    from app.policy.strokes import PushDesign
     from app.tasks.base import Task
 
 
@@ -70,7 +70,7 @@ def next_probe(
     seen: View,
     episode: int,
     made: Sequence[Push],
-    plan: Plan,
+    plan: PushDesign,
     seed: int,
     site: Site | None = None,
 ) -> Probe:
@@ -135,14 +135,14 @@ def chosen_motion(
     Raises PlanningError where none may be made.
     """
     from app.discovery.study import View
-    from app.policy.strokes import Plan
+    from app.policy.strokes import PushDesign
     from app.tasks import load
 
     data, known = load(task), pickle.loads(held.belief)  # noqa: S301 - our own, of `weighed` or of this.
     count = probed_subject(data).particle_count
     pushes = tuple(_counted(push, count) for push in made)
-    slowest, fastest = Plan().speeds_m_s
-    plan = Plan(
+    slowest, fastest = PushDesign().speeds_m_s
+    plan = PushDesign(
         speeds_m_s=(slowest, min(fastest, site.limits.speed_m_s)),
         measured=all(push.measured is not None for push in pushes),
         during=all(push.during for push in pushes),
@@ -162,11 +162,11 @@ def _counted(push: Push, count: int) -> Push:
     return replace(push, before=view(push.before), during=tuple(map(view, push.during)), after=view(push.after))
 
 
-def scene(task: Task, seen: View, episode: int, made: Sequence[Push], plan: Plan, site: Site) -> Scene:
+def scene(task: Task, seen: View, episode: int, made: Sequence[Push], plan: PushDesign, site: Site) -> PushSituation:
     """Inputs of the choice of a push."""
-    from app.discovery.probe_pushes import Scene
+    from app.discovery.probe_pushes import PushSituation
 
-    return Scene(
+    return PushSituation(
         task=task.recorded,
         seen=seen,
         episode=episode,

@@ -13,11 +13,11 @@ from app.planner.optimise import Descent
 from app.planner.passage import Passage
 from app.policy.scripted_gap import ScriptedGap
 from app.policy.symmetry import Symmetry
-from app.sim.materials.rope import Rope as RopeMaterial
+from app.sim.materials.rope import RopeMaterial
 from app.sim.rods.scene import Wall
 from app.sim.scene import Body, Scene
-from app.sim.tools import finger as sim_finger
 from app.sim.tools.box import WallsWithGap
+from app.sim.tools.finger import FingerCollider
 from app.tasks.aim import Beyond
 from app.tasks.base import Lesson, Preset, Task
 from app.tasks.passing import GappedWall, Passing
@@ -55,7 +55,7 @@ TASK = Task(
             ),
         ),
         tools=(
-            sim_finger.Finger(radius_m=FINGER.radius_m, below_m=0.0035, fade_m=0.001),
+            FingerCollider(radius_m=FINGER.radius_m, below_m=0.0035, fade_m=0.001),
             WallsWithGap(
                 place_m=(WALL.x_m, 0.0, 0.0),
                 half_length_m=WALL.reach_m,

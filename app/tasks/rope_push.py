@@ -12,9 +12,9 @@ from app.planner.cost import Weights
 from app.planner.optimise import Descent
 from app.policy.scripted import ScriptedPush
 from app.policy.symmetry import Symmetry
-from app.sim.materials.rope import Rope as RopeMaterial
+from app.sim.materials.rope import RopeMaterial
 from app.sim.scene import Body, Scene
-from app.sim.tools import finger as sim_finger
+from app.sim.tools.finger import FingerCollider
 from app.sim.tools.flat_finger import FlatFinger
 from app.tasks.aim import Near
 from app.tasks.base import Preset, Task
@@ -126,10 +126,10 @@ def _symmetry(finger: Finger) -> Symmetry:
     return Symmetry(about_m=about_m, angles_rad=(0.0, pi), shift_m=shift_m)
 
 
-def _particle_tool(finger: Finger) -> sim_finger.Finger | FlatFinger:
+def _particle_tool(finger: Finger) -> FingerCollider | FlatFinger:
     """The finger among material points."""
     if finger.half_width_m == 0:
-        return sim_finger.Finger(radius_m=finger.radius_m, below_m=0.0035, fade_m=0.001)
+        return FingerCollider(radius_m=finger.radius_m, below_m=0.0035, fade_m=0.001)
     return FlatFinger(
         radius_m=finger.radius_m,
         half_width_m=finger.half_width_m,

@@ -7,7 +7,7 @@ from typing import final
 import numpy as np
 
 from app.calibration.evidence import Evidence
-from app.calibration.fit import Settings
+from app.calibration.fit import FitSettings
 from app.config import ANYWHERE, Confines
 from app.core.messages import Model
 from app.planner.method import DIPAC, Method
@@ -19,7 +19,7 @@ from app.tasks.compiled import calibrator, nominal_model, phi_of, planner
 
 @final
 @dataclass(frozen=True)
-class Stage:
+class CompileStep:
     """A compilation step: its name, and the function that does it."""
 
     name: str
@@ -28,7 +28,7 @@ class Stage:
 
 def stages(
     task: str, preset: str, model: Model | None = None, method: Method = DIPAC, confines: Confines = ANYWHERE
-) -> list[Stage]:
+) -> list[CompileStep]:
     """Compilation steps for `model`, or the nominal one, in order; each after the first is quick after it."""
     data, size = load(task), load(task).preset(preset)
     x = data.goal(0, size.particle_count)
@@ -37,9 +37,9 @@ def stages(
 
     def simulator() -> None:
         example = Evidence(before=x[None], tool=data.actions.measured_path(np.tile(AWAY, (2, 1)))[None], after=x[None])
-        calibrator(task, preset, Settings(), fitted).predictor.compile(fitted, example)
+        calibrator(task, preset, FitSettings(), fitted).predictor.compile(fitted, example)
 
     return [
-        Stage("the simulator and its adjoint", simulator),
-        Stage("the planner's search", lambda: planner(task, preset, phi, method, confines).compile(x, phi)),
+        CompileStep("the simulator and its adjoint", simulator),
+        CompileStep("the planner's search", lambda: planner(task, preset, phi, method, confines).compile(x, phi)),
     ]

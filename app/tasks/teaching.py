@@ -8,14 +8,14 @@ import numpy as np
 from app.core.errors import RecordingError, UsageError
 from app.core.messages import Model, Transition
 from app.core.types import Points
-from app.policy.learned.base import LearnedPolicy, Lessons, World
+from app.policy.learned.base import LearnedPolicy, Lessons, TrainingSimulator
 from app.policy.learned.examples import Examples
 from app.policy.learned.file import load_policy
 from app.tasks.base import Task
 from app.tasks.compiled import carried, needs, phi_of
 
 
-def lessons(task: Task, world: World | None = None) -> Lessons:
+def lessons(task: Task, world: TrainingSimulator | None = None) -> Lessons:
     """Training setup of the task's policies."""
     return Lessons(space=task.actions, symmetry=task.symmetry, views=task.views, world=world)
 
@@ -42,11 +42,11 @@ def shipped(task: str) -> Path:
     return _SHIPPED / f"{task}.safetensors"
 
 
-def simulator(task: Task, model: Model, particle_count: int) -> World:
+def simulator(task: Task, model: Model, particle_count: int) -> TrainingSimulator:
     """The task's simulator of so many particles, for learners that learn by simulation."""
     phi = phi_of(model)
     advance = carried(task.name, particle_count, *needs(task.name, phi))
-    return World(advance=advance, begin=task.begin, phi=tuple(map(float, phi)))
+    return TrainingSimulator(advance=advance, begin=task.begin, phi=tuple(map(float, phi)))
 
 
 def examples(task: Task, shown: Sequence[tuple[Sequence[Transition], Sequence[Points]]]) -> Examples:

@@ -15,7 +15,7 @@ _SCALE_M: Final = 0.09
 
 
 @final
-class Aim:
+class TargetHandle:
     """Handle shown in teleoperation alone, at first at the tool. An operator who may move the tool may drag it.
 
     Painted by the painter's thread; dragged by viser's.

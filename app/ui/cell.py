@@ -15,7 +15,7 @@ from app.ui import cards, masks, palette, views
 from app.ui.board import Board
 from app.ui.clouds import SHOWN, Clouds, Show
 from app.ui.desk import Desk
-from app.ui.scene import Scene
+from app.ui.scene import ConsoleScene
 from app.ui.text import Text
 from app.ui.tuning import Tuning
 
@@ -27,13 +27,13 @@ _QUALITY: Final = 80
 
 
 @final
-class Cell:
+class CellTab:
     """Drawn into the container that is open when this is made."""
 
-    def __init__(self, server: viser.ViserServer, desk: Desk, scene: Scene) -> None:
+    def __init__(self, server: viser.ViserServer, desk: Desk, scene: ConsoleScene) -> None:
         gui = server.gui
         self._gui, self._scene, self._clouds = gui, scene, Clouds(server)
-        self._views: dict[str, View] = {}
+        self._views: dict[str, CameraPicture] = {}
         self._summary = Text(gui, views.summary(desk.board))
         self._masked = gui.add_checkbox("Mask", initial_value=True, hint="Tint what is taken for the object")
         self._place = gui.add_folder(None)
@@ -64,10 +64,10 @@ class Cell:
         if chosen in SHOWN:
             self._clouds.cameras = chosen
 
-    def _view(self, name: str, frame: Frame) -> "View":
+    def _view(self, name: str, frame: Frame) -> "CameraPicture":
         if name not in self._views:
             with self._place:
-                self._views[name] = View(self._gui, self._scene, frame)
+                self._views[name] = CameraPicture(self._gui, self._scene, frame)
             self._larger.options = _or_none(self._views)
         return self._views[name]
 
@@ -96,10 +96,10 @@ class _Painted(NamedTuple):
 
 
 @final
-class View:
+class CameraPicture:
     """One camera's picture and its caption."""
 
-    def __init__(self, gui: viser.GuiApi, scene: Scene, frame: Frame) -> None:
+    def __init__(self, gui: viser.GuiApi, scene: ConsoleScene, frame: Frame) -> None:
         self._scene = scene
         self.painted = _Painted(frame.color, None, palette.MASK)
         self._image = gui.add_image(
@@ -148,7 +148,7 @@ class Large:
         self._panel.float(x=20, y=20, width=_LARGE_PX)
         self._drawn: _Painted | None = None
 
-    def paint(self, view: View | None) -> None:
+    def paint(self, view: CameraPicture | None) -> None:
         """Show the picture of that view."""
         if self._panel.visible != (view is not None):
             self._panel.visible = view is not None

@@ -20,7 +20,7 @@ from app.core.requests import Request
 from app.core.table_place import AT_BASE, TablePlace
 from app.ui import cards, proxy
 from app.ui.access import LOOPBACK, Access
-from app.ui.aim import Aim
+from app.ui.aim import TargetHandle
 from app.ui.backstage import Backstage
 from app.ui.badges import Badges
 from app.ui.board import Board
@@ -32,7 +32,7 @@ from app.ui.painter import Painter
 from app.ui.panel import Panel
 from app.ui.playback import Playback
 from app.ui.player import Player
-from app.ui.scene import Scene
+from app.ui.scene import ConsoleScene
 from app.ui.tls import Tls
 
 _REQUESTS_BOUND = 1000
@@ -177,9 +177,9 @@ def _set_scene(
 ) -> Painter:
     """Build scene and panels on the server; returns their painter."""
     _greet(backstage.server, desk, badges, line)
-    scene = Scene(backstage.server, limits, table)
+    scene = ConsoleScene(backstage.server, limits, table)
     panel = Panel(backstage.server, desk, scene, timing)
-    aim = Aim(backstage.server, limits.workspace, desk, hand) if hand else None
+    aim = TargetHandle(backstage.server, limits.workspace, desk, hand) if hand else None
     playback = Playback(backstage.server, player) if player else None
 
     def paint(board: Board, now_s: float) -> None:

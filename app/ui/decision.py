@@ -27,7 +27,7 @@ class DecisionForm:
         self._desk = desk
         self._resume = gui.add_button("Resume", color="orange", icon=viser.Icon.PLAYER_PLAY, visible=False)
         self._resume.on_click(lambda event: desk.resume(operator(event)))
-        self._control = Control(gui, desk)
+        self._control = ControlForm(gui, desk)
         self._place = gui.add_folder(None, visible=not desk.board.replay)
         self._shown_s = 0.0
         self._build(None)
@@ -74,7 +74,7 @@ class DecisionForm:
 
 
 @final
-class Control:
+class ControlForm:
     """The operator in control, and the buttons to take and release it. They never move the buttons below them."""
 
     def __init__(self, gui: viser.GuiApi, desk: Desk) -> None:

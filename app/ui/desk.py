@@ -19,7 +19,7 @@ from app.core.control import Lease
 from app.core.messages import Decision, Message, Model, Notice, Proposal, ResumeRequest, StopRequest, fresh_id
 from app.core.requests import Asked, ColourRequest, EditRequest, ModelRequest, Request
 from app.ui.board import Board
-from app.ui.pace import Pace
+from app.ui.pace import RateLimiter
 
 Place: TypeAlias = Float64[np.ndarray, "3"]
 _REFUSALS_EVERY_S = 10.0
@@ -55,9 +55,9 @@ class Desk:
         self.changed = threading.Event()
         self._turned_away: dict[str, int] = {}
         self._told_s = self._used_s = -math.inf
-        self._paces: dict[str, Pace] = {}
+        self._paces: dict[str, RateLimiter] = {}
         self._gone: set[str] = set()
-        self._words = Pace(now(), steady_hz=_WORDS_HZ, burst=_WORDS_AT_ONCE)
+        self._words = RateLimiter(now(), steady_hz=_WORDS_HZ, burst=_WORDS_AT_ONCE)
 
     @property
     def board(self) -> Board:
@@ -228,7 +228,7 @@ class Desk:
         if operator in self._gone or self._board.replay:
             return False
         now_s = self.now()
-        pace = self._paces.setdefault(operator, Pace(now_s, steady_hz=_COMMANDS_HZ, burst=_COMMANDS_AT_ONCE))
+        pace = self._paces.setdefault(operator, RateLimiter(now_s, steady_hz=_COMMANDS_HZ, burst=_COMMANDS_AT_ONCE))
         allowed = pace.allows(now_s)
         if not allowed:
             self._tell(f"{operator} sends commands too fast; some are ignored.")

@@ -26,7 +26,7 @@ class Moved:
 
 
 @final
-class Drift:
+class DriftMeter:
     """Drift computed once for every plan and observation, as it takes milliseconds. For the painter's thread alone."""
 
     def __init__(self, timing: Timing) -> None:

@@ -16,7 +16,7 @@ from numpy import ndarray
 
 from app.core.types import ToolPose
 from app.ui.badges import Badges
-from app.ui.pace import Pace
+from app.ui.pace import RateLimiter
 
 _MOST_BYTES: Final = 1024
 _STEADY_HZ, _BURST = 60.0, 120.0
@@ -114,7 +114,7 @@ class HandLine:
 
     async def _hear(self, key: str, operator: str, websocket: web.WebSocketResponse) -> None:
         """Pass on each sample at once; those beyond the rate of a page are dropped, as late ones are worthless."""
-        pace = Pace(time.monotonic(), steady_hz=_STEADY_HZ, burst=_BURST)
+        pace = RateLimiter(time.monotonic(), steady_hz=_STEADY_HZ, burst=_BURST)
         async for message in websocket:
             if self._badges.owner(key) is None:
                 return

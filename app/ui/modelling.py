@@ -27,7 +27,7 @@ _FILE: Final = "discovery/model.toml"
 
 
 @final
-class Modelling:
+class ModelTab:
     """Drawn into the container that is open when this is made. `folder`: root of the model files that may be named."""
 
     def __init__(self, gui: viser.GuiApi, desk: Desk, folder: Path) -> None:

@@ -4,7 +4,7 @@ from typing import final
 
 
 @final
-class Pace:
+class RateLimiter:
     """Limit of `steady_hz` a second, with `burst` at once after a pause."""
 
     def __init__(self, now_s: float, *, steady_hz: float, burst: float) -> None:

@@ -9,20 +9,20 @@ from viser import theme
 from app.config import Timing
 from app.ui import cards, doubt
 from app.ui.board import Board
-from app.ui.cell import Cell
+from app.ui.cell import CellTab
 from app.ui.checklist import ChecklistForm
 from app.ui.decision import DecisionForm
 from app.ui.demonstrations import DemonstrationForm
 from app.ui.desk import Desk
-from app.ui.drift import Drift
+from app.ui.drift import DriftMeter
 from app.ui.goals import GoalTab
-from app.ui.modelling import Modelling
+from app.ui.modelling import ModelTab
 from app.ui.modes import EndButton, ModeForm
 from app.ui.placing import PlacingTab
 from app.ui.plans import Plans
 from app.ui.plots import Plots
 from app.ui.probing import ProbeForm
-from app.ui.scene import Scene
+from app.ui.scene import ConsoleScene
 from app.ui.text import Text
 
 _BRAND = (59, 130, 246)
@@ -34,11 +34,11 @@ _MAIN_WIDTH_PX = 400
 class Panel:
     """The widgets of one server. Used by the painter's thread alone; the buttons' callbacks go to the desk."""
 
-    def __init__(self, server: viser.ViserServer, desk: Desk, scene: Scene, timing: Timing) -> None:
+    def __init__(self, server: viser.ViserServer, desk: Desk, scene: ConsoleScene, timing: Timing) -> None:
         self._server, self._gui = server, server.gui
         self._desk, self._scene = desk, scene
         self._last = Board()
-        self._drift = Drift(timing)
+        self._drift = DriftMeter(timing)
         self._mode = Text(self._gui, cards.mode(self._last, desk.now()))
         commands = not desk.board.replay
         self._checklist = ChecklistForm(self._gui, desk) if commands else None
@@ -103,7 +103,7 @@ class Panel:
     def _build_side(self, *, commands: bool) -> None:
         server, desk, side = self._server, self._desk, self._gui.add_panel()
         with side.add_tab("Cell", viser.Icon.CAMERA):
-            self._cell = Cell(server, desk, self._scene)
+            self._cell = CellTab(server, desk, self._scene)
         self._goal: GoalTab | None = None
         self._placing: PlacingTab | None = None
         if commands:
@@ -116,7 +116,7 @@ class Panel:
         with side.add_tab("Progress", viser.Icon.CHART_LINE):
             self._plots = Plots(self._gui)
         with side.add_tab("Model", viser.Icon.ADJUSTMENTS):
-            self._modelling = Modelling(self._gui, desk, Path.cwd())
+            self._modelling = ModelTab(self._gui, desk, Path.cwd())
         with side.add_tab("Discovery", viser.Icon.MICROSCOPE):
             if commands:
                 ProbeForm(self._gui, desk)

@@ -12,7 +12,7 @@ import viser
 from app.ui import replanning
 from app.ui.panel import Text
 from app.ui.player import FASTEST, Player, Reel, Where
-from app.ui.replanning import AS_RECORDED, Order
+from app.ui.replanning import AS_RECORDED, ReplanRequest
 
 SPEEDS: Final = {
     f"{speed:g}\N{MULTIPLICATION SIGN}": speed for speed in (0.1, 0.25, 0.5, 1.0, 2.0, 5.0, 10.0, 20.0, 50.0)
@@ -108,7 +108,7 @@ class Playback:
         self._card = Text(gui, replanning.card(None, ""))
 
         def asked(_: viser.GuiEvent[Any]) -> None:
-            player.order(Order(time_s=player.where.time_s, model=model.value, path=path.value.strip()))
+            player.order(ReplanRequest(time_s=player.where.time_s, model=model.value, path=path.value.strip()))
 
         self._again.on_click(asked)
         form.on_submit(asked)

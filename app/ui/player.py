@@ -9,7 +9,7 @@ from typing import Final, Literal, NamedTuple, final
 
 from app.core.messages import Message
 from app.recording.marks import Mark
-from app.ui.replanning import Order, Replanned
+from app.ui.replanning import Replanned, ReplanRequest
 
 FASTEST: Final = math.inf
 """Speed limited only by reading the recording."""
@@ -59,7 +59,7 @@ class Player:
         self._time_s = min(max(time_s, 0.0), reel.duration_s)
         self._speed, self._playing, self._jumped = speed, False, True
         self._besides: tuple[Message, ...] = ()
-        self._order: Order | None = None
+        self._order: ReplanRequest | None = None
         self.said = ""
         """Progress of planning again, in words."""
         self.replanned: Replanned | None = None
@@ -119,14 +119,14 @@ class Player:
             self._jumped = False
             return where
 
-    def order(self, order: Order) -> None:
+    def order(self, order: ReplanRequest) -> None:
         """Request another plan, unless one is being made."""
         with self._lock:
             if self._order is None:
                 self._order, self._playing = order, False
                 self.said, self.replanned = "Starting the planner.", None
 
-    def ordered(self) -> Order | None:
+    def ordered(self) -> ReplanRequest | None:
         """The requested plan, waiting or being made."""
         return self._order
 

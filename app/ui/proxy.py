@@ -18,7 +18,7 @@ from aiohttp import web
 from app.ui.access import Access
 from app.ui.backstage import PROXY_HEADER
 from app.ui.doorkeeper import BURST, MOST_BYTES, STEADY_HZ, refusal
-from app.ui.pace import Pace
+from app.ui.pace import RateLimiter
 from app.ui.page import ASSETS, ENTERING, Page, refused
 
 Handler = Callable[[web.Request], Awaitable[web.StreamResponse]]
@@ -189,7 +189,7 @@ class Proxy:
         self, browser: web.WebSocketResponse, viser: aiohttp.ClientWebSocketResponse, hang_up: anyio.CancelScope
     ) -> None:
         """Pass on a browser's permitted messages within its rate limit; disconnect at the first other one."""
-        pace = Pace(time.monotonic(), steady_hz=STEADY_HZ, burst=BURST)
+        pace = RateLimiter(time.monotonic(), steady_hz=STEADY_HZ, burst=BURST)
         try:
             async for message in browser:
                 why = "it is no message"

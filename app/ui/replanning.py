@@ -15,8 +15,8 @@ AS_RECORDED: Final = "as recorded at that moment"
 
 @final
 @dataclass(frozen=True, kw_only=True)
-class Order:
-    """Order to plan from `time_s` [s] with the model called `model`, or that of the file `path` where one is given."""
+class ReplanRequest:
+    """Request to plan from `time_s` [s] with the model called `model`, or with that of the file `path` if given."""
 
     time_s: float
     model: str = AS_RECORDED
@@ -40,7 +40,7 @@ class Replanned:
         return float(np.linalg.norm(self.then.motion.positions[0] - self.again.motion.positions[0]))
 
 
-class Row(NamedTuple):
+class ComparisonRow(NamedTuple):
     """A quantity in the recorded and in the new plan."""
 
     name: str
@@ -48,16 +48,18 @@ class Row(NamedTuple):
     again: str
 
 
-def rows(found: Replanned) -> Iterator[Row]:
+def rows(found: Replanned) -> Iterator[ComparisonRow]:
     """The comparison in words."""
     then, again = found.then, found.again
-    yield Row("Model", f"version {then.model_version}" if then else words.NOTHING, found.model)
-    yield Row("Cost after descent", *_each(then, again, lambda plan: words.number(plan.chosen.cost_after)))
-    yield Row("Distance now", *_each(then, again, lambda plan: words.distance(plan.chamfer_m2)))
-    yield Row("Predicted distance", *_each(then, again, lambda plan: words.distance(plan.predicted_chamfer_m2)))
-    yield Row("Chosen", *_each(then, again, words.origin))
+    yield ComparisonRow("Model", f"version {then.model_version}" if then else words.NOTHING, found.model)
+    yield ComparisonRow("Cost after descent", *_each(then, again, lambda plan: words.number(plan.chosen.cost_after)))
+    yield ComparisonRow("Distance now", *_each(then, again, lambda plan: words.distance(plan.chamfer_m2)))
+    yield ComparisonRow(
+        "Predicted distance", *_each(then, again, lambda plan: words.distance(plan.predicted_chamfer_m2))
+    )
+    yield ComparisonRow("Chosen", *_each(then, again, words.origin))
     apart = f"{found.apart_m * 1e3:.0f} mm apart" if then else words.NOTHING
-    yield Row("The motions begin", "", apart)
+    yield ComparisonRow("The motions begin", "", apart)
 
 
 def _each(then: Proposal | None, again: Proposal, said: Callable[[Proposal], str]) -> tuple[str, str]:

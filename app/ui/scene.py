@@ -15,13 +15,13 @@ from app.ui import palette
 from app.ui.beads import Beads
 from app.ui.board import Board
 from app.ui.paths import Paths, along
-from app.ui.tool import Flat, Tool
+from app.ui.tool import DrawnGripper, Flat
 
 _FRUSTUM_M = 0.035
 
 
 @final
-class Scene:
+class ConsoleScene:
     """Everything drawn on the table of one server. Used by the painter's thread alone."""
 
     def __init__(self, server: viser.ViserServer, limits: Limits, table: TablePlace = AT_BASE) -> None:
@@ -35,8 +35,8 @@ class Scene:
         self.horizon.show(False)
         self.expected = Beads(server, "/expected", palette.EXPECTED, opacity=0.6)
         self.paths = Paths(server)
-        self.tool = Tool(server, "/tool", palette.STEEL, opacity=None)
-        self.ghost = Tool(server, "/ghost", palette.BEST, opacity=0.55)
+        self.tool = DrawnGripper(server, "/tool", palette.STEEL, opacity=None)
+        self.ghost = DrawnGripper(server, "/ghost", palette.BEST, opacity=0.55)
         self.playing = True
         """True while the ghost makes the pending motion; False while another ghost shows a moment of it."""
         _furnish(server, limits.workspace, table)

@@ -34,7 +34,7 @@ class Flat(NamedTuple):
 
 
 @final
-class Tool:
+class DrawnGripper:
     """A drawn gripper, made at the first `put`.
 
     It stands upright: only the tip's position is to scale, and of a flat finger also width and yaw.

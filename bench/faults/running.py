@@ -41,7 +41,7 @@ from app.recording.preflight import Room
 from app.recording.studio import open_studio
 from app.rig.simulated.cameras import table_cameras
 from app.rig.simulated.rig import SimulatedRig, simulated_rig
-from app.tasks.base import Preset, Wish
+from app.tasks.base import EpisodeConfig, Preset
 from app.tasks.rope_push import TASK
 from app.teleop import Pilot
 from bench.faults.broken import FaultyClock, FaultyRig, Shows
@@ -57,10 +57,10 @@ _ASKED = 1000
 """Requests that wait, as many as a console keeps."""
 
 
-def wish(*, calibrating: bool) -> Wish:
+def wish(*, calibrating: bool) -> EpisodeConfig:
     """The rope with 60 particles, and a goal that no stroke will ever reach."""
     task = replace(TASK, presets={_PRESET: Preset(branches=2, depth=1, particle_count=60, gradient_steps=1)})
-    return Wish(
+    return EpisodeConfig(
         task=task,
         preset=_PRESET,
         goal=Goal(id=fresh_id("goal"), time_s=time.monotonic(), positions=task.goal(0, 60)),

@@ -35,7 +35,7 @@ from app.discovery.screen import refit, screen
 from app.discovery.subject import catalogue
 from app.evaluation.intervals import share
 from app.evaluation.ledger import lines
-from app.policy.strokes import Plan
+from app.policy.strokes import PushDesign
 from app.rig.simulated.hiding import known
 from app.tasks import load
 from app.tasks.doubted import subject_of
@@ -53,7 +53,7 @@ SIZES: Final = 0.7, 2.0
 """Range of hidden sizes, in typical ones, log-uniform."""
 EPISODES: Final = (5, 6, 8, 10, 12)
 PUSHES: Final = (4, 6, 8)
-WHOLE: Final = Plan(episodes=10, pushes=10)
+WHOLE: Final = PushDesign(episodes=10, pushes=10)
 _WHOLE_EVERY: Final = 3
 """One study in so many is as large as those that discovery's aims are about."""
 FOLDS: Final = 10
@@ -76,7 +76,7 @@ def drawn(seed: int, number: int) -> tuple[World, RopeCase | OwnRope]:
     unknown = bool(outside) and NONE + TWO < kind < NONE + TWO + UNKNOWN
     names = rng.choice(outside if unknown else inside, count, replace=False).tolist()
     hidden = tuple(Chosen(effect=name, size=float(np.exp(rng.uniform(*np.log(SIZES))))) for name in sorted(names))
-    plan = Plan(episodes=int(rng.choice(EPISODES)), pushes=int(rng.choice(PUSHES)))
+    plan = PushDesign(episodes=int(rng.choice(EPISODES)), pushes=int(rng.choice(PUSHES)))
     if number % _WHOLE_EVERY == 0:
         plan = WHOLE
     own_seed = int(rng.integers(2**31))

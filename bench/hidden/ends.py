@@ -20,9 +20,9 @@ from jaxtyping import Float64
 from app.core.messages import Executed, MessageId, Model, Transition, fresh_id
 from app.core.orientation import UNKNOWN
 from app.core.types import Centreline, Points
-from app.policy.strokes import Plan
-from app.rig.simulated.hiding import Wish, draw, known, mistuned
-from app.rig.simulated.rehearsal import Rehearsal, Take
+from app.policy.strokes import PushDesign
+from app.rig.simulated.hiding import InjectionRequest, draw, known, mistuned
+from app.rig.simulated.rehearsal import PushSample, PushSession
 from app.rig.simulated.rope import resample
 from app.sim.params import PARAMETERS, with_orientation
 from app.tasks import compiled, load
@@ -59,8 +59,8 @@ class PredictedPush:
 def predicted_pushes(effect: str, size: float, seed: int, pushes: int) -> Iterator[PredictedPush]:
     """An episode of random pushes in one world; `size` in typical ones."""
     task, rng = load(TASK), np.random.default_rng([seed, _SEEN])
-    hidden = draw([Wish(effect, size * float(known()[effect].main.typical or 0.0))], seed)
-    session = Rehearsal(task, Plan(episodes=1, pushes=pushes), mistuned(seed, rope=task.rope), hidden, seed)
+    hidden = draw([InjectionRequest(effect, size * float(known()[effect].main.typical or 0.0))], seed)
+    session = PushSession(task, PushDesign(episodes=1, pushes=pushes), mistuned(seed, rope=task.rope), hidden, seed)
     nominal = nominal_model(TASK)
     names = [quantity.name for quantity in hidden[0].effect.quantities]
     model = _with(nominal, dict(zip(names, hidden[0].values.tolist(), strict=True)))
@@ -129,7 +129,7 @@ def _predicted(
     return np.asarray(simulate(jnp.asarray(phis), state, jnp.tile(jnp.asarray(path), (count, 1, 1))).centreline)
 
 
-def _transition(before: Points, take: Take, after: Points) -> Transition:
+def _transition(before: Points, take: PushSample, after: Points) -> Transition:
     executed = Executed(
         id=fresh_id("executed"),
         time_s=take.command.end_s,

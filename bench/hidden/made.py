@@ -10,7 +10,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from app.policy.strokes import Plan
+from app.policy.strokes import PushDesign
 from app.rig.simulated.hiding import described
 from bench.hidden.draws import Chosen
 from bench.hidden.own_ropes import OwnRope
@@ -30,7 +30,7 @@ def main() -> None:
 def make(order: Mapping[str, Any], folder: Path) -> None:
     """The recordings of an order, and the truth beside their folder."""
     hidden = tuple(Chosen(effect=name, size=size) for name, size in order["hidden"])
-    plan = Plan(episodes=order["episodes"], pushes=order["pushes"])
+    plan = PushDesign(episodes=order["episodes"], pushes=order["pushes"])
     seed, (_, noise_m) = order["seed"], drawn_cameras(order["seed"])
     if order["world"] == "own":
         own = OwnRope(seed=seed, hidden=hidden, plan=plan, flat=FLAT, noise_m=noise_m)

@@ -16,7 +16,7 @@ from jaxtyping import Float64
 
 from app.discovery.predict import Predictor
 from app.discovery.subject import Catalogue, Subject, Theta, catalogue
-from app.policy.strokes import Plan
+from app.policy.strokes import PushDesign
 from app.rig.simulated.hiding import MISTUNED
 from app.sim.parameter import ParameterSpec
 from app.tasks import load
@@ -66,7 +66,7 @@ def main() -> None:
     parser.add_argument("--episodes", type=int, default=8)
     parser.add_argument("--pushes", type=int, default=8)
     options = parser.parse_args()
-    record(read_orders(options.orders), Plan(episodes=options.episodes, pushes=options.pushes), options.output)
+    record(read_orders(options.orders), PushDesign(episodes=options.episodes, pushes=options.pushes), options.output)
 
 
 def read_orders(path: Path) -> list[Order]:
@@ -77,7 +77,7 @@ def read_orders(path: Path) -> list[Order]:
     ]
 
 
-def record(orders: Sequence[Order], plan: Plan, folder: Path) -> None:
+def record(orders: Sequence[Order], plan: PushDesign, folder: Path) -> None:
     """All of them, each with its truth beside the folder of its recordings."""
     task, known = load(_TASK), catalogue()
     subject = subject_of(task)

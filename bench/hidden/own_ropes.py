@@ -24,7 +24,7 @@ from app.discovery.predict import Predictor
 from app.discovery.steppers import contact_of
 from app.discovery.study import Push, Study, View
 from app.discovery.subject import ROD_NUMERICS, RodModel, Subject, catalogue
-from app.policy.strokes import Plan
+from app.policy.strokes import PushDesign
 from app.rig.simulated.physics import Centreline
 from app.rig.simulated.rehearsal import laid
 from app.rig.simulated.rope import resample
@@ -67,7 +67,7 @@ class OwnRope:
 
     seed: int
     hidden: tuple[Chosen, ...] = ()
-    plan: Plan = field(default_factory=Plan)
+    plan: PushDesign = field(default_factory=PushDesign)
     flat: float = 0.0
     noise_m: float = USUAL_NOISE_M
 

@@ -30,7 +30,7 @@ from app.discovery.study import Push, Study
 from app.discovery.subject import catalogue
 from app.evaluation.intervals import share
 from app.evaluation.ledger import lines
-from app.policy.strokes import Plan
+from app.policy.strokes import PushDesign
 from app.rig.simulated.hiding import known
 from app.tasks import load
 from app.tasks.doubted import subject_of
@@ -58,7 +58,7 @@ def drawn(seed: int, number: int, *, pushes: int, batch: int) -> RopeCase:
     causes = {cause.name for cause in catalogue(subject_of(load(_TASK)).rods).causes}
     name, size = str(rng.choice(sorted(hideable & causes))), float(np.exp(rng.uniform(*np.log(SIZES))))
     hidden = () if rng.uniform() < NONE else (Chosen(effect=name, size=size),)
-    plan = Plan(episodes=-(-pushes // batch), pushes=batch)
+    plan = PushDesign(episodes=-(-pushes // batch), pushes=batch)
     return RopeCase(seed=int(rng.integers(2**31)), hidden=hidden, plan=plan)
 
 

@@ -18,11 +18,11 @@ from app.core.types import Cloud, Points
 from app.discovery.centreline_noise import smooth_noise
 from app.discovery.study import Push, Study, View
 from app.perception.resample import resample
-from app.policy.strokes import REGION, Plan
+from app.policy.strokes import REGION, PushDesign
 from app.rig.simulated.hidden.base import Injected
-from app.rig.simulated.hiding import Wish, draw, mistuned
+from app.rig.simulated.hiding import InjectionRequest, draw, mistuned
 from app.rig.simulated.physics import WorldPhysics
-from app.rig.simulated.rehearsal import Look, Rehearsal, Take, rehearse
+from app.rig.simulated.rehearsal import PushSample, PushSession, StampedSnapshot, rehearse
 from app.tasks import load
 from app.tasks.base import Task
 from app.tasks.curves import fill_tube
@@ -57,7 +57,7 @@ class RopeCase:
     seed: int
     world: RopeModel = "chain"
     hidden: tuple[Chosen, ...] = ()
-    plan: Plan = field(default_factory=Plan)
+    plan: PushDesign = field(default_factory=PushDesign)
     flat: float = 0.0
     noise_m: float = USUAL_NOISE_M
 
@@ -88,11 +88,11 @@ class RopeCase:
     @property
     def injected(self) -> tuple[Injected, ...]:
         """The effects, with directions, places and signs of their own."""
-        return draw([Wish(each.effect, real_size(each)) for each in self.hidden], self.seed)
+        return draw([InjectionRequest(each.effect, real_size(each)) for each in self.hidden], self.seed)
 
-    def session(self) -> Rehearsal:
+    def session(self) -> PushSession:
         """The world and its arm, to push in as one likes."""
-        return Rehearsal(self.task, self.plan, self.physics, self.injected, self.seed)
+        return PushSession(self.task, self.plan, self.physics, self.injected, self.seed)
 
     def record(self) -> Study:
         """The pushes as discovery reads them."""
@@ -103,17 +103,17 @@ class RopeCase:
         return Study(task=recorded(task.name), pushes=pushes, tables={each.episode: bare_table(rng) for each in pushes})
 
 
-def _pushes(task: Task, takes: Iterable[Take], rng: np.random.Generator, scale: float) -> Iterator[Push]:
+def _pushes(task: Task, takes: Iterable[PushSample], rng: np.random.Generator, scale: float) -> Iterator[Push]:
     for take in takes:
         yield push_of(task, view_of(task, take.before, rng, scale), take, rng, scale)
 
 
-def view_of(task: Task, look: Look, rng: np.random.Generator, scale: float = 1.0) -> View:
+def view_of(task: Task, look: StampedSnapshot, rng: np.random.Generator, scale: float = 1.0) -> View:
     """The rope as cameras and their reconstruction show it, with so many times the cell's noise."""
     return View(time_s=look.stamp_s, points=seen_rope(task, look.snapshot.nodes, rng, scale))
 
 
-def push_of(task: Task, before: View, take: Take, rng: np.random.Generator, scale: float = 1.0) -> Push:
+def push_of(task: Task, before: View, take: PushSample, rng: np.random.Generator, scale: float = 1.0) -> Push:
     """A push as discovery reads it, with the view from which it was chosen."""
     finger = seen_tip(take.during.snapshot.tip, rng)
     return Push(

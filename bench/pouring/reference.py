@@ -15,11 +15,11 @@ import numpy as np
 from jaxtyping import Array, Float, Float32
 
 from app.core.errors import UsageError
-from app.sim.materials.liquid import Liquid
+from app.sim.materials.liquid import LiquidMaterial
 from app.sim.rollout import Simulate, make_rollout
 from app.sim.scene import Body, Scene
 from app.sim.state import State
-from app.sim.tools.bowl import Bowl
+from app.sim.tools.bowl import BowlCollider
 
 DATA = Path(__file__).parents[3] / "shared" / "data" / "daxbench"
 STEPS, SUBSTEPS, PARTICLES, SEEDS = 100, 23, 702, 20
@@ -42,10 +42,10 @@ SCENE = Scene(
     # Contact fades as exp(-666 d) there; particles are held off a wall by half of their spacing.
     contact_margin_m=0.5 * (_VOLUME_M3 / PARTICLES) ** (1 / 3),
     contact_width_m=0.0015,
-    bodies=(Body(volume_m3=_VOLUME_M3, density_kg_m3=1000.0, material=Liquid(viscosity_pa_s=0.0, spray=3.0)),),
+    bodies=(Body(volume_m3=_VOLUME_M3, density_kg_m3=1000.0, material=LiquidMaterial(viscosity_pa_s=0.0, spray=3.0)),),
     tools=(
-        Bowl(radius_m=_HELD_M - _HALF_WALL_M, thickness_m=2 * _HALF_WALL_M, friction=0.1),
-        Bowl(
+        BowlCollider(radius_m=_HELD_M - _HALF_WALL_M, thickness_m=2 * _HALF_WALL_M, friction=0.1),
+        BowlCollider(
             radius_m=_TARGET_M - _HALF_WALL_M,
             thickness_m=2 * _HALF_WALL_M,
             friction=0.1,

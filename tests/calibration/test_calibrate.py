@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 
 from app.calibration.calibrate import Calibrator, next_model, phi_of
-from app.calibration.evidence import Evidence, Predictor, gather
-from app.calibration.fit import Settings
+from app.calibration.evidence import Evidence, ModelScorer, gather
+from app.calibration.fit import FitSettings
 from app.core.messages import Executed, Extension, MessageId, Parameter, Transition
 from app.policy.base import AWAY
 from app.sim.params import PARAMETERS, index
@@ -18,7 +18,7 @@ from app.tasks.curves import fill_tube
 TASK = load("rope_push")
 SPACE = replace(TASK.actions, push_substeps=120, rest_substeps=8)
 PARTICLES = 80
-PREDICTOR = Predictor(advance=compiled.advance("rope_push", PARTICLES), chunk=4)
+PREDICTOR = ModelScorer(advance=compiled.advance("rope_push", PARTICLES), chunk=4)
 TRUTH = phi_of(nominal_model("rope_push"))
 FRICTION = (PARAMETERS[index("table_friction")],)
 
@@ -64,13 +64,13 @@ def test_the_gradient_of_the_losses_agrees_with_central_differences(evidence: Ev
 def test_hidden_friction_is_recovered_from_a_start_wrong_by_a_factor_of_three(
     evidence: Evidence, factor: float
 ) -> None:
-    calibrator = Calibrator(predictor=PREDICTOR, specs=FRICTION, settings=Settings(steps=8))
+    calibrator = Calibrator(predictor=PREDICTOR, specs=FRICTION, settings=FitSettings(steps=8))
     found = calibrator.fit(evidence, wrong("table_friction", factor))
     assert found.values[0] == pytest.approx(TRUTH[index("table_friction")], rel=0.15)
 
 
 def test_the_next_model_names_its_causes_and_changes_the_fitted_parameters_alone(evidence: Evidence) -> None:
-    calibrator = Calibrator(predictor=PREDICTOR, specs=FRICTION, settings=Settings(steps=1))
+    calibrator = Calibrator(predictor=PREDICTOR, specs=FRICTION, settings=FitSettings(steps=1))
     old = nominal_model("rope_push")
     transition = _transition(evidence, 0)
     new = next_model(old, calibrator.fit(evidence, wrong("table_friction", 1.3)), calibrator.names, [transition])
@@ -82,7 +82,7 @@ def test_the_next_model_names_its_causes_and_changes_the_fitted_parameters_alone
 
 
 def test_the_next_model_keeps_what_cameras_and_arm_get_wrong(evidence: Evidence) -> None:
-    found = Calibrator(predictor=PREDICTOR, specs=FRICTION, settings=Settings(steps=1)).fit(evidence, TRUTH)
+    found = Calibrator(predictor=PREDICTOR, specs=FRICTION, settings=FitSettings(steps=1)).fit(evidence, TRUTH)
     erring = Parameter(name="hand_eye_x", value=0.004, unit="m", low=0.003, high=0.005)
     extension = Extension(effects=("hand_eye_translation",), camera_m=(0.55, -0.25, 0.95))
     old = replace(nominal_model("rope_push"), apparatus=(erring,), extension=extension)

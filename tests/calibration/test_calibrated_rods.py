@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from app.calibration.evidence import gather
-from app.calibration.fit import Fit, Settings
+from app.calibration.fit import Fit, FitSettings
 from app.core.errors import RecordingError
 from app.core.messages import Executed, MessageId, Model, Transition
 from app.core.motion import TOOL_DOWN
@@ -44,7 +44,7 @@ def test_the_offset_of_the_tool_is_found_to_a_millimetre() -> None:
 
 
 def test_the_slope_by_the_offset_agrees_with_central_differences() -> None:
-    calibrator = compiled.calibrator(TASK.name, "cpu", Settings(), phi_of(nominal_model(TASK.name)))
+    calibrator = compiled.calibrator(TASK.name, "cpu", FitSettings(), phi_of(nominal_model(TASK.name)))
     phi, h = phi_of(nominal_model(TASK.name)), 3e-4
 
     def mean_loss(*shift: float) -> float:
@@ -72,7 +72,7 @@ def transitions() -> tuple[Transition, ...]:
 @cache
 def learnt() -> Model:
     return calibrated_from_recordings(
-        TASK.name, "cpu", transitions(), nominal_model(TASK.name), Settings(probes=48)
+        TASK.name, "cpu", transitions(), nominal_model(TASK.name), FitSettings(probes=48)
     ).model
 
 
@@ -89,7 +89,7 @@ def test_recordings_of_a_tool_that_is_where_the_arm_says_leave_it_there() -> Non
     evidence = hidden().evidence
     shift = _shift_m(hidden().truth)
     right = [_transition(evidence.before[k], evidence.tool[k] + shift, evidence.after[k], k) for k in range(10)]
-    model = calibrated_from_recordings(TASK.name, "cpu", right, nominal_model(TASK.name), Settings(probes=48)).model
+    model = calibrated_from_recordings(TASK.name, "cpu", right, nominal_model(TASK.name), FitSettings(probes=48)).model
     assert all(abs(parameter.value) < 1e-3 for parameter in model.apparatus)
 
 
@@ -106,7 +106,7 @@ def stiff_transitions() -> tuple[Transition, ...]:
 @cache
 def stiff() -> Calibrated:
     return calibrated_from_recordings(
-        TASK.name, "cpu", stiff_transitions(), nominal_model(TASK.name), Settings(probes=24)
+        TASK.name, "cpu", stiff_transitions(), nominal_model(TASK.name), FitSettings(probes=24)
     )
 
 
@@ -121,7 +121,7 @@ def test_a_rope_much_stiffer_than_nominal_ropes_is_found_by_a_simulator_that_bea
     right = phi_of(found)
     right[:2] = STIFF.stiffness, STIFF.table_friction
     right[index("finger_friction")] = STIFF.finger_friction
-    predictor = compiled.calibrator(TASK.name, "cpu", Settings(), right).predictor
+    predictor = compiled.calibrator(TASK.name, "cpu", FitSettings(), right).predictor
     losses = predictor.losses(right, gather(stiff_transitions(), TASK.actions.measured_path))
     assert found.loss_m2 < 1.1 * losses.mean()
 
@@ -133,13 +133,13 @@ def test_its_fit_begins_where_the_model_did() -> None:
 
 
 def test_a_stiff_model_that_is_fitted_again_keeps_its_interval() -> None:
-    again = calibrated(TASK.name, "cpu", stiff_transitions(), stiff().model, Settings(probes=24)).model.parameters[0]
+    again = calibrated(TASK.name, "cpu", stiff_transitions(), stiff().model, FitSettings(probes=24)).model.parameters[0]
     assert again.value == pytest.approx(STIFF.stiffness, rel=0.4)
     assert again.low <= STIFF.stiffness <= again.high < STIFFEST_PA
 
 
 def test_a_limp_rope_is_found_from_a_stiff_model() -> None:
-    found = calibrated(TASK.name, "cpu", transitions(), stiff().model, Settings()).model.parameters[0]
+    found = calibrated(TASK.name, "cpu", transitions(), stiff().model, FitSettings()).model.parameters[0]
     assert found.value < TASK.parameters(stiff=False)[0].high
     assert found.value == pytest.approx(hidden().truth.stiffness, rel=0.4)
 
@@ -152,7 +152,7 @@ def test_a_model_in_use_keeps_its_simulator() -> None:
 
 
 def test_an_interval_as_wide_as_a_simulator_goes_is_not_cut_there() -> None:
-    one = calibrated(TASK.name, "cpu", transitions()[:1], nominal_model(TASK.name), Settings(steps=1)).model
+    one = calibrated(TASK.name, "cpu", transitions()[:1], nominal_model(TASK.name), FitSettings(steps=1)).model
     assert one.parameters[0].high == pytest.approx(STIFFEST_PA)
     assert learnt().parameters[0].high < TASK.parameters(stiff=False)[0].high
 
@@ -164,10 +164,10 @@ def test_what_tells_nothing_is_refused() -> None:
         for each in transitions()
     ]
     with pytest.raises(RecordingError, match="different frames"):
-        calibrated_from_recordings(TASK.name, "cpu", far, nominal_model(TASK.name), Settings(probes=48))
+        calibrated_from_recordings(TASK.name, "cpu", far, nominal_model(TASK.name), FitSettings(probes=48))
     still = [replace(each, after=each.before) for each in far]
     with pytest.raises(RecordingError, match="touched nothing"):
-        calibrated_from_recordings(TASK.name, "cpu", still, nominal_model(TASK.name), Settings(probes=48))
+        calibrated_from_recordings(TASK.name, "cpu", still, nominal_model(TASK.name), FitSettings(probes=48))
 
 
 def test_an_estimate_at_the_end_of_its_range_is_said_to_be_one() -> None:
@@ -191,7 +191,7 @@ def test_an_estimate_at_the_end_of_its_range_is_said_to_be_one() -> None:
 
 
 def _shift_m(truth: Truth) -> np.ndarray:
-    offset = compiled.calibrator(TASK.name, "cpu", Settings(), phi_of(nominal_model(TASK.name))).offset
+    offset = compiled.calibrator(TASK.name, "cpu", FitSettings(), phi_of(nominal_model(TASK.name))).offset
     assert offset is not None
     return np.float32([*(offset.matrix @ [truth.tcp_x, truth.tcp_y]), 0.0])
 

@@ -5,7 +5,7 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 
-from app.calibration.fit import Fit, Settings, fit
+from app.calibration.fit import Fit, FitSettings, fit
 from app.core.errors import SimulationError
 from app.sim.parameter import ParameterSpec
 
@@ -30,7 +30,7 @@ def world(noise: float, count: int = 40, seed: int = 0) -> Callable[[np.ndarray]
 
 
 def found(noise: float, start: np.ndarray, steps: int = 15, seed: int = 0) -> Fit:
-    return fit(world(noise, seed=seed), start, SPECS, Settings(steps=steps))
+    return fit(world(noise, seed=seed), start, SPECS, FitSettings(steps=steps))
 
 
 @pytest.mark.parametrize("factor", [1 / 3, 3.0])
@@ -59,7 +59,7 @@ def test_values_and_intervals_stay_in_their_ranges() -> None:
         residual = np.full(3, 2.0 + np.log(values[0] / 1e3))
         return residual**2, np.stack([2 * residual / values[0], np.zeros(3)], axis=1)
 
-    result = fit(downhill, np.array([5e4, 0.0]), SPECS, Settings(steps=20))
+    result = fit(downhill, np.array([5e4, 0.0]), SPECS, FitSettings(steps=20))
     assert result.values[0] == pytest.approx(STIFFNESS.low)
     assert result.low[0] >= STIFFNESS.low * (1 - 1e-9)
 
@@ -73,14 +73,14 @@ def test_a_few_transitions_that_no_parameters_predict_do_not_decide_the_fit() ->
         losses[:4], gradients[:4] = (roots + 2) ** 2, 2 * (roots + 2)[:, None] * slopes
         return losses, gradients
 
-    result = fit(with_outliers, np.array([2e4, 0.0]), SPECS, Settings(steps=25))
+    result = fit(with_outliers, np.array([2e4, 0.0]), SPECS, FitSettings(steps=25))
     np.testing.assert_allclose(result.values, TRUTH, rtol=0.1)
 
 
 def test_a_parameter_at_the_end_of_its_range_does_not_hold_up_the_others() -> None:
     low = ParameterSpec(name="a", unit="Pa", nominal=2e3, low=1e3, high=3e3, scale="log", about="-")
     slopes = world(0.0)
-    result = fit(slopes, np.array([3e3, -0.5]), (low, OFFSET), Settings(steps=25))
+    result = fit(slopes, np.array([3e3, -0.5]), (low, OFFSET), FitSettings(steps=25))
     assert result.values[0] == pytest.approx(low.high)
     best_m2 = min(slopes(np.array([low.high, b]))[0].mean() for b in np.linspace(-1, 1, 401))
     assert result.loss_m2 < 1.1 * best_m2
@@ -94,7 +94,7 @@ def test_transitions_that_cannot_be_predicted_are_left_out() -> None:
         losses[0], gradients[1, 0] = np.nan, np.inf
         return losses, gradients
 
-    result = fit(partly, np.array([2e4, 0.0]), SPECS, Settings(steps=15))
+    result = fit(partly, np.array([2e4, 0.0]), SPECS, FitSettings(steps=15))
     np.testing.assert_allclose(result.values, TRUTH, rtol=0.02)
 
 
@@ -103,7 +103,7 @@ def test_a_model_that_predicts_nothing_is_refused() -> None:
         return np.full(3, np.nan), np.zeros((3, 2))
 
     with pytest.raises(SimulationError, match="predicts none"):
-        fit(nothing, TRUTH, SPECS, Settings(steps=3))
+        fit(nothing, TRUTH, SPECS, FitSettings(steps=3))
 
 
 def test_one_transition_tells_no_interval() -> None:
@@ -111,7 +111,7 @@ def test_one_transition_tells_no_interval() -> None:
         losses, gradients = world(0.1)(values)
         return losses[:1], gradients[:1]
 
-    result = fit(single, TRUTH, SPECS, Settings(steps=2))
+    result = fit(single, TRUTH, SPECS, FitSettings(steps=2))
     assert result.low.tolist() == pytest.approx([STIFFNESS.low, OFFSET.low])
     assert result.high.tolist() == pytest.approx([STIFFNESS.high, OFFSET.high])
 
@@ -120,7 +120,7 @@ def test_a_trusted_start_yields_to_many_transitions_and_hardly_to_few() -> None:
     start = np.array([2e4, 0.3])
 
     def moved(count: int) -> float:
-        result = fit(world(0.1, count=count), start, SPECS, Settings(steps=15, trust_factor=1.5))
+        result = fit(world(0.1, count=count), start, SPECS, FitSettings(steps=15, trust_factor=1.5))
         return float(np.log(start[0] / result.values[0]) / np.log(start[0] / TRUTH[0]))
 
     assert moved(2) < 0.6 * moved(200)

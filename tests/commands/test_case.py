@@ -10,7 +10,7 @@ import pytest
 from app.commands._case import VERDICT, read_case
 from app.config import Site
 from app.core.errors import RecordingError, UsageError
-from app.policy.strokes import Plan, random_track
+from app.policy.strokes import PushDesign, random_track
 from app.ui.report import verdict_json
 from tests.planner.table import rope
 from tests.ui.report import cases
@@ -20,7 +20,7 @@ from tests.ui.report import cases
 def folder(tmp_path: Path) -> Path:
     case = cases.a_set()
     assert case.next_push is not None
-    track = random_track(np.random.default_rng(1), rope(), Plan(), start_s=0.0, height_m=0.006)
+    track = random_track(np.random.default_rng(1), rope(), PushDesign(), start_s=0.0, height_m=0.006)
     case = replace(case, next_push=replace(case.next_push, track=track))
     (tmp_path / VERDICT).write_text(verdict_json(case), encoding="utf-8")
     return tmp_path

@@ -20,9 +20,9 @@ from app.tasks import load
 @pytest.fixture
 def short(monkeypatch: pytest.MonkeyPatch) -> None:
     """Two actions an episode."""
-    orders = demonstrate.Order
+    orders = demonstrate.EvaluationConfig
 
-    def order(**said: object) -> demonstrate.Order:
+    def order(**said: object) -> demonstrate.EvaluationConfig:
         return orders(**{**said, "actions": 2})  # pyright: ignore[reportArgumentType]
 
     monkeypatch.setattr(demonstrate, "Order", order)

@@ -150,7 +150,7 @@ def test_a_cell_is_looked_at_with_what_mends_each_part(tmp_path: Path, monkeypat
     file = written(tmp_path, delivered)
     save_camera(tmp_path / "calibration.toml", replace(camera("012345678901"), calibrated_at=datetime.now(UTC).date()))
     bus = {"connections": {"012345678902": ""}}
-    monkeypatch.setattr(_cell_checks, "census", lambda: _checks.Probe(said=bus))
+    monkeypatch.setattr(_cell_checks, "census", lambda: _checks.ProbeResult(said=bus))
     with FakeProcess() as arm:
         there = Address(host=arm.host, tcp_port=arm.ports[0], udp_port=arm.ports[1])
         monkeypatch.setattr(_cell_checks, "address", lambda _: there)
@@ -190,5 +190,5 @@ def test_a_file_that_describes_no_cell_is_all_that_is_said_of_one(tmp_path: Path
     assert "Did you mean 'limits'?" in row.mend
 
 
-def looked_at(file: Path) -> dict[str, _checks.Finding]:
+def looked_at(file: Path) -> dict[str, _checks.CheckResult]:
     return {row.what: row for check in _cell_checks.cell_checks(file) for row in check()}

@@ -3,7 +3,7 @@
 import pytest
 
 from app.__main__ import main
-from app.commands._episode import Order
+from app.commands._episode import RunOptions
 from app.commands._options import Options
 from app.core.errors import MotionRefused, UsageError
 from app.tasks import load
@@ -26,7 +26,7 @@ def test_a_world_of_ropes_is_refused_for_a_task_without_one_before_anything_star
 
 @pytest.mark.parametrize("rig", ["gen3", "replayed"])
 def test_a_cell_whose_rope_is_not_simulated_is_in_no_world_of_ropes(rig):
-    order = Order(asked="rope_push", options=Options(rig=rig, world="cable"), automatic=False)
+    order = RunOptions(asked="rope_push", options=Options(rig=rig, world="cable"), automatic=False)
     with pytest.raises(UsageError, match=f"{rig} has none"):
         order.stage(load("rope_push"))
 

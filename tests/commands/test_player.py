@@ -13,14 +13,14 @@ from app.recording.timeline import open_timeline
 from app.ui.console import Console
 from app.ui.desk import Desk
 from app.ui.player import FASTEST, Player
-from app.ui.replanning import Order, Replanned
+from app.ui.replanning import Replanned, ReplanRequest
 from tests.ui import synthetic
 from tests.ui.film import film
 
 AGAIN = synthetic.proposal(synthetic.rope(0.3), seed=8, branches=4)
 
 
-async def planned(order: Order, said: Callable[[str], None]) -> Replanned:
+async def planned(order: ReplanRequest, said: Callable[[str], None]) -> Replanned:
     said("Compiling nothing.")
     return Replanned(then=None, again=AGAIN, model=order.model)
 
@@ -49,7 +49,7 @@ async def test_the_desk_follows_the_player(tmp_path: Path) -> None:
         assert desk.board.pending is not None
         assert desk.now() == pytest.approx(desk.board.pending.time_s, abs=1e-3)
 
-        player.order(Order(time_s=3.0))
+        player.order(ReplanRequest(time_s=3.0))
         await until(lambda: desk.board.shown is AGAIN)
         assert player.replanned is not None
         player.set_speed(FASTEST)

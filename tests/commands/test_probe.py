@@ -16,7 +16,7 @@ from app.commands.probe import probe
 from app.config import Site
 from app.core.errors import RecordingError, UsageError
 from app.discovery.probe_pushes import Probe
-from app.policy.strokes import Plan, random_track
+from app.policy.strokes import PushDesign, random_track
 from app.tasks import load
 from app.tasks.probed import refusal
 from app.ui.report.schema import PushesFile, VerdictFile
@@ -33,7 +33,7 @@ def dipac(*arguments: str) -> str:
 
 def written(folder: Path) -> Path:
     """A file of one push."""
-    track = random_track(np.random.default_rng(1), rope(), Plan(), start_s=0.0, height_m=0.006)
+    track = random_track(np.random.default_rng(1), rope(), PushDesign(), start_s=0.0, height_m=0.006)
     found = Probe(
         track=track,
         text="Push 10 cm",

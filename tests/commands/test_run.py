@@ -5,7 +5,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from app.commands._episode import Order, Report
+from app.commands._episode import EpisodeReport, RunOptions
 from app.commands.run import run
 from app.core.messages import Particles, fresh_id
 from app.core.summary import Summary
@@ -22,8 +22,10 @@ def _beside(offset_m: float) -> Particles:
 
 
 def _words_of(summary: Summary, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> str:
-    async def episode(order: Order, _output: Output) -> Report:
-        return Report(order=order, rig="simulated", summary=summary, recording=Path("r"), recorded=0, failure=None)
+    async def episode(order: RunOptions, _output: Output) -> EpisodeReport:
+        return EpisodeReport(
+            order=order, rig="simulated", summary=summary, recording=Path("r"), recorded=0, failure=None
+        )
 
     monkeypatch.setattr("app.commands.run.episode", episode)
     run("rope_push")

@@ -10,7 +10,7 @@ from anyio import to_thread
 from app.core.camera import CameraModel
 from app.core.errors import DeviceError
 from app.core.ring import Ring
-from app.core.view import View, image_ring
+from app.core.view import SharedMemoryCamera, image_ring
 
 MODEL = CameraModel(name="left", width=4, height=3, K=np.eye(3), T_world_camera=np.eye(4), depth_unit_m=0.001)
 
@@ -31,7 +31,7 @@ def well() -> None:
 
 
 async def test_the_newest_image_is_read_once(images: Ring) -> None:
-    view, now_s = View(MODEL, images, timeout_s=0.05), time.monotonic()
+    view, now_s = SharedMemoryCamera(MODEL, images, timeout_s=0.05), time.monotonic()
     for number in (1, 2):
         put(images, now_s + number / 1000, number)
     frame = await view.read(well)
@@ -41,7 +41,7 @@ async def test_the_newest_image_is_read_once(images: Ring) -> None:
 
 
 async def test_an_image_is_waited_for(images: Ring) -> None:
-    view, now_s = View(MODEL, images, timeout_s=10.0), time.monotonic()
+    view, now_s = SharedMemoryCamera(MODEL, images, timeout_s=10.0), time.monotonic()
     async with anyio.create_task_group() as group:
 
         async def later() -> None:
@@ -54,7 +54,7 @@ async def test_an_image_is_waited_for(images: Ring) -> None:
 
 
 async def test_an_image_that_comes_before_it_is_due_is_not_read(images: Ring) -> None:
-    view, now_s = View(MODEL, images, timeout_s=0.05, period_s=0.5), time.monotonic()
+    view, now_s = SharedMemoryCamera(MODEL, images, timeout_s=0.05, period_s=0.5), time.monotonic()
     put(images, now_s)
     assert await view.read(well) is not None
     put(images, now_s + 0.4)
@@ -64,7 +64,7 @@ async def test_an_image_that_comes_before_it_is_due_is_not_read(images: Ring) ->
 
 
 async def test_an_old_image_is_none(images: Ring) -> None:
-    view = View(MODEL, images, timeout_s=0.05, oldest_s=5.0)
+    view = SharedMemoryCamera(MODEL, images, timeout_s=0.05, oldest_s=5.0)
     put(images, time.monotonic() - 6.0)
     assert await view.read(well) is None
     put(images, time.monotonic() - 1.0)
@@ -76,4 +76,4 @@ async def test_what_is_wrong_ends_the_wait(images: Ring) -> None:
         raise DeviceError("its process ended")
 
     with pytest.raises(DeviceError, match="its process ended"):
-        await View(MODEL, images, timeout_s=10.0).read(gone)
+        await SharedMemoryCamera(MODEL, images, timeout_s=10.0).read(gone)

@@ -8,7 +8,7 @@ from app.discovery.case import Blame, Limit
 from app.discovery.conclude import estimates_of, sentences_of, verdict_of
 from app.discovery.decide import Decision, Held
 from app.discovery.forces import FORMULA, with_formula
-from app.discovery.formula import Found, Opened
+from app.discovery.formula import AcceptedFormula, Opened
 from app.discovery.leftover import Leftover
 from app.discovery.refine import Model
 from app.discovery.subject import catalogue
@@ -100,7 +100,9 @@ def test_what_is_left_beside_a_named_cause_is_said_and_the_cause_keeps_its_name(
 
 
 def test_a_formula_that_is_better_than_every_cause_takes_their_place() -> None:
-    found = Found(features=("swirl",), model=model("table_tilt"), catalogue=with_formula(CATALOGUE, ("swirl",)))
+    found = AcceptedFormula(
+        features=("swirl",), model=model("table_tilt"), catalogue=with_formula(CATALOGUE, ("swirl",))
+    )
     assert verdict_of(SURE, [MILD], Opened(Leftover(0.98, 0.008), found)) == ("none_of_these", ())
     assert FORMULA not in {cause.name for cause in CATALOGUE.causes}
 

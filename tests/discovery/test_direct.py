@@ -13,7 +13,7 @@ from app.discovery.screen import prior_of
 from app.discovery.sensitivity import Step, secant_of, steps_of
 from app.discovery.study import Push, Study, View
 from app.discovery.subject import Theta, catalogue
-from app.policy.strokes import REGION, Plan, midway_s, random_track
+from app.policy.strokes import REGION, PushDesign, midway_s, random_track
 from app.tasks import load
 from app.tasks.curves import fill_tube
 from app.tasks.doubted import subject_of
@@ -45,7 +45,7 @@ def study(truth: Theta, seed: int = 0) -> Study:
     cloud = fill_tube(TASK.start(1), TASK.rope.radius_m, 300)
     eye, pushes = Eye(np.asarray(CAMERA), None), list[Push]()
     for number in range(24):
-        command = random_track(rng, cloud, Plan(), start_s=5.0 * number, height_m=SUBJECT.low_m - 0.004)
+        command = random_track(rng, cloud, PushDesign(), start_s=5.0 * number, height_m=SUBJECT.low_m - 0.004)
         bare = Push(
             episode=number // 6,
             before=View(time_s=command.times_s[0], points=cloud),

@@ -14,7 +14,7 @@ from app.discovery.screen import Screening, refit, screen
 from app.discovery.study import Study
 from app.discovery.subject import catalogue
 from app.discovery.wording import formula_of
-from app.policy.strokes import Plan
+from app.policy.strokes import PushDesign
 from app.sim.params import acting
 from app.tasks import load
 from app.tasks.compiled import phi_of
@@ -46,7 +46,7 @@ def studies() -> dict[str, Study]:
             theta[CATALOGUE.column(name)] = value
         truths.append(theta)
     starts = [fill_tube(TASK.start(seed), TASK.rope.radius_m, DENSER * SUBJECT.particle_count) for seed in (1, 2)]
-    world = OwnWorld(predictor=PREDICTOR, scene=finer(SUBJECT.scene), plan=Plan(episodes=8, pushes=3))
+    world = OwnWorld(predictor=PREDICTOR, scene=finer(SUBJECT.scene), plan=PushDesign(episodes=8, pushes=3))
     return dict(zip(HIDDEN, world.record(truths, np.stack(starts), seed=0), strict=True))
 
 

@@ -9,7 +9,7 @@ from app.discovery.case import FrameTest
 from app.discovery.frames import frame_tests
 from app.discovery.predict import Trials, prepare
 from app.discovery.study import Push, Study, View
-from app.policy.strokes import Plan, random_track
+from app.policy.strokes import PushDesign, random_track
 from app.tasks import load
 from app.tasks.curves import fill_tube
 from app.tasks.doubted import subject_of
@@ -25,7 +25,7 @@ def trials() -> Trials:
     rng, pushes, now_s = np.random.default_rng(0), list[Push](), 0.0
     for number in range(PUSHES):
         x = fill_tube(TASK.start(number), TASK.rope.radius_m, 300)
-        track = random_track(rng, x, Plan(), start_s=now_s + 0.5, height_m=TASK.finger.push_height_m)
+        track = random_track(rng, x, PushDesign(), start_s=now_s + 0.5, height_m=TASK.finger.push_height_m)
         now_s = track.end_s + 0.5
         pushes.append(
             Push(

@@ -11,7 +11,7 @@ from app.core.track import Track
 from app.discovery.case import Limit
 from app.discovery.limits import limits_of
 from app.discovery.study import Push, Study, View
-from app.policy.strokes import Plan, midway_s, random_track
+from app.policy.strokes import PushDesign, midway_s, random_track
 from app.tasks import load
 from app.tasks.curves import fill_tube
 from app.tasks.doubted import subject_of
@@ -26,7 +26,7 @@ def good() -> Study:
     rng, pushes, now_s = np.random.default_rng(0), list[Push](), 0.0
     for number in range(36):
         x = fill_tube(TASK.start(number // 6), TASK.rope.radius_m, 300)
-        command = random_track(rng, x, Plan(), start_s=now_s + 0.5, height_m=TASK.finger.push_height_m)
+        command = random_track(rng, x, PushDesign(), start_s=now_s + 0.5, height_m=TASK.finger.push_height_m)
         at = midway_s(command.times_s)
         finger = (command.at(np.array([at])) + rng.normal(0, 1e-3, (60, 3))).astype(np.float32)
         now_s = float(command.times_s[-1]) + 0.5

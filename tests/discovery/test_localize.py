@@ -9,7 +9,7 @@ from app.discovery.localize import KEPT, lattice, log_bayes_of_each
 from app.discovery.predict import Predictor, prepare
 from app.discovery.screen import refit, screen
 from app.discovery.subject import catalogue
-from app.policy.strokes import Plan
+from app.policy.strokes import PushDesign
 from app.tasks.doubted import subject_of
 from bench.hidden.draws import Chosen
 from bench.hidden.own_ropes import OwnRope
@@ -65,7 +65,9 @@ def test_where_nothing_moved_there_is_no_node() -> None:
 
 @pytest.mark.slow
 def test_a_hidden_obstacle_is_found_to_a_third_of_its_width() -> None:
-    case = OwnRope(seed=304, hidden=(Chosen(effect="hidden_obstacle", size=1.0),), plan=Plan(episodes=6, pushes=8))
+    case = OwnRope(
+        seed=304, hidden=(Chosen(effect="hidden_obstacle", size=1.0),), plan=PushDesign(episodes=6, pushes=8)
+    )
     effect = case.world.effects[0]["parameters"]
     true = np.array([effect[name]["value"] for name in ("obstacle_x", "obstacle_y")])
     study, subject = case.record(), subject_of(case.task)

@@ -26,7 +26,7 @@ from app.discovery.probe import (
 )
 from app.discovery.probe_pushes import (
     Candidate,
-    Scene,
+    PushSituation,
     best_of,
     candidates_of,
     chosen,
@@ -36,7 +36,7 @@ from app.discovery.probe_pushes import (
 from app.discovery.sensitivity import Step
 from app.discovery.study import View
 from app.discovery.subject import catalogue
-from app.policy.strokes import REGION, Plan, Stroke, stroke_through
+from app.policy.strokes import REGION, PushDesign, Stroke, stroke_through
 from app.tasks import load
 from app.tasks.curves import fill_tube
 from app.tasks.doubted import subject_of
@@ -85,9 +85,9 @@ def rope() -> np.ndarray:
     return fill_tube(TASK.start(0), TASK.rope.radius_m, SUBJECT.particle_count).astype(np.float32)
 
 
-def table(site: Site | None = None, plan: Plan | None = None) -> Scene:
+def table(site: Site | None = None, plan: PushDesign | None = None) -> PushSituation:
     seen = View(time_s=0.0, points=rope())
-    return scene(TASK, seen, 0, (), plan or Plan(), site or Site())
+    return scene(TASK, seen, 0, (), plan or PushDesign(), site or Site())
 
 
 def test_what_two_causes_share_tells_neither_from_the_other() -> None:

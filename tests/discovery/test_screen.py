@@ -11,7 +11,7 @@ from app.discovery.refine import refine, started
 from app.discovery.screen import Screening, refit, screen
 from app.discovery.study import Study
 from app.discovery.subject import catalogue
-from app.policy.strokes import Plan
+from app.policy.strokes import PushDesign
 from app.tasks import load
 from app.tasks.curves import fill_tube
 from app.tasks.doubted import subject_of
@@ -43,7 +43,7 @@ def studies() -> dict[str, Study]:
             theta[CATALOGUE.column(name)] = value
         truths.append(theta)
     starts = [fill_tube(TASK.start(seed), TASK.rope.radius_m, DENSER * SUBJECT.particle_count) for seed in (1, 2, 3)]
-    world = OwnWorld(predictor=PREDICTOR, scene=finer(SUBJECT.scene), plan=Plan(episodes=5, pushes=4))
+    world = OwnWorld(predictor=PREDICTOR, scene=finer(SUBJECT.scene), plan=PushDesign(episodes=5, pushes=4))
     return dict(zip(HIDDEN, world.record(truths, np.stack(starts), seed=0), strict=True))
 
 

@@ -12,12 +12,12 @@ from app.discovery.predict import Predictor, Trials, prepare
 from app.discovery.sensitivity import STARTS, residuals
 from app.discovery.steppers import material_coordinates
 from app.discovery.subject import ANY_NUMERICS, NUMERICS, ROD_NUMERICS, catalogue
-from app.policy.strokes import Plan
+from app.policy.strokes import PushDesign
 from app.tasks import load
 from app.tasks.doubted import subject_of
 from bench.hidden.ropes import RopeCase
 
-CASE = RopeCase(seed=3, plan=Plan(episodes=2, pushes=1))
+CASE = RopeCase(seed=3, plan=PushDesign(episodes=2, pushes=1))
 SUBJECT = subject_of(CASE.task)
 KNOWN = catalogue(SUBJECT.rods)
 

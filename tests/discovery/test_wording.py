@@ -4,7 +4,7 @@ import pytest
 
 from app.discovery.case import Formula
 from app.discovery.forces import FORMULA, with_formula
-from app.discovery.formula import Found
+from app.discovery.formula import AcceptedFormula
 from app.discovery.subject import catalogue
 from app.discovery.wording import formula_of
 from app.tasks import load
@@ -19,7 +19,7 @@ def said(*features: str, **values: float) -> Formula:
     """Formula of an exact fit of these features, with these values of the simulator's parameters."""
     known = with_formula(CATALOGUE, features)
     model = exact_model(SUBJECT, known, (FORMULA,), values)
-    return formula_of(SUBJECT, Found(features=features, model=model, catalogue=known))
+    return formula_of(SUBJECT, AcceptedFormula(features=features, model=model, catalogue=known))
 
 
 def about(x: float, y: float, swirl: float) -> dict[str, float]:

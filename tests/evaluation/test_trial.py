@@ -2,7 +2,7 @@
 
 import pytest
 
-from app.evaluation.play import Played
+from app.evaluation.play import EpisodeResults
 from app.evaluation.trial import WHOLE, Trial
 
 
@@ -27,11 +27,11 @@ def test_nothing_is_learnt_without_calibration_or_where_no_decision_heeds_it(abl
 
 
 def test_what_was_reached_when_it_was_seen_stays_reached_and_else_the_end_counts() -> None:
-    played = Played(reached=[False, False, True, False])
+    played = EpisodeResults(reached=[False, False, True, False])
     assert not played.success
     played.done = 2
     assert played.success
     played.failure = "no branch is left"
     assert played.success
-    assert not Played(reached=[False, True], failure="no branch is left").success
-    assert not Played().success
+    assert not EpisodeResults(reached=[False, True], failure="no branch is left").success
+    assert not EpisodeResults().success

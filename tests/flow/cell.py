@@ -31,7 +31,7 @@ from app.core.messages import (
 )
 from app.core.requests import Request
 from app.flow import Flow
-from app.tasks.base import Preset, Wish
+from app.tasks.base import EpisodeConfig, Preset
 from app.tasks.rope_push import TASK
 from tests.flow.planner import Habits, planner_here, restored, take_up
 from tests.flow.rig import Place, SmallRig
@@ -59,11 +59,11 @@ def small_site(folder: Path, **timing: float) -> Site:
     )
 
 
-def small_wish(*, pushes: int = 1000, automatic: bool = False, staying: bool = False, **more: bool) -> Wish:
+def small_wish(*, pushes: int = 1000, automatic: bool = False, staying: bool = False, **more: bool) -> EpisodeConfig:
     """The rope task with 60 particles, and a goal that no stroke will ever reach."""
     preset = Preset(branches=2, depth=1, particle_count=60, gradient_steps=1)
     task = dataclasses.replace(TASK, presets={"small": preset})
-    return Wish(
+    return EpisodeConfig(
         task=task,
         preset="small",
         goal=Goal(id=fresh_id("goal"), time_s=0.0, positions=task.goal(0, preset.particle_count)),
@@ -213,7 +213,7 @@ class LoopClock:
 class Run:
     """A flow in a small cell, with all that is around it."""
 
-    def __init__(self, wish: Wish, site: Site, rig: SmallRig) -> None:
+    def __init__(self, wish: EpisodeConfig, site: Site, rig: SmallRig) -> None:
         self.site, self.rig = site, rig
         self.person, self.log, self.planner = Person(rig.arm.stop), MemoryLog(), planner_here()
         self.flow = Flow(
@@ -257,7 +257,7 @@ class Run:
 
 @asynccontextmanager
 async def running(
-    site: Site, wish: Wish, *, place: Place = "here", habits: Habits | None = None, rig: SmallRig | None = None
+    site: Site, wish: EpisodeConfig, *, place: Place = "here", habits: Habits | None = None, rig: SmallRig | None = None
 ) -> AsyncGenerator[Run]:
     """A run that has begun; it ends with the block at the latest. Call `photographs` before, outside of any loop."""
     run = Run(wish, site, rig or SmallRig(site))

@@ -11,7 +11,7 @@ from app.core.requests import EditRequest
 from app.core.summary import Summary
 from app.flow.editing import Editing
 from app.tasks import load, nominal_model
-from app.tasks.base import Wish
+from app.tasks.base import EpisodeConfig
 from tests.flow.cell import LoopClock, MemoryLog
 from tests.flow.test_watching import Shown
 from tests.flow.virtual import InsideWorker
@@ -39,7 +39,7 @@ def request(start: tuple[float, float], end: tuple[float, float], *, of: str = P
 
 
 def editing(shown: Shown, planner: InsideWorker) -> Editing:
-    wish = Wish(
+    wish = EpisodeConfig(
         task=TASK,
         preset="cpu",
         goal=Goal(id=fresh_id("goal"), time_s=0.0, positions=GOAL),

@@ -19,7 +19,7 @@ from app.rig.simulated.physics import WorldPhysics
 from app.rig.simulated.rehearsal import push_again
 from app.rig.simulated.rope import resample
 from app.tasks import load, nominal_model
-from app.tasks.base import Experiment, Wish
+from app.tasks.base import EpisodeConfig, Experiment
 from tests.flow.cell import LoopClock, MemoryLog, small_site
 from tests.flow.rig import SmallRig
 from tests.flow.test_watching import Shown
@@ -42,8 +42,8 @@ OPENING = Episode(
 )
 
 
-def wish(experiment: Experiment | None) -> Wish:
-    return Wish(
+def wish(experiment: Experiment | None) -> EpisodeConfig:
+    return EpisodeConfig(
         task=TASK,
         preset="cpu",
         goal=Goal(id=fresh_id("goal"), time_s=0.0, positions=TASK.goal(0, COUNT)),

@@ -13,7 +13,7 @@ from app.core.doubt import Verdict, Watched
 from app.core.messages import Message, Model, Notice, Transition, fresh_id
 from app.core.summary import Summary
 from app.discovery.watch import FIRST
-from app.flow.watching import Push, Watching
+from app.flow.watching import ExecutedPush, Watching
 from tests.flow.cell import LoopClock, MemoryLog, Request
 from tests.ui import synthetic
 
@@ -44,7 +44,7 @@ class Shown:
             yield request
 
 
-def push(error_m: float, rng: np.random.Generator, model: Model | None = None) -> Push:
+def push(error_m: float, rng: np.random.Generator, model: Model | None = None) -> ExecutedPush:
     """A push over 30 mm, of which the object makes `error_m` less."""
     angle = rng.uniform(0, 2 * np.pi)
     ahead = np.float32([np.cos(angle), np.sin(angle), 0])
@@ -58,10 +58,12 @@ def push(error_m: float, rng: np.random.Generator, model: Model | None = None) -
         id=fresh_id("transition"), time_s=anyio.current_time(), before=observed, executed=executed, after=after
     )
     branch = replace(proposal.branches[0], predicted=predicted)
-    return Push(replace(proposal, branches=(branch,), best=0), transition, model)
+    return ExecutedPush(replace(proposal, branches=(branch,), best=0), transition, model)
 
 
-async def watched(pushes: list[Push], verdict: Verdict | None = None, recording: Path | None = None) -> list[Message]:
+async def watched(
+    pushes: list[ExecutedPush], verdict: Verdict | None = None, recording: Path | None = None
+) -> list[Message]:
     shown, clock, summary = Shown(len(pushes)), LoopClock(), Summary()
     announcer = Announcer(operator=shown, recorder=MemoryLog(), clock=clock, summary=summary)
     watching = Watching(announcer, clock, verdict, recording)

@@ -9,14 +9,14 @@ from app.discovery.apparatus.base import Eye, Load
 from app.discovery.predict import Predictor, labelled, prepare
 from app.discovery.study import Study
 from app.discovery.subject import Catalogue, catalogue
-from app.policy.strokes import Plan
+from app.policy.strokes import PushDesign
 from app.tasks.doubted import subject_of
 from bench.half_real import described, orders, outcome_of, summary
 from bench.hidden.known_errors import UNDONE, effect_of, with_error
 from bench.hidden.ropes import RopeCase
 from bench.hidden.verdicts import Verdict
 
-CASE = RopeCase(seed=7001, plan=Plan(episodes=2, pushes=2))
+CASE = RopeCase(seed=7001, plan=PushDesign(episodes=2, pushes=2))
 SEEN = {
     "depth_bias": [0.004],
     "depth_scale": [0.02],

@@ -9,7 +9,7 @@ import pytest
 
 from app.commands._study import read_study
 from app.discovery.study import Study
-from app.policy.strokes import Plan
+from app.policy.strokes import PushDesign
 from app.sim.rods.effect import RodSetting
 from app.sim.rods.rollout import RodPhysics, make_rod_rollout
 from app.sim.rods.state import RodState
@@ -20,7 +20,7 @@ from bench.hidden.own_ropes import OwnRope
 from bench.hidden.sizes import drawn_sizes
 from tests.sim.pushed_ropes import SCENE, curve, lying
 
-PLAN = Plan(episodes=2, pushes=2)
+PLAN = PushDesign(episodes=2, pushes=2)
 G = 9.81
 
 

@@ -8,7 +8,7 @@ import pytest
 from mcap.reader import make_reader
 
 from app.commands._study import read_study
-from app.policy.strokes import Plan
+from app.policy.strokes import PushDesign
 from app.recording.integrity import inspect
 from bench.hidden.draws import WORLDS, kinds, outsiders
 from bench.hidden.own import Order, record
@@ -16,7 +16,7 @@ from bench.hidden.trial import handed_over
 from bench.own_world import CAMERA_M
 
 SEED = 730915
-PLAN = Plan(episodes=2, pushes=1)
+PLAN = PushDesign(episodes=2, pushes=1)
 HIDDEN = {"bias": (("depth_bias", 2.0),), "strange": (("swirl", 1.0),), "control": ()}
 
 

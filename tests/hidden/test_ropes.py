@@ -17,7 +17,7 @@ from typing import Any
 
 import pytest
 
-from app.policy.strokes import Plan
+from app.policy.strokes import PushDesign
 from bench.hidden.draws import Chosen
 from bench.hidden.recorded import write
 from bench.hidden.ropes import RopeCase
@@ -28,7 +28,7 @@ pytestmark = [pytest.mark.serial, pytest.mark.timeout(1800)]
 ROOT = Path(__file__).parents[2]
 KEPT = ROOT / ".pytest_cache" / "ropes"
 """Folder of the recordings, each under the hash of what made it."""
-PLAN = Plan(episodes=5, pushes=4)
+PLAN = PushDesign(episodes=5, pushes=4)
 SIZE = 1.25
 PHYSICS = (
     "abrupt_change",

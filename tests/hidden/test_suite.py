@@ -12,7 +12,7 @@ from typing import Any
 
 import pytest
 
-from app.policy.strokes import Plan
+from app.policy.strokes import PushDesign
 from bench.hidden.draws import Case, Chosen, Making
 from bench.hidden.outcome import Outcome, outcome
 from bench.hidden.scores import alarming
@@ -21,7 +21,7 @@ from bench.hidden.trial import Setup, tried
 # A case is made and judged by processes of its own, in a minute or two of two cores, of material points in fifteen.
 pytestmark = [pytest.mark.slow, pytest.mark.timeout(4 * 3600)]
 
-SETUP = Setup(seed=0, plan=Plan(episodes=4, pushes=3), oracle=False, deadline_s=3600.0)
+SETUP = Setup(seed=0, plan=PushDesign(episodes=4, pushes=3), oracle=False, deadline_s=3600.0)
 HIDDEN = (
     # World, kind, size in typical ones, number: it draws signs, directions, places and pushes.
     ("own", "command_delay", 1.0, 1),

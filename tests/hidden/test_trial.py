@@ -6,13 +6,13 @@ from pathlib import Path
 
 import pytest
 
-from app.policy.strokes import Plan
+from app.policy.strokes import PushDesign
 from bench.hidden.draws import WORLDS, Case, Chosen
 from bench.hidden.outcome import outcome
 from bench.hidden.trial import Setup, handed_over, make, solved, told, tried
 from tests.hidden.synthetic import blamed, line
 
-SETUP = Setup(seed=3, plan=Plan(episodes=1, pushes=1), oracle=False, deadline_s=550.0)
+SETUP = Setup(seed=3, plan=PushDesign(episodes=1, pushes=1), oracle=False, deadline_s=550.0)
 
 
 @pytest.mark.serial

@@ -8,7 +8,7 @@ from scipy.spatial import KDTree
 
 from app.perception.reconstruct import reconstruct
 from app.rig.simulated.beans_world import BeansWorld
-from app.rig.simulated.eyes import Eyes
+from app.rig.simulated.eyes import SimulatedCameras
 from app.tasks.bean_sweep import BEANS, MAT, PADDLE, TASK
 
 HOW = TASK.reconstruction("cpu")
@@ -42,7 +42,9 @@ def scattered(seed: int) -> BeansWorld:
 @pytest.mark.parametrize("laid", [scattered, heaped])
 def test_every_bean_is_seen_as_its_share_of_the_particles(laid: Callable[[int], BeansWorld], seed: int) -> None:
     world = laid(seed)
-    seen = reconstruct(Eyes(TASK.stage, (), seed).look(world.snapshot(), stamp_s=0.0, number=0), HOW).positions
+    seen = reconstruct(
+        SimulatedCameras(TASK.stage, (), seed).look(world.snapshot(), stamp_s=0.0, number=0), HOW
+    ).positions
     middles = world.nodes().reshape(-1, 2, 3).mean(axis=1)
     assert len(seen) == HOW.particle_count
     # Every bean is within 5 mm of a particle; particles are in a bean or within 2 mm of one, but for a few that lie in
@@ -66,7 +68,9 @@ def test_every_bean_is_seen_as_its_share_of_the_particles(laid: Callable[[int], 
 @pytest.mark.parametrize("seed", range(3))
 def test_the_share_on_the_mat_is_seen_as_it_is(seed: int) -> None:
     world = heaped(seed)
-    seen = reconstruct(Eyes(TASK.stage, (), seed).look(world.snapshot(), stamp_s=0.0, number=1), HOW).positions
+    seen = reconstruct(
+        SimulatedCameras(TASK.stage, (), seed).look(world.snapshot(), stamp_s=0.0, number=1), HOW
+    ).positions
     goal = TASK.goal(seed, HOW.particle_count)
     assert TASK.aim.share(seen, goal) == pytest.approx(
         TASK.aim.share(TASK.particles(world.nodes(), 300), goal), abs=0.05

@@ -10,7 +10,7 @@ from app.core.types import Points
 from app.perception.reconstruct import _pools, reconstruct
 from app.perception.resample import resample
 from app.rig.simulated.arm_model import solve_joints
-from app.rig.simulated.eyes import Eyes
+from app.rig.simulated.eyes import SimulatedCameras
 from app.rig.simulated.kinds import kind_of
 from app.rig.simulated.world import Nodes, Snapshot
 from app.tasks import Task, load
@@ -22,7 +22,7 @@ AWAY = pointing_down(np.array([0.30, 0.0, 0.30]))
 
 def seen(task: Task, nodes: Nodes, tool: np.ndarray) -> Points:
     snapshot = Snapshot(time_s=0.0, nodes=nodes, tool=tool, joints=solve_joints(tool))
-    frames = Eyes(task.stage, (), 0).look(snapshot, stamp_s=0.0, number=1)
+    frames = SimulatedCameras(task.stage, (), 0).look(snapshot, stamp_s=0.0, number=1)
     return reconstruct(frames, task.reconstruction("cpu"), tool).positions
 
 

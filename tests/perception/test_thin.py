@@ -8,7 +8,7 @@ from app.core.colours import ColourRange
 from app.perception.fuse import Box
 from app.perception.reconstruct import Reconstruction, reconstruct
 from app.rig.simulated.cloth_world import ClothWorld
-from app.rig.simulated.eyes import Eyes
+from app.rig.simulated.eyes import SimulatedCameras
 from tests.rig.cloth_scene import CLOTH, GRIPPER, KNOTS, RACK, STAGE, flat, grasped, hand
 
 HOW = Reconstruction(
@@ -53,7 +53,7 @@ def truth(world: ClothWorld) -> np.ndarray:
 @pytest.mark.parametrize(("make", "hidden_m"), [(lying, 0.0), (draped, 0.0), (held, GRIPPER.half_m[0])])
 def test_particles_are_on_the_cloth_and_leave_no_part_of_it_out(make, hidden_m):
     world = make()
-    frames = Eyes(STAGE, (), 0).look(world.snapshot(), stamp_s=0.0, number=1)
+    frames = SimulatedCameras(STAGE, (), 0).look(world.snapshot(), stamp_s=0.0, number=1)
     seen, cloth = reconstruct(frames, HOW).positions, truth(world)
     assert seen.shape == (256, 3)
     off = KDTree(cloth).query(seen)[0]
@@ -64,6 +64,6 @@ def test_particles_are_on_the_cloth_and_leave_no_part_of_it_out(make, hidden_m):
 
 
 def test_what_lies_on_the_table_is_not_filled_and_stays_flat():
-    frames = Eyes(STAGE, (), 0).look(lying().snapshot(), stamp_s=0.0, number=1)
+    frames = SimulatedCameras(STAGE, (), 0).look(lying().snapshot(), stamp_s=0.0, number=1)
     z = reconstruct(frames, HOW).positions[:, 2]
     assert np.abs(z - 0.002).max() < 0.003

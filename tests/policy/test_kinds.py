@@ -16,7 +16,7 @@ from app.policy.learned.base import LearnedPolicy, Params
 from app.policy.learned.examples import Batch, Examples, scale_of
 from app.policy.learned.file import FILE, Origin, load_policy, load_training, save_policy, save_training
 from app.policy.learned.kinds.ild import Imitation
-from app.policy.learned.train import Progress, Settings, begin, learn
+from app.policy.learned.train import Progress, TrainingSettings, begin, learn
 from app.policy.symmetry import Symmetry
 from app.sim.state import State
 from app.tasks import load
@@ -54,10 +54,12 @@ def one() -> Examples:
     return taught(1)
 
 
-def enough(kind: str) -> Settings:
+def enough(kind: str) -> TrainingSettings:
     """Settings with steps enough to learn a demonstration of three pushes."""
     steps = {"act": 400, "diffusion": 800, "ild": 250, "transporter": 150}.get(kind, 300)
-    return Settings(steps=steps, batch=3, warm_up=20, patience=steps, learning_rate=1e-3 if kind != "bc" else 5e-4)
+    return TrainingSettings(
+        steps=steps, batch=3, warm_up=20, patience=steps, learning_rate=1e-3 if kind != "bc" else 5e-4
+    )
 
 
 @pytest.mark.slow
@@ -94,7 +96,7 @@ def test_the_slope_through_frame_and_simulator_is_that_of_the_loss(one: Examples
     batch = Batch.of(one, np.array([0]), learner.window)
     shown = batch.shown(how)
     scale = scale_of(how, one, 0)
-    params = dict(begin(learner, how, one, Settings()).params)
+    params = dict(begin(learner, how, one, TrainingSettings()).params)
     last = dict(params["Dense_0"])
     name = sorted(layer for layer in last if layer.startswith("Dense"))[-1]
     # As the first push was shown, in its frame, a little beside: there the finger moves the rope.
@@ -116,7 +118,7 @@ def test_the_slope_through_frame_and_simulator_is_that_of_the_loss(one: Examples
 def test_a_rollout_that_ends_in_no_numbers_counts_as_one_that_moved_nothing(one: Examples) -> None:
     learner, shown = Imitation(told=0.0), Batch.of(one, np.array([0, 1]), Imitation().window)
     scale, seen = scale_of(COARSE, one, 0), shown.shown(COARSE)
-    params = begin(learner, COARSE, one, Settings()).params
+    params = begin(learner, COARSE, one, TrainingSettings()).params
 
     @jax.jit
     @jax.value_and_grad
@@ -139,7 +141,7 @@ def test_a_rollout_that_ends_in_no_numbers_counts_as_one_that_moved_nothing(one:
 
 
 def test_a_policy_of_another_task_is_refused_by_name(one: Examples, tmp_path: Path) -> None:
-    policy, _ = learn(kinds.load("bc"), HOW, one, Settings(steps=1, batch=2))
+    policy, _ = learn(kinds.load("bc"), HOW, one, TrainingSettings(steps=1, batch=2))
     save_policy(tmp_path / FILE, policy, origin_of("bc"))
     with pytest.raises(UsageError, match="of rope_push, not of bean_sweep"):
         load_policy(tmp_path, task="bean_sweep", how=lessons(load("bean_sweep")))
@@ -153,7 +155,7 @@ def test_a_policy_of_another_task_is_refused_by_name(one: Examples, tmp_path: Pa
 
 
 def test_a_training_that_was_broken_off_goes_on_as_if_it_had_not_been(tmp_path: Path) -> None:
-    how, shown, whole = HOW, taught(3), Settings(steps=6, batch=4, check_every=2)
+    how, shown, whole = HOW, taught(3), TrainingSettings(steps=6, batch=4, check_every=2)
     straight, _ = learn(kinds.load("bc"), how, shown, whole)
     begun = begin(kinds.load("bc"), how, shown, whole)
 
@@ -174,7 +176,7 @@ def test_a_training_that_was_broken_off_goes_on_as_if_it_had_not_been(tmp_path: 
 def unlearned(kind: str, shown: Examples) -> LearnedPolicy:
     """Policy with the parameters at which learning begins."""
     learner = kinds.load(kind)
-    params = begin(learner, COARSE, shown, Settings()).params
+    params = begin(learner, COARSE, shown, TrainingSettings()).params
     return LearnedPolicy.of(learner, COARSE, params, scale_of(COARSE, shown, 0))
 
 

@@ -14,7 +14,7 @@ from app.policy.learned import kinds
 from app.policy.learned.base import LearnedPolicy, Lessons, Scale
 from app.policy.learned.examples import Batch, Examples
 from app.policy.learned.kinds.act import Act
-from app.policy.learned.train import Settings, begin
+from app.policy.learned.train import TrainingSettings, begin
 from app.policy.symmetry import Isometry
 from app.tasks import load, names
 from app.tasks.compiled import nominal_model
@@ -156,7 +156,7 @@ def test_what_was_meant_for_now_at_earlier_decisions_has_a_say_and_the_oldest_th
     task, learner = load("pour_water"), Act(eyes=8, width=16, depth=1, window=4)
     how, shown = coarse(lessons(task)), examples_of("pour_water", episodes=3, actions=1)
     scale = Scale(*np.ones((2, *task.actions.chunk), np.float32))
-    policy = LearnedPolicy.of(learner, how, begin(learner, how, shown, Settings()).params, scale)
+    policy = LearnedPolicy.of(learner, how, begin(learner, how, shown, TrainingSettings()).params, scale)
 
     @partial(jax.jit, static_argnums=0)
     def told(policy, prepared, now):
@@ -192,7 +192,7 @@ def test_nothing_is_remembered_where_chunks_do_not_overlap() -> None:
 def test_a_policy_does_alike_what_is_turned_on_the_table(name: str) -> None:
     task, learner = load(name), kinds.load("bc")
     how, shown = lessons(task), examples_of(name, episodes=1, actions=1)
-    params = begin(learner, how, shown, Settings()).params
+    params = begin(learner, how, shown, TrainingSettings()).params
     scale = Scale(np.zeros(task.actions.chunk, np.float32), np.full(task.actions.chunk, 0.01, np.float32))
     policy = LearnedPolicy.of(learner, how, params, scale)
     # As far as it lies along its frame: a principal axis has no head, and may be taken the other way round elsewhere.

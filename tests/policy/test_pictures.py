@@ -5,14 +5,14 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from app.policy.pictures import View
+from app.policy.pictures import OrthographicView
 from app.tasks import load, names
 
-TOP = View(low=(0.2, -0.3, 0.0), high=(0.8, 0.3, 0.1), pixel_m=0.01)
-SIDE = View(low=(0.2, -0.3, 0.0), high=(0.8, 0.3, 0.3), pixel_m=0.01, axes=(2, 1, 0))
+TOP = OrthographicView(low=(0.2, -0.3, 0.0), high=(0.8, 0.3, 0.1), pixel_m=0.01)
+SIDE = OrthographicView(low=(0.2, -0.3, 0.0), high=(0.8, 0.3, 0.3), pixel_m=0.01, axes=(2, 1, 0))
 
 
-def middles(view: View, pixels: np.ndarray) -> np.ndarray:
+def middles(view: OrthographicView, pixels: np.ndarray) -> np.ndarray:
     """Points in the middle of pixels, half way up."""
     points = np.empty((len(pixels), 3))
     rows, columns, up = view.axes
@@ -23,7 +23,7 @@ def middles(view: View, pixels: np.ndarray) -> np.ndarray:
 
 
 @pytest.mark.parametrize("view", [TOP, SIDE])
-def test_particles_are_in_the_pixels_that_they_are_over(view: View) -> None:
+def test_particles_are_in_the_pixels_that_they_are_over(view: OrthographicView) -> None:
     pixels = np.array([[3, 4], [10, 20], [25, 59]])
     picture = np.asarray(view.picture(jnp.asarray(middles(view, pixels))[None]))[0]
     assert picture.shape == (*view.shape, 2)

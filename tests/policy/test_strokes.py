@@ -5,7 +5,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from app.core.track import Track
-from app.policy.strokes import REGION, Plan, midway_s, random_track
+from app.policy.strokes import REGION, PushDesign, midway_s, random_track
 from app.tasks import load
 from app.tasks.curves import fill_tube
 
@@ -15,7 +15,7 @@ seeds = pytest.mark.parametrize("seed", range(12))
 
 
 def drawn(seed: int) -> Track:
-    return random_track(np.random.default_rng(seed), X, Plan(), start_s=5.0, height_m=HEIGHT_M)
+    return random_track(np.random.default_rng(seed), X, PushDesign(), start_s=5.0, height_m=HEIGHT_M)
 
 
 @seeds
@@ -28,7 +28,7 @@ def test_the_tool_comes_down_beside_the_object_and_stays_in_the_region(seed: int
 
 @seeds
 def test_it_goes_as_fast_and_as_far_as_was_planned(seed: int) -> None:
-    track, plan = drawn(seed), Plan()
+    track, plan = drawn(seed), PushDesign()
     steps = np.linalg.norm(np.diff(track.positions[:, :2], axis=0), axis=1)
     fastest = float((steps / np.diff(track.times_s)).max())
     assert 0.8 * plan.speeds_m_s[0] < fastest < 1.5 * plan.speeds_m_s[1]

@@ -28,7 +28,7 @@ from app.recording.preflight import Room
 from app.recording.reader import read_messages, read_transitions
 from app.recording.recover import recover
 from app.recording.shelf import counted_once, entry
-from app.recording.studio import Studio, open_studio
+from app.recording.studio import SessionRecorder, open_studio
 from tests.recording.demonstrations import PARTICLES, PUSHES, messages
 from tests.recording.samples import Maker, same_as_read
 from tests.recording.test_foxglove import lines, metadata
@@ -66,7 +66,7 @@ def notices(make: Maker, count: int) -> list[Message]:
     return [make(Notice, cause=()) for _ in range(count)]
 
 
-async def write(studio: Studio, said: Sequence[Message]) -> None:
+async def write(studio: SessionRecorder, said: Sequence[Message]) -> None:
     for message in said:
         await studio.write(message)
 

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from app.core.stage import Block
+from app.core.stage import Obstacle
 from app.rig.simulated.cloth_world import ClothWorld
 from tests.rig.cloth_scene import CLOTH, GRIPPER, KNOTS, MESH_M, RACK, flat, go, grasped, hand
 
@@ -124,5 +124,5 @@ def test_a_world_begins_as_it_is_told_and_its_clock_where_it_is_told() -> None:
 
 
 def test_what_it_has_no_shape_for_is_refused() -> None:
-    with pytest.raises(TypeError, match="Block"):
-        ClothWorld(CLOTH, GRIPPER, LYING, fixtures=(Block(half_m=(0.1, 0.1, 0.1), place_m=(0.0, 0.0, 0.0)),))
+    with pytest.raises(TypeError, match="Obstacle"):
+        ClothWorld(CLOTH, GRIPPER, LYING, fixtures=(Obstacle(half_m=(0.1, 0.1, 0.1), place_m=(0.0, 0.0, 0.0)),))

@@ -9,7 +9,7 @@ import pytest
 
 from app.core.finger_distance import from_core
 from app.core.stage import Finger, RopeModel
-from app.policy.strokes import Plan
+from app.policy.strokes import PushDesign
 from app.rig.simulated.physics import ROPE_WORLDS, WorldPhysics
 from app.rig.simulated.rehearsal import rehearse
 from app.rig.simulated.rope import resample
@@ -74,7 +74,7 @@ def test_a_rod_moves_as_the_rope_does_that_a_flat_finger_pushes():
     task = load("rope_push(finger_half_width_m=0.015,finger_radius_m=0.006,finger_yaw_rad=0.6)@rods")
     assert task.rods is not None
     scene = task.rods.scene
-    takes = list(rehearse(task, Plan(episodes=2, pushes=4), ROPE_WORLDS["chain"], (), 0))
+    takes = list(rehearse(task, PushDesign(episodes=2, pushes=4), ROPE_WORLDS["chain"], (), 0))
     moved, errors = list[float](), list[float]()
     for take in takes:
         before, after = (resample(look.snapshot.nodes, scene.nodes)[:, :2] for look in (take.before, take.after))

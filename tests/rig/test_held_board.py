@@ -10,7 +10,7 @@ from app.core.lens import Lens
 from app.core.motion import TOOL_DOWN
 from app.perception.calibration.se3 import moved
 from app.perception.calibration.sight import sight
-from app.perception.calibration.solve import View, solve
+from app.perception.calibration.solve import CalibrationView, solve
 from app.rig.simulated.arm_model import solve_joints
 from app.rig.simulated.cameras import table_cameras
 from app.rig.simulated.held_board import HeldBoard, painted
@@ -66,7 +66,7 @@ def test_a_simulated_camera_is_found_where_it_stands() -> None:
         T = np.eye(4)
         T[:3, :3] = Rotation.from_quat(pose[3:7], scalar_first=True).as_matrix()
         T[:3, 3] = pose[:3]
-        views.append(View(sight=sight(photograph(pose, rng)[0], HELD.board, LENS), T_world_gripper=T))
+        views.append(CalibrationView(sight=sight(photograph(pose, rng)[0], HELD.board, LENS), T_world_gripper=T))
     found = solve(views, "fixed", LENS, HELD.board, serial="camera0", calibrated_at=date(2026, 11, 23)).found
     assert np.linalg.norm(found.pose[:3, 3] - CAMERA.T_world_camera[:3, 3]) < 2e-3
     np.testing.assert_allclose(found.pose[:3, :3], CAMERA.T_world_camera[:3, :3], atol=3e-3)

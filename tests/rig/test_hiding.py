@@ -5,41 +5,45 @@ import pytest
 
 from app.core.errors import ParameterError, UsageError
 from app.core.stage import Rope
-from app.rig.simulated.hiding import IMPOSSIBLE, MISTUNED, Wish, draw, known, mistuned
+from app.rig.simulated.hiding import IMPOSSIBLE, MISTUNED, InjectionRequest, draw, known, mistuned
 from app.rig.simulated.physics import ROPE_WORLDS, WorldPhysics, sized
 
 
 @pytest.mark.parametrize("name", IMPOSSIBLE)
 def test_what_this_world_cannot_hide_is_said_with_the_reason_and_what_it_can(name: str) -> None:
     with pytest.raises(UsageError, match=f"{name} cannot be hidden: .*table_tilt"):
-        draw([Wish(name, None)], 0)
+        draw([InjectionRequest(name, None)], 0)
 
 
 def test_an_unknown_effect_names_the_nearest() -> None:
     with pytest.raises(UsageError, match="Did you mean 'table_tilt'"):
-        draw([Wish("table_tlit", None)], 0)
+        draw([InjectionRequest("table_tlit", None)], 0)
 
 
 @pytest.mark.parametrize("size", [-1.0, 5.1, np.nan, np.inf])
 def test_a_size_out_of_range_names_range_unit_and_what_is_typical(size: float) -> None:
     with pytest.raises(ParameterError, match=r"outside 0 to 5 deg \(tilt_x; 1 is typical\)"):
-        draw([Wish("table_tilt", size)], 0)
+        draw([InjectionRequest("table_tilt", size)], 0)
 
 
 def test_an_effect_is_hidden_once() -> None:
     with pytest.raises(UsageError, match="named twice"):
-        draw([Wish("table_tilt", None), Wish("table_tilt", 2.0)], 0)
+        draw([InjectionRequest("table_tilt", None), InjectionRequest("table_tilt", 2.0)], 0)
 
 
 def test_effects_act_in_one_order_however_they_are_named() -> None:
-    wishes = [Wish("table_tilt", None), Wish("backlash", None), Wish("draught", 0.2)]
+    wishes = [
+        InjectionRequest("table_tilt", None),
+        InjectionRequest("backlash", None),
+        InjectionRequest("draught", 0.2),
+    ]
     first, again = ([each.name for each in draw(order, 3)] for order in (wishes, wishes[::-1]))
     assert first == again == sorted(first)
 
 
 def test_signs_and_directions_are_drawn_both_ways() -> None:
-    drifts = {float(np.sign(draw([Wish("friction_drift", 0.4)], seed)[0].values[0])) for seed in range(20)}
-    tilts = np.array([draw([Wish("table_tilt", 1.0)], seed)[0].values for seed in range(40)])
+    drifts = {float(np.sign(draw([InjectionRequest("friction_drift", 0.4)], seed)[0].values[0])) for seed in range(20)}
+    tilts = np.array([draw([InjectionRequest("table_tilt", 1.0)], seed)[0].values for seed in range(40)])
     assert drifts == {-1.0, 1.0}
     assert np.abs(tilts.mean(0)).max() < 0.4
     assert len(known()) > 30

@@ -8,7 +8,7 @@ import pytest
 
 from app.config import Workspace
 from app.core.stage import RopeModel, Stage
-from app.policy.strokes import Plan
+from app.policy.strokes import PushDesign
 from app.rig.simulated.kinds import kind_of
 from app.rig.simulated.physics import ROPE_WORLDS, WorldPhysics
 from app.rig.simulated.rehearsal import rehearse
@@ -254,7 +254,7 @@ def test_strands_of_a_folded_rope_do_not_pass_through_each_other(physics: WorldP
 def test_the_solver_has_nothing_to_warn_of_in_random_pushes(
     physics: WorldPhysics, capfd: pytest.CaptureFixture[str]
 ) -> None:
-    takes = list(rehearse(load("rope_push"), Plan(episodes=2, pushes=6), physics, (), 3))
+    takes = list(rehearse(load("rope_push"), PushDesign(episodes=2, pushes=6), physics, (), 3))
     assert len(takes) == 12
     assert "WARNING" not in capfd.readouterr().err
 

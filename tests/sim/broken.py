@@ -4,7 +4,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from app.sim.autopsy import Case, single
+from app.sim.autopsy import MpmCase, single
 from app.sim.checks import Setup
 from app.sim.params import nominal_phi
 from app.sim.state import Setting, State
@@ -22,7 +22,7 @@ def problem(tool: np.ndarray = BESIDE) -> tuple[np.ndarray, State, np.ndarray, S
     return phi, state, np.stack([tool, tool]), jax.tree.map(np.array, Setting.unknown(2, PARTICLES))
 
 
-def flung(speed_m_s: float = 8.0) -> Case:
+def flung(speed_m_s: float = 8.0) -> MpmCase:
     """One particle of candidate 1 flies towards the grid's side, a few cells away."""
     phi, state, tool, setting = problem()
     state.v[1, 30:, 1] = speed_m_s

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from app.core.errors import ParameterError, RecordingError, SimulationError, UsageError
-from app.sim.autopsy import Case, dissect, single
+from app.sim.autopsy import MpmCase, dissect, single
 from app.sim.checked import checked
 from app.sim.checks import Setup, require_inputs
 from app.sim.dump import Dump, leave_dump, load_dump, save_dump
@@ -19,18 +19,18 @@ from app.sim.effects.base import Effect
 from app.sim.faults import KEPT
 from app.sim.known import known_materials, known_tools
 from app.sim.materials.base import Law, Material
-from app.sim.materials.cloth import Cloth
+from app.sim.materials.cloth import ClothMaterial
 from app.sim.materials.elastic import Elastic
 from app.sim.materials.granular import Granular
-from app.sim.materials.liquid import Liquid
+from app.sim.materials.liquid import LiquidMaterial
 from app.sim.rollout import make_rollout
 from app.sim.scene import Body
 from app.sim.state import Setting, State
-from app.sim.tools.box import Box, Gripper
+from app.sim.tools.box import BoxCollider, GripperCollider
 from tests.sim.broken import BESIDE, SETUP, STEPS, flung, problem
 from tests.sim.scenes import PARTICLES, SCENE
 
-GRIPPER = Setup(scene=replace(SCENE, tools=(Gripper(),)), counts=(PARTICLES,), effects=())
+GRIPPER = Setup(scene=replace(SCENE, tools=(GripperCollider(),)), counts=(PARTICLES,), effects=())
 ROLLOUT = make_rollout(SCENE, particle_count=PARTICLES, effects=())
 
 
@@ -44,7 +44,7 @@ def refused(phi: np.ndarray, state: State, tool: np.ndarray, setting: Setting, s
     return str(error.value)
 
 
-def jumping() -> Case:
+def jumping() -> MpmCase:
     """A case in which the finger jumps into the rope and through it."""
     tool = BESIDE.copy()
     tool[20:, 1] += 0.5
@@ -53,7 +53,7 @@ def jumping() -> Case:
     return single(SETUP, phi, state, path, setting)
 
 
-def first_bad_substep(case: Case) -> int | None:
+def first_bad_substep(case: MpmCase) -> int | None:
     """First substep that is not finite, by brute force: the ordinary simulator, a substep at a time."""
     state = case.state
     for substep in range(1, case.substeps + 1):
@@ -160,7 +160,7 @@ def test_a_quaternion_that_stretches_and_an_opening_that_jumps_are_named() -> No
 
 
 def test_a_scene_without_moving_tools_takes_a_path_without_coordinates() -> None:
-    scene = replace(SCENE, tools=(Box(half_m=(0.01, 0.01, 0.01), place_m=(0.45, 0.05, 0.01)),))
+    scene = replace(SCENE, tools=(BoxCollider(half_m=(0.01, 0.01, 0.01), place_m=(0.45, 0.05, 0.01)),))
     require_inputs(Setup(scene=scene, counts=(PARTICLES,), effects=()), *problem(np.zeros((5, 0), np.float32)))
 
 
@@ -173,7 +173,7 @@ def test_numbers_of_particles_that_do_not_fit_the_bodies_are_refused(counts: tup
         make_rollout(SCENE, particle_count=counts, effects=())
 
 
-@pytest.mark.parametrize("material", ["elastic", Gripper()])
+@pytest.mark.parametrize("material", ["elastic", GripperCollider()])
 def test_what_is_no_material_is_refused_with_the_known_ones(material: object) -> None:
     with pytest.raises(ParameterError, match=r"Unknown material .* Known: cloth\.Cloth, elastic\.Elastic"):
         Body(volume_m3=1e-5, density_kg_m3=1e3, material=material)  # pyright: ignore[reportArgumentType]
@@ -223,7 +223,7 @@ def test_what_is_turned_inside_out_or_too_fast_is_named_before_it_is_not_finite(
     assert "det F = -0.1" in squeezed["turned inside out"].words
 
 
-@pytest.mark.parametrize("material", [Liquid(), Granular(), Cloth()])
+@pytest.mark.parametrize("material", [LiquidMaterial(), Granular(), ClothMaterial()])
 def test_no_material_makes_a_particle_finite_again(material: Material) -> None:
     body = replace(SCENE.bodies[0], material=material)
     rollout = make_rollout(replace(SCENE, bodies=(body,)), particle_count=PARTICLES, effects=())
@@ -306,7 +306,7 @@ def test_a_dump_that_names_no_engine_is_of_material_points(tmp_path: Path) -> No
     assert header.pop("engine") == "mpm"
     np.savez(path, **(entries | {"header": np.array(json.dumps(header))}))
     loaded = load_dump(path).case
-    assert isinstance(loaded, Case)
+    assert isinstance(loaded, MpmCase)
     assert loaded.setup == case.setup
 
 
@@ -339,7 +339,7 @@ def test_what_is_not_of_the_package_is_not_dumped(tmp_path: Path) -> None:
     assert not list(tmp_path.iterdir())
 
 
-def with_setup(case: Case, **changed: object) -> Case:
+def with_setup(case: MpmCase, **changed: object) -> MpmCase:
     return replace(case, setup=replace(case.setup, **changed))
 
 

@@ -9,7 +9,7 @@ import pytest
 
 from app.sim.materials.base import Material
 from app.sim.materials.granular import Granular
-from app.sim.materials.liquid import Liquid
+from app.sim.materials.liquid import LiquidMaterial
 from app.sim.rollout import Simulate, make_rollout
 from app.sim.scene import Body, Scene
 from app.sim.state import Setting, State
@@ -306,7 +306,7 @@ def test_moist_grains_keep_a_wall_that_dry_ones_do_not():
 
 
 def test_a_thinning_liquid_resists_fast_shear_less_and_slow_shear_more():
-    material = Liquid(viscosity_pa_s=5.0)
+    material = LiquidMaterial(viscosity_pa_s=5.0)
     scene, x = pile(material)
     scene = replace(scene, gravity_m_s2=0.0)
     x = x + np.float32([0.0, 0.0, 0.02])

@@ -19,7 +19,7 @@ from app.sim.catalogue import discover
 from app.sim.effects.base import Effect
 from app.sim.hooks import GRAIN_HOOKS, NODE_HOOKS
 from app.sim.materials.granular import Granular
-from app.sim.materials.liquid import Liquid
+from app.sim.materials.liquid import LiquidMaterial
 from app.sim.params import NOMINAL_PHYSICS, PARAMETERS, nominal_phi, parameters_with
 from app.sim.rollout import Simulate, make_rollout
 from app.sim.scene import Body, Scene
@@ -82,7 +82,7 @@ def there_and_back(x_m: float, y_m: float) -> jax.Array:
     return jnp.asarray(np.concatenate([there, back[1:]]))[None]
 
 
-def piled(material: Granular | Liquid, *, speed: float) -> Case:
+def piled(material: Granular | LiquidMaterial, *, speed: float) -> Case:
     x = block(4, spacing_m=0.006, low=(0.50, -0.012, 0.0))
     body = Body(volume_m3=0.024**3, density_kg_m3=1000.0, material=material)
     return Case(
@@ -104,7 +104,11 @@ def roped() -> Case:
     )
 
 
-CASES = {"rope": roped(), "beans": piled(Granular(), speed=0.02), "syrup": piled(Liquid(viscosity_pa_s=8.0), speed=0.2)}
+CASES = {
+    "rope": roped(),
+    "beans": piled(Granular(), speed=0.02),
+    "syrup": piled(LiquidMaterial(viscosity_pa_s=8.0), speed=0.2),
+}
 
 
 def switches(effect: Effect) -> list[int]:

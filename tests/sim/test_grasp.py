@@ -5,13 +5,13 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from app.sim.materials.cloth import Cloth
+from app.sim.materials.cloth import ClothMaterial
 from app.sim.materials.threads import unstretched
 from app.sim.rollout import Simulate, make_rollout
 from app.sim.scene import Body, Scene
 from app.sim.state import State
 from app.sim.tools.grasp import Grasp
-from app.sim.tools.rod import Rack
+from app.sim.tools.rod import RackCollider
 
 ROWS, SPACING_M, STEPS = 9, 0.015, 120
 PHI = jnp.array([[8.0e4, 0.5]], jnp.float32)
@@ -19,7 +19,7 @@ MIDDLE = 4 * ROWS + 4
 GRASP = Grasp(reach_m=(0.02, 0.02, 0.02), closed_m=0.012)
 
 
-def scene(tool: Grasp | Rack) -> Scene:
+def scene(tool: Grasp | RackCollider) -> Scene:
     side = ROWS * SPACING_M
     return Scene(
         low=(-0.15, -0.15, -0.03),
@@ -27,7 +27,7 @@ def scene(tool: Grasp | Rack) -> Scene:
         cell_m=0.03,
         dt_s=2e-3,
         damping_1_s=6.0,
-        bodies=(Body(volume_m3=side**2 * 1e-3, density_kg_m3=200.0, material=Cloth(), stiffness=0.2),),
+        bodies=(Body(volume_m3=side**2 * 1e-3, density_kg_m3=200.0, material=ClothMaterial(), stiffness=0.2),),
         tools=(tool,),
         contact_margin_m=0.003,
         contact_width_m=0.001,
@@ -101,7 +101,7 @@ def test_the_gradient_of_what_is_held_with_respect_to_the_fingers_equals_central
 def test_a_rack_along_x_does_what_one_along_y_does_seen_from_its_side():
     ends = list[np.ndarray]()
     for along in ("y", "x"):
-        rack = Rack(
+        rack = RackCollider(
             count=2, spacing_m=0.05, half_length_m=0.1, radius_m=0.01, place_m=(0, 0, 0.15), friction=0.5, along=along
         )
         run = make_rollout(scene(rack), particle_count=ROWS**2, effects=())

@@ -14,14 +14,14 @@ from scipy.spatial import cKDTree
 from app.sim.materials.base import deviator, flowed
 from app.sim.materials.elastic import Elastic
 from app.sim.materials.granular import Granular
-from app.sim.materials.liquid import Liquid
+from app.sim.materials.liquid import LiquidMaterial
 from app.sim.materials.plastic import Plastic
 from app.sim.rollout import make_rollout
 from app.sim.scene import Body, Scene
 from app.sim.state import State
-from app.sim.tools.bowl import Bowl
-from app.sim.tools.box import Box, Gripper, Tray
-from app.sim.tools.rod import Rod
+from app.sim.tools.bowl import BowlCollider
+from app.sim.tools.box import BoxCollider, GripperCollider, Tray
+from app.sim.tools.rod import RodCollider
 
 STIFFNESS, FRICTION = 2e4, 0.4
 G = 9.81
@@ -94,7 +94,7 @@ TRAY = Scene(
     dt_s=5e-4,
     contact_margin_m=WATER_SPACING_M / 2,
     damping_1_s=0.0,
-    bodies=(Body(volume_m3=(2 * HALF_M) ** 2 * DEPTH_M, density_kg_m3=1000.0, material=Liquid()),),
+    bodies=(Body(volume_m3=(2 * HALF_M) ** 2 * DEPTH_M, density_kg_m3=1000.0, material=LiquidMaterial()),),
     tools=(Tray(half_m=(HALF_M, HALF_M), rim_m=0.08, place_m=(0.0, 0.0, FLOOR_M), friction=0.0),),
 )
 
@@ -131,8 +131,8 @@ BOWL = Scene(
     cell_m=0.0125,
     dt_s=5e-4,
     contact_margin_m=0.5 * (CAP_M3 / BOWL_PARTICLES) ** (1 / 3),
-    bodies=(Body(volume_m3=CAP_M3, density_kg_m3=1000.0, material=Liquid()),),
-    tools=(Bowl(radius_m=RADIUS_M, thickness_m=0.004, friction=0.0),),
+    bodies=(Body(volume_m3=CAP_M3, density_kg_m3=1000.0, material=LiquidMaterial()),),
+    tools=(BowlCollider(radius_m=RADIUS_M, thickness_m=0.004, friction=0.0),),
 )
 
 
@@ -211,7 +211,7 @@ def test_the_front_of_a_collapsing_column_runs_as_fast_as_measured():
 def test_shear_in_a_viscous_liquid_decays_as_diffusion_does():
     depth, viscosity = 0.04, 5.0
     x = lattice((-0.10, -0.03, 0.05), (0.10, 0.03, 0.05 + depth), WATER_SPACING_M)
-    body = Body(volume_m3=0.20 * 0.06 * depth, density_kg_m3=1000.0, material=Liquid(viscosity_pa_s=viscosity))
+    body = Body(volume_m3=0.20 * 0.06 * depth, density_kg_m3=1000.0, material=LiquidMaterial(viscosity_pa_s=viscosity))
     scene = replace(TRAY, bodies=(body,), gravity_m_s2=0.0, tools=(replace(TRAY.tools[0], place_m=(0.0, 0.0, 0.5)),))
     mode = np.cos(np.pi * (x[:, 2] - 0.05) / depth)
     state = at_rest(x)
@@ -296,7 +296,7 @@ def crowding(x: np.ndarray, reach_m: float = 0.015) -> float:
 
 
 LAYER = lattice((-0.06, -0.06, 0.0), (0.06, 0.06, 0.018), BEAN_M)
-PADDLE = Box(half_m=(0.006, 0.09, 0.04), place_m=(-0.075, 0.0, 0.042), motion="slides")
+PADDLE = BoxCollider(half_m=(0.006, 0.09, 0.04), place_m=(-0.075, 0.0, 0.042), motion="slides")
 SWEEP = replace(PILE, low=(-0.20, -0.20, -0.025), high=(0.25, 0.20, 0.125), bodies=(grains(LAYER),), tools=(PADDLE,))
 
 
@@ -364,7 +364,7 @@ def droop(cell_m: float, spacing_m: float, *, radius_m: float = 0.008, bending_r
         damping_1_s=8.0,
         contact_margin_m=spacing_m / 2,
         bodies=(body,),
-        tools=(Rod(half_length_m=0.03, radius_m=rod_m, place_m=(0.0, 0.0, height), friction=1.0),),
+        tools=(RodCollider(half_length_m=0.03, radius_m=rod_m, place_m=(0.0, 0.0, height), friction=1.0),),
     )
     start = x + np.array([0, 0, height + rod_m + radius_m + 3e-4])
     sunk = start[:, 2] - positions(run(scene, at_rest(start), round(1.2 / scene.dt_s)))[:, 2]
@@ -400,7 +400,7 @@ def test_a_hanging_rope_grows_longer_by_rho_g_l_squared_over_2_e():
         damping_1_s=8.0,
         contact_margin_m=spacing / 2,
         bodies=(body,),
-        tools=(Gripper(half_m=(0.015, 0.006, 0.02), friction=2.0),),
+        tools=(GripperCollider(half_m=(0.015, 0.006, 0.02), friction=2.0),),
     )
     path = np.tile([0, 0, 0.21, 1, 0, 0, 0, 0.012], (3001, 1))
     end = positions(run(scene, at_rest(x), path))
@@ -498,7 +498,7 @@ def bathed(density_kg_m3: float) -> tuple[np.ndarray, np.ndarray]:
     water = lattice((-HALF_M, -HALF_M, FLOOR_M), (HALF_M, HALF_M, FLOOR_M + depth), WATER_SPACING_M)
     water = water[((water < low) | (water > high)).any(axis=1)]
     bodies = (
-        Body(volume_m3=len(water) * WATER_SPACING_M**3, density_kg_m3=1000.0, material=Liquid()),
+        Body(volume_m3=len(water) * WATER_SPACING_M**3, density_kg_m3=1000.0, material=LiquidMaterial()),
         Body(volume_m3=side**3, density_kg_m3=density_kg_m3, material=Elastic()),
     )
     scene = replace(TRAY, bodies=bodies, damping_1_s=1.0, dt_s=4e-4)

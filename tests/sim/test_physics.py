@@ -10,7 +10,7 @@ import pytest
 from app.sim.rollout import make_rollout
 from app.sim.scene import Body, Scene
 from app.sim.state import State
-from app.sim.tools.finger import Finger
+from app.sim.tools.finger import FingerCollider
 from tests.sim.scenes import PARTICLES, SCENE, block, far_tool, floating, phi_with, rope
 
 HIGH = replace(SCENE, high=(0.60, 0.10, 0.30))
@@ -81,7 +81,7 @@ def test_a_rope_at_rest_stays_where_it_lies():
 
 
 ROPE = rope(300, length_m=0.4)
-FINGER = Finger(radius_m=0.009)
+FINGER = FingerCollider(radius_m=0.009)
 ROPE_SCENE = Scene(tools=(FINGER,), bodies=(Body(volume_m3=8.0e-5, density_kg_m3=800.0),))
 stiffnesses = pytest.mark.parametrize("stiffness", [1e4, 3e4, 1e5])
 

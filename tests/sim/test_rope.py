@@ -11,7 +11,7 @@ import pytest
 from app.sim.directions import directed
 from app.sim.materials.base import Material
 from app.sim.materials.elastic import Elastic
-from app.sim.materials.rope import Rope
+from app.sim.materials.rope import RopeMaterial
 from app.sim.params import PARAMETERS, index, with_stiffness_up_to
 from app.sim.rollout import make_rollout
 from app.sim.scene import Body, Scene
@@ -19,7 +19,7 @@ from app.sim.state import Setting, State
 from app.tasks.rope_push import TASK
 from tests.sim.scenes import PARTICLES, SCENE, phi_with, rope, straight_tool
 
-ROPE = Rope(fibre_pa=5e5, core_m=0.004, yield_strain=0.1)
+ROPE = RopeMaterial(fibre_pa=5e5, core_m=0.004, yield_strain=0.1)
 USUAL_PA = 6e4
 STRAIGHT = rope(300, length_m=0.4)
 TIP, SPEED = np.array([0.51, -0.022, 0.006]), 0.75
@@ -68,7 +68,7 @@ def test_a_rope_keeps_its_bend_where_an_elastic_rod_springs_back():
 
 
 def test_without_fibres_and_below_yield_it_is_elastic():
-    weak = Rope(fibre_pa=0.0, core_m=0.004, yield_strain=1e3)
+    weak = RopeMaterial(fibre_pa=0.0, core_m=0.004, yield_strain=1e3)
     assert np.abs(bent(weak)[0] - bent(Elastic())[0]).max() < 1e-4
 
 

@@ -10,31 +10,31 @@ import pytest
 import warp as wp
 
 from app.sim.constants import Shape
-from app.sim.materials.cloth import Cloth
+from app.sim.materials.cloth import ClothMaterial
 from app.sim.materials.elastic import Elastic
 from app.sim.materials.granular import Granular
-from app.sim.materials.liquid import Liquid
+from app.sim.materials.liquid import LiquidMaterial
 from app.sim.materials.plastic import Plastic
 from app.sim.rollout import make_rollout
 from app.sim.scene import Body, Scene
 from app.sim.state import State
 from app.sim.tools.base import Primitive, Tool
-from app.sim.tools.bowl import Bowl
-from app.sim.tools.box import Box, Gripper, Tray, WallsWithGap
-from app.sim.tools.finger import Finger
+from app.sim.tools.bowl import BowlCollider
+from app.sim.tools.box import BoxCollider, GripperCollider, Tray, WallsWithGap
+from app.sim.tools.finger import FingerCollider
 from app.sim.tools.flat_finger import FlatFinger
-from app.sim.tools.rod import Rack, Rod
+from app.sim.tools.rod import RackCollider, RodCollider
 from tests.sim.test_materials import at_rest, lattice, positions, run
 
 # Shapes.
 
 SHAPES = {
-    "box": Box(half_m=(0.03, 0.02, 0.01)).primitives()[0],
-    "rod": Rod(half_length_m=0.04, radius_m=0.01).primitives()[0],
-    "bowl": Bowl(radius_m=0.05, thickness_m=0.008).primitives()[0],
-    "deep bowl": Bowl(radius_m=0.05, thickness_m=0.004, rim_m=0.02).primitives()[0],
-    "shallow bowl": Bowl(radius_m=0.05, thickness_m=0.004, rim_m=-0.02).primitives()[0],
-    "finger": Finger(radius_m=0.01).primitives()[0],
+    "box": BoxCollider(half_m=(0.03, 0.02, 0.01)).primitives()[0],
+    "rod": RodCollider(half_length_m=0.04, radius_m=0.01).primitives()[0],
+    "bowl": BowlCollider(radius_m=0.05, thickness_m=0.008).primitives()[0],
+    "deep bowl": BowlCollider(radius_m=0.05, thickness_m=0.004, rim_m=0.02).primitives()[0],
+    "shallow bowl": BowlCollider(radius_m=0.05, thickness_m=0.004, rim_m=-0.02).primitives()[0],
+    "finger": FingerCollider(radius_m=0.01).primitives()[0],
     "flat finger": FlatFinger(radius_m=0.006, half_width_m=0.02).primitives()[0],
 }
 
@@ -145,11 +145,11 @@ def still(tool: Tool, steps: int) -> np.ndarray:
 
 
 RESTS: dict[str, Tool] = {
-    "rod": Rod(half_length_m=0.03, radius_m=0.01, place_m=(0.0, 0.0, 0.05), friction=1.0),
-    "rack": Rack(count=3, spacing_m=0.02, half_length_m=0.03, radius_m=0.006, place_m=(0.0, 0.0, 0.05)),
-    "box": Box(half_m=(0.03, 0.03, 0.003), place_m=(0.0, 0.0, 0.05)),
+    "rod": RodCollider(half_length_m=0.03, radius_m=0.01, place_m=(0.0, 0.0, 0.05), friction=1.0),
+    "rack": RackCollider(count=3, spacing_m=0.02, half_length_m=0.03, radius_m=0.006, place_m=(0.0, 0.0, 0.05)),
+    "box": BoxCollider(half_m=(0.03, 0.03, 0.003), place_m=(0.0, 0.0, 0.05)),
     "tray": Tray(half_m=(0.03, 0.03), rim_m=0.02, place_m=(0.0, 0.0, 0.05)),
-    "bowl": Bowl(radius_m=0.04, thickness_m=0.004),
+    "bowl": BowlCollider(radius_m=0.04, thickness_m=0.004),
 }
 
 
@@ -170,7 +170,7 @@ def test_what_is_dropped_on_a_thing_comes_to_rest_outside_of_it(name: str):
 
 @pytest.mark.parametrize("friction", [0.2, 0.5])
 def test_a_block_on_a_box_stops_after_v_squared_over_2_mu_g(friction: float):
-    slab = Box(half_m=(0.20, 0.05, 0.01), place_m=(0.0, 0.0, 0.05), friction=friction)
+    slab = BoxCollider(half_m=(0.20, 0.05, 0.01), place_m=(0.0, 0.0, 0.05), friction=friction)
     scene = replace(STAGE, low=(-0.10, -0.10, -0.02), high=(0.25, 0.10, 0.18), tools=(slab,), damping_1_s=0.0)
     settled = run(scene, at_rest(BLOCK + np.array([-0.03, 0, 0.0625])), 600, stiffness=1e5)
     speed = 0.4
@@ -197,8 +197,8 @@ def test_walls_stop_what_is_beside_their_gap_and_let_pass_what_fits():
 # Cloth in a gripper.
 
 SIDE_M, CLOTH_SPACING_M = 0.10, 0.005
-CLOTH_BODY = Body(volume_m3=SIDE_M**2 * 0.001, density_kg_m3=200.0, material=Cloth(), stiffness=1.0)
-HAND = Gripper(half_m=(0.010, 0.006, 0.020), friction=1.0)
+CLOTH_BODY = Body(volume_m3=SIDE_M**2 * 0.001, density_kg_m3=200.0, material=ClothMaterial(), stiffness=1.0)
+HAND = GripperCollider(half_m=(0.010, 0.006, 0.020), friction=1.0)
 GRIP = replace(
     STAGE, bodies=(CLOTH_BODY,), tools=(HAND,), contact_margin_m=0.002, dt_s=3e-4, damping_1_s=1.0, contact_width_m=1e-3
 )
@@ -271,8 +271,8 @@ SMALL = {
     "elastic": Elastic(),
     "plastic": Plastic(yield_pa=200.0),
     "granular": Granular(),
-    "liquid": Liquid(),
-    "cloth": Cloth(),
+    "liquid": LiquidMaterial(),
+    "cloth": ClothMaterial(),
 }
 
 
@@ -284,7 +284,10 @@ def problem(material: str, tool: str) -> tuple[Scene, np.ndarray, State, np.ndar
     standing = lattice((-0.016, -0.016, 0.05), (0.016, 0.016, 0.08), 0.0055)
     sheet = lattice((-0.016, -0.001, 0.05), (0.016, 0.001, 0.08), 0.0055)
     x = sheet if material == "cloth" else lying if tool == "bowl" else standing
-    tools = {"bowl": Bowl(radius_m=0.045, thickness_m=0.006), "gripper": Gripper(half_m=(0.02, 0.006, 0.02))}
+    tools = {
+        "bowl": BowlCollider(radius_m=0.045, thickness_m=0.006),
+        "gripper": GripperCollider(half_m=(0.02, 0.006, 0.02)),
+    }
     body = Body(volume_m3=len(x) * 0.0055**3, density_kg_m3=1000.0, material=SMALL[material])
     scene = replace(STAGE, bodies=(body,), tools=(tools[tool],))
     shape = (len(x), 3)

@@ -9,7 +9,7 @@ from app.config import Site
 from app.core.errors import PlanningError
 from app.core.track import Track
 from app.planner.actions import Pushes
-from app.policy.strokes import Plan, random_track
+from app.policy.strokes import PushDesign, random_track
 from app.tasks import load, nominal_model
 from app.tasks.asked import aimed, asked_plan, motion_of
 from tests.planner.table import rope
@@ -20,7 +20,7 @@ assert isinstance(PUSHES, Pushes)
 
 
 def track(seed: int) -> Track:
-    return random_track(np.random.default_rng(seed), rope(), Plan(), start_s=10.0, height_m=0.006)
+    return random_track(np.random.default_rng(seed), rope(), PushDesign(), start_s=10.0, height_m=0.006)
 
 
 @pytest.mark.parametrize("seed", range(4))

@@ -5,7 +5,7 @@ import pytest
 
 from app.core.chamfer import chamfer_m2
 from app.tasks import load
-from app.tasks.curves import Problems, RopeProblems, fill_tube
+from app.tasks.curves import CurveSampler, RopeProblems, fill_tube
 
 TASK = load("rope_push")
 assert isinstance(TASK.problems, RopeProblems)
@@ -32,7 +32,7 @@ def test_a_seed_names_one_problem() -> None:
 
 def test_a_problem_that_cannot_be_drawn_says_so() -> None:
     with pytest.raises(ValueError, match="No goal within reach"):
-        Problems(gap_m=(0.9, 1.0)).draw(0, TASK.rope)
+        CurveSampler(gap_m=(0.9, 1.0)).draw(0, TASK.rope)
 
 
 def test_particles_fill_the_tube_evenly() -> None:

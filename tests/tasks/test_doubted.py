@@ -8,12 +8,12 @@ import pytest
 from app.discovery.predict import Predictor, prepare
 from app.discovery.study import Study
 from app.discovery.subject import catalogue
-from app.policy.strokes import Plan
+from app.policy.strokes import PushDesign
 from app.sim.params import index
 from app.tasks.doubted import doubted_in, subject_of
 from bench.hidden.ropes import RopeCase
 
-CASE = RopeCase(seed=7001, plan=Plan(episodes=2, pushes=3))
+CASE = RopeCase(seed=7001, plan=PushDesign(episodes=2, pushes=3))
 STIFFNESS = index("stiffness")
 
 

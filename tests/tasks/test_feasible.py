@@ -5,12 +5,12 @@ import pytest
 
 from app.core.errors import UsageError
 from app.core.solid import inside
-from app.core.stage import Block, Bowl, Mat, Rack
+from app.core.stage import Bowl, Mat, Obstacle, Rack
 from app.tasks import load, names
 from app.tasks.feasible import check_goal
 
 FIXTURES = {
-    "block": (Block(half_m=(0.1, 0.02, 0.03), place_m=(0.5, 0.0, 0.03)), (0.45, 0.0, 0.03), (0.45, 0.03, 0.03)),
+    "block": (Obstacle(half_m=(0.1, 0.02, 0.03), place_m=(0.5, 0.0, 0.03)), (0.45, 0.0, 0.03), (0.45, 0.03, 0.03)),
     "bowl": (
         Bowl(radius_m=0.06, thickness_m=0.008, place_m=(0.5, 0.0, 0.08), friction=0.1),
         (0.5, 0.0, 0.016),
@@ -55,7 +55,7 @@ def test_a_goal_out_of_reach_is_refused_with_its_name_its_middle_and_the_bounds(
 
 def test_a_goal_that_goes_through_a_wall_is_refused_with_the_wall_and_the_first_point() -> None:
     task = load("rod_to_rope")
-    wall = next(fixture for fixture in task.stage.fixtures if isinstance(fixture, Block))
+    wall = next(fixture for fixture in task.stage.fixtures if isinstance(fixture, Obstacle))
     goal = task.goal(0, 300).copy()
     goal[7] = wall.place_m
     with pytest.raises(

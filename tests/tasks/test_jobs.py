@@ -6,7 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from app.calibration.fit import Settings
+from app.calibration.fit import FitSettings
 from app.config import Site
 from app.core.messages import Extension, Model, Parameter, Transition, fresh_id
 from app.tasks import calibrate, compiled, nominal_model, plan, update
@@ -47,7 +47,7 @@ def test_a_model_learns_from_what_really_happened(job: object, monkeypatch: pyte
     learnt = list[Transition]()
 
     def calibrated(
-        task: str, preset: str, transitions: Sequence[Transition], model: Model, settings: Settings
+        task: str, preset: str, transitions: Sequence[Transition], model: Model, settings: FitSettings
     ) -> compiled.Calibrated:
         learnt.extend(transitions)
         return compiled.Calibrated(replace(model, id=fresh_id("model")), (), (), ())

@@ -16,7 +16,7 @@ from app.core.messages import Executed, MessageId, Model, Transition, fresh_id
 from app.core.motion import TOOL_DOWN
 from app.core.orientation import UNKNOWN, Orientation
 from app.core.types import Centreline, Points
-from app.evaluation.play import Order, play
+from app.evaluation.play import EvaluationConfig, play
 from app.planner.method import DIPAC
 from app.planner.plan import Plan
 from app.sim.params import index, with_orientation
@@ -230,7 +230,9 @@ def test_an_episode_follows_the_ends_of_its_rope_from_plan_to_plan(monkeypatch: 
 
     monkeypatch.setattr(jobs, "track_orientation", track)
     monkeypatch.setattr(jobs, "plan", planned)
-    order = Order(task=TASK, preset="cpu", seed=0, method=DIPAC, model=model, eyes="truth", actions=2, play_on=True)
+    order = EvaluationConfig(
+        task=TASK, preset="cpu", seed=0, method=DIPAC, model=model, eyes="truth", actions=2, play_on=True
+    )
     played = play(order)
     assert (played.failure, len(played.decision_s)) == ("", 2)
     assert told == [UNKNOWN, found[0]]

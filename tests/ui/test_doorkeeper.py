@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 
 from app.ui.backstage import understood
 from app.ui.doorkeeper import BURST, SPOKEN, STEADY_HZ, refusal
-from app.ui.pace import Pace
+from app.ui.pace import RateLimiter
 
 CLICK = {"type": "GuiUpdateMessage", "uuid": "abc", "updates": {"value": True}}
 CAMERA = {
@@ -162,11 +162,11 @@ def test_any_value_is_answered(value: object) -> None:
 
 
 def test_a_page_that_is_used_never_waits_and_one_that_floods_is_slowed_to_the_steady_pace() -> None:
-    pace, now_s = Pace(0.0, steady_hz=STEADY_HZ, burst=BURST), 0.0
+    pace, now_s = RateLimiter(0.0, steady_hz=STEADY_HZ, burst=BURST), 0.0
     for _ in range(1200):  # Ten seconds of a camera that is turned and a handle that is dragged.
         now_s += 1 / 120
         assert pace.wait_s(now_s) == 0.0
-    flood, now_s = Pace(0.0, steady_hz=STEADY_HZ, burst=BURST), 0.0
+    flood, now_s = RateLimiter(0.0, steady_hz=STEADY_HZ, burst=BURST), 0.0
     for _ in range(2400):
         now_s += flood.wait_s(now_s)
     assert now_s == pytest.approx(2000 / 200, rel=0.05)

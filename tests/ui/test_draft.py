@@ -5,27 +5,27 @@ import math
 import numpy as np
 import pytest
 
-from app.ui.goals.draft import LEAST_RADIUS_M, Draft, on_table
+from app.ui.goals.draft import LEAST_RADIUS_M, GoalDraft, on_table
 from tests.ui import synthetic
 
 OBJECT = synthetic.rope(0.5)
 
 
 def test_nothing_is_meant_before_something_is_drawn() -> None:
-    assert Draft().positions(OBJECT) is None
-    assert Draft(kind="curve").positions(OBJECT) is None
-    assert Draft(kind="curve", curve=((0.4, 0.0),)).positions(OBJECT) is None
+    assert GoalDraft().positions(OBJECT) is None
+    assert GoalDraft(kind="curve").positions(OBJECT) is None
+    assert GoalDraft(kind="curve", curve=((0.4, 0.0),)).positions(OBJECT) is None
 
 
 @pytest.mark.parametrize(
     "draft",
     [
-        Draft(kind="copy", place=(0.5, 0.1), turn_rad=0.4, bend_1_m=3.0),
-        Draft(kind="curve", curve=((0.4, 0.0), (0.6, 0.1))),
-        Draft(kind="region", place=(0.5, 0.0), radius_m=LEAST_RADIUS_M),
+        GoalDraft(kind="copy", place=(0.5, 0.1), turn_rad=0.4, bend_1_m=3.0),
+        GoalDraft(kind="curve", curve=((0.4, 0.0), (0.6, 0.1))),
+        GoalDraft(kind="region", place=(0.5, 0.0), radius_m=LEAST_RADIUS_M),
     ],
 )
-def test_what_is_drawn_means_as_many_particles_at_the_heights_that_they_have(draft: Draft) -> None:
+def test_what_is_drawn_means_as_many_particles_at_the_heights_that_they_have(draft: GoalDraft) -> None:
     goal = draft.positions(OBJECT)
     assert goal is not None
     assert goal.shape == OBJECT.shape
@@ -34,12 +34,12 @@ def test_what_is_drawn_means_as_many_particles_at_the_heights_that_they_have(dra
 
 @pytest.mark.parametrize("place", [(0.4, 0.001), (math.inf, 0.0), (0.0, -1e9), (math.nan, 0.0), (0.5, math.nan)])
 def test_a_point_that_is_the_last_one_again_or_far_away_is_none(place: tuple[float, float]) -> None:
-    draft = Draft(kind="curve", curve=((0.4, 0.0),))
+    draft = GoalDraft(kind="curve", curve=((0.4, 0.0),))
     assert draft.with_point(*place) is draft
 
 
 def test_a_curve_has_an_end() -> None:
-    draft = Draft(kind="curve")
+    draft = GoalDraft(kind="curve")
     for index in range(1000):
         draft = draft.with_point(0.01 * (index % 7), 0.01 * (index % 11))
     assert len(draft.curve) == 200

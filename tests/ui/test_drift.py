@@ -10,14 +10,14 @@ from app.config import Timing
 from app.core.approval import drift
 from app.ui import cards
 from app.ui.board import Board
-from app.ui.drift import Drift, Moved
+from app.ui.drift import DriftMeter, Moved
 from tests.ui import synthetic
 
 PROPOSAL = synthetic.proposal(synthetic.rope(0.5))
 
 
 def test_it_is_what_the_gate_will_look_at_while_a_plan_is_pending_and_nothing_otherwise() -> None:
-    since = Drift(Timing()).since
+    since = DriftMeter(Timing()).since
     moved = synthetic.particles(synthetic.rope(0.5, centre=(0.556, 0.0)))
     board = Board().after(moved)
     assert math.isnan(since(board).drift_m)

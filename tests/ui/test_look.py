@@ -10,7 +10,7 @@ from app.core.chamfer import chamfer_m2
 from app.core.messages import Branch
 from app.ui import words
 from app.ui.plans import cards
-from app.ui.plans.look import BEST, NONE, Look, last_moment, looked, moments, motion_at, names, to_goal_m2
+from app.ui.plans.look import BEST, NONE, PreviewState, last_moment, looked, moments, motion_at, names, to_goal_m2
 from tests.ui import synthetic
 
 OBSERVED = synthetic.rope(0.5)
@@ -70,7 +70,7 @@ def test_which_motion_is_being_made() -> None:
 
 
 def test_the_distances_are_those_of_the_particles_that_are_drawn() -> None:
-    look = Look(proposal=PROPOSAL, at=1, beside=2, share=1.0)
+    look = PreviewState(proposal=PROPOSAL, at=1, beside=2, share=1.0)
     shown = cards.moment(look, GOAL)
     for branch in (look.branch, look.other):
         assert branch is not None
@@ -83,13 +83,13 @@ def test_the_distances_are_those_of_the_particles_that_are_drawn() -> None:
 def test_a_branch_that_became_non_finite_is_marked_and_has_no_distance() -> None:
     broken = replace(PROPOSAL.branches[5], frames=np.full((9, 300, 3), np.nan, np.float32))
     proposal = replace(PROPOSAL, branches=(*PROPOSAL.branches[:5], broken, PROPOSAL.branches[6]))
-    look = Look(proposal=proposal, at=5, share=1.0)
+    look = PreviewState(proposal=proposal, at=5, share=1.0)
     assert math.isnan(to_goal_m2(look.ghost(broken), GOAL))
     assert cards.branches(proposal, look).count("dropped: not finite") == 1
 
 
 def test_the_table_has_every_branch_with_its_costs_and_terms_and_marks_three() -> None:
-    look = Look(proposal=PROPOSAL, at=1, beside=2)
+    look = PreviewState(proposal=PROPOSAL, at=1, beside=2)
     shown = cards.branches(PROPOSAL, look)
     assert shown.count("<tr") == 1 + 7
     for branch in PROPOSAL.branches:
@@ -103,6 +103,6 @@ def test_the_table_has_every_branch_with_its_costs_and_terms_and_marks_three() -
 def test_no_term_from_outside_becomes_markup() -> None:
     hostile = replace(PROPOSAL.branches[0], terms={"'><img src=x onerror=alert(1)>": 1.0})
     proposal = replace(PROPOSAL, branches=(hostile,), best=0)
-    shown = cards.branches(proposal, Look(proposal=proposal, at=0))
+    shown = cards.branches(proposal, PreviewState(proposal=proposal, at=0))
     assert "<img" not in shown
     assert "'><" not in shown.split("title=")[1].split("<td>")[0][2:-1]

@@ -13,7 +13,7 @@ from app.core.errors import UsageError
 from app.recording.timeline import Timeline, open_timeline
 from app.ui import Console, open_console, palette
 from app.ui.player import Player
-from app.ui.replanning import Order, Replanned
+from app.ui.replanning import Replanned, ReplanRequest
 from tests.ui import synthetic
 from tests.ui.film import DISTANCES_MM, film
 from tests.ui.test_browser import APPROVE, SECONDS, pixels, wait_until
@@ -34,7 +34,7 @@ class Replayed:
     stopped: list[str]
 
 
-async def planned(order: Order, said: Callable[[str], None]) -> Replanned:
+async def planned(order: ReplanRequest, said: Callable[[str], None]) -> Replanned:
     """Stands in for the planner."""
     said("Compiling nothing.")
     if order.path:

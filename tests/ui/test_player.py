@@ -11,7 +11,7 @@ from app.core.motion import Motion
 from app.recording.marks import Mark
 from app.ui.playback import SPEEDS, shown
 from app.ui.player import FASTEST, STRIDE_S, Player, Reel
-from app.ui.replanning import Order, Replanned, card, rows
+from app.ui.replanning import Replanned, ReplanRequest, card, rows
 from tests.ui import synthetic
 
 REEL = Reel(
@@ -79,9 +79,9 @@ def test_steps_go_from_motion_to_motion_and_pause():
 def test_what_was_planned_again_is_shown_until_it_goes_on():
     player, again = playing(time_s=4.0), synthetic.proposal(synthetic.rope(0.5))
     player.advance(0.0)
-    player.order(Order(time_s=4.0))
-    player.order(Order(time_s=9.0))
-    assert player.ordered() == Order(time_s=4.0)
+    player.order(ReplanRequest(time_s=4.0))
+    player.order(ReplanRequest(time_s=9.0))
+    assert player.ordered() == ReplanRequest(time_s=4.0)
     assert not player.where.playing
     player.jump(9.0)
     player.answer("Planned.", Replanned(then=None, again=again, model="version 1"))
@@ -95,7 +95,7 @@ def test_what_was_planned_again_is_shown_until_it_goes_on():
 
 def test_an_error_takes_the_place_of_a_plan_and_another_may_be_asked_for():
     player = Player(REEL)
-    player.order(Order(time_s=0.0))
+    player.order(ReplanRequest(time_s=0.0))
     player.tell("Compiling.")
     player.answer("No such model.")
     assert (player.said, player.replanned, player.ordered()) == ("No such model.", None, None)

@@ -8,8 +8,8 @@ import zstandard
 from app.config import KeepOut, Limits
 from app.core.table_place import AT_BASE, TablePlace
 from app.ui import palette
-from app.ui.scene import Scene
-from app.ui.tool import Flat, Tool
+from app.ui.scene import ConsoleScene
+from app.ui.tool import DrawnGripper, Flat
 
 _HEADER_BYTES = 8
 """Length of the header before the packed scene: its size, unpacked."""
@@ -18,7 +18,7 @@ _HEADER_BYTES = 8
 def drawn(limits: Limits, table: TablePlace = AT_BASE) -> bytes:
     server = viser.ViserServer(host="127.0.0.1", port=0, verbose=False)
     try:
-        Scene(server, limits, table)
+        ConsoleScene(server, limits, table)
         packed = server.get_scene_serializer().serialize()
     finally:
         server.stop()
@@ -29,7 +29,7 @@ def drawn_tool(task: str) -> bytes:
     """Packed scene of a tool that was two fingers and became the one of that task."""
     server = viser.ViserServer(host="127.0.0.1", port=0, verbose=False)
     try:
-        tool = Tool(server, "/tool", palette.STEEL, opacity=None)
+        tool = DrawnGripper(server, "/tool", palette.STEEL, opacity=None)
         tool.put(np.zeros(3), 1.0)
         tool.become(Flat.of(task))
         tool.put(np.zeros(3), 1.0)
@@ -54,7 +54,7 @@ def test_the_arm_stands_where_it_does_beside_the_table() -> None:
     assert there.table_from_base[:3, 3] == pytest.approx(base)
     server = viser.ViserServer(host="127.0.0.1", port=0, verbose=False)
     try:
-        Scene(server, Limits(), there)
+        ConsoleScene(server, Limits(), there)
         handle = server.scene.get_handle_by_name("/base")
         assert isinstance(handle, viser.FrameHandle)
         assert handle.position == pytest.approx(base)

@@ -12,10 +12,10 @@ from app.config import Limits
 from app.core.requests import Request
 from app.ui import palette
 from app.ui.backstage import Backstage
-from app.ui.cell import Cell
+from app.ui.cell import CellTab
 from app.ui.desk import Desk
 from app.ui.modelling import Versions, label
-from app.ui.scene import Scene
+from app.ui.scene import ConsoleScene
 from tests.ui import synthetic
 from tests.ui.test_board import board_after
 from tests.ui.test_models import version
@@ -60,7 +60,7 @@ def test_a_choice_that_is_not_offered_chooses_nothing(server: ViserServer, tmp_p
 
 
 def test_the_picture_is_tinted_previewed_and_plain_as_the_switches_say(server: ViserServer):
-    cell = Cell(server, desk(), Scene(server, Limits()))
+    cell = CellTab(server, desk(), ConsoleScene(server, Limits()))
     board = board_after(LEFT, synthetic.seen(LEFT))
     cell.paint(board, LEFT.time_s)
     view = cell._views["left"]
@@ -79,7 +79,7 @@ def test_the_picture_is_tinted_previewed_and_plain_as_the_switches_say(server: V
 
 
 def test_one_camera_is_shown_with_all_its_pixels(server: ViserServer):
-    cell = Cell(server, desk(), Scene(server, Limits()))
+    cell = CellTab(server, desk(), ConsoleScene(server, Limits()))
     board = board_after(LEFT, synthetic.seen(LEFT))
     cell.paint(board, LEFT.time_s)
     assert not cell._large._panel.visible
@@ -93,7 +93,7 @@ def test_one_camera_is_shown_with_all_its_pixels(server: ViserServer):
 
 
 def test_what_is_hidden_is_drawn_in_shade_until_it_is_seen_again(server: ViserServer):
-    scene, rope = Scene(server, Limits()), synthetic.rope(0.5)
+    scene, rope = ConsoleScene(server, Limits()), synthetic.rope(0.5)
     hidden = np.arange(len(rope)) < 10
     scene.paint(board_after(replace(synthetic.particles(rope), predicted=hidden)), 0.0)
     colours = np.asarray(scene.observed._handle.batched_colors)

@@ -19,7 +19,7 @@ from app.core.errors import PerceptionError, RecordingError, UsageError
 from app.core.lens import Lens
 from app.core.types import ColourImage, Transform
 from app.perception.calibration.se3 import transform
-from app.perception.calibration.sight import Sight, sight
+from app.perception.calibration.sight import BoardDetection, sight
 from app.recording.calibration_file import load_lens
 
 CAMERA, POSES = "camera.toml", "poses.csv"
@@ -31,16 +31,16 @@ _UNIT = 1e-2
 
 @final
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Session:
+class BoardImages:
     """A camera, its images in order, and their detections of the board; `unseen`: reasons for the others."""
 
     serial: str
     lens: Lens
-    sights: Mapping[str, Sight]
+    sights: Mapping[str, BoardDetection]
     unseen: Mapping[str, str]
 
 
-def read_session(terminal: Console, folder: Path, board: Charuco, images: Sequence[str] | None = None) -> Session:
+def read_session(terminal: Console, folder: Path, board: Charuco, images: Sequence[str] | None = None) -> BoardImages:
     """Look for the board in the images, in all of the folder or those that are named.
 
     Raises UsageError where there is nothing to look at, RecordingError where a file is not what it should be.
@@ -51,7 +51,7 @@ def read_session(terminal: Console, folder: Path, board: Charuco, images: Sequen
     )
     if not names:
         raise UsageError(f"There is no image in {folder}; its files end in {', '.join(_IMAGES)}.")
-    sights, unseen = dict[str, Sight](), dict[str, str]()
+    sights, unseen = dict[str, BoardDetection](), dict[str, str]()
     for name in track(names, "looking", console=terminal, transient=True):
         try:
             sights[name] = sight(_image(folder / name), board, lens)
@@ -59,7 +59,7 @@ def read_session(terminal: Console, folder: Path, board: Charuco, images: Sequen
             unseen[name] = str(error)
     for name, why in unseen.items():
         terminal.print(Text(f"{name} is left out: {why}", "yellow"))
-    return Session(serial=serial, lens=lens, sights=sights, unseen=unseen)
+    return BoardImages(serial=serial, lens=lens, sights=sights, unseen=unseen)
 
 
 def read_poses(path: Path) -> dict[str, Transform]:

@@ -16,9 +16,9 @@ from app.config import Site
 from app.core.charuco import Charuco
 from app.core.errors import UsageError
 from app.core.hand_eye import HandEye, Setup
-from app.perception.calibration.next_pose import Eye, next_pose
+from app.perception.calibration.next_pose import HandEyeSetup, next_pose
 from app.perception.calibration.se3 import angle, inverse
-from app.perception.calibration.solve import Solved, View, ends_of
+from app.perception.calibration.solve import CalibrationView, Solved, ends_of
 from app.perception.calibration.solve import solve as solved
 from app.recording.calibration_file import FILE, known_cameras, save_camera
 
@@ -47,7 +47,7 @@ def solve(
     before = known_cameras(output)
     poses = read_poses(folder / POSES)
     session = read_session(terminal, folder, board, list(poses))
-    views = [View(sight=each, T_world_gripper=poses[name]) for name, each in session.sights.items()]
+    views = [CalibrationView(sight=each, T_world_gripper=poses[name]) for name, each in session.sights.items()]
     if not views:
         raise UsageError(f"The board is in none of the images of {folder}; check that it is the one that was printed.")
     today = datetime.now(UTC).date()
@@ -96,8 +96,8 @@ def _difference(before: HandEye, now: HandEye) -> str:
     return f"Since {before.calibrated_at} it has moved by {moved_mm:.1f} mm and turned by {turned_deg:.2f} degrees."
 
 
-def _advice(found: HandEye, views: list[View]) -> str:
-    eye = Eye(lens=found.lens, board=found.board, setup=found.setup, ends=ends_of(found))
+def _advice(found: HandEye, views: list[CalibrationView]) -> str:
+    eye = HandEyeSetup(lens=found.lens, board=found.board, setup=found.setup, ends=ends_of(found))
     best = next_pose(eye, views, Site().limits.workspace, np.random.default_rng(0))
     if best is None:
         return "No other pose in the workspace would show the board whole."

@@ -14,9 +14,9 @@ from app.core.errors import PerceptionError
 from app.core.hand_eye import Spread
 from app.core.lens import Lens
 from app.core.types import Transform
-from app.perception.calibration.next_pose import Eye, NextPose, about, next_pose
+from app.perception.calibration.next_pose import HandEyeSetup, NextPose, about, next_pose
 from app.perception.calibration.se3 import log
-from app.perception.calibration.solve import Solved, View, ends_of, solve
+from app.perception.calibration.solve import CalibrationView, Solved, ends_of, solve
 from app.perception.calibration.spread import spread_of
 
 
@@ -46,12 +46,12 @@ class Assessment:
     next_pose: NextPose | None
 
 
-def assess(views: Sequence[View], target: Target, workspace: Workspace, today: date) -> Assessment:
+def assess(views: Sequence[CalibrationView], target: Target, workspace: Workspace, today: date) -> Assessment:
     """Assess the calibration from at least one view."""
     solved, lacks = _solved(views, target, today)
     eye = about(views, target.pose, target.lens, target.board, "fixed")
     if solved is not None:
-        eye = Eye(lens=target.lens, board=target.board, setup="fixed", ends=ends_of(solved.found))
+        eye = HandEyeSetup(lens=target.lens, board=target.board, setup="fixed", ends=ends_of(solved.found))
     poses = np.array([view.T_world_gripper for view in views])
     turns = log(poses[:, :3, :3] @ poses[0, :3, :3].T)
     return Assessment(
@@ -63,7 +63,7 @@ def assess(views: Sequence[View], target: Target, workspace: Workspace, today: d
     )
 
 
-def _solved(views: Sequence[View], target: Target, today: date) -> tuple[Solved | None, str]:
+def _solved(views: Sequence[CalibrationView], target: Target, today: date) -> tuple[Solved | None, str]:
     try:
         return solve(views, "fixed", target.lens, target.board, serial=target.serial, calibrated_at=today), ""
     except PerceptionError as error:

@@ -8,7 +8,7 @@ import numpy as np
 from app.core.hand_eye import HandEye
 from app.perception.calibration.chain import Ends, outer, residuals
 from app.perception.calibration.se3 import angle, inverse, moved
-from app.perception.calibration.solve import View, ends_of
+from app.perception.calibration.solve import CalibrationView, ends_of
 
 BOUND_M, BOUND_DEG = 0.003, 0.4
 """Bounds beyond which a camera counts as moved. One view of a board errs by 1 mm and 0.1 degree; 4 mm apart, two
@@ -39,7 +39,7 @@ class Drift:
         return f"{told}: the calibration holds."
 
 
-def drift(found: HandEye, view: View) -> Drift:
+def drift(found: HandEye, view: CalibrationView) -> Drift:
     """Drift from one fresh view. A board that was taken off and put back elsewhere looks like a camera that moved."""
     H, ends = outer(view.T_world_gripper, found.setup), ends_of(found)
     points, seen = view.sight.points(found.board), ends.X @ view.sight.T_camera_board

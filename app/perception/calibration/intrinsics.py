@@ -12,7 +12,7 @@ from app.core.charuco import Charuco
 from app.core.errors import PerceptionError
 from app.core.hand_eye import Verdict
 from app.core.lens import STRAIGHT, Distortion, Lens
-from app.perception.calibration.sight import Sight
+from app.perception.calibration.sight import BoardDetection
 
 FEWEST_SIGHTS = 6
 _LEAST_TILT_DEG = 8.0
@@ -80,7 +80,7 @@ class LensCheck:
         return "These views leave the intrinsics open; bring the board into the image's corners, near, and tilted."
 
 
-def check_lens(sights: Sequence[Sight], board: Charuco, lens: Lens) -> LensCheck:
+def check_lens(sights: Sequence[BoardDetection], board: Charuco, lens: Lens) -> LensCheck:
     """Compare both. Raises PerceptionError where the views are too few or too similar."""
     _check_enough(sights)
     told_px = float(np.sqrt(np.mean([sight.error_px**2 for sight in sights])))
@@ -100,7 +100,7 @@ def check_lens(sights: Sequence[Sight], board: Charuco, lens: Lens) -> LensCheck
     )
 
 
-def _check_enough(sights: Sequence[Sight]) -> None:
+def _check_enough(sights: Sequence[BoardDetection]) -> None:
     if len(sights) < FEWEST_SIGHTS:
         raise PerceptionError(
             f"{len(sights)} views show the board and {FEWEST_SIGHTS} are needed at least; take 10 to 20, tilted, near "
@@ -117,7 +117,7 @@ def _check_enough(sights: Sequence[Sight]) -> None:
 
 
 def _fitted(
-    sights: Sequence[Sight], board: Charuco, lens: Lens, *, radial: bool
+    sights: Sequence[BoardDetection], board: Charuco, lens: Lens, *, radial: bool
 ) -> tuple[float, Float64[np.ndarray, "3 3"], Distortion, Float64[np.ndarray, "4"]]:
     """Reprojection error [pixel], K, distortion, and the standard deviations of fx, fy, cx, cy."""
     flags = cv2.CALIB_USE_INTRINSIC_GUESS | cv2.CALIB_ZERO_TANGENT_DIST | cv2.CALIB_FIX_K3

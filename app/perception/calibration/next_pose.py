@@ -20,7 +20,7 @@ from app.core.types import Transform
 from app.perception.calibration.chain import Ends, outer
 from app.perception.calibration.refine import Corners, information
 from app.perception.calibration.se3 import angle, exp, inverse, mean, moved, transform
-from app.perception.calibration.solve import View, corners_of
+from app.perception.calibration.solve import CalibrationView, corners_of
 
 _DRAWN, _WEIGHED = 4000, 60
 _NEAREST_M, _FARTHEST_M = 0.25, 1.1
@@ -48,7 +48,7 @@ class NextPose:
 
 @final
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Eye:
+class HandEyeSetup:
     """The observation set-up: lens, board, which of board and camera the gripper has, and the approximate ends."""
 
     lens: Lens
@@ -57,14 +57,16 @@ class Eye:
     ends: Ends
 
 
-def about(views: Sequence[View], X: Transform, lens: Lens, board: Charuco, setup: Setup) -> Eye:
+def about(views: Sequence[CalibrationView], X: Transform, lens: Lens, board: Charuco, setup: Setup) -> HandEyeSetup:
     """The set-up with the board located by at least one view, for a camera approximately at `X`."""
     H = outer(np.array([view.T_world_gripper for view in views]), setup)
     C = np.array([view.sight.T_camera_board for view in views])
-    return Eye(lens=lens, board=board, setup=setup, ends=Ends(X=X, Y=mean(inverse(H) @ X @ C)))
+    return HandEyeSetup(lens=lens, board=board, setup=setup, ends=Ends(X=X, Y=mean(inverse(H) @ X @ C)))
 
 
-def next_pose(eye: Eye, views: Sequence[View], workspace: Workspace, rng: np.random.Generator) -> NextPose | None:
+def next_pose(
+    eye: HandEyeSetup, views: Sequence[CalibrationView], workspace: Workspace, rng: np.random.Generator
+) -> NextPose | None:
     """The best of many sampled poses; None where the board is visible in none of them. Needs one view at least."""
     poses = np.array([view.T_world_gripper for view in views])
     drawn = _drawn(eye, views, rng)
@@ -84,7 +86,9 @@ def next_pose(eye: Eye, views: Sequence[View], workspace: Workspace, rng: np.ran
     )
 
 
-def _drawn(eye: Eye, views: Sequence[View], rng: np.random.Generator) -> Float64[np.ndarray, "D 4 4"]:
+def _drawn(
+    eye: HandEyeSetup, views: Sequence[CalibrationView], rng: np.random.Generator
+) -> Float64[np.ndarray, "D 4 4"]:
     """Sampled poses of the board in front of the camera: anywhere in its image, near and far, tilted from its mean."""
     lens, middle = eye.lens, np.array([*eye.board.size_m, 0.0]) / 2
     depth = rng.uniform(_NEAREST_M, _FARTHEST_M, _DRAWN)
@@ -97,7 +101,7 @@ def _drawn(eye: Eye, views: Sequence[View], rng: np.random.Generator) -> Float64
     return transform(turned, place - turned @ middle)
 
 
-def _seen(eye: Eye, C: Float64[np.ndarray, "D 4 4"]) -> Bool[np.ndarray, " D"]:
+def _seen(eye: HandEyeSetup, C: Float64[np.ndarray, "D 4 4"]) -> Bool[np.ndarray, " D"]:
     """Mask of the poses in which the whole board is in the image and faces the camera."""
     outline = moved(C, np.broadcast_to(eye.board.outline(), (len(C), 4, 3)))
     ahead = np.all(outline[..., 2] > _NEAREST_M / 2, axis=1)
@@ -109,7 +113,7 @@ def _seen(eye: Eye, C: Float64[np.ndarray, "D 4 4"]) -> Bool[np.ndarray, " D"]:
 
 
 def _reached(
-    eye: Eye,
+    eye: HandEyeSetup,
     H: Float64[np.ndarray, "D 4 4"],
     grippers: Float64[np.ndarray, "D 4 4"],
     poses: Float64[np.ndarray, "V 4 4"],
@@ -125,11 +129,11 @@ def _reached(
     return inside & near & np.all(outline[..., 2] > _CLEAR_M, axis=1)
 
 
-def _nominal(eye: Eye, views: Sequence[View]) -> list[Corners]:
+def _nominal(eye: HandEyeSetup, views: Sequence[CalibrationView]) -> list[Corners]:
     return corners_of(views, eye.board, eye.setup)
 
 
-def _promised(eye: Eye, H: Transform) -> Float64[np.ndarray, "12 12"]:
+def _promised(eye: HandEyeSetup, H: Transform) -> Float64[np.ndarray, "12 12"]:
     """Information matrix of a view of the whole board at that pose."""
     points = eye.board.corners()
     view = Corners(H=H, points=points, pixels=np.zeros((len(points), 2)))

@@ -32,7 +32,7 @@ _EDGE_ON = 0.17
 
 @final
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Sight:
+class BoardDetection:
     """Detected corners, their numbers, and the board's best-fitting pose.
 
     `pixels` are undistorted, those of the ideal pinhole camera. `error_px`: root mean square reprojection error.
@@ -57,7 +57,7 @@ def opencv_board(board: Charuco) -> Any:
     return cv2.aruco.CharucoBoard((board.columns, board.rows), board.square_m, board.marker_m, markers)
 
 
-def sight(image: ColourImage, board: Charuco, lens: Lens) -> Sight:
+def sight(image: ColourImage, board: Charuco, lens: Lens) -> BoardDetection:
     """Detection of the board in `image`.
 
     Raises PerceptionError, with reason and remedy, where it is insufficient for a pose.
@@ -70,7 +70,7 @@ def sight(image: ColourImage, board: Charuco, lens: Lens) -> Sight:
     grey = cv2.cvtColor(np.ascontiguousarray(image), cv2.COLOR_RGB2GRAY)
     ids, raw = _corners(grey, board)
     pixels = lens.ideal(raw)
-    return Sight(ids=ids, pixels=pixels, **_pose(board.corners()[ids], pixels, lens))
+    return BoardDetection(ids=ids, pixels=pixels, **_pose(board.corners()[ids], pixels, lens))
 
 
 def _corners(grey: np.ndarray, board: Charuco) -> tuple[Int[np.ndarray, " C"], Pixels]:

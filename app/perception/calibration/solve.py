@@ -15,7 +15,7 @@ from app.core.lens import Lens
 from app.core.types import Transform
 from app.perception.calibration.chain import Ends, outer
 from app.perception.calibration.refine import Corners, Refined, refine
-from app.perception.calibration.sight import Sight
+from app.perception.calibration.sight import BoardDetection
 from app.perception.calibration.spread import FEWEST_VIEWS, lack, spread_of
 from app.perception.calibration.start import start
 
@@ -30,10 +30,10 @@ _CONTRARY_M, _CONTRARY_DEG = 0.008, 1.0
 
 @final
 @dataclass(frozen=True, kw_only=True, eq=False)
-class View:
+class CalibrationView:
     """The board in one image, and the pose `T_world_gripper` that the arm reported at rest then."""
 
-    sight: Sight
+    sight: BoardDetection
     T_world_gripper: Transform
 
 
@@ -62,7 +62,7 @@ class Solved:
 
 
 def solve(
-    views: Sequence[View], setup: Setup, lens: Lens, board: Charuco, *, serial: str, calibrated_at: date
+    views: Sequence[CalibrationView], setup: Setup, lens: Lens, board: Charuco, *, serial: str, calibrated_at: date
 ) -> Solved:
     """The camera of `serial`. Raises PerceptionError, which names the missing condition, for insufficient views."""
     poses = np.array([view.T_world_gripper for view in views]).reshape(-1, 4, 4)
@@ -95,7 +95,7 @@ def solve(
     return Solved(found=found, refined=refined)
 
 
-def corners_of(views: Sequence[View], board: Charuco, setup: Setup) -> list[Corners]:
+def corners_of(views: Sequence[CalibrationView], board: Charuco, setup: Setup) -> list[Corners]:
     """Data of each view for the chain."""
     return [
         Corners(H=outer(view.T_world_gripper, setup), points=view.sight.points(board), pixels=view.sight.pixels)

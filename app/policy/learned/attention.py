@@ -7,7 +7,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from app.policy.learned.networks import Eyes
-from app.policy.learned.sight import Sight
+from app.policy.learned.sight import PolicyObservation
 
 _HEADS, _WIDER = 4, 2
 
@@ -20,7 +20,7 @@ class Tokens(nn.Module):
     width: int
 
     @nn.compact
-    def __call__(self, seen: Sight) -> Float[Array, "B P W"]:
+    def __call__(self, seen: PolicyObservation) -> Float[Array, "B P W"]:
         """Tokens of each of B."""
         tokens = [nn.Dense(self.width)(seen.tool)[:, None]]
         for picture in seen.pictures:
@@ -35,7 +35,7 @@ class Tokens(nn.Module):
 
 
 @final
-class Block(nn.Module):
+class TransformerBlock(nn.Module):
     """Tokens look at each other, at others where there are some, and each is thought about."""
 
     @nn.compact

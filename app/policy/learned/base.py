@@ -13,7 +13,7 @@ from jaxtyping import Array, Bool, Float, Float32, PRNGKeyArray
 
 from app.core.types import Points, ToolPose
 from app.policy.base import AWAY, Acted, Now
-from app.policy.learned.sight import Sight, Views, sight
+from app.policy.learned.sight import PolicyObservation, Views, sight
 from app.policy.symmetry import Isometry, Symmetry
 from app.sim.object_state import ObjectState
 
@@ -66,7 +66,7 @@ Advance: TypeAlias = Callable[[Float[Array, "B P"], ObjectState, Float[Array, "B
 
 @final
 @dataclass(frozen=True, kw_only=True)
-class World:
+class TrainingSimulator:
     """A simulator that learners may try in, with the parameters `phi` of its model.
 
     `begin`: the simulator's state of an object that is seen.
@@ -85,16 +85,16 @@ class Lessons:
     space: Space
     symmetry: Symmetry
     views: Views
-    world: World | None = None
+    world: TrainingSimulator | None = None
 
-    def framed(self, goal: Float[Array, "B M 3"], now: Now, act: Callable[[Sight], Acted]) -> Acted:
+    def framed(self, goal: Float[Array, "B M 3"], now: Now, act: Callable[[PolicyObservation], Acted]) -> Acted:
         """Action distribution of `act`, computed in the frame of the task's symmetry and moved back to the table."""
         frame = self.symmetry.frame(goal, now.x)
         here = Now.at_rest(frame.places(now.x))._replace(tool=frame.poses(now.tool))  # Motion is not seen.
         acted = act(self.seen(frame.places(goal), here))
         return _moved(self.space, acted, frame.inverse) if self.symmetry.turns else acted
 
-    def seen(self, goal: Float[Array, "B M 3"], now: Now) -> Sight:
+    def seen(self, goal: Float[Array, "B M 3"], now: Now) -> PolicyObservation:
         """Observation of the policy; a tool whose pose does not matter is shown where it is before the first action.
 
         Its pose after a demonstrated action would reveal which one that was, and simulated situations lack it.
@@ -141,7 +141,7 @@ class Shown(NamedTuple):
     those past the end of the demonstration. All is in the frames of the task's symmetry, or near them.
     """
 
-    seen: Sight
+    seen: PolicyObservation
     goal: Float[Array, "B M 3"]
     now: Now
     made: Float[Array, "B W A"]
@@ -162,7 +162,7 @@ class Learner(Protocol):
         """W: number of successive actions and outcomes that its loss uses."""
         ...
 
-    def begin(self, key: PRNGKeyArray, seen: Sight, how: Lessons) -> Params:
+    def begin(self, key: PRNGKeyArray, seen: PolicyObservation, how: Lessons) -> Params:
         """Parameters to begin with, for such sights and the actions of such lessons."""
         ...
 
@@ -174,7 +174,7 @@ class Learner(Protocol):
         """L: number of actions beyond the next that it predicts."""
         ...
 
-    def act(self, params: Params, seen: Sight, how: Lessons, scale: Scale) -> Acted:
+    def act(self, params: Params, seen: PolicyObservation, how: Lessons, scale: Scale) -> Acted:
         """Action distribution of the policy."""
         ...
 

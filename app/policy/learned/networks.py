@@ -8,7 +8,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from app.policy.learned.base import Params
-from app.policy.learned.sight import Sight
+from app.policy.learned.sight import PolicyObservation
 
 _GROUPS = 8
 
@@ -45,7 +45,7 @@ class Gist(nn.Module):
     width: int
 
     @nn.compact
-    def __call__(self, seen: Sight) -> Float[Array, "B F"]:
+    def __call__(self, seen: PolicyObservation) -> Float[Array, "B F"]:
         """For each of B."""
         parts = [seen.tool]
         for index, picture in enumerate(seen.pictures):
@@ -76,7 +76,7 @@ class Dense(nn.Module):
 
 
 @final
-class Seeing(nn.Module):
+class EncoderMLP(nn.Module):
     """A multilayer perceptron of `size` outputs on the feature vector of an observation."""
 
     width: int
@@ -85,7 +85,7 @@ class Seeing(nn.Module):
     size: int
 
     @nn.compact
-    def __call__(self, seen: Sight) -> Float[Array, "B S"]:
+    def __call__(self, seen: PolicyObservation) -> Float[Array, "B S"]:
         """For each of B."""
         return Dense(self.hidden, self.depth, self.size)(Gist(self.width)(seen))
 

@@ -18,7 +18,7 @@ from app.policy.symmetry import Isometry
 
 @final
 @dataclass(frozen=True, kw_only=True)
-class Settings:
+class TrainingSettings:
     """Duration and rates of training. It stops after `patience` checks, each `check_every` steps, without a gain.
 
     `hindsight`: the share of what was done that is shown as done for where it led.
@@ -70,7 +70,7 @@ class Training:
         return int(self.optimiser.total_notfinite)
 
 
-def begin(learner: Learner, lessons: Lessons, examples: Examples, settings: Settings) -> Training:
+def begin(learner: Learner, lessons: Lessons, examples: Examples, settings: TrainingSettings) -> Training:
     """State of training before the first step."""
     params, optimiser = _drawn(learner, lessons, jax.random.key(settings.seed), Batch.of(examples, np.array([0])))
     return Training(params=params, best=params, optimiser=optimiser)
@@ -82,14 +82,14 @@ def begin(learner: Learner, lessons: Lessons, examples: Examples, settings: Sett
 def _drawn(learner: Learner, lessons: Lessons, key: PRNGKeyArray, first: Batch) -> tuple[Params, Any]:
     """Parameters, and the optimiser's state, which begins alike whatever its settings."""
     params = learner.begin(key, first.framed(lessons).shown(lessons).seen, lessons)
-    return params, _optimiser(Settings()).init(params)
+    return params, _optimiser(TrainingSettings()).init(params)
 
 
 def learn(
     learner: Learner,
     lessons: Lessons,
     examples: Examples,
-    settings: Settings,
+    settings: TrainingSettings,
     training: Training | None = None,
     listen: Listener | None = None,
 ) -> tuple[LearnedPolicy, Training]:
@@ -125,7 +125,7 @@ def learn(
 def _step(
     learner: Learner,
     lessons: Lessons,
-    settings: Settings,
+    settings: TrainingSettings,
     scale: Scale,
     params: Params,
     optimiser: Any,
@@ -167,7 +167,7 @@ def _check(
         listen(told.curve[-1])
 
 
-def _optimiser(settings: Settings) -> optax.GradientTransformation:
+def _optimiser(settings: TrainingSettings) -> optax.GradientTransformation:
     """Steps whose gradients are no numbers, as a simulation may have them, are left out."""
     warm_up = min(settings.warm_up, settings.steps // 4)
     rate = optax.warmup_cosine_decay_schedule(0.0, settings.learning_rate, warm_up, settings.steps)

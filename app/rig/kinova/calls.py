@@ -14,8 +14,8 @@ from app.rig.kinova.messages import (
     ActionHandle,
     ActionList,
     ActionNotification,
-    Gripper,
     GripperCommand,
+    GripperMessage,
     GripperRequest,
     InverseKinematicsData,
     JointAngles,
@@ -108,7 +108,7 @@ UNSUBSCRIBE = Call(_BASE, 97, "Unsubscribe", Handle, Empty)
 STOP = Call(_BASE, 112, "Stop", Empty, Empty)
 SEND_TWIST_COMMAND = Call(_BASE, 121, "SendTwistCommand", TwistCommand, Empty)
 SEND_GRIPPER_COMMAND = Call(_BASE, 136, "SendGripperCommand", GripperCommand, Empty)
-GET_MEASURED_GRIPPER_MOVEMENT = Call(_BASE, 137, "GetMeasuredGripperMovement", GripperRequest, Gripper)
+GET_MEASURED_GRIPPER_MOVEMENT = Call(_BASE, 137, "GetMeasuredGripperMovement", GripperRequest, GripperMessage)
 APPLY_EMERGENCY_STOP = Call(_BASE, 145, "ApplyEmergencyStop", Empty, Empty)
 CLEAR_FAULTS = Call(_BASE, 146, "ClearFaults", Empty, Empty)
 SET_SERVOING_MODE = Call(_BASE, 152, "SetServoingMode", ServoingModeInformation, Empty)

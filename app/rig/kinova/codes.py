@@ -65,7 +65,7 @@ class ControlMode(IntEnum):
     CARTESIAN_WAYPOINT_TRAJECTORY = 12
 
 
-class Shape(IntEnum):
+class ShapeType(IntEnum):
     """Shape of a protection zone; its dimensions [m] are radius and height, radius, or the three edges."""
 
     CYLINDER = 1

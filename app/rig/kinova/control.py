@@ -25,7 +25,7 @@ from app.rig.kinova.guard import held_back
 from app.rig.kinova.kortex import Kortex
 from app.rig.kinova.legs import stretches
 from app.rig.kinova.link import Address
-from app.rig.kinova.seen import Seen
+from app.rig.kinova.seen import ArmFeedback
 
 _BACK = "The connection to the arm is back; look at the arm, then press Resume."
 _OFF_M, _AWAY_M = 0.015, 0.008
@@ -39,7 +39,7 @@ _CARRIED_S = 0.05
 """Longest extrapolation of a measured pose [s]."""
 
 
-def measured_joints(seen: Seen) -> Joints:
+def measured_joints(seen: ArmFeedback) -> Joints:
     """Joint angles of the arm itself."""
     return seen.joints
 
@@ -48,7 +48,7 @@ def taken(
     address: Address,
     site: Site,
     client: str = DEFAULT,
-    joints_of: Callable[[Seen], Joints] = measured_joints,
+    joints_of: Callable[[ArmFeedback], Joints] = measured_joints,
     holds: Holds = DELIVERED,
 ) -> "KinovaControl":
     """Connect to the arm at `address`, for `app.arm.process.run_arm`. Raises DeviceError where none answers.
@@ -72,7 +72,7 @@ class KinovaControl:
         self,
         driver: Driver,
         site: Site,
-        joints_of: Callable[[Seen], Joints] = measured_joints,
+        joints_of: Callable[[ArmFeedback], Joints] = measured_joints,
         *,
         blind_s: float,
     ) -> None:
@@ -196,7 +196,7 @@ class KinovaControl:
         """Stop the arm and disconnect."""
         self._driver.close()
 
-    def _look_for_trouble(self, seen: Seen) -> None:
+    def _look_for_trouble(self, seen: ArmFeedback) -> None:
         """Enter fault where the arm is in fault, unreachable, or silent."""
         why = self._driver.trouble or self._in_fault(seen)
         if self._losses != self._driver.losses:
@@ -213,7 +213,7 @@ class KinovaControl:
         elif self.mode == "fault" and self._clearing is None and self.reason.startswith("The connection"):
             self.reason = _BACK
 
-    def _unsafe(self, seen: Seen) -> str:
+    def _unsafe(self, seen: ArmFeedback) -> str:
         """Reason to stop the motion under way; empty where there is none."""
         if self._silence_s > self._blind_s:
             return f"The arm has said nothing for {self._blind_s:.2f} s; look at its cable, then press Resume."
@@ -225,7 +225,7 @@ class KinovaControl:
             return f"The tool is {1e3 * self._path.off_m:.0f} mm beside its way; look at it, then press Resume."
         return self._driver.refused
 
-    def _others(self, seen: Seen) -> bool:
+    def _others(self, seen: ArmFeedback) -> bool:
         """True where the arm has come to obey another connection since it began to move for this one."""
         begun = self._pushed if self._jogging is not None else self._errand is not None and self._errand.begun
         if begun and not seen.still and self._by is None:
@@ -248,7 +248,7 @@ class KinovaControl:
         else:
             self.mode = "idle"
 
-    def _rest(self, seen: Seen, duration_s: float) -> None:
+    def _rest(self, seen: ArmFeedback, duration_s: float) -> None:
         """Follow the tool at rest: the commanded pose is where it is, or where its last motion ended."""
         if self._end is not None and np.linalg.norm(seen.tool[:3] - self._end[:3]) > _AWAY_M:
             self._end = None
@@ -257,7 +257,7 @@ class KinovaControl:
         way = _at_most(there[:3] - self.commanded[:3], self._limits.speed_m_s * duration_s)
         self.commanded = np.concatenate([self.commanded[:3] + way, there[3:]])
 
-    def _push(self, jogging: Jogging, seen: Seen, duration_s: float) -> None:
+    def _push(self, jogging: Jogging, seen: ArmFeedback, duration_s: float) -> None:
         """Have the tool follow the jogged pose, which keeps all limits."""
         before, self.commanded = self.commanded, jogging.advance(duration_s)
         if jogging.at_rest or self._coasts:
@@ -284,7 +284,7 @@ class KinovaControl:
         self._clearing = None
         self.mode, self.reason = ("fault", problem) if problem else ("idle", "")
 
-    def _unready(self, seen: Seen) -> str:
+    def _unready(self, seen: ArmFeedback) -> str:
         """Reason why the arm cannot move now; empty where it can."""
         if why := self._driver.trouble or self._in_fault(seen):
             return why
@@ -294,12 +294,12 @@ class KinovaControl:
             return "The arm was moved by something else just now; wait until it is at rest, then plan again."
         return "" if seen.ready else "The arm is not ready: it starts, is serviced, or is commanded at low level."
 
-    def _in_fault(self, seen: Seen) -> str:
+    def _in_fault(self, seen: ArmFeedback) -> str:
         said = " ".join(seen.faults)
         return f"The arm is in fault: {said} Remove the cause, then press Resume." if said else ""
 
 
-def carried(seen: Seen, now_s: float) -> ToolPose:
+def carried(seen: ArmFeedback, now_s: float) -> ToolPose:
     """Tool pose at `now_s`, extrapolated from the last measurement by its velocity.
 
     So a log dated by the ticks of a loop has each pose at its time, up to the acceleration within that delay.

@@ -22,7 +22,7 @@ from app.rig.kinova.errors import LinkLost, NoAnswer, Refused
 from app.rig.kinova.grip import Grip
 from app.rig.kinova.kortex import Kortex
 from app.rig.kinova.legs import Stretch, in_base
-from app.rig.kinova.seen import Seen, seen
+from app.rig.kinova.seen import ArmFeedback, seen
 
 FEEDBACK_S, ALIVE_S, COMMAND_S = 0.010, 0.025, 0.025
 """Periods [s] of feedback, of keep-alive, and of twists: the arm executes 40 commands a second."""
@@ -51,7 +51,7 @@ class Driver:
     def __init__(self, kortex: Kortex, site: Site, holds: Holds) -> None:
         self._kortex, self._site, self._holds = kortex, site, holds
         self._own_limits, self._grip = OwnLimits(kortex), Grip(kortex, site.limits.gripper_ma)
-        self._seen: Seen | None = None
+        self._seen: ArmFeedback | None = None
         self._over, self._stop, self._work = threading.Event(), threading.Event(), threading.Condition()
         self._errands = deque[tuple[int, Errand, _Body]]()
         self._twist: _Velocity | None = None
@@ -99,7 +99,7 @@ class Driver:
         self._let_go()
 
     @property
-    def seen(self) -> Seen:
+    def seen(self) -> ArmFeedback:
         """The arm as last measured. Only after `open`."""
         assert self._seen is not None
         return self._seen
@@ -338,7 +338,7 @@ class Driver:
         else:
             self._denied = None
 
-    def _judge(self, found: Seen) -> None:
+    def _judge(self, found: ArmFeedback) -> None:
         """Cut the connection to an arm that refused to stop and moves: it stops for want of a session.
 
         One in fault stops by itself, and one at rest for longer than any planning time has no motion pending.

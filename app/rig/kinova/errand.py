@@ -14,7 +14,7 @@ from app.rig.kinova.codes import ActionEvent
 from app.rig.kinova.kortex import Kortex
 from app.rig.kinova.legs import Stretch
 from app.rig.kinova.messages import ActionNotification
-from app.rig.kinova.seen import Seen
+from app.rig.kinova.seen import ArmFeedback
 from app.rig.kinova.words import TRAJECTORY_INFO, refusal
 
 NEAR_M, NEAR_RAD = 0.004, np.radians(3.0)
@@ -50,7 +50,7 @@ def made(
     grip: Callable[[float], None],
     stretches: tuple[Stretch, ...],
     check: Callable[[], None],
-    look: Callable[[], Seen],
+    look: Callable[[], ArmFeedback],
 ) -> None:
     """Have the arm validate all waypoints, then execute segment by segment, the fingers by `grip`.
 
@@ -105,7 +105,7 @@ def _broken_off(said: ActionNotification) -> str:
     return f"The arm broke off its way: {refusal(said.abort_details, '; '.join(reasons))}"
 
 
-def _arrive(end: ToolPose, check: Callable[[], None], look: Callable[[], Seen]) -> None:
+def _arrive(end: ToolPose, check: Callable[[], None], look: Callable[[], ArmFeedback]) -> None:
     """Raise DeviceError where the tool is not at `end`, after a settling time."""
     until = time.monotonic() + _SETTLE_S
     while True:
@@ -123,7 +123,7 @@ def _arrive(end: ToolPose, check: Callable[[], None], look: Callable[[], Seen]) 
         time.sleep(_POLL_S)
 
 
-def _close(closed: float, check: Callable[[], None], look: Callable[[], Seen]) -> None:
+def _close(closed: float, check: Callable[[], None], look: Callable[[], ArmFeedback]) -> None:
     """Wait until the fingers arrive, or have not moved for a while: then they hold something."""
     begun = moved = time.monotonic()
     before = look().closed

@@ -12,7 +12,7 @@ from typing import Final, final
 
 from app.rig.kinova.errors import LinkLost, Refused
 from app.rig.kinova.kortex import Kortex
-from app.rig.kinova.seen import Seen
+from app.rig.kinova.seen import ArmFeedback
 
 _LONG_S: Final = 0.05
 """Time [s] that the current must exceed the limit: the motor draws more for a moment as it starts."""
@@ -47,7 +47,7 @@ class Grip:
             told = closed if self._firm is None else min(closed, self._firm)
         self._kortex.grip(told)
 
-    def look(self, seen: Seen) -> None:
+    def look(self, seen: ArmFeedback) -> None:
         """Update the state of the grip from a measurement. Never blocks."""
         if self._most_ma is None or seen.time_s < self._not_before_s:
             return

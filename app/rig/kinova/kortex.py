@@ -9,16 +9,16 @@ from jaxtyping import Float64
 from app.core.errors import MotionRefused
 from app.core.refusal import Refusal
 from app.rig.kinova import calls
-from app.rig.kinova.codes import ArmStateCode, ControlMode, GripperMode, ReferenceFrame, ServoingMode, Shape
+from app.rig.kinova.codes import ArmStateCode, ControlMode, GripperMode, ReferenceFrame, ServoingMode, ShapeType
 from app.rig.kinova.feedback import Feedback
 from app.rig.kinova.link import Link
 from app.rig.kinova.messages import (
     Action,
     ActionHandle,
     CartesianWaypoint,
-    Finger,
-    Gripper,
+    FingerMessage,
     GripperCommand,
+    GripperMessage,
     RequestedActionType,
     TrajectoryErrorReport,
     Twist,
@@ -35,7 +35,7 @@ from app.rig.kinova.setup import (
     Point,
     ProtectionZone,
     RotationMatrix,
-    Row,
+    RotationMatrixRow,
     ToolConfiguration,
     TwistAngularSoftLimit,
     TwistLinearSoftLimit,
@@ -219,7 +219,7 @@ class Kortex:
         x, y, z = (float(each) for each in middle)
         dimensions = tuple(float(each) for each in sizes)
         shape = ZoneShape(
-            shape_type=Shape.RECTANGULAR_PRISM,
+            shape_type=ShapeType.RECTANGULAR_PRISM,
             origin=Point(x=x, y=y, z=z),
             orientation=None if turn is None or np.array_equal(turn, np.eye(3)) else _matrix(turn),
             dimensions=dimensions,
@@ -246,12 +246,12 @@ class Kortex:
         self._link.call(calls.SET_TWIST_ANGULAR_SOFT_LIMIT, turning)
 
     def _grip(self, mode: GripperMode, value: float) -> None:
-        gripper = Gripper(finger=(Finger(finger_identifier=1, value=value),))
+        gripper = GripperMessage(finger=(FingerMessage(finger_identifier=1, value=value),))
         self._link.call(calls.SEND_GRIPPER_COMMAND, GripperCommand(mode=mode, gripper=gripper))
 
 
 def _matrix(turn: Float64[np.ndarray, "3 3"]) -> RotationMatrix:
-    first, second, third = (Row(column1=a, column2=b, column3=c) for a, b, c in turn.tolist())
+    first, second, third = (RotationMatrixRow(column1=a, column2=b, column3=c) for a, b, c in turn.tolist())
     return RotationMatrix(row1=first, row2=second, row3=third)
 
 

@@ -11,7 +11,7 @@ from app.rig.kinova.configured import Holds, check
 from app.rig.kinova.errors import NoAnswer
 from app.rig.kinova.kortex import Kortex
 from app.rig.kinova.link import Address
-from app.rig.kinova.seen import Seen, seen
+from app.rig.kinova.seen import ArmFeedback, seen
 
 _TRIES: Final = 10
 _PATIENT_S: Final = 2.0
@@ -45,7 +45,7 @@ def _said(kortex: Kortex) -> str:
     return f"Gen3 with {joints} joints, firmware {firmware}, {'at rest' if state.still else 'moving'}"
 
 
-def _state(kortex: Kortex) -> Seen:
+def _state(kortex: Kortex) -> ArmFeedback:
     """First valid feedback of several: a datagram may be lost, and a number may be NaN for a moment."""
     for _ in range(_TRIES):
         try:

@@ -49,8 +49,8 @@ class TwistCommand:
 
 @final
 @dataclass(frozen=True, kw_only=True)
-class Finger:
-    """One finger of a gripper."""
+class FingerMessage:
+    """One finger of a gripper: Kinova's `Finger`."""
 
     finger_identifier: Annotated[int, Field(1, "uint32")] = 0
     value: Annotated[float, Field(2, "float")] = 0.0
@@ -58,10 +58,10 @@ class Finger:
 
 @final
 @dataclass(frozen=True, kw_only=True)
-class Gripper:
-    """Positions or speeds of the fingers."""
+class GripperMessage:
+    """Positions or speeds of the fingers: Kinova's `Gripper`."""
 
-    finger: Annotated[tuple[Finger, ...], Field(1, "message")] = ()
+    finger: Annotated[tuple[FingerMessage, ...], Field(1, "message")] = ()
 
 
 @final
@@ -70,7 +70,7 @@ class GripperCommand:
     """Command to the gripper, in a `GripperMode`."""
 
     mode: Annotated[int, Field(1, "uint32")] = 0
-    gripper: Annotated[Gripper | None, Field(2, "message")] = None
+    gripper: Annotated[GripperMessage | None, Field(2, "message")] = None
     duration: Annotated[int, Field(3, "uint32")] = 0
 
 

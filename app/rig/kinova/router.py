@@ -13,7 +13,7 @@ from app.rig.kinova.errors import LinkLost, NoAnswer, Refused, WireError
 from app.rig.kinova.protobuf import decode, encode
 from app.rig.kinova.session import Empty, ErrorReply, SessionInfo
 from app.rig.kinova.transport import Transport
-from app.rig.kinova.wire import Frame, FrameKind
+from app.rig.kinova.wire import FrameKind, KortexFrame
 from app.rig.kinova.words import refusal
 
 Asked = TypeVar("Asked")
@@ -30,11 +30,11 @@ class Router:
     def __init__(self, transport: Transport, name: str) -> None:
         self._transport, self._name = transport, name
         self._lock = threading.Lock()
-        self._waiting: dict[int, Future[Frame]] = {}
+        self._waiting: dict[int, Future[KortexFrame]] = {}
         self._calls = self._session = 0
         self._unheard_since_s = math.inf
         self.lost = ""
-        self.notifications = deque[Frame](maxlen=_KEPT)
+        self.notifications = deque[KortexFrame](maxlen=_KEPT)
         self._thread = threading.Thread(target=self._receive, name=f"dipac kinova {name}", daemon=True)
         self._thread.start()
 
@@ -85,7 +85,7 @@ class Router:
         """End silently."""
         self._lose("The connection was cut from here.")
 
-    def _exchange(self, call: Call[Asked, Answered], asked: Asked, timeout_s: float) -> Frame:
+    def _exchange(self, call: Call[Asked, Answered], asked: Asked, timeout_s: float) -> KortexFrame:
         future, number = self._expect()
         try:
             self._send(call, asked, number)
@@ -101,7 +101,7 @@ class Router:
 
     def _send(self, call: Call[Asked, Any], asked: Asked, number: int) -> None:
         """Send a request. Raises LinkLost."""
-        request = Frame(
+        request = KortexFrame(
             kind=FrameKind.REQUEST,
             service=call.service,
             function=call.function,
@@ -114,9 +114,9 @@ class Router:
         except LinkLost as error:
             raise self._lose(str(error)) from None
 
-    def _expect(self) -> tuple[Future[Frame], int]:
+    def _expect(self) -> tuple[Future[KortexFrame], int]:
         """A future for the answer to a call, and the call's number. Raises LinkLost where none can come."""
-        future: Future[Frame] = Future()
+        future: Future[KortexFrame] = Future()
         with self._lock:
             number = self._number()
             self._waiting[number] = future
@@ -149,7 +149,7 @@ class Router:
             reason = str(error)
         self._lose(reason)
 
-    def _answered(self, frame: Frame) -> None:
+    def _answered(self, frame: KortexFrame) -> None:
         """Deliver an answer to its waiting call; late answers, and those to `tell`, are dropped.
 
         Raises LinkLost where the arm does not know this session any more: `tell` would not notice.
@@ -172,7 +172,7 @@ class Router:
         return LinkLost(self.lost)
 
 
-def _said(answer: Frame) -> str:
+def _said(answer: KortexFrame) -> str:
     """Text of an error reply, empty where it cannot be read."""
     try:
         return decode(ErrorReply, answer.payload).error_sub_string

@@ -25,7 +25,7 @@ _READY = (
 
 @final
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Seen:
+class ArmFeedback:
     """State of the arm, received at `time_s`. `closed`: the fingers, 0 to 1; `faults`: sentences, or none.
 
     `velocity` [m/s] and `force` [N] of the tool; `gripper_ma`: the current of the gripper's motor [mA]; `ready`: it
@@ -45,7 +45,7 @@ class Seen:
     faults: tuple[str, ...]
 
 
-def seen(said: Feedback, time_s: float, opening_m: float, table: TablePlace = AT_BASE) -> Seen | None:
+def seen(said: Feedback, time_s: float, opening_m: float, table: TablePlace = AT_BASE) -> ArmFeedback | None:
     """State from feedback, for fingers that open by `opening_m`; None where a number is not finite.
 
     In the frame of a table at `table`.
@@ -59,7 +59,7 @@ def seen(said: Feedback, time_s: float, opening_m: float, table: TablePlace = AT
     if len(joints) != 7 or not np.isfinite([*tool, *velocity, *force, *joints, motor.current_motor]).all():
         return None
     fastest = max(abs(each.velocity) for each in actuators)
-    return Seen(
+    return ArmFeedback(
         time_s=time_s,
         tool=table.poses_in_table(tool),
         velocity=table.vector_in_table(velocity),

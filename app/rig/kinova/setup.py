@@ -24,7 +24,7 @@ class Point:
 
 @final
 @dataclass(frozen=True, kw_only=True)
-class Row:
+class RotationMatrixRow:
     """Row of a rotation matrix."""
 
     column1: Annotated[float, Field(1, "float")] = 0.0
@@ -37,9 +37,9 @@ class Row:
 class RotationMatrix:
     """Rotation matrix as three rows."""
 
-    row1: Annotated[Row | None, Field(1, "message")] = None
-    row2: Annotated[Row | None, Field(2, "message")] = None
-    row3: Annotated[Row | None, Field(3, "message")] = None
+    row1: Annotated[RotationMatrixRow | None, Field(1, "message")] = None
+    row2: Annotated[RotationMatrixRow | None, Field(2, "message")] = None
+    row3: Annotated[RotationMatrixRow | None, Field(3, "message")] = None
 
 
 @final

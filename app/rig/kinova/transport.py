@@ -7,7 +7,7 @@ from collections.abc import Iterator
 from typing import Protocol, final
 
 from app.rig.kinova.errors import LinkLost, WireError
-from app.rig.kinova.wire import LONGEST_DATAGRAM, Frame, Splitter, decoded
+from app.rig.kinova.wire import LONGEST_DATAGRAM, KortexFrame, Splitter, decoded
 
 CONNECT_S, SEND_S = 3.0, 1.0
 
@@ -18,11 +18,11 @@ class Transport(Protocol):
     reliable: bool
     """True where sent frames arrive, or else the connection ends."""
 
-    def send(self, frame: Frame) -> None:
+    def send(self, frame: KortexFrame) -> None:
         """Send a frame. Raises LinkLost."""
         ...
 
-    def frames(self) -> Iterator[Frame]:
+    def frames(self) -> Iterator[KortexFrame]:
         """Received frames, until the connection ends. Raises LinkLost where it ends otherwise than by `close`."""
         ...
 
@@ -49,7 +49,7 @@ class TcpTransport:
         self._socket.settimeout(SEND_S)
         self._sending, self._closed = threading.Lock(), False
 
-    def send(self, frame: Frame) -> None:
+    def send(self, frame: KortexFrame) -> None:
         """Send a complete frame; other threads' frames wait for it."""
         data = frame.framed()
         with self._sending:
@@ -58,7 +58,7 @@ class TcpTransport:
             except OSError as error:
                 raise LinkLost(f"The connection to the arm broke while sending ({error}).") from None
 
-    def frames(self) -> Iterator[Frame]:
+    def frames(self) -> Iterator[KortexFrame]:
         """Received frames, in order. Raises WireError where the stream is of another protocol."""
         splitter = Splitter()
         while (data := self._received()) is not None:
@@ -104,14 +104,14 @@ class UdpTransport:
             self._socket.close()
             raise LinkLost(f"No way leads to {host}, UDP port {port} ({error.strerror or error}).") from None
 
-    def send(self, frame: Frame) -> None:
+    def send(self, frame: KortexFrame) -> None:
         """Send a frame as one datagram."""
         try:
             self._socket.send(frame.encoded())
         except OSError as error:
             raise LinkLost(f"A datagram to the arm could not be sent ({error}).") from None
 
-    def frames(self) -> Iterator[Frame]:
+    def frames(self) -> Iterator[KortexFrame]:
         """Received frames in order of arrival, some lost."""
         while not self._closed:
             try:

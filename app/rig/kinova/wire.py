@@ -48,7 +48,7 @@ class _Envelope:
 
 @final
 @dataclass(frozen=True, kw_only=True)
-class Frame:
+class KortexFrame:
     """One message. `message` counts requests and is repeated by answers; a notification has its subscription's handle.
 
     `error` and `sub_error` are 0 for success; else the payload has details.
@@ -90,7 +90,7 @@ class Frame:
         return MAGIC + struct.pack(">I", len(data)) + data
 
 
-def decoded(data: bytes) -> Frame:
+def decoded(data: bytes) -> KortexFrame:
     """The frame in `data`, a datagram or a part from `Splitter`. Raises WireError where it is invalid."""
     envelope = decode(_Envelope, data)
     if (header := envelope.header) is None:
@@ -100,7 +100,7 @@ def decoded(data: bytes) -> Frame:
         raise WireError(f"A frame is of version {version} of the protocol, this program speaks {VERSION}.")
     session, message = _unpacked(header.message_info, 16, 16)
     _, service, function = _unpacked(header.service_info, 4, 12, 16)
-    return Frame(
+    return KortexFrame(
         kind=kind,
         service=service,
         function=function,

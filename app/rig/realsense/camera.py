@@ -7,7 +7,7 @@ import numpy as np
 from app.core.camera import CameraModel
 from app.core.errors import DeviceError
 from app.core.messages import Frame
-from app.core.view import View
+from app.core.view import SharedMemoryCamera
 from app.rig.realsense.keeper import Keeper
 from app.rig.realsense.memory import Arrived
 
@@ -18,7 +18,7 @@ _SAME_PX, _SAME_UNIT = 0.01, 1e-3
 class RealSenseCamera:
     """Reads the images that a capture process leaves in shared memory; `keeper` supervises that process."""
 
-    def __init__(self, view: View, keeper: Keeper) -> None:
+    def __init__(self, view: SharedMemoryCamera, keeper: Keeper) -> None:
         self._view, self._keeper = view, keeper
 
     @property

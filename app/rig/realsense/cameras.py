@@ -8,7 +8,7 @@ from anyio import to_thread
 
 from app.config import Timing
 from app.core.errors import DeviceError, first_error
-from app.core.view import View
+from app.core.view import SharedMemoryCamera
 from app.rig.realsense.camera import RealSenseCamera
 from app.rig.realsense.keeper import Keeper
 from app.rig.realsense.ladder import Patience
@@ -67,5 +67,7 @@ def _camera(mounted: Mounted, keeper: Keeper, timing: Timing) -> RealSenseCamera
     identity = keeper.memory.identity
     assert identity is not None, "a camera that streams has said which it is"
     model, timeout_s = mounted.model(identity), timing.camera_timeout_s
-    view = View(model, keeper.memory.images, timeout_s=timeout_s, oldest_s=timeout_s, period_s=timing.camera_period_s)
+    view = SharedMemoryCamera(
+        model, keeper.memory.images, timeout_s=timeout_s, oldest_s=timeout_s, period_s=timing.camera_period_s
+    )
     return RealSenseCamera(view, keeper)

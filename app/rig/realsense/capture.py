@@ -14,11 +14,11 @@ from app.core.errors import DeviceError
 from app.rig.realsense.bus import found
 from app.rig.realsense.dating import Dating
 from app.rig.realsense.ladder import Step
-from app.rig.realsense.memory import Arrived, CaptureMemory, Identity, Report
+from app.rig.realsense.memory import Arrived, CaptureMemory, CaptureReport, Identity
 from app.rig.realsense.sdk import Sdk
-from app.rig.realsense.settings import Settings
+from app.rig.realsense.settings import StreamSettings
 from app.rig.realsense.sources import CameraAbsent, Source
-from app.rig.realsense.stream import Opened, Shot, Stream, StreamEnded, streaming
+from app.rig.realsense.stream import AlignedImages, OpenedCamera, Stream, StreamEnded, streaming
 
 _IDLE_S = 0.02
 _GONE_S, _BACK_S, _CALM_S = 3.0, 15.0, 1.0
@@ -26,7 +26,7 @@ _GONE_S, _BACK_S, _CALM_S = 3.0, 15.0, 1.0
 was seen to crash when it opens one at once (librealsense issue 11304)."""
 
 
-def run_capture(memory: CaptureMemory, source: Source, settings: Settings, parent: int) -> None:
+def run_capture(memory: CaptureMemory, source: Source, settings: StreamSettings, parent: int) -> None:
     """Body of the process: execute commands until closed or until `parent` is gone."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     memory.beat()
@@ -41,7 +41,7 @@ def run_capture(memory: CaptureMemory, source: Source, settings: Settings, paren
 class _Capture:
     """State machine of a capture process, advanced in short steps."""
 
-    def __init__(self, memory: CaptureMemory, source: Source, settings: Settings) -> None:
+    def __init__(self, memory: CaptureMemory, source: Source, settings: StreamSettings) -> None:
         self._memory, self._source, self._settings = memory, source, settings
         self._sdk = Sdk.loaded()
         self._open = ExitStack()
@@ -113,7 +113,7 @@ class _Capture:
         if shot is not None:
             self._keep(shot)
 
-    def _keep(self, shot: Shot) -> None:
+    def _keep(self, shot: AlignedImages) -> None:
         """Publish the images to the application, unless they repeat the last ones."""
         dated, self._dating = self._dating.date(shot.stamp_s, shot.domain, shot.arrival)
         if dated is None or dated.time_s <= self._last_s:
@@ -129,10 +129,10 @@ class _Capture:
         self._memory.arrive(arrived, shot.color, shot.depth)
 
     def _say(self, step: Step, text: str = "", *, absent: bool = False) -> None:
-        self._memory.report(Report(command=self._done, step=step, absent=absent, text=text))
+        self._memory.report(CaptureReport(command=self._done, step=step, absent=absent, text=text))
 
 
-def _identity(opened: Opened) -> Identity:
+def _identity(opened: OpenedCamera) -> Identity:
     listed = opened.listed
     return Identity(
         name=listed.name,

@@ -25,7 +25,7 @@ _FORGET_S = 10.0
 
 @final
 @dataclass(frozen=True, kw_only=True)
-class Moment:
+class ClockReading:
     """One moment on both clocks of this machine; `error_s`: uncertainty of reading them together."""
 
     monotonic_s: float
@@ -66,7 +66,7 @@ class Dating:
     since_s: float = float("-inf")
     stamp_s: float = float("-inf")
 
-    def date(self, stamp_s: float, domain: Domain, arrival: Moment) -> "tuple[Dated | None, Dating]":
+    def date(self, stamp_s: float, domain: Domain, arrival: ClockReading) -> "tuple[Dated | None, Dating]":
         """Exposure time of an image stamped `stamp_s` that came at `arrival`, and the updated model.
 
         None where the stamp repeats that of the image before, to a tenth of a period: a frozen stream. An earlier stamp
@@ -78,13 +78,13 @@ class Dating:
         known = known._with(stamp_s, arrival)
         return known._calendar(stamp_s, domain, arrival) or known._by_arrival(stamp_s, arrival), known
 
-    def _with(self, stamp_s: float, arrival: Moment) -> "Dating":
+    def _with(self, stamp_s: float, arrival: ClockReading) -> "Dating":
         offset_s, now_s = arrival.monotonic_s - stamp_s, arrival.monotonic_s
         if now_s - self.since_s > _FORGET_S:
             return replace(self, former_s=self.offset_s, offset_s=offset_s, since_s=now_s, stamp_s=stamp_s)
         return replace(self, offset_s=min(self.offset_s, offset_s), stamp_s=stamp_s)
 
-    def _calendar(self, stamp_s: float, domain: Domain, arrival: Moment) -> Dated | None:
+    def _calendar(self, stamp_s: float, domain: Domain, arrival: ClockReading) -> Dated | None:
         """Date by the calendar; None where the stamp cannot be of the calendar."""
         age_s = arrival.calendar_s - stamp_s
         if domain == "hardware" or not -_FUTURE_S <= age_s <= _OLD_S:
@@ -92,6 +92,6 @@ class Dating:
         error_s = arrival.error_s + (GLOBAL_ERROR_S if domain == "global" else self.period_s)
         return Dated(time_s=arrival.monotonic_s - max(age_s, 0.0), error_s=max(error_s, -age_s), by="calendar")
 
-    def _by_arrival(self, stamp_s: float, arrival: Moment) -> Dated:
+    def _by_arrival(self, stamp_s: float, arrival: ClockReading) -> Dated:
         time_s = stamp_s + min(self.offset_s, self.former_s)
         return Dated(time_s=min(time_s, arrival.monotonic_s), error_s=self.period_s, by="arrival")

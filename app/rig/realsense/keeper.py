@@ -10,9 +10,9 @@ from anyio import to_thread
 
 from app.core.processes import end, process, start_ordinary
 from app.rig.realsense.capture import run_capture
-from app.rig.realsense.ladder import Action, Ladder, Patience, Sight, climbed
-from app.rig.realsense.memory import CaptureMemory, Report
-from app.rig.realsense.settings import Settings
+from app.rig.realsense.ladder import Action, CaptureStatus, Ladder, Patience, climbed
+from app.rig.realsense.memory import CaptureMemory, CaptureReport
+from app.rig.realsense.settings import StreamSettings
 from app.rig.realsense.sources import Source
 
 _TICK_S = 0.05
@@ -28,7 +28,7 @@ class Keeper:
     `known`: it has given an image, or was searched for several times in vain.
     """
 
-    def __init__(self, name: str, source: Source, settings: Settings, patience: Patience) -> None:
+    def __init__(self, name: str, source: Source, settings: StreamSettings, patience: Patience) -> None:
         self.memory = CaptureMemory(settings)
         self.known, self._in_vain = anyio.Event(), 0
         self._name, self._source, self._settings, self._patience = name, source, settings, patience
@@ -64,7 +64,7 @@ class Keeper:
             with anyio.CancelScope(shield=True):
                 await to_thread.run_sync(self._end)
 
-    def _climb(self, sight: Sight) -> Action | None:
+    def _climb(self, sight: CaptureStatus) -> Action | None:
         former, (self._ladder, action) = self._ladder, climbed(self._ladder, sight, self._patience)
         if sight.absent and self._ladder.phase == "waiting" != former.phase:
             self._in_vain += 1
@@ -78,11 +78,11 @@ class Keeper:
         else:
             self.memory.tell(action)
 
-    def _sight(self) -> Sight:
+    def _sight(self) -> CaptureStatus:
         """Observation of the process now."""
         said, told = self.memory.reported, self.memory.told[0]
         assert said is not None, "a process that was started has been reported as opening"
-        return Sight(
+        return CaptureStatus(
             now_s=time.monotonic(),
             pulse_s=self.memory.pulse_s,
             image_s=self.memory.image_s,
@@ -103,7 +103,7 @@ class Keeper:
             self._process.kill()
             self._process.join(_KILL_S)
         number = self.memory.tell("open")
-        self.memory.report(Report(command=number, step="opening", absent=False, text=""))
+        self.memory.report(CaptureReport(command=number, step="opening", absent=False, text=""))
         arguments = (self.memory, self._source, self._settings, os.getpid())
         self._process = process(f"camera {self._name}", run_capture, *arguments)
         start_ordinary(self._process)

@@ -55,7 +55,7 @@ class Patience:
 
 @final
 @dataclass(frozen=True, kw_only=True)
-class Sight:
+class CaptureStatus:
     """Observation of a capture process at `now_s`.
 
     `pulse_s`: time of its last heartbeat; `image_s`: arrival of its newest image, -inf before the first; `failure`:
@@ -110,7 +110,7 @@ class Ladder:
         return f"no image for {max(0.0, now_s - self.lost_s):.0f} s{f' ({self.why})' if self.why else ''}: {doing}"
 
 
-def climbed(ladder: Ladder, sight: Sight, patience: Patience) -> tuple[Ladder, Action | None]:
+def climbed(ladder: Ladder, sight: CaptureStatus, patience: Patience) -> tuple[Ladder, Action | None]:
     """Next state of the recovery, and the command for the process."""
     if ladder.phase == "ended":
         return ladder, None
@@ -127,7 +127,7 @@ def climbed(ladder: Ladder, sight: Sight, patience: Patience) -> tuple[Ladder, A
     return _awaited(ladder, sight, patience)
 
 
-def _watched(ladder: Ladder, sight: Sight, patience: Patience) -> tuple[Ladder, Action | None]:
+def _watched(ladder: Ladder, sight: CaptureStatus, patience: Patience) -> tuple[Ladder, Action | None]:
     """Watch incoming images; take the first step when they stop."""
     late = sight.now_s - sight.image_s > patience.late_s
     if late or sight.step == "failed":
@@ -138,7 +138,7 @@ def _watched(ladder: Ladder, sight: Sight, patience: Patience) -> tuple[Ladder, 
     return ladder, None
 
 
-def _awaited(ladder: Ladder, sight: Sight, patience: Patience) -> tuple[Ladder, Action | None]:
+def _awaited(ladder: Ladder, sight: CaptureStatus, patience: Patience) -> tuple[Ladder, Action | None]:
     """Wait for the first image after a command."""
     if sight.image_s > ladder.since_s:
         return replace(ladder, phase="streaming", since_s=sight.now_s, streamed=True, why=""), None
@@ -150,7 +150,7 @@ def _awaited(ladder: Ladder, sight: Sight, patience: Patience) -> tuple[Ladder, 
     return ladder, None
 
 
-def _failed(ladder: Ladder, sight: Sight, why: str, patience: Patience) -> tuple[Ladder, Action | None]:
+def _failed(ladder: Ladder, sight: CaptureStatus, why: str, patience: Patience) -> tuple[Ladder, Action | None]:
     """Take the step after a failed one. A camera that never worked is not reset: another program may be using it."""
     here = replace(ladder, since_s=sight.now_s, why=why)
     if sight.absent:
@@ -161,14 +161,14 @@ def _failed(ladder: Ladder, sight: Sight, why: str, patience: Patience) -> tuple
     return replace(here, phase="waiting", until_s=sight.now_s + _back_off_s(here.failures, patience)), None
 
 
-def _again(ladder: Ladder, sight: Sight) -> tuple[Ladder, Action | None]:
+def _again(ladder: Ladder, sight: CaptureStatus) -> tuple[Ladder, Action | None]:
     """Wait, then restart from the first step."""
     if sight.now_s < ladder.until_s:
         return ladder, None
     return replace(ladder, phase="opening", since_s=sight.now_s), "open"
 
 
-def _to_replace(ladder: Ladder, sight: Sight, why: str, patience: Patience) -> tuple[Ladder, Action | None]:
+def _to_replace(ladder: Ladder, sight: CaptureStatus, why: str, patience: Patience) -> tuple[Ladder, Action | None]:
     """Replace the process: at once the first time, later ones after growing delays."""
     wait_s = _back_off_s(ladder.failures, patience) if ladder.failures else 0.0
     gone = replace(ladder, phase="replacing", until_s=sight.now_s + wait_s, failures=ladder.failures + 1, why=why)
@@ -177,14 +177,14 @@ def _to_replace(ladder: Ladder, sight: Sight, why: str, patience: Patience) -> t
     return _replaced(gone, sight)
 
 
-def _replaced(ladder: Ladder, sight: Sight) -> tuple[Ladder, Action | None]:
+def _replaced(ladder: Ladder, sight: CaptureStatus) -> tuple[Ladder, Action | None]:
     """Wait, then have a new process open the camera."""
     if sight.now_s < ladder.until_s:
         return ladder, None
     return replace(ladder, phase="starting", since_s=sight.now_s), "replace"
 
 
-def _hung(sight: Sight, patience: Patience) -> str:
+def _hung(sight: CaptureStatus, patience: Patience) -> str:
     """Description of a hanging call; empty where none is indicated."""
     quiet_s = sight.now_s - sight.pulse_s
     if quiet_s <= _silence_s(sight.step, patience):

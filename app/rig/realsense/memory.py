@@ -10,7 +10,7 @@ from app.core.ring import Ring, Stamp
 from app.core.types import ColourImage, DepthImage, Intrinsics
 from app.core.view import image_ring
 from app.rig.realsense.ladder import Step
-from app.rig.realsense.settings import Settings
+from app.rig.realsense.settings import StreamSettings
 
 Command: TypeAlias = Literal["open", "reset"]
 _COMMANDS: tuple[Command, ...] = ("open", "reset")
@@ -35,7 +35,7 @@ _ARRIVAL = np.dtype([("time_s", "f8"), ("arrival_s", "f8"), ("error_s", "f8"), (
 
 @final
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Report:
+class CaptureReport:
     """Last report of a capture process: `step`, for the command of this number, and the reason where it failed."""
 
     command: int
@@ -77,7 +77,7 @@ class Arrived:
 class CaptureMemory:
     """Memory passed to a capture process as it is started, and to its replacement."""
 
-    def __init__(self, settings: Settings) -> None:
+    def __init__(self, settings: StreamSettings) -> None:
         self.images = image_ring(settings.width, settings.height, kept=_IMAGES_KEPT)
         self.closing, self._told, self._pulse = Stamp(), Stamp(), Stamp()
         self._reports, self._identities = Ring(_REPORT, _REPORTS_KEPT), Ring(_IDENTITY, _REPORTS_KEPT)
@@ -125,18 +125,18 @@ class CaptureMemory:
             time_s=time_s, arrival_s=arrival_s, error_s=error_s, domain=str(record["domain"]), by=str(record["by"])
         )
 
-    def report(self, report: Report) -> None:
+    def report(self, report: CaptureReport) -> None:
         """Publish the current step."""
         self.beat()
         self._reports.append(command=report.command, step=report.step, absent=report.absent, text=report.text)
 
     @property
-    def reported(self) -> Report | None:
+    def reported(self) -> CaptureReport | None:
         """The last report."""
         record: Any = self._reports.newest()
         if record is None:
             return None
-        return Report(
+        return CaptureReport(
             command=int(record["command"]),
             step=str(record["step"]),  # pyright: ignore[reportArgumentType] - as it was written
             absent=bool(record["absent"]),

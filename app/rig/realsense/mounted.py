@@ -10,7 +10,7 @@ from app.core.errors import DeviceError
 from app.core.hand_eye import HandEye
 from app.core.types import Intrinsics, Transform
 from app.rig.realsense.memory import Identity
-from app.rig.realsense.settings import Settings
+from app.rig.realsense.settings import StreamSettings
 from app.rig.realsense.sources import Live, Source
 
 _SAME_PX = 1.0
@@ -32,10 +32,10 @@ class Mounted:
     checked_at: str = ""
     doubt: str = ""
     K: Intrinsics | None = None
-    settings: Settings = field(default_factory=Settings)
+    settings: StreamSettings = field(default_factory=StreamSettings)
 
     @classmethod
-    def calibrated(cls, found: HandEye, *, name: str, settings: Settings, source: Source | None = None) -> Self:
+    def calibrated(cls, found: HandEye, *, name: str, settings: StreamSettings, source: Source | None = None) -> Self:
         """The camera of a calibration, with images of that size; on the bus where no other `source` is named.
 
         Raises UsageError where it is on the wrist, or was calibrated on distorted images, for these here are a

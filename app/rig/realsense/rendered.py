@@ -13,9 +13,9 @@ from typing import Self, final
 from app.core.errors import DeviceError
 from app.core.ring import Ring, Stamp
 from app.core.view import image_ring
-from app.rig.realsense.dating import Moment
+from app.rig.realsense.dating import ClockReading
 from app.rig.realsense.sdk import Opening, Sdk
-from app.rig.realsense.software import Body, SoftwareCamera
+from app.rig.realsense.software import CameraDescription, SoftwareCamera
 from app.rig.realsense.sources import CameraAbsent
 
 _POLL_S = 0.002
@@ -35,7 +35,7 @@ class Feed:
         self._unplugged = Stamp()
 
     @classmethod
-    def of(cls, body: Body) -> Self:
+    def of(cls, body: CameraDescription) -> Self:
         """A feed for a camera with this `body`."""
         return cls(image_ring(body.color.width, body.color.height, kept=_KEPT))
 
@@ -54,7 +54,7 @@ class Feed:
 class Rendered:
     """Images from `feed`, as if taken by a camera with this `body`."""
 
-    body: Body
+    body: CameraDescription
     feed: Feed
 
     @property
@@ -95,6 +95,6 @@ def _feed(camera: SoftwareCamera, feed: Feed, over: threading.Event) -> None:
             time.sleep(_POLL_S)
             continue
         shown, image = feed.images.count, feed.images.newest()
-        now = Moment.now()
+        now = ClockReading.now()
         stamp_s = float(image["time_s"]) - now.monotonic_s + now.calendar_s
         camera.show(image["color"], image["depth"], stamp_s=stamp_s)

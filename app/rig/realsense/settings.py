@@ -21,7 +21,7 @@ class Filters:
 
 @final
 @dataclass(frozen=True, kw_only=True)
-class Settings:
+class StreamSettings:
     """Stream of a camera. Colour and depth have the same size and rate; `warm_up` images are dropped at each start.
 
     A camera of the D400 kind needs 10 to 20 images until its automatic exposure has settled.

@@ -33,7 +33,7 @@ class Imager:
 
 @final
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Body:
+class CameraDescription:
     """Description of a camera for the SDK. `T_color_depth` [m] maps from the depth imager's frame to the colour's.
 
     `baseline_m`: of the stereo pair behind the depth, as in a D435 (0.050). `read_out_s`: time from the middle of the
@@ -88,7 +88,7 @@ class Body:
 class SoftwareCamera:
     """Software camera; `device` is the SDK's handle, and shows the images given to `show`."""
 
-    def __init__(self, rs: ModuleType, body: Body) -> None:
+    def __init__(self, rs: ModuleType, body: CameraDescription) -> None:
         self.device: Any = rs.software_device()
         self._rs, self._body, self._shown = rs, body, 0
         self._inform()

@@ -69,7 +69,7 @@ class Live:
 
 @final
 @dataclass(frozen=True, kw_only=True)
-class Played:
+class RecordedSource:
     """A recording of the SDK (.db3), at its recorded pace; `repeat`: start again after its end."""
 
     file: Path

@@ -11,10 +11,10 @@ import numpy as np
 from app.core.errors import DeviceError
 from app.core.types import ColourImage, DepthImage, Intrinsics
 from app.rig.realsense.bus import Listed, described, warning
-from app.rig.realsense.dating import Domain, Moment
+from app.rig.realsense.dating import ClockReading, Domain
 from app.rig.realsense.rectify import Rectifier
 from app.rig.realsense.sdk import Opening, Sdk
-from app.rig.realsense.settings import Filters, Settings
+from app.rig.realsense.settings import Filters, StreamSettings
 from app.rig.realsense.sources import Source
 
 _AT_ONCE_MS = 200
@@ -30,7 +30,7 @@ class StreamEnded(DeviceError):
 
 @final
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Shot:
+class AlignedImages:
     """A received pair of images: `depth` aligned to `color`, both those of a pinhole camera.
 
     `stamp_s`: the middle of the exposure by the camera's clock [s], where it reports that, else the read-out.
@@ -40,12 +40,12 @@ class Shot:
     depth: DepthImage
     stamp_s: float
     domain: Domain
-    arrival: Moment
+    arrival: ClockReading
 
 
 @final
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Opened:
+class OpenedCamera:
     """Description of an opened camera; `K` [pixel] is that of the colour image."""
 
     listed: Listed
@@ -58,7 +58,7 @@ class Opened:
 class Stream:
     """Reader of a started pipeline."""
 
-    def __init__(self, rs: ModuleType, pipeline: Any, profile: Any, settings: Settings) -> None:
+    def __init__(self, rs: ModuleType, pipeline: Any, profile: Any, settings: StreamSettings) -> None:
         self._rs, self._pipeline = rs, pipeline
         self._device = profile.get_device()
         _keep_global_time(rs, self._device)
@@ -67,21 +67,21 @@ class Stream:
         self._filters = [*_filters(rs, settings.filters), rs.align(rs.stream.color)]
         self._to_drop = settings.warm_up
         listed = described(rs, self._device)
-        self.opened = Opened(
+        self.opened = OpenedCamera(
             listed=listed,
             K=self._rectifier.K,
             depth_unit_m=float(self._device.first_depth_sensor().get_depth_scale()),
             warning=warning(listed),
         )
 
-    def next(self) -> Shot | None:
+    def next(self) -> AlignedImages | None:
         """The next pair; None where none comes soon, or it is one of the first, which are dropped.
 
         Raises StreamEnded at the end of a recording, and DeviceError where the camera failed.
         """
         try:
             there, frames = self._pipeline.try_wait_for_frames(_AT_ONCE_MS)
-            arrival = Moment.now()
+            arrival = ClockReading.now()
             if there and self._to_drop == 0:
                 return self._shot(frames, arrival)
             ended = not there and self._ended()
@@ -92,13 +92,13 @@ class Stream:
         self._to_drop = max(self._to_drop - there, 0)
         return None
 
-    def _shot(self, frames: Any, arrival: Moment) -> Shot | None:
+    def _shot(self, frames: Any, arrival: ClockReading) -> AlignedImages | None:
         for each in self._filters:
             frames = each.process(frames).as_frameset()
         depth, color = frames.get_depth_frame(), frames.get_color_frame()
         if not depth or not color:
             return None
-        return Shot(
+        return AlignedImages(
             color=self._rectifier.color(np.asanyarray(color.get_data())),
             depth=self._rectifier.depth(np.asanyarray(depth.get_data())),
             stamp_s=_exposed_ms(self._rs, depth) / 1000,
@@ -112,7 +112,7 @@ class Stream:
 
 
 @contextmanager
-def streaming(sdk: Sdk, source: Source, settings: Settings) -> Generator[Stream]:
+def streaming(sdk: Sdk, source: Source, settings: StreamSettings) -> Generator[Stream]:
     """The camera, streaming until the block is left.
 
     Raises CameraAbsent where there is no such camera, and DeviceError where it cannot stream with these settings, or

@@ -10,7 +10,7 @@ from typing import Any, final
 from app.core.errors import RecordingError
 from app.core.types import ColourImage, DepthImage
 from app.rig.realsense.sdk import load_realsense
-from app.rig.realsense.software import Body, SoftwareCamera
+from app.rig.realsense.software import CameraDescription, SoftwareCamera
 
 _SUFFIX = ".db3"
 _KEPT = 4
@@ -18,7 +18,7 @@ _KEPT = 4
 
 @final
 @dataclass(frozen=True, kw_only=True, eq=False)
-class View:
+class ImagerPair:
     """A pair of images of the two imagers, taken at `stamp_s` [s] of the calendar."""
 
     color: ColourImage
@@ -26,7 +26,7 @@ class View:
     stamp_s: float
 
 
-def record(file: Path, body: Body, views: Iterable[View]) -> int:
+def record(file: Path, body: CameraDescription, views: Iterable[ImagerPair]) -> int:
     """Write the recording that a camera with this `body` would make; returns the number of pairs.
 
     Blocks for as long as the views last by their stamps: the SDK dates its recording, for its pace in playing, by the
@@ -45,7 +45,7 @@ def record(file: Path, body: Body, views: Iterable[View]) -> int:
         raise RecordingError(f"{file} cannot be written: {error}.") from error
 
 
-def _shown(camera: SoftwareCamera, views: Iterable[View]) -> int:
+def _shown(camera: SoftwareCamera, views: Iterable[ImagerPair]) -> int:
     """Show each view when it is due; returns their number."""
     count, ahead_s = 0, 0.0
     for view in views:

@@ -13,7 +13,7 @@ _LATE_S: Final = 0.25
 
 
 @final
-class Pace:
+class PlaybackSchedule:
     """Schedule of one film after the other."""
 
     def __init__(self) -> None:

@@ -8,7 +8,7 @@ from typing import Final, final
 from app.core.errors import RecordingError
 from app.core.messages import Frame, fresh_id
 from app.recording.film import Film, film_frames
-from app.rig.replayed.pace import Pace
+from app.rig.replayed.pace import PlaybackSchedule
 
 _CLOSE_S: Final = 5.0
 
@@ -19,7 +19,7 @@ class Projector:
 
     def __init__(self, film: Film) -> None:
         self._film = film
-        self._pace = Pace()
+        self._pace = PlaybackSchedule()
         self._shown: dict[str, Frame] = {}
         self._failure: RecordingError | None = None
         self._closing = threading.Event()

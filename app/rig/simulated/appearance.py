@@ -8,7 +8,6 @@ from jaxtyping import Float64
 from scipy.spatial.transform import Rotation
 
 from app.core.stage import (
-    Block,
     Bowl,
     Colour,
     Finger,
@@ -16,6 +15,7 @@ from app.core.stage import (
     Gripper,
     HeldBowl,
     Mat,
+    Obstacle,
     Paddle,
     Rack,
     Stage,
@@ -40,7 +40,7 @@ _DARK: Colour = (0.13, 0.13, 0.15)
 
 @final
 @dataclass(frozen=True, kw_only=True)
-class Rod:
+class TaperedRod:
     """A straight tapered rod on the z axis of a link, `low` to `high` [m], as drawn."""
 
     link: int
@@ -51,14 +51,14 @@ class Rod:
 
 
 RODS = (
-    Rod(link=0, low=-SHOULDER_M, high=-SHOULDER_M + 0.12, radius=0.075, colour=_DARK),
-    Rod(link=0, low=-SHOULDER_M + 0.12, high=0.05, radius=0.06, colour=_WHITE),
-    Rod(link=1, low=0.0, high=UPPER_ARM_M / 2, radius=0.055, colour=_WHITE),
-    Rod(link=2, low=0.0, high=UPPER_ARM_M / 2 + 0.05, radius=0.05, colour=_WHITE),
-    Rod(link=3, low=0.0, high=FOREARM_M / 2, radius=0.045, colour=_WHITE),
-    Rod(link=4, low=0.0, high=FOREARM_M / 2 + 0.04, radius=0.042, colour=_WHITE),
-    Rod(link=6, low=-HAND_M / 2, high=-0.03, radius=0.04, colour=_WHITE),
-    Rod(link=6, low=-0.03, high=HAND_M / 2 - _FINGER_LENGTH_M, radius=0.032, colour=_DARK),
+    TaperedRod(link=0, low=-SHOULDER_M, high=-SHOULDER_M + 0.12, radius=0.075, colour=_DARK),
+    TaperedRod(link=0, low=-SHOULDER_M + 0.12, high=0.05, radius=0.06, colour=_WHITE),
+    TaperedRod(link=1, low=0.0, high=UPPER_ARM_M / 2, radius=0.055, colour=_WHITE),
+    TaperedRod(link=2, low=0.0, high=UPPER_ARM_M / 2 + 0.05, radius=0.05, colour=_WHITE),
+    TaperedRod(link=3, low=0.0, high=FOREARM_M / 2, radius=0.045, colour=_WHITE),
+    TaperedRod(link=4, low=0.0, high=FOREARM_M / 2 + 0.04, radius=0.042, colour=_WHITE),
+    TaperedRod(link=6, low=-HAND_M / 2, high=-0.03, radius=0.04, colour=_WHITE),
+    TaperedRod(link=6, low=-0.03, high=HAND_M / 2 - _FINGER_LENGTH_M, radius=0.032, colour=_DARK),
 )
 
 
@@ -73,7 +73,7 @@ def surfaces(snapshot: Snapshot, stage: Stage) -> list[Surface]:
     return parts
 
 
-def _placed(rod: Rod, frame: Frame) -> Surface:
+def _placed(rod: TaperedRod, frame: Frame) -> Surface:
     heights = np.array([rod.low, rod.low + 0.3 * rod.radius, rod.high - 0.3 * rod.radius, rod.high])
     radii = rod.radius * np.array([0.7, 1.0, 1.0, 0.7])
     return turned(heights, radii, frame, rod.colour)
@@ -99,7 +99,7 @@ def _tool(tool: Tool, pose: ToolPose, tip: Frame) -> list[Surface]:
 def _fixture(fixture: Fixture) -> list[Surface]:
     """Surfaces of a fixture on the table."""
     match fixture:
-        case Block():
+        case Obstacle():
             frame = np.eye(4)
             frame[:3, 3] = fixture.place_m
             return [box(fixture.half_m, frame, fixture.colour)]

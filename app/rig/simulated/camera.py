@@ -8,7 +8,7 @@ from app.core.camera import CameraModel
 from app.core.errors import DeviceError
 from app.core.messages import Frame
 from app.core.ring import Ring
-from app.core.view import View
+from app.core.view import SharedMemoryCamera
 
 
 @final
@@ -16,7 +16,7 @@ class SimulatedCamera:
     """Reader of the images that the cameras' process leaves in shared memory."""
 
     def __init__(self, model: CameraModel, images: Ring, eyes: BaseProcess, world: BaseProcess, timing: Timing) -> None:
-        self._view = View(model, images, timeout_s=timing.camera_timeout_s)
+        self._view = SharedMemoryCamera(model, images, timeout_s=timing.camera_timeout_s)
         self._timeout_s = timing.camera_timeout_s
         self._processes = (eyes, world)
 

@@ -10,7 +10,7 @@ from app.core.camera import CameraModel
 from app.core.messages import Frame, MessageId
 from app.core.stage import Stage
 from app.rig.simulated.cameras import CameraNoise, table_cameras
-from app.rig.simulated.hidden.base import Injected, Shot
+from app.rig.simulated.hidden.base import Injected, SensorImages
 from app.rig.simulated.render import render
 from app.rig.simulated.world import Snapshot
 
@@ -19,7 +19,7 @@ _NOISE = 3
 
 
 @final
-class Eyes:
+class SimulatedCameras:
     """Cameras whose true pose and images may differ from their calibration.
 
     `count`: from one to three; `noise`: of their images.
@@ -47,7 +47,7 @@ class Eyes:
             color, depth = render(snapshot, standing, rng, stage=self._stage, noise=self._noise)
             for each in self._hidden:
                 if each.effect.seen is not None:
-                    depth = each.effect.seen(Shot(color, depth, believed, self._stage.body.colour), each.values)
+                    depth = each.effect.seen(SensorImages(color, depth, believed, self._stage.body.colour), each.values)
             identity = MessageId(f"frame-{number * len(self.cameras) + index:06d}")
             frames.append(Frame(id=identity, time_s=stamp_s, camera=believed, color=color, depth=depth))
         return frames

@@ -34,7 +34,7 @@ _DRAWS, _TUNING = 1, 2
 """Random streams of a seed, so that none depends on the draws of another."""
 
 
-class Wish(NamedTuple):
+class InjectionRequest(NamedTuple):
     """Request for an effect, with its size in the unit of its main parameter; None for the typical one."""
 
     name: str
@@ -46,7 +46,7 @@ def known() -> dict[str, Hidden]:
     return {name: module.HIDDEN for name, module in files_of(hidden_files)}
 
 
-def draw(wishes: Sequence[Wish], seed: int) -> tuple[Injected, ...]:
+def draw(wishes: Sequence[InjectionRequest], seed: int) -> tuple[Injected, ...]:
     """The effects with random directions, positions and signs of `seed`, in alphabetical order.
 
     Raises UsageError for an effect that is unknown, impossible or requested twice, ParameterError for a size out of
@@ -100,7 +100,7 @@ def described(hidden: Sequence[Injected]) -> list[dict[str, Any]]:
     ]
 
 
-def _found(wishes: Sequence[Wish]) -> Iterator[tuple[str, Hidden, float]]:
+def _found(wishes: Sequence[InjectionRequest]) -> Iterator[tuple[str, Hidden, float]]:
     files = known()
     names = [wish.name for wish in wishes]
     for wish in sorted(wishes, key=lambda wish: wish.name):
@@ -113,7 +113,7 @@ def _found(wishes: Sequence[Wish]) -> Iterator[tuple[str, Hidden, float]]:
         yield wish.name, files[wish.name], _size(wish, files[wish.name])
 
 
-def _size(wish: Wish, effect: Hidden) -> float:
+def _size(wish: InjectionRequest, effect: Hidden) -> float:
     main = effect.main
     if wish.size is None:
         return float(main.typical or 0.0)

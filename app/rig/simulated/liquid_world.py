@@ -16,19 +16,19 @@ from scipy.spatial.transform import Rotation
 from app.core.bowls import centre_of_bowl
 from app.core.errors import SimulationError
 from app.core.motion import pointing_down
-from app.core.stage import Block, Bowl, HeldBowl, Liquid, Mat, Soup, Stage
+from app.core.stage import Bowl, HeldBowl, Liquid, Mat, Obstacle, Soup, Stage
 from app.core.types import ToolPose
 from app.rig.simulated.arm_model import solve_joints
 from app.rig.simulated.rest import Rest
 from app.rig.simulated.world import Nodes, Snapshot
 from app.sim.materials.elastic import Elastic
-from app.sim.materials.liquid import Liquid as LiquidMaterial
+from app.sim.materials.liquid import LiquidMaterial
 from app.sim.rollout import make_rollout
 from app.sim.scene import Body, Scene
 from app.sim.state import State
 from app.sim.tools.base import Tool
-from app.sim.tools.bowl import Bowl as SimBowl
-from app.sim.tools.box import Box
+from app.sim.tools.bowl import BowlCollider
+from app.sim.tools.box import BoxCollider
 
 CELL_M, DT_S = 0.0075, 4e-4
 _STIFFNESS_PA, _TABLE_FRICTION = 4e4, 0.4
@@ -133,12 +133,12 @@ def particles(body: Liquid | Soup, count: int) -> tuple[int, ...]:
 
 def _scene(stage: Stage, body: Liquid | Soup, held: HeldBowl, count: int) -> Scene:
     spacing = (body.volume_m3 / count) ** (1 / 3)
-    tools: list[Tool] = [SimBowl(radius_m=held.radius_m, thickness_m=held.thickness_m, friction=held.friction)]
+    tools: list[Tool] = [BowlCollider(radius_m=held.radius_m, thickness_m=held.thickness_m, friction=held.friction)]
     for each in stage.fixtures:
         match each:
             case Bowl():
                 tools.append(
-                    SimBowl(
+                    BowlCollider(
                         radius_m=each.radius_m,
                         thickness_m=each.thickness_m,
                         friction=each.friction,
@@ -146,8 +146,8 @@ def _scene(stage: Stage, body: Liquid | Soup, held: HeldBowl, count: int) -> Sce
                         motion="fixed",
                     )
                 )
-            case Block():
-                tools.append(Box(half_m=each.half_m, place_m=each.place_m, friction=each.friction))
+            case Obstacle():
+                tools.append(BoxCollider(half_m=each.half_m, place_m=each.place_m, friction=each.friction))
             case Mat():
                 pass
             case _:

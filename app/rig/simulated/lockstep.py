@@ -17,7 +17,7 @@ from app.core.refusal import Refusal
 from app.core.stage import Stage
 from app.core.types import ToolPose
 from app.rig.simulated.arm_control import ArmControl
-from app.rig.simulated.eyes import Eyes
+from app.rig.simulated.eyes import SimulatedCameras
 from app.rig.simulated.kinds import kind_of
 from app.rig.simulated.world import Nodes
 
@@ -36,7 +36,7 @@ class LockStep:
         home = kind.home(stage, start)
         self._site, self._arm = site, ArmControl(site, home)
         self._world = kind.build(stage, start, 0.0)
-        self._eyes, self._looks = Eyes(stage, (), seed), 0
+        self._eyes, self._looks = SimulatedCameras(stage, (), seed), 0
         self._world.place(home)
         self._world.step(home, _LAID_S)
 

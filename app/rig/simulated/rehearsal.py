@@ -13,7 +13,7 @@ from jaxtyping import Float64
 
 from app.core.errors import UsageError
 from app.core.track import Track
-from app.policy.strokes import Plan, midway_s, random_track
+from app.policy.strokes import PushDesign, midway_s, random_track
 from app.rig.simulated.hidden.base import Injected
 from app.rig.simulated.intrusion import Intrusion
 from app.rig.simulated.physics import HOME_TOOL_M, Centreline, WorldPhysics
@@ -39,7 +39,7 @@ _STARTS, _TRACKS, _ENCODERS = 4, 5, 6
 
 @final
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Look:
+class StampedSnapshot:
     """Snapshot of the world at a moment that cameras stamp `stamp_s`."""
 
     stamp_s: float
@@ -48,30 +48,34 @@ class Look:
 
 @final
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Take:
+class PushSample:
     """One push: snapshots before, in the middle and after it, and the tool's path as commanded and as measured."""
 
     episode: int
-    before: Look
-    during: Look
-    after: Look
+    before: StampedSnapshot
+    during: StampedSnapshot
+    after: StampedSnapshot
     command: Track
     measured: Track
 
 
-def rehearse(task: Task, plan: Plan, physics: WorldPhysics, hidden: Sequence[Injected], seed: int) -> Iterator[Take]:
+def rehearse(
+    task: Task, plan: PushDesign, physics: WorldPhysics, hidden: Sequence[Injected], seed: int
+) -> Iterator[PushSample]:
     """All pushes of all episodes in order; each episode lays the rope anew, its ends nearest to where they were."""
-    session = Rehearsal(task, plan, physics, hidden, seed)
+    session = PushSession(task, plan, physics, hidden, seed)
     for _ in range(plan.episodes * plan.pushes):
         session.look()
         yield session.push(session.random())
 
 
 @final
-class Rehearsal:
+class PushSession:
     """Session of single pushes, driven by the caller: `look`, then `push`, and so on for as many as are planned."""
 
-    def __init__(self, task: Task, plan: Plan, physics: WorldPhysics, hidden: Sequence[Injected], seed: int) -> None:
+    def __init__(
+        self, task: Task, plan: PushDesign, physics: WorldPhysics, hidden: Sequence[Injected], seed: int
+    ) -> None:
         self.task, self.plan = task, plan
         self.number = 0
         """Index of the next push, or of the one that was looked at for, from 0."""
@@ -79,14 +83,14 @@ class Rehearsal:
         self._starts = np.random.default_rng([seed, _STARTS]).integers(2**31, size=plan.episodes).tolist()
         self._arm, self._intrusion = _Arm(hidden), Intrusion(hidden)
         self._world: RopeWorld | None = None
-        self._before: Look | None = None
+        self._before: StampedSnapshot | None = None
 
     @property
     def episode(self) -> int:
         """Index of the next push's episode, from 0."""
         return self.number // self.plan.pushes
 
-    def look(self) -> Look:
+    def look(self) -> StampedSnapshot:
         """The object at rest before the next push; at the beginning of an episode it is laid anew."""
         if self.number >= self.plan.episodes * self.plan.pushes:
             raise UsageError(f"All {self.number} pushes that were planned are made; plan more episodes.")
@@ -111,7 +115,7 @@ class Rehearsal:
             core_m=self.task.finger.half_m,
         )
 
-    def push(self, command: Track) -> Take:
+    def push(self, command: Track) -> PushSample:
         """Execute the push, which must begin after `look`, and take snapshots in its middle and after it."""
         world, before = self._looked_at()
         encoders = np.random.default_rng([self._seed, _ENCODERS, self.number])
@@ -119,7 +123,7 @@ class Rehearsal:
         self.number, self._before = self.number + 1, None
         return take
 
-    def _looked_at(self) -> tuple[RopeWorld, Look]:
+    def _looked_at(self) -> tuple[RopeWorld, StampedSnapshot]:
         if self._world is None or self._before is None:
             raise UsageError("Look at the object before a push is chosen and made.")
         return self._world, self._before
@@ -149,7 +153,7 @@ def push_again(task: Task, physics: WorldPhysics, start: Centreline, command: Tr
     return world.nodes()
 
 
-def first_end(task: Task, plan: Plan, seed: int) -> Float64[np.ndarray, "2"]:
+def first_end(task: Task, plan: PushDesign, seed: int) -> Float64[np.ndarray, "2"]:
     """Initial position of the rope's end s = -1 [m]."""
     starts = np.random.default_rng([seed, _STARTS]).integers(2**31, size=plan.episodes).tolist()
     return task.start(starts[0])[0, :2]
@@ -174,17 +178,17 @@ class _Arm:
 
 
 def _pushed(
-    world: RopeWorld, arm: _Arm, before: Look, command: Track, episode: int, encoders: np.random.Generator
-) -> Take:
+    world: RopeWorld, arm: _Arm, before: StampedSnapshot, command: Track, episode: int, encoders: np.random.Generator
+) -> PushSample:
     """Execute a push in the world, which is at rest."""
     made = arm.goes(command, told_only=False)
     stamp_s = midway_s(command.times_s)
     world.place(made.positions[0])
     _follow(world, made, stamp_s + arm.late_s)
-    during = Look(stamp_s=stamp_s, snapshot=world.snapshot())
+    during = StampedSnapshot(stamp_s=stamp_s, snapshot=world.snapshot())
     _follow(world, made, max(made.end_s, command.end_s))
     _withdraw(world)
-    return Take(
+    return PushSample(
         episode=episode,
         before=before,
         during=during,
@@ -200,9 +204,9 @@ def _withdraw(world: RopeWorld) -> None:
     _wait(world, world.time_s + _REST_S)
 
 
-def _rest(world: RopeWorld) -> Look:
+def _rest(world: RopeWorld) -> StampedSnapshot:
     """Snapshot of a world at rest, when time offsets have no effect."""
-    return Look(stamp_s=round(world.time_s, _DIGITS), snapshot=world.snapshot())
+    return StampedSnapshot(stamp_s=round(world.time_s, _DIGITS), snapshot=world.snapshot())
 
 
 def _measured(arm: _Arm, command: Track, rng: np.random.Generator) -> Track:
@@ -224,7 +228,7 @@ def _wait(world: RopeWorld, until_s: float) -> None:
         world.step(world.tool, until_s - world.time_s)
 
 
-def _session(number: int, plan: Plan) -> float:
+def _session(number: int, plan: PushDesign) -> float:
     """Position of a push between the first of all (-0.5) and the last (0.5)."""
     return number / max(plan.episodes * plan.pushes - 1, 1) - 0.5
 

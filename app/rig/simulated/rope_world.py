@@ -7,7 +7,7 @@ import numpy as np
 from jaxtyping import Float64
 
 from app.core.motion import pointing_down
-from app.core.stage import Block, Finger, Rope
+from app.core.stage import Finger, Obstacle, Rope
 from app.core.types import ToolPose
 from app.rig.simulated.arm_model import solve_joints
 from app.rig.simulated.cable import Cable
@@ -40,7 +40,7 @@ class RopeWorld:
         tool: tuple[float, float, float] = HOME_TOOL_M,
         intrusion: Intrusion | None = None,
         time_s: float = 0.0,
-        fixtures: Sequence[Block] = (),
+        fixtures: Sequence[Obstacle] = (),
     ) -> None:
         self.intrusion = intrusion or Intrusion(())
         physics = self.intrusion.physics(physics or WorldPhysics(), rope)
@@ -107,7 +107,7 @@ def _compile(
     finger: Finger,
     physics: WorldPhysics,
     intrusion: Intrusion,
-    fixtures: Sequence[Block],
+    fixtures: Sequence[Obstacle],
 ) -> Any:
     """The MuJoCo model: table, finger (its three slides are the first three coordinates), rope."""
     spec = new_spec(physics)
@@ -122,7 +122,7 @@ def _compile(
     return spec.compile()
 
 
-def _add_block(spec: Any, block: Block, physics: WorldPhysics) -> None:
+def _add_block(spec: Any, block: Obstacle, physics: WorldPhysics) -> None:
     """Add a fixed obstacle."""
     spec.worldbody.add_geom(
         type=mujoco.mjtGeom.mjGEOM_BOX,

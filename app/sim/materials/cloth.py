@@ -55,7 +55,7 @@ _LAW = Law(name="cloth", make=_make)
 
 @final
 @dataclass(frozen=True, kw_only=True)
-class Cloth:
+class ClothMaterial:
     """`buckling`: share of compression that is resisted; `shear`: shear stiffness over that of an isotropic sheet."""
 
     poisson: float = 0.2

@@ -38,7 +38,7 @@ _LAW = Law(name="liquid", make=_make, fluid=True)
 
 @final
 @dataclass(frozen=True, kw_only=True)
-class Liquid:
+class LiquidMaterial:
     """Liquid of bulk modulus [Pa] phi's `stiffness` times the body's share: 2e4 lets 5 cm of water shrink by 2.5 %.
 
     A drop's relative volume does not grow beyond `spray`: what flies apart is not thinner water. What it forgets so of

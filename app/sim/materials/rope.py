@@ -54,7 +54,7 @@ _LAW = Law(name="rope", make=_make, directed=True)
 
 @final
 @dataclass(frozen=True, kw_only=True)
-class Rope:
+class RopeMaterial:
     """Fibres of `fibre_pa` within about `core_m` of the middle line; the rest yields at the uniaxial `yield_strain`.
 
     Young's modulus of the rest, and with it the moment at which the rope yields, is phi's `stiffness`, times the body's

@@ -34,7 +34,7 @@ def bowl_surface(s: Shape, p: wp.vec3):
 
 @final
 @dataclass(frozen=True, kw_only=True)
-class Bowl:
+class BowlCollider:
     """Inner radius and wall; the rim is `rim_m` above the sphere's centre, which is the tool position.
 
     0 is half a sphere, more is deeper, less is shallower.

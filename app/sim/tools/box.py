@@ -32,7 +32,7 @@ def box_of(
 
 @final
 @dataclass(frozen=True, kw_only=True)
-class Box:
+class BoxCollider:
     """A block: an obstacle where it is fixed, a paddle where it moves."""
 
     half_m: Vector
@@ -94,7 +94,7 @@ class WallsWithGap:
 
 @final
 @dataclass(frozen=True, kw_only=True)
-class Gripper:
+class GripperCollider:
     """Two fingers that open along their own y axis; the tool position is the point between their tips.
 
     `half_m`: of one finger, across, along its thickness, and up. Between closed fingers, matter goes with them.

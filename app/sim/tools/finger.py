@@ -24,7 +24,7 @@ def finger_surface(s: Shape, p: wp.vec3):
 
 @final
 @dataclass(frozen=True, kw_only=True)
-class Finger:
+class FingerCollider:
     """Contact ends `below_m` under its tip, over a width of `fade_m`."""
 
     radius_m: float

@@ -28,7 +28,7 @@ def rod_surface(s: Shape, p: wp.vec3):
 
 @final
 @dataclass(frozen=True, kw_only=True)
-class Rod:
+class RodCollider:
     """Rod along y, its middle at `place_m`."""
 
     half_length_m: float
@@ -45,7 +45,7 @@ class Rod:
 
 @final
 @dataclass(frozen=True, kw_only=True)
-class Rack:
+class RackCollider:
     """`count` parallel rods, `spacing_m` apart, the middle of all at `place_m`; along y, or along x."""
 
     count: int

@@ -26,7 +26,7 @@ _APART_M = 0.005
 
 @final
 @dataclass(frozen=True, kw_only=True)
-class Draft:
+class GoalDraft:
     """A drawn goal: a copy with its middle at `place` [m], turned and bent; a curve; or a disc about `place`."""
 
     kind: Kind = "none"
@@ -36,7 +36,7 @@ class Draft:
     radius_m: float = 0.08
     curve: tuple[tuple[float, float], ...] = ()
 
-    def with_point(self, x_m: float, y_m: float) -> "Draft":
+    def with_point(self, x_m: float, y_m: float) -> "GoalDraft":
         """With another point of the curve, unless it repeats the last one, is far away, or exceeds their number."""
         if len(self.curve) >= _MOST_POINTS or not (abs(x_m) < _FARTHEST_M and abs(y_m) < _FARTHEST_M):
             return self

@@ -20,7 +20,7 @@ from app.ui.board import Board
 from app.ui.decision import operator
 from app.ui.desk import Desk
 from app.ui.doorkeeper import DRAFT
-from app.ui.goals.draft import KINDS, LEAST_RADIUS_M, Draft, Kind, on_table
+from app.ui.goals.draft import KINDS, LEAST_RADIUS_M, GoalDraft, Kind, on_table
 
 _NOTHING: Final = next(name for name, kind in KINDS.items() if kind == "none")
 _SOURCES: Final[dict[Kind, GoalSource]] = {"copy": "copy", "curve": "curve", "region": "region"}
@@ -39,7 +39,7 @@ class GoalTab:
     def __init__(self, server: viser.ViserServer, desk: Desk) -> None:
         self._server, self._desk = server, desk
         self._changing = threading.Lock()
-        self._draft, self._drawn = Draft(), Draft()
+        self._draft, self._drawn = GoalDraft(), GoalDraft()
         self._object: Points | None = None
         self._last = Board()
         gui = server.gui
@@ -85,7 +85,7 @@ class GoalTab:
         self._said.content = card(board, goal)
         self._use.visible = goal is not None
 
-    def _begin(self, draft: Draft, object_: Points) -> None:
+    def _begin(self, draft: GoalDraft, object_: Points) -> None:
         """Begin a draft of another kind, with the object as it is now, which is kept until the next one."""
         kind = draft.kind
         self._object = object_
@@ -103,14 +103,14 @@ class GoalTab:
     def _choose(self, kind: Kind) -> None:
         seen = self._desk.board.particles
         middle = seen.positions[:, :2].mean(0) if seen is not None else np.zeros(2)
-        begun = Draft(kind=kind, place=(float(middle[0]), float(middle[1])), radius_m=float(self._radius.value))
+        begun = GoalDraft(kind=kind, place=(float(middle[0]), float(middle[1])), radius_m=float(self._radius.value))
         self._bend.value = 0.0
         self._redraw(lambda _: begun)
 
     def _change(self, **changes: Any) -> None:
         self._redraw(lambda draft: replace(draft, **changes))
 
-    def _redraw(self, changed: Callable[[Draft], Draft]) -> None:
+    def _redraw(self, changed: Callable[[GoalDraft], GoalDraft]) -> None:
         with self._changing:
             self._draft = changed(self._draft)
         self._desk.changed.set()
@@ -128,7 +128,7 @@ class GoalTab:
         kept = -1 if event.target.value == "Undo" else 0
         self._redraw(lambda draft: replace(draft, curve=draft.curve[:kept]))
 
-    def _draw_line(self, draft: Draft) -> None:
+    def _draw_line(self, draft: GoalDraft) -> None:
         if self._line is not None:
             self._line.remove()
             self._line = None

@@ -8,12 +8,12 @@ from app.core.messages import Branch, Proposal
 from app.core.types import Points
 from app.ui import words
 from app.ui.cards import table
-from app.ui.plans.look import Look, motion_at, names, to_goal_m2
+from app.ui.plans.look import PreviewState, motion_at, names, to_goal_m2
 
 NO_PLAN: Final = '<div class="dp"><small>No plan yet.</small></div>'
 
 
-def branches(proposal: Proposal, look: Look) -> str:
+def branches(proposal: Proposal, look: PreviewState) -> str:
     """All branches of a plan with their costs before and after descent, and the cost terms on hovering."""
     head = "<tr><th>Branch</th><th>Cost</th><th></th></tr>"
     rows = "".join(_row(proposal, look, index) for index in range(len(proposal.branches)))
@@ -26,7 +26,7 @@ def _hint(proposal: Proposal) -> str:
     return f"<small>{made if proposal.chosen.origin == 'edited' else kept}</small>"
 
 
-def _row(proposal: Proposal, look: Look, index: int) -> str:
+def _row(proposal: Proposal, look: PreviewState, index: int) -> str:
     branch = proposal.branches[index]
     kinds = {"best": index == proposal.best, "looked": index == look.at, "compared": index == look.beside}
     classes = " ".join(f"dp-{kind}" for kind, holds in kinds.items() if holds)
@@ -54,12 +54,12 @@ def _terms(branch: Branch) -> str:
     return escape("; ".join(said) or "no terms", quote=True)
 
 
-def moment(look: Look, goal: Points | None) -> str:
+def moment(look: PreviewState, goal: Points | None) -> str:
     """Card of the chosen moment of the branches, with the object's distance from the goal."""
     return f'<div class="dp dp-moment">{table(_moment_rows(look, goal))}</div>'
 
 
-def _moment_rows(look: Look, goal: Points | None) -> Iterable[tuple[str, str]]:
+def _moment_rows(look: PreviewState, goal: Points | None) -> Iterable[tuple[str, str]]:
     if not look.share:
         yield "Moment", "now"
     else:

@@ -15,14 +15,14 @@ from app.ui.decision import operator
 from app.ui.desk import Desk
 from app.ui.doorkeeper import ENDS
 from app.ui.plans.ghosts import Way
-from app.ui.plans.look import Look
+from app.ui.plans.look import PreviewState
 
 _HANDLE_M = 0.12
 
 
 @final
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Draft:
+class MotionEdit:
     """A motion being edited: the path of branch `index` of `proposal`, and the handles of its ends."""
 
     proposal: Proposal
@@ -48,7 +48,7 @@ class EditForm:
         self._scene, self._desk = server.scene, desk
         self._way = Way(server, "/edit/way", palette.LOOKED)
         self._drawn: tuple[float, ...] = ()
-        self._draft: Draft | None = None
+        self._draft: MotionEdit | None = None
         hint = "Drag the ends of the motion that is looked at over the table"
         self._switch = server.gui.add_checkbox("Edit this motion", initial_value=False, disabled=True, hint=hint)
         self._simulate = server.gui.add_button("Simulate this instead", icon=viser.Icon.PENCIL, disabled=True)
@@ -60,7 +60,7 @@ class EditForm:
         """True while there are handles."""
         return self._draft is not None
 
-    def paint(self, board: Board, look: Look | None) -> None:
+    def paint(self, board: Board, look: PreviewState | None) -> None:
         """Show handles while the switch is on and the plan may still be decided on, and the path between them."""
         editable = look is not None and board.decidable and board.pending is look.proposal and _is_push(look)
         if self._switch.disabled == editable:
@@ -79,7 +79,7 @@ class EditForm:
             self._simulate.disabled = disabled
         self._draw()
 
-    def _begun(self, look: Look) -> Draft:
+    def _begun(self, look: PreviewState) -> MotionEdit:
         way = look.branch.tool_path.astype(np.float64)
         start, end = (
             self._scene.add_transform_controls(
@@ -94,9 +94,9 @@ class EditForm:
         )
         for handle in (start, end):
             handle.on_update(lambda _: self._desk.changed.set())
-        return Draft(proposal=look.proposal, index=look.at, way=way, handles=(start, end))
+        return MotionEdit(proposal=look.proposal, index=look.at, way=way, handles=(start, end))
 
-    def _put_away(self, draft: Draft) -> None:
+    def _put_away(self, draft: MotionEdit) -> None:
         self._draft = None
         for handle in draft.handles:
             handle.remove()
@@ -119,5 +119,5 @@ class EditForm:
             self._desk.edit(draft.proposal, draft.index, *draft.ends, operator(event))
 
 
-def _is_push(look: Look) -> bool:
+def _is_push(look: PreviewState) -> bool:
     return is_level(look.branch.tool_path.astype(np.float64))

@@ -9,8 +9,8 @@ from app.core.messages import Branch
 from app.ui import palette
 from app.ui.beads import Beads
 from app.ui.paths import segments
-from app.ui.plans.look import Look
-from app.ui.tool import Flat, Tool
+from app.ui.plans.look import PreviewState
+from app.ui.tool import DrawnGripper, Flat
 
 _THICK_PX = 5.0
 
@@ -28,7 +28,7 @@ class Ghosts:
         for ghost in (self._looked, self._compared):
             ghost.tool.become(flat)
 
-    def paint(self, look: Look | None) -> None:
+    def paint(self, look: PreviewState | None) -> None:
         """Draw the chosen branches. The proposed path is drawn anyway; at moment now, the observed object is."""
         at = look.branch if look else None
         proposed = look is not None and look.at == look.proposal.best
@@ -43,9 +43,9 @@ class Ghost:
     def __init__(self, server: viser.ViserServer, name: str, colour: palette.Colour) -> None:
         self._way = Way(server, f"{name}/way", colour)
         self._beads = Beads(server, f"{name}/object", colour, opacity=0.5)
-        self.tool = Tool(server, f"{name}/tool", colour, opacity=0.5)
+        self.tool = DrawnGripper(server, f"{name}/tool", colour, opacity=0.5)
 
-    def paint(self, look: Look | None, branch: Branch | None, *, way: bool) -> None:
+    def paint(self, look: PreviewState | None, branch: Branch | None, *, way: bool) -> None:
         """Draw `branch` at the moment of `look`, and its path where `way`."""
         self._way.put(branch.tool_path if branch and way else None)
         ghost = look.ghost(branch) if look and branch and look.share else None

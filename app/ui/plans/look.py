@@ -13,7 +13,7 @@ BEST: Final[str] = "the proposed one"
 NONE: Final[str] = "none"
 
 
-class Ghost(NamedTuple):
+class BranchFrame(NamedTuple):
     """A branch at a moment: particles and the tool's tip [m], which is NaN where unknown."""
 
     particles: Points
@@ -22,7 +22,7 @@ class Ghost(NamedTuple):
 
 @final
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Look:
+class PreviewState:
     """Branch `at` of `proposal`, beside branch `beside` or none, at `share` (0 now, 1 the end) of their horizon."""
 
     proposal: Proposal
@@ -40,19 +40,19 @@ class Look:
         """The branch compared with it."""
         return None if self.beside is None else self.proposal.branches[self.beside]
 
-    def ghost(self, branch: Branch) -> Ghost:
+    def ghost(self, branch: Branch) -> BranchFrame:
         """Predicted state of `branch` at this moment: the nearest stored one."""
         particles, tools = moments(self.proposal, branch)
         index = round(self.share * (len(particles) - 1))
-        return Ghost(particles[index], tools[index])
+        return BranchFrame(particles[index], tools[index])
 
 
-def looked(proposal: Proposal, at: str, beside: str, moment: int) -> Look:
+def looked(proposal: Proposal, at: str, beside: str, moment: int) -> PreviewState:
     """Selection from the widgets' values; invalid ones become the proposed branch, none beside it, and now."""
     known = {name: index for index, name in enumerate(names(proposal))}
     branch = known.get(at, proposal.best)
     share = min(max(moment / last_moment(proposal), 0.0), 1.0)
-    return Look(proposal=proposal, at=branch, beside=known.get(beside), share=share)
+    return PreviewState(proposal=proposal, at=branch, beside=known.get(beside), share=share)
 
 
 def names(proposal: Proposal) -> tuple[str, ...]:
@@ -87,7 +87,7 @@ def motion_at(branch: Branch, share: float) -> tuple[int, int]:
     return min(max(int(np.ceil(share * count)), 1), count), count
 
 
-def to_goal_m2(ghost: Ghost, goal: Points) -> float:
+def to_goal_m2(ghost: BranchFrame, goal: Points) -> float:
     """Squared Chamfer distance to the goal [m^2]; NaN where a branch became non-finite.
 
     For particles that were thinned a little more than for all of them.

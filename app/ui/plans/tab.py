@@ -11,8 +11,8 @@ from app.ui.desk import Desk
 from app.ui.plans import cards
 from app.ui.plans.edit import EditForm
 from app.ui.plans.ghosts import Ghosts
-from app.ui.plans.look import BEST, NONE, Look, last_moment, looked, names
-from app.ui.scene import Scene
+from app.ui.plans.look import BEST, NONE, PreviewState, last_moment, looked, names
+from app.ui.scene import ConsoleScene
 from app.ui.tool import Flat
 
 
@@ -20,7 +20,7 @@ from app.ui.tool import Flat
 class Plans:
     """Widgets in the container that is open when this is made. Painted by the painter's thread alone."""
 
-    def __init__(self, server: viser.ViserServer, desk: Desk, scene: Scene) -> None:
+    def __init__(self, server: viser.ViserServer, desk: Desk, scene: ConsoleScene) -> None:
         gui = server.gui
         self._scene = scene
         self._ghosts = Ghosts(server)
@@ -61,7 +61,7 @@ class Plans:
         self._moment.max = last_moment(proposal) if proposal else 1
         self._moment.disabled = proposal is None
 
-    def _draw(self, look: Look | None, goal: Points | None) -> None:
+    def _draw(self, look: PreviewState | None, goal: Points | None) -> None:
         self._ghosts.paint(look)
         self._there.content = cards.moment(look, goal) if look else ""
         self._table.content = cards.branches(look.proposal, look) if look else cards.NO_PLAN

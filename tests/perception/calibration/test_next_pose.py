@@ -5,15 +5,15 @@ import pytest
 
 from app.config import Workspace
 from app.perception.calibration.chain import Ends, outer
-from app.perception.calibration.next_pose import Eye, NextPose, about, next_pose
+from app.perception.calibration.next_pose import HandEyeSetup, NextPose, about, next_pose
 from app.perception.calibration.se3 import exp, inverse, moved, transform
-from app.perception.calibration.solve import View
+from app.perception.calibration.solve import CalibrationView
 from bench.boards import BOARD, LENS, Cell, Errors, cell, exact, seen
 
 WIDE = Workspace(low=(-2.0, -2.0, 0.0), high=(2.0, 2.0, 2.0))
 
 
-def standing(setup="fixed") -> tuple[Cell, list[View]]:
+def standing(setup="fixed") -> tuple[Cell, list[CalibrationView]]:
     truth = cell(0, 1, setup)
     return truth, seen(truth, 0, Errors())
 
@@ -31,7 +31,7 @@ def test_the_board_is_whole_in_the_image_there_and_the_gripper_in_the_workspace(
         assert best.promised_m < best.deviation_m
 
 
-def found(eye: Eye, views: list[View], seed: int) -> NextPose:
+def found(eye: HandEyeSetup, views: list[CalibrationView], seed: int) -> NextPose:
     best = next_pose(eye, views, WIDE, np.random.default_rng(seed))
     assert best is not None
     return best
@@ -49,13 +49,13 @@ def test_going_where_it_says_makes_the_camera_surer_than_going_anywhere():
     assert found(eye, guided, 9).deviation_m < 0.5 * found(eye, aimless, 9).deviation_m
 
 
-def taken(truth: Cell, gripper: np.ndarray) -> View:
+def taken(truth: Cell, gripper: np.ndarray) -> CalibrationView:
     C = inverse(truth.X) @ gripper @ truth.Y
-    return View(sight=exact(C, 0.1, np.random.default_rng(0)), T_world_gripper=gripper)
+    return CalibrationView(sight=exact(C, 0.1, np.random.default_rng(0)), T_world_gripper=gripper)
 
 
 def test_where_nothing_is_possible_nothing_is_said():
     truth, views = standing()
-    eye = Eye(lens=LENS, board=BOARD, setup="fixed", ends=Ends(X=truth.X, Y=truth.Y))
+    eye = HandEyeSetup(lens=LENS, board=BOARD, setup="fixed", ends=Ends(X=truth.X, Y=truth.Y))
     nowhere = Workspace(low=(5.0, 5.0, 5.0), high=(5.1, 5.1, 5.1))
     assert next_pose(eye, views, nowhere, np.random.default_rng(0)) is None

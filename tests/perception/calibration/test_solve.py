@@ -10,7 +10,7 @@ from app.core.errors import PerceptionError
 from app.core.hand_eye import HandEye
 from app.perception.calibration.drift import drift
 from app.perception.calibration.se3 import exp, transform
-from app.perception.calibration.solve import Solved, View, solve
+from app.perception.calibration.solve import CalibrationView, Solved, solve
 from app.perception.calibration.spread import spread_of
 from bench.boards import BOARD, LENS, Camera, Errors, cell, off, seen
 
@@ -19,7 +19,7 @@ ARM = Errors(joints_m=0.0002, joints_deg=0.02)
 """About the repeatability of an arm of this size."""
 
 
-def solved(views: list[View], setup="fixed") -> Solved:
+def solved(views: list[CalibrationView], setup="fixed") -> Solved:
     return solve(views, setup, LENS, BOARD, serial="camera0", calibrated_at=DAY)
 
 
@@ -102,7 +102,7 @@ def test_the_spread_counts_turns_about_each_axis():
 
 
 @pytest.fixture(scope="module")
-def calibrated() -> tuple[HandEye, list[View]]:
+def calibrated() -> tuple[HandEye, list[CalibrationView]]:
     views = seen(cell(9, 20), 9, ARM)
     return solved(views[:15]).found, views[15:]
 

@@ -10,8 +10,8 @@ import pytest
 from app.discovery.subject import catalogue
 from app.rig.simulated import hidden
 from app.rig.simulated.cameras import table_cameras
-from app.rig.simulated.hidden.base import Injected, Shot
-from app.rig.simulated.hiding import IMPOSSIBLE, Wish, draw, known
+from app.rig.simulated.hidden.base import Injected, SensorImages
+from app.rig.simulated.hiding import IMPOSSIBLE, InjectionRequest, draw, known
 from app.rig.simulated.rope_world import RopeWorld
 from app.sim.files import files_of
 from app.tasks import load
@@ -36,7 +36,7 @@ def nothing(name: str) -> Injected:
 
 
 def typical(name: str, seed: int = 0) -> Injected:
-    (drawn,) = draw([Wish(name, None)], seed)
+    (drawn,) = draw([InjectionRequest(name, None)], seed)
     return drawn
 
 
@@ -72,7 +72,7 @@ def test_at_its_null_an_effect_leaves_arm_and_cameras_as_they_are(name: str) -> 
         camera = table_cameras()[0]
         depth = np.random.default_rng(0).integers(0, 1000, (camera.height, camera.width)).astype(np.uint16)
         colour = np.zeros((camera.height, camera.width, 3), np.uint8) + np.array([200, 60, 25], np.uint8)
-        assert np.array_equal(effect.seen(Shot(colour, depth, camera, ROPE.colour), values), depth)
+        assert np.array_equal(effect.seen(SensorImages(colour, depth, camera, ROPE.colour), values), depth)
     if effect.late_s is not None:
         assert effect.late_s(values) == 0.0
 

@@ -10,7 +10,7 @@ from app.core.camera import CameraModel
 from app.core.stage import Stage
 from app.rig.simulated.cameras import CameraNoise, table_cameras
 from app.rig.simulated.engine import mujoco
-from app.rig.simulated.hidden.base import Shot
+from app.rig.simulated.hidden.base import SensorImages
 from app.rig.simulated.physics import RopePhysics, WorldPhysics
 from app.rig.simulated.render import render
 from app.rig.simulated.rope import add_rope, resample
@@ -316,16 +316,16 @@ def test_what_misplaced_cameras_see_is_displaced_or_turned_about_their_middle() 
     assert seen_at("hand_eye_rotation", turn, middle, x) == pytest.approx(turned)
 
 
-def shot(camera: CameraModel) -> Shot:
+def shot(camera: CameraModel) -> SensorImages:
     table = world()
     table.step(table.tool, 0.2)
     color, depth = render(
         table.snapshot(), camera, np.random.default_rng(0), stage=Stage(body=ROPE, tool=FINGER), noise=NOISELESS
     )
-    return Shot(color, depth, camera, ROPE.colour)
+    return SensorImages(color, depth, camera, ROPE.colour)
 
 
-def looked(name: str, value: float, image: Shot) -> np.ndarray:
+def looked(name: str, value: float, image: SensorImages) -> np.ndarray:
     hook = effect(name).seen
     assert hook is not None
     return hook(image, np.array([value]))

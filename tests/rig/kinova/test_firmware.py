@@ -26,9 +26,9 @@ from app.rig.kinova.gen3 import tool as forward
 from app.rig.kinova.kortex import Kortex
 from app.rig.kinova.messages import (
     ActionNotification,
-    Finger,
-    Gripper,
+    FingerMessage,
     GripperCommand,
+    GripperMessage,
     InverseKinematicsData,
     JointAngle,
     JointAngles,
@@ -36,7 +36,7 @@ from app.rig.kinova.messages import (
 )
 from app.rig.kinova.session import Empty, SessionInfo
 from app.rig.kinova.setup import Point, ProtectionZone, ZoneShape
-from app.rig.kinova.wire import MAGIC, Frame, FrameKind, Splitter, decoded
+from app.rig.kinova.wire import MAGIC, FrameKind, KortexFrame, Splitter, decoded
 from app.rig.kinova.words import SESSION_NOT_IN_CONTROL
 from tests.conftest import ROOT
 from tests.rig.kinova.conftest import address, tool, until, way
@@ -217,24 +217,24 @@ def test_unknown_calls_sessions_and_messages_are_answered_with_errors(arm: FakeP
     with socket.create_connection((arm.host, arm.ports[0])) as raw:
         raw.settimeout(5)
 
-        def asked(frame: Frame) -> Frame:
+        def asked(frame: KortexFrame) -> KortexFrame:
             raw.sendall(frame.framed())
             splitter = Splitter()
             while not (found := splitter.feed(raw.recv(4096))):
                 continue
             return decoded(found[0])
 
-        nobody = asked(Frame(kind=FrameKind.REQUEST, service=2, function=175, session=999))
+        nobody = asked(KortexFrame(kind=FrameKind.REQUEST, service=2, function=175, session=999))
         assert (nobody.error, nobody.sub_error) == (1, 12)
         login = bytes.fromhex("0a0561646d696e1a0561646d696e")
-        session = asked(Frame(kind=FrameKind.REQUEST, service=1, function=1, message=5, payload=login))
+        session = asked(KortexFrame(kind=FrameKind.REQUEST, service=1, function=1, message=5, payload=login))
         assert (session.error, session.message) == (0, 5)
         known = {"kind": FrameKind.REQUEST, "session": session.session}
-        assert asked(Frame(**known, service=2, function=999)).sub_error == 5
-        assert asked(Frame(**known, service=999, function=1)).sub_error == 4
-        assert asked(Frame(**known, service=2, function=121, payload=b"\x0b")).sub_error == 13
-        assert asked(Frame(**known, service=2, function=175)).error == 0
-        raw.sendall(Frame(kind=FrameKind.PING).framed())
+        assert asked(KortexFrame(**known, service=2, function=999)).sub_error == 5
+        assert asked(KortexFrame(**known, service=999, function=1)).sub_error == 4
+        assert asked(KortexFrame(**known, service=2, function=121, payload=b"\x0b")).sub_error == 13
+        assert asked(KortexFrame(**known, service=2, function=175)).error == 0
+        raw.sendall(KortexFrame(kind=FrameKind.PING).framed())
         assert raw.recv(8) == MAGIC
         assert struct.unpack(">I", raw.recv(4))[0] > 0
 
@@ -256,13 +256,13 @@ def test_a_timed_way_keeps_speed_and_acceleration_and_ends_where_it_should() -> 
 
 def test_fingers_take_their_time_and_hold_what_they_meet() -> None:
     fingers = Fingers()
-    fingers.command(GripperCommand(mode=3, gripper=Gripper(finger=(Finger(value=1.0),))))
+    fingers.command(GripperCommand(mode=3, gripper=GripperMessage(finger=(FingerMessage(value=1.0),))))
     fingers.advance(FULL_S / 2, 1.0)
     assert fingers.position == pytest.approx(0.5)
     assert fingers.moving
     fingers.advance(FULL_S, 0.8)
     assert (fingers.position, fingers.moving, fingers.holds) == (pytest.approx(0.8), False, True)
-    fingers.command(GripperCommand(mode=2, gripper=Gripper(finger=(Finger(value=0.5),))))
+    fingers.command(GripperCommand(mode=2, gripper=GripperMessage(finger=(FingerMessage(value=0.5),))))
     fingers.advance(FULL_S, 0.8)
     assert (fingers.position, fingers.holds) == (pytest.approx(0.3), False)
 

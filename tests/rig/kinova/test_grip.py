@@ -15,7 +15,7 @@ from app.rig.kinova.fake.adversity import Adversity
 from app.rig.kinova.fake.process import FakeProcess
 from app.rig.kinova.grip import Grip
 from app.rig.kinova.kortex import Kortex
-from app.rig.kinova.seen import Seen, seen
+from app.rig.kinova.seen import ArmFeedback, seen
 from tests.rig.kinova.conftest import address, until
 
 pytestmark = pytest.mark.serial
@@ -101,13 +101,13 @@ def test_where_no_current_is_too_high_fingers_close_as_they_are_told(arm: FakePr
 
 
 @pytest.fixture
-def measured(kortex: Kortex) -> Seen:
+def measured(kortex: Kortex) -> ArmFeedback:
     found = seen(kortex.feedback(), 0.0, OPEN_M)
     assert found is not None
     return found
 
 
-def looked(kortex: Kortex, arm: FakeProcess, measured: Seen, currents_ma: list[float]) -> list[float]:
+def looked(kortex: Kortex, arm: FakeProcess, measured: ArmFeedback, currents_ma: list[float]) -> list[float]:
     """Commands to fingers that draw these currents, one every 10 ms, while they are closed by 0.6."""
     grip, over = Grip(kortex, MOST_MA), threading.Event()
     thread = threading.Thread(target=grip.watch, args=(over,))
@@ -122,11 +122,13 @@ def looked(kortex: Kortex, arm: FakeProcess, measured: Seen, currents_ma: list[f
     return told(arm)
 
 
-def test_a_peak_as_the_fingers_set_out_is_none_that_presses(kortex: Kortex, arm: FakeProcess, measured: Seen) -> None:
+def test_a_peak_as_the_fingers_set_out_is_none_that_presses(
+    kortex: Kortex, arm: FakeProcess, measured: ArmFeedback
+) -> None:
     assert looked(kortex, arm, measured, [900.0, 900.0, 900.0, 20.0] * 10) == []
 
 
 def test_fingers_that_press_on_where_they_stand_give_way_step_by_step(
-    kortex: Kortex, arm: FakeProcess, measured: Seen
+    kortex: Kortex, arm: FakeProcess, measured: ArmFeedback
 ) -> None:
     assert looked(kortex, arm, measured, [900.0] * 65) == pytest.approx([0.6, 0.596, 0.596], abs=1e-5)

@@ -50,7 +50,7 @@ class Sample:
     many: Annotated[tuple[int, ...], Field(5, "uint32")] = ()
     flag: Annotated[bool, Field(6, "bool")] = False
     word: Annotated[int, Field(7, "fixed32")] = 0
-    inner: Annotated[messages.Finger | None, Field(8, "message")] = None
+    inner: Annotated[messages.FingerMessage | None, Field(8, "message")] = None
 
 
 @pytest.mark.parametrize(
@@ -61,7 +61,7 @@ class Sample:
         (Sample(text="testing"), "12 07 74 65 73 74 69 6e 67"),  # likewise
         (Sample(many=(3, 270, 86942)), "2a 06 03 8e 02 9e a7 05"),  # likewise, its field 6 being 5 here
         (Sample(flag=True, word=1), "30 01 3d 01 00 00 00"),
-        (Sample(inner=messages.Finger()), "42 00"),
+        (Sample(inner=messages.FingerMessage()), "42 00"),
         (Sample(packed=(1.0, -2.0)), "22 08 00 00 80 3f 00 00 00 c0"),
     ],
 )

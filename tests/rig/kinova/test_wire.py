@@ -7,10 +7,10 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from app.rig.kinova.errors import WireError
-from app.rig.kinova.wire import LONGEST_FRAME, MAGIC, Frame, FrameKind, Splitter, decoded
+from app.rig.kinova.wire import LONGEST_FRAME, MAGIC, FrameKind, KortexFrame, Splitter, decoded
 
 FRAMES = st.builds(
-    Frame,
+    KortexFrame,
     kind=st.integers(0, 15),
     service=st.integers(0, 0xFFF),
     function=st.integers(0, 0xFFFF),
@@ -24,30 +24,32 @@ FRAMES = st.builds(
 
 
 def test_the_bits_of_a_request_stand_where_the_protocol_says() -> None:
-    frame = Frame(kind=FrameKind.REQUEST, service=2, function=0x79, session=0x1234, message=0xABCD, payload=b"\x08\x01")
+    frame = KortexFrame(
+        kind=FrameKind.REQUEST, service=2, function=0x79, session=0x1234, message=0xABCD, payload=b"\x08\x01"
+    )
     words = (0x11000000, 0x1234ABCD, 0x10020079, 0x00000002)
     header = b"".join(bytes([number << 3 | 5]) + struct.pack("<I", word) for number, word in enumerate(words, start=1))
     assert frame.encoded() == b"\x0a\x14" + header + b"\x12\x02\x08\x01"
 
 
 def test_the_bits_of_an_error_stand_where_the_protocol_says() -> None:
-    frame = Frame(kind=FrameKind.RESPONSE, error=3, sub_error=130)
+    frame = KortexFrame(kind=FrameKind.RESPONSE, error=3, sub_error=130)
     assert frame.encoded()[3:7] == struct.pack("<I", 0x13003082)
 
 
 def test_a_frame_on_a_stream_begins_with_magic_and_length() -> None:
-    framed = Frame(kind=FrameKind.PING).framed()
+    framed = KortexFrame(kind=FrameKind.PING).framed()
     assert framed[:8] == bytes([7]) + b"xEtRoK" + bytes([7])
     assert struct.unpack(">I", framed[8:12]) == (len(framed) - 12,)
 
 
 @given(FRAMES)
-def test_a_frame_is_read_as_it_was_written(frame: Frame) -> None:
+def test_a_frame_is_read_as_it_was_written(frame: KortexFrame) -> None:
     assert decoded(frame.encoded()) == frame
 
 
 @given(st.lists(FRAMES, max_size=4), st.lists(st.integers(1, 50), max_size=20))
-def test_frames_are_found_however_the_stream_is_cut(frames: list[Frame], cuts: list[int]) -> None:
+def test_frames_are_found_however_the_stream_is_cut(frames: list[KortexFrame], cuts: list[int]) -> None:
     stream, splitter, found = b"".join(frame.framed() for frame in frames), Splitter(), []
     for cut in cuts:
         found += splitter.feed(stream[:cut])
@@ -62,7 +64,7 @@ def test_hostile_datagrams_are_a_frame_or_one_error(data: bytes) -> None:
         frame = decoded(data)
     except WireError:
         return
-    assert isinstance(frame, Frame)
+    assert isinstance(frame, KortexFrame)
 
 
 @given(st.lists(st.binary(max_size=40), max_size=4), st.booleans())
@@ -91,7 +93,7 @@ def test_another_protocol_or_a_monstrous_length_is_refused_at_once(data: bytes, 
 def test_a_frame_without_header_and_one_of_another_version_are_refused() -> None:
     with pytest.raises(WireError, match="no header"):
         decoded(b"")
-    other = bytearray(Frame(kind=FrameKind.PING).encoded())
+    other = bytearray(KortexFrame(kind=FrameKind.PING).encoded())
     other[6] = 0x20 | other[6] & 0x0F
     with pytest.raises(WireError, match="version 2"):
         decoded(bytes(other))
@@ -99,4 +101,4 @@ def test_a_frame_without_header_and_one_of_another_version_are_refused() -> None
 
 def test_what_does_not_fit_its_bits_is_not_sent() -> None:
     with pytest.raises(WireError, match="session 65536"):
-        Frame(kind=FrameKind.REQUEST, session=1 << 16).encoded()
+        KortexFrame(kind=FrameKind.REQUEST, session=1 << 16).encoded()

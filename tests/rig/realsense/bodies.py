@@ -6,8 +6,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from app.rig.realsense.software import Body, Imager
-from app.rig.realsense.synthetic import View
+from app.rig.realsense.software import CameraDescription, Imager
+from app.rig.realsense.synthetic import ImagerPair
 
 WIDTH, HEIGHT, RATE_HZ = 160, 120, 30
 UNIT_M = 0.00025
@@ -21,25 +21,27 @@ def imager(focal: float, **changes) -> Imager:
     return Imager(width=WIDTH, height=HEIGHT, K=K, **changes)
 
 
-def aside() -> Body:
+def aside() -> CameraDescription:
     """A camera whose colour imager stands 15 mm beside the other, turned a little, with a longer lens."""
     pose = np.eye(4)
     pose[:3, 3] = (0.015, -0.002, 0.001)
     turn = 0.02
     pose[:3, :3] = [[np.cos(turn), 0, np.sin(turn)], [0, 1, 0], [-np.sin(turn), 0, np.cos(turn)]]
-    return Body(serial="0123", depth=imager(120.0), color=imager(150.0), depth_unit_m=UNIT_M, T_color_depth=pose)
+    return CameraDescription(
+        serial="0123", depth=imager(120.0), color=imager(150.0), depth_unit_m=UNIT_M, T_color_depth=pose
+    )
 
 
-def together(serial: str = "0123") -> Body:
+def together(serial: str = "0123") -> CameraDescription:
     """A camera with both imagers in one place, whose depth imager has the wider view."""
-    return Body(serial=serial, depth=imager(120.0), color=imager(150.0), depth_unit_m=UNIT_M)
+    return CameraDescription(serial=serial, depth=imager(120.0), color=imager(150.0), depth_unit_m=UNIT_M)
 
 
 @dataclass(frozen=True, kw_only=True)
 class Scene:
     """Scene before `body`; `hole`: rows and columns of the depth image without a reading."""
 
-    body: Body
+    body: CameraDescription
     hole: tuple[slice, slice] | None = None
 
     def depth(self) -> np.ndarray:
@@ -73,11 +75,11 @@ class Scene:
     def color(self, number: int) -> np.ndarray:
         return np.full((HEIGHT, WIDTH, 3), (number % 250, 100, 200), np.uint8)
 
-    def views(self, count: int, *, start_s: float | None = None) -> Iterator[View]:
+    def views(self, count: int, *, start_s: float | None = None) -> Iterator[ImagerPair]:
         """`count` views at the camera's rate; the red of each is its number."""
         start_s = time.time() if start_s is None else start_s
         for number in range(count):
-            yield View(color=self.color(number), depth=self.depth(), stamp_s=start_s + number / RATE_HZ)
+            yield ImagerPair(color=self.color(number), depth=self.depth(), stamp_s=start_s + number / RATE_HZ)
 
     def _rays(self, imager: Imager) -> np.ndarray:
         u, v = np.meshgrid(np.arange(imager.width), np.arange(imager.height))

@@ -25,15 +25,15 @@ from app.rig.realsense.cameras import realsense_cameras
 from app.rig.realsense.ladder import Patience
 from app.rig.realsense.mounted import Mounted
 from app.rig.realsense.rendered import Feed, Rendered
-from app.rig.realsense.settings import Settings
-from app.rig.realsense.software import Body
-from app.rig.realsense.sources import Live, Played
+from app.rig.realsense.settings import StreamSettings
+from app.rig.realsense.software import CameraDescription
+from app.rig.realsense.sources import Live, RecordedSource
 from app.rig.realsense.synthetic import record
 from tests.conftest import ROOT
 from tests.rig.realsense.bodies import BOX_M, HEIGHT, PLANE_M, RATE_HZ, UNIT_M, WIDTH, Scene, aside, imager, together
 
 TIMING = replace(Site().timing, camera_period_s=0.1, camera_timeout_s=20.0)
-SETTINGS = Settings(width=WIDTH, height=HEIGHT, rate_hz=RATE_HZ, warm_up=2)
+SETTINGS = StreamSettings(width=WIDTH, height=HEIGHT, rate_hz=RATE_HZ, warm_up=2)
 PATIENCE = Patience(late_s=0.6, open_s=8.0, quiet_s=1.5, slow_s=10.0, back_off_s=0.2, absent_s=0.2)
 
 pytestmark = pytest.mark.anyio
@@ -43,7 +43,7 @@ pytestmark = pytest.mark.anyio
 class Renderer:
     """Renders into `feed` at the camera's rate, in a thread; `fault` is what is wrong with it."""
 
-    body: Body
+    body: CameraDescription
     feed: Feed
     fault: str = ""
     shown: int = 0
@@ -64,7 +64,7 @@ class Renderer:
 
 
 @asynccontextmanager
-async def rendered(body: Body, timing: Timing = TIMING) -> AsyncIterator[tuple[RealSenseCamera, Renderer]]:
+async def rendered(body: CameraDescription, timing: Timing = TIMING) -> AsyncIterator[tuple[RealSenseCamera, Renderer]]:
     """A camera that shows what a renderer renders."""
     over, renderer = threading.Event(), Renderer(body=body, feed=await to_thread.run_sync(Feed.of, body))
     thread = threading.Thread(target=renderer.run, args=(over,))
@@ -213,8 +213,8 @@ async def test_two_recordings_play_as_two_cameras_and_the_end_of_one_is_said(tmp
         views = Scene(body=together()).views(20, start_s=start_s)
         await to_thread.run_sync(record, file, together(), views)
     mounted = [
-        Mounted(name="left", source=Played(file=files[0], repeat=True), settings=SETTINGS),
-        Mounted(name="right", source=Played(file=files[1]), settings=SETTINGS),
+        Mounted(name="left", source=RecordedSource(file=files[0], repeat=True), settings=SETTINGS),
+        Mounted(name="right", source=RecordedSource(file=files[1]), settings=SETTINGS),
     ]
     hasty = replace(TIMING, camera_timeout_s=1.5)
     async with realsense_cameras(mounted, hasty, patience=PATIENCE) as (left, right):
@@ -229,7 +229,7 @@ async def test_another_camera_in_the_place_of_one_is_not_taken_for_it(tmp_path: 
     start_s = time.time() - 1000
     for path, body in ((file, together()), (other, replace(together(), color=imager(140.0)))):
         await to_thread.run_sync(record, path, body, Scene(body=body).views(15, start_s=start_s))
-    mounted = Mounted(name="other", source=Played(file=file, repeat=True), settings=SETTINGS)
+    mounted = Mounted(name="other", source=RecordedSource(file=file, repeat=True), settings=SETTINGS)
     async with realsense_cameras([mounted], TIMING, patience=PATIENCE) as (camera,):
         await camera.read()
         other.replace(file)
@@ -252,11 +252,11 @@ from pathlib import Path
 import anyio
 from app.rig.realsense.cameras import realsense_cameras
 from app.rig.realsense.mounted import Mounted
-from app.rig.realsense.sources import Played
+from app.rig.realsense.sources import RecordedSource
 from tests.rig.realsense.test_cameras import SETTINGS, TIMING
 
 async def main(file):
-    mounted = [Mounted(name="left", source=Played(file=Path(file), repeat=True), settings=SETTINGS)]
+    mounted = [Mounted(name="left", source=RecordedSource(file=Path(file), repeat=True), settings=SETTINGS)]
     async with realsense_cameras(mounted, TIMING):
         print(*[child.pid for child in multiprocessing.active_children()], flush=True)
         await anyio.sleep(60)

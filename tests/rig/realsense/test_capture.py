@@ -13,11 +13,11 @@ from app.core.processes import end, process
 from app.rig.realsense.capture import run_capture
 from app.rig.realsense.memory import CaptureMemory
 from app.rig.realsense.sdk import Opening, Sdk
-from app.rig.realsense.settings import Settings
+from app.rig.realsense.settings import StreamSettings
 from app.rig.realsense.synthetic import record
 from tests.rig.realsense.bodies import HEIGHT, WIDTH, Scene, together
 
-SETTINGS = Settings(width=WIDTH, height=HEIGHT, warm_up=0)
+SETTINGS = StreamSettings(width=WIDTH, height=HEIGHT, warm_up=0)
 PATIENCE_S = 30.0
 
 

@@ -3,15 +3,15 @@
 import numpy as np
 import pytest
 
-from app.rig.realsense.dating import GLOBAL_ERROR_S, Dated, Dating, Domain, Moment
+from app.rig.realsense.dating import GLOBAL_ERROR_S, ClockReading, Dated, Dating, Domain
 
 PERIOD_S = 1 / 30
 CALENDAR_S = 1.7e9
 """Calendar time minus monotonic time [s]."""
 
 
-def moment(monotonic_s: float) -> Moment:
-    return Moment(monotonic_s=monotonic_s, calendar_s=monotonic_s + CALENDAR_S, error_s=2e-6)
+def moment(monotonic_s: float) -> ClockReading:
+    return ClockReading(monotonic_s=monotonic_s, calendar_s=monotonic_s + CALENDAR_S, error_s=2e-6)
 
 
 def dated(stamps, arrivals, domain: Domain) -> list[Dated | None]:
@@ -24,7 +24,7 @@ def dated(stamps, arrivals, domain: Domain) -> list[Dated | None]:
 
 def test_the_clocks_of_this_machine_are_read_together_within_a_millisecond() -> None:
     """The least of several tries: any one may be interrupted."""
-    assert min(Moment.now().error_s for _ in range(50)) < 1e-3
+    assert min(ClockReading.now().error_s for _ in range(50)) < 1e-3
 
 
 @pytest.mark.parametrize(("domain", "error_s"), [("global", GLOBAL_ERROR_S), ("system", PERIOD_S)])

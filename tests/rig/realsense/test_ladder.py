@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from app.rig.realsense.ladder import Action, Ladder, Patience, Phase, Sight, Step, climbed
+from app.rig.realsense.ladder import Action, CaptureStatus, Ladder, Patience, Phase, Step, climbed
 
 PATIENCE = Patience()
 ABSENT = "there is no such camera"
@@ -27,7 +27,7 @@ class Camera:
     def see(self) -> Action | None:
         if not self.hangs:
             self.pulse_s = self.now_s
-        sight = Sight(
+        sight = CaptureStatus(
             now_s=self.now_s,
             pulse_s=self.pulse_s,
             image_s=self.image_s,

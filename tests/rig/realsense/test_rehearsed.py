@@ -10,11 +10,11 @@ import pytest
 from app.core.motion import pointing_down
 from app.core.stage import Stage
 from app.rig.realsense.sdk import Sdk
-from app.rig.realsense.settings import Settings
-from app.rig.realsense.software import Body
-from app.rig.realsense.sources import Played
-from app.rig.realsense.stream import Shot, StreamEnded, streaming
-from app.rig.realsense.synthetic import View, record
+from app.rig.realsense.settings import StreamSettings
+from app.rig.realsense.software import CameraDescription
+from app.rig.realsense.sources import RecordedSource
+from app.rig.realsense.stream import AlignedImages, StreamEnded, streaming
+from app.rig.realsense.synthetic import ImagerPair, record
 from app.rig.simulated.arm_model import solve_joints
 from app.rig.simulated.cameras import CameraNoise, table_cameras
 from app.rig.simulated.render import render
@@ -26,9 +26,9 @@ NOISELESS = CameraNoise(depth_per_m=0.0, edge_dropout=0.0, grazing_dropout=0.0, 
 UNIT_M = 0.00025
 
 
-def played(file: Path, settings: Settings) -> Shot:
-    with streaming(Sdk.loaded(), Played(file=file), settings) as stream:
-        shots = list[Shot]()
+def played(file: Path, settings: StreamSettings) -> AlignedImages:
+    with streaming(Sdk.loaded(), RecordedSource(file=file), settings) as stream:
+        shots = list[AlignedImages]()
         while True:
             try:
                 shot = stream.next()
@@ -41,7 +41,7 @@ def played(file: Path, settings: Settings) -> Shot:
 @pytest.mark.serial
 def test_a_rope_on_the_table_has_the_depth_and_colour_that_a_camera_at_the_colour_imager_sees(tmp_path: Path) -> None:
     model = replace(table_cameras()[0], depth_unit_m=UNIT_M)
-    body = Body.like_d435(model, "0123")
+    body = CameraDescription.like_d435(model, "0123")
     home = pointing_down(np.array([0.40, 0.25, 0.30]))
     world = Snapshot(time_s=0.0, nodes=straight_rope(), tool=home, joints=solve_joints(home))
     rng = np.random.default_rng(0)
@@ -51,9 +51,9 @@ def test_a_rope_on_the_table_has_the_depth_and_colour_that_a_camera_at_the_colou
     record(
         tmp_path / "rope.db3",
         body,
-        (View(color=color, depth=depth, stamp_s=start_s + number / body.rate_hz) for number in range(4)),
+        (ImagerPair(color=color, depth=depth, stamp_s=start_s + number / body.rate_hz) for number in range(4)),
     )
-    shot = played(tmp_path / "rope.db3", Settings(warm_up=0))
+    shot = played(tmp_path / "rope.db3", StreamSettings(warm_up=0))
     assert np.array_equal(shot.color, color)
     seen = (shot.depth > 0) & (expected > 0)
     error_m = np.abs(shot.depth[seen].astype(float) - expected[seen]) * UNIT_M

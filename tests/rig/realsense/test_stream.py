@@ -14,14 +14,14 @@ import pytest
 from app.core.errors import DeviceError, RecordingError
 from app.rig.realsense.bus import census
 from app.rig.realsense.sdk import Opening, Sdk, load_realsense
-from app.rig.realsense.settings import Filters, Settings
-from app.rig.realsense.software import Body, SoftwareCamera
-from app.rig.realsense.sources import CameraAbsent, Live, Played
-from app.rig.realsense.stream import Shot, Stream, StreamEnded, streaming
-from app.rig.realsense.synthetic import View, record
+from app.rig.realsense.settings import Filters, StreamSettings
+from app.rig.realsense.software import CameraDescription, SoftwareCamera
+from app.rig.realsense.sources import CameraAbsent, Live, RecordedSource
+from app.rig.realsense.stream import AlignedImages, Stream, StreamEnded, streaming
+from app.rig.realsense.synthetic import ImagerPair, record
 from tests.rig.realsense.bodies import BOX_M, HEIGHT, PLANE_M, RATE_HZ, UNIT_M, WIDTH, Scene, aside, imager, together
 
-SETTINGS = Settings(width=WIDTH, height=HEIGHT, rate_hz=RATE_HZ, warm_up=0)
+SETTINGS = StreamSettings(width=WIDTH, height=HEIGHT, rate_hz=RATE_HZ, warm_up=0)
 HOLE = (slice(30, 45), slice(22, 42))
 EVERYTHING = Filters(near_m=0.2, far_m=2.0, spatial=True, temporal=True)
 rs = load_realsense()
@@ -37,7 +37,7 @@ def recordings(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
     folder = tmp_path_factory.mktemp("recordings")
     whole, holed = Scene(body=together()), Scene(body=together(), hole=HOLE)
     start_s = time.time() - 1000
-    scenes: dict[str, tuple[Body, Iterator[View]]] = {
+    scenes: dict[str, tuple[CameraDescription, Iterator[ImagerPair]]] = {
         "aside": (aside(), Scene(body=aside()).views(10, start_s=start_s)),
         "holed later": (together(), _then(whole, holed, start_s)),
         "other": (together("4567"), whole.views(3, start_s=start_s)),
@@ -47,7 +47,7 @@ def recordings(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
     return {name: folder / f"{name}.db3" for name in scenes}
 
 
-def _then(first: Scene, then: Scene, start_s: float) -> Iterator[View]:
+def _then(first: Scene, then: Scene, start_s: float) -> Iterator[ImagerPair]:
     yield from first.views(8, start_s=start_s)
     yield from then.views(8, start_s=start_s + 8 / RATE_HZ)
 
@@ -67,13 +67,13 @@ class InProcess:
         raise DeviceError("a software camera cannot be reset")
 
 
-def played(file: Path, settings: Settings = SETTINGS) -> tuple[Stream, list[Shot]]:
+def played(file: Path, settings: StreamSettings = SETTINGS) -> tuple[Stream, list[AlignedImages]]:
     """The stream, and what came until the recording's end."""
-    with streaming(Sdk.loaded(), Played(file=file), settings) as stream:
+    with streaming(Sdk.loaded(), RecordedSource(file=file), settings) as stream:
         return stream, list(_shots(stream))
 
 
-def _shots(stream: Stream) -> Iterator[Shot]:
+def _shots(stream: Stream) -> Iterator[AlignedImages]:
     while True:
         try:
             shot = stream.next()
@@ -119,7 +119,7 @@ def test_stamps_grow_with_the_camera_s_rate_and_are_of_the_middle_of_the_exposur
 @pytest.mark.parametrize("filters", [Filters(), EVERYTHING], ids=["no filter", "every filter"])
 def test_missing_depth_stays_missing(recordings: dict[str, Path], filters: Filters) -> None:
     """Also where images before had a reading, which the SDK's temporal filter would put there by itself."""
-    settings = Settings(width=WIDTH, height=HEIGHT, rate_hz=RATE_HZ, warm_up=0, filters=filters)
+    settings = StreamSettings(width=WIDTH, height=HEIGHT, rate_hz=RATE_HZ, warm_up=0, filters=filters)
     _, shots = played(recordings["holed later"], settings)
     inside = Scene(body=together(), hole=HOLE).hole_in_color()
     assert shots[0].depth[inside].min() > 0
@@ -129,13 +129,13 @@ def test_missing_depth_stays_missing(recordings: dict[str, Path], filters: Filte
 
 
 def test_depth_out_of_the_limits_is_dropped(recordings: dict[str, Path]) -> None:
-    near = Settings(width=WIDTH, height=HEIGHT, rate_hz=RATE_HZ, warm_up=0, filters=Filters(far_m=0.6))
+    near = StreamSettings(width=WIDTH, height=HEIGHT, rate_hz=RATE_HZ, warm_up=0, filters=Filters(far_m=0.6))
     _, shots = played(recordings["holed later"], near)
     assert 0 < shots[0].depth.max() * UNIT_M < 0.6
 
 
 def test_the_first_images_are_dropped_while_the_camera_warms_up(recordings: dict[str, Path]) -> None:
-    warm = Settings(width=WIDTH, height=HEIGHT, rate_hz=RATE_HZ, warm_up=4)
+    warm = StreamSettings(width=WIDTH, height=HEIGHT, rate_hz=RATE_HZ, warm_up=4)
     _, shots = played(recordings["aside"], warm)
     assert int(shots[0].color[0, 0, 0]) >= 4
 
@@ -143,7 +143,7 @@ def test_the_first_images_are_dropped_while_the_camera_warms_up(recordings: dict
 def test_a_lens_is_made_a_pinhole(tmp_path: Path) -> None:
     """A dot where the lens has a ray is, rectified, where the pinhole has it; depth is never mixed."""
     lens = imager(150.0, distortion=(0.15, -0.05, 0.002, -0.001, 0.0))
-    body = Body(serial="0123", depth=lens, color=lens, depth_unit_m=UNIT_M)
+    body = CameraDescription(serial="0123", depth=lens, color=lens, depth_unit_m=UNIT_M)
     bent = rs.intrinsics()
     bent.width, bent.height, bent.model = WIDTH, HEIGHT, rs.distortion.inverse_brown_conrady
     bent.fx, bent.fy, bent.ppx, bent.ppy = lens.K[0, 0], lens.K[1, 1], lens.K[0, 2], lens.K[1, 2]
@@ -155,7 +155,7 @@ def test_a_lens_is_made_a_pinhole(tmp_path: Path) -> None:
     color, depth = np.zeros((HEIGHT, WIDTH, 3), np.uint8), Scene(body=body).depth()
     cv2.circle(color, tuple(seen_at.tolist()), 1, (255, 255, 255), -1)
     start_s = time.time()
-    views = (View(color=color, depth=depth, stamp_s=start_s + number / RATE_HZ) for number in range(4))
+    views = (ImagerPair(color=color, depth=depth, stamp_s=start_s + number / RATE_HZ) for number in range(4))
     record(tmp_path / "lens.db3", body, views)
     stream, shots = played(tmp_path / "lens.db3")
     v, u = np.nonzero(shots[-1].color[..., 0] > 128)
@@ -217,7 +217,7 @@ def test_a_slow_port_is_noticed_and_said(tmp_path: Path) -> None:
 def test_a_size_that_the_camera_lacks_is_refused_in_words(recordings: dict[str, Path]) -> None:
     with (
         pytest.raises(DeviceError, match="does not stream 640x480 at 30 Hz"),
-        streaming(Sdk.loaded(), Played(file=recordings["other"]), Settings()),
+        streaming(Sdk.loaded(), RecordedSource(file=recordings["other"]), StreamSettings()),
     ):
         pass
 
@@ -225,7 +225,7 @@ def test_a_size_that_the_camera_lacks_is_refused_in_words(recordings: dict[str, 
 def test_a_recording_that_is_not_there_is_an_absent_camera(tmp_path: Path) -> None:
     with (
         pytest.raises(CameraAbsent, match="no recording"),
-        streaming(Sdk.loaded(), Played(file=tmp_path / "none.db3"), SETTINGS),
+        streaming(Sdk.loaded(), RecordedSource(file=tmp_path / "none.db3"), SETTINGS),
     ):
         pass
 

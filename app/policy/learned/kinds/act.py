@@ -15,10 +15,10 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float, PRNGKeyArray
 
 from app.policy.base import Acted
-from app.policy.learned.attention import Block, Tokens, waves
+from app.policy.learned.attention import Tokens, TransformerBlock, waves
 from app.policy.learned.base import Chunk, Lessons, Params, Scale, Shown
 from app.policy.learned.networks import applied
-from app.policy.learned.sight import Sight
+from app.policy.learned.sight import PolicyObservation
 
 _STYLES = 8
 """Styles sampled to estimate the spread of the actions."""
@@ -43,7 +43,7 @@ class Act:
         """All of a chunk but the next."""
         return 0 if how.space.anywhere else self.window - 1
 
-    def begin(self, key: PRNGKeyArray, seen: Sight, how: Lessons) -> Params:
+    def begin(self, key: PRNGKeyArray, seen: PolicyObservation, how: Lessons) -> Params:
         """Initial parameters, as flax draws them."""
         count, numbers = self._chunk(how)
         counts = jnp.ones((len(seen.tool), count))
@@ -61,7 +61,7 @@ class Act:
         off = jnp.abs(made - moves).mean(-1)
         return (counts * off).sum() / counts.sum() + self.beta * divergence.mean()
 
-    def act(self, params: Params, seen: Sight, how: Lessons, scale: Scale) -> Acted:
+    def act(self, params: Params, seen: PolicyObservation, how: Lessons, scale: Scale) -> Acted:
         """Algorithm 2, line 3: z is the prior's mean, 0; samples of z give the spread of the demonstrations."""
         network = self._network(how)
         styles = jax.random.normal(jax.random.key(0), (_STYLES, self.style)).at[0].set(0.0)
@@ -101,23 +101,25 @@ class _Act(nn.Module):
         self.told = nn.Dense(self.width)
         self.held = nn.Dense(self.width)
         self.whole = self.param("whole", nn.initializers.normal(0.02), (1, self.width))
-        self.encoder = [Block() for _ in range(self.depth)]
+        self.encoder = [TransformerBlock() for _ in range(self.depth)]
         self.styled = nn.Dense(2 * self.style)
         self.understood = nn.Dense(self.width)
-        self.looking = [Block() for _ in range(self.depth)]
+        self.looking = [TransformerBlock() for _ in range(self.depth)]
         self.queries = self.param("queries", nn.initializers.normal(0.02), (count, self.width))
-        self.decoder = [Block() for _ in range(self.depth)]
+        self.decoder = [TransformerBlock() for _ in range(self.depth)]
         self.out = nn.Dense(numbers)
 
     def __call__(
-        self, key: PRNGKeyArray, seen: Sight, actions: Float[Array, "B T K"], counts: Float[Array, "B T"]
+        self, key: PRNGKeyArray, seen: PolicyObservation, actions: Float[Array, "B T K"], counts: Float[Array, "B T"]
     ) -> tuple[Float[Array, "B T K"], Float[Array, "B Z"], Float[Array, "B Z"]]:
         """The moves as they are made with a style that is drawn for them, and the Gaussian that it is drawn from."""
         mean, log_variance = self.encode(seen, actions * counts[..., None])
         z = mean + jnp.exp(0.5 * log_variance) * jax.random.normal(key, mean.shape)
         return self.decode(seen, z), mean, log_variance
 
-    def encode(self, seen: Sight, actions: Float[Array, "B T K"]) -> tuple[Float[Array, "B Z"], Float[Array, "B Z"]]:
+    def encode(
+        self, seen: PolicyObservation, actions: Float[Array, "B T K"]
+    ) -> tuple[Float[Array, "B Z"], Float[Array, "B Z"]]:
         """The style of the moves, by them and the tool alone (the paper leaves pictures out here, for speed)."""
         whole = jnp.broadcast_to(self.whole, (len(actions), 1, self.width))
         moves = self.told(actions) + waves(jnp.arange(1.0 * self.chunk[0]), self.width)
@@ -127,7 +129,7 @@ class _Act(nn.Module):
         mean, log_variance = jnp.split(self.styled(tokens[:, 0]), 2, axis=-1)
         return mean, log_variance
 
-    def decode(self, seen: Sight, z: Float[Array, "B Z"]) -> Float[Array, "B T K"]:
+    def decode(self, seen: PolicyObservation, z: Float[Array, "B Z"]) -> Float[Array, "B T K"]:
         """The moves of that style where that is seen."""
         tokens = jnp.concatenate([self.understood(z)[:, None], self.seen(seen)], axis=1)
         for block in self.looking:

@@ -8,8 +8,8 @@ from jaxtyping import Array, Float, PRNGKeyArray
 
 from app.policy.base import Acted
 from app.policy.learned.base import Chunk, Lessons, NextOnly, Params, Scale, Shown
-from app.policy.learned.networks import Seeing, applied
-from app.policy.learned.sight import Sight
+from app.policy.learned.networks import EncoderMLP, applied
+from app.policy.learned.sight import PolicyObservation
 
 _LEAST, _MOST = -4.0, 1.0
 """Logarithms of the least and the greatest standard deviation: a demonstration is not exact, and tells something."""
@@ -26,7 +26,7 @@ class Cloning(NextOnly):
 
     window: ClassVar[int] = 1
 
-    def begin(self, key: PRNGKeyArray, seen: Sight, how: Lessons) -> Params:
+    def begin(self, key: PRNGKeyArray, seen: PolicyObservation, how: Lessons) -> Params:
         """Initial parameters, as flax draws them."""
         return self._network(how.space.chunk).init(key, seen)["params"]
 
@@ -36,17 +36,19 @@ class Cloning(NextOnly):
         mean, spread = self._told(params, shown.seen, how.space.chunk)
         return (0.5 * ((scale.to(shown.actions) - mean) / spread) ** 2 + jnp.log(spread)).mean()
 
-    def act(self, params: Params, seen: Sight, how: Lessons, scale: Scale) -> Acted:
+    def act(self, params: Params, seen: PolicyObservation, how: Lessons, scale: Scale) -> Acted:
         """The mean, and the standard deviation."""
         return scale.back(*self._told(params, seen, how.space.chunk))
 
-    def _told(self, params: Params, seen: Sight, chunk: Chunk) -> tuple[Float[Array, "B T K"], Float[Array, "B T K"]]:
+    def _told(
+        self, params: Params, seen: PolicyObservation, chunk: Chunk
+    ) -> tuple[Float[Array, "B T K"], Float[Array, "B T K"]]:
         out = applied(self._network(chunk), params, seen)
         mean, spread = jnp.split(out.reshape(len(out), 2, *chunk), 2, axis=1)
         return mean[:, 0], jnp.exp(jnp.clip(spread[:, 0], _LEAST, _MOST))
 
-    def _network(self, chunk: Chunk) -> Seeing:
-        return Seeing(self.width, self.hidden, self.depth, 2 * chunk[0] * chunk[1])
+    def _network(self, chunk: Chunk) -> EncoderMLP:
+        return EncoderMLP(self.width, self.hidden, self.depth, 2 * chunk[0] * chunk[1])
 
 
 LEARNER = Cloning()

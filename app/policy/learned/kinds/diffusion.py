@@ -16,10 +16,10 @@ import numpy as np
 from jaxtyping import Array, Float, Float32, Int, PRNGKeyArray
 
 from app.policy.base import Acted
-from app.policy.learned.attention import Block, Tokens, waves
+from app.policy.learned.attention import Tokens, TransformerBlock, waves
 from app.policy.learned.base import Chunk, Lessons, NextOnly, Params, Scale, Shown
 from app.policy.learned.networks import applied
-from app.policy.learned.sight import Sight
+from app.policy.learned.sight import PolicyObservation
 
 _OFFSET = 0.008
 """`s` of the squared cosine schedule (Nichol and Dhariwal 2021, "Improved denoising diffusion", equation 17)."""
@@ -43,7 +43,7 @@ class Diffusion(NextOnly):
 
     window: ClassVar[int] = 1
 
-    def begin(self, key: PRNGKeyArray, seen: Sight, how: Lessons) -> Params:
+    def begin(self, key: PRNGKeyArray, seen: PolicyObservation, how: Lessons) -> Params:
         """Initial parameters, as flax draws them."""
         count, chunk = len(seen.tool), how.space.chunk
         return self._network(chunk).init(key, seen, jnp.zeros((count, *chunk)), jnp.zeros(count, jnp.int32))["params"]
@@ -58,7 +58,7 @@ class Diffusion(NextOnly):
         told = applied(self._network(how.space.chunk), params, shown.seen, noised_moves, level)
         return ((told - moves) ** 2).mean()
 
-    def act(self, params: Params, seen: Sight, how: Lessons, scale: Scale) -> Acted:
+    def act(self, params: Params, seen: PolicyObservation, how: Lessons, scale: Scale) -> Acted:
         """Actions denoised from a fixed noise, so that they depend on the observation alone."""
         chunk, count = how.space.chunk, len(seen.tool)
         network = self._network(chunk)
@@ -113,14 +113,16 @@ class _Denoiser(nn.Module):
         self.seen = Tokens(self.eyes, self.width)
         self.told = nn.Dense(self.width)
         self.level = nn.Dense(self.width)
-        self.blocks = [Block() for _ in range(self.depth)]
+        self.blocks = [TransformerBlock() for _ in range(self.depth)]
         self.out = nn.Dense(self.chunk[1])
 
-    def __call__(self, seen: Sight, moves: Float[Array, "B T K"], level: Int[Array, " B"]) -> Float[Array, "B T K"]:
+    def __call__(
+        self, seen: PolicyObservation, moves: Float[Array, "B T K"], level: Int[Array, " B"]
+    ) -> Float[Array, "B T K"]:
         """The moves without their noise."""
         return self.denoise(self.look(seen), moves, level)
 
-    def look(self, seen: Sight) -> Float[Array, "B P W"]:
+    def look(self, seen: PolicyObservation) -> Float[Array, "B P W"]:
         """Tokens of the observation, attended to at every denoising step."""
         return self.seen(seen)
 

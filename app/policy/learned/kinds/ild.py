@@ -17,9 +17,9 @@ from jaxtyping import Array, Float, PRNGKeyArray
 from app.core.chamfer import chamfer_m2
 from app.core.errors import UsageError
 from app.policy.base import Acted, Now
-from app.policy.learned.base import Chunk, Lessons, NextOnly, Params, Scale, Shown, World
-from app.policy.learned.networks import Seeing, applied
-from app.policy.learned.sight import Sight
+from app.policy.learned.base import Chunk, Lessons, NextOnly, Params, Scale, Shown, TrainingSimulator
+from app.policy.learned.networks import EncoderMLP, applied
+from app.policy.learned.sight import PolicyObservation
 from app.sim.candidates import are_finite
 from app.sim.object_state import ObjectState
 
@@ -45,7 +45,7 @@ class Imitation(NextOnly):
     told: float = 0.2
     steepest: float = 0.3
 
-    def begin(self, key: PRNGKeyArray, seen: Sight, how: Lessons) -> Params:
+    def begin(self, key: PRNGKeyArray, seen: PolicyObservation, how: Lessons) -> Params:
         """Initial parameters, as flax draws them. Raises UsageError if there is no simulator to learn in."""
         _world(how)
         params: Params = self._network(how.space.chunk).init(key, seen)["params"]
@@ -67,12 +67,12 @@ class Imitation(NextOnly):
             now = Now(state, how.space.after(action, now.tool))
         return lost
 
-    def act(self, params: Params, seen: Sight, how: Lessons, scale: Scale) -> Acted:
+    def act(self, params: Params, seen: PolicyObservation, how: Lessons, scale: Scale) -> Acted:
         """The one action that it knows."""
         moves = self._moves(params, seen, how)
         return scale.back(moves, jnp.zeros_like(moves))
 
-    def _moves(self, params: Params, seen: Sight, how: Lessons) -> Float[Array, "B T K"]:
+    def _moves(self, params: Params, seen: PolicyObservation, how: Lessons) -> Float[Array, "B T K"]:
         out = applied(self._network(how.space.chunk), params, seen)
         return out.reshape(-1, *how.space.chunk)
 
@@ -85,11 +85,11 @@ class Imitation(NextOnly):
         # The loss is a mean over the candidates.
         return _shortened(wanted + (how.space.project(here, start) - here), self.steepest / len(wanted))
 
-    def _network(self, chunk: Chunk) -> Seeing:
-        return Seeing(self.width, self.hidden, self.depth, int(np.prod(chunk)))
+    def _network(self, chunk: Chunk) -> EncoderMLP:
+        return EncoderMLP(self.width, self.hidden, self.depth, int(np.prod(chunk)))
 
 
-def _world(how: Lessons) -> World:
+def _world(how: Lessons) -> TrainingSimulator:
     if how.world is None:
         raise UsageError("Imitation through a simulator needs one; give its lessons a world.")
     return how.world

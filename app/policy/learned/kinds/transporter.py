@@ -22,8 +22,8 @@ from app.core.errors import UsageError
 from app.policy.base import Acted
 from app.policy.learned.base import Lessons, NextOnly, Params, Scale, Shown
 from app.policy.learned.networks import Dense, Eyes, applied
-from app.policy.learned.sight import Sight
-from app.policy.pictures import View
+from app.policy.learned.sight import PolicyObservation
+from app.policy.pictures import OrthographicView
 
 _NEAR: Final = 1
 """Radius around the likeliest pixel within which it is refined, by the mean over the probabilities."""
@@ -66,7 +66,7 @@ class Transporter(NextOnly):
 
     window: ClassVar[int] = 1
 
-    def begin(self, key: PRNGKeyArray, seen: Sight, how: Lessons) -> Params:
+    def begin(self, key: PRNGKeyArray, seen: PolicyObservation, how: Lessons) -> Params:
         """Initial parameters, as flax draws them. Raises UsageError for actions that are no strokes."""
         somewhere = jnp.full((len(seen.tool), 2), self.crop)
         return self._network(how).init(key, seen.pictures[0], somewhere, somewhere)["params"]
@@ -81,7 +81,7 @@ class Transporter(NextOnly):
         off = (bends - space.bends(shown.actions)) * _pieces(bends)
         return lost + (off**2).sum() / max(off.size, 1)
 
-    def act(self, params: Params, seen: Sight, how: Lessons, scale: Scale) -> Acted:
+    def act(self, params: Params, seen: PolicyObservation, how: Lessons, scale: Scale) -> Acted:
         """The likeliest pixels, refined among their neighbours."""
         space, view, network, picture = _strokes(how), how.views[0], self._network(how), seen.pictures[0]
         begin, begin_spread = _likeliest(applied(network, params, picture, method="beginning"))
@@ -202,13 +202,13 @@ def _strokes(how: Lessons) -> Strokes:
     return how.space
 
 
-def _pixels(view: View, places: Float[Array, "B E 2"]) -> Int[Array, "B E 2"]:
+def _pixels(view: OrthographicView, places: Float[Array, "B E 2"]) -> Int[Array, "B E 2"]:
     """The nearest ones in the picture."""
     points = jnp.concatenate([places, jnp.zeros((*places.shape[:2], 1))], axis=-1)
     return jnp.clip(jnp.round(view.pixels(points)).astype(jnp.int32), 0, jnp.array(view.shape) - 1)
 
 
-def _places(view: View, pixels: Float[Array, "B E 2"]) -> Float[Array, "B E 2"]:
+def _places(view: OrthographicView, pixels: Float[Array, "B E 2"]) -> Float[Array, "B E 2"]:
     """The middles of pixels [m]."""
     return jnp.array(view.low[:2]) + (pixels + 0.5) * view.pixel_m
 

@@ -10,7 +10,7 @@ from app.rig.kinova import gen3
 from app.rig.kinova.codes import ActionEvent, ArmStateCode, ControlMode, ReferenceFrame, ServoingMode
 from app.rig.kinova.fake.adversity import Adversity
 from app.rig.kinova.fake.fingers import Fingers
-from app.rig.kinova.fake.motions import AlongPath, Broken, InJoints, Motion, Twisting
+from app.rig.kinova.fake.motions import AlongPath, Broken, InJoints, JointMotion, Twisting
 from app.rig.kinova.fake.timed import TimedPath
 from app.rig.kinova.fake.zones import inside
 from app.rig.kinova.messages import (
@@ -66,9 +66,9 @@ class FakeArm:
         self.mover = 0
         self._now_s = self._next_s = 0.0
         self._inbox: list[Callable[[], None]] = []
-        self._due: tuple[float, Action, Callable[[], Motion | None]] | None = None
+        self._due: tuple[float, Action, Callable[[], JointMotion | None]] | None = None
         self._action: ActionHandle | None = None
-        self._motion: Motion | None = None
+        self._motion: JointMotion | None = None
         self._actions = 0
         self._stopping = False
         self._state = self.state
@@ -192,7 +192,7 @@ class FakeArm:
             raise Denied(SESSION_NOT_IN_CONTROL)
         self.mover = session
 
-    def _beginning(self, action: Action) -> Callable[[], Motion | None]:
+    def _beginning(self, action: Action) -> Callable[[], JointMotion | None]:
         """Start of an action after its planning time; it returns None where it moves the fingers alone."""
         if (ways := action.execute_waypoint_list) is not None and ways.waypoints:
             return lambda: self._along(ways)
@@ -202,7 +202,7 @@ class FakeArm:
             return lambda: self.fingers.command(command)
         raise Denied(INVALID)
 
-    def _along(self, ways: WaypointList) -> Motion:
+    def _along(self, ways: WaypointList) -> JointMotion:
         cartesian = tuple(each.cartesian_waypoint for each in ways.waypoints if each.cartesian_waypoint)
         if cartesian:
             linear, angular = self.soft_limits[ControlMode.CARTESIAN_WAYPOINT_TRAJECTORY]
@@ -212,7 +212,7 @@ class FakeArm:
         targets = [_unwrapped(np.radians(each.angles), self.joints) for each in angular]
         return InJoints(self.joints, targets, [each.duration for each in angular])
 
-    def _think(self, action: Action, begin: Callable[[], Motion | None]) -> None:
+    def _think(self, action: Action, begin: Callable[[], JointMotion | None]) -> None:
         self._drop(STOPPED)
         self._action = action.handle
         self._say(ActionEvent.PREPROCESS_START)
@@ -274,7 +274,7 @@ class FakeArm:
         """True where an action is paused and may go on."""
         return isinstance(self._motion, AlongPath) and self._motion.paused and not self._stopping
 
-    def _step(self, motion: Motion, duration_s: float) -> None:
+    def _step(self, motion: JointMotion, duration_s: float) -> None:
         moved = motion.advance(self.joints, duration_s)
         if motion.cartesian:
             for number, zone in self.zones.items():

@@ -3,7 +3,7 @@
 from typing import final
 
 from app.rig.kinova.codes import GripperMode
-from app.rig.kinova.messages import Gripper, GripperCommand
+from app.rig.kinova.messages import GripperCommand, GripperMessage
 
 FULL_S = 0.6
 """Time from open to closed at full speed: a Robotiq 2F-85 closes 85 mm at up to 150 mm/s (its manual)."""
@@ -23,7 +23,7 @@ class Fingers:
 
     def command(self, command: GripperCommand) -> None:
         """Go to a position, or move at a speed; above 0 opens."""
-        value = (command.gripper or Gripper()).finger[0].value
+        value = (command.gripper or GripperMessage()).finger[0].value
         if command.mode == GripperMode.POSITION:
             self._target, self._speed = min(max(value, 0.0), 1.0), 1.0
         else:

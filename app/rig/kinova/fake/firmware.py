@@ -22,8 +22,8 @@ from app.rig.kinova.messages import (
     ActionHandle,
     ActionList,
     ConstrainedJointAngles,
-    Finger,
-    Gripper,
+    FingerMessage,
+    GripperMessage,
     InverseKinematicsData,
     JointAngle,
     JointAngles,
@@ -57,7 +57,7 @@ from app.rig.kinova.setup import (
     TwistAngularSoftLimit,
     TwistLinearSoftLimit,
 )
-from app.rig.kinova.wire import Frame, FrameKind
+from app.rig.kinova.wire import FrameKind, KortexFrame
 
 _AnyCall: TypeAlias = Call[Any, Any]
 _Handler: TypeAlias = Callable[[Any, int], object]
@@ -104,11 +104,11 @@ class Firmware:
         self._zones_made = self._subscriptions = 0
         self._handlers = self._table()
 
-    def slow(self, frame: Frame) -> bool:
+    def slow(self, frame: KortexFrame) -> bool:
         """True where the answer takes so long that it must be computed beside the arm's own loop."""
         return frame.service == Service.BASE and frame.function in (235, 234)
 
-    def answer(self, frame: Frame, address: object = None) -> Frame:
+    def answer(self, frame: KortexFrame, address: object = None) -> KortexFrame:
         """The answer to a request; an error where it has one."""
         now_s = self._clock()
         if (frame.service, frame.function) == (Service.SESSION, 1):
@@ -131,7 +131,7 @@ class Firmware:
                 self.arm.stop()
         self.arm.tick(now_s, duration_s)
 
-    def notifications(self) -> list[tuple[Session, Frame]]:
+    def notifications(self) -> list[tuple[Session, KortexFrame]]:
         """Events since the last call, for each session subscribed to them."""
         told, self.arm.told = self.arm.told, []
         topics = {each.told: each.call.function for each in (calls.ACTIONS, calls.ARM_STATES, calls.PROTECTION_ZONES)}
@@ -142,7 +142,7 @@ class Firmware:
             if (handle := session.topics.get(topics[type(message)])) is not None
         ]
 
-    def _create_session(self, frame: Frame, address: object) -> Frame:
+    def _create_session(self, frame: KortexFrame, address: object) -> KortexFrame:
         try:
             info = decode(SessionInfo, frame.payload)
         except WireError as error:
@@ -159,12 +159,12 @@ class Firmware:
 
     def _handled(
         self,
-        frame: Frame,
+        frame: KortexFrame,
         session: Session,
         call: _AnyCall,
         handler: _Handler,
         now_s: float,
-    ) -> Frame:
+    ) -> KortexFrame:
         try:
             asked = decode(call.asked, frame.payload)
         except WireError as error:
@@ -204,7 +204,10 @@ class Firmware:
             (calls.STOP, lambda _, __: arm.stop()),
             (calls.SEND_TWIST_COMMAND, arm.twist),
             (calls.SEND_GRIPPER_COMMAND, arm.close_fingers),
-            (calls.GET_MEASURED_GRIPPER_MOVEMENT, lambda _, __: Gripper(finger=(Finger(value=arm.fingers.position),))),
+            (
+                calls.GET_MEASURED_GRIPPER_MOVEMENT,
+                lambda _, __: GripperMessage(finger=(FingerMessage(value=arm.fingers.position),)),
+            ),
             (calls.APPLY_EMERGENCY_STOP, lambda _, __: arm.emergency_stop()),
             (calls.CLEAR_FAULTS, lambda _, __: arm.clear_faults()),
             (calls.SET_SERVOING_MODE, self._set_servoing),
@@ -324,8 +327,8 @@ def _inverse(asked: InverseKinematicsData) -> JointAngles:
     return JointAngles(joint_angles=tuple(JointAngle(joint_identifier=i, value=float(each)) for i, each in angles))
 
 
-def _reply(asked: Frame, message: object) -> Frame:
-    return Frame(
+def _reply(asked: KortexFrame, message: object) -> KortexFrame:
+    return KortexFrame(
         kind=FrameKind.RESPONSE,
         service=asked.service,
         function=asked.function,
@@ -336,13 +339,13 @@ def _reply(asked: Frame, message: object) -> Frame:
     )
 
 
-def _failed(asked: Frame, code: int, sub_code: int, said: str) -> Frame:
+def _failed(asked: KortexFrame, code: int, sub_code: int, said: str) -> KortexFrame:
     reply = _reply(asked, ErrorReply(error_code=code, error_sub_code=sub_code, error_sub_string=said))
     return dataclasses.replace(reply, error=code, sub_error=sub_code)
 
 
-def _notification(session: Session, handle: int, payload: bytes) -> Frame:
-    return Frame(
+def _notification(session: Session, handle: int, payload: bytes) -> KortexFrame:
+    return KortexFrame(
         kind=FrameKind.NOTIFICATION,
         service=Service.BASE,
         session=session.number,

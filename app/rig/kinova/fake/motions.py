@@ -29,7 +29,7 @@ class Broken(Exception):
         self.info = info
 
 
-class Motion(Protocol):
+class JointMotion(Protocol):
     """A motion of the joints over time."""
 
     cartesian: bool

@@ -12,7 +12,7 @@ from app.core.ring import Ring
 from app.rig.kinova import gen3
 from app.rig.kinova.errors import WireError
 from app.rig.kinova.fake.firmware import Firmware
-from app.rig.kinova.wire import Frame, FrameKind, Splitter, decoded
+from app.rig.kinova.wire import FrameKind, KortexFrame, Splitter, decoded
 
 STATE = np.dtype(
     [("time_s", "f8"), ("joints", "f8", (7,)), ("velocity", "f8", (7,)), ("tool", "f8", (4, 4)), ("closed", "f8")]
@@ -82,7 +82,7 @@ class Server:
             if frame.kind == FrameKind.REQUEST and not self.firmware.arm.adversity.deaf:
                 self._in_background(self._answer_datagram(frame, address))
 
-    async def _answer_datagram(self, frame: Frame, address: tuple[str, int]) -> None:
+    async def _answer_datagram(self, frame: KortexFrame, address: tuple[str, int]) -> None:
         if self._lost():
             return
         answer, adversity = self.firmware.answer(frame, address), self.firmware.arm.adversity
@@ -103,7 +103,7 @@ class Server:
                     if late_s := self._late_s():
                         await asyncio.sleep(late_s)  # Later data wait as well.
                     if frame.kind == FrameKind.PING:
-                        self._send(writer, Frame(kind=FrameKind.PONG, message=frame.message))
+                        self._send(writer, KortexFrame(kind=FrameKind.PONG, message=frame.message))
                     elif frame.kind == FrameKind.REQUEST and not self.firmware.arm.adversity.deaf:
                         self._in_background(self._answer(frame, writer))
         except (WireError, ConnectionError, asyncio.CancelledError):
@@ -112,7 +112,7 @@ class Server:
             self._writers.discard(writer)
             writer.close()
 
-    async def _answer(self, frame: Frame, writer: asyncio.StreamWriter) -> None:
+    async def _answer(self, frame: KortexFrame, writer: asyncio.StreamWriter) -> None:
         """Answer a request; long ones are computed in a thread."""
         if self.firmware.slow(frame):
             answer = await asyncio.to_thread(self.firmware.answer, frame, writer)
@@ -133,7 +133,7 @@ class Server:
             late_s += RESENT_S
         return late_s
 
-    def _send(self, writer: asyncio.StreamWriter, frame: Frame) -> None:
+    def _send(self, writer: asyncio.StreamWriter, frame: KortexFrame) -> None:
         if not writer.is_closing():
             writer.write(frame.framed())
 

@@ -3,8 +3,8 @@
 import numpy as np
 from jaxtyping import Float64
 
-from app.rig.kinova.codes import Shape
-from app.rig.kinova.setup import Point, ProtectionZone, RotationMatrix, Row, ZoneShape
+from app.rig.kinova.codes import ShapeType
+from app.rig.kinova.setup import Point, ProtectionZone, RotationMatrix, RotationMatrixRow, ZoneShape
 
 
 def inside(zone: ProtectionZone, position: Float64[np.ndarray, "3"]) -> bool:
@@ -15,11 +15,11 @@ def inside(zone: ProtectionZone, position: Float64[np.ndarray, "3"]) -> bool:
     local = _turned(shape) @ (position - np.array([origin.x, origin.y, origin.z]))
     sizes = np.array(shape.dimensions)
     match shape.shape_type:
-        case Shape.SPHERE:
+        case ShapeType.SPHERE:
             return bool(np.linalg.norm(local) <= sizes[0])
-        case Shape.CYLINDER:
+        case ShapeType.CYLINDER:
             return bool(np.hypot(local[0], local[1]) <= sizes[0] and abs(local[2]) <= sizes[1] / 2)
-        case Shape.RECTANGULAR_PRISM:
+        case ShapeType.RECTANGULAR_PRISM:
             return bool((np.abs(local) <= sizes / 2).all())
         case _:
             return False
@@ -27,7 +27,7 @@ def inside(zone: ProtectionZone, position: Float64[np.ndarray, "3"]) -> bool:
 
 def well_formed(zone: ProtectionZone) -> bool:
     """True where its shape has the number of dimensions of its kind, all above zero."""
-    counts: dict[int, int] = {Shape.SPHERE: 1, Shape.CYLINDER: 2, Shape.RECTANGULAR_PRISM: 3}
+    counts: dict[int, int] = {ShapeType.SPHERE: 1, ShapeType.CYLINDER: 2, ShapeType.RECTANGULAR_PRISM: 3}
     if zone.shape is None or zone.shape.shape_type not in counts:
         return False
     sizes = np.array(zone.shape.dimensions)
@@ -42,5 +42,5 @@ def _turned(shape: ZoneShape) -> Float64[np.ndarray, "3 3"]:
 
 
 def _matrix(said: RotationMatrix) -> Float64[np.ndarray, "3 3"]:
-    rows = (each or Row() for each in (said.row1, said.row2, said.row3))
+    rows = (each or RotationMatrixRow() for each in (said.row1, said.row2, said.row3))
     return np.array([[row.column1, row.column2, row.column3] for row in rows])

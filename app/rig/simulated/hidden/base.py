@@ -49,7 +49,7 @@ class Moment(NamedTuple):
     gap_m: Factors
 
 
-class Shot(NamedTuple):
+class SensorImages(NamedTuple):
     """A raw image pair of the sensor, and the colour (RGB, 0..1) of the object in it."""
 
     color: ColourImage
@@ -104,7 +104,7 @@ class Hidden:
     drive: Callable[[Track, Values], Track] | None = None
     told: bool = False
     stands: Callable[[Transform, Position, Values], Transform] | None = None
-    seen: Callable[[Shot, Values], DepthImage] | None = None
+    seen: Callable[[SensorImages, Values], DepthImage] | None = None
     late_s: Callable[[Values], float] | None = None
 
     @property

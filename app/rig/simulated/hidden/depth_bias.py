@@ -3,10 +3,10 @@
 import numpy as np
 
 from app.core.types import DepthImage
-from app.rig.simulated.hidden.base import Hidden, Quantity, Shot, Values, signed
+from app.rig.simulated.hidden.base import Hidden, Quantity, SensorImages, Values, signed
 
 
-def _seen(shot: Shot, values: Values) -> DepthImage:
+def _seen(shot: SensorImages, values: Values) -> DepthImage:
     camera = shot.camera
     v, u = np.indices(shot.depth.shape)
     rays = np.stack([u, v, np.ones_like(u)], axis=-1) @ np.linalg.inv(camera.K).T

@@ -8,7 +8,7 @@ import cv2
 import numpy as np
 
 from app.core.types import DepthImage
-from app.rig.simulated.hidden.base import Hidden, Quantity, Shot, Values, plain
+from app.rig.simulated.hidden.base import Hidden, Quantity, SensorImages, Values, plain
 
 _LIKE = 0.92
 """Cosine between colours from which on they count as the same in different light."""
@@ -17,7 +17,7 @@ _HALF_PX = 0.5
 """Distance from the centre of an edge pixel to the edge."""
 
 
-def _seen(shot: Shot, values: Values) -> DepthImage:
+def _seen(shot: SensorImages, values: Values) -> DepthImage:
     wanted = np.array(shot.object_colour)
     colour = shot.color.astype(np.float64)
     strength = np.linalg.norm(colour, axis=-1)

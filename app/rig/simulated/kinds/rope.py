@@ -1,6 +1,6 @@
 """A rope, or a rigid rod of its size, that a finger pushes over the table."""
 
-from app.core.stage import Block, Finger, Rope, Stage
+from app.core.stage import Finger, Obstacle, Rope, Stage
 from app.rig.simulated.kind import Kind
 from app.rig.simulated.physics import ROPE_WORLDS, WorldPhysics
 from app.rig.simulated.rope_world import RopeWorld
@@ -24,7 +24,7 @@ def _node_count(stage: Stage) -> int:
 
 
 def _build(stage: Stage, start: Nodes, time_s: float) -> RopeWorld:
-    blocks = [each for each in stage.fixtures if isinstance(each, Block)]
+    blocks = [each for each in stage.fixtures if isinstance(each, Obstacle)]
     return RopeWorld(*_of(stage), start, physics=_physics(stage), fixtures=blocks, time_s=time_s)
 
 
