@@ -19,7 +19,7 @@ from app.tasks.compiled import calibrator, nominal_model, phi_of, planner
 
 @final
 @dataclass(frozen=True)
-class CompileStage:
+class CompileStep:
     """A compilation step: its name, and the function that does it."""
 
     name: str
@@ -28,7 +28,7 @@ class CompileStage:
 
 def stages(
     task: str, preset: str, model: Model | None = None, method: Method = DIPAC, confines: Confines = ANYWHERE
-) -> list[CompileStage]:
+) -> list[CompileStep]:
     """Compilation steps for `model`, or the nominal one, in order; each after the first is quick after it."""
     data, size = load(task), load(task).preset(preset)
     x = data.goal(0, size.particle_count)
@@ -40,6 +40,6 @@ def stages(
         calibrator(task, preset, FitSettings(), fitted).predictor.compile(fitted, example)
 
     return [
-        CompileStage("the simulator and its adjoint", simulator),
-        CompileStage("the planner's search", lambda: planner(task, preset, phi, method, confines).compile(x, phi)),
+        CompileStep("the simulator and its adjoint", simulator),
+        CompileStep("the planner's search", lambda: planner(task, preset, phi, method, confines).compile(x, phi)),
     ]
