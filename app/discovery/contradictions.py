@@ -24,7 +24,7 @@ _NODES = 24
 _CLEAR_M = 0.005
 _CLOUDS, _FEWEST_CLOUDS = 6, 4
 """Numbers of an episode's clouds that say how long its object is: at most, and at least."""
-_FREE = 0.75
+_FREE = 0.8
 """Quantile of an episode's lengths that is its object's: a rope that touches itself seems shorter, and none longer."""
 _OTHER, _DEVIATIONS = 0.08, 4.0
 """Share, and standard errors, by which an object is another one from episode to episode."""
