@@ -18,14 +18,12 @@ from app.core.track import Track
 from app.core.types import Points
 from app.discovery.apparatus.base import Apparatus, Eye, Load, Places
 from app.discovery.centreline_noise import smooth_noise
+from app.discovery.labels import label_of, labelled, middles_of
 from app.discovery.steppers import BLOCK, Start, Stepper, chunks, length_ratio, of_one_length, stepper
 from app.discovery.study import Push, Study, View
-from app.discovery.subject import ROD_NUMERICS, Catalogue, RodModel, Subject, Theta
-from app.sim.arc_length import arclength_labels, centreline_weights, labels_by_rank
+from app.discovery.subject import ROD_NUMERICS, Catalogue, Subject, Theta
 from app.sim.params import PARAMETERS, index
-from app.sim.rods.state import RodStart
 
-_NODES = 24
 _LEAD_S, _TAIL_S = 0.05, 0.7
 """Simulated before the tool is low, and after it has left or come to rest [s, real]."""
 _MIDWAY = 0.6
@@ -92,7 +90,7 @@ class Trials:
         """
         rows, owners = np.array(list(starts)), np.array([owner for owner, _ in starts.values()])
         clouds = [points for _, points in starts.values()]
-        made = [_label_of((self.labels[k, :, 0] + 1) / 2, cloud) for k, cloud in zip(owners, clouds, strict=True)]
+        made = [label_of((self.labels[k, :, 0] + 1) / 2, cloud) for k, cloud in zip(owners, clouds, strict=True)]
         pushes = (self.study.pushes[k] for k in starts)
         begun = (replace(push, before=replace(push.before, points=x)) for push, x in zip(pushes, clouds, strict=True))
         return replace(
@@ -194,7 +192,7 @@ class Predictor:
         """Observation of the object in push k, whose points have moved to `points`, and its middle with them."""
         if not theta[self._apparatus].any() or not np.isfinite(points).all():
             return points
-        middle = _middles((trials.labels[k, :, 0] + 1) / 2, points)[1]
+        middle = middles_of((trials.labels[k, :, 0] + 1) / 2, points)[1]
         return self.seen(points, Eye(np.asarray(trials.study.camera), middle.astype(np.float64)), theta)
 
     def seen(self, points: Points, eye: Eye, theta: Theta) -> Points:
@@ -361,56 +359,6 @@ def _midway(push: Push, subject: Subject) -> View | None:
     first, last = _low_interval(push.track, subject.low_m)
     wanted = first + _MIDWAY * (last - first)
     return min(push.during, key=lambda view: abs(view.time_s - wanted))
-
-
-def labelled(
-    clouds: Sequence[Points], rods: RodModel | None = None
-) -> tuple[Float32[np.ndarray, "K N 4"], Float32[np.ndarray, "K N 3"]]:
-    """Labels of particles (see `state.Setting`) and the middle of the object nearest to each.
-
-    Which end is the first is kept from cloud to cloud, by which lies nearer to where it was. `rods`: the order along
-    the object is that of its rod, which is right where strands touch, too.
-    """
-    labels, middles = list[np.ndarray](), list[np.ndarray]()
-    last: np.ndarray | None = None
-    for cloud in clouds:
-        along = arclength_labels(cloud) if rods is None else _along_rod(cloud, rods)
-        nodes = centreline_weights(along, _NODES) @ cloud
-        if last is not None and np.linalg.norm(nodes - last) > np.linalg.norm(nodes[::-1] - last):
-            along, nodes = 1 - along, nodes[::-1]
-        last = nodes
-        label, middle = _label_of(along, cloud)
-        labels.append(label)
-        middles.append(middle)
-    return np.stack(labels).astype(np.float32), np.stack(middles).astype(np.float32)
-
-
-def _label_of(
-    along: Float32[np.ndarray, " N"], cloud: Points
-) -> tuple[Float64[np.ndarray, "N 4"], Float64[np.ndarray, "N 3"]]:
-    """Labels of points that are so far `along` an object (0 to 1), and its middle [m] there."""
-    nodes = centreline_weights(along, _NODES) @ cloud
-    tangents = np.gradient(nodes[:, :2], axis=0)
-    tangents /= np.maximum(np.linalg.norm(tangents, axis=1, keepdims=True), 1e-9)
-    at, middle = _middles(along, cloud)
-    tangent = np.stack([np.interp(at, np.arange(_NODES), tangents[:, axis]) for axis in range(2)], axis=1)
-    offset = (cloud[:, :2] - middle[:, :2]) @ np.array([[0.0, 1.0], [-1.0, 0.0]])
-    left = (offset * tangent).sum(1)
-    return np.concatenate([2 * along[:, None] - 1, left[:, None], tangent], axis=1), middle
-
-
-def _along_rod(cloud: Points, rods: RodModel) -> Float32[np.ndarray, " N"]:
-    """Normalised arc length in 0..1 of the points of a rope."""
-    return labels_by_rank(RodStart.of(rods.scene).places(cloud[None].astype(np.float32))[0, 0])
-
-
-def _middles(
-    along: Float32[np.ndarray, " N"], cloud: Points
-) -> tuple[Float32[np.ndarray, " N"], Float64[np.ndarray, "N 3"]]:
-    """Places among the nodes of an object's middle, and the middle there [m], of points so far `along` it (0 to 1)."""
-    nodes = centreline_weights(along, _NODES) @ cloud
-    at = np.clip(along * _NODES - 0.5, 0, _NODES - 1)
-    return at, np.stack([np.interp(at, np.arange(_NODES), nodes[:, axis]) for axis in range(3)], axis=1)
 
 
 def resisting(track: Track, x: Points, share: float, subject: Subject) -> Load:

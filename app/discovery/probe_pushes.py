@@ -16,8 +16,9 @@ from app.core.errors import PlanningError
 from app.core.track import Track
 from app.core.types import Points
 from app.discovery.evidence import information_of
+from app.discovery.labels import labelled
 from app.discovery.next_push import push_words
-from app.discovery.predict import Predictor, Seen, Trials, labelled, prepare
+from app.discovery.predict import Predictor, Seen, Trials, prepare
 from app.discovery.probe import NOTHING, Belief, gains_of, rival_words, weighted
 from app.discovery.sensitivity import residuals
 from app.discovery.study import Push, Study, View
@@ -77,7 +78,7 @@ class PushSituation:
     """Situation in which a push is chosen: the object as it is `seen`, in an `episode`, after those `made` before.
 
     `plan`: speeds and lengths of pushes, and whether the arm measures its path; `height_m`: of the tip while it pushes;
-    `core_m`: from a finger's middle to an end of its core; `camera`: see `Study`; `rods`: see `predict.labelled`.
+    `core_m`: from a finger's middle to an end of its core; `camera`: see `Study`; `rods`: see `labels.labelled`.
     """
 
     task: str

@@ -46,7 +46,7 @@ def parameters_with(effects: Sequence[Effect]) -> tuple[ParameterSpec, ...]:
 PARAMETERS = parameters_with(EFFECTS)
 
 _HASTE, _HEFT = 5.0, 12.0
-"""Of the simulated rope of material points (`tasks.rope_push`), for which effects say what is typical."""
+"""Those of the simulated rope of material points (`tasks.rope_push`), for which effects say what is typical."""
 
 
 def rod_parameters_of(effects: Sequence[Effect]) -> tuple[ParameterSpec, ...]:

@@ -17,7 +17,8 @@ from app.core.motion import TOOL_DOWN, Motion
 from app.core.track import Track
 from app.core.types import Centreline, Path3, Points, ToolPose
 from app.discovery.apparatus.base import Eye, Load
-from app.discovery.predict import Predictor, dragging, labelled
+from app.discovery.labels import labelled
+from app.discovery.predict import Predictor, dragging
 from app.discovery.subject import Theta, catalogue
 from app.planner.base import Planner
 from app.planner.plan import Plan, Ways

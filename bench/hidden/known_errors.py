@@ -18,7 +18,7 @@ from app.core.errors import UsageError
 from app.core.track import Track
 from app.discovery import apparatus
 from app.discovery.apparatus.base import Apparatus, Eye, See, Values
-from app.discovery.predict import labelled
+from app.discovery.labels import labelled
 from app.discovery.study import Push, Study, View
 
 Undo: TypeAlias = Callable[[Track, Values], Track]

@@ -26,7 +26,8 @@ from app.core.motion import TOOL_DOWN, Motion
 from app.core.track import Track
 from app.core.types import Points
 from app.discovery.apparatus.base import Eye
-from app.discovery.predict import Predictor, labelled, prepare
+from app.discovery.labels import labelled
+from app.discovery.predict import Predictor, prepare
 from app.discovery.study import Push, Study, View
 from app.discovery.subject import Theta, catalogue
 from app.planner.plan import Plan, TreePlanner

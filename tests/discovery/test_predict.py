@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from app.discovery.predict import labelled
+from app.discovery.labels import labelled
 from app.discovery.subject import RodModel
 from app.sim.rods.scene import RodScene
 from app.tasks.curves import fill_tube

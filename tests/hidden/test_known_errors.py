@@ -6,7 +6,8 @@ import pytest
 from app.core.errors import UsageError
 from app.core.track import Track
 from app.discovery.apparatus.base import Eye, Load
-from app.discovery.predict import Predictor, labelled, prepare
+from app.discovery.labels import labelled
+from app.discovery.predict import Predictor, prepare
 from app.discovery.study import Study
 from app.discovery.subject import Catalogue, catalogue
 from app.policy.strokes import PushDesign
