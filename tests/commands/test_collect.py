@@ -25,7 +25,7 @@ def short(monkeypatch: pytest.MonkeyPatch) -> None:
     def order(**said: object) -> demonstrate.EvaluationConfig:
         return orders(**{**said, "actions": 2})  # pyright: ignore[reportArgumentType]
 
-    monkeypatch.setattr(demonstrate, "Order", order)
+    monkeypatch.setattr(demonstrate, "EvaluationConfig", order)
 
 
 @pytest.mark.usefixtures("short")
