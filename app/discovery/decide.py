@@ -39,8 +39,6 @@ _DOUBT = 0.1
 """Probability of nothing missing from which no cause is taken for present: a set that holds 90 % would hold it, too."""
 _SHARES = 1.0, 0.4
 """Shares of the screening's estimate at which refits start: strong effects are often overestimated there."""
-_STRONG = 1.5
-"""Typical sizes from which a rope's effect is strong."""
 NAMED = 0.8
 """Probability above which a cause is named alone."""
 _SHORTLIST = 5
@@ -108,7 +106,10 @@ def decide(predictor: Predictor, trials: Trials, screening: Screening, said: Pro
     if held is not None and (not catalogue.rods or held.gain > held.error):
         best = _extended(predictor, trials, screening, best, singles, said)
         held = held_out((screening.data, screening.prior), best)
-    earned = held is not None and held.gain > (_ERRORS if catalogue.rods else 1) * held.error
+    if held is not None and catalogue.rods and not is_earned(held) and len(best.causes) == 1:
+        (suspect,) = (suspect for suspect in screening.suspects if suspect.cause == best.causes[0])
+        held = max(held, held_out_of_linear(screening, suspect), key=_errors)
+    earned = held is not None and (is_earned(held) if catalogue.rods else held.gain > held.error)
     earned &= not catalogue.rods or is_sized(catalogue, best)
     return Decision(
         singles=tuple(singles),
@@ -156,8 +157,7 @@ def _refitted(predictor: Predictor, trials: Trials, screening: Screening, suspec
         model = refine(predictor, trials, screening, [(suspect.cause, start)])
         if best is None or model.log_evidence > best.log_evidence:
             best = model
-        weak = predictor.catalogue.rods and float(np.linalg.norm(suspect.finding.mean)) < _STRONG
-        if weak or best.log_evidence > screening.weighing.log_evidence:
+        if best.log_evidence > screening.weighing.log_evidence:
             break
     assert best is not None
     return best
@@ -267,7 +267,33 @@ def held_out(simpler: tuple[Residuals, Prior], model: Model) -> Held:
             for episode in np.unique(model.data.episode).tolist()
         ]
     )
+    return _held(gains)
+
+
+def _held(gains: Float64[np.ndarray, " E"]) -> Held:
     return Held(float(gains.mean()), float(gains.std(ddof=1) / np.sqrt(len(gains))) if len(gains) > 1 else np.inf)
+
+
+def held_out_of_linear(screening: Screening, suspect: Suspect) -> Held:
+    """The same of a cause about the nominal model, by the simulations that all causes were weighed with.
+
+    Simulated anew, chaotic pushes end elsewhere, which costs or gains more than a weak effect does.
+    """
+    data, nothing = screening.data, screening.prior
+    starts = (None, screening.weighing.nothing.covariances)
+    episodes = np.unique(data.episode).tolist()
+    present = nothing.wider(suspect.columns)
+    gains = [_likelihood(data, present, each, starts) - _likelihood(data, nothing, each, starts) for each in episodes]
+    return _held(np.array(gains))
+
+
+def is_earned(held: Held) -> bool:
+    """True if episodes that were left out are more likely by enough standard errors."""
+    return held.gain > _ERRORS * held.error
+
+
+def _errors(held: Held) -> float:
+    return held.gain / held.error
 
 
 def _likelihood(data: Residuals, prior: Prior, episode: int, starts: Sequence[Covariances | None]) -> float:

@@ -3,6 +3,7 @@
 from dataclasses import replace
 from functools import cache
 
+import jax.numpy as jnp
 import numpy as np
 import pytest
 
@@ -57,7 +58,7 @@ def test_the_slope_by_the_offset_agrees_with_central_differences() -> None:
 
 def test_a_rope_begins_outside_of_compiled_code_as_within() -> None:
     before = hidden().evidence.before
-    outside, within = compiled.begun(TASK.name)(before), TASK.begin(before)
+    outside, within = compiled.begun(TASK.name)(before), TASK.begin(jnp.asarray(before))
     for mine, its in zip(outside, within, strict=True):
         np.testing.assert_allclose(mine, its, atol=1e-6)
 

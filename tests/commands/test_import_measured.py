@@ -274,17 +274,29 @@ def test_a_copy_of_an_episode_is_noticed(tmp_path: Path) -> None:
     assert "Episodes 1 and 3 hold the same push." in fatal(read_study(paths))
 
 
+def cut(view: Any) -> Any:
+    """The view of an object of which a third is missing."""
+    kept = view.points[np.argsort(np.linalg.norm(view.points - view.points[0], axis=1))[: 2 * len(view.points) // 3]]
+    return replace(view, points=np.concatenate([kept, kept[: len(view.points) - len(kept)]]))
+
+
+def test_an_object_that_seems_shorter_after_most_pushes_of_an_episode_is_no_other_one(tmp_path: Path) -> None:
+    task, study = recorded(THICK)
+    found = imported(tmp_path, measured_arrays(study, task.finger, about=said(task)))
+    number = found.pushes[-1].episode
+    own = [push for push in found.pushes if push.episode == number]
+    short = {id(view) for push in own for view in (push.before, push.after)} - {id(own[0].before), id(own[0].after)}
+    pushes = tuple(
+        replace(p, **{name: cut(view) for name in ("before", "after") if id(view := getattr(p, name)) in short})
+        for p in found.pushes
+    )
+    assert not any("long in episode" in text for text in fatal(replace(found, pushes=pushes)))
+
+
 def test_an_object_that_is_another_one_in_an_episode_is_noticed(tmp_path: Path) -> None:
     task, study = recorded(THICK)
     found = imported(tmp_path, measured_arrays(study, task.finger, about=said(task)))
     assert not fatal(found)
-
-    def cut(view: Any) -> Any:
-        kept = view.points[
-            np.argsort(np.linalg.norm(view.points - view.points[0], axis=1))[: 2 * len(view.points) // 3]
-        ]
-        return replace(view, points=np.concatenate([kept, kept[: len(view.points) - len(kept)]]))
-
     pushes = tuple(replace(p, before=cut(p.before), after=cut(p.after)) if p.episode else p for p in found.pushes)
     assert any("long in episode" in text for text in fatal(replace(found, pushes=pushes)))
 
