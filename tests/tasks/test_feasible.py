@@ -59,6 +59,6 @@ def test_a_goal_that_goes_through_a_wall_is_refused_with_the_wall_and_the_first_
     goal = task.goal(0, 300).copy()
     goal[7] = wall.place_m
     with pytest.raises(
-        UsageError, match=r"wall.npy: 1 of 300 points are inside the block of rod_to_rope, the first at"
+        UsageError, match=r"wall.npy: 1 of 300 points are inside the obstacle of rod_to_rope, the first at"
     ):
         check_goal(task, goal, "wall.npy")
