@@ -108,7 +108,8 @@ def decide(predictor: Predictor, trials: Trials, screening: Screening, said: Pro
         held = held_out((screening.data, screening.prior), best)
     if held is not None and catalogue.rods and not is_earned(held) and len(best.causes) == 1:
         (suspect,) = (suspect for suspect in screening.suspects if suspect.cause == best.causes[0])
-        held = max(held, held_out_of_linear(screening, suspect), key=_errors)
+        linear = held_out_of_linear(screening, suspect)
+        held = linear if is_earned(linear) else held
     earned = held is not None and (is_earned(held) if catalogue.rods else held.gain > held.error)
     earned &= not catalogue.rods or is_sized(catalogue, best)
     return Decision(
@@ -260,18 +261,7 @@ def _further(model: Model) -> list[Suspect]:
 
 def held_out(simpler: tuple[Residuals, Prior], model: Model) -> Held:
     """Leave-one-episode-out: the mean over episodes of the gain in log likelihood, and its standard error."""
-    starts = (None, model.fit.covariances)
-    gains = np.array(
-        [
-            _likelihood(model.data, model.prior, episode, starts) - _likelihood(*simpler, episode, starts)
-            for episode in np.unique(model.data.episode).tolist()
-        ]
-    )
-    return _held(gains)
-
-
-def _held(gains: Float64[np.ndarray, " E"]) -> Held:
-    return Held(float(gains.mean()), float(gains.std(ddof=1) / np.sqrt(len(gains))) if len(gains) > 1 else np.inf)
+    return _held_out(simpler, (model.data, model.prior), (None, model.fit.covariances))
 
 
 def held_out_of_linear(screening: Screening, suspect: Suspect) -> Held:
@@ -280,20 +270,23 @@ def held_out_of_linear(screening: Screening, suspect: Suspect) -> Held:
     Simulated anew, chaotic pushes end elsewhere, which costs or gains more than a weak effect does.
     """
     data, nothing = screening.data, screening.prior
-    starts = (None, screening.weighing.nothing.covariances)
-    episodes = np.unique(data.episode).tolist()
     present = nothing.wider(suspect.columns)
-    gains = [_likelihood(data, present, each, starts) - _likelihood(data, nothing, each, starts) for each in episodes]
-    return _held(np.array(gains))
+    return _held_out((data, nothing), (data, present), (None, screening.weighing.nothing.covariances))
+
+
+def _held_out(
+    simpler: tuple[Residuals, Prior], extended: tuple[Residuals, Prior], starts: Sequence[Covariances | None]
+) -> Held:
+    episodes = np.unique(extended[0].episode).tolist()
+    gains = np.array(
+        [_likelihood(*extended, episode, starts) - _likelihood(*simpler, episode, starts) for episode in episodes]
+    )
+    return Held(float(gains.mean()), float(gains.std(ddof=1) / np.sqrt(len(gains))) if len(gains) > 1 else np.inf)
 
 
 def is_earned(held: Held) -> bool:
     """True if episodes that were left out are more likely by enough standard errors."""
     return held.gain > _ERRORS * held.error
-
-
-def _errors(held: Held) -> float:
-    return held.gain / held.error
 
 
 def _likelihood(data: Residuals, prior: Prior, episode: int, starts: Sequence[Covariances | None]) -> float:

@@ -70,7 +70,7 @@ def refit(predictor: Predictor, trials: Trials) -> Theta:
     """The nominal model with the calibrated parameters that fit these pushes, and of rods the unknown ones, too."""
     catalogue, calibrated = predictor.catalogue, predictor.subject.calibrated
     own = _fitted_first(predictor)
-    about, starts = catalogue.nominal(predictor.subject), 1
+    about, starts = catalogue.nominal(predictor.subject), 1 if catalogue.rods else STARTS
     for turn in range(_REFITS):
         prior = prior_of(catalogue, calibrated, about, own)
         sloped = residuals(predictor, trials, about, own, replicas=2, starts=starts)

@@ -134,9 +134,9 @@ def _rod_stepper(rods: RodModel) -> Stepper:
         state, physics = RodState(*start), rod_physics(scene, contact_of(rods, unknowns), phi)
         along = material_coordinates(state.place, label[..., 0], scene.nodes)
         setting = RodSetting(material_coordinates=along, session_time=time)
-        to_stop, none = first.shape[1] - 1, jnp.zeros_like(needed[:, 0])
-        late = jnp.stack([to_stop - needed[:, 0], none + to_stop], axis=1)
-        early = jnp.stack([none, needed[:, 1]], axis=1)
+        to_stop = jnp.full(len(needed), first.shape[1] - 1)
+        late = jnp.stack([to_stop - needed[:, 0], to_stop], axis=1)
+        early = needed * jnp.array([0, 1])
         stopped = simulate(physics, state, first, phi[:, own], setting, spans=late)
         end = simulate(physics, stopped, second, phi[:, own], setting, spans=early)
         flung = is_flung(state.x, end.x, jnp.concatenate([first, second], axis=1))[:, None, None]

@@ -1,40 +1,13 @@
 """Confusions that pushes would leave: causes with the same slopes, and no others; too weak a cause stays unseen."""
 
-from collections.abc import Callable
-
 import numpy as np
 import pytest
 
 from app.discovery.confusion import confusions
 from app.discovery.decide import named_of
-from app.discovery.evidence import Block, Residuals
-from app.discovery.inference import Finding, Prior, Weighing, weigh
-from app.discovery.screen import Screening
-from app.discovery.sensitivity import Step
-
-K, R = 60, 16
-CAUSES = ("push", "tilt", "drag", "film")
-ALL = [[1], [2], [3], [4]]
-
-
-def screening(slopes: Callable[[np.random.Generator], np.ndarray]) -> Screening:
-    """A world with friction and four causes; `slopes` are (K, R, 4) [mm a step] under noise of 1 mm."""
-    rng = np.random.default_rng(0)
-    J = 1e-3 * np.concatenate([rng.normal(size=(K, R, 1)), slopes(rng)], axis=2)
-    data = Residuals(
-        r=1e-3 * rng.normal(size=(K, R)),
-        J=J,
-        spread=np.zeros((K, R, 1)),
-        known=np.ones((K, R), bool),
-        episode=np.arange(K) // 6,
-        blocks=(Block(slice(0, R)),),
-    )
-    prior = Prior(mean=np.zeros(5), variance=np.array([100.0, *[0.05**2] * 4]), nuisance=(0,))
-    steps = [Step(cause=name, column=n, size=1.0, sides=2) for n, name in enumerate(("friction", *CAUSES))]
-    weighing: Weighing = weigh(data, ALL, prior)
-    return Screening(
-        about=np.zeros(5), steps=tuple(steps), data=data, prior=prior, weighing=weighing, suspects=(), ends={}
-    )
+from app.discovery.evidence import Residuals
+from app.discovery.inference import Finding, weigh
+from tests.discovery.made_up import ALL, CAUSES, K, R, screening
 
 
 def test_what_has_slopes_of_its_own_is_told_apart() -> None:

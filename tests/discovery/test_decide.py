@@ -1,0 +1,37 @@
+"""Left-out episodes speak for a weak cause that is there, and for none that is not."""
+
+from dataclasses import replace
+
+import pytest
+
+from app.discovery.decide import held_out_of_linear, is_earned
+from app.discovery.inference import weigh
+from app.discovery.screen import Screening, Suspect
+from tests.discovery.made_up import ALL, K, R, screening
+
+
+def with_cause(size: float) -> tuple[Screening, Suspect]:
+    """A screening of a world in which the first cause has this size, and that cause as a suspect."""
+    about = screening(lambda rng: rng.normal(size=(K, R, 4)))
+    data = replace(about.data, r=about.data.r + size * about.data.J[:, :, 1])
+    weighing = weigh(data, ALL, about.prior)
+    suspect = Suspect(cause="push", columns=(1,), steps=(about.steps[1],), finding=weighing.findings[0])
+    return replace(about, data=data, weighing=weighing), suspect
+
+
+@pytest.mark.parametrize("size", [-0.6, 0.6])
+def test_a_weak_cause_makes_left_out_episodes_more_likely(size: float) -> None:
+    held = held_out_of_linear(*with_cause(size))
+    assert held.gain > 0
+    assert is_earned(held)
+
+
+def test_a_cause_that_is_absent_does_not() -> None:
+    assert not is_earned(held_out_of_linear(*with_cause(0.0)))
+
+
+def test_a_cause_that_moves_nothing_does_not() -> None:
+    found, suspect = with_cause(0.4)
+    slopes = found.data.J.copy()
+    slopes[:, :, 1] = 0.0
+    assert not is_earned(held_out_of_linear(replace(found, data=replace(found.data, J=slopes)), suspect))
