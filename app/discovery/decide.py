@@ -13,6 +13,7 @@ from typing import NamedTuple, TypeAlias, final
 
 import numpy as np
 from jaxtyping import Float64
+from scipy.stats import t
 
 from app.discovery.calibration import calibration
 from app.discovery.evidence import Covariances, Residuals, fitted, log_likelihood
@@ -48,6 +49,11 @@ _AT_END = 0.05
 """Tolerance, in steps, within which a parameter is at the end of its range."""
 _ERRORS = 2
 """Standard errors by which episodes that a cause was not fitted to have to be more likely with it."""
+_TRIMMED = 0.2
+"""Share of episodes, of the best and of the worst, that a mean leaves out: where a rope slips off the tool or not, an
+episode gains or loses ten times what the others do."""
+_FEWEST = 10
+"""Episodes of which a mean is trimmed: of five, the error of a trimmed mean is a fifth too small."""
 _CLOSE = 3.0
 """Suspects whose evidence is so near the last of the shortlist's are on it, too."""
 _MOST = 3
@@ -61,7 +67,7 @@ Progress: TypeAlias = Callable[[str], None]
 
 
 class Held(NamedTuple):
-    """Gain in log likelihood of left-out episodes over the null hypothesis: mean and standard error."""
+    """Gain in log likelihood of left-out episodes over the null hypothesis: trimmed mean and standard error."""
 
     gain: float
     error: float
@@ -96,7 +102,7 @@ def decide(predictor: Predictor, trials: Trials, screening: Screening, said: Pro
     for suspect in shortlist(screening) if measured is None else _probable(screening, measured[0]):
         said(f"refitting {suspect.cause}")
         probable = measured is None or measured[0][suspect.cause] > _WORTH
-        singles.append(_refitted(predictor, trials, screening, suspect, thorough=probable))
+        singles.append(refitted(predictor, trials, screening, suspect, thorough=probable))
     probabilities, nothing = measured or probabilities_of(screening, singles)
     probabilities = {cause: value for cause, value in probabilities.items() if cause != FORMULA}
     singles.sort(key=lambda model: -probabilities[model.causes[0]])
@@ -147,7 +153,9 @@ def is_sized(catalogue: Catalogue, model: Model) -> bool:
     return True
 
 
-def _refitted(predictor: Predictor, trials: Trials, screening: Screening, suspect: Suspect, *, thorough: bool) -> Model:
+def refitted(
+    predictor: Predictor, trials: Trials, screening: Screening, suspect: Suspect, *, thorough: bool = True
+) -> Model:
     """Refit with this cause alone, from the screening's estimate; if `thorough` from less if that improves nothing."""
     if not thorough:
         start = started(predictor.catalogue, screening.about, suspect)
@@ -223,7 +231,7 @@ def _extended(
         if better is None or better.log_evidence < best.log_evidence + ENOUGH:
             return best
         gained = held_out((best.data, best.prior), better)
-        if gained.gain < 2 * gained.error:
+        if not is_earned(gained):
             return best
         best = _without_needless(better, [best, *singles])
     return best
@@ -281,7 +289,24 @@ def _held_out(
     gains = np.array(
         [_likelihood(*extended, episode, starts) - _likelihood(*simpler, episode, starts) for episode in episodes]
     )
-    return Held(float(gains.mean()), float(gains.std(ddof=1) / np.sqrt(len(gains))) if len(gains) > 1 else np.inf)
+    return trimmed(gains)
+
+
+def trimmed(gains: Float64[np.ndarray, " E"]) -> Held:
+    """The trimmed mean of episodes, and its standard error (Tukey and McLaughlin 1963).
+
+    The error is as much larger as makes two of it as rare as two of a plain mean, by Student's distribution of fewer
+    degrees of freedom.
+    """
+    count = len(gains)
+    out = int(_TRIMMED * count) if count >= _FEWEST else 0
+    if count < 2:
+        return Held(float(gains.mean()), np.inf)
+    ordered, inner = np.sort(gains), count - 2 * out
+    winsorized = np.clip(gains, ordered[out], ordered[count - 1 - out])
+    error = winsorized.std(ddof=1) * np.sqrt(count) / inner
+    rarer = t.ppf(t.cdf(_ERRORS, count - 1), inner - 1) / _ERRORS
+    return Held(float(ordered[out : count - out].mean()), float(error * rarer))
 
 
 def is_earned(held: Held) -> bool:

@@ -38,9 +38,14 @@ def _scores(forms: Forms, theta: Float64[np.ndarray, " P"], prior: Prior, column
     return (whole - left[:, rest] @ projection[:, 0]) / np.sqrt(max(float(information[0, 0]), 1e-12))
 
 
-def turned(data: Residuals, ends: Ends, odd: Sequence[int]) -> Residuals:
-    """The residuals with the slopes of odd parameters for these orientations."""
+def turned(data: Residuals, ends: Ends, odd: Sequence[int], rows: Float64[np.ndarray, " R"]) -> Residuals:
+    """The residuals, as they are of objects whose first ends are these.
+
+    `odd`: columns of parameters that change their sign with the direction; `rows`: signs of amplitudes along an object
+    that is called the other way round.
+    """
     signs = np.array([ends[int(episode)] for episode in data.episode])
-    J = data.J.copy()
+    r_signs = np.where(signs[:, None] < 0, rows, 1.0)
+    J = data.J * r_signs[:, :, None]
     J[:, :, list(odd)] *= signs[:, None, None]
-    return replace(data, J=J)
+    return replace(data, r=data.r * r_signs, J=J, spread=data.spread * r_signs[:, :, None])

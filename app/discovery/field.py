@@ -22,6 +22,9 @@ MODES = 8
 """Cosines along the object, the constant included; each across and along it. Amplitudes: 2 MODES a view."""
 AFTER = slice(2 * MODES, 4 * MODES)
 """Rows of the residuals of a view after a push; those of the one during it come first."""
+REVERSED = np.tile(-((-1.0) ** np.arange(MODES)), 4)
+"""Sign of each row of both views where the object's other end is called the first: across and along turn round, and so
+do odd cosines."""
 WIDTH_M = 0.015
 """h, about the width of the ropes and beans on the table; and the lattice's spacing."""
 _WIDTHS_M = (0.03, WIDTH_M)

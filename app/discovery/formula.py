@@ -10,7 +10,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import NamedTuple, final
 
-from app.discovery.decide import ENOUGH, Decision, Progress, held_out
+from app.discovery.decide import ENOUGH, Decision, Progress, held_out, is_earned
 from app.discovery.evidence import Residuals
 from app.discovery.forces import FEATURES, FORMULA, parameters, with_formula
 from app.discovery.inference import Finding, Prior, log_evidence, weigh
@@ -112,8 +112,7 @@ def _needed(simpler: Model, model: Model) -> bool:
     """True if a further feature makes all data likely enough, and left-out episodes more likely."""
     if model.log_evidence < simpler.log_evidence + ENOUGH:
         return False
-    held = held_out((simpler.data, simpler.prior), model)
-    return held.gain > 2 * held.error
+    return is_earned(held_out((simpler.data, simpler.prior), model))
 
 
 def _further(found: AcceptedFormula) -> dict[str, Suspect]:

@@ -62,6 +62,8 @@ class Trials:
     loads: tuple[Load, ...]
     has_during: Bool[np.ndarray, " K"]
     observed: Seen
+    ways: Float32[np.ndarray, " K"]
+    """-1 where the object's other end is called the first than was at first; the cameras' errors stay as drawn."""
     noise_m: float = 1e-3
     smooth: bool = False
     """True if cameras err alike for neighbouring points: of a rod, whose centreline is fitted to all of them."""
@@ -72,14 +74,14 @@ class Trials:
     def turned(self, ends: Mapping[int, float]) -> "Trials":
         """The same with the object's other end called the first in the episodes in which `ends` is -1."""
         signs = np.array([ends[push.episode] for push in self.study.pushes], np.float32)
-        return replace(self, labels=self.labels * signs[:, None, None])
+        return replace(self, labels=self.labels * signs[:, None, None], ways=self.ways * signs)
 
     def disturbed(self, seed: int) -> "Trials":
         """The same pushes of objects that lie a little elsewhere than they were seen, by `noise_m`."""
         rng = np.random.default_rng(seed)
         pushes = tuple(
             replace(push, before=replace(push.before, points=self._jittered(push.before.points, along, rng)))
-            for push, along in zip(self.study.pushes, self.labels[:, :, 0], strict=True)
+            for push, along in zip(self.study.pushes, self.labels[:, :, 0] * self.ways[:, None], strict=True)
         )
         return replace(self, study=replace(self.study, pushes=pushes))
 
@@ -106,6 +108,7 @@ class Trials:
             loads=tuple(self.loads[k] for k in starts),
             has_during=self.has_during[rows],
             observed=Seen(self.observed.during[rows], self.observed.after[rows]),
+            ways=self.ways[owners],
         )
 
     def _jittered(self, points: Points, along: Float32[np.ndarray, " N"], rng: np.random.Generator) -> Points:
@@ -144,6 +147,7 @@ def prepare(study: Study, subject: Subject) -> Trials:
             during=np.stack([(view or push.before).points for view, push in zip(during, pushes, strict=True)]),
             after=np.stack([push.after.points for push in pushes]),
         ),
+        ways=np.ones(len(pushes), np.float32),
         smooth=subject.rods is not None,
     )
 

@@ -142,11 +142,12 @@ def _fitted(
     present = {step.column for step in own}
     others = [n for n, step in enumerate(screening.steps) if step.column not in present]
     base = screening.data
+    # What cannot be simulated with the cause is left as the nominal model predicts it: evidence is of the same rows.
     data = Residuals(
-        r=sloped.r,
+        r=np.where(sloped.known, sloped.r, base.r),
         J=np.concatenate([sloped.J, base.J[:, :, others]], axis=2),
         spread=base.spread,
-        known=sloped.known & base.known,
+        known=base.known,
         episode=base.episode,
         blocks=base.blocks,
     )

@@ -27,11 +27,11 @@ from scipy.optimize import minimize
 from scipy.special import log_softmax, softmax
 from threadpoolctl import threadpool_limits
 
-from app.discovery.calibration import Calibration, features
-from app.discovery.decide import NAMED
+from app.discovery.calibration import Calibration, calibration, features
+from app.discovery.decide import NAMED, held_out, held_out_of_linear, refitted
 from app.discovery.forces import FORMULA
-from app.discovery.predict import Predictor, prepare
-from app.discovery.screen import refit, screen
+from app.discovery.predict import Predictor, Trials, prepare
+from app.discovery.screen import Screening, Suspect, refit, screen
 from app.discovery.subject import catalogue
 from app.evaluation.intervals import share
 from app.evaluation.ledger import lines
@@ -98,12 +98,16 @@ def _hideable(world: World) -> tuple[Sequence[str], Sequence[str]]:
 
 
 @threadpool_limits.wrap(limits=1, user_api="blas")
-def studied(world: World, case: RopeCase | OwnRope) -> dict[str, Any]:
-    """Features of a case's screening, with the hidden truth."""
+def studied(world: World, case: RopeCase | OwnRope, refits: int = 0) -> dict[str, Any]:
+    """Features of a case's screening, with the hidden truth, and refits of so many of the likeliest causes."""
     study, subject = case.record(), subject_of(case.task)
     predictor = Predictor(subject, catalogue(subject.rods))
     trials = prepare(study, subject)
-    causes, table = features(screen(predictor, trials, refit(predictor, trials)))
+    screening = screen(predictor, trials, refit(predictor, trials))
+    trials = trials.turned(screening.ends)
+    causes, table = features(screening)
+    probabilities, _ = calibration().probabilities(screening)
+    likeliest = sorted(screening.suspects, key=lambda suspect: -probabilities[suspect.cause])[:refits]
     return {
         "world": world,
         "hidden": [[each.effect, each.size] for each in case.hidden],
@@ -111,6 +115,18 @@ def studied(world: World, case: RopeCase | OwnRope) -> dict[str, Any]:
         "pushes": len(study.pushes),
         "causes": causes,
         "features": np.round(table, 5).tolist(),
+        "refits": {suspect.cause: _refit_of(predictor, trials, screening, suspect) for suspect in likeliest},
+    }
+
+
+def _refit_of(predictor: Predictor, trials: Trials, screening: Screening, suspect: Suspect) -> dict[str, Any]:
+    """Evidence of a refitted cause over nothing [nats], and what episodes gain that were left out."""
+    model = refitted(predictor, trials, screening, suspect)
+    return {
+        "linear": round(suspect.finding.log_bayes, 2),
+        "log_bayes": round(model.log_evidence - screening.weighing.log_evidence, 2),
+        "held_out": np.round(held_out((screening.data, screening.prior), model), 3).tolist(),
+        "held_out_of_linear": np.round(held_out_of_linear(screening, suspect), 3).tolist(),
     }
 
 
@@ -208,6 +224,7 @@ def main(
     studies: Annotated[int, tyro.conf.arg(help="to have at the end")] = 0,
     seed: Annotated[int, tyro.conf.arg(help="of what is drawn")] = 0,
     workers: Annotated[int, tyro.conf.arg(help="processes")] = os.cpu_count() or 1,
+    refits: Annotated[int, tyro.conf.arg(help="likeliest causes that are refitted, too")] = 0,
     table: Annotated[Path | None, tyro.conf.arg(help="where to write what is learnt, as JSON")] = None,
 ) -> None:
     """Run the missing studies, learn from all of them, and print the reliability."""
@@ -218,7 +235,7 @@ def main(
         ProcessPoolExecutor(workers, mp_context=get_context("spawn")) as pool,
         path.open("a", encoding="utf-8") as file,
     ):
-        made = [pool.submit(_line, (seed, number)) for number in missing]
+        made = [pool.submit(_line, (seed, number), refits) for number in missing]
         for future in track(as_completed(made), "studies", total=len(made), console=terminal, disable=not made):
             file.write(json.dumps(future.result()) + "\n")
             file.flush()
@@ -232,10 +249,10 @@ def main(
         table.write_text(json.dumps(_told(made_of), indent=1) + "\n", encoding="utf-8")
 
 
-def _line(order: tuple[int, int]) -> dict[str, Any]:
+def _line(order: tuple[int, int], refits: int) -> dict[str, Any]:
     seed, number = order
     try:
-        found = studied(*drawn(seed, number))
+        found = studied(*drawn(seed, number), refits)
     except ValueError as error:  # A rod of our own world left what it can simulate.
         found = {"failure": str(error)}
     return {"seed": seed, "number": number, **found}

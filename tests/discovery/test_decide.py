@@ -2,9 +2,10 @@
 
 from dataclasses import replace
 
+import numpy as np
 import pytest
 
-from app.discovery.decide import held_out_of_linear, is_earned
+from app.discovery.decide import held_out_of_linear, is_earned, trimmed
 from app.discovery.inference import weigh
 from app.discovery.screen import Screening, Suspect
 from tests.discovery.made_up import ALL, K, R, screening
@@ -35,3 +36,22 @@ def test_a_cause_that_moves_nothing_does_not() -> None:
     slopes = found.data.J.copy()
     slopes[:, :, 1] = 0.0
     assert not is_earned(held_out_of_linear(replace(found, data=replace(found.data, J=slopes)), suspect))
+
+
+@pytest.mark.parametrize("count", [5, 10, 20])
+def test_where_nothing_is_gained_a_gain_is_earned_as_rarely_as_by_two_standard_errors(count: int) -> None:
+    gains = np.random.default_rng(count).normal(size=(4000, count))
+    plain = gains.mean(1) > 2 * gains.std(1, ddof=1) / np.sqrt(count)
+    earned = [is_earned(trimmed(each)) for each in gains]
+    assert np.mean(earned) == pytest.approx(np.mean(plain), abs=0.015)
+
+
+@pytest.mark.parametrize("outlier", [-150.0, 150.0])
+def test_one_episode_that_ends_otherwise_does_not_outweigh_nine(outlier: float) -> None:
+    gains = np.append(np.random.default_rng(0).normal(8.0, 3.0, 9), outlier)
+    assert gains.mean() < 2 * gains.std(ddof=1) / np.sqrt(10)  # By two standard errors of the mean it would.
+    assert is_earned(trimmed(gains))
+
+
+def test_one_episode_earns_nothing() -> None:
+    assert not is_earned(trimmed(np.array([80.0])))

@@ -7,10 +7,20 @@ import pytest
 
 from app.discovery.ends import found_ends, turned
 from app.discovery.evidence import Residuals
-from tests.discovery.test_inference import PRIOR, K, P, made, weighed
+from app.discovery.field import REVERSED
+from app.discovery.predict import Predictor, prepare
+from app.discovery.screen import steps_of
+from app.discovery.sensitivity import residuals
+from app.discovery.subject import catalogue
+from app.policy.strokes import PushDesign
+from app.tasks.doubted import subject_of
+from bench.hidden.ropes import RopeCase
+from tests.discovery.test_inference import PRIOR, K, P, R, made, weighed
 
 ODD = 5
 """The column of the parameter that changes its sign with the direction."""
+SAME = np.ones(R)
+"""Signs of rows that do not depend on the direction."""
 
 
 def laid(seed: int, size: float) -> tuple[Residuals, np.ndarray]:
@@ -33,7 +43,7 @@ def test_the_way_round_of_every_episode_is_found_but_for_which_of_both_is_which(
 
 def test_what_cancels_over_episodes_is_evident_once_they_are_turned() -> None:
     data, _ = laid(0, 0.9)
-    straight = turned(data, found_ends(data, PRIOR, [ODD]), [ODD])
+    straight = turned(data, found_ends(data, PRIOR, [ODD]), [ODD], SAME)
     before, after = (weighed(each).findings[ODD - 2] for each in (data, straight))
     assert after.log_bayes > before.log_bayes + 10
     assert abs(after.mean[0]) == pytest.approx(0.9, abs=0.2)
@@ -43,7 +53,7 @@ def test_where_nothing_acts_along_ropes_the_choice_gains_no_more_than_it_costs()
     gains = list[float]()
     for seed in range(10):
         data, signs = laid(seed, 0.0)
-        straight = turned(data, found_ends(data, PRIOR, [ODD]), [ODD])
+        straight = turned(data, found_ends(data, PRIOR, [ODD]), [ODD], SAME)
         cost = (len(signs) - 1) * np.log(2)
         gains.append(weighed(straight).findings[ODD - 2].log_bayes - cost)
     assert max(gains) < 0
@@ -52,3 +62,25 @@ def test_where_nothing_acts_along_ropes_the_choice_gains_no_more_than_it_costs()
 def test_without_such_parameters_nothing_is_turned() -> None:
     data, _ = laid(0, 0.9)
     assert set(found_ends(data, PRIOR, []).values()) == {1.0}
+
+
+def test_pushes_of_a_rope_that_is_called_the_other_way_round_are_the_same_pushes() -> None:
+    """A refit sees ropes whose ends are found; the screening, whose noise and slopes it takes over, had seen others."""
+    case = RopeCase(seed=11, plan=PushDesign(episodes=2, pushes=1))
+    study, subject = case.record(), subject_of(case.task)
+    predictor = Predictor(subject, catalogue(subject.rods))
+    trials, about = prepare(study, subject), predictor.catalogue.nominal(subject)
+    steps = [
+        step for step in steps_of(predictor.catalogue, (), {}) if step.cause in ("mass_heterogeneity", "table_tilt")
+    ]
+    odd_columns = {column for cause in predictor.catalogue.causes for column in cause.odd}
+    odd, ends = [n for n, step in enumerate(steps) if step.column in odd_columns], {0: -1.0, 1: 1.0}
+    first, again = (residuals(predictor, each, about, steps, starts=2) for each in (trials, trials.turned(ends)))
+    rows = np.concatenate([REVERSED, np.ones(first.r.shape[1] - len(REVERSED))])
+    expected = turned(first, ends, odd, rows)
+    assert 0 < len(odd) < len(steps)
+    assert np.abs(first.r - again.r).max() > 1e-3  # It asks something.
+    for name in ("r", "J"):
+        np.testing.assert_allclose(getattr(again, name), getattr(expected, name), atol=2e-5)
+    actual, wanted = (each.spread @ np.swapaxes(each.spread, 1, 2) for each in (again, expected))
+    np.testing.assert_allclose(actual, wanted, atol=1e-9)

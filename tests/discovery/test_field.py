@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from app.discovery.field import MODES, Basis, registered
+from app.discovery.field import MODES, REVERSED, Basis, registered
 from app.perception.resample import resample
 
 N = 300
@@ -57,3 +57,11 @@ def test_modes_are_a_metre_in_the_mean_and_at_right_angles() -> None:
     vectors = Basis.along(cloud[np.argsort(cloud[:, 0])], place).vectors
     products = np.einsum("nqd,npd->qp", vectors, vectors) / 4000
     np.testing.assert_allclose(products, np.eye(2 * MODES), atol=0.02)
+
+
+def test_amplitudes_along_an_object_that_is_called_the_other_way_round_differ_in_their_signs_alone() -> None:
+    predicted, place = rope(N, 3)
+    observed = displaced(*rope(N, 4), 0.003 * np.random.default_rng(5).normal(size=2 * MODES))
+    straight, reversed_ = (registered(predicted, observed, Basis.along(predicted, way * place)) for way in (1, -1))
+    assert np.abs(straight[: MODES // 2]).min() > 1e-5  # Else any sign would do.
+    np.testing.assert_allclose(reversed_, REVERSED[: 2 * MODES] * straight, atol=1e-7)
