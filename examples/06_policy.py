@@ -1,4 +1,4 @@
-"""Learn a policy from the pushes of a few recordings by behaviour cloning, and ask it for an action where one began.
+"""Learn a policy from the pushes of a few recordings by behaviour cloning, and let it propose one where one was shown.
 
 Start it with `python examples/06_policy.py RECORDING...`; `dipac collect rope_push --eyes truth` makes ten of them.
 """
@@ -8,12 +8,11 @@ from pathlib import Path
 import jax.numpy as jnp
 import numpy as np
 import tyro
+from jaxtyping import Float32
 from tyro.conf import Positional
 
-from app.config import Site
-from app.core.motion import Motion
 from app.planner.tree import first_action
-from app.policy.base import AWAY, Now
+from app.policy.base import Now
 from app.policy.learned.kinds import load as load_kind
 from app.policy.learned.train import TrainingSettings, learn
 from app.recording.taught import read_taught
@@ -21,21 +20,22 @@ from app.tasks import load
 from app.tasks.teaching import examples, lessons
 
 
-def main(recordings: Positional[tuple[Path, ...]], kind: str = "bc", steps: int = 200) -> Motion:
-    """Returns the motion that the policy proposes where the first demonstration began, for the goal it had."""
+def main(recordings: Positional[tuple[Path, ...]], kind: str = "bc", steps: int = 100) -> Float32[np.ndarray, "2 2 2"]:
+    """Begin and end [m] of the push that is proposed where the first one was shown, and of the one that was shown."""
     shown = [read_taught(path) for path in recordings]
     task = load(shown[0].task)
-    taught, how = examples(task, [(each.transitions, each.goals) for each in shown]), lessons(task)
-    policy, training = learn(load_kind(kind), how, taught, TrainingSettings(steps=steps, batch=16))
-    x, goal = shown[0].transitions[0].before, shown[0].goals[0]
-    action = first_action(policy, policy.prepare(x, goal), now := Now.at_rest(jnp.asarray(x)[None]))
-    motion = task.actions.motion(np.asarray(task.actions.project(action, now))[0], AWAY, Site())
-    made = shown[0].transitions[0].executed.made
-    print(f"{kind}: loss {training.curve[-1].loss:.2f} after {training.step} steps with {len(taught.x)} pushes")
-    print(f"proposed {motion.positions[0]} to {motion.positions[-1]} m; shown {made[0, :3]} to {made[-1, :3]} m")
-    return motion
+    taught = examples(task, [(each.transitions, each.goals) for each in shown])
+    policy, training = learn(load_kind(kind), lessons(task), taught, TrainingSettings(steps=steps, batch=16))
+    now = Now.at_rest(jnp.asarray(taught.x[:1]))
+    proposed = first_action(policy, policy.prepare(taught.x[0], taught.goal[0]), now)
+    actions = jnp.concatenate([task.actions.project(proposed, now), taught.actions[:1]])
+    path = np.asarray(task.actions.tool_path(actions, jnp.repeat(now.tool, 2, axis=0)))
+    pushes = path[:, [0, -1], :2]
+    begin_mm, end_mm = 1e3 * np.linalg.norm(pushes[0] - pushes[1], axis=-1)
+    print(f"{kind} has learnt {len(taught.x)} pushes of {len(shown)} recordings in {training.step} steps")
+    print(f"where the first was shown it begins {begin_mm:.0f} mm, and ends {end_mm:.0f} mm, from that one")
+    return pushes
 
 
 if __name__ == "__main__":
-    np.set_printoptions(precision=3, suppress=True)
     tyro.cli(main)

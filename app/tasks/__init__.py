@@ -37,8 +37,10 @@ def add(task: Task) -> Task:
     Other processes do not know it: `dipac run` needs a file here. Raises UsageError where another task has that name,
     as what is compiled for a task is kept by its name.
     """
-    if task.problem != task.name or task.name in names() or _ADDED.setdefault(task.name, task) is not task:
-        raise UsageError(f"{task.name} is the name of another task, or no name; give the new one another, as rope_arc.")
+    if task.problem != task.name:
+        raise UsageError(f"{task.name} says sizes or dynamics; add the task without them, as {task.problem}.")
+    if task.name in names() or _ADDED.setdefault(task.name, task) is not task:
+        raise UsageError(f"There is a task {task.name} already; give the new one another name.")
     return task
 
 
