@@ -6,11 +6,13 @@ from functools import cache
 from pathlib import Path
 from types import ModuleType
 
+import jax
 import numpy as np
 import pytest
 
 from app.core.chamfer import chamfer_m2
 from app.discovery.study import Study
+from app.planner.budget import tree_rollouts
 from app.policy.strokes import PushDesign
 from app.recording.model_file import load_model
 from app.recording.reader import read_messages, read_transitions
@@ -19,6 +21,8 @@ from bench.hidden.draws import Chosen
 from bench.hidden.recorded import write
 from bench.hidden.ropes import RopeCase
 from tests.commands.test_train import demonstration
+from tests.planner.table import search
+from tests.planner.test_methods import DESCENT, bowl, simulated
 
 FILES = sorted((Path(__file__).parents[1] / "examples").glob("*.py"))
 MAX_LINES = 59
@@ -143,5 +147,15 @@ def test_a_planner_of_ones_own_betters_every_branch_and_chooses_the_cheapest() -
     costs = [(branch.cost_before, branch.cost_after) for branch in plan.branches if branch.finite]
     assert all(after <= before for before, after in costs)
     assert sum(after < before for before, after in costs) > len(costs) / 2
-    assert plan.branches[plan.best].cost_after < 0
+    assert plan.branches[plan.best].cost_after == min(after for _, after in costs) < 0
     assert plan.predicted_chamfer_m2 < plan.chamfer_m2
+
+
+def test_a_planner_of_ones_own_simulates_as_much_as_the_tree_and_finds_a_minimum() -> None:
+    planner = example("07_planner").planner(search(), DESCENT, 3)
+    tree = tree_rollouts(search(), 3)
+    assert tree <= simulated(planner) <= 1.1 * tree
+    actions = jax.random.uniform(jax.random.key(1), (16, 2, 2), minval=-0.4, maxval=1.9)
+    found = planner.optimise(bowl, actions, np.full(2, 0.4, np.float32))
+    assert bool((found.best.judged <= found.cost_before).all())
+    assert float(found.best.judged.min()) < 0.1 * float(found.cost_before.min())

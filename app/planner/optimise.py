@@ -119,7 +119,7 @@ def descend(
         better = _better(rollout, climber.best) | is_first
         rate = jnp.where(better, climber.rate, climber.rate * descent.shrink)
         moved = _Climber(rollout, gradient, trial.memory, rate, climber.lost)
-        climber = _choose(better, moved, climber._replace(rate=rate))._replace(lost=climber.lost + ~usable)
+        climber = select(better, moved, climber._replace(rate=rate))._replace(lost=climber.lost + ~usable)
         return (climber, propose(climber)), rollout.cost
 
     none = jax.tree.map(jnp.zeros_like, jax.eval_shape(evaluate, actions))
@@ -128,7 +128,7 @@ def descend(
     begun = _Climber(none, jnp.zeros_like(actions), memory, rate, lost), _Trial(actions, memory)
     (climber, trial), costs = jax.lax.scan(step, begun, jnp.arange(steps) == 0)
     last = evaluate(trial.actions)
-    best = _choose(_better(last, climber.best), last, climber.best)
+    best = select(_better(last, climber.best), last, climber.best)
     return Descended(best, costs[0], jnp.concatenate([costs, last.cost[None]]), climber.lost, best.finite)
 
 
@@ -137,7 +137,7 @@ def _better(new: Rollout, old: Rollout) -> Bool[Array, " B"]:
     return new.allowed & new.finite & (new.cost < old.cost)
 
 
-def _choose(which: Bool[Array, " B"], yes: TreeT, no: TreeT) -> TreeT:
+def select(which: Bool[Array, " B"], yes: TreeT, no: TreeT) -> TreeT:
     """Per candidate, `yes` or `no`, for whole trees of arrays."""
 
     def pick(a: Array, b: Array) -> Array:
