@@ -22,7 +22,7 @@ def main(
         for promised, seen in zip(done.predicted_chamfer_m2, done.chamfer_m2[1:], strict=True)
     ]
     print(
-        f"distances to the goal after {done.pushes} pushes differ from those promised by up to {max(misses_mm):.1f} mm"
+        f"distances to the goal after {done.pushes} pushes differ from those promised by up to {max(misses_mm, default=0.0):.1f} mm"
     )
     print(f"{report.recorded} messages are recorded; look at them with examples/01_recording.py {report.recording}")
     return report
