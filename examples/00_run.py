@@ -1,6 +1,6 @@
 """Run a task in the simulated cell as `dipac run` does, and say how far its pushes ended from what was promised.
 
-Start it with `python examples/00_run.py`, or `python examples/00_run.py --task bean_sweep --pushes 1`.
+Start it with `python examples/00_run.py`, or `python examples/00_run.py --seed 8 --pushes 1`.
 """
 
 from pathlib import Path
@@ -17,13 +17,9 @@ def main(
     """Perceive, plan, approve, push and learn, with rendered cameras and an arm in a process of its own."""
     report = run(task, options=Options(seed=seed, pushes=pushes, recordings=recordings, port=0))
     done = report.summary
-    misses_mm = [
-        abs(millimetres(promised) - millimetres(seen))
-        for promised, seen in zip(done.predicted_chamfer_m2, done.chamfer_m2[1:], strict=True)
-    ]
-    print(
-        f"distances to the goal after {done.pushes} pushes differ from those promised by up to {max(misses_mm, default=0.0):.1f} mm"
-    )
+    pairs = zip(done.predicted_chamfer_m2, done.chamfer_m2[1:], strict=True)
+    worst_mm = max((abs(millimetres(promised) - millimetres(seen)) for promised, seen in pairs), default=0.0)
+    print(f"after {done.pushes} pushes: distances to the goal differ from those promised by {worst_mm:.1f} mm at most")
     print(f"{report.recorded} messages are recorded; look at them with examples/01_recording.py {report.recording}")
     return report
 
