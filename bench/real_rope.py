@@ -14,7 +14,6 @@ import tyro
 from jaxtyping import Float64
 from scipy.spatial import KDTree
 
-from app.commands._study import read_study
 from app.commands.import_ import import_
 from app.core.chamfer import chamfer_m2
 from app.core.errors import UsageError
@@ -23,6 +22,7 @@ from app.discovery.predict import Predictor, Trials, prepare
 from app.discovery.sensitivity import Step, moved
 from app.discovery.study import Study
 from app.discovery.subject import Catalogue, Cause, Theta, catalogue
+from app.services.study import read_study
 from app.sim.tools.finger import FingerCollider
 from bench.leave_one_out import Fitted, Place, chosen, descend, folds, loss, paired, placed
 from bench.rope_pictures import picture

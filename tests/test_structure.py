@@ -15,6 +15,7 @@ ROOT = Path(__file__).parent.parent
 MODULES = sorted(ROOT.glob("app/**/*.py"))
 COMMANDS = sorted(file for file in ROOT.glob("app/commands/**/*.py") if not file.stem.startswith("_"))
 BENCHES = sorted(ROOT.glob("bench/**/*.py"))
+EXAMPLES = sorted(ROOT.glob("examples/*.py"))
 TESTS = sorted(ROOT.glob("tests/**/*.py"))
 MAX_LINES = 400
 ROUNDABOUT = {"What", "Which", "Where", "Who", "Whether", "How", "When", "Of", "By"}
@@ -77,7 +78,7 @@ def docstrings(file: Path) -> dict[int, str]:
     return {line: value.value for line, value in values if isinstance(value.value, str)}
 
 
-@pytest.mark.parametrize("file", [*MODULES, *BENCHES, *TESTS], ids=name)
+@pytest.mark.parametrize("file", [*MODULES, *BENCHES, *EXAMPLES, *TESTS], ids=name)
 def test_a_docstring_begins_with_what_the_thing_is(file):
     found = {
         line: text

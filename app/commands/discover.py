@@ -9,8 +9,8 @@ from rich.console import Console
 from app.commands._named import Dynamics, full_name
 from app.commands._preflight import make_folder
 from app.commands._report import report_on
-from app.commands._study import read_study
 from app.core.errors import UsageError
+from app.services.study import read_study
 
 
 def discover(

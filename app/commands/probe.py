@@ -15,13 +15,13 @@ from app.commands._probing import ProbedCell, believed_of, recommended
 from app.commands._pushes import PUSHES, read_pushes, write_pushes
 from app.commands._report import report_on
 from app.commands._sealing import seal, truth_of, wish_of
-from app.commands._study import read_study
 from app.config import Site
 from app.core.errors import UsageError
 from app.discovery.probe import belief_words, stop_of, stop_words
 from app.policy.strokes import PushDesign
 from app.recording.preflight import Room, check_folder
 from app.rig.simulated.hiding import draw, mistuned
+from app.services.study import read_study
 from app.tasks import load
 from app.tasks.base import Task
 from app.tasks.probed import probed_subject

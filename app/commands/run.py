@@ -13,6 +13,8 @@ from app.commands._preflight import check_writable, unwritable
 from app.ui.terminal import Output
 from app.ui.words import millimetres
 
+__all__ = ["EpisodeReport", "Options", "run"]
+
 
 def run(
     task: tyro.conf.Positional[str] = "rope_push",
@@ -20,8 +22,11 @@ def run(
     *,
     options: Annotated[Options, tyro.conf.arg(name="")] = Options(),
     json: Annotated[Path | None, tyro.conf.arg(help="write the outcome to this file")] = None,
-) -> None:
-    """Push the object to its goal; the console is served meanwhile, and STOP works there."""
+) -> EpisodeReport:
+    """Push the object to its goal; the console is served meanwhile, and STOP works there.
+
+    A program gets the report that is printed; what ended the episode early is raised after that.
+    """
     output = Output()
     order = RunOptions(asked=task, options=options, automatic=True)
     if json is not None:
@@ -32,6 +37,7 @@ def run(
         _write(json, report)
     if report.failure is not None:
         raise report.failure
+    return report
 
 
 def _write(path: Path, report: EpisodeReport) -> None:

@@ -2,7 +2,7 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any, NamedTuple, TypeVar, cast, final
+from typing import Any, NamedTuple, Self, TypeVar, cast, final
 
 import jax
 import jax.numpy as jnp
@@ -51,6 +51,17 @@ class Descended(NamedTuple):
     lost_gradients: Int[Array, " B"]
     finite: Bool[Array, " B"]
 
+    @classmethod
+    def sampled(cls, best: Rollout, iterates: Float[Array, "G B"]) -> Self:
+        """The best of a method without gradients, with the best cost of each candidate in every generation of it."""
+        lost = jnp.zeros(len(best.cost), jnp.int32)
+        return cls(best, iterates[0], iterates, lost, best.finite)
+
+
+Optimise = Callable[[Evaluate, Float[Array, "B D A"], Float32[np.ndarray, " A"]], Descended]
+"""A planner's own way to better the actions of all candidates, in units of the action space's scale; a pure function
+that JAX can compile."""
+
 
 class _Climber(NamedTuple):
     """Best iterates, what the optimiser knows there, and the step to try next."""
@@ -83,7 +94,7 @@ def descend(
     """
     if not steps:
         rollout = evaluate(actions)
-        return Descended(rollout, rollout.cost, rollout.cost[None], jnp.zeros(len(actions), jnp.int32), rollout.finite)
+        return Descended.sampled(rollout, rollout.cost[None])
     optimiser = descent.optimiser()
 
     def slope(actions: Float[Array, "B D A"]) -> tuple[Rollout, Float[Array, "B D A"], Bool[Array, " B"]]:
@@ -108,7 +119,7 @@ def descend(
         better = _better(rollout, climber.best) | is_first
         rate = jnp.where(better, climber.rate, climber.rate * descent.shrink)
         moved = _Climber(rollout, gradient, trial.memory, rate, climber.lost)
-        climber = _choose(better, moved, climber._replace(rate=rate))._replace(lost=climber.lost + ~usable)
+        climber = select(better, moved, climber._replace(rate=rate))._replace(lost=climber.lost + ~usable)
         return (climber, propose(climber)), rollout.cost
 
     none = jax.tree.map(jnp.zeros_like, jax.eval_shape(evaluate, actions))
@@ -117,7 +128,7 @@ def descend(
     begun = _Climber(none, jnp.zeros_like(actions), memory, rate, lost), _Trial(actions, memory)
     (climber, trial), costs = jax.lax.scan(step, begun, jnp.arange(steps) == 0)
     last = evaluate(trial.actions)
-    best = _choose(_better(last, climber.best), last, climber.best)
+    best = select(_better(last, climber.best), last, climber.best)
     return Descended(best, costs[0], jnp.concatenate([costs, last.cost[None]]), climber.lost, best.finite)
 
 
@@ -126,7 +137,7 @@ def _better(new: Rollout, old: Rollout) -> Bool[Array, " B"]:
     return new.allowed & new.finite & (new.cost < old.cost)
 
 
-def _choose(which: Bool[Array, " B"], yes: TreeT, no: TreeT) -> TreeT:
+def select(which: Bool[Array, " B"], yes: TreeT, no: TreeT) -> TreeT:
     """Per candidate, `yes` or `no`, for whole trees of arrays."""
 
     def pick(a: Array, b: Array) -> Array:

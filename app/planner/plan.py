@@ -19,7 +19,7 @@ from app.core.messages import Branch, Origin
 from app.core.motion import Motion
 from app.core.types import Centreline, Points, ToolPose
 from app.planner.film import RolloutFrames, compile_film, film
-from app.planner.optimise import Descended, Descent, descend
+from app.planner.optimise import Descended, Descent, Optimise, descend
 from app.planner.tree import Search, roll_out, simulate, start
 from app.policy.base import AWAY, Now
 
@@ -53,11 +53,15 @@ class Plan:
 @final
 @dataclass(frozen=True, kw_only=True)
 class TreePlanner:
-    """The paper's planner. What is heavy are two compiled functions, each of all branches at once."""
+    """The paper's planner. What is heavy are two compiled functions, each of all branches at once.
+
+    `optimise`: another way to better the branches, instead of descent.
+    """
 
     search: Search
     descent: Descent
     gradient_steps: int
+    optimise: Optimise | None = None
 
     def __call__(
         self,
@@ -109,13 +113,10 @@ def _descended(
     goal: Float[Array, "M 3"],
     actions: Float[Array, "B D A"],
 ) -> Descended:
-    return descend(
-        partial(simulate, planner.search, phi, now, goal),
-        actions,
-        steps=planner.gradient_steps,
-        descent=planner.descent,
-        scale=planner.search.space.scale(),
-    )
+    evaluate, scale = partial(simulate, planner.search, phi, now, goal), planner.search.space.scale()
+    if planner.optimise is not None:
+        return planner.optimise(evaluate, actions, scale)
+    return descend(evaluate, actions, steps=planner.gradient_steps, descent=planner.descent, scale=scale)
 
 
 def choose(

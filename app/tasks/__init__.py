@@ -14,6 +14,7 @@ from app.tasks.jobs import calibrate, nominal_model, plan, update, warm_up_stage
 __all__ = [
     "Preset",
     "Task",
+    "add",
     "calibrate",
     "load",
     "named",
@@ -26,6 +27,21 @@ __all__ = [
 ]
 
 _DEFINES = re.compile(r"^TASK = ", re.MULTILINE)
+_ADDED: dict[str, Task] = {}
+"""Tasks of the program that uses this package, besides the files of the folder."""
+
+
+def add(task: Task) -> Task:
+    """Make a task known by its name in this process, for a program that defines one outside of this folder.
+
+    Other processes do not know it: `dipac run` needs a file here. Raises UsageError where another task has that name,
+    as what is compiled for a task is kept by its name.
+    """
+    if task.problem != task.name:
+        raise UsageError(f"{task.name} says sizes or dynamics; add the task without them, as {task.problem}.")
+    if task.name in names() or _ADDED.setdefault(task.name, task) is not task:
+        raise UsageError(f"There is a task {task.name} already; give the new one another name.")
+    return task
 
 
 @cache
@@ -41,7 +57,7 @@ def load(name: str) -> Task:
     what it defines is no task: a field is missing or unknown, a number impossible, the name another one.
     """
     wanted = TaskName.parse(name)
-    task = _of_file(wanted.problem)
+    task = _found(wanted.problem)
     return task if str(wanted) == task.name else _other(wanted)
 
 
@@ -52,6 +68,10 @@ def named(task: str, dynamics: str | None = None) -> str:
     """
     known = load(task)
     return load(str(replace(TaskName.parse(task), dynamics=dynamics or known.own_dynamics))).name
+
+
+def _found(name: str) -> Task:
+    return _ADDED.get(name) or _of_file(name)
 
 
 def _of_file(name: str) -> Task:
@@ -71,7 +91,7 @@ def _of_file(name: str) -> Task:
 @cache
 def _other(name: TaskName) -> Task:
     """The task with other sizes or dynamics; cached, so that compiled code is found again."""
-    task = _of_file(name.problem)
+    task = _found(name.problem)
     if name.sizes:
         task = task.with_sizes(dict(name.sizes))
     return task.with_dynamics(name.dynamics)

@@ -25,13 +25,13 @@ from scipy.special import softmax
 from threadpoolctl import threadpool_limits
 
 from app.commands._named import Dynamics, full_name
-from app.commands._study import read_study
 from app.discovery.case import Blame
 from app.discovery.conclude import estimate_of
 from app.discovery.decide import NAMED
 from app.discovery.predict import Predictor, prepare
 from app.discovery.screen import Screening, Suspect, refit, screen
 from app.discovery.subject import catalogue
+from app.services.study import read_study
 from app.tasks import load
 from app.tasks.doubted import subject_of
 from app.ui.report.size import size

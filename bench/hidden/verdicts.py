@@ -8,7 +8,6 @@ from typing import Final, final
 from threadpoolctl import threadpool_limits
 
 from app.commands._named import full_name
-from app.commands._study import read_study
 from app.discovery.case import Estimate, Name
 from app.discovery.chain import Stages, judged
 from app.discovery.conclude import estimates_of, verdict_of
@@ -16,6 +15,7 @@ from app.discovery.formula import Opened
 from app.discovery.leftover import Leftover
 from app.discovery.study import Study
 from app.discovery.subject import Subject, Theta
+from app.services.study import read_study
 from app.tasks import load
 from app.tasks.doubted import doubted_in
 

@@ -11,12 +11,12 @@ import numpy as np
 import pytest
 
 from app.__main__ import main
-from app.commands._study import read_study
 from app.core.errors import ParameterError, UsageError
 from app.core.messages import Episode, Executed, Frame, Particles, Sighting, Transition
 from app.recording.integrity import inspect
 from app.recording.reader import read_messages, read_transitions
 from app.rig.simulated.hiding import known
+from app.services.study import read_study
 
 SEED = 730915
 SMALL = ["--seed", str(SEED), "--episodes", "2", "--pushes", "1"]

@@ -11,7 +11,6 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from app.commands._study import read_study
 from app.commands.import_ import import_
 from app.core.errors import DipacError, RecordingError, UsageError
 from app.core.table_place import TablePlace
@@ -19,6 +18,7 @@ from app.core.task_name import TaskName
 from app.discovery.limits import limits_of
 from app.recording.plain import read_plain
 from app.recording.reader import read_transitions
+from app.services.study import read_study
 from app.tasks import load
 from app.tasks.doubted import subject_of
 from tests.cells.test_cell_file import GOOD, written

@@ -8,7 +8,6 @@ from typing import Any
 import numpy as np
 import pytest
 
-from app.commands._study import read_study
 from app.commands.import_ import import_
 from app.core.errors import RecordingError
 from app.core.stage import Finger
@@ -21,6 +20,7 @@ from app.discovery.predict import Predictor, Trials, prepare
 from app.discovery.sensitivity import Step
 from app.discovery.study import Study
 from app.discovery.subject import Catalogue, Subject, catalogue
+from app.services.study import read_study
 from app.tasks import load
 from app.tasks.doubted import subject_of
 from tests.discovery.exact import exact_model

@@ -7,9 +7,9 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from app.commands._study import read_study
 from app.discovery.study import Study
 from app.policy.strokes import PushDesign
+from app.services.study import read_study
 from app.sim.rods.effect import RodSetting
 from app.sim.rods.rollout import RodPhysics, make_rod_rollout
 from app.sim.rods.state import RodState

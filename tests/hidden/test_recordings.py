@@ -7,9 +7,9 @@ import numpy as np
 import pytest
 from mcap.reader import make_reader
 
-from app.commands._study import read_study
 from app.policy.strokes import PushDesign
 from app.recording.integrity import inspect
+from app.services.study import read_study
 from bench.hidden.draws import WORLDS, kinds, outsiders
 from bench.hidden.own import Order, record
 from bench.hidden.trial import handed_over

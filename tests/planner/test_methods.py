@@ -28,9 +28,16 @@ DESCENT = Descent(learning_rate=1.0, clip=1.0, shrink=0.5)
 
 
 def simulated(planner: Planner) -> int:
-    """Number of rollouts of one decision, counted from the planner's settings and not from its budget."""
+    """Number of rollouts of one decision, counted from the planner's settings and not from its budget.
+
+    Of a planner that has its own way to better branches, one rollout of each for every cost that it tells of them.
+    """
     assert isinstance(planner, TreePlanner | CemPlanner)
     if isinstance(planner, TreePlanner):
+        if planner.optimise is not None:
+            optimise, actions = planner.optimise, jnp.zeros((planner.search.branches, 1, 2))
+            found = jax.eval_shape(lambda: optimise(bowl, actions, np.ones(2, np.float32)))
+            return len(found.iterates) * planner.search.branches
         return planner.search.branches * SLOPE_ROLLOUTS * planner.gradient_steps
     samples = planner.refit.generations * planner.search.branches
     return samples * (1 + SLOPE_ROLLOUTS * planner.gradient_steps)

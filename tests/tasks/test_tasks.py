@@ -58,6 +58,18 @@ def test_a_task_file_that_is_wrong_is_refused_with_file_field_and_value(
     assert said in str(refusal.value)
 
 
+def test_a_program_adds_a_task_under_a_name_that_no_other_has() -> None:
+    own = replace(load("rope_push"), name="rope_of_a_program", sized=None)
+    assert tasks.add(own) is tasks.add(own) is load("rope_of_a_program")
+    assert load("rope_of_a_program@rods").dynamics == "rods"
+    assert "rope_of_a_program" not in names()
+    for name in ("rope_of_a_program", "rope_push"):
+        with pytest.raises(UsageError, match=f"There is a task {name} already"):
+            tasks.add(replace(own, name=name, horizon=7))
+    with pytest.raises(UsageError, match="add the task without them, as rope_of_a_program"):
+        tasks.add(load("rope_of_a_program@rods"))
+
+
 @pytest.mark.serial
 def test_naming_a_rope_loads_neither_jax_nor_warp() -> None:
     code = "import sys, app.tasks.base; print([m for m in ('jax', 'warp') if m in sys.modules])"

@@ -7,11 +7,11 @@ from typing import Any
 import numpy as np
 import pytest
 
-from app.commands._study import read_study
 from app.core.camera import CameraModel
 from app.core.errors import RecordingError, UsageError
 from app.core.messages import Episode, Executed, Frame, Message, Particles, Sighting, Transition
 from app.discovery.study import Study
+from app.services.study import read_study
 from app.tasks import load
 from tests.perception.pushed import photographed, pushing
 from tests.recording.samples import Maker, record

@@ -9,7 +9,6 @@ from typing import Any, final
 import msgspec
 import numpy as np
 
-from app.commands._sightings import look_beside
 from app.core.errors import RecordingError, UsageError
 from app.core.measured_setup import KEY, MeasuredSetup
 from app.core.messages import Episode, Executed, Message, MessageId, Particles, Sighting, Transition
@@ -21,6 +20,7 @@ from app.discovery.subject import Subject
 from app.perception.recount import recounted
 from app.recording.reader import read_cameras, read_messages
 from app.recording.shelf import counted_once
+from app.services.sightings import look_beside
 from app.tasks import load
 from app.tasks.base import Task
 from app.tasks.doubted import subject_of
