@@ -86,6 +86,7 @@ def test_a_recording_is_read_as_it_was_made(recordings: tuple[Path, ...], capsys
     assert min(moved_mm) > 5.0
 
 
+@pytest.mark.slow
 def test_a_calibration_predicts_far_better_than_no_motion_and_is_kept(
     recordings: tuple[Path, ...], tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -135,6 +136,7 @@ def test_an_effect_of_ones_own_deflects_by_its_sign_and_vanishes_at_its_null() -
     assert left < -1e-3
 
 
+@pytest.mark.slow
 def test_a_policy_proposes_nearly_what_was_shown(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     shown = tuple(demonstration(tmp_path / f"{seed}.mcap", seed) for seed in (1, 2))
     proposed, demonstrated = example("06_policy").main(shown)
