@@ -14,10 +14,10 @@ import jax.numpy as jnp
 import numpy as np
 
 from app.calibration.evidence import Evidence, ModelScorer
-from app.config import Site
 from app.core.chamfer import chamfer_m2
 from app.planner.actions import Pushes
 from app.planner.plan import TreePlanner
+from app.planner.request import PlanRequest
 from app.planner.tree import Search
 from app.policy.base import AWAY, Now
 from app.sim.materials.cloth import ClothMaterial
@@ -71,7 +71,7 @@ def rope(repeats: int) -> Decision:
     )
     x, goal = (task.goal(seed, size.particle_count) for seed in (0, 1))
     phi = compiled.phi_of(compiled.nominal_model("rope_push"))
-    seconds = timed(lambda seed: planner(x, goal, phi, seed=seed, site=Site()), repeats)
+    seconds = timed(lambda seed: planner(PlanRequest(observed=x, goal=goal, phi=phi, seed=seed)), repeats)
     return Decision(
         case="rope decision",
         particles=size.particle_count,

@@ -12,10 +12,10 @@ import numpy as np
 import tyro
 from jaxtyping import Array, Float, Float32, PRNGKeyArray
 
-from app.config import Site
 from app.planner.budget import at_least, tree_rollouts
 from app.planner.optimise import Descended, Descent, Evaluate, select
 from app.planner.plan import Plan, TreePlanner
+from app.planner.request import PlanRequest
 from app.planner.tree import Rollout, Search
 from app.tasks import compiled, load, nominal_model
 from app.ui.words import millimetres
@@ -49,7 +49,7 @@ def main(name: str = "rope_push@rods", preset: str = "cpu", seed: int = 0) -> Pl
     task, size, phi = load(name), load(name).preset(preset), compiled.phi_of(nominal_model(name))
     decide = planner(compiled.search(name, preset, phi), task.descent, size.gradient_steps)
     x, goal = task.particles(task.start(seed), size.particle_count), task.goal(seed, size.particle_count)
-    plan = decide(x, goal, phi, seed=seed, site=Site())
+    plan = decide(PlanRequest(observed=x, goal=goal, phi=phi, seed=seed))
     before, after = millimetres(plan.chamfer_m2), millimetres(plan.predicted_chamfer_m2)
     print(f"{before:.1f} -> {after:.1f} mm from the goal, by the cheapest of {len(plan.branches)} branches")
     return plan

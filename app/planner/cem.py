@@ -10,12 +10,12 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float, Float32, Int, PRNGKeyArray
 
-from app.config import Site
 from app.core.messages import Origin
-from app.core.types import Centreline, Points, ToolPose
+from app.core.types import Points
 from app.planner.film import compile_film, film
 from app.planner.optimise import Descended, Descent, descend
-from app.planner.plan import Command, Plan, Ways, choose
+from app.planner.plan import Plan, choose
+from app.planner.request import PlanRequest
 from app.planner.tree import Rollout, Search, Start, simulate, start
 from app.policy.base import Now
 
@@ -54,32 +54,18 @@ class CemPlanner:
     descent: Descent
     gradient_steps: int = 0
 
-    def __call__(
-        self,
-        observed: Points,
-        goal: Points,
-        phi: Float32[np.ndarray, " P"],
-        *,
-        seed: int,
-        site: Site,
-        tool: ToolPose | None = None,
-        command: Command | None = None,
-        rejected: Ways = (),
-        near: Centreline | None = None,
-    ) -> Plan:
+    def __call__(self, request: PlanRequest) -> Plan:
         """See `app.planner.base.Planner`. Of a branch, the cost before is that of its rank as first sampled."""
-        begun = start(self.search, observed, goal, phi, seed, tool, near)
-        found = _evolved(self, begun, jnp.asarray(goal), _key(seed))
+        begun = start(self.search, request)
+        found = _evolved(self, begun, jnp.asarray(request.goal), _key(request.seed))
         origins: list[Origin] = ["sampled"] * self.refit.kept
         seen = film(self.search, *_first(begun, self.refit.kept), found.best.actions, found.best.final)
         descended = jax.device_get(found)
-        return choose(
-            *(self.search, descended, origins, observed, goal, site, tool, command), seen=seen, rejected=rejected
-        )
+        return choose(self.search, descended, origins, request, seen=seen)
 
     def compile(self, example: Points, phi: Float32[np.ndarray, " P"]) -> None:
         """Compile for states and goals of the size of `example` (N, 3); simulates nothing."""
-        begun = start(self.search, example, example, phi, seed=0)
+        begun = start(self.search, PlanRequest(observed=example, goal=example, phi=phi))
         _evolved.lower(self, begun, jnp.asarray(example), _key(0)).compile()
         kept = self.refit.kept
         compile_film(self.search, *_first(begun, kept), jnp.zeros((kept, self.search.depth, self.search.space.size)))

@@ -4,9 +4,9 @@ from typing import NamedTuple, final
 
 import jax
 import numpy as np
-from jaxtyping import Array, Float, Float32
+from jaxtyping import Array, Float
 
-from app.core.types import Centreline, Points, ToolPose
+from app.planner.request import PlanRequest
 from app.planner.tree import Search, moved, roll_out, start
 from app.sim.object_state import ObjectState
 
@@ -21,21 +21,13 @@ class Failed(NamedTuple):
     tool: Float[Array, "1 T C"]
 
 
-def failed_action(
-    search: Search,
-    observed: Points,
-    goal: Points,
-    phi: Float32[np.ndarray, " P"],
-    seed: int,
-    tool: ToolPose | None = None,
-    near: Centreline | None = None,
-) -> Failed | None:
-    """The first one of the tree that this seed samples, before descent; None where all branches stay finite.
+def failed_action(search: Search, request: PlanRequest) -> Failed | None:
+    """The first one of the tree that the request's seed samples, before descent; None where all branches stay finite.
 
     Descent leaves a branch where it began unless it gets cheaper, and nothing is cheaper than NaN: what failed then
     fails here.
     """
-    grown = start(search, observed, goal, phi, seed, tool, near)
+    grown = start(search, request)
     now, actions = grown.now, roll_out(search, grown)
     for depth in range(search.depth):
         action = search.space.project(actions[:, depth], now)

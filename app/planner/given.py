@@ -1,6 +1,6 @@
 """A push drawn by an operator, evaluated as a branch of the tree: simulated, continued by the policy, and costed."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 from typing import final
 
@@ -13,11 +13,12 @@ from app.config import Site
 from app.core.errors import PlanningError
 from app.core.finger_distance import nearest_m
 from app.core.messages import Origin
-from app.core.types import Centreline, Path3, Points, ToolPose
+from app.core.types import Path3, Points
 from app.planner.actions import Pushes
 from app.planner.film import film
 from app.planner.optimise import Descended
-from app.planner.plan import Command, Plan, Ways, choose
+from app.planner.plan import Plan, choose
+from app.planner.request import PlanRequest
 from app.planner.tree import Rollout, Search, Start, roll_out, simulate, situation, start_by_policy
 from app.policy.base import AWAY
 
@@ -39,34 +40,21 @@ class GivenPush:
     pushes: Pushes
     way: Path3
 
-    def __call__(
-        self,
-        observed: Points,
-        goal: Points,
-        phi: Float32[np.ndarray, " P"],
-        *,
-        seed: int = 0,
-        site: Site,
-        tool: ToolPose | None = None,
-        command: Command | None = None,
-        rejected: Ways = (),
-        near: Centreline | None = None,
-    ) -> Plan:
-        """A plan of one branch. Raises PlanningError with the defect of the push, in words."""
-        del seed, rejected
+    def __call__(self, request: PlanRequest) -> Plan:
+        """Plan of one branch. Raises PlanningError with the defect of the push, in words."""
         wanted = action_of(self.way, self.pushes)
-        require(wanted, observed, self.pushes, site)
-        pose = AWAY if tool is None else tool
-        now = situation(self.search, observed, pose, near)
-        prepared, _ = start_by_policy(self.search, observed, goal, now)
+        require(wanted, request.observed, self.pushes, request.site)
+        pose = AWAY if request.tool is None else request.tool
+        now = situation(self.search, request.observed, pose, request.near)
+        prepared, _ = start_by_policy(self.search, request.observed, request.goal, now)
         none = jnp.zeros((1, 0, self.search.space.size))
-        tree = Start(prepared, jnp.asarray(phi)[None], now, jnp.asarray(wanted)[None], none)
-        rollout = _judged(self.search, tree, jnp.asarray(goal))
+        tree = Start(prepared, jnp.asarray(request.phi)[None], now, jnp.asarray(wanted)[None], none)
+        rollout = _judged(self.search, tree, jnp.asarray(request.goal))
         _require_unmended(wanted, np.asarray(rollout.actions[0, 0]))
         seen = film(self.search, tree.phi, now, rollout.actions, rollout.final)
         origins: list[Origin] = ["edited"]
         found = Descended(rollout, rollout.cost, rollout.cost[None], jnp.zeros(1, jnp.int32), rollout.finite)
-        return choose(*(self.search, jax.device_get(found), origins, observed, goal, site, tool, command), seen=seen)
+        return choose(self.search, jax.device_get(found), origins, replace(request, rejected=()), seen=seen)
 
     def compile(self, example: Points, phi: Float32[np.ndarray, " P"]) -> None:
         """Do nothing in advance: few are drawn, and each takes a second."""

@@ -1,9 +1,9 @@
 """One decision, as in the paper: sample, roll out, descend, choose."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import partial
-from typing import TypeAlias, final
+from typing import final
 
 import jax
 import jax.numpy as jnp
@@ -20,14 +20,10 @@ from app.core.motion import Motion
 from app.core.types import Centreline, Points, ToolPose
 from app.planner.film import RolloutFrames, compile_film, film
 from app.planner.optimise import Descended, Descent, Optimise, descend
+from app.planner.request import PlanRequest, Ways
 from app.planner.tree import Search, roll_out, simulate, start
 from app.policy.base import AWAY, Now
 
-Command: TypeAlias = Callable[[Motion, Points, Points], Motion]
-"""Compensation of an arm's errors: the command for a motion that it is to make, given the particles before and
-after it."""
-Ways: TypeAlias = Sequence[Float32[np.ndarray, "_ 3"]]
-"""Tool paths [m], each of its own length."""
 _AGAIN_M = 0.02
 """Distance of the ends of two tool paths within which a motion counts as one that was rejected."""
 
@@ -63,39 +59,20 @@ class TreePlanner:
     gradient_steps: int
     optimise: Optimise | None = None
 
-    def __call__(
-        self,
-        observed: Points,
-        goal: Points,
-        phi: Float32[np.ndarray, " P"],
-        *,
-        seed: int,
-        site: Site,
-        tool: ToolPose | None = None,
-        command: Command | None = None,
-        rejected: Ways = (),
-        near: Centreline | None = None,
-    ) -> Plan:
-        """Sample, roll out, descend, choose: what to do with the object `observed` (N, 3) [m] under the model `phi`.
-
-        `tool`: where the tool is; None where actions begin anywhere. Without a `command` the arm is told the motion
-        that it is to make. `rejected`: first actions not to propose again while there is another. `near`: where the
-        nodes of a rope were predicted to be [m].
-
-        Raises PlanningError where no branch stayed finite.
-        """
-        tree = start(self.search, observed, goal, phi, seed, tool, near)
-        descended = _descended(self, tree.phi, tree.now, jnp.asarray(goal), _rolled_out(self.search, tree))
+    def __call__(self, request: PlanRequest) -> Plan:
+        """Sample, roll out, descend, choose. Raises PlanningError where no branch stayed finite."""
+        tree = start(self.search, request)
+        descended = _descended(self, tree.phi, tree.now, jnp.asarray(request.goal), _rolled_out(self.search, tree))
         origins: list[Origin] = ["random"] * self.search.branches
         if self.search.guided:
             origins[0] = self.search.origin
         seen = film(self.search, tree.phi, tree.now, descended.best.actions, descended.best.final)
         found = jax.device_get(descended)
-        return choose(self.search, found, origins, observed, goal, site, tool, command, seen=seen, rejected=rejected)
+        return choose(self.search, found, origins, request, seen=seen)
 
     def compile(self, example: Points, phi: Float32[np.ndarray, " P"]) -> None:
         """Compile for states and goals of the size of `example` (N, 3); simulates one action, and descends nowhere."""
-        tree = start(self.search, example, example, phi, seed=0)
+        tree = start(self.search, PlanRequest(observed=example, goal=example, phi=phi))
         actions = _rolled_out(self.search, tree)
         _descended.lower(self, tree.phi, tree.now, jnp.asarray(example), actions).compile()
         compile_film(self.search, tree.phi, tree.now, actions)
@@ -123,31 +100,27 @@ def choose(
     search: Search,
     found: Descended,
     origins: Sequence[Origin],
-    observed: Points,
-    goal: Points,
-    site: Site,
-    tool: ToolPose | None = None,
-    command: Command | None = None,
+    request: PlanRequest,
     *,
     seen: RolloutFrames | None = None,
-    rejected: Ways = (),
 ) -> Plan:
     """The cheapest branch that is finite, whose actions are feasible, and whose commanded motion the site allows.
 
     `origins` says of each branch found where its actions came from; `seen` is what the branches look like. Where it is
-    not the only one, none whose first action is much like one that was `rejected`.
+    not the only one, none whose first action is much like one that was rejected.
     Raises PlanningError where there is none.
     """
+    site, tool, command = request.site, request.tool, request.command
     pose = AWAY if tool is None else tool
     ways = _ways(search, jnp.asarray(found.best.actions[:, 0]), pose)
     branches = tuple(_branch(search, found, ways[index], index, origin, seen) for index, origin in enumerate(origins))
     motions = [search.space.motion(branch.actions[0], pose, site) for branch in branches]
     if command is not None:
         pairs = zip(motions, branches, strict=True)
-        motions = [command(motion, observed, branch.predicted) for motion, branch in pairs]
+        motions = [command(motion, request.observed, branch.predicted) for motion, branch in pairs]
     inside = np.array([_may_be_made(motion, tool, site) for motion in motions])
     cost = np.where(found.finite & found.best.allowed & inside, found.best.cost, np.inf)
-    fresh = np.where([_is_among(branch.tool_path, rejected) for branch in branches], np.inf, cost)
+    fresh = np.where([_is_among(branch.tool_path, request.rejected) for branch in branches], np.inf, cost)
     best = int(np.argmin(fresh if np.isfinite(fresh).any() else cost))
     if not np.isfinite(cost[best]):
         raise PlanningError(
@@ -164,8 +137,8 @@ def choose(
         motion=motions[best],
         predicted=predicted,
         centreline=np.asarray(found.best.centreline[best]),
-        chamfer_m2=float(chamfer_m2(observed, goal)),
-        predicted_chamfer_m2=float(chamfer_m2(predicted, goal)),
+        chamfer_m2=float(chamfer_m2(request.observed, request.goal)),
+        predicted_chamfer_m2=float(chamfer_m2(predicted, request.goal)),
     )
 
 

@@ -8,12 +8,13 @@ from typing import NamedTuple, Protocol, final
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Bool, Float, Float32
+from jaxtyping import Array, Bool, Float
 
 from app.core.messages import Origin
 from app.core.types import Centreline, Points, ToolPose
 from app.planner.actions import ActionSpace
 from app.planner.cost import Terms, Weights, step_terms
+from app.planner.request import PlanRequest
 from app.policy.base import AWAY, Now, Policy, Prepared, Remembering
 from app.sim.object_state import ObjectState
 from app.sim.state import State
@@ -96,29 +97,18 @@ class Start(NamedTuple):
     later: Float[Array, "B L A"]
 
 
-def start(
-    search: Search,
-    observed: Points,
-    goal: Points,
-    phi: Float32[np.ndarray, " P"],
-    seed: int,
-    tool: ToolPose | None = None,
-    near: Centreline | None = None,
-) -> Start:
-    """First actions: the policy's, then k = branches - 1 random ones; unguided all are random, and those after them.
-
-    `near`: where a rope was predicted to run.
-    """
-    rng, count, depth = np.random.default_rng(seed), search.branches, search.depth
-    pose = AWAY if tool is None else tool
-    here = situation(search, observed, pose, near)
-    kept = start_by_policy(search, observed, goal, here) if search.guided else (None, [])
+def start(search: Search, request: PlanRequest) -> Start:
+    """First actions: the policy's, then k = branches - 1 random ones; unguided all are random, and those after them."""
+    rng, count, depth = np.random.default_rng(request.seed), search.branches, search.depth
+    observed, pose = request.observed, AWAY if request.tool is None else request.tool
+    here = situation(search, observed, pose, request.near)
+    kept = start_by_policy(search, observed, request.goal, here) if search.guided else (None, [])
     missing = count - len(kept[1])
     random = [search.space.sample(rng, observed, pose, missing)] if missing else []
     later = [search.space.sample(rng, observed, pose, count) for _ in range(0 if search.guided else depth - 1)]
     return Start(
         prepared=kept[0],
-        phi=jnp.repeat(jnp.asarray(phi)[None], count, axis=0),
+        phi=jnp.repeat(jnp.asarray(request.phi)[None], count, axis=0),
         now=_repeated(here, count),
         first=jnp.concatenate([*kept[1], *random]),
         later=jnp.stack(later, axis=1) if later else jnp.zeros((count, 0, search.space.size)),

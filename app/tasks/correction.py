@@ -9,19 +9,20 @@ from functools import lru_cache, partial
 from typing import final
 
 import numpy as np
-from jaxtyping import Float32, Float64
+from jaxtyping import Float64
 
 from app.config import Site
 from app.core.messages import Branch, Model, Transition
 from app.core.motion import TOOL_DOWN, Motion
 from app.core.track import Track
-from app.core.types import Centreline, Path3, Points, ToolPose
+from app.core.types import Path3, Points
 from app.discovery.apparatus.base import Eye, Load
 from app.discovery.labels import labelled
 from app.discovery.predict import Predictor, dragging
 from app.discovery.subject import Theta, catalogue
 from app.planner.base import Planner
-from app.planner.plan import Plan, Ways
+from app.planner.plan import Plan
+from app.planner.request import PlanRequest
 from app.tasks import load
 from app.tasks.doubted import subject_of
 
@@ -40,34 +41,14 @@ class Correction:
     theta: Theta
     camera_m: Float64[np.ndarray, "3"]
 
-    def plan(
-        self,
-        planner: Planner,
-        observed: Points,
-        goal: Points,
-        phi: Float32[np.ndarray, " P"],
-        *,
-        seed: int,
-        site: Site,
-        tool: ToolPose | None = None,
-        rejected: Ways = (),
-        near: Centreline | None = None,
-    ) -> Plan:
-        """Plan for the object that cameras observe at `observed` [m], so that it truly reaches `goal` [m].
+    def plan(self, planner: Planner, request: PlanRequest) -> Plan:
+        """Plan for the object that cameras observe at `request.observed` [m], so that it truly reaches the goal.
 
         The motion is the command to the arm, predictions are as the cameras will show them; distances are true. The
         centreline after it, and the one it is `near`, are in the true frame.
         """
-        command = partial(self.command, site=site)
-        found = planner(
-            *(self.unseen(observed), goal, phi),
-            seed=seed,
-            site=site,
-            tool=tool,
-            command=command,
-            rejected=rejected,
-            near=near,
-        )
+        command = partial(self.command, site=request.site)
+        found = planner(replace(request, observed=self.unseen(request.observed), command=command))
         branches = tuple(self._shown(branch) for branch in found.branches)
         return replace(found, branches=branches, predicted=branches[found.best].predicted)
 

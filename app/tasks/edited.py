@@ -47,6 +47,7 @@ def edited_plan(
 
     from app.planner.actions import Pushes
     from app.planner.given import GivenPush
+    from app.planner.request import PlanRequest
     from app.tasks import compiled, load, rope_orientation
     from app.tasks.correction import correction
 
@@ -61,8 +62,6 @@ def edited_plan(
     allowed_for = correction(model) if model.apparatus else None
     x = allowed_for.unseen(observed) if allowed_for else observed
     phi = rope_orientation.oriented_phi(model, x, orientation, near)
-    if allowed_for:
-        found = allowed_for.plan(planner, observed, goal, phi, seed=0, site=where, near=near)
-    else:
-        found = planner(observed, goal, phi, seed=0, site=where, near=near)
+    request = PlanRequest(observed=observed, goal=goal, phi=phi, site=where, near=near)
+    found = allowed_for.plan(planner, request) if allowed_for else planner(request)
     return replace(found, branches=(*found.branches, *branches), best=0)

@@ -11,8 +11,8 @@ from app.calibration.evidence import gather
 from app.config import Site
 from app.core.errors import UsageError
 from app.core.messages import Transition
-from app.core.types import Centreline, Points, ToolPose
 from app.planner.failure import failed_action
+from app.planner.request import PlanRequest
 from app.planner.tree import Search
 from app.sim.autopsy import MpmCase, single
 from app.sim.catalogue import EFFECTS
@@ -34,23 +34,13 @@ FOLDER = "failed"
 """Folder of dumps, in that of the recordings."""
 
 
-def of_plan(
-    task: str,
-    search: Search,
-    observed: Points,
-    goal: Points,
-    phi: Float32[np.ndarray, " P"],
-    seed: int,
-    site: Site,
-    tool: ToolPose | None = None,
-    near: Centreline | None = None,
-) -> str:
+def of_plan(task: str, search: Search, request: PlanRequest) -> str:
     """A sentence about the first branch that became non-finite, with the dump it left; empty where none did."""
-    failed = failed_action(search, observed, goal, phi, seed, tool, near)
+    failed = failed_action(search, request)
     if failed is None:
         return ""
-    about = f"{task}, seed {seed}, branch {failed.branch}, action {failed.depth}"
-    return _left(task, about, phi, failed.state, failed.tool, site)
+    about = f"{task}, seed {request.seed}, branch {failed.branch}, action {failed.depth}"
+    return _left(task, about, request.phi, failed.state, failed.tool, request.site)
 
 
 def of_transitions(task: str, lost: Sequence[Transition], phi: Float32[np.ndarray, " P"], site: Site) -> str:

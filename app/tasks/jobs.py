@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import logging
 from collections.abc import Sequence
-from functools import partial
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 from app.config import Site
@@ -29,7 +29,8 @@ if TYPE_CHECKING:
     from app.calibration.fit import FitSettings
     from app.core.messages import Model, Transition
     from app.core.types import Centreline, Points, ToolPose
-    from app.planner.plan import Plan, Ways
+    from app.planner.plan import Plan
+    from app.planner.request import Ways
     from app.tasks.compiled import Calibrated
     from app.tasks.correction import Correction
 
@@ -58,22 +59,25 @@ def plan(
     motion left it; `orientation`, what is known of its ends. Raises PlanningError where no branch stays finite, and
     leaves a dump of one that did not; UsageError for an unknown task or preset.
     """
+    from app.planner.request import PlanRequest
     from app.tasks import compiled, rope_orientation
 
     where, allowed_for = site or Site(), _allowed_for(model)
     planner = compiled.planner(task, preset, compiled.phi_of(model), method, where.limits.confines)
     x = allowed_for.unseen(observed) if allowed_for else observed
     phi = rope_orientation.oriented_phi(model, x, orientation, near)
-    decide = partial(allowed_for.plan, planner) if allowed_for else planner
+    request = PlanRequest(
+        observed=observed, goal=goal, phi=phi, seed=seed, site=where, tool=tool, rejected=rejected, near=near
+    )
     try:
-        return decide(observed, goal, phi, seed=seed, site=where, tool=tool, rejected=rejected, near=near)
+        return allowed_for.plan(planner, request) if allowed_for else planner(request)
     except PlanningError as error:
         search = getattr(planner, "search", None)
         if search is None:  # A planner without a tree has simulated nothing.
             raise
         from app.tasks import failures
 
-        raise PlanningError(f"{error}{failures.of_plan(task, search, x, goal, phi, seed, where, tool, near)}") from None
+        raise PlanningError(f"{error}{failures.of_plan(task, search, replace(request, observed=x))}") from None
 
 
 def track_orientation(task: str, orientation: Orientation, transition: Transition, model: Model) -> Orientation:

@@ -31,6 +31,7 @@ from app.discovery.predict import Predictor, prepare
 from app.discovery.study import Push, Study, View
 from app.discovery.subject import Theta, catalogue
 from app.planner.plan import Plan, TreePlanner
+from app.planner.request import PlanRequest
 from app.planner.tree import Search
 from app.policy.base import AWAY
 from app.recording.model_file import load_model
@@ -101,9 +102,8 @@ def planned(model: Model, observed: Points, goal: Points, seed: int) -> Plan:
         depth=1,
     )
     planner = TreePlanner(search=search, descent=task.descent, gradient_steps=_STEPS)
-    if model.apparatus:
-        return correction(model).plan(planner, observed, goal, phi, seed=seed, site=Site())
-    return planner(observed, goal, phi, seed=seed, site=Site())
+    request = PlanRequest(observed=observed, goal=goal, phi=phi, seed=seed)
+    return correction(model).plan(planner, request) if model.apparatus else planner(request)
 
 
 def reached_m2(bench: Bench, models: Sequence[Model], problems: int) -> Float64[np.ndarray, "Q J"]:

@@ -9,11 +9,12 @@ from app.config import Site
 from app.planner.cem import CemPlanner, Refit
 from app.planner.film import MOMENTS, MOST_PARTICLES, thinned
 from app.planner.plan import Plan
+from app.planner.request import PlanRequest
 from app.planner.tree import Search
 from app.tasks import compiled
 from tests.planner.table import PARTICLES, PHI, SPACE, TASK, planner, rope, search
 
-START, GOAL = rope(), rope(0.05)
+ASKED = PlanRequest(observed=rope(), goal=rope(0.05), phi=PHI)
 ROUNDED_M = 1e-6
 
 
@@ -23,14 +24,14 @@ def filmed(**changes: int) -> Search:
 
 @pytest.fixture(scope="module")
 def decision() -> Plan:
-    return replace(planner(), search=filmed())(START, GOAL, PHI, seed=0, site=Site())
+    return replace(planner(), search=filmed())(ASKED)
 
 
 def test_frames_lead_from_what_was_seen_to_the_end_by_the_state_after_the_first_action(decision: Plan) -> None:
     for branch in decision.branches:
         assert branch.frames.shape == (MOMENTS + 1, PARTICLES, 3)
         assert np.isfinite(branch.frames).all()
-        np.testing.assert_allclose(branch.frames[0], START, atol=ROUNDED_M)
+        np.testing.assert_allclose(branch.frames[0], ASKED.observed, atol=ROUNDED_M)
         np.testing.assert_allclose(branch.frames[MOMENTS // 2], branch.predicted, atol=ROUNDED_M)
         np.testing.assert_array_equal(branch.frames[-1], branch.final)
 
@@ -51,7 +52,7 @@ def test_the_tool_is_on_its_path_at_every_moment(decision: Plan) -> None:
 
 
 def test_a_film_changes_no_decision(decision: Plan) -> None:
-    plain = planner()(START, GOAL, PHI, seed=0, site=Site())
+    plain = planner()(ASKED)
     assert plain.motion.digest() == decision.motion.digest()
     assert not len(plain.branches[0].frames)
 
@@ -59,7 +60,7 @@ def test_a_film_changes_no_decision(decision: Plan) -> None:
 def test_a_population_is_filmed_as_far_as_it_is_kept() -> None:
     tree = replace(filmed(branches=6, depth=1), guided=False)
     cem = CemPlanner(search=tree, refit=Refit(generations=2, elites=2, kept=3), descent=TASK.descent)
-    found = cem(START, GOAL, PHI, seed=0, site=Site())
+    found = cem(ASKED)
     assert len(found.branches) == 3
     for branch in found.branches:
         assert len(branch.frames) == len(branch.tools) == MOMENTS + 1

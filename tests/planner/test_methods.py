@@ -18,6 +18,7 @@ from app.planner.made import made
 from app.planner.method import ABLATIONS, PAPER, Method, planners
 from app.planner.optimise import Descended, Descent, descend
 from app.planner.plan import TreePlanner
+from app.planner.request import PlanRequest
 from app.planner.tree import Rollout, start
 from app.policy.base import Now, Prepared
 from app.tasks import load, names
@@ -68,7 +69,7 @@ class Forbidden:
 def test_who_plans_without_policy_does_not_ask_it(method: Method) -> None:
     planner = made(method, replace(search(), policy=Forbidden()), DESCENT, 1)
     assert isinstance(planner, TreePlanner | CemPlanner)
-    tree = start(planner.search, rope(), rope(0.05), PHI, seed=0)
+    tree = start(planner.search, PlanRequest(observed=rope(), goal=rope(0.05), phi=PHI))
     assert tree.first.shape == (planner.search.branches, TASK.actions.size)
     assert tree.later.shape[1] == planner.search.depth - 1
     assert len(np.unique(np.asarray(tree.first), axis=0)) == planner.search.branches

@@ -13,6 +13,7 @@ from app.config import KeepOut, Limits, Reach, Site
 from app.core.chamfer import chamfer_m2
 from app.core.errors import PlanningError
 from app.planner.plan import Plan
+from app.planner.request import PlanRequest
 from app.planner.tree import moved, roll_out, simulate, start
 from app.policy.base import AWAY
 from app.tasks.rope_push import TASK
@@ -20,11 +21,12 @@ from tests.planner.table import PHI, SPACE, now, planner, rope, search
 from tests.programs import program
 
 START, GOAL = rope(), rope(0.05)
+ASKED = PlanRequest(observed=START, goal=GOAL, phi=PHI)
 
 
 @pytest.fixture(scope="module")
 def decision() -> Plan:
-    return planner()(START, GOAL, PHI, seed=0, site=Site())
+    return planner()(ASKED)
 
 
 def test_a_decision_descends_and_is_predicted_to_bring_the_rope_nearer_to_its_goal(decision: Plan) -> None:
@@ -57,11 +59,11 @@ def test_a_plan_goes_around_what_the_site_keeps_free(decision: Plan) -> None:
     middle = decision.motion.positions.mean(axis=0)
     post = KeepOut(name="post", low=(*(middle[:2] - 0.02), 0.0), high=(*(middle[:2] + 0.02), 0.3))
     site = Site(limits=Limits(keep_out=(post,)))
-    unaware = planner()(START, GOAL, PHI, seed=0, site=site)
+    unaware = planner()(dataclasses.replace(ASKED, site=site))
     assert unaware.motion.digest() != decision.motion.digest(), "what enters the post is not chosen"
     weights = dataclasses.replace(TASK.weights, keep_out=(post,))
     aware = dataclasses.replace(planner(), search=dataclasses.replace(search(), weights=weights))
-    plan = aware(START, GOAL, PHI, seed=0, site=site)
+    plan = aware(dataclasses.replace(ASKED, site=site))
     for made in (unaware, plan):
         check_motion(made.motion, made.motion.digest(), site)
     # The branch that went through the post is drawn out of it by its cost.
@@ -75,7 +77,7 @@ def test_a_plan_goes_around_what_the_site_keeps_free(decision: Plan) -> None:
 def test_where_every_branch_enters_what_is_kept_free_there_is_no_plan() -> None:
     everywhere = KeepOut(name="cover", low=(0.0, -1.0, -1.0), high=(1.0, 1.0, 0.05))
     with pytest.raises(PlanningError, match="enter what is kept free"):
-        planner()(START, GOAL, PHI, seed=0, site=Site(limits=Limits(keep_out=(everywhere,))))
+        planner()(dataclasses.replace(ASKED, site=Site(limits=Limits(keep_out=(everywhere,)))))
 
 
 def test_a_plan_stays_within_what_the_arm_reaches(decision: Plan) -> None:
@@ -88,7 +90,7 @@ def test_a_plan_stays_within_what_the_arm_reaches(decision: Plan) -> None:
     site = Site(limits=Limits(reach=reach), travel_height_m=0.02)
     weights = dataclasses.replace(TASK.weights, reach=reach)
     aware = dataclasses.replace(planner(), search=dataclasses.replace(search(), weights=weights))
-    plan = aware(START, GOAL, PHI, seed=0, site=site)
+    plan = aware(dataclasses.replace(ASKED, site=site))
     assert plan.motion.digest() != decision.motion.digest()
     assert reach.beyond_m(plan.motion.poses).max() <= 0
     through = plan.branches[decision.best]
@@ -98,14 +100,14 @@ def test_a_plan_stays_within_what_the_arm_reaches(decision: Plan) -> None:
 
 @pytest.mark.skipif(jax.default_backend() != "cpu", reason="A GPU's threads add up in any order.")
 def test_the_same_seed_decides_the_same(decision: Plan) -> None:
-    again = planner()(START, GOAL, PHI, seed=0, site=Site())
+    again = planner()(ASKED)
     assert again.motion.digest() == decision.motion.digest()
 
 
 def test_the_tree_multiplies_matrices_in_full_precision_on_every_device() -> None:
     """The default of recent GPUs is TF32, whose ten bits leave positions in a workspace off by 0.2 mm."""
     tree = search()
-    lowered = jax.jit(partial(roll_out, tree)).lower(start(tree, START, GOAL, PHI, seed=0))
+    lowered = jax.jit(partial(roll_out, tree)).lower(start(tree, ASKED))
     products = [line for line in lowered.as_text().splitlines() if "dot_general" in line]
     assert products
     assert all("HIGHEST" in line for line in products), products
@@ -113,7 +115,7 @@ def test_the_tree_multiplies_matrices_in_full_precision_on_every_device() -> Non
 
 def test_a_tree_begins_with_the_policy_and_continues_every_branch_with_it() -> None:
     tree = search()
-    begun = start(tree, START, GOAL, PHI, seed=0)
+    begun = start(tree, ASKED)
     assert begun.first.shape == (tree.branches, SPACE.size)
     act = program(tree.policy.act)
     np.testing.assert_allclose(begun.first[0], act(begun.prepared, now(START, 1)).mean[0], atol=1e-6)
@@ -142,18 +144,18 @@ def test_the_gradient_of_a_branchs_cost_agrees_with_central_differences() -> Non
 
 def test_a_tree_without_a_finite_branch_is_an_error_that_says_so() -> None:
     with pytest.raises(PlanningError, match="4 branches 4 became non-finite"):
-        planner()(START, GOAL, np.full_like(PHI, np.nan), seed=0, site=Site())
+        planner()(dataclasses.replace(ASKED, phi=np.full_like(PHI, np.nan)))
 
 
 def test_what_was_rejected_is_not_proposed_again_while_there_is_another(decision: Plan) -> None:
     finder = planner()
     first = decision.branches[decision.best]
-    again = finder(START, GOAL, PHI, seed=0, site=Site(), rejected=(first.tool_path,))
+    again = finder(dataclasses.replace(ASKED, rejected=(first.tool_path,)))
     second = again.branches[again.best]
     assert np.linalg.norm((second.tool_path - first.tool_path)[[0, -1]], axis=1).max() > 0.02
     costs = sorted(branch.cost_after for branch in again.branches)
     assert second.cost_after in costs[1:]
     assert again.motion.digest() != decision.motion.digest()
     everything = tuple(branch.tool_path for branch in decision.branches)
-    stubborn = finder(START, GOAL, PHI, seed=0, site=Site(), rejected=everything)
+    stubborn = finder(dataclasses.replace(ASKED, rejected=everything))
     assert stubborn.motion.digest() == decision.motion.digest()

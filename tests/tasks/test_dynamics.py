@@ -6,9 +6,9 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from app.config import Site
 from app.core.errors import UsageError
 from app.planner.plan import Plan
+from app.planner.request import PlanRequest
 from app.sim.params import acting, index
 from app.tasks import compiled, load
 from app.tasks.jobs import doubt, nominal_model, plan
@@ -84,7 +84,7 @@ def test_a_plan_says_where_the_nodes_will_be_and_the_next_one_begins_there():
 
 
 def test_what_is_no_rope_has_no_centreline():
-    assert planner()(rope(), rope(0.05), PHI, seed=0, site=Site()).centreline.shape == (2, 0)
+    assert planner()(PlanRequest(observed=rope(), goal=rope(0.05), phi=PHI)).centreline.shape == (2, 0)
 
 
 def test_what_no_planar_rod_can_be_is_said_and_an_open_rope_is_not_doubted():

@@ -19,6 +19,7 @@ from app.core.messages import Extension, Model, Parameter
 from app.core.motion import Motion
 from app.core.types import Path3, Points
 from app.planner.plan import Plan, TreePlanner
+from app.planner.request import PlanRequest
 from app.planner.tree import Search
 from app.policy.base import AWAY
 from app.sim.params import acting, index
@@ -83,14 +84,13 @@ def planner(tilted: bool) -> TreePlanner:
 
 
 def nominal_plan(world: World, model: Model | None, observed: Points, goal: Points, seed: int) -> Plan:
-    return planner(tilted=False)(observed, goal, World().phi, seed=seed, site=Site())
+    return planner(tilted=False)(PlanRequest(observed=observed, goal=goal, phi=World().phi, seed=seed))
 
 
 def extended_plan(world: World, model: Model | None, observed: Points, goal: Points, seed: int) -> Plan:
     tree = planner(tilted=world.tilt_deg != 0)
-    if model is None:
-        return tree(observed, goal, world.phi, seed=seed, site=Site())
-    return correction(model).plan(tree, observed, goal, world.phi, seed=seed, site=Site())
+    request = PlanRequest(observed=observed, goal=goal, phi=world.phi, seed=seed)
+    return tree(request) if model is None else correction(model).plan(tree, request)
 
 
 @cache
@@ -146,7 +146,7 @@ def test_what_is_predicted_is_where_the_cameras_will_see_it_and_distances_are_th
     world, model = CASES["hand_eye_translation"]
     shown = extended_plan(world, model, world.seen(rope()), rope(0.05), 0)
     x = correction(erring(hand_eye_y=0.008)).unseen(world.seen(rope()))
-    true = planner(tilted=False)(x, rope(0.05), world.phi, seed=0, site=Site())
+    true = planner(tilted=False)(PlanRequest(observed=x, goal=rope(0.05), phi=world.phi))
     np.testing.assert_allclose(shown.predicted, world.seen(true.predicted), atol=1e-6)
     np.testing.assert_allclose(shown.branches[1].final, world.seen(true.branches[1].final), atol=1e-6)
     assert shown.predicted_chamfer_m2 == true.predicted_chamfer_m2
@@ -162,7 +162,7 @@ def test_a_motion_is_checked_as_the_arm_is_told_it() -> None:
         told.append(motion)
         return gone if len(told) == 1 else motion
 
-    found = planner(tilted=False)(rope(), rope(0.05), World().phi, seed=0, site=Site(), command=command)
+    found = planner(tilted=False)(PlanRequest(observed=rope(), goal=rope(0.05), phi=World().phi, command=command))
     assert len(told) == len(found.branches)
     assert found.best != 0
     assert found.motion is told[found.best]

@@ -12,6 +12,7 @@ import pytest
 from app.config import Site
 from app.core.errors import PlanningError, SimulationError
 from app.core.messages import Executed, Transition, fresh_id
+from app.planner.request import PlanRequest
 from app.planner.tree import Search
 from app.sim.autopsy import dissect
 from app.sim.dump import load_dump
@@ -42,7 +43,8 @@ def breaking(phi: jax.Array, state: State, tool: jax.Array) -> State:
 
 
 def of_plan(tree: Search, folder: Path, seed: int = 0) -> str:
-    return failures.of_plan("rope_push", tree, rope(), rope(0.05), PHI, seed, Site(recordings=folder))
+    asked = PlanRequest(observed=rope(), goal=rope(0.05), phi=PHI, seed=seed, site=Site(recordings=folder))
+    return failures.of_plan("rope_push", tree, asked)
 
 
 def seen_after(before: np.ndarray, poses: np.ndarray, after: np.ndarray) -> Transition:

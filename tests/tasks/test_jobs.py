@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 
 from app.calibration.fit import FitSettings
-from app.config import Site
 from app.core.messages import Extension, Model, Parameter, Transition, fresh_id
+from app.planner.request import PlanRequest
 from app.tasks import calibrate, compiled, nominal_model, plan, update
 from app.tasks.jobs import shown_goal
 from tests.planner.table import PHI, planner, rope
@@ -30,7 +30,7 @@ def small(monkeypatch: pytest.MonkeyPatch) -> None:
 @pytest.mark.usefixtures("small")
 def test_a_plan_is_made_for_the_object_where_it_is() -> None:
     found = plan("rope_push", "cpu", rope() + SHIFT, rope(0.05), MODEL, 0)
-    true = planner()(rope(), rope(0.05), PHI, seed=0, site=Site())
+    true = planner()(PlanRequest(observed=rope(), goal=rope(0.05), phi=PHI))
     # The simulator is told of places that differ by a rounding error.
     np.testing.assert_allclose(found.motion.positions, true.motion.positions, atol=1e-3)
     assert found.chamfer_m2 == pytest.approx(true.chamfer_m2, rel=1e-4)
@@ -39,7 +39,7 @@ def test_a_plan_is_made_for_the_object_where_it_is() -> None:
 @pytest.mark.usefixtures("small")
 def test_a_model_that_says_nothing_of_cameras_and_arm_plans_as_ever() -> None:
     found = plan("rope_push", "cpu", rope(), rope(0.05), nominal_model("rope_push"), 0)
-    assert found.motion.digest() == planner()(rope(), rope(0.05), PHI, seed=0, site=Site()).motion.digest()
+    assert found.motion.digest() == planner()(PlanRequest(observed=rope(), goal=rope(0.05), phi=PHI)).motion.digest()
 
 
 @pytest.mark.parametrize("job", [calibrate, update])

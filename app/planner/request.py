@@ -1,0 +1,39 @@
+"""The request to a planner: an object, its goal, a model, and all else that bears on one decision."""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
+from typing import TypeAlias, final
+
+import numpy as np
+from jaxtyping import Float32
+
+from app.config import Site
+from app.core.motion import Motion
+from app.core.types import Centreline, Points, ToolPose
+
+Command: TypeAlias = Callable[[Motion, Points, Points], Motion]
+"""Compensation of an arm's errors: the command for a motion that it is to make, given the particles before and
+after it."""
+Ways: TypeAlias = Sequence[Float32[np.ndarray, "_ 3"]]
+"""Tool paths [m], each of its own length."""
+
+
+@final
+@dataclass(frozen=True, kw_only=True, eq=False)
+class PlanRequest:
+    """One decision to be made: bring the object `observed` (N, 3) [m] to `goal` (M, 3) [m], under the model `phi`.
+
+    `tool`: its pose; None where actions begin anywhere. Without a `command` the arm is commanded the motion itself.
+    `rejected`: first actions, by their tool paths, that are not proposed again while there is another. `near`: the
+    nodes of a rope as the plan before predicted them [m]. The same `seed` decides the same on a CPU.
+    """
+
+    observed: Points
+    goal: Points
+    phi: Float32[np.ndarray, " P"]
+    seed: int = 0
+    site: Site = field(default_factory=Site)
+    tool: ToolPose | None = None
+    command: Command | None = None
+    rejected: Ways = ()
+    near: Centreline | None = None
