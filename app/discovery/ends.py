@@ -38,14 +38,16 @@ def _scores(forms: Forms, theta: Float64[np.ndarray, " P"], prior: Prior, column
     return (whole - left[:, rest] @ projection[:, 0]) / np.sqrt(max(float(information[0, 0]), 1e-12))
 
 
-def turned(data: Residuals, ends: Ends, odd: Sequence[int], rows: Float64[np.ndarray, " R"]) -> Residuals:
-    """The residuals, as they are of objects whose first ends are these.
+def turned(data: Residuals, ends: Ends, odd: Sequence[int]) -> Residuals:
+    """The residuals as they are of objects whose first ends are these.
 
-    `odd`: columns of parameters that change their sign with the direction; `rows`: signs of amplitudes along an object
-    that is called the other way round.
+    `odd`: columns of parameters that change their sign with the direction.
     """
     signs = np.array([ends[int(episode)] for episode in data.episode])
-    r_signs = np.where(signs[:, None] < 0, rows, 1.0)
-    J = data.J * r_signs[:, :, None]
+    rows = np.ones(data.r.shape)
+    for block in data.blocks:
+        if block.reversed is not None:
+            rows[signs < 0, block.rows] = block.reversed
+    J = data.J * rows[:, :, None]
     J[:, :, list(odd)] *= signs[:, None, None]
-    return replace(data, r=data.r * r_signs, J=J, spread=data.spread * r_signs[:, :, None])
+    return replace(data, r=data.r * rows, J=J, spread=data.spread * rows[:, :, None])

@@ -30,10 +30,14 @@ Covariances: TypeAlias = tuple[Float64[np.ndarray, "_ _"], ...]
 
 
 class Block(NamedTuple):
-    """Rows whose errors belong together. `least_m` [m]: they are independent and no smaller; None: all is learnt."""
+    """Rows whose errors belong together. `least_m` [m]: they are independent and no smaller; None: all is learnt.
+
+    `reversed`: sign of each row where the object's other end is called the first; None: they do not change.
+    """
 
     rows: slice
     least_m: float | None = None
+    reversed: Float64[np.ndarray, " S"] | None = None
 
 
 @final
@@ -130,7 +134,7 @@ def log_likelihood(data: Residuals, theta: Float64[np.ndarray, " P"], covariance
 def scores(data: Residuals, fit: MixedEffectsFit) -> Float64[np.ndarray, "K P"]:
     """Each push's slope of the log likelihood at the fit, for every column."""
     found = np.zeros((len(data), len(fit.theta)))
-    for (rows, _), block, covariance in zip(data.blocks, _blocks(data), fit.covariances, strict=True):
+    for (rows, *_), block, covariance in zip(data.blocks, _blocks(data), fit.covariances, strict=True):
         root = _roots(block, covariance)
         WJ, Wr = _whitened(block, root, _size(block, root, fit.theta))
         found[data.known[:, rows].any(1)] += np.einsum("ksp,ks->kp", WJ, Wr - WJ @ fit.theta)
@@ -143,7 +147,7 @@ def information_of(data: Residuals, covariances: Covariances) -> Float64[np.ndar
     Residuals do not enter: it is of pushes that were made as of those that might be.
     """
     found = np.zeros((len(data), data.J.shape[2], data.J.shape[2]))
-    for (rows, _), block, covariance in zip(data.blocks, _blocks(data), covariances, strict=True):
+    for (rows, *_), block, covariance in zip(data.blocks, _blocks(data), covariances, strict=True):
         WJ, _ = _whitened(block, _roots(block, covariance), np.ones(len(block.r)))
         found[data.known[:, rows].any(1)] += np.swapaxes(WJ, 1, 2) @ WJ
     return found
@@ -158,7 +162,7 @@ def forms_of(data: Residuals, theta: Float64[np.ndarray, " P"], covariances: Cov
 
 def _blocks(data: Residuals) -> list[_Rows]:
     found = list[_Rows]()
-    for rows, least in data.blocks:
+    for rows, least, _ in data.blocks:
         use = data.known[:, rows].any(1)
         known = data.known[use, rows]
         spread = data.spread[use, rows] * known[:, :, None]

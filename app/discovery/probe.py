@@ -245,5 +245,5 @@ def _causes_of(steps: Sequence[Step], prior: Prior) -> dict[str, tuple[int, ...]
 def _unknown_noise() -> Covariances:
     """Noise of clouds and of direct measurements, before any was learnt."""
     clouds = 4 * MODES
-    direct = [np.eye(rows.stop - rows.start) * (least_m or _UNKNOWN_M) ** 2 for rows, least_m in direct_blocks(clouds)]
+    direct = [np.eye(rows.stop - rows.start) * (least or _UNKNOWN_M) ** 2 for rows, least, _ in direct_blocks(clouds)]
     return (np.eye(clouds) * _UNKNOWN_M**2, *direct)

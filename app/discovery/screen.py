@@ -10,7 +10,7 @@ from jaxtyping import Float64
 
 from app.discovery.ends import Ends, found_ends, turned
 from app.discovery.evidence import Residuals, fitted
-from app.discovery.field import AFTER, REVERSED, Basis
+from app.discovery.field import AFTER, Basis
 from app.discovery.forces import FORMULA, columns_of_features, force_steps, with_formula
 from app.discovery.inference import CALIBRATED, Finding, Prior, Weighing, habit, weigh
 from app.discovery.localize import Located, localized
@@ -120,8 +120,7 @@ def screened(
     odd_columns = {column for cause in catalogue.causes for column in cause.odd}
     odd = [n for n, step in enumerate(steps) if step.column in odd_columns]
     ends = found_ends(data, prior, odd)
-    rows = np.concatenate([REVERSED, np.ones(data.r.shape[1] - len(REVERSED))])
-    data, chosen = turned(data, ends, odd, rows), (len(ends) - 1) * np.log(2)
+    data, chosen = turned(data, ends, odd), (len(ends) - 1) * np.log(2)
     asked = list[tuple[str, list[int], float]]()
     features = columns_of_features(steps)
     free = (n for n, step in enumerate(steps) if n not in prior.nuisance and step.cause != FORMULA)

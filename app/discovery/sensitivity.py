@@ -15,7 +15,7 @@ from jaxtyping import Bool, Float32, Float64
 from app.core.types import Points
 from app.discovery.direct import Change, best_by_log, direct_blocks, direct_rows
 from app.discovery.evidence import Block, Residuals
-from app.discovery.field import MODES, Basis, registered
+from app.discovery.field import MODES, REVERSED, Basis, registered
 from app.discovery.predict import Predictor, Seen, Trials
 from app.discovery.subject import NUMERICS, Catalogue, Cause, Theta
 
@@ -321,5 +321,5 @@ def _assembled(
         spread=spread,
         known=known,
         episode=np.array([push.episode for push in trials.study.pushes]),
-        blocks=(Block(slice(0, 2 * width)),),
+        blocks=(Block(slice(0, 2 * width), reversed=REVERSED),),
     )

@@ -7,7 +7,6 @@ import pytest
 
 from app.discovery.ends import found_ends, turned
 from app.discovery.evidence import Residuals
-from app.discovery.field import REVERSED
 from app.discovery.predict import Predictor, prepare
 from app.discovery.screen import steps_of
 from app.discovery.sensitivity import residuals
@@ -15,12 +14,10 @@ from app.discovery.subject import catalogue
 from app.policy.strokes import PushDesign
 from app.tasks.doubted import subject_of
 from bench.hidden.ropes import RopeCase
-from tests.discovery.test_inference import PRIOR, K, P, R, made, weighed
+from tests.discovery.test_inference import PRIOR, K, P, made, weighed
 
 ODD = 5
 """The column of the parameter that changes its sign with the direction."""
-SAME = np.ones(R)
-"""Signs of rows that do not depend on the direction."""
 
 
 def laid(seed: int, size: float) -> tuple[Residuals, np.ndarray]:
@@ -43,7 +40,7 @@ def test_the_way_round_of_every_episode_is_found_but_for_which_of_both_is_which(
 
 def test_what_cancels_over_episodes_is_evident_once_they_are_turned() -> None:
     data, _ = laid(0, 0.9)
-    straight = turned(data, found_ends(data, PRIOR, [ODD]), [ODD], SAME)
+    straight = turned(data, found_ends(data, PRIOR, [ODD]), [ODD])
     before, after = (weighed(each).findings[ODD - 2] for each in (data, straight))
     assert after.log_bayes > before.log_bayes + 10
     assert abs(after.mean[0]) == pytest.approx(0.9, abs=0.2)
@@ -53,7 +50,7 @@ def test_where_nothing_acts_along_ropes_the_choice_gains_no_more_than_it_costs()
     gains = list[float]()
     for seed in range(10):
         data, signs = laid(seed, 0.0)
-        straight = turned(data, found_ends(data, PRIOR, [ODD]), [ODD], SAME)
+        straight = turned(data, found_ends(data, PRIOR, [ODD]), [ODD])
         cost = (len(signs) - 1) * np.log(2)
         gains.append(weighed(straight).findings[ODD - 2].log_bayes - cost)
     assert max(gains) < 0
@@ -76,8 +73,7 @@ def test_pushes_of_a_rope_that_is_called_the_other_way_round_are_the_same_pushes
     odd_columns = {column for cause in predictor.catalogue.causes for column in cause.odd}
     odd, ends = [n for n, step in enumerate(steps) if step.column in odd_columns], {0: -1.0, 1: 1.0}
     first, again = (residuals(predictor, each, about, steps, starts=2) for each in (trials, trials.turned(ends)))
-    rows = np.concatenate([REVERSED, np.ones(first.r.shape[1] - len(REVERSED))])
-    expected = turned(first, ends, odd, rows)
+    expected = turned(first, ends, odd)
     assert 0 < len(odd) < len(steps)
     assert np.abs(first.r - again.r).max() > 1e-3  # It asks something.
     for name in ("r", "J"):
