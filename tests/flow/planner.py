@@ -8,7 +8,7 @@ import os
 import signal
 import sys
 import time
-from collections.abc import Callable, Generator, Mapping, Sequence
+from collections.abc import Callable, Generator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
 from types import ModuleType, SimpleNamespace
@@ -24,9 +24,10 @@ from app.core.errors import PlanningError
 from app.core.messages import Branch, Model
 from app.core.motion import Motion
 from app.core.orientation import Orientation
-from app.core.types import Centreline, Points, ToolPose
+from app.core.types import Centreline, Points
 from app.core.worker import Worker
 from app.planner.method import Method
+from app.planner.request import PlanRequest
 from app.tasks.jobs import plan, warm_up_stage
 from tests.flow.virtual import InsideWorker, is_virtual
 
@@ -129,18 +130,7 @@ class Strokes:
         self._habits, self._spoil = habits, spoil
         self._failed = 0
 
-    def __call__(
-        self,
-        observed: Points,
-        goal: Points,
-        phi: np.ndarray,
-        *,
-        seed: int,
-        site: Site,
-        tool: ToolPose | None = None,
-        rejected: Sequence[np.ndarray] = (),
-        near: Centreline | None = None,
-    ) -> "_Sent":
+    def __call__(self, request: PlanRequest) -> "_Sent":
         """Two strokes, drawn from the seed; the second is the motion. What was rejected is counted in its cost.
 
         It predicts the rope along its motion, and its terms say where the rope was predicted that it was told of.
@@ -152,13 +142,13 @@ class Strokes:
             if self._habits.trouble == "dies":
                 os.kill(os.getpid(), signal.SIGKILL)
             raise PlanningError("No branch stayed finite.")
-        rng = np.random.default_rng(seed)
+        rng, observed, goal, near = np.random.default_rng(request.seed), request.observed, request.goal, request.near
         ends = rng.uniform(_FREE_LOW_M, _FREE_HIGH_M, size=(2, 2, 2))
         paths = np.concatenate([ends, np.full((2, 2, 1), _PUSH_HEIGHT_M)], axis=2)
         above = paths[1, [0, 1]] + [0.0, 0.0, _TRAVEL_HEIGHT_M]
         positions = np.stack([above[0], *paths[1], above[1]])
         distance_m2 = float(chamfer_m2(observed, goal))
-        cost = self._habits.cost + len(rejected)
+        cost = self._habits.cost + len(request.rejected)
         told = dict(self._habits.terms) | ({} if near is None else {"near": float(near[0, 0])})
         final = (observed + self._habits.share * (goal.mean(0) - observed.mean(0))).astype(np.float32)
         branches = (
@@ -167,7 +157,7 @@ class Strokes:
         )
         centreline = paths[1, :, :2].T.astype(np.float32)
         motion = Motion(positions=positions, speeds=np.full(len(positions), _SPEED_M_S))
-        return _Sent((branches, 1, self._spoil(motion, site), observed, centreline, distance_m2, distance_m2))
+        return _Sent((branches, 1, self._spoil(motion, request.site), observed, centreline, distance_m2, distance_m2))
 
 
 def _branch(
