@@ -268,7 +268,7 @@ def _further(model: Model) -> list[Suspect]:
 
 
 def held_out(simpler: tuple[Residuals, Prior], model: Model) -> Held:
-    """Leave-one-episode-out: the mean over episodes of the gain in log likelihood, and its standard error."""
+    """Leave-one-episode-out: the trimmed mean over episodes of the gain in log likelihood, and its standard error."""
     return _held_out(simpler, (model.data, model.prior), (None, model.fit.covariances))
 
 
