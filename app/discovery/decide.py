@@ -220,13 +220,9 @@ def _extended(
     starts = {model.causes[0]: model.estimate for model in singles}
     while len(best.causes) < _MOST:
         found = list[Model]()
-        for suspect in _further(best)[:_ASKED]:
+        for suspect in further(best)[:_ASKED]:
             said(f"adding {suspect.cause} to {', '.join(best.causes)}")
-            start = starts.get(suspect.cause)
-            if start is None:
-                start = started(predictor.catalogue, screening.about, suspect)
-            both = [*((name, best.estimate) for name in best.causes), (suspect.cause, start)]
-            found.append(refine(predictor, trials, screening, both, (best.fit.covariances,)))
+            found.append(extended(predictor, trials, screening, best, suspect, starts.get(suspect.cause)))
         better = max(found, key=lambda model: model.log_evidence, default=None)
         if better is None or better.log_evidence < best.log_evidence + ENOUGH:
             return best
@@ -237,6 +233,20 @@ def _extended(
     return best
 
 
+def extended(
+    predictor: Predictor,
+    trials: Trials,
+    screening: Screening,
+    model: Model,
+    suspect: Suspect,
+    start: Theta | None = None,
+) -> Model:
+    """The model with a further cause, refitted; from that cause's value in `start`, or as the screening found it."""
+    start = started(predictor.catalogue, screening.about, suspect) if start is None else start
+    both = [*((name, model.estimate) for name in model.causes), (suspect.cause, start)]
+    return refine(predictor, trials, screening, both, (model.fit.covariances,))
+
+
 def _without_needless(model: Model, simpler: Sequence[Model]) -> Model:
     """A simpler model with some of its causes that is nearly as likely, or itself."""
     for other in sorted(simpler, key=lambda other: -other.log_evidence):
@@ -245,8 +255,8 @@ def _without_needless(model: Model, simpler: Sequence[Model]) -> Model:
     return model
 
 
-def _further(model: Model) -> list[Suspect]:
-    """Suspects for a further cause, the most likely first."""
+def further(model: Model) -> list[Suspect]:
+    """Suspects for a further cause, the most likely first, by what a model leaves unexplained."""
     free = [n for n in range(model.own, len(model.steps)) if n not in model.prior.nuisance]
     groups = ways_of(model.steps, (n for n in free if model.steps[n].cause not in (*model.causes, FORMULA)))
     weighing = weigh(model.data, list(groups.values()), model.prior)

@@ -28,9 +28,10 @@ from scipy.special import log_softmax, softmax
 from threadpoolctl import threadpool_limits
 
 from app.discovery.calibration import Calibration, calibration, features
-from app.discovery.decide import NAMED, held_out, held_out_of_linear, refitted
+from app.discovery.decide import NAMED, extended, further, held_out, held_out_of_linear, is_sized, refitted
 from app.discovery.forces import FORMULA
 from app.discovery.predict import Predictor, Trials, prepare
+from app.discovery.refine import Model
 from app.discovery.screen import Screening, Suspect, refit, screen
 from app.discovery.subject import catalogue
 from app.evaluation.intervals import share
@@ -120,13 +121,32 @@ def studied(world: World, case: RopeCase | OwnRope, refits: int = 0) -> dict[str
 
 
 def _refit_of(predictor: Predictor, trials: Trials, screening: Screening, suspect: Suspect) -> dict[str, Any]:
-    """Evidence of a refitted cause over nothing [nats], and what episodes gain that were left out."""
+    """Evidence of a refitted cause over nothing [nats], gains of left-out episodes, and the same of a further cause."""
     model = refitted(predictor, trials, screening, suspect)
-    return {
+    found = {
         "linear": round(suspect.finding.log_bayes, 2),
         "log_bayes": round(model.log_evidence - screening.weighing.log_evidence, 2),
         "held_out": np.round(held_out((screening.data, screening.prior), model), 3).tolist(),
         "held_out_of_linear": np.round(held_out_of_linear(screening, suspect), 3).tolist(),
+        "sized": is_sized(predictor.catalogue, model),
+        "trust": model.trust,
+    }
+    if model.log_evidence < screening.weighing.log_evidence:
+        return found
+    return {**found, "further": _further_of(predictor, trials, screening, model)}
+
+
+def _further_of(predictor: Predictor, trials: Trials, screening: Screening, model: Model) -> dict[str, Any]:
+    """The likeliest further cause beside one, its evidence over that one [nats], and what left-out episodes gain."""
+    suspects = further(model)[:1]
+    if not suspects:
+        return {}
+    both = extended(predictor, trials, screening, model, suspects[0])
+    return {
+        "cause": suspects[0].cause,
+        "linear": round(suspects[0].finding.log_bayes, 2),
+        "log_bayes": round(both.log_evidence - model.log_evidence, 2),
+        "held_out": np.round(held_out((model.data, model.prior), both), 3).tolist(),
     }
 
 
