@@ -108,9 +108,16 @@ def test_the_planners_simulator_runs_the_term_that_was_found() -> None:
     assert "swirl" in {spec.name for effect in acting(phi_of(model)) for spec in effect.parameters}
 
 
-def test_with_the_formula_pushes_end_nearer_to_where_they_did() -> None:
+def test_with_the_formula_pushes_end_as_near_to_where_they_did_as_with_the_true_force() -> None:
     trials, screening, _, open_ended = decided("swirl")
     assert open_ended.found is not None
-    ends = PREDICTOR(trials, [screening.about, open_ended.found.model.estimate]).after[:, :, :, :2].mean(2)
-    errors = np.linalg.norm(ends - trials.observed.after[:, :, :2].mean(1), axis=2).mean(1)
-    assert errors[1] < 0.6 * errors[0]
+    true = CATALOGUE.nominal(SUBJECT)
+    for name, value in HIDDEN["swirl"].items():
+        true[CATALOGUE.column(name)] = value
+    ends = PREDICTOR(trials, [screening.about, open_ended.found.model.estimate, true]).after[:, :, :, :2].mean(2)
+    errors = np.linalg.norm(ends - trials.observed.after[:, :, :2].mean(1), axis=2)
+    without, found, truth = errors.mean(1)
+    assert found < 1.05 * truth < without
+    # Three pushes of 24 end elsewhere in coarser numerics, whatever acts: the true force leaves 1.7 of 2.5 mm in the
+    # mean.
+    assert np.median(errors[1]) < 0.6 * np.median(errors[0])
