@@ -16,11 +16,12 @@ from jaxtyping import Float64
 from scipy.stats import t
 
 from app.discovery.calibration import calibration
-from app.discovery.evidence import Covariances, Residuals, fitted, log_likelihood
+from app.discovery.evidence import Covariances, fitted, log_likelihood
 from app.discovery.forces import FORMULA
 from app.discovery.inference import Z90, Prior, weigh
 from app.discovery.predict import Predictor, Trials
 from app.discovery.refine import Model, refine, started
+from app.discovery.rows import Residuals
 from app.discovery.screen import Screening, Suspect
 from app.discovery.sensitivity import moved, ways_of
 from app.discovery.subject import Catalogue, Theta

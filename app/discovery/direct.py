@@ -13,8 +13,8 @@ from jaxtyping import Bool, Float64
 from app.core.tool_surface import ToolView, middle_of
 from app.core.types import Cloud
 from app.discovery.apparatus.base import Eye
-from app.discovery.evidence import Block
 from app.discovery.predict import Predictor, Trials
+from app.discovery.rows import Block
 from app.discovery.study import Push
 from app.discovery.subject import Theta
 from app.sim.params import PARAMETERS

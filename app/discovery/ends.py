@@ -11,8 +11,9 @@ from dataclasses import replace
 import numpy as np
 from jaxtyping import Float64
 
-from app.discovery.evidence import Forms, Residuals, fitted
+from app.discovery.evidence import Forms, fitted
 from app.discovery.inference import Prior, projected
+from app.discovery.rows import Residuals
 
 Ends = Mapping[int, float]
 """Orientation by episode: 1 as the labels are, -1 reversed."""

@@ -11,13 +11,13 @@ from dataclasses import dataclass
 from typing import NamedTuple, final
 
 from app.discovery.decide import ENOUGH, Decision, Progress, held_out, is_earned
-from app.discovery.evidence import Residuals
 from app.discovery.forces import FEATURES, FORMULA, parameters, with_formula
 from app.discovery.inference import Finding, Prior, log_evidence, weigh
 from app.discovery.leftover import Leftover, leftover, something_left
 from app.discovery.library import Library, Widened, library
 from app.discovery.predict import Predictor, Trials
 from app.discovery.refine import Model, refine, started
+from app.discovery.rows import Residuals
 from app.discovery.screen import Screening, Suspect
 from app.discovery.sensitivity import Step
 from app.discovery.subject import Catalogue, Theta

@@ -14,7 +14,8 @@ from typing import NamedTuple, final
 import numpy as np
 from jaxtyping import Float64
 
-from app.discovery.evidence import Covariances, Forms, MixedEffectsFit, Residuals, fitted
+from app.discovery.evidence import Covariances, Forms, MixedEffectsFit, fitted
+from app.discovery.rows import Residuals
 from app.discovery.subject import Cause, Family
 
 HABITS: Mapping[Family, float] = {"sensing": 0.03, "actuation": 0.01, "physics": 0.1}

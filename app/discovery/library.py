@@ -12,11 +12,11 @@ from typing import final
 import numpy as np
 from jaxtyping import Float64
 
-from app.discovery.evidence import Residuals
 from app.discovery.forces import FORMULA, columns_of_features, force_steps, with_formula
 from app.discovery.inference import HABITS, Prior, Weighing, weigh
 from app.discovery.predict import Predictor, Trials
 from app.discovery.refine import Model
+from app.discovery.rows import Residuals
 from app.discovery.screen import Screening
 from app.discovery.sensitivity import Step, residuals
 

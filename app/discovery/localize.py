@@ -13,9 +13,10 @@ import numpy as np
 from jaxtyping import Float64
 from scipy.spatial import KDTree
 
-from app.discovery.evidence import Residuals, fitted, forms_of
+from app.discovery.evidence import fitted, forms_of
 from app.discovery.inference import Prior
 from app.discovery.predict import Predictor, Trials
+from app.discovery.rows import Residuals
 from app.discovery.sensitivity import Step, residuals, steps_of
 from app.discovery.subject import Cause, Theta
 

@@ -10,9 +10,10 @@ from typing import final
 import numpy as np
 from jaxtyping import Float64
 
-from app.discovery.evidence import Covariances, MixedEffectsFit, Residuals, fitted
+from app.discovery.evidence import Covariances, MixedEffectsFit, fitted
 from app.discovery.inference import Prior, log_evidence, posterior
 from app.discovery.predict import Predictor, Trials
+from app.discovery.rows import Residuals
 from app.discovery.screen import Screening, Suspect
 from app.discovery.sensitivity import Step, moved, residuals, switch_of
 from app.discovery.subject import Catalogue, Theta

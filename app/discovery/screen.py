@@ -9,12 +9,13 @@ import numpy as np
 from jaxtyping import Float64
 
 from app.discovery.ends import Ends, found_ends, turned
-from app.discovery.evidence import Residuals, fitted
+from app.discovery.evidence import fitted
 from app.discovery.field import AFTER, Basis
 from app.discovery.forces import FORMULA, columns_of_features, force_steps, with_formula
 from app.discovery.inference import CALIBRATED, Finding, Prior, Weighing, habit, weigh
 from app.discovery.localize import Located, localized
 from app.discovery.predict import Predictor, Trials
+from app.discovery.rows import Residuals
 from app.discovery.sensitivity import STARTS, Step, apart, moved, residuals, steps_of, ways_of
 from app.discovery.subject import ANY_NUMERICS, ROD_NUMERICS, Catalogue, Theta
 

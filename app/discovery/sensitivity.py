@@ -14,9 +14,9 @@ from jaxtyping import Bool, Float32, Float64
 
 from app.core.types import Points
 from app.discovery.direct import Change, best_by_log, direct_blocks, direct_rows
-from app.discovery.evidence import Block, Residuals
 from app.discovery.field import MODES, REVERSED, Basis, registered
 from app.discovery.predict import Predictor, Seen, Trials
+from app.discovery.rows import Block, Residuals
 from app.discovery.subject import NUMERICS, Catalogue, Cause, Theta
 
 Way: TypeAlias = tuple[str, tuple[tuple[int, float], ...]]

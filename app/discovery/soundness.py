@@ -5,9 +5,9 @@ from collections.abc import Iterator
 import numpy as np
 
 from app.discovery.case import Limit
-from app.discovery.evidence import Residuals
 from app.discovery.field import AFTER, Basis, registered
 from app.discovery.predict import Trials
+from app.discovery.rows import Residuals
 
 _ENOUGH = 0.9
 """Share of the pushes that have to be simulated."""

@@ -4,9 +4,10 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from app.discovery.evidence import Block, Residuals, fitted
+from app.discovery.evidence import fitted
 from app.discovery.inference import Prior
 from app.discovery.refine import Model, own_steps
+from app.discovery.rows import Block, Residuals
 from app.discovery.subject import Catalogue, Subject
 
 

@@ -4,8 +4,8 @@ from collections.abc import Callable
 
 import numpy as np
 
-from app.discovery.evidence import Block, Residuals
 from app.discovery.inference import Prior, Weighing, weigh
+from app.discovery.rows import Block, Residuals
 from app.discovery.screen import Screening
 from app.discovery.sensitivity import Step
 

@@ -8,8 +8,8 @@ import pytest
 from threadpoolctl import threadpool_limits
 
 from app.discovery.calibration import calibration, features
-from app.discovery.evidence import Residuals
 from app.discovery.forces import force_steps, with_formula
+from app.discovery.rows import Residuals
 from app.discovery.screen import Screening, screened
 from app.discovery.sensitivity import Step, steps_of
 from app.discovery.subject import catalogue

@@ -5,8 +5,8 @@ import pytest
 
 from app.discovery.confusion import confusions
 from app.discovery.decide import named_of
-from app.discovery.evidence import Residuals
 from app.discovery.inference import Finding, weigh
+from app.discovery.rows import Residuals
 from tests.discovery.made_up import ALL, CAUSES, K, R, screening
 
 

@@ -6,9 +6,9 @@ import pytest
 from app.core.track import Track
 from app.discovery.apparatus.base import Eye, Load
 from app.discovery.direct import direct_blocks, direct_rows, row_of
-from app.discovery.evidence import Residuals
 from app.discovery.inference import weigh
 from app.discovery.predict import Predictor, Trials, prepare
+from app.discovery.rows import Residuals
 from app.discovery.screen import prior_of
 from app.discovery.sensitivity import Step, secant_of, steps_of
 from app.discovery.study import Push, Study, View

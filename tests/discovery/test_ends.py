@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from app.discovery.ends import found_ends, turned
-from app.discovery.evidence import Residuals
 from app.discovery.predict import Predictor, prepare
+from app.discovery.rows import Residuals
 from app.discovery.screen import steps_of
 from app.discovery.sensitivity import residuals
 from app.discovery.subject import catalogue

@@ -3,11 +3,12 @@
 import numpy as np
 import pytest
 
-from app.discovery.evidence import Block, Forms, Residuals
+from app.discovery.evidence import Forms
 from app.discovery.forces import FEATURES, parameters
 from app.discovery.inference import Prior, weigh
 from app.discovery.leftover import LEFT, Leftover, by_chance, leftover, projected, something_left
 from app.discovery.library import Widened
+from app.discovery.rows import Block, Residuals
 
 EPISODES, PUSHES, ROWS = 8, 4, 12
 NUISANCES, HABIT = 3, 0.15

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from app.discovery.decide import is_sized
-from app.discovery.evidence import Residuals
 from app.discovery.field import MODES
+from app.discovery.rows import Residuals
 from app.discovery.soundness import model_limits
 from app.discovery.subject import catalogue
 from app.tasks import load
