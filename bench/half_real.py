@@ -18,7 +18,7 @@ from jaxtyping import Float64
 from rich.console import Console
 from rich.table import Table
 
-from app.discovery.study import Study
+from app.discovery.dataset.study import Study
 from app.evaluation.intervals import share
 from app.evaluation.ledger import lines
 from app.policy.strokes import PushDesign

@@ -18,9 +18,9 @@ from scipy.interpolate import CubicSpline
 from app.core.track import Track
 from app.core.types import Cloud, Points
 from app.discovery.apparatus.base import Eye
-from app.discovery.predict import Predictor, resisting
-from app.discovery.study import Push, Study, View
-from app.discovery.subject import Theta
+from app.discovery.dataset.study import Push, Study, View
+from app.discovery.dataset.subject import Theta
+from app.discovery.residuals.predict import Predictor, resisting
 from app.perception.resample import resample
 from app.policy.strokes import REGION, PushDesign, midway_s, random_track
 from app.sim.arc_length import arclength_labels, centreline_weights

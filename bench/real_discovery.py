@@ -21,18 +21,18 @@ from threadpoolctl import threadpool_limits
 
 from app.commands._named import full_name
 from app.core.types import Points
-from app.discovery.case import Blame, Limit
-from app.discovery.conclude import ranking_of, verdict_of
-from app.discovery.decide import NAMED, Decision, decide, held_out, is_sized
-from app.discovery.formula import Opened
-from app.discovery.gain import error_mm
-from app.discovery.leftover import Leftover
-from app.discovery.limits import limits_of
-from app.discovery.predict import Predictor, Trials, prepare
-from app.discovery.screen import Screening, refit, screen
-from app.discovery.soundness import model_limits
-from app.discovery.study import Study
-from app.discovery.subject import Subject, Theta, catalogue
+from app.discovery.checks.limits import limits_of
+from app.discovery.checks.soundness import model_limits
+from app.discovery.dataset.study import Study
+from app.discovery.dataset.subject import Subject, Theta, catalogue
+from app.discovery.inference.decide import NAMED, Decision, decide, held_out, is_sized
+from app.discovery.inference.screen import Screening, refit, screen
+from app.discovery.residuals.predict import Predictor, Trials, prepare
+from app.discovery.results.case import Blame, Limit
+from app.discovery.results.conclude import ranking_of, verdict_of
+from app.discovery.results.gain import error_mm
+from app.discovery.unexplained.formula import Opened
+from app.discovery.unexplained.leftover import Leftover
 from app.tasks import load
 from app.tasks.doubted import doubted_in
 from bench import real_pushes

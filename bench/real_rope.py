@@ -18,10 +18,10 @@ from app.commands.import_ import import_
 from app.core.chamfer import chamfer_m2
 from app.core.errors import UsageError
 from app.core.types import Points
-from app.discovery.predict import Predictor, Trials, prepare
-from app.discovery.sensitivity import Step, moved
-from app.discovery.study import Study
-from app.discovery.subject import Catalogue, Cause, Theta, catalogue
+from app.discovery.dataset.study import Study
+from app.discovery.dataset.subject import Catalogue, Cause, Theta, catalogue
+from app.discovery.residuals.predict import Predictor, Trials, prepare
+from app.discovery.residuals.sensitivity import Step, moved
 from app.services.study import read_study
 from app.sim.tools.finger import FingerCollider
 from bench.leave_one_out import Fitted, Place, chosen, descend, folds, loss, paired, placed

@@ -24,7 +24,7 @@ from rich.table import Table
 from scipy.optimize import least_squares
 
 from app.core.stage import RopeModel
-from app.discovery.centreline_noise import smooth_noise
+from app.discovery.residuals.centreline_noise import smooth_noise
 from app.policy.strokes import PushDesign
 from app.rig.simulated.physics import ROPE_WORLDS
 from app.rig.simulated.rehearsal import PushSample, push_again, rehearse

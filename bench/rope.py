@@ -13,11 +13,11 @@ from jaxtyping import Float64
 from rich.console import Console
 from rich.table import Table
 
-from app.discovery.gain import error_mm
-from app.discovery.predict import Predictor, Trials, prepare
-from app.discovery.screen import refit
-from app.discovery.study import Push, Study, View
-from app.discovery.subject import Subject, catalogue
+from app.discovery.dataset.study import Push, Study, View
+from app.discovery.dataset.subject import Subject, catalogue
+from app.discovery.inference.screen import refit
+from app.discovery.residuals.predict import Predictor, Trials, prepare
+from app.discovery.results.gain import error_mm
 from app.policy.strokes import PushDesign
 from app.rig.simulated.physics import WorldPhysics
 from app.rig.simulated.rehearsal import StampedSnapshot, rehearse

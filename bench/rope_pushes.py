@@ -14,7 +14,7 @@ from jaxtyping import Float64
 
 from app.core.errors import UsageError
 from app.core.types import Cloud
-from app.discovery.subject import Subject
+from app.discovery.dataset.subject import Subject
 from app.perception.fill import CELL_M, Underside, fill, points_inside
 from app.sim.scene import Body
 from app.tasks import load

@@ -8,8 +8,8 @@ from pathlib import Path
 import tyro
 from tyro.conf import Positional
 
-from app.discovery.case import Case
-from app.discovery.chain import discover
+from app.discovery.pipeline import discover
+from app.discovery.results.case import Case
 from app.services.study import read_study
 from app.tasks import load, named
 from app.tasks.doubted import doubted_in

@@ -11,7 +11,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from app.core.stage import Finger
-from app.discovery.study import Study
+from app.discovery.dataset.study import Study
 from app.policy.strokes import PushDesign
 from app.tasks.base import Task
 from bench.hidden.ropes import RopeCase

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from app.core.chamfer import chamfer_m2
-from app.discovery.study import Study
+from app.discovery.dataset.study import Study
 from app.planner.budget import tree_rollouts
 from app.policy.strokes import PushDesign
 from app.recording.model_file import load_model

@@ -13,9 +13,9 @@ from app.core.errors import PlanningError, RecordingError, UsageError
 from app.core.messages import Message, Particles, Transition
 from app.core.task_name import recorded
 from app.core.track import Track
-from app.discovery.probe import Belief
-from app.discovery.probe_pushes import Probe
-from app.discovery.study import Push, Study, View
+from app.discovery.dataset.study import Push, Study, View
+from app.discovery.experiments.probe import Belief
+from app.discovery.experiments.probe_pushes import Probe
 from app.perception.recount import recounted
 from app.recording.file import EpisodeFile
 from app.rig.simulated.rehearsal import PushSample, PushSession, StampedSnapshot

@@ -11,7 +11,7 @@ if TYPE_CHECKING:
     from app.config import Site
     from app.core.motion import Motion
     from app.core.track import Track
-    from app.discovery.probe_pushes import Probe
+    from app.discovery.experiments.probe_pushes import Probe
 
 PUSHES: Final = "pushes.json"
 

@@ -10,11 +10,11 @@ from rich.console import Console
 from app.commands._case import MODEL, VERDICT
 from app.core.errors import ParameterError
 from app.core.messages import Model
-from app.discovery.case import Case
-from app.discovery.chain import discover as investigate
-from app.discovery.placement import centred
-from app.discovery.study import Study
-from app.discovery.subject import Catalogue, Subject, catalogue
+from app.discovery.checks.placement import centred
+from app.discovery.dataset.study import Study
+from app.discovery.dataset.subject import Catalogue, Subject, catalogue
+from app.discovery.pipeline import discover as investigate
+from app.discovery.results.case import Case
 from app.recording.model_file import save_model
 from app.sim.catalogue import discover as effects_of_the_simulator
 from app.sim.effects.base import MIDDLE, MIDDLE_M

@@ -17,7 +17,7 @@ from app.commands._report import report_on
 from app.commands._sealing import seal, truth_of, wish_of
 from app.config import Site
 from app.core.errors import UsageError
-from app.discovery.probe import belief_words, stop_of, stop_words
+from app.discovery.experiments.probe import belief_words, stop_of, stop_words
 from app.policy.strokes import PushDesign
 from app.recording.preflight import Room, check_folder
 from app.rig.simulated.hiding import draw, mistuned

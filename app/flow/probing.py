@@ -17,7 +17,7 @@ from app.tasks.base import EpisodeConfig, Experiment
 from app.tasks.probed import Chosen, Weighed, chosen_motion, unprobed, weighed
 
 if TYPE_CHECKING:  # The simulator is loaded in the planner's process alone.
-    from app.discovery.study import Push
+    from app.discovery.dataset.study import Push
 
 
 @final
@@ -100,7 +100,7 @@ class Probing:
             self._announcer.notice("experiment", "An episode ends; the object may be laid anew before the next push.")
 
     def _seen(self, transition: Transition, before: Particles, after: Particles, experiment: Experiment) -> "Push":
-        from app.discovery.study import Push, View
+        from app.discovery.dataset.study import Push, View
 
         executed = transition.executed
 

@@ -11,9 +11,9 @@ from app.core.channel import Lossless
 from app.core.doubt import Verdict, Watched
 from app.core.messages import Model, Proposal, Transition, fresh_id
 from app.core.ports import Clock
-from app.discovery.glance import Glance, glance
-from app.discovery.suspicion import suspect
-from app.discovery.watch import FIRST, Watch
+from app.discovery.monitor.glance import Glance, glance
+from app.discovery.monitor.suspicion import suspect
+from app.discovery.monitor.watch import FIRST, Watch
 
 
 class ExecutedPush(NamedTuple):

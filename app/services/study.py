@@ -15,8 +15,8 @@ from app.core.messages import Episode, Executed, Message, MessageId, Particles, 
 from app.core.task_name import recorded
 from app.core.track import Track
 from app.core.types import Cloud, Points
-from app.discovery.study import Push, Study, View
-from app.discovery.subject import Subject
+from app.discovery.dataset.study import Push, Study, View
+from app.discovery.dataset.subject import Subject
 from app.perception.recount import recounted
 from app.recording.reader import read_cameras, read_messages
 from app.recording.shelf import counted_once

@@ -17,9 +17,9 @@ from app.core.motion import TOOL_DOWN, Motion
 from app.core.track import Track
 from app.core.types import Path3, Points
 from app.discovery.apparatus.base import Eye, Load
-from app.discovery.labels import labelled
-from app.discovery.predict import Predictor, dragging
-from app.discovery.subject import Theta, catalogue
+from app.discovery.dataset.labels import labelled
+from app.discovery.dataset.subject import Theta, catalogue
+from app.discovery.residuals.predict import Predictor, dragging
 from app.planner.base import Planner
 from app.planner.plan import Plan
 from app.planner.request import PlanRequest

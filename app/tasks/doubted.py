@@ -8,13 +8,13 @@ from threadpoolctl import threadpool_limits
 
 from app.core.errors import UsageError
 from app.core.measured_setup import MeasuredSetup
-from app.discovery.field import AFTER
-from app.discovery.placement import centred
-from app.discovery.predict import Predictor, Trials, prepare
-from app.discovery.screen import refit
-from app.discovery.sensitivity import residuals
-from app.discovery.study import Study
-from app.discovery.subject import RodModel, Subject, Theta, catalogue, unknowns_of
+from app.discovery.checks.placement import centred
+from app.discovery.dataset.study import Study
+from app.discovery.dataset.subject import RodModel, Subject, Theta, catalogue, unknowns_of
+from app.discovery.inference.screen import refit
+from app.discovery.residuals.field import AFTER
+from app.discovery.residuals.predict import Predictor, Trials, prepare
+from app.discovery.residuals.sensitivity import residuals
 from app.planner.actions import LOW_ENOUGH_M, Pushes
 from app.sim.catalogue import discover
 from app.sim.params import index

@@ -8,8 +8,8 @@ from jaxtyping import Float64
 
 from app.core.errors import ParameterError
 from app.core.messages import Extension, Model, Parameter, fresh_id
-from app.discovery.sensitivity import Step
-from app.discovery.subject import ANY_NUMERICS, Catalogue, Theta, catalogue
+from app.discovery.dataset.subject import ANY_NUMERICS, Catalogue, Theta, catalogue
+from app.discovery.residuals.sensitivity import Step
 from app.sim.parameter import ParameterSpec
 from app.sim.params import PARAMETERS, phi_with_nulls, require_ranges, validated
 from app.tasks import load

@@ -24,10 +24,10 @@ if TYPE_CHECKING:
     from app.core.motion import Motion
     from app.core.track import Track
     from app.core.types import Points
-    from app.discovery.probe import Belief
-    from app.discovery.probe_pushes import Probe, PushSituation
-    from app.discovery.study import Push, Study, View
-    from app.discovery.subject import Subject
+    from app.discovery.dataset.study import Push, Study, View
+    from app.discovery.dataset.subject import Subject
+    from app.discovery.experiments.probe import Belief
+    from app.discovery.experiments.probe_pushes import Probe, PushSituation
     from app.policy.strokes import PushDesign
     from app.tasks.base import Task
 
@@ -57,7 +57,7 @@ def probed_subject(task: Task) -> Subject:
 
 def belief(task: str, study: Study | None = None) -> Belief:
     """Belief after a study; the prior without one. Takes up to a minute."""
-    from app.discovery.probe import believed, first_belief
+    from app.discovery.experiments.probe import believed, first_belief
     from app.tasks import load
 
     subject = probed_subject(load(task))
@@ -75,7 +75,7 @@ def next_probe(
     site: Site | None = None,
 ) -> Probe:
     """The next push for the object as it is `seen`. Raises PlanningError where none may be made."""
-    from app.discovery.probe_pushes import chosen
+    from app.discovery.experiments.probe_pushes import chosen
     from app.tasks import load
 
     data = load(task)
@@ -107,8 +107,8 @@ class Chosen:
 
 def weighed(task: str, made: Sequence[Push], budget: int) -> Weighed:
     """Belief after the pushes of a session so far. Takes up to a minute."""
-    from app.discovery.probe import belief_words, stop_of, stop_words
-    from app.discovery.study import Study
+    from app.discovery.dataset.study import Study
+    from app.discovery.experiments.probe import belief_words, stop_of, stop_words
     from app.tasks import load
 
     data = load(task)
@@ -134,7 +134,7 @@ def chosen_motion(
 
     Raises PlanningError where none may be made.
     """
-    from app.discovery.study import View
+    from app.discovery.dataset.study import View
     from app.policy.strokes import PushDesign
     from app.tasks import load
 
@@ -164,7 +164,7 @@ def _counted(push: Push, count: int) -> Push:
 
 def scene(task: Task, seen: View, episode: int, made: Sequence[Push], plan: PushDesign, site: Site) -> PushSituation:
     """Inputs of the choice of a push."""
-    from app.discovery.probe_pushes import PushSituation
+    from app.discovery.experiments.probe_pushes import PushSituation
 
     return PushSituation(
         task=task.recorded,

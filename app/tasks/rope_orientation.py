@@ -14,7 +14,7 @@ from jaxtyping import Array, Float, Float32
 from app.core.messages import Model, Transition
 from app.core.orientation import Orientation
 from app.core.types import Centreline, Points
-from app.discovery.steppers import is_flung
+from app.discovery.residuals.steppers import is_flung
 from app.planner.tree import Advance
 from app.sim.object_state import ObjectState
 from app.sim.params import odd_values, with_orientation

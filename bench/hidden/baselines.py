@@ -25,12 +25,12 @@ from scipy.special import softmax
 from threadpoolctl import threadpool_limits
 
 from app.commands._named import Dynamics, full_name
-from app.discovery.case import Blame
-from app.discovery.conclude import estimate_of
-from app.discovery.decide import NAMED
-from app.discovery.predict import Predictor, prepare
-from app.discovery.screen import Screening, Suspect, refit, screen
-from app.discovery.subject import catalogue
+from app.discovery.dataset.subject import catalogue
+from app.discovery.inference.decide import NAMED
+from app.discovery.inference.screen import Screening, Suspect, refit, screen
+from app.discovery.residuals.predict import Predictor, prepare
+from app.discovery.results.case import Blame
+from app.discovery.results.conclude import estimate_of
 from app.services.study import read_study
 from app.tasks import load
 from app.tasks.doubted import subject_of

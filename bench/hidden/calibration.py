@@ -27,13 +27,13 @@ from scipy.optimize import minimize
 from scipy.special import log_softmax, softmax
 from threadpoolctl import threadpool_limits
 
-from app.discovery.calibration import Calibration, calibration, features
-from app.discovery.decide import NAMED, extended, further, held_out, held_out_of_linear, is_sized, refitted
-from app.discovery.forces import FORMULA
-from app.discovery.predict import Predictor, Trials, prepare
-from app.discovery.refine import Model
-from app.discovery.screen import Screening, Suspect, refit, screen
-from app.discovery.subject import catalogue
+from app.discovery.dataset.subject import catalogue
+from app.discovery.inference.calibration import Calibration, calibration, features
+from app.discovery.inference.decide import NAMED, extended, further, held_out, held_out_of_linear, is_sized, refitted
+from app.discovery.inference.refine import Model
+from app.discovery.inference.screen import Screening, Suspect, refit, screen
+from app.discovery.residuals.forces import FORMULA
+from app.discovery.residuals.predict import Predictor, Trials, prepare
 from app.evaluation.intervals import share
 from app.evaluation.ledger import lines
 from app.policy.strokes import PushDesign

@@ -7,7 +7,7 @@ from typing import Literal, TypeAlias, final
 import numpy as np
 
 from app.commands._named import Dynamics
-from app.discovery.subject import ANY_NUMERICS, catalogue
+from app.discovery.dataset.subject import ANY_NUMERICS, catalogue
 from app.rig.simulated.hiding import known
 from app.tasks import load, named
 from app.tasks.doubted import subject_of

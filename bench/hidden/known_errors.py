@@ -18,8 +18,8 @@ from app.core.errors import UsageError
 from app.core.track import Track
 from app.discovery import apparatus
 from app.discovery.apparatus.base import Apparatus, Eye, See, Values
-from app.discovery.labels import labelled
-from app.discovery.study import Push, Study, View
+from app.discovery.dataset.labels import labelled
+from app.discovery.dataset.study import Push, Study, View
 
 Undo: TypeAlias = Callable[[Track, Values], Track]
 """Inverse of an arm's effect: the commanded track for a true one."""

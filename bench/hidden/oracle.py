@@ -12,11 +12,11 @@ from pathlib import Path
 from threadpoolctl import threadpool_limits
 
 from app.commands._named import Dynamics, full_name
-from app.discovery.gain import gained
-from app.discovery.predict import Predictor, prepare
-from app.discovery.refine import refine, started
-from app.discovery.screen import refit, screen
-from app.discovery.subject import catalogue
+from app.discovery.dataset.subject import catalogue
+from app.discovery.inference.refine import refine, started
+from app.discovery.inference.screen import refit, screen
+from app.discovery.residuals.predict import Predictor, prepare
+from app.discovery.results.gain import gained
 from app.services.study import read_study
 from app.tasks import load
 from app.tasks.doubted import subject_of

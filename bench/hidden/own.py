@@ -14,8 +14,8 @@ from typing import Any, final
 import numpy as np
 from jaxtyping import Float64
 
-from app.discovery.predict import Predictor
-from app.discovery.subject import Catalogue, Subject, Theta, catalogue
+from app.discovery.dataset.subject import Catalogue, Subject, Theta, catalogue
+from app.discovery.residuals.predict import Predictor
 from app.policy.strokes import PushDesign
 from app.rig.simulated.hiding import MISTUNED
 from app.sim.parameter import ParameterSpec

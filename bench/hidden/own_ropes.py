@@ -20,10 +20,10 @@ from scipy.spatial import KDTree
 from app.core.task_name import recorded
 from app.core.types import Cloud
 from app.discovery.apparatus.base import Eye
-from app.discovery.predict import Predictor
-from app.discovery.steppers import contact_of
-from app.discovery.study import Push, Study, View
-from app.discovery.subject import ROD_NUMERICS, RodModel, Subject, catalogue
+from app.discovery.dataset.study import Push, Study, View
+from app.discovery.dataset.subject import ROD_NUMERICS, RodModel, Subject, catalogue
+from app.discovery.residuals.predict import Predictor
+from app.discovery.residuals.steppers import contact_of
 from app.policy.strokes import PushDesign
 from app.rig.simulated.physics import Centreline
 from app.rig.simulated.rehearsal import laid

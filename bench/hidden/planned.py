@@ -26,10 +26,10 @@ from app.core.motion import TOOL_DOWN, Motion
 from app.core.track import Track
 from app.core.types import Points
 from app.discovery.apparatus.base import Eye
-from app.discovery.labels import labelled
-from app.discovery.predict import Predictor, prepare
-from app.discovery.study import Push, Study, View
-from app.discovery.subject import Theta, catalogue
+from app.discovery.dataset.labels import labelled
+from app.discovery.dataset.study import Push, Study, View
+from app.discovery.dataset.subject import Theta, catalogue
+from app.discovery.residuals.predict import Predictor, prepare
 from app.planner.plan import Plan, TreePlanner
 from app.planner.request import PlanRequest
 from app.planner.tree import Search

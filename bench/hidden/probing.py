@@ -1,8 +1,8 @@
 """Pushes to a verdict, chosen against random: `python -m bench.hidden.probing lines.jsonl --worlds 40`.
 
 Each world is a rope, a finger and frictions drawn anew, with one effect of the catalogue hidden, or nothing in a share
-of them. It is played twice from the same beginning: with pushes that `app.discovery.probe` chooses, and with random
-ones. After each episode both are screened alike, until a cause is named or the pushes are used up. No images are
+of them. It is played twice from the same beginning: with pushes that `app.discovery.experiments` chooses, and with
+random ones. After each episode both are screened alike, until a cause is named or the pushes are used up. No images are
 rendered, and no GPU is needed. What is done is not done again: an interrupted run goes on, and files of several
 machines can be joined.
 """
@@ -25,9 +25,9 @@ from rich.table import Table
 from threadpoolctl import threadpool_limits
 
 from app.core.errors import PlanningError
-from app.discovery.probe import Belief, is_named
-from app.discovery.study import Push, Study
-from app.discovery.subject import catalogue
+from app.discovery.dataset.study import Push, Study
+from app.discovery.dataset.subject import catalogue
+from app.discovery.experiments.probe import Belief, is_named
 from app.evaluation.intervals import share
 from app.evaluation.ledger import lines
 from app.policy.strokes import PushDesign

@@ -13,7 +13,7 @@ from app import __version__
 from app.core.camera import CameraModel
 from app.core.messages import Episode, Executed, Frame, Message, MessageId, Particles, Sighting, Transition
 from app.core.types import Cloud
-from app.discovery.study import Push, Study, View
+from app.discovery.dataset.study import Push, Study, View
 from app.recording.epoch import Epoch
 from app.recording.file import EpisodeFile
 

@@ -15,8 +15,8 @@ from jaxtyping import Float64
 from app.core.stage import RopeModel
 from app.core.task_name import recorded
 from app.core.types import Cloud, Points
-from app.discovery.centreline_noise import smooth_noise
-from app.discovery.study import Push, Study, View
+from app.discovery.dataset.study import Push, Study, View
+from app.discovery.residuals.centreline_noise import smooth_noise
 from app.perception.resample import resample
 from app.policy.strokes import REGION, PushDesign
 from app.rig.simulated.hidden.base import Injected

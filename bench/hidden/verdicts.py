@@ -8,13 +8,13 @@ from typing import Final, final
 from threadpoolctl import threadpool_limits
 
 from app.commands._named import full_name
-from app.discovery.case import Estimate, Name
-from app.discovery.chain import Stages, judged
-from app.discovery.conclude import estimates_of, verdict_of
-from app.discovery.formula import Opened
-from app.discovery.leftover import Leftover
-from app.discovery.study import Study
-from app.discovery.subject import Subject, Theta
+from app.discovery.dataset.study import Study
+from app.discovery.dataset.subject import Subject, Theta
+from app.discovery.pipeline import Stages, judged
+from app.discovery.results.case import Estimate, Name
+from app.discovery.results.conclude import estimates_of, verdict_of
+from app.discovery.unexplained.formula import Opened
+from app.discovery.unexplained.leftover import Leftover
 from app.services.study import read_study
 from app.tasks import load
 from app.tasks.doubted import doubted_in

@@ -8,7 +8,7 @@ import pytest
 from jaxtyping import Float64
 
 from app.commands.import_ import import_
-from app.discovery.limits import limits_of
+from app.discovery.checks.limits import limits_of
 from app.services.study import read_study
 from bench import rope_pushes
 from bench.leave_one_out import Fitted, Place, descend, folds, loss, paired, placed

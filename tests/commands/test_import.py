@@ -15,7 +15,7 @@ from app.commands.import_ import import_
 from app.core.errors import DipacError, RecordingError, UsageError
 from app.core.table_place import TablePlace
 from app.core.task_name import TaskName
-from app.discovery.limits import limits_of
+from app.discovery.checks.limits import limits_of
 from app.recording.plain import read_plain
 from app.recording.reader import read_transitions
 from app.services.study import read_study

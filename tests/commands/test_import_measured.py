@@ -11,15 +11,15 @@ import pytest
 from app.commands.import_ import import_
 from app.core.errors import RecordingError
 from app.core.stage import Finger
-from app.discovery.conclude import estimates_of
-from app.discovery.direct import direct_rows, row_of
-from app.discovery.field import Basis, registered
-from app.discovery.limits import limits_of
-from app.discovery.placement import centred, reach_m
-from app.discovery.predict import Predictor, Trials, prepare
-from app.discovery.sensitivity import Step
-from app.discovery.study import Study
-from app.discovery.subject import Catalogue, Subject, catalogue
+from app.discovery.checks.limits import limits_of
+from app.discovery.checks.placement import centred, reach_m
+from app.discovery.dataset.study import Study
+from app.discovery.dataset.subject import Catalogue, Subject, catalogue
+from app.discovery.residuals.direct import direct_rows, row_of
+from app.discovery.residuals.field import Basis, registered
+from app.discovery.residuals.predict import Predictor, Trials, prepare
+from app.discovery.residuals.sensitivity import Step
+from app.discovery.results.conclude import estimates_of
 from app.services.study import read_study
 from app.tasks import load
 from app.tasks.doubted import subject_of

@@ -14,7 +14,7 @@ from app.commands._pushes import PUSHES, motions_in, read_pushes, write_pushes
 from app.commands.probe import probe
 from app.config import Site
 from app.core.errors import RecordingError, UsageError
-from app.discovery.probe_pushes import Probe
+from app.discovery.experiments.probe_pushes import Probe
 from app.policy.strokes import PushDesign, random_track
 from app.services.study import read_study
 from app.tasks import load

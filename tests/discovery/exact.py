@@ -4,11 +4,11 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from app.discovery.evidence import fitted
-from app.discovery.inference import Prior
-from app.discovery.refine import Model, own_steps
-from app.discovery.rows import Block, Residuals
-from app.discovery.subject import Catalogue, Subject
+from app.discovery.dataset.subject import Catalogue, Subject
+from app.discovery.inference.evidence import fitted
+from app.discovery.inference.refine import Model, own_steps
+from app.discovery.inference.weighing import Prior
+from app.discovery.residuals.rows import Block, Residuals
 
 
 def exact_model(subject: Subject, known: Catalogue, causes: tuple[str, ...], values: Mapping[str, float]) -> Model:

@@ -4,10 +4,10 @@ from collections.abc import Callable
 
 import numpy as np
 
-from app.discovery.inference import Prior, Weighing, weigh
-from app.discovery.rows import Block, Residuals
-from app.discovery.screen import Screening
-from app.discovery.sensitivity import Step
+from app.discovery.inference.screen import Screening
+from app.discovery.inference.weighing import Prior, Weighing, weigh
+from app.discovery.residuals.rows import Block, Residuals
+from app.discovery.residuals.sensitivity import Step
 
 K, R = 60, 16
 CAUSES = ("push", "tilt", "drag", "film")

@@ -4,14 +4,14 @@ from dataclasses import replace
 
 import pytest
 
-from app.discovery.case import Blame, Limit
-from app.discovery.conclude import estimates_of, sentences_of, verdict_of
-from app.discovery.decide import Decision, Held
-from app.discovery.forces import FORMULA, with_formula
-from app.discovery.formula import AcceptedFormula, Opened
-from app.discovery.leftover import Leftover
-from app.discovery.refine import Model
-from app.discovery.subject import catalogue
+from app.discovery.dataset.subject import catalogue
+from app.discovery.inference.decide import Decision, Held
+from app.discovery.inference.refine import Model
+from app.discovery.residuals.forces import FORMULA, with_formula
+from app.discovery.results.case import Blame, Limit
+from app.discovery.results.conclude import estimates_of, sentences_of, verdict_of
+from app.discovery.unexplained.formula import AcceptedFormula, Opened
+from app.discovery.unexplained.leftover import Leftover
 from app.tasks import load
 from app.tasks.doubted import subject_of
 from tests.discovery.exact import exact_model

@@ -3,10 +3,10 @@
 import numpy as np
 import pytest
 
-from app.discovery.confusion import confusions
-from app.discovery.decide import named_of
-from app.discovery.inference import Finding, weigh
-from app.discovery.rows import Residuals
+from app.discovery.inference.confusion import confusions
+from app.discovery.inference.decide import named_of
+from app.discovery.inference.weighing import Finding, weigh
+from app.discovery.residuals.rows import Residuals
 from tests.discovery.made_up import ALL, CAUSES, K, R, screening
 
 

@@ -5,9 +5,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from app.discovery.decide import held_out_of_linear, is_earned, trimmed
-from app.discovery.inference import weigh
-from app.discovery.screen import Screening, Suspect
+from app.discovery.inference.decide import held_out_of_linear, is_earned, trimmed
+from app.discovery.inference.screen import Screening, Suspect
+from app.discovery.inference.weighing import weigh
 from tests.discovery.made_up import ALL, K, R, screening
 
 

@@ -5,14 +5,14 @@ import pytest
 
 from app.core.track import Track
 from app.discovery.apparatus.base import Eye, Load
-from app.discovery.direct import direct_blocks, direct_rows, row_of
-from app.discovery.inference import weigh
-from app.discovery.predict import Predictor, Trials, prepare
-from app.discovery.rows import Residuals
-from app.discovery.screen import prior_of
-from app.discovery.sensitivity import Step, secant_of, steps_of
-from app.discovery.study import Push, Study, View
-from app.discovery.subject import Theta, catalogue
+from app.discovery.dataset.study import Push, Study, View
+from app.discovery.dataset.subject import Theta, catalogue
+from app.discovery.inference.screen import prior_of
+from app.discovery.inference.weighing import weigh
+from app.discovery.residuals.direct import direct_blocks, direct_rows, row_of
+from app.discovery.residuals.predict import Predictor, Trials, prepare
+from app.discovery.residuals.rows import Residuals
+from app.discovery.residuals.sensitivity import Step, secant_of, steps_of
 from app.policy.strokes import REGION, PushDesign, midway_s, random_track
 from app.tasks import load
 from app.tasks.curves import fill_tube

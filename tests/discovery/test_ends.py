@@ -5,12 +5,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from app.discovery.ends import found_ends, turned
-from app.discovery.predict import Predictor, prepare
-from app.discovery.rows import Residuals
-from app.discovery.screen import steps_of
-from app.discovery.sensitivity import residuals
-from app.discovery.subject import catalogue
+from app.discovery.dataset.subject import catalogue
+from app.discovery.inference.ends import found_ends, turned
+from app.discovery.inference.screen import steps_of
+from app.discovery.residuals.predict import Predictor, prepare
+from app.discovery.residuals.rows import Residuals
+from app.discovery.residuals.sensitivity import residuals
 from app.policy.strokes import PushDesign
 from app.tasks.doubted import subject_of
 from bench.hidden.ropes import RopeCase

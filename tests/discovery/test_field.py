@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from app.discovery.field import MODES, REVERSED, Basis, registered
+from app.discovery.residuals.field import MODES, REVERSED, Basis, registered
 from app.perception.resample import resample
 
 N = 300

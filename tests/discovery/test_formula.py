@@ -6,14 +6,14 @@ import numpy as np
 import pytest
 
 from app.core.messages import Model
-from app.discovery.conclude import verdict_of
-from app.discovery.decide import Decision, decide
-from app.discovery.formula import Opened, opened
-from app.discovery.predict import Predictor, Trials, prepare
-from app.discovery.screen import Screening, refit, screen
-from app.discovery.study import Study
-from app.discovery.subject import catalogue
-from app.discovery.wording import formula_of
+from app.discovery.dataset.study import Study
+from app.discovery.dataset.subject import catalogue
+from app.discovery.inference.decide import Decision, decide
+from app.discovery.inference.screen import Screening, refit, screen
+from app.discovery.residuals.predict import Predictor, Trials, prepare
+from app.discovery.results.conclude import verdict_of
+from app.discovery.results.wording import formula_of
+from app.discovery.unexplained.formula import Opened, opened
 from app.policy.strokes import PushDesign
 from app.sim.params import acting
 from app.tasks import load

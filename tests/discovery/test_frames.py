@@ -5,10 +5,10 @@ from functools import cache
 import numpy as np
 import pytest
 
-from app.discovery.case import FrameTest
-from app.discovery.frames import frame_tests
-from app.discovery.predict import Trials, prepare
-from app.discovery.study import Push, Study, View
+from app.discovery.checks.frames import frame_tests
+from app.discovery.dataset.study import Push, Study, View
+from app.discovery.residuals.predict import Trials, prepare
+from app.discovery.results.case import FrameTest
 from app.policy.strokes import PushDesign, random_track
 from app.tasks import load
 from app.tasks.curves import fill_tube

@@ -5,9 +5,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from app.discovery.evidence import fitted
-from app.discovery.inference import CALIBRATED, Prior, Weighing, dispersion, weigh
-from app.discovery.rows import Block, Residuals
+from app.discovery.inference.evidence import fitted
+from app.discovery.inference.weighing import CALIBRATED, Prior, Weighing, dispersion, weigh
+from app.discovery.residuals.rows import Block, Residuals
 
 K, R, P = 60, 16, 12
 HABIT = 0.08

@@ -3,12 +3,12 @@
 import numpy as np
 import pytest
 
-from app.discovery.evidence import Forms
-from app.discovery.forces import FEATURES, parameters
-from app.discovery.inference import Prior, weigh
-from app.discovery.leftover import LEFT, Leftover, by_chance, leftover, projected, something_left
-from app.discovery.library import Widened
-from app.discovery.rows import Block, Residuals
+from app.discovery.inference.evidence import Forms
+from app.discovery.inference.weighing import Prior, weigh
+from app.discovery.residuals.forces import FEATURES, parameters
+from app.discovery.residuals.rows import Block, Residuals
+from app.discovery.unexplained.leftover import LEFT, Leftover, by_chance, leftover, projected, something_left
+from app.discovery.unexplained.library import Widened
 
 EPISODES, PUSHES, ROWS = 8, 4, 12
 NUISANCES, HABIT = 3, 0.15

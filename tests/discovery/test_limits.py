@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 
 from app.core.track import Track
-from app.discovery.case import Limit
-from app.discovery.limits import limits_of
-from app.discovery.study import Push, Study, View
+from app.discovery.checks.limits import limits_of
+from app.discovery.dataset.study import Push, Study, View
+from app.discovery.results.case import Limit
 from app.policy.strokes import PushDesign, midway_s, random_track
 from app.tasks import load
 from app.tasks.curves import fill_tube

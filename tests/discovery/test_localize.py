@@ -5,10 +5,10 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from app.discovery.localize import KEPT, lattice, log_bayes_of_each
-from app.discovery.predict import Predictor, prepare
-from app.discovery.screen import refit, screen
-from app.discovery.subject import catalogue
+from app.discovery.dataset.subject import catalogue
+from app.discovery.inference.localize import KEPT, lattice, log_bayes_of_each
+from app.discovery.inference.screen import refit, screen
+from app.discovery.residuals.predict import Predictor, prepare
 from app.policy.strokes import PushDesign
 from app.tasks.doubted import subject_of
 from bench.hidden.draws import Chosen

@@ -7,9 +7,9 @@ import numpy as np
 import pytest
 
 from app.core.measured_setup import FoundTable
-from app.discovery.placement import centred, moved_back, reach_m
-from app.discovery.study import Push, Study, View
-from app.discovery.subject import REACH_M, setup_of
+from app.discovery.checks.placement import centred, moved_back, reach_m
+from app.discovery.dataset.study import Push, Study, View
+from app.discovery.dataset.subject import REACH_M, setup_of
 from app.tasks import load
 from app.tasks.doubted import subject_of
 from app.ui.report import show_case, write_report

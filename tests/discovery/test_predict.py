@@ -2,8 +2,8 @@
 
 import numpy as np
 
-from app.discovery.labels import labelled
-from app.discovery.subject import RodModel
+from app.discovery.dataset.labels import labelled
+from app.discovery.dataset.subject import RodModel
 from app.sim.rods.scene import RodScene
 from app.tasks.curves import fill_tube
 

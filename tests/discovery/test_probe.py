@@ -11,9 +11,9 @@ from jaxtyping import Float64
 from app.config import KeepOut, Limits, Site
 from app.core.errors import PlanningError
 from app.core.track import Track
-from app.discovery.inference import Prior
-from app.discovery.predict import Predictor
-from app.discovery.probe import (
+from app.discovery.dataset.study import View
+from app.discovery.dataset.subject import catalogue
+from app.discovery.experiments.probe import (
     NOTHING,
     Belief,
     belief_words,
@@ -24,7 +24,7 @@ from app.discovery.probe import (
     stop_of,
     weighted,
 )
-from app.discovery.probe_pushes import (
+from app.discovery.experiments.probe_pushes import (
     Candidate,
     PushSituation,
     best_of,
@@ -33,9 +33,9 @@ from app.discovery.probe_pushes import (
     informations,
     moving,
 )
-from app.discovery.sensitivity import Step
-from app.discovery.study import View
-from app.discovery.subject import catalogue
+from app.discovery.inference.weighing import Prior
+from app.discovery.residuals.predict import Predictor
+from app.discovery.residuals.sensitivity import Step
 from app.policy.strokes import REGION, PushDesign, Stroke, stroke_through
 from app.tasks import load
 from app.tasks.curves import fill_tube

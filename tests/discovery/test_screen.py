@@ -5,12 +5,12 @@ from functools import cache
 import numpy as np
 import pytest
 
-from app.discovery.decide import NAMED, held_out, probabilities_of
-from app.discovery.predict import Predictor, prepare
-from app.discovery.refine import refine, started
-from app.discovery.screen import Screening, refit, screen
-from app.discovery.study import Study
-from app.discovery.subject import catalogue
+from app.discovery.dataset.study import Study
+from app.discovery.dataset.subject import catalogue
+from app.discovery.inference.decide import NAMED, held_out, probabilities_of
+from app.discovery.inference.refine import refine, started
+from app.discovery.inference.screen import Screening, refit, screen
+from app.discovery.residuals.predict import Predictor, prepare
 from app.policy.strokes import PushDesign
 from app.tasks import load
 from app.tasks.curves import fill_tube

@@ -5,11 +5,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from app.discovery.decide import is_sized
-from app.discovery.field import MODES
-from app.discovery.rows import Residuals
-from app.discovery.soundness import model_limits
-from app.discovery.subject import catalogue
+from app.discovery.checks.soundness import model_limits
+from app.discovery.dataset.subject import catalogue
+from app.discovery.inference.decide import is_sized
+from app.discovery.residuals.field import MODES
+from app.discovery.residuals.rows import Residuals
 from app.tasks import load
 from app.tasks.doubted import subject_of
 from tests.discovery.exact import exact_model

@@ -7,11 +7,11 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from app.discovery.field import MODES, Basis, registered
-from app.discovery.predict import Predictor, Trials, prepare
-from app.discovery.sensitivity import STARTS, residuals
-from app.discovery.steppers import material_coordinates
-from app.discovery.subject import ANY_NUMERICS, NUMERICS, ROD_NUMERICS, catalogue
+from app.discovery.dataset.subject import ANY_NUMERICS, NUMERICS, ROD_NUMERICS, catalogue
+from app.discovery.residuals.field import MODES, Basis, registered
+from app.discovery.residuals.predict import Predictor, Trials, prepare
+from app.discovery.residuals.sensitivity import STARTS, residuals
+from app.discovery.residuals.steppers import material_coordinates
 from app.policy.strokes import PushDesign
 from app.tasks import load
 from app.tasks.doubted import subject_of

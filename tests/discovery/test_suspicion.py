@@ -7,8 +7,8 @@ import pytest
 from jaxtyping import Float64
 
 from app.core.messages import Executed, fresh_id
-from app.discovery.glance import Glance, glance
-from app.discovery.suspicion import suspect
+from app.discovery.monitor.glance import Glance, glance
+from app.discovery.monitor.suspicion import suspect
 
 PUSHES = 10
 

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from jaxtyping import Float64
 
-from app.discovery.glance import Glance
-from app.discovery.watch import FALSE_ALARM, FIRST, Watch
+from app.discovery.monitor.glance import Glance
+from app.discovery.monitor.watch import FALSE_ALARM, FIRST, Watch
 
 SEQUENCES, PUSHES = 800, 30
 Errors = Callable[[np.random.Generator, tuple[int, int]], Float64[np.ndarray, "K T"]]

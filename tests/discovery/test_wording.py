@@ -2,11 +2,11 @@
 
 import pytest
 
-from app.discovery.case import Formula
-from app.discovery.forces import FORMULA, with_formula
-from app.discovery.formula import AcceptedFormula
-from app.discovery.subject import catalogue
-from app.discovery.wording import formula_of
+from app.discovery.dataset.subject import catalogue
+from app.discovery.residuals.forces import FORMULA, with_formula
+from app.discovery.results.case import Formula
+from app.discovery.results.wording import formula_of
+from app.discovery.unexplained.formula import AcceptedFormula
 from app.tasks import load
 from app.tasks.doubted import subject_of
 from tests.discovery.exact import exact_model

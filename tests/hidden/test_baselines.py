@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
-from app.discovery.inference import Finding
-from app.discovery.screen import Suspect
-from app.discovery.sensitivity import Step
+from app.discovery.inference.screen import Suspect
+from app.discovery.inference.weighing import Finding
+from app.discovery.residuals.sensitivity import Step
 from bench.hidden.baselines import Fitted, Linear, all_at_once, bic
 
 ROWS, CAUSES = 600, 8

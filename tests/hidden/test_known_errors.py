@@ -6,10 +6,10 @@ import pytest
 from app.core.errors import UsageError
 from app.core.track import Track
 from app.discovery.apparatus.base import Eye, Load
-from app.discovery.labels import labelled
-from app.discovery.predict import Predictor, prepare
-from app.discovery.study import Study
-from app.discovery.subject import Catalogue, catalogue
+from app.discovery.dataset.labels import labelled
+from app.discovery.dataset.study import Study
+from app.discovery.dataset.subject import Catalogue, catalogue
+from app.discovery.residuals.predict import Predictor, prepare
 from app.policy.strokes import PushDesign
 from app.tasks.doubted import subject_of
 from bench.half_real import described, orders, outcome_of, summary

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from app.discovery.subject import catalogue
+from app.discovery.dataset.subject import catalogue
 from app.tasks import load
 from app.tasks.doubted import subject_of
 from bench.hidden.draws import Making, kinds, outsiders

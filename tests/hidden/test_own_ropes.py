@@ -7,7 +7,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from app.discovery.study import Study
+from app.discovery.dataset.study import Study
 from app.policy.strokes import PushDesign
 from app.services.study import read_study
 from app.sim.rods.effect import RodSetting

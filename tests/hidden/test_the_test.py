@@ -5,9 +5,9 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 
-from app.discovery.decide import TEMPERATURE
-from app.discovery.inference import CALIBRATED, Prior, weigh
-from app.discovery.rows import Block, Residuals
+from app.discovery.inference.decide import TEMPERATURE
+from app.discovery.inference.weighing import CALIBRATED, Prior, weigh
+from app.discovery.residuals.rows import Block, Residuals
 from bench.hidden.draws import Case, Chosen, kinds
 from bench.hidden.outcome import ACTUATION, SENSING, Outcome, category_of, outcome
 from bench.hidden.scores import ALARMS, CONFIDENT, SURE_WRONG, Row, passes, rows

@@ -10,7 +10,7 @@ import pytest
 from app.core.camera import CameraModel
 from app.core.errors import RecordingError, UsageError
 from app.core.messages import Episode, Executed, Frame, Message, Particles, Sighting, Transition
-from app.discovery.study import Study
+from app.discovery.dataset.study import Study
 from app.services.study import read_study
 from app.tasks import load
 from tests.perception.pushed import photographed, pushing

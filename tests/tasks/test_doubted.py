@@ -5,9 +5,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from app.discovery.predict import Predictor, prepare
-from app.discovery.study import Study
-from app.discovery.subject import catalogue
+from app.discovery.dataset.study import Study
+from app.discovery.dataset.subject import catalogue
+from app.discovery.residuals.predict import Predictor, prepare
 from app.policy.strokes import PushDesign
 from app.sim.params import index
 from app.tasks.doubted import doubted_in, subject_of

@@ -10,8 +10,8 @@ import pytest
 from app.calibration.calibrate import phi_of
 from app.core.errors import ParameterError
 from app.core.messages import Extension, Model
-from app.discovery.sensitivity import Step
-from app.discovery.subject import catalogue
+from app.discovery.dataset.subject import catalogue
+from app.discovery.residuals.sensitivity import Step
 from app.recording.model_file import load_model, save_model
 from app.sim.params import PARAMETERS, acting, index
 from app.tasks import compiled, load, nominal_model

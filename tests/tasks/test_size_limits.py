@@ -7,9 +7,9 @@ import numpy as np
 import pytest
 
 from app.core.track import Track
-from app.discovery.predict import Predictor, prepare
-from app.discovery.study import Push, Study, View
-from app.discovery.subject import catalogue
+from app.discovery.dataset.study import Push, Study, View
+from app.discovery.dataset.subject import catalogue
+from app.discovery.residuals.predict import Predictor, prepare
 from app.tasks import load
 from app.tasks.base import Task
 from app.tasks.curves import fill_tube

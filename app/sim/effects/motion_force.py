@@ -2,7 +2,7 @@
 
 Drag by powers of speed (Newton 1687, "Principia", book II) and what pulls to the left of the way: as a nap or a thread
 does, or in proportion to speed (Coriolis 1835). A library for what no cause of the catalogue explains, and no cause
-itself: see `discovery/formula.py`. Drag that does not grow with speed is the table's friction.
+itself: see `discovery/unexplained/formula.py`. Drag that does not grow with speed is the table's friction.
 """
 
 # As static types, Warp's numbers have no operators.

@@ -2,7 +2,7 @@
 
 d is the way from (0.55, 0) m. Every linear field is a spread r, a swirl s and two stretches a, b (Helmholtz 1858, "On
 integrals of the hydrodynamical equations"); with the push p, each of them is about a point of its own. A library for
-what no cause of the catalogue explains, and no cause itself: see `discovery/formula.py`.
+what no cause of the catalogue explains, and no cause itself: see `discovery/unexplained/formula.py`.
 """
 
 from typing import Any

@@ -1,7 +1,8 @@
 """A push that grows in the course of a session: f / (m g) = t k, t from -0.5 at its beginning to 0.5 at its end.
 
 The first term of a force that is not the same all day (Taylor 1715), as a fan that runs up. A library for what no cause
-of the catalogue explains, and no cause itself: see `discovery/formula.py`. Where the time is unknown it does nothing.
+of the catalogue explains, and no cause itself: see `discovery/unexplained/formula.py`. Where the
+time is unknown it does nothing.
 """
 
 from typing import Any

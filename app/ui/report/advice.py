@@ -4,7 +4,7 @@ import shlex
 from collections.abc import Iterator
 from typing import Final
 
-from app.discovery.case import Case
+from app.discovery.results.case import Case
 from app.ui.report.verdict import is_missing_something
 
 _SOURCE: Final = {

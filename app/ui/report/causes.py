@@ -4,7 +4,7 @@ import math
 
 import numpy as np
 
-from app.discovery.case import Blame, Case
+from app.discovery.results.case import Blame, Case
 from app.ui.report.chart import label, svg
 from app.ui.report.layout import details, figure, paragraph, table
 from app.ui.report.markup import Markup, joined, tag

@@ -2,7 +2,7 @@
 
 import math
 
-from app.discovery.case import Case, Check
+from app.discovery.results.case import Case, Check
 from app.ui.report.chart import Axis, line, svg
 from app.ui.report.layout import paragraph, table
 from app.ui.report.markup import Markup, joined, tag

@@ -1,6 +1,6 @@
 """Held-out pushes as observed and as both models predict them, from above, with the largest difference enlarged."""
 
-from app.discovery.case import Case, Example
+from app.discovery.results.case import Case, Example
 from app.ui.report.chart import Plot, svg
 from app.ui.report.ground import bounds, cloud, ground, surface, way
 from app.ui.report.layout import chooser, columns, figure, legend, paragraph

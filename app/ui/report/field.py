@@ -3,7 +3,7 @@
 import numpy as np
 from jaxtyping import Float64
 
-from app.discovery.case import Arrows, Case
+from app.discovery.results.case import Arrows, Case
 from app.ui.report.chart import Plot, area, arrow_path, axes, dots, label, nice_step, plot, polyline, svg
 from app.ui.report.ground import ground, surface, table_bounds
 from app.ui.report.layout import chooser, columns, figure, legend, paragraph

@@ -2,7 +2,7 @@
 
 import math
 
-from app.discovery.case import Case, FrameTest
+from app.discovery.results.case import Case, FrameTest
 from app.ui.report.chart import Axis, label, line, svg
 from app.ui.report.layout import paragraph, table
 from app.ui.report.markup import Markup, joined, tag

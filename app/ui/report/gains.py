@@ -4,7 +4,7 @@ import math
 
 import numpy as np
 
-from app.discovery.case import Case, Gain
+from app.discovery.results.case import Case, Gain
 from app.ui.report.chart import axes, dots, label, line, nice_step, plot, polyline, svg
 from app.ui.report.layout import columns, figure, legend, paragraph
 from app.ui.report.markup import Markup, joined, tag

@@ -7,7 +7,7 @@ from typing import TypeAlias
 import numpy as np
 from jaxtyping import Float
 
-from app.discovery.case import Case
+from app.discovery.results.case import Case
 from app.ui.report.chart import Plot, arrow_path, axes, dots, plot, polyline
 from app.ui.report.markup import Markup, joined, tag
 

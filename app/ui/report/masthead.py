@@ -3,7 +3,7 @@
 import math
 from typing import Final
 
-from app.discovery.case import Case
+from app.discovery.results.case import Case
 from app.ui.report.advice import advice
 from app.ui.report.layout import paragraph
 from app.ui.report.markup import Markup, joined, tag

@@ -2,7 +2,7 @@
 
 import math
 
-from app.discovery.case import Case, Estimate
+from app.discovery.results.case import Case, Estimate
 from app.ui.report.chart import label, svg
 from app.ui.report.layout import figure, paragraph, table
 from app.ui.report.markup import Markup, joined, tag

@@ -1,6 +1,6 @@
 """The most discriminating next push, drawn on the table."""
 
-from app.discovery.case import Case, NextPush
+from app.discovery.results.case import Case, NextPush
 from app.ui.report.chart import Plot, svg
 from app.ui.report.ground import cloud, ground, surface, table_bounds, way
 from app.ui.report.layout import columns, figure, legend, paragraph

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Final
 
 from app.core.errors import UsageError
-from app.discovery.case import Case
+from app.discovery.results.case import Case
 from app.ui.report.causes import causes, confusions
 from app.ui.report.checks import checks
 from app.ui.report.examples import examples

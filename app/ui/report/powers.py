@@ -2,7 +2,7 @@
 
 import math
 
-from app.discovery.case import Case, Power
+from app.discovery.results.case import Case, Power
 from app.ui.report.chart import Axis, arrow_path, label, line, svg
 from app.ui.report.layout import details, figure, paragraph, table
 from app.ui.report.markup import Markup, joined, tag

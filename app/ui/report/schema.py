@@ -9,8 +9,8 @@ from typing import Annotated, Literal, final
 import msgspec
 from msgspec import Meta, Struct
 
-from app.discovery.case import Name as Verdict
-from app.discovery.subject import Family
+from app.discovery.dataset.subject import Family
+from app.discovery.results.case import Name as Verdict
 
 _DIALECT = "https://json-schema.org/draft/2020-12/schema"
 

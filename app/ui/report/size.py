@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from itertools import takewhile
 from typing import final
 
-from app.discovery.case import Blame, Estimate
+from app.discovery.results.case import Blame, Estimate
 
 
 @final

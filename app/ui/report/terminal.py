@@ -12,7 +12,7 @@ from rich.panel import Panel
 from rich.table import Table
 from rich.text import Text
 
-from app.discovery.case import Blame, Case
+from app.discovery.results.case import Blame, Case
 from app.ui.report.advice import advice
 from app.ui.report.size import size
 from app.ui.report.verdict import chance, gain_sentence, headline, kind

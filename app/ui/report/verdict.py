@@ -2,7 +2,7 @@
 
 import math
 
-from app.discovery.case import Case, Gain
+from app.discovery.results.case import Case, Gain
 from app.ui.report.words import decimal, gain_and_interval, names, percent
 from app.ui.words import sentence
 

@@ -5,7 +5,7 @@ import math
 import msgspec
 
 from app.core.track import Track
-from app.discovery.case import Blame, Case, Estimate, Formula, Gain, NextPush, Power
+from app.discovery.results.case import Blame, Case, Estimate, Formula, Gain, NextPush, Power
 from app.ui.report import schema
 from app.ui.report.advice import advice
 from app.ui.report.size import size

@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from app.discovery.subject import catalogue
+from app.discovery.dataset.subject import catalogue
 from app.rig.simulated import hidden
 from app.rig.simulated.cameras import table_cameras
 from app.rig.simulated.hidden.base import Injected, SensorImages

@@ -5,7 +5,8 @@ from dataclasses import replace
 import numpy as np
 
 from app.core.track import Track
-from app.discovery.case import (
+from app.discovery.dataset.subject import Family
+from app.discovery.results.case import (
     Amount,
     Arrows,
     Blame,
@@ -21,7 +22,6 @@ from app.discovery.case import (
     Power,
     Term,
 )
-from app.discovery.subject import Family
 
 N = 240
 PUSHES, EPISODES = 24, 6

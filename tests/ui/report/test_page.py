@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from app.core.errors import UsageError
-from app.discovery.case import Arrows, Case, Limit
+from app.discovery.results.case import Arrows, Case, Limit
 from app.ui.report import write_report
 from app.ui.report.advice import advice
 from app.ui.report.page import SECTIONS, page

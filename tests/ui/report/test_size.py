@@ -5,8 +5,8 @@ from itertools import product
 
 import pytest
 
-from app.discovery.case import Blame, Estimate
-from app.discovery.subject import catalogue
+from app.discovery.dataset.subject import catalogue
+from app.discovery.results.case import Blame, Estimate
 from app.ui.report.size import size
 from tests.ui.report import cases
 

@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 from rich.console import Console
 
-from app.discovery.case import Case
+from app.discovery.results.case import Case
 from app.ui.report import show_case
 from app.ui.report.verdict import headline
 from app.ui.report.words import effect_name

@@ -4,7 +4,7 @@ import re
 
 import pytest
 
-from app.discovery.subject import catalogue
+from app.discovery.dataset.subject import catalogue
 from app.ui.report import words
 
 CATALOGUE = catalogue()

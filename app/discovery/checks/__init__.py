@@ -1,0 +1,1 @@
+"""Checks of recordings, frames, limits and simulations before a verdict is believed."""

@@ -1,0 +1,1 @@
+"""The next action: pushes that tell the remaining causes apart."""

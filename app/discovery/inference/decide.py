@@ -1,0 +1,347 @@
+"""Decision between suspects: the best of them refitted, a second and a third cause if the first is not enough.
+
+A cause is accepted where it makes the data enough more likely, and where episodes that it was not fitted to are
+predicted better. Evidence is of two kinds. That of the screening weighs all causes with the same simulations, and so
+fairly, but as if what they do were linear. That of a refit knows what they really do; but pushes are chaotic, so that
+simulated anew under a model that is hardly another one they are 20 to 60 nats more or less likely, and the best of
+several rounds finds some of them where nothing is. Either counts as far as development recordings showed it to.
+"""
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import NamedTuple, TypeAlias, final
+
+import numpy as np
+from jaxtyping import Float64
+from scipy.stats import t
+
+from app.discovery.dataset.subject import Catalogue, Theta
+from app.discovery.inference.calibration import calibration
+from app.discovery.inference.evidence import Covariances, fitted, log_likelihood
+from app.discovery.inference.refine import Model, refine, started
+from app.discovery.inference.screen import Screening, Suspect
+from app.discovery.inference.weighing import Z90, Prior, weigh
+from app.discovery.residuals.forces import FORMULA
+from app.discovery.residuals.predict import Predictor, Trials
+from app.discovery.residuals.rows import Residuals
+from app.discovery.residuals.sensitivity import moved, ways_of
+
+TEMPERATURE = 2.0
+"""Temperature of the screening's log evidence: every simulator is wrong in ways that no cause of the catalogue is."""
+_LINEAR = 20.0
+"""Evidence of the screening above which only a refit counts: strong effects are not linear."""
+CHANCE = 50.0
+"""Evidence that refits find where nothing is: in 18 recordings the best cause had 32 in the median, 64 once."""
+_ROUGH = 10.0
+"""Divisor of a refit's further evidence."""
+_ODDS = 0.09
+"""Prior odds of each cause against nothing missing: three to one that one of a whole catalogue of 34 acts. Who asks
+about a few of them alone does not make these more probable."""
+_DOUBT = 0.1
+"""Probability of nothing missing from which no cause is taken for present: a set that holds 90 % would hold it, too."""
+_SHARES = 1.0, 0.4
+"""Shares of the screening's estimate at which refits start: strong effects are often overestimated there."""
+NAMED = 0.8
+"""Probability above which a cause is named alone."""
+_SHORTLIST = 5
+_WORTH = 0.05
+"""Probability above which a cause is refitted."""
+_AT_END = 0.05
+"""Tolerance, in steps, within which a parameter is at the end of its range."""
+_ERRORS = 2
+"""Standard errors by which episodes that a cause was not fitted to have to be more likely with it."""
+_TRIMMED = 0.2
+"""Share of episodes, of the best and of the worst, that a mean leaves out: where a rope slips off the tool or not, an
+episode gains or loses ten times what the others do."""
+_FEWEST = 10
+"""Episodes of which a mean is trimmed: of five, the error of a trimmed mean is a fifth too small."""
+_CLOSE = 3.0
+"""Suspects whose evidence is so near the last of the shortlist's are on it, too."""
+_MOST = 3
+_ASKED = 2
+"""Candidates for a further cause that are refitted."""
+ENOUGH = CHANCE + _ROUGH
+"""Logarithm of the Bayes factor that a further cause must have against the model without it, both refitted."""
+
+Progress: TypeAlias = Callable[[str], None]
+"""Callback for progress, in words."""
+
+
+class Held(NamedTuple):
+    """Gain in log likelihood of left-out episodes over the null hypothesis: trimmed mean and standard error."""
+
+    gain: float
+    error: float
+
+
+@final
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Decision:
+    """The refitted singles, the most probable first, and the model that is accepted, if any.
+
+    `probabilities` of each cause alone, `unknown` of a force of none of them, which is not weighed in material points;
+    what is left to 1 is that nothing is missing. `held`: of the best, None where it is too improbable to be accepted.
+    """
+
+    singles: tuple[Model, ...]
+    probabilities: Mapping[str, float]
+    nothing: float
+    accepted: Model | None
+    held: Held | None
+    unknown: float = 0.0
+
+
+def decide(predictor: Predictor, trials: Trials, screening: Screening, said: Progress) -> Decision:
+    """Refit the shortlist, weigh it, and add causes while they are needed.
+
+    Of rods how probable a cause is was measured (`calibration`), and a refit only says how large it is. A further one
+    is asked about where the first makes left-out episodes more likely.
+    """
+    singles, catalogue = list[Model](), predictor.catalogue
+    measured = calibration().probabilities(screening) if catalogue.rods else None
+    unknown = 0.0 if measured is None else measured[0].get(FORMULA, 0.0)
+    for suspect in shortlist(screening) if measured is None else _probable(screening, measured[0]):
+        said(f"refitting {suspect.cause}")
+        probable = measured is None or measured[0][suspect.cause] > _WORTH
+        singles.append(refitted(predictor, trials, screening, suspect, thorough=probable))
+    probabilities, nothing = measured or probabilities_of(screening, singles)
+    probabilities = {cause: value for cause, value in probabilities.items() if cause != FORMULA}
+    singles.sort(key=lambda model: -probabilities[model.causes[0]])
+    best = singles[0]
+    sure = nothing < _DOUBT and (unknown < _DOUBT or probabilities[best.causes[0]] > NAMED)
+    held = held_out((screening.data, screening.prior), best) if sure else None
+    if held is not None and (not catalogue.rods or held.gain > held.error):
+        best = _extended(predictor, trials, screening, best, singles, said)
+        held = held_out((screening.data, screening.prior), best)
+    if held is not None and catalogue.rods and not is_earned(held) and len(best.causes) == 1:
+        (suspect,) = (suspect for suspect in screening.suspects if suspect.cause == best.causes[0])
+        linear = held_out_of_linear(screening, suspect)
+        held = linear if is_earned(linear) else held
+    earned = held is not None and (is_earned(held) if catalogue.rods else held.gain > held.error)
+    earned &= not catalogue.rods or is_sized(catalogue, best)
+    return Decision(
+        singles=tuple(singles),
+        probabilities=probabilities,
+        nothing=nothing,
+        accepted=best if earned else None,
+        held=held,
+        unknown=unknown,
+    )
+
+
+def _probable(screening: Screening, probabilities: Mapping[str, float]) -> list[Suspect]:
+    """The suspects that are worth a refit by their probability so far; one at least."""
+    suspects = sorted(screening.suspects, key=lambda suspect: -probabilities[suspect.cause])
+    return [suspect for suspect in suspects[:_SHORTLIST] if probabilities[suspect.cause] > _WORTH] or suspects[:1]
+
+
+def is_sized(catalogue: Catalogue, model: Model) -> bool:
+    """True if every cause of a model is present by its interval, and none is at the end of its range."""
+    deviations = np.sqrt(np.diag(model.covariance))
+    for name in model.causes:
+        switches, present = catalogue.cause(name).columns[: catalogue.cause(name).switches], False
+        for step, deviation in zip(model.steps[: model.own], deviations, strict=True):
+            if step.column not in switches:
+                continue
+            spec = catalogue.specs[step.column]
+            here, null = (spec.coordinate(value) for value in (float(model.estimate[step.column]), spec.nominal))
+            ends = [spec.coordinate(end) for end in (spec.low, spec.high) if end != spec.nominal]
+            if min(abs(here - end) for end in ends) < _AT_END * abs(step.size):
+                return False
+            present |= abs(here - null) > Z90 * deviation * abs(step.size)
+        if not present:
+            return False
+    return True
+
+
+def refitted(
+    predictor: Predictor, trials: Trials, screening: Screening, suspect: Suspect, *, thorough: bool = True
+) -> Model:
+    """Refit with this cause alone, from the screening's estimate; if `thorough` from less if that improves nothing."""
+    if not thorough:
+        start = started(predictor.catalogue, screening.about, suspect)
+        return refine(predictor, trials, screening, [(suspect.cause, start)], rounds=1)
+    best: Model | None = None
+    for share in _SHARES:
+        start = started(predictor.catalogue, screening.about, suspect, share=share)
+        model = refine(predictor, trials, screening, [(suspect.cause, start)])
+        if best is None or model.log_evidence > best.log_evidence:
+            best = model
+        if best.log_evidence > screening.weighing.log_evidence:
+            break
+    assert best is not None
+    return best
+
+
+def shortlist(screening: Screening) -> list[Suspect]:
+    """The suspects worth a refit."""
+    suspects = screening.suspects
+    least = suspects[min(_SHORTLIST, len(suspects)) - 1].finding.log_bayes - _CLOSE
+    close = [suspect for suspect in suspects if suspect.finding.log_bayes > max(least, 0.0)]
+    return close[: _SHORTLIST + _ASKED] or list(suspects[:1])
+
+
+def probabilities_of(screening: Screening, singles: Sequence[Model]) -> tuple[Mapping[str, float], float]:
+    """Probabilities of each cause, and of none; of those not refitted by the screening's evidence alone."""
+    linear = {suspect.cause: suspect.finding.log_bayes for suspect in screening.suspects}
+    refitted = {model.causes[0]: model.log_evidence - screening.weighing.log_evidence for model in singles}
+    return _shared({cause: _weight(value, refitted.get(cause)) for cause, value in linear.items()})
+
+
+def named_of(linear: Mapping[str, float]) -> str | None:
+    """The cause that is the most probable by the screening's evidence; None where nothing missing is more probable."""
+    probabilities, nothing = _shared({cause: value / TEMPERATURE for cause, value in linear.items()})
+    cause = max(probabilities, key=lambda cause: probabilities[cause])
+    return cause if probabilities[cause] > nothing else None
+
+
+def _weight(linear: float, refitted: float | None) -> float:
+    """Tempered log Bayes factor of a cause against nothing missing."""
+    weight = min(linear, _LINEAR) / TEMPERATURE
+    return weight if refitted is None else max(weight, (refitted - CHANCE) / _ROUGH)
+
+
+def _shared(logs: Mapping[str, float]) -> tuple[Mapping[str, float], float]:
+    """Probabilities from logarithmic weights against nothing missing, and that of nothing missing."""
+    weights = np.array([0.0, *(np.log(_ODDS) + value for value in logs.values())])
+    probabilities = np.exp(weights - weights.max())
+    probabilities /= probabilities.sum()
+    return dict(zip(logs, probabilities[1:].tolist(), strict=True)), float(probabilities[0])
+
+
+def _extended(
+    predictor: Predictor,
+    trials: Trials,
+    screening: Screening,
+    best: Model,
+    singles: Sequence[Model],
+    said: Progress,
+) -> Model:
+    """The best model with more causes, while each makes the data enough more likely; none that is not needed."""
+    starts = {model.causes[0]: model.estimate for model in singles}
+    while len(best.causes) < _MOST:
+        found = list[Model]()
+        for suspect in further(best)[:_ASKED]:
+            said(f"adding {suspect.cause} to {', '.join(best.causes)}")
+            found.append(extended(predictor, trials, screening, best, suspect, starts.get(suspect.cause)))
+        better = max(found, key=lambda model: model.log_evidence, default=None)
+        if better is None or better.log_evidence < best.log_evidence + ENOUGH:
+            return best
+        gained = held_out((best.data, best.prior), better)
+        if not is_earned(gained):
+            return best
+        best = _without_needless(better, [best, *singles])
+    return best
+
+
+def extended(
+    predictor: Predictor,
+    trials: Trials,
+    screening: Screening,
+    model: Model,
+    suspect: Suspect,
+    start: Theta | None = None,
+) -> Model:
+    """The model with a further cause, refitted; from that cause's value in `start`, or as the screening found it."""
+    start = started(predictor.catalogue, screening.about, suspect) if start is None else start
+    both = [*((name, model.estimate) for name in model.causes), (suspect.cause, start)]
+    return refine(predictor, trials, screening, both, (model.fit.covariances,))
+
+
+def _without_needless(model: Model, simpler: Sequence[Model]) -> Model:
+    """A simpler model with some of its causes that is nearly as likely, or itself."""
+    for other in sorted(simpler, key=lambda other: -other.log_evidence):
+        if set(other.causes) < set(model.causes) and other.log_evidence > model.log_evidence - ENOUGH:
+            return other
+    return model
+
+
+def further(model: Model) -> list[Suspect]:
+    """Suspects for a further cause, the most likely first, by what a model leaves unexplained."""
+    free = [n for n in range(model.own, len(model.steps)) if n not in model.prior.nuisance]
+    groups = ways_of(model.steps, (n for n in free if model.steps[n].cause not in (*model.causes, FORMULA)))
+    weighing = weigh(model.data, list(groups.values()), model.prior)
+    suspects = [
+        Suspect(
+            cause=cause,
+            columns=tuple(columns),
+            steps=tuple(model.steps[column] for column in columns),
+            finding=finding,
+        )
+        for (cause, _), columns, finding in zip(groups, groups.values(), weighing.findings, strict=True)
+    ]
+    suspects.sort(key=lambda suspect: -suspect.finding.log_bayes)
+    first = dict[str, Suspect]()
+    for suspect in suspects:
+        if suspect.finding.log_bayes > 0:
+            first.setdefault(suspect.cause, suspect)
+    return list(first.values())
+
+
+def held_out(simpler: tuple[Residuals, Prior], model: Model) -> Held:
+    """Leave-one-episode-out: the trimmed mean over episodes of the gain in log likelihood, and its standard error."""
+    return _held_out(simpler, (model.data, model.prior), (None, model.fit.covariances))
+
+
+def held_out_of_linear(screening: Screening, suspect: Suspect) -> Held:
+    """The same of a cause about the nominal model, by the simulations that all causes were weighed with.
+
+    Simulated anew, chaotic pushes end elsewhere, which costs or gains more than a weak effect does.
+    """
+    data, nothing = screening.data, screening.prior
+    present = nothing.wider(suspect.columns)
+    return _held_out((data, nothing), (data, present), (None, screening.weighing.nothing.covariances))
+
+
+def _held_out(
+    simpler: tuple[Residuals, Prior], extended: tuple[Residuals, Prior], starts: Sequence[Covariances | None]
+) -> Held:
+    episodes = np.unique(extended[0].episode).tolist()
+    gains = np.array(
+        [_likelihood(*extended, episode, starts) - _likelihood(*simpler, episode, starts) for episode in episodes]
+    )
+    return trimmed(gains)
+
+
+def trimmed(gains: Float64[np.ndarray, " E"]) -> Held:
+    """The trimmed mean of episodes, and its standard error (Tukey and McLaughlin 1963).
+
+    The error is as much larger as makes two of it as rare as two of a plain mean, by Student's distribution of fewer
+    degrees of freedom.
+    """
+    count = len(gains)
+    out = int(_TRIMMED * count) if count >= _FEWEST else 0
+    if count < 2:
+        return Held(float(gains.mean()), np.inf)
+    ordered, inner = np.sort(gains), count - 2 * out
+    winsorized = np.clip(gains, ordered[out], ordered[count - 1 - out])
+    error = winsorized.std(ddof=1) * np.sqrt(count) / inner
+    rarer = t.ppf(t.cdf(_ERRORS, count - 1), inner - 1) / _ERRORS
+    return Held(float(ordered[out : count - out].mean()), float(error * rarer))
+
+
+def is_earned(held: Held) -> bool:
+    """True if episodes that were left out are more likely by enough standard errors."""
+    return held.gain > _ERRORS * held.error
+
+
+def _likelihood(data: Residuals, prior: Prior, episode: int, starts: Sequence[Covariances | None]) -> float:
+    fit = fitted(data.without(episode), prior.variance, prior.mean, starts)
+    return log_likelihood(data.of(data.episode == episode), fit.theta, fit.covariances)
+
+
+def left_out_thetas(model: Model) -> dict[int, Float64[np.ndarray, " P"]]:
+    """The own columns' values, in steps from the model's theta and as far as trusted, when an episode is left out."""
+    found = dict[int, Float64[np.ndarray, " P"]]()
+    for episode in np.unique(model.data.episode):
+        fit = fitted(model.data.without(int(episode)), model.prior.variance, model.prior.mean, (model.fit.covariances,))
+        found[int(episode)] = model.trust * fit.theta[: model.own]
+    return found
+
+
+def theta_of(catalogue: Catalogue, model: Model, shares: Float64[np.ndarray, " Q"]) -> Theta:
+    """The model's theta moved by so many of its own steps."""
+    theta = model.theta
+    for step, share in zip(model.steps[: model.own], shares, strict=True):
+        theta = moved(catalogue, theta, step, float(share))
+    return theta

@@ -1,0 +1,252 @@
+"""Mixed-effects regression of all parameters on all pushes: residuals, slopes, and a noise learnt from both.
+
+Residuals of clouds are amplitudes of displacement modes. Their covariance has a part that is the same for all pushes
+and is learnt, and one of each push by itself: where a slightly other start, friction or grid already ends elsewhere, a
+simulator errs, in just these ways, and otherwise in the next push (random slopes, as in Laird and Ware 1982,
+"Random-effects models for longitudinal data"). Without it a few pushes that nearly anything would move say the most of
+every cause, and the same wrong thing. Most pushes are predicted to a millimetre, and a few, where the object slips off
+the tool or not, by nothing: a multivariate Student t (Lange, Little and Taylor 1989, "Robust statistical modeling using
+the t distribution"). What was measured directly has independent errors of one size a kind: a covariance that is free
+would take a delay for noise of the arm's log.
+"""
+
+from collections.abc import Sequence
+from typing import NamedTuple, TypeAlias
+
+import numpy as np
+from jaxtyping import Bool, Float64, Int
+
+from app.discovery.residuals.rows import Residuals
+
+_DEGREES = 2.0
+_ROUNDS = 100
+_SHRINK = 16.0
+"""Pushes' worth of a diagonal covariance that is added to the learnt one."""
+_LEAST_M = 1e-4
+_SETTLED = 1e-3
+"""Relative change of a learnt variance in a round. The likelihood would stop too soon: it turns on its way."""
+
+Covariances: TypeAlias = tuple[Float64[np.ndarray, "_ _"], ...]
+"""Covariance of each block of rows [m^2], for a push of usual size."""
+
+
+class Forms(NamedTuple):
+    """-2 log likelihood of each episode at theta, to second order: c - 2 b theta + theta A theta, but for c."""
+
+    A: Float64[np.ndarray, "E P P"]
+    b: Float64[np.ndarray, "E P"]
+    episode: Int[np.ndarray, " E"]
+
+
+class MixedEffectsFit(NamedTuple):
+    """The most probable theta, the noise about it, the likelihood's forms there, and its logarithm."""
+
+    theta: Float64[np.ndarray, " P"]
+    covariances: Covariances
+    forms: Forms
+    log_likelihood: float
+
+
+class _Rows(NamedTuple):
+    """The rows of one block, of the pushes in which something of it was seen; 0 where nothing was.
+
+    `own`: the covariance of what errs in each push by itself [m^2]; of one push where nothing does.
+    """
+
+    r: Float64[np.ndarray, "K S"]
+    J: Float64[np.ndarray, "K S P"]
+    own: Float64[np.ndarray, "_ S S"]
+    known: Bool[np.ndarray, "K S"]
+    seen: Float64[np.ndarray, " K"]
+    episode: Int[np.ndarray, " K"]
+    least_m: float | None
+
+    def left(self, theta: Float64[np.ndarray, " P"]) -> Float64[np.ndarray, "K S"]:
+        return (self.r - self.J @ theta) * self.known
+
+
+def fitted(
+    data: Residuals,
+    variance: Float64[np.ndarray, " P"],
+    mean: Float64[np.ndarray, " P"] | None = None,
+    starts: Sequence[Covariances | None] = (None,),
+) -> MixedEffectsFit:
+    """Theta under a normal prior, and the residuals' covariance by maximum likelihood, in turns.
+
+    The likelihood has more than one maximum: noise can pass for an effect's work. The best from all `starts` is taken.
+    """
+    blocks, centre = _blocks(data), np.zeros(len(variance)) if mean is None else mean
+    found = [_climbed(blocks, variance, centre, start) for start in starts]
+    return max(found, key=lambda fit: fit.log_likelihood - 0.5 * float(((fit.theta - centre) ** 2 / variance).sum()))
+
+
+def log_likelihood(data: Residuals, theta: Float64[np.ndarray, " P"], covariances: Covariances) -> float:
+    """Log likelihood of all pushes under a known noise, up to a constant."""
+    rows = zip(_blocks(data), covariances, strict=True)
+    return float(sum(_log_likelihood(block, _roots(block, covariance), theta) for block, covariance in rows))
+
+
+def scores(data: Residuals, fit: MixedEffectsFit) -> Float64[np.ndarray, "K P"]:
+    """Each push's slope of the log likelihood at the fit, for every column."""
+    found = np.zeros((len(data), len(fit.theta)))
+    for (rows, *_), block, covariance in zip(data.blocks, _blocks(data), fit.covariances, strict=True):
+        root = _roots(block, covariance)
+        WJ, Wr = _whitened(block, root, _size(block, root, fit.theta))
+        found[data.known[:, rows].any(1)] += np.einsum("ksp,ks->kp", WJ, Wr - WJ @ fit.theta)
+    return found
+
+
+def information_of(data: Residuals, covariances: Covariances) -> Float64[np.ndarray, "K P P"]:
+    """Fisher's information that each push has about all columns under a known noise, were it of usual size.
+
+    Residuals do not enter: it is of pushes that were made as of those that might be.
+    """
+    found = np.zeros((len(data), data.J.shape[2], data.J.shape[2]))
+    for (rows, *_), block, covariance in zip(data.blocks, _blocks(data), covariances, strict=True):
+        WJ, _ = _whitened(block, _roots(block, covariance), np.ones(len(block.r)))
+        found[data.known[:, rows].any(1)] += np.swapaxes(WJ, 1, 2) @ WJ
+    return found
+
+
+def forms_of(data: Residuals, theta: Float64[np.ndarray, " P"], covariances: Covariances) -> Forms:
+    """The likelihood's forms about any theta under a known noise, with the weight that Student's t gives each push."""
+    blocks = _blocks(data)
+    roots = [_roots(block, covariance) for block, covariance in zip(blocks, covariances, strict=True)]
+    return _forms(blocks, roots, theta)
+
+
+def _blocks(data: Residuals) -> list[_Rows]:
+    found = list[_Rows]()
+    for rows, least, _ in data.blocks:
+        use = data.known[:, rows].any(1)
+        known = data.known[use, rows]
+        spread = data.spread[use, rows] * known[:, :, None]
+        spread = spread if spread.any() else spread[:1]
+        found.append(
+            _Rows(
+                r=data.r[use, rows] * known,
+                J=data.J[use, rows] * known[:, :, None],
+                own=spread @ np.swapaxes(spread, 1, 2),
+                known=known,
+                seen=known.sum(1).astype(np.float64),
+                episode=data.episode[use],
+                least_m=least,
+            )
+        )
+    return found
+
+
+def _climbed(
+    blocks: Sequence[_Rows],
+    variance: Float64[np.ndarray, " P"],
+    centre: Float64[np.ndarray, " P"],
+    start: Covariances | None,
+) -> MixedEffectsFit:
+    theta, precision = centre.copy(), np.diag(1 / variance)
+    covariances = start or tuple(_first(block) for block in blocks)
+    roots = [_roots(block, covariance) for block, covariance in zip(blocks, covariances, strict=True)]
+    for turn in range(_ROUNDS):
+        total, pull = precision.copy(), precision @ centre
+        # Before theta is known at all no push may pass for an outlier.
+        pairs = list(zip(blocks, roots, strict=True))
+        sizes = [_size(block, root, theta) if turn else np.ones(len(block.r)) for block, root in pairs]
+        for block, root, size in zip(blocks, roots, sizes, strict=True):
+            WJ, Wr = _whitened(block, root, size)
+            flat = WJ.reshape(-1, len(theta))
+            total += flat.T @ flat
+            pull += flat.T @ Wr.ravel()
+        theta = np.linalg.solve(total, pull)
+        parts = zip(blocks, covariances, roots, sizes, strict=True)
+        learnt = tuple(_scatter(block, old, root, theta, size) for block, old, root, size in parts)
+        changes = [np.abs(np.diag(new) / np.diag(old) - 1).max() for new, old in zip(learnt, covariances, strict=True)]
+        covariances = learnt
+        roots = [_roots(block, covariance) for block, covariance in zip(blocks, covariances, strict=True)]
+        if max(changes) < _SETTLED:
+            break
+    likelihood = sum(_log_likelihood(block, root, theta) for block, root in zip(blocks, roots, strict=True))
+    return MixedEffectsFit(theta, covariances, _forms(blocks, roots, theta), float(likelihood))
+
+
+def _first(block: _Rows) -> Float64[np.ndarray, "S S"]:
+    """A diagonal covariance to begin with: the usual residual of each row."""
+    if not len(block.r):
+        return np.eye(block.r.shape[1]) * (block.least_m or _LEAST_M) ** 2
+    return np.diag(np.median(np.abs(block.r), 0) ** 2 / 0.45 + (block.least_m or _LEAST_M) ** 2)
+
+
+def _roots(block: _Rows, covariance: Float64[np.ndarray, "S S"]) -> Float64[np.ndarray, "_ S S"]:
+    """Whitening matrices of each push's errors, the learnt ones and its own; one where they are all the same."""
+    return np.linalg.inv(np.linalg.cholesky(covariance + block.own))
+
+
+def _distances(
+    block: _Rows, roots: Float64[np.ndarray, "_ S S"], theta: Float64[np.ndarray, " P"]
+) -> Float64[np.ndarray, " K"]:
+    """Squared Mahalanobis distance of each push's residuals at theta."""
+    return (_times(roots, block.left(theta)) ** 2).sum(1)
+
+
+def _size(
+    block: _Rows, roots: Float64[np.ndarray, "_ S S"], theta: Float64[np.ndarray, " P"]
+) -> Float64[np.ndarray, " K"]:
+    """Scale of each push's errors over the usual one, as in Student's t."""
+    return (_DEGREES + _distances(block, roots, theta)) / (_DEGREES + block.seen)
+
+
+def _log_likelihood(block: _Rows, roots: Float64[np.ndarray, "_ S S"], theta: Float64[np.ndarray, " P"]) -> float:
+    volume = -2 * np.log(np.diagonal(roots, axis1=1, axis2=2)).mean(1)
+    distance = _distances(block, roots, theta)
+    return -0.5 * float(((_DEGREES + block.seen) * np.log1p(distance / _DEGREES) + block.seen * volume).sum())
+
+
+def _whitened(
+    block: _Rows, roots: Float64[np.ndarray, "_ S S"], size: Float64[np.ndarray, " K"]
+) -> tuple[Float64[np.ndarray, "K S P"], Float64[np.ndarray, "K S"]]:
+    weight = 1 / np.sqrt(size)
+    return (roots @ block.J) * weight[:, None, None], _times(roots, block.r) * weight[:, None]
+
+
+def _times(matrices: Float64[np.ndarray, "_ S S"], vectors: Float64[np.ndarray, "K S"]) -> Float64[np.ndarray, "K S"]:
+    return (matrices @ vectors[:, :, None])[:, :, 0]
+
+
+def _scatter(
+    block: _Rows,
+    covariance: Float64[np.ndarray, "S S"],
+    roots: Float64[np.ndarray, "_ S S"],
+    theta: Float64[np.ndarray, " P"],
+    size: Float64[np.ndarray, " K"],
+) -> Float64[np.ndarray, "S S"]:
+    """Common covariance of the residuals, for a push of usual size; shrunk a little towards its diagonal.
+
+    A step of expectation and maximisation from the one before: of what is left, what is expected to be common.
+    """
+    rows = block.r.shape[1]
+    if not len(block.r):
+        return np.eye(rows) * (block.least_m or _LEAST_M) ** 2
+    left = block.left(theta) / np.sqrt(size)[:, None]
+    if block.least_m is not None:
+        one = float((left**2).sum() / block.seen.sum())
+        return np.eye(rows) * max(one, block.least_m**2)
+    precisions = np.swapaxes(roots, 1, 2) @ roots
+    common = _times(covariance @ precisions, left) * block.known
+    seen = np.sqrt(np.maximum(block.known.sum(0), 1))
+    unsure = covariance - covariance @ precisions.mean(0) @ covariance
+    raw = common.T @ common / np.outer(seen, seen) + unsure  # Positive, whatever is missing.
+    shrunk = (len(left) * raw + _SHRINK * np.diag(np.diag(raw))) / (len(left) + _SHRINK)
+    return shrunk + _LEAST_M**2 * np.eye(rows)
+
+
+def _forms(
+    blocks: Sequence[_Rows], roots: Sequence[Float64[np.ndarray, "_ _ _"]], theta: Float64[np.ndarray, " P"]
+) -> Forms:
+    episodes = np.unique(np.concatenate([block.episode for block in blocks]))
+    A, b = np.zeros((len(episodes), len(theta), len(theta))), np.zeros((len(episodes), len(theta)))
+    for block, root in zip(blocks, roots, strict=True):
+        WJ, Wr = _whitened(block, root, _size(block, root, theta))
+        for row, episode in enumerate(episodes):
+            own = block.episode == episode
+            flat = WJ[own].reshape(-1, len(theta))
+            A[row] += flat.T @ flat
+            b[row] += flat.T @ Wr[own].ravel()
+    return Forms(A, b, episodes)

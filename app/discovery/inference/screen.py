@@ -1,0 +1,242 @@
+"""The first verdict, from one batch of simulations: a refitted nominal model, and every cause weighed against it."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from types import MappingProxyType
+from typing import final
+
+import numpy as np
+from jaxtyping import Float64
+
+from app.discovery.dataset.subject import ANY_NUMERICS, ROD_NUMERICS, Catalogue, Theta
+from app.discovery.inference.ends import Ends, found_ends, turned
+from app.discovery.inference.evidence import fitted
+from app.discovery.inference.localize import Located, localized
+from app.discovery.inference.weighing import CALIBRATED, Finding, Prior, Weighing, habit, weigh
+from app.discovery.residuals.field import AFTER, Basis
+from app.discovery.residuals.forces import FORMULA, columns_of_features, force_steps, with_formula
+from app.discovery.residuals.predict import Predictor, Trials
+from app.discovery.residuals.rows import Residuals
+from app.discovery.residuals.sensitivity import STARTS, Step, apart, moved, residuals, steps_of, ways_of
+
+_REFITS = 5
+_SETTLED = 0.2
+"""Steps of 30 %, below which a refit is done."""
+_FAR = 2.0
+"""Steps of a calibrated parameter that a refit takes at most."""
+_PEAKS = 8
+_PEAK_M = 0.03
+"""Number of places with large residuals, where something may be in the way, and their least distance [m]."""
+
+
+@final
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Suspect:
+    """A cause with its result of the screening; `columns`: its own in the data, with their `steps`.
+
+    `finding.mean` are their values in steps.
+    """
+
+    cause: str
+    columns: tuple[int, ...]
+    steps: tuple[Step, ...]
+    finding: Finding
+
+
+@final
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Screening:
+    """All causes, the most probable first, about the refitted nominal model; a placed cause where it fits best.
+
+    `ends`: which end of the object is the first in each episode; in `data` slopes are as with these. `force`: the rival
+    of them all, a force of no known cause, as the feature that fits best, with the evidence of their mean; of rods.
+    """
+
+    about: Theta
+    steps: tuple[Step, ...]
+    data: Residuals
+    prior: Prior
+    weighing: Weighing
+    suspects: tuple[Suspect, ...]
+    ends: Ends
+    force: Suspect | None = None
+
+    @property
+    def weighed(self) -> tuple[Suspect, ...]:
+        """The causes of the catalogue, and the force of none."""
+        return self.suspects if self.force is None else (*self.suspects, self.force)
+
+
+def refit(predictor: Predictor, trials: Trials) -> Theta:
+    """The nominal model with the calibrated parameters that fit these pushes, and of rods the unknown ones, too."""
+    catalogue, calibrated = predictor.catalogue, predictor.subject.calibrated
+    own = _fitted_first(predictor)
+    about, starts = catalogue.nominal(predictor.subject), 1 if catalogue.rods else STARTS
+    for turn in range(_REFITS):
+        prior = prior_of(catalogue, calibrated, about, own)
+        sloped = residuals(predictor, trials, about, own, replicas=2, starts=starts)
+        found = fitted(sloped, prior.variance, prior.mean)
+        before = about
+        for step, share in zip(own, np.clip(found.theta, -_FAR, _FAR), strict=True):
+            about = moved(catalogue, about, step, float(share))
+        settled = max(abs(apart(catalogue, before, about, step)) for step in own) < _SETTLED
+        if settled and starts == STARTS:
+            break
+        if settled or turn == _REFITS - 2:  # The way there needs no more than one beginning of each push.
+            starts = STARTS
+    return about
+
+
+def _fitted_first(predictor: Predictor) -> list[Step]:
+    """Steps of the calibrated parameters, and of a rod's unknown ones."""
+    calibrated, of_rods = predictor.subject.calibrated, predictor.subject.rods is not None
+    wanted = {*calibrated, *(ROD_NUMERICS if of_rods else ())}
+    return [step for step in steps_of(predictor.catalogue, calibrated, {}) if step.cause in wanted]
+
+
+def screen(predictor: Predictor, trials: Trials, about: Theta, *, only: Sequence[str] | None = None) -> Screening:
+    """Weigh every cause, or those of `only`, against the refitted nominal model."""
+    catalogue, calibrated = predictor.catalogue, predictor.subject.calibrated
+    wanted = None if only is None else {*only, *calibrated, *ANY_NUMERICS}
+    located = located_of(predictor, trials, about, only)
+    places = {cause: found.places for cause, found in located.items()}
+    steps = [step for step in steps_of(catalogue, calibrated, places) if wanted is None or step.cause in wanted]
+    if catalogue.rods and wanted is None:
+        steps += force_steps(catalogue)
+    data = residuals(predictor, trials, about, steps)
+    costs = {cause: found.cost for cause, found in located.items()}
+    return screened(catalogue, calibrated, about, steps, data, costs)
+
+
+def screened(
+    catalogue: Catalogue,
+    calibrated: Sequence[str],
+    about: Theta,
+    steps: Sequence[Step],
+    data: Residuals,
+    costs: Mapping[str, float] = MappingProxyType({}),
+) -> Screening:
+    """Screening of every cause by residuals and slopes about a model. `costs` [nats]: of a place chosen from many."""
+    prior = prior_of(catalogue, calibrated, about, steps)
+    odd_columns = {column for cause in catalogue.causes for column in cause.odd}
+    odd = [n for n, step in enumerate(steps) if step.column in odd_columns]
+    ends = found_ends(data, prior, odd)
+    data, chosen = turned(data, ends, odd), (len(ends) - 1) * np.log(2)
+    asked = list[tuple[str, list[int], float]]()
+    features = columns_of_features(steps)
+    free = (n for n, step in enumerate(steps) if n not in prior.nuisance and step.cause != FORMULA)
+    for (cause, _), columns in ways_of(steps, free).items():
+        even = [column for column in columns if column not in odd]
+        asked.append((cause, columns, costs.get(cause, 0.0) + (chosen if len(even) < len(columns) else 0.0)))
+        if 0 < len(even) < len(columns):
+            asked.append((cause, even, 0.0))
+    asked += [(FORMULA, list(columns), 0.0) for columns in features.values()]
+    weighing = weigh(data, [columns for _, columns, _ in asked], prior)
+    ways = dict[str, list[Suspect]]()
+    for (cause, columns, cost), weighed in zip(asked, weighing.findings, strict=True):
+        own = tuple(steps[column] for column in columns)
+        finding = _possible(weighed._replace(log_bayes=weighed.log_bayes - cost), own)
+        ways.setdefault(cause, []).append(Suspect(cause=cause, columns=tuple(columns), steps=own, finding=finding))
+    force = _likeliest(ways.pop(FORMULA)) if features else None
+    suspects = sorted(map(_likeliest, ways.values()), key=lambda suspect: -suspect.finding.log_bayes)
+    return Screening(
+        about=about,
+        steps=tuple(steps),
+        data=data,
+        prior=prior,
+        weighing=weighing,
+        suspects=tuple(suspects),
+        ends=ends,
+        force=force,
+    )
+
+
+def _likeliest(ways: Sequence[Suspect]) -> Suspect:
+    """The best of the places, or ways, that a cause was asked about in, with the mean evidence of all of them.
+
+    It has one that nobody knows, and the best of many is good by chance.
+    """
+    best = max(ways, key=lambda suspect: suspect.finding.log_bayes)
+    mean = np.logaddexp.reduce([suspect.finding.log_bayes for suspect in ways]) - np.log(len(ways))
+    return replace(best, finding=best.finding._replace(log_bayes=float(mean)))
+
+
+def _possible(finding: Finding, steps: Sequence[Step]) -> Finding:
+    """A cause that only a value beyond its null would explain is not one."""
+    beyond = all(step.sides == 1 and value < 0 for step, value in zip(steps, finding.mean, strict=True))
+    return finding._replace(log_bayes=min(finding.log_bayes, 0.0)) if beyond else finding
+
+
+def prior_of(catalogue: Catalogue, calibrated: Sequence[str], about: Theta, steps: Sequence[Step]) -> Prior:
+    """Prior over all columns under the null hypothesis (no effect present), in steps from `about`."""
+    causes = {cause.name: cause for cause in with_formula(catalogue).causes}
+    usual = np.array(
+        [
+            (0.0, CALIBRATED)
+            if step.cause in calibrated
+            else habit(causes[step.cause], catalogue.specs[step.column].name, rods=catalogue.rods)
+            for step in steps
+        ]
+    )
+    here = [float(about[step.column]) / step.size if step.cause in ANY_NUMERICS else 0.0 for step in steps]
+    return Prior(
+        mean=usual[:, 0] - here,
+        variance=usual[:, 1] ** 2,
+        nuisance=tuple(n for n, step in enumerate(steps) if step.cause in calibrated or step.cause in ANY_NUMERICS),
+    )
+
+
+def located_of(
+    predictor: Predictor, trials: Trials, about: Theta, only: Sequence[str] | None = None
+) -> Mapping[str, Located]:
+    """Candidate places of each cause that has one: from a lattice for rods, guessed from residuals otherwise."""
+    catalogue, calibrated = predictor.catalogue, predictor.subject.calibrated
+    placed = [cause.name for cause in catalogue.causes if cause.placed and (only is None or cause.name in only)]
+    if not placed:
+        return {}
+    if not catalogue.rods:
+        guessed = _guessed(predictor, trials, about)
+        return {cause: Located(guessed, 0.0) for cause in placed}
+    nuisances = _fitted_first(predictor)
+    return localized(predictor, trials, about, placed, nuisances, prior_of(catalogue, calibrated, about, nuisances))
+
+
+def _guessed(predictor: Predictor, trials: Trials, about: Theta) -> Float64[np.ndarray, "S 2"]:
+    """Candidate places: the corners of the inner half of the object's region, and peaks of the residuals."""
+    seen = np.concatenate([push.before.points[:, :2] for push in trials.study.pushes])
+    low, high = np.quantile(seen, [0.25, 0.75], axis=0)
+    corners = [[x, y] for x in (low[0], high[0]) for y in (low[1], high[1])]
+    places, arrows = arrows_of(trials, residuals(predictor, trials, about, [], replicas=0), predictor, about)
+    return np.array(corners + _peaks(places.reshape(-1, 2), np.linalg.norm(arrows, axis=2).ravel()), np.float64)
+
+
+def arrows_of(
+    trials: Trials, data: Residuals, predictor: Predictor, about: Theta
+) -> tuple[Float64[np.ndarray, "K N 2"], Float64[np.ndarray, "K N 2"]]:
+    """Predicted positions of the object's points after each push, and displacements to the observed ones [m]."""
+    predicted = predictor(trials, [about]).after[0]
+    arrows = np.zeros((*predicted.shape[:2], 2))
+    for k, cloud in enumerate(predicted):
+        if np.isfinite(cloud).all():
+            arrows[k] = Basis.along(cloud, trials.labels[k, :, 0]).field(data.r[k, AFTER])
+    return np.nan_to_num(predicted[:, :, :2].astype(np.float64)), arrows
+
+
+def _peaks(places: Float64[np.ndarray, "M 2"], size: Float64[np.ndarray, " M"]) -> list[list[float]]:
+    """Places around which residuals are larger than elsewhere."""
+    low = places.min(0)
+    cells = np.floor((places - low) / _PEAK_M).astype(int)
+    grid = np.zeros(cells.max(0) + 1)
+    count = np.zeros_like(grid)
+    np.add.at(grid, tuple(cells.T), size)
+    np.add.at(count, tuple(cells.T), 1)
+    usual = np.median(size)
+    excess = np.where(count > 0, grid - usual * count, 0.0)
+    found = list[list[float]]()
+    for flat in np.argsort(excess, axis=None)[::-1]:
+        place = (np.array(np.unravel_index(flat, grid.shape)) + 0.5) * _PEAK_M + low
+        if all(np.linalg.norm(place - other) > 1.5 * _PEAK_M for other in found):
+            found.append(place.tolist())
+        if len(found) == _PEAKS:
+            break
+    return found

@@ -1,0 +1,1 @@
+"""A running session watched for what its model does not explain."""

@@ -1,0 +1,234 @@
+"""The whole pipeline, from a study to its results: each stage a function with a typed result."""
+
+import time
+from collections.abc import Generator
+from contextlib import contextmanager
+from dataclasses import dataclass, replace
+from typing import final
+
+import jax
+import numpy as np
+from jaxtyping import Float64
+from threadpoolctl import threadpool_limits
+
+from app.discovery.checks.direct_checks import direct_checks
+from app.discovery.checks.frames import frame_tests
+from app.discovery.checks.limits import limits_of
+from app.discovery.checks.placement import centred, moved_back, reach_m
+from app.discovery.checks.soundness import model_limits
+from app.discovery.dataset.study import Study
+from app.discovery.dataset.subject import Subject, Theta, catalogue, setup_of
+from app.discovery.experiments.next_push import next_push
+from app.discovery.inference.confusion import confusions
+from app.discovery.inference.decide import Decision, Progress, decide
+from app.discovery.inference.refine import Model
+from app.discovery.inference.screen import Screening, arrows_of, refit, screen
+from app.discovery.residuals.forces import FORMULA
+from app.discovery.residuals.predict import Predictor, Trials, prepare
+from app.discovery.results.case import Amount, Arrows, Blame, Case, Gain, Limit, Name
+from app.discovery.results.conclude import estimates_of, powers_of, ranking_of, sentences_of, verdict_of
+from app.discovery.results.gain import gained
+from app.discovery.results.wording import formula_of
+from app.discovery.unexplained.formula import Opened, opened
+
+_ARROWS = 40
+"""Drawn for each push."""
+_CONFUSED = 8
+"""Causes, the most probable, whose confusions are shown."""
+_SURVIVOR = 0.05
+"""Probability above which a cause is worth a push to tell it from the others."""
+_ACCEPTED = 0.9
+"""Lower bound on the probability of an accepted further cause: it had to beat everything else."""
+_BELOW_M = 0.004
+"""Margin by which the pushing tool is below the height at which it can touch the object."""
+
+
+@threadpool_limits.wrap(limits=1, user_api="blas")
+def discover(study: Study, subject: Subject, said: Progress, about: Theta | None = None) -> Case:
+    """Run the whole pipeline on a study of a task's simulator. `said` is called with progress; `about`: see `judged`.
+
+    Registrations and fits are linear algebra so small that threads make it ten times slower.
+    """
+    stages = Stages(said)
+    found = judged(study, subject, stages, about)
+    predictor, trials, screening, decision = found.predictor, found.trials, found.screening, found.decision
+    study, refitted, limits = trials.study, found.about, found.limits
+    with stages.stage("direct checks"):
+        checks = direct_checks(predictor, trials, predictor.catalogue.nominal(subject))
+    with stages.stage("frames"):
+        places, arrows = arrows_of(trials, screening.data, predictor, refitted)
+        frames = frame_tests(trials, places, arrows)
+    with stages.stage("what is left"):
+        open_ended = opened(predictor, trials, screening, decision, said)
+    verdict, names = verdict_of(decision, limits, open_ended)
+    model = _model(verdict, decision, open_ended)
+    formula = formula_of(subject, open_ended.found) if open_ended.found and model else None
+    left = max(open_ended.left.probability, decision.unknown)
+    with stages.stage("gain on episodes left out"):
+        gain = gained(predictor, trials, screening, model)
+    ranking = ranking_of(predictor.catalogue, subject, screening, decision)
+    with stages.stage("next push"):
+        rivals = _rivals(screening, decision, open_ended)
+        platform = "cpu" if jax.default_backend() == "cpu" else "gpu"
+        ahead = next_push(predictor, trials, rivals, platform=platform, height_m=subject.low_m - _BELOW_M)
+    causes = _causes(predictor, ranking, names, model)
+    confused = tuple(blame.effect for blame in ranking[:_CONFUSED])
+    case = Case(
+        amount=_amount(study, subject),
+        limits=limits,
+        checks=checks,
+        verdict=verdict,
+        sentences=sentences_of(verdict, causes, _gain_text(gain.gain), limits, decision.probabilities, left, formula),
+        causes=causes,
+        formula=formula,
+        ranking=ranking,
+        leftover=left,
+        confused=confused,
+        confusions=confusions(screening, confused),
+        arrows=_arrows(trials, places, arrows),
+        frames=frames,
+        gain=gain.gain,
+        per_episode=gain.per_episode,
+        steps=gain.steps,
+        examples=gain.examples,
+        powers=powers_of(predictor.catalogue, subject, screening),
+        next_push=ahead,
+        nominal=estimates_of(predictor.catalogue, subject, decision.singles[0], None),
+        about=refitted,
+        extended=model.estimate if model is not None else refitted,
+        estimated=model.steps[: model.own] if model is not None else (),
+        covariance=model.covariance if model is not None else np.zeros((0, 0)),
+        spent_s=tuple(stages.spent_s),
+        setup=study.setup or setup_of(subject),
+        origin_m=study.origin_m,
+    )
+    return moved_back(case, study.origin_m)
+
+
+@final
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Judged:
+    """Intermediate results that a verdict is made of.
+
+    `trials`: its pushes about the middle of the table, the object's ends as they were found; `about`: the refitted
+    nominal model.
+    """
+
+    predictor: Predictor
+    trials: Trials
+    about: Theta
+    screening: Screening
+    decision: Decision
+    limits: tuple[Limit, ...]
+
+
+def judged(study: Study, subject: Subject, stages: "Stages", about: Theta | None = None) -> Judged:
+    """Refit the nominal model, weigh every cause against it, and decide; with the limits of the study.
+
+    `about`: the refitted nominal model, where it is known.
+    """
+    limits = limits_of(study, subject)
+    study = centred(study, subject)
+    known = catalogue(subject.rods, origin_m=study.origin_m, reach_m=reach_m(study, subject))
+    predictor, trials = Predictor(subject, known), prepare(study, subject)
+    with stages.stage("nominal fit"):
+        about = refit(predictor, trials) if about is None else about
+    with stages.stage("screening of every cause"):
+        screening = screen(predictor, trials, about)
+        trials = trials.turned(screening.ends)
+        limits = (*limits, *model_limits(trials, screening.data))
+    with stages.stage("decision"):
+        decision = decide(predictor, trials, screening, stages.said)
+    return Judged(
+        predictor=predictor, trials=trials, about=about, screening=screening, decision=decision, limits=limits
+    )
+
+
+def _model(verdict: Name, decision: Decision, open_ended: Opened) -> Model | None:
+    """Model to save: that of the verdict's formula, or of its causes."""
+    if verdict == "none":
+        return None
+    return open_ended.found.model if open_ended.found else decision.accepted
+
+
+@final
+class Stages:
+    """Clock of the pipeline: reports the running stage, and keeps the duration of each [s]."""
+
+    def __init__(self, said: Progress) -> None:
+        self.said = said
+        self.spent_s = list[tuple[str, float]]()
+
+    @contextmanager
+    def stage(self, name: str) -> Generator[None]:
+        """Count what happens inside as time of this stage."""
+        self.said(name)
+        began = time.perf_counter()
+        yield
+        self.spent_s.append((name, time.perf_counter() - began))
+
+
+def _amount(study: Study, subject: Subject) -> Amount:
+    pushes = study.pushes
+    return Amount(
+        task=study.task,
+        episodes=len({push.episode for push in pushes}),
+        pushes=len(pushes),
+        during=sum(bool(push.during) for push in pushes),
+        measured=sum(push.measured is not None for push in pushes),
+        particles=subject.particle_count,
+    )
+
+
+def _causes(
+    predictor: Predictor, ranking: tuple[Blame, ...], names: tuple[str, ...], model: Model | None
+) -> tuple[Blame, ...]:
+    """Causes of the verdict; if several act together, with the sizes of the model that has them all."""
+    found = [next(blame for blame in ranking if blame.effect == name) for name in names]
+    if model is None or len(model.causes) == 1:
+        return tuple(found)
+    return tuple(
+        replace(
+            blame,
+            estimates=estimates_of(predictor.catalogue, predictor.subject, model, blame.effect),
+            probability=max(blame.probability, _ACCEPTED),
+        )
+        for blame in found
+    )
+
+
+def _rivals(screening: Screening, decision: Decision, open_ended: Opened) -> dict[str, tuple[float, Theta]]:
+    """Hypotheses that are still probable, with their models."""
+    rivals = {
+        model.causes[0]: (decision.probabilities[model.causes[0]], model.estimate)
+        for model in decision.singles
+        if decision.probabilities[model.causes[0]] > _SURVIVOR
+    }
+    if open_ended.found is not None:
+        rivals[FORMULA] = (open_ended.left.probability, open_ended.found.model.estimate)
+    if decision.nothing > _SURVIVOR or len(rivals) == 1:
+        rivals["nothing missing"] = (max(decision.nothing, _SURVIVOR), screening.about)
+    return rivals
+
+
+def _gain_text(gain: Gain) -> str:
+    return (
+        f"On episodes that it was not fitted to, the extended model errs by {gain.extended_mm:.1f} mm a push where the "
+        f"nominal one errs by {gain.nominal_mm:.1f} mm (gain {gain.gain:.0%}, 90 % interval {gain.low:.0%} to "
+        f"{gain.high:.0%})."
+    )
+
+
+def _arrows(trials: Trials, places: Float64[np.ndarray, "K N 2"], arrows: Float64[np.ndarray, "K N 2"]) -> Arrows:
+    """Evenly chosen along the object, so many a push."""
+    count = places.shape[1]
+    order = np.argsort(trials.labels[:, :, 0], axis=1)
+    chosen = order[:, np.linspace(0, count - 1, min(_ARROWS, count)).round().astype(int)]
+    pick = np.arange(len(places))[:, None], chosen
+    push = np.broadcast_to(pick[0], chosen.shape)
+    return Arrows(
+        places=places[pick].reshape(-1, 2).astype(np.float32),
+        displacements=arrows[pick].reshape(-1, 2).astype(np.float32),
+        push=push.ravel().astype(np.float32),
+        along=trials.labels[:, :, 0][pick].ravel(),
+    )

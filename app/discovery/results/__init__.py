@@ -1,0 +1,1 @@
+"""Verdict, case and gain, and their wording."""

@@ -1,0 +1,236 @@
+"""Results of discovery, and everything that a reader needs to judge them: the typed results of all stages.
+
+Values are real ones in SI units (`ParameterSpec.real`), whatever the simulation's haste. Intervals are 90 %.
+"""
+
+from dataclasses import dataclass
+from typing import Literal, TypeAlias, final
+
+import numpy as np
+from jaxtyping import Float32, Float64
+
+from app.core.measured_setup import MeasuredSetup
+from app.core.track import Track
+from app.core.types import Points
+from app.discovery.dataset.subject import Family, Theta
+from app.discovery.residuals.sensitivity import Step
+
+Name: TypeAlias = Literal["named", "set", "none", "none_of_these"]
+
+
+@final
+@dataclass(frozen=True, kw_only=True)
+class Estimate:
+    """A parameter with its interval. `null`: the value at which its effect vanishes."""
+
+    name: str
+    about: str
+    value: float
+    unit: str
+    low: float
+    high: float
+    null: float
+
+
+@final
+@dataclass(frozen=True, kw_only=True)
+class Blame:
+    """A cause, its size, and the probability that it is missing in the model."""
+
+    effect: str
+    family: Family
+    about: str
+    estimates: tuple[Estimate, ...]
+    probability: float
+    log_bayes: float
+
+
+@final
+@dataclass(frozen=True, kw_only=True)
+class Gain:
+    """One-step errors [mm] on episodes that the models were not fitted to, and the share of the error that is gone.
+
+    `nominal` is the refitted nominal model; `still` says that nothing moves. `low` and `high` are of the gain.
+    """
+
+    still_mm: float
+    nominal_mm: float
+    extended_mm: float
+    gain: float
+    low: float
+    high: float
+    episodes: int
+
+
+@final
+@dataclass(frozen=True, kw_only=True)
+class Check:
+    """A direct measurement, without simulation: its value and interval, and the expected value."""
+
+    name: str
+    about: str
+    value: float
+    low: float
+    high: float
+    expected: float
+    unit: str
+
+    @property
+    def sound(self) -> bool:
+        """True if the expected value lies in the interval."""
+        return self.low <= self.expected <= self.high
+
+
+@final
+@dataclass(frozen=True, kw_only=True)
+class Limit:
+    """A deficiency of these data, and the conclusion that it prevents. A `fatal` one forbids to name any cause."""
+
+    text: str
+    consequence: str
+    fatal: bool = False
+
+
+@final
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Arrows:
+    """Residual displacements of the object about the refitted nominal model: places and displacements [m] (M, 2).
+
+    `push`: index of each one's push; `along`: place along the object, -1 to 1.
+    """
+
+    places: Float32[np.ndarray, "M 2"]
+    displacements: Float32[np.ndarray, "M 2"]
+    push: Float32[np.ndarray, " M"]
+    along: Float32[np.ndarray, " M"]
+
+
+@final
+@dataclass(frozen=True, kw_only=True)
+class FrameTest:
+    """The share of the mean residual's variance that is constant in a frame."""
+
+    frame: str
+    about: str
+    explained: float
+    low: float
+    high: float
+
+
+@final
+@dataclass(frozen=True, kw_only=True)
+class Power:
+    """The smallest size of a cause that these data would have shown; infinite where they cannot show it."""
+
+    effect: str
+    parameter: str
+    least: float
+    typical: float
+    unit: str
+
+
+@final
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Example:
+    """A held-out push: before, observed, and as both models predict it, with the tool's way (T, 3) [m]."""
+
+    number: int
+    before: Points
+    observed: Points
+    nominal: Points
+    extended: Points
+    tool: Float64[np.ndarray, "T 3"]
+
+
+@final
+@dataclass(frozen=True, kw_only=True)
+class Term:
+    """One term of a force field that was found: its formula in symbols, and its meaning in words."""
+
+    formula: str
+    words: str
+    estimates: tuple[Estimate, ...]
+
+
+@final
+@dataclass(frozen=True, kw_only=True)
+class Formula:
+    """A force on the object that no cause of the catalogue is: a share of weight, as a sum of terms.
+
+    x [m] and v [m/s] are a point of the object and its velocity on the table, n points up, t is as in a session.
+    """
+
+    text: str
+    words: str
+    terms: tuple[Term, ...]
+
+
+@final
+@dataclass(frozen=True, kw_only=True, eq=False)
+class NextPush:
+    """The push that would best discriminate the remaining hypotheses: its track, and each model's prediction."""
+
+    track: Track
+    between: tuple[str, ...]
+    apart_mm: float
+    before: Points
+    ends: tuple[Points, ...]
+    text: str
+
+
+@final
+@dataclass(frozen=True, kw_only=True)
+class Amount:
+    """Amount of data."""
+
+    task: str
+    episodes: int
+    pushes: int
+    during: int
+    measured: int
+    particles: int
+
+
+@final
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Case:
+    """The whole case file.
+
+    `causes` are those of the verdict: one or more that act together where it is `named`, the alternatives where it is
+    a `set`. `ranking` is everything that was weighed. `confusions[i][j]`: how often `confused[i]`, hidden in these
+    very pushes, would have been taken for `confused[j]`. `about`: the refitted nominal model; `extended`: what is
+    saved, and `estimated` the steps in which it was fitted, with their `covariance`. `per_episode`: one-step errors
+    [mm] (E, 2), nominal and extended; `steps`: the same over 1, 2, ... pushes.
+    `spent_s`: seconds by stage.
+    """
+
+    amount: Amount
+    limits: tuple[Limit, ...]
+    checks: tuple[Check, ...]
+    verdict: Name
+    sentences: tuple[str, ...]
+    causes: tuple[Blame, ...]
+    formula: Formula | None
+    ranking: tuple[Blame, ...]
+    leftover: float
+    """Probability that something acts which the causes of the verdict do not say."""
+    confused: tuple[str, ...]
+    confusions: Float64[np.ndarray, "C C"]
+    arrows: Arrows
+    frames: tuple[FrameTest, ...]
+    gain: Gain
+    per_episode: Float64[np.ndarray, "E 2"]
+    steps: Float64[np.ndarray, "S 2"]
+    examples: tuple[Example, ...]
+    powers: tuple[Power, ...]
+    next_push: NextPush | None
+    nominal: tuple[Estimate, ...]
+    about: Theta
+    extended: Theta
+    estimated: tuple[Step, ...]
+    covariance: Float64[np.ndarray, "Q Q"]
+    spent_s: tuple[tuple[str, float], ...]
+    setup: MeasuredSetup | None = None
+    """Object, tool and table as they were simulated, with the sources of their sizes."""
+    origin_m: tuple[float, float] = (0.0, 0.0)
+    """Origin of `about` and `extended` in the frame of the data, which all else is in."""

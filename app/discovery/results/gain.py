@@ -1,0 +1,178 @@
+"""Gain of an extended model on episodes that it was not fitted to, used as by a planner.
+
+A planner knows commands and not the arm's execution of them; so here both models are given the commanded tracks.
+Errors are the mean length of the displacement field between the predicted and the observed object.
+"""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from typing import NamedTuple, TypeAlias
+
+import numpy as np
+from jaxtyping import Float32, Float64
+
+from app.core.types import Points
+from app.discovery.dataset.subject import Theta
+from app.discovery.inference.decide import left_out_thetas, theta_of
+from app.discovery.inference.evidence import fitted
+from app.discovery.inference.refine import Model
+from app.discovery.inference.screen import Screening
+from app.discovery.residuals.field import Basis, registered
+from app.discovery.residuals.predict import Predictor, Trials
+from app.discovery.residuals.sensitivity import moved
+from app.discovery.results.case import Example, Gain
+
+Clouds: TypeAlias = Float32[np.ndarray, "K N 3"]
+"""The object after each push [m]."""
+
+_HORIZON = 3
+_EXAMPLES = 6
+_DRAWS = 2000
+_MM = 1e3
+
+
+class Gained(NamedTuple):
+    """The gain with its details. See `Case`."""
+
+    gain: Gain
+    per_episode: Float64[np.ndarray, "E 2"]
+    steps: Float64[np.ndarray, "S 2"]
+    examples: tuple[Example, ...]
+
+
+class Folds(NamedTuple):
+    """Nominal and extended models for each episode, fitted to the others."""
+
+    nominal: Mapping[int, Theta]
+    extended: Mapping[int, Theta]
+
+
+def gained(predictor: Predictor, trials: Trials, screening: Screening, model: Model | None) -> Gained:
+    """Errors over one push and over several, with and without the extension."""
+    folds = _folds(predictor, screening, model)
+    planned = _as_planned(trials)
+    ends = [_predicted(predictor, planned, folds.nominal)]
+    ends.append(ends[0] if model is None else _predicted(predictor, planned, folds.extended))
+    still = _errors_mm(planned, np.stack([push.before.points for push in trials.study.pushes]))
+    errors = np.stack([_errors_mm(planned, end) for end in ends], axis=1)
+    # A push that the simulation does not survive is as good as one of which it says that nothing moves.
+    errors = np.where(np.isfinite(errors), errors, still[:, None])
+    steps = [errors.mean(0), *_further(predictor, planned, folds, ends)]
+    numbers = np.unique(screening.data.episode)
+    per_episode = np.stack([errors[screening.data.episode == number].mean(0) for number in numbers])
+    low, high = _interval(per_episode)
+    nominal, extended = errors.mean(0)
+    return Gained(
+        gain=Gain(
+            still_mm=float(still.mean()),
+            nominal_mm=float(nominal),
+            extended_mm=float(extended),
+            gain=float(1 - extended / nominal),
+            low=low,
+            high=high,
+            episodes=len(numbers),
+        ),
+        per_episode=per_episode,
+        steps=np.stack(steps),
+        examples=_examples(planned, ends, errors),
+    )
+
+
+def _folds(predictor: Predictor, screening: Screening, model: Model | None) -> Folds:
+    catalogue, calibrated = predictor.catalogue, predictor.subject.calibrated
+    own = [n for n, step in enumerate(screening.steps) if step.cause in calibrated]
+    data, variance = screening.data, screening.prior.variance[own]
+    nominal = dict[int, Theta]()
+    for number in np.unique(data.episode).tolist():
+        rest = data.without(number)
+        fit = fitted(replace(rest, J=rest.J[:, :, own]), variance)
+        theta = screening.about
+        for n, share in zip(own, np.clip(fit.theta, -1, 1), strict=True):
+            theta = moved(catalogue, theta, screening.steps[n], float(share))
+        nominal[number] = theta
+    if model is None:
+        return Folds(nominal, nominal)
+    extended = {number: theta_of(catalogue, model, shares) for number, shares in left_out_thetas(model).items()}
+    return Folds(nominal, extended)
+
+
+def _as_planned(trials: Trials) -> Trials:
+    """The trials with commands alone, without measured tracks."""
+    pushes = tuple(replace(push, measured=None) for push in trials.study.pushes)
+    return replace(trials, study=replace(trials.study, pushes=pushes))
+
+
+def _predicted(predictor: Predictor, trials: Trials, thetas: Mapping[int, Theta]) -> Clouds:
+    """Predicted object after each push (K, N, 3), by the model of its episode."""
+    episode = np.array([push.episode for push in trials.study.pushes])
+    numbers = list(thetas)
+    where = np.stack([episode == number for number in numbers])
+    found = predictor(trials, [thetas[number] for number in numbers], where=where).after
+    return found[where.argmax(0), np.arange(len(episode))]
+
+
+def _errors_mm(trials: Trials, predicted: Clouds) -> Float64[np.ndarray, " K"]:
+    return np.array([error_mm(trials, k, cloud) for k, cloud in enumerate(predicted)])
+
+
+def error_mm(trials: Trials, k: int, predicted: Points) -> float:
+    """Mean length of the displacement from the prediction to the observation."""
+    if not np.isfinite(predicted).all():
+        return float("nan")
+    basis = Basis.along(predicted, trials.labels[k, :, 0])
+    field = basis.field(registered(predicted, trials.observed.after[k], basis))
+    return _MM * float(np.linalg.norm(field, axis=1).mean())
+
+
+def _further(
+    predictor: Predictor, trials: Trials, folds: Folds, ends: Sequence[Clouds]
+) -> list[Float64[np.ndarray, "2"]]:
+    """Mean errors over two and more pushes, each begun where the one before it was predicted to end."""
+    episode = np.array([push.episode for push in trials.study.pushes])
+    errors = list[Float64[np.ndarray, "2"]]()
+    starts = [{k: (k, cloud) for k, cloud in enumerate(end)} for end in ends]
+    for _ in range(1, _HORIZON):
+        row = list[float]()
+        for side, thetas in enumerate(folds):
+            if side == 1 and folds.extended is folds.nominal:
+                row.append(row[0])
+                continue
+            follow = [
+                k
+                for k in starts[side]
+                if k + 1 < len(episode) and episode[k + 1] == episode[k] and np.isfinite(starts[side][k][1]).all()
+            ]
+            if not follow:
+                return errors
+            chained = trials.begun_from({k + 1: starts[side][k] for k in follow})
+            found = _predicted(predictor, chained, thetas)
+            row.append(float(np.nanmean(_errors_mm(chained, found))))
+            starts[side] = {k + 1: (starts[side][k][0], cloud) for k, cloud in zip(follow, found, strict=True)}
+        errors.append(np.array(row))
+    return errors
+
+
+def _interval(per_episode: Float64[np.ndarray, "E 2"]) -> tuple[float, float]:
+    """Interval of the gain, 90 %: a bootstrap over episodes."""
+    rng = np.random.default_rng(0)
+    drawn = per_episode[rng.integers(len(per_episode), size=(_DRAWS, len(per_episode)))].mean(1)
+    low, high = np.quantile(1 - drawn[:, 1] / drawn[:, 0], [0.05, 0.95])
+    return float(low), float(high)
+
+
+def _examples(trials: Trials, ends: Sequence[Clouds], errors: Float64[np.ndarray, "K 2"]) -> tuple[Example, ...]:
+    """Pushes from the most to the least improved, evenly spread: no selection of the best."""
+    order = np.argsort(errors[:, 1] - errors[:, 0])
+    order = order[np.isfinite(errors[order]).all(1)]
+    chosen = order[np.unique(np.linspace(0, len(order) - 1, _EXAMPLES).round().astype(int))]
+    return tuple(
+        Example(
+            number=int(k),
+            before=trials.study.pushes[k].before.points,
+            observed=trials.observed.after[k],
+            nominal=ends[0][k],
+            extended=ends[1][k],
+            tool=trials.study.pushes[k].command.positions,
+        )
+        for k in chosen
+    )
