@@ -21,7 +21,7 @@ from app.calibration.fit import FitSettings
 from app.config import Site
 from app.core.messages import Transition
 from app.policy.base import AWAY, Now
-from app.sim.params import index
+from app.sim.model.params import index
 from app.tasks import Task, load, nominal_model
 from app.tasks.compiled import advance
 from bench.table import Table

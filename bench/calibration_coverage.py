@@ -19,7 +19,7 @@ from app.calibration.calibrate import Calibrator, phi_of
 from app.calibration.evidence import Evidence
 from app.calibration.fit import Fit, FitSettings
 from app.policy.base import AWAY
-from app.sim.params import index
+from app.sim.model.params import index
 from app.sim.rods.rollout import RodPhysics, make_rod_rollout
 from app.sim.rods.state import RodState, inextensible
 from app.tasks import compiled, load, nominal_model

@@ -21,11 +21,11 @@ from app.core.types import Points
 from app.policy.strokes import PushDesign
 from app.rig.simulated.physics import WorldPhysics
 from app.rig.simulated.rehearsal import rehearse
-from app.sim.arc_length import arclength_labels
-from app.sim.rods.centreline import RopeShape, Weighted, through
-from app.sim.rods.polyline import distance, of_equal_steps
+from app.sim.rods.geometry.arc_length import arclength_labels
+from app.sim.rods.geometry.centreline import RopeShape, Weighted, through
+from app.sim.rods.geometry.polyline import distance, of_equal_steps
+from app.sim.rods.geometry.verdict import judged
 from app.sim.rods.state import RodState
-from app.sim.rods.verdict import judged
 from bench.photographs import rendered
 from bench.rods import SCENE, SIMULATE, TASK, physics
 

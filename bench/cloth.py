@@ -20,8 +20,8 @@ from rich.table import Table
 
 from app.core.errors import ParameterError
 from app.sim.materials.cloth import ClothMaterial
-from app.sim.rollout import make_rollout
-from app.sim.scene import Body, Scene
+from app.sim.model.scene import Body, Scene
+from app.sim.runtime.rollout import make_rollout
 from app.sim.state import State
 from app.sim.tools.rod import RodCollider
 

@@ -22,9 +22,9 @@ from app.planner.tree import Search
 from app.policy.base import AWAY, Now
 from app.sim.materials.cloth import ClothMaterial
 from app.sim.materials.granular import Granular
-from app.sim.params import NOMINAL_PHYSICS, nominal_phi
-from app.sim.rollout import Simulate, make_rollout
-from app.sim.scene import Body, Scene
+from app.sim.model.params import NOMINAL_PHYSICS, nominal_phi
+from app.sim.model.scene import Body, Scene
+from app.sim.runtime.rollout import Simulate, make_rollout
 from app.sim.state import State
 from app.sim.tools.box import BoxCollider, GripperCollider
 from app.tasks import compiled, load

@@ -23,12 +23,12 @@ from app.discovery.dataset.subject import Theta
 from app.discovery.residuals.predict import Predictor, resisting
 from app.perception.resample import resample
 from app.policy.strokes import REGION, PushDesign, midway_s, random_track
-from app.sim.arc_length import arclength_labels, centreline_weights
-from app.sim.catalogue import EFFECTS
 from app.sim.effects.base import Effect
-from app.sim.params import PARAMETERS, acting, columns_of
-from app.sim.rollout import make_rollout
-from app.sim.scene import Scene
+from app.sim.model.catalogue import EFFECTS
+from app.sim.model.params import PARAMETERS, acting, columns_of
+from app.sim.model.scene import Scene
+from app.sim.rods.geometry.arc_length import arclength_labels, centreline_weights
+from app.sim.runtime.rollout import make_rollout
 from app.sim.state import Setting, State
 
 CAMERA_M = (0.55, -0.25, 0.95)

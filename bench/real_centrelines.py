@@ -11,7 +11,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Float, Float64
 
-from app.sim.arc_length import arclength_labels, centreline_weights
+from app.sim.rods.geometry.arc_length import arclength_labels, centreline_weights
 from app.sim.rods.state import RodState, frames, inextensible
 
 _ROUNDS: Final = 6

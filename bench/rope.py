@@ -24,7 +24,7 @@ from app.rig.simulated.rehearsal import StampedSnapshot, rehearse
 from app.sim.materials.base import Material
 from app.sim.materials.elastic import Elastic
 from app.sim.materials.rope import RopeMaterial
-from app.sim.scene import Scene
+from app.sim.model.scene import Scene
 from app.tasks import load
 from app.tasks.curves import fill_tube
 from app.tasks.doubted import subject_of

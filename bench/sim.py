@@ -23,9 +23,9 @@ import numpy as np
 from rich.console import Console
 from rich.table import Table
 
-from app.sim.params import NOMINAL_PHYSICS, nominal_phi
-from app.sim.rollout import Simulate, make_rollout
-from app.sim.scene import Body, Scene
+from app.sim.model.params import NOMINAL_PHYSICS, nominal_phi
+from app.sim.model.scene import Body, Scene
+from app.sim.runtime.rollout import Simulate, make_rollout
 from app.sim.state import Setting, State
 from app.tasks.curves import fill_tube
 
@@ -167,7 +167,7 @@ def decided() -> list[Row]:
 
 def divided() -> list[Row]:
     """256 branches on one device, and on as many as there are, halving."""
-    from app.sim.shard import mesh_of, over_devices, sharding
+    from app.sim.runtime.shard import mesh_of, over_devices, sharding
 
     substeps, rows = 100, []
     problem = pushes(2000, _BRANCHES, substeps)

@@ -23,7 +23,7 @@ from app.evaluation.trial import ALONE, WHOLE
 from app.planner.method import DIPAC, PAPER, Method
 from app.recording.model_file import load_model
 from app.rig.simulated.lockstep import LockStep
-from app.sim.params import PARAMETERS, index
+from app.sim.model.params import PARAMETERS, index
 from app.tasks import load, nominal_model
 from app.tasks.teaching import SHIPPED, learned
 from bench.task_pictures import images as of_policy

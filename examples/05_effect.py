@@ -13,9 +13,9 @@ import warp as wp
 
 from app.core.types import Points
 from app.sim.effects.base import MIDDLE_M, Effect, Node, linear
-from app.sim.params import parameters_with
-from app.sim.rollout import make_rollout
-from app.sim.scene import Body, Scene
+from app.sim.model.params import parameters_with
+from app.sim.model.scene import Body, Scene
+from app.sim.runtime.rollout import make_rollout
 from app.sim.state import State
 from app.tasks.curves import fill_tube
 

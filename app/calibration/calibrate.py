@@ -10,8 +10,8 @@ from jaxtyping import Float32, Float64
 from app.calibration.evidence import Evidence, ModelScorer
 from app.calibration.fit import Fit, FitSettings, fit
 from app.core.messages import Model, Parameter, Transition, fresh_id
+from app.sim.model.params import PARAMETERS, ROD_PARAMETERS, index, phi_with_nulls
 from app.sim.parameter import ParameterSpec
-from app.sim.params import PARAMETERS, ROD_PARAMETERS, index, phi_with_nulls
 
 
 @final

@@ -6,8 +6,8 @@ from rich.console import Console
 from rich.table import Table
 from rich.text import Text
 
-from app.sim.dump import Dump, load_dump, versions
-from app.sim.faults import KEPT, StepTable
+from app.sim.diagnosis.dump import Dump, load_dump, versions
+from app.sim.diagnosis.faults import KEPT, StepTable
 
 _ROWS = 8
 """Rows of the table before the last states, evenly spread."""

@@ -20,7 +20,7 @@ from app.core.types import Poses
 from app.perception.table_plane import TablePlane, plane_of_clouds, plane_of_points
 from app.recording.plain import Plain, PlainEpisode, PlainObservation
 from app.recording.plain_checks import half_sides
-from app.sim.rods.rope_size import rope_size
+from app.sim.rods.geometry.rope_size import rope_size
 from app.tasks import load
 from app.tasks.base import Task
 from app.tasks.sizes import SIZES

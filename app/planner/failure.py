@@ -8,7 +8,7 @@ from jaxtyping import Array, Float
 
 from app.planner.request import PlanRequest
 from app.planner.tree import Search, moved, roll_out, start
-from app.sim.object_state import ObjectState
+from app.sim.diagnosis.object_state import ObjectState
 
 
 @final

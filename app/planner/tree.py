@@ -16,7 +16,7 @@ from app.planner.actions import ActionSpace
 from app.planner.cost import Terms, Weights, step_terms
 from app.planner.request import PlanRequest
 from app.policy.base import AWAY, Now, Policy, Prepared, Remembering
-from app.sim.object_state import ObjectState
+from app.sim.diagnosis.object_state import ObjectState
 from app.sim.state import State
 
 Advance = Callable[[Float[Array, "B P"], ObjectState, Float[Array, "B T C"]], ObjectState]

@@ -8,7 +8,7 @@ from jaxtyping import Array, Float
 
 from app.core.motion import pointing_down
 from app.core.types import Points, ToolPose
-from app.sim.object_state import ObjectState
+from app.sim.diagnosis.object_state import ObjectState
 from app.sim.state import State
 
 Prepared: TypeAlias = Any

@@ -12,7 +12,7 @@ from jaxtyping import Array, Float, Float32
 from app.core.finger_distance import extent_m, from_core
 from app.core.types import Points
 from app.policy.base import Acted, Now
-from app.sim.arc_length import arclength_labels, centreline_weights
+from app.sim.rods.geometry.arc_length import arclength_labels, centreline_weights
 
 _BLOCKED_M = 10.0
 """Penalty above any sum of errors on a table: a start on top of the rope is chosen only if there is no other."""

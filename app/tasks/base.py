@@ -33,9 +33,9 @@ if TYPE_CHECKING:  # Whoever needs these names alone shall not load JAX and Warp
     from app.policy.base import Policy
     from app.policy.pictures import OrthographicView
     from app.policy.symmetry import Symmetry
+    from app.sim.model.scene import Scene
     from app.sim.parameter import ParameterSpec
     from app.sim.rods.scene import RodScene
-    from app.sim.scene import Scene
     from app.sim.state import State
     from app.tasks.aim import SuccessCriterion
     from app.tasks.sizes import Sized
@@ -89,7 +89,7 @@ class RodDynamics:
     @property
     def stiff_scene(self) -> RodScene:
         """The scene of ropes that are stiffer than `scene` bears: limp ones are simulated less truly in it."""
-        from app.sim.params import PARAMETERS, index
+        from app.sim.model.params import PARAMETERS, index
 
         most = PARAMETERS[index("stiffness")].high * self.scene.second_moment_m4
         return replace(self.scene, stiffest_n_m2=max(self.scene.max_rigidity_n_m2, min(self.max_rigidity_n_m2, most)))
@@ -183,7 +183,7 @@ class Task:
         `stiff`: of rods, those that the simulator of `rods.scene` bears (False), or that of `rods.stiff_scene` is for
         (True): the ranges of stiffness of the two adjoin. Where one simulates all, so does its range.
         """
-        from app.sim.params import PARAMETERS, ROD_PARAMETERS, with_stiffness_between, with_stiffness_up_to
+        from app.sim.model.params import PARAMETERS, ROD_PARAMETERS, with_stiffness_between, with_stiffness_up_to
 
         if self.dynamics != "rods" or self.rods is None:
             return with_stiffness_up_to(PARAMETERS, self.scene.stiffest_pa)
@@ -246,7 +246,7 @@ class Task:
 
     def __post_init__(self) -> None:
         """Raises ParameterError, which names the field and the value, where a number or a name cannot be."""
-        from app.sim.params import index
+        from app.sim.model.params import index
 
         specs = self.parameters()
         for name, value in self.nominal.items():

@@ -12,7 +12,7 @@ from app.planner.sweeps import Sweeps
 from app.policy.scripted_sweep import ScriptedSweep
 from app.policy.symmetry import Symmetry
 from app.sim.materials.granular import Granular
-from app.sim.scene import Body, Scene
+from app.sim.model.scene import Body, Scene
 from app.sim.tools.box import BoxCollider
 from app.tasks.aim import OnMat
 from app.tasks.base import Preset, Task

@@ -15,7 +15,7 @@ from app.policy.scripted_carry import ScriptedCarry
 from app.policy.symmetry import Symmetry
 from app.sim.materials.cloth import ClothMaterial
 from app.sim.materials.threads import unstretched
-from app.sim.scene import Body, Scene
+from app.sim.model.scene import Body, Scene
 from app.sim.tools.grasp import Grasp
 from app.sim.tools.rod import RackCollider
 from app.tasks.aim import Hung

@@ -25,17 +25,17 @@ from app.planner.base import Planner
 from app.planner.made import made
 from app.planner.method import DIPAC, Method
 from app.planner.tree import Advance, Part, Search
-from app.sim.directions import directed
+from app.sim.diagnosis.object_state import ObjectState
 from app.sim.effects.base import Effect
 from app.sim.hooks import require_known
-from app.sim.object_state import ObjectState
+from app.sim.model.params import PARAMETERS, acting, columns_of, index, with_orientation
 from app.sim.parameter import ParameterSpec
-from app.sim.params import PARAMETERS, acting, columns_of, index, with_orientation
 from app.sim.rods.effect import RodSetting
 from app.sim.rods.from_parameters import rod_columns, rod_physics
 from app.sim.rods.rollout import make_rod_rollout
 from app.sim.rods.state import RodStart, RodState
-from app.sim.rollout import make_rollout
+from app.sim.runtime.directions import directed
+from app.sim.runtime.rollout import make_rollout
 from app.sim.state import Setting, State
 from app.tasks import load
 from app.tasks.base import RodDynamics, Task

@@ -16,8 +16,8 @@ from app.discovery.residuals.field import AFTER
 from app.discovery.residuals.predict import Predictor, Trials, prepare
 from app.discovery.residuals.sensitivity import residuals
 from app.planner.actions import LOW_ENOUGH_M, Pushes
-from app.sim.catalogue import discover
-from app.sim.params import index
+from app.sim.model.catalogue import discover
+from app.sim.model.params import index
 from app.tasks.base import Task
 from app.tasks.compiled import nominal_model, phi_of
 

@@ -10,8 +10,8 @@ from app.core.errors import ParameterError
 from app.core.messages import Extension, Model, Parameter, fresh_id
 from app.discovery.dataset.subject import ANY_NUMERICS, Catalogue, Theta, catalogue
 from app.discovery.residuals.sensitivity import Step
+from app.sim.model.params import PARAMETERS, phi_with_nulls, require_ranges, validated
 from app.sim.parameter import ParameterSpec
-from app.sim.params import PARAMETERS, phi_with_nulls, require_ranges, validated
 from app.tasks import load
 from app.tasks.compiled import nominal_model
 

@@ -14,15 +14,15 @@ from app.core.messages import Transition
 from app.planner.failure import failed_action
 from app.planner.request import PlanRequest
 from app.planner.tree import Search
-from app.sim.autopsy import MpmCase, single
-from app.sim.catalogue import EFFECTS
-from app.sim.checks import Arrays, Setup
-from app.sim.dump import Dump, leave_dump
-from app.sim.object_state import ObjectState
-from app.sim.rods.autopsy import RodCase, single_rod
+from app.sim.diagnosis.autopsy import MpmCase, single
+from app.sim.diagnosis.dump import Dump, leave_dump
+from app.sim.diagnosis.object_state import ObjectState
+from app.sim.diagnosis.rod_autopsy import RodCase, single_rod
+from app.sim.model.catalogue import EFFECTS
 from app.sim.rods.checks import RodSetup
 from app.sim.rods.from_parameters import rod_columns, rod_physics
 from app.sim.rods.state import RodState
+from app.sim.runtime.checks import Arrays, Setup
 from app.tasks import load
 from app.tasks.base import Task
 from app.tasks.compiled import needs, now, rod_now

@@ -142,7 +142,7 @@ def _fitted(
     *,
     offline: bool = False,
 ) -> Calibrated:
-    from app.sim.params import with_orientation
+    from app.sim.model.params import with_orientation
     from app.tasks import compiled, failures
 
     if allowed_for := _allowed_for(model):
@@ -165,8 +165,8 @@ def doubt(task: str, observed: Points, near: Centreline | None = None) -> str:
     `observed` (N, 3) [m]. Rods doubt ropes that cross themselves, are lifted or partly hidden, or whose strands touch
     so that neither the cloud nor the prediction that it is `near` tells their order.
     """
-    from app.sim.rods.centreline import RopeShape
-    from app.sim.rods.verdict import doubt
+    from app.sim.rods.geometry.centreline import RopeShape
+    from app.sim.rods.geometry.verdict import doubt
     from app.tasks import load
 
     known = load(task)

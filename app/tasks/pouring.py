@@ -13,7 +13,7 @@ from app.core.types import Cloud, Points
 from app.perception.resample import resample
 from app.sim.materials.elastic import Elastic
 from app.sim.materials.liquid import LiquidMaterial
-from app.sim.scene import Body, Scene
+from app.sim.model.scene import Body, Scene
 from app.sim.tools.bowl import BowlCollider
 from app.tasks.base import Nodes
 

@@ -14,8 +14,8 @@ from app.planner.passage import Passage
 from app.policy.scripted_gap import ScriptedGap
 from app.policy.symmetry import Symmetry
 from app.sim.materials.rope import RopeMaterial
+from app.sim.model.scene import Body, Scene
 from app.sim.rods.scene import Wall
-from app.sim.scene import Body, Scene
 from app.sim.tools.box import WallsWithGap
 from app.sim.tools.finger import FingerCollider
 from app.tasks.aim import Beyond

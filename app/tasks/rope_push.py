@@ -13,7 +13,7 @@ from app.planner.optimise import Descent
 from app.policy.scripted import ScriptedPush
 from app.policy.symmetry import Symmetry
 from app.sim.materials.rope import RopeMaterial
-from app.sim.scene import Body, Scene
+from app.sim.model.scene import Body, Scene
 from app.sim.tools.finger import FingerCollider
 from app.sim.tools.flat_finger import FlatFinger
 from app.tasks.aim import Near

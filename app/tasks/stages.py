@@ -12,7 +12,7 @@ from app.config import ANYWHERE, Confines
 from app.core.messages import Model
 from app.planner.method import DIPAC, Method
 from app.policy.base import AWAY
-from app.sim.params import with_orientation
+from app.sim.model.params import with_orientation
 from app.tasks import load
 from app.tasks.compiled import calibrator, nominal_model, phi_of, planner
 

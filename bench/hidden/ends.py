@@ -24,7 +24,7 @@ from app.policy.strokes import PushDesign
 from app.rig.simulated.hiding import InjectionRequest, draw, known, mistuned
 from app.rig.simulated.rehearsal import PushSample, PushSession
 from app.rig.simulated.rope import resample
-from app.sim.params import PARAMETERS, with_orientation
+from app.sim.model.params import PARAMETERS, with_orientation
 from app.tasks import compiled, load
 from app.tasks.jobs import nominal_model, track_orientation
 from app.tasks.rope_orientation import oriented_phi

@@ -29,7 +29,7 @@ from app.rig.simulated.physics import Centreline
 from app.rig.simulated.rehearsal import laid
 from app.rig.simulated.rope import resample
 from app.sim.effects.base import Effect
-from app.sim.params import PARAMETERS, acting
+from app.sim.model.params import PARAMETERS, acting
 from app.sim.rods.effect import RodSetting
 from app.sim.rods.from_parameters import rod_columns, rod_physics
 from app.sim.rods.rollout import RodPhysics, make_rod_rollout

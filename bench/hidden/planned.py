@@ -35,7 +35,7 @@ from app.planner.request import PlanRequest
 from app.planner.tree import Search
 from app.policy.base import AWAY
 from app.recording.model_file import load_model
-from app.sim.params import acting
+from app.sim.model.params import acting
 from app.tasks import compiled, load, nominal_model
 from app.tasks.correction import correction
 from app.tasks.curves import fill_tube

@@ -16,8 +16,8 @@ from jaxtyping import Array, Float, Float32
 
 from app.core.errors import UsageError
 from app.sim.materials.liquid import LiquidMaterial
-from app.sim.rollout import Simulate, make_rollout
-from app.sim.scene import Body, Scene
+from app.sim.model.scene import Body, Scene
+from app.sim.runtime.rollout import Simulate, make_rollout
 from app.sim.state import State
 from app.sim.tools.bowl import BowlCollider
 

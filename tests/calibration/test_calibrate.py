@@ -11,7 +11,7 @@ from app.calibration.evidence import Evidence, ModelScorer, gather
 from app.calibration.fit import FitSettings
 from app.core.messages import Executed, Extension, MessageId, Parameter, Transition
 from app.policy.base import AWAY
-from app.sim.params import PARAMETERS, index
+from app.sim.model.params import PARAMETERS, index
 from app.tasks import compiled, load, nominal_model
 from app.tasks.curves import fill_tube
 

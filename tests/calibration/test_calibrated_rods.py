@@ -12,7 +12,7 @@ from app.calibration.fit import Fit, FitSettings
 from app.core.errors import RecordingError
 from app.core.messages import Executed, MessageId, Model, Transition
 from app.core.motion import TOOL_DOWN
-from app.sim.params import index
+from app.sim.model.params import index
 from app.tasks import compiled, nominal_model
 from app.tasks.compiled import Calibrated, calibrated, calibrated_from_recordings, phi_of
 from app.tasks.jobs import check_model, ends_of_ranges, planner_needs, update

@@ -10,7 +10,7 @@ from app.core.track import Track
 from app.discovery import apparatus
 from app.discovery.apparatus.base import Apparatus, Eye, Load
 from app.sim.files import files_of
-from app.sim.params import PARAMETERS
+from app.sim.model.params import PARAMETERS
 
 CATALOGUE = {name: module.EFFECT for name, module in files_of(apparatus)}
 MODULES = dict(files_of(apparatus))

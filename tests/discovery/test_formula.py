@@ -15,7 +15,7 @@ from app.discovery.results.conclude import verdict_of
 from app.discovery.results.wording import formula_of
 from app.discovery.unexplained.formula import Opened, opened
 from app.policy.strokes import PushDesign
-from app.sim.params import acting
+from app.sim.model.params import acting
 from app.tasks import load
 from app.tasks.compiled import phi_of
 from app.tasks.curves import fill_tube

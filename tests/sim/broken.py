@@ -4,9 +4,9 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from app.sim.autopsy import MpmCase, single
-from app.sim.checks import Setup
-from app.sim.params import nominal_phi
+from app.sim.diagnosis.autopsy import MpmCase, single
+from app.sim.model.params import nominal_phi
+from app.sim.runtime.checks import Setup
 from app.sim.state import Setting, State
 from tests.sim.scenes import PARTICLES, SCENE, rope, straight_tool
 

@@ -9,7 +9,7 @@ from functools import partial
 import jax
 import jax.numpy as jnp
 
-from app.sim.scene import Scene
+from app.sim.model.scene import Scene
 from app.sim.state import State
 
 PARAMETERS = ("stiffness", "table_friction", "finger_friction", "film_drag")
@@ -112,7 +112,7 @@ def substep(scene: Scene, phi, state: State, tips) -> State:
 
 @partial(jax.jit, static_argnums=0)
 def simulate(scene: Scene, phi, state: State, tool) -> State:
-    """All substeps of all candidates; shapes as in `app.sim.rollout`."""
+    """All substeps of all candidates; shapes as in `app.sim.runtime.rollout`."""
 
     def one(phi, state: State, tool) -> State:
         pairs = jnp.stack([tool[:-1], tool[1:]], axis=1)

@@ -4,8 +4,8 @@ from dataclasses import replace
 
 import numpy as np
 
-from app.sim.params import index, nominal_phi
-from app.sim.scene import Body, Scene
+from app.sim.model.params import index, nominal_phi
+from app.sim.model.scene import Body, Scene
 
 SCENE = Scene(
     low=(0.42, -0.10, -0.02),

@@ -6,7 +6,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from app.config import Workspace
-from app.sim.arc_length import arclength_labels, centreline_weights
+from app.sim.rods.geometry.arc_length import arclength_labels, centreline_weights
 from app.tasks.curves import fill_tube, random_curve
 
 

@@ -11,17 +11,17 @@ import numpy as np
 import pytest
 
 from app.core.errors import ParameterError, RecordingError, SimulationError, UsageError
-from app.sim.catalogue import discover
-from app.sim.checked import checked_rods
-from app.sim.dump import Dump, leave_dump, load_dump, save_dump
+from app.sim.diagnosis.checked import checked_rods
+from app.sim.diagnosis.dump import Dump, leave_dump, load_dump, save_dump
+from app.sim.diagnosis.faults import KEPT
+from app.sim.diagnosis.rod_autopsy import RodCase, dissect_rod
 from app.sim.effects.base import Effect
-from app.sim.faults import KEPT
-from app.sim.rods.autopsy import RodCase, dissect_rod
+from app.sim.model.catalogue import discover
 from app.sim.rods.checks import RodSetup, require_rod_inputs
 from app.sim.rods.domain import ROOM_M
+from app.sim.rods.geometry.verdict import crossings
 from app.sim.rods.rollout import make_rod_rollout, make_rod_trace
 from app.sim.rods.scene import Wall
-from app.sim.rods.verdict import crossings
 from tests.sim.broken_rods import (
     SCENE,
     SETUP,

@@ -7,9 +7,9 @@ import jax.numpy as jnp
 import pytest
 
 from app.core.errors import MemoryPlanError
-from app.sim import budget
-from app.sim.budget import available, largest
-from app.sim.rollout import make_rollout
+from app.sim.runtime import budget
+from app.sim.runtime.budget import available, largest
+from app.sim.runtime.rollout import make_rollout
 from app.sim.state import State
 from tests.sim.scenes import PARTICLES, SCENE, far_tool, phi_with, rope
 

@@ -9,7 +9,7 @@ import jax.numpy as jnp
 import pytest
 import warp as wp
 
-from app.sim.calls import WarpCall, make_warp_call
+from app.sim.runtime.calls import WarpCall, make_warp_call
 
 RODS = """
 import sys

@@ -10,8 +10,8 @@ import pytest
 from app.sim.materials.base import Material
 from app.sim.materials.granular import Granular
 from app.sim.materials.liquid import LiquidMaterial
-from app.sim.rollout import Simulate, make_rollout
-from app.sim.scene import Body, Scene
+from app.sim.model.scene import Body, Scene
+from app.sim.runtime.rollout import Simulate, make_rollout
 from app.sim.state import Setting, State
 from tests.sim.scenes import PARTICLES, SCENE, block, far_tool, floating, phi_with, rope, straight_tool
 

@@ -14,15 +14,16 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from app.sim import catalogue, effects
-from app.sim.catalogue import discover
+from app.sim import effects
 from app.sim.effects.base import Effect
 from app.sim.hooks import GRAIN_HOOKS, NODE_HOOKS
 from app.sim.materials.granular import Granular
 from app.sim.materials.liquid import LiquidMaterial
-from app.sim.params import NOMINAL_PHYSICS, PARAMETERS, nominal_phi, parameters_with
-from app.sim.rollout import Simulate, make_rollout
-from app.sim.scene import Body, Scene
+from app.sim.model import catalogue
+from app.sim.model.catalogue import discover
+from app.sim.model.params import NOMINAL_PHYSICS, PARAMETERS, nominal_phi, parameters_with
+from app.sim.model.scene import Body, Scene
+from app.sim.runtime.rollout import Simulate, make_rollout
 from app.sim.state import Setting, State
 from tests.sim.scenes import SCENE, block, rope, straight_tool
 

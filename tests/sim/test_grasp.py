@@ -7,8 +7,8 @@ import pytest
 
 from app.sim.materials.cloth import ClothMaterial
 from app.sim.materials.threads import unstretched
-from app.sim.rollout import Simulate, make_rollout
-from app.sim.scene import Body, Scene
+from app.sim.model.scene import Body, Scene
+from app.sim.runtime.rollout import Simulate, make_rollout
 from app.sim.state import State
 from app.sim.tools.grasp import Grasp
 from app.sim.tools.rod import RackCollider

@@ -16,8 +16,8 @@ from app.sim.materials.elastic import Elastic
 from app.sim.materials.granular import Granular
 from app.sim.materials.liquid import LiquidMaterial
 from app.sim.materials.plastic import Plastic
-from app.sim.rollout import make_rollout
-from app.sim.scene import Body, Scene
+from app.sim.model.scene import Body, Scene
+from app.sim.runtime.rollout import make_rollout
 from app.sim.state import State
 from app.sim.tools.bowl import BowlCollider
 from app.sim.tools.box import BoxCollider, GripperCollider, Tray

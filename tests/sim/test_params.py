@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 
 from app.core.errors import ParameterError
+from app.sim.model.params import PARAMETERS, index, nominal_phi, validated, with_stiffness_up_to
 from app.sim.parameter import ParameterSpec
-from app.sim.params import PARAMETERS, index, nominal_phi, validated, with_stiffness_up_to
 from tests.sim.scenes import SCENE
 
 

@@ -7,8 +7,8 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from app.sim.rollout import make_rollout
-from app.sim.scene import Body, Scene
+from app.sim.model.scene import Body, Scene
+from app.sim.runtime.rollout import make_rollout
 from app.sim.state import State
 from app.sim.tools.finger import FingerCollider
 from tests.sim.scenes import PARTICLES, SCENE, block, far_tool, floating, phi_with, rope

@@ -8,9 +8,9 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from app.sim.catalogue import discover
-from app.sim.params import index
-from app.sim.rollout import make_rollout
+from app.sim.model.catalogue import discover
+from app.sim.model.params import index
+from app.sim.runtime.rollout import make_rollout
 from app.sim.state import State
 from tests.sim import reference
 from tests.sim.scenes import PARTICLES, SCENE, phi_with, rope, straight_tool

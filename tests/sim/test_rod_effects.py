@@ -12,9 +12,9 @@ import pytest
 import warp as wp
 
 from app.core.errors import ParameterError
-from app.sim.catalogue import discover
 from app.sim.effects.base import Grain, Node
-from app.sim.params import rod_parameters_of
+from app.sim.model.catalogue import discover
+from app.sim.model.params import rod_parameters_of
 from app.sim.rods.effect import RodContext, RodProperties, RodSetting
 from app.sim.rods.rollout import RodPhysics, SimulateRod, make_rod_rollout
 from app.sim.rods.scene import RodScene, numbers_of

@@ -12,10 +12,10 @@ from hypothesis import strategies as st
 from app.config import Workspace
 from app.core.errors import PerceptionError
 from app.sim.rods import state
-from app.sim.rods.centreline import RopeShape, traced
-from app.sim.rods.polyline import distance, of_equal_steps
+from app.sim.rods.geometry.centreline import RopeShape, traced
+from app.sim.rods.geometry.polyline import distance, of_equal_steps
+from app.sim.rods.geometry.verdict import crossing, judged
 from app.sim.rods.state import RodState
-from app.sim.rods.verdict import crossing, judged
 from app.tasks.curves import fill_tube, random_curve
 
 ROPE = RopeShape(count=41, rest_m=0.010, radius_m=0.008)

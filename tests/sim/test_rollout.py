@@ -10,11 +10,11 @@ import numpy as np
 import pytest
 
 from app.core.errors import ParameterError
-from app.sim.candidate_kernels import candidate_kernels
-from app.sim.catalogue import EFFECTS
-from app.sim.particle_kernels import particle_kernels
-from app.sim.rollout import Simulate, make_rollout
-from app.sim.schedule import LaunchedSubsteps, ThreadedCandidates, code_of
+from app.sim.model.catalogue import EFFECTS
+from app.sim.mpm.candidate_kernels import candidate_kernels
+from app.sim.mpm.particle_kernels import particle_kernels
+from app.sim.runtime.rollout import Simulate, make_rollout
+from app.sim.runtime.schedule import LaunchedSubsteps, ThreadedCandidates, code_of
 from app.sim.state import State
 from tests.sim.scenes import PARTICLES, SCENE, block, far_tool, phi_with, rope, straight_tool
 

@@ -8,13 +8,13 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from app.sim.directions import directed
 from app.sim.materials.base import Material
 from app.sim.materials.elastic import Elastic
 from app.sim.materials.rope import RopeMaterial
-from app.sim.params import PARAMETERS, index, with_stiffness_up_to
-from app.sim.rollout import make_rollout
-from app.sim.scene import Body, Scene
+from app.sim.model.params import PARAMETERS, index, with_stiffness_up_to
+from app.sim.model.scene import Body, Scene
+from app.sim.runtime.directions import directed
+from app.sim.runtime.rollout import make_rollout
 from app.sim.state import Setting, State
 from app.tasks.rope_push import TASK
 from tests.sim.scenes import PARTICLES, SCENE, phi_with, rope, straight_tool

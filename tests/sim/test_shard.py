@@ -23,9 +23,9 @@ if hosts > 1:
     jax.config.update("jax_cpu_collectives_implementation", "gloo")
     jax.distributed.initialize(f"127.0.0.1:{port}", hosts, host)
 from jax.experimental import multihost_utils
-from app.sim.params import nominal_phi
-from app.sim.rollout import make_rollout
-from app.sim.shard import mesh_of, over_devices, sharding
+from app.sim.model.params import nominal_phi
+from app.sim.runtime.rollout import make_rollout
+from app.sim.runtime.shard import mesh_of, over_devices, sharding
 from app.sim.state import State
 from tests.sim.scenes import PARTICLES, SCENE, rope, straight_tool
 

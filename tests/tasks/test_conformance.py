@@ -13,7 +13,7 @@ from app.perception.reconstruct import reconstruct
 from app.planner.tree import first_action
 from app.policy.base import AWAY, Now
 from app.rig.simulated.lockstep import LockStep
-from app.sim.params import PARAMETERS
+from app.sim.model.params import PARAMETERS
 from app.sim.tools.base import COORDINATES
 from app.tasks import Task, compiled, load, names, nominal_model
 from tests.programs import program

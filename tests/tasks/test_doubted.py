@@ -9,7 +9,7 @@ from app.discovery.dataset.study import Study
 from app.discovery.dataset.subject import catalogue
 from app.discovery.residuals.predict import Predictor, prepare
 from app.policy.strokes import PushDesign
-from app.sim.params import index
+from app.sim.model.params import index
 from app.tasks.doubted import doubted_in, subject_of
 from bench.hidden.ropes import RopeCase
 

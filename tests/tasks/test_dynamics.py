@@ -9,7 +9,7 @@ import pytest
 from app.core.errors import UsageError
 from app.planner.plan import Plan
 from app.planner.request import PlanRequest
-from app.sim.params import acting, index
+from app.sim.model.params import acting, index
 from app.tasks import compiled, load
 from app.tasks.jobs import doubt, nominal_model, plan
 from tests.planner.table import PHI, planner, rope

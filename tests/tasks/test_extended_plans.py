@@ -22,7 +22,7 @@ from app.planner.plan import Plan, TreePlanner
 from app.planner.request import PlanRequest
 from app.planner.tree import Search
 from app.policy.base import AWAY
-from app.sim.params import acting, index
+from app.sim.model.params import acting, index
 from app.tasks import compiled, nominal_model
 from app.tasks.correction import correction
 from tests.planner.table import PARTICLES, SPACE, TASK, rope

@@ -14,10 +14,10 @@ from app.core.errors import PlanningError, SimulationError
 from app.core.messages import Executed, Transition, fresh_id
 from app.planner.request import PlanRequest
 from app.planner.tree import Search
-from app.sim.autopsy import dissect
-from app.sim.dump import load_dump
-from app.sim.params import index
-from app.sim.rods.autopsy import RodCase, dissect_rod
+from app.sim.diagnosis.autopsy import dissect
+from app.sim.diagnosis.dump import load_dump
+from app.sim.diagnosis.rod_autopsy import RodCase, dissect_rod
+from app.sim.model.params import index
 from app.sim.state import State
 from app.tasks import calibrate, compiled, failures, load, nominal_model, plan
 from tests.planner.table import PHI, SPACE, rope, search

@@ -19,8 +19,8 @@ from app.core.types import Centreline, Points
 from app.evaluation.play import EvaluationConfig, play
 from app.planner.method import DIPAC
 from app.planner.plan import Plan
-from app.sim.params import index, with_orientation
-from app.sim.rods.polyline import distance
+from app.sim.model.params import index, with_orientation
+from app.sim.rods.geometry.polyline import distance
 from app.sim.rods.state import RodState
 from app.tasks import compiled, jobs, load
 from app.tasks.jobs import nominal_model, plan, track_orientation, update

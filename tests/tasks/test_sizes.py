@@ -9,7 +9,7 @@ import pytest
 from app.core.finger_distance import from_core
 from app.core.stage import Finger
 from app.core.task_name import TaskName
-from app.sim.params import index
+from app.sim.model.params import index
 from app.sim.rods.state import RodState
 from app.tasks import compiled, load
 from app.tasks.curves import fill_tube

@@ -9,8 +9,8 @@ from app.core.types import Points
 from app.discovery.dataset.study import Push, Study
 from app.discovery.dataset.subject import Subject
 from app.discovery.results.case import Limit
-from app.sim.arc_length import arclength_labels, centreline_weights
-from app.sim.rods.rope_size import length_of_cloud
+from app.sim.rods.geometry.arc_length import arclength_labels, centreline_weights
+from app.sim.rods.geometry.rope_size import length_of_cloud
 
 _NEAR_M = 0.025
 """Distance from the tip to the nearest particle, from above, beyond which it touched nothing, even if cameras err."""

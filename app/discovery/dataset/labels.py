@@ -8,7 +8,7 @@ from jaxtyping import Float32, Float64
 
 from app.core.types import Points
 from app.discovery.dataset.subject import RodModel
-from app.sim.arc_length import arclength_labels, centreline_weights, labels_by_rank
+from app.sim.rods.geometry.arc_length import arclength_labels, centreline_weights, labels_by_rank
 from app.sim.rods.state import RodStart
 
 _NODES: Final = 24

@@ -14,10 +14,10 @@ from app.discovery.apparatus.base import Apparatus, Values
 from app.sim import effects
 from app.sim.effects.base import MIDDLE, MIDDLE_M, REACH_M, Effect
 from app.sim.files import files_of
+from app.sim.model.params import PARAMETERS, ROD_PARAMETERS, index, with_stiffness_up_to
+from app.sim.model.scene import Scene
 from app.sim.parameter import ParameterSpec
-from app.sim.params import PARAMETERS, ROD_PARAMETERS, index, with_stiffness_up_to
 from app.sim.rods.scene import RodScene
-from app.sim.scene import Scene
 
 Theta: TypeAlias = Float64[np.ndarray, " P"]
 """Values of all parameters of a `Catalogue`, in its order."""

@@ -17,7 +17,7 @@ from app.discovery.dataset.study import Push
 from app.discovery.dataset.subject import Theta
 from app.discovery.residuals.predict import Predictor, Trials
 from app.discovery.residuals.rows import Block
-from app.sim.params import PARAMETERS
+from app.sim.model.params import PARAMETERS
 
 _PHASES = 8
 """Moments of a push at which the arm's log is compared with its command."""

@@ -9,7 +9,7 @@ from dataclasses import replace
 
 from app.discovery.dataset.subject import Catalogue, Cause
 from app.discovery.residuals.sensitivity import Step, switch_of
-from app.sim.params import index
+from app.sim.model.params import index
 
 FORMULA = "formula"
 """The name that all features together go by where a cause has one."""

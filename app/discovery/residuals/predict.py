@@ -22,7 +22,7 @@ from app.discovery.dataset.study import Push, Study, View
 from app.discovery.dataset.subject import ROD_NUMERICS, Catalogue, Subject, Theta
 from app.discovery.residuals.centreline_noise import smooth_noise
 from app.discovery.residuals.steppers import BLOCK, Start, Stepper, chunks, length_ratio, of_one_length, stepper
-from app.sim.params import PARAMETERS, index
+from app.sim.model.params import PARAMETERS, index
 
 _LEAD_S, _TAIL_S = 0.05, 0.7
 """Simulated before the tool is low, and after it has left or come to rest [s, real]."""

@@ -11,13 +11,13 @@ import numpy as np
 from jaxtyping import Float, Float32
 
 from app.discovery.dataset.subject import RodModel, Subject
-from app.sim.catalogue import EFFECTS
+from app.sim.model.catalogue import EFFECTS
+from app.sim.model.scene import Scene
 from app.sim.rods.effect import RodSetting
 from app.sim.rods.from_parameters import rod_columns, rod_physics
 from app.sim.rods.rollout import make_rod_rollout
 from app.sim.rods.state import RodStart, RodState
-from app.sim.rollout import Simulate, make_rollout
-from app.sim.scene import Scene
+from app.sim.runtime.rollout import Simulate, make_rollout
 from app.sim.state import Setting, State
 
 BLOCK = 32

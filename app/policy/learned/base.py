@@ -15,7 +15,7 @@ from app.core.types import Points, ToolPose
 from app.policy.base import AWAY, Acted, Now
 from app.policy.learned.sight import PolicyObservation, Views, sight
 from app.policy.symmetry import Isometry, Symmetry
-from app.sim.object_state import ObjectState
+from app.sim.diagnosis.object_state import ObjectState
 
 Params: TypeAlias = Mapping[str, Any]
 """A pytree of arrays, as flax has it."""

@@ -23,8 +23,8 @@ from app.rig.simulated.rest import Rest
 from app.rig.simulated.world import Nodes, Snapshot
 from app.sim.materials.elastic import Elastic
 from app.sim.materials.liquid import LiquidMaterial
-from app.sim.rollout import make_rollout
-from app.sim.scene import Body, Scene
+from app.sim.model.scene import Body, Scene
+from app.sim.runtime.rollout import make_rollout
 from app.sim.state import State
 from app.sim.tools.base import Tool
 from app.sim.tools.bowl import BowlCollider

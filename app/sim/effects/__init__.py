@@ -1,1 +1,1 @@
-"""Physical effects beyond the nominal model, one file each; the folder is the list (see `app.sim.catalogue`)."""
+"""Physical effects beyond the nominal model, one file each; the folder is the list (see `app.sim.model.catalogue`)."""

@@ -8,15 +8,15 @@ import numpy as np
 from jaxtyping import Bool, Float32
 
 from app.core.errors import ParameterError
-from app.sim.checks import Arrays, first, require_finite, words
 from app.sim.effects.base import Effect
+from app.sim.model.params import require_ranges, rod_parameters_of
 from app.sim.parameter import ParameterSpec
-from app.sim.params import require_ranges, rod_parameters_of
 from app.sim.rods.domain import ROOM_M, STRAIN, distances_m, gap_m, strains, strides_m
 from app.sim.rods.effect import RodSetting
 from app.sim.rods.rollout import RodPhysics
 from app.sim.rods.scene import RodScene
 from app.sim.rods.state import STATE, RodState
+from app.sim.runtime.checks import Arrays, first, require_finite, words
 
 ROWS = ("x", "y", "x velocity", "y velocity", "x bristle", "y bristle", "finger's bristle", "lasting bend")
 """Names of the rows of `RodState.nodes`."""

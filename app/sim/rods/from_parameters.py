@@ -6,7 +6,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from app.sim.effects.base import Effect
-from app.sim.params import index
+from app.sim.model.params import index
 from app.sim.rods.rollout import RodPhysics
 from app.sim.rods.scene import RodScene
 

@@ -13,11 +13,11 @@ import jax.numpy as jnp
 import numpy as np
 import warp as wp
 
-from app.sim.calls import make_warp_call
 from app.sim.rods.kernels import BAR_ROWS, EVERY, FIELDS, FINGER, LANES, ROWS, THREADS, TOOL, rod_kernels
 from app.sim.rods.scene import RodScene, factors_of, numbers_of, smoother_of, smoothing_of
 from app.sim.rods.state import STATE
-from app.sim.threads import core_count, run_jobs
+from app.sim.runtime.calls import make_warp_call
+from app.sim.runtime.threads import core_count, run_jobs
 
 
 @final

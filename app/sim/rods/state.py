@@ -9,7 +9,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Float, Float32
 
-from app.sim.rods.centreline import SMOOTHING, RopeShape, placed, radius_of, traced
+from app.sim.rods.geometry.centreline import SMOOTHING, RopeShape, placed, radius_of, traced
 from app.sim.rods.scene import RodScene
 
 STATE = 8

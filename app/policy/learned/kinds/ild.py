@@ -21,7 +21,7 @@ from app.policy.learned.base import Chunk, Lessons, NextOnly, Params, Scale, Sho
 from app.policy.learned.networks import EncoderMLP, applied
 from app.policy.learned.sight import PolicyObservation
 from app.sim.candidates import are_finite
-from app.sim.object_state import ObjectState
+from app.sim.diagnosis.object_state import ObjectState
 
 _UNIT_M: Final = 0.01
 """A distance from a demonstrated state that counts as 1."""

@@ -1,0 +1,363 @@
+"""Centreline of a rope that lies on the table, from unordered points: hypotheses of the order, each fitted and scored.
+
+Where strands touch, neighbours of a point are on other strands too, and no local rule tells the order. Many orders are
+therefore tried (`orders`), a rod of the known length is fitted to each, and the one is taken that explains the cloud
+best as an evenly filled tube. Balanced assignment: particles stand for equal volumes, so that a rod's nodes share them
+evenly, but for holes; compare optimal transport in coherent point drift (Myronenko and Song 2010, "Point set
+registration: coherent point drift") and its length constraint for ropes (Wang et al. 2021, "Tracking partially-occluded
+deformable objects while enforcing geometric constraints").
+"""
+
+from dataclasses import dataclass
+from functools import lru_cache
+from typing import final
+
+import numpy as np
+from jaxtyping import Float32, Float64
+from threadpoolctl import ThreadpoolController
+
+from app.core.types import Points
+from app.sim.rods.geometry.orders import core_density, reconnected, shortest_orders
+from app.sim.rods.geometry.polyline import distance, lengths, of_equal_steps, places, resampled, turns
+
+_NOISE = 0.19
+"""Standard deviation of a point's place, in radii: 1.5 mm for 8 mm."""
+_MOST_POINTS = 450
+"""Largest number of points; more are averaged in cells of equal area."""
+_ROUNDS = 8
+_SMOOTHING = (3.0, 1.0)
+"""Weight of squared second differences in the first and in the last round of a hypothesis."""
+_REFINING_ROUNDS = 6
+"""Rounds for which scored hypotheses are refined, with `SMOOTHING`."""
+SMOOTHING = 0.2
+"""Weight of a squared second difference beside the squared distances of a node's share of particles: waves of 6 nodes
+keep 0.81 of their height, of 8 nodes 0.93, and particles of a thick rope do not bend its middle."""
+_BALANCE = (1.0, 0.3)
+"""Share of the balanced place, beside that of the nearest point, in the first and in the last round."""
+_HOLE = 1.9
+"""Distance along the rope without a point that is a hole in the cloud, in radii."""
+_TRIED, _RECONNECTED, _VARIATIONS = 6, 8, 3
+_SURE = 6.0
+"""Margin over all other orders beyond which none is looked for."""
+_WEIGHTS = {"residual": 9.0, "uneven": 0.37, "overlap": 0.50, "bend": 0.14, "bare": 0.31}
+"""Weights of a score's terms, fitted by logistic regression to right and wrong orders of 170 clouds of folded ropes, as
+those of `bench.centrelines` but of another seed, with a penalty on large weights: a score is no log probability."""
+_OVERLAP = 1.85
+"""Distance of strands in radii that is too little: fitted lines are shrunk a little where they bend."""
+_FAR_OFF = 9.0
+"""A squared deviation, in variances, beyond which a point is not explained; larger ones count as this."""
+_BLAS = ThreadpoolController()
+"""NumPy's thread pool: its matrices here are so small that threads take ten times as long."""
+_MOST_BEYOND = 0.7
+"""Length of a cloud beyond either end of its centreline, in radii: round ends hold 2/3, and depth is blurred."""
+_PRIOR = 1.0, 4.0
+"""Standard deviation of the prior centreline, in radii, and the most that it counts."""
+
+
+@final
+@dataclass(frozen=True, kw_only=True)
+class RopeShape:
+    """Rope as it is known: number of nodes, their distance `rest_m`, and its radius."""
+
+    count: int
+    rest_m: float
+    radius_m: float
+
+    @property
+    def length_m(self) -> float:
+        """Length of the centreline."""
+        return self.rest_m * (self.count - 1)
+
+    @property
+    def beyond(self) -> float:
+        """Extent of its cloud beyond either end of the centreline, in segments."""
+        return _MOST_BEYOND * self.radius_m / self.rest_m
+
+
+@final
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Weighted:
+    """Points in the plane [m], relative to their mean `origin`, with weights.
+
+    `share` of the cloud; `variance` of its distance from the centreline [m^2].
+
+    A round rope's points at its top or bottom are near its centreline, those half way up may be a radius beside it: at
+    the height z over the table the chord is 2 h wide, h^2 = r^2 - (z - r)^2, and the variance h^2 / 3.
+    """
+
+    at: Float64[np.ndarray, "N 2"]
+    share: Float64[np.ndarray, " N"]
+    variance: Float64[np.ndarray, " N"]
+    origin: Float64[np.ndarray, "2"]
+
+    @property
+    def weight(self) -> Float64[np.ndarray, " N"]:
+        """Weight of each in a fit, one in the mean."""
+        weight = self.share / self.variance
+        return weight / weight.mean()
+
+
+@final
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Trace:
+    """Centrelines (K, n, 2) [m] that were tried, the best first, and how badly each explains the cloud.
+
+    `cloud`: the points that they were fitted to.
+    """
+
+    lines: Float64[np.ndarray, "K n 2"]
+    scores: Float64[np.ndarray, " K"]
+    cloud: Weighted
+    rope: RopeShape
+
+    @property
+    def line(self) -> Float64[np.ndarray, "n 2"]:
+        """The best."""
+        return self.lines[0]
+
+    @property
+    def rival(self) -> int | None:
+        """Index of the best line that is another: nodes differ by a radius in the mean, either end first."""
+        for k in range(1, len(self.lines)):
+            if distance(self.lines[k], self.line) > self.rope.radius_m:
+                return k
+        return None
+
+    @property
+    def margin(self) -> float:
+        """Cost of the rival beyond the best line's; infinite where there is none."""
+        return float("inf") if self.rival is None else float(self.scores[self.rival] - self.scores[0])
+
+
+def traced(x: Points, rope: RopeShape, near: Float64[np.ndarray, "n 2"] | None = None) -> Trace:
+    """Centrelines through particles `x` of a rope on the table z = 0.
+
+    `near`: where the centreline was predicted to be [m]; it is one hypothesis more, and others that are far from it
+    count less. The result then runs the same way; else from the end with the smaller x. It does not depend on the order
+    of the particles. The last few are kept: who simulates a rope and who judges its cloud ask for the same one.
+    """
+    prior = None if near is None else np.ascontiguousarray(near, np.float64).tobytes()
+    return _traced(np.ascontiguousarray(x, np.float32).tobytes(), rope, prior)
+
+
+@lru_cache(maxsize=4)
+@_BLAS.wrap(limits=1, user_api="blas")
+def _traced(points: bytes, rope: RopeShape, prior: bytes | None) -> Trace:
+    x = np.frombuffer(points, np.float32).reshape(-1, 3)
+    near = None if prior is None else np.frombuffer(prior, np.float64).reshape(-1, 2)
+    cloud = weighted(x, rope)
+    orders = shortest_orders(cloud.at, cloud.weight, _spots(rope, len(cloud.at)), rope.radius_m, _TRIED)
+    starts = [resampled(order, rope.count) for order in orders]
+    if near is not None:
+        starts.append(near - cloud.origin)
+    lines = _fitted(np.stack(starts), cloud, rope)
+    lines, scores = _sorted(lines, _scores(lines, cloud, rope, near))
+    if len(lines) > 1 or strands_touch(lines[0], rope):
+        lines, scores = _varied(lines, scores, cloud, rope, near)
+    lines = _refined(lines, cloud, rope)
+    return Trace(lines=_directed(lines + cloud.origin, near), scores=scores, cloud=cloud, rope=rope)
+
+
+def weighted(x: Points, rope: RopeShape) -> Weighted:
+    """Points of the plane with weights by their distance from the centreline."""
+    at, variance = x[:, :2].astype(np.float64), _variance(x, rope.radius_m)
+    share = np.full(len(x), 1 / len(x))
+    if len(x) > _MOST_POINTS:
+        at, share, variance = _averaged(at, variance, np.sqrt(2 * rope.radius_m * rope.length_m / _MOST_POINTS))
+    origin = at.mean(0)
+    return Weighted(at=at - origin, share=share, variance=variance, origin=origin)
+
+
+def placed(
+    x: Points, line: Float64[np.ndarray, "n 2"], rope: RopeShape
+) -> tuple[Float32[np.ndarray, " N"], Float32[np.ndarray, " N"]]:
+    """Places of particles along a centreline, in segments, and their weights in a fit, one in the mean."""
+    at, variance = x[:, :2].astype(np.float64), _variance(x, rope.radius_m)
+    share = np.full(len(x), 1 / len(x))
+    cloud = Weighted(at=at, share=share, variance=variance, origin=np.zeros(2))
+    along = balanced(places(line[None], at, rope.beyond)[0], share, rope, _BALANCE[1])
+    beyond = _beyond(np.zeros(1), through(along, cloud, rope.count, SMOOTHING), rope)
+    along = _stretched(along, beyond, rope)[0]
+    return along.astype(np.float32), cloud.weight.astype(np.float32)
+
+
+def radius_of(x: Points, rest_m: float) -> float:
+    """Radius [m] of an evenly filled cylinder whose heights deviate as those of `x`; near `rest_m` in any case."""
+    return float(np.clip(2 * np.std(x[:, 2]), 0.3 * rest_m, 2 * rest_m))
+
+
+def balanced(
+    along: Float64[np.ndarray, "K N"], share: Float64[np.ndarray, " N"], rope: RopeShape, balance: float
+) -> Float64[np.ndarray, "K N"]:
+    """Places such that equal lengths hold equal volumes, holes left out, as far as `balance` says (0..1).
+
+    Beyond that places are stretched so that the first and the last particle are at the ends.
+    """
+    last, count = rope.count - 1, along.shape[1]
+    order = np.argsort(along, axis=1, kind="stable")
+    at, each = np.take_along_axis(along, order, 1), share[order]
+    steps = np.diff(at, axis=1)
+    holes = np.where(steps > _HOLE * rope.radius_m / rope.rest_m, steps, 0.0)
+    all_holes = holes.sum(1, keepdims=True)
+    holes *= np.minimum(all_holes, last / 2) / np.maximum(all_holes, 1e-9)
+    even = (np.cumsum(each, 1) - each / 2) * (last - holes.sum(1, keepdims=True))
+    even[:, 1:] += np.cumsum(holes, axis=1)
+    end, width = last / (2 * count), np.maximum(at[:, -1:] - at[:, :1], 1e-9)
+    stretched = end + (at - at[:, :1]) / width * (last - 2 * end)
+    result = np.empty_like(along)
+    np.put_along_axis(result, order, balance * even + (1 - balance) * stretched, 1)
+    return result
+
+
+def through(
+    along: Float64[np.ndarray, "K N"], cloud: Weighted, count: int, smoothing: float
+) -> Float64[np.ndarray, "K n 2"]:
+    """Nodes that minimise weighted squared distances of points to their places, plus squared second differences."""
+    first = np.clip(np.floor(along), 0, count - 2).astype(int)
+    share = (along - first)[..., None]
+    rows = np.zeros((*along.shape, count))
+    np.put_along_axis(rows, first[..., None], 1 - share, -1)
+    np.put_along_axis(rows, first[..., None] + 1, share, -1)
+    second, weight = np.diff(np.eye(count), 2, axis=0), cloud.weight
+    turned = np.swapaxes(rows * weight[None, :, None], 1, 2)
+    return np.linalg.solve(turned @ rows + smoothing * weight.sum() / count * second.T @ second, turned @ cloud.at)
+
+
+def strands_touch(line: Float64[np.ndarray, "n 2"], rope: RopeShape) -> bool:
+    """True where strands are nearer than three radii."""
+    gaps = np.linalg.norm(line[:, None] - line[None], axis=-1)
+    apart = np.subtract.outer(np.arange(len(line)), np.arange(len(line))) >= round(5 * rope.radius_m / rope.rest_m)
+    return bool((gaps[apart] < 3 * rope.radius_m).any())
+
+
+def _variance(x: Points, radius_m: float) -> Float64[np.ndarray, " N"]:
+    """Variance of distances from the centreline [m^2]; see `Weighted`."""
+    height = x[:, 2].astype(np.float64)
+    h2 = np.clip(radius_m**2 - (height - np.median(height)) ** 2, 0.0, None)
+    return h2 / 3 + (_NOISE * radius_m) ** 2
+
+
+def _varied(
+    lines: Float64[np.ndarray, "K n 2"],
+    scores: Float64[np.ndarray, " K"],
+    cloud: Weighted,
+    rope: RopeShape,
+    near: Float64[np.ndarray, "n 2"] | None,
+) -> tuple[Float64[np.ndarray, "L n 2"], Float64[np.ndarray, " L"]]:
+    """Lines with reconnections of the best one, then of the best that has none yet, for some rounds."""
+    done = list[Float64[np.ndarray, "n 2"]]()
+    for _ in range(_VARIATIONS):
+        left = [line for line in lines[:2] if not any(line is other or (line == other).all() for other in done)]
+        if not left:
+            break
+        done.append(left[0])
+        starts = [resampled(line, rope.count) for line in reconnected(left[0], cloud, rope, _RECONNECTED)]
+        more = _fitted(np.stack(starts), cloud, rope)
+        every = np.concatenate([lines, more])
+        lines, scores = _sorted(every, np.concatenate([scores, _scores(more, cloud, rope, near)]))
+        if Trace(lines=lines, scores=scores, cloud=cloud, rope=rope).margin > _SURE:
+            break
+    return lines, scores
+
+
+def _fitted(lines: Float64[np.ndarray, "K n 2"], cloud: Weighted, rope: RopeShape) -> Float64[np.ndarray, "K n 2"]:
+    lines = of_equal_steps(lines, rope.rest_m)
+    for smoothing, balance in zip(np.linspace(*_SMOOTHING, _ROUNDS), np.linspace(*_BALANCE, _ROUNDS), strict=True):
+        along = balanced(places(lines, cloud.at)[0], cloud.share, rope, balance)
+        lines = of_equal_steps(through(along, cloud, rope.count, smoothing), rope.rest_m, 2)
+    return of_equal_steps(lines, rope.rest_m)
+
+
+def _refined(lines: Float64[np.ndarray, "K n 2"], cloud: Weighted, rope: RopeShape) -> Float64[np.ndarray, "K n 2"]:
+    """Lines without the round ends of the rope, which hypotheses reach into by cutting bends."""
+    beyond = np.zeros(len(lines))
+    for _ in range(_REFINING_ROUNDS):
+        along = balanced(places(lines, cloud.at, rope.beyond)[0], cloud.share, rope, _BALANCE[1])
+        free = through(_stretched(along, beyond, rope), cloud, rope.count, SMOOTHING)
+        lines, beyond = of_equal_steps(free, rope.rest_m, 2), _beyond(beyond, free, rope)
+    return of_equal_steps(lines, rope.rest_m)
+
+
+def _beyond(
+    beyond: Float64[np.ndarray, " K"], free: Float64[np.ndarray, "K n 2"], rope: RopeShape
+) -> Float64[np.ndarray, " K"]:
+    """Length of a cloud beyond either end of its centreline, in segments, from lines that are not yet as long as it.
+
+    Where a line that was fitted with so much `beyond` is still too long, more of the cloud is: else the fit would cut
+    bends to let it reach farther.
+    """
+    return np.clip(beyond + (lengths(free) - rope.length_m) / (2 * rope.rest_m), 0.0, rope.beyond)
+
+
+def _stretched(
+    along: Float64[np.ndarray, "K N"], beyond: Float64[np.ndarray, " K"], rope: RopeShape
+) -> Float64[np.ndarray, "K N"]:
+    """Places from the first node to the last, spread to so much before the one and after the other."""
+    return along + beyond[:, None] * (2 * along / (rope.count - 1) - 1)
+
+
+def _scores(
+    lines: Float64[np.ndarray, "K n 2"], cloud: Weighted, rope: RopeShape, near: Float64[np.ndarray, "n 2"] | None
+) -> Float64[np.ndarray, " K"]:
+    """Costs of the lines: how badly tubes about them explain the cloud, as far as lines differ."""
+    r, along_m = rope.radius_m, rope.rest_m / rope.radius_m
+    along, squared = places(lines, cloud.at)
+    bins = max(8, round(rope.length_m / (2.5 * r)))
+    filled = bins * np.stack([np.histogram(each, bins, (0, rope.count - 1), weights=cloud.share)[0] for each in along])
+    gaps = np.linalg.norm(lines[:, :, None] - lines[:, None], axis=-1)
+    apart = np.subtract.outer(np.arange(rope.count), np.arange(rope.count)) >= max(2, round(5 / along_m))
+    close = np.where(apart, np.clip(_OVERLAP - gaps / r, 0.0, None), 0.0) * along_m / 1.25
+    middles = np.concatenate([lines, (lines[:, 1:] + lines[:, :-1]) / 2], axis=1)
+    density = core_density(middles, cloud.at, cloud.weight, r)
+    density /= np.median(density, axis=1, keepdims=True) + 1e-12
+    terms = {
+        "residual": (cloud.share * np.minimum(squared / cloud.variance, _FAR_OFF)).sum(1),
+        "uneven": np.minimum(np.square(filled - 1), 1.0).sum(1),
+        "overlap": np.square(close).sum((1, 2)),
+        "bend": np.square(turns(lines)).sum(1) * 1.25 / along_m,
+        "bare": np.clip(0.6 - density, 0.0, None).mean(1) * 2 * rope.length_m / (1.25 * r),
+    }
+    total = np.sum([_WEIGHTS[name] * value for name, value in terms.items()], axis=0)
+    if near is not None:
+        width, most = _PRIOR
+        off = np.array([distance(line, near - cloud.origin) for line in lines]) / (width * r)
+        total = total + np.minimum(off**2 / 2, most)
+    return total
+
+
+def _averaged(
+    at: Float64[np.ndarray, "N 2"], variance: Float64[np.ndarray, " N"], cell_m: float
+) -> tuple[Float64[np.ndarray, "M 2"], Float64[np.ndarray, " M"], Float64[np.ndarray, " M"]]:
+    """Points in cells, weighted by their inverse variances: places, shares and variances, as of a single point."""
+    cells = np.floor(at / cell_m).astype(np.int64)
+    _, which = np.unique(cells, axis=0, return_inverse=True)
+    which = which.ravel()
+    count, weight = np.bincount(which), np.bincount(which, 1 / variance)
+    middle = np.stack([np.bincount(which, at[:, k] / variance) for k in range(2)], axis=1) / weight[:, None]
+    return middle, count / len(at), count / weight
+
+
+def _spots(rope: RopeShape, points: int) -> int:
+    return int(np.clip(round(1.1 * rope.length_m / (1.25 * rope.radius_m)), 4, max(4, min(64, points // 2))))
+
+
+def _sorted(
+    lines: Float64[np.ndarray, "K n 2"], scores: Float64[np.ndarray, " K"]
+) -> tuple[Float64[np.ndarray, "K n 2"], Float64[np.ndarray, " K"]]:
+    """Lines by score, the best first, without non-finite ones."""
+    order = np.argsort(scores, kind="stable")
+    order = order[np.isfinite(scores[order])]
+    return lines[order], scores[order]
+
+
+def _directed(
+    lines: Float64[np.ndarray, "K n 2"], near: Float64[np.ndarray, "n 2"] | None
+) -> Float64[np.ndarray, "K n 2"]:
+    """Each the way of `near`, or from the end with the smaller x (and y)."""
+
+    def turned(line: Float64[np.ndarray, "n 2"]) -> bool:
+        if near is None:
+            return bool(tuple(line[-1]) < tuple(line[0]))
+        return bool(np.linalg.norm(line[::-1] - near) < np.linalg.norm(line - near))
+
+    return np.stack([line[::-1] if turned(line) else line for line in lines])
