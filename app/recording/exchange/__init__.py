@@ -1,0 +1,1 @@
+"""Files of other formats: plain arrays, LeRobot datasets, models and calibrations."""

@@ -1,0 +1,1 @@
+"""The format of recordings: channels and schemas, codecs, epochs, digests, integrity and migration."""

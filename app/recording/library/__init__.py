@@ -1,0 +1,1 @@
+"""A folder of recordings: its index, labels, clips, repair, renewal and removal."""

@@ -1,0 +1,1 @@
+"""Reading of recordings: messages, timelines, films, clouds and marks."""

@@ -1,0 +1,1 @@
+"""Writing of recordings: one file at a time, appended to, replaced and checked beforehand."""
