@@ -15,10 +15,10 @@ import numpy as np
 
 from app.calibration.evidence import Evidence, ModelScorer
 from app.core.chamfer import chamfer_m2
-from app.planner.actions import Pushes
-from app.planner.plan import TreePlanner
-from app.planner.request import PlanRequest
-from app.planner.tree import Search
+from app.planner.actions.actions import Pushes
+from app.planner.search.plan import TreePlanner
+from app.planner.search.request import PlanRequest
+from app.planner.search.tree import Search
 from app.policy.base import AWAY, Now
 from app.sim.materials.cloth import ClothMaterial
 from app.sim.materials.granular import Granular

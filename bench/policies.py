@@ -13,7 +13,7 @@ from rich.console import Console
 from rich.table import Table
 
 from app.core.errors import UsageError
-from app.planner.tree import first_action
+from app.planner.search.tree import first_action
 from app.policy.base import Now
 from app.policy.learned import kinds
 from app.policy.learned.examples import Examples

@@ -12,11 +12,11 @@ import numpy as np
 import tyro
 from jaxtyping import Array, Float, Float32, PRNGKeyArray
 
-from app.planner.budget import at_least, tree_rollouts
-from app.planner.optimise import Descended, Descent, Evaluate, select
-from app.planner.plan import Plan, TreePlanner
-from app.planner.request import PlanRequest
-from app.planner.tree import Rollout, Search
+from app.planner.search.budget import at_least, tree_rollouts
+from app.planner.search.optimise import Descended, Descent, Evaluate, select
+from app.planner.search.plan import Plan, TreePlanner
+from app.planner.search.request import PlanRequest
+from app.planner.search.tree import Rollout, Search
 from app.tasks import compiled, load, nominal_model
 from app.ui.words import millimetres
 

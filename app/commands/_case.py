@@ -86,7 +86,7 @@ def _asked(push: "NextPushEntry", task: str, site: Site) -> Motion:
     import numpy as np
 
     from app.core.track import Track
-    from app.planner.actions import Pushes
+    from app.planner.actions.actions import Pushes
     from app.tasks import load
     from app.tasks.asked import motion_of
 

@@ -120,7 +120,7 @@ class ProbedCell:
 
     def _aimed(self, track: Track, seen: View) -> Track | None:
         """A push that was asked for, moved to where the object is; None where it does not fit, or may not be made."""
-        from app.planner.actions import Pushes
+        from app.planner.actions.actions import Pushes
         from app.tasks.asked import aimed
 
         assert isinstance(self._task.actions, Pushes)

@@ -16,7 +16,7 @@ from app.core.orientation import UNKNOWN
 from app.core.types import Centreline, Points
 from app.perception.reconstruct import reconstruct
 from app.planner.method import Method
-from app.planner.plan import Plan
+from app.planner.search.plan import Plan
 from app.rig.simulated.lockstep import LockStep
 from app.tasks import jobs
 from app.tasks.base import Task

@@ -17,7 +17,7 @@ from app.tasks.asked import asked_plan
 from app.tasks.base import EpisodeConfig
 
 if TYPE_CHECKING:  # The planner is loaded in its own process alone.
-    from app.planner.plan import Plan
+    from app.planner.search.plan import Plan
 
 _MOVED_M = 1e-3
 

@@ -14,7 +14,7 @@ from app.tasks.base import EpisodeConfig
 from app.tasks.edited import edited_plan
 
 if TYPE_CHECKING:  # The planner is loaded in its own process alone.
-    from app.planner.plan import Plan
+    from app.planner.search.plan import Plan
 
 
 @final

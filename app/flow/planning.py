@@ -33,7 +33,7 @@ from app.tasks.jobs import (
 )
 
 if TYPE_CHECKING:  # The planner is loaded in its own process alone.
-    from app.planner.plan import Plan
+    from app.planner.search.plan import Plan
 
 FAILURES_IN_A_ROW = 3
 _NOTHING = ""

@@ -6,8 +6,8 @@ import numpy as np
 from jaxtyping import Float32
 
 from app.core.types import Points
-from app.planner.plan import Plan
-from app.planner.request import PlanRequest
+from app.planner.search.plan import Plan
+from app.planner.search.request import PlanRequest
 
 
 class Planner(Protocol):

@@ -14,12 +14,12 @@ from app.core.errors import PlanningError
 from app.core.finger_distance import nearest_m
 from app.core.messages import Origin
 from app.core.types import Path3, Points
-from app.planner.actions import Pushes
-from app.planner.film import film
-from app.planner.optimise import Descended
-from app.planner.plan import Plan, choose
-from app.planner.request import PlanRequest
-from app.planner.tree import Rollout, Search, Start, roll_out, simulate, situation, start_by_policy
+from app.planner.actions.actions import Pushes
+from app.planner.search.film import film
+from app.planner.search.optimise import Descended
+from app.planner.search.plan import Plan, choose
+from app.planner.search.request import PlanRequest
+from app.planner.search.tree import Rollout, Search, Start, roll_out, simulate, situation, start_by_policy
 from app.policy.base import AWAY
 
 _SHORTEST_M = 0.005

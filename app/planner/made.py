@@ -6,8 +6,8 @@ from dataclasses import replace
 from app.planner import methods
 from app.planner.base import Planner
 from app.planner.method import Method
-from app.planner.optimise import Descent
-from app.planner.tree import Search
+from app.planner.search.optimise import Descent
+from app.planner.search.tree import Search
 
 
 def made(method: Method, search: Search, descent: Descent, gradient_steps: int) -> Planner:

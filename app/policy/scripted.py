@@ -43,7 +43,7 @@ class ScriptedPush:
     A push at one node carries its neighbours along, over about `reach` of the length. It works best across the rope,
     so the direction is that of the error but at most `max_tilt_rad` from the normal. The finger starts `start_gap_m`
     behind the centreline and ends `contact_gap_m` behind where the node shall be; the push is at most `max_length_m`.
-    Returns actions of `displacements` equal displacements (see `app.planner.actions.Pushes`).
+    Returns actions of `displacements` equal displacements (see `app.planner.actions.actions.Pushes`).
     """
 
     start_gap_m: float

@@ -39,7 +39,7 @@ class ScriptedGap:
     Another one is turned by a push across one of its ends, that one which brings its middle nearer to `from_m` (x, y),
     where there is room to turn; or, if it is not turned by much, is shifted sideways by its middle. The finger starts
     `start_gap_m` beside the rod and touches it at `contact_gap_m`. Returns actions of `displacements` equal
-    displacements (see `app.planner.actions.Pushes`).
+    displacements (see `app.planner.actions.actions.Pushes`).
 
     Along itself a rod is pushed by `through_m` at a time: the finger slips off its end sooner or later, whichever side.
     """

@@ -20,8 +20,8 @@ if TYPE_CHECKING:
     from app.core.messages import Model
     from app.core.track import Track
     from app.core.types import Centreline, Points
-    from app.planner.actions import Pushes
-    from app.planner.plan import Plan
+    from app.planner.actions.actions import Pushes
+    from app.planner.search.plan import Plan
 
 _WAYPOINTS = 20
 _SLOWEST_M_S = 1e-3
@@ -74,7 +74,7 @@ def asked_plan(
     import jax
     import jax.numpy as jnp
 
-    from app.planner.plan import Plan
+    from app.planner.search.plan import Plan
     from app.tasks import compiled, load, rope_orientation
     from app.tasks.correction import correction
     from app.tasks.doubted import subject_of

@@ -25,11 +25,11 @@ if TYPE_CHECKING:  # Whoever needs these names alone shall not load JAX and Warp
     from app.core.messages import Episode, Goal, Model, Particles
     from app.core.motion import Motion
     from app.perception.reconstruct import Reconstruction
-    from app.planner.actions import ActionSpace
-    from app.planner.cost import Weights
-    from app.planner.optimise import Descent
-    from app.planner.plan import Plan
-    from app.planner.tree import Begin
+    from app.planner.actions.actions import ActionSpace
+    from app.planner.search.cost import Weights
+    from app.planner.search.optimise import Descent
+    from app.planner.search.plan import Plan
+    from app.planner.search.tree import Begin
     from app.policy.base import Policy
     from app.policy.pictures import OrthographicView
     from app.policy.symmetry import Symmetry
@@ -101,7 +101,7 @@ class RodDynamics:
 
 def _at_rest(x: Float[Array, "B N 3"], near: Float[Array, "2 n"] | None = None) -> State:
     """Particles at rest and undeformed."""
-    from app.planner.tree import at_rest
+    from app.planner.search.tree import at_rest
 
     return at_rest(x, near)
 
@@ -215,7 +215,7 @@ class Task:
 
         It is called TASK@rods (`TaskName`), as its models are others. Raises UsageError where its object is no rope.
         """
-        from app.planner.actions import Pushes
+        from app.planner.actions.actions import Pushes
         from app.sim.rods.state import RodStart
 
         known = ["mpm"] if self.rods is None else ["mpm", "rods"]

@@ -6,9 +6,9 @@ from types import MappingProxyType
 from app.core.colours import ColourRange
 from app.core.stage import Beans, Mat, Paddle, Stage
 from app.perception.reconstruct import Reconstruction
-from app.planner.cost import Weights
-from app.planner.optimise import Descent
-from app.planner.sweeps import Sweeps
+from app.planner.actions.sweeps import Sweeps
+from app.planner.search.cost import Weights
+from app.planner.search.optimise import Descent
 from app.policy.scripted_sweep import ScriptedSweep
 from app.policy.symmetry import Symmetry
 from app.sim.materials.granular import Granular

@@ -7,9 +7,9 @@ from app.core.colours import ColourRange
 from app.core.stage import Cloth, Gripper, Rack, Stage
 from app.perception.fuse import Box
 from app.perception.reconstruct import Reconstruction
-from app.planner.carries import Carries, KeptClear
-from app.planner.cost import Weights
-from app.planner.optimise import Descent
+from app.planner.actions.carries import Carries, KeptClear
+from app.planner.search.cost import Weights
+from app.planner.search.optimise import Descent
 from app.policy.pictures import OrthographicView
 from app.policy.scripted_carry import ScriptedCarry
 from app.policy.symmetry import Symmetry

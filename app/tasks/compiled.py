@@ -24,7 +24,7 @@ from app.core.motion import TOOL_DOWN
 from app.planner.base import Planner
 from app.planner.made import made
 from app.planner.method import DIPAC, Method
-from app.planner.tree import Advance, Part, Search
+from app.planner.search.tree import Advance, Part, Search
 from app.sim.diagnosis.object_state import ObjectState
 from app.sim.effects.base import Effect
 from app.sim.hooks import require_known

@@ -21,8 +21,8 @@ from app.discovery.dataset.labels import labelled
 from app.discovery.dataset.subject import Theta, catalogue
 from app.discovery.residuals.predict import Predictor, dragging
 from app.planner.base import Planner
-from app.planner.plan import Plan
-from app.planner.request import PlanRequest
+from app.planner.search.plan import Plan
+from app.planner.search.request import PlanRequest
 from app.tasks import load
 from app.tasks.doubted import subject_of
 

@@ -15,7 +15,7 @@ from app.discovery.inference.screen import refit
 from app.discovery.residuals.field import AFTER
 from app.discovery.residuals.predict import Predictor, Trials, prepare
 from app.discovery.residuals.sensitivity import residuals
-from app.planner.actions import LOW_ENOUGH_M, Pushes
+from app.planner.actions.actions import LOW_ENOUGH_M, Pushes
 from app.sim.model.catalogue import discover
 from app.sim.model.params import index
 from app.tasks.base import Task

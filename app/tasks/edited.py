@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 
     from app.core.messages import Branch, Model
     from app.core.types import Centreline, Points
-    from app.planner.plan import Plan
+    from app.planner.search.plan import Plan
 
     End: TypeAlias = Float64[np.ndarray, "3"]
 
@@ -45,9 +45,9 @@ def edited_plan(
     """
     from dataclasses import replace
 
-    from app.planner.actions import Pushes
+    from app.planner.actions.actions import Pushes
     from app.planner.given import GivenPush
-    from app.planner.request import PlanRequest
+    from app.planner.search.request import PlanRequest
     from app.tasks import compiled, load, rope_orientation
     from app.tasks.correction import correction
 

@@ -11,9 +11,9 @@ from app.calibration.evidence import gather
 from app.config import Site
 from app.core.errors import UsageError
 from app.core.messages import Transition
-from app.planner.failure import failed_action
-from app.planner.request import PlanRequest
-from app.planner.tree import Search
+from app.planner.search.failure import failed_action
+from app.planner.search.request import PlanRequest
+from app.planner.search.tree import Search
 from app.sim.diagnosis.autopsy import MpmCase, single
 from app.sim.diagnosis.dump import Dump, leave_dump
 from app.sim.diagnosis.object_state import ObjectState

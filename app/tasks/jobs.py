@@ -29,8 +29,8 @@ if TYPE_CHECKING:
     from app.calibration.fit import FitSettings
     from app.core.messages import Model, Transition
     from app.core.types import Centreline, Points, ToolPose
-    from app.planner.plan import Plan
-    from app.planner.request import Ways
+    from app.planner.search.plan import Plan
+    from app.planner.search.request import Ways
     from app.tasks.compiled import Calibrated
     from app.tasks.correction import Correction
 
@@ -59,7 +59,7 @@ def plan(
     motion left it; `orientation`, what is known of its ends. Raises PlanningError where no branch stays finite, and
     leaves a dump of one that did not; UsageError for an unknown task or preset.
     """
-    from app.planner.request import PlanRequest
+    from app.planner.search.request import PlanRequest
     from app.tasks import compiled, rope_orientation
 
     where, allowed_for = site or Site(), _allowed_for(model)

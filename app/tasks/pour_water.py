@@ -11,9 +11,9 @@ from app.core.stage import Bowl, HeldBowl, Liquid, Stage
 from app.perception.fuse import Box
 from app.perception.reconstruct import Reconstruction
 from app.perception.vessels import Vessel
-from app.planner.cost import Weights
-from app.planner.optimise import Descent
-from app.planner.pours import Pours
+from app.planner.actions.pours import Pours
+from app.planner.search.cost import Weights
+from app.planner.search.optimise import Descent
 from app.policy.pictures import OrthographicView
 from app.policy.scripted_pour import ScriptedPour
 from app.policy.symmetry import Symmetry

@@ -37,7 +37,7 @@ def unprobed(task: Task) -> str:
 
     Candidates are simulated by the thousand; of other objects than rods that takes minutes a push.
     """
-    from app.planner.actions import Pushes
+    from app.planner.actions.actions import Pushes
 
     if not isinstance(task.stage.body, Rope) or not isinstance(task.actions, Pushes):
         return f"dipac probe pushes ropes so far, and {task.problem} is another task; try rope_push."
@@ -181,7 +181,7 @@ def scene(task: Task, seen: View, episode: int, made: Sequence[Push], plan: Push
 
 def probe_motion(task: Task, track: Track, site: Site) -> Motion:
     """A chosen push as a motion that the gate can check."""
-    from app.planner.actions import Pushes
+    from app.planner.actions.actions import Pushes
     from app.tasks.asked import motion_of
 
     assert isinstance(task.actions, Pushes)

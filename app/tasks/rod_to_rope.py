@@ -7,10 +7,10 @@ from types import MappingProxyType
 from app.core.colours import ColourRange
 from app.core.stage import Finger, Rope, Stage
 from app.perception.reconstruct import Reconstruction
-from app.planner.actions import Pushes
-from app.planner.cost import Weights
-from app.planner.optimise import Descent
-from app.planner.passage import Passage
+from app.planner.actions.actions import Pushes
+from app.planner.actions.passage import Passage
+from app.planner.search.cost import Weights
+from app.planner.search.optimise import Descent
 from app.policy.scripted_gap import ScriptedGap
 from app.policy.symmetry import Symmetry
 from app.sim.materials.rope import RopeMaterial

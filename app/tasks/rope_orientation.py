@@ -15,7 +15,7 @@ from app.core.messages import Model, Transition
 from app.core.orientation import Orientation
 from app.core.types import Centreline, Points
 from app.discovery.residuals.steppers import is_flung
-from app.planner.tree import Advance
+from app.planner.search.tree import Advance
 from app.sim.diagnosis.object_state import ObjectState
 from app.sim.model.params import odd_values, with_orientation
 from app.tasks import compiled, load

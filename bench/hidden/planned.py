@@ -30,9 +30,9 @@ from app.discovery.dataset.labels import labelled
 from app.discovery.dataset.study import Push, Study, View
 from app.discovery.dataset.subject import Theta, catalogue
 from app.discovery.residuals.predict import Predictor, prepare
-from app.planner.plan import Plan, TreePlanner
-from app.planner.request import PlanRequest
-from app.planner.tree import Search
+from app.planner.search.plan import Plan, TreePlanner
+from app.planner.search.request import PlanRequest
+from app.planner.search.tree import Search
 from app.policy.base import AWAY
 from app.recording.model_file import load_model
 from app.sim.model.params import acting

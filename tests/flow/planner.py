@@ -27,12 +27,12 @@ from app.core.orientation import Orientation
 from app.core.types import Centreline, Points
 from app.core.worker import Worker
 from app.planner.method import Method
-from app.planner.request import PlanRequest
+from app.planner.search.request import PlanRequest
 from app.tasks.jobs import plan, warm_up_stage
 from tests.flow.virtual import InsideWorker, is_virtual
 
 if TYPE_CHECKING:
-    from app.planner.plan import Plan
+    from app.planner.search.plan import Plan
 
 _LOADED = "compiled", "rope_orientation", "stages"
 """Modules of `app.tasks` that load the simulator."""
@@ -212,7 +212,7 @@ def _arrived(
     distance_m2: float,
     predicted_m2: float,
 ) -> "Plan":
-    from app.planner.plan import Plan
+    from app.planner.search.plan import Plan
 
     return Plan(
         branches=branches,

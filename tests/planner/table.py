@@ -7,8 +7,8 @@ import jax.numpy as jnp
 import numpy as np
 
 from app.core.types import Points
-from app.planner.plan import TreePlanner
-from app.planner.tree import Search
+from app.planner.search.plan import TreePlanner
+from app.planner.search.tree import Search
 from app.policy.base import AWAY, Now
 from app.tasks import compiled, load
 from app.tasks.curves import fill_tube

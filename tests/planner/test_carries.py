@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from app.arm.gate import check_motion
 from app.config import Site
 from app.core.motion import pointing_down
-from app.planner.carries import Carries, KeptClear
+from app.planner.actions.carries import Carries, KeptClear
 from app.policy.base import Now
 
 SPACE = Carries(

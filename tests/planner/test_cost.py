@@ -10,7 +10,7 @@ import pytest
 
 from app.config import KeepOut, Reach
 from app.core.chamfer import chamfer_m2
-from app.planner.cost import Terms, Weights, step_terms
+from app.planner.search.cost import Terms, Weights, step_terms
 from tests.planner.table import batch, rope
 
 GOAL = jnp.asarray(rope(0.1))

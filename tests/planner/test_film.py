@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 
 from app.config import Site
-from app.planner.cem import CemPlanner, Refit
-from app.planner.film import MOMENTS, MOST_PARTICLES, thinned
-from app.planner.plan import Plan
-from app.planner.request import PlanRequest
-from app.planner.tree import Search
+from app.planner.search.cem import CemPlanner, Refit
+from app.planner.search.film import MOMENTS, MOST_PARTICLES, thinned
+from app.planner.search.plan import Plan
+from app.planner.search.request import PlanRequest
+from app.planner.search.tree import Search
 from app.tasks import compiled
 from tests.planner.table import PARTICLES, PHI, SPACE, TASK, planner, rope, search
 

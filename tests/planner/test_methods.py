@@ -11,15 +11,15 @@ from jaxtyping import Array, Float
 
 from app.core.errors import UsageError
 from app.planner.base import Planner
-from app.planner.budget import SLOPE_ROLLOUTS, tree_rollouts
-from app.planner.cem import CemPlanner, Refit, evolve
-from app.planner.cost import Terms
 from app.planner.made import made
 from app.planner.method import ABLATIONS, PAPER, Method, planners
-from app.planner.optimise import Descended, Descent, descend
-from app.planner.plan import TreePlanner
-from app.planner.request import PlanRequest
-from app.planner.tree import Rollout, start
+from app.planner.search.budget import SLOPE_ROLLOUTS, tree_rollouts
+from app.planner.search.cem import CemPlanner, Refit, evolve
+from app.planner.search.cost import Terms
+from app.planner.search.optimise import Descended, Descent, descend
+from app.planner.search.plan import TreePlanner
+from app.planner.search.request import PlanRequest
+from app.planner.search.tree import Rollout, start
 from app.policy.base import Now, Prepared
 from app.tasks import load, names
 from tests.planner.table import PHI, TASK, rope, search

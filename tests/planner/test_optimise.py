@@ -5,9 +5,9 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from app.planner.cost import Terms
-from app.planner.optimise import Descended, Descent, descend
-from app.planner.tree import Rollout
+from app.planner.search.cost import Terms
+from app.planner.search.optimise import Descended, Descent, descend
+from app.planner.search.tree import Rollout
 
 DESCENT = Descent(learning_rate=1.0, clip=1.0, shrink=0.5)
 SCALE = np.full(3, 0.1, np.float32)

@@ -8,7 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from app.core.chamfer import chamfer_m2
-from app.planner.passage import Passage
+from app.planner.actions.passage import Passage
 
 WALL = Passage(x_m=0.6, low_m=-0.03, high_m=0.03)
 SEEDS = st.integers(0, 2**31 - 1)

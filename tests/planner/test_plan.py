@@ -12,9 +12,9 @@ from app.arm.gate import check_motion
 from app.config import KeepOut, Limits, Reach, Site
 from app.core.chamfer import chamfer_m2
 from app.core.errors import PlanningError
-from app.planner.plan import Plan
-from app.planner.request import PlanRequest
-from app.planner.tree import moved, roll_out, simulate, start
+from app.planner.search.plan import Plan
+from app.planner.search.request import PlanRequest
+from app.planner.search.tree import moved, roll_out, simulate, start
 from app.policy.base import AWAY
 from app.tasks.rope_push import TASK
 from tests.planner.table import PHI, SPACE, now, planner, rope, search

@@ -9,7 +9,7 @@ from scipy.spatial.transform import Rotation
 
 from app.config import Site
 from app.core.motion import pointing_down
-from app.planner.pours import from_upright, tilt
+from app.planner.actions.pours import from_upright, tilt
 from app.policy.base import Now
 from app.tasks import load
 

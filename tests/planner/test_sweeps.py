@@ -13,7 +13,7 @@ from scipy.spatial.transform import Rotation
 
 from app.config import Site
 from app.core.motion import TOOL_DOWN
-from app.planner.sweeps import Sweeps
+from app.planner.actions.sweeps import Sweeps
 from app.policy.base import AWAY, Now
 from app.tasks import load
 

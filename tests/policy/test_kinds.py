@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from app.core.errors import RecordingError, UsageError
-from app.planner.tree import first_action
+from app.planner.search.tree import first_action
 from app.policy.base import Now
 from app.policy.learned import kinds
 from app.policy.learned.base import LearnedPolicy, Params

@@ -6,7 +6,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from app.planner.tree import first_action
+from app.planner.search.tree import first_action
 from app.policy.base import Now
 from app.policy.symmetry import Isometry, Symmetry
 from app.tasks import load, names

@@ -8,7 +8,7 @@ import pytest
 from app.config import Site
 from app.core.errors import PlanningError
 from app.core.track import Track
-from app.planner.actions import Pushes
+from app.planner.actions.actions import Pushes
 from app.policy.strokes import PushDesign, random_track
 from app.tasks import load, nominal_model
 from app.tasks.asked import aimed, asked_plan, motion_of

@@ -10,7 +10,7 @@ import pytest
 from app.config import Site
 from app.core.chamfer import chamfer_m2
 from app.perception.reconstruct import reconstruct
-from app.planner.tree import first_action
+from app.planner.search.tree import first_action
 from app.policy.base import AWAY, Now
 from app.rig.simulated.lockstep import LockStep
 from app.sim.model.params import PARAMETERS

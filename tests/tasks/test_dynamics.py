@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 
 from app.core.errors import UsageError
-from app.planner.plan import Plan
-from app.planner.request import PlanRequest
+from app.planner.search.plan import Plan
+from app.planner.search.request import PlanRequest
 from app.sim.model.params import acting, index
 from app.tasks import compiled, load
 from app.tasks.jobs import doubt, nominal_model, plan

@@ -18,9 +18,9 @@ from app.core.chamfer import chamfer_m2
 from app.core.messages import Extension, Model, Parameter
 from app.core.motion import Motion
 from app.core.types import Path3, Points
-from app.planner.plan import Plan, TreePlanner
-from app.planner.request import PlanRequest
-from app.planner.tree import Search
+from app.planner.search.plan import Plan, TreePlanner
+from app.planner.search.request import PlanRequest
+from app.planner.search.tree import Search
 from app.policy.base import AWAY
 from app.sim.model.params import acting, index
 from app.tasks import compiled, nominal_model

@@ -12,8 +12,8 @@ import pytest
 from app.config import Site
 from app.core.errors import PlanningError, SimulationError
 from app.core.messages import Executed, Transition, fresh_id
-from app.planner.request import PlanRequest
-from app.planner.tree import Search
+from app.planner.search.request import PlanRequest
+from app.planner.search.tree import Search
 from app.sim.diagnosis.autopsy import dissect
 from app.sim.diagnosis.dump import load_dump
 from app.sim.diagnosis.rod_autopsy import RodCase, dissect_rod

@@ -8,7 +8,7 @@ import pytest
 
 from app.calibration.fit import FitSettings
 from app.core.messages import Extension, Model, Parameter, Transition, fresh_id
-from app.planner.request import PlanRequest
+from app.planner.search.request import PlanRequest
 from app.tasks import calibrate, compiled, nominal_model, plan, update
 from app.tasks.jobs import shown_goal
 from tests.planner.table import PHI, planner, rope

@@ -18,7 +18,7 @@ from app.core.orientation import UNKNOWN, Orientation
 from app.core.types import Centreline, Points
 from app.evaluation.play import EvaluationConfig, play
 from app.planner.method import DIPAC
-from app.planner.plan import Plan
+from app.planner.search.plan import Plan
 from app.sim.model.params import index, with_orientation
 from app.sim.rods.geometry.polyline import distance
 from app.sim.rods.state import RodState

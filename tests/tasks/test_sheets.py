@@ -6,7 +6,7 @@ import pytest
 
 from app.calibration.calibrate import phi_of
 from app.core.motion import pointing_down
-from app.planner.carries import Carries
+from app.planner.actions.carries import Carries
 from app.tasks import load
 from app.tasks.aim import Hung
 from app.tasks.compiled import carried

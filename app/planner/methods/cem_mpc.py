@@ -3,10 +3,10 @@
 from dataclasses import replace
 
 from app.planner.base import Planner
-from app.planner.budget import at_least, generation_rollouts, tree_rollouts
-from app.planner.cem import CemPlanner, Refit
-from app.planner.optimise import Descent
-from app.planner.tree import Search
+from app.planner.search.budget import at_least, generation_rollouts, tree_rollouts
+from app.planner.search.cem import CemPlanner, Refit
+from app.planner.search.optimise import Descent
+from app.planner.search.tree import Search
 
 GENERATIONS = 5
 LARGEST = 256

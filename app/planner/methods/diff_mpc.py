@@ -3,10 +3,10 @@
 from dataclasses import replace
 
 from app.planner.base import Planner
-from app.planner.budget import SLOPE_ROLLOUTS, at_least, tree_rollouts
-from app.planner.optimise import Descent
-from app.planner.plan import TreePlanner
-from app.planner.tree import Search
+from app.planner.search.budget import SLOPE_ROLLOUTS, at_least, tree_rollouts
+from app.planner.search.optimise import Descent
+from app.planner.search.plan import TreePlanner
+from app.planner.search.tree import Search
 
 
 def planner(search: Search, descent: Descent, gradient_steps: int) -> Planner:

@@ -27,7 +27,7 @@ _FADING = 0.01
 
 
 class Space(Protocol):
-    """Action space as learning needs it, a part of `app.planner.actions.ActionSpace`. Frozen and hashable."""
+    """Action space as learning needs it, a part of `app.planner.actions.actions.ActionSpace`. Frozen and hashable."""
 
     @property
     def chunk(self) -> Chunk:

@@ -12,9 +12,9 @@ from jaxtyping import Array, Bool, Float
 
 from app.core.messages import Origin
 from app.core.types import Centreline, Points, ToolPose
-from app.planner.actions import ActionSpace
-from app.planner.cost import Terms, Weights, step_terms
-from app.planner.request import PlanRequest
+from app.planner.actions.actions import ActionSpace
+from app.planner.search.cost import Terms, Weights, step_terms
+from app.planner.search.request import PlanRequest
 from app.policy.base import AWAY, Now, Policy, Prepared, Remembering
 from app.sim.diagnosis.object_state import ObjectState
 from app.sim.state import State

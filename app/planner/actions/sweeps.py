@@ -11,7 +11,7 @@ from jaxtyping import Array, Bool, Float, Float32
 from app.config import Site
 from app.core.motion import Motion
 from app.core.types import Points, ToolPose
-from app.planner.actions import LOW_ENOUGH_M, ON_TABLE_M, Reach
+from app.planner.actions.actions import LOW_ENOUGH_M, ON_TABLE_M, Reach
 from app.policy.base import Now
 from app.policy.symmetry import Isometry
 

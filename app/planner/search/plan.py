@@ -18,10 +18,10 @@ from app.core.errors import MotionRefused, PlanningError
 from app.core.messages import Branch, Origin
 from app.core.motion import Motion
 from app.core.types import Centreline, Points, ToolPose
-from app.planner.film import RolloutFrames, compile_film, film
-from app.planner.optimise import Descended, Descent, Optimise, descend
-from app.planner.request import PlanRequest, Ways
-from app.planner.tree import Search, roll_out, simulate, start
+from app.planner.search.film import RolloutFrames, compile_film, film
+from app.planner.search.optimise import Descended, Descent, Optimise, descend
+from app.planner.search.request import PlanRequest, Ways
+from app.planner.search.tree import Search, roll_out, simulate, start
 from app.policy.base import AWAY, Now
 
 _AGAIN_M = 0.02

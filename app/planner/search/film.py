@@ -9,7 +9,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float, Float32
 
-from app.planner.tree import Search
+from app.planner.search.tree import Search
 from app.policy.base import Now
 
 MOMENTS: Final = 8

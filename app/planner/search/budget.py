@@ -2,7 +2,7 @@
 
 from math import ceil
 
-from app.planner.tree import Search
+from app.planner.search.tree import Search
 
 SLOPE_ROLLOUTS = 6
 """A rollout with its gradient takes at most as long as so many without: 5.5 on two CPU cores, 2.5 on a GPU

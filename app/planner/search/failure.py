@@ -6,8 +6,8 @@ import jax
 import numpy as np
 from jaxtyping import Array, Float
 
-from app.planner.request import PlanRequest
-from app.planner.tree import Search, moved, roll_out, start
+from app.planner.search.request import PlanRequest
+from app.planner.search.tree import Search, moved, roll_out, start
 from app.sim.diagnosis.object_state import ObjectState
 
 

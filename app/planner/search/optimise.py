@@ -10,7 +10,7 @@ import numpy as np
 import optax
 from jaxtyping import Array, Bool, Float, Float32, Int
 
-from app.planner.tree import Rollout
+from app.planner.search.tree import Rollout
 
 TreeT = TypeVar("TreeT")
 

@@ -11,7 +11,7 @@ from scipy.spatial.transform import Rotation
 from app.config import Site
 from app.core.motion import Motion
 from app.core.types import Points, ToolPose
-from app.planner.actions import Reach
+from app.planner.actions.actions import Reach
 from app.policy.base import Now
 from app.policy.symmetry import Isometry
 

@@ -12,11 +12,11 @@ from jaxtyping import Array, Float, Float32, Int, PRNGKeyArray
 
 from app.core.messages import Origin
 from app.core.types import Points
-from app.planner.film import compile_film, film
-from app.planner.optimise import Descended, Descent, descend
-from app.planner.plan import Plan, choose
-from app.planner.request import PlanRequest
-from app.planner.tree import Rollout, Search, Start, simulate, start
+from app.planner.search.film import compile_film, film
+from app.planner.search.optimise import Descended, Descent, descend
+from app.planner.search.plan import Plan, choose
+from app.planner.search.request import PlanRequest
+from app.planner.search.tree import Rollout, Search, Start, simulate, start
 from app.policy.base import Now
 
 Improve = Callable[[Float[Array, "B D A"]], Descended]

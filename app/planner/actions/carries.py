@@ -11,8 +11,8 @@ from jaxtyping import Array, Bool, Float, Float32, Float64
 from app.config import Site
 from app.core.motion import Motion
 from app.core.types import Points, ToolPose
-from app.planner.actions import Reach
-from app.planner.corners import corners
+from app.planner.actions.actions import Reach
+from app.planner.actions.corners import corners
 from app.policy.base import Now
 from app.policy.symmetry import Isometry
 
