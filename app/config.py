@@ -9,7 +9,7 @@ from typing import Final, final
 
 import numpy as np
 
-from app.core.table_place import AT_BASE, TablePlace
+from app.core.geometry.table_place import AT_BASE, TablePlace
 
 _STILL_M = 1e-12
 """Length along an axis below which a line does not move along it."""

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from app.core.approval import ApprovalGate, Approved
+from app.core.dialogue.approval import ApprovalGate, Approved
 from app.core.messages import Branch, Decision, Particles, Proposal, fresh_id
 from app.core.motion import Motion
 from app.core.types import Points

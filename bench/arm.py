@@ -21,7 +21,7 @@ from app.commands._episode import PLANNER_NICENESS
 from app.config import Site
 from app.core.messages import Executed
 from app.core.motion import Motion
-from app.core.worker import Worker
+from app.core.system.worker import Worker
 from app.rig.simulated.rig import SimulatedRig, simulated_rig
 from app.tasks import Task, load
 from app.tasks.jobs import nominal_model, plan, warm_up_stage, warm_up_stages

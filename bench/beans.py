@@ -7,7 +7,7 @@ from typing import final
 import numpy as np
 import tyro
 
-from app.core.chamfer import chamfer_m2
+from app.core.geometry.chamfer import chamfer_m2
 from app.core.types import Points
 from app.evaluation.play import EpisodeStep, EvaluationConfig, Eyes, play
 from app.planner.method import Method

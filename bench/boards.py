@@ -10,10 +10,10 @@ import cv2
 import numpy as np
 from jaxtyping import Float64, UInt8
 
-from app.core.charuco import Charuco
 from app.core.errors import PerceptionError
-from app.core.hand_eye import Setup
-from app.core.lens import Lens
+from app.core.geometry.charuco import Charuco
+from app.core.geometry.hand_eye import Setup
+from app.core.geometry.lens import Lens
 from app.core.types import ColourImage, Transform
 from app.perception.calibration.chain import outer
 from app.perception.calibration.se3 import exp, inverse, moved, transform

@@ -16,7 +16,7 @@ from jaxtyping import Float64
 from rich.console import Console
 from rich.table import Table
 
-from app.core.track import Track
+from app.core.geometry.track import Track
 from app.core.types import Points
 from app.policy.strokes import PushDesign
 from app.rig.simulated.physics import WorldPhysics

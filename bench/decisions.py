@@ -14,7 +14,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from app.calibration.evidence import Evidence, ModelScorer
-from app.core.chamfer import chamfer_m2
+from app.core.geometry.chamfer import chamfer_m2
 from app.planner.actions.actions import Pushes
 from app.planner.search.plan import TreePlanner
 from app.planner.search.request import PlanRequest

@@ -9,7 +9,7 @@ from typing import final
 import numpy as np
 
 from app.core.errors import PerceptionError
-from app.core.hand_eye import Setup
+from app.core.geometry.hand_eye import Setup
 from app.perception.calibration.se3 import moved
 from app.perception.calibration.sight import sight
 from app.perception.calibration.solve import solve

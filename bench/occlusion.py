@@ -19,13 +19,13 @@ from rich.console import Console
 from rich.table import Table
 from scipy.spatial import KDTree
 
-from app.core.camera import CameraModel
-from app.core.chamfer import chamfer_m2
 from app.core.errors import PerceptionError
-from app.core.limbs import ArmShape, Limb, Posture
+from app.core.geometry.camera import CameraModel
+from app.core.geometry.chamfer import chamfer_m2
+from app.core.geometry.limbs import ArmShape, Limb, Posture
+from app.core.geometry.stage import Colour, Obstacle, Stage, Vector
 from app.core.messages import Frame, fresh_id
 from app.core.motion import pointing_down
-from app.core.stage import Colour, Obstacle, Stage, Vector
 from app.core.types import Cloud, Points
 from app.perception.memory import Memory
 from app.perception.reconstruct import Known, Reconstruction, reconstruct

@@ -15,7 +15,7 @@ import numpy as np
 from jaxtyping import Float32, Float64
 from scipy.interpolate import CubicSpline
 
-from app.core.track import Track
+from app.core.geometry.track import Track
 from app.core.types import Cloud, Points
 from app.discovery.apparatus.base import Eye
 from app.discovery.dataset.study import Push, Study, View

@@ -9,8 +9,8 @@ from typing import Annotated
 import numpy as np
 import tyro
 
-from app.core.chamfer import chamfer_m2
 from app.core.errors import PlanningError
+from app.core.geometry.chamfer import chamfer_m2
 from app.core.messages import Transition
 from app.tasks import Task, load, nominal_model, plan, update
 from bench.table import Table

@@ -20,7 +20,7 @@ from rich.console import Console
 from rich.table import Table
 from scipy.stats import qmc, t
 
-from app.core.chamfer import chamfer_m2
+from app.core.geometry.chamfer import chamfer_m2
 from app.core.types import Cloud, Points
 from app.sim.rods.rollout import RodPhysics, make_rod_rollout
 from app.sim.rods.scene import RodScene

@@ -15,8 +15,8 @@ from jaxtyping import Float64
 from scipy.spatial import KDTree
 
 from app.commands.import_ import import_
-from app.core.chamfer import chamfer_m2
 from app.core.errors import UsageError
+from app.core.geometry.chamfer import chamfer_m2
 from app.core.types import Points
 from app.discovery.dataset.study import Study
 from app.discovery.dataset.subject import Catalogue, Cause, Theta, catalogue

@@ -20,7 +20,7 @@ from rich.console import Console
 from rich.table import Table
 
 from app.config import Site
-from app.core.camera import CameraModel
+from app.core.geometry.camera import CameraModel
 from app.rig.realsense.camera import RealSenseCamera
 from app.rig.realsense.cameras import realsense_cameras
 from app.rig.realsense.mounted import Mounted

@@ -13,12 +13,6 @@ from typing import final
 import anyio
 import msgspec
 import numpy as np
-from mcap.reader import make_reader
-from rich.console import Console
-from rich.table import Table
-
-from app.core.camera import CameraModel
-from app.core.messages import Episode, Executed, Frame, Goal, Message, Notice, Particles, fresh_id
 from app.recording.clip import Cut, write_clip
 from app.recording.codec import encode
 from app.recording.file import EpisodeFile
@@ -26,6 +20,12 @@ from app.recording.preflight import Room
 from app.recording.reader import read_messages
 from app.recording.recover import recover
 from app.recording.writer import open_recording
+from mcap.reader import make_reader
+from rich.console import Console
+from rich.table import Table
+
+from app.core.geometry.camera import CameraModel
+from app.core.messages import Episode, Executed, Frame, Goal, Message, Notice, Particles, fresh_id
 
 _REPEATS = 50
 _RATE_HZ = 30.0

@@ -18,7 +18,7 @@ from jaxtyping import Bool, Float, Float64
 from rich.console import Console
 from rich.table import Table
 
-from app.core.chamfer import chamfer_m2
+from app.core.geometry.chamfer import chamfer_m2
 from app.policy.base import AWAY
 from app.sim.rods.rollout import RodPhysics
 from app.sim.rods.state import RodState

@@ -23,7 +23,7 @@ from rich.console import Console
 from rich.table import Table
 from scipy.optimize import least_squares
 
-from app.core.stage import RopeModel
+from app.core.geometry.stage import RopeModel
 from app.discovery.residuals.centreline_noise import smooth_noise
 from app.policy.strokes import PushDesign
 from app.rig.simulated.physics import ROPE_WORLDS

@@ -17,6 +17,9 @@ import anyio
 import numpy as np
 import psutil
 from anyio import to_thread
+from app.recording.preflight import Room
+from app.recording.reader import read_messages
+from app.recording.studio import open_studio
 from rich.console import Console
 from rich.table import Table
 
@@ -24,14 +27,11 @@ from app import cells
 from app.cells.base import Wanted
 from app.commands._clock import SystemClock
 from app.config import Site
-from app.core.control import Mode, ModeRequest
+from app.core.dialogue.control import Mode, ModeRequest
+from app.core.dialogue.requests import GoalRequest, Request
 from app.core.messages import ArmState, Episode, Executed, Fault, Goal, Health, Message, ResumeRequest, fresh_id
-from app.core.requests import GoalRequest, Request
-from app.core.worker import Worker
+from app.core.system.worker import Worker
 from app.flow import Flow
-from app.recording.preflight import Room
-from app.recording.reader import read_messages
-from app.recording.studio import open_studio
 from app.tasks import Task, load
 from app.tasks.base import EpisodeConfig
 

@@ -5,9 +5,9 @@ from typing import final
 import numpy as np
 
 from app.config import Site
+from app.core.geometry.stage import Obstacle
 from app.core.messages import Executed, Transition, fresh_id
 from app.core.motion import Motion, pointing_down
-from app.core.stage import Obstacle
 from app.core.types import Points
 from app.rig.simulated.rope_world import RopeWorld
 from app.tasks import Task

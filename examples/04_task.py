@@ -10,7 +10,7 @@ from typing import final
 import numpy as np
 import tyro
 
-from app.core.stage import Rope
+from app.core.geometry.stage import Rope
 from app.core.types import Points
 from app.evaluation.play import EpisodeResults, EvaluationConfig, play
 from app.planner.method import DIPAC

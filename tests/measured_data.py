@@ -10,7 +10,7 @@ from typing import Any, final
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from app.core.stage import Finger
+from app.core.geometry.stage import Finger
 from app.discovery.dataset.study import Study
 from app.policy.strokes import PushDesign
 from app.tasks.base import Task

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 from app.recording.reader import read_messages, read_transitions
 
-from app.core.chamfer import chamfer_m2
+from app.core.geometry.chamfer import chamfer_m2
 from app.discovery.dataset.study import Study
 from app.planner.search.budget import tree_rollouts
 from app.policy.strokes import PushDesign

@@ -5,8 +5,8 @@ from typing import Protocol
 import numpy as np
 from jaxtyping import Float64
 
+from app.core.dialogue.jog import Jog
 from app.core.errors import MotionRefused
-from app.core.jog import Jog
 from app.core.messages import ArmMode
 from app.core.types import ToolPath, ToolPose
 

@@ -13,7 +13,7 @@ from scipy.spatial.transform import Rotation
 
 from app.arm.walls import beside, between
 from app.config import Limits
-from app.core.jog import Jog
+from app.core.dialogue.jog import Jog
 from app.core.types import ToolPose
 
 _STEERING, _BRAKING = float(np.sqrt(1 / 2)), float(np.sqrt(1 / 6))

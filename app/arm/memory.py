@@ -5,9 +5,9 @@ from typing import Any, Final, final
 import numpy as np
 
 from app.arm.gate import MAX_WAYPOINTS
-from app.core.jog import Jog
+from app.core.dialogue.jog import Jog
 from app.core.motion import Motion
-from app.core.ring import Ring, Stamp
+from app.core.system.ring import Ring, Stamp
 
 MODES: Final = ("idle", "moving", "stopping", "stopped", "fault")
 TEXT_BYTES: Final = 256

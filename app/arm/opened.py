@@ -11,7 +11,7 @@ from app.arm.memory import ArmMemory
 from app.arm.process import Controlled, run_arm
 from app.arm.process_arm import ProcessArm
 from app.config import Site
-from app.core.processes import end, process, ready
+from app.core.system.processes import end, process, ready
 
 
 @asynccontextmanager

@@ -12,9 +12,9 @@ from app.arm.control import Control
 from app.arm.gate import begin
 from app.arm.memory import MODES, TEXT_BYTES, ArmMemory, jog_of, motion_of
 from app.config import Site
-from app.core.collector import spared_collection
 from app.core.errors import MotionRefused
-from app.core.processes import ask_for_real_time
+from app.core.system.collector import spared_collection
+from app.core.system.processes import ask_for_real_time
 
 Controlled: TypeAlias = Callable[[Site], Control]
 """Factory that connects to an arm; called in its process. Raises DeviceError where there is none."""

@@ -12,14 +12,14 @@ import numpy as np
 from app.arm.gate import MAX_WAYPOINTS
 from app.arm.memory import MODES, ArmMemory, posted
 from app.config import Site
-from app.core.approval import Approved
-from app.core.collector import paused_collection
+from app.core.dialogue.approval import Approved
+from app.core.dialogue.jog import Jog
 from app.core.errors import ApprovalRefused, DeviceError, MotionRefused
-from app.core.jog import Jog
-from app.core.limbs import JointAngles
+from app.core.geometry.limbs import JointAngles
 from app.core.messages import ArmState, Executed, MessageId, fresh_id
 from app.core.motion import Motion
 from app.core.refusal import Refusal
+from app.core.system.collector import paused_collection
 from app.core.types import ToolPose
 
 _SILENCE_S = 2.0

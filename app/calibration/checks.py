@@ -5,8 +5,8 @@ from jaxtyping import Float64
 from scipy.spatial import KDTree
 
 from app.calibration.evidence import Evidence
-from app.core.chamfer import chamfer_m2
 from app.core.errors import RecordingError
+from app.core.geometry.chamfer import chamfer_m2
 
 _NEAR_M = 0.02
 """Margin beyond the distance of contact: errors of cameras and arm for a tool that still touches."""

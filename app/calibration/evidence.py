@@ -10,8 +10,8 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float, Float32
 
-from app.core.chamfer import chamfer_m2
 from app.core.errors import UsageError
+from app.core.geometry.chamfer import chamfer_m2
 from app.core.messages import Transition
 
 Start: TypeAlias = Any

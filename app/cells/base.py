@@ -11,11 +11,11 @@ from jaxtyping import Float64
 
 from app.config import Site
 from app.core.errors import UsageError
-from app.core.limbs import ArmShape
+from app.core.geometry.limbs import ArmShape
+from app.core.geometry.stage import Stage, Tool
+from app.core.geometry.table_place import TablePlace
 from app.core.messages import ArmState
 from app.core.ports import Arm, Camera, Posed, Rig
-from app.core.stage import Stage, Tool
-from app.core.table_place import TablePlace
 from app.recording.calibration_file import CalibrationFile
 
 

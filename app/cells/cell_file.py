@@ -12,8 +12,8 @@ import numpy as np
 
 from app.config import KeepOut, Limits, Reach, Site, Workspace
 from app.core.errors import RecordingError, UsageError
+from app.core.geometry.table_place import TablePlace
 from app.core.motion import pointing_down
-from app.core.table_place import TablePlace
 from app.rig.kinova.clients import CLIENTS
 from app.rig.kinova.gen3 import reach_over
 

@@ -14,11 +14,11 @@ from app.cells.base import Cell, OpenedRig, Wanted
 from app.cells.cell_file import CameraEntry, CellFile, ToolEntry, far_corner, load_cell, narrowed_by, table
 from app.config import Site
 from app.core.errors import UsageError
-from app.core.hand_eye import HandEye
-from app.core.limbs import ArmShape
+from app.core.geometry.hand_eye import HandEye
+from app.core.geometry.limbs import ArmShape
+from app.core.geometry.stage import Tool
+from app.core.geometry.table_place import TablePlace
 from app.core.messages import ArmState
-from app.core.stage import Tool
-from app.core.table_place import TablePlace
 from app.recording.calibration_file import CalibrationFile, known_cameras
 from app.rig.kinova.arm import kinova_arm
 from app.rig.kinova.configured import Holds

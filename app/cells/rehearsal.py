@@ -17,7 +17,7 @@ from app.cells.base import Cell, Wanted
 from app.cells.cell_file import load_cell, narrowed_by
 from app.cells.simulated import drawn
 from app.config import Site
-from app.core.limbs import ArmShape
+from app.core.geometry.limbs import ArmShape
 from app.core.ports import Arm, Camera
 from app.rig.kinova.control import taken
 from app.rig.kinova.fake.process import FakeProcess

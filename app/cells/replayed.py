@@ -16,10 +16,10 @@ from app import cells
 from app.cells.base import Cell, OpenedRig, Wanted
 from app.config import Site
 from app.core.errors import RecordingError, UsageError
-from app.core.limbs import ArmShape
+from app.core.geometry.limbs import ArmShape
+from app.core.geometry.stage import Tool
+from app.core.geometry.table_place import AT_BASE, TablePlace
 from app.core.messages import ArmState, Episode
-from app.core.stage import Tool
-from app.core.table_place import AT_BASE, TablePlace
 from app.recording.film import Film, film_states, read_film
 from app.recording.reader import read_episode
 from app.rig.replayed.cameras import replayed_cameras

@@ -4,11 +4,11 @@ from contextlib import AbstractAsyncContextManager
 from typing import Final
 
 from app.cells.base import Cell, Wanted, as_it_is
-from app.core.limbs import ArmShape
+from app.core.geometry.limbs import ArmShape
+from app.core.geometry.stage import Tool
+from app.core.geometry.table_place import TablePlace
 from app.core.messages import ArmState
 from app.core.ports import Rig
-from app.core.stage import Tool
-from app.core.table_place import TablePlace
 from app.rig.simulated.held_board import HeldBoard
 from app.rig.simulated.limbs import known_arm
 from app.rig.simulated.rig import simulated_rig

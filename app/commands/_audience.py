@@ -3,8 +3,8 @@
 from collections.abc import AsyncIterator
 from typing import final
 
+from app.core.dialogue.requests import Request
 from app.core.messages import Message
-from app.core.requests import Request
 from app.ui.console import Console
 from app.ui.terminal import Terminal
 

@@ -5,7 +5,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, final
 
 from app.config import Site
-from app.core.doubt import Blamed, Verdict
+from app.core.dialogue.doubt import Blamed, Verdict
 from app.core.errors import RecordingError, UsageError
 from app.core.messages import fresh_id
 from app.core.motion import Motion
@@ -85,7 +85,7 @@ def _promised(heldout: "HeldoutEntry") -> float:
 def _asked(push: "NextPushEntry", task: str, site: Site) -> Motion:
     import numpy as np
 
-    from app.core.track import Track
+    from app.core.geometry.track import Track
     from app.planner.actions.actions import Pushes
     from app.tasks import load
     from app.tasks.asked import motion_of

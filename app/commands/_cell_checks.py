@@ -8,7 +8,7 @@ from app.cells.cell_file import CameraEntry, CellFile, far_corner, load_cell
 from app.cells.gen3 import address, calibration_of, holds
 from app.commands._checks import SETUP, Check, CheckResult, census
 from app.core.errors import DipacError
-from app.core.hand_eye import HandEye
+from app.core.geometry.hand_eye import HandEye
 from app.recording.calibration_file import known_cameras
 from app.rig.kinova.look import look_at
 

@@ -19,7 +19,7 @@ import psutil
 
 from app import __version__
 from app.config import Site
-from app.core.processes import may_run_in_real_time
+from app.core.system.processes import may_run_in_real_time
 from app.rig.kinova.clients import CLIENTS, DEFAULT
 from app.rig.kinova.official import INSTALL
 
@@ -136,7 +136,7 @@ def _library(requirement: str) -> CheckResult:
 
 
 def _open3d() -> list[CheckResult]:
-    return [_loads("open3d loads", "from app.core.native import load_open3d; load_open3d()")]
+    return [_loads("open3d loads", "from app.core.system.native import load_open3d; load_open3d()")]
 
 
 def census() -> ProbeResult:

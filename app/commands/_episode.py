@@ -28,16 +28,16 @@ from app.commands._pushes import motions_in
 from app.commands._sight import seen_with
 from app.commands._version import code_version
 from app.config import Site
-from app.core.collector import spared_collection
+from app.core.dialogue.summary import Summary
 from app.core.errors import DipacError, MotionRefused, ParameterError, UsageError
+from app.core.geometry.stage import Stage
 from app.core.messages import Episode, Goal, fresh_id
 from app.core.ports import CameraShelf, Rig
-from app.core.processes import in_real_time
 from app.core.refusal import Refusal
-from app.core.stage import Stage
-from app.core.summary import Summary
+from app.core.system.collector import spared_collection
+from app.core.system.processes import in_real_time
+from app.core.system.worker import Worker
 from app.core.task_name import TaskName, recorded
-from app.core.worker import Worker
 from app.flow import Flow
 from app.planner.method import Method
 from app.recording.model_file import load_model

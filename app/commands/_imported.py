@@ -8,9 +8,9 @@ import msgspec
 import numpy as np
 
 from app import __version__
+from app.core.geometry.track import poses_at
 from app.core.measured_setup import KEY, MeasuredSetup
 from app.core.messages import Episode, Executed, Message, MessageId, Particles, Sighting, Transition, fresh_id
-from app.core.track import poses_at
 from app.perception.recount import recounted
 from app.recording.plain import Plain, PlainEpisode, PlainObservation
 

@@ -11,11 +11,11 @@ from scipy.spatial import KDTree
 from scipy.spatial.transform import Rotation
 
 from app.core.errors import RecordingError
+from app.core.geometry.stage import Rope
+from app.core.geometry.tool_surface import ToolView, fitted_tool
+from app.core.geometry.track import poses_at
 from app.core.measured_setup import FoundTable, MeasuredSetup, Source, SourcedSize, ToolPoints
-from app.core.stage import Rope
 from app.core.task_name import TaskName
-from app.core.tool_surface import ToolView, fitted_tool
-from app.core.track import poses_at
 from app.core.types import Poses
 from app.perception.table_plane import TablePlane, plane_of_clouds, plane_of_points
 from app.recording.plain import Plain, PlainEpisode, PlainObservation

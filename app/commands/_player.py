@@ -18,7 +18,7 @@ from app.commands._replan import model_names, replanned
 from app.config import Site
 from app.core.errors import DipacError, ParameterError, RecordingError
 from app.core.messages import Fault, Message, fresh_id
-from app.core.worker import Worker
+from app.core.system.worker import Worker
 from app.recording.timeline import Timeline, open_timeline
 from app.ui.console import Console, open_console
 from app.ui.player import FASTEST, Player, Reel

@@ -10,9 +10,9 @@ import numpy as np
 from app.commands._hiding import PushRecordingConfig, Scribe, Stopwatch, begun_file
 from app.config import Site
 from app.core.errors import PlanningError, RecordingError, UsageError
+from app.core.geometry.track import Track
 from app.core.messages import Message, Particles, Transition
 from app.core.task_name import recorded
-from app.core.track import Track
 from app.discovery.dataset.study import Push, Study, View
 from app.discovery.experiments.probe import Belief
 from app.discovery.experiments.probe_pushes import Probe

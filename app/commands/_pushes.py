@@ -9,8 +9,8 @@ if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from app.config import Site
+    from app.core.geometry.track import Track
     from app.core.motion import Motion
-    from app.core.track import Track
     from app.discovery.experiments.probe_pushes import Probe
 
 PUSHES: Final = "pushes.json"
@@ -41,7 +41,7 @@ def read_pushes(path: Path, task: str) -> "tuple[Track, ...]":
     import msgspec
     import numpy as np
 
-    from app.core.track import Track
+    from app.core.geometry.track import Track
     from app.ui.report.schema import PushesFile
 
     try:

@@ -14,8 +14,8 @@ from app.commands._guiding import guided
 from app.config import Limits, Site
 from app.core.errors import UsageError
 from app.core.messages import Episode, Goal, Model, Particles, Proposal
+from app.core.system.worker import Worker
 from app.core.types import ToolPose
-from app.core.worker import Worker
 from app.planner.method import PAPER, Method
 from app.recording.model_file import load_model
 from app.recording.timeline import Timeline

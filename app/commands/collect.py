@@ -12,7 +12,7 @@ from app.commands._named import Dynamics, full_name
 from app.commands._preflight import make_folder
 from app.commands._progress import counting
 from app.core.errors import PlanningError, UsageError
-from app.core.stage import RopeModel
+from app.core.geometry.stage import RopeModel
 from app.evaluation.demonstrate import FIRST_SEED, Demonstration, Expert, demonstrations, record
 from app.evaluation.play import Eyes
 from app.recording.writer import unused

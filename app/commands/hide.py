@@ -12,7 +12,7 @@ from app.commands._progress import counting
 from app.commands._sealing import seal, truth_of, wish_of
 from app.config import Site
 from app.core.errors import UsageError
-from app.core.stage import Rope, RopeModel
+from app.core.geometry.stage import Rope, RopeModel
 from app.core.task_name import TaskName, recorded
 from app.policy.strokes import PushDesign
 from app.recording.preflight import Room, check_folder

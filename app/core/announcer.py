@@ -6,11 +6,11 @@ from typing import TypeVar, final
 
 import anyio
 
-from app.core.channel import Lossless
+from app.core.dialogue.summary import Summary
 from app.core.errors import DipacError, first_error
 from app.core.messages import Fault, Message, MessageId, Notice, fresh_id
 from app.core.ports import Clock, Operator, Recorder
-from app.core.summary import Summary
+from app.core.system.channel import Lossless
 
 MessageT = TypeVar("MessageT", bound=Message)
 

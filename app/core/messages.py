@@ -12,7 +12,7 @@ from typing import Literal, NewType, Self, TypeAlias, final
 import numpy as np
 from jaxtyping import Bool, Float32, Float64
 
-from app.core.camera import CameraModel
+from app.core.geometry.camera import CameraModel
 from app.core.motion import Motion
 from app.core.types import (
     Cloud,

@@ -6,13 +6,13 @@ from typing import Literal, Protocol
 
 import anyio
 
-from app.core.approval import Approved
-from app.core.camera import CameraModel
-from app.core.hand_eye import HandEye
-from app.core.jog import Jog
-from app.core.limbs import ArmShape, JointAngles
+from app.core.dialogue.approval import Approved
+from app.core.dialogue.jog import Jog
+from app.core.dialogue.requests import Request
+from app.core.geometry.camera import CameraModel
+from app.core.geometry.hand_eye import HandEye
+from app.core.geometry.limbs import ArmShape, JointAngles
 from app.core.messages import ArmState, Executed, Frame, Message
-from app.core.requests import Request
 from app.core.types import ToolPose
 
 

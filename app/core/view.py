@@ -7,9 +7,9 @@ from typing import Any, final
 import anyio
 import numpy as np
 
-from app.core.camera import CameraModel
+from app.core.geometry.camera import CameraModel
 from app.core.messages import Frame, fresh_id
-from app.core.ring import Ring
+from app.core.system.ring import Ring
 
 _POLL_S = 0.01
 

@@ -10,10 +10,10 @@ from types import MappingProxyType
 from typing import Literal, NamedTuple, TypeAlias
 
 from app import __version__
+from app.core.dialogue.summary import Summary
 from app.core.errors import RecordingError
+from app.core.geometry.stage import Rope, RopeModel
 from app.core.messages import Episode, Goal, Message, Transition, fresh_id
-from app.core.stage import Rope, RopeModel
-from app.core.summary import Summary
 from app.evaluation.play import EpisodeResults, EpisodeStep, EvaluationConfig, Eyes, play
 from app.planner.method import Method
 from app.recording import digests

@@ -9,10 +9,10 @@ from typing import Literal, TypeAlias, final
 import numpy as np
 
 from app.config import Site
-from app.core.chamfer import chamfer_m2
 from app.core.errors import DipacError, PlanningError
+from app.core.geometry.chamfer import chamfer_m2
+from app.core.geometry.orientation import UNKNOWN
 from app.core.messages import Executed, Frame, Model, Particles, Transition, fresh_id
-from app.core.orientation import UNKNOWN
 from app.core.types import Centreline, Points
 from app.perception.reconstruct import reconstruct
 from app.planner.method import Method

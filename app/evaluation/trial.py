@@ -11,8 +11,8 @@ from typing import TYPE_CHECKING, Any, final
 import numpy as np
 
 from app.config import Site
+from app.core.geometry.stage import RopeModel
 from app.core.messages import Model
-from app.core.stage import RopeModel
 from app.evaluation.play import EvaluationConfig, Eyes, play
 from app.planner.method import PAPER, Method, planners
 from app.policy.learned import kinds

@@ -8,13 +8,13 @@ import numpy as np
 
 from app.config import Site
 from app.core.announcer import Announcer
-from app.core.camera import CameraModel
+from app.core.dialogue.requests import GoalRequest, GoalSource, PictureGoalRequest
 from app.core.errors import DipacError, UsageError
+from app.core.geometry.camera import CameraModel
 from app.core.messages import Frame, Goal, Model, fresh_id
 from app.core.ports import Clock
-from app.core.requests import GoalRequest, GoalSource, PictureGoalRequest
+from app.core.system.worker import Worker
 from app.core.types import Cloud
-from app.core.worker import Worker
 from app.perception.reconstruct import Reconstruction, reconstruct
 from app.tasks.base import EpisodeConfig
 from app.tasks.goals import goal_of

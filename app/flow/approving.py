@@ -7,11 +7,11 @@ import anyio
 
 from app.config import Site
 from app.core.announcer import Announcer
-from app.core.approval import ApprovalGate, Approved, automatic_decision, drift
-from app.core.channel import ChannelFull, Latest, Lossless
+from app.core.dialogue.approval import ApprovalGate, Approved, automatic_decision, drift
 from app.core.errors import ApprovalRefused
 from app.core.messages import Decision, Particles, Proposal
 from app.core.ports import Clock
+from app.core.system.channel import ChannelFull, Latest, Lossless
 from app.flow.modes import Modes
 from app.flow.sensing import Sensing
 

@@ -7,11 +7,11 @@ import numpy as np
 from app.config import Site
 from app.core.announcer import Announcer
 from app.core.errors import PlanningError, WorkerError
+from app.core.geometry.orientation import UNKNOWN, Orientation
 from app.core.messages import Model, Particles
 from app.core.motion import Motion
-from app.core.orientation import UNKNOWN, Orientation
+from app.core.system.worker import Worker
 from app.core.types import Centreline, Points
-from app.core.worker import Worker
 from app.flow.probing import Probing
 from app.tasks.asked import asked_plan
 from app.tasks.base import EpisodeConfig

@@ -11,18 +11,18 @@ from scipy.spatial.transform import Rotation
 
 from app.config import Site
 from app.core.announcer import Announcer
-from app.core.channel import Latest
-from app.core.charuco import Charuco
-from app.core.control import ModeName
+from app.core.dialogue.control import ModeName
+from app.core.dialogue.placing import BoardSeen, Checked, Placed, Placing, TakenView
+from app.core.dialogue.requests import CalibrationRequest
 from app.core.errors import DeviceError, DipacError, PerceptionError, UsageError
-from app.core.hand_eye import HandEye, LastCheck, Verdict
-from app.core.lens import Lens
+from app.core.geometry.charuco import Charuco
+from app.core.geometry.hand_eye import HandEye, LastCheck, Verdict
+from app.core.geometry.lens import Lens
 from app.core.messages import ArmState, Frame, fresh_id
-from app.core.placing import BoardSeen, Checked, Placed, Placing, TakenView
 from app.core.ports import CameraShelf, Clock, Rig
-from app.core.requests import CalibrationRequest
+from app.core.system.channel import Latest
+from app.core.system.worker import Worker
 from app.core.types import Transform
-from app.core.worker import Worker
 from app.flow.resting import rested
 from app.perception.calibration.assess import Assessment, Target, assess
 from app.perception.calibration.drift import drift

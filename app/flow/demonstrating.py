@@ -5,11 +5,11 @@ from pathlib import Path
 from typing import Literal, final
 
 from app.core.announcer import Announcer
+from app.core.dialogue.requests import ClipRequest, TakeRequest
+from app.core.dialogue.takes import Take, TakeState
 from app.core.errors import DipacError
 from app.core.messages import Message, Transition, fresh_id
 from app.core.ports import Clock, Studio
-from app.core.requests import ClipRequest, TakeRequest
-from app.core.takes import Take, TakeState
 
 
 @final

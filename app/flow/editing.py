@@ -4,12 +4,12 @@ from typing import TYPE_CHECKING, final
 
 from app.config import Site
 from app.core.announcer import Announcer
+from app.core.dialogue.requests import EditRequest
 from app.core.errors import PlanningError, WorkerError
+from app.core.geometry.orientation import UNKNOWN, Orientation
 from app.core.messages import Model, Particles, Proposal
-from app.core.orientation import UNKNOWN, Orientation
-from app.core.requests import EditRequest
+from app.core.system.worker import Worker
 from app.core.types import Centreline, Points
-from app.core.worker import Worker
 from app.tasks.base import EpisodeConfig
 from app.tasks.edited import edited_plan
 

@@ -4,11 +4,11 @@ from collections.abc import Callable
 from typing import final
 
 from app.core.announcer import Announcer
-from app.core.approval import Approved
+from app.core.dialogue.approval import Approved
+from app.core.dialogue.summary import Summary
 from app.core.errors import MotionRefused
 from app.core.messages import Executed
 from app.core.ports import Clock, Rig
-from app.core.summary import Summary
 from app.flow.holding import Holding
 from app.flow.planning import FAILURES_IN_A_ROW
 

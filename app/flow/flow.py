@@ -15,10 +15,22 @@ from anyio.abc import TaskGroup
 
 from app.config import Site
 from app.core.announcer import Announcer
-from app.core.approval import AUTOMATIC
-from app.core.channel import ChannelFull, Lossless
-from app.core.checklist import ChecklistRequest
-from app.core.control import EndRequest, Lease, ModeRequest
+from app.core.dialogue.approval import AUTOMATIC
+from app.core.dialogue.checklist import ChecklistRequest
+from app.core.dialogue.control import EndRequest, Lease, ModeRequest
+from app.core.dialogue.requests import (
+    CalibrationRequest,
+    Chore,
+    ClipRequest,
+    ColourRequest,
+    EditRequest,
+    GoalRequest,
+    ModelRequest,
+    PictureGoalRequest,
+    ProbeRequest,
+    TakeRequest,
+)
+from app.core.dialogue.summary import Summary
 from app.core.errors import DipacError, MotionRefused, first_error
 from app.core.messages import (
     Decision,
@@ -34,21 +46,9 @@ from app.core.messages import (
 )
 from app.core.ports import CameraShelf, Clock, Operator, Recorder, Rig, Studio
 from app.core.refusal import Refusal
-from app.core.requests import (
-    CalibrationRequest,
-    Chore,
-    ClipRequest,
-    ColourRequest,
-    EditRequest,
-    GoalRequest,
-    ModelRequest,
-    PictureGoalRequest,
-    ProbeRequest,
-    TakeRequest,
-)
-from app.core.summary import Summary
+from app.core.system.channel import ChannelFull, Lossless
+from app.core.system.worker import Worker
 from app.core.types import Points
-from app.core.worker import Worker
 from app.flow.aiming import Aiming
 from app.flow.approving import Approving
 from app.flow.calibrating import Calibrating

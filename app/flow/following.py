@@ -6,7 +6,7 @@ from typing import final
 
 import numpy as np
 
-from app.core.limbs import Posture
+from app.core.geometry.limbs import Posture
 from app.core.ports import Clock, Posed
 from app.core.types import ToolPath
 

@@ -5,13 +5,13 @@ from typing import final
 
 from app.config import Site
 from app.core.announcer import Announcer
-from app.core.channel import Latest, Lossless
+from app.core.dialogue.requests import ModelRequest
 from app.core.errors import DipacError
 from app.core.messages import Model, Transition
 from app.core.ports import Clock
-from app.core.requests import ModelRequest
+from app.core.system.channel import Latest, Lossless
+from app.core.system.worker import Worker
 from app.core.types import Points
-from app.core.worker import Worker
 from app.flow.modelling import Modelling
 from app.tasks.base import EpisodeConfig
 from app.tasks.jobs import RECENT, update

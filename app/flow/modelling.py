@@ -4,11 +4,11 @@ from dataclasses import replace
 from typing import NamedTuple, final
 
 from app.core.announcer import Announcer
+from app.core.dialogue.requests import ModelRequest
 from app.core.errors import DipacError, UsageError
 from app.core.messages import Model, fresh_id
-from app.core.requests import ModelRequest
+from app.core.system.worker import Worker
 from app.core.types import Points
-from app.core.worker import Worker
 from app.tasks.jobs import check_model, planner_needs, shown_goal
 
 

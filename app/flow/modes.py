@@ -5,7 +5,7 @@ from typing import Literal, TypeAlias, final
 import anyio
 
 from app.core.announcer import Announcer
-from app.core.control import Lease, Mode, ModeName, ModeRequest
+from app.core.dialogue.control import Lease, Mode, ModeName, ModeRequest
 from app.core.messages import MessageId, fresh_id
 from app.core.ports import Clock
 

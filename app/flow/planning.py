@@ -9,14 +9,14 @@ from jaxtyping import Float32
 
 from app.config import Site
 from app.core.announcer import Announcer
-from app.core.channel import Latest
+from app.core.dialogue.requests import EditRequest
 from app.core.errors import DipacError, PlanningError, WorkerError
+from app.core.geometry.orientation import UNKNOWN, Orientation
 from app.core.messages import MessageId, Model, Particles, Proposal, Transition
-from app.core.orientation import UNKNOWN, Orientation
 from app.core.ports import Clock
-from app.core.requests import EditRequest
+from app.core.system.channel import Latest
+from app.core.system.worker import Worker
 from app.core.types import Centreline, Points, ToolPose
-from app.core.worker import Worker
 from app.flow.asking import Asking
 from app.flow.editing import Editing
 from app.flow.probing import Probing

@@ -8,9 +8,9 @@ import anyio
 
 from app.config import Limits, Site
 from app.core.announcer import Announcer
-from app.core.camera import CameraModel
-from app.core.checklist import CheckItem, Checklist, ChecklistRequest
-from app.core.control import Lease
+from app.core.dialogue.checklist import CheckItem, Checklist, ChecklistRequest
+from app.core.dialogue.control import Lease
+from app.core.geometry.camera import CameraModel
 from app.core.messages import ArmState, fresh_id
 from app.core.ports import Clock, Rig
 from app.flow.holding import Holding

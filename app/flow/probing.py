@@ -6,12 +6,12 @@ from typing import TYPE_CHECKING, final
 
 from app.config import Site
 from app.core.announcer import Announcer
+from app.core.dialogue.requests import ProbeRequest
+from app.core.geometry.track import Track
 from app.core.messages import Particles, Transition, fresh_id
 from app.core.motion import Motion
 from app.core.ports import Clock
-from app.core.requests import ProbeRequest
-from app.core.track import Track
-from app.core.worker import Worker
+from app.core.system.worker import Worker
 from app.flow.sensing import Sensing
 from app.tasks.base import EpisodeConfig, Experiment
 from app.tasks.probed import Chosen, Weighed, chosen_motion, unprobed, weighed

@@ -6,10 +6,10 @@ from anyio import to_thread
 
 from app.config import Site
 from app.core.announcer import Announcer
-from app.core.disk import free_bytes
+from app.core.dialogue.summary import Summary
 from app.core.messages import ArmState, Health, fresh_id
 from app.core.ports import Clock, Rig
-from app.core.summary import Summary
+from app.core.system.disk import free_bytes
 from app.flow.approving import Approving
 from app.flow.learning import Learning
 from app.flow.modes import Modes

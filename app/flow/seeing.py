@@ -7,10 +7,10 @@ from typing import final
 import numpy as np
 
 from app.core.colours import ColourRange
+from app.core.dialogue.requests import ColourRequest
+from app.core.dialogue.seeing import Seen
 from app.core.errors import DeviceError, PerceptionError, UsageError
 from app.core.messages import Frame, fresh_id
-from app.core.requests import ColourRequest
-from app.core.seeing import Seen
 from app.perception.look import ViewDiagnostics
 from app.perception.reconstruct import Reconstructed, Reconstruction
 

@@ -8,13 +8,13 @@ from typing import final
 import anyio
 
 from app.core.announcer import Announcer
-from app.core.channel import Latest
+from app.core.dialogue.requests import ColourRequest
+from app.core.dialogue.summary import Summary
 from app.core.errors import DeviceError, DipacError, PerceptionError, WorkerError
 from app.core.messages import Frame, Particles, fresh_id
 from app.core.ports import Camera, Clock, Rig
-from app.core.requests import ColourRequest
-from app.core.summary import Summary
-from app.core.worker import Worker
+from app.core.system.channel import Latest
+from app.core.system.worker import Worker
 from app.flow.following import Following
 from app.flow.seeing import Seeing, credible, placed, seen
 from app.perception.memory import NOTHING

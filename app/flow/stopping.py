@@ -3,7 +3,7 @@
 from typing import Final, final
 
 from app.core.announcer import Announcer
-from app.core.chamfer import chamfer_m2
+from app.core.geometry.chamfer import chamfer_m2
 from app.core.messages import Proposal
 from app.core.types import Points
 from app.tasks.base import EpisodeConfig

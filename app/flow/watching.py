@@ -7,10 +7,10 @@ from typing import NamedTuple, final
 from anyio import to_thread
 
 from app.core.announcer import Announcer
-from app.core.channel import Lossless
-from app.core.doubt import Verdict, Watched
+from app.core.dialogue.doubt import Verdict, Watched
 from app.core.messages import Model, Proposal, Transition, fresh_id
 from app.core.ports import Clock
+from app.core.system.channel import Lossless
 from app.discovery.monitor.glance import Glance, glance
 from app.discovery.monitor.suspicion import suspect
 from app.discovery.monitor.watch import FIRST, Watch

@@ -11,7 +11,7 @@ import numpy as np
 from jaxtyping import Float32, Float64
 from scipy.spatial.transform import Rotation
 
-from app.core.stage import Finger, Gripper, HeldBowl, Paddle, Tool
+from app.core.geometry.stage import Finger, Gripper, HeldBowl, Paddle, Tool
 from app.core.types import ToolPath, ToolPose
 
 _STEP_M = 0.003

@@ -10,8 +10,8 @@ import cv2
 import numpy as np
 from jaxtyping import Float
 
-from app.core.camera import CameraModel
 from app.core.colours import Mask
+from app.core.geometry.camera import CameraModel
 from app.core.types import Cloud, DepthImage
 
 Pixels: TypeAlias = Float[np.ndarray, "M 3"]

@@ -7,8 +7,8 @@ from typing import TypeAlias, final
 import numpy as np
 from jaxtyping import Bool, Float32
 
-from app.core.camera import CameraModel
-from app.core.native import load_open3d
+from app.core.geometry.camera import CameraModel
+from app.core.system.native import load_open3d
 from app.core.types import Cloud, DepthImage
 from app.perception.depth import nearest, project
 

@@ -16,7 +16,7 @@ from jaxtyping import Bool, Float32
 from scipy.ndimage import binary_erosion
 from scipy.spatial import KDTree
 
-from app.core.camera import CameraModel
+from app.core.geometry.camera import CameraModel
 from app.core.types import Cloud
 from app.perception.depth import project
 from app.perception.fuse import Box

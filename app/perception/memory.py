@@ -14,8 +14,8 @@ import numpy as np
 from jaxtyping import Bool, Float32, Float64
 from scipy.spatial import KDTree
 
-from app.core.camera import CameraModel
 from app.core.colours import Mask
+from app.core.geometry.camera import CameraModel
 from app.core.types import Cloud, DepthImage
 from app.perception.depth import nearest, project
 from app.perception.shadow import Shadow

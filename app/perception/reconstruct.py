@@ -10,9 +10,9 @@ from scipy.spatial import KDTree
 
 from app.core.colours import ColourRange
 from app.core.errors import PerceptionError
-from app.core.limbs import ArmShape, Posture
+from app.core.geometry.limbs import ArmShape, Posture
 from app.core.messages import Frame
-from app.core.native import load_open3d
+from app.core.system.native import load_open3d
 from app.core.types import Cloud, Points, ToolPath, ToolPose
 from app.perception.carried import carried
 from app.perception.fill import Solid, Underside, fill, points_inside

@@ -14,9 +14,9 @@ import numpy as np
 from jaxtyping import Bool, Float32, Float64
 from scipy.spatial.transform import Rotation
 
-from app.core.camera import CameraModel
-from app.core.limbs import ArmShape, Posture
-from app.core.stage import Finger, Gripper, HeldBowl, Paddle, Tool
+from app.core.geometry.camera import CameraModel
+from app.core.geometry.limbs import ArmShape, Posture
+from app.core.geometry.stage import Finger, Gripper, HeldBowl, Paddle, Tool
 from app.core.types import DepthImage, ToolPose
 
 Shadow: TypeAlias = Float32[np.ndarray, "height width"]

@@ -14,8 +14,8 @@ from jaxtyping import Bool, Float64
 from scipy.optimize import least_squares
 from scipy.special import expit
 
-from app.core.camera import CameraModel
 from app.core.colours import Mask
+from app.core.geometry.camera import CameraModel
 from app.core.messages import Frame
 from app.core.types import Cloud
 from app.perception.depth import behind_an_edge, deproject, project

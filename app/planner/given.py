@@ -11,7 +11,7 @@ from jaxtyping import Array, Float, Float32
 
 from app.config import Site
 from app.core.errors import PlanningError
-from app.core.finger_distance import nearest_m
+from app.core.geometry.finger_distance import nearest_m
 from app.core.messages import Origin
 from app.core.types import Path3, Points
 from app.planner.actions.actions import Pushes

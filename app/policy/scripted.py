@@ -9,7 +9,7 @@ import numpy as np
 from jax.lax import Precision
 from jaxtyping import Array, Float, Float32
 
-from app.core.finger_distance import extent_m, from_core
+from app.core.geometry.finger_distance import extent_m, from_core
 from app.core.types import Points
 from app.policy.base import Acted, Now
 from app.sim.rods.geometry.arc_length import arclength_labels, centreline_weights

@@ -6,8 +6,8 @@ from typing import final
 import numpy as np
 from jaxtyping import Float64
 
-from app.core.finger_distance import extent_m, nearest_m
-from app.core.track import Track
+from app.core.geometry.finger_distance import extent_m, nearest_m
+from app.core.geometry.track import Track
 from app.core.types import Points
 
 PERIOD_S = 0.02

@@ -14,11 +14,11 @@ import tomli_w
 from anyio import to_thread
 from scipy.spatial.transform import Rotation
 
-from app.core.charuco import Charuco
 from app.core.errors import DipacError, RecordingError, UsageError
-from app.core.hand_eye import HandEye, LastCheck, Setup, Spread, Three, Verdict
-from app.core.lens import Lens
-from app.core.table_place import AT_BASE, TablePlace
+from app.core.geometry.charuco import Charuco
+from app.core.geometry.hand_eye import HandEye, LastCheck, Setup, Spread, Three, Verdict
+from app.core.geometry.lens import Lens
+from app.core.geometry.table_place import AT_BASE, TablePlace
 from app.core.types import Transform
 
 SCHEMA = 1

@@ -10,10 +10,10 @@ import msgspec
 import numpy as np
 
 from app.core.errors import RecordingError, UsageError
+from app.core.geometry.track import Track
 from app.core.measured_setup import KEY, MeasuredSetup
 from app.core.messages import Episode, Executed, Message, MessageId, Particles, Sighting, Transition
 from app.core.task_name import recorded
-from app.core.track import Track
 from app.core.types import Cloud, Points
 from app.discovery.dataset.study import Push, Study, View
 from app.discovery.dataset.subject import Subject

@@ -6,8 +6,8 @@ from typing import Protocol, final
 import numpy as np
 from scipy.spatial import KDTree
 
-from app.core.chamfer import chamfer_m2
-from app.core.stage import Mat
+from app.core.geometry.chamfer import chamfer_m2
+from app.core.geometry.stage import Mat
 from app.core.types import Points
 
 

@@ -7,18 +7,18 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from app.config import Site
-from app.core.chamfer import chamfer_m2
 from app.core.errors import PlanningError
-from app.core.finger_distance import nearest_m
+from app.core.geometry.chamfer import chamfer_m2
+from app.core.geometry.finger_distance import nearest_m
+from app.core.geometry.orientation import UNKNOWN, Orientation
 from app.core.messages import Branch
 from app.core.motion import Motion
-from app.core.orientation import UNKNOWN, Orientation
 
 if TYPE_CHECKING:
     from jaxtyping import Float64, Int
 
+    from app.core.geometry.track import Track
     from app.core.messages import Model
-    from app.core.track import Track
     from app.core.types import Centreline, Points
     from app.planner.actions.actions import Pushes
     from app.planner.search.plan import Plan

@@ -11,8 +11,8 @@ from jaxtyping import Float64
 
 from app.core.bounds import checked
 from app.core.errors import UsageError
+from app.core.geometry.stage import Finger, Rope, Stage
 from app.core.messages import Proposal, fresh_id
-from app.core.stage import Finger, Rope, Stage
 from app.core.task_name import TaskName, recorded
 from app.core.types import Points, ToolPose
 from app.planner.method import DIPAC, Method
@@ -21,7 +21,7 @@ from app.tasks.sizes import resized
 if TYPE_CHECKING:  # Whoever needs these names alone shall not load JAX and Warp for them.
     from jaxtyping import Array, Float
 
-    from app.core.doubt import Verdict
+    from app.core.dialogue.doubt import Verdict
     from app.core.messages import Episode, Goal, Model, Particles
     from app.core.motion import Motion
     from app.perception.reconstruct import Reconstruction

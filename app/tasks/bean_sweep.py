@@ -4,7 +4,7 @@ from math import pi
 from types import MappingProxyType
 
 from app.core.colours import ColourRange
-from app.core.stage import Beans, Mat, Paddle, Stage
+from app.core.geometry.stage import Beans, Mat, Paddle, Stage
 from app.perception.reconstruct import Reconstruction
 from app.planner.actions.sweeps import Sweeps
 from app.planner.search.cost import Weights

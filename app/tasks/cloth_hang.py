@@ -4,7 +4,7 @@ from math import pi
 from types import MappingProxyType
 
 from app.core.colours import ColourRange
-from app.core.stage import Cloth, Gripper, Rack, Stage
+from app.core.geometry.stage import Cloth, Gripper, Rack, Stage
 from app.perception.fuse import Box
 from app.perception.reconstruct import Reconstruction
 from app.planner.actions.carries import Carries, KeptClear

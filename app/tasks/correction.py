@@ -12,9 +12,9 @@ import numpy as np
 from jaxtyping import Float64
 
 from app.config import Site
+from app.core.geometry.track import Track
 from app.core.messages import Branch, Model, Transition
 from app.core.motion import TOOL_DOWN, Motion
-from app.core.track import Track
 from app.core.types import Path3, Points
 from app.discovery.apparatus.base import Eye, Load
 from app.discovery.dataset.labels import labelled

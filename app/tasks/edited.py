@@ -8,7 +8,7 @@ import numpy as np
 
 from app.config import Site
 from app.core.errors import PlanningError
-from app.core.orientation import UNKNOWN, Orientation
+from app.core.geometry.orientation import UNKNOWN, Orientation
 from app.core.reshaped import reshaped
 
 if TYPE_CHECKING:

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING
 
 from app.config import Site
 from app.core.errors import PlanningError, SimulationError
-from app.core.orientation import UNKNOWN, Orientation
+from app.core.geometry.orientation import UNKNOWN, Orientation
 from app.planner.method import DIPAC, Method
 
 _log = logging.getLogger(__name__)

@@ -7,7 +7,7 @@ lighter than the broth.
 from dataclasses import replace
 
 from app.core.colours import ColourRange
-from app.core.stage import Liquid, Pieces, Soup
+from app.core.geometry.stage import Liquid, Pieces, Soup
 from app.perception.swimming import Swimming
 from app.tasks.aim import InBowl
 from app.tasks.pour_water import HELD, HOME_M, PARTICLES, TARGET

@@ -7,7 +7,7 @@ for half a second, and then waits for what flows. So an episode has about ten de
 from types import MappingProxyType
 
 from app.core.colours import ColourRange
-from app.core.stage import Bowl, HeldBowl, Liquid, Stage
+from app.core.geometry.stage import Bowl, HeldBowl, Liquid, Stage
 from app.perception.fuse import Box
 from app.perception.reconstruct import Reconstruction
 from app.perception.vessels import Vessel

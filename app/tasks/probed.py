@@ -15,14 +15,14 @@ from app.arm.gate import check_motion, way
 from app.arm.path import raised
 from app.config import Site
 from app.core.errors import MotionRefused, UsageError
-from app.core.stage import Rope
+from app.core.geometry.stage import Rope
 from app.perception.recount import recounted
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
+    from app.core.geometry.track import Track
     from app.core.motion import Motion
-    from app.core.track import Track
     from app.core.types import Points
     from app.discovery.dataset.study import Push, Study, View
     from app.discovery.dataset.subject import Subject

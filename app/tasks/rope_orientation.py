@@ -11,8 +11,8 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float, Float32
 
+from app.core.geometry.orientation import Orientation
 from app.core.messages import Model, Transition
-from app.core.orientation import Orientation
 from app.core.types import Centreline, Points
 from app.discovery.residuals.steppers import is_flung
 from app.planner.search.tree import Advance

@@ -6,8 +6,8 @@ from typing import final
 import numpy as np
 from jaxtyping import Float64
 
-from app.core.bowls import cap_depth_m
-from app.core.stage import Bowl, HeldBowl, Pieces, Soup
+from app.core.geometry.bowls import cap_depth_m
+from app.core.geometry.stage import Bowl, HeldBowl, Pieces, Soup
 from app.core.types import Points
 from app.perception.resample import resample
 from app.perception.swimming import Swimming

@@ -7,7 +7,7 @@ from jaxtyping import Float64
 from scipy.spatial.transform import Rotation
 
 from app.config import Limits
-from app.core.jog import Jog
+from app.core.dialogue.jog import Jog
 from app.core.motion import TOOL_DOWN
 from app.core.types import ToolPose
 from app.teleop.sample import Axes, FrameName, Sample

@@ -8,8 +8,8 @@ from typing import final
 import numpy as np
 
 from app.config import Limits
+from app.core.dialogue.jog import Jog
 from app.core.errors import ParameterError
-from app.core.jog import Jog
 from app.core.types import ToolPose
 from app.teleop import mapping
 from app.teleop.deadman import AGAIN, DeadMan

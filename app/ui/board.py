@@ -9,11 +9,15 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from typing import Literal, final
 
-from app.core.approval import Approved
-from app.core.checklist import Checklist
 from app.core.colours import ColourRange
-from app.core.control import Lease, Mode, ModeName
-from app.core.doubt import Verdict, Watched
+from app.core.dialogue.approval import Approved
+from app.core.dialogue.checklist import Checklist
+from app.core.dialogue.control import Lease, Mode, ModeName
+from app.core.dialogue.doubt import Verdict, Watched
+from app.core.dialogue.placing import BoardSeen, Placing
+from app.core.dialogue.requests import EditRequest
+from app.core.dialogue.seeing import Seen
+from app.core.dialogue.takes import Take
 from app.core.messages import (
     ArmMode,
     ArmState,
@@ -35,10 +39,6 @@ from app.core.messages import (
     StopRequest,
     Transition,
 )
-from app.core.placing import BoardSeen, Placing
-from app.core.requests import EditRequest
-from app.core.seeing import Seen
-from app.core.takes import Take
 from app.core.types import Points
 from app.recording.records import ApprovalRecord
 

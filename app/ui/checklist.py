@@ -5,7 +5,7 @@ from typing import Any, Final, final
 
 import viser
 
-from app.core.checklist import CheckItem, ChecklistRequest
+from app.core.dialogue.checklist import CheckItem, ChecklistRequest
 from app.core.messages import fresh_id
 from app.ui.board import Board
 from app.ui.decision import operator

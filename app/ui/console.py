@@ -13,11 +13,11 @@ import viser
 from anyio import to_thread
 
 from app.config import Limits, Timing
-from app.core.channel import Lossless
+from app.core.dialogue.requests import Request
 from app.core.errors import PreflightError
+from app.core.geometry.table_place import AT_BASE, TablePlace
 from app.core.messages import Message
-from app.core.requests import Request
-from app.core.table_place import AT_BASE, TablePlace
+from app.core.system.channel import Lossless
 from app.ui import cards, proxy
 from app.ui.access import LOOPBACK, Access
 from app.ui.aim import TargetHandle

@@ -4,8 +4,8 @@ from typing import Any, Final, final
 
 import viser
 
+from app.core.dialogue.requests import ClipRequest, TakeAct, TakeRequest
 from app.core.messages import fresh_id
-from app.core.requests import ClipRequest, TakeAct, TakeRequest
 from app.ui import words
 from app.ui.board import Board
 from app.ui.decision import operator

@@ -15,9 +15,9 @@ import numpy as np
 from jaxtyping import Float64
 
 from app.core.colours import ColourRange
-from app.core.control import Lease
+from app.core.dialogue.control import Lease
+from app.core.dialogue.requests import Asked, ColourRequest, EditRequest, ModelRequest, Request
 from app.core.messages import Decision, Message, Model, Notice, Proposal, ResumeRequest, StopRequest, fresh_id
-from app.core.requests import Asked, ColourRequest, EditRequest, ModelRequest, Request
 from app.ui.board import Board
 from app.ui.pace import RateLimiter
 

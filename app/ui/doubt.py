@@ -5,7 +5,7 @@ from collections.abc import Iterable
 from html import escape
 from typing import Final
 
-from app.core.doubt import Blamed, Verdict, Watched
+from app.core.dialogue.doubt import Blamed, Verdict, Watched
 from app.ui import words
 from app.ui.board import Board
 from app.ui.cards import table

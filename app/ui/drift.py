@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from typing import final
 
 from app.config import Timing
-from app.core.approval import drift
+from app.core.dialogue.approval import drift
 from app.core.messages import Particles, Proposal
 from app.ui.board import Board
 

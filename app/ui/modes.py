@@ -4,7 +4,7 @@ from typing import Any, Final, final
 
 import viser
 
-from app.core.control import EndRequest, ModeName, ModeRequest
+from app.core.dialogue.control import EndRequest, ModeName, ModeRequest
 from app.core.messages import fresh_id
 from app.ui import words
 from app.ui.board import Board

@@ -4,8 +4,8 @@ from typing import Any, Final, final
 
 import viser
 
+from app.core.dialogue.requests import ProbeRequest
 from app.core.messages import fresh_id
-from app.core.requests import ProbeRequest
 from app.ui.decision import operator
 from app.ui.desk import Desk
 

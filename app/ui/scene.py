@@ -8,8 +8,8 @@ from jaxtyping import Bool
 from viser import transforms
 
 from app.config import KeepOut, Limits, Workspace
+from app.core.geometry.table_place import AT_BASE, TablePlace
 from app.core.messages import Frame
-from app.core.table_place import AT_BASE, TablePlace
 from app.core.types import Points
 from app.ui import palette
 from app.ui.beads import Beads

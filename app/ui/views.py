@@ -6,9 +6,9 @@ from datetime import date, datetime
 from html import escape
 from typing import Final, Literal, TypeAlias
 
-from app.core.camera import CameraModel
+from app.core.dialogue.seeing import Seen
+from app.core.geometry.camera import CameraModel
 from app.core.messages import Episode, Frame
-from app.core.seeing import Seen
 from app.ui import words
 from app.ui.board import Board
 from app.ui.cards import table, toned

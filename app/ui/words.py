@@ -4,7 +4,7 @@ import math
 from collections.abc import Mapping
 from typing import Final
 
-from app.core.control import ModeName
+from app.core.dialogue.control import ModeName
 from app.core.messages import Proposal
 
 MODES: Final[Mapping[ModeName, str]] = {

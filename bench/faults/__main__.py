@@ -13,7 +13,7 @@ from rich.console import Console
 from rich.table import Table
 
 from app.config import Site
-from app.core.control import MODES, ModeName
+from app.core.dialogue.control import MODES, ModeName
 from app.core.motion import pointing_down
 from app.rig.simulated.arm_control import ArmControl
 from bench.faults.application import FAULTS, Doing

@@ -23,10 +23,10 @@ from app.arm.memory import ArmMemory
 from app.arm.process import Controlled, run_arm
 from app.arm.process_arm import ProcessArm
 from app.config import Site
+from app.core.dialogue.jog import Jog
 from app.core.errors import DeviceError
-from app.core.jog import Jog
 from app.core.motion import Motion
-from app.core.processes import end, process
+from app.core.system.processes import end, process
 from bench.approval import approved
 
 Doing: TypeAlias = Literal["motion", "hand"]

@@ -17,7 +17,7 @@ import numpy as np
 import psutil
 
 from app.arm.memory import MODES
-from app.core.control import ModeName
+from app.core.dialogue.control import ModeName
 from bench.faults.witness import witnessed
 
 _ROOT: Final = Path(__file__).parent.parent.parent

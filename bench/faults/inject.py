@@ -14,7 +14,7 @@ import psutil
 from app.arm.memory import MODES, ArmMemory
 from app.arm.process import Controlled
 from app.config import Limits, Site
-from app.core.ring import SPAWN
+from app.core.system.ring import SPAWN
 from bench.faults.application import FAULTS, Doing, application
 
 Motion: TypeAlias = tuple[np.ndarray, np.ndarray]

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from functools import partial
 from typing import Final, final
 
-from app.core.control import MODES, ModeName
+from app.core.dialogue.control import MODES, ModeName
 from bench.faults.driven import PATIENCE_S, Driven
 from bench.faults.standin import FINDS, PLANS
 

@@ -17,9 +17,11 @@ import anyio
 import numpy as np
 from anyio import to_thread
 from anyio.from_thread import BlockingPortal
+from app.recording.preflight import Room
+from app.recording.studio import open_studio
 
-from app.core.channel import ChannelFull, Lossless
-from app.core.control import EndRequest, Lease, ModeName, ModeRequest
+from app.core.dialogue.control import EndRequest, Lease, ModeName, ModeRequest
+from app.core.dialogue.requests import Request
 from app.core.errors import DipacError
 from app.core.messages import (
     ArmState,
@@ -33,12 +35,10 @@ from app.core.messages import (
     StopRequest,
     fresh_id,
 )
-from app.core.processes import process
-from app.core.requests import Request
-from app.core.worker import Worker
+from app.core.system.channel import ChannelFull, Lossless
+from app.core.system.processes import process
+from app.core.system.worker import Worker
 from app.flow import Flow
-from app.recording.preflight import Room
-from app.recording.studio import open_studio
 from app.rig.simulated.cameras import table_cameras
 from app.rig.simulated.rig import SimulatedRig, simulated_rig
 from app.tasks.base import EpisodeConfig, Preset

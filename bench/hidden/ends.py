@@ -17,8 +17,8 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Float64
 
+from app.core.geometry.orientation import UNKNOWN
 from app.core.messages import Executed, MessageId, Model, Transition, fresh_id
-from app.core.orientation import UNKNOWN
 from app.core.types import Centreline, Points
 from app.policy.strokes import PushDesign
 from app.rig.simulated.hiding import InjectionRequest, draw, known, mistuned

@@ -15,7 +15,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from app.core.errors import UsageError
-from app.core.track import Track
+from app.core.geometry.track import Track
 from app.discovery import apparatus
 from app.discovery.apparatus.base import Apparatus, Eye, See, Values
 from app.discovery.dataset.labels import labelled

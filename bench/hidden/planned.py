@@ -20,10 +20,10 @@ from rich.console import Console
 from rich.table import Table
 
 from app.config import Site
-from app.core.chamfer import chamfer_m2
+from app.core.geometry.chamfer import chamfer_m2
+from app.core.geometry.track import Track
 from app.core.messages import Model
 from app.core.motion import TOOL_DOWN, Motion
-from app.core.track import Track
 from app.core.types import Points
 from app.discovery.apparatus.base import Eye
 from app.discovery.dataset.labels import labelled

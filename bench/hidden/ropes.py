@@ -12,7 +12,7 @@ from typing import Final, final
 import numpy as np
 from jaxtyping import Float64
 
-from app.core.stage import RopeModel
+from app.core.geometry.stage import RopeModel
 from app.core.task_name import recorded
 from app.core.types import Cloud, Points
 from app.discovery.dataset.study import Push, Study, View

@@ -13,7 +13,7 @@ import numpy as np
 import optax
 from jaxtyping import Array, Bool, Float, Float32, Float64, Int
 
-from app.core.chamfer import chamfer_m2
+from app.core.geometry.chamfer import chamfer_m2
 from bench.pouring.reference import ACTION_UNITS, STEPS, TARGET_M, Outcome, Problem, inside, over_rim_m, poured, reward
 
 Knots: TypeAlias = Float64[np.ndarray, "C K 5"]

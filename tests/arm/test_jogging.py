@@ -13,8 +13,8 @@ from scipy.spatial.transform import Rotation
 from app.arm.gate import begin
 from app.arm.jogging import Jogging
 from app.config import KeepOut, Limits, Site
+from app.core.dialogue.jog import Jog
 from app.core.errors import MotionRefused
-from app.core.jog import Jog
 from app.core.motion import pointing_down
 from app.rig.simulated.arm_control import ArmControl
 from tests.flow.rig import TickedArm

@@ -10,8 +10,8 @@ from app import cells
 from app.cells.cell_file import far_corner, limits, load_cell
 from app.config import KeepOut, Limits, Site, Workspace
 from app.core.errors import RecordingError, UsageError
+from app.core.geometry.table_place import TablePlace
 from app.core.motion import pointing_down
-from app.core.table_place import TablePlace
 from app.rig.kinova.gen3 import GRIPPER_M, reach
 from tests.conftest import ROOT
 

@@ -15,9 +15,9 @@ from app.cells import replayed
 from app.cells.base import Wanted
 from app.config import Site
 from app.core.errors import UsageError
+from app.core.geometry.stage import Stage
+from app.core.geometry.table_place import AT_BASE, TablePlace
 from app.core.messages import ArmState, Episode
-from app.core.stage import Stage
-from app.core.table_place import AT_BASE, TablePlace
 from app.rig.kinova import gen3
 from tests.recording.films import filmed, frames, states
 from tests.recording.samples import Maker

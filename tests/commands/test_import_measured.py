@@ -10,7 +10,7 @@ import pytest
 
 from app.commands.import_ import import_
 from app.core.errors import RecordingError
-from app.core.stage import Finger
+from app.core.geometry.stage import Finger
 from app.discovery.checks.limits import limits_of
 from app.discovery.checks.placement import centred, reach_m
 from app.discovery.dataset.study import Study

@@ -7,8 +7,8 @@ import pytest
 
 from app.commands._episode import EpisodeReport, RunOptions
 from app.commands.run import run
+from app.core.dialogue.summary import Summary
 from app.core.messages import Particles, fresh_id
-from app.core.summary import Summary
 from app.ui.terminal import Output
 
 GOAL = np.zeros((1, 3), dtype=np.float32)

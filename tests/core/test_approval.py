@@ -5,7 +5,7 @@ import dataclasses
 import numpy as np
 import pytest
 
-from app.core.approval import ApprovalGate, Approved, drift
+from app.core.dialogue.approval import ApprovalGate, Approved, drift
 from app.core.errors import ApprovalRefused
 from app.core.messages import Branch, Decision, Particles, Proposal, fresh_id
 from app.core.motion import Motion

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from app.core.bowls import cap_centroid_m, cap_depth_m, centre_of_bowl
+from app.core.geometry.bowls import cap_centroid_m, cap_depth_m, centre_of_bowl
 
 RADIUS_M = 0.055
 

@@ -8,7 +8,7 @@ import anyio
 import pytest
 from anyio.lowlevel import checkpoint
 
-from app.core.channel import ChannelFull, Latest, Lossless
+from app.core.system.channel import ChannelFull, Latest, Lossless
 
 pytestmark = pytest.mark.anyio
 

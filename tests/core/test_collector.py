@@ -6,8 +6,8 @@ from collections.abc import Iterator
 
 import pytest
 
-from app.core import collector
-from app.core.collector import paused_collection, spared_collection
+from app.core.system import collector
+from app.core.system.collector import paused_collection, spared_collection
 
 
 class Knot:

@@ -2,8 +2,10 @@
 
 import pytest
 
-from app.core import approval, channel, errors, worker
+from app.core import errors
+from app.core.dialogue import approval
 from app.core.errors import DipacError, ParameterError, UsageError
+from app.core.system import channel, worker
 
 
 def subclasses(error: type[DipacError]) -> list[type[DipacError]]:

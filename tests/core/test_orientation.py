@@ -6,7 +6,7 @@ import pickle
 import numpy as np
 import pytest
 
-from app.core.orientation import SURE, UNKNOWN, Orientation
+from app.core.geometry.orientation import SURE, UNKNOWN, Orientation
 from app.core.types import Centreline
 
 NODES = 33

@@ -6,8 +6,8 @@ from multiprocessing.queues import SimpleQueue
 
 import pytest
 
-from app.core.processes import in_real_time, may_run_in_real_time, start_ordinary
-from app.core.ring import SPAWN
+from app.core.system.processes import in_real_time, may_run_in_real_time, start_ordinary
+from app.core.system.ring import SPAWN
 
 
 def _policy_of_thread() -> int:

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from app.core.ring import Ring, Stamp
+from app.core.system.ring import Ring, Stamp
 
 RECORD = np.dtype([("number", "i8"), ("values", "f8", (3,))])
 

@@ -6,7 +6,7 @@ from typing import get_args
 import pytest
 
 from app.core.errors import UsageError
-from app.core.stage import Rope, RopeModel, Stage
+from app.core.geometry.stage import Rope, RopeModel, Stage
 from app.tasks import load, names
 
 STAGES = {name: load(name).stage for name in names()}

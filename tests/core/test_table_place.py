@@ -6,8 +6,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
+from app.core.geometry.table_place import AT_BASE, TablePlace
 from app.core.motion import pointing_down
-from app.core.table_place import AT_BASE, TablePlace
 from tests.recording.test_calibration_file import camera
 
 PLACES = st.builds(TablePlace, place_m=st.tuples(*[st.floats(-1, 1)] * 3), turn_deg=st.floats(-180, 180))

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from app.core.tool_surface import ToolView, fitted_tool, middle_of
+from app.core.geometry.tool_surface import ToolView, fitted_tool, middle_of
 
 NOISE_M = 1e-3
 

@@ -7,9 +7,9 @@ import numpy as np
 import pytest
 from anyio import to_thread
 
-from app.core.camera import CameraModel
 from app.core.errors import DeviceError
-from app.core.ring import Ring
+from app.core.geometry.camera import CameraModel
+from app.core.system.ring import Ring
 from app.core.view import SharedMemoryCamera, image_ring
 
 MODEL = CameraModel(name="left", width=4, height=3, K=np.eye(3), T_world_camera=np.eye(4), depth_unit_m=0.001)

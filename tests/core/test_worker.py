@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from app.core.errors import PerceptionError, WorkerError
-from app.core.worker import Worker
+from app.core.system.worker import Worker
 
 pytestmark = pytest.mark.anyio
 

@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from app.core.track import Track
+from app.core.geometry.track import Track
 from app.discovery import apparatus
 from app.discovery.apparatus.base import Apparatus, Eye, Load
 from app.sim.files import files_of

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from app.core.track import Track
+from app.core.geometry.track import Track
 from app.discovery.apparatus.base import Eye, Load
 from app.discovery.dataset.study import Push, Study, View
 from app.discovery.dataset.subject import Theta, catalogue

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from app.core.track import Track
+from app.core.geometry.track import Track
 from app.discovery.checks.limits import limits_of
 from app.discovery.dataset.study import Push, Study, View
 from app.discovery.results.case import Limit

@@ -10,7 +10,7 @@ from jaxtyping import Float64
 
 from app.config import KeepOut, Limits, Site
 from app.core.errors import PlanningError
-from app.core.track import Track
+from app.core.geometry.track import Track
 from app.discovery.dataset.study import View
 from app.discovery.dataset.subject import catalogue
 from app.discovery.experiments.probe import (

@@ -4,7 +4,7 @@ from concurrent.futures import ThreadPoolExecutor
 
 import pytest
 
-from app.core.control import MODES, ModeName
+from app.core.dialogue.control import MODES, ModeName
 from bench.faults.injections import KINDS, Kind, kinds
 from bench.faults.suffered import Came, sequence
 

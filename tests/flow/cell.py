@@ -11,11 +11,11 @@ import anyio
 import numpy as np
 
 from app.config import Limits, Site, Timing, Workspace
-from app.core.approval import Approved
-from app.core.channel import Lossless
-from app.core.checklist import ChecklistRequest
-from app.core.control import ModeName, ModeRequest
-from app.core.jog import Jog
+from app.core.dialogue.approval import Approved
+from app.core.dialogue.checklist import ChecklistRequest
+from app.core.dialogue.control import ModeName, ModeRequest
+from app.core.dialogue.jog import Jog
+from app.core.dialogue.requests import Request
 from app.core.messages import (
     Decision,
     Executed,
@@ -29,7 +29,7 @@ from app.core.messages import (
     StopRequest,
     fresh_id,
 )
-from app.core.requests import Request
+from app.core.system.channel import Lossless
 from app.flow import Flow
 from app.tasks.base import EpisodeConfig, Preset
 from app.tasks.rope_push import TASK

@@ -19,13 +19,13 @@ import numpy as np
 
 import app.tasks
 from app.config import KeepOut, Site
-from app.core.chamfer import chamfer_m2
 from app.core.errors import PlanningError
+from app.core.geometry.chamfer import chamfer_m2
+from app.core.geometry.orientation import Orientation
 from app.core.messages import Branch, Model
 from app.core.motion import Motion
-from app.core.orientation import Orientation
+from app.core.system.worker import Worker
 from app.core.types import Centreline, Points
-from app.core.worker import Worker
 from app.planner.method import Method
 from app.planner.search.request import PlanRequest
 from app.tasks.jobs import plan, warm_up_stage

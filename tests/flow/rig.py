@@ -14,11 +14,11 @@ import numpy as np
 
 from app.arm.gate import begin
 from app.config import Site
-from app.core.approval import Approved
-from app.core.camera import CameraModel
+from app.core.dialogue.approval import Approved
+from app.core.dialogue.jog import Jog
 from app.core.errors import ApprovalRefused, DeviceError, MotionRefused
-from app.core.jog import Jog
-from app.core.limbs import ArmShape
+from app.core.geometry.camera import CameraModel
+from app.core.geometry.limbs import ArmShape
 from app.core.messages import ArmState, Executed, Frame, MessageId, fresh_id
 from app.core.motion import pointing_down
 from app.core.refusal import Refusal

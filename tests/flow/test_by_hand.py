@@ -7,7 +7,7 @@ import anyio
 import numpy as np
 import pytest
 
-from app.core.control import EndRequest, Lease, Mode
+from app.core.dialogue.control import EndRequest, Lease, Mode
 from app.core.messages import Executed, Health, Notice, Outcome, Particles, Proposal, Transition, fresh_id
 from tests.flow.cell import Run, for_a_while, jogs, running, small_site, small_wish, some
 from tests.flow.planner import Habits

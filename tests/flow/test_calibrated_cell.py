@@ -11,13 +11,13 @@ import pytest
 
 from app.config import Site
 from app.core.announcer import Announcer
-from app.core.channel import Latest
-from app.core.jog import Jog
+from app.core.dialogue.jog import Jog
+from app.core.dialogue.placing import Placing
+from app.core.dialogue.requests import CalibrationAct, CalibrationRequest
+from app.core.dialogue.summary import Summary
 from app.core.messages import Frame, Message, Notice, fresh_id
-from app.core.placing import Placing
 from app.core.ports import Camera
-from app.core.requests import CalibrationAct, CalibrationRequest
-from app.core.summary import Summary
+from app.core.system.channel import Latest
 from app.flow.calibrating import Calibrating
 from app.recording.calibration_file import CalibrationFile
 from app.rig.simulated.held_board import HeldBoard

@@ -11,13 +11,13 @@ from scipy.spatial.transform import Rotation
 
 from app.config import Limits, Site, Timing, Workspace
 from app.core.announcer import Announcer
-from app.core.camera import CameraModel
-from app.core.channel import Latest
-from app.core.control import ModeName
+from app.core.dialogue.control import ModeName
+from app.core.dialogue.placing import BoardSeen, Placing
+from app.core.dialogue.requests import CalibrationAct, CalibrationRequest, Request
+from app.core.dialogue.summary import Summary
+from app.core.geometry.camera import CameraModel
 from app.core.messages import ArmState, Frame, Message, Notice, fresh_id
-from app.core.placing import BoardSeen, Placing
-from app.core.requests import CalibrationAct, CalibrationRequest, Request
-from app.core.summary import Summary
+from app.core.system.channel import Latest
 from app.flow.calibrating import Calibrating
 from app.perception.calibration.se3 import exp, inverse, transform
 from app.recording.calibration_file import CalibrationFile

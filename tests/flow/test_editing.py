@@ -6,9 +6,9 @@ import pytest
 
 from app.config import Site
 from app.core.announcer import Announcer
+from app.core.dialogue.requests import EditRequest
+from app.core.dialogue.summary import Summary
 from app.core.messages import Goal, Notice, fresh_id
-from app.core.requests import EditRequest
-from app.core.summary import Summary
 from app.flow.editing import Editing
 from app.tasks import load, nominal_model
 from app.tasks.base import EpisodeConfig

@@ -7,9 +7,9 @@ import anyio
 import numpy as np
 import pytest
 
-from app.core.approval import Approved
-from app.core.control import Mode
-from app.core.doubt import Watched
+from app.core.dialogue.approval import Approved
+from app.core.dialogue.control import Mode
+from app.core.dialogue.doubt import Watched
 from app.core.errors import DeviceError, MotionRefused, PlanningError
 from app.core.messages import ArmState, Executed, Fault, Notice, Outcome, Proposal, ResumeRequest, Transition
 from app.tasks.aim import Near

@@ -9,7 +9,7 @@ from collections.abc import AsyncIterator
 import numpy as np
 import pytest
 
-from app.core.approval import Approved, drift
+from app.core.dialogue.approval import Approved, drift
 from app.core.messages import (
     ArmState,
     Executed,

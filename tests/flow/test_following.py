@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from app.config import Site
-from app.core.limbs import Posture
+from app.core.geometry.limbs import Posture
 from app.flow.following import Following, posed
 from tests.flow.rig import TickedArm
 

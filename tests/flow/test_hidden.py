@@ -10,11 +10,11 @@ import pytest
 
 from app.config import Site
 from app.core.announcer import Announcer
-from app.core.camera import CameraModel
-from app.core.limbs import ArmShape
+from app.core.dialogue.requests import Request
+from app.core.dialogue.summary import Summary
+from app.core.geometry.camera import CameraModel
+from app.core.geometry.limbs import ArmShape
 from app.core.messages import Frame, Message, Notice, Particles, fresh_id
-from app.core.requests import Request
-from app.core.summary import Summary
 from app.flow.sensing import Sensing, forgotten
 from app.perception.reconstruct import Reconstruction
 from app.rig.simulated.limbs import known_arm

@@ -7,9 +7,9 @@ import numpy as np
 import pytest
 
 from app.core.announcer import Announcer
+from app.core.dialogue.requests import ModelRequest, Request
+from app.core.dialogue.summary import Summary
 from app.core.messages import Extension, Message, Model, Notice, Parameter, fresh_id
-from app.core.requests import ModelRequest, Request
-from app.core.summary import Summary
 from app.flow.modelling import Modelling, Taken
 from app.tasks.compiled import nominal_model
 from tests.flow.cell import LoopClock, MemoryLog

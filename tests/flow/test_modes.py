@@ -6,8 +6,9 @@ import anyio
 import numpy as np
 import pytest
 
-from app.core.approval import Approved
-from app.core.control import EndRequest, Lease, Mode
+from app.core.dialogue.approval import Approved
+from app.core.dialogue.control import EndRequest, Lease, Mode
+from app.core.dialogue.requests import GoalRequest, GoalSource, PictureGoalRequest
 from app.core.messages import (
     ArmState,
     Decision,
@@ -21,7 +22,6 @@ from app.core.messages import (
     Proposal,
     fresh_id,
 )
-from app.core.requests import GoalRequest, GoalSource, PictureGoalRequest
 from tests.flow.cell import Run, for_a_while, pushes, running, small_site, small_wish, some, withdrawn
 from tests.flow.planner import Habits
 

@@ -6,8 +6,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from app.core.geometry.orientation import Orientation
 from app.core.messages import MessageId, Model, Notice, Proposal, Transition
-from app.core.orientation import Orientation
 from tests.flow.cell import running, small_site, small_wish
 
 pytestmark = [pytest.mark.anyio, pytest.mark.usefixtures("virtual_time")]

@@ -10,9 +10,9 @@ import numpy as np
 import pytest
 
 from app.config import KeepOut, Limits
-from app.core.approval import Approved
-from app.core.checklist import Checklist
-from app.core.control import Lease, Mode
+from app.core.dialogue.approval import Approved
+from app.core.dialogue.checklist import Checklist
+from app.core.dialogue.control import Lease, Mode
 from app.core.messages import Executed, Health, Notice, Proposal, Transition, fresh_id
 from tests.flow.cell import Run, for_a_while, jogs, pushes, running, small_site, small_wish, some
 from tests.flow.rig import SmallRig

@@ -8,10 +8,10 @@ import pytest
 
 from app.config import Site
 from app.core.announcer import Announcer
+from app.core.dialogue.summary import Summary
+from app.core.geometry.track import Track
 from app.core.messages import Episode, Executed, Goal, MessageId, Notice, Particles, Transition, fresh_id
 from app.core.motion import Motion
-from app.core.summary import Summary
-from app.core.track import Track
 from app.flow.asking import Asking
 from app.flow.probing import Probing
 from app.flow.sensing import Sensing

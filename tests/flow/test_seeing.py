@@ -4,16 +4,16 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from app.recording.codec import decode, encode
 
 from app.core.colours import ColourRange
+from app.core.dialogue.requests import ColourRequest
+from app.core.dialogue.seeing import Seen
 from app.core.errors import DeviceError, ParameterError, PerceptionError, UsageError
 from app.core.messages import fresh_id
-from app.core.requests import ColourRequest
-from app.core.seeing import Seen
 from app.flow.seeing import Seeing, credible, placed, seen
 from app.perception.learned import load_segmenter
 from app.perception.reconstruct import Reconstruction, looked, reconstruct
-from app.recording.codec import decode, encode
 from tests.perception.onnx_model import convolution
 from tests.perception.scene import ROPE_RGB, random_tube, views
 

@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 
 from app.core.announcer import Announcer
-from app.core.doubt import Verdict, Watched
+from app.core.dialogue.doubt import Verdict, Watched
+from app.core.dialogue.summary import Summary
 from app.core.messages import Message, Model, Notice, Transition, fresh_id
-from app.core.summary import Summary
 from app.discovery.monitor.watch import FIRST
 from app.flow.watching import ExecutedPush, Watching
 from tests.flow.cell import LoopClock, MemoryLog, Request

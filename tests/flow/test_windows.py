@@ -6,9 +6,9 @@ import anyio
 import numpy as np
 import pytest
 
-from app.core.approval import Approved
-from app.core.control import EndRequest, Mode
-from app.core.jog import Jog
+from app.core.dialogue.approval import Approved
+from app.core.dialogue.control import EndRequest, Mode
+from app.core.dialogue.jog import Jog
 from app.core.messages import Executed, Health, Notice, Proposal, Transition, fresh_id
 from tests.flow.cell import Run, for_a_while, jogs, running, small_site, small_wish, some
 

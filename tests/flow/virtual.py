@@ -13,7 +13,7 @@ import pytest
 from anyio import to_thread
 
 from app.core.errors import DipacError, WorkerError
-from app.core.worker import Worker
+from app.core.system.worker import Worker
 
 _BEGIN_S, _MOMENT_S = 1000.0, 1e-9
 

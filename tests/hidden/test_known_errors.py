@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from app.core.errors import UsageError
-from app.core.track import Track
+from app.core.geometry.track import Track
 from app.discovery.apparatus.base import Eye, Load
 from app.discovery.dataset.labels import labelled
 from app.discovery.dataset.study import Study

@@ -10,9 +10,9 @@ import cv2
 import numpy as np
 
 from app.config import Workspace
-from app.core.camera import CameraModel
+from app.core.geometry.camera import CameraModel
 from app.core.messages import Frame, fresh_id
-from app.core.native import load_open3d
+from app.core.system.native import load_open3d
 from app.tasks.curves import random_curve
 from bench.tube import Tube
 

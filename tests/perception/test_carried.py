@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from app.core.finger_distance import from_core
+from app.core.geometry.finger_distance import from_core
+from app.core.geometry.stage import Gripper, Tool
 from app.core.motion import TOOL_DOWN
-from app.core.stage import Gripper, Tool
 from app.perception.carried import carried
 from app.tasks.bean_sweep import PADDLE
 from app.tasks.rope_push import FINGER

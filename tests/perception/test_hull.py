@@ -8,9 +8,9 @@ from scipy.spatial import KDTree
 
 from app.core.colours import ColourRange, colour_mask
 from app.core.errors import PerceptionError
-from app.core.limbs import ArmShape, Limb, Posture
+from app.core.geometry.limbs import ArmShape, Limb, Posture
+from app.core.geometry.stage import HeldBowl
 from app.core.messages import Frame
-from app.core.stage import HeldBowl
 from app.perception.depth import project
 from app.perception.hull import VOXEL_M
 from app.perception.reconstruct import Known, Reconstruction, reconstruct

@@ -7,9 +7,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from app.core.chamfer import chamfer_m2
 from app.core.colours import ColourRange
 from app.core.errors import UsageError
+from app.core.geometry.chamfer import chamfer_m2
 from app.perception.learned import load_segmenter
 from app.perception.reconstruct import Reconstruction, reconstruct
 from tests.perception.onnx_model import convolution

@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
-from app.core.chamfer import chamfer_m2
+from app.core.geometry.chamfer import chamfer_m2
+from app.core.geometry.stage import Bowl
 from app.core.motion import pointing_down
-from app.core.stage import Bowl
 from app.core.types import Points
 from app.perception.reconstruct import _pools, reconstruct
 from app.perception.resample import resample

@@ -5,10 +5,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from app.core.camera import CameraModel
-from app.core.limbs import Posture
+from app.core.geometry.camera import CameraModel
+from app.core.geometry.limbs import Posture
+from app.core.geometry.stage import Finger, Paddle, Stage
 from app.core.motion import TOOL_DOWN
-from app.core.stage import Finger, Paddle, Stage
 from app.perception.shadow import pieces, shadow
 from app.rig.simulated.arm_model import link_frames, solve_joints
 from app.rig.simulated.cameras import CameraNoise, table_cameras

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from app.core.colours import ColourRange
+from app.core.geometry.stage import Finger, Rope, Stage
 from app.core.messages import Frame, fresh_id
-from app.core.stage import Finger, Rope, Stage
 from app.perception.reconstruct import Reconstruction, reconstruct
 from app.rig.simulated.cameras import table_cameras
 from app.rig.simulated.render import render

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from app.core.bowls import cap_depth_m
+from app.core.geometry.bowls import cap_depth_m
 from app.core.motion import pointing_down
 from app.perception.vessels import Vessel, level_of
 

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from app.config import KeepOut, Reach
-from app.core.chamfer import chamfer_m2
+from app.core.geometry.chamfer import chamfer_m2
 from app.planner.search.cost import Terms, Weights, step_terms
 from tests.planner.table import batch, rope
 

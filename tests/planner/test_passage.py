@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from app.core.chamfer import chamfer_m2
+from app.core.geometry.chamfer import chamfer_m2
 from app.planner.actions.passage import Passage
 
 WALL = Passage(x_m=0.6, low_m=-0.03, high_m=0.03)

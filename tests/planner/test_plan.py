@@ -10,8 +10,8 @@ import pytest
 
 from app.arm.gate import check_motion
 from app.config import KeepOut, Limits, Reach, Site
-from app.core.chamfer import chamfer_m2
 from app.core.errors import PlanningError
+from app.core.geometry.chamfer import chamfer_m2
 from app.planner.search.plan import Plan
 from app.planner.search.request import PlanRequest
 from app.planner.search.tree import moved, roll_out, simulate, start

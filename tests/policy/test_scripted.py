@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from app.config import Site
-from app.core.chamfer import chamfer_m2
+from app.core.geometry.chamfer import chamfer_m2
 from app.core.types import Points
 from app.policy.base import AWAY, Now
 from app.tasks import load

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from app.core.track import Track
+from app.core.geometry.track import Track
 from app.policy.strokes import REGION, PushDesign, midway_s, random_track
 from app.tasks import load
 from app.tasks.curves import fill_tube

@@ -5,7 +5,7 @@ from pathlib import Path
 
 import numpy as np
 
-from app.core.camera import CameraModel
+from app.core.geometry.camera import CameraModel
 from app.core.messages import Episode, Executed, Fault, Frame, Goal, Message, Notice, Outcome, Particles, Transition
 from tests.recording.samples import Maker, record
 

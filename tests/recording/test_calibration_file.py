@@ -9,10 +9,10 @@ import numpy as np
 import pytest
 import tomli_w
 
-from app.core.charuco import Charuco
 from app.core.errors import RecordingError, UsageError
-from app.core.hand_eye import HandEye, LastCheck, Spread
-from app.core.lens import Lens
+from app.core.geometry.charuco import Charuco
+from app.core.geometry.hand_eye import HandEye, LastCheck, Spread
+from app.core.geometry.lens import Lens
 from app.recording.calibration_file import load_cameras, load_lens, note_check, save_camera
 
 

@@ -13,14 +13,6 @@ from typing import cast
 import anyio
 import pytest
 from anyio import to_thread
-
-from app.__main__ import main
-from app.core.control import Mode
-from app.core.errors import PreflightError, RecordingError
-from app.core.messages import Episode, Frame, Goal, Message, MessageId, Model, Notice
-from app.core.ports import Recorder
-from app.core.ports import Studio as Port
-from app.recording import digests
 from app.recording.channels import TOPICS
 from app.recording.checks import check
 from app.recording.label import labels
@@ -29,6 +21,14 @@ from app.recording.reader import read_messages, read_transitions
 from app.recording.recover import recover
 from app.recording.shelf import counted_once, entry
 from app.recording.studio import SessionRecorder, open_studio
+
+from app.__main__ import main
+from app.core.dialogue.control import Mode
+from app.core.errors import PreflightError, RecordingError
+from app.core.messages import Episode, Frame, Goal, Message, MessageId, Model, Notice
+from app.core.ports import Recorder
+from app.core.ports import Studio as Port
+from app.recording import digests
 from tests.recording.demonstrations import PARTICLES, PUSHES, messages
 from tests.recording.samples import Maker, same_as_read
 from tests.recording.test_foxglove import lines, metadata

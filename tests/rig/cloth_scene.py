@@ -2,8 +2,8 @@
 
 import numpy as np
 
+from app.core.geometry.stage import Cloth, Gripper, Rack, Stage
 from app.core.motion import pointing_down
-from app.core.stage import Cloth, Gripper, Rack, Stage
 from app.core.types import ToolPose
 from app.rig.simulated.cloth_world import ClothWorld
 

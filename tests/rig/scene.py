@@ -2,9 +2,9 @@
 
 import numpy as np
 
-from app.core.approval import Approved
+from app.core.dialogue.approval import Approved
+from app.core.geometry.stage import Finger, Rope
 from app.core.motion import Motion
-from app.core.stage import Finger, Rope
 from bench.approval import approved as approved_over
 
 ROPE = Rope(length_m=0.40, radius_m=0.008, mass_kg=0.08, colour=(0.9, 0.25, 0.08))

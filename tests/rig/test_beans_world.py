@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
+from app.core.geometry.stage import Stage
 from app.core.motion import TOOL_DOWN
-from app.core.stage import Stage
 from app.core.types import ToolPose
 from app.rig.simulated.appearance import surfaces
 from app.rig.simulated.arm_model import link_frames

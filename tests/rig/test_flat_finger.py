@@ -7,8 +7,8 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from app.core.finger_distance import from_core
-from app.core.stage import Finger, RopeModel
+from app.core.geometry.finger_distance import from_core
+from app.core.geometry.stage import Finger, RopeModel
 from app.policy.strokes import PushDesign
 from app.rig.simulated.physics import ROPE_WORLDS, WorldPhysics
 from app.rig.simulated.rehearsal import rehearse

@@ -6,7 +6,7 @@ from datetime import date
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from app.core.lens import Lens
+from app.core.geometry.lens import Lens
 from app.core.motion import TOOL_DOWN
 from app.perception.calibration.se3 import moved
 from app.perception.calibration.sight import sight

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from app.core.errors import ParameterError, UsageError
-from app.core.stage import Rope
+from app.core.geometry.stage import Rope
 from app.rig.simulated.hiding import IMPOSSIBLE, MISTUNED, InjectionRequest, draw, known, mistuned
 from app.rig.simulated.physics import ROPE_WORLDS, WorldPhysics, sized
 

@@ -15,7 +15,7 @@ import pytest
 
 from app.config import Site
 from app.core.errors import DeviceError
-from app.core.stage import Stage
+from app.core.geometry.stage import Stage
 from app.rig.simulated.rig import SimulatedRig, simulated_rig
 from tests.conftest import ROOT
 from tests.rig.scene import FINGER, ROPE, approved, push, straight_rope
@@ -94,7 +94,7 @@ _OPEN_AND_WAIT = """
 import sys
 import anyio
 import numpy as np
-from app.core.jog import Jog
+from app.core.dialogue.jog import Jog
 from tests.rig.test_processes import opened, process_ids
 
 async def main(jogging):

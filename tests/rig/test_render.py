@@ -5,8 +5,8 @@ import dataclasses
 import numpy as np
 import pytest
 
-from app.core.camera import CameraModel
-from app.core.stage import Stage
+from app.core.geometry.camera import CameraModel
+from app.core.geometry.stage import Stage
 from app.rig.simulated.cameras import CameraNoise, table_cameras
 from app.rig.simulated.render import render
 from app.rig.simulated.rope_world import RopeWorld

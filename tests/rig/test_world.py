@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from app.config import Workspace
-from app.core.stage import RopeModel, Stage
+from app.core.geometry.stage import RopeModel, Stage
 from app.policy.strokes import PushDesign
 from app.rig.simulated.kinds import kind_of
 from app.rig.simulated.physics import ROPE_WORLDS, WorldPhysics

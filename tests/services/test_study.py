@@ -7,8 +7,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from app.core.camera import CameraModel
 from app.core.errors import RecordingError, UsageError
+from app.core.geometry.camera import CameraModel
 from app.core.messages import Episode, Executed, Frame, Message, Particles, Sighting, Transition
 from app.discovery.dataset.study import Study
 from app.services.study import read_study

@@ -7,7 +7,7 @@ import pytest
 
 from app.config import Site
 from app.core.errors import PlanningError
-from app.core.track import Track
+from app.core.geometry.track import Track
 from app.planner.actions.actions import Pushes
 from app.policy.strokes import PushDesign, random_track
 from app.tasks import load, nominal_model

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from app.config import Site
-from app.core.chamfer import chamfer_m2
+from app.core.geometry.chamfer import chamfer_m2
 from app.perception.reconstruct import reconstruct
 from app.planner.search.tree import first_action
 from app.policy.base import AWAY, Now

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from app.core.chamfer import chamfer_m2
+from app.core.geometry.chamfer import chamfer_m2
 from app.tasks import load
 from app.tasks.curves import CurveSampler, RopeProblems, fill_tube
 

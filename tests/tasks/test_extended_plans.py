@@ -14,7 +14,7 @@ import numpy as np
 import pytest
 
 from app.config import Site
-from app.core.chamfer import chamfer_m2
+from app.core.geometry.chamfer import chamfer_m2
 from app.core.messages import Extension, Model, Parameter
 from app.core.motion import Motion
 from app.core.types import Path3, Points

@@ -12,9 +12,9 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
+from app.core.geometry.orientation import UNKNOWN, Orientation
 from app.core.messages import Executed, MessageId, Model, Transition, fresh_id
 from app.core.motion import TOOL_DOWN
-from app.core.orientation import UNKNOWN, Orientation
 from app.core.types import Centreline, Points
 from app.evaluation.play import EvaluationConfig, play
 from app.planner.method import DIPAC

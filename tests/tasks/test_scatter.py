@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from app.core.chamfer import chamfer_m2
+from app.core.geometry.chamfer import chamfer_m2
 from app.tasks.aim import OnMat
 from app.tasks.bean_sweep import BEANS, MAT, TASK
 from app.tasks.scatter import BeanProblems

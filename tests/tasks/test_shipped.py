@@ -5,7 +5,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from app.core.chamfer import chamfer_m2
+from app.core.geometry.chamfer import chamfer_m2
 from app.policy.base import Now
 from app.policy.learned.base import LearnedPolicy
 from app.policy.learned.file import load_policy

@@ -6,7 +6,7 @@ from functools import cache
 import numpy as np
 import pytest
 
-from app.core.track import Track
+from app.core.geometry.track import Track
 from app.discovery.dataset.study import Push, Study, View
 from app.discovery.dataset.subject import catalogue
 from app.discovery.residuals.predict import Predictor, prepare

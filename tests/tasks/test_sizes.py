@@ -6,8 +6,8 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from app.core.finger_distance import from_core
-from app.core.stage import Finger
+from app.core.geometry.finger_distance import from_core
+from app.core.geometry.stage import Finger
 from app.core.task_name import TaskName
 from app.sim.model.params import index
 from app.sim.rods.state import RodState

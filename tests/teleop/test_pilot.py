@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from app.config import Limits
-from app.core.jog import Jog
+from app.core.dialogue.jog import Jog
 from app.core.motion import pointing_down
 from app.teleop.pilot import Pilot
 

@@ -14,8 +14,8 @@ from anyio.from_thread import start_blocking_portal
 from playwright.sync_api import ConsoleMessage, Page, sync_playwright
 
 from app.config import Limits
-from app.core.control import Lease
-from app.core.jog import Jog
+from app.core.dialogue.control import Lease
+from app.core.dialogue.jog import Jog
 from app.core.motion import pointing_down
 from app.teleop import Pilot
 from app.teleop.sample import Sample, read_sample

@@ -4,9 +4,10 @@ import time
 
 import numpy as np
 
-from app.core.camera import CameraModel
 from app.core.colours import ColourRange, colour_mask
-from app.core.control import Mode, ModeName
+from app.core.dialogue.control import Mode, ModeName
+from app.core.dialogue.seeing import Seen
+from app.core.geometry.camera import CameraModel
 from app.core.messages import (
     ArmMode,
     ArmState,
@@ -27,7 +28,6 @@ from app.core.messages import (
     fresh_id,
 )
 from app.core.motion import Motion
-from app.core.seeing import Seen
 
 N = 300
 MOMENTS = 9

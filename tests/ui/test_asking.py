@@ -11,11 +11,11 @@ import pytest
 from PIL import Image
 from playwright.sync_api import Page, expect
 
-from app.core.checklist import CheckedBy, CheckItem, Checklist, ChecklistRequest
-from app.core.control import EndRequest, Lease, Mode, ModeRequest
+from app.core.dialogue.checklist import CheckedBy, CheckItem, Checklist, ChecklistRequest
+from app.core.dialogue.control import EndRequest, Lease, Mode, ModeRequest
+from app.core.dialogue.requests import ClipRequest, GoalRequest, PictureGoalRequest, ProbeRequest, TakeRequest
+from app.core.dialogue.takes import Take
 from app.core.messages import Fault, Notice, fresh_id
-from app.core.requests import ClipRequest, GoalRequest, PictureGoalRequest, ProbeRequest, TakeRequest
-from app.core.takes import Take
 from tests.ui import synthetic
 from tests.ui.conftest import Served
 from tests.ui.test_browser import APPROVE, choose, opened, wait_until

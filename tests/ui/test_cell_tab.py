@@ -4,7 +4,7 @@ import pytest
 from playwright.sync_api import Page, expect
 
 from app.core.colours import ColourRange
-from app.core.requests import ColourRequest
+from app.core.dialogue.requests import ColourRequest
 from tests.ui import synthetic
 from tests.ui.conftest import Served
 from tests.ui.test_browser import choose, opened

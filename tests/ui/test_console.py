@@ -16,7 +16,7 @@ import viser
 from aiohttp import web
 from yarl import URL
 
-from app.core.control import Lease
+from app.core.dialogue.control import Lease
 from app.core.errors import PreflightError
 from app.core.messages import Decision, StopRequest
 from app.ui import Console, open_console

@@ -6,9 +6,9 @@ from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
 
-from app.core.control import Lease
+from app.core.dialogue.control import Lease
+from app.core.dialogue.requests import ColourRequest, EditRequest, ModelRequest
 from app.core.messages import Decision, Fault, Notice, ResumeRequest, StopRequest, fresh_id
-from app.core.requests import ColourRequest, EditRequest, ModelRequest
 from app.ui.desk import Desk, Request
 from tests.ui import synthetic
 

@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from app.core.doubt import Blamed, Verdict, Watched
+from app.core.dialogue.doubt import Blamed, Verdict, Watched
 from app.core.messages import Transition, fresh_id
 from app.ui import cards, doubt, words
 from app.ui.board import Board

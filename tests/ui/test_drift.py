@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from app.config import Timing
-from app.core.approval import drift
+from app.core.dialogue.approval import drift
 from app.ui import cards
 from app.ui.board import Board
 from app.ui.drift import DriftMeter, Moved

@@ -20,8 +20,8 @@ import zstandard
 from yarl import URL
 
 from app.config import Limits
-from app.core.control import Lease
-from app.core.jog import Jog
+from app.core.dialogue.control import Lease
+from app.core.dialogue.jog import Jog
 from app.core.messages import Notice, fresh_id
 from app.core.motion import pointing_down
 from app.teleop import Pilot

@@ -6,8 +6,8 @@ from pathlib import Path
 import pytest
 from playwright.sync_api import Page, expect
 
+from app.core.dialogue.requests import ModelRequest
 from app.core.messages import Parameter
-from app.core.requests import ModelRequest
 from app.recording.model_file import save_model
 from tests.ui import synthetic
 from tests.ui.conftest import Served

@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 from playwright.sync_api import Page, expect
 
-from app.core.hand_eye import Spread
+from app.core.dialogue.placing import BoardSeen, Checked, Placed, Placing, TakenView
+from app.core.dialogue.requests import CalibrationRequest
+from app.core.geometry.hand_eye import Spread
 from app.core.messages import fresh_id
-from app.core.placing import BoardSeen, Checked, Placed, Placing, TakenView
-from app.core.requests import CalibrationRequest
 from app.ui import palette
 from app.ui.board import Board
 from app.ui.placing import cards

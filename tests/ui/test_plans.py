@@ -8,8 +8,8 @@ import pytest
 from playwright.sync_api import Locator, Page, expect
 
 from app.config import Workspace
+from app.core.dialogue.requests import EditRequest
 from app.core.messages import Proposal
-from app.core.requests import EditRequest
 from app.ui.plans.look import BEST, NONE, names
 from tests.ui import synthetic
 from tests.ui.conftest import Served

@@ -6,7 +6,7 @@ import viser
 import zstandard
 
 from app.config import KeepOut, Limits
-from app.core.table_place import AT_BASE, TablePlace
+from app.core.geometry.table_place import AT_BASE, TablePlace
 from app.ui import palette
 from app.ui.scene import ConsoleScene
 from app.ui.tool import DrawnGripper, Flat

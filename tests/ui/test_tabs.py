@@ -9,7 +9,7 @@ import pytest
 from viser import ViserServer
 
 from app.config import Limits
-from app.core.requests import Request
+from app.core.dialogue.requests import Request
 from app.ui import palette
 from app.ui.backstage import Backstage
 from app.ui.cell import CellTab

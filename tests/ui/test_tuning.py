@@ -6,7 +6,7 @@ import pytest
 from viser import ViserServer
 
 from app.core.colours import ColourRange
-from app.core.requests import Request
+from app.core.dialogue.requests import Request
 from app.ui.backstage import Backstage
 from app.ui.desk import Desk
 from app.ui.tuning import Tuning

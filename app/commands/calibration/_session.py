@@ -14,9 +14,9 @@ from rich.progress import track
 from rich.text import Text
 from scipy.spatial.transform import Rotation
 
-from app.core.charuco import Charuco
 from app.core.errors import PerceptionError, RecordingError, UsageError
-from app.core.lens import Lens
+from app.core.geometry.charuco import Charuco
+from app.core.geometry.lens import Lens
 from app.core.types import ColourImage, Transform
 from app.perception.calibration.se3 import transform
 from app.perception.calibration.sight import BoardDetection, sight

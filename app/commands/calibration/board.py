@@ -7,8 +7,8 @@ import tyro
 from rich.console import Console
 
 from app.commands._preflight import check_writable
-from app.core.charuco import Charuco
 from app.core.errors import UsageError
+from app.core.geometry.charuco import Charuco
 from app.perception.calibration.sheet import FORMATS, sheet, size_m
 
 _A4 = Charuco()

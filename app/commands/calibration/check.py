@@ -9,8 +9,8 @@ from rich.table import Table
 from rich.text import Text
 
 from app.commands.calibration._session import read_session
-from app.core.charuco import Charuco
-from app.core.hand_eye import LastCheck
+from app.core.geometry.charuco import Charuco
+from app.core.geometry.hand_eye import LastCheck
 from app.perception.calibration.intrinsics import LensCheck, check_lens
 from app.recording.calibration_file import FILE, note_check
 

@@ -13,9 +13,9 @@ from rich.text import Text
 from app.commands._preflight import check_writable
 from app.commands.calibration._session import POSES, read_poses, read_session
 from app.config import Site
-from app.core.charuco import Charuco
 from app.core.errors import UsageError
-from app.core.hand_eye import HandEye, Setup
+from app.core.geometry.charuco import Charuco
+from app.core.geometry.hand_eye import HandEye, Setup
 from app.perception.calibration.next_pose import HandEyeSetup, next_pose
 from app.perception.calibration.se3 import angle, inverse
 from app.perception.calibration.solve import CalibrationView, Solved, ends_of

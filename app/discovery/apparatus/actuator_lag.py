@@ -6,7 +6,7 @@ Dynamic Systems", ch. 3); 30 to 100 ms. Integrated exactly for a command that is
 
 import numpy as np
 
-from app.core.track import Track
+from app.core.geometry.track import Track
 from app.discovery.apparatus.base import Apparatus, Load, Values, one
 
 _LEAST_S = 1e-4

@@ -6,7 +6,7 @@ arm that is new, more of one that is not. Along x and along y each.
 
 import numpy as np
 
-from app.core.track import Track
+from app.core.geometry.track import Track
 from app.discovery.apparatus.base import Apparatus, Load, Values, one
 
 

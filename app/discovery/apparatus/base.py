@@ -12,7 +12,7 @@ from typing import Literal, NamedTuple, TypeAlias, final
 import numpy as np
 from jaxtyping import Float64
 
-from app.core.track import Track
+from app.core.geometry.track import Track
 from app.sim.parameter import ParameterSpec
 
 Values: TypeAlias = Float64[np.ndarray, " V"]

@@ -3,7 +3,7 @@
 Transport and queueing, tens to hundreds of milliseconds. The tool is behind by d times its velocity.
 """
 
-from app.core.track import Track
+from app.core.geometry.track import Track
 from app.discovery.apparatus.base import Apparatus, Load, Values, one
 
 

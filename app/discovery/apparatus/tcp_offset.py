@@ -6,7 +6,7 @@ where the tool never turns, the two cannot be told apart.
 
 from scipy.spatial.transform import Rotation
 
-from app.core.track import Track
+from app.core.geometry.track import Track
 from app.discovery.apparatus.base import Apparatus, Load, Values, lengths
 
 

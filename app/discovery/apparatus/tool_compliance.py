@@ -4,7 +4,7 @@ Hooke's law for finger, gripper and joints together; what bends beyond the arm's
 the same length at every speed, but only in contact.
 """
 
-from app.core.track import Track
+from app.core.geometry.track import Track
 from app.discovery.apparatus.base import Apparatus, Load, Values, one
 
 

@@ -3,7 +3,7 @@
 A gain that is not 1: gear ratio, link lengths, thermal growth. 0.5 to 3 % of the stroke, whatever the speed.
 """
 
-from app.core.track import Track
+from app.core.geometry.track import Track
 from app.discovery.apparatus.base import Apparatus, Load, Values, one
 
 

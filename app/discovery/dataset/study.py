@@ -10,8 +10,8 @@ from typing import final
 import numpy as np
 from jaxtyping import Float64
 
+from app.core.geometry.track import Track
 from app.core.measured_setup import MeasuredSetup
-from app.core.track import Track
 from app.core.types import Cloud, Points
 
 

@@ -7,8 +7,8 @@ from typing import Literal, TypeAlias, final
 import numpy as np
 from jaxtyping import Float32, Float64
 
+from app.core.geometry.stage import Finger
 from app.core.measured_setup import FoundTable, MeasuredSetup, SourcedSize
-from app.core.stage import Finger
 from app.discovery import apparatus as apparatus_files
 from app.discovery.apparatus.base import Apparatus, Values
 from app.sim import effects

@@ -11,7 +11,7 @@ from itertools import combinations
 import numpy as np
 from jaxtyping import Float32, Float64
 
-from app.core.track import Track
+from app.core.geometry.track import Track
 from app.core.types import Points
 from app.discovery.dataset.study import Push, Study, View
 from app.discovery.dataset.subject import Theta

@@ -13,7 +13,7 @@ from jaxtyping import Float32, Float64
 from threadpoolctl import threadpool_limits
 
 from app.core.errors import PlanningError
-from app.core.track import Track
+from app.core.geometry.track import Track
 from app.core.types import Points
 from app.discovery.dataset.labels import labelled
 from app.discovery.dataset.study import Push, Study, View

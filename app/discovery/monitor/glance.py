@@ -7,9 +7,9 @@ from typing import final
 import numpy as np
 from jaxtyping import Float64, Int
 
-from app.core.approval import drift
+from app.core.dialogue.approval import drift
+from app.core.geometry.track import Track
 from app.core.messages import Executed
-from app.core.track import Track
 from app.core.types import Path3, Points
 
 _SHARE = 0.25

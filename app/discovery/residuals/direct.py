@@ -10,7 +10,7 @@ from typing import NamedTuple
 import numpy as np
 from jaxtyping import Bool, Float64
 
-from app.core.tool_surface import ToolView, middle_of
+from app.core.geometry.tool_surface import ToolView, middle_of
 from app.core.types import Cloud
 from app.discovery.apparatus.base import Eye
 from app.discovery.dataset.study import Push

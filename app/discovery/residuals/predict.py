@@ -14,7 +14,7 @@ import numpy as np
 from jaxtyping import Bool, Float32, Float64
 from scipy.spatial import KDTree
 
-from app.core.track import Track
+from app.core.geometry.track import Track
 from app.core.types import Points
 from app.discovery.apparatus.base import Apparatus, Eye, Load, Places
 from app.discovery.dataset.labels import label_of, labelled, middles_of

@@ -9,8 +9,8 @@ from typing import Literal, TypeAlias, final
 import numpy as np
 from jaxtyping import Float32, Float64
 
+from app.core.geometry.track import Track
 from app.core.measured_setup import MeasuredSetup
-from app.core.track import Track
 from app.core.types import Points
 from app.discovery.dataset.subject import Family, Theta
 from app.discovery.residuals.sensitivity import Step

@@ -9,10 +9,10 @@ import numpy as np
 from jaxtyping import Float64
 
 from app.config import Workspace
-from app.core.charuco import Charuco
 from app.core.errors import PerceptionError
-from app.core.hand_eye import Spread
-from app.core.lens import Lens
+from app.core.geometry.charuco import Charuco
+from app.core.geometry.hand_eye import Spread
+from app.core.geometry.lens import Lens
 from app.core.types import Transform
 from app.perception.calibration.next_pose import HandEyeSetup, NextPose, about, next_pose
 from app.perception.calibration.se3 import log

@@ -11,8 +11,8 @@ from typing import TypeAlias, final
 import numpy as np
 from jaxtyping import Float64
 
-from app.core.hand_eye import Setup
-from app.core.lens import Lens
+from app.core.geometry.hand_eye import Setup
+from app.core.geometry.lens import Lens
 from app.core.types import Transform
 from app.perception.calibration.se3 import cross, exp, inverse, moved, transform
 

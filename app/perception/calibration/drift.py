@@ -5,7 +5,7 @@ from typing import final
 
 import numpy as np
 
-from app.core.hand_eye import HandEye
+from app.core.geometry.hand_eye import HandEye
 from app.perception.calibration.chain import Ends, outer, residuals
 from app.perception.calibration.se3 import angle, inverse, moved
 from app.perception.calibration.solve import CalibrationView, ends_of

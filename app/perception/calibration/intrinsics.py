@@ -8,10 +8,10 @@ import cv2
 import numpy as np
 from jaxtyping import Float64
 
-from app.core.charuco import Charuco
 from app.core.errors import PerceptionError
-from app.core.hand_eye import Verdict
-from app.core.lens import STRAIGHT, Distortion, Lens
+from app.core.geometry.charuco import Charuco
+from app.core.geometry.hand_eye import Verdict
+from app.core.geometry.lens import STRAIGHT, Distortion, Lens
 from app.perception.calibration.sight import BoardDetection
 
 FEWEST_SIGHTS = 6

@@ -13,9 +13,9 @@ import numpy as np
 from jaxtyping import Bool, Float64
 
 from app.config import Workspace
-from app.core.charuco import Charuco
-from app.core.hand_eye import Setup
-from app.core.lens import Lens
+from app.core.geometry.charuco import Charuco
+from app.core.geometry.hand_eye import Setup
+from app.core.geometry.lens import Lens
 from app.core.types import Transform
 from app.perception.calibration.chain import Ends, outer
 from app.perception.calibration.refine import Corners, information

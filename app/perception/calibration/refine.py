@@ -13,8 +13,8 @@ from typing import Final, NamedTuple, final
 import numpy as np
 from jaxtyping import Bool, Float64
 
-from app.core.hand_eye import Setup
-from app.core.lens import Lens
+from app.core.geometry.hand_eye import Setup
+from app.core.geometry.lens import Lens
 from app.core.types import Transform
 from app.perception.calibration.chain import JOINTS_M, JOINTS_RAD, PIXEL_PX, Ends, residuals, slopes, whitened
 

@@ -11,7 +11,7 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 from matplotlib.patches import Rectangle
 
-from app.core.charuco import DICTIONARIES, Charuco
+from app.core.geometry.charuco import DICTIONARIES, Charuco
 from app.perception.calibration.sight import opencv_board
 
 Format: TypeAlias = Literal["pdf", "svg", "png"]

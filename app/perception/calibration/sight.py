@@ -8,9 +8,9 @@ import cv2
 import numpy as np
 from jaxtyping import Float64, Int
 
-from app.core.charuco import DICTIONARIES, MARKERS, Charuco
 from app.core.errors import PerceptionError
-from app.core.lens import Lens
+from app.core.geometry.charuco import DICTIONARIES, MARKERS, Charuco
+from app.core.geometry.lens import Lens
 from app.core.types import ColourImage, Transform
 from app.perception.calibration.se3 import moved, transform
 

@@ -8,10 +8,10 @@ from typing import final
 import numpy as np
 from jaxtyping import Float64
 
-from app.core.charuco import Charuco
 from app.core.errors import PerceptionError
-from app.core.hand_eye import HandEye, Setup
-from app.core.lens import Lens
+from app.core.geometry.charuco import Charuco
+from app.core.geometry.hand_eye import HandEye, Setup
+from app.core.geometry.lens import Lens
 from app.core.types import Transform
 from app.perception.calibration.chain import Ends, outer
 from app.perception.calibration.refine import Corners, Refined, refine

@@ -3,7 +3,7 @@
 import numpy as np
 from jaxtyping import Float64
 
-from app.core.hand_eye import Spread
+from app.core.geometry.hand_eye import Spread
 from app.perception.calibration.se3 import log, nearest_rotation
 
 FEWEST_VIEWS = 5

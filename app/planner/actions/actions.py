@@ -10,7 +10,7 @@ from jax.lax import Precision
 from jaxtyping import Array, Bool, Float, Float32, Float64, Int
 
 from app.config import Site
-from app.core.finger_distance import extent_m, from_core, nearest_m
+from app.core.geometry.finger_distance import extent_m, from_core, nearest_m
 from app.core.motion import Motion
 from app.core.types import Points, ToolPose
 from app.policy.base import Now

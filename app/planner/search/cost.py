@@ -8,7 +8,7 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from app.config import KeepOut, Reach
-from app.core.chamfer import chamfer_m2
+from app.core.geometry.chamfer import chamfer_m2
 
 _SMOOTH_M = 1e-4
 _CLEAR_M = 0.005

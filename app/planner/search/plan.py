@@ -13,8 +13,8 @@ from jaxtyping import Array, Float, Float32
 from app.arm.gate import check_motion, way
 from app.arm.path import raised
 from app.config import Site
-from app.core.chamfer import chamfer_m2
 from app.core.errors import MotionRefused, PlanningError
+from app.core.geometry.chamfer import chamfer_m2
 from app.core.messages import Branch, Origin
 from app.core.motion import Motion
 from app.core.types import Centreline, Points, ToolPose

@@ -8,7 +8,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool, Float, Float32, Float64, Int
 
-from app.core.chamfer import chamfer_m2
+from app.core.geometry.chamfer import chamfer_m2
 from app.policy.base import Now
 from app.policy.learned.base import Lessons, Scale, Shown
 from app.policy.symmetry import Isometry

@@ -18,7 +18,7 @@ import numpy as np
 from jaxtyping import Float32, Float64, Int64
 
 from app.core.errors import RecordingError, UsageError
-from app.core.table_place import TablePlace
+from app.core.geometry.table_place import TablePlace
 from app.core.types import Cloud, Poses
 from app.recording.plain_checks import (
     finite,

@@ -4,10 +4,24 @@ from collections.abc import Mapping
 from types import MappingProxyType
 from typing import Final
 
-from app.core.approval import Approved
-from app.core.checklist import Checklist, ChecklistRequest
-from app.core.control import EndRequest, Lease, Mode, ModeRequest
-from app.core.doubt import Verdict, Watched
+from app.core.dialogue.approval import Approved
+from app.core.dialogue.checklist import Checklist, ChecklistRequest
+from app.core.dialogue.control import EndRequest, Lease, Mode, ModeRequest
+from app.core.dialogue.doubt import Verdict, Watched
+from app.core.dialogue.placing import BoardSeen, Placing
+from app.core.dialogue.requests import (
+    CalibrationRequest,
+    ClipRequest,
+    ColourRequest,
+    EditRequest,
+    GoalRequest,
+    ModelRequest,
+    PictureGoalRequest,
+    ProbeRequest,
+    TakeRequest,
+)
+from app.core.dialogue.seeing import Seen
+from app.core.dialogue.takes import Take
 from app.core.errors import RecordingError
 from app.core.messages import (
     ArmState,
@@ -29,20 +43,6 @@ from app.core.messages import (
     StopRequest,
     Transition,
 )
-from app.core.placing import BoardSeen, Placing
-from app.core.requests import (
-    CalibrationRequest,
-    ClipRequest,
-    ColourRequest,
-    EditRequest,
-    GoalRequest,
-    ModelRequest,
-    PictureGoalRequest,
-    ProbeRequest,
-    TakeRequest,
-)
-from app.core.seeing import Seen
-from app.core.takes import Take
 from app.recording.records import ApprovalRecord, FrameRecord, ParticlesRecord
 
 SCHEMA_VERSION: Final = 2

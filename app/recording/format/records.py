@@ -9,7 +9,7 @@ from typing import final
 import numpy as np
 from jaxtyping import Bool
 
-from app.core.camera import CameraModel
+from app.core.geometry.camera import CameraModel
 from app.core.messages import Message, MessageId
 from app.core.motion import Motion
 from app.core.types import Points

@@ -10,8 +10,8 @@ import numpy as np
 from jaxtyping import Float32, Float64
 
 from app.core.errors import RecordingError
+from app.core.geometry.track import poses_at
 from app.core.messages import Episode, Executed, Goal, Particles
-from app.core.track import poses_at
 from app.recording.reader import Picture, read_messages, read_pictures
 
 STATE_NAMES = ("x", "y", "z", "qw", "qx", "qy", "qz", "opening")

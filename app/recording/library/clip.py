@@ -12,7 +12,7 @@ from typing import Final, final
 from mcap.records import Channel, Chunk, McapRecord, Message, MessageIndex, Metadata, Schema
 from mcap.stream_reader import StreamReader, breakup_chunk
 
-from app.core.control import Mode
+from app.core.dialogue.control import Mode
 from app.core.errors import RecordingError
 from app.core.messages import Episode, Goal, Model
 from app.recording import digests

@@ -8,8 +8,8 @@ from typing import Final, final
 import numpy as np
 from mcap.reader import McapReader, make_reader
 
-from app.core.camera import CameraModel
 from app.core.errors import RecordingError
+from app.core.geometry.camera import CameraModel
 from app.core.messages import ArmState, Frame
 from app.recording.index import Times, frame_times, log_times
 from app.recording.integrity import DAMAGE, damaged, inspect, reading, version_of

@@ -5,7 +5,7 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from typing import Literal, TypeAlias, final
 
-from app.core.approval import Approved
+from app.core.dialogue.approval import Approved
 from app.core.messages import Decision, Executed, Fault, Proposal, StopRequest, Transition
 from app.recording.channels import TOPICS
 from app.recording.index import Times

@@ -10,8 +10,8 @@ import mcap.records
 import numpy as np
 from mcap.reader import McapReader, make_reader
 
-from app.core.camera import CameraModel
 from app.core.errors import RecordingError
+from app.core.geometry.camera import CameraModel
 from app.core.messages import Episode, Frame, Message, Particles, Transition
 from app.recording.channels import KINDS, SURFACE_TOPIC, TOPICS, color_topic, depth_topic, record_of
 from app.recording.integrity import DAMAGE, damaged, inspect, reading, version_of

@@ -14,6 +14,8 @@ from typing import IO, Final, final
 
 from mcap.reader import McapReader, make_reader
 
+from app.core.dialogue.requests import GoalRequest, PictureGoalRequest
+from app.core.dialogue.seeing import Seen
 from app.core.errors import RecordingError
 from app.core.messages import (
     ArmState,
@@ -29,8 +31,6 @@ from app.core.messages import (
     Sighting,
     Transition,
 )
-from app.core.requests import GoalRequest, PictureGoalRequest
-from app.core.seeing import Seen
 from app.recording.channels import KINDS, TOPICS
 from app.recording.index import Times, frame_times, log_times
 from app.recording.integrity import DAMAGE, damaged, inspect, reading, version_of

@@ -24,7 +24,7 @@ from foxglove.messages import (
 )
 from scipy.spatial.transform import Rotation
 
-from app.core.camera import CameraModel
+from app.core.geometry.camera import CameraModel
 from app.core.messages import (
     ArmState,
     Decision,

@@ -10,8 +10,8 @@ from scipy.spatial.transform import Rotation
 
 from app.arm.jogging import Jogging, finite, still
 from app.config import Site
+from app.core.dialogue.jog import Jog
 from app.core.errors import MotionRefused
-from app.core.jog import Jog
 from app.core.messages import ArmMode
 from app.core.refusal import Refusal
 from app.core.types import ToolPath, ToolPose

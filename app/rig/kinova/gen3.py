@@ -12,7 +12,7 @@ from jaxtyping import Float64
 from scipy.spatial.transform import Rotation
 
 from app.config import Reach
-from app.core.table_place import TablePlace
+from app.core.geometry.table_place import TablePlace
 from app.core.types import Transform
 from app.rig.kinova.messages import Pose
 

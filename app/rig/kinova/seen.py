@@ -7,7 +7,7 @@ import numpy as np
 from jaxtyping import Float64
 from scipy.spatial.transform import Rotation
 
-from app.core.table_place import AT_BASE, TablePlace
+from app.core.geometry.table_place import AT_BASE, TablePlace
 from app.core.types import ToolPose
 from app.rig.kinova.codes import ArmStateCode
 from app.rig.kinova.feedback import BaseFeedback, Feedback, GripperFeedback, InterconnectFeedback, MotorFeedback

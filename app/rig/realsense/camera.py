@@ -4,8 +4,8 @@ from typing import final
 
 import numpy as np
 
-from app.core.camera import CameraModel
 from app.core.errors import DeviceError
+from app.core.geometry.camera import CameraModel
 from app.core.messages import Frame
 from app.core.view import SharedMemoryCamera
 from app.rig.realsense.keeper import Keeper

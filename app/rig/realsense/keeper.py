@@ -8,7 +8,7 @@ from typing import final
 import anyio
 from anyio import to_thread
 
-from app.core.processes import end, process, start_ordinary
+from app.core.system.processes import end, process, start_ordinary
 from app.rig.realsense.capture import run_capture
 from app.rig.realsense.ladder import Action, CaptureStatus, Ladder, Patience, climbed
 from app.rig.realsense.memory import CaptureMemory, CaptureReport

@@ -6,7 +6,7 @@ from typing import Any, Literal, TypeAlias, final
 
 import numpy as np
 
-from app.core.ring import Ring, Stamp
+from app.core.system.ring import Ring, Stamp
 from app.core.types import ColourImage, DepthImage, Intrinsics
 from app.core.view import image_ring
 from app.rig.realsense.ladder import Step

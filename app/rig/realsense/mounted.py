@@ -5,9 +5,9 @@ from typing import Self, final
 
 import numpy as np
 
-from app.core.camera import CameraModel
 from app.core.errors import DeviceError
-from app.core.hand_eye import HandEye
+from app.core.geometry.camera import CameraModel
+from app.core.geometry.hand_eye import HandEye
 from app.core.types import Intrinsics, Transform
 from app.rig.realsense.memory import Identity
 from app.rig.realsense.settings import StreamSettings

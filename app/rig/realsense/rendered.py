@@ -11,7 +11,7 @@ from dataclasses import dataclass
 from typing import Self, final
 
 from app.core.errors import DeviceError
-from app.core.ring import Ring, Stamp
+from app.core.system.ring import Ring, Stamp
 from app.core.view import image_ring
 from app.rig.realsense.dating import ClockReading
 from app.rig.realsense.sdk import Opening, Sdk

@@ -4,7 +4,7 @@ from dataclasses import dataclass
 from types import ModuleType
 from typing import Any, Self, final
 
-from app.core.native import load_libusb
+from app.core.system.native import load_libusb
 
 
 def load_realsense() -> ModuleType:

@@ -9,7 +9,7 @@ from typing import Any, Self, final
 
 import numpy as np
 
-from app.core.camera import CameraModel
+from app.core.geometry.camera import CameraModel
 from app.core.types import ColourImage, DepthImage, Intrinsics, Transform
 
 _USB = "3.2"

@@ -4,8 +4,8 @@ from typing import Final, final
 
 import anyio
 
-from app.core.camera import CameraModel
 from app.core.errors import DeviceError, RecordingError
+from app.core.geometry.camera import CameraModel
 from app.core.messages import Frame
 from app.rig.replayed.projector import Projector
 

@@ -4,7 +4,7 @@ from bisect import bisect_left
 from collections.abc import Callable, Sequence
 from typing import final
 
-from app.core.limbs import JointAngles, Posture
+from app.core.geometry.limbs import JointAngles, Posture
 from app.core.messages import ArmState
 from app.core.types import ToolPose
 from app.flow.following import posed

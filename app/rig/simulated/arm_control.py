@@ -8,7 +8,7 @@ from jaxtyping import Float64
 from app.arm.jogging import Jogging, finite, still
 from app.arm.path import PathFollower, whole
 from app.config import Site
-from app.core.jog import Jog
+from app.core.dialogue.jog import Jog
 from app.core.messages import ArmMode
 from app.core.types import ToolPath, ToolPose
 from app.rig.simulated.arm_model import Joints, solve_joints

@@ -6,8 +6,8 @@ from typing import Any, final
 import numpy as np
 from jaxtyping import Float64
 
+from app.core.geometry.stage import Beans, Paddle
 from app.core.motion import TOOL_DOWN, pointing_down
-from app.core.stage import Beans, Paddle
 from app.core.types import ToolPose
 from app.rig.simulated.arm_model import solve_joints
 from app.rig.simulated.engine import mujoco, new_spec

@@ -4,10 +4,10 @@ from multiprocessing.process import BaseProcess
 from typing import final
 
 from app.config import Timing
-from app.core.camera import CameraModel
 from app.core.errors import DeviceError
+from app.core.geometry.camera import CameraModel
 from app.core.messages import Frame
-from app.core.ring import Ring
+from app.core.system.ring import Ring
 from app.core.view import SharedMemoryCamera
 
 

@@ -8,9 +8,9 @@ from collections.abc import Mapping
 import numpy as np
 
 from app.arm.memory import ArmMemory
-from app.core.camera import CameraModel
-from app.core.ring import Ring
-from app.core.stage import Stage
+from app.core.geometry.camera import CameraModel
+from app.core.geometry.stage import Stage
+from app.core.system.ring import Ring
 from app.core.types import ColourImage, DepthImage, ToolPose
 from app.rig.simulated.held_board import HeldBoard, painted
 from app.rig.simulated.render import render

@@ -5,7 +5,7 @@ from typing import Self, final
 
 import numpy as np
 
-from app.core.camera import CameraModel
+from app.core.geometry.camera import CameraModel
 from app.core.types import Transform
 
 TABLE_CENTRE_M = (0.55, 0.0, 0.0)

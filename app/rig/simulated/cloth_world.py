@@ -10,8 +10,8 @@ from typing import Any, final
 import numpy as np
 from jaxtyping import Bool, Float64
 
+from app.core.geometry.stage import Cloth, Fixture, Gripper, Rack
 from app.core.motion import pointing_down
-from app.core.stage import Cloth, Fixture, Gripper, Rack
 from app.core.types import ToolPose
 from app.rig.simulated.arm_model import solve_joints
 from app.rig.simulated.engine import mujoco, new_spec

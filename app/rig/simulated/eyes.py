@@ -6,9 +6,9 @@ from typing import final
 
 import numpy as np
 
-from app.core.camera import CameraModel
+from app.core.geometry.camera import CameraModel
+from app.core.geometry.stage import Stage
 from app.core.messages import Frame, MessageId
-from app.core.stage import Stage
 from app.rig.simulated.cameras import CameraNoise, table_cameras
 from app.rig.simulated.hidden.base import Injected, SensorImages
 from app.rig.simulated.render import render

@@ -9,8 +9,8 @@ import numpy as np
 from jaxtyping import Float64, UInt8
 from scipy.spatial.transform import Rotation
 
-from app.core.camera import CameraModel
-from app.core.charuco import DICTIONARIES, MARKERS, Charuco
+from app.core.geometry.camera import CameraModel
+from app.core.geometry.charuco import DICTIONARIES, MARKERS, Charuco
 from app.core.types import ColourImage, DepthImage, ToolPose, Transform
 
 _A4: Final = Charuco()

@@ -7,7 +7,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from app.core.errors import ParameterError, UsageError
-from app.core.stage import Rope, RopeModel
+from app.core.geometry.stage import Rope, RopeModel
 from app.rig.simulated import hidden as hidden_files
 from app.rig.simulated.hidden.base import Hidden, Injected
 from app.rig.simulated.physics import ROPE_WORLDS, WorldPhysics, sized

@@ -6,8 +6,8 @@ from typing import Any, final
 import numpy as np
 from jaxtyping import Float64, Int
 
-from app.core.finger_distance import from_core
-from app.core.stage import Finger, Rope
+from app.core.geometry.finger_distance import from_core
+from app.core.geometry.stage import Finger, Rope
 from app.rig.simulated.hidden.base import Injected, Moment, Vectors
 from app.rig.simulated.physics import Position, WorldPhysics
 from app.rig.simulated.rope import hinge_owner

@@ -6,8 +6,8 @@ from typing import TypeAlias, final
 
 import numpy as np
 
+from app.core.geometry.stage import Stage
 from app.core.motion import pointing_down
-from app.core.stage import Stage
 from app.core.types import ToolPose
 from app.rig.simulated.physics import HOME_TOOL_M
 from app.rig.simulated.shapes import Surface
@@ -26,7 +26,7 @@ def _away(stage: Stage, start: Nodes) -> ToolPose:
 @final
 @dataclass(frozen=True, kw_only=True)
 class Kind:
-    """A kind of object; `body`: its class in `app.core.stage`.
+    """A kind of object; `body`: its class in `app.core.geometry.stage`.
 
     `node_count`: of the worlds that `build` makes; `surfaces`: the object at its nodes as cameras see it; `home`: pose
     of the waiting arm's tool before the first motion.

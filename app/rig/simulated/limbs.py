@@ -2,8 +2,8 @@
 
 import numpy as np
 
-from app.core.limbs import ArmShape, Joint, Limb
-from app.core.stage import Tool
+from app.core.geometry.limbs import ArmShape, Joint, Limb
+from app.core.geometry.stage import Tool
 from app.rig.simulated.appearance import RODS
 from app.rig.simulated.arm_model import OFFSETS_M
 

@@ -13,10 +13,10 @@ import numpy as np
 from jaxtyping import Float64
 from scipy.spatial.transform import Rotation
 
-from app.core.bowls import centre_of_bowl
 from app.core.errors import SimulationError
+from app.core.geometry.bowls import centre_of_bowl
+from app.core.geometry.stage import Bowl, HeldBowl, Liquid, Mat, Obstacle, Soup, Stage
 from app.core.motion import pointing_down
-from app.core.stage import Bowl, HeldBowl, Liquid, Mat, Obstacle, Soup, Stage
 from app.core.types import ToolPose
 from app.rig.simulated.arm_model import solve_joints
 from app.rig.simulated.rest import Rest

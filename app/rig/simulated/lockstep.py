@@ -11,10 +11,10 @@ import numpy as np
 from app.arm.gate import begin
 from app.config import Site
 from app.core.errors import MotionRefused
+from app.core.geometry.stage import Stage
 from app.core.messages import Executed, Frame, fresh_id
 from app.core.motion import Motion
 from app.core.refusal import Refusal
-from app.core.stage import Stage
 from app.core.types import ToolPose
 from app.rig.simulated.arm_control import ArmControl
 from app.rig.simulated.eyes import SimulatedCameras

@@ -12,7 +12,7 @@ import numpy as np
 from jaxtyping import Float64
 
 from app.core.errors import UsageError
-from app.core.track import Track
+from app.core.geometry.track import Track
 from app.policy.strokes import PushDesign, midway_s, random_track
 from app.rig.simulated.hidden.base import Injected
 from app.rig.simulated.intrusion import Intrusion

@@ -12,9 +12,9 @@ import cv2
 import numpy as np
 from jaxtyping import Bool, Float32, Float64, UInt8
 
-from app.core.camera import CameraModel
-from app.core.native import load_open3d
-from app.core.stage import Stage
+from app.core.geometry.camera import CameraModel
+from app.core.geometry.stage import Stage
+from app.core.system.native import load_open3d
 from app.core.types import ColourImage, DepthImage
 from app.rig.simulated.appearance import surfaces
 from app.rig.simulated.cameras import CameraNoise

@@ -6,8 +6,8 @@ from typing import Any, final
 import numpy as np
 from jaxtyping import Float64
 
+from app.core.geometry.stage import Finger, Obstacle, Rope
 from app.core.motion import pointing_down
-from app.core.stage import Finger, Obstacle, Rope
 from app.core.types import ToolPose
 from app.rig.simulated.arm_model import solve_joints
 from app.rig.simulated.cable import Cable

@@ -12,8 +12,8 @@ from typing import Any, final
 import numpy as np
 
 from app.arm.memory import ArmMemory
-from app.core.ring import Ring
-from app.core.stage import Stage
+from app.core.geometry.stage import Stage
+from app.core.system.ring import Ring
 from app.rig.simulated.arm_model import solve_joints
 from app.rig.simulated.kinds import kind_of
 from app.rig.simulated.world import Nodes, Snapshot, World

@@ -7,9 +7,9 @@ import anyio
 from aiohttp import web
 from anyio import to_thread
 
+from app.core.dialogue.requests import GoalRequest, PictureGoalRequest
 from app.core.errors import UsageError
 from app.core.messages import fresh_id
-from app.core.requests import GoalRequest, PictureGoalRequest
 from app.ui.badges import Badges
 from app.ui.desk import Desk
 from app.ui.goals.files import are_points, pictures_of, points_of

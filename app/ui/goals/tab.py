@@ -10,9 +10,9 @@ from typing import Any, Final, final
 import numpy as np
 import viser
 
-from app.core.chamfer import chamfer_m2
+from app.core.dialogue.requests import GoalRequest, GoalSource
+from app.core.geometry.chamfer import chamfer_m2
 from app.core.messages import fresh_id
-from app.core.requests import GoalRequest, GoalSource
 from app.core.types import Points
 from app.ui import palette, words
 from app.ui.beads import Beads

@@ -8,8 +8,8 @@ from typing import Final
 import numpy as np
 from jaxtyping import UInt8
 
-from app.core.camera import STALE_DAYS
-from app.core.placing import BoardSeen, Placing
+from app.core.dialogue.placing import BoardSeen, Placing
+from app.core.geometry.camera import STALE_DAYS
 from app.core.types import ColourImage
 from app.ui import masks, palette, words
 from app.ui.board import Board

@@ -7,9 +7,9 @@ from typing import Any, Final, final
 import numpy as np
 import viser
 
-from app.core.charuco import Charuco
+from app.core.dialogue.requests import CalibrationAct, CalibrationRequest
+from app.core.geometry.charuco import Charuco
 from app.core.messages import fresh_id
-from app.core.requests import CalibrationAct, CalibrationRequest
 from app.ui.board import Board
 from app.ui.decision import operator
 from app.ui.desk import Desk

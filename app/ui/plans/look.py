@@ -5,7 +5,7 @@ from typing import Final, NamedTuple, final
 
 import numpy as np
 
-from app.core.chamfer import chamfer_m2
+from app.core.geometry.chamfer import chamfer_m2
 from app.core.messages import Branch, Proposal
 from app.core.types import Points
 

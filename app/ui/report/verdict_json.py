@@ -4,7 +4,7 @@ import math
 
 import msgspec
 
-from app.core.track import Track
+from app.core.geometry.track import Track
 from app.discovery.results.case import Blame, Case, Estimate, Formula, Gain, NextPush, Power
 from app.ui.report import schema
 from app.ui.report.advice import advice

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from app.core.errors import PerceptionError
-from app.core.lens import Lens
+from app.core.geometry.lens import Lens
 from app.perception.calibration.intrinsics import check_lens
 from app.perception.calibration.sight import sight
 from bench.boards import BOARD, LENS, Camera, cell, image

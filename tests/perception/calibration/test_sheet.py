@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from app.core.charuco import Charuco
-from app.core.lens import Lens
+from app.core.geometry.charuco import Charuco
+from app.core.geometry.lens import Lens
 from app.perception.calibration.sheet import DPI, sheet, size_m
 from app.perception.calibration.sight import sight
 

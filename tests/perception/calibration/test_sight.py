@@ -6,9 +6,9 @@ import cv2
 import numpy as np
 import pytest
 
-from app.core.charuco import Charuco
 from app.core.errors import ParameterError, PerceptionError, UsageError
-from app.core.lens import Lens
+from app.core.geometry.charuco import Charuco
+from app.core.geometry.lens import Lens
 from app.perception.calibration.se3 import moved
 from app.perception.calibration.sight import sight
 from bench.boards import BOARD, LENS, Camera, cell, image

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from app.core.errors import PerceptionError
-from app.core.hand_eye import HandEye
+from app.core.geometry.hand_eye import HandEye
 from app.perception.calibration.drift import drift
 from app.perception.calibration.se3 import exp, transform
 from app.perception.calibration.solve import CalibrationView, Solved, solve

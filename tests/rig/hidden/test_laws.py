@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from app.core.camera import CameraModel
-from app.core.stage import Stage
+from app.core.geometry.camera import CameraModel
+from app.core.geometry.stage import Stage
 from app.rig.simulated.cameras import CameraNoise, table_cameras
 from app.rig.simulated.engine import mujoco
 from app.rig.simulated.hidden.base import SensorImages

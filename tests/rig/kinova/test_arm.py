@@ -12,8 +12,8 @@ import psutil
 import pytest
 
 from app.config import Limits, Site, Workspace
+from app.core.dialogue.jog import Jog
 from app.core.errors import DeviceError, MotionRefused
-from app.core.jog import Jog
 from app.core.motion import Motion
 from app.core.ports import Arm
 from app.core.refusal import Refusal

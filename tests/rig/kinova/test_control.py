@@ -10,11 +10,11 @@ import numpy as np
 import pytest
 
 from app.config import KeepOut, Limits, Site, Workspace
+from app.core.dialogue.jog import Jog
 from app.core.errors import DeviceError, MotionRefused
-from app.core.jog import Jog
+from app.core.geometry.table_place import TablePlace
 from app.core.motion import pointing_down
 from app.core.refusal import Refusal
-from app.core.table_place import TablePlace
 from app.rig.kinova import gen3
 from app.rig.kinova.client import OwnLink
 from app.rig.kinova.control import KinovaControl, taken

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from app.config import Limits, Site
-from app.core.jog import Jog
+from app.core.dialogue.jog import Jog
 from app.rig.kinova.control import KinovaControl, taken
 from app.rig.kinova.fake.adversity import Adversity
 from app.rig.kinova.fake.process import FakeProcess

@@ -7,9 +7,9 @@ import pytest
 from jaxtyping import Float64
 from scipy.spatial.transform import Rotation
 
-from app.core.camera import CameraModel
-from app.core.limbs import ArmShape, Posture
-from app.core.stage import Tool
+from app.core.geometry.camera import CameraModel
+from app.core.geometry.limbs import ArmShape, Posture
+from app.core.geometry.stage import Tool
 from app.core.types import Points
 from app.perception.shadow import MARGIN_M, pieces, shadow
 from app.rig.kinova import gen3

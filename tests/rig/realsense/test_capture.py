@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 
-from app.core.processes import end, process
+from app.core.system.processes import end, process
 from app.rig.realsense.capture import run_capture
 from app.rig.realsense.memory import CaptureMemory
 from app.rig.realsense.sdk import Opening, Sdk

@@ -6,10 +6,10 @@ from datetime import date
 import numpy as np
 import pytest
 
-from app.core.charuco import Charuco
 from app.core.errors import DeviceError, UsageError
-from app.core.hand_eye import HandEye, Spread
-from app.core.lens import Lens
+from app.core.geometry.charuco import Charuco
+from app.core.geometry.hand_eye import HandEye, Spread
+from app.core.geometry.lens import Lens
 from app.rig.realsense.memory import Identity
 from app.rig.realsense.mounted import Mounted
 from app.rig.realsense.settings import StreamSettings

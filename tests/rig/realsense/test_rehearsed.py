@@ -7,8 +7,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from app.core.geometry.stage import Stage
 from app.core.motion import pointing_down
-from app.core.stage import Stage
 from app.rig.realsense.sdk import Sdk
 from app.rig.realsense.settings import StreamSettings
 from app.rig.realsense.software import CameraDescription

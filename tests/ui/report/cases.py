@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from app.core.track import Track
+from app.core.geometry.track import Track
 from app.discovery.dataset.subject import Family
 from app.discovery.results.case import (
     Amount,

@@ -14,8 +14,8 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float, PRNGKeyArray
 
-from app.core.chamfer import chamfer_m2
 from app.core.errors import UsageError
+from app.core.geometry.chamfer import chamfer_m2
 from app.policy.base import Acted, Now
 from app.policy.learned.base import Chunk, Lessons, NextOnly, Params, Scale, Shown, TrainingSimulator
 from app.policy.learned.networks import EncoderMLP, applied

@@ -9,8 +9,8 @@ from types import TracebackType
 from typing import Any, Self, final
 
 from app.core.errors import DeviceError
-from app.core.processes import ask_for_real_time
-from app.core.ring import SPAWN, Ring
+from app.core.system.processes import ask_for_real_time
+from app.core.system.ring import SPAWN, Ring
 from app.rig.kinova import gen3
 from app.rig.kinova.fake.adversity import Adversity
 from app.rig.kinova.fake.firmware import Firmware

@@ -8,7 +8,7 @@ from typing import Any, final
 
 import numpy as np
 
-from app.core.ring import Ring
+from app.core.system.ring import Ring
 from app.rig.kinova import gen3
 from app.rig.kinova.errors import WireError
 from app.rig.kinova.fake.firmware import Firmware

@@ -5,7 +5,7 @@ Many small steps of x' = (u - x) / T, each a weighted mean of position and comma
 
 import numpy as np
 
-from app.core.track import Track
+from app.core.geometry.track import Track
 from app.rig.simulated.hidden.base import Hidden, Quantity, Values, plain
 
 _STEP_S = 1e-3

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from app.core.track import Track
+from app.core.geometry.track import Track
 from app.rig.simulated.hidden.base import Hidden, Quantity, Values, plain
 
 

@@ -11,13 +11,13 @@ from typing import TYPE_CHECKING, Any, Literal, NamedTuple, TypeAlias, final
 import numpy as np
 from jaxtyping import Float64
 
-from app.core.camera import CameraModel
-from app.core.track import Track
+from app.core.geometry.camera import CameraModel
+from app.core.geometry.track import Track
 from app.core.types import ColourImage, DepthImage, Transform
 from app.rig.simulated.physics import Position, WorldPhysics
 
 if TYPE_CHECKING:
-    from app.core.stage import Rope
+    from app.core.geometry.stage import Rope
 
 Values: TypeAlias = Float64[np.ndarray, " V"]
 """Values of an effect's parameters, in their order."""

@@ -1,6 +1,6 @@
 """Command delay: the arm executes everything d later than commanded, and its encoders show it."""
 
-from app.core.track import Track
+from app.core.geometry.track import Track
 from app.rig.simulated.hidden.base import Hidden, Quantity, Values, plain
 
 

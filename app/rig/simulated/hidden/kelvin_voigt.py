@@ -12,7 +12,7 @@ from app.rig.simulated.hidden.base import Hidden, Quantity, Values, plain
 from app.rig.simulated.physics import WorldPhysics
 
 if TYPE_CHECKING:
-    from app.core.stage import Rope
+    from app.core.geometry.stage import Rope
 
 
 def _physics(physics: WorldPhysics, rope: "Rope", values: Values) -> WorldPhysics:

@@ -2,7 +2,7 @@
 
 from scipy.spatial.transform import Rotation
 
-from app.core.track import Track
+from app.core.geometry.track import Track
 from app.rig.simulated.hidden.base import Hidden, Values, components, spatial
 
 

@@ -1,6 +1,6 @@
 """Beans that a paddle sweeps over the table."""
 
-from app.core.stage import Beans, Paddle, Stage
+from app.core.geometry.stage import Beans, Paddle, Stage
 from app.rig.simulated.beans_world import BeansWorld
 from app.rig.simulated.kind import Kind
 from app.rig.simulated.shapes import Surface, tube

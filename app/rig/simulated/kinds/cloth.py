@@ -1,6 +1,6 @@
 """A cloth that a gripper carries."""
 
-from app.core.stage import Cloth, Gripper, Stage
+from app.core.geometry.stage import Cloth, Gripper, Stage
 from app.rig.simulated.cloth_world import ClothWorld
 from app.rig.simulated.kind import Kind
 from app.rig.simulated.shapes import Surface, sheet

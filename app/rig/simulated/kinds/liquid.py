@@ -2,9 +2,9 @@
 
 import numpy as np
 
-from app.core.bowls import centre_of_bowl
+from app.core.geometry.bowls import centre_of_bowl
+from app.core.geometry.stage import HeldBowl, Liquid, Soup, Stage
 from app.core.motion import pointing_down
-from app.core.stage import HeldBowl, Liquid, Soup, Stage
 from app.core.types import ToolPose
 from app.rig.simulated.kind import Kind
 from app.rig.simulated.shapes import Surface, drops

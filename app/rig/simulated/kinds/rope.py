@@ -1,6 +1,6 @@
 """A rope, or a rigid rod of its size, that a finger pushes over the table."""
 
-from app.core.stage import Finger, Obstacle, Rope, Stage
+from app.core.geometry.stage import Finger, Obstacle, Rope, Stage
 from app.rig.simulated.kind import Kind
 from app.rig.simulated.physics import ROPE_WORLDS, WorldPhysics
 from app.rig.simulated.rope_world import RopeWorld

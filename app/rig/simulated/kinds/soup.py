@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from app.core.stage import Soup, Stage
+from app.core.geometry.stage import Soup, Stage
 from app.rig.simulated.kind import Kind
 from app.rig.simulated.kinds.liquid import build, home, pool
 from app.rig.simulated.shapes import Surface, lump

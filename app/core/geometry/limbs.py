@@ -10,7 +10,7 @@ import numpy as np
 from jaxtyping import Float64
 from scipy.spatial.transform import Rotation
 
-from app.core.stage import Tool, Vector
+from app.core.geometry.stage import Tool, Vector
 from app.core.types import ToolPose, Transform
 
 JointAngles: TypeAlias = Float64[np.ndarray, " J"]

@@ -3,7 +3,7 @@
 from dataclasses import dataclass, field
 from typing import final
 
-from app.core.chamfer import chamfer_m2
+from app.core.geometry.chamfer import chamfer_m2
 from app.core.messages import Executed, Outcome, Particles, Proposal, fresh_id
 from app.core.types import Points
 

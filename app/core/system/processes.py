@@ -13,7 +13,7 @@ from typing import Final
 import anyio
 
 from app.core.errors import DeviceError, DipacError
-from app.core.ring import SPAWN, Ring
+from app.core.system.ring import SPAWN, Ring
 
 _START_S: Final = 60.0
 _POLL_S: Final = 0.02

@@ -15,7 +15,7 @@ import anyio
 from anyio import to_thread
 
 from app.core.errors import DipacError, WorkerError
-from app.core.processes import start_ordinary
+from app.core.system.processes import start_ordinary
 
 ResultT = TypeVar("ResultT")
 

@@ -11,7 +11,7 @@ import numpy as np
 from jaxtyping import Float64
 from scipy.spatial.transform import Rotation
 
-from app.core.hand_eye import HandEye, Three
+from app.core.geometry.hand_eye import HandEye, Three
 from app.core.types import Transform
 
 _Vector: TypeAlias = Float64[np.ndarray, "3"]

@@ -4,10 +4,10 @@ from dataclasses import dataclass
 from datetime import date
 from typing import Literal, TypeAlias, final
 
-from app.core.camera import CameraModel
-from app.core.charuco import Charuco
 from app.core.errors import UsageError
-from app.core.lens import Lens
+from app.core.geometry.camera import CameraModel
+from app.core.geometry.charuco import Charuco
+from app.core.geometry.lens import Lens
 from app.core.types import Transform
 
 Setup: TypeAlias = Literal["fixed", "wrist"]

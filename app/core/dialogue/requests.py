@@ -6,9 +6,9 @@ from typing import Literal, TypeAlias, final
 import numpy as np
 from jaxtyping import Float64
 
-from app.core.charuco import Charuco
-from app.core.checklist import ChecklistRequest
-from app.core.control import EndRequest, Lease, ModeRequest
+from app.core.dialogue.checklist import ChecklistRequest
+from app.core.dialogue.control import EndRequest, Lease, ModeRequest
+from app.core.geometry.charuco import Charuco
 from app.core.messages import Decision, Message, MessageId, Model, Notice, ResumeRequest, StopRequest
 from app.core.types import ColourImage, DepthImage, Points
 

@@ -6,7 +6,7 @@ from typing import final
 import numpy as np
 from jaxtyping import Float32, Float64
 
-from app.core.hand_eye import Spread, Three
+from app.core.geometry.hand_eye import Spread, Three
 from app.core.messages import Message
 from app.core.types import Transform
 

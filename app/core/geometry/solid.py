@@ -3,7 +3,7 @@
 import numpy as np
 from jaxtyping import Bool
 
-from app.core.stage import Bowl, Fixture, Mat, Obstacle, Rack
+from app.core.geometry.stage import Bowl, Fixture, Mat, Obstacle, Rack
 from app.core.types import Cloud
 
 

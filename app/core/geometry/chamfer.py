@@ -19,7 +19,9 @@ def chamfer_m2(x: ArrayT, y: ArrayT) -> ArrayT:
     # Each of both is of one library, or NumPy's beside JAX's, and no common static type expresses that.
     a, b = cast(Any, x), cast(Any, y)
     if not (isinstance(x, np.ndarray) and isinstance(y, np.ndarray)):
-        from app.core.chamfer_slope import chamfer_of_pairs_m2  # Processes without JAX take this distance as well.
+        from app.core.geometry.chamfer_slope import (
+            chamfer_of_pairs_m2,  # Processes without JAX take this distance as well.
+        )
 
         return cast(Any, chamfer_of_pairs_m2(a, b))
     squared = ((a[..., :, None, :] - b[..., None, :, :]) ** 2).sum(-1)

@@ -10,8 +10,8 @@ from typing import Final, final
 
 import numpy as np
 
-from app.core.chamfer import chamfer_m2
 from app.core.errors import ApprovalRefused
+from app.core.geometry.chamfer import chamfer_m2
 from app.core.messages import Decision, Message, MessageId, Particles, Proposal, fresh_id
 from app.core.motion import Motion
 

@@ -1,0 +1,1 @@
+"""Dialogue of operator and application: control, checklist, requests, approval, and what is shown."""
