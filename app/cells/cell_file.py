@@ -14,7 +14,7 @@ from app.config import KeepOut, Limits, Reach, Site, Workspace
 from app.core.errors import RecordingError, UsageError
 from app.core.geometry.table_place import TablePlace
 from app.core.motion import pointing_down
-from app.rig.kinova.clients import CLIENTS
+from app.rig.kinova.client.clients import CLIENTS
 from app.rig.kinova.gen3 import reach_over
 
 SCHEMA: Final = 1

@@ -21,8 +21,8 @@ from app.core.geometry.table_place import TablePlace
 from app.core.messages import ArmState
 from app.recording.calibration_file import CalibrationFile, known_cameras
 from app.rig.kinova.arm import kinova_arm
+from app.rig.kinova.client.link import Address
 from app.rig.kinova.configured import Holds
-from app.rig.kinova.link import Address
 from app.rig.kinova.shape import known_gen3, tip_m
 from app.rig.realsense.cameras import realsense_cameras
 from app.rig.realsense.mounted import Mounted

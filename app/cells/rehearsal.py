@@ -19,10 +19,10 @@ from app.cells.simulated import drawn
 from app.config import Site
 from app.core.geometry.limbs import ArmShape
 from app.core.ports import Arm, Camera
+from app.rig.kinova.client.link import Address
 from app.rig.kinova.control import taken
 from app.rig.kinova.fake.process import FakeProcess
 from app.rig.kinova.gen3 import GRIPPER_M, Joints, reach_over
-from app.rig.kinova.link import Address
 from app.rig.kinova.seen import ArmFeedback
 from app.rig.realsense.camera import RealSenseCamera
 from app.rig.realsense.cameras import realsense_cameras

@@ -20,8 +20,8 @@ import psutil
 from app import __version__
 from app.config import Site
 from app.core.system.processes import may_run_in_real_time
-from app.rig.kinova.clients import CLIENTS, DEFAULT
-from app.rig.kinova.official import INSTALL
+from app.rig.kinova.client.clients import CLIENTS, DEFAULT
+from app.rig.kinova.client.official import INSTALL
 
 State: TypeAlias = Literal["ok", "missing", "optional"]
 """`optional`: not there, and the simulated cell does without it."""

@@ -7,7 +7,7 @@ from functools import cache
 import numpy as np
 import pytest
 
-from app.rig.kinova.client import OwnLink
+from app.rig.kinova.client.client import OwnLink
 from app.rig.kinova.fake.adversity import Adversity
 from app.rig.kinova.fake.process import FakeProcess
 from app.rig.kinova.kortex import Kortex

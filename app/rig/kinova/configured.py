@@ -15,11 +15,11 @@ from scipy.spatial.transform import Rotation
 from app.config import Limits
 from app.core.errors import DeviceError
 from app.rig.kinova import gen3
-from app.rig.kinova.codes import ControlMode
-from app.rig.kinova.errors import LinkLost, Refused
+from app.rig.kinova.api.codes import ControlMode
+from app.rig.kinova.api.errors import LinkLost, Refused
+from app.rig.kinova.api.messages import Pose
+from app.rig.kinova.api.setup import GravityVector, ToolConfiguration
 from app.rig.kinova.kortex import Kortex
-from app.rig.kinova.messages import Pose
-from app.rig.kinova.setup import GravityVector, ToolConfiguration
 
 _PAGE = "in the arm's web page, under Configurations"
 _NEAR_M, _NEAR_RAD, _NEAR_KG = 0.001, np.radians(0.5), 0.1

@@ -16,7 +16,8 @@ from app.core.messages import ArmMode
 from app.core.refusal import Refusal
 from app.core.types import ToolPath, ToolPose
 from app.rig.kinova.along import Along
-from app.rig.kinova.clients import DEFAULT, linked
+from app.rig.kinova.client.clients import DEFAULT, linked
+from app.rig.kinova.client.link import Address
 from app.rig.kinova.configured import DELIVERED, Holds
 from app.rig.kinova.driver import Driver
 from app.rig.kinova.errand import Errand
@@ -24,7 +25,6 @@ from app.rig.kinova.gen3 import Joints
 from app.rig.kinova.guard import held_back
 from app.rig.kinova.kortex import Kortex
 from app.rig.kinova.legs import stretches
-from app.rig.kinova.link import Address
 from app.rig.kinova.seen import ArmFeedback
 
 _BACK = "The connection to the arm is back; look at the arm, then press Resume."

@@ -16,9 +16,9 @@ from jaxtyping import Float64
 
 from app.config import Site
 from app.core.errors import DeviceError
+from app.rig.kinova.api.errors import LinkLost, NoAnswer, Refused
 from app.rig.kinova.configured import Holds, OwnLimits, check
 from app.rig.kinova.errand import Errand, Superseded, made
-from app.rig.kinova.errors import LinkLost, NoAnswer, Refused
 from app.rig.kinova.grip import Grip
 from app.rig.kinova.kortex import Kortex
 from app.rig.kinova.legs import Stretch, in_base

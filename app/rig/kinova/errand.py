@@ -10,12 +10,12 @@ from scipy.spatial.transform import Rotation
 from app.core.errors import DeviceError, MotionRefused
 from app.core.refusal import Refusal
 from app.core.types import ToolPose
-from app.rig.kinova.codes import ActionEvent
+from app.rig.kinova.api.codes import ActionEvent
+from app.rig.kinova.api.messages import ActionNotification
+from app.rig.kinova.api.words import TRAJECTORY_INFO, refusal
 from app.rig.kinova.kortex import Kortex
 from app.rig.kinova.legs import Stretch
-from app.rig.kinova.messages import ActionNotification
 from app.rig.kinova.seen import ArmFeedback
-from app.rig.kinova.words import TRAJECTORY_INFO, refusal
 
 NEAR_M, NEAR_RAD = 0.004, np.radians(3.0)
 """Distance and angle from its end within which the tool has arrived. Arms report ends not reached (ros_kortex #116)."""

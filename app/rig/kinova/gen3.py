@@ -14,7 +14,7 @@ from scipy.spatial.transform import Rotation
 from app.config import Reach
 from app.core.geometry.table_place import TablePlace
 from app.core.types import Transform
-from app.rig.kinova.messages import Pose
+from app.rig.kinova.api.messages import Pose
 
 Joints: TypeAlias = Float64[np.ndarray, "7"]
 """Joint angles [rad], from base to wrist."""

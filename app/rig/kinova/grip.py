@@ -10,7 +10,7 @@ import contextlib
 import threading
 from typing import Final, final
 
-from app.rig.kinova.errors import LinkLost, Refused
+from app.rig.kinova.api.errors import LinkLost, Refused
 from app.rig.kinova.kortex import Kortex
 from app.rig.kinova.seen import ArmFeedback
 

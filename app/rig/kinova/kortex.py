@@ -8,11 +8,10 @@ from jaxtyping import Float64
 
 from app.core.errors import MotionRefused
 from app.core.refusal import Refusal
-from app.rig.kinova import calls
-from app.rig.kinova.codes import ArmStateCode, ControlMode, GripperMode, ReferenceFrame, ServoingMode, ShapeType
-from app.rig.kinova.feedback import Feedback
-from app.rig.kinova.link import Link
-from app.rig.kinova.messages import (
+from app.rig.kinova.api import calls
+from app.rig.kinova.api.codes import ArmStateCode, ControlMode, GripperMode, ReferenceFrame, ServoingMode, ShapeType
+from app.rig.kinova.api.feedback import Feedback
+from app.rig.kinova.api.messages import (
     Action,
     ActionHandle,
     CartesianWaypoint,
@@ -26,8 +25,8 @@ from app.rig.kinova.messages import (
     Waypoint,
     WaypointList,
 )
-from app.rig.kinova.session import Empty, Handle, ServoingModeInformation
-from app.rig.kinova.setup import (
+from app.rig.kinova.api.session import Empty, Handle, ServoingModeInformation
+from app.rig.kinova.api.setup import (
     ControlModeInformation,
     GravityVector,
     KinematicLimits,
@@ -41,7 +40,8 @@ from app.rig.kinova.setup import (
     TwistLinearSoftLimit,
     ZoneShape,
 )
-from app.rig.kinova.words import TRAJECTORY_ERRORS
+from app.rig.kinova.api.words import TRAJECTORY_ERRORS
+from app.rig.kinova.client.link import Link
 
 _EXECUTE_WAYPOINTS, _REACH_JOINTS = 41, 7
 """`ActionType` of `Base.proto`."""

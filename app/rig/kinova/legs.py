@@ -10,8 +10,8 @@ from scipy.spatial.transform import Rotation
 from app.core.geometry.table_place import AT_BASE, TablePlace
 from app.core.types import ToolPath, ToolPose
 from app.rig.kinova import gen3
-from app.rig.kinova.codes import ReferenceFrame
-from app.rig.kinova.messages import CartesianWaypoint, Pose
+from app.rig.kinova.api.codes import ReferenceFrame
+from app.rig.kinova.api.messages import CartesianWaypoint, Pose
 
 BLEND_M = 0.003
 """Largest blending radius: a corner is cut by at most 1 mm, so that the gate's checks hold."""

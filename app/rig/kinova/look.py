@@ -6,11 +6,11 @@ from typing import Final
 
 from app.config import Limits
 from app.core.errors import DeviceError
-from app.rig.kinova.clients import linked
+from app.rig.kinova.api.errors import NoAnswer
+from app.rig.kinova.client.clients import linked
+from app.rig.kinova.client.link import Address
 from app.rig.kinova.configured import Holds, check
-from app.rig.kinova.errors import NoAnswer
 from app.rig.kinova.kortex import Kortex
-from app.rig.kinova.link import Address
 from app.rig.kinova.seen import ArmFeedback, seen
 
 _TRIES: Final = 10

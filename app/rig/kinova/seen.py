@@ -9,10 +9,10 @@ from scipy.spatial.transform import Rotation
 
 from app.core.geometry.table_place import AT_BASE, TablePlace
 from app.core.types import ToolPose
-from app.rig.kinova.codes import ArmStateCode
-from app.rig.kinova.feedback import BaseFeedback, Feedback, GripperFeedback, InterconnectFeedback, MotorFeedback
+from app.rig.kinova.api.codes import ArmStateCode
+from app.rig.kinova.api.feedback import BaseFeedback, Feedback, GripperFeedback, InterconnectFeedback, MotorFeedback
+from app.rig.kinova.api.words import faults
 from app.rig.kinova.gen3 import Joints
-from app.rig.kinova.words import faults
 
 _STILL_M_S, _STILL_DEG_S = 0.005, 1.0
 _READY = (

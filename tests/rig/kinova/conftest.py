@@ -9,14 +9,14 @@ from collections.abc import Callable, Iterator
 import numpy as np
 import pytest
 
-from app.rig.kinova.client import OwnLink
-from app.rig.kinova.errors import LinkLost, NoAnswer
+from app.rig.kinova.api.errors import LinkLost, NoAnswer
+from app.rig.kinova.api.messages import CartesianWaypoint, Pose
+from app.rig.kinova.client.client import OwnLink
+from app.rig.kinova.client.link import Address, Link
+from app.rig.kinova.client.official import OfficialLink
 from app.rig.kinova.fake.adversity import Adversity
 from app.rig.kinova.fake.process import FakeProcess
 from app.rig.kinova.kortex import Kortex
-from app.rig.kinova.link import Address, Link
-from app.rig.kinova.messages import CartesianWaypoint, Pose
-from app.rig.kinova.official import OfficialLink
 
 NO_WHEEL = "kortex_api, Kinova's own client, is not on any index; docs/kinova.md says where its wheel is"
 INSTALLED = importlib.util.find_spec("kortex_api") is not None

@@ -10,18 +10,19 @@ import numpy as np
 import pytest
 
 from app.core.errors import MotionRefused, PreflightError
-from app.rig.kinova import calls, gen3
-from app.rig.kinova.client import OwnLink
-from app.rig.kinova.codes import ActionEvent, ArmStateCode, ServoingMode
-from app.rig.kinova.errors import LinkLost, NoAnswer, Refused
+from app.rig.kinova import gen3
+from app.rig.kinova.api import calls
+from app.rig.kinova.api.codes import ActionEvent, ArmStateCode, ServoingMode
+from app.rig.kinova.api.errors import LinkLost, NoAnswer, Refused
+from app.rig.kinova.api.messages import ActionNotification
+from app.rig.kinova.api.session import ArmStateNotification, Empty
+from app.rig.kinova.api.words import ROBOT_IN_EMERGENCY_STOP, SESSION_NOT_IN_CONTROL
+from app.rig.kinova.client.client import OwnLink
+from app.rig.kinova.client.link import Link
+from app.rig.kinova.client.official import OfficialLink
 from app.rig.kinova.fake.adversity import Adversity
 from app.rig.kinova.fake.process import FakeProcess
 from app.rig.kinova.kortex import Kortex
-from app.rig.kinova.link import Link
-from app.rig.kinova.messages import ActionNotification
-from app.rig.kinova.official import OfficialLink
-from app.rig.kinova.session import ArmStateNotification, Empty
-from app.rig.kinova.words import ROBOT_IN_EMERGENCY_STOP, SESSION_NOT_IN_CONTROL
 from tests.rig.kinova.conftest import PATIENT_S, address, keep_alive, tool, until, way
 
 pytestmark = pytest.mark.serial

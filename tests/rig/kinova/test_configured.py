@@ -9,15 +9,15 @@ import pytest
 from app.config import Limits, Site
 from app.core.errors import DeviceError
 from app.rig.kinova import configured
+from app.rig.kinova.api.messages import Pose
+from app.rig.kinova.api.setup import ToolConfiguration
 from app.rig.kinova.arm import kinova_arm
-from app.rig.kinova.client import OwnLink
+from app.rig.kinova.client.client import OwnLink
 from app.rig.kinova.configured import Holds
 from app.rig.kinova.control import KinovaControl, taken
 from app.rig.kinova.fake.adversity import Adversity
 from app.rig.kinova.fake.process import FakeProcess
 from app.rig.kinova.kortex import Kortex
-from app.rig.kinova.messages import Pose
-from app.rig.kinova.setup import ToolConfiguration
 from tests.rig.kinova.conftest import address, until
 
 pytestmark = pytest.mark.serial

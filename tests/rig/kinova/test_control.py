@@ -16,7 +16,7 @@ from app.core.geometry.table_place import TablePlace
 from app.core.motion import pointing_down
 from app.core.refusal import Refusal
 from app.rig.kinova import gen3
-from app.rig.kinova.client import OwnLink
+from app.rig.kinova.client.client import OwnLink
 from app.rig.kinova.control import KinovaControl, taken
 from app.rig.kinova.fake.adversity import Adversity
 from app.rig.kinova.fake.process import FakeProcess

@@ -12,19 +12,10 @@ import numpy as np
 import psutil
 import pytest
 
-from app.rig.kinova import calls
-from app.rig.kinova.client import OwnLink
-from app.rig.kinova.codes import ActionEvent
-from app.rig.kinova.errors import Refused
-from app.rig.kinova.fake.adversity import Adversity
-from app.rig.kinova.fake.fingers import FULL_S, Fingers
-from app.rig.kinova.fake.process import FakeProcess
-from app.rig.kinova.fake.sessions import PASSWORD, USER, Sessions
-from app.rig.kinova.fake.timed import ACCELERATION_M_S2, TimedPath
-from app.rig.kinova.fake.zones import inside
-from app.rig.kinova.gen3 import tool as forward
-from app.rig.kinova.kortex import Kortex
-from app.rig.kinova.messages import (
+from app.rig.kinova.api import calls
+from app.rig.kinova.api.codes import ActionEvent
+from app.rig.kinova.api.errors import Refused
+from app.rig.kinova.api.messages import (
     ActionNotification,
     FingerMessage,
     GripperCommand,
@@ -34,10 +25,19 @@ from app.rig.kinova.messages import (
     JointAngles,
     Pose,
 )
-from app.rig.kinova.session import Empty, SessionInfo
-from app.rig.kinova.setup import Point, ProtectionZone, ZoneShape
-from app.rig.kinova.wire import MAGIC, FrameKind, KortexFrame, Splitter, decoded
-from app.rig.kinova.words import SESSION_NOT_IN_CONTROL
+from app.rig.kinova.api.session import Empty, SessionInfo
+from app.rig.kinova.api.setup import Point, ProtectionZone, ZoneShape
+from app.rig.kinova.api.words import SESSION_NOT_IN_CONTROL
+from app.rig.kinova.client.client import OwnLink
+from app.rig.kinova.client.wire import MAGIC, FrameKind, KortexFrame, Splitter, decoded
+from app.rig.kinova.fake.adversity import Adversity
+from app.rig.kinova.fake.fingers import FULL_S, Fingers
+from app.rig.kinova.fake.process import FakeProcess
+from app.rig.kinova.fake.sessions import PASSWORD, USER, Sessions
+from app.rig.kinova.fake.timed import ACCELERATION_M_S2, TimedPath
+from app.rig.kinova.fake.zones import inside
+from app.rig.kinova.gen3 import tool as forward
+from app.rig.kinova.kortex import Kortex
 from tests.conftest import ROOT
 from tests.rig.kinova.conftest import address, tool, until, way
 

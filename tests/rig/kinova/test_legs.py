@@ -9,8 +9,8 @@ from scipy.spatial.transform import Rotation
 from app.config import KeepOut, Limits
 from app.core.motion import pointing_down
 from app.rig.kinova import gen3
+from app.rig.kinova.api.feedback import ActuatorFeedback, BaseFeedback, Feedback
 from app.rig.kinova.control import carried
-from app.rig.kinova.feedback import ActuatorFeedback, BaseFeedback, Feedback
 from app.rig.kinova.guard import LATE_S, held_back
 from app.rig.kinova.legs import BLEND_M, stretches
 from app.rig.kinova.seen import seen

@@ -9,9 +9,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from app.rig.kinova import feedback, messages, session, setup
-from app.rig.kinova.errors import WireError
-from app.rig.kinova.protobuf import Field, decode, encode
+from app.rig.kinova.api import feedback, messages, session, setup
+from app.rig.kinova.api.errors import WireError
+from app.rig.kinova.api.protobuf import Field, decode, encode
 
 MODULES: list[ModuleType] = [feedback, messages, session, setup]
 MESSAGES = [

@@ -6,8 +6,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from app.rig.kinova.errors import WireError
-from app.rig.kinova.wire import LONGEST_FRAME, MAGIC, FrameKind, KortexFrame, Splitter, decoded
+from app.rig.kinova.api.errors import WireError
+from app.rig.kinova.client.wire import LONGEST_FRAME, MAGIC, FrameKind, KortexFrame, Splitter, decoded
 
 FRAMES = st.builds(
     KortexFrame,

@@ -1,7 +1,7 @@
 """Numbers of the arm in words."""
 
-from app.rig.kinova.errors import Refused
-from app.rig.kinova.words import faults, refusal
+from app.rig.kinova.api.errors import Refused
+from app.rig.kinova.api.words import faults, refusal
 
 
 def test_every_bit_of_the_banks_is_a_sentence() -> None:

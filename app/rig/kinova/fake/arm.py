@@ -7,13 +7,8 @@ from typing import final
 import numpy as np
 
 from app.rig.kinova import gen3
-from app.rig.kinova.codes import ActionEvent, ArmStateCode, ControlMode, ReferenceFrame, ServoingMode
-from app.rig.kinova.fake.adversity import Adversity
-from app.rig.kinova.fake.fingers import Fingers
-from app.rig.kinova.fake.motions import AlongPath, Broken, InJoints, JointMotion, Twisting
-from app.rig.kinova.fake.timed import TimedPath
-from app.rig.kinova.fake.zones import inside
-from app.rig.kinova.messages import (
+from app.rig.kinova.api.codes import ActionEvent, ArmStateCode, ControlMode, ReferenceFrame, ServoingMode
+from app.rig.kinova.api.messages import (
     Action,
     ActionHandle,
     ActionNotification,
@@ -26,10 +21,15 @@ from app.rig.kinova.messages import (
     TwistCommand,
     WaypointList,
 )
-from app.rig.kinova.messages import Twist as TwistValues
-from app.rig.kinova.session import ArmStateNotification, Handle
-from app.rig.kinova.setup import ProtectionZone, ProtectionZoneNotification
-from app.rig.kinova.words import ROBOT_IN_EMERGENCY_STOP, ROBOT_IN_FAULT, SESSION_NOT_IN_CONTROL
+from app.rig.kinova.api.messages import Twist as TwistValues
+from app.rig.kinova.api.session import ArmStateNotification, Handle
+from app.rig.kinova.api.setup import ProtectionZone, ProtectionZoneNotification
+from app.rig.kinova.api.words import ROBOT_IN_EMERGENCY_STOP, ROBOT_IN_FAULT, SESSION_NOT_IN_CONTROL
+from app.rig.kinova.fake.adversity import Adversity
+from app.rig.kinova.fake.fingers import Fingers
+from app.rig.kinova.fake.motions import AlongPath, Broken, InJoints, JointMotion, Twisting
+from app.rig.kinova.fake.timed import TimedPath
+from app.rig.kinova.fake.zones import inside
 
 CYCLE_S = 0.025
 """Period of high-level commands (kortex_driver/readme.md)."""

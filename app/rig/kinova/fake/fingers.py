@@ -2,8 +2,8 @@
 
 from typing import final
 
-from app.rig.kinova.codes import GripperMode
-from app.rig.kinova.messages import GripperCommand, GripperMessage
+from app.rig.kinova.api.codes import GripperMode
+from app.rig.kinova.api.messages import GripperCommand, GripperMessage
 
 FULL_S = 0.6
 """Time from open to closed at full speed: a Robotiq 2F-85 closes 85 mm at up to 150 mm/s (its manual)."""

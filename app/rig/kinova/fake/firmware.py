@@ -7,17 +7,12 @@ from typing import Any, TypeAlias, final
 
 import numpy as np
 
-from app.rig.kinova import calls, gen3
-from app.rig.kinova.calls import Call, Service
-from app.rig.kinova.codes import ControlMode, ServoingMode
-from app.rig.kinova.errors import WireError
-from app.rig.kinova.fake.arm import INVALID, NOT_FOUND, Denied, FakeArm
-from app.rig.kinova.fake.measured import feedback
-from app.rig.kinova.fake.record import Record
-from app.rig.kinova.fake.sessions import NO_SESSION, Session, Sessions
-from app.rig.kinova.fake.validation import errors, reachable
-from app.rig.kinova.fake.zones import well_formed
-from app.rig.kinova.messages import (
+from app.rig.kinova import gen3
+from app.rig.kinova.api import calls
+from app.rig.kinova.api.calls import Call, Service
+from app.rig.kinova.api.codes import ControlMode, ServoingMode
+from app.rig.kinova.api.errors import WireError
+from app.rig.kinova.api.messages import (
     Action,
     ActionHandle,
     ActionList,
@@ -33,8 +28,8 @@ from app.rig.kinova.messages import (
     ValidationReport,
     WaypointList,
 )
-from app.rig.kinova.protobuf import decode, encode
-from app.rig.kinova.session import (
+from app.rig.kinova.api.protobuf import decode, encode
+from app.rig.kinova.api.session import (
     ArmStateInformation,
     Empty,
     ErrorReply,
@@ -42,7 +37,7 @@ from app.rig.kinova.session import (
     ServoingModeInformation,
     SessionInfo,
 )
-from app.rig.kinova.setup import (
+from app.rig.kinova.api.setup import (
     ActuatorInformation,
     ControlModeInformation,
     FirmwareVersions,
@@ -57,7 +52,13 @@ from app.rig.kinova.setup import (
     TwistAngularSoftLimit,
     TwistLinearSoftLimit,
 )
-from app.rig.kinova.wire import FrameKind, KortexFrame
+from app.rig.kinova.client.wire import FrameKind, KortexFrame
+from app.rig.kinova.fake.arm import INVALID, NOT_FOUND, Denied, FakeArm
+from app.rig.kinova.fake.measured import feedback
+from app.rig.kinova.fake.record import Record
+from app.rig.kinova.fake.sessions import NO_SESSION, Session, Sessions
+from app.rig.kinova.fake.validation import errors, reachable
+from app.rig.kinova.fake.zones import well_formed
 
 _AnyCall: TypeAlias = Call[Any, Any]
 _Handler: TypeAlias = Callable[[Any, int], object]

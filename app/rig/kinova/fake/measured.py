@@ -3,8 +3,7 @@
 import numpy as np
 
 from app.rig.kinova import gen3
-from app.rig.kinova.fake.arm import FakeArm
-from app.rig.kinova.feedback import (
+from app.rig.kinova.api.feedback import (
     ActuatorFeedback,
     BaseFeedback,
     Feedback,
@@ -12,6 +11,7 @@ from app.rig.kinova.feedback import (
     InterconnectFeedback,
     MotorFeedback,
 )
+from app.rig.kinova.fake.arm import FakeArm
 
 
 def feedback(arm: FakeArm) -> Feedback:

@@ -9,10 +9,10 @@ from scipy.spatial.transform import Rotation
 
 from app.core.types import Transform
 from app.rig.kinova import gen3
-from app.rig.kinova.codes import ReferenceFrame
+from app.rig.kinova.api.codes import ReferenceFrame
+from app.rig.kinova.api.messages import Twist
 from app.rig.kinova.fake.timed import TimedPath
 from app.rig.kinova.gen3 import Joints
-from app.rig.kinova.messages import Twist
 
 STOP_M_S2, TWIST_M_S2, TWIST_RAD_S2 = 2.5, 2.0, 8.0
 """Braking deceleration, and accelerations of a twist; assumed, Kinova publishes none."""

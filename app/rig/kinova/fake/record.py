@@ -6,8 +6,8 @@ from typing import Any, final
 
 import numpy as np
 
-from app.rig.kinova.messages import Action, GripperCommand, Pose, TwistCommand, WaypointList
-from app.rig.kinova.messages import Twist as TwistValues
+from app.rig.kinova.api.messages import Action, GripperCommand, Pose, TwistCommand, WaypointList
+from app.rig.kinova.api.messages import Twist as TwistValues
 
 KEPT = 20_000
 

@@ -10,9 +10,9 @@ import numpy as np
 
 from app.core.system.ring import Ring
 from app.rig.kinova import gen3
-from app.rig.kinova.errors import WireError
+from app.rig.kinova.api.errors import WireError
+from app.rig.kinova.client.wire import FrameKind, KortexFrame, Splitter, decoded
 from app.rig.kinova.fake.firmware import Firmware
-from app.rig.kinova.wire import FrameKind, KortexFrame, Splitter, decoded
 
 STATE = np.dtype(
     [("time_s", "f8"), ("joints", "f8", (7,)), ("velocity", "f8", (7,)), ("tool", "f8", (4, 4)), ("closed", "f8")]

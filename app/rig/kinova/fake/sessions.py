@@ -4,7 +4,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass, field
 from typing import final
 
-from app.rig.kinova.session import SessionInfo
+from app.rig.kinova.api.session import SessionInfo
 
 USER, PASSWORD = "admin", "admin"
 """Credentials that every Gen3 is delivered with."""

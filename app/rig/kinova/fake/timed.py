@@ -9,7 +9,7 @@ from scipy.spatial.transform import Rotation, Slerp
 
 from app.core.types import Transform
 from app.rig.kinova import gen3
-from app.rig.kinova.messages import CartesianWaypoint, Pose
+from app.rig.kinova.api.messages import CartesianWaypoint, Pose
 
 ACCELERATION_M_S2 = 1.0
 """Assumed; Kinova publishes none for trajectories."""

@@ -5,9 +5,9 @@ from collections.abc import Iterator
 import numpy as np
 
 from app.rig.kinova import gen3
-from app.rig.kinova.codes import ReferenceFrame
+from app.rig.kinova.api.codes import ReferenceFrame
+from app.rig.kinova.api.messages import AngularWaypoint, CartesianWaypoint, Pose, TrajectoryError, WaypointList
 from app.rig.kinova.gen3 import Joints
-from app.rig.kinova.messages import AngularWaypoint, CartesianWaypoint, Pose, TrajectoryError, WaypointList
 
 OUTSIDE, COUNT, DURATION, JOINT_SPEED, SIZE, JOINT_RANGE = 1, 2, 3, 5, 9, 11
 SPEED, TURNING, KINDS, LAST_BLENDS, RADIUS, FRAME = 22, 23, 25, 27, 28, 29

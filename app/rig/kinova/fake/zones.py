@@ -3,8 +3,8 @@
 import numpy as np
 from jaxtyping import Float64
 
-from app.rig.kinova.codes import ShapeType
-from app.rig.kinova.setup import Point, ProtectionZone, RotationMatrix, RotationMatrixRow, ZoneShape
+from app.rig.kinova.api.codes import ShapeType
+from app.rig.kinova.api.setup import Point, ProtectionZone, RotationMatrix, RotationMatrixRow, ZoneShape
 
 
 def inside(zone: ProtectionZone, position: Float64[np.ndarray, "3"]) -> bool:

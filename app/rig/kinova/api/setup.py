@@ -7,9 +7,9 @@ Field numbers: Kinovarobotics/ros_kortex, kortex_driver/protos (`Base.proto`, `C
 from dataclasses import dataclass
 from typing import Annotated, final
 
-from app.rig.kinova.messages import Pose
-from app.rig.kinova.protobuf import Field
-from app.rig.kinova.session import Handle
+from app.rig.kinova.api.messages import Pose
+from app.rig.kinova.api.protobuf import Field
+from app.rig.kinova.api.session import Handle
 
 
 @final

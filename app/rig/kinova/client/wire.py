@@ -9,8 +9,8 @@ from dataclasses import dataclass
 from enum import IntEnum
 from typing import Annotated, final
 
-from app.rig.kinova.errors import WireError
-from app.rig.kinova.protobuf import Field, decode, encode
+from app.rig.kinova.api.errors import WireError
+from app.rig.kinova.api.protobuf import Field, decode, encode
 
 MAGIC = b"\x07xEtRoK\x07"
 VERSION = 1

@@ -8,8 +8,8 @@ from dataclasses import dataclass
 from enum import IntEnum
 from typing import Generic, TypeVar, final
 
-from app.rig.kinova.feedback import Feedback
-from app.rig.kinova.messages import (
+from app.rig.kinova.api.feedback import Feedback
+from app.rig.kinova.api.messages import (
     Action,
     ActionHandle,
     ActionList,
@@ -25,7 +25,7 @@ from app.rig.kinova.messages import (
     ValidationReport,
     WaypointList,
 )
-from app.rig.kinova.session import (
+from app.rig.kinova.api.session import (
     ArmStateInformation,
     ArmStateNotification,
     Empty,
@@ -34,7 +34,7 @@ from app.rig.kinova.session import (
     ServoingModeInformation,
     SessionInfo,
 )
-from app.rig.kinova.setup import (
+from app.rig.kinova.api.setup import (
     ActuatorInformation,
     ControlModeInformation,
     FirmwareVersions,

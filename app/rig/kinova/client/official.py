@@ -15,11 +15,11 @@ from functools import partial
 from typing import Any, TypeVar, final
 
 from app.core.errors import PreflightError
-from app.rig.kinova.calls import CREATE_SESSION, REFRESH_FEEDBACK, Call, Service, Topic
-from app.rig.kinova.errors import LinkLost, NoAnswer, Refused
-from app.rig.kinova.link import Address
-from app.rig.kinova.protobuf import decode, encode
-from app.rig.kinova.session import Empty, SessionInfo
+from app.rig.kinova.api.calls import CREATE_SESSION, REFRESH_FEEDBACK, Call, Service, Topic
+from app.rig.kinova.api.errors import LinkLost, NoAnswer, Refused
+from app.rig.kinova.api.protobuf import decode, encode
+from app.rig.kinova.api.session import Empty, SessionInfo
+from app.rig.kinova.client.link import Address
 
 Asked = TypeVar("Asked")
 Answered = TypeVar("Answered")

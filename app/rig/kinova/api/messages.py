@@ -7,8 +7,8 @@ skipped when read. Lengths are metres, angles degrees; Euler angles turn about t
 from dataclasses import dataclass
 from typing import Annotated, final
 
-from app.rig.kinova.protobuf import Field
-from app.rig.kinova.session import Connection
+from app.rig.kinova.api.protobuf import Field
+from app.rig.kinova.api.session import Connection
 
 
 @final

@@ -7,7 +7,7 @@ Field numbers: Kinovarobotics/ros_kortex, kortex_driver/protos (`BaseCyclic.prot
 from dataclasses import dataclass
 from typing import Annotated, final
 
-from app.rig.kinova.protobuf import Field
+from app.rig.kinova.api.protobuf import Field
 
 
 @final

@@ -8,13 +8,13 @@ import contextlib
 import threading
 from typing import Any, TypeVar, final
 
-from app.rig.kinova.calls import Call, Service, Topic
-from app.rig.kinova.errors import LinkLost, NoAnswer
-from app.rig.kinova.link import Address
-from app.rig.kinova.protobuf import decode
-from app.rig.kinova.router import Router
-from app.rig.kinova.session import NotificationOptions, SessionInfo
-from app.rig.kinova.transport import TcpTransport, UdpTransport
+from app.rig.kinova.api.calls import Call, Service, Topic
+from app.rig.kinova.api.errors import LinkLost, NoAnswer
+from app.rig.kinova.api.protobuf import decode
+from app.rig.kinova.api.session import NotificationOptions, SessionInfo
+from app.rig.kinova.client.link import Address
+from app.rig.kinova.client.router import Router
+from app.rig.kinova.client.transport import TcpTransport, UdpTransport
 
 Asked = TypeVar("Asked")
 Answered = TypeVar("Answered")

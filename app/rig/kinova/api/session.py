@@ -7,7 +7,7 @@ kortex_driver/protos (`Base.proto`, `Common.proto`). Fields that this program do
 from dataclasses import dataclass
 from typing import Annotated, final
 
-from app.rig.kinova.protobuf import Field
+from app.rig.kinova.api.protobuf import Field
 
 
 @final

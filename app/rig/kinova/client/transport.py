@@ -6,8 +6,8 @@ import threading
 from collections.abc import Iterator
 from typing import Protocol, final
 
-from app.rig.kinova.errors import LinkLost, WireError
-from app.rig.kinova.wire import LONGEST_DATAGRAM, KortexFrame, Splitter, decoded
+from app.rig.kinova.api.errors import LinkLost, WireError
+from app.rig.kinova.client.wire import LONGEST_DATAGRAM, KortexFrame, Splitter, decoded
 
 CONNECT_S, SEND_S = 3.0, 1.0
 

@@ -3,7 +3,7 @@
 from dataclasses import dataclass, field
 from typing import Any, Protocol, TypeVar, final
 
-from app.rig.kinova.calls import Call, Topic
+from app.rig.kinova.api.calls import Call, Topic
 
 Asked = TypeVar("Asked")
 Answered = TypeVar("Answered")

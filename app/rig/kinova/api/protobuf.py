@@ -12,7 +12,7 @@ from dataclasses import dataclass
 from functools import cache
 from typing import Any, Literal, TypeAlias, TypeVar, Union, cast, final, get_args, get_origin, get_type_hints
 
-from app.rig.kinova.errors import WireError
+from app.rig.kinova.api.errors import WireError
 
 Kind: TypeAlias = Literal["uint32", "bool", "fixed32", "float", "string", "bytes", "message"]
 """Kind of a field. An enumeration is a `uint32` here, so that values of newer firmware survive."""

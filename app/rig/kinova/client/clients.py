@@ -3,9 +3,9 @@
 from collections.abc import Callable, Mapping
 
 from app.core.errors import UsageError
-from app.rig.kinova.client import OwnLink
-from app.rig.kinova.link import Address, Link
-from app.rig.kinova.official import OfficialLink
+from app.rig.kinova.client.client import OwnLink
+from app.rig.kinova.client.link import Address, Link
+from app.rig.kinova.client.official import OfficialLink
 
 CLIENTS: Mapping[str, Callable[[Address], Link]] = {"dipac": OwnLink, "kortex_api": OfficialLink}
 DEFAULT = "dipac"

@@ -1,0 +1,1 @@
+"""Kortex's services as messages: fields, calls, sessions and errors, without a connection."""
