@@ -24,10 +24,10 @@ from app.core.geometry.camera import CameraModel
 from app.rig.realsense.camera import RealSenseCamera
 from app.rig.realsense.cameras import realsense_cameras
 from app.rig.realsense.mounted import Mounted
-from app.rig.realsense.rendered import Feed, Rendered
-from app.rig.realsense.sdk import Opening, Sdk
+from app.rig.realsense.sdk.rendered import Feed, Rendered
+from app.rig.realsense.sdk.sdk import Opening, Sdk
+from app.rig.realsense.sdk.software import CameraDescription, SoftwareCamera
 from app.rig.realsense.settings import Filters, StreamSettings
-from app.rig.realsense.software import CameraDescription, SoftwareCamera
 
 _RATE_HZ, _SECONDS = 30, 10.0
 _WAIT_S = 1.0

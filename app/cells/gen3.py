@@ -26,8 +26,8 @@ from app.rig.kinova.configured import Holds
 from app.rig.kinova.shape import known_gen3, tip_m
 from app.rig.realsense.cameras import realsense_cameras
 from app.rig.realsense.mounted import Mounted
+from app.rig.realsense.sdk.sources import Live
 from app.rig.realsense.settings import StreamSettings
-from app.rig.realsense.sources import Live
 
 USER, PASSWORD = "DIPAC_ARM_USER", "DIPAC_ARM_PASSWORD"
 """Environment variables with the arm's account, where it is not the factory default."""

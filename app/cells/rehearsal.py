@@ -28,9 +28,9 @@ from app.rig.realsense.camera import RealSenseCamera
 from app.rig.realsense.cameras import realsense_cameras
 from app.rig.realsense.ladder import Patience
 from app.rig.realsense.mounted import Mounted
-from app.rig.realsense.rendered import Feed, Rendered
+from app.rig.realsense.sdk.rendered import Feed, Rendered
+from app.rig.realsense.sdk.software import CameraDescription
 from app.rig.realsense.settings import StreamSettings
-from app.rig.realsense.software import CameraDescription
 from app.rig.simulated.arm_model import solve_joints
 from app.rig.simulated.cameras import table_cameras
 from app.rig.simulated.held_board import HeldBoard

@@ -12,8 +12,8 @@ from app.core.system.processes import end, process, start_ordinary
 from app.rig.realsense.capture import run_capture
 from app.rig.realsense.ladder import Action, CaptureStatus, Ladder, Patience, climbed
 from app.rig.realsense.memory import CaptureMemory, CaptureReport
+from app.rig.realsense.sdk.sources import Source
 from app.rig.realsense.settings import StreamSettings
-from app.rig.realsense.sources import Source
 
 _TICK_S = 0.05
 _LOOKS = 3

@@ -10,8 +10,8 @@ from app.core.geometry.camera import CameraModel
 from app.core.geometry.hand_eye import HandEye
 from app.core.types import Intrinsics, Transform
 from app.rig.realsense.memory import Identity
+from app.rig.realsense.sdk.sources import Live, Source
 from app.rig.realsense.settings import StreamSettings
-from app.rig.realsense.sources import Live, Source
 
 _SAME_PX = 1.0
 """Tolerance [pixel] between the factory intrinsics and those of the calibration."""

@@ -10,12 +10,12 @@ import numpy as np
 
 from app.core.errors import DeviceError
 from app.core.types import ColourImage, DepthImage, Intrinsics
-from app.rig.realsense.bus import Listed, described, warning
-from app.rig.realsense.dating import ClockReading, Domain
-from app.rig.realsense.rectify import Rectifier
-from app.rig.realsense.sdk import Opening, Sdk
+from app.rig.realsense.sdk.bus import Listed, described, warning
+from app.rig.realsense.sdk.dating import ClockReading, Domain
+from app.rig.realsense.sdk.rectify import Rectifier
+from app.rig.realsense.sdk.sdk import Opening, Sdk
+from app.rig.realsense.sdk.sources import Source
 from app.rig.realsense.settings import Filters, StreamSettings
-from app.rig.realsense.sources import Source
 
 _AT_ONCE_MS = 200
 """Longest blocking call of the SDK [ms], so that the process can send heartbeats and take commands."""

@@ -6,8 +6,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from app.rig.realsense.software import CameraDescription, Imager
-from app.rig.realsense.synthetic import ImagerPair
+from app.rig.realsense.sdk.software import CameraDescription, Imager
+from app.rig.realsense.sdk.synthetic import ImagerPair
 
 WIDTH, HEIGHT, RATE_HZ = 160, 120, 30
 UNIT_M = 0.00025

@@ -24,11 +24,11 @@ from app.rig.realsense.camera import RealSenseCamera
 from app.rig.realsense.cameras import realsense_cameras
 from app.rig.realsense.ladder import Patience
 from app.rig.realsense.mounted import Mounted
-from app.rig.realsense.rendered import Feed, Rendered
+from app.rig.realsense.sdk.rendered import Feed, Rendered
+from app.rig.realsense.sdk.software import CameraDescription
+from app.rig.realsense.sdk.sources import Live, RecordedSource
+from app.rig.realsense.sdk.synthetic import record
 from app.rig.realsense.settings import StreamSettings
-from app.rig.realsense.software import CameraDescription
-from app.rig.realsense.sources import Live, RecordedSource
-from app.rig.realsense.synthetic import record
 from tests.conftest import ROOT
 from tests.rig.realsense.bodies import BOX_M, HEIGHT, PLANE_M, RATE_HZ, UNIT_M, WIDTH, Scene, aside, imager, together
 
@@ -252,7 +252,7 @@ from pathlib import Path
 import anyio
 from app.rig.realsense.cameras import realsense_cameras
 from app.rig.realsense.mounted import Mounted
-from app.rig.realsense.sources import RecordedSource
+from app.rig.realsense.sdk.sources import RecordedSource
 from tests.rig.realsense.test_cameras import SETTINGS, TIMING
 
 async def main(file):

@@ -12,9 +12,9 @@ import pytest
 from app.core.system.processes import end, process
 from app.rig.realsense.capture import run_capture
 from app.rig.realsense.memory import CaptureMemory
-from app.rig.realsense.sdk import Opening, Sdk
+from app.rig.realsense.sdk.sdk import Opening, Sdk
+from app.rig.realsense.sdk.synthetic import record
 from app.rig.realsense.settings import StreamSettings
-from app.rig.realsense.synthetic import record
 from tests.rig.realsense.bodies import HEIGHT, WIDTH, Scene, together
 
 SETTINGS = StreamSettings(width=WIDTH, height=HEIGHT, warm_up=0)

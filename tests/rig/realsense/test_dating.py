@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from app.rig.realsense.dating import GLOBAL_ERROR_S, ClockReading, Dated, Dating, Domain
+from app.rig.realsense.sdk.dating import GLOBAL_ERROR_S, ClockReading, Dated, Dating, Domain
 
 PERIOD_S = 1 / 30
 CALENDAR_S = 1.7e9

@@ -12,8 +12,8 @@ from app.core.geometry.hand_eye import HandEye, Spread
 from app.core.geometry.lens import Lens
 from app.rig.realsense.memory import Identity
 from app.rig.realsense.mounted import Mounted
+from app.rig.realsense.sdk.sources import Live
 from app.rig.realsense.settings import StreamSettings
-from app.rig.realsense.sources import Live
 
 K = np.array([[605.0, 0.0, 319.5], [0.0, 604.0, 239.5], [0.0, 0.0, 1.0]])
 POSE = np.array([[1.0, 0, 0, 0.3], [0, -1, 0, 0.1], [0, 0, -1, 0.8], [0, 0, 0, 1]])

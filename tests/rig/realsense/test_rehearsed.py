@@ -9,12 +9,12 @@ import pytest
 
 from app.core.geometry.stage import Stage
 from app.core.motion import pointing_down
-from app.rig.realsense.sdk import Sdk
+from app.rig.realsense.sdk.sdk import Sdk
+from app.rig.realsense.sdk.software import CameraDescription
+from app.rig.realsense.sdk.sources import RecordedSource
+from app.rig.realsense.sdk.synthetic import ImagerPair, record
 from app.rig.realsense.settings import StreamSettings
-from app.rig.realsense.software import CameraDescription
-from app.rig.realsense.sources import RecordedSource
 from app.rig.realsense.stream import AlignedImages, StreamEnded, streaming
-from app.rig.realsense.synthetic import ImagerPair, record
 from app.rig.simulated.arm_model import solve_joints
 from app.rig.simulated.cameras import CameraNoise, table_cameras
 from app.rig.simulated.render import render

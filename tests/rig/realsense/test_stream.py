@@ -12,13 +12,13 @@ import numpy as np
 import pytest
 
 from app.core.errors import DeviceError, RecordingError
-from app.rig.realsense.bus import census
-from app.rig.realsense.sdk import Opening, Sdk, load_realsense
+from app.rig.realsense.sdk.bus import census
+from app.rig.realsense.sdk.sdk import Opening, Sdk, load_realsense
+from app.rig.realsense.sdk.software import CameraDescription, SoftwareCamera
+from app.rig.realsense.sdk.sources import CameraAbsent, Live, RecordedSource
+from app.rig.realsense.sdk.synthetic import ImagerPair, record
 from app.rig.realsense.settings import Filters, StreamSettings
-from app.rig.realsense.software import CameraDescription, SoftwareCamera
-from app.rig.realsense.sources import CameraAbsent, Live, RecordedSource
 from app.rig.realsense.stream import AlignedImages, Stream, StreamEnded, streaming
-from app.rig.realsense.synthetic import ImagerPair, record
 from tests.rig.realsense.bodies import BOX_M, HEIGHT, PLANE_M, RATE_HZ, UNIT_M, WIDTH, Scene, aside, imager, together
 
 SETTINGS = StreamSettings(width=WIDTH, height=HEIGHT, rate_hz=RATE_HZ, warm_up=0)

@@ -13,10 +13,10 @@ from typing import Self, final
 from app.core.errors import DeviceError
 from app.core.system.ring import Ring, Stamp
 from app.core.view import image_ring
-from app.rig.realsense.dating import ClockReading
-from app.rig.realsense.sdk import Opening, Sdk
-from app.rig.realsense.software import CameraDescription, SoftwareCamera
-from app.rig.realsense.sources import CameraAbsent
+from app.rig.realsense.sdk.dating import ClockReading
+from app.rig.realsense.sdk.sdk import Opening, Sdk
+from app.rig.realsense.sdk.software import CameraDescription, SoftwareCamera
+from app.rig.realsense.sdk.sources import CameraAbsent
 
 _POLL_S = 0.002
 _KEPT = 4

@@ -9,8 +9,8 @@ from pathlib import Path
 from typing import Any, Protocol, final
 
 from app.core.errors import DeviceError
-from app.rig.realsense.bus import found
-from app.rig.realsense.sdk import Opening, Sdk
+from app.rig.realsense.sdk.bus import found
+from app.rig.realsense.sdk.sdk import Opening, Sdk
 
 
 class CameraAbsent(DeviceError):

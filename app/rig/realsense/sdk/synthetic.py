@@ -9,8 +9,8 @@ from typing import Any, final
 
 from app.core.errors import RecordingError
 from app.core.types import ColourImage, DepthImage
-from app.rig.realsense.sdk import load_realsense
-from app.rig.realsense.software import CameraDescription, SoftwareCamera
+from app.rig.realsense.sdk.sdk import load_realsense
+from app.rig.realsense.sdk.software import CameraDescription, SoftwareCamera
 
 _SUFFIX = ".db3"
 _KEPT = 4

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from types import ModuleType
 from typing import Any, final
 
-from app.rig.realsense.sdk import Sdk
+from app.rig.realsense.sdk.sdk import Sdk
 
 
 @final
