@@ -17,7 +17,7 @@ from app.core.system.native import load_open3d
 from app.core.types import Cloud
 from app.perception.depth import deproject
 from app.perception.fuse import merge, without_outliers
-from app.rig.simulated.cameras import table_cameras
+from app.rig.simulated.cameras.cameras import table_cameras
 
 Work: TypeAlias = Callable[[], Cloud]
 

@@ -28,11 +28,11 @@ from app.core.motion import pointing_down
 from app.perception.depth import nearest
 from app.perception.reconstruct import Known, Reconstruction, reconstruct
 from app.perception.steady import JUMP_M, steadied
-from app.rig.simulated.arm_model import solve_joints
-from app.rig.simulated.cameras import CameraNoise, table_cameras
-from app.rig.simulated.physics import HOME_TOOL_M
-from app.rig.simulated.render import render
-from app.rig.simulated.world import Snapshot
+from app.rig.simulated.cameras.cameras import CameraNoise, table_cameras
+from app.rig.simulated.cameras.render import render
+from app.rig.simulated.worlds.arm_model import solve_joints
+from app.rig.simulated.worlds.physics import HOME_TOOL_M
+from app.rig.simulated.worlds.world import Snapshot
 from app.tasks.rope_push import TASK
 from bench.occlusion import photographed
 from bench.tube import Tube

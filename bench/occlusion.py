@@ -29,12 +29,12 @@ from app.core.motion import pointing_down
 from app.core.types import Cloud, Points
 from app.perception.memory import Memory
 from app.perception.reconstruct import Known, Reconstruction, reconstruct
-from app.rig.simulated.arm_model import solve_joints
-from app.rig.simulated.cameras import table_cameras
+from app.rig.simulated.cameras.cameras import table_cameras
+from app.rig.simulated.cameras.render import render
 from app.rig.simulated.limbs import known_arm
-from app.rig.simulated.physics import HOME_TOOL_M
-from app.rig.simulated.render import render
-from app.rig.simulated.world import Snapshot
+from app.rig.simulated.worlds.arm_model import solve_joints
+from app.rig.simulated.worlds.physics import HOME_TOOL_M
+from app.rig.simulated.worlds.world import Snapshot
 from app.tasks import Task, load
 
 _SHARES = (0.0, 0.2, 0.4)

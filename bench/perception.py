@@ -19,10 +19,10 @@ from app.core.messages import Frame, fresh_id
 from app.perception.fill import fill, points_inside
 from app.perception.reconstruct import Reconstruction, reconstruct
 from app.perception.resample import resample
-from app.rig.simulated.cameras import table_cameras
-from app.rig.simulated.render import render
-from app.rig.simulated.rope_world import RopeWorld
-from app.rig.simulated.world import Snapshot
+from app.rig.simulated.cameras.cameras import table_cameras
+from app.rig.simulated.cameras.render import render
+from app.rig.simulated.worlds.rope_world import RopeWorld
+from app.rig.simulated.worlds.world import Snapshot
 from app.tasks.rope_push import TASK
 from bench.tube import Tube
 

@@ -6,11 +6,11 @@ from app.core.messages import Frame, fresh_id
 from app.core.motion import pointing_down
 from app.core.types import Points
 from app.perception.reconstruct import reconstruct
-from app.rig.simulated.arm_model import solve_joints
-from app.rig.simulated.cameras import table_cameras
-from app.rig.simulated.physics import HOME_TOOL_M
-from app.rig.simulated.render import render
-from app.rig.simulated.world import Snapshot
+from app.rig.simulated.cameras.cameras import table_cameras
+from app.rig.simulated.cameras.render import render
+from app.rig.simulated.worlds.arm_model import solve_joints
+from app.rig.simulated.worlds.physics import HOME_TOOL_M
+from app.rig.simulated.worlds.world import Snapshot
 from app.tasks.base import Nodes, Task
 
 

@@ -26,9 +26,9 @@ from scipy.optimize import least_squares
 from app.core.geometry.stage import RopeModel
 from app.discovery.residuals.centreline_noise import smooth_noise
 from app.policy.strokes import PushDesign
-from app.rig.simulated.physics import ROPE_WORLDS
 from app.rig.simulated.rehearsal import PushSample, push_again, rehearse
-from app.rig.simulated.rope import resample
+from app.rig.simulated.worlds.physics import ROPE_WORLDS
+from app.rig.simulated.worlds.rope import resample
 from app.sim.rods.rollout import RodPhysics, make_rod_rollout
 from app.sim.rods.state import RodState
 from app.tasks import load

@@ -19,8 +19,8 @@ from app.discovery.inference.screen import refit
 from app.discovery.residuals.predict import Predictor, Trials, prepare
 from app.discovery.results.gain import error_mm
 from app.policy.strokes import PushDesign
-from app.rig.simulated.physics import WorldPhysics
 from app.rig.simulated.rehearsal import StampedSnapshot, rehearse
+from app.rig.simulated.worlds.physics import WorldPhysics
 from app.sim.materials.base import Material
 from app.sim.materials.elastic import Elastic
 from app.sim.materials.rope import RopeMaterial

@@ -9,7 +9,7 @@ from app.core.geometry.stage import Obstacle
 from app.core.messages import Executed, Transition, fresh_id
 from app.core.motion import Motion, pointing_down
 from app.core.types import Points
-from app.rig.simulated.rope_world import RopeWorld
+from app.rig.simulated.worlds.rope_world import RopeWorld
 from app.tasks import Task
 from app.tasks.curves import fill_tube
 

@@ -24,7 +24,7 @@ from app.core.types import ToolPose
 from app.perception.reconstruct import Known, Reconstructed, reconstruct
 from app.rig.simulated.kinds import kind_of
 from app.rig.simulated.limbs import known_arm
-from app.rig.simulated.world import Snapshot, World
+from app.rig.simulated.worlds.world import Snapshot, World
 from app.tasks import Task, load
 from bench.occlusion import photographed, slats
 

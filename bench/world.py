@@ -10,9 +10,9 @@ from collections.abc import Iterator
 import numpy as np
 
 from app.core.geometry.stage import Finger, Rope, Stage
-from app.rig.simulated.cameras import table_cameras
-from app.rig.simulated.render import render
-from app.rig.simulated.rope_world import RopeWorld
+from app.rig.simulated.cameras.cameras import table_cameras
+from app.rig.simulated.cameras.render import render
+from app.rig.simulated.worlds.rope_world import RopeWorld
 
 ROPE = Rope(length_m=0.40, radius_m=0.008, mass_kg=0.08, colour=(0.9, 0.25, 0.08))
 FINGER = Finger(radius_m=0.009, push_height_m=0.006)

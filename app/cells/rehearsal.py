@@ -31,11 +31,11 @@ from app.rig.realsense.mounted import Mounted
 from app.rig.realsense.sdk.rendered import Feed, Rendered
 from app.rig.realsense.sdk.software import CameraDescription
 from app.rig.realsense.settings import StreamSettings
-from app.rig.simulated.arm_model import solve_joints
-from app.rig.simulated.cameras import table_cameras
-from app.rig.simulated.held_board import HeldBoard
+from app.rig.simulated.cameras.cameras import table_cameras
+from app.rig.simulated.cameras.held_board import HeldBoard
 from app.rig.simulated.rig import SimulatedRig, simulated_rig
-from app.rig.simulated.world import Snapshot
+from app.rig.simulated.worlds.arm_model import solve_joints
+from app.rig.simulated.worlds.world import Snapshot
 
 _PATIENT = Patience(late_s=5.0)
 """Timeouts for rendered images, which come when the machine has time for them."""

@@ -9,7 +9,7 @@ from app.core.geometry.stage import Tool
 from app.core.geometry.table_place import TablePlace
 from app.core.messages import ArmState
 from app.core.ports import Rig
-from app.rig.simulated.held_board import HeldBoard
+from app.rig.simulated.cameras.held_board import HeldBoard
 from app.rig.simulated.limbs import known_arm
 from app.rig.simulated.rig import simulated_rig
 

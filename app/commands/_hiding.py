@@ -23,11 +23,11 @@ from app.perception.surroundings import table_points, tool_points
 from app.policy.strokes import PushDesign
 from app.recording.epoch import Epoch
 from app.recording.file import EpisodeFile
-from app.rig.simulated.cameras import CameraNoise
-from app.rig.simulated.eyes import SimulatedCameras
+from app.rig.simulated.cameras.cameras import CameraNoise
+from app.rig.simulated.cameras.eyes import SimulatedCameras
 from app.rig.simulated.hidden.base import Injected
-from app.rig.simulated.physics import WorldPhysics
 from app.rig.simulated.rehearsal import PushSample, StampedSnapshot, rehearse
+from app.rig.simulated.worlds.physics import WorldPhysics
 from app.tasks.base import Task
 
 Some: TypeAlias = Float32[np.ndarray, "_ 3"]

@@ -11,8 +11,8 @@ from app.commands._hiding import PushRecordingConfig
 from app.commands._preflight import unwritable
 from app.core.errors import UsageError
 from app.rig.simulated.hiding import InjectionRequest, described
-from app.rig.simulated.physics import WorldPhysics
 from app.rig.simulated.rehearsal import first_end
+from app.rig.simulated.worlds.physics import WorldPhysics
 
 
 def wish_of(text: str) -> InjectionRequest:

@@ -16,7 +16,7 @@ from app.core.geometry.stage import Rope, RopeModel
 from app.core.task_name import TaskName, recorded
 from app.policy.strokes import PushDesign
 from app.recording.preflight import Room, check_folder
-from app.rig.simulated.cameras import CameraNoise
+from app.rig.simulated.cameras.cameras import CameraNoise
 from app.rig.simulated.hiding import check_world, draw, mistuned
 from app.tasks import load
 from app.tasks.base import Task

@@ -39,7 +39,7 @@ from app.core.system.channel import ChannelFull, Lossless
 from app.core.system.processes import process
 from app.core.system.worker import Worker
 from app.flow import Flow
-from app.rig.simulated.cameras import table_cameras
+from app.rig.simulated.cameras.cameras import table_cameras
 from app.rig.simulated.rig import SimulatedRig, simulated_rig
 from app.tasks.base import EpisodeConfig, Preset
 from app.tasks.rope_push import TASK

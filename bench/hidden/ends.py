@@ -23,7 +23,7 @@ from app.core.types import Centreline, Points
 from app.policy.strokes import PushDesign
 from app.rig.simulated.hiding import InjectionRequest, draw, known, mistuned
 from app.rig.simulated.rehearsal import PushSample, PushSession
-from app.rig.simulated.rope import resample
+from app.rig.simulated.worlds.rope import resample
 from app.sim.model.params import PARAMETERS, with_orientation
 from app.tasks import compiled, load
 from app.tasks.jobs import nominal_model, track_orientation

@@ -25,9 +25,9 @@ from app.discovery.dataset.subject import ROD_NUMERICS, RodModel, Subject, catal
 from app.discovery.residuals.predict import Predictor
 from app.discovery.residuals.steppers import contact_of
 from app.policy.strokes import PushDesign
-from app.rig.simulated.physics import Centreline
 from app.rig.simulated.rehearsal import laid
-from app.rig.simulated.rope import resample
+from app.rig.simulated.worlds.physics import Centreline
+from app.rig.simulated.worlds.rope import resample
 from app.sim.effects.base import Effect
 from app.sim.model.params import PARAMETERS, acting
 from app.sim.rods.effect import RodSetting

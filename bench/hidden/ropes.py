@@ -21,8 +21,8 @@ from app.perception.resample import resample
 from app.policy.strokes import REGION, PushDesign
 from app.rig.simulated.hidden.base import Injected
 from app.rig.simulated.hiding import InjectionRequest, draw, mistuned
-from app.rig.simulated.physics import WorldPhysics
 from app.rig.simulated.rehearsal import PushSample, PushSession, StampedSnapshot, rehearse
+from app.rig.simulated.worlds.physics import WorldPhysics
 from app.tasks import load
 from app.tasks.base import Task
 from app.tasks.curves import fill_tube

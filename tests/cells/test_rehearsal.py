@@ -13,7 +13,7 @@ from app.core.colours import ColourRange
 from app.core.geometry.stage import Stage
 from app.core.geometry.table_place import TablePlace
 from app.perception.reconstruct import Reconstruction, reconstruct
-from app.rig.simulated.arm_model import solve_joints
+from app.rig.simulated.worlds.arm_model import solve_joints
 from bench.tube import Tube
 from tests.rig.kinova.conftest import until
 from tests.rig.scene import FINGER, ROPE, approved, push, straight_rope

@@ -24,12 +24,12 @@ from app.core.motion import pointing_down
 from app.core.refusal import Refusal
 from app.core.types import ColourImage, DepthImage, Poses, ToolPose
 from app.rig.simulated.arm_control import ArmControl
-from app.rig.simulated.arm_model import solve_joints
-from app.rig.simulated.cameras import table_cameras
+from app.rig.simulated.cameras.cameras import table_cameras
+from app.rig.simulated.cameras.render import render
 from app.rig.simulated.limbs import known_arm
-from app.rig.simulated.physics import HOME_TOOL_M
-from app.rig.simulated.render import render
-from app.rig.simulated.world import Snapshot
+from app.rig.simulated.worlds.arm_model import solve_joints
+from app.rig.simulated.worlds.physics import HOME_TOOL_M
+from app.rig.simulated.worlds.world import Snapshot
 from app.tasks.rope_push import TASK
 
 Place: TypeAlias = Literal["here", "aside", "covered"]

@@ -20,7 +20,7 @@ from app.core.ports import Camera
 from app.core.system.channel import Latest
 from app.flow.calibrating import Calibrating
 from app.recording.calibration_file import CalibrationFile
-from app.rig.simulated.held_board import HeldBoard
+from app.rig.simulated.cameras.held_board import HeldBoard
 from app.rig.simulated.rig import SimulatedRig, simulated_rig
 from app.tasks.rope_push import TASK
 from tests.flow.cell import LoopClock, MemoryLog

@@ -15,9 +15,9 @@ from app.core.motion import Motion
 from app.flow.asking import Asking
 from app.flow.probing import Probing
 from app.flow.sensing import Sensing
-from app.rig.simulated.physics import WorldPhysics
 from app.rig.simulated.rehearsal import push_again
-from app.rig.simulated.rope import resample
+from app.rig.simulated.worlds.physics import WorldPhysics
+from app.rig.simulated.worlds.rope import resample
 from app.tasks import load, nominal_model
 from app.tasks.base import EpisodeConfig, Experiment
 from tests.flow.cell import LoopClock, MemoryLog, small_site

@@ -3,10 +3,10 @@
 import numpy as np
 
 from app.core.messages import Frame, fresh_id
-from app.rig.simulated.cameras import table_cameras
-from app.rig.simulated.render import render
-from app.rig.simulated.rope_world import RopeWorld
-from app.rig.simulated.world import Snapshot
+from app.rig.simulated.cameras.cameras import table_cameras
+from app.rig.simulated.cameras.render import render
+from app.rig.simulated.worlds.rope_world import RopeWorld
+from app.rig.simulated.worlds.world import Snapshot
 from app.tasks import load
 
 TASK = load("rope_push")

@@ -9,10 +9,10 @@ from app.core.motion import pointing_down
 from app.core.types import Points
 from app.perception.reconstruct import _pools, reconstruct
 from app.perception.resample import resample
-from app.rig.simulated.arm_model import solve_joints
-from app.rig.simulated.eyes import SimulatedCameras
+from app.rig.simulated.cameras.eyes import SimulatedCameras
 from app.rig.simulated.kinds import kind_of
-from app.rig.simulated.world import Nodes, Snapshot
+from app.rig.simulated.worlds.arm_model import solve_joints
+from app.rig.simulated.worlds.world import Nodes, Snapshot
 from app.tasks import Task, load
 from app.tasks.pouring import pool_points
 

@@ -10,11 +10,11 @@ from app.core.geometry.limbs import Posture
 from app.core.geometry.stage import Finger, Paddle, Stage
 from app.core.motion import TOOL_DOWN
 from app.perception.shadow import pieces, shadow
-from app.rig.simulated.arm_model import link_frames, solve_joints
-from app.rig.simulated.cameras import CameraNoise, table_cameras
+from app.rig.simulated.cameras.cameras import CameraNoise, table_cameras
+from app.rig.simulated.cameras.render import render
 from app.rig.simulated.limbs import known_arm
-from app.rig.simulated.render import render
-from app.rig.simulated.world import Snapshot
+from app.rig.simulated.worlds.arm_model import link_frames, solve_joints
+from app.rig.simulated.worlds.world import Snapshot
 from app.tasks.bean_sweep import BEANS, PADDLE
 from app.tasks.rope_push import FINGER, ROPE
 

@@ -7,9 +7,9 @@ from app.core.colours import ColourRange
 from app.core.geometry.stage import Finger, Rope, Stage
 from app.core.messages import Frame, fresh_id
 from app.perception.reconstruct import Reconstruction, reconstruct
-from app.rig.simulated.cameras import table_cameras
-from app.rig.simulated.render import render
-from app.rig.simulated.rope_world import RopeWorld
+from app.rig.simulated.cameras.cameras import table_cameras
+from app.rig.simulated.cameras.render import render
+from app.rig.simulated.worlds.rope_world import RopeWorld
 from bench.tube import Tube
 from tests.perception.scene import random_tube
 

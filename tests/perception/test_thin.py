@@ -7,8 +7,8 @@ from scipy.spatial import KDTree
 from app.core.colours import ColourRange
 from app.perception.fuse import Box
 from app.perception.reconstruct import Reconstruction, reconstruct
-from app.rig.simulated.cloth_world import ClothWorld
-from app.rig.simulated.eyes import SimulatedCameras
+from app.rig.simulated.cameras.eyes import SimulatedCameras
+from app.rig.simulated.worlds.cloth_world import ClothWorld
 from tests.rig.cloth_scene import CLOTH, GRIPPER, KNOTS, RACK, STAGE, flat, grasped, hand
 
 HOW = Reconstruction(

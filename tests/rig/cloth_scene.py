@@ -5,7 +5,7 @@ import numpy as np
 from app.core.geometry.stage import Cloth, Gripper, Rack, Stage
 from app.core.motion import pointing_down
 from app.core.types import ToolPose
-from app.rig.simulated.cloth_world import ClothWorld
+from app.rig.simulated.worlds.cloth_world import ClothWorld
 
 CLOTH = Cloth(size_m=0.25, mass_kg=0.0125, colour=(0.15, 0.35, 0.80))
 GRIPPER = Gripper(half_m=(0.030, 0.006, 0.025), opening_m=0.040, closed_m=0.012)

@@ -5,7 +5,7 @@ from scipy.spatial.transform import Rotation
 
 from app.config import Workspace
 from app.core.motion import TOOL_DOWN, pointing_down
-from app.rig.simulated.arm_model import link_frames, solve_joints
+from app.rig.simulated.worlds.arm_model import link_frames, solve_joints
 
 
 def test_joints_solved_for_a_tool_position_put_the_tool_there_pointing_down() -> None:

@@ -10,11 +10,11 @@ from scipy.spatial.transform import Rotation
 from app.core.geometry.stage import Stage
 from app.core.motion import TOOL_DOWN
 from app.core.types import ToolPose
-from app.rig.simulated.appearance import surfaces
-from app.rig.simulated.arm_model import link_frames
-from app.rig.simulated.beans_world import BeanPhysics, BeansWorld
+from app.rig.simulated.cameras.appearance import surfaces
 from app.rig.simulated.kinds import kind_of
-from app.rig.simulated.physics import WorldPhysics
+from app.rig.simulated.worlds.arm_model import link_frames
+from app.rig.simulated.worlds.beans_world import BeanPhysics, BeansWorld
+from app.rig.simulated.worlds.physics import WorldPhysics
 from app.tasks.bean_sweep import BEANS, MAT, PADDLE, TASK
 
 TICK_S = 0.01

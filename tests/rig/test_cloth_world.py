@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from app.core.geometry.stage import Obstacle
-from app.rig.simulated.cloth_world import ClothWorld
+from app.rig.simulated.worlds.cloth_world import ClothWorld
 from tests.rig.cloth_scene import CLOTH, GRIPPER, KNOTS, MESH_M, RACK, flat, go, grasped, hand
 
 LYING = flat(0.50, -0.18)

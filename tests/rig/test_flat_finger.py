@@ -10,10 +10,10 @@ import pytest
 from app.core.geometry.finger_distance import from_core
 from app.core.geometry.stage import Finger, RopeModel
 from app.policy.strokes import PushDesign
-from app.rig.simulated.physics import ROPE_WORLDS, WorldPhysics
 from app.rig.simulated.rehearsal import rehearse
-from app.rig.simulated.rope import resample
-from app.rig.simulated.rope_world import RopeWorld
+from app.rig.simulated.worlds.physics import ROPE_WORLDS, WorldPhysics
+from app.rig.simulated.worlds.rope import resample
+from app.rig.simulated.worlds.rope_world import RopeWorld
 from app.sim.rods.rollout import RodPhysics, make_rod_rollout
 from app.sim.rods.state import RodState
 from app.tasks import load

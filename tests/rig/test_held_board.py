@@ -11,11 +11,11 @@ from app.core.motion import TOOL_DOWN
 from app.perception.calibration.se3 import moved
 from app.perception.calibration.sight import sight
 from app.perception.calibration.solve import CalibrationView, solve
-from app.rig.simulated.arm_model import solve_joints
-from app.rig.simulated.cameras import table_cameras
-from app.rig.simulated.held_board import HeldBoard, painted
-from app.rig.simulated.render import render
-from app.rig.simulated.world import Snapshot
+from app.rig.simulated.cameras.cameras import table_cameras
+from app.rig.simulated.cameras.held_board import HeldBoard, painted
+from app.rig.simulated.cameras.render import render
+from app.rig.simulated.worlds.arm_model import solve_joints
+from app.rig.simulated.worlds.world import Snapshot
 from app.tasks.rope_push import TASK
 
 CAMERA = table_cameras()[0]

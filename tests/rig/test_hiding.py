@@ -6,7 +6,7 @@ import pytest
 from app.core.errors import ParameterError, UsageError
 from app.core.geometry.stage import Rope
 from app.rig.simulated.hiding import IMPOSSIBLE, MISTUNED, InjectionRequest, draw, known, mistuned
-from app.rig.simulated.physics import ROPE_WORLDS, WorldPhysics, sized
+from app.rig.simulated.worlds.physics import ROPE_WORLDS, WorldPhysics, sized
 
 
 @pytest.mark.parametrize("name", IMPOSSIBLE)

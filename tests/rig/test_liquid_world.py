@@ -10,8 +10,8 @@ from app.core.errors import SimulationError
 from app.core.motion import pointing_down
 from app.core.types import ToolPose
 from app.rig.simulated.kinds import kind_of
-from app.rig.simulated.liquid_world import LiquidWorld
-from app.rig.simulated.world import Nodes
+from app.rig.simulated.worlds.liquid_world import LiquidWorld
+from app.rig.simulated.worlds.world import Nodes
 from app.tasks import Task, load
 
 both = pytest.mark.parametrize("name", ["pour_water", "pour_soup"])

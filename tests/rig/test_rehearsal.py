@@ -5,8 +5,8 @@ import pytest
 
 from app.policy.strokes import REGION, PushDesign
 from app.rig.simulated.hidden.base import Injected
-from app.rig.simulated.physics import WorldPhysics
 from app.rig.simulated.rehearsal import BEGIN_S, SLOT_S, PushSample, first_end, rehearse
+from app.rig.simulated.worlds.physics import WorldPhysics
 from app.tasks import load
 from tests.rig.hidden.moments import injected
 

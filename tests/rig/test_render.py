@@ -7,10 +7,10 @@ import pytest
 
 from app.core.geometry.camera import CameraModel
 from app.core.geometry.stage import Stage
-from app.rig.simulated.cameras import CameraNoise, table_cameras
-from app.rig.simulated.render import render
-from app.rig.simulated.rope_world import RopeWorld
-from app.rig.simulated.world import Snapshot
+from app.rig.simulated.cameras.cameras import CameraNoise, table_cameras
+from app.rig.simulated.cameras.render import render
+from app.rig.simulated.worlds.rope_world import RopeWorld
+from app.rig.simulated.worlds.world import Snapshot
 from tests.rig.scene import FINGER, ROPE, straight_rope
 
 NOISELESS = CameraNoise(depth_per_m=0.0, edge_dropout=0.0, grazing_dropout=0.0, colour_levels=0.0)

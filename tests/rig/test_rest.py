@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from app.rig.simulated.kinds import kind_of
-from app.rig.simulated.rest import Rest
+from app.rig.simulated.worlds.rest import Rest
 from app.tasks import load
 
 HERE = np.array([0.3, 0.0, 0.3])

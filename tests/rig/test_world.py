@@ -10,9 +10,9 @@ from app.config import Workspace
 from app.core.geometry.stage import RopeModel, Stage
 from app.policy.strokes import PushDesign
 from app.rig.simulated.kinds import kind_of
-from app.rig.simulated.physics import ROPE_WORLDS, WorldPhysics
 from app.rig.simulated.rehearsal import rehearse
-from app.rig.simulated.rope_world import RopeWorld
+from app.rig.simulated.worlds.physics import ROPE_WORLDS, WorldPhysics
+from app.rig.simulated.worlds.rope_world import RopeWorld
 from app.tasks import load
 from app.tasks.curves import random_curve
 from tests.rig.hidden.moments import injected
@@ -210,7 +210,7 @@ def test_more_friction_between_finger_and_rope_drags_it_further_along(physics: W
 
 
 def test_a_snapshot_has_the_arm_reach_the_tool(physics: WorldPhysics) -> None:
-    from app.rig.simulated.arm_model import link_frames
+    from app.rig.simulated.worlds.arm_model import link_frames
 
     table = world(physics)
     drive(table, (0.46, 0.0), (0.48, 0.02), 0.2)

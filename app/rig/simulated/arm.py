@@ -12,7 +12,7 @@ from app.config import Site
 from app.core.geometry.stage import Stage
 from app.rig.simulated.arm_control import ArmControl
 from app.rig.simulated.kinds import kind_of
-from app.rig.simulated.world import Nodes
+from app.rig.simulated.worlds.world import Nodes
 
 
 @asynccontextmanager

@@ -11,7 +11,7 @@ from app.config import Site
 from app.core.dialogue.jog import Jog
 from app.core.messages import ArmMode
 from app.core.types import ToolPath, ToolPose
-from app.rig.simulated.arm_model import Joints, solve_joints
+from app.rig.simulated.worlds.arm_model import Joints, solve_joints
 
 _SERVO_TIME_S = 0.004
 """Time constant of the drives [s]: a stiff position-controlled arm."""

@@ -10,7 +10,7 @@ from app.core.errors import ParameterError, UsageError
 from app.core.geometry.stage import Rope, RopeModel
 from app.rig.simulated import hidden as hidden_files
 from app.rig.simulated.hidden.base import Hidden, Injected
-from app.rig.simulated.physics import ROPE_WORLDS, WorldPhysics, sized
+from app.rig.simulated.worlds.physics import ROPE_WORLDS, WorldPhysics, sized
 from app.sim.files import files_of
 
 IMPOSSIBLE = {

@@ -4,8 +4,8 @@ import numpy as np
 
 from app.core.geometry.limbs import ArmShape, Joint, Limb
 from app.core.geometry.stage import Tool
-from app.rig.simulated.appearance import RODS
-from app.rig.simulated.arm_model import OFFSETS_M
+from app.rig.simulated.cameras.appearance import RODS
+from app.rig.simulated.worlds.arm_model import OFFSETS_M
 
 
 def known_arm(tool: Tool) -> ArmShape:

@@ -17,9 +17,9 @@ from app.core.motion import Motion
 from app.core.refusal import Refusal
 from app.core.types import ToolPose
 from app.rig.simulated.arm_control import ArmControl
-from app.rig.simulated.eyes import SimulatedCameras
+from app.rig.simulated.cameras.eyes import SimulatedCameras
 from app.rig.simulated.kinds import kind_of
-from app.rig.simulated.world import Nodes
+from app.rig.simulated.worlds.world import Nodes
 
 _LAID_S: Final = 1.0
 """Time for an object laid on the table to come to rest."""

@@ -15,10 +15,10 @@ from app.core.errors import UsageError
 from app.core.geometry.track import Track
 from app.policy.strokes import PushDesign, midway_s, random_track
 from app.rig.simulated.hidden.base import Injected
-from app.rig.simulated.intrusion import Intrusion
-from app.rig.simulated.physics import HOME_TOOL_M, Centreline, WorldPhysics
-from app.rig.simulated.rope_world import RopeWorld
-from app.rig.simulated.world import Snapshot
+from app.rig.simulated.worlds.intrusion import Intrusion
+from app.rig.simulated.worlds.physics import HOME_TOOL_M, Centreline, WorldPhysics
+from app.rig.simulated.worlds.rope_world import RopeWorld
+from app.rig.simulated.worlds.world import Snapshot
 from app.tasks.base import Task
 from app.tasks.curves import fill_tube
 

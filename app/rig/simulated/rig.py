@@ -22,14 +22,14 @@ from app.core.system.processes import end, process, ready
 from app.core.system.ring import Ring
 from app.core.view import image_ring
 from app.rig.simulated.arm_control import ArmControl
-from app.rig.simulated.camera import SimulatedCamera
-from app.rig.simulated.camera_process import run_cameras
-from app.rig.simulated.cameras import table_cameras
-from app.rig.simulated.held_board import HeldBoard
+from app.rig.simulated.cameras.camera import SimulatedCamera
+from app.rig.simulated.cameras.camera_process import run_cameras
+from app.rig.simulated.cameras.cameras import table_cameras
+from app.rig.simulated.cameras.held_board import HeldBoard
 from app.rig.simulated.kinds import kind_of
 from app.rig.simulated.limbs import known_arm
-from app.rig.simulated.world import Nodes, Snapshot
 from app.rig.simulated.world_process import newest_snapshot, run_world, snapshot_ring
+from app.rig.simulated.worlds.world import Nodes, Snapshot
 
 _IMAGES_KEPT = 3
 

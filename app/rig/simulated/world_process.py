@@ -14,9 +14,9 @@ import numpy as np
 from app.arm.memory import ArmMemory
 from app.core.geometry.stage import Stage
 from app.core.system.ring import Ring
-from app.rig.simulated.arm_model import solve_joints
 from app.rig.simulated.kinds import kind_of
-from app.rig.simulated.world import Nodes, Snapshot, World
+from app.rig.simulated.worlds.arm_model import solve_joints
+from app.rig.simulated.worlds.world import Nodes, Snapshot, World
 
 _CATCH_UP_TICKS = 20
 

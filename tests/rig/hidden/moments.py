@@ -5,9 +5,9 @@ import numpy as np
 from app.core.geometry.track import Track
 from app.rig.simulated.hidden.base import Hidden, Injected, Moment
 from app.rig.simulated.hiding import known
-from app.rig.simulated.intrusion import Intrusion
-from app.rig.simulated.physics import WorldPhysics
-from app.rig.simulated.rope_world import RopeWorld
+from app.rig.simulated.worlds.intrusion import Intrusion
+from app.rig.simulated.worlds.physics import WorldPhysics
+from app.rig.simulated.worlds.rope_world import RopeWorld
 from tests.rig.scene import FINGER, ROPE, straight_rope
 
 SEGMENTS = 40

@@ -9,10 +9,10 @@ import pytest
 
 from app.discovery.dataset.subject import catalogue
 from app.rig.simulated import hidden
-from app.rig.simulated.cameras import table_cameras
+from app.rig.simulated.cameras.cameras import table_cameras
 from app.rig.simulated.hidden.base import Injected, SensorImages
 from app.rig.simulated.hiding import IMPOSSIBLE, InjectionRequest, draw, known
-from app.rig.simulated.rope_world import RopeWorld
+from app.rig.simulated.worlds.rope_world import RopeWorld
 from app.sim.files import files_of
 from app.tasks import load
 from app.tasks.doubted import subject_of

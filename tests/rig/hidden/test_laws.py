@@ -8,13 +8,13 @@ from scipy.spatial.transform import Rotation
 
 from app.core.geometry.camera import CameraModel
 from app.core.geometry.stage import Stage
-from app.rig.simulated.cameras import CameraNoise, table_cameras
-from app.rig.simulated.engine import mujoco
+from app.rig.simulated.cameras.cameras import CameraNoise, table_cameras
+from app.rig.simulated.cameras.render import render
 from app.rig.simulated.hidden.base import SensorImages
-from app.rig.simulated.physics import RopePhysics, WorldPhysics
-from app.rig.simulated.render import render
-from app.rig.simulated.rope import add_rope, resample
-from app.rig.simulated.rope_world import RopeWorld
+from app.rig.simulated.worlds.engine import mujoco
+from app.rig.simulated.worlds.physics import RopePhysics, WorldPhysics
+from app.rig.simulated.worlds.rope import add_rope, resample
+from app.rig.simulated.worlds.rope_world import RopeWorld
 from tests.rig.hidden.moments import effect, injected, moment, moving, track, world
 from tests.rig.scene import FINGER, PUSH_Z, ROPE, straight_rope
 

@@ -14,7 +14,7 @@ from app.core.types import Points
 from app.perception.shadow import MARGIN_M, pieces, shadow
 from app.rig.kinova import gen3
 from app.rig.kinova.shape import known_gen3, tip_m
-from app.rig.simulated.cameras import table_cameras
+from app.rig.simulated.cameras.cameras import table_cameras
 from app.tasks.bean_sweep import PADDLE
 from app.tasks.cloth_hang import GRIPPER
 from app.tasks.pour_water import HELD

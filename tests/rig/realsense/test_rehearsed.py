@@ -15,10 +15,10 @@ from app.rig.realsense.sdk.sources import RecordedSource
 from app.rig.realsense.sdk.synthetic import ImagerPair, record
 from app.rig.realsense.settings import StreamSettings
 from app.rig.realsense.stream import AlignedImages, StreamEnded, streaming
-from app.rig.simulated.arm_model import solve_joints
-from app.rig.simulated.cameras import CameraNoise, table_cameras
-from app.rig.simulated.render import render
-from app.rig.simulated.world import Snapshot
+from app.rig.simulated.cameras.cameras import CameraNoise, table_cameras
+from app.rig.simulated.cameras.render import render
+from app.rig.simulated.worlds.arm_model import solve_joints
+from app.rig.simulated.worlds.world import Snapshot
 from tests.rig.scene import FINGER, ROPE, straight_rope
 
 STAGE = Stage(body=ROPE, tool=FINGER)

@@ -14,7 +14,7 @@ from jaxtyping import Float64
 from app.core.geometry.camera import CameraModel
 from app.core.geometry.track import Track
 from app.core.types import ColourImage, DepthImage, Transform
-from app.rig.simulated.physics import Position, WorldPhysics
+from app.rig.simulated.worlds.physics import Position, WorldPhysics
 
 if TYPE_CHECKING:
     from app.core.geometry.stage import Rope

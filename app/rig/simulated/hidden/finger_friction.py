@@ -4,7 +4,7 @@ from dataclasses import replace
 from typing import TYPE_CHECKING
 
 from app.rig.simulated.hidden.base import Hidden, Quantity, Values, plain
-from app.rig.simulated.physics import WorldPhysics
+from app.rig.simulated.worlds.physics import WorldPhysics
 
 if TYPE_CHECKING:
     from app.core.geometry.stage import Rope

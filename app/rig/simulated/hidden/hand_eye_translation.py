@@ -4,7 +4,7 @@ import numpy as np
 
 from app.core.types import Transform
 from app.rig.simulated.hidden.base import Hidden, Values, components, spatial
-from app.rig.simulated.physics import Position
+from app.rig.simulated.worlds.physics import Position
 
 
 def _stands(T_world_camera: Transform, _middle: Position, values: Values) -> Transform:

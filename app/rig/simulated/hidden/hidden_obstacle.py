@@ -6,10 +6,10 @@ acceleration [1/s^2, 1/s].
 
 from typing import Any
 
-from app.rig.simulated.engine import mujoco
 from app.rig.simulated.hidden.base import Hidden, Quantity, Values, placed, where
-from app.rig.simulated.physics import WorldPhysics
-from app.rig.simulated.rope import FINGER_BIT
+from app.rig.simulated.worlds.engine import mujoco
+from app.rig.simulated.worlds.physics import WorldPhysics
+from app.rig.simulated.worlds.rope import FINGER_BIT
 
 _RADIUS_M, _HEIGHT_M = 0.02, 0.05
 _NO_STIFFNESS = -1e-6

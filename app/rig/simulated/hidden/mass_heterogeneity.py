@@ -5,7 +5,7 @@ from typing import Any
 import numpy as np
 
 from app.rig.simulated.hidden.base import Hidden, Quantity, Values, level
-from app.rig.simulated.physics import WorldPhysics
+from app.rig.simulated.worlds.physics import WorldPhysics
 
 
 def _build(spec: Any, physics: WorldPhysics, values: Values) -> None:

@@ -9,7 +9,7 @@ from math import pi, sqrt
 from typing import TYPE_CHECKING
 
 from app.rig.simulated.hidden.base import Hidden, Quantity, Values, plain
-from app.rig.simulated.physics import WorldPhysics
+from app.rig.simulated.worlds.physics import WorldPhysics
 
 if TYPE_CHECKING:
     from app.core.geometry.stage import Rope

@@ -3,8 +3,8 @@
 from typing import Any
 
 from app.rig.simulated.hidden.base import Hidden, Quantity, Values, signed
-from app.rig.simulated.physics import WorldPhysics
-from app.rig.simulated.rope import hinge_owner
+from app.rig.simulated.worlds.physics import WorldPhysics
+from app.rig.simulated.worlds.rope import hinge_owner
 
 
 def _build(spec: Any, physics: WorldPhysics, values: Values) -> None:

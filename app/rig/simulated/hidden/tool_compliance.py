@@ -6,9 +6,9 @@ Two more slides of the finger's own body, beyond those that move it; light, and 
 from math import sqrt
 from typing import Any
 
-from app.rig.simulated.engine import mujoco
 from app.rig.simulated.hidden.base import Hidden, Quantity, Values, plain
-from app.rig.simulated.physics import WorldPhysics
+from app.rig.simulated.worlds.engine import mujoco
+from app.rig.simulated.worlds.physics import WorldPhysics
 
 _TIP_KG = 0.005
 

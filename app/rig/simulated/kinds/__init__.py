@@ -5,7 +5,7 @@ import pkgutil
 from functools import lru_cache
 
 from app.core.geometry.stage import Stage
-from app.rig.simulated.kind import Kind
+from app.rig.simulated.worlds.kind import Kind
 
 
 def kind_of(stage: Stage) -> Kind:

@@ -1,10 +1,10 @@
 """Beans that a paddle sweeps over the table."""
 
 from app.core.geometry.stage import Beans, Paddle, Stage
-from app.rig.simulated.beans_world import BeansWorld
-from app.rig.simulated.kind import Kind
-from app.rig.simulated.shapes import Surface, tube
-from app.rig.simulated.world import Nodes
+from app.rig.simulated.worlds.beans_world import BeansWorld
+from app.rig.simulated.worlds.kind import Kind
+from app.rig.simulated.worlds.shapes import Surface, tube
+from app.rig.simulated.worlds.world import Nodes
 
 
 def _of(stage: Stage) -> tuple[Beans, Paddle]:

@@ -1,10 +1,10 @@
 """A cloth that a gripper carries."""
 
 from app.core.geometry.stage import Cloth, Gripper, Stage
-from app.rig.simulated.cloth_world import ClothWorld
-from app.rig.simulated.kind import Kind
-from app.rig.simulated.shapes import Surface, sheet
-from app.rig.simulated.world import Nodes
+from app.rig.simulated.worlds.cloth_world import ClothWorld
+from app.rig.simulated.worlds.kind import Kind
+from app.rig.simulated.worlds.shapes import Surface, sheet
+from app.rig.simulated.worlds.world import Nodes
 
 
 def _node_count(stage: Stage) -> int:

@@ -6,9 +6,9 @@ from app.core.geometry.bowls import centre_of_bowl
 from app.core.geometry.stage import HeldBowl, Liquid, Soup, Stage
 from app.core.motion import pointing_down
 from app.core.types import ToolPose
-from app.rig.simulated.kind import Kind
-from app.rig.simulated.shapes import Surface, drops
-from app.rig.simulated.world import Nodes, World
+from app.rig.simulated.worlds.kind import Kind
+from app.rig.simulated.worlds.shapes import Surface, drops
+from app.rig.simulated.worlds.world import Nodes, World
 
 OVERLAP = 0.70
 """Radius of a drawn drop in spacings: the visible centre of a pool of them is within 1 mm of its level."""
@@ -20,7 +20,7 @@ def _node_count(stage: Stage) -> int:
 
 def build(stage: Stage, start: Nodes, time_s: float) -> World:
     """A world of liquids."""
-    from app.rig.simulated.liquid_world import LiquidWorld  # Other worlds' processes must not load JAX and Warp.
+    from app.rig.simulated.worlds.liquid_world import LiquidWorld  # Other worlds' processes must not load JAX and Warp.
 
     return LiquidWorld(stage, start, time_s=time_s)
 

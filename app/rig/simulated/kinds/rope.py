@@ -1,11 +1,11 @@
 """A rope, or a rigid rod of its size, that a finger pushes over the table."""
 
 from app.core.geometry.stage import Finger, Obstacle, Rope, Stage
-from app.rig.simulated.kind import Kind
-from app.rig.simulated.physics import ROPE_WORLDS, WorldPhysics
-from app.rig.simulated.rope_world import RopeWorld
-from app.rig.simulated.shapes import Surface, tube
-from app.rig.simulated.world import Nodes
+from app.rig.simulated.worlds.kind import Kind
+from app.rig.simulated.worlds.physics import ROPE_WORLDS, WorldPhysics
+from app.rig.simulated.worlds.rope_world import RopeWorld
+from app.rig.simulated.worlds.shapes import Surface, tube
+from app.rig.simulated.worlds.world import Nodes
 
 
 def _of(stage: Stage) -> tuple[Rope, Finger]:

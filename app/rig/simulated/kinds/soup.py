@@ -3,10 +3,10 @@
 import numpy as np
 
 from app.core.geometry.stage import Soup, Stage
-from app.rig.simulated.kind import Kind
 from app.rig.simulated.kinds.liquid import build, home, pool
-from app.rig.simulated.shapes import Surface, lump
-from app.rig.simulated.world import Nodes
+from app.rig.simulated.worlds.kind import Kind
+from app.rig.simulated.worlds.shapes import Surface, lump
+from app.rig.simulated.worlds.world import Nodes
 
 
 def _node_count(stage: Stage) -> int:

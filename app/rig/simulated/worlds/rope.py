@@ -13,8 +13,8 @@ import numpy as np
 from jaxtyping import Float64, Int
 
 from app.core.geometry.stage import Rope
-from app.rig.simulated.engine import mujoco
-from app.rig.simulated.physics import Centreline, WorldPhysics
+from app.rig.simulated.worlds.engine import mujoco
+from app.rig.simulated.worlds.physics import Centreline, WorldPhysics
 
 TABLE_BIT, FINGER_BIT = 1, 2
 _NEIGHBOURS_APART = 4

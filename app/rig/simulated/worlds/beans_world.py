@@ -9,10 +9,10 @@ from jaxtyping import Float64
 from app.core.geometry.stage import Beans, Paddle
 from app.core.motion import TOOL_DOWN, pointing_down
 from app.core.types import ToolPose
-from app.rig.simulated.arm_model import solve_joints
-from app.rig.simulated.engine import mujoco, new_spec
-from app.rig.simulated.physics import HOME_TOOL_M, WorldPhysics
-from app.rig.simulated.world import Nodes, Snapshot
+from app.rig.simulated.worlds.arm_model import solve_joints
+from app.rig.simulated.worlds.engine import mujoco, new_spec
+from app.rig.simulated.worlds.physics import HOME_TOOL_M, WorldPhysics
+from app.rig.simulated.worlds.world import Nodes, Snapshot
 
 _PRESCRIBED = 1000.0
 """Inertia of the paddle's joints [kg, kg m^2]: so large that no contact changes its prescribed velocity."""

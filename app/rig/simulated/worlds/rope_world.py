@@ -9,13 +9,13 @@ from jaxtyping import Float64
 from app.core.geometry.stage import Finger, Obstacle, Rope
 from app.core.motion import pointing_down
 from app.core.types import ToolPose
-from app.rig.simulated.arm_model import solve_joints
-from app.rig.simulated.cable import Cable
-from app.rig.simulated.engine import mujoco, new_spec
-from app.rig.simulated.intrusion import Intrusion
-from app.rig.simulated.physics import HOME_TOOL_M, Centreline, Position, WorldPhysics
-from app.rig.simulated.rope import FINGER_BIT, TABLE_BIT, Chain, RopeBody, about_z, resample
-from app.rig.simulated.world import Snapshot
+from app.rig.simulated.worlds.arm_model import solve_joints
+from app.rig.simulated.worlds.cable import Cable
+from app.rig.simulated.worlds.engine import mujoco, new_spec
+from app.rig.simulated.worlds.intrusion import Intrusion
+from app.rig.simulated.worlds.physics import HOME_TOOL_M, Centreline, Position, WorldPhysics
+from app.rig.simulated.worlds.rope import FINGER_BIT, TABLE_BIT, Chain, RopeBody, about_z, resample
+from app.rig.simulated.worlds.world import Snapshot
 
 _PRESCRIBED_KG = 1000.0
 """Inertia of the finger's slides: so large that no contact changes their prescribed velocity."""

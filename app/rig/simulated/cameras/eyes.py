@@ -9,10 +9,10 @@ import numpy as np
 from app.core.geometry.camera import CameraModel
 from app.core.geometry.stage import Stage
 from app.core.messages import Frame, MessageId
-from app.rig.simulated.cameras import CameraNoise, table_cameras
+from app.rig.simulated.cameras.cameras import CameraNoise, table_cameras
+from app.rig.simulated.cameras.render import render
 from app.rig.simulated.hidden.base import Injected, SensorImages
-from app.rig.simulated.render import render
-from app.rig.simulated.world import Snapshot
+from app.rig.simulated.worlds.world import Snapshot
 
 _NOISE = 3
 """Random stream of the images' noise."""

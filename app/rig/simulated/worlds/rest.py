@@ -5,7 +5,7 @@ from typing import Final, final
 import numpy as np
 from jaxtyping import Float
 
-from app.rig.simulated.world import Nodes
+from app.rig.simulated.worlds.world import Nodes
 
 _STILL_M_S: Final = 0.004
 """Speed below which an object is at rest, for all but its fastest hundredth: about a cell's noise in a second."""

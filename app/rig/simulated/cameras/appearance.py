@@ -23,10 +23,10 @@ from app.core.geometry.stage import (
     Vector,
 )
 from app.core.types import ToolPose
-from app.rig.simulated.arm_model import FOREARM_M, HAND_M, SHOULDER_M, UPPER_ARM_M, link_frames
 from app.rig.simulated.kinds import kind_of
-from app.rig.simulated.shapes import Surface, bowl, box, hull, turned
-from app.rig.simulated.world import Snapshot
+from app.rig.simulated.worlds.arm_model import FOREARM_M, HAND_M, SHOULDER_M, UPPER_ARM_M, link_frames
+from app.rig.simulated.worlds.shapes import Surface, bowl, box, hull, turned
+from app.rig.simulated.worlds.world import Snapshot
 
 Frame: TypeAlias = Float64[np.ndarray, "4 4"]
 

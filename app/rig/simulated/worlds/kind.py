@@ -9,9 +9,9 @@ import numpy as np
 from app.core.geometry.stage import Stage
 from app.core.motion import pointing_down
 from app.core.types import ToolPose
-from app.rig.simulated.physics import HOME_TOOL_M
-from app.rig.simulated.shapes import Surface
-from app.rig.simulated.world import Nodes, World
+from app.rig.simulated.worlds.physics import HOME_TOOL_M
+from app.rig.simulated.worlds.shapes import Surface
+from app.rig.simulated.worlds.world import Nodes, World
 
 Build: TypeAlias = Callable[[Stage, Nodes, float], World]
 """Constructor of a world with the object at its start and the tool at home, from a start time [s]."""

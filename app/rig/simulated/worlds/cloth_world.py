@@ -13,11 +13,11 @@ from jaxtyping import Bool, Float64
 from app.core.geometry.stage import Cloth, Fixture, Gripper, Rack
 from app.core.motion import pointing_down
 from app.core.types import ToolPose
-from app.rig.simulated.arm_model import solve_joints
-from app.rig.simulated.engine import mujoco, new_spec
-from app.rig.simulated.physics import HOME_TOOL_M, ClothPhysics
-from app.rig.simulated.rest import Rest
-from app.rig.simulated.world import Nodes, Snapshot
+from app.rig.simulated.worlds.arm_model import solve_joints
+from app.rig.simulated.worlds.engine import mujoco, new_spec
+from app.rig.simulated.worlds.physics import HOME_TOOL_M, ClothPhysics
+from app.rig.simulated.worlds.rest import Rest
+from app.rig.simulated.worlds.world import Nodes, Snapshot
 
 _PRESCRIBED_KG = 1000.0
 """Inertia of the gripper's slides: so large that no contact changes their prescribed velocity."""

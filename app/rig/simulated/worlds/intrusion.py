@@ -9,8 +9,8 @@ from jaxtyping import Float64, Int
 from app.core.geometry.finger_distance import from_core
 from app.core.geometry.stage import Finger, Rope
 from app.rig.simulated.hidden.base import Injected, Moment, Vectors
-from app.rig.simulated.physics import Position, WorldPhysics
-from app.rig.simulated.rope import hinge_owner
+from app.rig.simulated.worlds.physics import Position, WorldPhysics
+from app.rig.simulated.worlds.rope import hinge_owner
 
 _TABLE_GEOM = 0
 _QUIET_M_S, _QUIET_M = 1e-3, 0.02

@@ -16,10 +16,10 @@ from app.core.geometry.camera import CameraModel
 from app.core.geometry.stage import Stage
 from app.core.system.native import load_open3d
 from app.core.types import ColourImage, DepthImage
-from app.rig.simulated.appearance import surfaces
-from app.rig.simulated.cameras import CameraNoise
-from app.rig.simulated.shapes import Surface
-from app.rig.simulated.world import Snapshot
+from app.rig.simulated.cameras.appearance import surfaces
+from app.rig.simulated.cameras.cameras import CameraNoise
+from app.rig.simulated.worlds.shapes import Surface
+from app.rig.simulated.worlds.world import Snapshot
 
 Image: TypeAlias = Float32[np.ndarray, "height width"]
 Directions: TypeAlias = Float32[np.ndarray, "height width 3"]

@@ -11,9 +11,9 @@ import numpy as np
 from jaxtyping import Float64, Int
 
 from app.core.geometry.stage import Rope
-from app.rig.simulated.engine import mujoco
-from app.rig.simulated.physics import CablePhysics, Centreline, WorldPhysics
-from app.rig.simulated.rope import FINGER_BIT, TABLE_BIT
+from app.rig.simulated.worlds.engine import mujoco
+from app.rig.simulated.worlds.physics import CablePhysics, Centreline, WorldPhysics
+from app.rig.simulated.worlds.rope import FINGER_BIT, TABLE_BIT
 
 _OWN_BIT = 4
 _NEIGHBOURS_APART = 1

@@ -12,10 +12,10 @@ from app.core.geometry.camera import CameraModel
 from app.core.geometry.stage import Stage
 from app.core.system.ring import Ring
 from app.core.types import ColourImage, DepthImage, ToolPose
-from app.rig.simulated.held_board import HeldBoard, painted
-from app.rig.simulated.render import render
-from app.rig.simulated.world import Snapshot
+from app.rig.simulated.cameras.held_board import HeldBoard, painted
+from app.rig.simulated.cameras.render import render
 from app.rig.simulated.world_process import newest_snapshot
+from app.rig.simulated.worlds.world import Snapshot
 
 _NICENESS = 5
 _RECENT = 500

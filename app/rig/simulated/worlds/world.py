@@ -7,7 +7,7 @@ import numpy as np
 from jaxtyping import Float64
 
 from app.core.types import ToolPose
-from app.rig.simulated.arm_model import Joints
+from app.rig.simulated.worlds.arm_model import Joints
 
 Nodes: TypeAlias = Float64[np.ndarray, "K 3"]
 """Points [m] that give an object's shape: a rope's centreline, the centres of pieces, or the nodes of a mesh."""
