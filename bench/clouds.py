@@ -15,8 +15,8 @@ from scipy.spatial import KDTree
 
 from app.core.system.native import load_open3d
 from app.core.types import Cloud
-from app.perception.depth import deproject
-from app.perception.fuse import merge, without_outliers
+from app.perception.cloud.depth import deproject
+from app.perception.cloud.fuse import merge, without_outliers
 from app.rig.simulated.cameras.cameras import table_cameras
 
 Work: TypeAlias = Callable[[], Cloud]

@@ -25,9 +25,9 @@ from scipy.spatial import KDTree
 from app.core.errors import PerceptionError
 from app.core.messages import Frame
 from app.core.motion import pointing_down
-from app.perception.depth import nearest
+from app.perception.body.steady import JUMP_M, steadied
+from app.perception.cloud.depth import nearest
 from app.perception.reconstruct import Known, Reconstruction, reconstruct
-from app.perception.steady import JUMP_M, steadied
 from app.rig.simulated.cameras.cameras import CameraNoise, table_cameras
 from app.rig.simulated.cameras.render import render
 from app.rig.simulated.worlds.arm_model import solve_joints

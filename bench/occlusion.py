@@ -27,7 +27,7 @@ from app.core.geometry.stage import Colour, Obstacle, Stage, Vector
 from app.core.messages import Frame, fresh_id
 from app.core.motion import pointing_down
 from app.core.types import Cloud, Points
-from app.perception.memory import Memory
+from app.perception.cloud.memory import Memory
 from app.perception.reconstruct import Known, Reconstruction, reconstruct
 from app.rig.simulated.cameras.cameras import table_cameras
 from app.rig.simulated.cameras.render import render

@@ -21,7 +21,7 @@ from app.discovery.apparatus.base import Eye
 from app.discovery.dataset.study import Push, Study, View
 from app.discovery.dataset.subject import Theta
 from app.discovery.residuals.predict import Predictor, resisting
-from app.perception.resample import resample
+from app.perception.body.resample import resample
 from app.policy.strokes import REGION, PushDesign, midway_s, random_track
 from app.sim.effects.base import Effect
 from app.sim.model.catalogue import EFFECTS

@@ -16,9 +16,9 @@ from rich.table import Table
 from scipy.spatial import KDTree
 
 from app.core.messages import Frame, fresh_id
-from app.perception.fill import fill, points_inside
+from app.perception.body.fill import fill, points_inside
+from app.perception.body.resample import resample
 from app.perception.reconstruct import Reconstruction, reconstruct
-from app.perception.resample import resample
 from app.rig.simulated.cameras.cameras import table_cameras
 from app.rig.simulated.cameras.render import render
 from app.rig.simulated.worlds.rope_world import RopeWorld

@@ -15,7 +15,7 @@ from jaxtyping import Float64
 from app.core.errors import UsageError
 from app.core.types import Cloud
 from app.discovery.dataset.subject import Subject
-from app.perception.fill import CELL_M, Underside, fill, points_inside
+from app.perception.body.fill import CELL_M, Underside, fill, points_inside
 from app.sim.model.scene import Body
 from app.tasks import load
 from app.tasks.doubted import subject_of

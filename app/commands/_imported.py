@@ -11,7 +11,7 @@ from app import __version__
 from app.core.geometry.track import poses_at
 from app.core.measured_setup import KEY, MeasuredSetup
 from app.core.messages import Episode, Executed, Message, MessageId, Particles, Sighting, Transition, fresh_id
-from app.perception.recount import recounted
+from app.perception.body.recount import recounted
 from app.recording.plain import Plain, PlainEpisode, PlainObservation
 
 NOBODY: Final = MessageId("imported")

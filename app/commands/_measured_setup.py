@@ -17,7 +17,7 @@ from app.core.geometry.track import poses_at
 from app.core.measured_setup import FoundTable, MeasuredSetup, Source, SourcedSize, ToolPoints
 from app.core.task_name import TaskName
 from app.core.types import Poses
-from app.perception.table_plane import TablePlane, plane_of_clouds, plane_of_points
+from app.perception.cloud.table_plane import TablePlane, plane_of_clouds, plane_of_points
 from app.recording.plain import Plain, PlainEpisode, PlainObservation
 from app.recording.plain_checks import half_sides
 from app.sim.rods.geometry.rope_size import rope_size

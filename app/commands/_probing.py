@@ -16,7 +16,7 @@ from app.core.task_name import recorded
 from app.discovery.dataset.study import Push, Study, View
 from app.discovery.experiments.probe import Belief
 from app.discovery.experiments.probe_pushes import Probe
-from app.perception.recount import recounted
+from app.perception.body.recount import recounted
 from app.recording.file import EpisodeFile
 from app.rig.simulated.rehearsal import PushSample, PushSession, StampedSnapshot
 from app.tasks.base import Task

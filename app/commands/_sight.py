@@ -4,7 +4,7 @@ from dataclasses import replace
 from pathlib import Path
 
 from app.core.errors import UsageError
-from app.perception.learned import load_segmenter
+from app.perception.mask.learned import load_segmenter
 from app.tasks import Task
 
 

@@ -11,7 +11,7 @@ from app.core.dialogue.requests import ColourRequest
 from app.core.dialogue.seeing import Seen
 from app.core.errors import DeviceError, PerceptionError, UsageError
 from app.core.messages import Frame, fresh_id
-from app.perception.look import ViewDiagnostics
+from app.perception.cloud.look import ViewDiagnostics
 from app.perception.reconstruct import Reconstructed, Reconstruction
 
 _BEYOND_M = 1.0

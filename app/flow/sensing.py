@@ -17,7 +17,7 @@ from app.core.system.channel import Latest
 from app.core.system.worker import Worker
 from app.flow.following import Following
 from app.flow.seeing import Seeing, credible, placed, seen
-from app.perception.memory import NOTHING
+from app.perception.cloud.memory import NOTHING
 from app.perception.reconstruct import Known, Reconstructed, Reconstruction, looked, reconstruct, warm_up
 
 _OBSERVE_DEADLINE_S = 30.0

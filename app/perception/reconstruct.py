@@ -14,19 +14,19 @@ from app.core.geometry.limbs import ArmShape, Posture
 from app.core.messages import Frame
 from app.core.system.native import load_open3d
 from app.core.types import Cloud, Points, ToolPath, ToolPose
-from app.perception.carried import carried
-from app.perception.fill import Solid, Underside, fill, points_inside
-from app.perception.fuse import Box
-from app.perception.hull import Hull, hull
-from app.perception.look import Some, ViewDiagnostics
-from app.perception.memory import NOTHING, Memory, beside, recalled, renewed
-from app.perception.resample import resample
-from app.perception.segment import ByColour, Segmenter
-from app.perception.shadow import pieces, shadow
-from app.perception.steady import steadied
-from app.perception.swimming import Swimming
-from app.perception.vessels import Pool, Vessel, level_of
-from app.perception.views import ObjectView, Sieve, surface, told, view
+from app.perception.body.carried import carried
+from app.perception.body.fill import Solid, Underside, fill, points_inside
+from app.perception.body.resample import resample
+from app.perception.body.steady import steadied
+from app.perception.body.swimming import Swimming
+from app.perception.body.vessels import Pool, Vessel, level_of
+from app.perception.cloud.fuse import Box
+from app.perception.cloud.hull import Hull, hull
+from app.perception.cloud.look import Some, ViewDiagnostics
+from app.perception.cloud.memory import NOTHING, Memory, beside, recalled, renewed
+from app.perception.cloud.shadow import pieces, shadow
+from app.perception.cloud.views import ObjectView, Sieve, surface, told, view
+from app.perception.mask.segment import ByColour, Segmenter
 
 _BODY_POINTS = 6000
 _POINTS_A_PARTICLE = 8

@@ -10,7 +10,7 @@ from scipy.spatial import KDTree
 from app.core.colours import Mask
 from app.core.messages import Frame
 from app.core.types import Cloud
-from app.perception.depth import behind_an_edge, deproject
+from app.perception.cloud.depth import behind_an_edge, deproject
 from app.perception.reconstruct import Reconstruction
 from app.perception.tip import tool_points
 

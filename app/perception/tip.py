@@ -18,7 +18,7 @@ from app.core.colours import Mask
 from app.core.geometry.camera import CameraModel
 from app.core.messages import Frame
 from app.core.types import Cloud
-from app.perception.depth import behind_an_edge, deproject, project
+from app.perception.cloud.depth import behind_an_edge, deproject, project
 from app.perception.reconstruct import Reconstruction
 
 Capsule: TypeAlias = Float64[np.ndarray, "5"]

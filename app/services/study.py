@@ -17,7 +17,7 @@ from app.core.task_name import recorded
 from app.core.types import Cloud, Points
 from app.discovery.dataset.study import Push, Study, View
 from app.discovery.dataset.subject import Subject
-from app.perception.recount import recounted
+from app.perception.body.recount import recounted
 from app.recording.reader import read_cameras, read_messages
 from app.recording.shelf import counted_once
 from app.services.sightings import look_beside

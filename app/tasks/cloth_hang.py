@@ -5,7 +5,7 @@ from types import MappingProxyType
 
 from app.core.colours import ColourRange
 from app.core.geometry.stage import Cloth, Gripper, Rack, Stage
-from app.perception.fuse import Box
+from app.perception.cloud.fuse import Box
 from app.perception.reconstruct import Reconstruction
 from app.planner.actions.carries import Carries, KeptClear
 from app.planner.search.cost import Weights

@@ -5,7 +5,7 @@ import numpy as np
 from app.config import Workspace
 from app.core.errors import UsageError
 from app.core.types import Cloud, Points
-from app.perception.resample import resample
+from app.perception.body.resample import resample
 from app.tasks import load
 from app.tasks.feasible import check_goal
 

@@ -8,7 +8,7 @@ from dataclasses import replace
 
 from app.core.colours import ColourRange
 from app.core.geometry.stage import Liquid, Pieces, Soup
-from app.perception.swimming import Swimming
+from app.perception.body.swimming import Swimming
 from app.tasks.aim import InBowl
 from app.tasks.pour_water import HELD, HOME_M, PARTICLES, TARGET
 from app.tasks.pour_water import TASK as POUR_WATER

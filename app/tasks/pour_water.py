@@ -8,9 +8,9 @@ from types import MappingProxyType
 
 from app.core.colours import ColourRange
 from app.core.geometry.stage import Bowl, HeldBowl, Liquid, Stage
-from app.perception.fuse import Box
+from app.perception.body.vessels import Vessel
+from app.perception.cloud.fuse import Box
 from app.perception.reconstruct import Reconstruction
-from app.perception.vessels import Vessel
 from app.planner.actions.pours import Pours
 from app.planner.search.cost import Weights
 from app.planner.search.optimise import Descent

@@ -10,7 +10,7 @@ from jaxtyping import Float64
 from app.core.geometry.bowls import cap_depth_m
 from app.core.geometry.stage import Bowl, HeldBowl, Liquid, Soup
 from app.core.types import Cloud, Points
-from app.perception.resample import resample
+from app.perception.body.resample import resample
 from app.sim.materials.elastic import Elastic
 from app.sim.materials.liquid import LiquidMaterial
 from app.sim.model.scene import Body, Scene

@@ -16,7 +16,7 @@ from app.arm.path import raised
 from app.config import Site
 from app.core.errors import MotionRefused, UsageError
 from app.core.geometry.stage import Rope
-from app.perception.recount import recounted
+from app.perception.body.recount import recounted
 
 if TYPE_CHECKING:
     from collections.abc import Sequence

@@ -9,7 +9,7 @@ from scipy.ndimage import map_coordinates
 
 from app.core.geometry.stage import Cloth, Rack
 from app.core.types import Points
-from app.perception.resample import resample
+from app.perception.body.resample import resample
 from app.tasks.base import Nodes
 
 _LIES_M: Final = 0.002

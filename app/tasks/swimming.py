@@ -9,8 +9,8 @@ from jaxtyping import Float64
 from app.core.geometry.bowls import cap_depth_m
 from app.core.geometry.stage import Bowl, HeldBowl, Pieces, Soup
 from app.core.types import Points
-from app.perception.resample import resample
-from app.perception.swimming import Swimming
+from app.perception.body.resample import resample
+from app.perception.body.swimming import Swimming
 from app.tasks.base import Nodes
 from app.tasks.pouring import aside_m, pool_points
 

@@ -17,7 +17,7 @@ from app.core.task_name import recorded
 from app.core.types import Cloud, Points
 from app.discovery.dataset.study import Push, Study, View
 from app.discovery.residuals.centreline_noise import smooth_noise
-from app.perception.resample import resample
+from app.perception.body.resample import resample
 from app.policy.strokes import REGION, PushDesign
 from app.rig.simulated.hidden.base import Injected
 from app.rig.simulated.hiding import InjectionRequest, draw, mistuned

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from app.discovery.residuals.field import MODES, REVERSED, Basis, registered
-from app.perception.resample import resample
+from app.perception.body.resample import resample
 
 N = 300
 

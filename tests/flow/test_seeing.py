@@ -12,7 +12,7 @@ from app.core.dialogue.seeing import Seen
 from app.core.errors import DeviceError, ParameterError, PerceptionError, UsageError
 from app.core.messages import fresh_id
 from app.flow.seeing import Seeing, credible, placed, seen
-from app.perception.learned import load_segmenter
+from app.perception.mask.learned import load_segmenter
 from app.perception.reconstruct import Reconstruction, looked, reconstruct
 from tests.perception.onnx_model import convolution
 from tests.perception.scene import ROPE_RGB, random_tube, views

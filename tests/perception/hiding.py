@@ -7,7 +7,7 @@ import cv2
 import numpy as np
 
 from app.core.messages import Frame
-from app.perception.depth import project
+from app.perception.cloud.depth import project
 
 SCREEN_RGB = (90, 95, 100)
 _SCREEN_M = 0.30

@@ -9,7 +9,7 @@ from scipy.spatial.transform import Rotation
 from app.core.geometry.finger_distance import from_core
 from app.core.geometry.stage import Gripper, Tool
 from app.core.motion import TOOL_DOWN
-from app.perception.carried import carried
+from app.perception.body.carried import carried
 from app.tasks.bean_sweep import PADDLE
 from app.tasks.rope_push import FINGER
 from bench.unseen_pushes import pushed_rope

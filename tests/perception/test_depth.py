@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
-from app.perception.depth import behind_an_edge, deproject, nearest, project
+from app.perception.cloud.depth import behind_an_edge, deproject, nearest, project
 from tests.perception.scene import camera_at, turned_quarter, two_cameras, views
 
 

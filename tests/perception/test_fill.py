@@ -5,7 +5,7 @@ import pytest
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
-from app.perception.fill import CELL_M, Solid, fill, points_inside
+from app.perception.body.fill import CELL_M, Solid, fill, points_inside
 
 
 def seen_tube(rng: np.random.Generator, *, radius_m: float, length_m: float = 0.2, count: int = 6000) -> np.ndarray:

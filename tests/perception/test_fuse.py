@@ -4,7 +4,7 @@ import numpy as np
 from hypothesis import given
 from hypothesis import strategies as st
 
-from app.perception.fuse import Box, merge, not_seen_through, without_outliers
+from app.perception.cloud.fuse import Box, merge, not_seen_through, without_outliers
 from tests.perception.scene import two_cameras
 
 CAMERA = two_cameras()[0]

@@ -10,7 +10,7 @@ import pytest
 from app.core.colours import ColourRange
 from app.core.errors import UsageError
 from app.core.geometry.chamfer import chamfer_m2
-from app.perception.learned import load_segmenter
+from app.perception.mask.learned import load_segmenter
 from app.perception.reconstruct import Reconstruction, reconstruct
 from tests.perception.onnx_model import convolution
 from tests.perception.scene import ROPE_RGB, views

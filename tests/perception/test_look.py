@@ -7,7 +7,7 @@ import pytest
 
 from app.core.colours import ColourRange, colour_mask
 from app.core.errors import PerceptionError
-from app.perception.look import apart_m
+from app.perception.cloud.look import apart_m
 from app.perception.reconstruct import Reconstruction, looked, reconstruct
 from tests.perception.scene import ROPE_RGB, views
 

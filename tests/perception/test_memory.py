@@ -10,8 +10,8 @@ from scipy.spatial import KDTree
 
 from app.core.colours import ColourRange, colour_mask
 from app.core.messages import Frame
-from app.perception.depth import nearest, project
-from app.perception.memory import NOTHING, Memory
+from app.perception.cloud.depth import nearest, project
+from app.perception.cloud.memory import NOTHING, Memory
 from app.perception.reconstruct import Known, Reconstructed, Reconstruction, reconstruct
 from bench.tube import Tube
 from tests.perception.hiding import screened, touched

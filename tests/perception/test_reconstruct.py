@@ -9,7 +9,7 @@ from scipy.spatial import KDTree
 from app.core.colours import ColourRange
 from app.core.errors import PerceptionError
 from app.core.geometry.chamfer import chamfer_m2
-from app.perception.fuse import Box
+from app.perception.cloud.fuse import Box
 from app.perception.reconstruct import Reconstruction, reconstruct
 from tests.perception.scene import RADIUS_M, ROPE_RGB, camera_at, random_tube, render, turned_quarter, views
 

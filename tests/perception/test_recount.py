@@ -5,7 +5,7 @@ import pytest
 from scipy.spatial import KDTree
 
 from app.core.types import Cloud
-from app.perception.recount import FEWEST, recounted
+from app.perception.body.recount import FEWEST, recounted
 
 COUNT = 300
 

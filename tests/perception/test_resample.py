@@ -6,7 +6,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.spatial import KDTree
 
-from app.perception.resample import resample
+from app.perception.body.resample import resample
 
 
 def block(side: int = 18) -> np.ndarray:

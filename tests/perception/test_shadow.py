@@ -9,7 +9,7 @@ from app.core.geometry.camera import CameraModel
 from app.core.geometry.limbs import Posture
 from app.core.geometry.stage import Finger, Paddle, Stage
 from app.core.motion import TOOL_DOWN
-from app.perception.shadow import pieces, shadow
+from app.perception.cloud.shadow import pieces, shadow
 from app.rig.simulated.cameras.cameras import CameraNoise, table_cameras
 from app.rig.simulated.cameras.render import render
 from app.rig.simulated.limbs import known_arm

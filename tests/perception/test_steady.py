@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from app.perception.steady import JUMP_M, steadied
+from app.perception.body.steady import JUMP_M, steadied
 from tests.perception.scene import render, two_cameras, views
 
 

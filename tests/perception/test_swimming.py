@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from app.core.colours import ColourRange
-from app.perception.swimming import Swimming
+from app.perception.body.swimming import Swimming
 
 HOW = Swimming(colours=(ColourRange.around((0.9, 0.8, 0.2)),), share=0.2, below_m=0.008)
 BODY = np.random.default_rng(0).uniform(0, [0.08, 0.08, 0.03], (4000, 3)).astype(np.float32)

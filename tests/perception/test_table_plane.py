@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from app.perception.table_plane import plane_of_clouds, plane_of_points
+from app.perception.cloud.table_plane import plane_of_clouds, plane_of_points
 
 
 def table(tilt_deg: float, height_m: float, *, count: int = 400, noise_m: float = 1e-3) -> np.ndarray:

@@ -5,7 +5,7 @@ import pytest
 from scipy.spatial import KDTree
 
 from app.core.colours import ColourRange
-from app.perception.fuse import Box
+from app.perception.cloud.fuse import Box
 from app.perception.reconstruct import Reconstruction, reconstruct
 from app.rig.simulated.cameras.eyes import SimulatedCameras
 from app.rig.simulated.worlds.cloth_world import ClothWorld

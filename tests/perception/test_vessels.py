@@ -6,7 +6,7 @@ from scipy.spatial.transform import Rotation
 
 from app.core.geometry.bowls import cap_depth_m
 from app.core.motion import pointing_down
-from app.perception.vessels import Vessel, level_of
+from app.perception.body.vessels import Vessel, level_of
 
 BOWL = Vessel(radius_m=0.055, place_m=(0.5, 0.1, 0.2))
 

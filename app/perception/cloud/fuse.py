@@ -10,7 +10,7 @@ from jaxtyping import Bool, Float32
 from app.core.geometry.camera import CameraModel
 from app.core.system.native import load_open3d
 from app.core.types import Cloud, DepthImage
-from app.perception.depth import nearest, project
+from app.perception.cloud.depth import nearest, project
 
 Keep: TypeAlias = Bool[np.ndarray, " M"]
 """True for the points to keep."""

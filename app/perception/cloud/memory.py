@@ -17,8 +17,8 @@ from scipy.spatial import KDTree
 from app.core.colours import Mask
 from app.core.geometry.camera import CameraModel
 from app.core.types import Cloud, DepthImage
-from app.perception.depth import nearest, project
-from app.perception.shadow import Shadow
+from app.perception.cloud.depth import nearest, project
+from app.perception.cloud.shadow import Shadow
 
 Which: TypeAlias = Bool[np.ndarray, " M"]
 

@@ -5,7 +5,7 @@ from jaxtyping import Float32
 from scipy.spatial import KDTree
 
 from app.core.types import Cloud, Points
-from app.perception.resample import resample
+from app.perception.body.resample import resample
 
 FEWEST = 30
 """Fewest points of an object that locate each part of it."""

@@ -18,10 +18,10 @@ from scipy.spatial import KDTree
 
 from app.core.geometry.camera import CameraModel
 from app.core.types import Cloud
-from app.perception.depth import project
-from app.perception.fuse import Box
-from app.perception.look import Some
-from app.perception.memory import CameraObservation
+from app.perception.cloud.depth import project
+from app.perception.cloud.fuse import Box
+from app.perception.cloud.look import Some
+from app.perception.cloud.memory import CameraObservation
 
 Solid: TypeAlias = Bool[np.ndarray, "a b c"]
 Pixels: TypeAlias = Float32[np.ndarray, "height width"]

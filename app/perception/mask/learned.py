@@ -18,7 +18,7 @@ from jaxtyping import Float32
 from app.core.colours import Mask
 from app.core.errors import PerceptionError, UsageError
 from app.core.types import ColourImage
-from app.perception.onnx_file import Tensor, tensors
+from app.perception.mask.onnx_file import Tensor, tensors
 
 Scores: TypeAlias = Float32[np.ndarray, "1 C h w"]
 

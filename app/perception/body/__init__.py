@@ -1,0 +1,1 @@
+"""The object as particles: filled, resampled, and carried from view to view."""

@@ -1,0 +1,1 @@
+"""Clouds: depth to points, views fused, what is hidden remembered."""

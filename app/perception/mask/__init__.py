@@ -1,0 +1,1 @@
+"""Masks of the object in images: by colour, or by a learned network."""
