@@ -22,7 +22,7 @@ from rich.console import Console
 from rich.table import Table
 
 from app.core.messages import Executed
-from app.recording.reader import read_messages
+from app.recording.read.reader import read_messages
 from app.ui.words import millimetres
 from bench.browser import console_url, open_browser
 

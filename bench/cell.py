@@ -15,7 +15,6 @@ from statistics import median
 from typing import Any, get_args
 
 import numpy as np
-from app.recording.reader import read_messages
 from rich.console import Console
 from rich.table import Table
 from rich.text import Text
@@ -24,6 +23,7 @@ from app.commands._episode import code_version
 from app.core.errors import DipacError
 from app.core.geometry.stage import RopeModel
 from app.core.messages import ArmState, Particles
+from app.recording.read.reader import read_messages
 
 _DEADLINE_S = 1800
 _OPENING = 1

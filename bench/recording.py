@@ -13,19 +13,19 @@ from typing import final
 import anyio
 import msgspec
 import numpy as np
-from app.recording.clip import Cut, write_clip
-from app.recording.codec import encode
-from app.recording.file import EpisodeFile
-from app.recording.preflight import Room
-from app.recording.reader import read_messages
-from app.recording.recover import recover
-from app.recording.writer import open_recording
 from mcap.reader import make_reader
 from rich.console import Console
 from rich.table import Table
 
 from app.core.geometry.camera import CameraModel
 from app.core.messages import Episode, Executed, Frame, Goal, Message, Notice, Particles, fresh_id
+from app.recording.format.codec import encode
+from app.recording.library.clip import Cut, write_clip
+from app.recording.library.recover import recover
+from app.recording.read.reader import read_messages
+from app.recording.write.file import EpisodeFile
+from app.recording.write.preflight import Room
+from app.recording.write.writer import open_recording
 
 _REPEATS = 50
 _RATE_HZ = 30.0

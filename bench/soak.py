@@ -17,9 +17,6 @@ import anyio
 import numpy as np
 import psutil
 from anyio import to_thread
-from app.recording.preflight import Room
-from app.recording.reader import read_messages
-from app.recording.studio import open_studio
 from rich.console import Console
 from rich.table import Table
 
@@ -32,6 +29,9 @@ from app.core.dialogue.requests import GoalRequest, Request
 from app.core.messages import ArmState, Episode, Executed, Fault, Goal, Health, Message, ResumeRequest, fresh_id
 from app.core.system.worker import Worker
 from app.flow import Flow
+from app.recording.library.studio import open_studio
+from app.recording.read.reader import read_messages
+from app.recording.write.preflight import Room
 from app.tasks import Task, load
 from app.tasks.base import EpisodeConfig
 

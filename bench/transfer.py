@@ -21,7 +21,7 @@ from app.evaluation import ledger
 from app.evaluation.play import EvaluationConfig, play
 from app.evaluation.trial import ALONE, WHOLE
 from app.planner.method import DIPAC, PAPER, Method
-from app.recording.model_file import load_model
+from app.recording.exchange.model_file import load_model
 from app.rig.simulated.lockstep import LockStep
 from app.sim.model.params import PARAMETERS, index
 from app.tasks import load, nominal_model

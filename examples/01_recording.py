@@ -7,11 +7,11 @@ from pathlib import Path
 
 import numpy as np
 import tyro
-from app.recording.reader import read_messages
 from tyro.conf import Positional
 
 from app.core.geometry.chamfer import chamfer_m2
 from app.core.messages import Episode, Particles, Transition
+from app.recording.read.reader import read_messages
 
 
 def main(recording: Positional[Path]) -> list[Transition]:

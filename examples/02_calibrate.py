@@ -9,8 +9,8 @@ import tyro
 from tyro.conf import Positional
 
 from app.core.messages import Model
-from app.recording.model_file import save_model
-from app.recording.reader import read_episode, read_transitions
+from app.recording.exchange.model_file import save_model
+from app.recording.read.reader import read_episode, read_transitions
 from app.tasks import calibrate, load, named, nominal_model
 
 

@@ -8,7 +8,6 @@ from pathlib import Path
 import jax.numpy as jnp
 import numpy as np
 import tyro
-from app.recording.taught import read_taught
 from jaxtyping import Float32
 from tyro.conf import Positional
 
@@ -16,6 +15,7 @@ from app.planner.search.tree import first_action
 from app.policy.base import Now
 from app.policy.learned.kinds import load as load_kind
 from app.policy.learned.train import TrainingSettings, learn
+from app.recording.library.taught import read_taught
 from app.tasks import load
 from app.tasks.teaching import examples, lessons
 

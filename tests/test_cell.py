@@ -28,7 +28,7 @@ from app.core.messages import (
     Proposal,
     Transition,
 )
-from app.recording.reader import read_episode, read_messages
+from app.recording.read.reader import read_episode, read_messages
 from tests.conftest import ROOT
 
 pytestmark = pytest.mark.serial

@@ -9,13 +9,13 @@ from types import ModuleType
 import jax
 import numpy as np
 import pytest
-from app.recording.reader import read_messages, read_transitions
 
 from app.core.geometry.chamfer import chamfer_m2
 from app.discovery.dataset.study import Study
 from app.planner.search.budget import tree_rollouts
 from app.policy.strokes import PushDesign
-from app.recording.model_file import load_model
+from app.recording.exchange.model_file import load_model
+from app.recording.read.reader import read_messages, read_transitions
 from app.tasks import load
 from bench.hidden.draws import Chosen
 from bench.hidden.recorded import write

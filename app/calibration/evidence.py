@@ -41,7 +41,7 @@ class Evidence:
 
 
 class ToolPath(Protocol):
-    """Conversion of measured tool poses to the path to simulate (`app.planner.actions.actions.ActionSpace.measured_path`)."""
+    """Conversion of measured tool poses to the path to simulate (`planner.actions.ActionSpace.measured_path`)."""
 
     def __call__(self, tool: Float[np.ndarray, "M K"]) -> Float32[np.ndarray, "T C"]:
         """The simulated path."""

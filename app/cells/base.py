@@ -16,7 +16,7 @@ from app.core.geometry.stage import Stage, Tool
 from app.core.geometry.table_place import TablePlace
 from app.core.messages import ArmState
 from app.core.ports import Arm, Camera, Posed, Rig
-from app.recording.calibration_file import CalibrationFile
+from app.recording.exchange.calibration_file import CalibrationFile
 
 
 @final

@@ -19,7 +19,7 @@ from app.core.geometry.limbs import ArmShape
 from app.core.geometry.stage import Tool
 from app.core.geometry.table_place import TablePlace
 from app.core.messages import ArmState
-from app.recording.calibration_file import CalibrationFile, known_cameras
+from app.recording.exchange.calibration_file import CalibrationFile, known_cameras
 from app.rig.kinova.arm import kinova_arm
 from app.rig.kinova.client.link import Address
 from app.rig.kinova.configured import Holds

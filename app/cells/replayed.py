@@ -20,8 +20,8 @@ from app.core.geometry.limbs import ArmShape
 from app.core.geometry.stage import Tool
 from app.core.geometry.table_place import AT_BASE, TablePlace
 from app.core.messages import ArmState, Episode
-from app.recording.film import Film, film_states, read_film
-from app.recording.reader import read_episode
+from app.recording.read.film import Film, film_states, read_film
+from app.recording.read.reader import read_episode
 from app.rig.replayed.cameras import replayed_cameras
 from app.rig.replayed.recorded_arm import RecordedArm
 from app.rig.simulated.arm import simulated_arm

@@ -9,7 +9,7 @@ from app.cells.gen3 import address, calibration_of, holds
 from app.commands._checks import SETUP, Check, CheckResult, census
 from app.core.errors import DipacError
 from app.core.geometry.hand_eye import HandEye
-from app.recording.calibration_file import known_cameras
+from app.recording.exchange.calibration_file import known_cameras
 from app.rig.kinova.look import look_at
 
 

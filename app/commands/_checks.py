@@ -142,7 +142,8 @@ def _open3d() -> list[CheckResult]:
 def census() -> ProbeResult:
     """Census of the RealSense cameras on the bus, as `app.rig.realsense.sdk.bus.census` returns it."""
     return _probe(
-        "from app.rig.realsense.sdk.bus import census\nfrom app.rig.realsense.sdk.sdk import Sdk\nsay(census(Sdk.loaded()))"
+        "from app.rig.realsense.sdk.bus import census\n"
+        "from app.rig.realsense.sdk.sdk import Sdk\nsay(census(Sdk.loaded()))"
     )
 
 

@@ -40,9 +40,9 @@ from app.core.system.worker import Worker
 from app.core.task_name import TaskName, recorded
 from app.flow import Flow
 from app.planner.method import Method
-from app.recording.model_file import load_model
-from app.recording.preflight import Room
-from app.recording.studio import SessionRecorder, open_studio
+from app.recording.exchange.model_file import load_model
+from app.recording.library.studio import SessionRecorder, open_studio
+from app.recording.write.preflight import Room
 from app.tasks import Task, load
 from app.tasks.base import EpisodeConfig, Experiment
 from app.tasks.goals import goal_of

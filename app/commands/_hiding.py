@@ -21,8 +21,8 @@ from app.core.messages import Episode, Executed, Frame, Message, MessageId, Part
 from app.perception.reconstruct import reconstruct
 from app.perception.surroundings import table_points, tool_points
 from app.policy.strokes import PushDesign
-from app.recording.epoch import Epoch
-from app.recording.file import EpisodeFile
+from app.recording.format.epoch import Epoch
+from app.recording.write.file import EpisodeFile
 from app.rig.simulated.cameras.cameras import CameraNoise
 from app.rig.simulated.cameras.eyes import SimulatedCameras
 from app.rig.simulated.hidden.base import Injected

@@ -12,7 +12,7 @@ from app.core.geometry.track import poses_at
 from app.core.measured_setup import KEY, MeasuredSetup
 from app.core.messages import Episode, Executed, Message, MessageId, Particles, Sighting, Transition, fresh_id
 from app.perception.body.recount import recounted
-from app.recording.plain import Plain, PlainEpisode, PlainObservation
+from app.recording.exchange.plain import Plain, PlainEpisode, PlainObservation
 
 NOBODY: Final = MessageId("imported")
 """Stands for the approval that imported motions did not have."""

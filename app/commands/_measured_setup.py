@@ -18,8 +18,8 @@ from app.core.measured_setup import FoundTable, MeasuredSetup, Source, SourcedSi
 from app.core.task_name import TaskName
 from app.core.types import Poses
 from app.perception.cloud.table_plane import TablePlane, plane_of_clouds, plane_of_points
-from app.recording.plain import Plain, PlainEpisode, PlainObservation
-from app.recording.plain_checks import half_sides
+from app.recording.exchange.plain import Plain, PlainEpisode, PlainObservation
+from app.recording.exchange.plain_checks import half_sides
 from app.sim.rods.geometry.rope_size import rope_size
 from app.tasks import load
 from app.tasks.base import Task
@@ -179,7 +179,7 @@ class _Found:
         return length, radius, mass
 
     def tool(self) -> tuple[SourcedSize, ...]:
-        """Radius, half width and yaw of the tool, as `core.stage.Finger` has them."""
+        """Radius, half width and yaw of the tool, as `core.geometry.stage.Finger` has them."""
         radius, half, yaw = self._said_tool()
         views, of = _tool_views(self.plain), self.plain.about.get("tool", {})
         shape = of.get("shape") if isinstance(of, Mapping) else None

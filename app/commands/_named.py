@@ -6,7 +6,7 @@ from typing import Any, Literal, TypeAlias
 
 from app.core.errors import UsageError
 from app.core.task_name import TaskName
-from app.recording.model_file import task_of
+from app.recording.exchange.model_file import task_of
 from app.tasks import load, named
 from app.tasks.sizes import SIZES
 

@@ -19,7 +19,7 @@ from app.config import Site
 from app.core.errors import DipacError, ParameterError, RecordingError
 from app.core.messages import Fault, Message, fresh_id
 from app.core.system.worker import Worker
-from app.recording.timeline import Timeline, open_timeline
+from app.recording.read.timeline import Timeline, open_timeline
 from app.ui.console import Console, open_console
 from app.ui.player import FASTEST, Player, Reel
 from app.ui.replanning import Replanned, ReplanRequest, rows

@@ -17,7 +17,7 @@ from app.discovery.dataset.study import Push, Study, View
 from app.discovery.experiments.probe import Belief
 from app.discovery.experiments.probe_pushes import Probe
 from app.perception.body.recount import recounted
-from app.recording.file import EpisodeFile
+from app.recording.write.file import EpisodeFile
 from app.rig.simulated.rehearsal import PushSample, PushSession, StampedSnapshot
 from app.tasks.base import Task
 from app.tasks.probed import belief, next_probe, probe_motion, probed_subject, refusal

@@ -17,8 +17,8 @@ from app.core.messages import Episode, Goal, Model, Particles, Proposal
 from app.core.system.worker import Worker
 from app.core.types import ToolPose
 from app.planner.method import PAPER, Method
-from app.recording.model_file import load_model
-from app.recording.timeline import Timeline
+from app.recording.exchange.model_file import load_model
+from app.recording.read.timeline import Timeline
 from app.tasks import Task, load
 from app.tasks.base import EpisodeConfig
 from app.tasks.jobs import check_model, choose_preset, nominal_model, plan, warm_up_stage, warm_up_stages

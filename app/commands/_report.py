@@ -15,7 +15,7 @@ from app.discovery.dataset.study import Study
 from app.discovery.dataset.subject import Catalogue, Subject, catalogue
 from app.discovery.pipeline import discover as investigate
 from app.discovery.results.case import Case
-from app.recording.model_file import save_model
+from app.recording.exchange.model_file import save_model
 from app.sim.effects.base import MIDDLE, MIDDLE_M
 from app.sim.model.catalogue import discover as effects_of_the_simulator
 from app.tasks import load

@@ -15,7 +15,7 @@ from app.core.errors import PlanningError, UsageError
 from app.core.geometry.stage import RopeModel
 from app.evaluation.demonstrate import FIRST_SEED, Demonstration, Expert, demonstrations, record
 from app.evaluation.play import Eyes
-from app.recording.writer import unused
+from app.recording.write.writer import unused
 from app.tasks import load
 from app.tasks.jobs import choose_preset
 

@@ -22,7 +22,7 @@ from app.evaluation.tables import markdown, tables
 from app.evaluation.trial import POLICIES, WHOLE, Trial, playable, run_trial
 from app.evaluation.workers import Where, finished, share_the_machine
 from app.planner.method import ABLATIONS, NO_ONLINE, PAPER, planners
-from app.recording.model_file import load_model
+from app.recording.exchange.model_file import load_model
 from app.tasks import load, names
 from app.tasks.jobs import check_model, choose_preset
 

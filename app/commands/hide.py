@@ -15,7 +15,7 @@ from app.core.errors import UsageError
 from app.core.geometry.stage import Rope, RopeModel
 from app.core.task_name import TaskName, recorded
 from app.policy.strokes import PushDesign
-from app.recording.preflight import Room, check_folder
+from app.recording.write.preflight import Room, check_folder
 from app.rig.simulated.cameras.cameras import CameraNoise
 from app.rig.simulated.hiding import check_world, draw, mistuned
 from app.tasks import load

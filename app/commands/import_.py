@@ -15,9 +15,9 @@ from app.commands._preflight import check_writable, unwritable
 from app.core.errors import RecordingError, UsageError
 from app.core.messages import Episode, Message
 from app.core.task_name import TaskName
-from app.recording import digests
-from app.recording.file import EpisodeFile
-from app.recording.plain import Plain, read_plain
+from app.recording.exchange.plain import Plain, read_plain
+from app.recording.format import digests
+from app.recording.write.file import EpisodeFile
 from app.tasks import load
 from app.tasks.base import Task
 from app.tasks.sizes import SIZES

@@ -19,7 +19,7 @@ from app.config import Site
 from app.core.errors import UsageError
 from app.discovery.experiments.probe import belief_words, stop_of, stop_words
 from app.policy.strokes import PushDesign
-from app.recording.preflight import Room, check_folder
+from app.recording.write.preflight import Room, check_folder
 from app.rig.simulated.hiding import draw, mistuned
 from app.services.study import read_study
 from app.tasks import load

@@ -6,7 +6,7 @@ from rich.console import Console
 from tyro.conf import Positional
 
 from app.core.errors import UsageError
-from app.recording import recover as recording
+from app.recording.library import recover as recording
 
 
 def recover(*, files: Positional[tuple[Path, ...]]) -> None:

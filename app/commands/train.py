@@ -22,10 +22,10 @@ from app.policy.learned import kinds
 from app.policy.learned.base import Lessons
 from app.policy.learned.file import CHECKPOINT, FILE, Origin, load_training, save_policy, save_training, shape_of
 from app.policy.learned.train import Progress, Training, TrainingSettings, begin, learn
-from app.recording.digests import check_distinct
-from app.recording.model_file import load_model
-from app.recording.shelf import counted_once
-from app.recording.taught import Taught, read_taught
+from app.recording.exchange.model_file import load_model
+from app.recording.format.digests import check_distinct
+from app.recording.library.shelf import counted_once
+from app.recording.library.taught import Taught, read_taught
 from app.tasks import load
 from app.tasks.jobs import check_model, nominal_model
 from app.tasks.teaching import examples, lessons, simulator

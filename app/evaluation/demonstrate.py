@@ -16,10 +16,10 @@ from app.core.geometry.stage import Rope, RopeModel
 from app.core.messages import Episode, Goal, Message, Transition, fresh_id
 from app.evaluation.play import EpisodeResults, EpisodeStep, EvaluationConfig, Eyes, play
 from app.planner.method import Method
-from app.recording import digests
-from app.recording.epoch import Epoch
-from app.recording.file import EpisodeFile
-from app.recording.model_file import save_model
+from app.recording.exchange.model_file import save_model
+from app.recording.format import digests
+from app.recording.format.epoch import Epoch
+from app.recording.write.file import EpisodeFile
 from app.tasks import load
 from app.tasks.base import EpisodeConfig
 from app.tasks.jobs import calibrate, nominal_model

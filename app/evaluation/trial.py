@@ -16,7 +16,7 @@ from app.core.messages import Model
 from app.evaluation.play import EvaluationConfig, Eyes, play
 from app.planner.method import PAPER, Method, planners
 from app.policy.learned import kinds
-from app.recording.model_file import load_model
+from app.recording.exchange.model_file import load_model
 from app.tasks import jobs, load
 
 if TYPE_CHECKING:  # Whoever lists trials shall not load JAX for them.

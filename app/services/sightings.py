@@ -8,7 +8,7 @@ from jaxtyping import Float64
 
 from app.core.messages import Frame, MessageId, Particles, Sighting, fresh_id
 from app.perception.surroundings import table_points, tool_points
-from app.recording.reader import read_messages
+from app.recording.read.reader import read_messages
 from app.tasks.base import Task
 
 Tip = Float64[np.ndarray, "3"]

@@ -18,8 +18,8 @@ from app.core.types import Cloud, Points
 from app.discovery.dataset.study import Push, Study, View
 from app.discovery.dataset.subject import Subject
 from app.perception.body.recount import recounted
-from app.recording.reader import read_cameras, read_messages
-from app.recording.shelf import counted_once
+from app.recording.library.shelf import counted_once
+from app.recording.read.reader import read_cameras, read_messages
 from app.services.sightings import look_beside
 from app.tasks import load
 from app.tasks.base import Task

@@ -40,7 +40,7 @@ from app.core.messages import (
     Transition,
 )
 from app.core.types import Points
-from app.recording.records import ApprovalRecord
+from app.recording.format.records import ApprovalRecord
 
 LOG_LENGTH = 8
 EDITED = "edit"

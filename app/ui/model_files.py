@@ -4,7 +4,7 @@ from pathlib import Path
 
 from app.core.errors import UsageError
 from app.core.messages import Model
-from app.recording.model_file import load_model
+from app.recording.exchange.model_file import load_model
 
 _MOST_BYTES = 1_000_000
 """Size limit; a model file has some kilobytes."""

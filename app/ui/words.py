@@ -38,7 +38,7 @@ def distance(chamfer_m2: float) -> str:
 
 
 def millimetres(chamfer_m2: float) -> float:
-    """The root of half a squared symmetric Chamfer distance [mm], as `core.approval.drift` measures it."""
+    """The root of half a squared symmetric Chamfer distance [mm], as `core.dialogue.approval.drift` measures it."""
     return math.sqrt(max(chamfer_m2, 0.0) / 2) * 1e3
 
 

@@ -17,8 +17,6 @@ import anyio
 import numpy as np
 from anyio import to_thread
 from anyio.from_thread import BlockingPortal
-from app.recording.preflight import Room
-from app.recording.studio import open_studio
 
 from app.core.dialogue.control import EndRequest, Lease, ModeName, ModeRequest
 from app.core.dialogue.requests import Request
@@ -39,6 +37,8 @@ from app.core.system.channel import ChannelFull, Lossless
 from app.core.system.processes import process
 from app.core.system.worker import Worker
 from app.flow import Flow
+from app.recording.library.studio import open_studio
+from app.recording.write.preflight import Room
 from app.rig.simulated.cameras.cameras import table_cameras
 from app.rig.simulated.rig import SimulatedRig, simulated_rig
 from app.tasks.base import EpisodeConfig, Preset

@@ -9,12 +9,12 @@ from pathlib import Path
 from typing import Any, Final, final
 
 import numpy as np
-from app.recording.checks import check
-from app.recording.recover import recover
 from mcap.reader import make_reader
 
 from app.config import Limits
 from app.core.dialogue.control import ModeName
+from app.recording.library.checks import check
+from app.recording.library.recover import recover
 from bench.faults.driven import Driven, driven
 from bench.faults.inject import kept, rest_s
 from bench.faults.injections import MOVING, Kind

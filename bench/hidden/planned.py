@@ -34,7 +34,7 @@ from app.planner.search.plan import Plan, TreePlanner
 from app.planner.search.request import PlanRequest
 from app.planner.search.tree import Search
 from app.policy.base import AWAY
-from app.recording.model_file import load_model
+from app.recording.exchange.model_file import load_model
 from app.sim.model.params import acting
 from app.tasks import compiled, load, nominal_model
 from app.tasks.correction import correction

@@ -8,14 +8,14 @@ from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
-from app.recording.epoch import Epoch
-from app.recording.file import EpisodeFile
 
 from app import __version__
 from app.core.geometry.camera import CameraModel
 from app.core.messages import Episode, Executed, Frame, Message, MessageId, Particles, Sighting, Transition
 from app.core.types import Cloud
 from app.discovery.dataset.study import Push, Study, View
+from app.recording.format.epoch import Epoch
+from app.recording.write.file import EpisodeFile
 
 _START_S = 1000.0
 _NOBODY = MessageId("rehearsed")

@@ -9,7 +9,7 @@ import pytest
 
 from app.cells import gen3
 from app.core.geometry.table_place import TablePlace
-from app.recording.calibration_file import load_cameras, save_camera
+from app.recording.exchange.calibration_file import load_cameras, save_camera
 from tests.cells.test_cell_file import GOOD, written
 from tests.recording.test_calibration_file import camera
 

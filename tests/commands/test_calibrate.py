@@ -7,7 +7,7 @@ import pytest
 
 from app.commands.calibrate import calibrate
 from app.core.errors import UsageError
-from app.recording.model_file import load_model, save_model
+from app.recording.exchange.model_file import load_model, save_model
 from app.sim.model.params import index
 from app.tasks import load, nominal_model
 from tests.commands.test_train import demonstration

@@ -11,9 +11,9 @@ from app.commands.calibrate import calibrate
 from app.core.errors import UsageError
 from app.core.messages import Episode, Executed, Frame, Goal, Outcome, Particles, Proposal, Transition
 from app.evaluation import demonstrate
-from app.recording.integrity import inspect
-from app.recording.model_file import load_model
-from app.recording.reader import read_episode, read_messages, read_transitions
+from app.recording.exchange.model_file import load_model
+from app.recording.format.integrity import inspect
+from app.recording.read.reader import read_episode, read_messages, read_transitions
 from app.tasks import load
 
 

@@ -16,7 +16,7 @@ from app.commands import _cell_checks, _checks
 from app.commands.doctor import doctor
 from app.config import Site
 from app.core.errors import PreflightError
-from app.recording.calibration_file import save_camera
+from app.recording.exchange.calibration_file import save_camera
 from app.rig.kinova.client.link import Address
 from app.rig.kinova.fake.process import FakeProcess
 from tests.cells.test_cell_file import GOOD, written

@@ -13,8 +13,8 @@ import pytest
 from app.__main__ import main
 from app.core.errors import ParameterError, UsageError
 from app.core.messages import Episode, Executed, Frame, Particles, Sighting, Transition
-from app.recording.integrity import inspect
-from app.recording.reader import read_messages, read_transitions
+from app.recording.format.integrity import inspect
+from app.recording.read.reader import read_messages, read_transitions
 from app.rig.simulated.hiding import known
 from app.services.study import read_study
 

@@ -9,8 +9,6 @@ from typing import Any
 
 import numpy as np
 import pytest
-from app.recording.plain import read_plain
-from app.recording.reader import read_transitions
 from scipy.spatial.transform import Rotation
 
 from app.commands.import_ import import_
@@ -18,6 +16,8 @@ from app.core.errors import DipacError, RecordingError, UsageError
 from app.core.geometry.table_place import TablePlace
 from app.core.task_name import TaskName
 from app.discovery.checks.limits import limits_of
+from app.recording.exchange.plain import read_plain
+from app.recording.read.reader import read_transitions
 from app.services.study import read_study
 from app.tasks import load
 from app.tasks.doubted import subject_of

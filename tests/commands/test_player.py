@@ -5,11 +5,11 @@ from pathlib import Path
 
 import anyio
 import pytest
-from app.recording.timeline import open_timeline
 
 from app.commands._player import reel, show
 from app.core.dialogue.requests import Request
 from app.core.system.channel import Lossless
+from app.recording.read.timeline import open_timeline
 from app.ui.console import Console
 from app.ui.desk import Desk
 from app.ui.player import FASTEST, Player

@@ -11,10 +11,10 @@ from mcap.reader import make_reader
 
 from app.__main__ import main
 from app.core.errors import PreflightError, RecordingError, UsageError
-from app.recording import digests
-from app.recording.label import labels
-from app.recording.preflight import Room, check_folder
-from app.recording.recover import recover
+from app.recording.format import digests
+from app.recording.library.label import labels
+from app.recording.library.recover import recover
+from app.recording.write.preflight import Room, check_folder
 from tests.recording.demonstrations import PUSHES, demonstration
 
 

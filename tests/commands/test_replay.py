@@ -7,7 +7,7 @@ import pytest
 
 from app.__main__ import main
 from app.core.errors import ParameterError, RecordingError, UsageError
-from app.recording.model_file import save_model
+from app.recording.exchange.model_file import save_model
 from app.sim.diagnosis.autopsy import dissect, single
 from app.sim.diagnosis.dump import Dump, save_dump
 from app.sim.diagnosis.rod_autopsy import dissect_rod

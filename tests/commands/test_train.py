@@ -15,9 +15,9 @@ from app.evaluation import ledger
 from app.evaluation.trial import Trial, playable, run_trial
 from app.planner.method import PAPER
 from app.policy.learned.file import CHECKPOINT, FILE, load_policy
-from app.recording.epoch import Epoch
-from app.recording.file import EpisodeFile
-from app.recording.taught import read_taught
+from app.recording.format.epoch import Epoch
+from app.recording.library.taught import read_taught
+from app.recording.write.file import EpisodeFile
 from app.tasks import load
 from app.tasks.teaching import lessons
 

@@ -13,8 +13,6 @@ from pathlib import Path
 import anyio
 import numpy as np
 import pytest
-from app.recording.preflight import Room
-from app.recording.writer import open_recording
 
 from app import cells
 from app.cells.base import Cell, Wanted
@@ -25,6 +23,8 @@ from app.core.geometry.stage import Stage
 from app.core.messages import ArmMode, Episode, Executed, fresh_id
 from app.core.motion import Motion
 from app.core.ports import Arm, Rig
+from app.recording.write.preflight import Room
+from app.recording.write.writer import open_recording
 from tests.rig.scene import FINGER, PUSH_Z, ROPE, approved, push, straight_rope
 
 # A low travel height and a short way between motions keep this file quick.

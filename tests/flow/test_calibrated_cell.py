@@ -19,7 +19,7 @@ from app.core.messages import Frame, Message, Notice, fresh_id
 from app.core.ports import Camera
 from app.core.system.channel import Latest
 from app.flow.calibrating import Calibrating
-from app.recording.calibration_file import CalibrationFile
+from app.recording.exchange.calibration_file import CalibrationFile
 from app.rig.simulated.cameras.held_board import HeldBoard
 from app.rig.simulated.rig import SimulatedRig, simulated_rig
 from app.tasks.rope_push import TASK

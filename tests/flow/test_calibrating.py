@@ -20,7 +20,7 @@ from app.core.messages import ArmState, Frame, Message, Notice, fresh_id
 from app.core.system.channel import Latest
 from app.flow.calibrating import Calibrating
 from app.perception.calibration.se3 import exp, inverse, transform
-from app.recording.calibration_file import CalibrationFile
+from app.recording.exchange.calibration_file import CalibrationFile
 from bench.boards import LENS, Camera, cell, image
 from tests.flow.cell import LoopClock, MemoryLog
 

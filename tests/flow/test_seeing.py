@@ -4,7 +4,6 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from app.recording.codec import decode, encode
 
 from app.core.colours import ColourRange
 from app.core.dialogue.requests import ColourRequest
@@ -14,6 +13,7 @@ from app.core.messages import fresh_id
 from app.flow.seeing import Seeing, credible, placed, seen
 from app.perception.mask.learned import load_segmenter
 from app.perception.reconstruct import Reconstruction, looked, reconstruct
+from app.recording.format.codec import decode, encode
 from tests.perception.onnx_model import convolution
 from tests.perception.scene import ROPE_RGB, random_tube, views
 

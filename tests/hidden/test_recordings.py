@@ -8,7 +8,7 @@ import pytest
 from mcap.reader import make_reader
 
 from app.policy.strokes import PushDesign
-from app.recording.integrity import inspect
+from app.recording.format.integrity import inspect
 from app.services.study import read_study
 from bench.hidden.draws import WORLDS, kinds, outsiders
 from bench.hidden.own import Order, record

@@ -6,10 +6,10 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from app.recording.file import EpisodeFile
 
 from app.core.geometry.camera import CameraModel
 from app.core.messages import ArmState, Episode, Frame, Message, fresh_id
+from app.recording.write.file import EpisodeFile
 from tests.recording.samples import Maker
 
 BEGIN_S = 1000.0

@@ -9,14 +9,14 @@ from typing import Any, Literal, get_args, get_origin, get_type_hints
 
 import anyio
 import numpy as np
-from app.recording.preflight import Room
-from app.recording.records import ApprovalRecord
-from app.recording.writer import open_recording
 from jaxtyping import AbstractArray
 from scipy.spatial.transform import Rotation
 
 from app.core.dialogue.approval import ApprovalGate, Approved
 from app.core.messages import Decision, Episode, Frame, Message, Particles, Proposal, fresh_id
+from app.recording.format.records import ApprovalRecord
+from app.recording.write.preflight import Room
+from app.recording.write.writer import open_recording
 
 AXES = {
     "N": 37,

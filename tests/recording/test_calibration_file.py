@@ -13,7 +13,7 @@ from app.core.errors import RecordingError, UsageError
 from app.core.geometry.charuco import Charuco
 from app.core.geometry.hand_eye import HandEye, LastCheck, Spread
 from app.core.geometry.lens import Lens
-from app.recording.calibration_file import load_cameras, load_lens, note_check, save_camera
+from app.recording.exchange.calibration_file import load_cameras, load_lens, note_check, save_camera
 
 
 def camera(serial: str = "f1420001") -> HandEye:

@@ -8,9 +8,9 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from app.core.messages import Episode, Goal, Notice
-from app.recording import digests
-from app.recording.checks import check
-from app.recording.file import EpisodeFile
+from app.recording.format import digests
+from app.recording.library.checks import check
+from app.recording.write.file import EpisodeFile
 from tests.recording.demonstrations import demonstration
 from tests.recording.samples import Maker, record
 

@@ -4,14 +4,14 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from app.recording.clouds import write_npz, write_ply
-from app.recording.plain import read_plain
-from app.recording.reader import read_messages, read_transitions
 
 from app.commands.import_ import import_
 from app.core.errors import RecordingError
 from app.core.messages import Episode, Particles
 from app.core.system.native import load_open3d
+from app.recording.exchange.plain import read_plain
+from app.recording.read.clouds import write_npz, write_ply
+from app.recording.read.reader import read_messages, read_transitions
 from tests.plain_data import EPISODES, PUSHES, plain_arrays, saved
 from tests.recording.demonstrations import PUSHES as SHOWN
 from tests.recording.demonstrations import demonstration

@@ -10,8 +10,8 @@ import pytest
 
 from app.core.errors import RecordingError
 from app.core.messages import Episode, Frame, Notice
-from app.recording.reader import read_messages
-from app.recording.recover import recover
+from app.recording.library.recover import recover
+from app.recording.read.reader import read_messages
 
 pytestmark = pytest.mark.serial
 
@@ -20,8 +20,8 @@ import sys, time
 from pathlib import Path
 import anyio
 from app.core.messages import Episode, Frame, Notice
-from app.recording.preflight import Room
-from app.recording.writer import open_recording
+from app.recording.write.preflight import Room
+from app.recording.write.writer import open_recording
 from tests.recording.samples import Maker
 
 async def main():

@@ -9,9 +9,9 @@ import msgspec
 import pytest
 
 from app.core.messages import Frame, Goal, Message
-from app.recording.channels import record_of
-from app.recording.codec import encode, schema
-from app.recording.dialect import in_dialect
+from app.recording.format.channels import record_of
+from app.recording.format.codec import encode, schema
+from app.recording.format.dialect import in_dialect
 from tests.recording.inspector import RefusedError, parsed, paths, shown
 from tests.recording.samples import Maker, Recording, all_kinds
 from tests.recording.test_foxglove import lines, obeys

@@ -9,8 +9,8 @@ import pytest
 
 from app.core.errors import RecordingError, UsageError
 from app.core.messages import Frame
-from app.recording.film import film_frames, film_states, read_film
-from app.recording.reader import read_messages
+from app.recording.read.film import film_frames, film_states, read_film
+from app.recording.read.reader import read_messages
 from tests.recording.films import BEGIN_S, filmed, frame, frames, states
 from tests.recording.samples import Maker
 

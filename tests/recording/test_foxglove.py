@@ -27,7 +27,7 @@ from app.core.messages import (
     Proposal,
     Transition,
 )
-from app.recording.protobuf import bytes_field
+from app.recording.format.protobuf import bytes_field
 from tests.recording.samples import Maker, Recording, record
 
 Line = tuple[Schema, Channel, Written]

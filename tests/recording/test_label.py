@@ -13,11 +13,11 @@ from mcap.reader import make_reader
 from mcap.stream_reader import CRCValidationError, StreamReader
 
 from app.core.errors import RecordingError, UsageError
-from app.recording import append
-from app.recording.append import append_metadata
-from app.recording.label import Label, labels, relabel
-from app.recording.reader import read_messages
-from app.recording.recover import recover
+from app.recording.library.label import Label, labels, relabel
+from app.recording.library.recover import recover
+from app.recording.read.reader import read_messages
+from app.recording.write import append
+from app.recording.write.append import append_metadata
 from tests.recording.demonstrations import demonstration
 from tests.recording.samples import same
 
@@ -157,7 +157,7 @@ _WRITES = """
 import sys, time
 from pathlib import Path
 from app.core.messages import Episode
-from app.recording.file import EpisodeFile
+from app.recording.write.file import EpisodeFile
 from tests.recording.samples import Maker
 file = EpisodeFile(Path(sys.argv[1]), Maker(seed=0)(Episode))
 print("open", flush=True)

@@ -12,10 +12,10 @@ import pytest
 
 from app.core.errors import PreflightError, RecordingError, UsageError
 from app.core.messages import Episode, Executed, Frame, Goal, Particles, fresh_id
-from app.recording.label import Label, relabel
-from app.recording.lerobot.dataset import export
-from app.recording.lerobot.samples import sample
-from app.recording.reader import read_messages, read_pictures
+from app.recording.exchange.lerobot.dataset import export
+from app.recording.exchange.lerobot.samples import sample
+from app.recording.library.label import Label, relabel
+from app.recording.read.reader import read_messages, read_pictures
 from tests.recording.demonstrations import PARTICLES, PUSHES, demonstration
 from tests.recording.samples import record
 

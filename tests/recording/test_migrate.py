@@ -9,14 +9,14 @@ from mcap.reader import make_reader
 from app.__main__ import main
 from app.core.errors import RecordingError
 from app.core.messages import Episode, Health, Notice
-from app.recording import digests
-from app.recording.channels import KINDS, SCHEMA_VERSION
-from app.recording.checks import check
-from app.recording.label import Label, labels, relabel
-from app.recording.migrate import STEPS, changed_since, migrated
-from app.recording.reader import read_messages
-from app.recording.renew import renew
-from app.recording.shelf import entry
+from app.recording.format import digests
+from app.recording.format.channels import KINDS, SCHEMA_VERSION
+from app.recording.format.migrate import STEPS, changed_since, migrated
+from app.recording.library.checks import check
+from app.recording.library.label import Label, labels, relabel
+from app.recording.library.renew import renew
+from app.recording.library.shelf import entry
+from app.recording.read.reader import read_messages
 from tests.recording.samples import Maker, Recording, record, same
 from tests.recording.test_foxglove import lines, metadata, obeys
 from tests.recording.versions import as_version_1

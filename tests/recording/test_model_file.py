@@ -7,8 +7,8 @@ import pytest
 
 from app.core.errors import RecordingError, UsageError
 from app.core.messages import Extension, Model, Parameter
-from app.recording.codec import decode, encode
-from app.recording.model_file import load_model, save_model
+from app.recording.exchange.model_file import load_model, save_model
+from app.recording.format.codec import decode, encode
 
 MODEL = Model(
     id="model-1",

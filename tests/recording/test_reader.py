@@ -7,9 +7,9 @@ import pytest
 from mcap.writer import Writer
 
 from app.core.errors import DipacError, RecordingError, UsageError
-from app.recording.channels import SCHEMA_VERSION
-from app.recording.reader import read_episode, read_messages, read_transitions
-from app.recording.recover import recover
+from app.recording.format.channels import SCHEMA_VERSION
+from app.recording.library.recover import recover
+from app.recording.read.reader import read_episode, read_messages, read_transitions
 from tests.recording.samples import Recording
 
 

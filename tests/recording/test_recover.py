@@ -13,8 +13,8 @@ from mcap.stream_reader import StreamReader, breakup_chunk
 
 from app.commands.recover import recover as recover_command
 from app.core.errors import RecordingError, UsageError
-from app.recording.reader import read_messages
-from app.recording.recover import recover
+from app.recording.library.recover import recover
+from app.recording.read.reader import read_messages
 from tests.recording.samples import Recording, same_as_read
 
 _each = settings(max_examples=25, suppress_health_check=[HealthCheck.function_scoped_fixture])

@@ -8,14 +8,14 @@ from pathlib import Path
 import msgspec
 import numpy as np
 import pytest
-from app.recording.channels import TOPICS, record_of
-from app.recording.codec import decode, encode, schema
-from app.recording.reader import read_episode, read_messages, read_transitions
-from app.recording.records import FrameRecord, ParticlesRecord
 
 from app.core.dialogue.seeing import Seen
 from app.core.messages import ArmState, Episode, Extension, Frame, Message, Model, Particles, Proposal, Transition
 from app.core.motion import Motion
+from app.recording.format.channels import TOPICS, record_of
+from app.recording.format.codec import decode, encode, schema
+from app.recording.format.records import FrameRecord, ParticlesRecord
+from app.recording.read.reader import read_episode, read_messages, read_transitions
 from tests.recording.samples import Maker, Recording, all_kinds, record, same, same_as_read
 
 

@@ -12,13 +12,13 @@ import pytest
 
 from app.core.errors import UsageError
 from app.core.messages import Episode
-from app.recording import digests
-from app.recording.epoch import Epoch
-from app.recording.file import EpisodeFile
-from app.recording.label import Label, relabel
-from app.recording.lock import held, hold
-from app.recording.prune import Rule, discard, prunable
-from app.recording.shelf import entry, shelf
+from app.recording.format import digests
+from app.recording.format.epoch import Epoch
+from app.recording.format.lock import held, hold
+from app.recording.library.label import Label, relabel
+from app.recording.library.prune import Rule, discard, prunable
+from app.recording.library.shelf import entry, shelf
+from app.recording.write.file import EpisodeFile
 from tests.recording.demonstrations import PUSHES, demonstration
 from tests.recording.samples import Maker
 

@@ -13,14 +13,6 @@ from typing import cast
 import anyio
 import pytest
 from anyio import to_thread
-from app.recording.channels import TOPICS
-from app.recording.checks import check
-from app.recording.label import labels
-from app.recording.preflight import Room
-from app.recording.reader import read_messages, read_transitions
-from app.recording.recover import recover
-from app.recording.shelf import counted_once, entry
-from app.recording.studio import SessionRecorder, open_studio
 
 from app.__main__ import main
 from app.core.dialogue.control import Mode
@@ -28,7 +20,15 @@ from app.core.errors import PreflightError, RecordingError
 from app.core.messages import Episode, Frame, Goal, Message, MessageId, Model, Notice
 from app.core.ports import Recorder
 from app.core.ports import Studio as Port
-from app.recording import digests
+from app.recording.format import digests
+from app.recording.format.channels import TOPICS
+from app.recording.library.checks import check
+from app.recording.library.label import labels
+from app.recording.library.recover import recover
+from app.recording.library.shelf import counted_once, entry
+from app.recording.library.studio import SessionRecorder, open_studio
+from app.recording.read.reader import read_messages, read_transitions
+from app.recording.write.preflight import Room
 from tests.recording.demonstrations import PARTICLES, PUSHES, messages
 from tests.recording.samples import Maker, same_as_read
 from tests.recording.test_foxglove import lines, metadata
@@ -381,8 +381,8 @@ import sys, time
 from pathlib import Path
 import anyio
 from app.core.messages import Episode, Frame, Goal, Notice
-from app.recording.preflight import Room
-from app.recording.studio import open_studio
+from app.recording.write.preflight import Room
+from app.recording.library.studio import open_studio
 from tests.recording.samples import Maker
 
 async def main():

@@ -9,12 +9,12 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from app.recording.recover import recover
-from app.recording.timeline import Timeline, open_timeline
 
 from app.core.dialogue.approval import Approved
 from app.core.errors import RecordingError, UsageError
 from app.core.messages import Decision, Episode, Executed, Frame, Message, Notice, Proposal, Transition
+from app.recording.library.recover import recover
+from app.recording.read.timeline import Timeline, open_timeline
 from app.ui.board import Board
 from tests.recording.demonstrations import PUSHES, demonstration
 from tests.recording.samples import Maker, Recording, record, same

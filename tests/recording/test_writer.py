@@ -13,11 +13,11 @@ from anyio import to_thread
 
 from app.core.errors import PreflightError, RecordingError
 from app.core.messages import Episode, Frame, Message, Notice
-from app.recording.channels import TOPICS
-from app.recording.preflight import Room
-from app.recording.reader import read_messages
-from app.recording.recover import recover
-from app.recording.writer import EpisodeRecorder, open_recording
+from app.recording.format.channels import TOPICS
+from app.recording.library.recover import recover
+from app.recording.read.reader import read_messages
+from app.recording.write.preflight import Room
+from app.recording.write.writer import EpisodeRecorder, open_recording
 from tests.recording.samples import Maker
 
 pytestmark = pytest.mark.anyio
@@ -236,8 +236,8 @@ from pathlib import Path
 import anyio
 from app.core.errors import RecordingError
 from app.core.messages import Episode, Frame
-from app.recording.preflight import Room
-from app.recording.writer import open_recording
+from app.recording.write.preflight import Room
+from app.recording.write.writer import open_recording
 from tests.recording.samples import Maker
 
 async def main():

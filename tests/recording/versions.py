@@ -7,7 +7,7 @@ from pathlib import Path
 from mcap.records import Channel, DataEnd, McapRecord, Message, Metadata, Schema
 from mcap.stream_reader import StreamReader
 
-from app.recording.copying import write_records
+from app.recording.write.copying import write_records
 
 
 def as_version_1(path: Path, goal: Path) -> Path:

@@ -12,7 +12,7 @@ from app.core.errors import ParameterError
 from app.core.messages import Extension, Model
 from app.discovery.dataset.subject import catalogue
 from app.discovery.residuals.sensitivity import Step
-from app.recording.model_file import load_model, save_model
+from app.recording.exchange.model_file import load_model, save_model
 from app.sim.model.params import PARAMETERS, acting, index
 from app.tasks import compiled, load, nominal_model
 from app.tasks.correction import correction

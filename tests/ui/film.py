@@ -5,10 +5,9 @@ from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
 
-from app.recording.file import EpisodeFile
-
 from app.core.dialogue.approval import ApprovalGate
 from app.core.messages import Decision, Message, Transition, fresh_id
+from app.recording.write.file import EpisodeFile
 from tests.ui import synthetic
 
 PERIOD_S = 0.5

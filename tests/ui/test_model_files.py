@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 
 from app.core.errors import RecordingError, UsageError
-from app.recording.model_file import save_model
+from app.recording.exchange.model_file import save_model
 from app.ui.model_files import read_model
 from tests.ui import synthetic
 

@@ -8,7 +8,7 @@ from playwright.sync_api import Page, expect
 
 from app.core.dialogue.requests import ModelRequest
 from app.core.messages import Parameter
-from app.recording.model_file import save_model
+from app.recording.exchange.model_file import save_model
 from tests.ui import synthetic
 from tests.ui.conftest import Served
 from tests.ui.test_browser import choose, opened

@@ -10,7 +10,7 @@ from playwright.sync_api import Page, expect
 
 from app.commands._player import reel, show
 from app.core.errors import UsageError
-from app.recording.timeline import Timeline, open_timeline
+from app.recording.read.timeline import Timeline, open_timeline
 from app.ui import Console, open_console, palette
 from app.ui.player import Player
 from app.ui.replanning import Replanned, ReplanRequest

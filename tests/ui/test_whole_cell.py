@@ -9,12 +9,12 @@ from contextlib import contextmanager
 from pathlib import Path
 
 import pytest
-from app.recording.channels import record_of
-from app.recording.reader import read_messages
 from playwright.sync_api import Page, expect
 
 from app.core.dialogue.approval import Approved
 from app.core.messages import Decision, Executed, Proposal, StopRequest
+from app.recording.format.channels import record_of
+from app.recording.read.reader import read_messages
 from app.ui import palette
 from tests.conftest import ROOT
 from tests.ui.test_browser import APPROVE, RESUME, SECONDS, STOP, pixels, wait_until

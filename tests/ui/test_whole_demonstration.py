@@ -11,7 +11,6 @@ from typing import final
 
 import numpy as np
 import pytest
-from app.recording.reader import read_messages, read_transitions
 from playwright.sync_api import Page, WebSocket, expect
 
 from app.__main__ import INTERRUPTED
@@ -19,7 +18,8 @@ from app.core.dialogue.control import EndRequest
 from app.core.dialogue.requests import ClipRequest, GoalRequest, TakeRequest
 from app.core.geometry.chamfer import chamfer_m2
 from app.core.messages import Episode, Executed, Frame, Goal, Message, Model, Particles, Proposal, Transition
-from app.recording.model_file import load_model
+from app.recording.exchange.model_file import load_model
+from app.recording.read.reader import read_messages, read_transitions
 from tests.conftest import ROOT
 from tests.ui.test_browser import SECONDS
 from tests.ui.test_whole_cell import address, command, heeding_interrupts, started

@@ -20,7 +20,7 @@ from app.core.geometry.lens import Lens
 from app.core.types import ColourImage, Transform
 from app.perception.calibration.se3 import transform
 from app.perception.calibration.sight import BoardDetection, sight
-from app.recording.calibration_file import load_lens
+from app.recording.exchange.calibration_file import load_lens
 
 CAMERA, POSES = "camera.toml", "poses.csv"
 _IMAGES = (".png", ".jpg", ".jpeg", ".bmp", ".tif", ".tiff")

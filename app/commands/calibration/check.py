@@ -12,7 +12,7 @@ from app.commands.calibration._session import read_session
 from app.core.geometry.charuco import Charuco
 from app.core.geometry.hand_eye import LastCheck
 from app.perception.calibration.intrinsics import LensCheck, check_lens
-from app.recording.calibration_file import FILE, note_check
+from app.recording.exchange.calibration_file import FILE, note_check
 
 _A4 = Charuco()
 _NAMES = ("fx", "fy", "cx", "cy")

@@ -20,7 +20,7 @@ from app.perception.calibration.next_pose import HandEyeSetup, next_pose
 from app.perception.calibration.se3 import angle, inverse
 from app.perception.calibration.solve import CalibrationView, Solved, ends_of
 from app.perception.calibration.solve import solve as solved
-from app.recording.calibration_file import FILE, known_cameras, save_camera
+from app.recording.exchange.calibration_file import FILE, known_cameras, save_camera
 
 _A4 = Charuco()
 _MM = 1e3

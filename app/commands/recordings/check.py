@@ -8,9 +8,9 @@ from rich.text import Text
 
 from app.commands._progress import counting
 from app.core.errors import RecordingError
-from app.recording import digests
-from app.recording.checks import check as examine
-from app.recording.shelf import shelf
+from app.recording.format import digests
+from app.recording.library.checks import check as examine
+from app.recording.library.shelf import shelf
 
 
 def check(

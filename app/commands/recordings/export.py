@@ -13,9 +13,9 @@ from rich.progress import Progress, TaskID, TimeRemainingColumn
 from app.commands._preflight import make_folder
 from app.commands._progress import counting
 from app.core.errors import RecordingError, UsageError
-from app.recording.clouds import What, write_npz, write_ply
-from app.recording.names import numbered
-from app.recording.shelf import Entry, shelf
+from app.recording.format.names import numbered
+from app.recording.library.shelf import Entry, shelf
+from app.recording.read.clouds import What, write_npz, write_ply
 
 Format: TypeAlias = Literal["lerobot", "npz", "ply"]
 _FASTEST_FPS = 100
@@ -52,7 +52,7 @@ def export(
         bar = progress.add_task("recordings", total=len(entries))
         paths = [entry.path for entry in entries]
         if to == "lerobot":
-            from app.recording.lerobot import dataset  # Others do not need its packages.
+            from app.recording.exchange.lerobot import dataset  # Others do not need its packages.
 
             exported = dataset.export(paths, folder, fps=fps, done=lambda _: progress.advance(bar))
             told = f"{exported.episodes} episodes, {exported.steps} steps at {fps} a second."

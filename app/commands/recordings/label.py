@@ -8,9 +8,9 @@ import tyro
 from rich.console import Console
 
 from app.core.errors import RecordingError, UsageError
-from app.recording import digests
-from app.recording.label import VERDICTS, Label, Verdict, relabel
-from app.recording.shelf import shelf
+from app.recording.format import digests
+from app.recording.library.label import VERDICTS, Label, Verdict, relabel
+from app.recording.library.shelf import shelf
 
 
 def label(

@@ -10,7 +10,7 @@ from rich.table import Table
 from rich.text import Text
 
 from app.commands._progress import print_whole
-from app.recording.shelf import Entry, shelf
+from app.recording.library.shelf import Entry, shelf
 from app.ui.words import NOTHING, duration, size
 
 _TONES = {"whole": "", "recording": "green", "cut off": "yellow", "unreadable": "red"}

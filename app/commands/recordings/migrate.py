@@ -6,10 +6,10 @@ import tyro
 from rich.console import Console
 
 from app.core.errors import RecordingError, UsageError
-from app.recording.channels import SCHEMA_VERSION
-from app.recording.integrity import version_of
-from app.recording.renew import renew
-from app.recording.shelf import shelf
+from app.recording.format.channels import SCHEMA_VERSION
+from app.recording.format.integrity import version_of
+from app.recording.library.renew import renew
+from app.recording.library.shelf import shelf
 
 
 def migrate(

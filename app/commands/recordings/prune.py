@@ -7,8 +7,8 @@ import tyro
 from rich.console import Console
 
 from app.core.errors import UsageError
-from app.recording.prune import Rule, discard, prunable
-from app.recording.shelf import shelf
+from app.recording.library.prune import Rule, discard, prunable
+from app.recording.library.shelf import shelf
 from app.ui.words import size
 
 

@@ -11,11 +11,11 @@ from rich.text import Text
 from app.commands._progress import print_whole
 from app.core.errors import RecordingError
 from app.core.messages import Executed, Fault, Message, Model, Notice, Outcome, Parameter
-from app.recording import digests
-from app.recording.integrity import require_file
-from app.recording.label import labels
-from app.recording.reader import read_messages
-from app.recording.shelf import Entry, entry
+from app.recording.format import digests
+from app.recording.format.integrity import require_file
+from app.recording.library.label import labels
+from app.recording.library.shelf import Entry, entry
+from app.recording.read.reader import read_messages
 from app.ui.terminal import HEADER, outcome_line
 from app.ui.words import duration, number, size
 

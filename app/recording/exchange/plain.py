@@ -20,7 +20,7 @@ from jaxtyping import Float32, Float64, Int64
 from app.core.errors import RecordingError, UsageError
 from app.core.geometry.table_place import TablePlace
 from app.core.types import Cloud, Poses
-from app.recording.plain_checks import (
+from app.recording.exchange.plain_checks import (
     finite,
     forward,
     offsets,

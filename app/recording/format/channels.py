@@ -43,7 +43,7 @@ from app.core.messages import (
     StopRequest,
     Transition,
 )
-from app.recording.records import ApprovalRecord, FrameRecord, ParticlesRecord
+from app.recording.format.records import ApprovalRecord, FrameRecord, ParticlesRecord
 
 SCHEMA_VERSION: Final = 2
 """Version of the schema, raised where an old reader could misread a new file; `migrate` leads from each to the next."""

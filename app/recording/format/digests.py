@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Final
 
 from app.core.errors import RecordingError, UsageError
-from app.recording.lock import locked
+from app.recording.format.lock import locked
 
 SUMS: Final = "SHA256SUMS"
 _SUM: Final = 64

@@ -10,7 +10,7 @@ from mcap.records import ChunkIndex, MessageIndex
 from mcap.summary import Summary
 
 from app.core.messages import Frame
-from app.recording.channels import TOPICS, color_topic
+from app.recording.format.channels import TOPICS, color_topic
 
 Times: TypeAlias = Mapping[str, Sequence[int]]
 """Log times [ns] by topic, in order."""

@@ -11,7 +11,7 @@ from mcap.exceptions import McapError
 from mcap.reader import make_reader
 
 from app.core.errors import RecordingError, UsageError
-from app.recording.channels import METADATA, SCHEMA_VERSION
+from app.recording.format.channels import METADATA, SCHEMA_VERSION
 
 MAGIC: Final = b"\x89MCAP0\r\n"
 """The first and the last bytes of every whole MCAP file (https://mcap.dev/spec)."""

@@ -10,8 +10,8 @@ from typing import Any, Final, TypeAlias, TypeVar
 import msgspec
 
 from app.core.messages import Message
-from app.recording.channels import SCHEMA_VERSION
-from app.recording.codec import rebuild
+from app.recording.format.channels import SCHEMA_VERSION
+from app.recording.format.codec import rebuild
 
 MessageT = TypeVar("MessageT", bound=Message)
 

@@ -10,8 +10,8 @@ from mcap.reader import make_reader
 from mcap.stream_reader import StreamReader
 
 from app.core.messages import Frame, Message, MessageId, Particles
-from app.recording import digests
-from app.recording.channels import (
+from app.recording.format import digests
+from app.recording.format.channels import (
     KINDS,
     SCHEMA_VERSION,
     SURFACE_TOPIC,
@@ -20,10 +20,10 @@ from app.recording.channels import (
     depth_topic,
     record_of,
 )
-from app.recording.integrity import DAMAGE, version_of
-from app.recording.migrate import decode_of
-from app.recording.records import FrameRecord
-from app.recording.shelf import Entry, entry
+from app.recording.format.integrity import DAMAGE, version_of
+from app.recording.format.migrate import decode_of
+from app.recording.format.records import FrameRecord
+from app.recording.library.shelf import Entry, entry
 
 _OURS: Final = "/dipac/"
 _CAUSE: Final = "name a cause that is not in the recording before them"

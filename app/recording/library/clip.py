@@ -15,13 +15,13 @@ from mcap.stream_reader import StreamReader, breakup_chunk
 from app.core.dialogue.control import Mode
 from app.core.errors import RecordingError
 from app.core.messages import Episode, Goal, Model
-from app.recording import digests
-from app.recording.channels import METADATA, topic_of
-from app.recording.codec import encode
-from app.recording.copying import write_records
-from app.recording.epoch import Epoch
-from app.recording.file import metadata_of
-from app.recording.integrity import DAMAGE, damaged
+from app.recording.format import digests
+from app.recording.format.channels import METADATA, topic_of
+from app.recording.format.codec import encode
+from app.recording.format.epoch import Epoch
+from app.recording.format.integrity import DAMAGE, damaged
+from app.recording.write.copying import write_records
+from app.recording.write.file import metadata_of
 
 _OPENING: Final = tuple(map(topic_of, (Model, Goal, Mode)))
 """Channels whose newest message from before it begins a clip."""

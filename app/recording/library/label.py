@@ -9,8 +9,8 @@ from typing import Final, Literal, Self, TypeAlias, final, get_args
 from mcap.reader import make_reader
 
 from app.core.errors import RecordingError
-from app.recording.append import append_metadata
-from app.recording.integrity import DAMAGE, damaged, inspect, reading
+from app.recording.format.integrity import DAMAGE, damaged, inspect, reading
+from app.recording.write.append import append_metadata
 
 LABEL: Final = "dipac.label"
 """Name of the metadata records that hold labels, in the order in which they were given."""

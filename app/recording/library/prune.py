@@ -8,9 +8,9 @@ from pathlib import Path
 from typing import final
 
 from app.core.errors import RecordingError
-from app.recording import digests
-from app.recording.lock import held
-from app.recording.shelf import Entry
+from app.recording.format import digests
+from app.recording.format.lock import held
+from app.recording.library.shelf import Entry
 
 _DAY_S, _JUST_S = 86400.0, 600.0
 

@@ -12,12 +12,12 @@ from mcap.stream_reader import StreamReader, breakup_chunk
 from mcap.summary import Summary
 
 from app.core.errors import RecordingError
-from app.recording import digests
-from app.recording.append import append_metadata
-from app.recording.copying import write_records
-from app.recording.integrity import DAMAGE, ends_as_mcap, reading, require_file, starts_as_mcap
-from app.recording.label import LABEL, labels
-from app.recording.lock import held
+from app.recording.format import digests
+from app.recording.format.integrity import DAMAGE, ends_as_mcap, reading, require_file, starts_as_mcap
+from app.recording.format.lock import held
+from app.recording.library.label import LABEL, labels
+from app.recording.write.append import append_metadata
+from app.recording.write.copying import write_records
 
 
 @final

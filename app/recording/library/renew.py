@@ -10,13 +10,13 @@ from mcap.records import Channel, DataEnd, McapRecord, Message, Metadata, Schema
 from mcap.stream_reader import StreamReader
 
 from app.core.errors import RecordingError
-from app.recording import digests
-from app.recording.channels import KINDS, METADATA, SCHEMA_VERSION, record_of
-from app.recording.codec import schema
-from app.recording.copying import write_records
-from app.recording.integrity import DAMAGE, damaged, inspect, version_of
-from app.recording.migrate import changed_since, migrated
-from app.recording.replace import replaced
+from app.recording.format import digests
+from app.recording.format.channels import KINDS, METADATA, SCHEMA_VERSION, record_of
+from app.recording.format.codec import schema
+from app.recording.format.integrity import DAMAGE, damaged, inspect, version_of
+from app.recording.format.migrate import changed_since, migrated
+from app.recording.write.copying import write_records
+from app.recording.write.replace import replaced
 
 
 def renew(path: Path) -> bool:

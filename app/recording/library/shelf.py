@@ -14,10 +14,10 @@ from mcap.stream_reader import StreamReader
 
 from app.core.errors import DipacError, RecordingError, UsageError
 from app.core.messages import Fault, Outcome, Transition
-from app.recording.channels import METADATA, topic_of
-from app.recording.integrity import DAMAGE, ends_as_mcap, inspect, starts_as_mcap
-from app.recording.label import LABEL, Label
-from app.recording.lock import held
+from app.recording.format.channels import METADATA, topic_of
+from app.recording.format.integrity import DAMAGE, ends_as_mcap, inspect, starts_as_mcap
+from app.recording.format.lock import held
+from app.recording.library.label import LABEL, Label
 
 Condition: TypeAlias = Literal["whole", "recording", "cut off", "unreadable"]
 """State of a file. `recording`: being written now; `unreadable`: damaged, another program's, or of a newer kind."""

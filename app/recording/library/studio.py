@@ -15,13 +15,13 @@ from anyio import to_thread
 
 from app.core.errors import RecordingError
 from app.core.messages import Episode, Message, MessageId, fresh_id
-from app.recording import digests
-from app.recording.clip import Cut, write_clip
-from app.recording.file import EpisodeFile
-from app.recording.label import Label, Verdict, relabel
-from app.recording.preflight import Room, check_folder
-from app.recording.prune import discard
-from app.recording.writer import EpisodeRecorder, open_recording, start, unused
+from app.recording.format import digests
+from app.recording.library.clip import Cut, write_clip
+from app.recording.library.label import Label, Verdict, relabel
+from app.recording.library.prune import discard
+from app.recording.write.file import EpisodeFile
+from app.recording.write.preflight import Room, check_folder
+from app.recording.write.writer import EpisodeRecorder, open_recording, start, unused
 
 
 @asynccontextmanager

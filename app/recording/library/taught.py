@@ -9,8 +9,8 @@ import numpy as np
 from app.core.errors import RecordingError
 from app.core.messages import Episode, Goal, Transition
 from app.core.types import Points
-from app.recording import digests
-from app.recording.reader import read_messages
+from app.recording.format import digests
+from app.recording.read.reader import read_messages
 
 
 @final

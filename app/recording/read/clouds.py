@@ -12,7 +12,7 @@ from jaxtyping import Float32, Float64
 from app.core.errors import RecordingError
 from app.core.messages import Episode, Executed, MessageId, Particles, Sighting, Transition
 from app.core.types import Cloud
-from app.recording.reader import read_messages
+from app.recording.read.reader import read_messages
 
 What: TypeAlias = Literal["particles", "surface"]
 """The object filled with particles, or the points of it that cameras saw."""

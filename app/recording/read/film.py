@@ -11,9 +11,9 @@ from mcap.reader import McapReader, make_reader
 from app.core.errors import RecordingError
 from app.core.geometry.camera import CameraModel
 from app.core.messages import ArmState, Frame
-from app.recording.index import Times, frame_times, log_times
-from app.recording.integrity import DAMAGE, damaged, inspect, reading, version_of
-from app.recording.reader import logged_messages
+from app.recording.format.index import Times, frame_times, log_times
+from app.recording.format.integrity import DAMAGE, damaged, inspect, reading, version_of
+from app.recording.read.reader import logged_messages
 
 _TOGETHER_NS: Final = 200_000_000
 """Difference of log times that counts as simultaneous."""

@@ -7,9 +7,9 @@ from typing import Literal, TypeAlias, final
 
 from app.core.dialogue.approval import Approved
 from app.core.messages import Decision, Executed, Fault, Proposal, StopRequest, Transition
-from app.recording.channels import TOPICS
-from app.recording.index import Times
-from app.recording.reader import Logged
+from app.recording.format.channels import TOPICS
+from app.recording.format.index import Times
+from app.recording.read.reader import Logged
 
 MarkKind: TypeAlias = Literal["plan", "decision", "motion", "end", "seen", "stop", "fault"]
 """Kind of event: a plan offered; a decision; a motion's start; its end; the observation after it; STOP; a fault."""

@@ -13,11 +13,11 @@ from mcap.reader import McapReader, make_reader
 from app.core.errors import RecordingError
 from app.core.geometry.camera import CameraModel
 from app.core.messages import Episode, Frame, Message, Particles, Transition
-from app.recording.channels import KINDS, SURFACE_TOPIC, TOPICS, color_topic, depth_topic, record_of
-from app.recording.integrity import DAMAGE, damaged, inspect, reading, version_of
-from app.recording.migrate import decode_of
-from app.recording.protobuf import bytes_field
-from app.recording.records import FrameRecord, ParticlesRecord
+from app.recording.format.channels import KINDS, SURFACE_TOPIC, TOPICS, color_topic, depth_topic, record_of
+from app.recording.format.integrity import DAMAGE, damaged, inspect, reading, version_of
+from app.recording.format.migrate import decode_of
+from app.recording.format.protobuf import bytes_field
+from app.recording.format.records import FrameRecord, ParticlesRecord
 
 # The numbers of the `data` fields in Foxglove's .proto files.
 _COMPRESSED_IMAGE_DATA: Final = 2

@@ -31,11 +31,11 @@ from app.core.messages import (
     Sighting,
     Transition,
 )
-from app.recording.channels import KINDS, TOPICS
-from app.recording.index import Times, frame_times, log_times
-from app.recording.integrity import DAMAGE, damaged, inspect, reading, version_of
-from app.recording.marks import Mark, marks_of
-from app.recording.reader import Logged, logged_messages
+from app.recording.format.channels import KINDS, TOPICS
+from app.recording.format.index import Times, frame_times, log_times
+from app.recording.format.integrity import DAMAGE, damaged, inspect, reading, version_of
+from app.recording.read.marks import Mark, marks_of
+from app.recording.read.reader import Logged, logged_messages
 
 NEWEST: Final = (
     Frame,

@@ -18,8 +18,8 @@ from mcap.reader import make_reader
 from mcap.records import DataEnd, Footer, McapRecord, Metadata, MetadataIndex, SummaryOffset
 from mcap.summary import Summary
 
-from app.recording.integrity import DAMAGE, MAGIC, damaged
-from app.recording.replace import replaced
+from app.recording.format.integrity import DAMAGE, MAGIC, damaged
+from app.recording.write.replace import replaced
 
 _FOOTER_BYTES: Final = 1 + 8 + 8 + 8 + 4
 _DATA_END_BYTES: Final = 1 + 8 + 4

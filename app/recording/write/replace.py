@@ -7,7 +7,7 @@ from contextlib import contextmanager
 from pathlib import Path
 
 from app.core.errors import RecordingError
-from app.recording.lock import held, locked
+from app.recording.format.lock import held, locked
 
 
 @contextmanager

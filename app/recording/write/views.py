@@ -39,9 +39,9 @@ from app.core.messages import (
     ResumeRequest,
     StopRequest,
 )
-from app.recording.channels import SURFACE_TOPIC, calibration_topic, color_topic, depth_topic
-from app.recording.epoch import Epoch
-from app.recording.scene import branch_lines, path_line
+from app.recording.format.channels import SURFACE_TOPIC, calibration_topic, color_topic, depth_topic
+from app.recording.format.epoch import Epoch
+from app.recording.write.scene import branch_lines, path_line
 
 
 @runtime_checkable

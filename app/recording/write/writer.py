@@ -17,12 +17,12 @@ from anyio import to_thread
 
 from app.core.errors import PreflightError, RecordingError
 from app.core.messages import Episode, Message
-from app.recording import digests
-from app.recording.channels import topic_of
-from app.recording.epoch import Epoch
-from app.recording.file import EpisodeFile
-from app.recording.names import numbered
-from app.recording.preflight import Room, check_folder
+from app.recording.format import digests
+from app.recording.format.channels import topic_of
+from app.recording.format.epoch import Epoch
+from app.recording.format.names import numbered
+from app.recording.write.file import EpisodeFile
+from app.recording.write.preflight import Room, check_folder
 
 FLUSH_PERIOD_S: Final = 0.25
 """Longest time [s] that a written message stays in this process, where a SIGKILL would lose it."""

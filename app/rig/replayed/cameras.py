@@ -9,7 +9,7 @@ import anyio
 from anyio import to_thread
 
 from app.config import Timing
-from app.recording.film import Film
+from app.recording.read.film import Film
 from app.rig.replayed.camera import ReplayedCamera
 from app.rig.replayed.projector import Projector
 

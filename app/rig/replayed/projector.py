@@ -7,7 +7,7 @@ from typing import Final, final
 
 from app.core.errors import RecordingError
 from app.core.messages import Frame, fresh_id
-from app.recording.film import Film, film_frames
+from app.recording.read.film import Film, film_frames
 from app.rig.replayed.pace import PlaybackSchedule
 
 _CLOSE_S: Final = 5.0

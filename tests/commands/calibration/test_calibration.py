@@ -9,7 +9,7 @@ from PIL import Image
 from scipy.spatial.transform import Rotation
 
 from app.__main__ import main
-from app.recording.calibration_file import load_cameras
+from app.recording.exchange.calibration_file import load_cameras
 from bench.boards import Camera, Cell, Errors, cell, image, off, reported
 
 LENS = (

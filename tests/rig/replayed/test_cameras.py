@@ -11,7 +11,7 @@ import pytest
 from app.config import Timing
 from app.core.errors import DeviceError
 from app.core.messages import Frame
-from app.recording.film import read_film
+from app.recording.read.film import read_film
 from app.rig.replayed.camera import ReplayedCamera
 from app.rig.replayed.cameras import replayed_cameras
 from tests.recording.films import filmed, frames

@@ -12,7 +12,7 @@ from jaxtyping import Float32, Float64
 from app.core.errors import RecordingError
 from app.core.geometry.track import poses_at
 from app.core.messages import Episode, Executed, Goal, Particles
-from app.recording.reader import Picture, read_messages, read_pictures
+from app.recording.read.reader import Picture, read_messages, read_pictures
 
 STATE_NAMES = ("x", "y", "z", "qw", "qx", "qy", "qz", "opening")
 """Components of a tool state: position [m], quaternion, and opening [m]."""

@@ -16,9 +16,9 @@ from typing import Any, Final, NamedTuple
 import numpy as np
 
 from app.core.errors import PreflightError, UsageError
-from app.recording.label import labels
-from app.recording.lerobot import stats
-from app.recording.lerobot.samples import STATE_NAMES, Samples, sampled
+from app.recording.exchange.lerobot import stats
+from app.recording.exchange.lerobot.samples import STATE_NAMES, Samples, sampled
+from app.recording.library.label import labels
 
 FORMAT: Final = "v3.0"
 STATE, ACTION, OBJECT, GOAL = "observation.state", "action", "observation.environment_state", "observation.goal"
